@@ -1,0 +1,1 @@
+"""The board's firmware in integers: frames, inputs and time in; frames, pulse edges and pin changes out."""

@@ -1,0 +1,66 @@
+"""How the kernel runs: as plain Python on lists, or compiled by numba on int64 arrays, with the same bits."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.util import find_spec
+
+from controller import kernel
+from controller.kernel import Cells, Rows
+
+
+@dataclass(frozen=True, slots=True)
+class Kernel:
+    """The kernel's functions together with the storage that they run on.
+
+    Attributes:
+        name: "python" or "numba".
+        cells: makes n zeroed integers.
+        rows: makes a number of rows of n zeroed integers.
+    """
+
+    name: str
+    cells: Callable[[int], Cells]
+    rows: Callable[[int, int], Rows]
+    push: Callable[[Cells, Cells, int, int, int, int], int]
+    next_segment: Callable[[Cells, Cells, int], bool]
+    advance: Callable[[Cells, Cells, Rows, Rows, int, int, int], int]
+    demand_rate: Callable[[Cells, int], int]
+
+
+def python_kernel() -> Kernel:
+    """The reference: unbounded integers on lists."""
+    return Kernel(
+        name="python",
+        cells=lambda count: [0] * count,
+        rows=lambda rows, count: [[0] * count for _ in range(rows)],
+        push=kernel.push,
+        next_segment=kernel.next_segment,
+        advance=kernel.advance,
+        demand_rate=kernel.demand_rate,
+    )
+
+
+def compiled_kernel() -> Kernel:
+    """The same functions compiled for int64 arrays; raises ModuleNotFoundError without the extra `fast`."""
+    import numba
+    import numpy as np
+
+    # The numpy error model leaves out checks for division by zero: every divisor in the kernel is positive.
+    compile_ = numba.njit(cache=True, error_model="numpy")
+    return Kernel(
+        name="numba",
+        cells=lambda count: np.zeros(count, dtype=np.int64),
+        rows=lambda rows, count: np.zeros((rows, count), dtype=np.int64),
+        push=compile_(kernel.push),
+        next_segment=compile_(kernel.next_segment),
+        advance=compile_(kernel.advance),
+        demand_rate=compile_(kernel.demand_rate),
+    )
+
+
+KERNELS: dict[str, Callable[[], Kernel]] = {"python": python_kernel, "numba": compiled_kernel}
+
+
+def fastest_kernel() -> Kernel:
+    """The compiled kernel where numba is installed, the plain one elsewhere."""
+    return compiled_kernel() if find_spec("numba") else python_kernel()

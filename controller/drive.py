@@ -1,0 +1,75 @@
+"""The CiA 402 power state machine of one axis, as one table (CiA 402, figure 2 and table 23).
+
+Everything that decides a drive's state lives here. What a transition does to motors and motion is the axis node's.
+"""
+
+from enum import Enum
+
+from protocol.cia402 import Control, State
+
+
+class Command(Enum):
+    """What a controlword asks for; a word that asks for none of these, or again for the same, changes nothing."""
+
+    SHUTDOWN = "shutdown"
+    SWITCH_ON = "switch on"
+    ENABLE_OPERATION = "enable operation"
+    DISABLE_VOLTAGE = "disable voltage"
+    QUICK_STOP = "quick stop"
+    FAULT_RESET = "fault reset"
+
+
+_RTSO, _SO, _OE = State.READY_TO_SWITCH_ON, State.SWITCHED_ON, State.OPERATION_ENABLED
+_SOD, _QSA = State.SWITCH_ON_DISABLED, State.QUICK_STOP_ACTIVE
+
+TRANSITIONS: dict[tuple[State, Command], State] = {
+    (_SOD, Command.SHUTDOWN): _RTSO,  # 2
+    (_RTSO, Command.SWITCH_ON): _SO,  # 3
+    (_RTSO, Command.ENABLE_OPERATION): _OE,  # 3 + 4
+    (_SO, Command.ENABLE_OPERATION): _OE,  # 4
+    (_OE, Command.SWITCH_ON): _SO,  # 5, "disable operation"
+    (_SO, Command.SHUTDOWN): _RTSO,  # 6
+    (_RTSO, Command.QUICK_STOP): _SOD,  # 7
+    (_RTSO, Command.DISABLE_VOLTAGE): _SOD,  # 7
+    (_OE, Command.SHUTDOWN): _RTSO,  # 8
+    (_OE, Command.DISABLE_VOLTAGE): _SOD,  # 9
+    (_SO, Command.QUICK_STOP): _SOD,  # 10
+    (_SO, Command.DISABLE_VOLTAGE): _SOD,  # 10
+    (_OE, Command.QUICK_STOP): _QSA,  # 11
+    (_QSA, Command.DISABLE_VOLTAGE): _SOD,  # 12
+    (State.FAULT, Command.FAULT_RESET): _SOD,  # 15
+    (_QSA, Command.ENABLE_OPERATION): _OE,  # 16
+}
+"""Every transition that a controlword makes, with CiA 402's number.
+
+0 and 1 (boot) and 13 and 14 (fault, end of its reaction) are the drive's own.
+"""
+
+ENERGISED = frozenset((_SO, _OE, _QSA, State.FAULT_REACTION_ACTIVE))
+"""The states in which the driver's outputs are on: the motor holds its position."""
+
+
+def command_of(controlword: int, previous: int) -> Command:
+    """Decode a controlword by the bit patterns of CiA 402 table 23; fault reset is a rising edge of bit 7."""
+    if controlword & ~previous & Control.FAULT_RESET:
+        return Command.FAULT_RESET
+    if not controlword & Control.ENABLE_VOLTAGE:
+        return Command.DISABLE_VOLTAGE
+    if not controlword & Control.QUICK_STOP:
+        return Command.QUICK_STOP
+    if not controlword & Control.SWITCH_ON:
+        return Command.SHUTDOWN
+    if not controlword & Control.ENABLE_OPERATION:
+        return Command.SWITCH_ON
+    return Command.ENABLE_OPERATION
+
+
+def next_state(state: State, controlword: int, previous: int) -> State:
+    """The state that a controlword leads to; the same state if it is no command there.
+
+    A rising fault-reset bit is a command in FAULT only; elsewhere the word counts by its other bits.
+    """
+    command = command_of(controlword, previous)
+    if command is Command.FAULT_RESET and state is not State.FAULT:
+        command = command_of(controlword, controlword)
+    return TRANSITIONS.get((state, command), state)

@@ -1,0 +1,193 @@
+"""The board's firmware as one object: up to eight axis nodes on one motion kernel.
+
+`receive` takes a frame, `advance` lets time pass; both are told the time in 72 MHz counts since boot. What comes out
+is fetched: frames by `take_frames`, pin changes by `take_pins`, pulse edges by `motion.take_edges`.
+"""
+
+from collections.abc import Callable
+from enum import Enum
+from typing import NamedTuple
+
+from controller.axis_node import AxisNode
+from controller.backend import Kernel
+from controller.kernel import TICK_COUNTS
+from controller.motion import COUNTS_PER_US, Event, Motion
+from protocol.cia402 import ErrorCode
+from protocol.frame import COB_ID_MASK, COB_NMT, COB_SDO_REQUEST, COB_SYNC, Frame
+from protocol.nmt import command_for
+
+AXES_MAX = 8
+"""Two 16-bit timers with four compare channels each, on an STM32F103 with CAN in use."""
+FIRST_NODE_ID = 0x10
+
+Handler = Callable[[bytes, int], None]
+
+
+class Pin(Enum):
+    """The driver inputs that the firmware holds at a level; CLK and DIR come as edges."""
+
+    RESET = "RESET"
+    ENABLE = "ENABLE"
+
+
+class PinChange(NamedTuple):
+    """A pin of one axis takes a level."""
+
+    counts: int
+    axis: int
+    pin: Pin
+    level: int
+
+
+class Firmware:
+    """Everything that runs on the board's microcontroller."""
+
+    def __init__(self, kernel: Kernel, axis_count: int) -> None:
+        if not 1 <= axis_count <= AXES_MAX:
+            raise ValueError(f"a board has 1 to {AXES_MAX} axes, not {axis_count}")
+        self.motion = Motion(kernel, axis_count)
+        self.nodes = tuple(AxisNode(FIRST_NODE_ID + axis, axis, self.motion) for axis in range(axis_count))
+        self.dropped_frames = 0
+        """Frames that were for nobody here or malformed."""
+        self._events: list[tuple[int, Event]] = []
+        self._frames: list[tuple[int, Frame]] = []
+        self._pins: list[PinChange] = []
+        self._energised = [False] * axis_count
+        self._routes: dict[int, list[Handler]] = {}
+
+    def boot(self, now_counts: int) -> None:
+        """Power-up: release the drivers from reset, announce the nodes."""
+        for node in self.nodes:
+            self._pins.append(PinChange(now_counts, node.axis, Pin.RESET, 1))
+            node.boot(now_counts // COUNTS_PER_US)
+            self._collect(node, now_counts)
+
+    # --- frames in
+
+    def receive(self, frame: Frame, now_counts: int) -> None:
+        """Take one frame from the bus; whatever it holds, it never raises."""
+        now_us = now_counts // COUNTS_PER_US
+        if frame.cob_id == COB_NMT:
+            self._on_nmt(frame.data, now_us)
+        elif frame.cob_id == COB_SYNC:
+            for node in self.nodes:
+                node.on_sync(now_us)
+        else:
+            handlers = self._routes.get(frame.cob_id)
+            if handlers is None:
+                self.dropped_frames += 1
+                return
+            for handler in handlers:
+                handler(frame.data, now_us)
+        for node in self.nodes:
+            self._collect(node, now_counts)
+
+    def _on_nmt(self, data: bytes, now_us: int) -> None:
+        for node in self.nodes:
+            command = command_for(data, node.node_id)
+            if command is not None:
+                node.on_nmt(command, now_us)
+
+    def _route(self) -> None:
+        """Which node's which service takes a COB-ID; made anew when a node's PDO parameters change."""
+        self._routes = {}
+        for node in self.nodes:
+            node.routes_changed = False
+            self._routes[COB_SDO_REQUEST + node.node_id] = [node.on_sdo]
+        for node in self.nodes:
+            for number, pdo in enumerate(node.process_data.receive_pdos):
+                if pdo.exists:
+                    handler = _rpdo_handler(node, number)
+                    self._routes.setdefault(pdo.cob_id & COB_ID_MASK, []).append(handler)
+
+    # --- time forward
+
+    def advance(self, until_counts: int) -> int:
+        """Let time pass; return the instant reached, `until_counts` unless something came out before it.
+
+        Before that, either frames or pins are waiting to be fetched, or the edges need draining
+        (`motion.room_ticks` is 0).
+        """
+        if not self._events:
+            self.motion.advance(-(-until_counts // TICK_COUNTS))
+            self._events = self.motion.take_events()
+        reached = self.motion.tick * TICK_COUNTS
+        if self._events and reached <= until_counts:
+            self._handle_events(reached)
+            return reached
+        if self.motion.room_ticks == 0:
+            return min(reached, until_counts)
+        return until_counts
+
+    def poll(self, now_counts: int) -> None:
+        """Send whatever is due by now."""
+        now_us = now_counts // COUNTS_PER_US
+        for node in self.nodes:
+            if node.due_us is not None and node.due_us <= now_us:
+                node.poll(now_us)
+                self._collect(node, now_counts)
+
+    @property
+    def next_due_counts(self) -> int | None:
+        """The next instant at which something happens on the board by itself, as far as it is known."""
+        dues = [node.due_us * COUNTS_PER_US for node in self.nodes if node.due_us is not None]
+        if self._events:
+            dues.append(self.motion.tick * TICK_COUNTS)
+        return min(dues, default=None)
+
+    def _handle_events(self, now_counts: int) -> None:
+        events, self._events = self._events, []
+        now_us = now_counts // COUNTS_PER_US
+        faults = {
+            axis: ErrorCode.PVT_UNDERRUN if event is Event.UNDERRUN else ErrorCode.LATE_STEP
+            for axis, event in events
+            if event is not Event.FINISHED
+        }
+        if faults:
+            self._stop_group(faults, now_us)
+        for axis, event in events:
+            if event is Event.FINISHED:
+                self.nodes[axis].finished(now_us)
+        for node in self.nodes:
+            self._collect(node, now_counts)
+
+    def _stop_group(self, faults: dict[int, ErrorCode], now_us: int) -> None:
+        """Stop the faulty axes and, where a faulty axis asks for it, all that interpolate with it, in the same time.
+
+        Equal duration makes the tool leave the path along its tangent instead of turning away from it.
+        """
+        stopping = dict(faults)
+        if any(self.nodes[axis].dictionary.get(0x2010, 1) for axis in faults):
+            for node in self.nodes:
+                if node.interpolation.running:
+                    stopping.setdefault(node.axis, ErrorCode.GROUP_STOPPED)
+        stop_ms = max(self.nodes[axis].stop_ms() for axis in stopping)
+        for axis, code in stopping.items():
+            self.nodes[axis].fault(code, stop_ms, now_us)
+
+    # --- out
+
+    def _collect(self, node: AxisNode, now_counts: int) -> None:
+        """Fetch what a node has to say, show its state on the driver's ENABLE pin, follow its COB-IDs."""
+        if node.routes_changed:
+            self._route()
+        if node.outbox:
+            self._frames += [(now_counts, frame) for frame in node.outbox]
+            node.outbox.clear()
+        if node.energised is not self._energised[node.axis]:
+            self._energised[node.axis] = node.energised
+            self._pins.append(PinChange(now_counts, node.axis, Pin.ENABLE, int(node.energised)))
+
+    def take_frames(self) -> list[tuple[int, Frame]]:
+        """Return the frames to send, each with the instant from which it may go."""
+        frames, self._frames = self._frames, []
+        return frames
+
+    def take_pins(self) -> list[PinChange]:
+        """Return the pin changes since the last call, in order."""
+        pins, self._pins = self._pins, []
+        return pins
+
+
+def _rpdo_handler(node: AxisNode, number: int) -> Handler:
+    return lambda data, now_us: node.on_rpdo(number, data, now_us)

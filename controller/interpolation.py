@@ -1,0 +1,163 @@
+"""Interpolated position mode: PVT records come in by sequence number and run as cubic segments of the kernel."""
+
+from collections.abc import Callable
+
+from controller.modes import Report
+from controller.motion import Motion, Refusal
+from protocol.abort import AbortCode, SdoAbortError
+from protocol.cia402 import Control, ErrorCode, Status
+from protocol.dictionary import ObjectDictionary
+from protocol.objects import key_of
+from protocol.pvt import QUEUE_DEPTH, SEQUENCE_MODULUS, PvtFlag, Verdict, judge
+
+_RECORD = 0x60C1
+_SEQUENCE_SUBINDEX = 4
+_STICKY = {Verdict.GAP: PvtFlag.GAP, Verdict.FULL: PvtFlag.OVERFLOW}
+
+
+class Interpolation:
+    """One axis' PVT queue as the bus sees it: flow control, status 0x2012 and counters 0x2013."""
+
+    def __init__(
+        self,
+        axis: int,
+        motion: Motion,
+        dictionary: ObjectDictionary,
+        report: Report,
+        status_changed: Callable[[], None],
+    ) -> None:
+        self._axis = axis
+        self._motion = motion
+        self._dictionary = dictionary
+        self._report = report
+        self._status_changed = status_changed
+        self._next_sequence = 0
+        self._sticky = PvtFlag(0)
+        self._running = False
+        self.ready = False
+        """Whether the drive is enabled in this mode: a queue with records is then armed."""
+        self._install_hooks()
+
+    def _install_hooks(self) -> None:
+        self._dictionary.write_hooks[key_of(_RECORD, _SEQUENCE_SUBINDEX)] = self._record_arrived
+        self._dictionary.write_hooks[key_of(0x60C4, 6)] = self._clear
+        self._dictionary.read_hooks |= {
+            key_of(0x2012, 1): lambda: self._next_sequence,
+            key_of(0x2012, 2): lambda: QUEUE_DEPTH - self._motion.queued(self._axis),
+            key_of(0x2012, 3): self._flags,
+            key_of(0x2012, 4): self._executing,
+            key_of(0x2013, 6): lambda: self._motion.delayed_steps(self._axis),
+            key_of(0x60C4, 4): lambda: self._motion.queued(self._axis),
+        }
+
+    # --- records in
+
+    def _record_arrived(self, sequence: int) -> None:
+        """Writing the sequence number queues the record whose other fields were written before it."""
+        queued = self._motion.queued(self._axis)
+        verdict = judge(sequence, self._next_sequence, QUEUE_DEPTH - queued)
+        if verdict is Verdict.STALE:
+            return
+        if verdict is not Verdict.PUSH:
+            self._drop(verdict)
+            return
+        if self._running:
+            self._note_fill(queued)
+        get = self._dictionary.get
+        refusal = self._motion.push(self._axis, get(_RECORD, 1), get(_RECORD, 2), get(_RECORD, 3))
+        if refusal is not Refusal.ACCEPTED:
+            self._reject(sequence, refusal)
+            return
+        self._next_sequence = (sequence + 1) % SEQUENCE_MODULUS
+        self._sticky &= ~(PvtFlag.GAP | PvtFlag.OVERFLOW)
+        self._count(1)
+
+    def _drop(self, verdict: Verdict) -> None:
+        """Flag a gap or an overflow; only the first of a row is an event, so that junk cannot flood the bus."""
+        flag = _STICKY[verdict]
+        self._count(2 if verdict is Verdict.GAP else 3)
+        if not self._sticky & flag:
+            self._sticky |= flag
+            self._status_changed()
+
+    def _reject(self, sequence: int, refusal: Refusal) -> None:
+        self._sticky |= PvtFlag.REJECTED
+        self._report(ErrorCode.SEGMENT_REFUSED, refusal << 8 | sequence)
+        self._status_changed()
+        raise SdoAbortError(AbortCode.VALUE_RANGE)
+
+    def _clear(self, value: int) -> None:
+        """0x60C4:06 = 0 empties the queue and begins again with sequence number 0; not while it runs."""
+        if value:
+            return
+        if self._motion.running(self._axis):
+            raise SdoAbortError(AbortCode.DEVICE_STATE)
+        self._motion.flush(self._axis)
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin again with sequence number 0 and no flags."""
+        self._next_sequence = 0
+        self._sticky = PvtFlag(0)
+        self.stopped()
+
+    # --- the mode
+
+    def control(self, controlword: int, previous: int) -> None:
+        """Start the queue in the next tick when the enable bit rises."""
+        if controlword & ~previous & Control.START and not self._running and self._motion.start(self._axis):
+            self._running = True
+            self._dictionary.set(0x2013, 5, QUEUE_DEPTH)
+            self._status_changed()
+
+    def finished(self) -> None:
+        """The queue ran out at rest."""
+        self.stopped()
+
+    def stopped(self) -> None:
+        """The queue no longer runs, whatever the reason."""
+        self._running = False
+        self._status_changed()
+
+    def underrun(self) -> None:
+        """The queue ran out while moving."""
+        self._sticky |= PvtFlag.UNDERRUN
+        self._count(4)
+        self.stopped()
+
+    @property
+    def running(self) -> bool:
+        """Whether records are being executed."""
+        return self._running
+
+    def status_bits(self) -> int:
+        """Bit 12: interpolation is active."""
+        return Status.IP_ACTIVE if self._running else 0
+
+    # --- status and counters
+
+    def _flags(self) -> int:
+        flags = self._sticky
+        queued = self._motion.queued(self._axis)
+        if queued == 0:
+            flags |= PvtFlag.EMPTY
+        if self._running:
+            flags |= PvtFlag.RUNNING
+            if queued <= self._dictionary.get(0x2010, 2):
+                flags |= PvtFlag.LOW
+        elif self.ready and queued:
+            flags |= PvtFlag.ARMED
+        return flags
+
+    def _executing(self) -> int:
+        behind = self._motion.queued(self._axis) + 1
+        return (self._next_sequence - behind) % SEQUENCE_MODULUS
+
+    def _count(self, subindex: int) -> None:
+        highest = self._dictionary.entries[key_of(0x2013, subindex)].data_type.high
+        value = self._dictionary.get(0x2013, subindex)
+        self._dictionary.set(0x2013, subindex, min(value + 1, highest))
+
+    def _note_fill(self, queued: int) -> None:
+        if queued < self._dictionary.get(0x2013, 5):
+            self._dictionary.set(0x2013, 5, queued)

@@ -1,0 +1,274 @@
+"""The motion of all axes of a board: the kernel's storage, its configuration and its one way forward in time."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+from controller import kernel as k
+from controller.backend import Kernel
+from controller.kernel import Cells
+
+NS_PER_SECOND = 1_000_000_000
+COUNTS_PER_SECOND = 72_000_000
+COUNTS_PER_US = 72
+UNITS_PER_FULL_STEP = 16_384
+VELOCITY_PER_UNIT_PER_MS = 64
+EDGE_CAPACITY = 1 << 16
+"""Edges of one pin that fit between two drains."""
+
+
+class Event(IntEnum):
+    """What an axis asks the firmware's attention for."""
+
+    NONE = k.EVENT_NONE
+    FINISHED = k.EVENT_FINISHED
+    UNDERRUN = k.EVENT_UNDERRUN
+    LATE_STEP = k.EVENT_LATE_STEP
+
+
+class Refusal(IntEnum):
+    """Why a segment was not queued."""
+
+    ACCEPTED = k.ACCEPTED
+    QUEUE_FULL = k.REFUSED_QUEUE_FULL
+    DURATION = k.REFUSED_DURATION
+    COEFFICIENT = k.REFUSED_COEFFICIENT
+    TOO_FAST = k.REFUSED_TOO_FAST
+    POSITION = k.REFUSED_POSITION
+
+
+@dataclass(frozen=True, slots=True)
+class StepConfig:
+    """How one axis makes its steps; the four timings are LinuxCNC's, in ns, and are rounded up to timer counts."""
+
+    microsteps: int
+    steplen_ns: int
+    stepspace_ns: int
+    dirsetup_ns: int
+    dirhold_ns: int
+    velocity_max_units_per_s: int
+
+    @property
+    def rate_limit_q16_per_ms(self) -> int:
+        """The fastest allowed step rate: the velocity limit, or what the pulse timing can make if that is less."""
+        by_velocity = (self.velocity_max_units_per_s * self.microsteps << 2) // 1000
+        pulse_counts = counts_of_ns(self.steplen_ns) + counts_of_ns(self.stepspace_ns)
+        by_timing = (COUNTS_PER_SECOND * k.STEP_Q16) // (1000 * pulse_counts)
+        return min(by_velocity, by_timing)
+
+
+UNCONFIGURED = StepConfig(1, 1_000_000, 1_000_000, 0, 0, velocity_max_units_per_s=0)
+"""An axis that refuses every motion."""
+
+
+@dataclass(frozen=True, slots=True)
+class PinEdges:
+    """One axis' edges since the last drain, as kept by the kernel: integers in a list or an int64 array.
+
+    `clk_counts` holds rise, fall, rise, fall, ... in timer counts; `direction` holds 2 * counts + level.
+    """
+
+    clk_counts: Cells
+    direction: Cells
+
+
+def counts_of_ns(duration_ns: int) -> int:
+    """Timer counts that last at least as long: a minimum is never undercut by rounding."""
+    return -(-duration_ns * COUNTS_PER_SECOND // NS_PER_SECOND)
+
+
+class Motion:
+    """All axes of one board. Time is `tick`, the first servo tick not yet computed."""
+
+    def __init__(self, kernel: Kernel, axis_count: int) -> None:
+        count = axis_count
+        self.axis_count = axis_count
+        self.tick = 0
+        self._kernel = kernel
+        self._axes = kernel.cells(count * k.AXIS_FIELDS)
+        self._queue = kernel.cells(count * k.QUEUE_DEPTH * k.SEGMENT_FIELDS)
+        self._clk = kernel.rows(count, EDGE_CAPACITY)
+        self._direction = kernel.rows(count, EDGE_CAPACITY)
+        self._running: set[int] = set()
+        self._configs = [UNCONFIGURED] * count
+        for axis in range(count):
+            self._set(axis, k.LAST_RISE_COUNTS, k.NEVER_COUNTS)
+            self._set(axis, k.MICROSTEPS, UNCONFIGURED.microsteps)
+            self._set(axis, k.DURATION_TICKS, 1)
+        self.room_ticks = self._ticks_per_drain()
+        """Ticks of motion whose edges are sure to fit before `take_edges` must be called."""
+
+    def _get(self, axis: int, field: int) -> int:
+        return int(self._axes[axis * k.AXIS_FIELDS + field])
+
+    def _set(self, axis: int, field: int, value: int) -> None:
+        self._axes[axis * k.AXIS_FIELDS + field] = value
+
+    def _ticks_per_drain(self) -> int:
+        fastest = max(config.rate_limit_q16_per_ms for config in self._configs)
+        steps_per_tick = (fastest >> 16) // k.TICKS_PER_MS + 2
+        return EDGE_CAPACITY // (2 * steps_per_tick)
+
+    # --- what the axes are and where they stand
+
+    def configure(self, axis: int, config: StepConfig) -> None:
+        """Set how an axis makes its steps. Its position in units stays; a new microstep setting needs standstill."""
+        position_units = self.demand_units(axis)
+        self._configs[axis] = config
+        self._set(axis, k.MICROSTEPS, config.microsteps)
+        self._set(axis, k.STEPLEN_COUNTS, counts_of_ns(config.steplen_ns))
+        self._set(axis, k.STEPSPACE_COUNTS, counts_of_ns(config.stepspace_ns))
+        self._set(axis, k.DIRSETUP_COUNTS, counts_of_ns(config.dirsetup_ns))
+        self._set(axis, k.DIRHOLD_COUNTS, counts_of_ns(config.dirhold_ns))
+        self._set(axis, k.RATE_LIMIT_Q16_PER_MS, config.rate_limit_q16_per_ms)
+        if not self.running(axis):
+            self.preset(axis, position_units)
+
+    def preset(self, axis: int, position_units: int) -> None:
+        """Declare where an axis is: it stands, its queue is empty, its counter is the nearest whole step."""
+        q16 = position_units * self._configs[axis].microsteps << 2
+        self._set(axis, k.POSITION_Q16, q16)
+        self._set(axis, k.COUNTER, (q16 + k.STEP_Q16 // 2) >> 16)
+        self.flush(axis)
+
+    def running(self, axis: int) -> bool:
+        """Whether a segment is being executed."""
+        return axis in self._running
+
+    def queued(self, axis: int) -> int:
+        """Segments waiting behind the running one."""
+        return self._get(axis, k.QUEUE_COUNT)
+
+    def delayed_steps(self, axis: int) -> int:
+        """Steps that had to wait for the driver's timing since power-up."""
+        return self._get(axis, k.DELAYED_STEPS)
+
+    def demand_units(self, axis: int) -> int:
+        """The demanded position, to the nearest unit."""
+        per_unit = self._get(axis, k.MICROSTEPS) << 2
+        return (self._get(axis, k.POSITION_Q16) + per_unit // 2) // per_unit
+
+    def counter_units(self, axis: int) -> int:
+        """Where the steps made so far have brought the motor."""
+        return self._get(axis, k.COUNTER) * UNITS_PER_FULL_STEP // self._get(axis, k.MICROSTEPS)
+
+    def velocity(self, axis: int) -> int:
+        """The demanded velocity in 1/64 unit per ms, truncated towards zero."""
+        rate = self._kernel.demand_rate(self._axes, axis)
+        per_segment = self._get(axis, k.DURATION_TICKS) * self._get(axis, k.MICROSTEPS)
+        return _truncated(rate * VELOCITY_PER_UNIT_PER_MS, per_segment) if rate else 0
+
+    # --- segments in
+
+    def push(self, axis: int, displacement_units: int, end_velocity: int, duration_ms: int) -> Refusal:
+        """Queue one segment, in the PVT record's units."""
+        return Refusal(self._kernel.push(self._axes, self._queue, axis, displacement_units, end_velocity, duration_ms))
+
+    def start(self, axis: int) -> bool:
+        """Begin with the oldest queued segment in the next tick; False if there is none."""
+        if not self._kernel.next_segment(self._axes, self._queue, axis):
+            return False
+        self._running.add(axis)
+        return True
+
+    def flush(self, axis: int) -> None:
+        """Drop the running segment and the queue: no more steps; what is queued next starts, at rest, at the demand."""
+        self._rest_tail(axis, 0)
+        for field in (k.RUNNING, k.COEFFICIENT_A, k.COEFFICIENT_B, k.COEFFICIENT_C):
+            self._set(axis, field, 0)
+        self._running.discard(axis)
+
+    def _rest_tail(self, axis: int, velocity: int) -> None:
+        """Empty the queue and let it continue from the present demand, to the nearest unit, with this velocity."""
+        self._set(axis, k.QUEUE_COUNT, 0)
+        self._set(axis, k.TAIL_Q16, self.demand_units(axis) * self._get(axis, k.MICROSTEPS) << 2)
+        self._set(axis, k.TAIL_VELOCITY, velocity)
+
+    def stop(self, axis: int, duration_ms: int) -> None:
+        """Replace all that is queued by a ramp to rest of constant deceleration along the present velocity.
+
+        The ramp is never refused for its speed. Only where it would leave the range of an i32 position does the axis
+        stop dead instead.
+        """
+        velocity = self.velocity(axis)
+        limit = self._get(axis, k.RATE_LIMIT_Q16_PER_MS)
+        self._rest_tail(axis, velocity)
+        self._set(axis, k.RATE_LIMIT_Q16_PER_MS, k.I32_MAX)
+        pushed = [self.push(axis, *segment) for segment in stop_segments(velocity, duration_ms)]
+        self._set(axis, k.RATE_LIMIT_Q16_PER_MS, limit)
+        if all(refusal is Refusal.ACCEPTED for refusal in pushed):
+            self.start(axis)
+        else:
+            self.flush(axis)
+
+    # --- time forward, edges and events out
+
+    def advance(self, until_tick: int) -> int:
+        """Compute up to the start of `until_tick`; return the tick reached.
+
+        That is less if an axis asks for attention (see `take_events`) or if the edges need draining
+        (`room_ticks` is 0).
+        """
+        if not self._running:
+            self.tick = until_tick
+            return until_tick
+        until = min(until_tick, self.tick + self.room_ticks)
+        before = self._axes.copy()
+        reached = self._run(until)
+        if reached < until:  # axes run one after the other: take those that ran too far back to the common tick
+            self._axes = before
+            self._run(reached)
+        self.room_ticks -= reached - self.tick
+        self.tick = reached
+        return reached
+
+    def _run(self, until_tick: int) -> int:
+        return self._kernel.advance(
+            self._axes, self._queue, self._clk, self._direction, self.axis_count, self.tick, until_tick
+        )
+
+    def take_events(self) -> list[tuple[int, Event]]:
+        """Return what the axes ask attention for, each once; the axes named stand still or must be stopped."""
+        events = []
+        for axis in sorted(self._running):
+            event = self._get(axis, k.EVENT)
+            if event:
+                self._set(axis, k.EVENT, k.EVENT_NONE)
+                events.append((axis, Event(event)))
+                if event != k.EVENT_LATE_STEP:
+                    self._running.discard(axis)
+        return events
+
+    def take_edges(self) -> tuple[PinEdges, ...]:
+        """Hand out all edges placed since the last call and make room for new ones."""
+        edges = []
+        for axis in range(self.axis_count):
+            clk_edges, dir_edges = self._get(axis, k.CLK_EDGES), self._get(axis, k.DIR_EDGES)
+            edges.append(PinEdges(self._clk[axis][:clk_edges].copy(), self._direction[axis][:dir_edges].copy()))
+            self._set(axis, k.CLK_EDGES, 0)
+            self._set(axis, k.DIR_EDGES, 0)
+        self.room_ticks = self._ticks_per_drain()
+        return tuple(edges)
+
+
+def stop_segments(velocity: int, duration_ms: int) -> list[tuple[int, int, int]]:
+    """The ramp from `velocity` (1/64 unit per ms) to rest as PVT segments (displacement, end velocity, duration).
+
+    After t of T ms the velocity is v (1 - t/T) and the distance v (T^2 - (T-t)^2) / 2T; displacements are differences
+    of distances from the start, so that roundings do not add up.
+    """
+    segments = []
+    ended_ms, ended_units = 0, 0
+    while ended_ms < duration_ms:
+        dt_ms = min(k.DURATION_MAX_MS, duration_ms - ended_ms)
+        ended_ms += dt_ms
+        left_ms = duration_ms - ended_ms
+        travelled = velocity * (duration_ms * duration_ms - left_ms * left_ms)
+        units = _truncated(travelled, 2 * VELOCITY_PER_UNIT_PER_MS * duration_ms)
+        segments.append((units - ended_units, _truncated(velocity * left_ms, duration_ms), dt_ms))
+        ended_units = units
+    return segments
+
+
+def _truncated(numerator: int, denominator: int) -> int:
+    """Quotient towards zero, as C divides; the denominator is positive."""
+    return numerator // denominator if numerator >= 0 else -(-numerator // denominator)

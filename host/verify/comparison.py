@@ -1,0 +1,46 @@
+"""Plan and evidence side by side, axis by axis: what the report and the pictures are made from."""
+
+from dataclasses import dataclass
+
+from host.trajectory import FloatArray
+from host.verify.counted import CountedSteps, counted_steps
+from host.verify.evidence import Evidence
+from host.verify.matching import Matching, match_steps, timing_errors_us
+from host.verify.oracle import IdealSteps, ideal_steps
+from host.verify.plan import Plan
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """One run: what was asked for, what happened, and which step answers which crossing, per axis in joint order."""
+
+    plan: Plan
+    evidence: Evidence
+    ideal: tuple[IdealSteps, ...]
+    counted: tuple[CountedSteps, ...]
+    matchings: tuple[Matching, ...]
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """The axes' names, in the order of all else."""
+        return self.plan.trajectory.joint_names
+
+    def timing_errors_us(self, axis: int) -> FloatArray:
+        """How late each step of an axis came, in microseconds, without those at slow crossings."""
+        return timing_errors_us(self.ideal[axis], self.counted[axis], self.matchings[axis])
+
+
+def compare(plan: Plan, evidence: Evidence) -> Comparison:
+    """Compute the ideal steps from where the drivers' counters stood at t = 0 and match the accepted ones to them.
+
+    Raises:
+        ValueError: when the evidence's axes are not the plan's joints in their order.
+    """
+    names = tuple(axis.name for axis in evidence.axes)
+    if names != plan.trajectory.joint_names:
+        raise ValueError(f"evidence of axes {names}, but a plan of joints {plan.trajectory.joint_names}")
+    counted = tuple(counted_steps(axis, evidence.start_counts) for axis in evidence.axes)
+    starts = tuple(axis.start_steps for axis in counted)
+    ideal = ideal_steps(plan.trajectory, plan.steps_per_unit, starts)
+    matchings = tuple(match_steps(*pair) for pair in zip(ideal, counted, strict=True))
+    return Comparison(plan, evidence, ideal, counted, matchings)

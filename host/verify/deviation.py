@@ -1,0 +1,74 @@
+"""How far the counted motion is from the planned one, in steps, millimetres and degrees.
+
+Between two edges the counters stand still, so an error is largest just before an edge, just after one, or where the
+planned motion turns around. Those instants together with both ends therefore give the largest error of all.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from host.trajectory import FloatArray
+from host.verify.counted import CountedSteps
+from host.verify.oracle import IdealSteps
+from host.verify.plan import Plan
+
+INSTANTS_PER_CHUNK = 16_384
+"""Instants evaluated at once: bounds the memory, whatever the number of steps."""
+
+
+@dataclass(frozen=True, slots=True)
+class Deviation:
+    """Counted minus planned at n instants, each just before (index 0) and just after (index 1) its edge.
+
+    Attributes:
+        t_s: shape (n,), the trajectory's time.
+        steps: shape (2, n, joints), the driver's count minus the planned joint position in steps.
+        tool_mm: shape (2, n, 3), the tool's x, y and z.
+        attitude_deg: shape (2, n), the tool's attitude, in (-180, 180].
+    """
+
+    t_s: FloatArray
+    steps: FloatArray
+    tool_mm: FloatArray
+    attitude_deg: FloatArray
+
+    @property
+    def distance_mm(self) -> FloatArray:
+        """How far the tool is off, shape (2, n)."""
+        distance: FloatArray = np.sqrt(np.sum(self.tool_mm**2, axis=-1))
+        return distance
+
+
+def critical_instants(plan: Plan, ideal: tuple[IdealSteps, ...], counted: tuple[CountedSteps, ...]) -> FloatArray:
+    """Every accepted edge of every axis, every turning point of the plan, its start and its end."""
+    times = [axis.time_s for axis in counted] + [axis.turning_s for axis in ideal]
+    return np.unique(np.concatenate([*times, [0.0, plan.trajectory.duration_s]]))
+
+
+def deviations(plan: Plan, counted: tuple[CountedSteps, ...], t_s: FloatArray) -> Iterator[Deviation]:
+    """The deviations at sorted instants, in chunks; after its end the plan stands where it ends."""
+    for first in range(0, len(t_s), INSTANTS_PER_CHUNK):
+        yield _deviation(plan, counted, t_s[first : first + INSTANTS_PER_CHUNK])
+
+
+def wrapped_deg(angle_deg: FloatArray) -> FloatArray:
+    """The same angles in (-180, 180]."""
+    return 180.0 - (180.0 - angle_deg) % 360.0
+
+
+def _deviation(plan: Plan, counted: tuple[CountedSteps, ...], t_s: FloatArray) -> Deviation:
+    planned = plan.trajectory.positions(np.minimum(t_s, plan.trajectory.duration_s))
+    planned_pose = plan.forward(planned)
+    before = np.column_stack([axis.before(t_s) for axis in counted])
+    after = np.column_stack([axis.after(t_s) for axis in counted])
+    counts = np.stack([before, after])
+    poses = np.stack([plan.forward(side / plan.steps_per_unit) for side in counts])
+    pose_errors = poses - planned_pose
+    return Deviation(
+        t_s,
+        counts - planned * plan.steps_per_unit,
+        pose_errors[..., :3],
+        wrapped_deg(pose_errors[..., 3]),
+    )

@@ -1,0 +1,246 @@
+"""The ideal motion: the instants at which the planned motion itself crosses the step thresholds.
+
+The rule, with H = 1/2 + 1/16 step: a counter n goes up when p(t) >= n + H and down when p(t) <= n - H, where p is the
+planned joint position in steps. It is applied here to the trajectory's own continuous functions. Nothing is shared
+with the firmware that it judges: no integers, no ticks, no chords.
+
+The motion is sampled every millisecond, with its turning points solved and added; between two extremes it is then
+monotone and its thresholds are passed in order, each bracketed by two samples; all crossings are solved together.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from math import ceil, floor
+
+import numpy as np
+
+from host.trajectory import FloatArray, Trajectory
+from host.verify.evidence import Int8Array
+from host.verify.roots import IndexArray, bracketed_roots
+
+HYSTERESIS_STEPS = 1 / 16
+"""How far beyond the middle between two steps a motion must go, so that noise at the middle makes no steps."""
+
+THRESHOLD_STEPS = 1 / 2 + HYSTERESIS_STEPS
+"""H of the step rule: the counter follows as soon as the position is this far away."""
+
+SAMPLES_PER_SECOND = 1000
+SAMPLES_PER_CHUNK = 8192
+"""Samples taken at once: bounds the memory, whatever the length of the trajectory."""
+
+CROSSINGS_PER_CHUNK = 65_536
+"""Crossings solved at once, for the same reason."""
+
+TIME_TOLERANCE_S = 1e-11
+NEGLIGIBLE_OVERSHOOT_STEPS = 1e-9
+"""A turning point that exceeds the samples beside it by less is not solved: it is rounding noise of a joint at rest."""
+
+
+@dataclass(frozen=True, slots=True)
+class IdealSteps:
+    """One axis' ideal steps, in order.
+
+    Attributes:
+        start_steps: the counter before the first of them.
+        time_s: shape (steps,), the trajectory's time at each crossing.
+        signs: shape (steps,), +1 or -1.
+        speeds_hz: shape (steps,), how fast the motion passes the threshold, in steps per second, never negative.
+        turning_s: shape (m,), where the position is locally extreme; includes the end.
+    """
+
+    start_steps: int
+    time_s: FloatArray
+    signs: Int8Array
+    speeds_hz: FloatArray
+    turning_s: FloatArray
+
+    @property
+    def end_steps(self) -> int:
+        """The counter after the last step."""
+        return self.start_steps + int(self.signs.sum(dtype=np.int64))
+
+
+@dataclass(frozen=True, slots=True)
+class _Brackets:
+    """Crossings still to be solved: between low_s and high_s the position in steps passes the threshold."""
+
+    axis: IndexArray
+    signs: Int8Array
+    thresholds_steps: FloatArray
+    low_s: FloatArray
+    high_s: FloatArray
+    low_steps: FloatArray
+    high_steps: FloatArray
+
+    def __getitem__(self, part: slice) -> "_Brackets":
+        return _Brackets(*(getattr(self, name)[part] for name in self.__slots__))
+
+    @staticmethod
+    def joined(parts: "list[_Brackets]") -> "_Brackets":
+        return _Brackets(*(np.concatenate([getattr(p, name) for p in parts]) for name in _Brackets.__slots__))
+
+
+_NO_BRACKETS = _Brackets(np.empty(0, np.intp), np.empty(0, np.int8), *(np.empty(0, np.float64) for _ in range(5)))
+
+
+class _AxisCounter:
+    """The step rule following one axis: its counter, and what it has found so far."""
+
+    def __init__(self, axis: int, start_steps: int) -> None:
+        self._axis = axis
+        self._start_steps = start_steps
+        self._counter = start_steps
+        self._turning_s: list[FloatArray] = []
+        self._solved: list[tuple[FloatArray, Int8Array, FloatArray]] = []
+
+    def follow(self, t_s: FloatArray, position_steps: FloatArray) -> list[_Brackets]:
+        """The crossings in samples that hold every extreme and begin where the last ones ended."""
+        extremes = _extremes(position_steps)
+        self._turning_s.append(t_s[extremes[1:]])
+        bounds = [0, *extremes.tolist()]  # an empty first run: a start beyond a threshold steps at once
+        runs = (self._run(t_s, position_steps, first, last) for first, last in pairwise(bounds))
+        return [run for run in runs if run is not None]
+
+    def keep(self, time_s: FloatArray, signs: Int8Array, speeds_hz: FloatArray) -> None:
+        """Remember crossings that have been solved."""
+        self._solved.append((time_s, signs, speeds_hz))
+
+    def steps(self) -> IdealSteps:
+        """All that was found."""
+        time_s, signs, speeds_hz = (np.concatenate(parts) for parts in zip(*self._solved, strict=True))
+        return IdealSteps(self._start_steps, time_s, signs, speeds_hz, np.concatenate(self._turning_s))
+
+    def _run(self, t_s: FloatArray, position_steps: FloatArray, first: int, last: int) -> _Brackets | None:
+        """The crossings in the monotone run of samples from first to last, both included."""
+        distance_steps = float(position_steps[last]) - self._counter
+        if abs(distance_steps) < THRESHOLD_STEPS:
+            return None
+        sign = 1 if distance_steps > 0.0 else -1
+        count = floor(abs(distance_steps) - THRESHOLD_STEPS) + 1
+        thresholds_steps = self._counter + sign * (THRESHOLD_STEPS + np.arange(count, dtype=np.float64))
+        self._counter += sign * count
+        passed = np.searchsorted(sign * position_steps[first : last + 1], sign * thresholds_steps)
+        high = np.minimum(first + passed, last)
+        low = np.maximum(high - 1, first)
+        return _Brackets(
+            np.full(count, self._axis),
+            np.full(count, sign, np.int8),
+            thresholds_steps,
+            t_s[low],
+            t_s[high],
+            position_steps[low],
+            position_steps[high],
+        )
+
+
+def ideal_steps(
+    trajectory: Trajectory, steps_per_unit: FloatArray, start_steps: tuple[int, ...]
+) -> tuple[IdealSteps, ...]:
+    """Every axis' ideal steps, their times solved to 0.1 ns or better.
+
+    Args:
+        trajectory: the planned motion.
+        steps_per_unit: shape (joints,), steps per mm or degree; a negative one turns the count around.
+        start_steps: each axis' counter at t = 0. One that is beyond a threshold from the planned start makes its
+            steps at t = 0.
+    """
+    counters = [_AxisCounter(axis, start) for axis, start in enumerate(start_steps)]
+    for grid_s in _grids(trajectory.duration_s):
+        parts = [_NO_BRACKETS]
+        samples = _samples(trajectory, steps_per_unit, grid_s)
+        for counter, (t_s, position_steps) in zip(counters, samples, strict=True):
+            parts += counter.follow(t_s, position_steps)
+        brackets = _Brackets.joined(parts)
+        time_s, speeds_hz = _solve(trajectory, steps_per_unit, brackets)
+        for axis, counter in enumerate(counters):
+            own = brackets.axis == axis
+            counter.keep(time_s[own], brackets.signs[own], speeds_hz[own])
+    return tuple(counter.steps() for counter in counters)
+
+
+def _grids(duration_s: float) -> Iterator[FloatArray]:
+    """The sample times, in chunks that share their ends."""
+    samples = max(1, ceil(duration_s * SAMPLES_PER_SECOND))
+    for first in range(0, samples, SAMPLES_PER_CHUNK):
+        last = min(first + SAMPLES_PER_CHUNK, samples)
+        yield np.minimum(np.arange(first, last + 1) / SAMPLES_PER_SECOND, duration_s)
+
+
+def _samples(
+    trajectory: Trajectory, steps_per_unit: FloatArray, grid_s: FloatArray
+) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Per axis the times and positions in steps on the grid and at the turning points between."""
+    position_steps = trajectory.positions(grid_s) * steps_per_unit
+    velocity_hz = trajectory.velocities(grid_s) * steps_per_unit
+    cell, axis = _turning_cells(velocity_hz)
+
+    def velocity_at(t_s: FloatArray, which: IndexArray) -> FloatArray:
+        return _pick(trajectory.velocities(t_s) * steps_per_unit, axis[which])
+
+    turning_s = bracketed_roots(
+        velocity_at,
+        grid_s[cell],
+        grid_s[cell + 1],
+        velocity_hz[cell, axis],
+        velocity_hz[cell + 1, axis],
+        TIME_TOLERANCE_S,
+    )
+    turning_steps = _pick(trajectory.positions(turning_s) * steps_per_unit, axis)
+    for j in range(len(steps_per_unit)):
+        own = axis == j
+        where = cell[own] + 1
+        yield (
+            np.insert(grid_s, where, turning_s[own]),
+            np.insert(position_steps[:, j], where, turning_steps[own]),
+        )
+
+
+def _turning_cells(velocity_hz: FloatArray) -> tuple[IndexArray, IndexArray]:
+    """Cell and axis of every turning point that lies between two samples of shape (n, axes)."""
+    before, after = velocity_hz[:-1], velocity_hz[1:]
+    overshoot_steps = np.minimum(np.abs(before), np.abs(after)) / SAMPLES_PER_SECOND
+    cell, axis = np.nonzero((before * after < 0.0) & (overshoot_steps > NEGLIGIBLE_OVERSHOOT_STEPS))
+    return cell, axis
+
+
+def _extremes(position_steps: FloatArray) -> IndexArray:
+    """Where samples turn around, with the first and the last: between two of them they are monotone."""
+    slopes = np.sign(np.diff(position_steps))
+    moving = np.flatnonzero(slopes)
+    turning = moving[:-1][slopes[moving[:-1]] != slopes[moving[1:]]] + 1
+    return np.concatenate(([0], turning, [len(position_steps) - 1]))
+
+
+def _solve(trajectory: Trajectory, steps_per_unit: FloatArray, brackets: _Brackets) -> tuple[FloatArray, FloatArray]:
+    """Time and speed of every crossing."""
+    time_s = np.empty(len(brackets.axis))
+    speeds_hz = np.empty(len(brackets.axis))
+    for first in range(0, len(time_s), CROSSINGS_PER_CHUNK):
+        part = slice(first, first + CROSSINGS_PER_CHUNK)
+        time_s[part], speeds_hz[part] = _solve_part(trajectory, steps_per_unit, brackets[part])
+    return time_s, speeds_hz
+
+
+def _solve_part(
+    trajectory: Trajectory, steps_per_unit: FloatArray, brackets: _Brackets
+) -> tuple[FloatArray, FloatArray]:
+    def distance_at(t_s: FloatArray, which: IndexArray) -> FloatArray:
+        position_steps = _pick(trajectory.positions(t_s) * steps_per_unit, brackets.axis[which])
+        return position_steps - brackets.thresholds_steps[which]
+
+    time_s = bracketed_roots(
+        distance_at,
+        brackets.low_s,
+        brackets.high_s,
+        brackets.low_steps - brackets.thresholds_steps,
+        brackets.high_steps - brackets.thresholds_steps,
+        TIME_TOLERANCE_S,
+    )
+    return time_s, np.abs(_pick(trajectory.velocities(time_s) * steps_per_unit, brackets.axis))
+
+
+def _pick(values: FloatArray, axis: IndexArray) -> FloatArray:
+    """From each row of shape (n, axes) the value of that row's axis, shape (n,)."""
+    picked: FloatArray = values[np.arange(len(axis)), axis]
+    return picked

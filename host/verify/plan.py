@@ -1,0 +1,37 @@
+"""What a run is verified against: the motion asked for and the machine that was to make it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from host.trajectory import FloatArray, Trajectory
+
+Forward = Callable[[FloatArray], FloatArray]
+"""Forward kinematics: joints of shape (n, joints) to poses of shape (n, 4): x_mm, y_mm, z_mm, attitude_deg."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A trajectory with the robot's conversions; everything per joint is in the trajectory's joint order.
+
+    Attributes:
+        trajectory: the planned motion.
+        steps_per_unit: shape (joints,), driver steps per mm or degree.
+        joint_units: "mm" or "deg" for each joint.
+        forward: the robot's forward kinematics.
+
+    Raises:
+        ValueError: when the lengths do not agree.
+    """
+
+    trajectory: Trajectory
+    steps_per_unit: FloatArray
+    joint_units: tuple[str, ...]
+    forward: Forward
+
+    def __post_init__(self) -> None:
+        joints = len(self.trajectory.joint_names)
+        if self.steps_per_unit.shape != (joints,) or len(self.joint_units) != joints:
+            raise ValueError(
+                f"{joints} joints, but steps_per_unit of shape {self.steps_per_unit.shape}"
+                f" and {len(self.joint_units)} joint_units"
+            )

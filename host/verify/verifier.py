@@ -1,0 +1,141 @@
+"""The verdict: the counted motion held against the plan and against the step rule itself.
+
+A correct board may differ from the ideal step sequence only where the motion turns around so near a threshold that its
+rounding decides. Such grazing steps are recognised by the rule itself: as long as the count never strays further from
+the plan than the threshold plus the tolerance, and no step is made further from its threshold than the tolerance, the
+count is a right answer to the plan.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from host.trajectory import FloatArray
+from host.verify.comparison import Comparison, compare
+from host.verify.deviation import Deviation, critical_instants, deviations
+from host.verify.evidence import Evidence
+from host.verify.oracle import THRESHOLD_STEPS
+from host.verify.plan import Plan
+from host.verify.pulses import pulse_facts
+from host.verify.report import AxisReport, JointsReport, Report, RunInfo, ToolReport
+
+THRESHOLD_TOLERANCE_STEPS = 0.0075
+"""How far from its threshold a step may be made: several times what the board's wire units, cubics and chords cost."""
+
+POSITION_ERROR_LIMIT_STEPS = THRESHOLD_STEPS + THRESHOLD_TOLERANCE_STEPS
+"""0.57: a perfect counter is up to H = 0.5625 step away when it steps; the rest is the tolerance."""
+
+
+@dataclass(slots=True)
+class _Worst:
+    """The largest errors so far, per axis and of the tool."""
+
+    position_steps: FloatArray
+    threshold_steps: FloatArray
+    tool_mm: float = 0.0
+    tool_mm_squares: float = 0.0
+    attitude_deg: float = 0.0
+    poses: int = 0
+
+    def take(self, deviation: Deviation) -> None:
+        """Include some more instants."""
+        before, after = deviation.steps
+        signs = np.sign(after - before)
+        beyond = np.where(signs != 0, np.abs(-signs * before - THRESHOLD_STEPS), 0.0)
+        self.threshold_steps = np.maximum(self.threshold_steps, beyond.max(axis=0))
+        self.position_steps = np.maximum(self.position_steps, np.abs(deviation.steps).max(axis=(0, 1)))
+        distance_mm = deviation.distance_mm
+        self.tool_mm = float(np.maximum(self.tool_mm, distance_mm.max()))
+        self.tool_mm_squares += float(np.sum(distance_mm**2))
+        self.attitude_deg = float(np.maximum(self.attitude_deg, np.abs(deviation.attitude_deg).max()))
+        self.poses += distance_mm.size
+
+    def tool_report(self) -> ToolReport:
+        return ToolReport(self.tool_mm, float(np.sqrt(self.tool_mm_squares / self.poses)), self.attitude_deg)
+
+
+def verify(plan: Plan, evidence: Evidence, run: RunInfo) -> Report:
+    """Compare what the drivers counted with what was planned.
+
+    Raises:
+        ValueError: when the evidence's axes are not the plan's joints in their order.
+    """
+    return verify_comparison(compare(plan, evidence), run)
+
+
+def verify_comparison(comparison: Comparison, run: RunInfo) -> Report:
+    """The report of a comparison that is at hand already, as for the pictures."""
+    worst = _worst(comparison)
+    axes = tuple(_axis_report(comparison, i, worst) for i in range(len(comparison.joint_names)))
+    ends = [ideal.end_steps for ideal in comparison.ideal]
+    reasons = tuple(line for axis, end in zip(axes, ends, strict=True) for line in _reasons(axis, end))
+    return Report(run, reasons, axes, _joints_report(comparison), worst.tool_report())
+
+
+def _worst(comparison: Comparison) -> _Worst:
+    axes = len(comparison.joint_names)
+    worst = _Worst(np.zeros(axes), np.zeros(axes))
+    instants_s = critical_instants(comparison.plan, comparison.ideal, comparison.counted)
+    for deviation in deviations(comparison.plan, comparison.counted, instants_s):
+        worst.take(deviation)
+    return worst
+
+
+def _axis_report(comparison: Comparison, axis: int, worst: _Worst) -> AxisReport:
+    evidence, counted = comparison.evidence.axes[axis], comparison.counted[axis]
+    facts = pulse_facts(evidence)
+    position_steps = float(worst.position_steps[axis])
+    threshold_steps = float(worst.threshold_steps[axis])
+    unmatched = comparison.matchings[axis].unmatched
+    lawful = _lawful(position_steps, threshold_steps)
+    late_us = np.abs(comparison.timing_errors_us(axis))
+    p50_us, p99_us, max_us = np.percentile(late_us, [50, 99, 100]).tolist() if late_us.size else [0.0] * 3
+    return AxisReport(
+        name=evidence.name,
+        steps_start=counted.start_steps,
+        steps_end=counted.end_steps,
+        pulses=facts.pulses,
+        reversals=facts.reversals,
+        peak_rate_hz=facts.peak_rate_hz,
+        position_error_steps_max=position_steps,
+        timing_error_us_p50=p50_us,
+        timing_error_us_p99=p99_us,
+        timing_error_us_max=max_us,
+        clk_high_us_min=facts.clk_high_us_min,
+        clk_low_us_min=facts.clk_low_us_min,
+        violations=evidence.violations,
+        unmatched_steps=0 if lawful else unmatched,
+        grazing_steps=unmatched if lawful else 0,
+        threshold_error_steps_max=threshold_steps,
+        mean_step_interval_us=facts.mean_step_interval_us,
+    )
+
+
+def _lawful(position_steps: float, threshold_steps: float) -> bool:
+    """Whether the count follows the step rule within the tolerance; a NaN does not."""
+    return position_steps <= POSITION_ERROR_LIMIT_STEPS and threshold_steps <= THRESHOLD_TOLERANCE_STEPS
+
+
+def _reasons(axis: AxisReport, planned_end_steps: int) -> list[str]:
+    """Why an axis fails, one line each."""
+    lawful = _lawful(axis.position_error_steps_max, axis.threshold_error_steps_max)
+    lines = {
+        f"{axis.violations} pulses broke a limit of the driver (limit 0)": axis.violations > 0,
+        f"{axis.unmatched_steps} steps without a counterpart (limit 0)": axis.unmatched_steps > 0,
+        f"ends at {axis.steps_end} steps, planned {planned_end_steps}": (
+            axis.steps_end != planned_end_steps and not lawful
+        ),
+        f"position error {axis.position_error_steps_max:.6g} steps (limit {POSITION_ERROR_LIMIT_STEPS:g})": (
+            not axis.position_error_steps_max <= POSITION_ERROR_LIMIT_STEPS
+        ),
+        f"a step made {axis.threshold_error_steps_max:.6g} steps from its threshold"
+        f" (limit {THRESHOLD_TOLERANCE_STEPS:g})": (not axis.threshold_error_steps_max <= THRESHOLD_TOLERANCE_STEPS),
+    }
+    return [f"{axis.name}: {line}" for line, failed in lines.items() if failed]
+
+
+def _joints_report(comparison: Comparison) -> JointsReport:
+    spu = comparison.plan.steps_per_unit
+    start = np.array([axis.start_steps for axis in comparison.counted]) / spu
+    end = np.array([axis.end_steps for axis in comparison.counted]) / spu
+    return JointsReport(comparison.joint_names, tuple(start.tolist()), tuple(end.tolist()))

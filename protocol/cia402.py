@@ -1,0 +1,107 @@
+"""The words of CiA 402 (IEC 61800-7-201) that drive and master share: states, modes, control, status and errors."""
+
+from enum import Enum, IntEnum, IntFlag
+
+
+class State(Enum):
+    """A drive's state; the value is its statusword pattern as (mask, bits), CiA 402 table 30."""
+
+    NOT_READY_TO_SWITCH_ON = (0x4F, 0x00)
+    SWITCH_ON_DISABLED = (0x4F, 0x40)
+    READY_TO_SWITCH_ON = (0x6F, 0x21)
+    SWITCHED_ON = (0x6F, 0x23)
+    OPERATION_ENABLED = (0x6F, 0x27)
+    QUICK_STOP_ACTIVE = (0x6F, 0x07)
+    FAULT_REACTION_ACTIVE = (0x4F, 0x0F)
+    FAULT = (0x4F, 0x08)
+
+    @property
+    def bits(self) -> int:
+        """What the state contributes to the statusword."""
+        return self.value[1]
+
+    @classmethod
+    def of(cls, statusword: int) -> "State":
+        """Read the state from a statusword; raise ValueError if its bits are no state's."""
+        for state in cls:
+            mask, bits = state.value
+            if statusword & mask == bits:
+                return state
+        raise ValueError(f"statusword 0x{statusword:04X} shows no state of CiA 402")
+
+
+class Control(IntFlag):
+    """Bits of the controlword 0x6040."""
+
+    SWITCH_ON = 1 << 0
+    ENABLE_VOLTAGE = 1 << 1
+    QUICK_STOP = 1 << 2
+    """Active low: a quick stop is asked for by clearing it."""
+    ENABLE_OPERATION = 1 << 3
+    START = 1 << 4
+    """Homing: start; interpolated position: enable."""
+    FAULT_RESET = 1 << 7
+    HALT = 1 << 8
+
+
+SHUTDOWN = 0x06
+SWITCH_ON = 0x07
+ENABLE_OPERATION = 0x0F
+DISABLE_VOLTAGE = 0x00
+QUICK_STOP = 0x02
+"""The controlwords that CiA 402 names."""
+
+
+class Status(IntFlag):
+    """Bits of the statusword 0x6041 beside those of the state."""
+
+    VOLTAGE_ENABLED = 1 << 4
+    WARNING = 1 << 7
+    REMOTE = 1 << 9
+    TARGET_REACHED = 1 << 10
+    INTERNAL_LIMIT = 1 << 11
+    HOMING_ATTAINED = 1 << 12
+    IP_ACTIVE = 1 << 12
+    HOMING_ERROR = 1 << 13
+
+
+class Mode(IntEnum):
+    """Modes of operation, objects 0x6060 and 0x6061."""
+
+    NONE = 0
+    HOMING = 6
+    INTERPOLATED_POSITION = 7
+
+    @property
+    def supported_bit(self) -> int:
+        """The mode's bit in 0x6502."""
+        return 1 << (self - 1) if self else 0
+
+
+PVT_SUBMODE = -1
+"""0x60C0: the manufacturer's interpolation, position-velocity-time records."""
+HOME_HERE = 37
+"""Homing method: the present position is the home position (35 is its old name)."""
+
+
+class ErrorCode(IntEnum):
+    """What 0x603F and EMCY say (CiA 402 table 25; 0xFFxx is the manufacturer's)."""
+
+    NONE = 0x0000
+    PARAMETER = 0x6320
+    PDO_TOO_SHORT = 0x8210
+    PDO_TOO_LONG = 0x8220
+    PVT_UNDERRUN = 0xFF01
+    GROUP_STOPPED = 0xFF02
+    """Another axis of the group has a fault; this one stopped with it."""
+    SEGMENT_REFUSED = 0xFF03
+    LATE_STEP = 0xFF04
+    """A step had to wait for the driver's timing for more than one servo tick."""
+
+    @property
+    def register(self) -> int:
+        """The error register 0x1001 that goes with it: bit 0 generic, 4 communication, 5 profile, 7 manufacturer."""
+        if self == ErrorCode.NONE:
+            return 0
+        family = self >> 12
+        return 0x01 | {0x6: 0x20, 0x8: 0x10, 0xF: 0x80}[family]

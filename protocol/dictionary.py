@@ -1,0 +1,109 @@
+"""The values behind the object table of one node, with the checks of CiA 301 and hooks for what lives elsewhere."""
+
+from collections.abc import Callable
+
+from protocol.abort import AbortCode, SdoAbortError
+from protocol.datatypes import DataType, decode, encode
+from protocol.objects import OBJECTS, Access, Entry, Object, key_of
+
+ReadHook = Callable[[], int]
+WriteHook = Callable[[int], None]
+
+
+class ObjectDictionary:
+    """One node's object dictionary.
+
+    `read` and `write` are the bus's way in: they check access, length and range and raise SdoAbortError. `get` and
+    `set` are the firmware's: `set` stores whatever it is given. A read hook supplies a value that lives elsewhere; a
+    write hook acts on a value that passed the checks, before it is stored, and may refuse it with SdoAbortError.
+    """
+
+    def __init__(self, node_id: int, objects: tuple[Object, ...] = OBJECTS) -> None:
+        self.entries: dict[int, Entry] = {
+            key_of(o.index, sub): entry for o in objects for sub, entry in o.entries.items()
+        }
+        self._indices = frozenset(o.index for o in objects)
+        self._node_id = node_id
+        self._values: dict[int, int | str] = {}
+        self._bounds = {key: _bounds(entry) for key, entry in self.entries.items()}
+        self.read_hooks: dict[int, ReadHook] = {}
+        self.write_hooks: dict[int, WriteHook] = {}
+        self.restore_defaults()
+
+    def restore_defaults(self, first_index: int = 0x1000, last_index: int = 0xFFFF) -> None:
+        """Give every entry in the index range its power-up value again, without calling hooks."""
+        for key, entry in self.entries.items():
+            if first_index <= key >> 8 <= last_index:
+                self._values[key] = entry.default_for(self._node_id)
+
+    def get(self, index: int, subindex: int = 0) -> int:
+        """Return the present value of a numeric entry."""
+        key = key_of(index, subindex)
+        hook = self.read_hooks.get(key)
+        value = hook() if hook else self._values[key]
+        if isinstance(value, str):
+            raise TypeError(f"0x{index:04X}:{subindex:02X} is a string")
+        return value
+
+    def set(self, index: int, subindex: int, value: int) -> None:
+        """Store a value as the firmware's own, without checks or hooks."""
+        self._values[key_of(index, subindex)] = value
+
+    def put(self, key: int, value: int) -> None:
+        """Store a decoded value that came over the bus: range, write hook, then the store.
+
+        Raises:
+            SdoAbortError: the value is out of range or the hook refuses it.
+        """
+        low, high = self._bounds[key]
+        if value > high:
+            raise SdoAbortError(AbortCode.VALUE_TOO_HIGH)
+        if value < low:
+            raise SdoAbortError(AbortCode.VALUE_TOO_LOW)
+        hook = self.write_hooks.get(key)
+        if hook:
+            hook(value)
+        self._values[key] = value
+
+    def read(self, index: int, subindex: int) -> bytes:
+        """Return an entry's bytes.
+
+        Raises:
+            SdoAbortError: no such object or sub-index, or it is write-only.
+        """
+        entry = self._entry(index, subindex)
+        if entry.access is Access.WRITE_ONLY:
+            raise SdoAbortError(AbortCode.WRITE_ONLY)
+        if entry.data_type is DataType.VISIBLE_STRING:
+            return encode(entry.data_type, self._values[key_of(index, subindex)])
+        return encode(entry.data_type, self.get(index, subindex))
+
+    def write(self, index: int, subindex: int, data: bytes) -> None:
+        """Write an entry from its bytes.
+
+        Raises:
+            SdoAbortError: no such object or sub-index, read-only, wrong length, out of range, or refused.
+        """
+        entry = self._entry(index, subindex)
+        if entry.access not in (Access.READ_WRITE, Access.WRITE_ONLY):
+            raise SdoAbortError(AbortCode.READ_ONLY)
+        size = entry.data_type.size
+        if len(data) > size:
+            raise SdoAbortError(AbortCode.LENGTH_TOO_HIGH)
+        if len(data) < size:
+            raise SdoAbortError(AbortCode.LENGTH_TOO_LOW)
+        self.put(key_of(index, subindex), decode(entry.data_type, data))
+
+    def _entry(self, index: int, subindex: int) -> Entry:
+        entry = self.entries.get(key_of(index, subindex))
+        if entry is None:
+            raise SdoAbortError(AbortCode.NO_SUBINDEX if index in self._indices else AbortCode.NO_OBJECT)
+        return entry
+
+
+def _bounds(entry: Entry) -> tuple[int, int]:
+    if entry.data_type is DataType.VISIBLE_STRING:
+        return 0, 0
+    low = entry.data_type.low if entry.low is None else entry.low
+    high = entry.data_type.high if entry.high is None else entry.high
+    return low, high

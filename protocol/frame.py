@@ -1,0 +1,27 @@
+"""A CAN data frame and the identifiers of CANopen's predefined connection set (CiA 301, section 7.3.5)."""
+
+from typing import NamedTuple
+
+
+class Frame(NamedTuple):
+    """One classical CAN data frame with an 11-bit identifier and 0 to 8 bytes."""
+
+    cob_id: int
+    data: bytes
+
+
+COB_NMT = 0x000
+COB_SYNC = 0x080
+COB_EMCY = 0x080
+"""Plus the node id, as all below; the node id 0 of the same number is SYNC."""
+COB_TPDO = (0x180, 0x280, 0x380, 0x480)
+COB_RPDO = (0x200, 0x300, 0x400, 0x500)
+COB_SDO_RESPONSE = 0x580
+COB_SDO_REQUEST = 0x600
+COB_HEARTBEAT = 0x700
+
+COB_ID_INVALID = 1 << 31
+"""Set in a PDO's or EMCY's COB-ID entry: the object does not exist."""
+COB_ID_NO_RTR = 1 << 30
+"""Set in a TPDO's COB-ID entry: it cannot be requested by a remote frame."""
+COB_ID_MASK = 0x7FF

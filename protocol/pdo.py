@@ -1,0 +1,242 @@
+"""The device's process data: mappings, transmission types, inhibit times and event timers (CiA 301, section 7.2.2).
+
+PDOs are made from the dictionary's communication and mapping entries whenever one of these changes; what they carry
+is decoded and encoded by shifting one integer, so a mapping of any widths costs the same few operations.
+"""
+
+from typing import NamedTuple
+
+from protocol.abort import AbortCode, SdoAbortError
+from protocol.cia402 import ErrorCode
+from protocol.dictionary import ObjectDictionary
+from protocol.frame import COB_ID_INVALID, COB_ID_MASK, Frame
+from protocol.objects import PDO_COUNT, PDO_ENTRIES_MAX, Access, Entry, Mapping, key_of
+
+_RPDO_COMMUNICATION, _RPDO_MAPPING = 0x1400, 0x1600
+_TPDO_COMMUNICATION, _TPDO_MAPPING = 0x1800, 0x1A00
+_LAST_SYNCHRONOUS = 240
+_FIRST_EVENT_DRIVEN = 254
+_INHIBIT_UNIT_US = 100
+_MS_US = 1000
+
+
+class _Field(NamedTuple):
+    """One mapped entry: where it lies in the PDO's integer."""
+
+    key: int
+    shift: int
+    mask: int
+    sign_bit: int
+
+
+def _fields(dictionary: ObjectDictionary, mapping_index: int) -> tuple[list[_Field], int]:
+    """Read a mapping: its fields and its length in bytes."""
+    fields, shift = [], 0
+    for subindex in range(1, dictionary.get(mapping_index) + 1):
+        word = dictionary.get(mapping_index, subindex)
+        key, bits = word >> 8, word & 0xFF
+        signed = dictionary.entries[key].data_type.signed
+        fields.append(_Field(key, shift, (1 << bits) - 1, 1 << bits - 1 if signed else 0))
+        shift += bits
+    return fields, shift // 8
+
+
+class ReceivePdo:
+    """One RPDO as it stands in the dictionary."""
+
+    def __init__(self, dictionary: ObjectDictionary, number: int) -> None:
+        communication = _RPDO_COMMUNICATION + number
+        self.cob_id = dictionary.get(communication, 1)
+        self.synchronous = dictionary.get(communication, 2) <= _LAST_SYNCHRONOUS
+        self._dictionary = dictionary
+        self._fields, self._length = _fields(dictionary, _RPDO_MAPPING + number)
+        self._latched: bytes | None = None
+        self.refused = 0
+        """Mapped values that the dictionary did not take."""
+
+    @property
+    def exists(self) -> bool:
+        """Whether its COB-ID is valid."""
+        return not self.cob_id & COB_ID_INVALID
+
+    def receive(self, data: bytes) -> ErrorCode:
+        """Take a frame: apply it now, or latch it for the next SYNC. Returns PDO length errors."""
+        if len(data) < self._length:
+            return ErrorCode.PDO_TOO_SHORT
+        if self.synchronous:
+            self._latched = data
+        else:
+            self._apply(data)
+        return ErrorCode.PDO_TOO_LONG if len(data) > self._length else ErrorCode.NONE
+
+    def on_sync(self) -> None:
+        """Apply what was latched since the last SYNC."""
+        if self._latched is not None:
+            data, self._latched = self._latched, None
+            self._apply(data)
+
+    def _apply(self, data: bytes) -> None:
+        bits = int.from_bytes(data[: self._length], "little")
+        for key, shift, mask, sign_bit in self._fields:
+            value = bits >> shift & mask
+            if value & sign_bit:
+                value -= mask + 1
+            try:
+                self._dictionary.put(key, value)
+            except SdoAbortError:
+                self.refused += 1
+
+
+class TransmitPdo:
+    """One TPDO as it stands in the dictionary, with its timers."""
+
+    def __init__(self, dictionary: ObjectDictionary, number: int, now_us: int) -> None:
+        communication = _TPDO_COMMUNICATION + number
+        self.cob_id = dictionary.get(communication, 1)
+        self.transmission_type = dictionary.get(communication, 2)
+        self._inhibit_us = dictionary.get(communication, 3) * _INHIBIT_UNIT_US
+        self._event_timer_us = dictionary.get(communication, 5) * _MS_US
+        self._dictionary = dictionary
+        self._fields, self._length = _fields(dictionary, _TPDO_MAPPING + number)
+        self.keys = frozenset(field.key for field in self._fields)
+        self._wanted = False
+        self._syncs = 0
+        self._not_before_us = now_us
+        self._timer_us = now_us + self._event_timer_us
+
+    @property
+    def exists(self) -> bool:
+        """Whether its COB-ID is valid."""
+        return not self.cob_id & COB_ID_INVALID
+
+    @property
+    def event_driven(self) -> bool:
+        """Whether changes of the mapped values send it."""
+        return self.transmission_type >= _FIRST_EVENT_DRIVEN
+
+    def trigger(self) -> None:
+        """One of the mapped values has changed: send as soon as the inhibit time allows."""
+        self._wanted = True
+
+    def on_sync(self) -> Frame | None:
+        """Count a SYNC; return the frame if the transmission type asks for it now."""
+        if self.transmission_type > _LAST_SYNCHRONOUS:
+            return None
+        self._syncs += 1
+        if self._syncs < self.transmission_type or (self.transmission_type == 0 and not self._wanted):
+            return None
+        self._syncs = 0
+        self._wanted = False
+        return self._frame()
+
+    @property
+    def due_us(self) -> int | None:
+        """When it wants to be polled next."""
+        if not self.event_driven:
+            return None
+        if self._wanted:
+            return self._not_before_us
+        return max(self._timer_us, self._not_before_us) if self._event_timer_us else None
+
+    def poll(self, now_us: int) -> Frame | None:
+        """Return the frame if it is due."""
+        due_us = self.due_us
+        if due_us is None or now_us < due_us:
+            return None
+        self._wanted = False
+        self._not_before_us = now_us + self._inhibit_us
+        self._timer_us = now_us + self._event_timer_us
+        return self._frame()
+
+    def _frame(self) -> Frame:
+        bits = 0
+        for key, shift, mask, _ in self._fields:
+            bits |= (self._dictionary.get(key >> 8, key & 0xFF) & mask) << shift
+        return Frame(self.cob_id & COB_ID_MASK, bits.to_bytes(self._length, "little"))
+
+
+class ProcessData:
+    """All PDOs of a node, rebuilt from the dictionary after every change of their parameters."""
+
+    def __init__(self, dictionary: ObjectDictionary) -> None:
+        self._dictionary = dictionary
+        self.receive_pdos: list[ReceivePdo] = []
+        self.transmit_pdos: list[TransmitPdo] = []
+        for number in range(PDO_COUNT):
+            for communication, mapping, access in (
+                (_RPDO_COMMUNICATION, _RPDO_MAPPING, Mapping.RECEIVE),
+                (_TPDO_COMMUNICATION, _TPDO_MAPPING, Mapping.TRANSMIT),
+            ):
+                self._install_hooks(communication + number, mapping + number, access)
+        self.configurable = True
+        """PDO parameters may be written in PRE-OPERATIONAL only."""
+        self._changed = True
+
+    def refresh(self, now_us: int) -> bool:
+        """Rebuild the PDOs if their parameters changed; True if they did."""
+        if not self._changed:
+            return False
+        self._changed = False
+        self.receive_pdos = [ReceivePdo(self._dictionary, i) for i in range(PDO_COUNT)]
+        self.transmit_pdos = [TransmitPdo(self._dictionary, i, now_us) for i in range(PDO_COUNT)]
+        return True
+
+    def invalidate(self) -> None:
+        """The parameters changed behind the hooks, or the timers must start anew."""
+        self._changed = True
+
+    def changed(self, index: int, subindex: int = 0) -> None:
+        """A value that the device may report by itself has changed: trigger the TPDOs that carry it."""
+        key = key_of(index, subindex)
+        for pdo in self.transmit_pdos:
+            if key in pdo.keys:
+                pdo.trigger()
+
+    def _install_hooks(self, communication: int, mapping: int, access: Mapping) -> None:
+        hooks = self._dictionary.write_hooks
+        hooks[key_of(communication, 1)] = lambda value: self._write_cob_id(communication, value)
+        for subindex in (2, 3, 5):
+            if key_of(communication, subindex) in self._dictionary.entries:
+                hooks[key_of(communication, subindex)] = lambda _: self._write_parameter()
+        hooks[key_of(mapping, 0)] = lambda value: self._write_count(communication, mapping, value)
+        for subindex in range(1, PDO_ENTRIES_MAX + 1):
+            hooks[key_of(mapping, subindex)] = lambda word: self._write_entry(communication, mapping, access, word)
+
+    def _write_parameter(self) -> None:
+        if not self.configurable:
+            raise SdoAbortError(AbortCode.DEVICE_STATE)
+        self._changed = True
+
+    def _write_cob_id(self, communication: int, value: int) -> None:
+        """A valid COB-ID's identifier may not change: it must be made invalid first."""
+        self._write_parameter()
+        old = self._dictionary.get(communication, 1)
+        if not (old | value) & COB_ID_INVALID and (old ^ value) & COB_ID_MASK:
+            raise SdoAbortError(AbortCode.VALUE_RANGE)
+
+    def _writable_mapping(self, communication: int) -> None:
+        self._write_parameter()
+        if not self._dictionary.get(communication, 1) & COB_ID_INVALID:
+            raise SdoAbortError(AbortCode.DEVICE_STATE)
+
+    def _write_count(self, communication: int, mapping: int, count: int) -> None:
+        self._writable_mapping(communication)
+        words = [self._dictionary.get(mapping, i) for i in range(1, count + 1)]
+        if 0 in words:
+            raise SdoAbortError(AbortCode.CANNOT_BE_MAPPED)
+        if sum(word & 0xFF for word in words) > 64:
+            raise SdoAbortError(AbortCode.PDO_TOO_LONG)
+
+    def _write_entry(self, communication: int, mapping: int, access: Mapping, word: int) -> None:
+        self._writable_mapping(communication)
+        if self._dictionary.get(mapping, 0):
+            raise SdoAbortError(AbortCode.DEVICE_STATE)
+        entry = self._dictionary.entries.get(word >> 8)
+        if word and (entry is None or not _mappable(entry, access, word & 0xFF)):
+            raise SdoAbortError(AbortCode.CANNOT_BE_MAPPED)
+
+
+def _mappable(entry: Entry, access: Mapping, bits: int) -> bool:
+    if entry.access is Access.CONST or bits != 8 * entry.data_type.size:
+        return False
+    return bool(entry.mapping.value & access.value)
