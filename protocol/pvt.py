@@ -33,6 +33,23 @@ class PvtRecord(NamedTuple):
         )
 
 
+class PvtStatus(NamedTuple):
+    """Object 0x2012 as TPDO3 carries it."""
+
+    next_sequence: int
+    free: int
+    flags: int
+    executing: int
+    clock_us: int
+
+    @classmethod
+    def decode(cls, data: bytes) -> "PvtStatus":
+        """Read it from the eight bytes of TPDO3; ValueError for any other length."""
+        if len(data) != 8:
+            raise ValueError(f"a PVT status has 8 bytes, not {len(data)}")
+        return cls(data[0], data[1], data[2], data[3], int.from_bytes(data[4:8], "little"))
+
+
 class PvtFlag(IntFlag):
     """Object 0x2012:03."""
 

@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 
 from host.trajectory import FloatArray
 from host.verify import Comparison, RunInfo
-from host.verify.deviation import deviations
 
 DOTS_PER_INCH = 120
 WIDTH_INCHES = 10.0
@@ -26,7 +25,8 @@ COUNTED = "#0b3c6f"
 """Counted curves: dark blue, nearly black in greyscale."""
 LIMIT = "#a02010"
 
-STYLE: dict[str, Any] = {
+STYLE: Any = {  # Any: matplotlib spells out every key as a literal type in some versions and none in others
+    "axes.axisbelow": True,
     "axes.grid": True,
     "axes.spines.right": False,
     "axes.spines.top": False,
@@ -91,11 +91,3 @@ def thinned(t_s: FloatArray, values: FloatArray, groups: int = 4000) -> tuple[Fl
     index = (extremes + size * np.arange(groups)[:, None]).ravel()
     index = np.concatenate([index, np.arange(size * groups, len(values))])
     return t_s[index], values[index]
-
-
-def tool_paths(comparison: Comparison, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Planned and counted tool positions in mm at sorted instants, both of shape (n, 3)."""
-    parts = list(deviations(comparison.plan, comparison.counted, t_s))
-    errors_mm = np.concatenate([part.tool_mm[1] for part in parts])
-    planned = comparison.plan.forward(comparison.plan.trajectory.positions(t_s))[:, :3]
-    return planned, planned + errors_mm

@@ -27,5 +27,6 @@ def draw_joints(comparison: Comparison, run: RunInfo) -> Figure:
     rows[0][1].set_title("speed", loc="left")
     for axes in rows[-1]:
         axes.set_xlabel("time [s]")
+        axes.set_xlim(0.0, t_s[-1])
     note_still_axes(figure, comparison, moving)
     return figure

@@ -33,6 +33,7 @@ def draw_step_rates(comparison: Comparison, run: RunInfo) -> Figure:
     if moving:
         rows[0][0].legend(loc="upper right", ncols=2)
     rows[-1][0].set_xlabel("time [s]")
+    rows[-1][0].set_xlim(left=0.0)
     note_still_axes(figure, comparison, moving)
     return figure
 
@@ -67,7 +68,7 @@ def _draw_dir(axes: Axes, comparison: Comparison, i: int) -> None:
     axes.set_yticks([0, 1])
     axes.set_ylim(-0.3, 1.3)
     if len(evidence.dir_levels) == 0:
-        axes.text(0.5, 0.5, "no edge", transform=axes.transAxes, ha="center", va="center", color="0.4")
+        axes.text(0.5, 0.5, "no change", transform=axes.transAxes, ha="center", va="center", color="0.4")
         return
     end_s = comparison.plan.trajectory.duration_s
     edges_s = (evidence.dir_edge_counts - comparison.evidence.start_counts) / COUNTS_PER_SECOND

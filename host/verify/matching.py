@@ -1,8 +1,8 @@
 """Which accepted step answers which ideal crossing, and how late it came.
 
 Where both sides step up and down in the same order, the k-th step answers the k-th crossing. Where they do not, a step
-answers the crossing of the same transition (the same two counter values, the same way) that is nearest to it in time,
-if it is also the nearest to that crossing; all others on both sides are unmatched.
+answers the crossing of its own direction that is nearest in time, if it is also the nearest to that crossing; all
+others on both sides are unmatched. So one lost pulse is one unmatched crossing, however many steps follow it.
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,6 @@ import numpy as np
 
 from host.trajectory import FloatArray
 from host.verify.counted import CountedSteps
-from host.verify.evidence import Int8Array, Int64Array
 from host.verify.oracle import IdealSteps
 from host.verify.roots import IndexArray
 
@@ -57,34 +56,27 @@ def timing_errors_us(ideal: IdealSteps, counted: CountedSteps, matching: Matchin
 
 
 def _nearest_pairs(ideal: IdealSteps, counted: CountedSteps) -> tuple[IndexArray, IndexArray]:
-    if len(ideal.signs) == 0 or len(counted.signs) == 0:
-        return np.empty(0, np.intp), np.empty(0, np.intp)
-    ideal_counters = ideal.start_steps + np.concatenate(([0], np.cumsum(ideal.signs, dtype=np.int64)))
-    ideal_keys = _transitions(ideal_counters, ideal.signs)
-    counted_keys = _transitions(counted.counters, counted.signs)
-    # One axis for both: transitions lie so far apart that the nearest neighbour is of the same one if there is one.
-    spacing_s = 2.0 * (1.0 + max(ideal.time_s[-1], counted.time_s[-1]))
-    lowest = min(ideal_keys.min(), counted_keys.min())
-    ideal_places = (ideal_keys - lowest) * spacing_s + ideal.time_s
-    counted_places = (counted_keys - lowest) * spacing_s + counted.time_s
-    to_counted = _nearest(ideal_places, counted_places)
-    to_ideal = _nearest(counted_places, ideal_places)
-    index = np.arange(len(ideal_keys))
-    mutual = (to_ideal[to_counted] == index) & (counted_keys[to_counted] == ideal_keys)
-    return index[mutual], to_counted[mutual]
+    down, up = (_mutual_pairs(ideal, counted, sign) for sign in (-1, 1))
+    crossings, steps = np.concatenate([down[0], up[0]]), np.concatenate([down[1], up[1]])
+    order = np.argsort(crossings)
+    return crossings[order], steps[order]
 
 
-def _transitions(counters: Int64Array, signs: Int8Array) -> Int64Array:
-    """A number for each step's two counter values and its way between them."""
-    return 2 * np.minimum(counters[:-1], counters[1:]) + (signs > 0)
+def _mutual_pairs(ideal: IdealSteps, counted: CountedSteps, sign: int) -> tuple[IndexArray, IndexArray]:
+    """Crossings and steps of one direction that are each other's nearest."""
+    crossings, steps = np.flatnonzero(ideal.signs == sign), np.flatnonzero(counted.signs == sign)
+    if crossings.size == 0 or steps.size == 0:
+        return crossings[:0], steps[:0]
+    to_step = _nearest(ideal.time_s[crossings], counted.time_s[steps])
+    to_crossing = _nearest(counted.time_s[steps], ideal.time_s[crossings])
+    mutual = to_crossing[to_step] == np.arange(crossings.size)
+    return crossings[mutual], steps[to_step[mutual]]
 
 
-def _nearest(places: FloatArray, candidates: FloatArray) -> IndexArray:
-    """For each place the index of the nearest candidate."""
-    order = np.argsort(candidates, kind="stable")
-    ranked = candidates[order]
-    right = np.searchsorted(ranked, places)
+def _nearest(times_s: FloatArray, candidates_s: FloatArray) -> IndexArray:
+    """For each time the index of the nearest candidate; the candidates are sorted."""
+    right = np.searchsorted(candidates_s, times_s)
     left = np.maximum(right - 1, 0)
-    right = np.minimum(right, len(ranked) - 1)
-    nearest = np.where(places - ranked[left] <= ranked[right] - places, left, right)
-    return np.asarray(order[nearest], np.intp)
+    right = np.minimum(right, len(candidates_s) - 1)
+    nearer_left = times_s - candidates_s[left] <= candidates_s[right] - times_s
+    return np.where(nearer_left, left, right)

@@ -1,0 +1,8 @@
+"""The CANopen master: the same client drives the embedded board, a served one and a real one."""
+
+from host.client.axis import AxisClient
+from host.client.link import Link
+from host.client.machine import AxisSettings, Machine
+from host.client.stream import AxisRecords
+
+__all__ = ["AxisClient", "AxisRecords", "AxisSettings", "Link", "Machine"]

@@ -1,0 +1,140 @@
+"""One axis node as the master sees it: SDO access by object, drive state, the process data that it reports."""
+
+import struct
+from typing import Final
+
+import canopen
+from canopen.objectdictionary import ObjectDictionary
+from canopen.sdo.base import SdoVariable
+
+from host.client.link import Link
+from host.errors import BusError, DeviceFaultError
+from protocol.cia402 import ENABLE_OPERATION, SHUTDOWN, SWITCH_ON, ErrorCode, State
+from protocol.frame import COB_RPDO, COB_TPDO
+from protocol.pvt import PvtRecord, PvtStatus
+
+_STATUS_WAIT_S: Final = 0.001
+_STATE_TIMEOUT_S: Final = 2.0
+_ENABLING: Final = {
+    State.SWITCH_ON_DISABLED: SHUTDOWN,
+    State.READY_TO_SWITCH_ON: SWITCH_ON,
+    State.SWITCHED_ON: ENABLE_OPERATION,
+}
+"""The controlword that leads each state one step towards OPERATION ENABLED."""
+
+
+class AxisClient:
+    """Speaks to one node. Errors carry the axis' name; the node's answers are never guessed."""
+
+    def __init__(self, link: Link, name: str, node_id: int, dictionary: ObjectDictionary) -> None:
+        self.name = name
+        self.node_id = node_id
+        self.statusword = 0
+        """As last reported by TPDO1."""
+        self.pvt_status: PvtStatus | None = None
+        """As last reported by TPDO3."""
+        self._link = link
+        self._node: canopen.RemoteNode = link.network.add_node(canopen.RemoteNode(node_id, dictionary))
+        link.network.subscribe(COB_TPDO[0] + node_id, self._on_drive_status)
+        link.network.subscribe(COB_TPDO[2] + node_id, self._on_pvt_status)
+
+    def _on_drive_status(self, _cob_id: int, data: bytearray, _timestamp: float) -> None:
+        if len(data) >= 2:
+            self.statusword = struct.unpack_from("<H", data)[0]
+
+    def _on_pvt_status(self, _cob_id: int, data: bytearray, _timestamp: float) -> None:
+        if len(data) == 8:
+            self.pvt_status = PvtStatus.decode(bytes(data))
+
+    # --- objects
+
+    def read(self, index: int, subindex: int = 0) -> int:
+        """Read a numeric object by SDO.
+
+        Raises:
+            BusError: the node does not answer.
+            DeviceFaultError: the node refuses.
+        """
+        try:
+            return int(self._variable(index, subindex).raw)
+        except canopen.SdoAbortedError as error:
+            raise self._refused(f"reading 0x{index:04X}:{subindex:02X}", error) from error
+        except canopen.SdoCommunicationError as error:
+            raise self._silent(error) from error
+
+    def write(self, index: int, subindex: int, value: int) -> None:
+        """Write a numeric object by SDO; raises as `read` does."""
+        try:
+            self._variable(index, subindex).raw = value
+        except canopen.SdoAbortedError as error:
+            raise self._refused(f"writing {value} to 0x{index:04X}:{subindex:02X}", error) from error
+        except canopen.SdoCommunicationError as error:
+            raise self._silent(error) from error
+
+    def _variable(self, index: int, subindex: int) -> SdoVariable:
+        entry = self._node.sdo[index]
+        return entry if isinstance(entry, SdoVariable) else entry[subindex]
+
+    def _refused(self, what: str, error: canopen.SdoAbortedError) -> DeviceFaultError:
+        return DeviceFaultError(f"{self.name}: {what} was refused: {error}")
+
+    def _silent(self, error: Exception) -> BusError:
+        return BusError(f"{self.name}: node 0x{self.node_id:02X} does not answer ({error})")
+
+    # --- the drive
+
+    def state(self) -> State:
+        """The drive's state, read afresh."""
+        return State.of(self.read(0x6041))
+
+    def enable(self) -> None:
+        """Walk the drive to OPERATION ENABLED, one controlword at a time."""
+        deadline_s = self._link.now_s() + _STATE_TIMEOUT_S
+        while (state := self.state()) is not State.OPERATION_ENABLED:
+            if state not in _ENABLING or self._link.now_s() > deadline_s:
+                raise DeviceFaultError(f"{self.name}: cannot be enabled, the drive is in {_spoken(state)}")
+            self.write(0x6040, 0, _ENABLING[state])
+            self._link.wait(_STATUS_WAIT_S)
+
+    def disable(self) -> None:
+        """Switch the drive's power off."""
+        self.write(0x6040, 0, 0)
+
+    def check_fault(self) -> None:
+        """Raise DeviceFaultError if the drive has reported a fault."""
+        if State.of(self.statusword) in (State.FAULT, State.FAULT_REACTION_ACTIVE):
+            raise DeviceFaultError(self.fault_text())
+
+    def fault_text(self) -> str:
+        """One line that says which error the node reported last."""
+        codes = [error.code for error in self._node.emcy.log if error.code]
+        if not codes:
+            return f"{self.name}: the drive is in fault and has not said why"
+        return f"{self.name}: {error_text(codes[-1])} (EMCY 0x{codes[-1]:04X})"
+
+    @property
+    def error_codes(self) -> list[int]:
+        """All error codes that the node has reported by EMCY, oldest first."""
+        return [error.code for error in self._node.emcy.log if error.code]
+
+    # --- process data out
+
+    def send_record(self, record: PvtRecord) -> None:
+        """Send a PVT record by RPDO4."""
+        self._link.network.send_message(COB_RPDO[3] + self.node_id, record.encode())
+
+    def send_latched_controlword(self, controlword: int) -> None:
+        """Send a controlword by RPDO2: it takes effect at the next SYNC."""
+        self._link.network.send_message(COB_RPDO[1] + self.node_id, struct.pack("<H", controlword))
+
+
+def error_text(code: int) -> str:
+    """An EMCY code in words."""
+    try:
+        return ErrorCode(code).name.replace("_", " ").lower()
+    except ValueError:
+        return "unknown error"
+
+
+def _spoken(state: State) -> str:
+    return state.name.replace("_", " ")

@@ -1,0 +1,95 @@
+"""Feeding PVT queues: one cursor for each axis, credits from the device's reports, resending after losses.
+
+Credits are the free places last reported less the records sent since. On a gap the cursor goes back to the record
+that the device wants next; further gap flags are stale until the device has had time to see the resent ones. Without
+any progress for a while everything not acknowledged is sent again.
+"""
+
+from typing import Final, NamedTuple
+
+from host.client.axis import AxisClient
+from protocol.pvt import QUEUE_DEPTH, SEQUENCE_MODULUS, PvtFlag, PvtRecord, PvtStatus
+
+_GAP_HOLD_S: Final = 0.025
+"""Two round trips with the status report's inhibit time of 10 ms."""
+_RESEND_AFTER_S: Final = 0.25
+
+
+class AxisRecords(NamedTuple):
+    """The segments of one axis, as equally long lists: PVT fields without the sequence number."""
+
+    displacements_units: list[int]
+    end_velocities: list[int]
+    durations_ms: list[int]
+
+
+class AxisStream:
+    """The records of one axis on their way to its queue."""
+
+    def __init__(self, axis: AxisClient, records: AxisRecords, now_s: float) -> None:
+        self._axis = axis
+        self._records = records
+        self._count = len(records.durations_ms)
+        self._sent = 0
+        self._acknowledged = 0
+        self._free = QUEUE_DEPTH
+        self._seen: PvtStatus | None = axis.pvt_status
+        self._progress_s = now_s
+        self._gap_handled_s = now_s - _GAP_HOLD_S
+
+    @property
+    def fraction(self) -> float:
+        """The part of the records that has been sent, 0 to 1."""
+        return self._sent / self._count
+
+    @property
+    def all_acknowledged(self) -> bool:
+        """Whether the device has taken every record."""
+        return self._acknowledged == self._count
+
+    def update(self, now_s: float) -> None:
+        """Take in the device's latest report, if it is new."""
+        status = self._axis.pvt_status
+        if status is not None and status is not self._seen:
+            self._seen = status
+            self._take(status, now_s)
+        if self._sent > self._acknowledged and now_s - self._progress_s > _RESEND_AFTER_S:
+            self._rewind(now_s)
+
+    def _take(self, status: PvtStatus, now_s: float) -> None:
+        advanced = (status.next_sequence - self._acknowledged) % SEQUENCE_MODULUS
+        if 0 < advanced <= self._sent - self._acknowledged:
+            self._acknowledged += advanced
+            self._progress_s = now_s
+        self._free = status.free
+        if status.flags & PvtFlag.GAP and now_s - self._gap_handled_s > _GAP_HOLD_S:
+            self._gap_handled_s = now_s
+            self._rewind(now_s)
+
+    def _rewind(self, now_s: float) -> None:
+        self._sent = self._acknowledged
+        self._progress_s = now_s
+
+    def send_next(self) -> bool:
+        """Send one record if there is one and a credit for it."""
+        i = self._sent
+        if i == self._count or i - self._acknowledged >= self._free:
+            return False
+        records = self._records
+        self._axis.send_record(
+            PvtRecord(
+                records.displacements_units[i],
+                records.end_velocities[i],
+                records.durations_ms[i],
+                i % SEQUENCE_MODULUS,
+            )
+        )
+        self._sent = i + 1
+        return True
+
+
+def fill(streams: list[AxisStream]) -> None:
+    """Send in turn, one record an axis, until no axis has both a record and a credit."""
+    sending = list(streams)
+    while sending:
+        sending = [stream for stream in sending if stream.send_next()]
