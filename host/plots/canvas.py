@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from host.trajectory import FloatArray
 from host.verify import Comparison, RunInfo
+from host.verify.deviation import critical_instants
 
 DOTS_PER_INCH = 120
 WIDTH_INCHES = 10.0
@@ -52,6 +53,8 @@ def new_figure(run: RunInfo, what: str, height_inches: float) -> Figure:
 def rows_of_axes(figure: Figure, rows: int, columns: int = 1, **options: Any) -> list[list[Axes]]:
     """A grid of axes with a common x axis; at least one row, so that a run without motion has a picture too."""
     grid = figure.subplots(max(rows, 1), columns, squeeze=False, sharex=True, **options)
+    if rows == 0:
+        grid[0, 0].text(0.5, 0.5, "no joint moves", transform=grid[0, 0].transAxes, ha="center", va="center")
     return [list(row) for row in grid]
 
 
@@ -79,6 +82,12 @@ def note_still_axes(figure: Figure, comparison: Comparison, moving: Sequence[int
 def planned_instants(comparison: Comparison) -> FloatArray:
     """Evenly spaced instants over the whole motion."""
     return np.linspace(0.0, comparison.plan.trajectory.duration_s, SAMPLES)
+
+
+def drawn_instants(comparison: Comparison) -> FloatArray:
+    """Every instant at which an error may be largest, and enough others to draw what lies between."""
+    critical_s = critical_instants(comparison.plan, comparison.ideal, comparison.counted)
+    return np.union1d(critical_s, planned_instants(comparison))
 
 
 def thinned(t_s: FloatArray, values: FloatArray, groups: int = 4000) -> tuple[FloatArray, FloatArray]:

@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from host.plots.canvas import COUNTED, LIMIT, moving_axes, new_figure, note_still_axes, thinned
+from host.plots.canvas import COUNTED, LIMIT, drawn_instants, moving_axes, new_figure, note_still_axes, thinned
 from host.trajectory import FloatArray
 from host.verify import POSITION_ERROR_LIMIT_STEPS, Comparison, RunInfo
-from host.verify.deviation import critical_instants, deviations
+from host.verify.deviation import deviations
 
 ROW_INCHES = 1.45
 WIDTH_RATIOS = (3.0, 1.0)
@@ -38,17 +38,17 @@ def draw_error(comparison: Comparison, run: RunInfo) -> Figure:
         _draw_close(right, one)
         if n < len(moving):
             _draw_limits(left)
-            _draw_limits(right)
+            if right.axison:
+                _draw_limits(right)
         left.tick_params(labelbottom=n == len(series) - 1)
     rows[0][0].set_title(f"whole motion; dashed: limit of {POSITION_ERROR_LIMIT_STEPS:g} steps", loc="left")
     rows[-1][0].set_xlabel("time [s]")
-    rows[-1][1].set_xlabel("time from there [ms]")
     note_still_axes(figure, comparison, moving)
     return figure
 
 
 def _all_series(comparison: Comparison, moving: list[int]) -> list[_Series]:
-    t_s = critical_instants(comparison.plan, comparison.ideal, comparison.counted)
+    t_s = drawn_instants(comparison)
     parts = list(deviations(comparison.plan, comparison.counted, t_s))
     steps = np.concatenate([part.steps for part in parts], axis=1)
     distance_mm = np.concatenate([part.distance_mm for part in parts], axis=1)
@@ -69,11 +69,14 @@ def _draw_close(axes: Axes, series: _Series) -> None:
     edges = np.flatnonzero(series.values[0] != series.values[1])
     near = int(np.searchsorted(edges, worst))
     around = edges[max(near - CLOSE_EDGES, 0) : near + CLOSE_EDGES + 1]
-    first, last = (int(around[0]), int(around[-1])) if around.size else (worst, worst)
-    part = slice(min(first, worst), max(last, worst) + 1)
+    if around.size == 0:
+        axes.set_axis_off()
+        return
+    part = slice(max(min(int(around[0]), worst) - 1, 0), max(int(around[-1]), worst) + 2)
     t_ms = 1e3 * (series.t_s[part] - series.t_s[worst])
     axes.plot(np.repeat(t_ms, 2), series.values[:, part].T.ravel(), color=COUNTED, linewidth=0.9)
-    axes.set_title(f"around the largest, at {series.t_s[worst]:.4f} s", loc="left", size=8)
+    axes.locator_params(axis="x", nbins=5)
+    axes.set_title(f"ms around {series.t_s[worst]:.4f} s, the largest", loc="left", size=8)
 
 
 def _draw_limits(axes: Axes) -> None:

@@ -31,7 +31,7 @@ def draw_step_rates(comparison: Comparison, run: RunInfo) -> Figure:
         _draw_rate(rows[2 * n][0], comparison, i)
         _draw_dir(rows[2 * n + 1][0], comparison, i)
     if moving:
-        rows[0][0].legend(loc="upper right", ncols=2)
+        rows[0][0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.0, ncols=2)
     rows[-1][0].set_xlabel("time [s]")
     rows[-1][0].set_xlim(left=0.0)
     note_still_axes(figure, comparison, moving)

@@ -8,7 +8,7 @@ from host.plots.canvas import COUNTED, moving_axes, new_figure, note_still_axes,
 from host.trajectory import FloatArray
 from host.verify import Comparison, RunInfo
 
-ROW_INCHES = 1.3
+ROW_INCHES = 1.45
 BINS = 101
 SMALLEST_RANGE_US = 0.02
 """A little more than one count of the board's timer: nothing finer is real."""
@@ -31,10 +31,11 @@ def draw_timing(comparison: Comparison, run: RunInfo) -> Figure:
 
 
 def _draw(axes: Axes, late_us: FloatArray, bins_us: FloatArray) -> None:
-    axes.hist(late_us, bins=bins_us.tolist(), color=COUNTED)
-    axes.set_yscale("log")
-    axes.set_ylim(bottom=0.7)
-    axes.text(0.99, 0.95, _summary(late_us), transform=axes.transAxes, ha="right", va="top", size=8)
+    axes.set_title(_summary(late_us), loc="right", size=8)
+    if late_us.size:
+        axes.hist(late_us, bins=bins_us.tolist(), color=COUNTED)
+        axes.set_yscale("log")
+        axes.set_ylim(bottom=0.7)
 
 
 def _summary(late_us: FloatArray) -> str:

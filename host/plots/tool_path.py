@@ -7,12 +7,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from host.plots.canvas import COUNTED, PLANNED, new_figure
+from host.plots.canvas import COUNTED, PLANNED, drawn_instants, new_figure
 from host.trajectory import FloatArray
 from host.verify import Comparison, RunInfo
-from host.verify.deviation import critical_instants, deviations
+from host.verify.deviation import deviations
 
 PANEL_INCHES = 3.9
+SIDE_PANEL_INCHES = 2.6
 INSTANTS = 20_001
 MAGNIFIED_PART = 0.04
 """How large the magnified error may look, as a part of the path's extent."""
@@ -42,10 +43,12 @@ def draw_tool_path(comparison: Comparison, run: RunInfo) -> Figure:
     """One row a view: the plane of the two coordinates that move most, then the third one if it moves."""
     end_s = comparison.plan.trajectory.duration_s
     whole = _path(comparison, np.linspace(0.0, end_s, INSTANTS))
-    edges = _path(comparison, critical_instants(comparison.plan, comparison.ideal, comparison.counted))
+    edges = _path(comparison, drawn_instants(comparison))
     views = _views(whole)
-    figure = new_figure(run, "tool path", PANEL_INCHES * len(views))
-    for row, view in zip(figure.subplots(len(views), 3, squeeze=False), views, strict=True):
+    heights_inches = [PANEL_INCHES, SIDE_PANEL_INCHES][: len(views)]
+    figure = new_figure(run, "tool path", sum(heights_inches))
+    rows = figure.subplots(len(views), 3, squeeze=False, height_ratios=heights_inches)
+    for row, view in zip(rows, views, strict=True):
         _draw_whole(row[0], whole, view, 1.0, "true to scale")
         gain = _gain(whole)
         _draw_whole(row[1], whole, view, gain, f"error magnified {gain:g} times")

@@ -144,6 +144,9 @@ def ideal_steps(
         steps_per_unit: shape (joints,), steps per mm or degree; a negative one turns the count around.
         start_steps: each axis' counter at t = 0. One that is beyond a threshold from the planned start makes its
             steps at t = 0.
+
+    Raises:
+        ValueError: when a planned position is not finite.
     """
     counters = [_AxisCounter(axis, start) for axis, start in enumerate(start_steps)]
     for grid_s in _grids(trajectory.duration_s):
@@ -173,6 +176,7 @@ def _samples(
     """Per axis the times and positions in steps on the grid and at the turning points between."""
     position_steps = trajectory.positions(grid_s) * steps_per_unit
     velocity_hz = trajectory.velocities(grid_s) * steps_per_unit
+    _check_finite(trajectory, grid_s, position_steps)
     cell, axis = _turning_cells(velocity_hz)
 
     def velocity_at(t_s: FloatArray, which: IndexArray) -> FloatArray:
@@ -194,6 +198,14 @@ def _samples(
             np.insert(grid_s, where, turning_s[own]),
             np.insert(position_steps[:, j], where, turning_steps[own]),
         )
+
+
+def _check_finite(trajectory: Trajectory, grid_s: FloatArray, position_steps: FloatArray) -> None:
+    bad = np.argwhere(~np.isfinite(position_steps))
+    if len(bad):
+        sample, axis = bad[0]
+        value, name = position_steps[sample, axis], trajectory.joint_names[axis]
+        raise ValueError(f"planned position of {name} is {value} at {grid_s[sample]:g} s")
 
 
 def _turning_cells(velocity_hz: FloatArray) -> tuple[IndexArray, IndexArray]:

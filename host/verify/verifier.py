@@ -118,20 +118,22 @@ def _lawful(position_steps: float, threshold_steps: float) -> bool:
 
 def _reasons(axis: AxisReport, planned_end_steps: int) -> list[str]:
     """Why an axis fails, one line each."""
-    lawful = _lawful(axis.position_error_steps_max, axis.threshold_error_steps_max)
-    lines = {
-        f"{axis.violations} pulses broke a limit of the driver (limit 0)": axis.violations > 0,
-        f"{axis.unmatched_steps} steps without a counterpart (limit 0)": axis.unmatched_steps > 0,
-        f"ends at {axis.steps_end} steps, planned {planned_end_steps}": (
-            axis.steps_end != planned_end_steps and not lawful
+    position_steps, threshold_steps = axis.position_error_steps_max, axis.threshold_error_steps_max
+    wrong_end = axis.steps_end != planned_end_steps and not _lawful(position_steps, threshold_steps)
+    checks = (
+        (axis.violations > 0, f"driver violations {axis.violations} (limit 0)"),
+        (axis.unmatched_steps > 0, f"unmatched steps {axis.unmatched_steps} (limit 0)"),
+        (wrong_end, f"end count {axis.steps_end} (planned {planned_end_steps})"),
+        (
+            not position_steps <= POSITION_ERROR_LIMIT_STEPS,
+            f"position error {position_steps:.9g} steps (limit {POSITION_ERROR_LIMIT_STEPS:g})",
         ),
-        f"position error {axis.position_error_steps_max:.6g} steps (limit {POSITION_ERROR_LIMIT_STEPS:g})": (
-            not axis.position_error_steps_max <= POSITION_ERROR_LIMIT_STEPS
+        (
+            not threshold_steps <= THRESHOLD_TOLERANCE_STEPS,
+            f"threshold error {threshold_steps:.9g} steps (limit {THRESHOLD_TOLERANCE_STEPS:g})",
         ),
-        f"a step made {axis.threshold_error_steps_max:.6g} steps from its threshold"
-        f" (limit {THRESHOLD_TOLERANCE_STEPS:g})": (not axis.threshold_error_steps_max <= THRESHOLD_TOLERANCE_STEPS),
-    }
-    return [f"{axis.name}: {line}" for line, failed in lines.items() if failed]
+    )
+    return [f"{axis.name}: {line}" for failed, line in checks if failed]
 
 
 def _joints_report(comparison: Comparison) -> JointsReport:

@@ -1,0 +1,122 @@
+"""A kernel on its own, without firmware: storage, configuration and a way to read its edges as plain lists."""
+
+from dataclasses import dataclass
+
+from controller import kernel as k
+from controller.backend import Kernel
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Driver timing in counts."""
+
+    steplen: int = 2376
+    stepspace: int = 2424
+    dirsetup: int = 1080
+    dirhold: int = 1080
+
+
+class KernelRig:
+    """Drives the kernel's functions directly, one or more axes with the same configuration."""
+
+    def __init__(
+        self,
+        kernel: Kernel,
+        axes: int = 1,
+        microsteps: int = 16,
+        timing: Timing | None = None,
+        rate_limit_q16_per_ms: int = 15 * k.STEP_Q16,
+        edges: int = 1 << 15,
+    ) -> None:
+        timing = timing or Timing()
+        self.kernel = kernel
+        self.count = axes
+        self.tick = 0
+        self.axes = kernel.cells(axes * k.AXIS_FIELDS)
+        self.queue = kernel.cells(axes * k.QUEUE_DEPTH * k.SEGMENT_FIELDS)
+        self.clk = kernel.rows(axes, edges)
+        self.direction = kernel.rows(axes, edges)
+        for axis in range(axes):
+            self.set(k.MICROSTEPS, microsteps, axis)
+            self.set(k.STEPLEN_COUNTS, timing.steplen, axis)
+            self.set(k.STEPSPACE_COUNTS, timing.stepspace, axis)
+            self.set(k.DIRSETUP_COUNTS, timing.dirsetup, axis)
+            self.set(k.DIRHOLD_COUNTS, timing.dirhold, axis)
+            self.set(k.RATE_LIMIT_Q16_PER_MS, rate_limit_q16_per_ms, axis)
+            self.set(k.LAST_RISE_COUNTS, k.NEVER_COUNTS, axis)
+            self.set(k.DURATION_TICKS, 1, axis)
+
+    def get(self, field: int, axis: int = 0) -> int:
+        return int(self.axes[axis * k.AXIS_FIELDS + field])
+
+    def set(self, field: int, value: int, axis: int = 0) -> None:
+        self.axes[axis * k.AXIS_FIELDS + field] = value
+
+    def push(self, displacement_units: int, end_velocity: int, duration_ms: int, axis: int = 0) -> int:
+        return self.kernel.push(self.axes, self.queue, axis, displacement_units, end_velocity, duration_ms)
+
+    def start(self, axis: int = 0) -> bool:
+        return self.kernel.next_segment(self.axes, self.queue, axis)
+
+    def advance(self, ticks: int) -> int:
+        """As the firmware does: go on, and take axes that ran too far back to the common tick."""
+        before = self.axes.copy()
+        until = self.tick + ticks
+        reached = self._run(until)
+        if reached < until:
+            self.axes = before
+            assert self._run(reached) == reached
+        self.tick = reached
+        return reached
+
+    def _run(self, until: int) -> int:
+        return self.kernel.advance(self.axes, self.queue, self.clk, self.direction, self.count, self.tick, until)
+
+    def rises(self, axis: int = 0) -> list[int]:
+        return [int(t) for t in self.clk[axis][: self.get(k.CLK_EDGES, axis) : 2]]
+
+    def falls(self, axis: int = 0) -> list[int]:
+        return [int(t) for t in self.clk[axis][1 : self.get(k.CLK_EDGES, axis) : 2]]
+
+    def dir_edges(self, axis: int = 0) -> list[tuple[int, int]]:
+        words = [int(word) for word in self.direction[axis][: self.get(k.DIR_EDGES, axis)]]
+        return [(word >> 1, word & 1) for word in words]
+
+    def signs(self, axis: int = 0) -> list[int]:
+        """Which way each rise moves the motor, from the pins alone."""
+        edges = self.dir_edges(axis)
+        signs, level, i = [], 0, 0
+        for rise in self.rises(axis):
+            while i < len(edges) and edges[i][0] <= rise:
+                level = edges[i][1]
+                i += 1
+            signs.append(2 * level - 1)
+        return signs
+
+    def snapshot(self) -> tuple[list[int], list[list[int]], list[list[tuple[int, int]]]]:
+        """Everything that two kernels must agree on, bit for bit."""
+        rows = range(self.count)
+        return (
+            [int(value) for value in self.axes],
+            [[*self.rises(axis), *self.falls(axis)] for axis in rows],
+            [self.dir_edges(axis) for axis in rows],
+        )
+
+
+def timing_faults(rig: KernelRig, timing: Timing, axis: int = 0) -> list[str]:
+    """Re-execute the emitted edges against the four windows of the driver, with no knowledge of how they were made."""
+    rises, falls, directions = rig.rises(axis), rig.falls(axis), rig.dir_edges(axis)
+    faults = [
+        f"pulse {i} is {f - r} counts high"
+        for i, (r, f) in enumerate(zip(rises, falls, strict=True))
+        if f - r != timing.steplen
+    ]
+    faults += [
+        f"CLK is low for {r - f} counts before pulse {i + 1}"
+        for i, (f, r) in enumerate(zip(falls, rises[1:], strict=False))
+        if r - f < timing.stepspace
+    ]
+    for counts, _ in directions:
+        faults += [f"a rise {r - counts} counts after DIR" for r in rises if 0 <= r - counts < timing.dirsetup]
+        faults += [f"DIR {counts - r} counts after a rise" for r in rises if 0 <= counts - r < timing.dirhold]
+    return faults

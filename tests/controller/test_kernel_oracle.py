@@ -1,0 +1,110 @@
+"""The kernel against an oracle in exact rational arithmetic that shares nothing with it but the rules' statement."""
+
+from fractions import Fraction
+
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from controller import kernel as k
+from controller.backend import python_kernel
+from tests.controller.kernel_rig import KernelRig, Timing
+
+TICKS_PER_MS = 4
+H = Fraction(9, 16)
+Q16 = Fraction(1, 1 << 16)
+FAST_PINS = Timing(steplen=1, stepspace=1, dirsetup=0, dirhold=0)
+"""Pulse timing out of the way: what is tested here is where steps are due."""
+
+
+class ExactHermite:
+    """A cubic Hermite segment over rationals: positions in steps, velocities in steps per ms, time in ms."""
+
+    def __init__(self, p0: Fraction, v0: Fraction, p1: Fraction, v1: Fraction, dt_ms: int) -> None:
+        self.p0, self.v0, self.p1, self.v1, self.dt_ms = p0, v0, p1, v1, dt_ms
+
+    def position(self, t_ms: Fraction) -> Fraction:
+        s = t_ms / self.dt_ms
+        return (
+            self.p0 * (1 + 2 * s) * (1 - s) ** 2
+            + self.v0 * self.dt_ms * s * (1 - s) ** 2
+            + self.p1 * s * s * (3 - 2 * s)
+            + self.v1 * self.dt_ms * s * s * (s - 1)
+        )
+
+    def acceleration_max(self) -> Fraction:
+        """Largest |p''| in steps per ms^2: it is linear in time, so it lies at an end."""
+        d, t = self.p1 - self.p0, self.dt_ms
+        at_start = (6 * d / t - 4 * self.v0 - 2 * self.v1) / t
+        at_end = (-6 * d / t + 2 * self.v0 + 4 * self.v1) / t
+        return max(abs(at_start), abs(at_end))
+
+    def speed_max(self) -> Fraction:
+        """A bound on |p'|: the Bernstein coefficients of the velocity."""
+        return max(abs(self.v0), abs(3 * (self.p1 - self.p0) / self.dt_ms - self.v0 - self.v1), abs(self.v1))
+
+
+@given(
+    microsteps=st.sampled_from([1, 2, 8, 16]),
+    start_velocity=st.integers(-3_000_000, 3_000_000),
+    displacement=st.integers(-500_000, 500_000),
+    end_velocity=st.integers(-3_000_000, 3_000_000),
+    duration_ms=st.integers(1, 255),
+)
+@settings(deadline=None, max_examples=300)
+def test_positions_and_edges_against_exact_arithmetic(
+    microsteps: int, start_velocity: int, displacement: int, end_velocity: int, duration_ms: int
+) -> None:
+    """Bounds: 3 roundings of half a Q16 unit and 2 of the coefficients' for positions; for edges the chord's sagitta
+    a dt^2 / 8 more, one count of time at full speed and the interval's truncation."""
+    rig = KernelRig(python_kernel(), microsteps=microsteps, timing=FAST_PINS, rate_limit_q16_per_ms=60 << 16)
+    rig.set(k.TAIL_VELOCITY, start_velocity)
+    assume(rig.push(displacement, end_velocity, duration_ms) == k.ACCEPTED)
+    per_unit = Fraction(microsteps, 16_384)
+    exact = ExactHermite(
+        Fraction(0), start_velocity * per_unit / 64, displacement * per_unit, end_velocity * per_unit / 64, duration_ms
+    )
+    position_bound = 5 * Q16
+    sagitta = exact.acceleration_max() * Fraction(1, TICKS_PER_MS) ** 2 / 8
+    edge_bound = position_bound + sagitta + 4 * exact.speed_max() / 72_000 + 4 * Q16
+
+    rig.start()
+    counter, seen = 0, 0
+    ticks = TICKS_PER_MS * duration_ms
+    for tick in range(ticks):
+        rig.advance(1)
+        p = rig.get(k.POSITION_Q16) * Q16
+        assert abs(p - exact.position(Fraction(tick + 1, TICKS_PER_MS))) <= position_bound
+        assert abs(p - rig.get(k.COUNTER)) < H  # no step is missing
+        for rise, sign in list(zip(rig.rises(), rig.signs(), strict=True))[seen:]:
+            due = exact.position(Fraction(rise, 72_000))
+            assert abs(due - (counter + sign * H)) <= edge_bound
+            counter += sign
+            seen += 1
+    assert rig.get(k.POSITION_Q16) == displacement * microsteps * 4  # the last tick lands exactly
+    assert counter == rig.get(k.COUNTER)
+
+
+@given(
+    start_velocity=st.integers(-(1 << 23), (1 << 23) - 1),
+    displacement=st.integers(-(1 << 23), (1 << 23) - 1),
+    end_velocity=st.integers(-(1 << 23), (1 << 23) - 1),
+    duration_ms=st.integers(1, 255),
+    microsteps=st.sampled_from([1, 2, 8, 16]),
+)
+@settings(deadline=None, max_examples=500)
+def test_every_intermediate_of_an_accepted_segment_fits_a_cortex_m3(
+    start_velocity: int, displacement: int, end_velocity: int, duration_ms: int, microsteps: int
+) -> None:
+    """Operands of each multiplication in i32 (one SMULL), products in i64, whatever the wire may ask for."""
+    rig = KernelRig(python_kernel(), microsteps=microsteps, rate_limit_q16_per_ms=k.I32_MAX)
+    rig.set(k.TAIL_VELOCITY, start_velocity)
+    assume(rig.push(displacement, end_velocity, duration_ms) == k.ACCEPTED)
+    a, b, c = (int(rig.queue[field]) for field in (k.SEGMENT_A, k.SEGMENT_B, k.SEGMENT_C))
+    n = int(rig.queue[k.SEGMENT_TICKS])
+    for i in range(n + 1):
+        s = (i << 30) // n
+        value = c
+        for following in (b, a):
+            value = ((value * s + (1 << 29)) >> 30) + following
+            assert abs(value) <= k.I32_MAX + 1
+            assert abs(value * s) < 1 << 63

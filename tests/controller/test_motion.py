@@ -1,0 +1,137 @@
+"""Motion around the kernel: step timing in counts, stops, and the room for edges."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from controller.backend import Kernel, python_kernel
+from controller.kernel import TICK_COUNTS
+from controller.motion import Event, Motion, Refusal, StepConfig, counts_of_ns, stop_segments
+
+CONFIG = StepConfig(16, 33_000, 33_666, 15_000, 15_000, velocity_max_units_per_s=20_000 * 1024)
+
+
+def moving(kernel: Kernel, axes: int = 1, config: StepConfig = CONFIG) -> Motion:
+    motion = Motion(kernel, axes)
+    for axis in range(axes):
+        motion.configure(axis, config)
+    return motion
+
+
+@pytest.mark.parametrize(
+    ("ns", "counts"), [(0, 0), (1, 1), (13, 1), (14, 2), (30_000, 2160), (33_000, 2376), (33_666, 2424)]
+)
+def test_nanoseconds_round_up_to_counts(ns: int, counts: int) -> None:
+    """One count is 13.89 ns; a minimum must never come out shorter."""
+    assert counts_of_ns(ns) == counts
+
+
+def test_default_pulse_timing_allows_exactly_15_khz() -> None:
+    assert counts_of_ns(33_000) + counts_of_ns(33_666) == 4800
+    assert CONFIG.rate_limit_q16_per_ms == 15 << 16
+
+
+def test_rate_limit_is_the_lower_of_velocity_and_pulse_timing() -> None:
+    assert StepConfig(16, 33_000, 33_666, 0, 0, 1024 * 1000).rate_limit_q16_per_ms == 1 << 16
+    assert StepConfig(8, 33_000, 33_666, 0, 0, 2048 * 1000).rate_limit_q16_per_ms == 1 << 16
+
+
+def test_an_unconfigured_axis_refuses_motion(kernel: Kernel) -> None:
+    assert Motion(kernel, 1).push(0, 1, 0, 1) is Refusal.TOO_FAST
+
+
+def test_preset_keeps_the_fraction_of_a_step(kernel: Kernel) -> None:
+    """The demand may lie between two steps; the counter is the nearest whole one."""
+    motion = moving(kernel)
+    for units, steps in ((511, 0), (512, 1), (-512, 0), (-513, -1), (1_000_000, 977)):
+        motion.preset(0, units)
+        assert motion.demand_units(0) == units
+        assert motion.counter_units(0) == steps * 1024
+
+
+def test_stop_lasts_as_asked_and_ends_at_rest(kernel: Kernel) -> None:
+    """From 8 kHz in 100 ms: 400 steps of stopping distance, the motor at most half a step from the demand."""
+    motion = moving(kernel)
+    assert motion.push(0, 400 * 1024, 8 * 65_536, 100) is Refusal.ACCEPTED
+    assert motion.push(0, 2040 * 1024, 8 * 65_536, 255) is Refusal.ACCEPTED
+    motion.start(0)
+    motion.advance(500)
+    before = motion.demand_units(0)
+    velocity = motion.velocity(0)
+    assert velocity == pytest.approx(8 * 65_536, abs=64)
+    motion.stop(0, 100)
+    assert motion.advance(2000) == 900
+    assert motion.take_events() == [(0, Event.FINISHED)]
+    assert not motion.running(0)
+    expected = velocity * 100 / 2 / 64
+    assert motion.demand_units(0) - before == pytest.approx(expected, abs=1)
+    assert abs(motion.demand_units(0) - motion.counter_units(0)) <= 0.5626 * 1024
+
+
+@given(velocity=st.integers(-983_040, 983_040), duration_ms=st.integers(1, 4000))
+def test_stop_ramps_are_straight_lines_to_zero(velocity: int, duration_ms: int) -> None:
+    """Velocities never exceed the first one, never change sign, fall by the same rate; the distance is v T / 2."""
+    segments = stop_segments(velocity, duration_ms)
+    assert sum(dt for _, _, dt in segments) == duration_ms
+    assert segments[-1][1] == 0
+    elapsed = 0
+    for _, end_velocity, dt in segments:
+        elapsed += dt
+        exact = velocity * (duration_ms - elapsed) / duration_ms
+        assert abs(end_velocity - exact) < 1
+        assert abs(end_velocity) <= abs(exact) + 1e-9
+    distance = sum(displacement for displacement, _, _ in segments)
+    assert abs(distance - velocity * duration_ms / 128) < 1
+
+
+@given(
+    displacement=st.integers(-300_000, 300_000),
+    end_velocity=st.integers(-900_000, 900_000),
+    duration_ms=st.integers(2, 255),
+    at_tick=st.integers(1, 1000),
+    stop_ms=st.integers(1, 600),
+)
+@settings(deadline=None)
+def test_a_stop_from_anywhere_keeps_position_and_ends(
+    displacement: int, end_velocity: int, duration_ms: int, at_tick: int, stop_ms: int
+) -> None:
+    """Whatever the segment and whenever it is stopped: no jump, no speed beyond the one at the stop, then rest."""
+    motion = moving(python_kernel())
+    assume(motion.push(0, displacement, end_velocity, duration_ms) is Refusal.ACCEPTED)
+    motion.start(0)
+    motion.advance(min(at_tick, 4 * duration_ms - 1))
+    velocity, position = motion.velocity(0), motion.demand_units(0)
+    motion.stop(0, stop_ms)
+    end = motion.tick + 4 * stop_ms
+    previous = position
+    while motion.tick < end:
+        motion.advance(min(motion.tick + 4, end))
+        here = motion.demand_units(0)
+        assert abs(here - previous) <= abs(velocity) / 64 + 2
+        previous = here
+    assert motion.take_events() == [(0, Event.FINISHED)]
+    assert abs(motion.demand_units(0) - position - velocity * stop_ms / 128) <= 1.5
+
+
+def test_advance_stops_for_draining_before_edges_can_overflow(kernel: Kernel) -> None:
+    motion = moving(kernel)
+    room = motion.room_ticks
+    for i in range(40):
+        motion.push(0, (-1) ** i * 1_000_000, 0, 255)
+    motion.start(0)
+    reached = motion.advance(10**6)
+    assert reached == room
+    assert motion.room_ticks == 0
+    assert motion.advance(10**6) == reached
+    first = motion.take_edges()[0].clk_counts
+    motion.advance(2 * room)
+    second = motion.take_edges()[0].clk_counts
+    assert first[-2] < reached * TICK_COUNTS + 4800 < second[-2]
+    assert np.all(np.diff(np.concatenate((first, second))) > 0)
+
+
+def test_time_passes_over_resting_axes_without_limit(kernel: Kernel) -> None:
+    motion = moving(kernel)
+    assert motion.advance(10**9) == 10**9
+    assert motion.room_ticks > 0

@@ -1,0 +1,36 @@
+"""Rules about the code itself that no linter knows."""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+CONTROLLER = sorted((ROOT / "controller").glob("*.py"))
+
+
+def faults(tree: ast.AST) -> Iterator[str]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, float | complex):
+            yield f"line {node.lineno}: the constant {node.value}"
+        if isinstance(node, ast.BinOp | ast.AugAssign) and isinstance(node.op, ast.Div):
+            yield f"line {node.lineno}: a true division"
+        if isinstance(node, ast.Name) and node.id == "float":
+            yield f"line {node.lineno}: float"
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            names = {alias.name for alias in node.names} | {getattr(node, "module", None)}
+            yield from (f"line {node.lineno}: imports {name}" for name in names & {"time", "math", "logging", "random"})
+
+
+@pytest.mark.parametrize("path", CONTROLLER, ids=lambda path: path.name)
+def test_firmware_has_no_floats_no_clock_and_no_log(path: Path) -> None:
+    assert list(faults(ast.parse(path.read_text()))) == []
+
+
+def test_the_check_itself_finds_floats() -> None:
+    assert len(list(faults(ast.parse("import time\nx = 1.5\ny = x / 2\nx /= 2\nz = float(3)")))) == 5
+
+
+def test_the_firmware_is_where_the_check_looks() -> None:
+    assert {"kernel.py", "firmware.py", "axis_node.py"} <= {path.name for path in CONTROLLER}
