@@ -50,7 +50,7 @@ class Firmware:
         self.dropped_frames = 0
         """Frames that were for nobody here or malformed."""
         self._events: list[tuple[int, Event]] = []
-        self._frames: list[tuple[int, Frame]] = []
+        self._frames: list[Frame] = []
         self._pins: list[PinChange] = []
         self._energised = [False] * axis_count
         self._routes: dict[int, list[Handler]] = {}
@@ -172,14 +172,14 @@ class Firmware:
         if node.routes_changed:
             self._route()
         if node.outbox:
-            self._frames += [(now_counts, frame) for frame in node.outbox]
+            self._frames += node.outbox
             node.outbox.clear()
         if node.energised is not self._energised[node.axis]:
             self._energised[node.axis] = node.energised
             self._pins.append(PinChange(now_counts, node.axis, Pin.ENABLE, int(node.energised)))
 
-    def take_frames(self) -> list[tuple[int, Frame]]:
-        """Return the frames to send, each with the instant from which it may go."""
+    def take_frames(self) -> list[Frame]:
+        """Return the frames that want to be sent now."""
         frames, self._frames = self._frames, []
         return frames
 

@@ -123,6 +123,10 @@ class Motion:
         if not self.running(axis):
             self.preset(axis, position_units)
 
+    def config(self, axis: int) -> StepConfig:
+        """How an axis makes its steps."""
+        return self._configs[axis]
+
     def preset(self, axis: int, position_units: int) -> None:
         """Declare where an axis is: it stands, its queue is empty, its counter is the nearest whole step."""
         q16 = position_units * self._configs[axis].microsteps << 2

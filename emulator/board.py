@@ -73,7 +73,7 @@ class Board:
 
     def take_frames(self) -> list[Frame]:
         """Fetch the frames that the board wants to send now."""
-        return [frame for _, frame in self.firmware.take_frames()]
+        return self.firmware.take_frames()
 
     def drain(self) -> None:
         """Show the drivers all pulses placed so far."""

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from controller import kernel as k
 from controller.backend import Kernel, compiled_kernel, python_kernel
@@ -105,10 +106,9 @@ class TestRefusals:
     def test_coefficients_stay_inside_i32(self, kernel: Kernel) -> None:
         """At rest to rest the largest coefficient is b = 3D: D of 2^31 / 3 in Q16 steps is the end."""
         largest = ((1 << 31) - 1) // 3 // 64
-        unlimited = {"rate_limit_q16_per_ms": k.I32_MAX}
-        assert KernelRig(kernel, **unlimited).push(largest, 0, 255) == k.ACCEPTED
-        assert KernelRig(kernel, **unlimited).push(largest + 1, 0, 255) == k.REFUSED_COEFFICIENT
-        assert KernelRig(kernel, **unlimited).push(-largest - 1, 0, 255) == k.REFUSED_COEFFICIENT
+        assert KernelRig(kernel, rate_limit_q16_per_ms=k.I32_MAX).push(largest, 0, 255) == k.ACCEPTED
+        assert KernelRig(kernel, rate_limit_q16_per_ms=k.I32_MAX).push(largest + 1, 0, 255) == k.REFUSED_COEFFICIENT
+        assert KernelRig(kernel, rate_limit_q16_per_ms=k.I32_MAX).push(-largest - 1, 0, 255) == k.REFUSED_COEFFICIENT
 
     def test_position_stays_inside_i32_units(self, kernel: Kernel) -> None:
         rig = KernelRig(kernel)
@@ -259,7 +259,7 @@ def test_what_limits_the_edges_is_the_wire_unit_and_the_chord(fast_kernel: Kerne
     assert bound / 2 < error < bound
 
 
-def ideal_error_of_a_sine(kernel: Kernel, peak_hz: int, sine_hz: float) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def ideal_error_of_a_sine(kernel: Kernel, peak_hz: int, sine_hz: float) -> NDArray[np.float64]:
     """Run one period from rest to rest; return demand - threshold in steps at every edge that did not wait for DIR."""
     omega = 2 * math.pi * sine_hz
     amplitude = peak_hz / omega
@@ -279,4 +279,5 @@ def ideal_error_of_a_sine(kernel: Kernel, peak_hz: int, sine_hz: float) -> np.nd
     thresholds = np.cumsum(signs) - signs + signs * 0.5625
     ideal = amplitude * (1 - np.cos(omega * np.array(rig.rises()) / 72e6))
     assert rig.get(k.DELAYED_STEPS) == 0
-    return ideal - thresholds
+    error: NDArray[np.float64] = ideal - thresholds
+    return error

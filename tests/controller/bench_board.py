@@ -1,0 +1,87 @@
+"""A firmware on a table: frames go in and come out at chosen instants, there is no bus and no driver."""
+
+import struct
+
+from controller.backend import Kernel
+from controller.firmware import Firmware
+from protocol.frame import Frame
+
+MS = 72_000
+"""A millisecond in timer counts."""
+
+
+class BenchBoard:
+    """Talks to a firmware directly; `sent` collects what it says."""
+
+    def __init__(self, kernel: Kernel, axes: int = 1) -> None:
+        self.firmware = Firmware(kernel, axes)
+        self.now = 0
+        self.sent: list[tuple[int, Frame]] = []
+        self.firmware.boot(0)
+        self._fetch()
+
+    def _fetch(self) -> None:
+        self.sent += [(self.now, frame) for frame in self.firmware.take_frames()]
+
+    def wait(self, dt_ms: float) -> None:
+        """Let time pass, stopping wherever the firmware has something to do."""
+        until = self.now + round(dt_ms * MS)
+        while self.now < until:
+            due = self.firmware.next_due_counts
+            goal = until if due is None else max(self.now, min(until, due))
+            self.now = self.firmware.advance(goal)
+            self.firmware.poll(self.now)
+            if self.firmware.motion.room_ticks == 0:
+                self.firmware.motion.take_edges()
+            self._fetch()
+
+    def send(self, cob_id: int, data: bytes) -> None:
+        """Deliver a frame now."""
+        self.firmware.receive(Frame(cob_id, data), self.now)
+        self.firmware.poll(self.now)
+        self._fetch()
+
+    def nmt(self, command: int, node: int = 0) -> None:
+        self.send(0, bytes((command, node)))
+
+    def write(self, index: int, subindex: int, value: int, axis: int = 0) -> int:
+        """Write by SDO; return the abort code, 0 for success."""
+        node = self.firmware.nodes[axis]
+        entry = node.dictionary.entries[index << 8 | subindex]
+        size = entry.data_type.size
+        data = value.to_bytes(size, "little", signed=value < 0)
+        request = struct.pack("<BHB", 0x23 | (4 - size) << 2, index, subindex) + data.ljust(4, b"\0")
+        self.send(0x600 + node.node_id, request)
+        answer = self.frames(0x580 + node.node_id)[-1]
+        return int.from_bytes(answer[4:], "little") if answer[0] == 0x80 else 0
+
+    def value(self, index: int, subindex: int = 0, axis: int = 0) -> int:
+        """What the dictionary says now."""
+        return self.firmware.nodes[axis].dictionary.get(index, subindex)
+
+    def frames(self, cob_id: int) -> list[bytes]:
+        """Everything sent with an identifier."""
+        return [frame.data for _, frame in self.sent if frame.cob_id == cob_id]
+
+    def enable(self, mode: int = 7) -> None:
+        """Bring every axis to OPERATION ENABLED in a mode."""
+        self.nmt(1)
+        for axis in range(len(self.firmware.nodes)):
+            for word in (0x06, 0x07, 0x0F):
+                assert self.write(0x6040, 0, word, axis) == 0
+            assert self.write(0x6060, 0, mode, axis) == 0
+
+    def record(self, displacement: int, velocity: int, duration_ms: int, sequence: int, axis: int = 0) -> None:
+        """Send a PVT record by RPDO4."""
+        data = (
+            displacement.to_bytes(3, "little", signed=True)
+            + velocity.to_bytes(3, "little", signed=True)
+            + bytes((duration_ms, sequence))
+        )
+        self.send(0x500 + self.firmware.nodes[axis].node_id, data)
+
+    def start(self) -> None:
+        """Set the start bit of every axis by RPDO2 and SYNC."""
+        for node in self.firmware.nodes:
+            self.send(0x300 + node.node_id, b"\x1f\x00")
+        self.send(0x080, b"")

@@ -1,0 +1,355 @@
+"""The firmware as a whole: what frames make it do, and what it says, at which instant."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from controller.backend import Kernel, python_kernel
+from controller.firmware import Firmware, Pin
+from protocol.abort import AbortCode
+from protocol.cia402 import ErrorCode, State
+from protocol.frame import Frame
+from protocol.nmt import NmtState
+from protocol.pvt import PvtFlag
+from tests.controller.bench_board import MS, BenchBoard
+
+STEP = 1024
+"""Units of a step at 16 microsteps."""
+
+
+@pytest.fixture
+def board(fast_kernel: Kernel) -> BenchBoard:
+    return BenchBoard(fast_kernel)
+
+
+@pytest.fixture
+def pair(fast_kernel: Kernel) -> BenchBoard:
+    return BenchBoard(fast_kernel, axes=2)
+
+
+def flags(board: BenchBoard, axis: int = 0) -> PvtFlag:
+    return PvtFlag(board.value(0x2012, 3, axis))
+
+
+def state(board: BenchBoard, axis: int = 0) -> State:
+    return board.firmware.nodes[axis].state
+
+
+def emergencies(board: BenchBoard, axis: int = 0) -> list[int]:
+    return [int.from_bytes(data[:2], "little") for data in board.frames(0x090 + axis)]
+
+
+class TestBoot:
+    def test_every_node_announces_itself_and_waits(self, fast_kernel: Kernel) -> None:
+        board = BenchBoard(fast_kernel, axes=8)
+        assert [frame for _, frame in board.sent] == [Frame(0x710 + i, b"\0") for i in range(8)]
+        assert all(node.nmt_state is NmtState.PRE_OPERATIONAL for node in board.firmware.nodes)
+        assert all(node.state is State.SWITCH_ON_DISABLED for node in board.firmware.nodes)
+
+    @pytest.mark.parametrize("axes", [0, 9])
+    def test_a_board_has_one_to_eight_axes(self, fast_kernel: Kernel, axes: int) -> None:
+        with pytest.raises(ValueError, match="1 to 8"):
+            Firmware(fast_kernel, axes)
+
+    def test_drivers_leave_reset_at_power_up_and_are_enabled_with_the_drive(self, board: BenchBoard) -> None:
+        board.wait(1)
+        board.enable()
+        board.write(0x6040, 0, 0)
+        changes = [(change.pin, change.level) for change in board.firmware.take_pins()]
+        assert changes == [(Pin.RESET, 1), (Pin.ENABLE, 1), (Pin.ENABLE, 0)]
+
+
+class TestNetwork:
+    def test_stopped_nodes_answer_nothing_but_nmt(self, board: BenchBoard) -> None:
+        board.nmt(2)
+        board.send(0x610, bytes.fromhex("4000100000000000"))
+        assert board.frames(0x590) == []
+        board.nmt(0x80)
+        board.send(0x610, bytes.fromhex("4000100000000000"))
+        assert len(board.frames(0x590)) == 1
+
+    def test_process_data_count_in_operational_only(self, board: BenchBoard) -> None:
+        board.send(0x210, b"\x06\x00\x07")
+        assert board.value(0x6040) == 0
+        board.nmt(1)
+        board.send(0x210, b"\x06\x00\x07")
+        assert (board.value(0x6040), board.value(0x6061)) == (6, 7)
+        assert state(board) is State.READY_TO_SWITCH_ON
+
+    def test_heartbeat(self, board: BenchBoard) -> None:
+        board.write(0x1017, 0, 100)
+        board.wait(350)
+        board.nmt(1)
+        board.wait(100)
+        assert [data[0] for data in board.frames(0x710)] == [0, 127, 127, 127, 127, 5]
+
+    def test_reset_communication_restores_the_profile_area_only(self, board: BenchBoard) -> None:
+        board.write(0x1017, 0, 100)
+        board.write(0x607C, 0, 5)
+        board.nmt(0x82)
+        assert (board.value(0x1017), board.value(0x607C)) == (0, 5)
+        assert board.frames(0x710)[-1] == b"\0"
+
+    def test_reset_node_restores_all_and_switches_off(self, board: BenchBoard) -> None:
+        board.enable()
+        board.write(0x607C, 0, 5)
+        board.nmt(0x81)
+        assert state(board) is State.SWITCH_ON_DISABLED
+        assert (board.value(0x607C), board.value(0x6061)) == (0, 0)
+
+    def test_statusword_is_reported_when_it_changes_and_every_100_ms(self, board: BenchBoard) -> None:
+        board.nmt(1)
+        board.wait(250)
+        times = [round(t / MS) for t, frame in board.sent if frame.cob_id == 0x190]
+        assert times == [0, 100, 200]
+        board.wait(10)
+        board.write(0x6040, 0, 0x06)
+        assert State.of(int.from_bytes(board.frames(0x190)[-1][:2], "little")) is State.READY_TO_SWITCH_ON
+
+    def test_a_remapped_rpdo_is_listened_to_at_its_new_cob_id(self, board: BenchBoard) -> None:
+        board.write(0x1400, 1, 1 << 31 | 0x210)
+        board.write(0x1400, 1, 0x2A0)
+        board.nmt(1)
+        board.send(0x210, b"\x06\x00\x07")
+        assert board.value(0x6040) == 0
+        board.send(0x2A0, b"\x06\x00\x07")
+        assert board.value(0x6040) == 6
+
+    def test_a_short_pdo_is_reported(self, board: BenchBoard) -> None:
+        board.nmt(1)
+        board.send(0x510, bytes(7))
+        assert board.frames(0x090) == [bytes.fromhex("1082 11 0400000000")]
+        assert board.value(0x1003, 1) == ErrorCode.PDO_TOO_SHORT
+
+    @given(st.lists(st.tuples(st.integers(0, 0x7FF), st.binary(max_size=8)), max_size=30))
+    @settings(deadline=None)
+    def test_junk_never_raises(self, frames: list[tuple[int, bytes]]) -> None:
+        board = BenchBoard(python_kernel(), axes=2)
+        board.enable()
+        for cob_id, data in frames:
+            board.send(cob_id, data)
+            board.wait(0.3)
+        assert board.firmware.dropped_frames <= len(frames)
+
+
+class TestConfiguration:
+    @pytest.mark.parametrize("microsteps", [1, 2, 8, 16])
+    def test_microstep_settings_of_the_chip(self, board: BenchBoard, microsteps: int) -> None:
+        assert board.write(0x2000, 1, microsteps) == 0
+        assert board.firmware.motion.config(0).microsteps == microsteps
+
+    @pytest.mark.parametrize("microsteps", [3, 4, 15])
+    def test_settings_that_the_chip_does_not_have(self, board: BenchBoard, microsteps: int) -> None:
+        assert board.write(0x2000, 1, microsteps) == AbortCode.VALUE_RANGE
+
+    def test_steps_are_not_reconfigured_while_the_driver_is_on(self, board: BenchBoard) -> None:
+        board.enable()
+        assert board.write(0x2000, 1, 8) == AbortCode.DEVICE_STATE
+        assert board.write(0x2001, 1, 40_000) == AbortCode.DEVICE_STATE
+
+    def test_modes_that_do_not_exist(self, board: BenchBoard) -> None:
+        assert board.write(0x6060, 0, 1) == AbortCode.VALUE_RANGE
+        assert board.value(0x6061) == 0
+
+
+class TestHoming:
+    def test_method_37_presets_the_position_in_units(self, board: BenchBoard) -> None:
+        board.enable(mode=6)
+        board.write(0x607C, 0, 1500)
+        assert not board.value(0x6041) & 1 << 12
+        board.write(0x6040, 0, 0x1F)
+        assert board.value(0x6041) & 1 << 12
+        assert (board.value(0x6062), board.value(0x6064), board.value(0x60F4)) == (1500, 1024, 476)
+
+    def test_it_takes_a_rising_start_bit(self, board: BenchBoard) -> None:
+        board.enable(mode=6)
+        board.write(0x6040, 0, 0x1F)
+        board.write(0x607C, 0, 1500)
+        board.write(0x6040, 0, 0x1F)
+        assert board.value(0x6062) == 0
+
+
+class TestInterpolation:
+    def test_a_stream_starts_with_sync_and_ends_at_rest(self, pair: BenchBoard) -> None:
+        pair.enable()
+        for axis in (0, 1):
+            pair.record(10 * STEP, 0, 20, 0, axis)
+            pair.record(-3 * STEP, 0, 20, 1, axis)
+            assert flags(pair, axis) == PvtFlag.ARMED
+        pair.wait(5.1)
+        pair.start()
+        assert flags(pair) & PvtFlag.RUNNING
+        assert pair.value(0x6041) & 1 << 12
+        pair.wait(100)
+        assert [pair.value(0x6064, 0, axis) for axis in (0, 1)] == [7 * STEP, 7 * STEP]
+        assert flags(pair) == PvtFlag.EMPTY
+        assert not pair.value(0x6041) & 1 << 12
+        assert pair.value(0x6041) & 1 << 10
+        first, second = (edges.clk_counts for edges in pair.firmware.motion.take_edges())
+        assert list(first) == list(second)
+        assert len(first) == 2 * 13
+
+    def test_all_axes_start_in_the_tick_after_sync(self, board: BenchBoard) -> None:
+        board.enable()
+        board.record(0, 0, 1, 0)
+        board.wait(1.1)  # in tick 4, which lasts from 1.00 to 1.25 ms
+        board.start()
+        board.wait(1.14)  # a record of 1 ms that began with tick 5 ends with tick 8, at 2.25 ms
+        assert flags(board) & PvtFlag.RUNNING
+        board.wait(0.02)
+        assert not flags(board) & PvtFlag.RUNNING
+
+    def test_flow_control(self, board: BenchBoard) -> None:
+        board.enable()
+        board.record(1, 0, 10, 1)  # record 0 is missing
+        assert flags(board) & PvtFlag.GAP
+        assert (board.value(0x2012, 1), board.value(0x2012, 2), board.value(0x2013, 2)) == (0, 64, 1)
+        for sequence in range(65):
+            board.record(1, 0, 10, sequence)
+        assert flags(board) & PvtFlag.OVERFLOW
+        assert not flags(board) & PvtFlag.GAP
+        assert (board.value(0x2012, 1), board.value(0x2012, 2), board.value(0x2013, 3)) == (64, 0, 1)
+        board.record(1, 0, 10, 5)  # old: silently ignored
+        assert board.value(0x2013, 1) == 64
+
+    def test_each_flag_is_one_event_only(self, board: BenchBoard) -> None:
+        board.enable()
+        board.wait(50)
+        before = len(board.frames(0x390))
+        for _ in range(5):
+            board.record(1, 0, 10, 7)
+            board.wait(5)
+        assert len(board.frames(0x390)) == before + 1
+        assert board.value(0x2013, 2) == 5
+
+    def test_clearing_begins_again_at_zero(self, board: BenchBoard) -> None:
+        board.enable()
+        board.record(100, 0, 10, 0)
+        assert board.write(0x60C4, 6, 0) == 0
+        assert (board.value(0x2012, 1), board.value(0x2012, 2), flags(board)) == (0, 64, PvtFlag.EMPTY)
+        board.record(50, 0, 10, 0)
+        board.start()
+        assert board.write(0x60C4, 6, 0) == AbortCode.DEVICE_STATE
+        board.wait(20)
+        assert board.value(0x6062) == 50
+
+    def test_a_refused_record_is_flagged_and_reported(self, board: BenchBoard) -> None:
+        board.enable()
+        board.record(1000 * STEP, 0, 10, 0)
+        assert flags(board) & PvtFlag.REJECTED
+        assert board.frames(0x090) == [bytes.fromhex("03ff 81 0004000000")]  # refusal 4, sequence 0
+        assert board.value(0x2012, 1) == 0
+        assert state(board) is State.OPERATION_ENABLED
+
+    def test_sequence_numbers_wrap(self, board: BenchBoard) -> None:
+        board.enable()
+        sent = 0
+        for sent in range(40):
+            board.record(10, 0, 5, sent)
+        board.start()
+        for sent in range(40, 700):
+            board.record(10, 0, 5, sent % 256)
+            board.wait(5)
+        board.wait(300)
+        assert flags(board) == PvtFlag.EMPTY
+        assert board.value(0x6062) == 7000
+        assert board.value(0x2012, 1) == 700 % 256
+        assert board.value(0x2013, 5) >= 38
+
+
+class TestStops:
+    def moving(self, board: BenchBoard, records: int = 8) -> None:
+        """Every axis runs at 4 kHz, axis 1 the other way, with 20 ms records."""
+        board.write(0x6085, 0, 40_000 * STEP)
+        board.enable()
+        for axis in range(len(board.firmware.nodes)):
+            sign = 1 - 2 * axis
+            board.record(sign * 40 * STEP, sign * 4 * STEP * 64, 20, 0, axis)
+            for sequence in range(1, records):
+                board.record(sign * 80 * STEP, sign * 4 * STEP * 64, 20, sequence, axis)
+        board.start()
+        board.wait(50)
+
+    def test_underrun_stops_the_group_and_says_why(self, pair: BenchBoard) -> None:
+        """Axis 0 runs dry at 4 kHz; both ramp down in the same 100 ms, with their own codes, and stay known."""
+        self.moving(pair, records=5)
+        pair.record(-80 * STEP, -4 * STEP * 64, 20, 5, axis=1)
+        pair.wait(49)
+        assert state(pair, 0) is State.OPERATION_ENABLED
+        pair.wait(2)
+        assert state(pair, 0) is State.FAULT_REACTION_ACTIVE
+        pair.wait(98)
+        assert state(pair, 0) is State.FAULT_REACTION_ACTIVE
+        pair.wait(10)
+        assert state(pair, 0) is state(pair, 1) is State.FAULT
+        assert (emergencies(pair, 0), emergencies(pair, 1)) == ([0xFF01], [0xFF02])
+        assert pair.value(0x603F) == ErrorCode.PVT_UNDERRUN
+        assert flags(pair, 0) & PvtFlag.UNDERRUN
+        assert pair.value(0x2013, 4) == 1
+        assert pair.value(0x6062, 0, 0) == pytest.approx((40 + 320 + 15) * STEP, abs=200 * STEP)
+        assert abs(pair.value(0x60F4, 0, 0)) <= 0.57 * STEP
+
+    def test_without_group_stop_the_others_run_on(self, pair: BenchBoard) -> None:
+        pair.write(0x2010, 1, 0)
+        self.moving(pair, records=5)
+        pair.record(-40 * STEP, 0, 20, 5, axis=1)
+        pair.wait(300)
+        assert (state(pair, 0), state(pair, 1)) == (State.FAULT, State.OPERATION_ENABLED)
+        assert pair.value(0x6062, 0, 1) == -(40 + 320 + 40) * STEP
+
+    def test_fault_is_reset_and_the_axis_works_on(self, board: BenchBoard) -> None:
+        self.moving(board, records=3)
+        board.wait(300)
+        assert state(board) is State.FAULT
+        board.write(0x6040, 0, 0x80)
+        assert state(board) is State.SWITCH_ON_DISABLED
+        assert emergencies(board) == [0xFF01, 0]
+        assert board.value(0x603F) == board.value(0x1001) == 0
+        board.write(0x60C4, 6, 0)
+        board.enable()
+        before = board.value(0x6062)
+        board.record(5 * STEP, 0, 20, 0)
+        board.start()
+        board.wait(50)
+        assert board.value(0x6062) == before + 5 * STEP
+
+    def test_quick_stop_ramps_down_then_switches_off(self, board: BenchBoard) -> None:
+        self.moving(board)
+        board.write(0x6040, 0, 0x02)
+        assert state(board) is State.QUICK_STOP_ACTIVE
+        board.wait(98)
+        assert state(board) is State.QUICK_STOP_ACTIVE
+        board.wait(10)
+        assert state(board) is State.SWITCH_ON_DISABLED
+        assert abs(board.value(0x60F4)) <= 0.57 * STEP
+
+    def test_disable_operation_ramps_down_first(self, board: BenchBoard) -> None:
+        self.moving(board)
+        board.write(0x6040, 0, 0x07)
+        assert state(board) is State.OPERATION_ENABLED
+        board.wait(110)
+        assert state(board) is State.SWITCHED_ON
+
+    def test_disable_voltage_cuts_at_once(self, board: BenchBoard) -> None:
+        self.moving(board)
+        board.firmware.motion.take_edges()
+        board.write(0x6040, 0, 0x00)
+        assert state(board) is State.SWITCH_ON_DISABLED
+        board.wait(100)
+        assert len(board.firmware.motion.take_edges()[0].clk_counts) == 0
+
+    def test_quick_stop_at_rest_switches_off_at_once(self, board: BenchBoard) -> None:
+        board.enable()
+        board.write(0x6040, 0, 0x02)
+        assert state(board) is State.SWITCH_ON_DISABLED
+
+    def test_steps_that_come_too_late_are_a_fault(self, board: BenchBoard) -> None:
+        """A DIR setup of 1 ms delays the first step after a sharp reversal by more than a tick."""
+        board.write(0x2001, 3, 1_000_000)
+        board.enable()
+        board.record(10 * STEP, 0, 10, 0)
+        board.record(-30 * STEP, 0, 7, 1)
+        board.start()
+        board.wait(100)
+        assert emergencies(board) == [0xFF04]
+        assert board.value(0x2013, 6) > 0

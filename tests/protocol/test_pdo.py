@@ -1,0 +1,200 @@
+"""PDOs: decoding and encoding by the mapping, and the rules of changing their parameters (CiA 301, 7.5.2.36)."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocol.abort import AbortCode, SdoAbortError
+from protocol.cia402 import ErrorCode
+from protocol.dictionary import ObjectDictionary
+from protocol.frame import COB_ID_INVALID, COB_ID_NO_RTR
+from protocol.pdo import ProcessData
+from protocol.pvt import PvtRecord
+
+NODE = 0x10
+INVALID = COB_ID_INVALID
+
+
+def process_data() -> tuple[ObjectDictionary, ProcessData]:
+    dictionary = ObjectDictionary(NODE)
+    pdos = ProcessData(dictionary)
+    assert pdos.refresh(0)
+    return dictionary, pdos
+
+
+def write(dictionary: ObjectDictionary, index: int, subindex: int, value: int) -> None:
+    size = dictionary.entries[index << 8 | subindex].data_type.size
+    dictionary.write(index, subindex, value.to_bytes(size, "little"))
+
+
+def refused(dictionary: ObjectDictionary, index: int, subindex: int, value: int) -> AbortCode:
+    with pytest.raises(SdoAbortError) as caught:
+        write(dictionary, index, subindex, value)
+    return caught.value.code
+
+
+@given(
+    st.integers(-(1 << 23), (1 << 23) - 1),
+    st.integers(-(1 << 23), (1 << 23) - 1),
+    st.integers(0, 255),
+    st.integers(0, 255),
+)
+def test_a_pvt_record_arrives_as_it_was_sent(displacement: int, velocity: int, duration_ms: int, sequence: int) -> None:
+    dictionary, pdos = process_data()
+    record = PvtRecord(displacement, velocity, duration_ms, sequence)
+    assert pdos.receive_pdos[3].receive(record.encode()) is ErrorCode.NONE
+    assert tuple(dictionary.get(0x60C1, i) for i in (1, 2, 3, 4)) == record
+
+
+def test_default_cob_ids_follow_the_predefined_connection_set() -> None:
+    _, pdos = process_data()
+    assert [pdo.cob_id for pdo in pdos.receive_pdos] == [0x210, 0x310, 0x410, 0x510]
+    assert [pdo.cob_id & 0x7FF for pdo in pdos.transmit_pdos] == [0x190, 0x290, 0x390, 0x490]
+    assert [pdo.exists for pdo in pdos.transmit_pdos] == [True, False, True, True]
+    assert [pdo.synchronous for pdo in pdos.receive_pdos] == [False, True, True, False]
+
+
+def test_a_synchronous_rpdo_waits_for_sync_and_the_last_one_counts() -> None:
+    dictionary, pdos = process_data()
+    pdos.receive_pdos[1].receive(b"\x06\x00")
+    pdos.receive_pdos[1].receive(b"\x1f\x00")
+    assert dictionary.get(0x6040) == 0
+    pdos.receive_pdos[1].on_sync()
+    assert dictionary.get(0x6040) == 0x1F
+    dictionary.set(0x6040, 0, 0)
+    pdos.receive_pdos[1].on_sync()
+    assert dictionary.get(0x6040) == 0
+
+
+def test_length_errors() -> None:
+    dictionary, pdos = process_data()
+    assert pdos.receive_pdos[0].receive(b"\x06\x00") is ErrorCode.PDO_TOO_SHORT
+    assert dictionary.get(0x6040) == 0
+    assert pdos.receive_pdos[0].receive(b"\x06\x00\x07\xff") is ErrorCode.PDO_TOO_LONG
+    assert (dictionary.get(0x6040), dictionary.get(0x6060)) == (6, 7)
+
+
+def test_values_that_the_dictionary_refuses_are_dropped_and_counted() -> None:
+    dictionary, pdos = process_data()
+
+    def refuse(_value: int) -> None:
+        raise SdoAbortError(AbortCode.VALUE_RANGE)
+
+    dictionary.write_hooks[0x6060 << 8] = refuse
+    assert pdos.receive_pdos[0].receive(b"\x06\x00\x63") is ErrorCode.NONE
+    assert (dictionary.get(0x6040), dictionary.get(0x6060)) == (6, 0)
+    assert pdos.receive_pdos[0].refused == 1
+
+
+class TestTransmission:
+    def test_change_is_sent_at_once_then_inhibited(self) -> None:
+        dictionary, pdos = process_data()
+        pdo = pdos.transmit_pdos[0]
+        dictionary.set(0x6041, 0, 0x1234)
+        dictionary.set(0x6064, 0, -2)
+        pdos.changed(0x6041)
+        frame = pdo.poll(0)
+        assert frame is not None
+        assert (frame.cob_id, frame.data.hex(" ")) == (0x190, "34 12 00 fe ff ff ff")
+        pdos.changed(0x6041)
+        assert pdo.due_us == 5_000
+        assert pdo.poll(4_999) is None
+        assert pdo.poll(5_000) is not None
+
+    def test_event_timer_repeats_it(self) -> None:
+        _, pdos = process_data()
+        pdo = pdos.transmit_pdos[0]
+        assert pdo.due_us == 100_000
+        assert pdo.poll(99_999) is None
+        assert pdo.poll(100_000) is not None
+        assert pdo.due_us == 200_000
+
+    def test_changes_of_what_is_not_mapped_do_not_send(self) -> None:
+        _, pdos = process_data()
+        pdos.changed(0x603F)
+        assert [pdo.due_us for pdo in pdos.transmit_pdos] == [100_000, None, 100_000, 0]
+
+    @pytest.mark.parametrize(("transmission", "sent"), [(1, [1, 1, 1, 1]), (3, [0, 0, 1, 0]), (0, [0, 0, 0, 0])])
+    def test_synchronous_types_count_syncs(self, transmission: int, sent: list[int]) -> None:
+        dictionary, pdos = process_data()
+        write(dictionary, 0x1801, 2, transmission)
+        pdos.refresh(0)
+        pdo = pdos.transmit_pdos[1]
+        assert [int(pdo.on_sync() is not None) for _ in range(4)] == sent
+
+    def test_type_0_is_sent_at_the_sync_after_a_change(self) -> None:
+        dictionary, pdos = process_data()
+        write(dictionary, 0x1801, 2, 0)
+        pdos.refresh(0)
+        pdos.changed(0x6064)
+        pdo = pdos.transmit_pdos[1]
+        assert [pdo.on_sync() is not None for _ in range(2)] == [True, False]
+
+
+class TestConfiguration:
+    def test_the_prescribed_order_works(self) -> None:
+        """Invalidate, empty the mapping, map, set the count, validate."""
+        dictionary, pdos = process_data()
+        write(dictionary, 0x1800, 1, 0x190 | COB_ID_NO_RTR | INVALID)
+        write(dictionary, 0x1A00, 0, 0)
+        write(dictionary, 0x1A00, 1, 0x606C_0020)
+        write(dictionary, 0x1A00, 0, 1)
+        write(dictionary, 0x1800, 1, 0x191 | COB_ID_NO_RTR)
+        assert pdos.refresh(0)
+        dictionary.set(0x606C, 0, 5)
+        pdos.changed(0x606C)
+        frame = pdos.transmit_pdos[0].poll(0)
+        assert frame is not None
+        assert (frame.cob_id, frame.data.hex()) == (0x191, "05000000")
+
+    def test_a_valid_cob_id_keeps_its_identifier(self) -> None:
+        dictionary, _ = process_data()
+        assert refused(dictionary, 0x1400, 1, 0x211) is AbortCode.VALUE_RANGE
+        write(dictionary, 0x1400, 1, 0x210)
+
+    def test_mapping_is_closed_while_the_pdo_is_valid(self) -> None:
+        dictionary, _ = process_data()
+        assert refused(dictionary, 0x1600, 0, 0) is AbortCode.DEVICE_STATE
+        assert refused(dictionary, 0x1600, 1, 0) is AbortCode.DEVICE_STATE
+
+    def test_entries_are_closed_while_the_count_is_not_zero(self) -> None:
+        dictionary, _ = process_data()
+        write(dictionary, 0x1400, 1, 0x210 | INVALID)
+        assert refused(dictionary, 0x1600, 1, 0x6040_0010) is AbortCode.DEVICE_STATE
+
+    @pytest.mark.parametrize(
+        "word",
+        [
+            pytest.param(0x9999_0010, id="no such object"),
+            pytest.param(0x6041_0010, id="not for receiving"),
+            pytest.param(0x6040_0008, id="wrong width"),
+            pytest.param(0x1018_0120, id="constant"),
+        ],
+    )
+    def test_what_cannot_be_mapped(self, word: int) -> None:
+        dictionary, _ = process_data()
+        write(dictionary, 0x1400, 1, 0x210 | INVALID)
+        write(dictionary, 0x1600, 0, 0)
+        assert refused(dictionary, 0x1600, 1, word) is AbortCode.CANNOT_BE_MAPPED
+
+    def test_64_bits_fit_and_more_do_not(self) -> None:
+        dictionary, _ = process_data()
+        write(dictionary, 0x1800, 1, 0x190 | INVALID)
+        write(dictionary, 0x1A00, 0, 0)
+        for i, word in enumerate((0x6064_0020, 0x6062_0020, 0x6061_0008), start=1):
+            write(dictionary, 0x1A00, i, word)
+        assert refused(dictionary, 0x1A00, 0, 3) is AbortCode.PDO_TOO_LONG
+        write(dictionary, 0x1A00, 0, 2)
+        assert dictionary.get(0x1A00) == 2
+
+    def test_a_count_over_empty_entries_is_refused(self) -> None:
+        dictionary, _ = process_data()
+        write(dictionary, 0x1400, 1, 0x210 | INVALID)
+        write(dictionary, 0x1600, 0, 0)
+        assert refused(dictionary, 0x1600, 0, 3) is AbortCode.CANNOT_BE_MAPPED
+
+    def test_parameters_are_closed_outside_pre_operational(self) -> None:
+        dictionary, pdos = process_data()
+        pdos.configurable = False
+        for index, subindex in ((0x1400, 1), (0x1400, 2), (0x1800, 3), (0x1800, 5), (0x1600, 0), (0x1A00, 1)):
+            assert refused(dictionary, index, subindex, 0) is AbortCode.DEVICE_STATE

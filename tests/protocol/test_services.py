@@ -1,0 +1,157 @@
+"""NMT, heartbeat, EMCY, PVT flow control and data types."""
+
+import io
+
+import pytest
+from canopen.objectdictionary import eds as canopen_eds
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocol.cia402 import ErrorCode
+from protocol.datatypes import DataType, decode, encode
+from protocol.eds import render_eds
+from protocol.emergency import EmergencyProducer
+from protocol.nmt import HeartbeatProducer, NmtCommand, NmtState, command_for, target_of
+from protocol.objects import OBJECTS, Kind
+from protocol.pvt import PvtRecord, PvtStatus, Verdict, judge
+
+
+class TestNmt:
+    @pytest.mark.parametrize(
+        ("data", "command"),
+        [
+            ("01 00", NmtCommand.START),
+            ("02 12", NmtCommand.STOP),
+            ("80 12", NmtCommand.ENTER_PRE_OPERATIONAL),
+            ("81 00", NmtCommand.RESET_NODE),
+            ("82 12", NmtCommand.RESET_COMMUNICATION),
+            ("01 13", None),
+            ("03 00", None),
+            ("01", None),
+            ("", None),
+            ("01 00 00", None),
+        ],
+    )
+    def test_commands_for_node_0x12(self, data: str, command: NmtCommand | None) -> None:
+        assert command_for(bytes.fromhex(data), 0x12) is command
+
+    def test_targets(self) -> None:
+        assert [target_of(command) for command in NmtCommand] == [
+            NmtState.OPERATIONAL,
+            NmtState.STOPPED,
+            NmtState.PRE_OPERATIONAL,
+            NmtState.INITIALISING,
+            NmtState.INITIALISING,
+        ]
+
+
+class TestHeartbeat:
+    def test_is_silent_until_a_period_is_set(self) -> None:
+        producer = HeartbeatProducer()
+        assert producer.due_us is None
+        assert not producer.poll(10**9)
+
+    def test_keeps_its_period_however_late_it_is_polled(self) -> None:
+        producer = HeartbeatProducer()
+        producer.set_period(1000, now_us=500)
+        assert [producer.poll(t) for t in (499, 500, 501, 1499, 1700, 2499, 2500)] == [
+            False,
+            True,
+            False,
+            False,
+            True,
+            False,
+            True,
+        ]
+        producer.set_period(0, now_us=3000)
+        assert not producer.poll(10**9)
+
+
+class TestEmergency:
+    def test_payload_register_and_history(self) -> None:
+        emergency = EmergencyProducer()
+        emergency.raise_error(ErrorCode.PVT_UNDERRUN, 0x0102)
+        emergency.raise_error(ErrorCode.PDO_TOO_SHORT)
+        assert emergency.poll(0) == bytes.fromhex("01ff 81 0201000000")
+        assert emergency.poll(0) == bytes.fromhex("1082 91 0000000000")
+        assert emergency.poll(0) is None
+        assert list(emergency.history) == [0x8210, 0xFF01]
+        emergency.clear()
+        assert emergency.poll(0) == bytes(8)
+        assert emergency.register == 0
+        emergency.clear()
+        assert emergency.poll(0) is None
+
+    def test_inhibit_time_spaces_the_frames(self) -> None:
+        emergency = EmergencyProducer()
+        emergency.inhibit = 30  # 3 ms
+        emergency.raise_error(ErrorCode.PVT_UNDERRUN)
+        emergency.raise_error(ErrorCode.PVT_UNDERRUN)
+        assert emergency.poll(1000) is not None
+        assert emergency.due_us == 4000
+        assert emergency.poll(3999) is None
+        assert emergency.poll(4000) is not None
+
+    def test_history_keeps_the_latest_eight(self) -> None:
+        emergency = EmergencyProducer()
+        for _ in range(9):
+            emergency.raise_error(ErrorCode.PARAMETER)
+        emergency.raise_error(ErrorCode.LATE_STEP)
+        assert list(emergency.history) == [ErrorCode.LATE_STEP] + [ErrorCode.PARAMETER] * 7
+
+    @pytest.mark.parametrize("code", list(ErrorCode))
+    def test_every_code_has_its_register_bits(self, code: ErrorCode) -> None:
+        assert code.register & 1 == (code is not ErrorCode.NONE)
+
+
+class TestPvt:
+    def test_verdicts_over_the_whole_circle(self) -> None:
+        """All 256 x 256 pairs: the expected number is taken, half the circle behind it is old, the rest is a gap."""
+        for expected in range(256):
+            for sequence in range(256):
+                ahead = (sequence - expected) % 256
+                verdict = judge(sequence, expected, free=1)
+                if ahead == 0:
+                    assert verdict is Verdict.PUSH
+                    assert judge(sequence, expected, free=0) is Verdict.FULL
+                else:
+                    assert verdict is (Verdict.GAP if ahead < 128 else Verdict.STALE)
+
+    def test_record_bytes(self) -> None:
+        assert PvtRecord(-2, 0x01_0203, 10, 255).encode() == bytes.fromhex("feffff 030201 0a ff")
+
+    @pytest.mark.parametrize("displacement", [1 << 23, -(1 << 23) - 1])
+    def test_record_refuses_what_does_not_fit(self, displacement: int) -> None:
+        with pytest.raises(OverflowError):
+            PvtRecord(displacement, 0, 1, 0).encode()
+
+    def test_status(self) -> None:
+        status = PvtStatus.decode(bytes.fromhex("05 40 80 04 78563412"))
+        assert status == (5, 64, 128, 4, 0x12345678)
+        with pytest.raises(ValueError, match="7"):
+            PvtStatus.decode(bytes(7))
+
+
+@given(st.data())
+def test_datatypes_round_trip_over_their_ranges(data: st.DataObject) -> None:
+    kind = data.draw(st.sampled_from([t for t in DataType if t.size]))
+    value = data.draw(st.sampled_from([kind.low, kind.high]) | st.integers(kind.low, kind.high))
+    assert decode(kind, encode(kind, value)) == value
+
+
+class TestEds:
+    def test_the_canopen_library_reads_every_entry(self) -> None:
+        dictionary = canopen_eds.import_eds(io.StringIO(render_eds()), 0x12)  # type: ignore[no-untyped-call]
+        for item in OBJECTS:
+            for subindex, entry in item.entries.items():
+                found = dictionary.get_variable(item.index, subindex)
+                assert found is not None, f"{item.index:04X}:{subindex}"
+                assert found.data_type == entry.data_type
+                assert found.access_type == entry.access.value
+                assert found.default == entry.default_for(0x12)
+                assert found.name == (item.name if item.kind is Kind.VARIABLE else entry.name)
+                if entry.low is not None and entry.data_type is not DataType.INTEGER24:
+                    assert found.min == entry.low
+
+    def test_the_same_table_gives_the_same_bytes(self) -> None:
+        assert render_eds() == render_eds()
