@@ -94,8 +94,8 @@ class Motion:
             self._set(axis, k.LAST_RISE_COUNTS, k.NEVER_COUNTS)
             self._set(axis, k.MICROSTEPS, UNCONFIGURED.microsteps)
             self._set(axis, k.DURATION_TICKS, 1)
-        self.room_ticks = self._ticks_per_drain()
-        """Ticks of motion whose edges are sure to fit before `take_edges` must be called."""
+        self._free_edges = EDGE_CAPACITY
+        self._edges_per_tick = _edges_per_tick(self._configs)
 
     def _get(self, axis: int, field: int) -> int:
         return int(self._axes[axis * k.AXIS_FIELDS + field])
@@ -103,17 +103,13 @@ class Motion:
     def _set(self, axis: int, field: int, value: int) -> None:
         self._axes[axis * k.AXIS_FIELDS + field] = value
 
-    def _ticks_per_drain(self) -> int:
-        fastest = max(config.rate_limit_q16_per_ms for config in self._configs)
-        steps_per_tick = (fastest >> 16) // k.TICKS_PER_MS + 2
-        return EDGE_CAPACITY // (2 * steps_per_tick)
-
     # --- what the axes are and where they stand
 
     def configure(self, axis: int, config: StepConfig) -> None:
         """Set how an axis makes its steps. Its position in units stays; a new microstep setting needs standstill."""
         position_units = self.demand_units(axis)
         self._configs[axis] = config
+        self._edges_per_tick = _edges_per_tick(self._configs)
         self._set(axis, k.MICROSTEPS, config.microsteps)
         self._set(axis, k.STEPLEN_COUNTS, counts_of_ns(config.steplen_ns))
         self._set(axis, k.STEPSPACE_COUNTS, counts_of_ns(config.stepspace_ns))
@@ -206,6 +202,11 @@ class Motion:
 
     # --- time forward, edges and events out
 
+    @property
+    def room_ticks(self) -> int:
+        """Ticks of motion whose edges are sure to fit before `take_edges` must be called."""
+        return self._free_edges // self._edges_per_tick
+
     def advance(self, until_tick: int) -> int:
         """Compute up to the start of `until_tick`; return the tick reached.
 
@@ -221,7 +222,7 @@ class Motion:
         if reached < until:  # axes run one after the other: take those that ran too far back to the common tick
             self._axes = before
             self._run(reached)
-        self.room_ticks -= reached - self.tick
+        self._free_edges -= (reached - self.tick) * self._edges_per_tick
         self.tick = reached
         return reached
 
@@ -250,8 +251,14 @@ class Motion:
             edges.append(PinEdges(self._clk[axis][:clk_edges].copy(), self._direction[axis][:dir_edges].copy()))
             self._set(axis, k.CLK_EDGES, 0)
             self._set(axis, k.DIR_EDGES, 0)
-        self.room_ticks = self._ticks_per_drain()
+        self._free_edges = EDGE_CAPACITY
         return tuple(edges)
+
+
+def _edges_per_tick(configs: list[StepConfig]) -> int:
+    """An upper bound for the edges of one pin in a tick: the fastest axis' steps, and one more on either side."""
+    fastest = max(config.rate_limit_q16_per_ms for config in configs)
+    return 2 * ((fastest >> 16) // k.TICKS_PER_MS + 2)
 
 
 def stop_segments(velocity: int, duration_ms: int) -> list[tuple[int, int, int]]:

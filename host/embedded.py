@@ -1,13 +1,101 @@
 """The default board: emulated in this process, in virtual time, with the client's network wired straight to it."""
 
-from collections.abc import Callable
+from math import floor
 
 import canopen
 
 from controller.backend import Kernel
 from emulator.board import AxisTrace, Board, BoardConfig
-from emulator.bus import Bus
+from emulator.bus import COUNTS_PER_SECOND, Bus
 from emulator.simulation import Simulation
 from host.robot import Robot
-from host.verify.evidence import AxisEvidence, Evidence
+from host.verify import AxisEvidence, BusReport, Evidence
 from protocol.frame import COB_SYNC, Frame
+
+TICK_COUNTS = COUNTS_PER_SECOND // 4000
+"""The board's servo tick: a motion begins with the first one after the SYNC that starts it."""
+
+
+class EmbeddedNetwork(canopen.Network):  # type: ignore[misc]  # canopen's base class MutableMapping is untyped
+    """The canopen library's network on a simulated bus.
+
+    `send_message` returns when the bus has fallen silent again, so that the library's blocking calls find their
+    answers already there; nothing waits and no thread is needed.
+    """
+
+    def __init__(self, simulation: Simulation) -> None:
+        super().__init__()
+        self._simulation = simulation
+        simulation.on_frame = self._frame_arrived
+
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
+        """Send a data frame; remote frames do not exist on this bus."""
+        if remote:
+            raise ValueError("the simulated board answers no remote frames; CiA 301 advises against them")
+        self._simulation.send(Frame(can_id, bytes(data)))
+
+    def _frame_arrived(self, frame: Frame, counts: int) -> None:
+        self.notify(frame.cob_id, bytearray(frame.data), counts / COUNTS_PER_SECOND)
+
+
+class EmbeddedBoard:
+    """A robot's board on a bus of its own; fulfils the client's Link. The machine stands at the given joints."""
+
+    def __init__(self, robot: Robot, start_joints: list[float], kernel: Kernel) -> None:
+        self._robot = robot
+        self._start_steps = [
+            floor(position * joint.transmission.steps_per_unit + 0.5)
+            for position, joint in zip(start_joints, robot.joints, strict=True)
+        ]
+        config = BoardConfig(axis_count=len(robot.joints), osc_pf=(robot.board.osc_pf,) * len(robot.joints))
+        self._board = Board(config, kernel)
+        self._simulation = Simulation(self._board, Bus(robot.board.bitrate))
+        self.network = EmbeddedNetwork(self._simulation)
+
+    def now_s(self) -> float:
+        """Simulated seconds since the board was switched on."""
+        return self._simulation.now_s
+
+    def wait(self, dt_s: float) -> None:
+        """Let simulated time pass."""
+        self._simulation.run_until(self._simulation.now_counts + round(dt_s * COUNTS_PER_SECOND))
+
+    @property
+    def bus_log(self) -> list[tuple[int, Frame]]:
+        """Every frame with the instant, in counts, at which it became valid."""
+        bus = self._simulation.bus
+        return list(zip(bus.log_counts, bus.log_frames, strict=True))
+
+    def bus_report(self) -> BusReport:
+        """The traffic so far."""
+        bus = self._simulation.bus
+        load_percent = 100 * bus.busy_bits / (bus.bitrate * self._simulation.now_s)
+        return BusReport(bus.bitrate, len(bus.log_frames), load_percent)
+
+    def driver_positions(self) -> list[int]:
+        """Where each driver's own counter says the motor is, in steps from the joint's zero."""
+        traces = (self._board.trace(axis) for axis in range(len(self._start_steps)))
+        return [start + trace.position_steps for start, trace in zip(self._start_steps, traces, strict=True)]
+
+    def evidence(self) -> Evidence:
+        """What the drivers saw; the motion's t = 0 is the first servo tick after the last SYNC."""
+        sync_counts = max(counts for counts, frame in self.bus_log if frame.cob_id == COB_SYNC)
+        axes = tuple(
+            _axis_evidence(joint.name, self._start_steps[i], self._board.trace(i))
+            for i, joint in enumerate(self._robot.joints)
+        )
+        return Evidence(start_counts=-(-sync_counts // TICK_COUNTS) * TICK_COUNTS, axes=axes)
+
+
+def _axis_evidence(name: str, start_steps: int, trace: AxisTrace) -> AxisEvidence:
+    return AxisEvidence(
+        name=name,
+        start_steps=start_steps,
+        clk_rise_counts=trace.clk_rise_counts,
+        clk_fall_counts=trace.clk_fall_counts,
+        dir_edge_counts=trace.dir_counts,
+        dir_levels=trace.dir_levels,
+        step_counts=trace.step_counts,
+        step_signs=trace.step_signs,
+        violations=len(trace.violations.counts),
+    )

@@ -131,6 +131,13 @@ def test_advance_stops_for_draining_before_edges_can_overflow(kernel: Kernel) ->
     assert np.all(np.diff(np.concatenate((first, second))) > 0)
 
 
+def test_faster_pulses_leave_room_for_fewer_ticks(kernel: Kernel) -> None:
+    motion = moving(kernel)
+    slow = motion.room_ticks
+    motion.configure(0, StepConfig(16, 4_000, 4_000, 0, 0, 125_000 * 1024))
+    assert motion.room_ticks == pytest.approx(slow * (15 // 4 + 2) / (125 // 4 + 2), rel=0.01)
+
+
 def test_time_passes_over_resting_axes_without_limit(kernel: Kernel) -> None:
     motion = moving(kernel)
     assert motion.advance(10**9) == 10**9

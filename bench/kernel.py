@@ -1,0 +1,77 @@
+"""How many steps a second the kernel places, beside a plain numpy copy of the bytes that it writes."""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.loads import AXES, UNLIMITED, Load, constant, run, sine
+from controller.backend import Kernel
+
+REPEATS = 3
+
+
+@dataclass(frozen=True)
+class KernelFigure:
+    """One line of the kernel's table."""
+
+    load: str
+    kernel: str
+    steps: int
+    steps_per_s: float
+    copy_ratio: float
+    """Time of the kernel over the time of copying its output."""
+    simulated_per_wall: float
+
+
+def loads_for(kernel: Kernel) -> list[Load]:
+    """Enough to measure, little enough to wait for: plain Python is a hundred times slower."""
+    if kernel.name == "python":
+        return [sine(14_000, 1.0, 1), constant(14_000, 1.0)]
+    rates = (10_000, 14_000, 30_000, 60_000, 100_000)
+    return [sine(14_000, 1.0, 20), *(constant(rate, 15.0) for rate in rates)]
+
+
+def measure(kernel: Kernel, load: Load) -> KernelFigure:
+    """The best of some runs over seven axes; pushing records and handing out edges are not counted."""
+    best_s = float("inf")
+    steps = edges_bytes = 0
+    copy_s = float("inf")
+    for _ in range(REPEATS):
+        kernel_s, steps, edges_bytes, this_copy_s = _once(kernel, load)
+        best_s, copy_s = min(best_s, kernel_s), min(copy_s, this_copy_s)
+    simulated_s = len(load.records()) / 100
+    return KernelFigure(
+        load.name, kernel.name, steps, steps / best_s, best_s / copy_s if edges_bytes else 0.0, simulated_s / best_s
+    )
+
+
+def _once(kernel: Kernel, load: Load) -> tuple[float, int, int, float]:
+    kernel_s = copy_s = 0.0
+    steps = copied = 0
+    for motion, until_tick in run(kernel, load, UNLIMITED):
+        while motion.tick < until_tick:
+            started = time.perf_counter()
+            motion.advance(until_tick)
+            kernel_s += time.perf_counter() - started
+            for edges in motion.take_edges():
+                source = np.asarray(edges.clk_counts, dtype=np.int64)
+                target = np.empty_like(source)
+                np.copyto(target, source)  # once to touch the pages, as the kernel's buffers are
+                started = time.perf_counter()
+                np.copyto(target, source)
+                copy_s += time.perf_counter() - started
+                steps += len(source) // 2
+                copied += source.nbytes
+        motion.take_events()
+    return kernel_s, steps, copied, copy_s
+
+
+def figures(kernel: Kernel) -> list[KernelFigure]:
+    """The whole table for one kernel; the first load warms it up and is measured again."""
+    loads = loads_for(kernel)
+    _once(kernel, loads[0])
+    return [measure(kernel, load) for load in loads]
+
+
+AXES_MEASURED = AXES
