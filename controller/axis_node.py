@@ -6,7 +6,7 @@ from controller.drive import ENERGISED, next_state
 from controller.homing import Homing
 from controller.interpolation import Interpolation
 from controller.modes import Mode, NoMode
-from controller.motion import VELOCITY_PER_UNIT_PER_MS, Motion, StepConfig
+from controller.motion import STOP_MAX_MS, VELOCITY_PER_UNIT_PER_MS, Motion, StepConfig
 from protocol import cia402
 from protocol.abort import AbortCode, SdoAbortError
 from protocol.cia402 import ErrorCode, State, Status
@@ -57,7 +57,14 @@ class AxisNode:
         self._sdo = SdoServer(self.dictionary)
         self._heartbeat = HeartbeatProducer()
         self._emergency = EmergencyProducer()
-        self.interpolation = Interpolation(axis, motion, self.dictionary, self._report, self._pvt_status_changed)
+        self.interpolation = Interpolation(
+            axis,
+            motion,
+            self.dictionary,
+            report=self._report,
+            status_changed=self._pvt_status_changed,
+            ramp_down=self._ramp_down,
+        )
         self._modes: dict[int, Mode] = {
             cia402.Mode.NONE: NoMode(),
             cia402.Mode.HOMING: Homing(axis, motion, self.dictionary),
@@ -161,10 +168,10 @@ class AxisNode:
         self._settle()
 
     def stop_ms(self) -> int:
-        """How long the quick-stop ramp 0x6085 takes from the present velocity, at least 1 ms."""
+        """How long the quick-stop ramp 0x6085 takes from the present velocity: at least 1 ms, at most what fits."""
         velocity = abs(self._motion.velocity(self.axis))
         deceleration = self.dictionary.get(0x6085) * VELOCITY_PER_UNIT_PER_MS
-        return max(1, -(-velocity * 1_000_000 // deceleration))
+        return min(max(1, -(-velocity * 1_000_000 // deceleration)), STOP_MAX_MS)
 
     def fault(self, code: ErrorCode, stop_ms: int, now_us: int) -> None:
         """Enter the fault reaction: say why, ramp down, then switch off. A drive already in fault stays as it is."""
@@ -174,19 +181,14 @@ class AxisNode:
         self._set_error(code)
         self._report(code, 0)
         moving = self._motion.running(self.axis) or self._motion.velocity(self.axis) != 0
-        self._stop_interpolation(code)
+        if code is ErrorCode.PVT_UNDERRUN:
+            self.interpolation.underrun()
         if moving:
             self._enter(State.FAULT_REACTION_ACTIVE)
-            self._motion.stop(self.axis, stop_ms)
+            self._ramp_down(stop_ms)
         else:
             self._enter(State.FAULT)
         self._settle()
-
-    def _stop_interpolation(self, code: ErrorCode) -> None:
-        if code is ErrorCode.PVT_UNDERRUN:
-            self.interpolation.underrun()
-        elif self.interpolation.running:
-            self.interpolation.stopped()
 
     # --- the drive
 
@@ -217,14 +219,20 @@ class AxisNode:
         if moving and target is State.SWITCH_ON_DISABLED:
             self._motion.flush(self.axis)
         elif moving and target is State.QUICK_STOP_ACTIVE:
-            self._motion.stop(self.axis, self.stop_ms())
+            self._ramp_down()
         elif moving and target is not State.OPERATION_ENABLED:
             self._after_stop = target
-            self._motion.stop(self.axis, self.stop_ms())
+            self._ramp_down()
             return
         self._enter(target)
         if target is State.QUICK_STOP_ACTIVE and not self._motion.running(self.axis):
             self._enter(State.SWITCH_ON_DISABLED)
+
+    def _ramp_down(self, stop_ms: int | None = None) -> None:
+        """Stop with constant deceleration, by default that of the quick stop."""
+        self._motion.stop(self.axis, self.stop_ms() if stop_ms is None else stop_ms)
+        if self.interpolation.running:
+            self.interpolation.stopped()
 
     def _enter(self, state: State) -> None:
         self.state = state

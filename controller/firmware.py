@@ -108,8 +108,9 @@ class Firmware:
         Before that, either frames or pins are waiting to be fetched, or the edges need draining
         (`motion.room_ticks` is 0).
         """
-        if not self._events:
-            self.motion.advance(-(-until_counts // TICK_COUNTS))
+        until_tick = -(-until_counts // TICK_COUNTS)
+        if not self._events and self.motion.tick < until_tick:
+            self.motion.advance(until_tick)
             self._events = self.motion.take_events()
         reached = self.motion.tick * TICK_COUNTS
         if self._events and reached <= until_counts:

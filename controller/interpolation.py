@@ -1,4 +1,8 @@
-"""Interpolated position mode: PVT records come in by sequence number and run as cubic segments of the kernel."""
+"""Interpolated position mode: PVT records come in by sequence number and run as cubic segments of the kernel.
+
+A queue that was stopped, for whatever reason, is closed: it takes no record until the host has cleared it (0x60C4:06),
+so that a stream still under way cannot set an axis moving again.
+"""
 
 from collections.abc import Callable
 
@@ -25,15 +29,18 @@ class Interpolation:
         dictionary: ObjectDictionary,
         report: Report,
         status_changed: Callable[[], None],
+        ramp_down: Callable[[], None],
     ) -> None:
         self._axis = axis
         self._motion = motion
         self._dictionary = dictionary
         self._report = report
         self._status_changed = status_changed
+        self._ramp_down = ramp_down
         self._next_sequence = 0
         self._sticky = PvtFlag(0)
         self._running = False
+        self._closed = False
         self.ready = False
         """Whether the drive is enabled in this mode: a queue with records is then armed."""
         self._install_hooks()
@@ -43,7 +50,7 @@ class Interpolation:
         self._dictionary.write_hooks[key_of(0x60C4, 6)] = self._clear
         self._dictionary.read_hooks |= {
             key_of(0x2012, 1): lambda: self._next_sequence,
-            key_of(0x2012, 2): lambda: QUEUE_DEPTH - self._motion.queued(self._axis),
+            key_of(0x2012, 2): self._free,
             key_of(0x2012, 3): self._flags,
             key_of(0x2012, 4): self._executing,
             key_of(0x2013, 6): lambda: self._motion.delayed_steps(self._axis),
@@ -54,15 +61,14 @@ class Interpolation:
 
     def _record_arrived(self, sequence: int) -> None:
         """Writing the sequence number queues the record whose other fields were written before it."""
-        queued = self._motion.queued(self._axis)
-        verdict = judge(sequence, self._next_sequence, QUEUE_DEPTH - queued)
+        verdict = judge(sequence, self._next_sequence, self._free())
         if verdict is Verdict.STALE:
             return
         if verdict is not Verdict.PUSH:
             self._drop(verdict)
             return
         if self._running:
-            self._note_fill(queued)
+            self._note_fill(self._motion.queued(self._axis))
         get = self._dictionary.get
         refusal = self._motion.push(self._axis, get(_RECORD, 1), get(_RECORD, 2), get(_RECORD, 3))
         if refusal is not Refusal.ACCEPTED:
@@ -96,28 +102,33 @@ class Interpolation:
         self.restart()
 
     def restart(self) -> None:
-        """Begin again with sequence number 0 and no flags."""
+        """Begin again with sequence number 0 and no flags, open for records."""
         self._next_sequence = 0
         self._sticky = PvtFlag(0)
-        self.stopped()
+        self.finished()
+        self._closed = False
 
     # --- the mode
 
     def control(self, controlword: int, previous: int) -> None:
-        """Start the queue in the next tick when the enable bit rises."""
-        if controlword & ~previous & Control.START and not self._running and self._motion.start(self._axis):
+        """Start the queue in the next tick when the enable bit rises; stop it when that falls or halt is set."""
+        enabled = controlword & Control.START and not controlword & Control.HALT
+        if self._running and not enabled:
+            self._ramp_down()
+        elif enabled and not previous & Control.START and self._motion.start(self._axis):
             self._running = True
             self._dictionary.set(0x2013, 5, QUEUE_DEPTH)
             self._status_changed()
 
     def finished(self) -> None:
         """The queue ran out at rest."""
-        self.stopped()
-
-    def stopped(self) -> None:
-        """The queue no longer runs, whatever the reason."""
         self._running = False
         self._status_changed()
+
+    def stopped(self) -> None:
+        """The queue was stopped before its end: close it."""
+        self._closed = True
+        self.finished()
 
     def underrun(self) -> None:
         """The queue ran out while moving."""
@@ -135,6 +146,9 @@ class Interpolation:
         return Status.IP_ACTIVE if self._running else 0
 
     # --- status and counters
+
+    def _free(self) -> int:
+        return 0 if self._closed else QUEUE_DEPTH - self._motion.queued(self._axis)
 
     def _flags(self) -> int:
         flags = self._sticky

@@ -16,7 +16,7 @@ TICK_COUNTS = COUNTS_PER_SECOND // 4000
 """The board's servo tick: a motion begins with the first one after the SYNC that starts it."""
 
 
-class EmbeddedNetwork(canopen.Network):  # type: ignore[misc]  # canopen's base class MutableMapping is untyped
+class EmbeddedNetwork(canopen.Network):
     """The canopen library's network on a simulated bus.
 
     `send_message` returns when the bus has fallen silent again, so that the library's blocking calls find their
@@ -76,6 +76,11 @@ class EmbeddedBoard:
         """Where each driver's own counter says the motor is, in steps from the joint's zero."""
         traces = (self._board.trace(axis) for axis in range(len(self._start_steps)))
         return [start + trace.position_steps for start, trace in zip(self._start_steps, traces, strict=True)]
+
+    @property
+    def started(self) -> bool:
+        """Whether a SYNC has set the axes going."""
+        return any(frame.cob_id == COB_SYNC for frame in self._simulation.bus.log_frames)
 
     def evidence(self) -> Evidence:
         """What the drivers saw; the motion's t = 0 is the first servo tick after the last SYNC."""

@@ -1,16 +1,152 @@
-"""One run from plan to verdict: check, start the board, stream, wait for the end, verify."""
+"""One run from plan to verdict: check the start, switch the board on, stream, wait for the end, verify."""
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
+from math import ceil
 
-from controller.backend import KERNELS, Kernel, fastest_kernel
-from host.client import AxisRecords, AxisSettings, Machine
+import numpy as np
+
+from controller.backend import Kernel
+from host.client import AxisRecords, AxisSettings, Machine, Progress
 from host.embedded import EmbeddedBoard
 from host.errors import DeviceFaultError, InputError
 from host.kinematics import make_kinematics
 from host.planner import Plan, check_start
-from host.robot import Robot
+from host.robot import UNITS_PER_FULL_STEP, Board, Joint
 from host.verify import Comparison, Report, RunInfo, compare, verify_comparison
 from host.verify import Plan as VerifierPlan
 from protocol.frame import Frame
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """A run that a drive's fault ended.
+
+    Attributes:
+        message: which axis, which error.
+        codes: every axis' EMCY error codes, oldest first.
+        joints: where the drives say that the joints are, in mm and degrees.
+        positions_agree: whether that is exactly what the drivers have counted.
+    """
+
+    message: str
+    codes: dict[str, list[int]]
+    joints: dict[str, float]
+    positions_agree: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """Everything that a run leaves behind."""
+
+    plan: Plan
+    comparison: Comparison
+    report: Report
+    bus_log: list[tuple[int, Frame]]
+    fault: Fault | None
+
+
+def execute(
+    plan: Plan,
+    job: str,
+    kernel: Kernel,
+    *,
+    stand_at: list[float] | None = None,
+    cut_stream_s: float | None = None,
+    progress: Progress = lambda _: None,
+) -> Outcome:
+    """Run a plan on an embedded board in virtual time.
+
+    Args:
+        plan: what to do.
+        job: how reports call it.
+        kernel: which form of the firmware's kernel runs.
+        stand_at: where the emulated machine stands, mm and degrees; by default where the plan starts.
+        cut_stream_s: send only the points before this time of the motion, as a host that dies would.
+        progress: told which part of the stream has been sent.
+
+    Raises:
+        InputError: the machine stands elsewhere than the plan starts.
+        DeviceFaultError, BusError: the board could not be set up; a fault in motion is part of the outcome instead.
+    """
+    if stand_at is not None:
+        check_start(plan, stand_at)
+    records = _records(plan, cut_stream_s)
+    started_s = time.perf_counter()
+    board = EmbeddedBoard(plan.robot, plan.start_joints if stand_at is None else stand_at, kernel)
+    machine = Machine(board, plan.robot.joint_names)
+    machine.connect()
+    machine.configure(tuple(_settings(joint, plan.robot.board) for joint in plan.robot.joints))
+    machine.enable()
+    machine.preset(plan.start_units)
+    fault = None
+    try:
+        machine.run(records, plan.start_units, progress)
+        machine.disable()
+    except DeviceFaultError as error:
+        if not board.started:
+            raise
+        machine.await_standstill()
+        fault = _fault(error, machine, board, plan)
+    run = RunInfo(
+        robot=plan.robot.name,
+        job=job,
+        duration_s=plan.trajectory.duration_s,
+        bus=board.bus_report(),
+        simulated_s=board.now_s(),
+        wall_s=time.perf_counter() - started_s,
+    )
+    comparison = compare(_verifier_plan(plan), board.evidence())
+    return Outcome(plan, comparison, verify_comparison(comparison, run), board.bus_log, fault)
+
+
+def _settings(joint: Joint, board: Board) -> AxisSettings:
+    """An axis may go as fast as its driver can; it stops with the joint's own deceleration."""
+    transmission = joint.transmission
+    return AxisSettings(
+        microsteps=transmission.microsteps,
+        steplen_ns=board.steplen_ns,
+        stepspace_ns=board.stepspace_ns,
+        dirsetup_ns=board.dirsetup_ns,
+        dirhold_ns=board.dirhold_ns,
+        velocity_max_units_per_s=ceil(board.step_rate_max_hz * UNITS_PER_FULL_STEP / transmission.microsteps),
+        quick_stop_units_per_s2=ceil(joint.acceleration_max * transmission.wire_units_per_unit),
+    )
+
+
+def _records(plan: Plan, cut_stream_s: float | None) -> tuple[AxisRecords, ...]:
+    durations_ms = plan.durations_ms()
+    count = len(durations_ms)
+    if cut_stream_s is not None:
+        count = int(np.searchsorted(plan.times_ms[1:], cut_stream_s * 1000, side="right"))
+        if not 0 < count < len(durations_ms):
+            first_s, end_s = plan.times_ms[1] / 1000, plan.times_ms[-1] / 1000
+            raise InputError(f"--cut-stream {cut_stream_s:g}: must be from {first_s:g} s to below {end_s:g} s")
+    return tuple(
+        AxisRecords(plan.displacements_units(axis)[:count], plan.end_velocities(axis)[:count], durations_ms[:count])
+        for axis in range(len(plan.robot.joints))
+    )
+
+
+def _verifier_plan(plan: Plan) -> VerifierPlan:
+    joints = plan.robot.joints
+    return VerifierPlan(
+        trajectory=plan.trajectory,
+        steps_per_unit=np.array([joint.transmission.steps_per_unit for joint in joints]),
+        joint_units=tuple(joint.unit for joint in joints),
+        forward=make_kinematics(plan.robot).forward,
+    )
+
+
+def _fault(error: DeviceFaultError, machine: Machine, board: EmbeddedBoard, plan: Plan) -> Fault:
+    reported = machine.positions_units()
+    counted = [
+        steps * UNITS_PER_FULL_STEP // joint.transmission.microsteps
+        for steps, joint in zip(board.driver_positions(), plan.robot.joints, strict=True)
+    ]
+    joints = {
+        joint.name: units / joint.transmission.wire_units_per_unit
+        for units, joint in zip(reported, plan.robot.joints, strict=True)
+    }
+    codes = {axis.name: axis.error_codes for axis in machine.axes}
+    return Fault(str(error), codes, joints, positions_agree=reported == counted)

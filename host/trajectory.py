@@ -27,7 +27,7 @@ class Trajectory(Protocol):
 
     @property
     def breakpoints_s(self) -> tuple[float, ...]:
-        """Instants between 0 and duration_s where the acceleration jumps, whole milliseconds: PVT points must fall there."""
+        """Where between 0 and duration_s the acceleration jumps, in whole milliseconds: PVT points must fall there."""
         ...
 
     def positions(self, t_s: FloatArray) -> FloatArray:

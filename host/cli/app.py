@@ -4,6 +4,7 @@ import sys
 from typing import Final
 
 import typer
+from typer.exceptions import TyperException
 
 from host.errors import InputError, StepTwinError
 
@@ -31,15 +32,10 @@ def run(arguments: list[str]) -> int:
         return _complain(str(error), error.exit_code)
     except KeyboardInterrupt:
         return _complain("interrupted", EXIT_INTERRUPTED)
-    except typer.Abort:
-        return _complain("interrupted", EXIT_INTERRUPTED)
-    except Exception as error:
-        message = getattr(error, "format_message", None)  # a usage error of the option parser
-        if message is None:
-            raise
-        return _complain(message(), InputError.exit_code)
+    except TyperException as error:  # usage: an unknown command or option, a missing argument
+        return _complain(error.format_message(), InputError.exit_code)
 
 
 def _complain(message: str, exit_code: int) -> int:
-    print(f"steptwin: {' '.join(message.split())}", file=sys.stderr)
+    typer.echo(f"steptwin: {' '.join(message.split())}", err=True)
     return exit_code

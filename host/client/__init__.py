@@ -2,7 +2,7 @@
 
 from host.client.axis import AxisClient
 from host.client.link import Link
-from host.client.machine import AxisSettings, Machine
+from host.client.machine import AxisSettings, Machine, Progress
 from host.client.stream import AxisRecords
 
-__all__ = ["AxisClient", "AxisRecords", "AxisSettings", "Link", "Machine"]
+__all__ = ["AxisClient", "AxisRecords", "AxisSettings", "Link", "Machine", "Progress"]

@@ -100,10 +100,10 @@ class AxisClient:
         """Switch the drive's power off."""
         self.write(0x6040, 0, 0)
 
-    def check_fault(self) -> None:
-        """Raise DeviceFaultError if the drive has reported a fault."""
-        if State.of(self.statusword) in (State.FAULT, State.FAULT_REACTION_ACTIVE):
-            raise DeviceFaultError(self.fault_text())
+    @property
+    def in_fault(self) -> bool:
+        """Whether the drive has reported a fault."""
+        return State.of(self.statusword) in (State.FAULT, State.FAULT_REACTION_ACTIVE)
 
     def fault_text(self) -> str:
         """One line that says which error the node reported last."""

@@ -12,7 +12,7 @@ from host.client.axis import AxisClient
 from host.client.link import Link
 from host.client.stream import AxisRecords, AxisStream, fill
 from host.errors import BusError, DeviceFaultError
-from protocol.cia402 import ENABLE_OPERATION, HOME_HERE, PVT_SUBMODE, Control, Mode, State, Status
+from protocol.cia402 import ENABLE_OPERATION, HOME_HERE, PVT_SUBMODE, Control, ErrorCode, Mode, Status
 from protocol.eds import render_eds
 from protocol.frame import COB_SYNC
 from protocol.objects import IDENTITY_DEVICE_TYPE
@@ -137,8 +137,8 @@ class Machine:
         while not all(stream.all_acknowledged for stream in streams):
             self._link.wait(_POLL_S)
             now_s = self._link.now_s()
-            for axis, stream in zip(self.axes, streams, strict=True):
-                axis.check_fault()
+            self._check_faults()
+            for stream in streams:
                 stream.update(now_s)
             fill(streams)
             progress(min(stream.fraction for stream in streams))
@@ -147,12 +147,17 @@ class Machine:
         """Wait until every queue has run dry at rest; a drive in fault ends the waiting with its error."""
         while any(_interpolating(axis) for axis in self.axes):
             self._link.wait(_POLL_S)
-            for axis in self.axes:
-                axis.check_fault()
-        for axis in self.axes:
-            state = axis.state()
-            if state is not State.OPERATION_ENABLED:
-                raise DeviceFaultError(f"{axis.name}: ended in {state.name}: {axis.fault_text()}")
+            self._check_faults()
+        self._link.wait(_POLL_S)
+        self._check_faults()
+
+    def _check_faults(self) -> None:
+        """Raise DeviceFaultError if a drive is in fault, naming the axis with which it began."""
+        faulty = [axis for axis in self.axes if axis.in_fault]
+        if faulty:
+            self._link.wait(_POLL_S)  # let every node say what happened to it
+            began = [axis for axis in self.axes if set(axis.error_codes) - {ErrorCode.GROUP_STOPPED}]
+            raise DeviceFaultError((began or faulty)[0].fault_text())
 
     def await_standstill(self, timeout_s: float = 20.0) -> None:
         """Wait until no axis moves any more, whether it is in fault or not."""

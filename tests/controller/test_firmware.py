@@ -323,6 +323,31 @@ class TestStops:
         assert state(board) is State.SWITCH_ON_DISABLED
         assert abs(board.value(0x60F4)) <= 0.57 * STEP
 
+    @pytest.mark.parametrize("controlword", [0x0F, 0x11F], ids=["enable bit cleared", "halt"])
+    def test_interpolation_is_stopped_by_its_bits(self, board: BenchBoard, controlword: int) -> None:
+        self.moving(board)
+        board.write(0x6040, 0, controlword)
+        board.wait(110)
+        assert state(board) is State.OPERATION_ENABLED
+        assert not board.firmware.motion.running(0)
+        assert not flags(board) & PvtFlag.RUNNING
+
+    @pytest.mark.parametrize("controlword", [0x02, 0x07, 0x0F, 0x00])
+    def test_records_that_arrive_during_and_after_a_stop_move_nothing(
+        self, board: BenchBoard, controlword: int
+    ) -> None:
+        """A host that goes on streaming must not set the axis moving again; clearing the queue opens it."""
+        self.moving(board)
+        board.write(0x6040, 0, controlword)
+        for sequence in range(8, 30):
+            board.record(80 * STEP, 4 * STEP * 64, 20, sequence)
+            board.wait(10)
+        assert not board.firmware.motion.running(0)
+        assert (board.value(0x2012, 1), board.value(0x2012, 2)) == (8, 0)
+        assert flags(board) & PvtFlag.OVERFLOW
+        assert board.write(0x60C4, 6, 0) == 0
+        assert (board.value(0x2012, 1), board.value(0x2012, 2)) == (0, 64)
+
     def test_disable_operation_ramps_down_first(self, board: BenchBoard) -> None:
         self.moving(board)
         board.write(0x6040, 0, 0x07)

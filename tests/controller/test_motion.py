@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from controller.backend import Kernel, python_kernel
 from controller.kernel import TICK_COUNTS
-from controller.motion import Event, Motion, Refusal, StepConfig, counts_of_ns, stop_segments
+from controller.motion import STOP_MAX_MS, Event, Motion, Refusal, StepConfig, counts_of_ns, stop_segments
 
 CONFIG = StepConfig(16, 33_000, 33_666, 15_000, 15_000, velocity_max_units_per_s=20_000 * 1024)
 
@@ -67,6 +67,21 @@ def test_stop_lasts_as_asked_and_ends_at_rest(kernel: Kernel) -> None:
     expected = velocity * 100 / 2 / 64
     assert motion.demand_units(0) - before == pytest.approx(expected, abs=1)
     assert abs(motion.demand_units(0) - motion.counter_units(0)) <= 0.5626 * 1024
+
+
+def test_the_longest_stop_still_fits_the_queue(kernel: Kernel) -> None:
+    motion = moving(kernel)
+    motion.push(0, 40 * 1024, 65_536, 80)
+    motion.push(0, 80 * 1024, 65_536, 80)
+    motion.start(0)
+    motion.advance(320)
+    motion.stop(0, STOP_MAX_MS)
+    while motion.running(0):
+        motion.advance(10**6)
+        motion.take_edges()
+        events = motion.take_events()
+    assert events == [(0, Event.FINISHED)]
+    assert motion.tick == 320 + 4 * STOP_MAX_MS
 
 
 @given(velocity=st.integers(-983_040, 983_040), duration_ms=st.integers(1, 4000))

@@ -1,0 +1,70 @@
+"""Print all tables: `python -m bench`, or `make bench`."""
+
+import os
+import platform
+from importlib.util import find_spec
+
+from rich.console import Console
+from rich.table import Table
+
+from bench import drawer_pull, kernel, timing
+from bench.loads import AXES
+from controller.backend import KERNELS
+
+
+def main() -> None:
+    """Measure with every kernel that is installed."""
+    console = Console(highlight=False, width=110)
+    kernels = [KERNELS["python"]()] + ([KERNELS["numba"]()] if find_spec("numba") else [])
+    console.print(
+        f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}"
+    )
+
+    table = Table("kernel", "load", "steps", "M steps/s", "x numpy copy", "simulated s / s", title=_KERNEL_TITLE)
+    for chosen in kernels:
+        for k in kernel.figures(chosen):
+            table.add_row(
+                k.kernel,
+                k.load,
+                f"{k.steps}",
+                f"{k.steps_per_s / 1e6:.2f}",
+                f"{k.copy_ratio:.1f}",
+                f"{k.simulated_per_wall:.0f}",
+            )
+    console.print(table)
+
+    table = Table(
+        "kernel", "frames", "emulation s", "verification s", "x real time", "position error, steps", "timing p50, us",
+        title="Drawer pull: six axes over CAN at 100 points/s, 10 s of motion",
+    )  # fmt: skip
+    for chosen in kernels:
+        d = drawer_pull.measure(chosen)
+        table.add_row(
+            d.kernel,
+            f"{d.frames}",
+            f"{d.emulation_s:.3f}",
+            f"{d.verification_s:.3f}",
+            f"{d.simulated_per_wall:.0f}",
+            f"{d.error_steps_max:.4f}",
+            f"{d.timing_us_p50:.2f}",
+        )
+    console.print(table)
+
+    table = Table("load", "steps", "delayed", "max error, steps", "rms, us", "p99, us", title=_TIMING_TITLE)
+    for t in timing.figures(kernels[-1]):
+        table.add_row(
+            t.load,
+            f"{t.steps}",
+            f"{t.delayed}",
+            f"{t.error_steps_max:.5f}",
+            f"{t.error_us_rms:.3f}",
+            f"{t.error_us_p99:.3f}",
+        )
+    console.print(table)
+
+
+_KERNEL_TITLE = f"Kernel: {AXES} axes, one core, driver limits lifted; ratio to copying the bytes that it writes"
+_TIMING_TITLE = f"Timing error: sines of {timing.SINE_HZ:g} Hz, points every 10 ms, TB6560 pulse timing"
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,54 @@
+"""The whole drawer pull: six axes over CAN at 100 points a second, in simulated seconds per wall second."""
+
+import time
+from dataclasses import dataclass
+from statistics import median
+
+from controller.backend import Kernel
+from host.jobs import make_job
+from host.planner import plan
+from host.robots import load_robot
+from host.run import execute
+from host.verify import compare, verify_comparison
+
+REPEATS = 5
+
+
+@dataclass(frozen=True)
+class DrawerPullFigure:
+    """One line of the table: medians of some runs after a warm-up."""
+
+    kernel: str
+    frames: int
+    emulation_s: float
+    verification_s: float
+    simulated_per_wall: float
+    """Simulated time over the time from switching the board on to switching the drives off."""
+    error_steps_max: float
+    timing_us_p50: float
+
+
+def measure(kernel: Kernel) -> DrawerPullFigure:
+    """Run it a few times and check each time that it passed."""
+    robot = load_robot("warehouse-scara")
+    planned = plan(robot, make_job(robot, "drawer-pull", {}))
+    emulation, verification = [], []
+    for repeat in range(REPEATS + 1):
+        outcome = execute(planned, "drawer-pull", kernel)
+        assert outcome.report.passed, outcome.report.reasons
+        started = time.perf_counter()
+        verify_comparison(compare(outcome.comparison.plan, outcome.comparison.evidence), outcome.report.run)
+        if repeat:  # the first one warms up
+            emulation.append(outcome.report.run.wall_s)
+            verification.append(time.perf_counter() - started)
+    report = outcome.report
+    moving = [axis for axis in report.axes if axis.pulses]
+    return DrawerPullFigure(
+        kernel.name,
+        report.run.bus.frames,
+        median(emulation),
+        median(verification),
+        report.run.simulated_s / median(emulation),
+        max(axis.position_error_steps_max for axis in moving),
+        max(axis.timing_error_us_p50 for axis in moving),
+    )

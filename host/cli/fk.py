@@ -1,0 +1,37 @@
+"""`steptwin fk ROBOT q1 q2 ...`: the tool pose of a joint position."""
+
+from typing import Annotated
+
+import typer
+
+from host.cli.app import app
+from host.cli.arguments import NEGATIVE_NUMBERS, AsJson, RobotName, joint_values
+from host.cli.output import print_json
+
+POSE_KEYS = ("x_mm", "y_mm", "z_mm", "attitude_deg")
+
+
+@app.command(context_settings=NEGATIVE_NUMBERS)
+def fk(
+    robot: RobotName,
+    joints: Annotated[list[str], typer.Argument(metavar="Q1 Q2 ...", help="Joint positions, mm and degrees.")],
+    as_json: AsJson = False,
+) -> None:
+    """Forward kinematics: where the tool is."""
+    import numpy as np
+
+    from host.kinematics import make_kinematics
+    from host.robots import load_robot
+
+    loaded = load_robot(robot)
+    values = joint_values(joints, loaded.joint_names, f"joints of {robot}")
+    pose = make_kinematics(loaded).forward(np.array([values]))[0]
+    document = {
+        "robot": loaded.name,
+        "joints": dict(zip(loaded.joint_names, values, strict=True)),
+        "pose": {key: float(value) for key, value in zip(POSE_KEYS, pose, strict=True)},
+    }
+    if as_json:
+        print_json(document)
+    else:
+        typer.echo("x {:.6f} mm, y {:.6f} mm, z {:.6f} mm, attitude {:.6f} deg".format(*pose))

@@ -1,0 +1,60 @@
+"""`steptwin ik ROBOT --x --y --z --phi`: every joint position that reaches a tool pose."""
+
+from math import isfinite
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from host.cli.app import app
+from host.cli.arguments import AsJson, RobotName, joint_values
+from host.cli.output import print_json, print_table
+
+if TYPE_CHECKING:
+    from host.kinematics import Branch
+
+
+@app.command()
+def ik(
+    robot: RobotName,
+    x_mm: Annotated[float, typer.Option("--x", metavar="MM", help="Tool position x.")],
+    y_mm: Annotated[float, typer.Option("--y", metavar="MM", help="Tool position y.")],
+    z_mm: Annotated[float, typer.Option("--z", metavar="MM", help="Tool position z.")],
+    phi_deg: Annotated[float, typer.Option("--phi", metavar="DEG", help="Tool attitude.")],
+    near: Annotated[
+        str | None,
+        typer.Option(
+            metavar="'Q1 Q2 ...'", help="Where the machine stands: joints that the pose leaves free stay there."
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Inverse kinematics: every branch, reachable or why not."""
+    import numpy as np
+
+    from host.kinematics import make_kinematics
+    from host.robots import load_robot
+
+    loaded = load_robot(robot)
+    standing = None if near is None else np.array(joint_values(near.split(), loaded.joint_names, "--near"))
+    branches = make_kinematics(loaded).inverse(np.array([[x_mm, y_mm, z_mm, phi_deg]]), standing)
+    if as_json:
+        print_json({"robot": loaded.name, "branches": [_document(branch, loaded.joint_names) for branch in branches]})
+        return
+    rows = [
+        [branch.name, branch.reason(0) or "reachable", *(f"{q:.6f}" for q in branch.joints[0])] for branch in branches
+    ]
+    print_table(["branch", "", *loaded.joint_names], rows, text_columns=2)
+
+
+def _document(branch: "Branch", names: tuple[str, ...]) -> dict[str, Any]:
+    return {
+        "name": branch.name,
+        "reachable": bool(branch.reachable[0]),
+        "reason": branch.reason(0),
+        "joints": dict(zip(names, map(_finite, branch.joints[0].tolist()), strict=True)),
+    }
+
+
+def _finite(value: float) -> float | None:
+    """JSON has no NaN: joints of a pose out of reach are null."""
+    return value if isfinite(value) else None

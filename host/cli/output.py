@@ -1,0 +1,25 @@
+"""How commands speak: JSON documents and tables on stdout."""
+
+import json
+from typing import Any
+
+import typer
+
+
+def print_json(document: dict[str, Any]) -> None:
+    """One JSON document; the only thing on stdout when --json is given."""
+    typer.echo(json.dumps(document, indent=2))
+
+
+def print_table(columns: list[str], rows: list[list[str]], *, text_columns: int = 1) -> None:
+    """A table: the first columns are texts, the others numbers."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for i, column in enumerate(columns):
+        table.add_column(column, justify="left" if i < text_columns else "right", overflow="fold")
+    for row in rows:
+        table.add_row(*row)
+    Console(highlight=False).print(table)

@@ -1,0 +1,19 @@
+"""`steptwin robots`: which robots there are."""
+
+from host.cli.app import app
+from host.cli.arguments import AsJson
+from host.cli.output import print_json, print_table
+
+
+@app.command()
+def robots(as_json: AsJson = False) -> None:
+    """List the robots."""
+    from host.robots import load_robot, robot_names
+
+    found = [load_robot(name) for name in robot_names()]
+    if as_json:
+        rows = [{"name": r.name, "title": r.title, "joints": list(r.joint_names)} for r in found]
+        print_json({"robots": rows})
+    else:
+        table = [[r.name, r.title, " ".join(r.joint_names)] for r in found]
+        print_table(["robot", "what it is", "joints"], table, text_columns=3)

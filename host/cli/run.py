@@ -1,0 +1,175 @@
+"""`steptwin run ROBOT JOB`: plan, stream, emulate, verify."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from host.cli.app import app
+from host.cli.arguments import AsJson, RobotName, joint_values, name_value_pairs
+from host.cli.output import print_json, print_table
+from host.errors import DeviceFaultError, InputError
+
+if TYPE_CHECKING:
+    from controller.backend import Kernel
+    from host.client import Progress
+    from host.run import Outcome
+
+EXIT_NOT_VERIFIED = 1
+
+
+class KernelChoice(StrEnum):
+    """Which form of the firmware's kernel runs; both make the same edges."""
+
+    AUTO = "auto"
+    PYTHON = "python"
+    NUMBA = "numba"
+
+
+@app.command()
+def run(
+    robot: RobotName,
+    job: Annotated[
+        str, typer.Argument(metavar="JOB", help="One of the robot's jobs; `steptwin jobs ROBOT` lists them.")
+    ],
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write report, edges, bus log and pictures into this folder.")
+    ] = None,
+    option: Annotated[
+        list[str] | None, typer.Option("--option", "-o", metavar="NAME=VALUE", help="Set one of the job's options.")
+    ] = None,
+    elbow: Annotated[str | None, typer.Option(metavar="right|left", help="Short for --option elbow=...")] = None,
+    stand_at: Annotated[
+        str | None,
+        typer.Option(metavar="'Q1 Q2 ...'", help="Where the emulated machine stands; by default at the job's start."),
+    ] = None,
+    cut_stream: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS", min=0.0, help="Stop sending points there, as a dying host would."),
+    ] = None,
+    kernel: Annotated[
+        KernelChoice, typer.Option(help="Plain Python or compiled; auto takes the fastest.")
+    ] = KernelChoice.AUTO,
+    as_json: AsJson = False,
+) -> None:
+    """Run a job on an emulated board in virtual time and verify every pulse."""
+    from host.jobs import make_job
+    from host.planner import plan
+    from host.robots import load_robot
+    from host.run import execute
+    from host.run_folder import check_folder, write_folder
+
+    loaded = load_robot(robot)
+    options = name_value_pairs(option or []) | ({"elbow": elbow} if elbow is not None else {})
+    planned = plan(loaded, make_job(loaded, job, options))
+    standing = None if stand_at is None else joint_values(stand_at.split(), loaded.joint_names, "--stand-at")
+    if out is not None:
+        check_folder(out)
+    with progress_bar(f"{robot} {job}") as progress:
+        outcome = execute(planned, job, _kernel(kernel), stand_at=standing, cut_stream_s=cut_stream, progress=progress)
+    document = _document(outcome)
+    complete = write_folder(out, outcome, document) if out is not None else True
+    if as_json:
+        print_json(document)
+    else:
+        _print_report(outcome, document, out)
+    if not complete:
+        typer.echo("no pictures: matplotlib is not installed (pip install 'steptwin[plot]')", err=True)
+    if outcome.fault:
+        raise DeviceFaultError(_fault_line(outcome))
+    if not outcome.report.passed:
+        raise typer.Exit(EXIT_NOT_VERIFIED)
+
+
+def _kernel(choice: KernelChoice) -> "Kernel":
+    from controller.backend import KERNELS, fastest_kernel
+
+    if choice is KernelChoice.AUTO:
+        return fastest_kernel()
+    try:
+        return KERNELS[choice]()
+    except ModuleNotFoundError as error:
+        raise InputError("--kernel numba: numba is not installed (pip install 'steptwin[fast]')") from error
+
+
+@contextmanager
+def progress_bar(title: str) -> "Iterator[Progress]":
+    """A bar on stderr while something long runs, if that is a terminal."""
+    from rich.console import Console
+    from rich.progress import Progress as RichProgress
+
+    console = Console(stderr=True)
+    with RichProgress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(title, total=1.0)
+        yield lambda fraction: bar.update(task, completed=fraction)
+
+
+def _document(outcome: "Outcome") -> dict[str, Any]:
+    """The contract's keys, and what a fault leaves."""
+    document = outcome.report.to_dict()
+    document["simulated"] = True
+    if outcome.fault:
+        document["passed"] = False
+        document["fault"] = {
+            "message": outcome.fault.message,
+            "codes": {name: [f"0x{code:04X}" for code in codes] for name, codes in outcome.fault.codes.items()},
+            "joints": outcome.fault.joints,
+            "positions_agree": outcome.fault.positions_agree,
+        }
+    return document
+
+
+def _fault_line(outcome: "Outcome") -> str:
+    fault = outcome.fault
+    assert fault is not None
+    joints = ", ".join(f"{name} = {value:.4f}" for name, value in fault.joints.items())
+    agree = "as the drivers counted" if fault.positions_agree else "but the drivers counted otherwise"
+    return f"{fault.message}; stopped at {joints}, {agree}"
+
+
+def _print_report(outcome: "Outcome", document: dict[str, Any], out: Path | None) -> None:
+    columns = [
+        "axis",
+        "steps",
+        "pulses",
+        "peak Hz",
+        "position error, steps",
+        "timing error p50 / p99, us",
+        "CLK high / low, us",
+        "violations",
+    ]
+    print_table(columns, [_row(axis) for axis in document["axes"]])
+    tool, bus = document["tool"], document["bus"]
+    typer.echo(
+        f"tool: {tool['position_error_mm_max']:.4f} mm max, {tool['position_error_mm_rms']:.4f} mm rms, "
+        f"{tool['attitude_error_deg_max']:.4f} deg max"
+    )
+    typer.echo(f"bus: {bus['frames']} frames at {bus['bitrate'] // 1000} kbit/s, {bus['load_percent']:.1f} % load")
+    typer.echo(
+        f"SIMULATED {document['simulated_s']:.2f} s in {document['wall_s']:.2f} s, "
+        f"{document['simulated_s'] / document['wall_s']:.0f} x real time"
+    )
+    for reason in outcome.report.reasons:
+        typer.echo(f"  {reason}")
+    typer.echo(f"{document['robot']} {document['job']}: {'PASSED' if document['passed'] else 'FAILED'}")
+    if out is not None:
+        typer.echo(f"report, edges, bus log and pictures are in {out}/")
+
+
+def _row(axis: dict[str, Any]) -> list[str]:
+    def two(first: float | None, second: float | None) -> str:
+        return "-" if first is None or second is None else f"{first:.2f} / {second:.2f}"
+
+    return [
+        axis["name"],
+        f"{axis['steps_start']} -> {axis['steps_end']}",
+        str(axis["pulses"]),
+        f"{axis['peak_rate_hz']:.1f}",
+        f"{axis['position_error_steps_max']:.4f}",
+        two(axis["timing_error_us_p50"], axis["timing_error_us_p99"]) if axis["pulses"] else "-",
+        two(axis["clk_high_us_min"], axis["clk_low_us_min"]),
+        str(axis["violations"]),
+    ]

@@ -1,0 +1,217 @@
+"""From trajectory to PVT: sample, convert once, check everything before anything is sent.
+
+Positions are converted to wire units on absolute values and rounded once; a record's displacement is the difference of
+two rounded absolutes, so nothing drifts. Velocities are the trajectory's own at the points.
+"""
+
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from host.errors import InputError
+from host.robot import Joint, Robot
+from host.trajectory import FloatArray, Trajectory
+from protocol.pvt import DURATION_MAX_MS, I24_MAX, I24_MIN, VELOCITY_PER_UNIT_PER_MS
+
+Int64Array = NDArray[np.int64]
+
+DEFAULT_POINT_MS: Final = 10
+_CHECK_MS: Final = 1
+"""Limits are checked on a grid as fine as this, and at every point."""
+_LIMIT_TOLERANCE: Final = 1e-9
+_REST_TOLERANCE: Final = 1e-9
+"""In mm/s or deg/s: what rounding leaves of a velocity of zero."""
+_ROUNDING_MS: Final = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A checked trajectory as points on the wire.
+
+    Attributes:
+        robot: whose joints these are.
+        trajectory: the motion itself.
+        times_ms: shape (points,), whole milliseconds, from 0 to the end.
+        points_units: shape (points, joints), absolute positions in wire units.
+        velocities: shape (points, joints), in 1/64 unit per ms; 0 at both ends.
+    """
+
+    robot: Robot
+    trajectory: Trajectory
+    times_ms: Int64Array
+    points_units: Int64Array
+    velocities: Int64Array
+
+    @property
+    def start_units(self) -> list[int]:
+        """Where each axis must stand before the motion."""
+        return [int(units) for units in self.points_units[0]]
+
+    @property
+    def start_joints(self) -> list[float]:
+        """The trajectory's joint positions at t = 0, in mm and degrees."""
+        return [float(q) for q in self.trajectory.positions(np.zeros(1))[0]]
+
+    def durations_ms(self) -> list[int]:
+        """The duration of each segment."""
+        return [int(dt) for dt in np.diff(self.times_ms)]
+
+    def displacements_units(self, axis: int) -> list[int]:
+        """One axis' displacement in each segment."""
+        return [int(d) for d in np.diff(self.points_units[:, axis])]
+
+    def end_velocities(self, axis: int) -> list[int]:
+        """One axis' velocity at the end of each segment."""
+        return [int(v) for v in self.velocities[1:, axis]]
+
+
+def plan(robot: Robot, trajectory: Trajectory, point_ms: int = DEFAULT_POINT_MS) -> Plan:
+    """Sample a trajectory every `point_ms` and at its breakpoints, check it and convert it.
+
+    Raises:
+        InputError: the trajectory is not finite, leaves a limit of position, speed, acceleration or step rate, does
+            not start and end at rest, or does not fit the PVT record; the message names joint, time, value and limit.
+    """
+    times_ms = _point_times_ms(trajectory, point_ms)
+    samples = _samples(trajectory, times_ms)
+    _check_positions(robot, samples)
+    positions = trajectory.positions(times_ms / 1000)
+    velocities = trajectory.velocities(times_ms / 1000)
+    _check_rest(robot, velocities)
+    per_unit = np.array([joint.transmission.wire_units_per_unit for joint in robot.joints])
+    points = np.floor(positions * per_unit + 0.5).astype(np.int64)
+    wire_velocities = np.round(velocities * per_unit * VELOCITY_PER_UNIT_PER_MS / 1000).astype(np.int64)
+    made = Plan(robot, trajectory, times_ms, points, wire_velocities)
+    _check_step_rates(made)
+    _check_speeds(robot, samples)
+    _check_record_widths(made)
+    return made
+
+
+def check_start(made: Plan, board_joints: list[float]) -> None:
+    """Refuse a plan that does not start where the board stands, half a step being what it can stand off.
+
+    Raises:
+        InputError: naming the first joint that differs, with both positions.
+    """
+    for joint, start, board in zip(made.robot.joints, made.start_joints, board_joints, strict=True):
+        half_step = 0.5 / joint.transmission.steps_per_unit
+        if abs(start - board) > half_step * (1 + 1e-6):
+            raise InputError(
+                f"{joint.name}: the trajectory starts at {start:.4f} {joint.unit}, "
+                f"the board stands at {board:.4f} {joint.unit} (limit: half a step, {half_step:.4f} {joint.unit})"
+            )
+
+
+def _point_times_ms(trajectory: Trajectory, point_ms: int) -> Int64Array:
+    """The grid and the breakpoints; all of them must be whole milliseconds."""
+    if not 1 <= point_ms <= DURATION_MAX_MS:
+        raise InputError(f"{point_ms} ms between points is not from 1 to {DURATION_MAX_MS} ms")
+    end_ms = _whole_ms(trajectory.duration_s, "the duration")
+    breakpoints = [_whole_ms(t_s, "a breakpoint") for t_s in trajectory.breakpoints_s]
+    return np.unique(np.array([*range(0, end_ms, point_ms), *breakpoints, end_ms], dtype=np.int64))
+
+
+def _whole_ms(t_s: float, what: str) -> int:
+    ms = round(t_s * 1000)
+    if abs(t_s * 1000 - ms) > _ROUNDING_MS or ms < 1:
+        raise InputError(f"{what} of {t_s:g} s is not a whole number of milliseconds, at least 1")
+    return ms
+
+
+class _Samples(NamedTuple):
+    """The trajectory on the fine grid: times of shape (n,), the rest of shape (n, joints)."""
+
+    t_s: FloatArray
+    positions: FloatArray
+    velocities: FloatArray
+
+
+def _samples(trajectory: Trajectory, times_ms: Int64Array) -> _Samples:
+    t_s = np.union1d(np.arange(0, times_ms[-1], _CHECK_MS), times_ms) / 1000
+    return _Samples(t_s, trajectory.positions(t_s), trajectory.velocities(t_s))
+
+
+def _check_positions(robot: Robot, samples: _Samples) -> None:
+    for i, joint in enumerate(robot.joints):
+        _check_finite(joint, samples.t_s, samples.positions[:, i], samples.velocities[:, i])
+        _check_range(joint, samples.t_s, samples.positions[:, i])
+
+
+def _check_speeds(robot: Robot, samples: _Samples) -> None:
+    """Speed and acceleration; the latter is the mean over each interval of the grid, which no breakpoint divides."""
+    t_s, velocities = samples.t_s, samples.velocities
+    accelerations = np.diff(velocities, axis=0) / np.diff(t_s)[:, np.newaxis]
+    for i, joint in enumerate(robot.joints):
+        _check_size(joint, t_s, velocities[:, i], joint.speed_max, "speed", f"{joint.unit}/s")
+        _check_size(joint, t_s, accelerations[:, i], joint.acceleration_max, "acceleration", f"{joint.unit}/s^2")
+
+
+def _check_finite(joint: Joint, t_s: FloatArray, positions: FloatArray, velocities: FloatArray) -> None:
+    finite = np.isfinite(positions) & np.isfinite(velocities)
+    if not finite.all():
+        i = int(np.argmin(finite))
+        raise InputError(
+            f"{joint.name}: at t = {t_s[i]:.3f} s the position is {positions[i]:g} {joint.unit} "
+            f"and the speed {velocities[i]:g} {joint.unit}/s; both must be finite (is the arm singular there?)"
+        )
+
+
+def _check_range(joint: Joint, t_s: FloatArray, positions: FloatArray) -> None:
+    inside = (positions >= joint.lower - _LIMIT_TOLERANCE) & (positions <= joint.upper + _LIMIT_TOLERANCE)
+    if not inside.all():
+        i = int(np.argmin(inside))
+        raise InputError(
+            f"{joint.name}: {positions[i]:.3f} {joint.unit} at t = {t_s[i]:.3f} s "
+            f"is outside {joint.lower:g}..{joint.upper:g} {joint.unit}"
+        )
+
+
+def _check_size(joint: Joint, t_s: FloatArray, values: FloatArray, limit: float, what: str, unit: str) -> None:
+    sizes = np.abs(values)
+    i = int(np.argmax(sizes))
+    if sizes[i] > limit * (1 + _LIMIT_TOLERANCE):
+        raise InputError(
+            f"{joint.name}: a {what} of {sizes[i]:.3f} {unit} at t = {t_s[i]:.3f} s is more than {limit:g} {unit}"
+        )
+
+
+def _check_rest(robot: Robot, velocities: FloatArray) -> None:
+    for i, joint in enumerate(robot.joints):
+        for when, velocity in (("starts", velocities[0, i]), ("ends", velocities[-1, i])):
+            if abs(velocity) > _REST_TOLERANCE:
+                raise InputError(f"{joint.name}: the motion {when} at {velocity:g} {joint.unit}/s instead of at rest")
+
+
+def _check_step_rates(made: Plan) -> None:
+    """The firmware's own test: the Bernstein coefficients of each cubic's velocity bound its step rate."""
+    dt_ms = np.diff(made.times_ms)[:, np.newaxis]
+    slopes = 3 * np.diff(made.points_units, axis=0) / dt_ms
+    ends = made.velocities / VELOCITY_PER_UNIT_PER_MS
+    hull = np.maximum.reduce([np.abs(ends[:-1]), np.abs(slopes - ends[:-1] - ends[1:]), np.abs(ends[1:])])
+    for i, joint in enumerate(made.robot.joints):
+        per_unit = joint.transmission.steps_per_unit / joint.transmission.wire_units_per_unit
+        rates_hz = hull[:, i] * 1000 * per_unit
+        worst = int(np.argmax(rates_hz))
+        limit_hz = made.robot.board.step_rate_max_hz
+        if rates_hz[worst] > limit_hz:
+            raise InputError(
+                f"{joint.name}: {rates_hz[worst] / 1000:.3f} kHz of steps at t = {made.times_ms[worst] / 1000:.3f} s "
+                f"is more than the driver's {limit_hz / 1000:g} kHz"
+            )
+
+
+def _check_record_widths(made: Plan) -> None:
+    for values, what, unit in (
+        (np.diff(made.points_units, axis=0), "displacement", "units"),
+        (made.velocities, "velocity", "1/64 unit per ms"),
+    ):
+        outside = (values < I24_MIN) | (values > I24_MAX)
+        if outside.any():
+            row, i = (int(index) for index in np.argwhere(outside)[0])
+            raise InputError(
+                f"{made.robot.joints[i].name}: a {what} of {values[row, i]} {unit} at t = "
+                f"{made.times_ms[row] / 1000:.3f} s does not fit a PVT record's {I24_MIN}..{I24_MAX}"
+            )

@@ -1,0 +1,195 @@
+"""A robot as data: joints with their limits and transmissions, the board that drives them, dimensions, home."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final
+
+import numpy as np
+
+from host.errors import InputError
+from host.trajectory import FloatArray
+
+UNITS_PER_FULL_STEP: Final = 16_384
+"""Wire units in a full motor step, whatever the microstep setting."""
+
+MICROSTEPS: Final = (1, 2, 8, 16)
+"""What a TB6560's M1 and M2 pins can choose."""
+
+WIRE_POSITION_MAX: Final = (1 << 31) - 1
+"""Positions travel as i32 wire units."""
+
+AXES_MAX: Final = 8
+"""Two 16-bit timers with four compare channels each."""
+
+
+class Unit(StrEnum):
+    """What a joint's position is measured in; speeds are per second."""
+
+    MM = "mm"
+    DEG = "deg"
+
+
+@dataclass(frozen=True, slots=True)
+class Transmission:
+    """From motor steps to joint travel.
+
+    Attributes:
+        full_steps_per_rev: of the motor; 200 for the usual 1.8 deg.
+        microsteps: per full step, as set at the driver.
+        travel_per_turn: the joint's travel per turn of the driven shaft: 360 degrees, a screw's lead or a pulley's
+            circumference in mm.
+        ratio: motor turns per turn of the driven shaft.
+
+    Raises:
+        InputError: a number that is no transmission.
+    """
+
+    full_steps_per_rev: int
+    microsteps: int
+    travel_per_turn: float
+    ratio: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.microsteps not in MICROSTEPS:
+            raise InputError(f"microsteps: {self.microsteps} is none of the TB6560's {MICROSTEPS}")
+        _require_positive(self, "full_steps_per_rev", "travel_per_turn", "ratio")
+
+    @property
+    def travel_per_rev(self) -> float:
+        """The joint's travel in mm or degrees per motor turn."""
+        return self.travel_per_turn / self.ratio
+
+    @property
+    def steps_per_unit(self) -> float:
+        """Steps per mm or degree, rounded once: from the ratio, since 360/ratio is already inexact for most."""
+        return self.full_steps_per_rev * self.microsteps * self.ratio / self.travel_per_turn
+
+    @property
+    def wire_units_per_unit(self) -> float:
+        """Wire units per mm or degree; microsteps and units are powers of two, so that nothing is rounded again."""
+        return self.steps_per_unit / self.microsteps * UNITS_PER_FULL_STEP
+
+
+@dataclass(frozen=True, slots=True)
+class Joint:
+    """One axis. Positions in `unit`, speed in unit/s, acceleration in unit/s^2.
+
+    Raises:
+        InputError: limits that leave no room, or that the wire's i32 positions do not reach.
+    """
+
+    name: str
+    unit: Unit
+    lower: float
+    upper: float
+    speed_max: float
+    acceleration_max: float
+    transmission: Transmission
+
+    def __post_init__(self) -> None:
+        if not self.lower < self.upper:
+            raise InputError(f"upper: {self.upper:g} {self.unit} is not above lower, {self.lower:g} {self.unit}")
+        _require_positive(self, "speed_max", "acceleration_max")
+        farthest = max(abs(self.lower), abs(self.upper))
+        reach = WIRE_POSITION_MAX / self.transmission.wire_units_per_unit
+        if farthest > reach:
+            bound = "upper" if farthest == abs(self.upper) else "lower"
+            raise InputError(f"{bound}: {farthest:g} {self.unit} from zero is beyond the wire's {reach:g} {self.unit}")
+
+    @property
+    def step_rate_max_hz(self) -> float:
+        """The step rate at the joint's highest speed."""
+        return self.speed_max * self.transmission.steps_per_unit
+
+
+@dataclass(frozen=True, slots=True)
+class Board:
+    """How the board is set: the bus, the drivers' oscillator and the shape of the step pulses (LinuxCNC's names).
+
+    Attributes:
+        bitrate: of the CAN bus, in bit/s.
+        osc_pf: capacitor at each TB6560's OSC pin, which sets the shortest CLK pulse that it accepts.
+        steplen_ns: how long CLK is high.
+        stepspace_ns: how long it is low at least.
+        dirsetup_ns: how long DIR is stable before CLK rises.
+        dirhold_ns: how long it stays after CLK rose.
+        step_rate_max_hz: the fastest CLK that a driver is given.
+
+    Raises:
+        InputError: a number out of range, or pulses too long for the step rate.
+    """
+
+    bitrate: int
+    osc_pf: int
+    steplen_ns: int
+    stepspace_ns: int
+    dirsetup_ns: int
+    dirhold_ns: int
+    step_rate_max_hz: float
+
+    def __post_init__(self) -> None:
+        _require_positive(self, *self.__dataclass_fields__)
+        pulse_ns = self.steplen_ns + self.stepspace_ns
+        if pulse_ns * self.step_rate_max_hz > 1e9:
+            raise InputError(
+                f"step_rate_max_hz: {self.step_rate_max_hz:g} Hz is more than the {1e9 / pulse_ns:.1f} Hz"
+                f" that steplen_ns + stepspace_ns = {pulse_ns} ns allow"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class Robot:
+    """A machine.
+
+    Attributes:
+        name: as on the command line.
+        title: one line for people.
+        kinematics: the kind of mechanism, a name known to `host.kinematics`.
+        geometry: the mechanism's dimensions in mm and degrees, by name.
+        joints: in the order of their axes on the board.
+        home: joint positions, in joint order, that the machine takes after homing.
+        board: settings that all axes share.
+
+    Raises:
+        InputError: no joints, too many for a board, or a home outside the joints' limits.
+    """
+
+    name: str
+    title: str
+    kinematics: str
+    geometry: Mapping[str, float]
+    joints: tuple[Joint, ...]
+    home: tuple[float, ...]
+    board: Board
+
+    def __post_init__(self) -> None:
+        if not 1 <= len(self.joints) <= AXES_MAX:
+            raise InputError(f"joints: {len(self.joints)} of them, a board drives 1 to {AXES_MAX}")
+        for joint, position in zip(self.joints, self.home, strict=True):
+            if not joint.lower <= position <= joint.upper:
+                raise InputError(
+                    f"home.{joint.name}: {position:g} {joint.unit} is outside {joint.lower:g}..{joint.upper:g} {joint.unit}"
+                )
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """In axis order."""
+        return tuple(joint.name for joint in self.joints)
+
+    @property
+    def steps_per_unit(self) -> FloatArray:
+        """Shape (joints,): steps per mm or degree."""
+        return np.array([joint.transmission.steps_per_unit for joint in self.joints])
+
+    @property
+    def wire_units_per_unit(self) -> FloatArray:
+        """Shape (joints,): wire units per mm or degree."""
+        return np.array([joint.transmission.wire_units_per_unit for joint in self.joints])
+
+
+def _require_positive(settings: object, *names: str) -> None:
+    for name in names:
+        value = getattr(settings, name)
+        if not value > 0:
+            raise InputError(f"{name}: {value:g} is not above 0")

@@ -1,0 +1,157 @@
+"""Reading a robot's TOML file. Every complaint begins with the file and the key, as in `joints.th1.microsteps: ...`."""
+
+import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from enum import StrEnum
+from math import isfinite
+from typing import TypeVar
+
+from host.errors import InputError
+from host.inputs import apart, unknown
+from host.kinematics import make_kinematics
+from host.robot import Board, Joint, Robot, Transmission, Unit
+
+Choice = TypeVar("Choice", bound=StrEnum)
+
+
+def parse_robot(text: str, source: str) -> Robot:
+    """The robot that a TOML text describes; `source` says in messages where the text comes from.
+
+    Raises:
+        InputError: no TOML, a key that is missing, unknown or of the wrong kind, or a value out of range.
+    """
+    with _within(f"{source}: "):
+        try:
+            table = _Table(tomllib.loads(text))
+        except tomllib.TOMLDecodeError as error:
+            raise InputError(f"is not TOML: {error}") from error
+        robot = _robot(table)
+        table.finish()
+        make_kinematics(robot)  # for its complaints about kind and dimensions
+        _check_speeds(robot)
+        return robot
+
+
+class _Table:
+    """A TOML table of which each value is taken once, in its type; whatever is left over then is an error."""
+
+    def __init__(self, values: dict[str, object]) -> None:
+        self._values = dict(values)
+        self._known: list[str] = []
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(tuple(self._values))
+
+    def text(self, key: str) -> str:
+        value = self._take(key)
+        if not isinstance(value, str) or not value:
+            raise InputError(f"{key}: {value!r} is not a text")
+        return value
+
+    def number(self, key: str) -> float:
+        value = self._take(key)
+        if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+            raise InputError(f"{key}: {value!r} is not a finite number")
+        return float(value)
+
+    def integer(self, key: str) -> int:
+        value = self._take(key)
+        if isinstance(value, bool) or not isinstance(value, int):
+            raise InputError(f"{key}: {value!r} is not a whole number")
+        return value
+
+    def choice(self, key: str, choices: type[Choice]) -> Choice:
+        value = self.text(key)
+        if value not in list(choices):
+            raise InputError(f"{key}: {value!r} is none of {', '.join(choices)}")
+        return choices(value)
+
+    @contextmanager
+    def section(self, key: str) -> Iterator["_Table"]:
+        """The table under a key; what goes wrong while it is read is said with the key in front."""
+        value = self._take(key)
+        if not isinstance(value, dict):
+            raise InputError(f"{key}: {value!r} is not a table")
+        with _within(f"{key}."):
+            table = _Table(value)
+            yield table
+            table.finish()
+
+    def finish(self) -> None:
+        """Complain about the first key that nobody asked for."""
+        for key in self._values:
+            raise InputError(f"{key}: {unknown('key', key, self._known)}")
+
+    def _take(self, key: str) -> object:
+        self._known.append(key)
+        if key not in self._values:
+            raise InputError(f"{key}: is missing")
+        return self._values.pop(key)
+
+
+@contextmanager
+def _within(prefix: str) -> Iterator[None]:
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{prefix}{error}") from error
+
+
+def _robot(table: _Table) -> Robot:
+    name, title = table.text("name"), table.text("title")
+    with table.section("kinematics") as mechanism:
+        kind = mechanism.text("kind")
+        geometry = {key: mechanism.number(key) for key in mechanism}
+    with table.section("board") as settings:
+        board = _board(settings)
+    with table.section("joints") as tables:
+        joints = tuple(_joint(tables, key) for key in tables)
+    with table.section("home") as positions:
+        home = tuple(positions.number(joint.name) for joint in joints)
+    return Robot(name, title, kind, geometry, joints, home, board)
+
+
+def _board(table: _Table) -> Board:
+    return Board(
+        bitrate=table.integer("bitrate"),
+        osc_pf=table.integer("osc_pf"),
+        steplen_ns=table.integer("steplen_ns"),
+        stepspace_ns=table.integer("stepspace_ns"),
+        dirsetup_ns=table.integer("dirsetup_ns"),
+        dirhold_ns=table.integer("dirhold_ns"),
+        step_rate_max_hz=table.number("step_rate_max_hz"),
+    )
+
+
+def _joint(tables: _Table, name: str) -> Joint:
+    with tables.section(name) as table:
+        unit = table.choice("unit", Unit)
+        return Joint(
+            name=name,
+            unit=unit,
+            lower=table.number("lower"),
+            upper=table.number("upper"),
+            speed_max=table.number("speed_max"),
+            acceleration_max=table.number("acceleration_max"),
+            transmission=_transmission(table, unit),
+        )
+
+
+def _transmission(table: _Table, unit: Unit) -> Transmission:
+    full_steps_per_rev, microsteps = table.integer("full_steps_per_rev"), table.integer("microsteps")
+    if unit is Unit.MM:
+        return Transmission(full_steps_per_rev, microsteps, travel_per_turn=table.number("travel_per_turn"))
+    return Transmission(full_steps_per_rev, microsteps, travel_per_turn=360.0, ratio=table.number("ratio"))
+
+
+def _check_speeds(robot: Robot) -> None:
+    """A joint whose highest speed its driver cannot follow is a mistake in the file, found before any motion."""
+    limit_hz = robot.board.step_rate_max_hz
+    for joint in robot.joints:
+        if joint.step_rate_max_hz > limit_hz:
+            rate, limit = apart(joint.step_rate_max_hz / 1e3, limit_hz / 1e3)
+            raise InputError(
+                f"joints.{joint.name}.speed_max: {joint.speed_max:g} {joint.unit}/s takes {rate} kHz of steps,"
+                f" more than the driver's {limit} kHz"
+            )

@@ -1,0 +1,97 @@
+"""Bad input: one line on stderr that names value, limit and the nearest valid choice, exit code 2, no frame sent."""
+
+import dataclasses
+
+import pytest
+
+from controller.backend import Kernel
+from emulator.bus import Bus
+from host.cli.app import run
+from host.errors import InputError
+from host.jobs import make_job
+from host.planner import plan
+from host.robots import load_robot
+from host.run import execute
+
+RUN = ["run", "warehouse-scara", "drawer-pull"]
+
+
+@pytest.fixture
+def frames(monkeypatch: pytest.MonkeyPatch) -> list[object]:
+    """Everything that anybody puts on any bus."""
+    sent: list[object] = []
+    monkeypatch.setattr(Bus, "submit", lambda _bus, _port, frame, _now: sent.append(frame))
+    return sent
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        pytest.param(["run", "warehouse-skara", "drawer-pull"], ["warehouse-skara", "warehouse-scara"], id="robot"),
+        pytest.param(["run", "warehouse-scara", "drawer-pul"], ["drawer-pul", "drawer-pull"], id="job"),
+        pytest.param([*RUN, "-o", "elbo=left"], ["elbo", "elbow"], id="option of a job"),
+        pytest.param([*RUN, "--elbow", "lft"], ["lft", "left"], id="elbow"),
+        pytest.param([*RUN, "-o", "duration_s"], ["duration_s", "NAME=VALUE"], id="no value"),
+        pytest.param([*RUN, "-o", "duration_s=soon"], ["duration_s", "soon"], id="no number"),
+        pytest.param([*RUN, "-o", "ramp_s=6"], ["ramp", "6", "5"], id="ramps longer than the motion"),
+        pytest.param([*RUN, "-o", "L1_mm=250"], ["L1", "250", "200"], id="joint limit"),
+        pytest.param(
+            [*RUN, "-o", "duration_s=0.6", "-o", "ramp_s=0.1"], ["th1", "deg/s", "120", "t ="], id="joint speed"
+        ),
+        pytest.param(
+            [*RUN, "-o", "duration_s=0.2", "-o", "ramp_s=0.1"],
+            ["th1", "kHz", "15", "t ="],
+            id="step rate of the driver",
+        ),
+        pytest.param([*RUN, "-o", "duration_s=1.0005"], ["1.0005", "millisecond"], id="duration in whole ms"),
+        pytest.param([*RUN, "--stand-at", "0 0 100 0 61 30"], ["th2", "60", "61", "deg"], id="start elsewhere"),
+        pytest.param([*RUN, "--stand-at", "0 0 100"], ["--stand-at", "3", "6"], id="too few joints"),
+        pytest.param([*RUN, "--stand-at", "0 0 a 0 0 0"], ["--stand-at", "'a'"], id="joint that is no number"),
+        pytest.param([*RUN, "--out", "/dev/null/x"], ["--out", "/dev/null"], id="folder that cannot be"),
+        pytest.param([*RUN, "--jsn"], ["--jsn", "--json"], id="option of the command"),
+        pytest.param(["rum"], ["rum", "run"], id="command"),
+        pytest.param(["run", "warehouse-scara"], ["JOB"], id="missing argument"),
+        pytest.param(["fk", "warehouse-scara", "1", "2"], ["2", "6", "sx"], id="fk with too few joints"),
+        pytest.param(["fk", "warehouse-scara", *["0", "0", "0", "0", "0", "x"]], ["'x'"], id="fk with no number"),
+        pytest.param(["fk", "wharehouse", *"000000"], ["wharehouse", "warehouse-scara"], id="fk of an unknown robot"),
+        pytest.param(["ik", "warehouse-scara", "--x", "1"], ["--y"], id="ik without all of the pose"),
+        pytest.param(["jobs", "warehouse"], ["warehouse-scara"], id="jobs of an unknown robot"),
+    ],
+)
+def test_one_line_and_exit_code_2(
+    arguments: list[str], words: list[str], capsys: pytest.CaptureFixture[str], frames: list[object]
+) -> None:
+    assert run(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert len(captured.err.splitlines()) == 1
+    assert captured.err.startswith("steptwin: ")
+    for word in words:
+        assert word in captured.err
+    assert frames == []
+
+
+@pytest.mark.parametrize(("offset_deg", "accepted"), [(0.0112, True), (0.0113, False)])
+def test_the_start_may_be_half_a_step_off(fast_kernel: Kernel, offset_deg: float, accepted: bool) -> None:
+    """th1 makes steps of 0.0225 deg."""
+    robot = load_robot("warehouse-scara")
+    planned = plan(robot, make_job(robot, "drawer-pull", {"duration_s": "1", "ramp_s": "0.4"}))
+    standing = [0.0, 0.0, 100.0, offset_deg, 60.0, 30.0]
+    if accepted:
+        assert execute(planned, "drawer-pull", fast_kernel, stand_at=standing).fault is None
+    else:
+        with pytest.raises(InputError, match="th1"):
+            execute(planned, "drawer-pull", fast_kernel, stand_at=standing)
+
+
+def test_a_driver_that_is_slower_than_the_firmware_believes_fails_the_run(fast_kernel: Kernel) -> None:
+    """1000 pF at OSC asks for pulses of 90 us: the chip counts nothing, and the report says so."""
+    robot = load_robot("warehouse-scara")
+    slow = dataclasses.replace(robot, board=dataclasses.replace(robot.board, osc_pf=1000))
+    planned = plan(slow, make_job(slow, "drawer-pull", {"duration_s": "2", "ramp_s": "0.5"}))
+    report = execute(planned, "drawer-pull", fast_kernel).report
+    th1 = report.axes[3]
+    assert not report.passed
+    assert th1.violations == th1.pulses > 1800
+    assert th1.steps_end == th1.steps_start
+    assert any("th1" in reason and "violations" in reason for reason in report.reasons)

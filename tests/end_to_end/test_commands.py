@@ -1,0 +1,94 @@
+"""The commands beside `run`, and the installed program."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from host.cli.app import run
+
+
+def test_robots(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["robots", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    names = {robot["name"]: robot["joints"] for robot in document["robots"]}
+    assert names["warehouse-scara"] == ["sx", "sz", "L1", "th1", "th2", "th3"]
+    assert run(["robots"]) == 0
+    assert "warehouse-scara" in capsys.readouterr().out
+
+
+def test_jobs(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["jobs", "warehouse-scara", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["robot"] == "warehouse-scara"
+    (job,) = document["jobs"]
+    assert job["name"] == "drawer-pull"
+    assert "right" in job["options"]["elbow"]
+    assert run(["jobs", "warehouse-scara"]) == 0
+    assert "duration_s" in capsys.readouterr().out
+
+
+def test_fk_with_negative_joints(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["fk", "warehouse-scara", *["0", "0", "200", "-60", "120", "-90"], "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["joints"] == {"sx": 0, "sz": 0, "L1": 200, "th1": -60, "th2": 120, "th3": -90}
+    assert document["pose"] == pytest.approx(
+        {"x_mm": 209.641016151, "y_mm": -63.301270189, "z_mm": 160, "attitude_deg": -30}, abs=1e-8
+    )
+    assert run(["fk", "warehouse-scara", *["0", "0", "50", "0", "0", "0"]]) == 0
+    assert "x 390.000000 mm" in capsys.readouterr().out
+
+
+def test_ik_gives_every_branch(capsys: pytest.CaptureFixture[str]) -> None:
+    pose = ["--x", "275", "--y", "169.903810568", "--z", "60", "--phi", "90"]
+    assert run(["ik", "warehouse-scara", *pose, "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    right, left = document["branches"]
+    assert (right["name"], right["reachable"], right["reason"]) == ("right", True, None)
+    assert right["joints"] == pytest.approx({"sx": 0, "sz": 0, "L1": 100, "th1": 0, "th2": 60, "th3": 30}, abs=1e-6)
+    assert left["joints"]["th1"] == pytest.approx(50.569992092, abs=1e-6)
+    assert run(["ik", "warehouse-scara", *pose]) == 0
+    assert "reachable" in capsys.readouterr().out
+
+
+def test_ik_holds_the_slides_where_the_machine_stands(capsys: pytest.CaptureFixture[str]) -> None:
+    pose = ["--x", "1275", "--y", "169.903810568", "--z", "560", "--phi", "90"]
+    assert run(["ik", "warehouse-scara", *pose, "--near", "1000 500 100 0 60 30", "--json"]) == 0
+    right, _ = json.loads(capsys.readouterr().out)["branches"]
+    assert right["joints"] == pytest.approx(
+        {"sx": 1000, "sz": 500, "L1": 100, "th1": 0, "th2": 60, "th3": 30}, abs=1e-6
+    )
+
+
+def test_ik_says_why_not(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["ik", "warehouse-scara", "--x", "500", "--y", "0", "--z", "60", "--phi", "0", "--json"]) == 0
+    right, _ = json.loads(capsys.readouterr().out)["branches"]
+    assert right["reachable"] is False
+    assert "reach" in right["reason"]
+    assert "350" in right["reason"]
+    assert right["joints"]["th1"] is None
+
+
+def test_eds(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["eds"]) == 0
+    assert "[60C1sub4]" in capsys.readouterr().out
+
+
+def test_the_installed_program() -> None:
+    program = Path(sys.executable).parent / "steptwin"
+    shown = subprocess.run([program, "--help"], capture_output=True, text=True, check=True)
+    assert "run" in shown.stdout
+    refused = subprocess.run([program, "run", "nobody", "x"], capture_output=True, text=True, check=False)
+    assert (refused.returncode, refused.stdout) == (2, "")
+
+
+HEAVY = {"numpy", "scipy", "can", "canopen", "numba", "matplotlib"}
+
+
+def test_help_does_not_import_what_is_heavy() -> None:
+    """Start-up time is measured elsewhere; this keeps its causes out."""
+    code = "import sys, host.cli; print(*sorted(HEAVY & set(sys.modules)))".replace("HEAVY", str(HEAVY))
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert shown.stdout.strip() == ""

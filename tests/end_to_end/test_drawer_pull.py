@@ -1,0 +1,171 @@
+"""The drawer pull as a user runs it: `steptwin run warehouse-scara drawer-pull`, held against the reference figures.
+
+The figures were computed from the paper's geometry independently of this project: joints rounded to steps at 1001
+samples. A board that interpolates and steps with hysteresis may end one step beside them and make two more pulses at
+each reversal.
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from host.cli.app import run
+
+COMMAND = ["run", "warehouse-scara", "drawer-pull", "--json"]
+
+
+def run_json(capsys: pytest.CaptureFixture[str], *options: str, exit_code: int = 0) -> dict[str, Any]:
+    assert run([*COMMAND, *options]) == exit_code
+    captured = capsys.readouterr()
+    document = json.loads(captured.out)
+    assert isinstance(document, dict)
+    return document
+
+
+RIGHT = {"start": (0, 2667, 800), "net": (-1846, 662, 710), "pulses": (1846, 880, 710)}
+LEFT = {"start": (2248, -2667, 2651), "net": (-1320, -662, 1189), "pulses": (1320, 880, 1189)}
+RIGHT_END_DEG = (-41.528098726, 74.895689865, 56.632408861)
+LEFT_END_DEG = (20.879608989, -74.895689865, 144.016080876)
+
+
+@pytest.mark.parametrize(
+    ("elbow", "figures", "end_deg"), [("right", RIGHT, RIGHT_END_DEG), ("left", LEFT, LEFT_END_DEG)]
+)
+def test_reference_figures(
+    capsys: pytest.CaptureFixture[str], elbow: str, figures: dict[str, tuple[int, ...]], end_deg: tuple[float, ...]
+) -> None:
+    report = run_json(capsys, "--elbow", elbow)
+    assert report["passed"] is True
+    assert report["duration_s"] == 10
+    axes = {axis["name"]: axis for axis in report["axes"]}
+    assert list(axes) == ["sx", "sz", "L1", "th1", "th2", "th3"]
+    for name in ("sx", "sz", "L1"):
+        assert axes[name]["pulses"] == 0
+        assert axes[name]["steps_end"] == axes[name]["steps_start"]
+    for i, name in enumerate(("th1", "th2", "th3")):
+        axis = axes[name]
+        assert axis["steps_start"] == figures["start"][i]
+        assert abs(axis["steps_end"] - axis["steps_start"] - figures["net"][i]) <= 1
+        assert abs(axis["pulses"] - figures["pulses"][i]) <= 2
+        assert axis["reversals"] == (1 if name == "th2" else 0)
+        assert axis["timing_error_us_p50"] <= 0.0005 * axis["mean_step_interval_us"]
+        step_deg = 1 / {"th1": 44.4, "th2": 44.4, "th3": 26.6}[name]
+        assert report["joints"]["end"][3 + i] == pytest.approx(end_deg[i], abs=0.57 * step_deg)
+    for axis in axes.values():
+        assert axis["position_error_steps_max"] <= 0.57
+        assert axis["violations"] == 0
+        if axis["pulses"]:
+            assert axis["clk_high_us_min"] >= 30
+            assert axis["clk_low_us_min"] >= 30
+    assert report["tool"]["position_error_mm_max"] <= 0.12
+    assert report["tool"]["attitude_error_deg_max"] <= 0.05
+    assert report["bus"]["bitrate"] == 1_000_000
+    assert 6000 <= report["bus"]["frames"] <= 9000
+    assert 7 <= report["bus"]["load_percent"] <= 16
+
+
+def test_the_json_document_has_the_keys_of_the_contract(capsys: pytest.CaptureFixture[str]) -> None:
+    report = run_json(capsys)
+    assert set(report) >= {
+        "robot", "job", "duration_s", "passed", "axes", "joints", "tool", "bus", "simulated_s", "wall_s",
+    }  # fmt: skip
+    assert set(report["axes"][3]) >= {
+        "name", "steps_start", "steps_end", "pulses", "reversals", "peak_rate_hz", "position_error_steps_max",
+        "timing_error_us_p50", "timing_error_us_p99", "timing_error_us_max", "clk_high_us_min", "clk_low_us_min",
+        "violations",
+    }  # fmt: skip
+    assert set(report["joints"]) == {"names", "start", "end"}
+    assert set(report["tool"]) == {"position_error_mm_max", "position_error_mm_rms", "attitude_error_deg_max"}
+    assert set(report["bus"]) == {"bitrate", "frames", "load_percent"}
+    assert report["simulated"] is True
+
+
+def test_faster_and_elsewhere(capsys: pytest.CaptureFixture[str]) -> None:
+    """In 2 s, with slides and lift elsewhere: the same arm counts, the world shifted."""
+    options = ["duration_s=2", "ramp_s=0.5", "sx_mm=1000", "sz_mm=250.003", "L1_mm=150"]
+    report = run_json(capsys, *(word for option in options for word in ("-o", option)))
+    assert report["passed"] is True
+    assert report["axes"][0]["steps_end"] == 40_000
+    assert report["axes"][1]["steps_end"] == 40_000  # 250.003 mm lies between two steps of 6.25 um
+    assert [axis["pulses"] for axis in report["axes"][3:]] == pytest.approx([1846, 880, 710], abs=2)
+
+
+def folder_bytes(folder: Path) -> dict[str, bytes]:
+    """Every file but the report, which holds the wall time, and the pictures."""
+    return {p.name: p.read_bytes() for p in folder.iterdir() if p.suffix not in {".json", ".png"}}
+
+
+def test_two_runs_and_both_kernels_give_the_same_bytes(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    pytest.importorskip("numba", reason="the extra `fast` (numba) is not installed")
+    for name, kernel in (("first", "numba"), ("second", "numba"), ("plain", "python")):
+        run_json(capsys, "--out", str(tmp_path / name), "--kernel", kernel)
+    first = folder_bytes(tmp_path / "first")
+    assert set(first) == {"trajectory.csv", "edges.npz", "bus.log"}
+    assert first == folder_bytes(tmp_path / "second") == folder_bytes(tmp_path / "plain")
+
+
+def test_the_folder_holds_the_evidence(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="the extra `plot` (matplotlib) is not installed")
+    out = tmp_path / "deep" / "folder"
+    report = run_json(capsys, "--out", str(out))
+    assert json.loads((out / "report.json").read_text()) == report
+    assert {p.name for p in out.iterdir()} == {
+        "report.json", "trajectory.csv", "edges.npz", "bus.log",
+        "joints.png", "step-rates.png", "tool-path.png", "error.png", "timing.png",
+    }  # fmt: skip
+    header, first, *rest = (out / "trajectory.csv").read_text().splitlines()
+    assert header == "t,sx,sz,L1,th1,th2,th3"
+    assert [float(x) for x in first.split(",")] == pytest.approx([0, 0, 0, 100, 0, 60, 30], abs=1e-8)
+    assert len(rest) == 1000
+    with np.load(out / "edges.npz") as edges:
+        assert len(edges["th1_step_counts"]) == report["axes"][3]["pulses"]
+        assert edges["th1_step_signs"].sum() == report["axes"][3]["steps_end"] - report["axes"][3]["steps_start"]
+        assert (edges["th1_clk_fall_counts"] - edges["th1_clk_rise_counts"]).min() >= 2160
+    log = (out / "bus.log").read_text().splitlines()
+    assert len(log) == report["bus"]["frames"]
+    assert log[0] == "(0000000000.000054) steptwin0 710#00"
+    assert sum(" 080#" in line for line in log) == 1
+
+
+def test_the_report_for_people_says_all_that_matters(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["run", "warehouse-scara", "drawer-pull"]) == 0
+    captured = capsys.readouterr()
+    assert "SIMULATED" in captured.out
+    assert captured.out.rstrip().endswith("PASSED")
+    assert captured.err == ""
+
+
+class TestADyingHost:
+    def test_the_board_stops_itself_and_knows_where_it_is(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert run([*COMMAND, "--cut-stream", "3"]) == 3
+        captured = capsys.readouterr()
+        report = json.loads(captured.out)
+        assert report["passed"] is False
+        fault = report["fault"]
+        assert fault["positions_agree"] is True
+        assert fault["codes"]["th1"] == ["0xFF01"]
+        assert set(fault["codes"]) == {"sx", "sz", "L1", "th1", "th2", "th3"}
+        # At 3 s th1 turns with 5.8 deg/s and stops within a few hundredths of a degree.
+        assert fault["joints"]["th1"] == pytest.approx(-12.205, abs=0.1)
+        assert fault["joints"]["L1"] == 100
+        assert len(captured.err.splitlines()) == 1
+        assert "EMCY 0xFF01" in captured.err
+
+    def test_the_stop_is_a_ramp(self, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+        """After the cut step intervals only grow, and the last step comes within the time of the ramp."""
+        run_json(capsys, "--cut-stream", "3", "--out", str(tmp_path), exit_code=3)
+        with np.load(tmp_path / "edges.npz") as edges:
+            t_s = (edges["th1_step_counts"] - edges["start_counts"]) / 72e6
+        after = t_s[t_s > 3.0]
+        assert len(after) <= 4
+        assert t_s[-1] < 3.0 + 0.05
+        assert np.all(np.diff(after) > 0)
+
+    def test_a_cut_must_lie_within_the_motion(self, capsys: pytest.CaptureFixture[str]) -> None:
+        """A cut that leaves nothing, or everything, is a mistake."""
+        for seconds in ("0", "0.009", "10"):
+            assert run([*COMMAND, "--cut-stream", seconds]) == 2
+            assert "--cut-stream" in capsys.readouterr().err

@@ -1,0 +1,49 @@
+"""Flow control under loss: records that vanish are sent again, in order, and the motion does not notice."""
+
+import random
+
+import pytest
+
+from controller.backend import Kernel
+from host.embedded import EmbeddedNetwork
+from host.jobs import make_job
+from host.planner import plan
+from host.robots import load_robot
+from host.run import Outcome, execute
+
+RPDO4 = range(0x510, 0x518)
+
+
+def run_losing(kernel: Kernel, monkeypatch: pytest.MonkeyPatch, part: float) -> tuple[Outcome, int]:
+    """The drawer pull while this part of all PVT records gets lost on the way."""
+    generator = random.Random(1)
+    lost = 0
+    send = EmbeddedNetwork.send_message
+
+    def lossy(network: EmbeddedNetwork, can_id: int, data: bytes, remote: bool = False) -> None:
+        nonlocal lost
+        if can_id in RPDO4 and generator.random() < part:
+            lost += 1
+        else:
+            send(network, can_id, data, remote)
+
+    monkeypatch.setattr(EmbeddedNetwork, "send_message", lossy)
+    robot = load_robot("warehouse-scara")
+    planned = plan(robot, make_job(robot, "drawer-pull", {}))
+    return execute(planned, "drawer-pull", kernel), lost
+
+
+@pytest.mark.parametrize("part", [0.002, 0.01, 0.05])
+def test_losses_are_made_good(fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch, part: float) -> None:
+    outcome, lost = run_losing(fast_kernel, monkeypatch, part)
+    assert lost > 5
+    assert outcome.fault is None
+    assert outcome.report.passed, outcome.report.reasons
+
+
+def test_a_dead_line_is_an_underrun(fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nearly everything gets lost: what arrives runs, then the board stops itself."""
+    outcome, _ = run_losing(fast_kernel, monkeypatch, 0.9)
+    assert outcome.fault is not None
+    assert outcome.fault.positions_agree
+    assert 0xFF01 in [code for codes in outcome.fault.codes.values() for code in codes]
