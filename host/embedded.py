@@ -16,6 +16,10 @@ TICK_COUNTS = COUNTS_PER_SECOND // 4000
 """The board's servo tick: a motion begins with the first one after the SYNC that starts it."""
 
 
+_BOOT_S = 0.01
+"""The host comes after the nodes' boot-up messages."""
+
+
 class EmbeddedNetwork(canopen.Network):
     """The canopen library's network on a simulated bus.
 
@@ -51,6 +55,7 @@ class EmbeddedBoard:
         self._board = Board(config, kernel)
         self._simulation = Simulation(self._board, Bus(robot.board.bitrate))
         self.network = EmbeddedNetwork(self._simulation)
+        self.wait(_BOOT_S)
 
     def now_s(self) -> float:
         """Simulated seconds since the board was switched on."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+from math import isfinite
 
 from host.errors import InputError
 
@@ -24,7 +25,7 @@ def unknown(what: str, given: str, choices: Iterable[str]) -> InputError:
 def whole_ms(what: str, value_s: float) -> int:
     """A time in milliseconds; InputError when it is not finite or not a whole number of them."""
     value_ms = 1000.0 * value_s
-    if not abs(value_ms - round(value_ms, 0)) <= _MS_TOLERANCE:
+    if not (isfinite(value_ms) and abs(value_ms - round(value_ms)) <= _MS_TOLERANCE):
         raise InputError(f"{what}: {value_s:.9g} s is not a whole number of milliseconds")
     return round(value_ms)
 

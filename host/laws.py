@@ -10,7 +10,7 @@ from host.trajectory import FloatArray
 
 
 @dataclass(frozen=True, slots=True)
-class TrapezoidalLaw:
+class Trapezoid:
     """Constant acceleration, constant speed v = S / (T - t1), constant deceleration; S may be negative.
 
         s = v t^2 / (2 t1)              0 <= t <= t1
@@ -35,11 +35,14 @@ class TrapezoidalLaw:
     ramp_s: float
 
     def __post_init__(self) -> None:
-        ramp_ms, duration_ms = whole_ms("ramp_s", self.ramp_s), whole_ms("duration_s", self.duration_s)
+        ramp_ms, duration_ms = self._ramp_and_duration_ms()
         if not 0 < 2 * ramp_ms <= duration_ms:
             raise InputError(
-                f"ramp_s: {self.ramp_s:g} s is not above 0 and at most half of duration_s, {self.duration_s:g} s"
+                f"ramp_s: {self.ramp_s:g} s is not above 0 and at most {self.duration_s / 2:g} s, half of duration_s"
             )
+
+    def _ramp_and_duration_ms(self) -> tuple[int, int]:
+        return whole_ms("ramp_s", self.ramp_s), whole_ms("duration_s", self.duration_s)
 
     @property
     def speed(self) -> float:
@@ -49,7 +52,7 @@ class TrapezoidalLaw:
     @property
     def breakpoints_s(self) -> tuple[float, ...]:
         """Where the acceleration jumps between start and end, as whole milliseconds; once if the ramps meet."""
-        ramp_ms, duration_ms = whole_ms("ramp_s", self.ramp_s), whole_ms("duration_s", self.duration_s)
+        ramp_ms, duration_ms = self._ramp_and_duration_ms()
         return tuple(ms / 1000 for ms in sorted({ramp_ms, duration_ms - ramp_ms}))
 
     def position(self, t_s: FloatArray) -> FloatArray:

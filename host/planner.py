@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from host.errors import InputError
+from host.inputs import apart, whole_ms
 from host.robot import Joint, Robot
 from host.trajectory import FloatArray, Trajectory
 from protocol.pvt import DURATION_MAX_MS, I24_MAX, I24_MIN, VELOCITY_PER_UNIT_PER_MS
@@ -23,12 +24,12 @@ _CHECK_MS: Final = 1
 _LIMIT_TOLERANCE: Final = 1e-9
 _REST_TOLERANCE: Final = 1e-9
 """In mm/s or deg/s: what rounding leaves of a velocity of zero."""
-_ROUNDING_MS: Final = 1e-6
+_Q16: Final = 1 << 16
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """A checked trajectory as points on the wire.
+    """A checked trajectory as points on the wire; its arrays are read-only.
 
     Attributes:
         robot: whose joints these are.
@@ -43,6 +44,10 @@ class Plan:
     times_ms: Int64Array
     points_units: Int64Array
     velocities: Int64Array
+
+    def __post_init__(self) -> None:
+        for array in (self.times_ms, self.points_units, self.velocities):
+            array.flags.writeable = False
 
     @property
     def start_units(self) -> list[int]:
@@ -71,22 +76,23 @@ def plan(robot: Robot, trajectory: Trajectory, point_ms: int = DEFAULT_POINT_MS)
     """Sample a trajectory every `point_ms` and at its breakpoints, check it and convert it.
 
     Raises:
-        InputError: the trajectory is not finite, leaves a limit of position, speed, acceleration or step rate, does
-            not start and end at rest, or does not fit the PVT record; the message names joint, time, value and limit.
+        InputError: the trajectory has other joints than the robot, is not finite, leaves a limit of position, speed,
+            acceleration or step rate, does not start and end at rest, or does not fit the PVT record; the message
+            names joint, time, value and limit.
     """
+    _check_joint_names(robot, trajectory)
     times_ms = _point_times_ms(trajectory, point_ms)
     samples = _samples(trajectory, times_ms)
     _check_positions(robot, samples)
-    positions = trajectory.positions(times_ms / 1000)
-    velocities = trajectory.velocities(times_ms / 1000)
-    _check_rest(robot, velocities)
-    per_unit = np.array([joint.transmission.wire_units_per_unit for joint in robot.joints])
-    points = np.floor(positions * per_unit + 0.5).astype(np.int64)
-    wire_velocities = np.round(velocities * per_unit * VELOCITY_PER_UNIT_PER_MS / 1000).astype(np.int64)
-    made = Plan(robot, trajectory, times_ms, points, wire_velocities)
+    _check_rest(robot, samples)
+    at_points = np.searchsorted(samples.t_s, times_ms / 1000)
+    per_unit = robot.wire_units_per_unit
+    points = np.floor(samples.positions[at_points] * per_unit + 0.5)
+    velocities = np.round(samples.velocities[at_points] * per_unit * VELOCITY_PER_UNIT_PER_MS / 1000)
+    _check_record_widths(robot, times_ms, points, velocities)  # before they become integers, which end somewhere too
+    made = Plan(robot, trajectory, times_ms, points.astype(np.int64), velocities.astype(np.int64))
     _check_step_rates(made)
     _check_speeds(robot, samples)
-    _check_record_widths(made)
     return made
 
 
@@ -105,20 +111,22 @@ def check_start(made: Plan, board_joints: list[float]) -> None:
             )
 
 
+def _check_joint_names(robot: Robot, trajectory: Trajectory) -> None:
+    if trajectory.joint_names != robot.joint_names:
+        given, right = " ".join(trajectory.joint_names), " ".join(robot.joint_names)
+        raise InputError(f"the trajectory moves the joints {given}, but {robot.name} has {right}, in this order")
+
+
 def _point_times_ms(trajectory: Trajectory, point_ms: int) -> Int64Array:
-    """The grid and the breakpoints; all of them must be whole milliseconds."""
+    """The grid and the breakpoints; all of them must be whole milliseconds, and the end not before the first one."""
     if not 1 <= point_ms <= DURATION_MAX_MS:
         raise InputError(f"{point_ms} ms between points is not from 1 to {DURATION_MAX_MS} ms")
-    end_ms = _whole_ms(trajectory.duration_s, "the duration")
-    breakpoints = [_whole_ms(t_s, "a breakpoint") for t_s in trajectory.breakpoints_s]
-    return np.unique(np.array([*range(0, end_ms, point_ms), *breakpoints, end_ms], dtype=np.int64))
-
-
-def _whole_ms(t_s: float, what: str) -> int:
-    ms = round(t_s * 1000)
-    if abs(t_s * 1000 - ms) > _ROUNDING_MS or ms < 1:
-        raise InputError(f"{what} of {t_s:g} s is not a whole number of milliseconds, at least 1")
-    return ms
+    end_ms = whole_ms("the duration", trajectory.duration_s)
+    breakpoints_ms = [whole_ms("a breakpoint", t_s) for t_s in trajectory.breakpoints_s]
+    for what, t_ms in (("the duration", end_ms), *(("a breakpoint", t_ms) for t_ms in breakpoints_ms)):
+        if not 1 <= t_ms <= end_ms:
+            raise InputError(f"{what}: {t_ms} ms is not from 1 ms to the end at {end_ms} ms")
+    return np.unique(np.array([*range(0, end_ms, point_ms), *breakpoints_ms, end_ms], dtype=np.int64))
 
 
 class _Samples(NamedTuple):
@@ -145,8 +153,10 @@ def _check_speeds(robot: Robot, samples: _Samples) -> None:
     t_s, velocities = samples.t_s, samples.velocities
     accelerations = np.diff(velocities, axis=0) / np.diff(t_s)[:, np.newaxis]
     for i, joint in enumerate(robot.joints):
-        _check_size(joint, t_s, velocities[:, i], joint.speed_max, "speed", f"{joint.unit}/s")
-        _check_size(joint, t_s, accelerations[:, i], joint.acceleration_max, "acceleration", f"{joint.unit}/s^2")
+        per_s = f"{joint.unit}/s"
+        _check_size(joint, t_s, velocities[:, i], joint.speed_max, "a speed", per_s)
+        mean = "a mean acceleration over 1 ms"
+        _check_size(joint, t_s, accelerations[:, i], joint.acceleration_max, mean, f"{per_s}^2")
 
 
 def _check_finite(joint: Joint, t_s: FloatArray, positions: FloatArray, velocities: FloatArray) -> None:
@@ -163,8 +173,9 @@ def _check_range(joint: Joint, t_s: FloatArray, positions: FloatArray) -> None:
     inside = (positions >= joint.lower - _LIMIT_TOLERANCE) & (positions <= joint.upper + _LIMIT_TOLERANCE)
     if not inside.all():
         i = int(np.argmin(inside))
+        text, _ = apart(positions[i], joint.lower if positions[i] < joint.lower else joint.upper)
         raise InputError(
-            f"{joint.name}: {positions[i]:.3f} {joint.unit} at t = {t_s[i]:.3f} s "
+            f"{joint.name}: {text} {joint.unit} at t = {t_s[i]:.3f} s "
             f"is outside {joint.lower:g}..{joint.upper:g} {joint.unit}"
         )
 
@@ -173,45 +184,62 @@ def _check_size(joint: Joint, t_s: FloatArray, values: FloatArray, limit: float,
     sizes = np.abs(values)
     i = int(np.argmax(sizes))
     if sizes[i] > limit * (1 + _LIMIT_TOLERANCE):
+        size_text, limit_text = apart(sizes[i], limit)
         raise InputError(
-            f"{joint.name}: a {what} of {sizes[i]:.3f} {unit} at t = {t_s[i]:.3f} s is more than {limit:g} {unit}"
+            f"{joint.name}: {what} of {size_text} {unit} at t = {t_s[i]:.3f} s is more than {limit_text} {unit}"
         )
 
 
-def _check_rest(robot: Robot, velocities: FloatArray) -> None:
+def _check_rest(robot: Robot, samples: _Samples) -> None:
     for i, joint in enumerate(robot.joints):
-        for when, velocity in (("starts", velocities[0, i]), ("ends", velocities[-1, i])):
+        for when, row in (("starts", 0), ("ends", -1)):
+            velocity = samples.velocities[row, i]
             if abs(velocity) > _REST_TOLERANCE:
-                raise InputError(f"{joint.name}: the motion {when} at {velocity:g} {joint.unit}/s instead of at rest")
+                raise InputError(
+                    f"{joint.name}: the motion {when} at t = {samples.t_s[row]:.3f} s"
+                    f" with {velocity:g} {joint.unit}/s instead of 0 {joint.unit}/s, at rest"
+                )
 
 
-def _check_step_rates(made: Plan) -> None:
-    """The firmware's own test: the Bernstein coefficients of each cubic's velocity bound its step rate."""
-    dt_ms = np.diff(made.times_ms)[:, np.newaxis]
-    slopes = 3 * np.diff(made.points_units, axis=0) / dt_ms
-    ends = made.velocities / VELOCITY_PER_UNIT_PER_MS
-    hull = np.maximum.reduce([np.abs(ends[:-1]), np.abs(slopes - ends[:-1] - ends[1:]), np.abs(ends[1:])])
-    for i, joint in enumerate(made.robot.joints):
-        per_unit = joint.transmission.steps_per_unit / joint.transmission.wire_units_per_unit
-        rates_hz = hull[:, i] * 1000 * per_unit
-        worst = int(np.argmax(rates_hz))
-        limit_hz = made.robot.board.step_rate_max_hz
-        if rates_hz[worst] > limit_hz:
-            raise InputError(
-                f"{joint.name}: {rates_hz[worst] / 1000:.3f} kHz of steps at t = {made.times_ms[worst] / 1000:.3f} s "
-                f"is more than the driver's {limit_hz / 1000:g} kHz"
-            )
-
-
-def _check_record_widths(made: Plan) -> None:
+def _check_record_widths(robot: Robot, times_ms: Int64Array, points: FloatArray, velocities: FloatArray) -> None:
     for values, what, unit in (
-        (np.diff(made.points_units, axis=0), "displacement", "units"),
-        (made.velocities, "velocity", "1/64 unit per ms"),
+        (np.diff(points, axis=0), "displacement", "units"),
+        (velocities, "velocity", "1/64 unit per ms"),
     ):
         outside = (values < I24_MIN) | (values > I24_MAX)
         if outside.any():
             row, i = (int(index) for index in np.argwhere(outside)[0])
             raise InputError(
-                f"{made.robot.joints[i].name}: a {what} of {values[row, i]} {unit} at t = "
-                f"{made.times_ms[row] / 1000:.3f} s does not fit a PVT record's {I24_MIN}..{I24_MAX}"
+                f"{robot.joints[i].name}: a {what} of {values[row, i]:.0f} {unit} at t = "
+                f"{times_ms[row] / 1000:.3f} s does not fit a PVT record's {I24_MIN}..{I24_MAX}"
             )
+
+
+def _check_step_rates(made: Plan) -> None:
+    """The firmware's own test, so that no record of a plan is refused for its speed."""
+    dt_ms = np.diff(made.times_ms)[:, np.newaxis]
+    rates_hz = _velocity_hulls_q16(made) * (1000 / _Q16) / dt_ms
+    limit_hz = made.robot.board.step_rate_max_hz
+    for i, joint in enumerate(made.robot.joints):
+        worst = int(np.argmax(rates_hz[:, i]))
+        if rates_hz[worst, i] > limit_hz:
+            rate, limit = apart(rates_hz[worst, i] / 1000, limit_hz / 1000)
+            raise InputError(
+                f"{joint.name}: {rate} kHz of steps at t = {made.times_ms[worst] / 1000:.3f} s "
+                f"is more than the driver's {limit} kHz"
+            )
+
+
+def _velocity_hulls_q16(made: Plan) -> Int64Array:
+    """A bound of each cubic's velocity, shape (segments, joints), in Q16 steps per segment duration.
+
+    With D the displacement, a = v0 dt and e = v1 dt the velocity is a quadratic with the Bernstein coefficients a,
+    3D - a - e and e, which is nowhere larger than the largest of them. Rounded as the firmware rounds.
+    """
+    dt_ms = np.diff(made.times_ms)[:, np.newaxis]
+    microsteps = np.array([joint.transmission.microsteps for joint in made.robot.joints])
+    distance = np.diff(made.points_units, axis=0) * microsteps << 2
+    a = made.velocities[:-1] * dt_ms * microsteps + 8 >> 4
+    e = made.velocities[1:] * dt_ms * microsteps + 8 >> 4
+    hulls: Int64Array = np.maximum.reduce([np.abs(a), np.abs(3 * distance - a - e), np.abs(e)])
+    return hulls

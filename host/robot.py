@@ -168,14 +168,17 @@ class Robot:
             raise InputError(f"joints: {len(self.joints)} of them, a board drives 1 to {AXES_MAX}")
         for joint, position in zip(self.joints, self.home, strict=True):
             if not joint.lower <= position <= joint.upper:
-                raise InputError(
-                    f"home.{joint.name}: {position:g} {joint.unit} is outside {joint.lower:g}..{joint.upper:g} {joint.unit}"
-                )
+                limits = f"{joint.lower:g}..{joint.upper:g} {joint.unit}"
+                raise InputError(f"home.{joint.name}: {position:g} {joint.unit} is outside {limits}")
 
     @property
     def joint_names(self) -> tuple[str, ...]:
         """In axis order."""
         return tuple(joint.name for joint in self.joints)
+
+    def joint(self, name: str) -> Joint:
+        """A joint by its name; KeyError if there is none."""
+        return {joint.name: joint for joint in self.joints}[name]
 
     @property
     def steps_per_unit(self) -> FloatArray:

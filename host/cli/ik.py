@@ -41,9 +41,13 @@ def ik(
         print_json({"robot": loaded.name, "branches": [_document(branch, loaded.joint_names) for branch in branches]})
         return
     rows = [
-        [branch.name, branch.reason(0) or "reachable", *(f"{q:.6f}" for q in branch.joints[0])] for branch in branches
+        [branch.name, "yes" if branch.reachable[0] else "no", *(f"{q:.4f}" for q in branch.joints[0])]
+        for branch in branches
     ]
-    print_table(["branch", "", *loaded.joint_names], rows, text_columns=2)
+    print_table(["branch", "reachable", *loaded.joint_names], rows, text_columns=2)
+    for branch in branches:
+        if not branch.reachable[0]:
+            typer.echo(f"{branch.name}: {branch.reason(0)}")
 
 
 def _document(branch: "Branch", names: tuple[str, ...]) -> dict[str, Any]:

@@ -131,17 +131,7 @@ def _fault_line(outcome: "Outcome") -> str:
 
 
 def _print_report(outcome: "Outcome", document: dict[str, Any], out: Path | None) -> None:
-    columns = [
-        "axis",
-        "steps",
-        "pulses",
-        "peak Hz",
-        "position error, steps",
-        "timing error p50 / p99, us",
-        "CLK high / low, us",
-        "violations",
-    ]
-    print_table(columns, [_row(axis) for axis in document["axes"]])
+    print_table(list(_COLUMNS), [_row(axis) for axis in document["axes"]])
     tool, bus = document["tool"], document["bus"]
     typer.echo(
         f"tool: {tool['position_error_mm_max']:.4f} mm max, {tool['position_error_mm_rms']:.4f} mm rms, "
@@ -152,24 +142,32 @@ def _print_report(outcome: "Outcome", document: dict[str, Any], out: Path | None
         f"SIMULATED {document['simulated_s']:.2f} s in {document['wall_s']:.2f} s, "
         f"{document['simulated_s'] / document['wall_s']:.0f} x real time"
     )
-    for reason in outcome.report.reasons:
-        typer.echo(f"  {reason}")
-    typer.echo(f"{document['robot']} {document['job']}: {'PASSED' if document['passed'] else 'FAILED'}")
     if out is not None:
         typer.echo(f"report, edges, bus log and pictures are in {out}/")
+    typer.echo(f"{document['robot']} {document['job']}: {_verdict(outcome)}")
+
+
+def _verdict(outcome: "Outcome") -> str:
+    if outcome.fault:
+        return "STOPPED BY A FAULT"
+    return "PASSED" if outcome.report.passed else "\n  ".join(["FAILED", *outcome.report.reasons])
+
+
+_COLUMNS = ("axis", "start", "end", "pulses", "peak Hz", "error st", "p50 us", "p99 us", "high us", "low us", "broken")
+"""Steps at start and end; largest position error in steps; timing error; shortest CLK high and low; violations."""
 
 
 def _row(axis: dict[str, Any]) -> list[str]:
-    def two(first: float | None, second: float | None) -> str:
-        return "-" if first is None or second is None else f"{first:.2f} / {second:.2f}"
-
+    counts = [axis["name"], *(str(axis[key]) for key in ("steps_start", "steps_end", "pulses"))]
+    if not axis["pulses"]:
+        return [*counts, *["-"] * 6, str(axis["violations"])]
     return [
-        axis["name"],
-        f"{axis['steps_start']} -> {axis['steps_end']}",
-        str(axis["pulses"]),
+        *counts,
         f"{axis['peak_rate_hz']:.1f}",
         f"{axis['position_error_steps_max']:.4f}",
-        two(axis["timing_error_us_p50"], axis["timing_error_us_p99"]) if axis["pulses"] else "-",
-        two(axis["clk_high_us_min"], axis["clk_low_us_min"]),
+        f"{axis['timing_error_us_p50']:.2f}",
+        f"{axis['timing_error_us_p99']:.2f}",
+        f"{axis['clk_high_us_min']:.1f}",
+        f"{axis['clk_low_us_min']:.1f}",
         str(axis["violations"]),
     ]

@@ -23,6 +23,8 @@ PRELOAD_RECORDS: Final = 32
 _START: Final = ENABLE_OPERATION | Control.START
 _POLL_S: Final = 0.010
 _REPLY_TIMEOUT_S: Final = 1.0
+_PRELOAD_TIMEOUT_S: Final = 5.0
+"""Enough for records to be sent again a few times on a bad line."""
 
 Progress = Callable[[float], None]
 """Told from time to time which part of the records has been sent, 0 to 1."""
@@ -125,7 +127,7 @@ class Machine:
             fill(streams)
             return all(axis.read(0x60C4, 4) >= least for axis in self.axes)
 
-        self._await(enough, f"the queues do not fill to {least} records")
+        self._await(enough, f"the queues do not fill to {least} records", _PRELOAD_TIMEOUT_S)
 
     def _start_together(self) -> None:
         """Arm every axis' start bit, then one SYNC: all start in the same servo tick."""
@@ -140,6 +142,7 @@ class Machine:
             self._check_faults()
             for stream in streams:
                 stream.update(now_s)
+                stream.check_running()
             fill(streams)
             progress(min(stream.fraction for stream in streams))
 

@@ -1,18 +1,21 @@
 """Feeding PVT queues: one cursor for each axis, credits from the device's reports, resending after losses.
 
 Credits are the free places last reported less the records sent since. On a gap the cursor goes back to the record
-that the device wants next; further gap flags are stale until the device has had time to see the resent ones. Without
-any progress for a while everything not acknowledged is sent again.
+that the device wants next; a further gap counts only once the device has had time to see the resent ones. Without any
+progress for a while everything not acknowledged is sent again.
 """
 
 from typing import Final, NamedTuple
 
 from host.client.axis import AxisClient
+from host.errors import BusError, DeviceFaultError
 from protocol.pvt import QUEUE_DEPTH, SEQUENCE_MODULUS, PvtFlag, PvtRecord, PvtStatus
 
 _GAP_HOLD_S: Final = 0.025
 """Two round trips with the status report's inhibit time of 10 ms."""
 _RESEND_AFTER_S: Final = 0.25
+_SILENCE_S: Final = 1.0
+"""Ten times the status report's event timer: a board that says nothing for so long is gone."""
 
 
 class AxisRecords(NamedTuple):
@@ -31,10 +34,14 @@ class AxisStream:
         self._records = records
         self._count = len(records.durations_ms)
         self._sent = 0
+        self._ever_sent = 0
+        """The highest `_sent` so far: what the device may have taken although the cursor went back since."""
         self._acknowledged = 0
         self._free = QUEUE_DEPTH
         self._seen: PvtStatus | None = axis.pvt_status
         self._progress_s = now_s
+        self._heard_s = now_s
+        self._gap_reported = False
         self._gap_handled_s = now_s - _GAP_HOLD_S
 
     @property
@@ -48,23 +55,39 @@ class AxisStream:
         return self._acknowledged == self._count
 
     def update(self, now_s: float) -> None:
-        """Take in the device's latest report, if it is new."""
+        """Take in the device's latest report, if it is new.
+
+        Raises:
+            BusError: there has been none for too long.
+        """
         status = self._axis.pvt_status
         if status is not None and status is not self._seen:
             self._seen = status
+            self._heard_s = now_s
             self._take(status, now_s)
+        elif now_s - self._heard_s > _SILENCE_S:
+            raise BusError(f"{self._axis.name}: no status for {_SILENCE_S:g} s")
+        if self._gap_reported and now_s - self._gap_handled_s > _GAP_HOLD_S:
+            self._gap_reported = False
+            self._gap_handled_s = now_s
+            self._rewind(now_s)
         if self._sent > self._acknowledged and now_s - self._progress_s > _RESEND_AFTER_S:
             self._rewind(now_s)
 
     def _take(self, status: PvtStatus, now_s: float) -> None:
         advanced = (status.next_sequence - self._acknowledged) % SEQUENCE_MODULUS
-        if 0 < advanced <= self._sent - self._acknowledged:
+        if 0 < advanced <= self._ever_sent - self._acknowledged:
             self._acknowledged += advanced
+            self._sent = max(self._sent, self._acknowledged)
             self._progress_s = now_s
         self._free = status.free
-        if status.flags & PvtFlag.GAP and now_s - self._gap_handled_s > _GAP_HOLD_S:
-            self._gap_handled_s = now_s
-            self._rewind(now_s)
+        self._gap_reported = bool(status.flags & PvtFlag.GAP)
+
+    def check_running(self) -> None:
+        """Raise DeviceFaultError if the axis came to its end, at rest, before the stream did: it starved unnoticed."""
+        status = self._axis.pvt_status
+        if status is not None and not self.all_acknowledged and not status.flags & PvtFlag.RUNNING:
+            raise DeviceFaultError(f"{self._axis.name}: ran out of records at rest before the end of its stream")
 
     def _rewind(self, now_s: float) -> None:
         self._sent = self._acknowledged
@@ -85,6 +108,7 @@ class AxisStream:
             )
         )
         self._sent = i + 1
+        self._ever_sent = max(self._ever_sent, self._sent)
         return True
 
 

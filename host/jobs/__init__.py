@@ -1,7 +1,7 @@
 """Jobs: the named motions of each kind of robot, the experiments of the papers among them."""
 
 from collections.abc import Mapping
-from typing import Final
+from typing import Any, Final
 
 from host.inputs import unknown
 from host.jobs.drawer_pull import DRAWER_PULL
@@ -9,9 +9,9 @@ from host.jobs.job import Job
 from host.robot import Robot
 from host.trajectory import Trajectory
 
-__all__ = ["Job", "job_names", "make_job"]
+__all__ = ["Job", "job_names", "job_options", "make_job"]
 
-_JOBS: Final[dict[str, tuple[Job, ...]]] = {
+_JOBS: Final[dict[str, tuple[Job[Any], ...]]] = {
     "warehouse-scara": (DRAWER_PULL,),
 }
 """By the kind of kinematics, so that a user's own file of the same mechanism has the same jobs."""
@@ -19,7 +19,16 @@ _JOBS: Final[dict[str, tuple[Job, ...]]] = {
 
 def job_names(robot: Robot) -> tuple[str, ...]:
     """What the robot can be asked to do."""
-    return tuple(job.name for job in _JOBS.get(robot.kinematics, ()))
+    return tuple(_jobs(robot))
+
+
+def job_options(robot: Robot, job_name: str) -> dict[str, str]:
+    """A job's options, each with its default and valid values as text.
+
+    Raises:
+        InputError: no such job.
+    """
+    return _job(robot, job_name).described_options(robot)
 
 
 def make_job(robot: Robot, job_name: str, options: Mapping[str, str]) -> Trajectory:
@@ -28,7 +37,15 @@ def make_job(robot: Robot, job_name: str, options: Mapping[str, str]) -> Traject
     Raises:
         InputError: no such job or option, a value out of range, or a motion that the robot cannot make.
     """
-    for job in _JOBS.get(robot.kinematics, ()):
-        if job.name == job_name:
-            return job.make(robot, options)
-    raise unknown("job", job_name, job_names(robot))
+    return _job(robot, job_name).make(robot, options)
+
+
+def _jobs(robot: Robot) -> dict[str, Job[Any]]:
+    return {job.name: job for job in _JOBS.get(robot.kinematics, ())}
+
+
+def _job(robot: Robot, job_name: str) -> Job[Any]:
+    jobs = _jobs(robot)
+    if job_name not in jobs:
+        raise unknown("job", job_name, jobs)
+    return jobs[job_name]

@@ -4,36 +4,57 @@ Source: A. Jiang, L. Guo, X. Tan, "Development of Prototype of a New Intelligent
 DOI 10.3969/j.issn.1009-9492.2019.05.018: start, distance and 10 s are the paper's, the ramps of 2 s are assumed.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from host.errors import InputError
+from host.cartesian import StraightLine
 from host.jobs.job import Job
-from host.jobs.options import Range, number, parse_options
-from host.kinematics import Elbow, WarehouseScara
-from host.laws import TrapezoidalLaw
+from host.jobs.options import joint_position, number
+from host.kinematics import Elbow, make_kinematics
+from host.laws import Trapezoid
 from host.robot import Robot
-from host.trajectory import FloatArray
+from host.trajectory import Trajectory
 
 START_DEG: Final = (0.0, 60.0, 30.0)
-"""th1, th2, th3 where the hand has locked onto the drawer, with the elbow to the right."""
+"""th1, th2, th3 with the elbow to the right when the hand has locked onto the drawer."""
 
-TRAVEL_Y_MM: Final = -180.0
-
-_PATH_CHECKS: Final = 181
-"""Points of the path asked for reach before anything moves: one each mm."""
+TRAVEL_MM: Final = 180.0
+TOWARDS: Final = (0.0, -1.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
 class DrawerPullOptions:
-    """The elbow's side, the time law, and where lift and slides stand meanwhile."""
+    """The elbow's side, the time law, and where slides and lift stand meanwhile."""
 
     elbow: Elbow = Elbow.RIGHT
-    duration_s: float = number(10.0, 0.002, 3600.0, "s")
-    ramp_s: float = number(2.0, 0.001, 1800.0, "s")
-    sx_mm: float = number(0.0, -np.inf, np.inf, "mm")
-    sz_mm: float = number(0.0, -np.inf, np.inf, "mm")
-    L1_mm: float = number(100.0, -np.inf, np.inf, "mm")
+    duration_s: float = number(10.0, 0.002, 600.0, "s")
+    ramp_s: float = number(2.0, 0.001, 300.0, "s")
+    sx_mm: float = joint_position(0.0, "sx")
+    sz_mm: float = joint_position(0.0, "sz")
+    L1_mm: float = joint_position(100.0, "L1")
+
+
+def drawer_pull(robot: Robot, options: DrawerPullOptions) -> Trajectory:
+    """The pull with either elbow: both start at the same tool pose.
+
+    Raises:
+        InputError: times that make no trapezoid.
+    """
+    law = Trapezoid(TRAVEL_MM, options.duration_s, options.ramp_s)
+    start = (options.sx_mm, options.sz_mm, options.L1_mm, *START_DEG)
+    kinematics = make_kinematics(robot)
+    x_mm, y_mm, z_mm, attitude_deg = kinematics.forward(np.array([start]))[0].tolist()
+    return StraightLine(
+        joint_names=robot.joint_names,
+        kinematics=kinematics,
+        branch=options.elbow.value,
+        near=start,
+        start_pose=(x_mm, y_mm, z_mm, attitude_deg),
+        direction=TOWARDS,
+        law=law,
+    )
+
+
+DRAWER_PULL: Final = Job("drawer-pull", DrawerPullOptions, drawer_pull)

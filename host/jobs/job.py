@@ -2,21 +2,31 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Generic
 
+from host.jobs.options import Options, describe_options, parse_options
 from host.robot import Robot
 from host.trajectory import Trajectory
 
 
 @dataclass(frozen=True, slots=True)
-class Job:
+class Job(Generic[Options]):
     """An entry of the registry.
 
     Attributes:
         name: as on the command line.
-        title: one line for people.
-        make: builds the trajectory from the texts of its options; raises InputError for what makes none.
+        options: a frozen dataclass whose fields are made by `host.jobs.options`, each with a default.
+        build: the trajectory of a robot with these options; raises InputError for what makes none.
     """
 
     name: str
-    title: str
-    make: Callable[[Robot, Mapping[str, str]], Trajectory]
+    options: type[Options]
+    build: Callable[[Robot, Options], Trajectory]
+
+    def make(self, robot: Robot, texts: Mapping[str, str]) -> Trajectory:
+        """The trajectory from the texts of its options; raises InputError as `parse_options` and `build` do."""
+        return self.build(robot, parse_options(self.options, texts, robot))
+
+    def described_options(self, robot: Robot) -> dict[str, str]:
+        """Each option's default and valid values, for people."""
+        return describe_options(self.options, robot)

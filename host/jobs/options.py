@@ -1,13 +1,13 @@
 """From texts on the command line to a job's options: a frozen dataclass of enums and ranged numbers."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import Field, dataclass, field, fields
 from enum import Enum
-from math import isfinite
 from typing import Any, TypeVar
 
 from host.errors import InputError
 from host.inputs import unknown
+from host.robot import Robot
 
 Options = TypeVar("Options")
 
@@ -20,52 +20,78 @@ class Range:
     upper: float
     unit: str
 
-    def check(self, name: str, value: float) -> None:
-        """InputError, naming the range, for a value outside."""
-        if not self.lower <= value <= self.upper:
-            limits = f"{self.lower:g}..{self.upper:g} {self.unit}"
-            raise InputError(f"option {name}: {value:.9g} {self.unit} is outside {limits}")
+    def __str__(self) -> str:
+        return f"{self.lower:g}..{self.upper:g} {self.unit}"
 
 
 def number(default: float, lower: float, upper: float, unit: str) -> Any:
-    """A dataclass field for a number with a range. (Any, as `dataclasses.field` pretends its default's type.)"""
+    """A dataclass field for a number with a range. (Any, as `dataclasses.field` pretends to be its default.)"""
     return field(default=default, metadata={"range": Range(lower, upper, unit)})
 
 
-def parse_options(options: type[Options], texts: Mapping[str, str]) -> Options:
+def joint_position(default: float, joint: str) -> Any:
+    """A dataclass field for a joint's position, whose range is the robot's."""
+    return field(default=default, metadata={"joint": joint})
+
+
+def parse_options(options: type[Options], texts: Mapping[str, str], robot: Robot) -> Options:
     """The dataclass from its fields' texts; a field's default says whether it is an enum or a number.
 
     Raises:
         InputError: an unknown name, with the nearest ones, or a bad value, with the choices or the range.
     """
-    known = {field.name: field for field in fields(options)}  # type: ignore[arg-type]
-    values: dict[str, Enum | float] = {}
-    for name, text in texts.items():
+    known = _fields(options)
+    for name in texts:
         if name not in known:
             raise unknown("option", name, known)
-        default = known[name].default
-        if isinstance(default, Enum):
-            values[name] = _choice(name, text, type(default))
-        else:
-            values[name] = _number(name, text, known[name].metadata["range"])
-    return options(**values)
+    return options(**{name: _value(known[name], text, robot) for name, text in texts.items()})
 
 
-def _choice(name: str, text: str, choices: type[Enum]) -> Enum:
-    names = [str(choice.value) for choice in choices]
-    if text not in names:
-        raise InputError(f"option {name}: {text!r} is none of {', '.join(names)}")
-    return choices(text)
+def describe_options(options: type[Any], robot: Robot) -> dict[str, str]:
+    """Each option's default and what else it may be, for people."""
+    return {name: _description(option, robot) for name, option in _fields(options).items()}
+
+
+def _fields(options: type[Any]) -> dict[str, Field[Any]]:
+    return {option.name: option for option in fields(options)}
+
+
+def _description(option: Field[Any], robot: Robot) -> str:
+    if isinstance(option.default, Enum):
+        return f"{option.default.value} ({', '.join(_choices(option.default))})"
+    return f"{option.default:g} ({_range(option, robot)})"
+
+
+def _value(option: Field[Any], text: str, robot: Robot) -> Enum | float:
+    if isinstance(option.default, Enum):
+        return _choice(option.name, text, option.default)
+    return _number(option.name, text, _range(option, robot))
+
+
+def _choice(name: str, text: str, default: Enum) -> Enum:
+    choices = _choices(default)
+    if text not in choices:
+        raise InputError(f"{unknown(f'option {name}:', text, choices)} (valid: {', '.join(choices)})")
+    return choices[text]
+
+
+def _choices(default: Enum) -> dict[str, Enum]:
+    return {str(choice.value): choice for choice in type(default)}
 
 
 def _number(name: str, text: str, allowed: Range) -> float:
     try:
         value = float(text)
     except ValueError:
-        value = float("nan")
-    if not isfinite(value):
-        raise InputError(
-            f"option {name}: {text!r} is no number of {allowed.unit} in {allowed.lower:g}..{allowed.upper:g}"
-        )
-    allowed.check(name, value)
+        raise InputError(f"option {name}: {text!r} is not a number (valid: {allowed})") from None
+    if not allowed.lower <= value <= allowed.upper:
+        raise InputError(f"option {name}: {value:.9g} {allowed.unit} is outside {allowed}")
     return value
+
+
+def _range(option: Field[Any], robot: Robot) -> Range:
+    if "joint" not in option.metadata:
+        allowed: Range = option.metadata["range"]
+        return allowed
+    joint = robot.joint(option.metadata["joint"])
+    return Range(joint.lower, joint.upper, joint.unit)

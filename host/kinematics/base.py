@@ -67,13 +67,13 @@ class Branch:
     @property
     def reachable(self) -> BoolArray:
         """Shape (n,): whether every constraint holds."""
-        return np.logical_and.reduce([constraint.kept for constraint in self.constraints])
+        reachable: BoolArray = np.logical_and.reduce([constraint.kept for constraint in self.constraints])
+        return reachable
 
     def reason(self, i: int) -> str | None:
         """Why pose i cannot be taken; None if it can."""
-        broken = (constraint for constraint in self.constraints if not constraint.kept[i])
-        first = next(broken, None)
-        return first and first.complaint(i)
+        complaints = (constraint.complaint(i) for constraint in self.constraints if not constraint.kept[i])
+        return next(complaints, None)
 
 
 class Kinematics(Protocol):

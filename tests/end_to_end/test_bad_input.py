@@ -36,7 +36,7 @@ def frames(monkeypatch: pytest.MonkeyPatch) -> list[object]:
         pytest.param([*RUN, "-o", "ramp_s=6"], ["ramp", "6", "5"], id="ramps longer than the motion"),
         pytest.param([*RUN, "-o", "L1_mm=250"], ["L1", "250", "200"], id="joint limit"),
         pytest.param(
-            [*RUN, "-o", "duration_s=0.6", "-o", "ramp_s=0.1"], ["th1", "deg/s", "120", "t ="], id="joint speed"
+            [*RUN, "-o", "duration_s=0.6", "-o", "ramp_s=0.24"], ["th1", "deg/s", "120", "t ="], id="joint speed"
         ),
         pytest.param(
             [*RUN, "-o", "duration_s=0.2", "-o", "ramp_s=0.1"],

@@ -50,7 +50,7 @@ def test_ik_gives_every_branch(capsys: pytest.CaptureFixture[str]) -> None:
     assert right["joints"] == pytest.approx({"sx": 0, "sz": 0, "L1": 100, "th1": 0, "th2": 60, "th3": 30}, abs=1e-6)
     assert left["joints"]["th1"] == pytest.approx(50.569992092, abs=1e-6)
     assert run(["ik", "warehouse-scara", *pose]) == 0
-    assert "reachable" in capsys.readouterr().out
+    assert "50.5700" in capsys.readouterr().out
 
 
 def test_ik_holds_the_slides_where_the_machine_stands(capsys: pytest.CaptureFixture[str]) -> None:
@@ -69,6 +69,8 @@ def test_ik_says_why_not(capsys: pytest.CaptureFixture[str]) -> None:
     assert "reach" in right["reason"]
     assert "350" in right["reason"]
     assert right["joints"]["th1"] is None
+    assert run(["ik", "warehouse-scara", "--x", "500", "--y", "0", "--z", "60", "--phi", "0"]) == 0
+    assert "left: out of reach" in capsys.readouterr().out
 
 
 def test_eds(capsys: pytest.CaptureFixture[str]) -> None:

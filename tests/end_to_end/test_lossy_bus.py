@@ -6,6 +6,7 @@ import pytest
 
 from controller.backend import Kernel
 from host.embedded import EmbeddedNetwork
+from host.errors import BusError
 from host.jobs import make_job
 from host.planner import plan
 from host.robots import load_robot
@@ -41,9 +42,14 @@ def test_losses_are_made_good(fast_kernel: Kernel, monkeypatch: pytest.MonkeyPat
     assert outcome.report.passed, outcome.report.reasons
 
 
-def test_a_dead_line_is_an_underrun(fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nearly everything gets lost: what arrives runs, then the board stops itself."""
-    outcome, _ = run_losing(fast_kernel, monkeypatch, 0.9)
+def test_a_line_too_bad_to_keep_up_ends_in_an_underrun(fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two of five records get lost: the queues fill before the start, then run dry, and the board stops itself."""
+    outcome, _ = run_losing(fast_kernel, monkeypatch, 0.4)
     assert outcome.fault is not None
     assert outcome.fault.positions_agree
     assert 0xFF01 in [code for codes in outcome.fault.codes.values() for code in codes]
+
+
+def test_a_dead_line_never_starts(fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(BusError, match="32 records"):
+        run_losing(fast_kernel, monkeypatch, 1.0)
