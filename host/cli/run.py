@@ -132,6 +132,9 @@ def _fault_line(outcome: "Outcome") -> str:
 
 def _print_report(outcome: "Outcome", document: dict[str, Any], out: Path | None) -> None:
     print_table(list(_COLUMNS), [_row(axis) for axis in document["axes"]])
+    moving = [axis for axis in document["axes"] if axis["pulses"]]
+    if moving:
+        typer.echo(f"CLK: high {_least(moving, 'clk_high_us_min')}, low {_least(moving, 'clk_low_us_min')}")
     tool, bus = document["tool"], document["bus"]
     typer.echo(
         f"tool: {tool['position_error_mm_max']:.4f} mm max, {tool['position_error_mm_rms']:.4f} mm rms, "
@@ -153,21 +156,24 @@ def _verdict(outcome: "Outcome") -> str:
     return "PASSED" if outcome.report.passed else "\n  ".join(["FAILED", *outcome.report.reasons])
 
 
-_COLUMNS = ("axis", "start", "end", "pulses", "peak Hz", "error st", "p50 us", "p99 us", "high us", "low us", "broken")
-"""Steps at start and end; largest position error in steps; timing error; shortest CLK high and low; violations."""
+def _least(axes: list[dict[str, Any]], key: str) -> str:
+    times_us = [axis[key] for axis in axes if axis[key] is not None]
+    return f"at least {min(times_us):.2f} us" if times_us else "once"
+
+
+_COLUMNS = ("axis", "start", "end", "pulses", "peak Hz", "err steps", "p50 us", "p99 us", "broken")
+"""Steps at start and end; largest position error in steps; timing error; pulses that broke a driver limit."""
 
 
 def _row(axis: dict[str, Any]) -> list[str]:
     counts = [axis["name"], *(str(axis[key]) for key in ("steps_start", "steps_end", "pulses"))]
     if not axis["pulses"]:
-        return [*counts, *["-"] * 6, str(axis["violations"])]
+        return [*counts, *["-"] * 4, str(axis["violations"])]
     return [
         *counts,
         f"{axis['peak_rate_hz']:.1f}",
         f"{axis['position_error_steps_max']:.4f}",
         f"{axis['timing_error_us_p50']:.2f}",
         f"{axis['timing_error_us_p99']:.2f}",
-        f"{axis['clk_high_us_min']:.1f}",
-        f"{axis['clk_low_us_min']:.1f}",
         str(axis["violations"]),
     ]
