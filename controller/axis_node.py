@@ -40,6 +40,8 @@ class AxisNode:
         self.axis = axis
         self.nmt_state = NmtState.INITIALISING
         self.state = State.NOT_READY_TO_SWITCH_ON
+        self.energised = False
+        """Whether the driver's outputs are to be on."""
         self.outbox: list[Frame] = []
         self.due_us: int | None = None
         """When `poll` wants to be called next."""
@@ -193,11 +195,6 @@ class AxisNode:
     # --- the drive
 
     @property
-    def energised(self) -> bool:
-        """Whether the driver's outputs are to be on."""
-        return self.state in ENERGISED
-
-    @property
     def _mode(self) -> Mode:
         return self._modes[self._mode_number]
 
@@ -236,6 +233,7 @@ class AxisNode:
 
     def _enter(self, state: State) -> None:
         self.state = state
+        self.energised = state in ENERGISED
         self._after_stop = None
         if state is not State.OPERATION_ENABLED and self.interpolation.running:
             self.interpolation.stopped()

@@ -53,7 +53,7 @@ class Firmware:
         self._frames: list[Frame] = []
         self._pins: list[PinChange] = []
         self._energised = [False] * axis_count
-        self._routes: dict[int, list[Handler]] = {}
+        self._routes: dict[int, list[tuple[AxisNode, Handler]]] = {}
 
     def boot(self, now_counts: int) -> None:
         """Power-up: release the drivers from reset, announce the nodes."""
@@ -68,37 +68,39 @@ class Firmware:
         """Take one frame from the bus; whatever it holds, it never raises."""
         now_us = now_counts // COUNTS_PER_US
         if frame.cob_id == COB_NMT:
-            self._on_nmt(frame.data, now_us)
-        elif frame.cob_id == COB_SYNC:
+            self._on_nmt(frame.data, now_counts)
+            return
+        if frame.cob_id == COB_SYNC:
             for node in self.nodes:
                 node.on_sync(now_us)
-        else:
-            handlers = self._routes.get(frame.cob_id)
-            if handlers is None:
-                self.dropped_frames += 1
-                return
-            for handler in handlers:
-                handler(frame.data, now_us)
-        for node in self.nodes:
+                self._collect(node, now_counts)
+            return
+        listeners = self._routes.get(frame.cob_id)
+        if listeners is None:
+            self.dropped_frames += 1
+            return
+        for node, handler in listeners:
+            handler(frame.data, now_us)
             self._collect(node, now_counts)
 
-    def _on_nmt(self, data: bytes, now_us: int) -> None:
+    def _on_nmt(self, data: bytes, now_counts: int) -> None:
         for node in self.nodes:
             command = command_for(data, node.node_id)
             if command is not None:
-                node.on_nmt(command, now_us)
+                node.on_nmt(command, now_counts // COUNTS_PER_US)
+                self._collect(node, now_counts)
 
     def _route(self) -> None:
         """Which node's which service takes a COB-ID; made anew when a node's PDO parameters change."""
         self._routes = {}
         for node in self.nodes:
             node.routes_changed = False
-            self._routes[COB_SDO_REQUEST + node.node_id] = [node.on_sdo]
+            self._routes[COB_SDO_REQUEST + node.node_id] = [(node, node.on_sdo)]
         for node in self.nodes:
             for number, pdo in enumerate(node.process_data.receive_pdos):
                 if pdo.exists:
                     handler = _rpdo_handler(node, number)
-                    self._routes.setdefault(pdo.cob_id & COB_ID_MASK, []).append(handler)
+                    self._routes.setdefault(pdo.cob_id & COB_ID_MASK, []).append((node, handler))
 
     # --- time forward
 

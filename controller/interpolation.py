@@ -168,9 +168,9 @@ class Interpolation:
         return (self._next_sequence - behind) % SEQUENCE_MODULUS
 
     def _count(self, subindex: int) -> None:
-        highest = self._dictionary.entries[key_of(0x2013, subindex)].data_type.high
         value = self._dictionary.get(0x2013, subindex)
-        self._dictionary.set(0x2013, subindex, min(value + 1, highest))
+        if value < self._dictionary.entries[key_of(0x2013, subindex)].data_type.high:
+            self._dictionary.set(0x2013, subindex, value + 1)
 
     def _note_fill(self, queued: int) -> None:
         if queued < self._dictionary.get(0x2013, 5):

@@ -29,8 +29,8 @@ class AxisClient:
     def __init__(self, link: Link, name: str, node_id: int, dictionary: ObjectDictionary) -> None:
         self.name = name
         self.node_id = node_id
-        self.statusword = 0
-        """As last reported by TPDO1."""
+        self.in_fault = False
+        """Whether the drive is in fault, as last reported by TPDO1."""
         self.pvt_status: PvtStatus | None = None
         """As last reported by TPDO3."""
         self._link = link
@@ -40,7 +40,8 @@ class AxisClient:
 
     def _on_drive_status(self, _cob_id: int, data: bytearray, _timestamp: float) -> None:
         if len(data) >= 2:
-            self.statusword = struct.unpack_from("<H", data)[0]
+            statusword = struct.unpack_from("<H", data)[0]
+            self.in_fault = State.of(statusword) in (State.FAULT, State.FAULT_REACTION_ACTIVE)
 
     def _on_pvt_status(self, _cob_id: int, data: bytearray, _timestamp: float) -> None:
         if len(data) == 8:
@@ -99,11 +100,6 @@ class AxisClient:
     def disable(self) -> None:
         """Switch the drive's power off."""
         self.write(0x6040, 0, 0)
-
-    @property
-    def in_fault(self) -> bool:
-        """Whether the drive has reported a fault."""
-        return State.of(self.statusword) in (State.FAULT, State.FAULT_REACTION_ACTIVE)
 
     def fault_text(self) -> str:
         """One line that says which error the node reported last."""

@@ -48,7 +48,7 @@ class Planar2R:
     l2_mm: float
 
     def __post_init__(self) -> None:
-        if not min(self.l1_mm, self.l2_mm) > 0:
+        if not (self.l1_mm > 0 and self.l2_mm > 0):
             raise InputError(f"kinematics: links of {self.l1_mm:g} and {self.l2_mm:g} mm make no arm")
 
     @property

@@ -151,13 +151,16 @@ class TestReasons:
             assert branch.reachable.tolist() == [reachable]
             if not reachable:
                 upper = f"{joint.upper:g}"
-                assert branch.reason(0) == f"{joint.name}: {side * joint.upper + side * 0.01:.2f} deg is outside -{upper}..{upper} deg"
+                assert (
+                    branch.reason(0)
+                    == f"{joint.name}: {side * joint.upper + side * 0.01:.2f} deg is outside -{upper}..{upper} deg"
+                )
 
     def test_the_last_joint_takes_every_angle(self) -> None:
         """It wraps into (-180, 180]: its limits are the whole circle."""
         poses = np.column_stack([np.tile([[275.0, 0.0, 60.0]], (361, 1)), np.arange(-180.0, 181.0)])
         branch = branch_of(poses, Elbow.RIGHT)
-        th3_kept = [constraint for constraint in branch.constraints if constraint.quantity == "th3:"][0].kept
+        th3_kept = next(limit for limit in branch.constraints if limit.quantity == "th3:").kept
         assert th3_kept[np.isfinite(branch.joints[:, 5])].all()
 
     def test_a_slide_held_beyond_its_limit(self) -> None:
