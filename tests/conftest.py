@@ -3,8 +3,12 @@
 from importlib.util import find_spec
 
 import pytest
+from hypothesis import settings
 
 from controller.backend import KERNELS, Kernel
+
+settings.register_profile("steptwin", deadline=None)  # no timing is asserted in a test, not even by the framework
+settings.load_profile("steptwin")
 
 
 @pytest.fixture(params=["python", "numba"])

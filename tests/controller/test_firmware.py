@@ -1,7 +1,7 @@
 """The firmware as a whole: what frames make it do, and what it says, at which instant."""
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from controller.backend import Kernel, python_kernel
@@ -122,7 +122,6 @@ class TestNetwork:
         assert board.value(0x1003, 1) == ErrorCode.PDO_TOO_SHORT
 
     @given(st.lists(st.tuples(st.integers(0, 0x7FF), st.binary(max_size=8)), max_size=30))
-    @settings(deadline=None)
     def test_junk_never_raises(self, frames: list[tuple[int, bytes]]) -> None:
         board = BenchBoard(python_kernel(), axes=2)
         board.enable()

@@ -168,7 +168,6 @@ class TestPulseTiming:
             dirhold=st.integers(0, 9000),
         ),
     )
-    @settings(deadline=None)
     def test_no_edge_ever_breaks_a_window(self, points: list[tuple[int, int]], timing: Timing) -> None:
         rig = KernelRig(python_kernel(), timing=timing, rate_limit_q16_per_ms=200 * k.STEP_Q16)
         for displacement, duration_ms in points:
@@ -188,7 +187,7 @@ SEGMENTS = st.lists(
 
 class TestIndependence:
     @given(axes=st.lists(SEGMENTS, min_size=1, max_size=3), microsteps=st.sampled_from([1, 2, 8, 16]))
-    @settings(deadline=None, max_examples=150)
+    @settings(max_examples=150)
     def test_plain_python_and_numba_give_the_same_bits(
         self, axes: list[list[tuple[int, int, int]]], microsteps: int
     ) -> None:
@@ -208,7 +207,6 @@ class TestIndependence:
         assert results[0] == results[1]
 
     @given(chunks=st.lists(st.integers(1, 50), min_size=1, max_size=40))
-    @settings(deadline=None)
     def test_edges_do_not_depend_on_how_time_is_cut(self, chunks: list[int]) -> None:
         def run(steps: list[int]) -> KernelRig:
             rig = KernelRig(python_kernel(), axes=2)

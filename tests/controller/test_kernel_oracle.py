@@ -50,7 +50,7 @@ class ExactHermite:
     end_velocity=st.integers(-3_000_000, 3_000_000),
     duration_ms=st.integers(1, 255),
 )
-@settings(deadline=None, max_examples=300)
+@settings(max_examples=300)
 def test_positions_and_edges_against_exact_arithmetic(
     microsteps: int, start_velocity: int, displacement: int, end_velocity: int, duration_ms: int
 ) -> None:
@@ -91,7 +91,7 @@ def test_positions_and_edges_against_exact_arithmetic(
     duration_ms=st.integers(1, 255),
     microsteps=st.sampled_from([1, 2, 8, 16]),
 )
-@settings(deadline=None, max_examples=500)
+@settings(max_examples=500)
 def test_every_intermediate_of_an_accepted_segment_fits_a_cortex_m3(
     start_velocity: int, displacement: int, end_velocity: int, duration_ms: int, microsteps: int
 ) -> None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from controller.backend import Kernel, python_kernel
@@ -107,7 +107,6 @@ def test_stop_ramps_are_straight_lines_to_zero(velocity: int, duration_ms: int) 
     at_tick=st.integers(1, 1000),
     stop_ms=st.integers(1, 600),
 )
-@settings(deadline=None)
 def test_a_stop_from_anywhere_keeps_position_and_ends(
     displacement: int, end_velocity: int, duration_ms: int, at_tick: int, stop_ms: int
 ) -> None:
