@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.loads import AXES, UNLIMITED, Load, constant, run, sine
+from bench.loads import UNLIMITED, Load, constant, run, sine
 from controller.backend import Kernel
 
 REPEATS = 3
@@ -72,6 +72,3 @@ def figures(kernel: Kernel) -> list[KernelFigure]:
     loads = loads_for(kernel)
     _once(kernel, loads[0])
     return [measure(kernel, load) for load in loads]
-
-
-AXES_MEASURED = AXES

@@ -18,8 +18,8 @@ class Homing:
         self._attained = False
 
     def control(self, controlword: int, previous: int) -> None:
-        """Home on the rising edge of the start bit."""
-        if controlword & ~previous & Control.START:
+        """Home on the rising edge of the start bit; a moving axis has no present position to call home."""
+        if controlword & ~previous & Control.START and not self._motion.running(self._axis):
             self._motion.preset(self._axis, self._dictionary.get(0x607C))
             self._attained = True
 

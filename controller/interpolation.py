@@ -115,10 +115,14 @@ class Interpolation:
         enabled = controlword & Control.START and not controlword & Control.HALT
         if self._running and not enabled:
             self._ramp_down()
-        elif enabled and not previous & Control.START and self._motion.start(self._axis):
+        elif enabled and not previous & Control.START and self._start():
             self._running = True
             self._dictionary.set(0x2013, 5, QUEUE_DEPTH)
             self._status_changed()
+
+    def _start(self) -> bool:
+        """Begin with the first record, unless a ramp is still bringing the axis to rest."""
+        return not self._motion.running(self._axis) and self._motion.start(self._axis)
 
     def finished(self) -> None:
         """The queue ran out at rest."""

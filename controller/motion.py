@@ -108,18 +108,24 @@ class Motion:
     # --- what the axes are and where they stand
 
     def configure(self, axis: int, config: StepConfig) -> None:
-        """Set how an axis makes its steps. Its position in units stays; a new microstep setting needs standstill."""
-        position_units = self.demand_units(axis)
+        """Set how a standing axis makes its steps. Demand and counter stay where they are, in units."""
+        if config.microsteps != self._get(axis, k.MICROSTEPS):
+            self._set_microsteps(axis, config.microsteps)
         self._configs[axis] = config
         self._edges_per_tick = _edges_per_tick(self._configs)
-        self._set(axis, k.MICROSTEPS, config.microsteps)
         self._set(axis, k.STEPLEN_COUNTS, counts_of_ns(config.steplen_ns))
         self._set(axis, k.STEPSPACE_COUNTS, counts_of_ns(config.stepspace_ns))
         self._set(axis, k.DIRSETUP_COUNTS, counts_of_ns(config.dirsetup_ns))
         self._set(axis, k.DIRHOLD_COUNTS, counts_of_ns(config.dirhold_ns))
         self._set(axis, k.RATE_LIMIT_Q16_PER_MS, config.rate_limit_q16_per_ms)
-        if not self.running(axis):
-            self.preset(axis, position_units)
+
+    def _set_microsteps(self, axis: int, microsteps: int) -> None:
+        """The same places in other steps; a counter between two of the new steps takes the nearer one."""
+        demand_units, counter_units = self.demand_units(axis), self.counter_units(axis)
+        self._set(axis, k.MICROSTEPS, microsteps)
+        self._set(axis, k.POSITION_Q16, demand_units * microsteps << 2)
+        self._set(axis, k.COUNTER, (counter_units * microsteps + UNITS_PER_FULL_STEP // 2) // UNITS_PER_FULL_STEP)
+        self.flush(axis)
 
     def config(self, axis: int) -> StepConfig:
         """How an axis makes its steps."""

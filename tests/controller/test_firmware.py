@@ -331,6 +331,30 @@ class TestStops:
         assert not board.firmware.motion.running(0)
         assert not flags(board) & PvtFlag.RUNNING
 
+    @pytest.mark.parametrize("words", [(0x02, 0x0F, 0x1F), (0x0F, 0x1F), (0x11F, 0x0F, 0x1F)])
+    def test_a_start_bit_during_a_ramp_does_not_cut_it_short(self, board: BenchBoard, words: tuple[int, ...]) -> None:
+        """The demand may never jump: at 4 kHz it moves by at most one step in 250 us."""
+        self.moving(board)
+        previous = board.value(0x6062)
+        for word in words:
+            board.write(0x6040, 0, word)
+        for _ in range(500):
+            board.wait(0.25)
+            assert abs(board.value(0x6062) - previous) <= STEP + 1
+            previous = board.value(0x6062)
+        assert not board.firmware.motion.running(0)
+        assert state(board) is State.OPERATION_ENABLED
+
+    def test_homing_waits_for_standstill(self, board: BenchBoard) -> None:
+        self.moving(board)
+        board.write(0x6040, 0, 0x02)
+        board.write(0x6040, 0, 0x0F)
+        assert board.write(0x6060, 0, 6) == AbortCode.DEVICE_STATE
+        board.wait(120)
+        assert board.write(0x6060, 0, 6) == 0
+        board.write(0x6040, 0, 0x1F)
+        assert board.value(0x6062) == 0
+
     @pytest.mark.parametrize("controlword", [0x02, 0x07, 0x0F, 0x00])
     def test_records_that_arrive_during_and_after_a_stop_move_nothing(
         self, board: BenchBoard, controlword: int

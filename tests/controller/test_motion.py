@@ -50,6 +50,26 @@ def test_preset_keeps_the_fraction_of_a_step(kernel: Kernel) -> None:
         assert motion.counter_units(0) == steps * 1024
 
 
+def test_reconfiguring_moves_no_counter(kernel: Kernel) -> None:
+    """After a motion the demand may be 9/16 step from the counter; the motor is where the counter says."""
+    motion = moving(kernel)
+    motion.push(0, 570, 0, 10)  # 0.557 step: no step yet
+    motion.start(0)
+    motion.advance(40)
+    motion.take_events()
+    assert (motion.demand_units(0), motion.counter_units(0)) == (570, 0)
+    motion.configure(0, StepConfig(16, 40_000, 40_000, 0, 0, 1024))
+    assert (motion.demand_units(0), motion.counter_units(0)) == (570, 0)
+
+
+@pytest.mark.parametrize(("microsteps", "counter_units"), [(1, 16_384), (2, 24_576), (8, 20_480), (16, 20_480)])
+def test_a_new_microstep_setting_keeps_the_place(kernel: Kernel, microsteps: int, counter_units: int) -> None:
+    motion = moving(kernel)
+    motion.preset(0, 20 * 1024 + 100)
+    motion.configure(0, StepConfig(microsteps, 33_000, 33_666, 0, 0, 1024))
+    assert (motion.demand_units(0), motion.counter_units(0)) == (20 * 1024 + 100, counter_units)
+
+
 def test_stop_lasts_as_asked_and_ends_at_rest(kernel: Kernel) -> None:
     """From 8 kHz in 100 ms: 400 steps of stopping distance, the motor at most half a step from the demand."""
     motion = moving(kernel)
