@@ -1,14 +1,11 @@
 """The command line's frame: one typer app, one place where errors become one line and an exit code."""
 
 import sys
-from typing import Final
 
 import typer
 from typer.exceptions import TyperException
 
 from host.errors import InputError, StepTwinError
-
-EXIT_INTERRUPTED: Final = 130
 
 app = typer.Typer(
     name="steptwin",
@@ -25,13 +22,11 @@ def main() -> None:
 
 
 def run(arguments: list[str]) -> int:
-    """Run one command; return its exit code. Whatever went wrong is said in one line on stderr."""
+    """Run one command; return its exit code, 130 if interrupted. Whatever went wrong is one line on stderr."""
     try:
         return int(app(args=arguments, standalone_mode=False) or 0)
     except StepTwinError as error:
         return _complain(str(error), error.exit_code)
-    except KeyboardInterrupt:
-        return _complain("interrupted", EXIT_INTERRUPTED)
     except TyperException as error:  # usage: an unknown command or option, a missing argument
         return _complain(error.format_message(), InputError.exit_code)
 

@@ -73,6 +73,14 @@ def test_ik_says_why_not(capsys: pytest.CaptureFixture[str]) -> None:
     assert "left: out of reach" in capsys.readouterr().out
 
 
+def test_an_interrupt_ends_with_130(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("host.run.execute", interrupted)
+    assert run(["run", "warehouse-scara", "drawer-pull"]) == 130
+
+
 def test_eds(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["eds"]) == 0
     assert "[60C1sub4]" in capsys.readouterr().out
