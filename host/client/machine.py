@@ -107,7 +107,7 @@ class Machine:
         self._preload(streams, min(PRELOAD_RECORDS, len(records[0].durations_ms)))
         self._start_together()
         self._feed(streams, progress)
-        self._await_end()
+        self._await_end(sum(records[0].durations_ms) / 1000 + _REPLY_TIMEOUT_S)
 
     def _prepare(self, start_units: list[int]) -> None:
         for axis, start in zip(self.axes, start_units, strict=True):
@@ -133,7 +133,9 @@ class Machine:
         """Arm every axis' start bit, then one SYNC: all start in the same servo tick."""
         for axis in self.axes:
             axis.send_latched_controlword(_START)
+            axis.pvt_status = None  # what was reported before the start says nothing about it
         self._link.network.send_message(COB_SYNC, b"")
+        self._await(lambda: all(map(_started, self.axes)), "not all axes start")
 
     def _feed(self, streams: list[AxisStream], progress: Progress) -> None:
         while not all(stream.all_acknowledged for stream in streams):
@@ -146,11 +148,14 @@ class Machine:
             fill(streams)
             progress(min(stream.fraction for stream in streams))
 
-    def _await_end(self) -> None:
+    def _await_end(self, timeout_s: float) -> None:
         """Wait until every queue has run dry at rest; a drive in fault ends the waiting with its error."""
-        while any(_interpolating(axis) for axis in self.axes):
-            self._link.wait(_POLL_S)
+
+        def ended() -> bool:
             self._check_faults()
+            return all(map(_ended, self.axes))
+
+        self._await(ended, "the motion does not end", timeout_s)
         self._link.wait(_POLL_S)
         self._check_faults()
 
@@ -191,6 +196,11 @@ def _homed(axis: AxisClient) -> bool:
     return bool(axis.read(0x6041) & Status.HOMING_ATTAINED)
 
 
-def _interpolating(axis: AxisClient) -> bool:
+def _started(axis: AxisClient) -> bool:
+    """Running, or so short that it is done already."""
+    return axis.pvt_status is not None and bool(axis.pvt_status.flags & (PvtFlag.RUNNING | PvtFlag.EMPTY))
+
+
+def _ended(axis: AxisClient) -> bool:
     status = axis.pvt_status
-    return status is None or bool(status.flags & PvtFlag.RUNNING) or not status.flags & PvtFlag.EMPTY
+    return status is not None and status.flags & (PvtFlag.RUNNING | PvtFlag.EMPTY) == PvtFlag.EMPTY

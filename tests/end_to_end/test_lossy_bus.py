@@ -11,6 +11,7 @@ from host.jobs import make_job
 from host.planner import plan
 from host.robots import load_robot
 from host.run import Outcome, execute
+from protocol.frame import COB_SYNC
 
 RPDO4 = range(0x510, 0x518)
 
@@ -48,6 +49,19 @@ def test_a_line_too_bad_to_keep_up_ends_in_an_underrun(fast_kernel: Kernel, monk
     assert outcome.fault is not None
     assert outcome.fault.positions_agree
     assert 0xFF01 in [code for codes in outcome.fault.codes.values() for code in codes]
+
+
+def test_a_lost_sync_is_noticed(fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch) -> None:
+    send = EmbeddedNetwork.send_message
+
+    def without_sync(network: EmbeddedNetwork, can_id: int, data: bytes, remote: bool = False) -> None:
+        if can_id != COB_SYNC:
+            send(network, can_id, data, remote)
+
+    monkeypatch.setattr(EmbeddedNetwork, "send_message", without_sync)
+    robot = load_robot("warehouse-scara")
+    with pytest.raises(BusError, match="not all axes start within 1 s"):
+        execute(plan(robot, make_job(robot, "drawer-pull", {})), "drawer-pull", fast_kernel)
 
 
 def test_a_dead_line_never_starts(fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch) -> None:
