@@ -9,13 +9,15 @@ from typing import NamedTuple
 from protocol.abort import AbortCode, SdoAbortError
 from protocol.cia402 import ErrorCode
 from protocol.dictionary import ObjectDictionary
-from protocol.frame import COB_ID_INVALID, COB_ID_MASK, Frame
+from protocol.frame import COB_ID_INVALID, COB_ID_MASK, COB_ID_NO_RTR, Frame
 from protocol.objects import PDO_COUNT, PDO_ENTRIES_MAX, Access, Entry, Mapping, key_of
 
 _RPDO_COMMUNICATION, _RPDO_MAPPING = 0x1400, 0x1600
 _TPDO_COMMUNICATION, _TPDO_MAPPING = 0x1800, 0x1A00
 _LAST_SYNCHRONOUS = 240
 _FIRST_EVENT_DRIVEN = 254
+_RESTRICTED = ((0x000, 0x080), (0x101, 0x180), (0x581, 0x5FF), (0x601, 0x67F), (0x6E0, 0x7FF))
+"""COB-IDs that CiA 301 keeps for other services (table 40): NMT, SYNC, SDO, heartbeat and others."""
 _INHIBIT_UNIT_US = 100
 _MS_US = 1000
 
@@ -195,7 +197,8 @@ class ProcessData:
     def _install_hooks(self, communication: int, mapping: int, access: Mapping) -> None:
         hooks = self._dictionary.write_hooks
         hooks[key_of(communication, 1)] = lambda value: self._write_cob_id(communication, value)
-        for subindex in (2, 3, 5):
+        hooks[key_of(communication, 2)] = self._write_transmission_type
+        for subindex in (3, 5):
             if key_of(communication, subindex) in self._dictionary.entries:
                 hooks[key_of(communication, subindex)] = lambda _: self._write_parameter()
         hooks[key_of(mapping, 0)] = lambda value: self._write_count(communication, mapping, value)
@@ -208,10 +211,19 @@ class ProcessData:
         self._changed = True
 
     def _write_cob_id(self, communication: int, value: int) -> None:
-        """A valid COB-ID's identifier may not change: it must be made invalid first."""
+        """A valid COB-ID's identifier may not change: it must be made invalid first. It has 11 bits and is free."""
         self._write_parameter()
+        identifier = value & ~(COB_ID_INVALID | COB_ID_NO_RTR)
+        if identifier > COB_ID_MASK or any(first <= identifier <= last for first, last in _RESTRICTED):
+            raise SdoAbortError(AbortCode.VALUE_RANGE)
         old = self._dictionary.get(communication, 1)
         if not (old | value) & COB_ID_INVALID and (old ^ value) & COB_ID_MASK:
+            raise SdoAbortError(AbortCode.VALUE_RANGE)
+
+    def _write_transmission_type(self, value: int) -> None:
+        """241 to 251 are reserved, 252 and 253 are for remote frames, which this device does not answer."""
+        self._write_parameter()
+        if _LAST_SYNCHRONOUS < value < _FIRST_EVENT_DRIVEN:
             raise SdoAbortError(AbortCode.VALUE_RANGE)
 
     def _writable_mapping(self, communication: int) -> None:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from host.kinematics.angles import wrapped_deg
 from host.trajectory import FloatArray
 from host.verify.counted import CountedSteps
 from host.verify.oracle import IdealSteps
@@ -51,11 +52,6 @@ def deviations(plan: Plan, counted: tuple[CountedSteps, ...], t_s: FloatArray) -
     """The deviations at sorted instants, in chunks; after its end the plan stands where it ends."""
     for first in range(0, len(t_s), INSTANTS_PER_CHUNK):
         yield _deviation(plan, counted, t_s[first : first + INSTANTS_PER_CHUNK])
-
-
-def wrapped_deg(angle_deg: FloatArray) -> FloatArray:
-    """The same angles in (-180, 180]."""
-    return 180.0 - (180.0 - angle_deg) % 360.0
 
 
 def _deviation(plan: Plan, counted: tuple[CountedSteps, ...], t_s: FloatArray) -> Deviation:

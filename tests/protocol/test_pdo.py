@@ -152,6 +152,28 @@ class TestConfiguration:
         assert refused(dictionary, 0x1400, 1, 0x211) is AbortCode.VALUE_RANGE
         write(dictionary, 0x1400, 1, 0x210)
 
+    @pytest.mark.parametrize(
+        "identifier", [0x000, 0x080, 0x101, 0x180, 0x581, 0x610, 0x67F, 0x6E0, 0x710, 0x7FF, 0x800]
+    )
+    def test_identifiers_of_other_services_are_refused(self, identifier: int) -> None:
+        dictionary, _ = process_data()
+        write(dictionary, 0x1400, 1, 0x210 | INVALID)
+        assert refused(dictionary, 0x1400, 1, identifier) is AbortCode.VALUE_RANGE
+
+    @pytest.mark.parametrize("identifier", [0x081, 0x100, 0x181, 0x580, 0x600, 0x680, 0x6DF])
+    def test_identifiers_beside_them_are_free(self, identifier: int) -> None:
+        dictionary, _ = process_data()
+        write(dictionary, 0x1400, 1, 0x210 | INVALID)
+        write(dictionary, 0x1400, 1, identifier)
+
+    @pytest.mark.parametrize(("transmission", "valid"), [(240, True), (241, False), (253, False), (254, True)])
+    def test_transmission_types(self, transmission: int, valid: bool) -> None:
+        dictionary, _ = process_data()
+        if valid:
+            write(dictionary, 0x1800, 2, transmission)
+        else:
+            assert refused(dictionary, 0x1800, 2, transmission) is AbortCode.VALUE_RANGE
+
     def test_mapping_is_closed_while_the_pdo_is_valid(self) -> None:
         dictionary, _ = process_data()
         assert refused(dictionary, 0x1600, 0, 0) is AbortCode.DEVICE_STATE

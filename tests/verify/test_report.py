@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from host.kinematics.angles import wrapped_deg
 from host.trajectory import FloatArray
 from host.verify import (
     COUNTS_PER_SECOND,
@@ -18,7 +19,6 @@ from host.verify import (
     compare,
     verify,
 )
-from host.verify.deviation import wrapped_deg
 from host.verify.evidence import Int8Array, Int64Array
 from tests.verify.motions import (
     CLK_HIGH_COUNTS,
