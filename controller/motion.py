@@ -108,7 +108,7 @@ class Motion:
     # --- what the axes are and where they stand
 
     def configure(self, axis: int, config: StepConfig) -> None:
-        """Set how a standing axis makes its steps. Demand and counter stay where they are, in units."""
+        """Set how a standing axis makes its steps. Its place stays, in units."""
         if config.microsteps != self._get(axis, k.MICROSTEPS):
             self._set_microsteps(axis, config.microsteps)
         self._configs[axis] = config
@@ -120,12 +120,10 @@ class Motion:
         self._set(axis, k.RATE_LIMIT_Q16_PER_MS, config.rate_limit_q16_per_ms)
 
     def _set_microsteps(self, axis: int, microsteps: int) -> None:
-        """The same places in other steps; a counter between two of the new steps takes the nearer one."""
-        demand_units, counter_units = self.demand_units(axis), self.counter_units(axis)
+        """The motor stands where it stood, counted in other steps; the demand goes there, so no step is owed."""
+        counter_units = self.counter_units(axis)
         self._set(axis, k.MICROSTEPS, microsteps)
-        self._set(axis, k.POSITION_Q16, demand_units * microsteps << 2)
-        self._set(axis, k.COUNTER, (counter_units * microsteps + UNITS_PER_FULL_STEP // 2) // UNITS_PER_FULL_STEP)
-        self.flush(axis)
+        self.preset(axis, counter_units)
 
     def config(self, axis: int) -> StepConfig:
         """How an axis makes its steps."""
@@ -133,7 +131,7 @@ class Motion:
 
     def preset(self, axis: int, position_units: int) -> None:
         """Declare where an axis is: it stands, its queue is empty, its counter is the nearest whole step."""
-        q16 = position_units * self._configs[axis].microsteps << 2
+        q16 = position_units * self._get(axis, k.MICROSTEPS) << 2
         self._set(axis, k.POSITION_Q16, q16)
         self._set(axis, k.COUNTER, (q16 + k.STEP_Q16 // 2) >> 16)
         self.flush(axis)

@@ -1,5 +1,6 @@
 """A kernel on its own, without firmware: storage, configuration and a way to read its edges as plain lists."""
 
+from bisect import bisect_left
 from dataclasses import dataclass
 
 from controller import kernel as k
@@ -104,19 +105,28 @@ class KernelRig:
 
 
 def timing_faults(rig: KernelRig, timing: Timing, axis: int = 0) -> list[str]:
-    """Re-execute the emitted edges against the four windows of the driver, with no knowledge of how they were made."""
-    rises, falls, directions = rig.rises(axis), rig.falls(axis), rig.dir_edges(axis)
+    """What is wrong with the edges that a kernel has emitted for an axis."""
+    return pin_timing_faults(rig.rises(axis), rig.falls(axis), rig.dir_edges(axis), timing)
+
+
+def pin_timing_faults(
+    rises: list[int], falls: list[int], directions: list[tuple[int, int]], timing: Timing
+) -> list[str]:
+    """Re-execute edges against the four windows of the driver, with no knowledge of how they were made."""
     faults = [
-        f"pulse {i} is {f - r} counts high"
-        for i, (r, f) in enumerate(zip(rises, falls, strict=True))
-        if f - r != timing.steplen
+        f"pulse {i} is {fall - rise} counts high"
+        for i, (rise, fall) in enumerate(zip(rises, falls, strict=True))
+        if fall - rise != timing.steplen
     ]
     faults += [
-        f"CLK is low for {r - f} counts before pulse {i + 1}"
-        for i, (f, r) in enumerate(zip(falls, rises[1:], strict=False))
-        if r - f < timing.stepspace
+        f"CLK is low for {rise - fall} counts before pulse {i + 1}"
+        for i, (fall, rise) in enumerate(zip(falls, rises[1:], strict=False))
+        if rise - fall < timing.stepspace
     ]
     for counts, _ in directions:
-        faults += [f"a rise {r - counts} counts after DIR" for r in rises if 0 <= r - counts < timing.dirsetup]
-        faults += [f"DIR {counts - r} counts after a rise" for r in rises if 0 <= counts - r < timing.dirhold]
+        after = bisect_left(rises, counts)  # the first rise at or after the DIR edge
+        if after < len(rises) and rises[after] - counts < timing.dirsetup:
+            faults.append(f"a rise {rises[after] - counts} counts after DIR")
+        if after > 0 and counts - rises[after - 1] < timing.dirhold:
+            faults.append(f"DIR {counts - rises[after - 1]} counts after a rise")
     return faults

@@ -1,0 +1,75 @@
+"""Random commands in any order and at any time: what must be true of the board whatever a host does to it."""
+
+from collections.abc import Callable
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from controller.backend import Kernel
+from tests.controller.bench_board import BenchBoard
+from tests.controller.kernel_rig import Timing, pin_timing_faults
+
+AXES = 2
+H_UNITS = 16_384 * 9 // 16
+"""The step rule's threshold in units, at one microstep."""
+
+Action = Callable[[BenchBoard], None]
+
+axes = st.integers(0, AXES - 1)
+
+
+def action(function: Callable[..., object], *arguments: st.SearchStrategy[object]) -> st.SearchStrategy[Action]:
+    """A strategy for calls of a method of the board with drawn arguments."""
+    return st.tuples(*arguments).map(lambda drawn: lambda board: (function(board, *drawn), None)[1])
+
+
+def records(board: BenchBoard, axis: int, segments: list[tuple[int, int, int]]) -> None:
+    """Send records with the numbers that the axis expects."""
+    for displacement, velocity, duration_ms in segments:
+        board.record(displacement, velocity, duration_ms, board.value(0x2012, 1, axis), axis)
+
+
+def write(index: int, subindex: int, values: st.SearchStrategy[int]) -> st.SearchStrategy[Action]:
+    return action(lambda board, value, axis: board.write(index, subindex, value, axis), values, axes)
+
+
+segments = st.tuples(
+    st.integers(-40_000, 40_000), st.sampled_from([0, 0, 65_536, -300_000, 400_000]), st.integers(0, 60)
+)
+actions = st.one_of(
+    action(records, axes, st.lists(segments, min_size=1, max_size=5)),
+    action(BenchBoard.start),
+    write(0x6040, 0, st.sampled_from([0x06, 0x07, 0x0F, 0x1F, 0x02, 0x00, 0x80, 0x10F, 0x11F])),
+    write(0x60C4, 6, st.just(0)),
+    write(0x6060, 0, st.sampled_from([0, 6, 7])),
+    write(0x2000, 1, st.sampled_from([1, 2, 8, 16])),
+    write(0x607C, 0, st.integers(-(10**6), 10**6)),
+    action(BenchBoard.nmt, st.sampled_from([1, 2, 128, 129, 130]), st.sampled_from([0, 0x10, 0x11])),
+    action(BenchBoard.wait, st.sampled_from([0.1, 0.25, 1, 7, 30])),
+)
+
+
+def check(board: BenchBoard) -> None:
+    motion = board.firmware.motion
+    for node in board.firmware.nodes:
+        owed_units = abs(board.value(0x60F4, 0, node.axis))
+        assert owed_units <= H_UNITS // motion.config(node.axis).microsteps + 1, "a step is owed"
+        assert node.energised or not motion.running(node.axis), "a disabled axis moves"
+
+
+@given(script=st.lists(actions, max_size=40))
+@settings(max_examples=150)
+def test_truths_hold_after_every_command(fast_kernel: Kernel, script: list[Action]) -> None:
+    """Nothing raises; nothing moves disabled; demand and counter stay together; every edge keeps the pulse timing."""
+    board = BenchBoard(fast_kernel, AXES)
+    board.enable()
+    for act in script:
+        act(board)
+        check(board)
+    board.wait(3000)
+    check(board)
+    assert not any(board.firmware.motion.running(axis) for axis in range(AXES))
+    for edges in board.firmware.motion.take_edges():
+        clk = [int(counts) for counts in edges.clk_counts]
+        directions = [(int(word) >> 1, int(word) & 1) for word in edges.direction]
+        assert pin_timing_faults(clk[0::2], clk[1::2], directions, Timing()) == []
