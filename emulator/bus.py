@@ -4,10 +4,9 @@ from array import array
 from heapq import heappop, heappush
 
 from emulator.can_timing import INTERMISSION_BITS, frame_bits
-from protocol.frame import Frame
+from protocol.frame import BITRATES, Frame
 
 COUNTS_PER_SECOND = 72_000_000
-BITRATES = (125_000, 250_000, 500_000, 1_000_000)
 _VALID_BEFORE_END_BITS = INTERMISSION_BITS + 1
 """A receiver takes a frame as valid at the last but one bit of EOF (ISO 11898-1)."""
 

@@ -9,6 +9,8 @@ import numpy as np
 
 from host.errors import InputError
 from host.trajectory import FloatArray
+from protocol.frame import BITRATES
+from protocol.objects import PULSE_NS_MIN, TIMING_NS_MAX
 
 UNITS_PER_FULL_STEP: Final = 16_384
 """Wire units in a full motor step, whatever the microstep setting."""
@@ -21,6 +23,15 @@ WIRE_POSITION_MAX: Final = (1 << 31) - 1
 
 AXES_MAX: Final = 8
 """Two 16-bit timers with four compare channels each."""
+
+
+_TIMING_MIN_NS: Final = {
+    "steplen_ns": PULSE_NS_MIN,
+    "stepspace_ns": PULSE_NS_MIN,
+    "dirsetup_ns": 0,
+    "dirhold_ns": 0,
+}
+"""What the board's object 0x2001 takes."""
 
 
 class Unit(StrEnum):
@@ -129,7 +140,13 @@ class Board:
     step_rate_max_hz: float
 
     def __post_init__(self) -> None:
-        _require_positive(self, *self.__dataclass_fields__)
+        _require_positive(self, "osc_pf", "step_rate_max_hz")
+        if self.bitrate not in BITRATES:
+            raise InputError(f"bitrate: {self.bitrate} is none of {', '.join(map(str, BITRATES))}")
+        for name, least in _TIMING_MIN_NS.items():
+            value = getattr(self, name)
+            if not least <= value <= TIMING_NS_MAX:
+                raise InputError(f"{name}: {value} ns is outside {least}..{TIMING_NS_MAX} ns")
         pulse_ns = self.steplen_ns + self.stepspace_ns
         if pulse_ns * self.step_rate_max_hz > 1e9:
             raise InputError(

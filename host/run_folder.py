@@ -1,6 +1,7 @@
 """What `--out DIR` holds: the report, the plan, every edge, the bus, and pictures where matplotlib is installed."""
 
 import json
+import os
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -13,18 +14,22 @@ from host.run import Outcome
 from host.verify import COUNTS_PER_SECOND, Evidence
 
 
-def check_folder(out: Path) -> None:
-    """Refuse a place that cannot become a folder, before anything runs."""
-    for place in (out, *out.parents):
-        if place.exists():
-            if not place.is_dir():
-                raise InputError(f"--out {out}: {place} is a file, not a folder")
-            return
+def prepare_folder(out: str) -> Path:
+    """Make the folder before anything runs; InputError if that cannot be."""
+    if not out.strip():
+        raise InputError("--out: the name of the folder is empty")
+    folder = Path(out)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--out {out}: {error.strerror}") from error
+    if not os.access(folder, os.W_OK):
+        raise InputError(f"--out {out}: is not writable")
+    return folder
 
 
 def write_folder(out: Path, outcome: Outcome, document: dict[str, Any]) -> bool:
     """Write everything; return False if the pictures had to be left out because matplotlib is not installed."""
-    out.mkdir(parents=True, exist_ok=True)
     (out / "report.json").write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
     _write_trajectory(out / "trajectory.csv", outcome)
     _write_edges(out / "edges.npz", outcome.comparison.evidence)

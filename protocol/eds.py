@@ -3,12 +3,12 @@
 import configparser
 import io
 
+from protocol.frame import BITRATES
 from protocol.objects import OBJECTS, PDO_COUNT, Entry, Kind, Mapping, Object
 
 _MANDATORY = (0x1000, 0x1001, 0x1018)
 _MANUFACTURER_FIRST, _MANUFACTURER_LAST = 0x2000, 0x5FFF
 _RATES_KBIT = (10, 20, 50, 125, 250, 500, 800, 1000)
-_SUPPORTED_KBIT = (125, 250, 500, 1000)
 _FILE_DATE = {"Time": "12:00AM", "Date": "01-01-2026"}
 """Fixed, so that the same table always gives the same bytes."""
 
@@ -48,7 +48,7 @@ def _file_info() -> dict[str, str]:
 
 
 def _device_info() -> dict[str, str]:
-    rates = {f"BaudRate_{rate}": str(int(rate in _SUPPORTED_KBIT)) for rate in _RATES_KBIT}
+    rates = {f"BaudRate_{rate}": str(int(rate * 1000 in BITRATES)) for rate in _RATES_KBIT}
     return {
         "VendorName": "StepTwin",
         "VendorNumber": "0x0",

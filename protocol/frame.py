@@ -10,6 +10,9 @@ class Frame(NamedTuple):
     data: bytes
 
 
+BITRATES = (125_000, 250_000, 500_000, 1_000_000)
+"""The bit rates, in bit/s, that the board's CAN controller is set up for."""
+
 COB_NMT = 0x000
 COB_SYNC = 0x080
 COB_EMCY = 0x080

@@ -121,6 +121,10 @@ PDO_COUNT = 4
 PDO_ENTRIES_MAX = 8
 HISTORY_DEPTH = 8
 
+PULSE_NS_MIN = 4_000
+TIMING_NS_MAX = 1_000_000
+"""Bounds of the step timing 0x2001: no CLK phase below 4 us, which is 125 kHz, no timing above 1 ms."""
+
 ASYNCHRONOUS = 255
 MANUFACTURER_EVENT = 254
 SYNCHRONOUS = 1
@@ -241,10 +245,10 @@ _DRIVER = [
     _record(
         0x2001,
         "Step timing",
-        Entry("steplen: CLK high in ns", U32, RW, 33_000, 4_000, 1_000_000),
-        Entry("stepspace: CLK low in ns", U32, RW, 33_666, 4_000, 1_000_000),
-        Entry("dirsetup: DIR stable before a CLK rise in ns", U32, RW, 15_000, 0, 1_000_000),
-        Entry("dirhold: DIR stable after a CLK rise in ns", U32, RW, 15_000, 0, 1_000_000),
+        Entry("steplen: CLK high in ns", U32, RW, 33_000, PULSE_NS_MIN, TIMING_NS_MAX),
+        Entry("stepspace: CLK low in ns", U32, RW, 33_666, PULSE_NS_MIN, TIMING_NS_MAX),
+        Entry("dirsetup: DIR stable before a CLK rise in ns", U32, RW, 15_000, 0, TIMING_NS_MAX),
+        Entry("dirhold: DIR stable after a CLK rise in ns", U32, RW, 15_000, 0, TIMING_NS_MAX),
     ),
     _record(
         0x2010,

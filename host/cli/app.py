@@ -1,5 +1,6 @@
 """The command line's frame: one typer app, one place where errors become one line and an exit code."""
 
+import logging
 import sys
 
 import typer
@@ -21,16 +22,23 @@ def main() -> None:
     sys.exit(run(sys.argv[1:]))
 
 
+# What the library has to say reaches the user as our own one line; without a handler it would print a second one.
+logging.getLogger("canopen").addHandler(logging.NullHandler())
+
+
 def run(arguments: list[str]) -> int:
     """Run one command; return its exit code, 130 if interrupted. Whatever went wrong is one line on stderr."""
     try:
         return int(app(args=arguments, standalone_mode=False) or 0)
     except StepTwinError as error:
         return _complain(str(error), error.exit_code)
-    except TyperException as error:  # usage: an unknown command or option, a missing argument
+    except TyperException as error:  # usage: an unknown command or option, a missing argument, or no command at all
         return _complain(error.format_message(), InputError.exit_code)
+    except OSError as error:
+        return _complain(f"{error.filename or 'output'}: {error.strerror}", InputError.exit_code)
 
 
 def _complain(message: str, exit_code: int) -> int:
-    typer.echo(f"steptwin: {' '.join(message.split())}", err=True)
+    if message:
+        typer.echo(f"steptwin: {' '.join(message.split())}", err=True)
     return exit_code

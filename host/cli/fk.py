@@ -25,6 +25,10 @@ def fk(
 
     loaded = load_robot(robot)
     values = joint_values(joints, loaded.joint_names, f"joints of {robot}")
+    for joint, value in zip(loaded.joints, values, strict=True):
+        if not joint.lower <= value <= joint.upper:
+            limits = f"{joint.lower:g}..{joint.upper:g} {joint.unit}"
+            typer.echo(f"note: {joint.name} = {value:g} is outside its limits {limits}", err=True)
     pose = make_kinematics(loaded).forward(np.array([values]))[0]
     document = {
         "robot": loaded.name,

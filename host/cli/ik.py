@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from host.cli.app import app
-from host.cli.arguments import AsJson, RobotName, joint_values
+from host.cli.arguments import AsJson, RobotName, finite_number, joint_values
 from host.cli.output import print_json, print_table
 
 if TYPE_CHECKING:
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 @app.command()
 def ik(
     robot: RobotName,
-    x_mm: Annotated[float, typer.Option("--x", metavar="MM", help="Tool position x.")],
-    y_mm: Annotated[float, typer.Option("--y", metavar="MM", help="Tool position y.")],
-    z_mm: Annotated[float, typer.Option("--z", metavar="MM", help="Tool position z.")],
-    phi_deg: Annotated[float, typer.Option("--phi", metavar="DEG", help="Tool attitude.")],
+    x: Annotated[str, typer.Option("--x", metavar="MM", help="Tool position x.")],
+    y: Annotated[str, typer.Option("--y", metavar="MM", help="Tool position y.")],
+    z: Annotated[str, typer.Option("--z", metavar="MM", help="Tool position z.")],
+    phi: Annotated[str, typer.Option("--phi", metavar="DEG", help="Tool attitude.")],
     near: Annotated[
         str | None,
         typer.Option(
@@ -35,8 +35,9 @@ def ik(
     from host.robots import load_robot
 
     loaded = load_robot(robot)
+    pose = [finite_number(text, what) for text, what in ((x, "--x"), (y, "--y"), (z, "--z"), (phi, "--phi"))]
     standing = None if near is None else np.array(joint_values(near.split(), loaded.joint_names, "--near"))
-    branches = make_kinematics(loaded).inverse(np.array([[x_mm, y_mm, z_mm, phi_deg]]), standing)
+    branches = make_kinematics(loaded).inverse(np.array([pose]), standing)
     if as_json:
         print_json({"robot": loaded.name, "branches": [_document(branch, loaded.joint_names) for branch in branches]})
         return

@@ -5,6 +5,8 @@ from typing import Any
 
 import typer
 
+_UNBOUNDED = 10_000
+
 
 def print_json(document: dict[str, Any]) -> None:
     """One JSON document; the only thing on stdout when --json is given."""
@@ -23,4 +25,7 @@ def print_table(columns: list[str], rows: list[list[str]], *, text_columns: int 
         table.add_column(column, justify="left" if is_text else "right", no_wrap=not is_text, overflow="fold")
     for row in rows:
         table.add_row(*row)
-    Console(highlight=False).print(table)
+    console = Console(highlight=False)
+    if text_columns < len(columns):  # texts may wrap, but a cropped number would be a wrong one
+        console.width = max(console.width, Console(width=_UNBOUNDED).measure(table).maximum)
+    console.print(table)

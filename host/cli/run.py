@@ -36,7 +36,7 @@ def run(
         str, typer.Argument(metavar="JOB", help="One of the robot's jobs; `steptwin jobs ROBOT` lists them.")
     ],
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write report, edges, bus log and pictures into this folder.")
+        str | None, typer.Option(metavar="DIR", help="Write report, edges, bus log and pictures into this folder.")
     ] = None,
     option: Annotated[
         list[str] | None, typer.Option("--option", "-o", metavar="NAME=VALUE", help="Set one of the job's options.")
@@ -60,24 +60,23 @@ def run(
     from host.planner import plan
     from host.robots import load_robot
     from host.run import execute
-    from host.run_folder import check_folder, write_folder
+    from host.run_folder import prepare_folder, write_folder
 
     loaded = load_robot(robot)
     options = name_value_pairs(option or []) | ({"elbow": elbow} if elbow is not None else {})
     planned = plan(loaded, make_job(loaded, job, options))
     standing = None if stand_at is None else joint_values(stand_at.split(), loaded.joint_names, "--stand-at")
-    if out is not None:
-        check_folder(out)
+    folder = None if out is None else prepare_folder(out)
     with progress_bar(f"{robot} {job}") as progress:
         outcome = execute(planned, job, _kernel(kernel), stand_at=standing, cut_stream_s=cut_stream, progress=progress)
     document = _document(outcome)
-    complete = write_folder(out, outcome, document) if out is not None else True
+    pictures = folder is not None and write_folder(folder, outcome, document)
     if as_json:
         print_json(document)
     else:
-        _print_report(outcome, document, out)
-    if not complete:
-        typer.echo("no pictures: matplotlib is not installed (pip install 'steptwin[plot]')", err=True)
+        _print_report(outcome, document)
+    if folder is not None:
+        _say_where(folder, pictures=pictures, to_stderr=as_json)
     if outcome.fault:
         raise DeviceFaultError(_fault_line(outcome))
     if not outcome.report.passed:
@@ -130,7 +129,7 @@ def _fault_line(outcome: "Outcome") -> str:
     return f"{fault.message}; stopped at {joints}, {agree}"
 
 
-def _print_report(outcome: "Outcome", document: dict[str, Any], out: Path | None) -> None:
+def _print_report(outcome: "Outcome", document: dict[str, Any]) -> None:
     print_table(list(_COLUMNS), [_row(axis) for axis in document["axes"]])
     moving = [axis for axis in document["axes"] if axis["pulses"]]
     if moving:
@@ -145,9 +144,15 @@ def _print_report(outcome: "Outcome", document: dict[str, Any], out: Path | None
         f"SIMULATED {document['simulated_s']:.2f} s in {document['wall_s']:.2f} s, "
         f"{document['simulated_s'] / document['wall_s']:.0f} x real time"
     )
-    if out is not None:
-        typer.echo(f"report, edges, bus log and pictures are in {out}/")
     typer.echo(f"{document['robot']} {document['job']}: {_verdict(outcome)}")
+
+
+def _say_where(folder: Path, *, pictures: bool, to_stderr: bool) -> None:
+    if pictures:
+        typer.echo(f"report, edges, bus log and pictures are in {folder}/", err=to_stderr)
+    else:
+        typer.echo(f"report, edges and bus log are in {folder}/", err=to_stderr)
+        typer.echo("no pictures: matplotlib is not installed (pip install 'steptwin[plot]')", err=True)
 
 
 def _verdict(outcome: "Outcome") -> str:
@@ -167,7 +172,7 @@ _COLUMNS = ("axis", "start", "end", "pulses", "peak Hz", "err steps", "p50 us", 
 
 def _row(axis: dict[str, Any]) -> list[str]:
     counts = [axis["name"], *(str(axis[key]) for key in ("steps_start", "steps_end", "pulses"))]
-    if not axis["pulses"]:
+    if axis["mean_step_interval_us"] is None:
         return [*counts, *["-"] * 4, str(axis["violations"])]
     return [
         *counts,

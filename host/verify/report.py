@@ -83,7 +83,10 @@ class JointsReport:
 
 @dataclass(frozen=True, slots=True)
 class ToolReport:
-    """The counted tool pose against the planned one, just before and just after every step edge of any axis."""
+    """The counted tool pose against the planned one, just before and just after every step edge of any axis.
+
+    The rms is over these instants, not over time: where steps are dense it weighs more.
+    """
 
     position_error_mm_max: float
     position_error_mm_rms: float

@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emulator.bus import BITRATES, Bus
+from emulator.bus import Bus
 from emulator.can_timing import frame_bits
-from protocol.frame import Frame
+from protocol.frame import BITRATES, Frame
 
 FRAMES = st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8) | st.sampled_from([bytes(8), b"\xff" * 8]))
 

@@ -138,6 +138,15 @@ def test_the_report_for_people_says_all_that_matters(capsys: pytest.CaptureFixtu
     assert captured.err == ""
 
 
+def test_no_digit_is_lost_in_a_narrow_terminal(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "40")
+    assert run(["run", "warehouse-scara", "drawer-pull"]) == 0
+    (th1,) = [line.split() for line in capsys.readouterr().out.splitlines() if line.startswith("th1")]
+    assert th1[:4] == ["th1", "0", "-1846", "1846"]
+
+
 class TestADyingHost:
     def test_the_board_stops_itself_and_knows_where_it_is(self, capsys: pytest.CaptureFixture[str]) -> None:
         assert run([*COMMAND, "--cut-stream", "3"]) == 3

@@ -254,7 +254,7 @@ class TestWire:
 
     def robot(self) -> Robot:
         """A slide with 10 full steps per mm whose driver takes anything."""
-        board = dataclasses.replace(ROBOT.board, step_rate_max_hz=1e6, steplen_ns=1, stepspace_ns=1)
+        board = dataclasses.replace(ROBOT.board, step_rate_max_hz=125e3, steplen_ns=4000, stepspace_ns=4000)
         slide = with_joint("sx", transmission=Transmission(200, 1, 20.0), speed_max=1e9, acceleration_max=1e12)
         return dataclasses.replace(slide, board=board)
 

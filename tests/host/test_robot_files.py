@@ -138,6 +138,9 @@ class TestMistakesInAFile:
                 id="acceleration",
             ),
             pytest.param("osc_pf = 330", "osc_pf = 0", "board.osc_pf: 0 is not above 0", id="board"),
+            pytest.param("1_000_000", "800_000", "board.bitrate: 800000 is none of 125000, 250000", id="bit rate"),
+            pytest.param("33_000", "3_999", "board.steplen_ns: 3999 ns is outside 4000..1000000 ns", id="steplen"),
+            pytest.param("15_000", "1_000_001", "board.dirsetup_ns: 1000001 ns is outside 0..1000000", id="dirsetup"),
             pytest.param(
                 "bitrate = 1_000_000", "bitrate = 1e6", "board.bitrate: 1000000.0 is not a whole", id="bitrate"
             ),
