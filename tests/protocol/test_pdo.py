@@ -165,6 +165,7 @@ class TestConfiguration:
         dictionary, _ = process_data()
         write(dictionary, 0x1400, 1, 0x210 | INVALID)
         write(dictionary, 0x1400, 1, identifier)
+        assert dictionary.get(0x1400, 1) == identifier
 
     @pytest.mark.parametrize(("transmission", "valid"), [(240, True), (241, False), (253, False), (254, True)])
     def test_transmission_types(self, transmission: int, valid: bool) -> None:
