@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from bench.loads import TB6560_TIMING, run, sine
 from controller.backend import Kernel
-from emulator.bus import COUNTS_PER_SECOND
+from controller.motion import COUNTS_PER_SECOND
 
 PEAKS_HZ = (300.0, 2_000.0, 14_000.0)
 SINE_HZ = 0.5

@@ -6,7 +6,7 @@ from controller.drive import ENERGISED, next_state
 from controller.homing import Homing
 from controller.interpolation import Interpolation
 from controller.modes import Mode, NoMode
-from controller.motion import STOP_MAX_MS, VELOCITY_PER_UNIT_PER_MS, Motion, StepConfig
+from controller.motion import STOP_MAX_MS, Motion, StepConfig
 from protocol import cia402
 from protocol.abort import AbortCode, SdoAbortError
 from protocol.cia402 import ErrorCode, State, Status
@@ -16,6 +16,7 @@ from protocol.frame import COB_EMCY, COB_HEARTBEAT, COB_SDO_RESPONSE, Frame
 from protocol.nmt import HeartbeatProducer, NmtCommand, NmtState, target_of
 from protocol.objects import HISTORY_DEPTH, key_of
 from protocol.pdo import ProcessData
+from protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 from protocol.sdo_server import SdoServer
 
 MICROSTEP_SETTINGS = (1, 2, 8, 16)
@@ -42,6 +43,8 @@ class AxisNode:
         self.state = State.NOT_READY_TO_SWITCH_ON
         self.energised = False
         """Whether the driver's outputs are to be on."""
+        self.outputs = 0
+        """The levels of the axis' digital outputs, by their bits in 0x60FE:01."""
         self.outbox: list[Frame] = []
         self.due_us: int | None = None
         """When `poll` wants to be called next."""
@@ -104,6 +107,7 @@ class AxisNode:
         self.dictionary.restore_defaults(0x2000)
         self._motion.configure(self.axis, self._step_config())
         self._controlword = 0
+        self.outputs = 0
         self._mode_number = int(cia402.Mode.NONE)
         self.interpolation.restart()
         self._enter(State.SWITCH_ON_DISABLED)
@@ -278,6 +282,8 @@ class AxisNode:
         write[key_of(0x1017)] = lambda period_ms: self._heartbeat.set_period(period_ms * 1000, self._now_us)
         write[key_of(0x6040)] = self._write_controlword
         write[key_of(0x6060)] = self._write_mode
+        write[key_of(0x60FE, 1)] = lambda physical: self._switch_outputs(physical, self.dictionary.get(0x60FE, 2))
+        write[key_of(0x60FE, 2)] = lambda mask: self._switch_outputs(self.dictionary.get(0x60FE, 1), mask)
         for key in _STEP_CONFIG_KEYS:
             write[key] = partial(self._write_step_config, key)
 
@@ -287,6 +293,10 @@ class AxisNode:
 
     def _write_emergency_inhibit(self, inhibit: int) -> None:
         self._emergency.inhibit = inhibit
+
+    def _switch_outputs(self, physical: int, mask: int) -> None:
+        """In any drive state, and no state or fault switches them back: a gripper must not drop its load."""
+        self.outputs = physical & mask
 
     def _velocity_units_per_s(self) -> int:
         return self._motion.velocity(self.axis) * 1000 // VELOCITY_PER_UNIT_PER_MS

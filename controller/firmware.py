@@ -12,22 +12,27 @@ from controller.axis_node import AxisNode
 from controller.backend import Kernel
 from controller.kernel import TICK_COUNTS
 from controller.motion import COUNTS_PER_US, Event, Motion
-from protocol.cia402 import ErrorCode
-from protocol.frame import COB_ID_MASK, COB_NMT, COB_SDO_REQUEST, COB_SYNC, Frame
+from protocol.cia402 import DigitalOutput, ErrorCode
+from protocol.frame import COB_ID_MASK, COB_NMT, COB_SDO_REQUEST, COB_SYNC, FIRST_NODE_ID, Frame
 from protocol.nmt import command_for
 
 AXES_MAX = 8
 """Two 16-bit timers with four compare channels each, on an STM32F103 with CAN in use."""
-FIRST_NODE_ID = 0x10
 
 Handler = Callable[[bytes, int], None]
 
 
 class Pin(Enum):
-    """The driver inputs that the firmware holds at a level; CLK and DIR come as edges."""
+    """The pins that the firmware holds at a level: driver inputs and the axis' outputs; CLK and DIR come as edges."""
 
     RESET = "RESET"
     ENABLE = "ENABLE"
+    OUT1 = "OUT1"
+    OUT2 = "OUT2"
+
+
+OUTPUT_PINS = {Pin.OUT1: DigitalOutput.OUT1, Pin.OUT2: DigitalOutput.OUT2}
+"""The pins that follow object 0x60FE, with their bits in it."""
 
 
 class PinChange(NamedTuple):
@@ -53,6 +58,7 @@ class Firmware:
         self._frames: list[Frame] = []
         self._pins: list[PinChange] = []
         self._energised = [False] * axis_count
+        self._outputs = [0] * axis_count
         self._routes: dict[int, list[tuple[AxisNode, Handler]]] = {}
 
     def boot(self, now_counts: int) -> None:
@@ -171,7 +177,7 @@ class Firmware:
     # --- out
 
     def _collect(self, node: AxisNode, now_counts: int) -> None:
-        """Fetch what a node has to say, show its state on the driver's ENABLE pin, follow its COB-IDs."""
+        """Fetch what a node has to say, show its state and outputs on their pins, follow its COB-IDs."""
         if node.routes_changed:
             self._route()
         if node.outbox:
@@ -180,6 +186,15 @@ class Firmware:
         if node.energised is not self._energised[node.axis]:
             self._energised[node.axis] = node.energised
             self._pins.append(PinChange(now_counts, node.axis, Pin.ENABLE, int(node.energised)))
+        if node.outputs != self._outputs[node.axis]:
+            self._switch_outputs(node, now_counts)
+
+    def _switch_outputs(self, node: AxisNode, now_counts: int) -> None:
+        changed = node.outputs ^ self._outputs[node.axis]
+        self._outputs[node.axis] = node.outputs
+        for pin, bit in OUTPUT_PINS.items():
+            if changed & bit:
+                self._pins.append(PinChange(now_counts, node.axis, pin, int(bool(node.outputs & bit))))
 
     def take_frames(self) -> list[Frame]:
         """Return the frames that want to be sent now."""

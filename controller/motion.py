@@ -6,12 +6,12 @@ from enum import IntEnum
 from controller import kernel as k
 from controller.backend import Kernel
 from controller.kernel import Cells
+from protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 NS_PER_SECOND = 1_000_000_000
 COUNTS_PER_SECOND = 72_000_000
 COUNTS_PER_US = 72
 UNITS_PER_FULL_STEP = 16_384
-VELOCITY_PER_UNIT_PER_MS = 64
 STOP_MAX_MS = k.QUEUE_DEPTH * k.DURATION_MAX_MS
 """The longest ramp that fits the queue, 16 s; a lower deceleration than that is not honoured."""
 EDGE_CAPACITY = 1 << 16

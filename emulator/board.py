@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.backend import Kernel
-from controller.firmware import Firmware, Pin, PinChange
+from controller.firmware import OUTPUT_PINS, Firmware, Pin, PinChange
 from controller.motion import PinEdges
 from emulator.tb6560 import Int8Array, Int64Array, Pins, Tb6560, Violations
 from protocol.frame import Frame
@@ -86,6 +86,11 @@ class Board:
             self._reset_pins[axis] = []
             self._drivers[axis].feed(pins)
             self._pins[axis].append(pins)
+
+    def output_changes(self) -> list[PinChange]:
+        """Every change of a digital output so far, in order of time; all outputs are 0 before their first."""
+        self.drain()
+        return [change for change in self.pin_changes if change.pin in OUTPUT_PINS]
 
     def trace(self, axis: int) -> AxisTrace:
         """Everything that happened at an axis' driver so far."""

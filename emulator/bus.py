@@ -3,10 +3,10 @@
 from array import array
 from heapq import heappop, heappush
 
+from controller.motion import COUNTS_PER_SECOND
 from emulator.can_timing import INTERMISSION_BITS, frame_bits
 from protocol.frame import BITRATES, Frame
 
-COUNTS_PER_SECOND = 72_000_000
 _VALID_BEFORE_END_BITS = INTERMISSION_BITS + 1
 """A receiver takes a frame as valid at the last but one bit of EOF (ISO 11898-1)."""
 

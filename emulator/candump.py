@@ -2,15 +2,14 @@
 
 from collections.abc import Iterable
 
-from emulator.bus import COUNTS_PER_SECOND
+from controller.motion import COUNTS_PER_US
 from protocol.frame import Frame
 
 CHANNEL = "steptwin0"
-_COUNTS_PER_US = COUNTS_PER_SECOND // 1_000_000
 
 
 def candump_lines(log: Iterable[tuple[int, Frame]]) -> Iterable[str]:
     """One line a frame, with the simulated time at which it became valid, to the microsecond."""
     for counts, frame in log:
-        us = counts // _COUNTS_PER_US
+        us = counts // COUNTS_PER_US
         yield f"({us // 1_000_000:010d}.{us % 1_000_000:06d}) {CHANNEL} {frame.cob_id:03X}#{frame.data.hex().upper()}\n"

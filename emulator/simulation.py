@@ -5,8 +5,9 @@ The host stands outside: it sends frames, lets time pass and is handed the frame
 
 from collections.abc import Callable
 
+from controller.motion import COUNTS_PER_SECOND
 from emulator.board import Board
-from emulator.bus import COUNTS_PER_SECOND, Bus
+from emulator.bus import Bus
 from protocol.frame import Frame
 
 _HOST_PORT, _BOARD_PORT = 0, 1

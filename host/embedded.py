@@ -5,8 +5,9 @@ from math import floor
 import canopen
 
 from controller.backend import Kernel
+from controller.motion import COUNTS_PER_SECOND
 from emulator.board import AxisTrace, Board, BoardConfig
-from emulator.bus import COUNTS_PER_SECOND, Bus
+from emulator.bus import Bus
 from emulator.simulation import Simulation
 from host.robot import Robot
 from host.verify import AxisEvidence, BusReport, Evidence

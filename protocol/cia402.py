@@ -78,6 +78,16 @@ class Mode(IntEnum):
         return 1 << (self - 1) if self else 0
 
 
+class DigitalOutput(IntFlag):
+    """Bits of 0x60FE:01 and of its mask :02: OUT1 and OUT2 at the axis' connector.
+
+    CiA 402-2 leaves bits 16 to 31 to the manufacturer; bit 0 would be a brake, which this board does not have.
+    """
+
+    OUT1 = 1 << 16
+    OUT2 = 1 << 17
+
+
 PVT_SUBMODE = -1
 """0x60C0: the manufacturer's interpolation, position-velocity-time records."""
 HOME_HERE = 37

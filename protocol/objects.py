@@ -8,7 +8,7 @@ second squared; the PVT record has its own, finer velocity.
 from dataclasses import dataclass, field
 from enum import Enum
 
-from protocol.cia402 import HOME_HERE, PVT_SUBMODE, Mode
+from protocol.cia402 import HOME_HERE, PVT_SUBMODE, DigitalOutput, Mode
 from protocol.datatypes import DataType
 from protocol.frame import COB_EMCY, COB_ID_INVALID, COB_ID_NO_RTR, COB_RPDO, COB_SYNC, COB_TPDO
 
@@ -313,6 +313,15 @@ _DRIVE = [
     _array(0x60E3, "Supported homing methods", Entry("Supported homing method 1", I8, CONST, HOME_HERE)),
     _variable(0x60F4, "Following error actual value", I32, RO, mapping=TX),
     _variable(0x60FD, "Digital inputs", U32, RO, mapping=TX),
+    # Bits without an output are stored and do nothing, as CiA 402 drives do: one word may serve unlike drives, and a
+    # PDO that carries it is not lost. The mask lets both outputs through from the start, where many drives begin with
+    # 0, so that a plain write of :01 switches them.
+    _array(
+        0x60FE,
+        "Digital outputs",
+        Entry("Physical outputs", U32, RW, mapping=RX),
+        Entry("Bit mask: an output whose bit is 0 is off", U32, RW, DigitalOutput.OUT1 | DigitalOutput.OUT2),
+    ),
     _variable(
         0x6502,
         "Supported drive modes",

@@ -14,11 +14,10 @@ from host.client.stream import AxisRecords, AxisStream, fill
 from host.errors import BusError, DeviceFaultError
 from protocol.cia402 import ENABLE_OPERATION, HOME_HERE, PVT_SUBMODE, Control, ErrorCode, Mode, Status
 from protocol.eds import render_eds
-from protocol.frame import COB_SYNC
+from protocol.frame import COB_SYNC, FIRST_NODE_ID
 from protocol.objects import IDENTITY_DEVICE_TYPE
 from protocol.pvt import PvtFlag
 
-FIRST_NODE_ID: Final = 0x10
 PRELOAD_RECORDS: Final = 32
 _START: Final = ENABLE_OPERATION | Control.START
 _POLL_S: Final = 0.010

@@ -5,9 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controller.backend import Kernel, python_kernel
-from controller.firmware import Firmware, Pin
+from controller.firmware import OUTPUT_PINS, Firmware, Pin, PinChange
 from protocol.abort import AbortCode
-from protocol.cia402 import ErrorCode, State
+from protocol.cia402 import DigitalOutput, ErrorCode, State
 from protocol.frame import Frame
 from protocol.nmt import NmtState
 from protocol.pvt import PvtFlag
@@ -149,6 +149,117 @@ class TestConfiguration:
     def test_modes_that_do_not_exist(self, board: BenchBoard) -> None:
         assert board.write(0x6060, 0, 1) == AbortCode.VALUE_RANGE
         assert board.value(0x6061) == 0
+
+
+class TestOutputs:
+    OUT1, OUT2 = int(DigitalOutput.OUT1), int(DigitalOutput.OUT2)
+    BOTH = OUT1 | OUT2
+
+    def changes(self, board: BenchBoard) -> list[PinChange]:
+        return [change for change in board.firmware.take_pins() if change.pin in OUTPUT_PINS]
+
+    def switched(self, board: BenchBoard) -> list[tuple[Pin, int]]:
+        return [(change.pin, change.level) for change in self.changes(board)]
+
+    def map_into_rpdo3(self, board: BenchBoard, transmission: int) -> None:
+        writes = [(0x1402, 1, 1 << 31 | 0x410), (0x1602, 0, 0), (0x1602, 1, 0x60FE_0120), (0x1602, 0, 1)]
+        for index, subindex, value in [*writes, (0x1402, 2, transmission), (0x1402, 1, 0x410)]:
+            assert board.write(index, subindex, value) == 0
+
+    def test_they_are_off_after_power_up(self, pair: BenchBoard) -> None:
+        assert (pair.value(0x60FE, 1), pair.value(0x60FE, 2)) == (0, self.BOTH)
+        assert self.changes(pair) == []
+
+    def test_each_follows_its_bit_in_the_instant_of_the_frame(self, pair: BenchBoard) -> None:
+        expected = []
+        for value, pin, level in ((1 << 17, Pin.OUT2, 1), (3 << 16, Pin.OUT1, 1), (1 << 16, Pin.OUT2, 0)):
+            pair.wait(1.23)
+            assert pair.write(0x60FE, 1, value, axis=1) == 0
+            expected.append(PinChange(pair.now, 1, pin, level))
+        assert self.changes(pair) == expected
+
+    def test_a_level_that_stays_is_no_change(self, board: BenchBoard) -> None:
+        for value in (0, self.OUT1, self.OUT1, self.BOTH, self.BOTH):
+            board.write(0x60FE, 1, value)
+        assert self.switched(board) == [(Pin.OUT1, 1), (Pin.OUT2, 1)]
+
+    def test_an_output_is_off_where_its_mask_is_0(self, board: BenchBoard) -> None:
+        board.write(0x60FE, 2, self.OUT1)
+        board.write(0x60FE, 1, self.BOTH)
+        assert self.switched(board) == [(Pin.OUT1, 1)]
+        board.write(0x60FE, 2, self.OUT2)
+        assert self.switched(board) == [(Pin.OUT1, 0), (Pin.OUT2, 1)]
+        board.write(0x60FE, 2, 0)
+        assert self.switched(board) == [(Pin.OUT2, 0)]
+        assert board.value(0x60FE, 1) == self.BOTH
+
+    @pytest.mark.parametrize("subindex", [1, 2])
+    def test_bits_without_an_output_are_stored_and_do_nothing(self, board: BenchBoard, subindex: int) -> None:
+        board.write(0x60FE, 3 - subindex, 0xFFFF_FFFF)
+        self.changes(board)
+        for value in (0xFFFC_FFFF | self.OUT1, self.OUT1, 0x0000_FFFF | self.OUT1):
+            assert board.write(0x60FE, subindex, value) == 0
+            assert board.value(0x60FE, subindex) == value
+        assert self.switched(board) == ([(Pin.OUT1, 1)] if subindex == 1 else [(Pin.OUT2, 0)])
+
+    def test_a_pdo_switches_at_once(self, board: BenchBoard) -> None:
+        self.map_into_rpdo3(board, transmission=255)
+        board.send(0x410, self.BOTH.to_bytes(4, "little"))
+        assert self.changes(board) == []
+        board.nmt(1)
+        board.wait(2.5)
+        board.send(0x410, self.BOTH.to_bytes(4, "little"))
+        assert self.changes(board) == [PinChange(board.now, 0, pin, 1) for pin in OUTPUT_PINS]
+
+    def test_a_synchronous_pdo_switches_with_sync(self, board: BenchBoard) -> None:
+        self.map_into_rpdo3(board, transmission=1)
+        board.nmt(1)
+        board.send(0x410, self.OUT2.to_bytes(4, "little"))
+        board.wait(2.5)
+        assert self.changes(board) == []
+        board.send(0x080, b"")
+        assert self.changes(board) == [PinChange(board.now, 0, Pin.OUT2, 1)]
+
+    def test_drive_states_and_faults_leave_them(self, board: BenchBoard) -> None:
+        """A gripper must hold its load while the drive starts, stops, fails and recovers."""
+        board.write(0x60FE, 1, self.BOTH)
+        self.changes(board)
+        board.enable()
+        board.record(20 * STEP, 64 * STEP, 20, 0)
+        board.start()
+        board.wait(21)
+        assert state(board) is State.FAULT_REACTION_ACTIVE
+        board.wait(1000)
+        assert state(board) is State.FAULT
+        board.write(0x6040, 0, 0x80)
+        board.enable()
+        for word in (0x02, 0x06, 0x00):
+            board.write(0x6040, 0, word)
+        assert state(board) is State.SWITCH_ON_DISABLED
+        assert self.changes(board) == []
+
+    @pytest.mark.parametrize("command", [0x01, 0x02, 0x80, 0x82])
+    def test_network_states_and_reset_communication_leave_them(self, board: BenchBoard, command: int) -> None:
+        board.write(0x60FE, 1, self.OUT1)
+        self.changes(board)
+        board.nmt(command)
+        assert self.changes(board) == []
+        assert board.value(0x60FE, 1) == self.OUT1
+
+    def test_reset_node_switches_those_of_that_node_off(self, pair: BenchBoard) -> None:
+        for axis in (0, 1):
+            pair.write(0x60FE, 2, self.OUT2, axis)
+            pair.write(0x60FE, 1, self.BOTH, axis)
+        self.changes(pair)
+        pair.wait(3)
+        pair.nmt(0x81, node=0x11)
+        assert self.changes(pair) == [PinChange(pair.now, 1, Pin.OUT2, 0)]
+        assert (pair.value(0x60FE, 1, axis=1), pair.value(0x60FE, 2, axis=1)) == (0, self.BOTH)
+
+    def test_boot_switches_them_off(self, board: BenchBoard) -> None:
+        board.write(0x60FE, 1, self.OUT1)
+        board.firmware.boot(board.now)
+        assert self.switched(board) == [(Pin.OUT1, 1), (Pin.OUT1, 0)]
 
 
 class TestHoming:

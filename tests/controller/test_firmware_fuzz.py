@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controller.backend import Kernel
+from controller.firmware import OUTPUT_PINS, Pin
 from tests.controller.bench_board import BenchBoard
 from tests.controller.kernel_rig import Timing, pin_timing_faults
 
@@ -44,6 +45,8 @@ actions = st.one_of(
     write(0x6060, 0, st.sampled_from([0, 6, 7])),
     write(0x2000, 1, st.sampled_from([1, 2, 8, 16])),
     write(0x607C, 0, st.integers(-(10**6), 10**6)),
+    write(0x60FE, 1, st.sampled_from([0, 1 << 16, 2 << 16, 3 << 16, 0xFFFF_FFFF])),
+    write(0x60FE, 2, st.sampled_from([0, 1 << 16, 2 << 16, 3 << 16])),
     action(BenchBoard.nmt, st.sampled_from([1, 2, 128, 129, 130]), st.sampled_from([0, 0x10, 0x11])),
     action(BenchBoard.wait, st.sampled_from([0.1, 0.25, 1, 7, 30])),
 )
@@ -57,10 +60,23 @@ def check(board: BenchBoard) -> None:
         assert node.energised or not motion.running(node.axis), "a disabled axis moves"
 
 
+def check_outputs(board: BenchBoard) -> None:
+    """Every change is one, in order of time, and the last levels are those that 0x60FE asks for."""
+    changes = [change for change in board.firmware.take_pins() if change.pin in OUTPUT_PINS]
+    assert changes == sorted(changes, key=lambda change: change.counts)
+    levels: dict[tuple[int, Pin], int] = {(axis, pin): 0 for axis in range(AXES) for pin in OUTPUT_PINS}
+    for change in changes:
+        assert levels[change.axis, change.pin] != change.level
+        levels[change.axis, change.pin] = change.level
+    for (axis, pin), level in levels.items():
+        word = board.value(0x60FE, 1, axis) & board.value(0x60FE, 2, axis)
+        assert level == bool(word & OUTPUT_PINS[pin])
+
+
 @given(script=st.lists(actions, max_size=40))
 @settings(max_examples=150)
 def test_truths_hold_after_every_command(fast_kernel: Kernel, script: list[Action]) -> None:
-    """Nothing raises; nothing moves disabled; demand and counter stay together; every edge keeps the pulse timing."""
+    """Nothing raises; nothing moves disabled; counter and outputs follow; every edge keeps the pulse timing."""
     board = BenchBoard(fast_kernel, AXES)
     board.enable()
     for act in script:
@@ -68,6 +84,7 @@ def test_truths_hold_after_every_command(fast_kernel: Kernel, script: list[Actio
         check(board)
     board.wait(3000)
     check(board)
+    check_outputs(board)
     assert not any(board.firmware.motion.running(axis) for axis in range(AXES))
     for edges in board.firmware.motion.take_edges():
         clk = [int(counts) for counts in edges.clk_counts]
