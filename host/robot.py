@@ -1,14 +1,16 @@
 """A robot as data: joints with their limits and transmissions, the board that drives them, dimensions, home."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Final
 
 import numpy as np
 
 from host.errors import InputError
+from host.inputs import unknown
 from host.trajectory import FloatArray
+from protocol.cia402 import DigitalOutput
 from protocol.frame import BITRATES
 from protocol.objects import PULSE_NS_MIN, TIMING_NS_MAX
 
@@ -23,6 +25,8 @@ WIRE_POSITION_MAX: Final = (1 << 31) - 1
 
 AXES_MAX: Final = 8
 """Two 16-bit timers with four compare channels each."""
+
+OUTPUTS_PER_AXIS: Final = len(DigitalOutput)
 
 
 _TIMING_MIN_NS: Final = {
@@ -156,6 +160,22 @@ class Board:
 
 
 @dataclass(frozen=True, slots=True)
+class Output:
+    """A digital output of the board: which joint's axis has it at its connector, and as which number.
+
+    Raises:
+        InputError: no such number.
+    """
+
+    joint: str
+    out: int
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.out <= OUTPUTS_PER_AXIS:
+            raise InputError(f"out: {self.out} is not from 1 to {OUTPUTS_PER_AXIS}")
+
+
+@dataclass(frozen=True, slots=True)
 class Robot:
     """A machine.
 
@@ -167,9 +187,11 @@ class Robot:
         joints: in the order of their axes on the board.
         home: joint positions, in joint order, that the machine takes after homing.
         board: settings that all axes share.
+        outputs: what is wired to the board's digital outputs, by name.
+        places: named joint positions that jobs go to; a place may name only some of the joints.
 
     Raises:
-        InputError: no joints, too many for a board, or a home outside the joints' limits.
+        InputError: no joints, too many for a board, a position outside the joints' limits, or an output of no joint.
     """
 
     name: str
@@ -179,14 +201,27 @@ class Robot:
     joints: tuple[Joint, ...]
     home: tuple[float, ...]
     board: Board
+    outputs: Mapping[str, Output] = field(default_factory=dict)
+    places: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not 1 <= len(self.joints) <= AXES_MAX:
             raise InputError(f"joints: {len(self.joints)} of them, a board drives 1 to {AXES_MAX}")
-        for joint, position in zip(self.joints, self.home, strict=True):
+        self._check_place("home", dict(zip(self.joint_names, self.home, strict=True)))
+        for name, place in self.places.items():
+            self._check_place(f"places.{name}", place)
+        for name, output in self.outputs.items():
+            if output.joint not in self.joint_names:
+                raise unknown(f"outputs.{name}.joint:", output.joint, self.joint_names)
+
+    def _check_place(self, key: str, place: Mapping[str, float]) -> None:
+        for name, position in place.items():
+            if name not in self.joint_names:
+                raise unknown(f"{key}: joint", name, self.joint_names)
+            joint = self.joint(name)
             if not joint.lower <= position <= joint.upper:
                 limits = f"{joint.lower:g}..{joint.upper:g} {joint.unit}"
-                raise InputError(f"home.{joint.name}: {position:g} {joint.unit} is outside {limits}")
+                raise InputError(f"{key}.{name}: {position:g} {joint.unit} is outside {limits}")
 
     @property
     def joint_names(self) -> tuple[str, ...]:

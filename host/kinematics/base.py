@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from host.errors import InputError
 from host.inputs import apart, unknown
+from host.kinematics.dh import DhTable
 from host.robot import Joint, Robot, Unit
 from host.trajectory import FloatArray
 
@@ -29,7 +30,7 @@ class Constraint:
 
     Attributes:
         quantity: what it is, as the beginning of a complaint.
-        unit: of the values and limits.
+        unit: of the values and limits; empty for a plain number.
         values: shape (n,).
         lower: the least value.
         upper: the greatest value.
@@ -47,7 +48,8 @@ class Constraint:
         """One line that says how pose i breaks this constraint."""
         value = float(self.values[i])
         text, _ = apart(value, self.lower if value < self.lower else self.upper)
-        return f"{self.quantity} {text} {self.unit} is outside {self.lower:g}..{self.upper:g} {self.unit}"
+        unit = f" {self.unit}" if self.unit else ""
+        return f"{self.quantity} {text}{unit} is outside {self.lower:g}..{self.upper:g}{unit}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,12 +59,19 @@ class Branch:
     Attributes:
         name: of the branch, such as `right`.
         joints: shape (n, joints), beyond their limits where that is what the pose takes, NaN where nothing reaches it.
-        constraints: all that must hold, the first one broken being the reason.
+        mechanism: what must hold for the mechanism to get there at all.
+        limits: the joints' limits.
     """
 
     name: str
     joints: FloatArray
-    constraints: tuple[Constraint, ...]
+    mechanism: tuple[Constraint, ...]
+    limits: tuple[Constraint, ...]
+
+    @property
+    def constraints(self) -> tuple[Constraint, ...]:
+        """All that must hold, the first one broken being the reason."""
+        return self.mechanism + self.limits
 
     @property
     def reachable(self) -> BoolArray:
@@ -79,6 +88,20 @@ class Branch:
 class Kinematics(Protocol):
     """A mechanism's kinematics, vectorised over poses."""
 
+    @property
+    def branches(self) -> tuple[str, ...]:
+        """The names of the ways to take a pose, the usual one first."""
+        ...
+
+    @property
+    def dh(self) -> DhTable:
+        """The mechanism as a DH table from the world to the tool."""
+        ...
+
+    def dh_variables(self, joints: FloatArray) -> dict[str, FloatArray]:
+        """The variables of the DH table, each of shape (n,), for joints of shape (n, joints)."""
+        ...
+
     def forward(self, joints: FloatArray) -> FloatArray:
         """Poses, shape (n, 4), of joints of shape (n, joints); limits are not asked."""
         ...
@@ -87,8 +110,16 @@ class Kinematics(Protocol):
         """Every branch for poses of shape (n, 4).
 
         `near`, of shape (joints,) or (n, joints), says where the machine stands: joints that the pose leaves free
-        stay there. Without it they are at 0.
+        stay there, and joints that turn further than a circle take the nearest turn. Without it they are at 0.
         """
+        ...
+
+    def solve(self, poses: FloatArray, branch: str, near: FloatArray | None = None) -> Branch:
+        """One branch, by its name; else as `inverse`."""
+        ...
+
+    def singularities(self, joints: FloatArray) -> tuple[Constraint, ...]:
+        """What must stay away from 0 so that tool velocities have joint velocities: numbers from 0 to 1."""
         ...
 
     def joint_velocities(self, joints: FloatArray, tool_velocities: FloatArray) -> FloatArray:
@@ -100,9 +131,36 @@ class Kinematics(Protocol):
         ...
 
 
+def singularity_measure(kinematics: Kinematics, joints: FloatArray) -> FloatArray:
+    """Shape (n,): how far joints of shape (n, joints) are from the nearest singularity, from 0 to 1."""
+    values = [constraint.values for constraint in kinematics.singularities(joints)]
+    return np.asarray(np.minimum.reduce(values))
+
+
+def within_limits(limits: tuple[Joint, ...], joints: FloatArray) -> BoolArray:
+    """Shape (n,): whether joints of shape (n, joints) keep all their limits."""
+    kept: BoolArray = np.logical_and.reduce([constraint.kept for constraint in joint_constraints(limits, joints)])
+    return kept
+
+
 def joint_constraints(limits: tuple[Joint, ...], joints: FloatArray) -> tuple[Constraint, ...]:
     """The joints' limits as constraints on positions of shape (n, joints)."""
     return tuple(_joint_constraint(joint, joints[:, axis]) for axis, joint in enumerate(limits))
+
+
+def nearest_turns(limits: tuple[Joint, ...], joints: FloatArray, near: FloatArray | None) -> None:
+    """Turn rotary joints, in place, by full circles: to the turn within the limits that is nearest to `near` or 0.
+
+    Joints whose limits are within one circle have no choice, and are left alone.
+    """
+    for axis, joint in enumerate(limits):
+        if joint.unit is not Unit.DEG or (joint.lower >= -180.0 and joint.upper <= 180.0):
+            continue
+        angle_deg = joints[:, axis]
+        fewest = np.ceil((joint.lower - LIMIT_TOLERANCE - angle_deg) / 360.0)
+        most = np.floor((joint.upper + LIMIT_TOLERANCE - angle_deg) / 360.0)
+        wanted = np.round(((0.0 if near is None else near[..., axis]) - angle_deg) / 360.0)
+        joints[:, axis] += 360.0 * np.where(fewest <= most, np.clip(wanted, fewest, most), 0.0)
 
 
 def _joint_constraint(joint: Joint, positions: FloatArray) -> Constraint:

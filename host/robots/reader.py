@@ -10,7 +10,7 @@ from typing import TypeVar
 from host.errors import InputError
 from host.inputs import apart, unknown
 from host.kinematics import make_kinematics
-from host.robot import Board, Joint, Robot, Transmission, Unit
+from host.robot import Board, Joint, Output, Robot, Transmission, Unit
 
 Choice = TypeVar("Choice", bound=StrEnum)
 
@@ -78,6 +78,13 @@ class _Table:
             yield table
             table.finish()
 
+    @contextmanager
+    def optional_section(self, key: str) -> Iterator["_Table"]:
+        """Like `section`, empty if the key is not there."""
+        self._values.setdefault(key, {})
+        with self.section(key) as table:
+            yield table
+
     def finish(self) -> None:
         """Complain about the first key that nobody asked for."""
         for key in self._values:
@@ -109,7 +116,21 @@ def _robot(table: _Table) -> Robot:
         joints = tuple(_joint(tables, key) for key in tables)
     with table.section("home") as positions:
         home = tuple(positions.number(joint.name) for joint in joints)
-    return Robot(name, title, kind, geometry, joints, home, board)
+    with table.optional_section("outputs") as wiring:
+        outputs = {key: _output(wiring, key) for key in wiring}
+    with table.optional_section("places") as tables:
+        places = {key: _place(tables, key) for key in tables}
+    return Robot(name, title, kind, geometry, joints, home, board, outputs, places)
+
+
+def _output(wiring: _Table, name: str) -> Output:
+    with wiring.section(name) as table:
+        return Output(joint=table.text("joint"), out=table.integer("out"))
+
+
+def _place(tables: _Table, name: str) -> dict[str, float]:
+    with tables.section(name) as table:
+        return {joint: table.number(joint) for joint in table}
 
 
 def _board(table: _Table) -> Board:

@@ -171,7 +171,7 @@ class TestMistakesInAFile:
     def test_is_told_with_its_key(self, old: str, new: str, words: str) -> None:
         text = changed(old, new)
         if words == "home.th3: key 'th3' is unknown":
-            text += "th4 = 0.0\n"
+            text = text.replace("th3 = 30.0 # [S]\n", "th3 = 30.0 # [S]\nth4 = 0.0\n")
         assert complaint(text).startswith(f"mine.toml: {words}")
 
     def test_a_table_that_is_none(self) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from host.errors import InputError
-from host.kinematics import Branch, Elbow, WarehouseScara, make_kinematics
+from host.kinematics import Branch, Elbow, Scara, make_kinematics
 from host.robot import Robot
 from host.robots import load_robot
 from host.trajectory import FloatArray
@@ -204,4 +204,4 @@ class TestARobotThatDoesNotFit:
 
 
 def test_it_is_the_kind_that_the_file_names() -> None:
-    assert isinstance(SCARA, WarehouseScara)
+    assert isinstance(SCARA, Scara)
