@@ -1,11 +1,29 @@
 """What a trajectory is to the rest of the host: joint positions and velocities as functions of time."""
 
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Switching:
+    """A digital output that changes during a motion, while the machine stands still.
+
+    Attributes:
+        output: its name in the robot's file.
+        on: the level that it takes.
+        from_s: when it may change, as time of the motion.
+        until_s: when it must have changed, because the machine moves on.
+    """
+
+    output: str
+    on: bool
+    from_s: float
+    until_s: float
 
 
 class Trajectory(Protocol):
@@ -28,6 +46,11 @@ class Trajectory(Protocol):
     @property
     def breakpoints_s(self) -> tuple[float, ...]:
         """Where between 0 and duration_s the acceleration jumps, in whole milliseconds: PVT points must fall there."""
+        ...
+
+    @property
+    def switchings(self) -> tuple[Switching, ...]:
+        """The outputs that change on the way, in order of time."""
         ...
 
     def positions(self, t_s: FloatArray) -> FloatArray:

@@ -4,15 +4,25 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from host.inputs import unknown
+from host.jobs.calibration_demo import DEMO
+from host.jobs.carry import CARRY
 from host.jobs.drawer_pull import DRAWER_PULL
+from host.jobs.five_points import FIVE_POINTS
+from host.jobs.helix import HELIX
 from host.jobs.job import Job
+from host.jobs.shelf import FETCH, STORE
+from host.jobs.spiral import SPIRAL
 from host.robot import Robot
 from host.trajectory import Trajectory
 
 __all__ = ["Job", "job_names", "job_options", "make_job"]
 
 _JOBS: Final[dict[str, tuple[Job[Any], ...]]] = {
-    "warehouse-scara": (DRAWER_PULL,),
+    "lab-scara": (SPIRAL,),
+    "warehouse-scara": (DRAWER_PULL, STORE, FETCH),
+    "teaching-scara": (CARRY,),
+    "calibration-scara": (DEMO,),
+    "hybrid-arm": (FIVE_POINTS, HELIX),
 }
 """By the kind of kinematics, so that a user's own file of the same mechanism has the same jobs."""
 

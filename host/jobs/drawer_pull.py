@@ -9,19 +9,20 @@ from typing import Final
 
 import numpy as np
 
-from host.cartesian import StraightLine
+from host.jobs.elbows import with_elbow
 from host.jobs.job import Job
 from host.jobs.options import joint_position, number
 from host.kinematics import Elbow, make_kinematics
 from host.laws import Trapezoid
+from host.motions.tool_move import ToolMove
+from host.paths import StraightLine
 from host.robot import Robot
 from host.trajectory import Trajectory
 
-START_DEG: Final = (0.0, 60.0, 30.0)
-"""th1, th2, th3 with the elbow to the right when the hand has locked onto the drawer."""
+LOCKED_DEG: Final = (0.0, 60.0, 30.0)
+"""th1, th2, th3 with the elbow to the right when the hand has locked onto a drawer."""
 
 TRAVEL_MM: Final = 180.0
-TOWARDS: Final = (0.0, -1.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,18 +44,11 @@ def drawer_pull(robot: Robot, options: DrawerPullOptions) -> Trajectory:
         InputError: times that make no trapezoid.
     """
     law = Trapezoid(TRAVEL_MM, options.duration_s, options.ramp_s)
-    start = (options.sx_mm, options.sz_mm, options.L1_mm, *START_DEG)
-    kinematics = make_kinematics(robot)
-    x_mm, y_mm, z_mm, attitude_deg = kinematics.forward(np.array([start]))[0].tolist()
-    return StraightLine(
-        joint_names=robot.joint_names,
-        kinematics=kinematics,
-        branch=options.elbow.value,
-        near=start,
-        start_pose=(x_mm, y_mm, z_mm, attitude_deg),
-        direction=TOWARDS,
-        law=law,
-    )
+    right = np.array([options.sx_mm, options.sz_mm, options.L1_mm, *LOCKED_DEG])
+    start = with_elbow(robot, right, options.elbow)
+    x_mm, y_mm, z_mm, attitude_deg = make_kinematics(robot).forward(right[np.newaxis])[0].tolist()
+    path = StraightLine((x_mm, y_mm, z_mm, attitude_deg), (x_mm, y_mm - TRAVEL_MM, z_mm, attitude_deg))
+    return ToolMove.along(robot, path, law, options.elbow.value, start)
 
 
 DRAWER_PULL: Final = Job("drawer-pull", DrawerPullOptions, drawer_pull)

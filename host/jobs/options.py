@@ -1,4 +1,4 @@
-"""From texts on the command line to a job's options: a frozen dataclass of enums and ranged numbers."""
+"""From texts on the command line to a job's options: a frozen dataclass of enums, places and ranged numbers."""
 
 from collections.abc import Mapping
 from dataclasses import Field, dataclass, field, fields
@@ -10,6 +10,7 @@ from host.inputs import unknown
 from host.robot import Robot
 
 Options = TypeVar("Options")
+Choice = TypeVar("Choice")
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,18 +30,29 @@ def number(default: float, lower: float, upper: float, unit: str) -> Any:
     return field(default=default, metadata={"range": Range(lower, upper, unit)})
 
 
+def whole_number(default: int, lower: int, upper: int, unit: str) -> Any:
+    """A dataclass field for a count with a range."""
+    return field(default=default, metadata={"range": Range(lower, upper, unit)})
+
+
+def place(default: str) -> Any:
+    """A dataclass field for a place, whose choices are those in the robot's file."""
+    return field(default=default)
+
+
 def joint_position(default: float, joint: str) -> Any:
     """A dataclass field for a joint's position, whose range is the robot's."""
     return field(default=default, metadata={"joint": joint})
 
 
 def parse_options(options: type[Options], texts: Mapping[str, str], robot: Robot) -> Options:
-    """The dataclass from its fields' texts; a field's default says whether it is an enum or a number.
+    """The dataclass from its fields' texts; a field's default says whether it is an enum, a place or a number.
 
     Raises:
         InputError: an unknown name, with the nearest ones, or a bad value, with the choices or the range.
     """
     known = _fields(options)
+    texts = {name.replace("-", "_"): text for name, text in texts.items()}
     for name in texts:
         if name not in known:
             raise unknown("option", name, known)
@@ -59,20 +71,32 @@ def _fields(options: type[Any]) -> dict[str, Field[Any]]:
 def _description(option: Field[Any], robot: Robot) -> str:
     if isinstance(option.default, Enum):
         return f"{option.default.value} ({', '.join(_choices(option.default))})"
+    if isinstance(option.default, str):
+        return f"{option.default} ({', '.join(robot.places)})"
     return f"{option.default:g} ({_range(option, robot)})"
 
 
-def _value(option: Field[Any], text: str, robot: Robot) -> Enum | float:
+def _value(option: Field[Any], text: str, robot: Robot) -> Enum | str | float:
     if isinstance(option.default, Enum):
-        return _choice(option.name, text, option.default)
-    return _number(option.name, text, _range(option, robot))
+        return _choice(option.name, text, _choices(option.default))
+    if isinstance(option.default, str):
+        return _choice(option.name, text, {name: name for name in robot.places})
+    value = _number(option.name, text, _range(option, robot))
+    if isinstance(option.default, int):
+        return _whole(option.name, value)
+    return value
 
 
-def _choice(name: str, text: str, default: Enum) -> Enum:
-    choices = _choices(default)
+def _choice(name: str, text: str, choices: Mapping[str, Choice]) -> Choice:
     if text not in choices:
         raise InputError(f"{unknown(f'option {name}:', text, choices)} (valid: {', '.join(choices)})")
     return choices[text]
+
+
+def _whole(name: str, value: float) -> int:
+    if value != int(value):
+        raise InputError(f"option {name}: {value:.9g} is not a whole number")
+    return int(value)
 
 
 def _choices(default: Enum) -> dict[str, Enum]:

@@ -197,7 +197,7 @@ class TestOptions:
 def test_a_robot_too_small_for_the_drawer_is_told_where_it_ends() -> None:
     small = dataclasses.replace(ROBOT, geometry={"L2_mm": 50, "L3_mm": 50, "L4_mm": 40, "L5_mm": 40})
     with pytest.raises(
-        InputError, match=r"^at t = 5\.\d+ s the tool is out of reach: shoulder to wrist 100\.\d+ mm is"
+        InputError, match=r"^at t = 5\.\d+ s the tool's path breaks off: out of reach: shoulder to wrist 100\.\d+ mm is"
     ):
         plan(small, make_job(small, "drawer-pull", {}))
 

@@ -16,7 +16,7 @@ from host.laws import Trapezoid
 from host.planner import Plan, check_start, plan
 from host.robot import Robot, Transmission
 from host.robots import load_robot
-from host.trajectory import FloatArray
+from host.trajectory import FloatArray, Switching
 
 ROBOT = load_robot("warehouse-scara")
 HOME = np.array(ROBOT.home)
@@ -35,6 +35,7 @@ class OneJoint:
     duration_s: float = 1.0
     breakpoints_s: tuple[float, ...] = ()
     axis: int = TH1
+    switchings: tuple[Switching, ...] = ()
     joint_names: tuple[str, ...] = ROBOT.joint_names
 
     def positions(self, t_s: FloatArray) -> FloatArray:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from host.trajectory import FloatArray
+from host.trajectory import FloatArray, Switching
 from host.verify import COUNTS_PER_SECOND, AxisEvidence, BusReport, Evidence, IdealSteps, Plan, RunInfo, ideal_steps
 
 START_COUNTS = 3_600_000
@@ -25,6 +25,7 @@ class Motion:
     position: tuple[Scalar, ...]
     velocity: tuple[Scalar, ...]
     breakpoints_s: tuple[float, ...] = ()
+    switchings: tuple[Switching, ...] = ()
 
     @property
     def joint_names(self) -> tuple[str, ...]:

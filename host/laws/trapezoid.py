@@ -1,17 +1,20 @@
-"""Time laws: how a distance is covered from rest to rest."""
+"""The trapezoid of speed: constant acceleration, constant speed, constant deceleration."""
 
 from dataclasses import dataclass
+from math import sqrt
+from typing import Self
 
 import numpy as np
 
 from host.errors import InputError
 from host.inputs import whole_ms
+from host.laws.law import rounded_up_s
 from host.trajectory import FloatArray
 
 
 @dataclass(frozen=True, slots=True)
 class Trapezoid:
-    """Constant acceleration, constant speed v = S / (T - t1), constant deceleration; S may be negative.
+    """The speed between the ramps is v = S / (T - t1); S may be negative.
 
         s = v t^2 / (2 t1)              0 <= t <= t1
         s = v (t - t1 / 2)              t1 <= t <= T - t1
@@ -40,6 +43,17 @@ class Trapezoid:
             raise InputError(
                 f"ramp_s: {self.ramp_s:g} s is not above 0 and at most {self.duration_s / 2:g} s, half of duration_s"
             )
+
+    @classmethod
+    def fastest(cls, distance: float, speed_max: float, acceleration_max: float) -> Self:
+        """The shortest one that exceeds neither limit, but for rounding its times up to whole milliseconds.
+
+        Where the distance is too short for the highest speed, S = a t1^2, the ramps meet.
+        """
+        size = abs(distance)
+        ramp_s = rounded_up_s(min(speed_max / acceleration_max, sqrt(size / acceleration_max)))
+        duration_s = rounded_up_s(size / min(speed_max, acceleration_max * ramp_s) + ramp_s)
+        return cls(distance, max(duration_s, 2.0 * ramp_s), ramp_s)
 
     def _ramp_and_duration_ms(self) -> tuple[int, int]:
         return whole_ms("ramp_s", self.ramp_s), whole_ms("duration_s", self.duration_s)

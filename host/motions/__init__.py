@@ -1,0 +1,1 @@
+"""Motions: how joint and tool paths, time laws and sampled points become trajectories."""
