@@ -5,17 +5,20 @@ from math import floor
 import canopen
 
 from controller.backend import Kernel
+from controller.firmware import Pin
 from controller.motion import COUNTS_PER_SECOND
 from emulator.board import AxisTrace, Board, BoardConfig
 from emulator.bus import Bus
 from emulator.simulation import Simulation
 from host.robot import Robot
-from host.verify import AxisEvidence, BusReport, Evidence
+from host.verify import AxisEvidence, BusReport, Evidence, OutputChange
 from protocol.frame import COB_SYNC, Frame
 
 TICK_COUNTS = COUNTS_PER_SECOND // 4000
 """The board's servo tick: a motion begins with the first one after the SYNC that starts it."""
 
+
+_PINS = (Pin.OUT1, Pin.OUT2)
 
 _BOOT_S = 0.01
 """The host comes after the nodes' boot-up messages."""
@@ -95,7 +98,18 @@ class EmbeddedBoard:
             _axis_evidence(joint.name, self._start_steps[i], self._board.trace(i))
             for i, joint in enumerate(self._robot.joints)
         )
-        return Evidence(start_counts=-(-sync_counts // TICK_COUNTS) * TICK_COUNTS, axes=axes)
+        return Evidence(-(-sync_counts // TICK_COUNTS) * TICK_COUNTS, axes, self._output_changes())
+
+    def _output_changes(self) -> tuple[OutputChange, ...]:
+        """By the names in the robot's file; an output that nothing is wired to has none and is left out."""
+        axes = {joint.name: axis for axis, joint in enumerate(self._robot.joints)}
+        wired = {(axes[output.joint], _PINS[output.out - 1]): name for name, output in self._robot.outputs.items()}
+        changes = self._board.output_changes()
+        return tuple(
+            OutputChange(wired[change.axis, change.pin], change.counts, change.level)
+            for change in changes
+            if (change.axis, change.pin) in wired
+        )
 
 
 def _axis_evidence(name: str, start_steps: int, trace: AxisTrace) -> AxisEvidence:

@@ -1,6 +1,7 @@
 """Words for bad input that several modules share: each says in one line what was given and what would be right."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from difflib import get_close_matches
 from math import isfinite
 
@@ -20,6 +21,15 @@ def unknown(what: str, given: str, choices: Iterable[str]) -> InputError:
         return InputError(f"{what} {given!r} is unknown: did you mean {' or '.join(near)}?")
     listed = ", ".join(names[:_CHOICES_LISTED]) or "none"
     return InputError(f"{what} {given!r} is unknown: there are {listed}")
+
+
+@contextmanager
+def prefixed(prefix: str) -> Iterator[None]:
+    """Say where bad input stands: every InputError from inside gets this in front."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{prefix}{error}") from error
 
 
 def whole_ms(what: str, value_s: float) -> int:

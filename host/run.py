@@ -7,7 +7,7 @@ from math import ceil
 import numpy as np
 
 from controller.backend import Kernel
-from host.client import AxisRecords, AxisSettings, Machine, Progress
+from host.client import AxisRecords, AxisSettings, Machine, OutputCommand, Progress
 from host.embedded import EmbeddedBoard
 from host.errors import DeviceFaultError, InputError
 from host.kinematics import make_kinematics
@@ -15,6 +15,7 @@ from host.planner import Plan, check_start
 from host.robot import UNITS_PER_FULL_STEP, Board, Joint
 from host.verify import Comparison, Report, RunInfo, compare, verify_comparison
 from host.verify import Plan as VerifierPlan
+from protocol.cia402 import DigitalOutput
 from protocol.frame import Frame
 
 
@@ -81,7 +82,7 @@ def execute(
     machine.preset(plan.start_units)
     fault = None
     try:
-        machine.run(records, plan.start_units, progress)
+        machine.run(records, plan.start_units, progress, _output_commands(plan))
         machine.disable()
     except DeviceFaultError as error:
         if not board.started:
@@ -125,6 +126,17 @@ def _records(plan: Plan, cut_stream_s: float | None) -> tuple[AxisRecords, ...]:
     return tuple(
         AxisRecords(plan.displacements_units(axis)[:count], plan.end_velocities(axis)[:count], durations_ms[:count])
         for axis in range(len(plan.robot.joints))
+    )
+
+
+def _output_commands(plan: Plan) -> tuple[OutputCommand, ...]:
+    robot, bits = plan.robot, tuple(DigitalOutput)
+    wired = {
+        name: (robot.joint_names.index(output.joint), bits[output.out - 1]) for name, output in robot.outputs.items()
+    }
+    return tuple(
+        OutputCommand(*wired[switching.output], switching.on, switching.from_s)
+        for switching in plan.trajectory.switchings
     )
 
 

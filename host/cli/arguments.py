@@ -1,16 +1,22 @@
 """Arguments that several commands share."""
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from host.errors import InputError
 
+if TYPE_CHECKING:
+    from host.robot import Robot
+
 RobotName = Annotated[
-    str,
+    str | None,
     typer.Argument(
         metavar="ROBOT", help="A robot's name, as `steptwin robots` lists them, or the path of its .toml file."
     ),
+]
+RobotFile = Annotated[
+    str | None, typer.Option("--robot-file", metavar="FILE", help="A robot of your own, instead of ROBOT.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout, everything else on stderr.")]
 
@@ -18,6 +24,29 @@ _LARGEST = 1e9
 
 NEGATIVE_NUMBERS = {"ignore_unknown_options": True}
 """For commands whose arguments may be negative numbers, which otherwise look like options."""
+
+
+def robot_and_rest(words: list[str], robot_file: str | None) -> "tuple[Robot, list[str]]":
+    """The robot of a command line, and the words that are left: the first one is its name unless there is a file.
+
+    Raises:
+        InputError: there is no robot, or it is not right.
+    """
+    from host.robots import load_robot, load_robot_file
+
+    if robot_file is not None:
+        return load_robot_file(robot_file), words
+    if not words:
+        raise InputError("ROBOT is missing: a robot's name, or --robot-file FILE")
+    return load_robot(words[0]), words[1:]
+
+
+def one_robot(name: str | None, robot_file: str | None) -> "Robot":
+    """The robot of a command line that says nothing else; raises as `robot_and_rest` does, or if there are two."""
+    robot, rest = robot_and_rest([] if name is None else [name], robot_file)
+    if rest:
+        raise InputError(f"ROBOT '{rest[0]}' and --robot-file {robot_file}: give only one of them")
+    return robot
 
 
 def joint_values(texts: list[str], names: tuple[str, ...], what: str) -> list[float]:

@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from host.cli.app import app
-from host.cli.arguments import NEGATIVE_NUMBERS, AsJson, RobotName, joint_values
+from host.cli.arguments import NEGATIVE_NUMBERS, AsJson, RobotFile, joint_values, robot_and_rest
 from host.cli.output import print_json
 
 POSE_KEYS = ("x_mm", "y_mm", "z_mm", "attitude_deg")
@@ -13,18 +13,20 @@ POSE_KEYS = ("x_mm", "y_mm", "z_mm", "attitude_deg")
 
 @app.command(context_settings=NEGATIVE_NUMBERS)
 def fk(
-    robot: RobotName,
-    joints: Annotated[list[str], typer.Argument(metavar="Q1 Q2 ...", help="Joint positions, mm and degrees.")],
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="ROBOT Q1 Q2 ...", help="The robot, and its joints' positions in mm and degrees."),
+    ] = None,
+    robot_file: RobotFile = None,
     as_json: AsJson = False,
 ) -> None:
     """Forward kinematics: where the tool is."""
     import numpy as np
 
     from host.kinematics import make_kinematics
-    from host.robots import load_robot
 
-    loaded = load_robot(robot)
-    values = joint_values(joints, loaded.joint_names, f"joints of {robot}")
+    loaded, joints = robot_and_rest(words or [], robot_file)
+    values = joint_values(joints, loaded.joint_names, f"joints of {loaded.name}")
     for joint, value in zip(loaded.joints, values, strict=True):
         if not joint.lower <= value <= joint.upper:
             limits = f"{joint.lower:g}..{joint.upper:g} {joint.unit}"

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from host.cli.app import app
-from host.cli.arguments import AsJson, RobotName, finite_number, joint_values
+from host.cli.arguments import AsJson, RobotFile, RobotName, finite_number, joint_values, one_robot
 from host.cli.output import print_json, print_table
 
 if TYPE_CHECKING:
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
 @app.command()
 def ik(
-    robot: RobotName,
     x: Annotated[str, typer.Option("--x", metavar="MM", help="Tool position x.")],
     y: Annotated[str, typer.Option("--y", metavar="MM", help="Tool position y.")],
     z: Annotated[str, typer.Option("--z", metavar="MM", help="Tool position z.")],
@@ -26,15 +25,16 @@ def ik(
             metavar="'Q1 Q2 ...'", help="Where the machine stands: joints that the pose leaves free stay there."
         ),
     ] = None,
+    robot: RobotName = None,
+    robot_file: RobotFile = None,
     as_json: AsJson = False,
 ) -> None:
     """Inverse kinematics: every branch, reachable or why not."""
     import numpy as np
 
     from host.kinematics import make_kinematics
-    from host.robots import load_robot
 
-    loaded = load_robot(robot)
+    loaded = one_robot(robot, robot_file)
     pose = [finite_number(text, what) for text, what in ((x, "--x"), (y, "--y"), (z, "--z"), (phi, "--phi"))]
     standing = None if near is None else np.array(joint_values(near.split(), loaded.joint_names, "--near"))
     branches = make_kinematics(loaded).inverse(np.array([pose]), standing)

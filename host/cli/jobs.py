@@ -1,17 +1,16 @@
 """`steptwin jobs ROBOT`: a robot's named trajectories and their options."""
 
 from host.cli.app import app
-from host.cli.arguments import AsJson, RobotName
+from host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
 from host.cli.output import print_json, print_table
 
 
 @app.command()
-def jobs(robot: RobotName, as_json: AsJson = False) -> None:
+def jobs(robot: RobotName = None, robot_file: RobotFile = None, as_json: AsJson = False) -> None:
     """List a robot's jobs with their options."""
     from host.jobs import job_names, job_options
-    from host.robots import load_robot
 
-    loaded = load_robot(robot)
+    loaded = one_robot(robot, robot_file)
     found = {name: job_options(loaded, name) for name in job_names(loaded)}
     if as_json:
         print_json({"robot": loaded.name, "jobs": [{"name": n, "options": o} for n, o in found.items()]})

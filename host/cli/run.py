@@ -9,14 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from host.cli.app import app
-from host.cli.arguments import AsJson, RobotName, joint_values, name_value_pairs
+from host.cli.arguments import AsJson, RobotFile, joint_values, name_value_pairs, robot_and_rest
 from host.cli.output import print_json, print_table
 from host.errors import DeviceFaultError, InputError
 
 if TYPE_CHECKING:
     from controller.backend import Kernel
     from host.client import Progress
+    from host.robot import Robot
     from host.run import Outcome
+    from host.trajectory import Trajectory
 
 EXIT_NOT_VERIFIED = 1
 
@@ -31,10 +33,15 @@ class KernelChoice(StrEnum):
 
 @app.command()
 def run(
-    robot: RobotName,
-    job: Annotated[
-        str, typer.Argument(metavar="JOB", help="One of the robot's jobs; `steptwin jobs ROBOT` lists them.")
-    ],
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="ROBOT JOB|FILE",
+            help="The robot, and one of its jobs, as `steptwin jobs ROBOT` lists them, or a trajectory in a file:"
+            " CSV with a header t,JOINT,... or JSON in the shape of ROS' JointTrajectory, in s, mm and degrees.",
+        ),
+    ] = None,
+    robot_file: RobotFile = None,
     out: Annotated[
         str | None, typer.Option(metavar="DIR", help="Write report, edges, bus log and pictures into this folder.")
     ] = None,
@@ -55,19 +62,18 @@ def run(
     ] = KernelChoice.AUTO,
     as_json: AsJson = False,
 ) -> None:
-    """Run a job on an emulated board in virtual time and verify every pulse."""
-    from host.jobs import make_job
+    """Run a job or a trajectory file on an emulated board in virtual time and verify every pulse."""
     from host.planner import plan
-    from host.robots import load_robot
     from host.run import execute
     from host.run_folder import prepare_folder, write_folder
 
-    loaded = load_robot(robot)
+    loaded, rest = robot_and_rest(words or [], robot_file)
+    job = _only(rest)
     options = name_value_pairs(option or []) | ({"elbow": elbow} if elbow is not None else {})
-    planned = plan(loaded, make_job(loaded, job, options))
+    planned = plan(loaded, _trajectory(loaded, job, options))
     standing = None if stand_at is None else joint_values(stand_at.split(), loaded.joint_names, "--stand-at")
     folder = None if out is None else prepare_folder(out)
-    with progress_bar(f"{robot} {job}") as progress:
+    with progress_bar(f"{loaded.name} {job}") as progress:
         outcome = execute(planned, job, _kernel(kernel), stand_at=standing, cut_stream_s=cut_stream, progress=progress)
     document = _document(outcome)
     pictures = folder is not None and write_folder(folder, outcome, document)
@@ -81,6 +87,24 @@ def run(
         raise DeviceFaultError(_fault_line(outcome))
     if not outcome.report.passed:
         raise typer.Exit(EXIT_NOT_VERIFIED)
+
+
+def _only(words: list[str]) -> str:
+    if len(words) != 1:
+        given = " ".join(words) or "nothing"
+        raise InputError(f"one JOB or FILE is needed after the robot, not {given}")
+    return words[0]
+
+
+def _trajectory(robot: "Robot", job: str, options: dict[str, str]) -> "Trajectory":
+    from host.jobs import make_job
+    from host.trajectory_file import is_trajectory_file, read_trajectory
+
+    if not is_trajectory_file(job):
+        return make_job(robot, job, options)
+    if options:
+        raise InputError(f"option {next(iter(options))}: a trajectory from a file has no options")
+    return read_trajectory(job, robot)
 
 
 def _kernel(choice: KernelChoice) -> "Kernel":
@@ -134,6 +158,10 @@ def _print_report(outcome: "Outcome", document: dict[str, Any]) -> None:
     moving = [axis for axis in document["axes"] if axis["pulses"]]
     if moving:
         typer.echo(f"CLK: high {_least(moving, 'clk_high_us_min')}, low {_least(moving, 'clk_low_us_min')}")
+    changes = [output for output in document["outputs"] if output["changed_s"] is not None]
+    if changes:
+        said = (f"{o['name']} {'on' if o['on'] else 'off'} {o['changed_s']:.3f} s" for o in changes)
+        typer.echo(f"outputs: {', '.join(said)}")
     tool, bus = document["tool"], document["bus"]
     typer.echo(
         f"tool: {tool['position_error_mm_max']:.4f} mm max, {tool['position_error_mm_rms']:.4f} mm rms, "

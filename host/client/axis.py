@@ -9,7 +9,7 @@ from canopen.sdo.base import SdoVariable
 
 from host.client.link import Link
 from host.errors import BusError, DeviceFaultError
-from protocol.cia402 import ENABLE_OPERATION, SHUTDOWN, SWITCH_ON, ErrorCode, State
+from protocol.cia402 import ENABLE_OPERATION, SHUTDOWN, SWITCH_ON, DigitalOutput, ErrorCode, State
 from protocol.frame import COB_RPDO, COB_TPDO
 from protocol.pvt import PvtRecord, PvtStatus
 
@@ -100,6 +100,11 @@ class AxisClient:
     def disable(self) -> None:
         """Switch the drive's power off."""
         self.write(0x6040, 0, 0)
+
+    def switch_output(self, output: DigitalOutput, *, on: bool) -> None:
+        """Switch one digital output, the axis' others as they are."""
+        outputs = self.read(0x60FE, 1)
+        self.write(0x60FE, 1, outputs | output if on else outputs & ~output)
 
     def fault_text(self) -> str:
         """One line that says which error the node reported last."""

@@ -10,6 +10,7 @@ from canopen.objectdictionary import eds
 
 from host.client.axis import AxisClient
 from host.client.link import Link
+from host.client.outputs import OutputCommand, OutputSchedule
 from host.client.stream import AxisRecords, AxisStream, fill
 from host.errors import BusError, DeviceFaultError
 from protocol.cia402 import ENABLE_OPERATION, HOME_HERE, PVT_SUBMODE, Control, ErrorCode, Mode, Status
@@ -92,8 +93,14 @@ class Machine:
             self._await(partial(_homed, axis), f"{axis.name}: homing was not attained")
             axis.write(0x6040, 0, ENABLE_OPERATION)
 
-    def run(self, records: tuple[AxisRecords, ...], start_units: list[int], progress: Progress) -> None:
-        """Stream a trajectory from its start, which must be where the axes stand, to its end.
+    def run(
+        self,
+        records: tuple[AxisRecords, ...],
+        start_units: list[int],
+        progress: Progress,
+        outputs: tuple[OutputCommand, ...] = (),
+    ) -> None:
+        """Stream a trajectory from its start, which must be where the axes stand, to its end; switch outputs meanwhile.
 
         Raises:
             DeviceFaultError: an axis stands elsewhere, refuses a record or goes into fault.
@@ -105,8 +112,9 @@ class Machine:
         ]
         self._preload(streams, min(PRELOAD_RECORDS, len(records[0].durations_ms)))
         self._start_together()
-        self._feed(streams, progress)
-        self._await_end(sum(records[0].durations_ms) / 1000 + _REPLY_TIMEOUT_S)
+        schedule = OutputSchedule(self.axes, outputs, self._link.now_s())
+        self._feed(streams, schedule, progress)
+        self._await_end(schedule, sum(records[0].durations_ms) / 1000 + _REPLY_TIMEOUT_S)
 
     def _prepare(self, start_units: list[int]) -> None:
         for axis, start in zip(self.axes, start_units, strict=True):
@@ -136,7 +144,7 @@ class Machine:
         self._link.network.send_message(COB_SYNC, b"")
         self._await(lambda: all(map(_started, self.axes)), "not all axes start")
 
-    def _feed(self, streams: list[AxisStream], progress: Progress) -> None:
+    def _feed(self, streams: list[AxisStream], schedule: OutputSchedule, progress: Progress) -> None:
         while not all(stream.all_acknowledged for stream in streams):
             self._link.wait(_POLL_S)
             now_s = self._link.now_s()
@@ -145,13 +153,15 @@ class Machine:
                 stream.update(now_s)
                 stream.check_running()
             fill(streams)
+            schedule.tend(now_s)
             progress(min(stream.fraction for stream in streams))
 
-    def _await_end(self, timeout_s: float) -> None:
+    def _await_end(self, schedule: OutputSchedule, timeout_s: float) -> None:
         """Wait until every queue has run dry at rest; a drive in fault ends the waiting with its error."""
 
         def ended() -> bool:
             self._check_faults()
+            schedule.tend(self._link.now_s())
             return all(map(_ended, self.axes))
 
         self._await(ended, "the motion does not end", timeout_s)

@@ -35,9 +35,9 @@ def whole_number(default: int, lower: int, upper: int, unit: str) -> Any:
     return field(default=default, metadata={"range": Range(lower, upper, unit)})
 
 
-def place(default: str) -> Any:
-    """A dataclass field for a place, whose choices are those in the robot's file."""
-    return field(default=default)
+def place(default: str, other_than: str) -> Any:
+    """A dataclass field for a place, whose choices are those in the robot's file but for one."""
+    return field(default=default, metadata={"other_than": other_than})
 
 
 def joint_position(default: float, joint: str) -> Any:
@@ -72,7 +72,7 @@ def _description(option: Field[Any], robot: Robot) -> str:
     if isinstance(option.default, Enum):
         return f"{option.default.value} ({', '.join(_choices(option.default))})"
     if isinstance(option.default, str):
-        return f"{option.default} ({', '.join(robot.places)})"
+        return f"{option.default} ({', '.join(_places(option, robot))})"
     return f"{option.default:g} ({_range(option, robot)})"
 
 
@@ -80,11 +80,15 @@ def _value(option: Field[Any], text: str, robot: Robot) -> Enum | str | float:
     if isinstance(option.default, Enum):
         return _choice(option.name, text, _choices(option.default))
     if isinstance(option.default, str):
-        return _choice(option.name, text, {name: name for name in robot.places})
+        return _choice(option.name, text, _places(option, robot))
     value = _number(option.name, text, _range(option, robot))
     if isinstance(option.default, int):
         return _whole(option.name, value)
     return value
+
+
+def _places(option: Field[Any], robot: Robot) -> dict[str, str]:
+    return {name: name for name in robot.places if name != option.metadata["other_than"]}
 
 
 def _choice(name: str, text: str, choices: Mapping[str, Choice]) -> Choice:

@@ -37,7 +37,7 @@ _APPROACH: Final = Trapezoid.fastest(APPROACH_MM, speed_max=40.0, acceleration_m
 class ShelfOptions:
     """The slot, and the elbow's side throughout."""
 
-    slot: str = place("A1")
+    slot: str = place("A1", other_than=HAND_OVER)
     elbow: Elbow = Elbow.RIGHT
 
 

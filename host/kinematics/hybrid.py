@@ -190,5 +190,5 @@ class HybridArm:
 
     def _assembly(self, z2_mm: FloatArray, mode: WorkingMode) -> Constraint:
         assembly = self.sliders.assembly_of(z2_mm, mode)
-        quantity = "assembled otherwise: side of the sliders' line that the platform is on:"
+        quantity = "assembly mode, +1 for a platform above its sliders' line,"
         return Constraint(quantity, "", assembly, 1.0, 1.0, assembly == 1.0)

@@ -8,7 +8,7 @@ from host.inputs import unknown
 from host.robot import Robot
 from host.robots.reader import parse_robot
 
-__all__ = ["load_robot", "parse_robot", "robot_names"]
+__all__ = ["load_robot", "load_robot_file", "parse_robot", "robot_names"]
 
 _SUFFIX = ".toml"
 
@@ -26,11 +26,16 @@ def load_robot(name: str) -> Robot:
         InputError: no such robot or file, or one that says something wrong; the message names the key.
     """
     if name.endswith(_SUFFIX):
-        return parse_robot(_read(Path(name)), name)
+        return load_robot_file(name)
     if name not in robot_names():
         raise unknown("robot", name, robot_names())
     file = files(__name__) / f"{name}{_SUFFIX}"
     return parse_robot(file.read_text(encoding="utf-8"), file.name)
+
+
+def load_robot_file(path: str) -> Robot:
+    """A robot of one's own from a file of any name; raises InputError as `load_robot` does."""
+    return parse_robot(_read(Path(path)), path)
 
 
 def _read(path: Path) -> str:

@@ -8,7 +8,7 @@ from math import isfinite
 from typing import TypeVar
 
 from host.errors import InputError
-from host.inputs import apart, unknown
+from host.inputs import apart, prefixed, unknown
 from host.kinematics import make_kinematics
 from host.robot import Board, Joint, Output, Robot, Transmission, Unit
 
@@ -21,7 +21,7 @@ def parse_robot(text: str, source: str) -> Robot:
     Raises:
         InputError: no TOML, a key that is missing, unknown or of the wrong kind, or a value out of range.
     """
-    with _within(f"{source}: "):
+    with prefixed(f"{source}: "):
         try:
             table = _Table(tomllib.loads(text))
         except tomllib.TOMLDecodeError as error:
@@ -73,7 +73,7 @@ class _Table:
         value = self._take(key)
         if not isinstance(value, dict):
             raise InputError(f"{key}: {value!r} is not a table")
-        with _within(f"{key}."):
+        with prefixed(f"{key}."):
             table = _Table(value)
             yield table
             table.finish()
@@ -95,14 +95,6 @@ class _Table:
         if key not in self._values:
             raise InputError(f"{key}: is missing")
         return self._values.pop(key)
-
-
-@contextmanager
-def _within(prefix: str) -> Iterator[None]:
-    try:
-        yield
-    except InputError as error:
-        raise InputError(f"{prefix}{error}") from error
 
 
 def _robot(table: _Table) -> Robot:

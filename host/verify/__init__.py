@@ -1,8 +1,9 @@
 """Verification: is what the drivers counted what was planned? Shares no code with the firmware that it judges."""
 
 from host.verify.comparison import Comparison, compare
-from host.verify.evidence import COUNTS_PER_SECOND, AxisEvidence, Evidence
+from host.verify.evidence import COUNTS_PER_SECOND, AxisEvidence, Evidence, OutputChange
 from host.verify.oracle import IdealSteps, ideal_steps
+from host.verify.outputs import OutputReport
 from host.verify.plan import Forward, Plan
 from host.verify.report import AxisReport, BusReport, JointsReport, Report, RunInfo, ToolReport
 from host.verify.verifier import POSITION_ERROR_LIMIT_STEPS, THRESHOLD_TOLERANCE_STEPS, verify, verify_comparison
@@ -19,6 +20,8 @@ __all__ = [
     "Forward",
     "IdealSteps",
     "JointsReport",
+    "OutputChange",
+    "OutputReport",
     "Plan",
     "Report",
     "RunInfo",

@@ -40,8 +40,21 @@ class AxisEvidence:
 
 
 @dataclass(frozen=True, slots=True)
+class OutputChange:
+    """A digital output takes a level, at an instant in counts since boot."""
+
+    name: str
+    counts: int
+    level: int
+
+
+@dataclass(frozen=True, slots=True)
 class Evidence:
-    """All axes of one run; the planned trajectory's t = 0 is the board's instant `start_counts`."""
+    """One run: all axes, and every change of the outputs in order of time.
+
+    The planned trajectory's t = 0 is the board's instant `start_counts`.
+    """
 
     start_counts: int
     axes: tuple[AxisEvidence, ...]
+    outputs: tuple[OutputChange, ...] = ()

@@ -3,6 +3,8 @@
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from host.verify.outputs import OutputReport
+
 SIGNIFICANT_DIGITS = 9
 """To which floats are written: short enough to read, and an error of any size remains visible."""
 
@@ -103,6 +105,7 @@ class Report:
         axes: the figures per axis in joint order.
         joints: where the joints started and ended.
         tool: how far the tool was off.
+        outputs: the planned changes of digital outputs, and when each was made.
     """
 
     run: RunInfo
@@ -110,6 +113,7 @@ class Report:
     axes: tuple[AxisReport, ...]
     joints: JointsReport
     tool: ToolReport
+    outputs: tuple[OutputReport, ...]
 
     @property
     def passed(self) -> bool:
@@ -127,6 +131,7 @@ class Report:
             "axes": [_plain(asdict(axis)) for axis in self.axes],
             "joints": _plain(asdict(self.joints)),
             "tool": _plain(asdict(self.tool)),
+            "outputs": [_plain(asdict(output)) for output in self.outputs],
             "bus": _plain(asdict(self.run.bus)),
             "simulated_s": _plain(self.run.simulated_s),
             "wall_s": _plain(self.run.wall_s),

@@ -15,6 +15,7 @@ from host.verify.comparison import Comparison, compare
 from host.verify.deviation import Deviation, critical_instants, deviations
 from host.verify.evidence import Evidence
 from host.verify.oracle import THRESHOLD_STEPS
+from host.verify.outputs import output_reasons, output_reports
 from host.verify.plan import Plan
 from host.verify.pulses import pulse_facts
 from host.verify.report import AxisReport, JointsReport, Report, RunInfo, ToolReport
@@ -68,8 +69,10 @@ def verify_comparison(comparison: Comparison, run: RunInfo) -> Report:
     worst = _worst(comparison)
     axes = tuple(_axis_report(comparison, i, worst) for i in range(len(comparison.joint_names)))
     ends = [ideal.end_steps for ideal in comparison.ideal]
-    reasons = tuple(line for axis, end in zip(axes, ends, strict=True) for line in _reasons(axis, end))
-    return Report(run, reasons, axes, _joints_report(comparison), worst.tool_report())
+    reasons = [line for axis, end in zip(axes, ends, strict=True) for line in _reasons(axis, end)]
+    outputs = output_reports(comparison.plan.trajectory.switchings, comparison.evidence)
+    reasons += output_reasons(outputs, comparison.evidence)
+    return Report(run, tuple(reasons), axes, _joints_report(comparison), worst.tool_report(), outputs)
 
 
 def _worst(comparison: Comparison) -> _Worst:

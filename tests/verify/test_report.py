@@ -337,7 +337,8 @@ def document() -> dict[str, Any]:
 
 def test_the_document_has_the_contract_keys(document: dict[str, Any]) -> None:
     assert list(document) == [
-        "robot", "job", "duration_s", "passed", "reasons", "axes", "joints", "tool", "bus", "simulated_s", "wall_s",
+        "robot", "job", "duration_s", "passed", "reasons", "axes", "joints", "tool", "outputs", "bus",
+        "simulated_s", "wall_s",
     ]  # fmt: skip
     assert list(document["axes"][0]) == [
         "name", "steps_start", "steps_end", "pulses", "reversals", "peak_rate_hz", "position_error_steps_max",

@@ -1,0 +1,122 @@
+"""`steptwin workspace ROBOT`: where the tool can be, sampled and scanned, as figures and as a picture."""
+
+import json
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from host.cli.app import app
+from host.cli.arguments import AsJson, RobotName, finite_number
+from host.cli.output import print_json, print_table
+
+if TYPE_CHECKING:
+    from host.workspace import MonteCarlo, Scan
+
+
+@app.command()
+def workspace(
+    robot: RobotName,
+    samples: Annotated[int, typer.Option(metavar="N", help="Random joint positions, up to 10 million.")] = 100_000,
+    seed: Annotated[int, typer.Option(metavar="N", help="Of the random joint positions: the same seed, the same.")] = 1,
+    phi: Annotated[
+        str | None, typer.Option("--phi", metavar="DEG", help="Tool attitude in the sections; by default any.")
+    ] = None,
+    z: Annotated[
+        str | None, typer.Option("--z", metavar="MM", help="Height of the section from above; by default home's.")
+    ] = None,
+    out: Annotated[str | None, typer.Option(metavar="DIR", help="Write figures and picture into this folder.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Workspace: a Monte Carlo cloud of all joints, and exact sections with the slides at home."""
+    from host.robots import load_robot
+    from host.run_folder import prepare_folder
+    from host.workspace import monte_carlo, scan
+
+    loaded = load_robot(robot)
+    attitude_deg = None if phi is None else finite_number(phi, "--phi")
+    z_mm = None if z is None else finite_number(z, "--z")
+    cloud = monte_carlo(loaded, samples, seed)
+    folder = None if out is None else prepare_folder(out)
+    scanned = scan(loaded, attitude_deg, z_mm)
+    document = _document(loaded.name, cloud, scanned)
+    pictures = folder is not None and _write(folder, document, cloud, scanned)
+    if as_json:
+        print_json(document)
+    else:
+        _print_figures(document)
+    if folder is not None:
+        _say_where(folder, pictures=pictures, to_stderr=as_json)
+
+
+def _document(robot: str, cloud: "MonteCarlo", scanned: "Scan") -> dict[str, Any]:
+    plan, profile = scanned.plan, scanned.profile
+    section = {
+        "attitude_deg": scanned.attitude_deg, "slides": dict(scanned.slides), "axis_x_mm": scanned.axis_x_mm
+    }  # fmt: skip
+    return {
+        "robot": robot,
+        "monte_carlo": {
+            "samples": cloud.samples,
+            "seed": cloud.seed,
+            "counted": cloud.counted,
+            "left_out": cloud.left_out,
+            **_span("radius", cloud.radius_mm),
+            **_span("z", cloud.z_mm),
+        },
+        "plan": {"z_mm": plan.z_mm, **section, **_span("radius", plan.radius_mm), "area_mm2": plan.area_mm2},
+        "profile": {
+            "azimuth_deg": profile.azimuth_deg,
+            **section,
+            **_span("radius", profile.radius_mm),
+            **_span("z", profile.z_mm),
+            "area_mm2": profile.area_mm2,
+        },
+    }
+
+
+def _span(quantity: str, span_mm: tuple[float, float] | None) -> dict[str, float | None]:
+    least_mm, greatest_mm = span_mm or (None, None)
+    return {f"{quantity}_min_mm": least_mm, f"{quantity}_max_mm": greatest_mm}
+
+
+def _write(folder: Path, document: dict[str, Any], cloud: "MonteCarlo", scanned: "Scan") -> bool:
+    """Write the folder; return False if the picture had to be left out because matplotlib is not installed."""
+    (folder / "workspace.json").write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+    if not find_spec("matplotlib"):
+        return False
+    from host.plots.workspace import write_workspace
+
+    write_workspace(folder / "workspace.png", document["robot"], cloud, scanned)
+    return True
+
+
+_KEYS = ("radius_min_mm", "radius_max_mm", "z_min_mm", "z_max_mm", "area_mm2")
+
+
+def _print_figures(document: dict[str, Any]) -> None:
+    cloud, plan, profile = document["monte_carlo"], document["plan"], document["profile"]
+    rows = {
+        "Monte Carlo": cloud,
+        f"plan at z = {plan['z_mm']:.6g} mm": plan,
+        f"profile at azimuth {profile['azimuth_deg']:.6g} deg": profile,
+    }
+    columns = ["", "radius min mm", "radius max mm", "z min mm", "z max mm", "area mm2"]
+    print_table(columns, [[name, *(_figure(figures.get(key)) for key in _KEYS)] for name, figures in rows.items()])
+    left_out = f", {cloud['left_out']} left out: the mechanism forbids them" if cloud["left_out"] else ""
+    typer.echo(f"Monte Carlo: {cloud['samples']} samples with seed {cloud['seed']}{left_out}")
+    attitude = "any attitude" if plan["attitude_deg"] is None else f"attitude {plan['attitude_deg']:g} deg"
+    slides = "".join(f", {name} = {position_mm:g} mm" for name, position_mm in plan["slides"].items())
+    typer.echo(f"sections: {attitude}{slides}, radius about the arm's axis")
+
+
+def _figure(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3f}"
+
+
+def _say_where(folder: Path, *, pictures: bool, to_stderr: bool) -> None:
+    what = "figures and picture are" if pictures else "figures are"
+    typer.echo(f"{what} in {folder}/", err=to_stderr)
+    if not pictures:
+        typer.echo("no picture: matplotlib is not installed (pip install 'steptwin[plot]')", err=True)
