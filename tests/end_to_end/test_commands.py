@@ -14,7 +14,13 @@ def test_robots(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["robots", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     names = {robot["name"]: robot["joints"] for robot in document["robots"]}
-    assert names["warehouse-scara"] == ["sx", "sz", "L1", "th1", "th2", "th3"]
+    assert names == {
+        "lab-scara": ["d1", "th2", "th3", "th4"],
+        "warehouse-scara": ["sx", "sz", "L1", "th1", "th2", "th3"],
+        "teaching-scara": ["th1", "th2", "d3", "th4"],
+        "calibration-scara": ["th1", "th2", "d3", "th4"],
+        "hybrid-arm": ["th1", "Z5", "Z6", "th4"],
+    }
     assert run(["robots"]) == 0
     assert "warehouse-scara" in capsys.readouterr().out
 
@@ -23,9 +29,10 @@ def test_jobs(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["jobs", "warehouse-scara", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert document["robot"] == "warehouse-scara"
-    (job,) = document["jobs"]
-    assert job["name"] == "drawer-pull"
-    assert "right" in job["options"]["elbow"]
+    jobs = {job["name"]: job["options"] for job in document["jobs"]}
+    assert list(jobs) == ["drawer-pull", "store", "fetch"]
+    assert "right" in jobs["drawer-pull"]["elbow"]
+    assert jobs["store"]["slot"] == "A1 (A1, A2, B1, B2)"
     assert run(["jobs", "warehouse-scara"]) == 0
     assert "duration_s" in capsys.readouterr().out
 

@@ -149,7 +149,7 @@ class TestOptions:
         assert SCARA.forward(joints[:1])[0] == pytest.approx([1275.0, 169.903810568, 360.5, 90.0])
 
     def test_they_are_described_with_default_and_range(self) -> None:
-        assert job_names(ROBOT) == ("drawer-pull",)
+        assert job_names(ROBOT) == ("drawer-pull", "store", "fetch")
         assert job_options(ROBOT, "drawer-pull") == {
             "elbow": "right (right, left)",
             "duration_s": "10 (0.002..600 s)",
@@ -190,7 +190,7 @@ class TestOptions:
     def test_an_unknown_job(self) -> None:
         with pytest.raises(InputError, match=r"^job 'drawer-push' is unknown: did you mean drawer-pull\?$"):
             make_job(ROBOT, "drawer-push", {})
-        with pytest.raises(InputError, match=r"^job 'x' is unknown: there are drawer-pull$"):
+        with pytest.raises(InputError, match=r"^job 'x' is unknown: there are drawer-pull, store, fetch$"):
             job_options(ROBOT, "x")
 
 
