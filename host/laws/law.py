@@ -1,19 +1,15 @@
 """What a time law is: how a distance is covered from rest to rest."""
 
-from math import ceil
 from typing import Protocol
 
-from host.errors import InputError
-from host.inputs import whole_ms
 from host.trajectory import FloatArray
-
-_TOLERANCE_MS = 1e-6
-"""What rounding may add to a duration that is a whole number of milliseconds."""
-_LONGEST_S = 1e6
 
 
 class Law(Protocol):
-    """Distance, speed and acceleration as functions of time, which begins at 0 and lasts whole milliseconds."""
+    """Distance, velocity and acceleration as functions of time, which begins at 0 and lasts whole milliseconds.
+
+    The laws' classmethods `fastest` choose the shortest law that keeps limits given in the distance's unit.
+    """
 
     @property
     def distance(self) -> float:
@@ -22,16 +18,16 @@ class Law(Protocol):
 
     @property
     def duration_s(self) -> float:
-        """When it has been covered."""
+        """When it has been covered, a whole number of milliseconds."""
         ...
 
     @property
     def breakpoints_s(self) -> tuple[float, ...]:
-        """Where acceleration or jerk jumps between start and end, in whole milliseconds."""
+        """Where acceleration or jerk jumps between start and end, in whole milliseconds: PVT points must fall there."""
         ...
 
     def position(self, t_s: FloatArray) -> FloatArray:
-        """Distance covered at times of shape (n,) in [0, duration_s]."""
+        """Distance covered at times of shape (n,) in [0, duration_s], exactly `distance` at the end."""
         ...
 
     def velocity(self, t_s: FloatArray) -> FloatArray:
@@ -41,20 +37,3 @@ class Law(Protocol):
     def acceleration(self, t_s: FloatArray) -> FloatArray:
         """Its second derivative; where that jumps, the value after the jump, and at the end the one before it."""
         ...
-
-
-def require_duration(duration_s: float) -> None:
-    """InputError unless a duration is a whole number of milliseconds above 0."""
-    if whole_ms("duration_s", duration_s) < 1:
-        raise InputError(f"duration_s: {duration_s:g} s is not at least 0.001 s")
-
-
-def rounded_up_s(least_s: float) -> float:
-    """The shortest time of whole milliseconds, at least one, that is not less.
-
-    Raises:
-        InputError: the time is not finite, as from a limit of 0.
-    """
-    if not least_s < _LONGEST_S:
-        raise InputError(f"a motion would last {least_s:g} s: a limit of speed, acceleration or jerk is too low")
-    return max(1, ceil(1000.0 * least_s - _TOLERANCE_MS)) / 1000

@@ -1,20 +1,18 @@
 """The trapezoid of speed: constant acceleration, constant speed, constant deceleration."""
 
 from dataclasses import dataclass
-from math import sqrt
 from typing import Self
 
 import numpy as np
 
-from host.errors import InputError
 from host.inputs import whole_ms
-from host.laws.law import rounded_up_s
+from host.laws.times import check_duration, check_ramp, shortest_ms, with_slack
 from host.trajectory import FloatArray
 
 
 @dataclass(frozen=True, slots=True)
 class Trapezoid:
-    """The speed between the ramps is v = S / (T - t1); S may be negative.
+    """The speed between the ramps is v = S / (T - t1), the acceleration within them v / t1; S may be negative.
 
         s = v t^2 / (2 t1)              0 <= t <= t1
         s = v (t - t1 / 2)              t1 <= t <= T - t1
@@ -38,25 +36,21 @@ class Trapezoid:
     ramp_s: float
 
     def __post_init__(self) -> None:
-        ramp_ms, duration_ms = self._ramp_and_duration_ms()
-        if not 0 < 2 * ramp_ms <= duration_ms:
-            raise InputError(
-                f"ramp_s: {self.ramp_s:g} s is not above 0 and at most {self.duration_s / 2:g} s, half of duration_s"
-            )
+        check_duration(self.duration_s)
+        check_ramp("ramp_s", self.ramp_s, "duration_s", self.duration_s)
 
     @classmethod
     def fastest(cls, distance: float, speed_max: float, acceleration_max: float) -> Self:
-        """The shortest one that exceeds neither limit, but for rounding its times up to whole milliseconds.
+        """The shortest one that exceeds neither limit; where the distance is short, its ramps meet.
 
-        Where the distance is too short for the highest speed, S = a t1^2, the ramps meet.
+        Raises:
+            InputError: a limit that is not above 0, or so low that the motion would take days.
         """
         size = abs(distance)
-        ramp_s = rounded_up_s(min(speed_max / acceleration_max, sqrt(size / acceleration_max)))
-        duration_s = rounded_up_s(size / min(speed_max, acceleration_max * ramp_s) + ramp_s)
-        return cls(distance, max(duration_s, 2.0 * ramp_s), ramp_s)
-
-    def _ramp_and_duration_ms(self) -> tuple[int, int]:
-        return whole_ms("ramp_s", self.ramp_s), whole_ms("duration_s", self.duration_s)
+        by_speed_ms = 1e3 * size / with_slack("speed_max", speed_max)
+        by_acceleration_ms2 = 1e6 * size / with_slack("acceleration_max", acceleration_max)
+        duration_ms, ramp_ms = shortest_ms(by_speed_ms, lambda ramp_ms: by_acceleration_ms2 / ramp_ms, 1)
+        return cls(distance, duration_ms / 1000, ramp_ms / 1000)
 
     @property
     def speed(self) -> float:
@@ -66,7 +60,7 @@ class Trapezoid:
     @property
     def breakpoints_s(self) -> tuple[float, ...]:
         """Where the acceleration jumps between start and end, as whole milliseconds; once if the ramps meet."""
-        ramp_ms, duration_ms = self._ramp_and_duration_ms()
+        ramp_ms, duration_ms = whole_ms("ramp_s", self.ramp_s), whole_ms("duration_s", self.duration_s)
         return tuple(ms / 1000 for ms in sorted({ramp_ms, duration_ms - ramp_ms}))
 
     def position(self, t_s: FloatArray) -> FloatArray:

@@ -10,8 +10,17 @@ import pytest
 
 from host.cli.app import run
 
-README = (Path(__file__).resolve().parents[2] / "README.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```", README, flags=re.MULTILINE | re.DOTALL)
+ROOT = Path(__file__).resolve().parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+MOTIONS = (ROOT / "docs" / "motions.md").read_text(encoding="utf-8")
+
+
+def blocks_of(text: str) -> list[tuple[str, str]]:
+    """Language and content of every fenced block."""
+    return re.findall(r"^```(\w*)\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
+
+
+BLOCKS = blocks_of(README)
 COMMANDS = [
     line for language, block in BLOCKS if not language for line in block.splitlines() if line.startswith("steptwin ")
 ]
@@ -29,9 +38,17 @@ def test_there_are_commands() -> None:
     assert len(COMMANDS) >= 8
 
 
-def test_python() -> None:
-    (code,) = [block for language, block in BLOCKS if language == "python"]
-    subprocess.run([sys.executable, "-W", "error", "-c", code], check=True, cwd="/")
+@pytest.mark.parametrize("text", [README, MOTIONS], ids=["README.md", "motions.md"])
+def test_python(text: str) -> None:
+    for code in [block for language, block in blocks_of(text) if language == "python"]:
+        subprocess.run([sys.executable, "-W", "error", "-c", code], check=True, cwd="/")
+
+
+def test_the_csv_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (csv,) = [block for language, block in BLOCKS if language == "csv"]
+    (tmp_path / "mine.csv").write_text(csv, encoding="utf-8")
+    assert run(["run", "teaching-scara", str(tmp_path / "mine.csv")]) == 0
+    assert "PASSED" in capsys.readouterr().out
 
 
 def test_it_shows_what_the_demo_prints(capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,21 +2,12 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from host.errors import InputError
 from host.laws import Trapezoid
 from host.trajectory import FloatArray
 
 PULL = Trapezoid(180.0, 10.0, 2.0)
-
-
-@st.composite
-def trapezoids(draw: st.DrawFn) -> Trapezoid:
-    ramp_ms = draw(st.integers(1, 5_000))
-    duration_ms = draw(st.integers(2 * ramp_ms, 2 * ramp_ms + 20_000))
-    return Trapezoid(draw(st.floats(-1e4, 1e4)), duration_ms / 1000, ramp_ms / 1000)
 
 
 def test_the_drawer_by_hand() -> None:
@@ -34,31 +25,6 @@ def test_ramps_that_meet_have_one_breakpoint() -> None:
     assert triangle.breakpoints_s == (0.2,)
     assert triangle.position(np.array([0.2])) == pytest.approx([-2.0])
     assert triangle.acceleration(np.array([0.1, 0.2, 0.3])) == pytest.approx([-100.0, 100.0, 100.0])
-
-
-@given(trapezoids())
-def test_it_goes_from_rest_to_rest_over_the_whole_distance(law: Trapezoid) -> None:
-    ends_s = np.array([0.0, law.duration_s])
-    assert law.position(ends_s).tolist() == [0.0, law.distance]
-    assert np.abs(law.velocity(ends_s)).tolist() == [0.0, 0.0]
-
-
-@given(trapezoids())
-def test_velocity_and_acceleration_are_the_derivatives(law: Trapezoid) -> None:
-    """Between breakpoints the mean of the end velocities times the time is the distance, exactly."""
-    corners_s = np.array([0.0, *law.breakpoints_s, law.duration_s])
-    t_s = np.unique(np.concatenate([corners_s, np.linspace(0.0, law.duration_s, 101)]))
-    dt_s, v = np.diff(t_s), law.velocity(t_s)
-    middle_s = (t_s[1:] + t_s[:-1]) / 2
-    scale = 1e-9 * (1.0 + abs(law.distance))
-    assert np.diff(law.position(t_s)) == pytest.approx((v[1:] + v[:-1]) / 2 * dt_s, abs=scale)
-    assert np.diff(v) == pytest.approx(law.acceleration(middle_s) * dt_s, abs=scale / law.ramp_s)
-
-
-@given(trapezoids())
-def test_it_never_turns_back(law: Trapezoid) -> None:
-    covered = law.position(np.linspace(0.0, law.duration_s, 1001)) * np.sign(law.distance)
-    assert np.all(np.diff(covered) >= -1e-9 * abs(law.distance))
 
 
 def as_printed(t_s: FloatArray, distance: float, duration_s: float, ramp_s: float) -> FloatArray:
@@ -80,6 +46,8 @@ def test_the_printed_law_misses_the_180_mm() -> None:
         (10.0, 5.001, ["ramp_s", "5.001", "at most 5 s"]),
         (10.0, 0.0, ["ramp_s", "0 s", "above 0"]),
         (10.0, -1.0, ["ramp_s", "-1 s"]),
+        (0.0, 0.2, ["duration_s", "0 s", "above 0"]),
+        (-1.0, 0.2, ["duration_s", "-1 s", "above 0"]),
         (1.0005, 0.2, ["duration_s", "1.0005", "millisecond"]),
         (1.0, 0.0015, ["ramp_s", "0.0015", "millisecond"]),
         (float("nan"), 0.2, ["duration_s", "nan"]),
