@@ -7,6 +7,7 @@ import typer
 from host.cli.app import app
 from host.cli.arguments import NEGATIVE_NUMBERS, AsJson, RobotFile, joint_values, robot_and_rest
 from host.cli.output import print_json
+from host.errors import InputError
 
 POSE_KEYS = ("x_mm", "y_mm", "z_mm", "attitude_deg")
 
@@ -32,6 +33,8 @@ def fk(
             limits = f"{joint.lower:g}..{joint.upper:g} {joint.unit}"
             typer.echo(f"note: {joint.name} = {value:g} is outside its limits {limits}", err=True)
     pose = make_kinematics(loaded).forward(np.array([values]))[0]
+    if not np.isfinite(pose).all():
+        raise InputError(f"joints of {loaded.name}: the mechanism cannot be assembled at {' '.join(joints)}")
     document = {
         "robot": loaded.name,
         "joints": dict(zip(loaded.joint_names, values, strict=True)),

@@ -48,6 +48,13 @@ def test_fk_with_negative_joints(capsys: pytest.CaptureFixture[str]) -> None:
     assert "x 390.000000 mm" in capsys.readouterr().out
 
 
+def test_fk_of_joints_that_the_mechanism_cannot_take(capsys: pytest.CaptureFixture[str]) -> None:
+    """The sliders are 640 mm apart; the links reach 632.46 mm."""
+    assert run(["fk", "hybrid-arm", "0", "320", "-320", "0"]) == 2
+    assert "hybrid-arm: the mechanism cannot be assembled at 0 320 -320 0" in capsys.readouterr().err
+    assert run(["fk", "hybrid-arm", "0", "316", "-316", "0"]) == 0
+
+
 def test_ik_gives_every_branch(capsys: pytest.CaptureFixture[str]) -> None:
     pose = ["--x", "275", "--y", "169.903810568", "--z", "60", "--phi", "90"]
     assert run(["ik", "warehouse-scara", *pose, "--json"]) == 0
