@@ -10,6 +10,7 @@ from controller.motion import STOP_MAX_MS, Motion, StepConfig
 from protocol import cia402
 from protocol.abort import AbortCode, SdoAbortError
 from protocol.cia402 import ErrorCode, State, Status
+from protocol.datatypes import DataType
 from protocol.dictionary import ObjectDictionary
 from protocol.emergency import EmergencyProducer
 from protocol.frame import COB_EMCY, COB_HEARTBEAT, COB_SDO_RESPONSE, Frame
@@ -72,7 +73,7 @@ class AxisNode:
         )
         self._modes: dict[int, Mode] = {
             cia402.Mode.NONE: NoMode(),
-            cia402.Mode.HOMING: Homing(axis, motion, self.dictionary),
+            cia402.Mode.HOMING: Homing(axis, motion, self.dictionary, self.interpolation.discard),
             cia402.Mode.INTERPOLATED_POSITION: self.interpolation,
         }
         self._mode_number = int(cia402.Mode.NONE)
@@ -106,6 +107,7 @@ class AxisNode:
         self._motion.flush(self.axis)
         self.dictionary.restore_defaults(0x2000)
         self._motion.configure(self.axis, self._step_config())
+        self._emergency.forget()
         self._controlword = 0
         self.outputs = 0
         self._mode_number = int(cia402.Mode.NONE)
@@ -117,6 +119,7 @@ class AxisNode:
         self._sdo.reset()
         self._heartbeat.set_period(0, self._now_us)
         self._emergency.inhibit = 0
+        self._emergency.drop_waiting()
         self.nmt_state = NmtState.PRE_OPERATIONAL
         self.process_data.configurable = True
         self.process_data.invalidate()
@@ -180,9 +183,12 @@ class AxisNode:
         return min(max(1, -(-velocity * 1_000_000 // deceleration)), STOP_MAX_MS)
 
     def fault(self, code: ErrorCode, stop_ms: int, now_us: int) -> None:
-        """Enter the fault reaction: say why, ramp down, then switch off. A drive already in fault stays as it is."""
+        """Enter the fault reaction: say why, ramp down, then switch off.
+
+        A drive that reacts to a fault already or is switched off stays as it is: a fault must not switch it on again.
+        """
         self._now_us = now_us
-        if self.state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
+        if self.state is State.FAULT_REACTION_ACTIVE or not self.energised:
             return
         self._set_error(code)
         self._report(code, 0)
@@ -190,10 +196,8 @@ class AxisNode:
         if code is ErrorCode.PVT_UNDERRUN:
             self.interpolation.underrun()
         if moving:
-            self._enter(State.FAULT_REACTION_ACTIVE)
             self._ramp_down(stop_ms)
-        else:
-            self._enter(State.FAULT)
+        self._enter(State.FAULT_REACTION_ACTIVE if self._motion.running(self.axis) else State.FAULT)
         self._settle()
 
     # --- the drive
@@ -203,10 +207,14 @@ class AxisNode:
         return self._modes[self._mode_number]
 
     def _write_controlword(self, controlword: int) -> None:
+        """Obey a controlword. While a ramp leads out of OPERATION ENABLED the last command says what comes after it.
+
+        "Enable operation" then keeps the drive enabled, as transition 4 would after the ramp; the ramp goes on to rest.
+        """
         self._touched = True
         previous, self._controlword = self._controlword, controlword
         target = next_state(self.state, controlword, previous)
-        if target is not self.state:
+        if target is not (self._after_stop or self.state):
             self._leave_for(target)
         if self.state is State.OPERATION_ENABLED and self._after_stop is None:
             self._mode.control(controlword, previous)
@@ -216,21 +224,21 @@ class AxisNode:
         if self.state is State.FAULT:
             self._set_error(ErrorCode.NONE)
             self._emergency.clear()
+        if self._motion.running(self.axis):
+            if target is State.SWITCH_ON_DISABLED:
+                self._motion.flush(self.axis)
+            elif target is not State.OPERATION_ENABLED:
+                self._ramp_down()
         moving = self._motion.running(self.axis)
-        if moving and target is State.SWITCH_ON_DISABLED:
-            self._motion.flush(self.axis)
-        elif moving and target is State.QUICK_STOP_ACTIVE:
-            self._ramp_down()
-        elif moving and target is not State.OPERATION_ENABLED:
+        if moving and target in (State.READY_TO_SWITCH_ON, State.SWITCHED_ON):
             self._after_stop = target
-            self._ramp_down()
-            return
-        self._enter(target)
-        if target is State.QUICK_STOP_ACTIVE and not self._motion.running(self.axis):
+        elif target is State.QUICK_STOP_ACTIVE and not moving:
             self._enter(State.SWITCH_ON_DISABLED)
+        else:
+            self._enter(target)
 
     def _ramp_down(self, stop_ms: int | None = None) -> None:
-        """Stop with constant deceleration, by default that of the quick stop."""
+        """Stop with constant deceleration, by default that of the quick stop; dead where there is no room for it."""
         self._motion.stop(self.axis, self.stop_ms() if stop_ms is None else stop_ms)
         if self.interpolation.running:
             self.interpolation.stopped()
@@ -273,8 +281,8 @@ class AxisNode:
         read[key_of(0x2012, 5)] = lambda: self._now_us & 0xFFFF_FFFF
         read[key_of(0x6041)] = self.statusword
         read[key_of(0x6061)] = lambda: self._mode_number
-        read[key_of(0x6062)] = lambda: self._motion.demand_units(self.axis)
-        read[key_of(0x6064)] = lambda: self._motion.counter_units(self.axis)
+        read[key_of(0x6062)] = lambda: _saturated(self._motion.demand_units(self.axis))
+        read[key_of(0x6064)] = lambda: _saturated(self._motion.counter_units(self.axis))
         read[key_of(0x606C)] = self._velocity_units_per_s
         read[key_of(0x60F4)] = self._following_error_units
         write[key_of(0x1003)] = lambda _: self._emergency.history.clear()
@@ -302,14 +310,18 @@ class AxisNode:
         return self._motion.velocity(self.axis) * 1000 // VELOCITY_PER_UNIT_PER_MS
 
     def _following_error_units(self) -> int:
-        return self._motion.demand_units(self.axis) - self._motion.counter_units(self.axis)
+        return _saturated(self._motion.demand_units(self.axis) - self._motion.counter_units(self.axis))
 
     def _write_step_config(self, key: int, value: int) -> None:
-        """Steps may be reconfigured while the driver is off: a TB6560 changes its mode only in reset (page 15)."""
+        """Steps may be reconfigured while the driver is off: a TB6560 changes its mode only in reset (page 15).
+
+        Records that wait are dropped: the old limit has let them in, the room for their edges follows from the new one.
+        """
         if self.energised:
             raise SdoAbortError(AbortCode.DEVICE_STATE)
         if key == key_of(0x2000, 1) and value not in MICROSTEP_SETTINGS:
             raise SdoAbortError(AbortCode.VALUE_RANGE)
+        self.interpolation.discard()
         self._motion.configure(self.axis, self._step_config({key: value}))
 
     def _step_config(self, changes: dict[int, int] | None = None) -> StepConfig:
@@ -369,3 +381,8 @@ class AxisNode:
                 if frame:
                     self.outbox.append(frame)
         self._schedule()
+
+
+def _saturated(units: int) -> int:
+    """A position as i32: within a segment, and by the rounding to a step, an axis may be a little beyond its ends."""
+    return min(max(units, DataType.INTEGER32.low), DataType.INTEGER32.high)

@@ -54,7 +54,6 @@ class Firmware:
         self.nodes = tuple(AxisNode(FIRST_NODE_ID + axis, axis, self.motion) for axis in range(axis_count))
         self.dropped_frames = 0
         """Frames that were for nobody here or malformed."""
-        self._events: list[tuple[int, Event]] = []
         self._frames: list[Frame] = []
         self._pins: list[PinChange] = []
         self._energised = [False] * axis_count
@@ -117,11 +116,10 @@ class Firmware:
         (`motion.room_ticks` is 0).
         """
         until_tick = -(-until_counts // TICK_COUNTS)
-        if not self._events and self.motion.tick < until_tick:
+        if not self.motion.has_events and self.motion.tick < until_tick:
             self.motion.advance(until_tick)
-            self._events = self.motion.take_events()
         reached = self.motion.tick * TICK_COUNTS
-        if self._events and reached <= until_counts:
+        if self.motion.has_events and reached <= until_counts:
             self._handle_events(reached)
             return reached
         if self.motion.room_ticks == 0:
@@ -140,12 +138,12 @@ class Firmware:
     def next_due_counts(self) -> int | None:
         """The next instant at which something happens on the board by itself, as far as it is known."""
         dues = [node.due_us * COUNTS_PER_US for node in self.nodes if node.due_us is not None]
-        if self._events:
+        if self.motion.has_events:
             dues.append(self.motion.tick * TICK_COUNTS)
         return min(dues, default=None)
 
     def _handle_events(self, now_counts: int) -> None:
-        events, self._events = self._events, []
+        events = self.motion.take_events()
         now_us = now_counts // COUNTS_PER_US
         faults = {
             axis: ErrorCode.PVT_UNDERRUN if event is Event.UNDERRUN else ErrorCode.LATE_STEP

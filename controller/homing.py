@@ -1,5 +1,7 @@
 """Homing mode (CiA 402, section "homing mode"): method 37, the present position is the home position."""
 
+from collections.abc import Callable
+
 from controller.motion import Motion
 from protocol.cia402 import Control, Status
 from protocol.dictionary import ObjectDictionary
@@ -11,15 +13,19 @@ class Homing:
     The offset is in units, finer than a step: the demand may lie between two steps, the counter is the nearest.
     """
 
-    def __init__(self, axis: int, motion: Motion, dictionary: ObjectDictionary) -> None:
+    def __init__(
+        self, axis: int, motion: Motion, dictionary: ObjectDictionary, discard_records: Callable[[], None]
+    ) -> None:
         self._axis = axis
         self._motion = motion
         self._dictionary = dictionary
+        self._discard_records = discard_records
         self._attained = False
 
     def control(self, controlword: int, previous: int) -> None:
         """Home on the rising edge of the start bit; a moving axis has no present position to call home."""
         if controlword & ~previous & Control.START and not self._motion.running(self._axis):
+            self._discard_records()
             self._motion.preset(self._axis, self._dictionary.get(0x607C))
             self._attained = True
 

@@ -129,6 +129,12 @@ class Interpolation:
         self._running = False
         self._status_changed()
 
+    def discard(self) -> None:
+        """Drop the records that wait, if any; their numbers are taken, so that the host must clear the queue first."""
+        if self._motion.queued(self._axis):
+            self._motion.flush(self._axis)
+            self.stopped()
+
     def stopped(self) -> None:
         """The queue was stopped before its end: close it."""
         self._closed = True

@@ -181,7 +181,11 @@ def place_steps(axes: Cells, clk: Cells, direction: Cells, base: int, tick_count
 
     The crossings are evenly spaced: the first at (distance to the threshold) * interval, then one interval each. A
     rise waits until the last CLK fall is stepspace old and the last DIR edge dirsetup old; a DIR edge waits until
-    the last rise is dirhold old. All four are measured from the edges really placed.
+    the last rise is dirhold old, and at least a count: at the rise itself the driver reads DIR. All four are measured
+    from the edges really placed.
+
+    A pulse is longer than all intervals between a tick's crossings or than none. So lateness only grows or only falls
+    within a tick, and the worst is the first or the last step's.
     """
     up = 1 if p_to > p_from else 0
     sign = 2 * up - 1
@@ -191,7 +195,7 @@ def place_steps(axes: Cells, clk: Cells, direction: Cells, base: int, tick_count
         return True
     earliest = axes[base + EARLIEST_RISE_COUNTS]
     if axes[base + DIR_LEVEL] != up:
-        edge = max(tick_counts, axes[base + LAST_RISE_COUNTS] + axes[base + DIRHOLD_COUNTS])
+        edge = max(tick_counts, axes[base + LAST_RISE_COUNTS] + max(axes[base + DIRHOLD_COUNTS], 1))
         earliest = max(earliest, edge + axes[base + DIRSETUP_COUNTS])
         axes[base + DIR_LEVEL] = up
         direction[axes[base + DIR_EDGES]] = 2 * edge + up
@@ -204,6 +208,7 @@ def place_steps(axes: Cells, clk: Cells, direction: Cells, base: int, tick_count
     first = axes[base + CLK_EDGES]
     last = first + 2 * steps
     delayed = 0
+    first_late: int = earliest - tick_counts - (due_q16 >> 16)
     rise = 0
     due = 0
     for k in range(first, last, 2):
@@ -220,7 +225,7 @@ def place_steps(axes: Cells, clk: Cells, direction: Cells, base: int, tick_count
     axes[base + LAST_RISE_COUNTS] = rise
     axes[base + CLK_EDGES] = last
     axes[base + DELAYED_STEPS] += delayed
-    return rise - due <= TICK_COUNTS
+    return max(first_late, rise - due) <= TICK_COUNTS
 
 
 @kernel_function

@@ -91,6 +91,8 @@ class Motion:
         self._clk = kernel.rows(count, EDGE_CAPACITY)
         self._direction = kernel.rows(count, EDGE_CAPACITY)
         self._running: set[int] = set()
+        self._events: dict[int, Event] = {}
+        """What axes ask attention for at the start of `tick`, which the board's clock may not have reached yet."""
         self._configs = [UNCONFIGURED] * count
         for axis in range(count):
             self._set(axis, k.LAST_RISE_COUNTS, k.NEVER_COUNTS)
@@ -137,7 +139,7 @@ class Motion:
         self.flush(axis)
 
     def running(self, axis: int) -> bool:
-        """Whether a segment is being executed."""
+        """Whether a segment is being executed, or the event at its end has not been taken yet."""
         return axis in self._running
 
     def queued(self, axis: int) -> int:
@@ -182,6 +184,7 @@ class Motion:
         for field in (k.RUNNING, k.COEFFICIENT_A, k.COEFFICIENT_B, k.COEFFICIENT_C):
             self._set(axis, field, 0)
         self._running.discard(axis)
+        self._events.pop(axis, None)
 
     def _rest_tail(self, axis: int, velocity: int) -> None:
         """Empty the queue and let it continue from the present demand, to the nearest unit, with this velocity."""
@@ -193,8 +196,9 @@ class Motion:
         """Replace all that is queued by a ramp to rest of constant deceleration along the present velocity.
 
         The ramp is never refused for its speed. Only where it would leave the range of an i32 position does the axis
-        stop dead instead.
+        stop dead instead: it is not running then.
         """
+        self._events.pop(axis, None)
         velocity = self.velocity(axis)
         limit = self._get(axis, k.RATE_LIMIT_Q16_PER_MS)
         self._rest_tail(axis, velocity)
@@ -230,6 +234,7 @@ class Motion:
             self._run(reached)
         self._free_edges -= (reached - self.tick) * self._edges_per_tick
         self.tick = reached
+        self._note_events()
         return reached
 
     def _run(self, until_tick: int) -> int:
@@ -237,16 +242,22 @@ class Motion:
             self._axes, self._queue, self._clk, self._direction, self.axis_count, self.tick, until_tick
         )
 
-    def take_events(self) -> list[tuple[int, Event]]:
-        """Return what the axes ask attention for, each once; the axes named stand still or must be stopped."""
-        events = []
+    def _note_events(self) -> None:
         for axis in sorted(self._running):
             event = self._get(axis, k.EVENT)
             if event:
                 self._set(axis, k.EVENT, k.EVENT_NONE)
-                events.append((axis, Event(event)))
-                if event != k.EVENT_LATE_STEP:
-                    self._running.discard(axis)
+                self._events[axis] = Event(event)
+
+    @property
+    def has_events(self) -> bool:
+        """Whether an axis asks for attention at the start of `tick`; a flush or a stop before then answers it."""
+        return bool(self._events)
+
+    def take_events(self) -> list[tuple[int, Event]]:
+        """Return what the axes ask attention for, each once; the axes named stand still or must be stopped."""
+        events, self._events = list(self._events.items()), {}
+        self._running.difference_update(axis for axis, event in events if event is not Event.LATE_STEP)
         return events
 
     def take_edges(self) -> tuple[PinEdges, ...]:

@@ -11,8 +11,14 @@ from emulator.bus import Bus
 from protocol.frame import Frame
 
 _HOST_PORT, _BOARD_PORT = 0, 1
+_SILENCE_MAX_S = 1
+"""How long a frame and its answers may take until the bus is silent: some 1000 frames at 125 kbit/s."""
 
 Listener = Callable[[Frame, int], None]
+
+
+class BusOverloadError(Exception):
+    """The board alone keeps the bus busy for ever."""
 
 
 class Simulation:
@@ -33,9 +39,19 @@ class Simulation:
         return self.now_counts / COUNTS_PER_SECOND
 
     def send(self, frame: Frame) -> None:
-        """Send a frame as the host and run on until the bus is silent again: answers have then arrived."""
+        """Send a frame as the host and run on until the bus is silent again: answers have then arrived.
+
+        Raises:
+            BusOverloadError: the bus does not fall silent, because the board has more to say than fits on it.
+        """
         self.bus.submit(_HOST_PORT, frame, self.now_counts)
+        give_up_counts = self.now_counts + _SILENCE_MAX_S * COUNTS_PER_SECOND
         while self.bus.next_event_counts is not None:
+            if self.now_counts > give_up_counts:
+                raise BusOverloadError(
+                    f"the nodes' own frames keep the bus busy at {self.bus.bitrate // 1000} kbit/s: "
+                    f"no pause for {_SILENCE_MAX_S} s; longer heartbeat and event times or a higher bit rate help"
+                )
             self._advance_to(self.bus.next_event_counts)
 
     def run_until(self, until_counts: int) -> None:

@@ -6,17 +6,15 @@ import canopen
 
 from controller.backend import Kernel
 from controller.firmware import Pin
+from controller.kernel import TICK_COUNTS
 from controller.motion import COUNTS_PER_SECOND
 from emulator.board import AxisTrace, Board, BoardConfig
 from emulator.bus import Bus
-from emulator.simulation import Simulation
-from host.robot import Robot
+from emulator.simulation import BusOverloadError, Simulation
+from host.errors import BusError
+from host.robot import UNITS_PER_FULL_STEP, Joint, Robot
 from host.verify import AxisEvidence, BusReport, Evidence, OutputChange
 from protocol.frame import COB_SYNC, Frame
-
-TICK_COUNTS = COUNTS_PER_SECOND // 4000
-"""The board's servo tick: a motion begins with the first one after the SYNC that starts it."""
-
 
 _PINS = (Pin.OUT1, Pin.OUT2)
 
@@ -37,10 +35,17 @@ class EmbeddedNetwork(canopen.Network):
         simulation.on_frame = self._frame_arrived
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        """Send a data frame; remote frames do not exist on this bus."""
+        """Send a data frame; remote frames do not exist on this bus.
+
+        Raises:
+            BusError: the nodes' own frames leave the bus no pause.
+        """
         if remote:
             raise ValueError("the simulated board answers no remote frames; CiA 301 advises against them")
-        self._simulation.send(Frame(can_id, bytes(data)))
+        try:
+            self._simulation.send(Frame(can_id, bytes(data)))
+        except BusOverloadError as error:
+            raise BusError(str(error)) from error
 
     def _frame_arrived(self, frame: Frame, counts: int) -> None:
         self.notify(frame.cob_id, bytearray(frame.data), counts / COUNTS_PER_SECOND)
@@ -52,8 +57,7 @@ class EmbeddedBoard:
     def __init__(self, robot: Robot, start_joints: list[float], kernel: Kernel) -> None:
         self._robot = robot
         self._start_steps = [
-            floor(position * joint.transmission.steps_per_unit + 0.5)
-            for position, joint in zip(start_joints, robot.joints, strict=True)
+            _steps_at(joint, position) for position, joint in zip(start_joints, robot.joints, strict=True)
         ]
         config = BoardConfig(axis_count=len(robot.joints), osc_pf=(robot.board.osc_pf,) * len(robot.joints))
         self._board = Board(config, kernel)
@@ -110,6 +114,15 @@ class EmbeddedBoard:
             for change in changes
             if (change.axis, change.pin) in wired
         )
+
+
+def _steps_at(joint: Joint, position: float) -> int:
+    """The step at which a joint stands: rounded to a wire unit, then to a step, as the firmware's preset does it.
+
+    Rounded at once, a position just below half a step could come out one step below the firmware's counter.
+    """
+    units = floor(position * joint.transmission.wire_units_per_unit + 0.5)
+    return (units * joint.transmission.microsteps + UNITS_PER_FULL_STEP // 2) // UNITS_PER_FULL_STEP
 
 
 def _axis_evidence(name: str, start_steps: int, trace: AxisTrace) -> AxisEvidence:

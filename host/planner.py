@@ -5,6 +5,7 @@ two rounded absolutes, so nothing drifts. Velocities are the trajectory's own at
 """
 
 from dataclasses import dataclass
+from math import floor
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -219,7 +220,7 @@ def _check_step_rates(made: Plan) -> None:
     """The firmware's own test, so that no record of a plan is refused for its speed."""
     dt_ms = np.diff(made.times_ms)[:, np.newaxis]
     rates_hz = _velocity_hulls_q16(made) * (1000 / _Q16) / dt_ms
-    limit_hz = made.robot.board.step_rate_max_hz
+    limit_hz = floor(made.robot.board.driver_rate_max_hz * _Q16 / 1000) * 1000 / _Q16  # it counts in Q16 steps per ms
     for i, joint in enumerate(made.robot.joints):
         worst = int(np.argmax(rates_hz[:, i]))
         if rates_hz[worst, i] > limit_hz:

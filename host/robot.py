@@ -26,6 +26,9 @@ WIRE_POSITION_MAX: Final = (1 << 31) - 1
 AXES_MAX: Final = 8
 """Two 16-bit timers with four compare channels each."""
 
+TIMER_HZ: Final = 72_000_000
+"""The clock of the board's timers: what times CLK and DIR counts in it."""
+
 OUTPUTS_PER_AXIS: Final = len(DigitalOutput)
 
 
@@ -158,6 +161,16 @@ class Board:
                 f" that steplen_ns + stepspace_ns = {pulse_ns} ns allow"
             )
 
+    @property
+    def driver_rate_max_hz(self) -> float:
+        """The fastest CLK that the board really makes.
+
+        Both phases of a pulse last whole counts of its timer, rounded up so that none is shorter than asked for; where
+        they leave no reserve the board is a little slower than `step_rate_max_hz`.
+        """
+        pulse_counts = sum(-(-phase_ns * TIMER_HZ // 10**9) for phase_ns in (self.steplen_ns, self.stepspace_ns))
+        return min(self.step_rate_max_hz, TIMER_HZ / pulse_counts)
+
 
 @dataclass(frozen=True, slots=True)
 class Output:
@@ -191,7 +204,8 @@ class Robot:
         places: named joint positions that jobs go to; a place may name only some of the joints.
 
     Raises:
-        InputError: no joints, too many for a board, a position outside the joints' limits, or an output of no joint.
+        InputError: no joints, too many for a board, a position outside the joints' limits, a place of no joint, an
+            output of no joint or two of the same number.
     """
 
     name: str
@@ -210,11 +224,16 @@ class Robot:
         self._check_place("home", dict(zip(self.joint_names, self.home, strict=True)))
         for name, place in self.places.items():
             self._check_place(f"places.{name}", place)
+        wired: dict[Output, str] = {}
         for name, output in self.outputs.items():
             if output.joint not in self.joint_names:
                 raise unknown(f"outputs.{name}.joint:", output.joint, self.joint_names)
+            if wired.setdefault(output, name) != name:
+                raise InputError(f"outputs.{name}: output {output.out} of {output.joint} is {wired[output]} already")
 
     def _check_place(self, key: str, place: Mapping[str, float]) -> None:
+        if not place:
+            raise InputError(f"{key}: names no joint")
         for name, position in place.items():
             if name not in self.joint_names:
                 raise unknown(f"{key}: joint", name, self.joint_names)

@@ -32,6 +32,16 @@ class EmergencyProducer:
             self.register = 0
             self._waiting.append(self._payload(ErrorCode.NONE, 0))
 
+    def forget(self) -> None:
+        """Be as after power-up: there has been no error."""
+        self.register = 0
+        self.history.clear()
+        self.drop_waiting()
+
+    def drop_waiting(self) -> None:
+        """Send nothing of what is still waiting, as after a communication reset."""
+        self._waiting.clear()
+
     def _payload(self, code: ErrorCode, detail: int) -> bytes:
         return code.to_bytes(2, "little") + bytes((self.register,)) + detail.to_bytes(5, "little")
 

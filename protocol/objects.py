@@ -290,7 +290,7 @@ _DRIVE = [
     _variable(0x607C, "Home offset", I32, RW),
     _variable(0x607F, "Max profile velocity", U32, RW, 8_000 * 16_384, low=1),
     _variable(0x6085, "Quick stop deceleration", U32, RW, 20_000 * 16_384, low=1),
-    _variable(0x6098, "Homing method", I8, RW, HOME_HERE),
+    _variable(0x6098, "Homing method", I8, RW, HOME_HERE, low=HOME_HERE, high=HOME_HERE),
     _variable(0x60C0, "Interpolation sub mode select", I16, RW, PVT_SUBMODE, low=PVT_SUBMODE, high=PVT_SUBMODE),
     _record(
         0x60C1,

@@ -25,7 +25,7 @@ def print_table(columns: list[str], rows: list[list[str]], *, text_columns: int 
         table.add_column(column, justify="left" if is_text else "right", no_wrap=not is_text, overflow="fold")
     for row in rows:
         table.add_row(*row)
-    console = Console(highlight=False)
+    console = Console(highlight=False, markup=False, emoji=False)  # names from a robot's file mean nothing to rich
     if text_columns < len(columns):  # texts may wrap, but a cropped number would be a wrong one
         console.width = max(console.width, Console(width=_UNBOUNDED).measure(table).maximum)
     console.print(table)

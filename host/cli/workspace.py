@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from host.cli.app import app
-from host.cli.arguments import AsJson, RobotName, finite_number
+from host.cli.arguments import AsJson, RobotFile, RobotName, finite_number, one_robot
 from host.cli.output import print_json, print_table
 
 if TYPE_CHECKING:
@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 @app.command()
 def workspace(
-    robot: RobotName,
+    robot: RobotName = None,
+    robot_file: RobotFile = None,
     samples: Annotated[int, typer.Option(metavar="N", help="Random joint positions, up to 10 million.")] = 100_000,
     seed: Annotated[int, typer.Option(metavar="N", help="Of the random joint positions: the same seed, the same.")] = 1,
     phi: Annotated[
@@ -30,11 +31,10 @@ def workspace(
     as_json: AsJson = False,
 ) -> None:
     """Workspace: a Monte Carlo cloud of all joints, and exact sections with the slides at home."""
-    from host.robots import load_robot
     from host.run_folder import prepare_folder
     from host.workspace import monte_carlo, scan
 
-    loaded = load_robot(robot)
+    loaded = one_robot(robot, robot_file)
     attitude_deg = None if phi is None else finite_number(phi, "--phi")
     z_mm = None if z is None else finite_number(z, "--z")
     cloud = monte_carlo(loaded, samples, seed)

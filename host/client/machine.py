@@ -16,11 +16,17 @@ from host.errors import BusError, DeviceFaultError
 from protocol.cia402 import ENABLE_OPERATION, HOME_HERE, PVT_SUBMODE, Control, ErrorCode, Mode, Status
 from protocol.eds import render_eds
 from protocol.frame import COB_SYNC, FIRST_NODE_ID
-from protocol.objects import IDENTITY_DEVICE_TYPE
+from protocol.objects import IDENTITY_DEVICE_TYPE, TPDO_DEFAULTS
 from protocol.pvt import PvtFlag
 
 PRELOAD_RECORDS: Final = 32
 _START: Final = ENABLE_OPERATION | Control.START
+_STATUS_PERIOD_MAX_MS: Final = TPDO_DEFAULTS[2][2]
+"""The event timer with which TPDO3 reports a queue's free places, as after power-up."""
+_STATUS_PERIOD_MIN_MS: Final = 10
+"""Its inhibit time; the client looks no more often."""
+_STATUS_PERIOD_SEGMENTS: Final = 20
+"""A queue of 64 then hears of its free places three times before it runs dry."""
 _POLL_S: Final = 0.010
 _REPLY_TIMEOUT_S: Final = 1.0
 _PRELOAD_TIMEOUT_S: Final = 5.0
@@ -62,6 +68,7 @@ class Machine:
         self._link = link
         dictionary = eds.import_eds(io.StringIO(render_eds()), FIRST_NODE_ID)  # type: ignore[no-untyped-call]
         self.axes = tuple(AxisClient(link, name, FIRST_NODE_ID + i, dictionary) for i, name in enumerate(names))
+        self._status_period_ms = _STATUS_PERIOD_MAX_MS
 
     def connect(self) -> None:
         """Bring all nodes to PRE-OPERATIONAL and see that each is a stepper axis."""
@@ -106,6 +113,7 @@ class Machine:
             DeviceFaultError: an axis stands elsewhere, refuses a record or goes into fault.
             BusError: no answer.
         """
+        self._report_status_for(min(records[0].durations_ms))
         self._prepare(start_units)
         streams = [
             AxisStream(axis, stream, self._link.now_s()) for axis, stream in zip(self.axes, records, strict=True)
@@ -116,11 +124,27 @@ class Machine:
         self._feed(streams, schedule, progress)
         self._await_end(schedule, sum(records[0].durations_ms) / 1000 + _REPLY_TIMEOUT_S)
 
+    def _report_status_for(self, shortest_ms: int) -> None:
+        """Let the nodes report their queues' free places in time for segments that short.
+
+        Nodes take parameters of PDOs in PRE-OPERATIONAL only; their drives stay as they are there.
+        """
+        period_ms = min(_STATUS_PERIOD_MAX_MS, max(_STATUS_PERIOD_MIN_MS, _STATUS_PERIOD_SEGMENTS * shortest_ms))
+        if period_ms == self._status_period_ms:
+            return
+        self._link.network.nmt.state = "PRE-OPERATIONAL"
+        for axis in self.axes:
+            axis.write(0x1802, 5, period_ms)
+        self._link.network.nmt.state = "OPERATIONAL"
+        self._status_period_ms = period_ms
+
     def _prepare(self, start_units: list[int]) -> None:
+        """Clear the queues, and the start bits that an earlier run has left set: the start is their rising edge."""
         for axis, start in zip(self.axes, start_units, strict=True):
             demand = axis.read(0x6062)
             if demand != start:
                 raise DeviceFaultError(f"{axis.name}: stands at {demand} units, the trajectory starts at {start}")
+            axis.write(0x6040, 0, ENABLE_OPERATION)
             axis.write(0x6060, 0, Mode.INTERPOLATED_POSITION)
             axis.write(0x60C0, 0, PVT_SUBMODE)
             axis.write(0x60C4, 6, 0)

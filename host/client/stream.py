@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 
 from host.client.axis import AxisClient
 from host.errors import BusError, DeviceFaultError
+from protocol.cia402 import ErrorCode
 from protocol.pvt import QUEUE_DEPTH, SEQUENCE_MODULUS, PvtFlag, PvtRecord, PvtStatus
 
 _GAP_HOLD_S: Final = 0.025
@@ -59,6 +60,7 @@ class AxisStream:
 
         Raises:
             BusError: there has been none for too long.
+            DeviceFaultError: the board has refused a record.
         """
         status = self._axis.pvt_status
         if status is not None and status is not self._seen:
@@ -71,7 +73,9 @@ class AxisStream:
             self._gap_reported = False
             self._gap_handled_s = now_s
             self._rewind(now_s)
-        if self._sent > self._acknowledged and now_s - self._progress_s > _RESEND_AFTER_S:
+        if self._sent == self._acknowledged:  # nothing is under way: the time runs from the next record on
+            self._progress_s = now_s
+        elif now_s - self._progress_s > _RESEND_AFTER_S:
             self._rewind(now_s)
 
     def _take(self, status: PvtStatus, now_s: float) -> None:
@@ -82,6 +86,11 @@ class AxisStream:
             self._progress_s = now_s
         self._free = status.free
         self._gap_reported = bool(status.flags & PvtFlag.GAP)
+        if status.flags & PvtFlag.REJECTED:
+            raise DeviceFaultError(
+                f"{self._axis.name}: the board has refused record {self._acknowledged + 1} of {self._count}"
+                f" (EMCY 0x{ErrorCode.SEGMENT_REFUSED:04X})"
+            )
 
     def check_running(self) -> None:
         """Raise DeviceFaultError if the axis came to its end, at rest, before the stream did: it starved unnoticed."""

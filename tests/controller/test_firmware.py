@@ -90,6 +90,30 @@ class TestNetwork:
         assert (board.value(0x1017), board.value(0x607C)) == (0, 5)
         assert board.frames(0x710)[-1] == b"\0"
 
+    def test_reset_communication_drops_emergencies_that_wait(self, board: BenchBoard) -> None:
+        board.write(0x1015, 0, 10_000)  # one a second
+        board.nmt(1)
+        for _ in range(3):
+            board.send(0x510, b"")
+        board.nmt(0x82)
+        board.wait(3000)
+        assert emergencies(board) == [ErrorCode.PDO_TOO_SHORT]
+
+    def test_reset_node_forgets_every_error(self, board: BenchBoard) -> None:
+        board.write(0x1015, 0, 10_000)
+        board.enable()
+        board.record(40 * STEP, 64 * STEP, 10, 0)
+        board.start()
+        board.wait(500)
+        board.send(0x510, b"")
+        assert state(board) is State.FAULT
+        board.nmt(0x81)
+        assert state(board) is State.SWITCH_ON_DISABLED
+        assert [board.value(*key) for key in ((0x1001, 0), (0x1003, 0), (0x1003, 1), (0x603F, 0))] == [0] * 4
+        before = len(emergencies(board))
+        board.wait(3000)
+        assert len(emergencies(board)) == before
+
     def test_reset_node_restores_all_and_switches_off(self, board: BenchBoard) -> None:
         board.enable()
         board.write(0x607C, 0, 5)
@@ -140,6 +164,28 @@ class TestConfiguration:
     @pytest.mark.parametrize("microsteps", [3, 4, 15])
     def test_settings_that_the_chip_does_not_have(self, board: BenchBoard, microsteps: int) -> None:
         assert board.write(0x2000, 1, microsteps) == AbortCode.VALUE_RANGE
+
+    @pytest.mark.parametrize(
+        ("index", "subindex", "value"), [(0x607F, 0, 1), (0x2001, 1, 500_000), (0x2001, 4, 0), (0x2000, 1, 8)]
+    )
+    def test_records_that_wait_do_not_outlive_their_limits(
+        self, board: BenchBoard, index: int, subindex: int, value: int
+    ) -> None:
+        """The room for edges follows from the limits: records that the old ones let in would not fit."""
+        board.nmt(1)
+        board.record(75 * 10 * STEP, 15 * STEP * 64, 100, 0)
+        board.record(15 * 250 * STEP, 15 * STEP * 64, 250, 1)
+        assert board.write(index, subindex, value) == 0
+        assert (board.value(0x60C4, 4), board.value(0x2012, 2), flags(board)) == (0, 0, PvtFlag.EMPTY)
+        board.record(0, 0, 10, 2)  # numbers 0 and 1 are gone: what follows them must not move the axis either
+        assert (board.value(0x60C4, 4), board.value(0x2012, 1)) == (0, 2)
+        assert board.write(0x60C4, 6, 0) == 0
+        board.record(0, 0, 10, 0)
+        assert board.value(0x60C4, 4) == 1
+
+    def test_an_empty_queue_stays_open_for_new_limits(self, board: BenchBoard) -> None:
+        assert board.write(0x607F, 0, 1_000_000) == 0
+        assert board.value(0x2012, 2) == 64
 
     def test_steps_are_not_reconfigured_while_the_driver_is_on(self, board: BenchBoard) -> None:
         board.enable()
@@ -277,6 +323,38 @@ class TestHoming:
         board.write(0x607C, 0, 1500)
         board.write(0x6040, 0, 0x1F)
         assert board.value(0x6062) == 0
+
+    @pytest.mark.parametrize("method", [-128, 17, 35, 36, 38])
+    def test_no_other_method_is_claimed(self, board: BenchBoard, method: int) -> None:
+        """A homing that would not move must not be attained."""
+        assert board.write(0x6098, 0, method) in (AbortCode.VALUE_TOO_LOW, AbortCode.VALUE_TOO_HIGH)
+        assert board.value(0x6098) == board.value(0x60E3, 1) == 37
+
+    def test_it_closes_a_queue_whose_records_it_drops(self, board: BenchBoard) -> None:
+        board.enable()
+        for sequence in range(3):
+            board.record(1000, 0, 10, sequence)
+        for index, value in ((0x6060, 6), (0x6040, 0x1F), (0x6040, 0x0F), (0x6060, 7)):
+            assert board.write(index, 0, value) == 0
+        board.record(500, 0, 10, 3)
+        board.write(0x6040, 0, 0x1F)
+        board.wait(100)
+        assert board.value(0x6062) == 0
+        assert (board.value(0x2012, 1), board.value(0x2012, 2)) == (3, 0)
+
+    @pytest.mark.parametrize("units", [2**31 - 1, -(2**31)])
+    def test_at_the_ends_of_the_range_reports_stay_inside_it(self, board: BenchBoard, units: int) -> None:
+        """At full steps the counter rounds to a step beyond the range; what is reported are its ends."""
+        board.write(0x2000, 1, 1)
+        board.enable(mode=6)
+        board.write(0x607C, 0, units)
+        board.write(0x6040, 0, 0x1F)
+        for index in (0x6062, 0x6064, 0x60F4):
+            board.send(0x610, bytes((0x40, index & 0xFF, index >> 8, 0, 0, 0, 0, 0)))
+            answer = board.frames(0x590)[-1]
+            assert answer[0] == 0x43
+            if index != 0x60F4:
+                assert int.from_bytes(answer[4:], "little", signed=True) == units
 
 
 class TestInterpolation:
@@ -481,6 +559,119 @@ class TestStops:
         assert flags(board) & PvtFlag.OVERFLOW
         assert board.write(0x60C4, 6, 0) == 0
         assert (board.value(0x2012, 1), board.value(0x2012, 2)) == (0, 64)
+
+    def just_before_the_end(self, board: BenchBoard, end_velocity: int) -> None:
+        """One record of 20 ms: the kernel has computed its last tick, the clock stands in it."""
+        board.enable()
+        board.record(8 * STEP, end_velocity, 20, 0)
+        board.start()
+        board.wait(19.9)
+        assert state(board) is State.OPERATION_ENABLED
+
+    def test_voltage_cut_in_the_tick_before_an_underrun_stays_cut(self, board: BenchBoard) -> None:
+        self.just_before_the_end(board, 64 * STEP)
+        board.firmware.take_pins()
+        board.write(0x6040, 0, 0x00)
+        board.wait(500)
+        assert state(board) is State.SWITCH_ON_DISABLED
+        assert [(change.pin, change.level) for change in board.firmware.take_pins()] == [(Pin.ENABLE, 0)]
+        assert emergencies(board) == []
+
+    def test_quick_stop_in_the_tick_before_an_underrun_is_a_ramp(self, board: BenchBoard) -> None:
+        self.just_before_the_end(board, 64 * STEP)
+        board.write(0x6085, 0, 20_000 * STEP)
+        board.write(0x6040, 0, 0x02)
+        assert state(board) is State.QUICK_STOP_ACTIVE
+        board.wait(45)
+        assert state(board) is State.QUICK_STOP_ACTIVE
+        board.wait(15)
+        assert state(board) is State.SWITCH_ON_DISABLED
+        assert board.value(0x6062) == pytest.approx((8 + 25) * STEP, abs=2)
+        assert emergencies(board) == []
+
+    def test_an_axis_is_under_way_until_the_tick_of_its_end(self, board: BenchBoard) -> None:
+        self.just_before_the_end(board, 0)
+        assert not board.value(0x6041) & 1 << 10
+        board.record(STEP, 0, 20, 1)
+        for word in (0x0F, 0x1F):  # too early to start again
+            board.write(0x6040, 0, word)
+        board.wait(100)
+        assert board.value(0x6041) & 1 << 10
+        assert not flags(board) & PvtFlag.RUNNING
+
+    def test_a_fault_does_not_switch_a_drive_on(self, board: BenchBoard) -> None:
+        board.firmware.nodes[0].fault(ErrorCode.GROUP_STOPPED, stop_ms=10, now_us=0)
+        assert state(board) is State.SWITCH_ON_DISABLED
+        assert emergencies(board) == []
+
+    def at_the_end_of_the_range(self, board: BenchBoard) -> None:
+        """Full steps, 800 units/ms, and 200 000 units from the end of i32: a ramp of 0.5 s needs as much again."""
+        board.write(0x2000, 1, 1)
+        board.write(0x6085, 0, 100 * 16_384)
+        board.enable(mode=6)
+        board.write(0x607C, 0, 2**31 - 1 - 100_000)
+        for index, value in ((0x6040, 0x1F), (0x6040, 0x0F), (0x6060, 7)):
+            assert board.write(index, 0, value) == 0
+        for sequence, displacement in enumerate((4000, 8000, 8000)):
+            board.record(displacement, 800 * 64, 10, sequence)
+        board.start()
+
+    def test_a_fault_without_room_for_its_ramp_ends_in_fault(self, board: BenchBoard) -> None:
+        self.at_the_end_of_the_range(board)
+        board.wait(31)
+        assert state(board) is State.FAULT
+        board.write(0x6040, 0, 0x80)
+        assert state(board) is State.SWITCH_ON_DISABLED
+
+    @pytest.mark.parametrize(
+        ("word", "target"),
+        [
+            (0x02, State.SWITCH_ON_DISABLED),
+            (0x06, State.READY_TO_SWITCH_ON),
+            (0x07, State.SWITCHED_ON),
+            (0x0F, State.OPERATION_ENABLED),
+        ],
+    )
+    def test_a_stop_without_room_for_its_ramp_is_done_at_once(
+        self, board: BenchBoard, word: int, target: State
+    ) -> None:
+        self.at_the_end_of_the_range(board)
+        board.wait(25)
+        board.write(0x6040, 0, word)
+        assert state(board) is target
+        assert board.value(0x2012, 2) == 0
+        board.wait(1000)
+        assert state(board) is target
+
+    @pytest.mark.parametrize(
+        ("words", "target"),
+        [
+            ((0x07, 0x0F), State.OPERATION_ENABLED),
+            ((0x06, 0x1F), State.OPERATION_ENABLED),
+            ((0x07, 0x06), State.READY_TO_SWITCH_ON),
+            ((0x06, 0x0F, 0x07), State.SWITCHED_ON),
+            ((0x07, 0x02), State.SWITCH_ON_DISABLED),
+        ],
+    )
+    def test_the_last_command_during_a_ramp_says_what_comes_after(
+        self, board: BenchBoard, words: tuple[int, ...], target: State
+    ) -> None:
+        self.moving(board)
+        for word in words:
+            board.write(0x6040, 0, word)
+            board.wait(2)
+        assert board.firmware.motion.running(0)
+        board.wait(110)
+        assert not board.firmware.motion.running(0)
+        assert state(board) is target
+
+    def test_a_command_repeated_during_its_ramp_changes_nothing(self, board: BenchBoard) -> None:
+        """A controlword that comes every 0.1 ms must not begin the ramp anew each time: it would never end."""
+        self.moving(board)
+        for _ in range(1020):
+            board.write(0x6040, 0, 0x07)
+            board.wait(0.1)
+        assert state(board) is State.SWITCHED_ON
 
     def test_disable_operation_ramps_down_first(self, board: BenchBoard) -> None:
         self.moving(board)

@@ -44,6 +44,7 @@ actions = st.one_of(
     write(0x60C4, 6, st.just(0)),
     write(0x6060, 0, st.sampled_from([0, 6, 7])),
     write(0x2000, 1, st.sampled_from([1, 2, 8, 16])),
+    write(0x607F, 0, st.sampled_from([1, 10**6, 8_000 * 16_384])),
     write(0x607C, 0, st.integers(-(10**6), 10**6)),
     write(0x60FE, 1, st.sampled_from([0, 1 << 16, 2 << 16, 3 << 16, 0xFFFF_FFFF])),
     write(0x60FE, 2, st.sampled_from([0, 1 << 16, 2 << 16, 3 << 16])),

@@ -142,9 +142,31 @@ class TestPulseTiming:
         due = (len(rig.rises()) - 1 + 0.5625) / 20 * 72_000
         assert k.TICK_COUNTS < rig.rises()[-1] - due < 1.4 * k.TICK_COUNTS
 
+    def test_a_late_step_is_seen_although_the_tick_catches_up(self, kernel: Kernel) -> None:
+        """A reversal waits 400 us for dirhold; pulses of 8 us make up for it before the tick ends."""
+        timing = Timing(steplen=288, stepspace=288, dirsetup=0, dirhold=28_800)
+        rig = KernelRig(kernel, microsteps=1, timing=timing, rate_limit_q16_per_ms=200 * k.STEP_Q16)
+        rig.push(9216, 0, 1)  # a step up at the very end of the first millisecond
+        rig.push(-600_000, 0, 1)
+        rig.start()
+        assert rig.advance(8) == 5
+        assert rig.get(k.EVENT) == k.EVENT_LATE_STEP
+        assert rig.rises()[1] - rig.rises()[0] == timing.dirhold
+
+    def test_dir_never_changes_in_the_count_of_a_rise(self, kernel: Kernel) -> None:
+        """Without dirhold, a step up at the end of a tick and one down in the next: the driver must count both."""
+        timing = Timing(steplen=2160, stepspace=2640, dirsetup=0, dirhold=0)
+        rig = KernelRig(kernel, microsteps=1, timing=timing, rate_limit_q16_per_ms=200 * k.STEP_Q16)
+        rig.push(9216, 0, 1)
+        rig.push(-60_000, -60_000 * 64, 1)
+        rig.start()
+        rig.advance(8)
+        assert rig.dir_edges()[1] == (rig.rises()[0] + 1, 0)
+        assert sum(rig.signs()) == rig.get(k.COUNTER) == -3
+
     def test_dir_waits_for_dirhold_and_the_step_for_dirsetup(self, kernel: Kernel) -> None:
         """A sharp reversal: DIR comes dirhold after the last rise up, the next rise dirsetup after DIR."""
-        timing = Timing(steplen=500, stepspace=500, dirsetup=30_000, dirhold=20_000)
+        timing = Timing(steplen=500, stepspace=500, dirsetup=9_000, dirhold=12_000)
         rig = KernelRig(kernel, timing=timing, rate_limit_q16_per_ms=60 * k.STEP_Q16)
         rig.push(20 * UNITS_PER_STEP, 0, 1)
         rig.push(-20 * UNITS_PER_STEP, 0, 1)

@@ -1,5 +1,7 @@
 """Motion around the kernel: step timing in counts, stops, and the room for edges."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -87,6 +89,33 @@ def test_stop_lasts_as_asked_and_ends_at_rest(kernel: Kernel) -> None:
     expected = velocity * 100 / 2 / 64
     assert motion.demand_units(0) - before == pytest.approx(expected, abs=1)
     assert abs(motion.demand_units(0) - motion.counter_units(0)) <= 0.5626 * 1024
+
+
+@pytest.mark.parametrize("answer", [lambda motion: motion.flush(0), lambda motion: motion.stop(0, 10)])
+def test_an_event_that_waits_for_its_tick_is_answered_by_flush_and_stop(
+    kernel: Kernel, answer: Callable[[Motion], None]
+) -> None:
+    """The kernel is up to a tick ahead of the board's clock; until the event is taken the axis counts as running."""
+    motion = moving(kernel)
+    motion.push(0, 4096, 800 * 64, 10)
+    motion.start(0)
+    assert motion.advance(100) == 40
+    assert motion.has_events
+    assert motion.running(0)
+    answer(motion)
+    assert not motion.has_events
+    assert motion.take_events() == []
+
+
+def test_a_stop_without_room_for_its_ramp_is_dead(kernel: Kernel) -> None:
+    motion = moving(kernel)
+    motion.preset(0, 2**31 - 1 - 5000)
+    motion.push(0, 4000, 800 * 64, 10)
+    motion.start(0)
+    motion.advance(40)
+    motion.stop(0, 100)
+    assert not motion.running(0)
+    assert motion.velocity(0) == 0
 
 
 def test_the_longest_stop_still_fits_the_queue(kernel: Kernel) -> None:

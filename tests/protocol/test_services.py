@@ -92,6 +92,17 @@ class TestEmergency:
         assert emergency.poll(3999) is None
         assert emergency.poll(4000) is not None
 
+    def test_what_waits_can_be_dropped_and_all_forgotten(self) -> None:
+        emergency = EmergencyProducer()
+        emergency.raise_error(ErrorCode.PVT_UNDERRUN)
+        emergency.drop_waiting()
+        assert emergency.poll(0) is None
+        assert (emergency.register, list(emergency.history)) == (0x81, [0xFF01])
+        emergency.raise_error(ErrorCode.PVT_UNDERRUN)
+        emergency.forget()
+        assert emergency.due_us is None
+        assert (emergency.register, list(emergency.history)) == (0, [])
+
     def test_history_keeps_the_latest_eight(self) -> None:
         emergency = EmergencyProducer()
         for _ in range(9):

@@ -1,0 +1,22 @@
+"""`steptwin dbc [ROBOT]`: the CAN database that loggers and analysers want."""
+
+import typer
+
+from host.cli.app import app
+from host.cli.arguments import RobotFile, RobotName, one_robot
+
+
+@app.command()
+def dbc(robot: RobotName = None, robot_file: RobotFile = None) -> None:
+    """Print a CAN database (DBC): of a robot's axes in mm and degrees, or of eight axes in wire units."""
+    from host.robot import AXES_MAX
+    from protocol.dbc import AxisNames, render_dbc
+
+    if robot is None and robot_file is None:
+        axes = tuple(AxisNames(f"Axis{i}") for i in range(AXES_MAX))
+    else:
+        axes = tuple(
+            AxisNames(joint.name, joint.unit, joint.transmission.wire_units_per_unit)
+            for joint in one_robot(robot, robot_file).joints
+        )
+    typer.echo(render_dbc(axes), nl=False)

@@ -1,0 +1,46 @@
+"""Virtual time: what a sender may rely on, and when it gives up."""
+
+import pytest
+
+from controller.backend import Kernel
+from emulator.board import Board, BoardConfig
+from emulator.bus import Bus
+from emulator.simulation import BusOverloadError, Simulation
+from protocol.frame import Frame
+
+SECOND = 72_000_000
+
+
+def heartbeat(axis: int, period_ms: int) -> Frame:
+    """Write 0x1017 by SDO."""
+    return Frame(0x610 + axis, bytes.fromhex("2b171000") + period_ms.to_bytes(4, "little"))
+
+
+def simulation_of_eight(kernel: Kernel) -> Simulation:
+    return Simulation(Board(BoardConfig(axis_count=8, osc_pf=(330.0,) * 8), kernel), Bus(125_000))
+
+
+def send_all(simulation: Simulation, frames: list[Frame]) -> None:
+    for frame in frames:
+        simulation.send(frame)
+
+
+def test_answers_have_arrived_when_send_returns(fast_kernel: Kernel) -> None:
+    simulation = simulation_of_eight(fast_kernel)
+    heard: list[Frame] = []
+    simulation.on_frame = lambda frame, _: heard.append(frame)
+    simulation.run_until(SECOND // 100)
+    heard.clear()
+    simulation.send(Frame(0x610, bytes.fromhex("4000100000000000")))
+    assert heard == [Frame(0x590, bytes.fromhex("4300100092010400"))]
+
+
+def test_nodes_that_fill_the_bus_by_themselves_are_no_endless_wait(fast_kernel: Kernel) -> None:
+    """Eight heartbeats of 2 ms are 4000 frames a second; 125 kbit/s carry about 2300 so short ones."""
+    simulation = simulation_of_eight(fast_kernel)
+    simulation.run_until(SECOND // 100)
+    with pytest.raises(BusOverloadError, match="busy at 125 kbit/s: no pause for 1 s"):
+        send_all(simulation, [heartbeat(axis, period_ms=2) for axis in range(8)])
+    assert simulation.now_s < 2
+    simulation.run_until(3 * SECOND)
+    assert simulation.now_counts == 3 * SECOND
