@@ -18,7 +18,7 @@ CLOUD: Final = "0.6"
 BOUNDARY: Final = COUNTED
 """Boundary: dark dots as close as a line."""
 
-WIDE: Final = 2.0
+_WIDE: Final = 2.0
 """A view from above that is wider than this many heights has the other one below it, else beside it."""
 
 _PANEL_INCHES: Final = 4.4
@@ -34,45 +34,50 @@ def write_workspace(path: Path, robot: str, cloud: MonteCarlo, scanned: Scan) ->
 
 def draw_workspace(robot: str, cloud: MonteCarlo, scanned: Scan) -> Figure:
     """Both views, true to scale."""
-    radius_mm = np.hypot(cloud.cloud_mm[:, 0], cloud.cloud_mm[:, 1])
+    radius_mm = np.hypot(cloud.cloud_mm[:, 0] - scanned.axis_x_mm, cloud.cloud_mm[:, 1])
     views = (cloud.cloud_mm[:, :2], np.column_stack([radius_mm, cloud.cloud_mm[:, 2]]))
     boundaries = (scanned.plan.boundary_mm, scanned.profile.boundary_mm)
     aspects = [_aspect(np.vstack(points)) for points in zip(views, boundaries, strict=True)]
     figure, (above, beside) = _panels(aspects)
     figure.suptitle(f"{robot} · workspace (COMPUTED)", x=0.01, ha="left", weight="bold")
     for axes, view, boundary in zip((above, beside), views, boundaries, strict=True):
-        _draw(axes, view, boundary, cloud)
+        _draw(axes, view, boundary)
     above.set(xlabel="x [mm]", ylabel="y [mm]")
-    above.set_title(f"from above; boundary at z = {scanned.plan.z_mm:.6g} mm{_slides(scanned)}", loc="left")
-    beside.set(xlabel="radius [mm]", ylabel="z [mm]")
-    title = f"from the side; boundary at azimuth {scanned.profile.azimuth_deg:.4g} deg{_slides(scanned)}"
-    beside.set_title(title, loc="left")
-    figure.legend(*above.get_legend_handles_labels(), loc="outside lower left", ncols=2, markerscale=3)
+    above.set_title(f"from above; boundary at z = {scanned.plan.z_mm:.6g} mm", loc="left")
+    beside.set(xlabel="radius about the arm's axis [mm]", ylabel="z [mm]")
+    beside.set_title(f"from the side; boundary at azimuth {scanned.profile.azimuth_deg:.4g} deg", loc="left")
+    labels = [
+        f"positions of random joints, {len(cloud.cloud_mm)} of {cloud.counted}",
+        f"scanned boundary{_held(scanned)}",
+    ]
+    figure.legend(above.get_lines(), labels, loc="outside lower left", ncols=2, markerscale=3)
     return figure
 
 
 def _aspect(points_mm: FloatArray) -> float:
-    """Height over width; 1 for no points."""
+    """Height over width, at most 1, as for no points."""
     width_mm, height_mm = np.ptp(points_mm, axis=0) if len(points_mm) else (1.0, 1.0)
-    return float(height_mm / width_mm) if width_mm else 1.0
+    return float(height_mm / width_mm) if width_mm > height_mm else 1.0
 
 
 def _panels(aspects: list[float]) -> tuple[Figure, list[Axes]]:
     """One below the other, as high as their contents, where the first is wide; else beside each other."""
-    stacked = aspects[0] * WIDE < 1.0
+    stacked = aspects[0] * _WIDE < 1.0
     heights_inches = [_DRAWN_INCHES * aspect + _LABELS_INCHES for aspect in aspects] if stacked else [_PANEL_INCHES]
     figure = Figure(figsize=(WIDTH_INCHES, sum(heights_inches) + HEADING_INCHES), layout="constrained")
     grid = figure.subplots(len(heights_inches), 1 if stacked else 2, squeeze=False, height_ratios=heights_inches)
     return figure, list(grid.flat)
 
 
-def _draw(axes: Axes, positions_mm: FloatArray, boundary_mm: FloatArray, cloud: MonteCarlo) -> None:
-    drawn = f"positions of random joints, {len(positions_mm)} of {cloud.counted}"
-    axes.plot(*positions_mm.T, "o", markeredgewidth=0, markersize=1.1, color=CLOUD, label=drawn)
-    axes.plot(*boundary_mm.T, "o", markeredgewidth=0, markersize=2.4, color=BOUNDARY, label="scanned boundary")
+def _draw(axes: Axes, positions_mm: FloatArray, boundary_mm: FloatArray) -> None:
+    axes.plot(*positions_mm.T, "o", markeredgewidth=0, markersize=1.1, color=CLOUD)
+    axes.plot(*boundary_mm.T, "o", markeredgewidth=0, markersize=2.4, color=BOUNDARY)
     axes.set_aspect("equal")
+    if not len(boundary_mm):
+        axes.text(0.5, 0.5, "nothing within reach", transform=axes.transAxes, ha="center", va="center")
 
 
-def _slides(scanned: Scan) -> str:
-    """Where the slides stand, as the end of a title."""
-    return "".join(f", {name} = {position_mm:g} mm" for name, position_mm in scanned.slides.items())
+def _held(scanned: Scan) -> str:
+    """Which attitude the tool has in the sections and where the slides stand, as the end of a label."""
+    attitude = "" if scanned.attitude_deg is None else f", attitude {scanned.attitude_deg:g} deg"
+    return attitude + "".join(f", {name} = {position_mm:g} mm" for name, position_mm in scanned.slides.items())
