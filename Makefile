@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT := out/drawer-pull
 
-.PHONY: demo test check bench clean
+.PHONY: demo test check bench docs clean
 
 # Installs, runs the warehouse robot's drawer pull on the embedded board and says where the pictures are.
 demo: $(VENV)/.installed
@@ -22,6 +22,10 @@ check: $(VENV)/.installed-dev
 
 bench: $(VENV)/.installed-dev
 	$(BIN)/python -m bench
+
+# Writes docs/robots.md and its pictures anew: from docs/robots/*.md, the robots' files, and a run of every job.
+docs: $(VENV)/.installed
+	$(BIN)/python -m docs.generate
 
 clean:
 	rm -rf $(VENV) out

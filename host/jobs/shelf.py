@@ -102,7 +102,10 @@ class _Shelf:
         locked = np.array([sx_mm, sz_mm, self._lift_mm, *LOCKED_DEG])
         kinematics = make_kinematics(self._robot)
         pose = kinematics.forward(locked[np.newaxis]) - np.array([0.0, APPROACH_MM, 0.0, 0.0])
-        joints: FloatArray = kinematics.solve(pose, self._elbow.value, locked).joints[0]
+        solved = kinematics.solve(pose, self._elbow.value, locked)
+        if not solved.reachable[0]:
+            raise InputError(f"in front of the shelf: {solved.reason(0)}")
+        joints: FloatArray = solved.joints[0]
         return joints
 
 

@@ -64,7 +64,7 @@ def limits_along(robot: Robot, way: FloatArray) -> tuple[float, float]:
     A way of shape (joints,) that is 0 throughout allows any: both are then infinite.
     """
     sizes = np.abs(way)
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", over="ignore"):
         speeds = np.array([joint.speed_max for joint in robot.joints]) / sizes
         accelerations = np.array([joint.acceleration_max for joint in robot.joints]) / sizes
     return float(speeds.min()), float(accelerations.min())
