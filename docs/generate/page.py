@@ -1,22 +1,18 @@
-"""The page: hand-written pieces from docs/robots/, each line `<!-- generate: ... -->` replaced by what it names."""
+"""docs/robots.md: hand-written pieces from docs/robots/, with what the robots' files and runs say."""
 
-import re
-from collections.abc import Callable
-from pathlib import Path
 from typing import Final
 
 from docs.generate import tables
 from docs.generate.commands import session
+from docs.generate.pieces import DOCS, filled
 from docs.generate.results import results
 from docs.generate.runs import ROBOTS, Runs
 from host.robots import load_robot
 
-DOCS: Final = Path(__file__).resolve().parents[1]
 PAGE: Final = DOCS / "robots.md"
 PICTURE_KINDS: Final = ("path", "joints", "error")
 
 _NOTICE: Final = "<!-- Made by `make docs` from the pieces in docs/robots/: change those, not this file. -->"
-_DIRECTIVE: Final = re.compile(r"^<!-- generate: (\S+)(?: (.*))? -->$", re.MULTILINE)
 
 
 def picture(robot: str, job: str, kind: str) -> str:
@@ -27,16 +23,16 @@ def picture(robot: str, job: str, kind: str) -> str:
 def render_page(runs: Runs) -> str:
     """The whole page; it ends with a newline."""
     pieces = [_NOTICE, _introduction(), *(_robot(name, runs) for name in ROBOTS)]
-    return "\n\n".join(piece.strip() for piece in pieces) + "\n"
+    return "\n\n".join(pieces) + "\n"
 
 
 def _introduction() -> str:
-    return _filled(DOCS / "robots" / "introduction.md", {"board": lambda _: tables.board()})
+    return filled(DOCS / "robots" / "introduction.md", {"board": lambda _: tables.board()})
 
 
 def _robot(name: str, runs: Runs) -> str:
     robot = load_robot(name)
-    return _filled(
+    return filled(
         DOCS / "robots" / f"{name}.md",
         {
             "dimensions": lambda _: tables.dimensions(robot),
@@ -50,12 +46,6 @@ def _robot(name: str, runs: Runs) -> str:
             "pictures": lambda job: _pictures(name, job),
         },
     )
-
-
-def _filled(piece: Path, generators: dict[str, Callable[[str], str]]) -> str:
-    """A piece with its directives carried out; KeyError for one that there is not."""
-    text = piece.read_text(encoding="utf-8")
-    return _DIRECTIVE.sub(lambda directive: generators[directive[1]](directive[2] or ""), text)
 
 
 def _pictures(robot: str, job: str) -> str:

@@ -8,7 +8,8 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 from PIL import Image
 
-from docs.generate.page import DOCS, PICTURE_KINDS, picture
+from docs.generate.page import PICTURE_KINDS, picture
+from docs.generate.pieces import DOCS
 from docs.generate.runs import Runs
 from host.plots import PICTURES
 from host.plots.canvas import STYLE

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from host.errors import InputError
 from host.laws import Law
 from host.robot import Robot
 from host.trajectory import FloatArray, Switching
@@ -18,12 +19,19 @@ class JointMove:
         start: joint positions at t = 0, mm and degrees.
         goal: those at the end.
         law: s(t), with a distance of 1.
+
+    Raises:
+        InputError: a law of another distance.
     """
 
     joint_names: tuple[str, ...]
     start: tuple[float, ...]
     goal: tuple[float, ...]
     law: Law
+
+    def __post_init__(self) -> None:
+        if self.law.distance != 1.0:
+            raise InputError(f"the law of a joint move covers {self.law.distance:g} instead of 1")
 
     @property
     def duration_s(self) -> float:

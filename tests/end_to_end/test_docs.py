@@ -1,4 +1,4 @@
-"""docs/robots.md is what `make docs` writes, its pictures and links are there, and its Python does what it says."""
+"""The pages that `make docs` writes are up to date, pictures and links are there, and the Python does what it says."""
 
 import re
 import subprocess
@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from docs.generate.page import PAGE, render_page
+from docs.generate.protocol import PROTOCOL_PAGE, render_protocol
 from docs.generate.results import SAMPLED
 from docs.generate.robot_file import Entry, read_robot_file
 from docs.generate.runs import ROBOTS, Runs
@@ -20,6 +21,10 @@ PICTURE_BYTES_MAX = 120_000
 def test_the_page_is_up_to_date(runs: Runs) -> None:
     """Where this fails, `make docs` mends it; look at what changed."""
     assert render_page(runs) == TEXT
+
+
+def test_the_protocol_page_is_up_to_date() -> None:
+    assert render_protocol() == PROTOCOL_PAGE.read_text(encoding="utf-8")
 
 
 def test_every_robot_is_described() -> None:

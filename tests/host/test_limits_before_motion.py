@@ -55,61 +55,74 @@ class TestScrewOf10Mm:
             self.lifted(robot, 140.0)
 
 
+OUT_OF_REACH = rf"at {TIME} the tool's path breaks off: out of reach: shoulder to wrist"
+TOO_BENT = rf"th3: 13\d\.\d+ deg at {TIME} is outside -130\.\.130 deg$"
+
+
 @pytest.mark.parametrize(
     ("x_mm", "y_mm", "pattern"),
     [
-        (-600, 500, rf"at {TIME} the tool's path breaks off: out of reach: shoulder to wrist 80\d\.\d mm"),
-        (
-            0,
-            900,
-            rf"at {TIME} the tool's path breaks off: out of reach: shoulder to wrist 900\.0 mm is outside 0\.\.800 mm",
-        ),
-        (0, 330, rf"th3: 13\d\.\d+ deg at {TIME} is outside -130\.\.130 deg"),
-        (0, -430, rf"th2: -1\d\d\.\d+ deg at {TIME} is outside -150\.\.150 deg"),
+        (-600, 500, rf"{OUT_OF_REACH} 80\d\.\d mm is outside 0\.\.800 mm$"),  # 781 mm and up to 94 mm more
+        (0, 900, rf"{OUT_OF_REACH} 900\.0 mm is outside 0\.\.800 mm$"),
+        (0, 338.09, r"th3: 130\.001 deg at t = 0\.000 s is outside -130\.\.130 deg$"),
+        (0, 330, TOO_BENT),
+        (0, 424, TOO_BENT),
+        (300, -400, rf"th2: 1\d\d\.\d+ deg at {TIME} is outside -150\.\.150 deg$"),
     ],
 )
-def test_a_spiral_out_of_reach(x_mm: float, y_mm: float, pattern: str) -> None:
+def test_a_spiral_beyond_the_arm(x_mm: float, y_mm: float, pattern: str) -> None:
     """Farther than 800 mm nothing reaches; nearer than 338.095 mm th3 would bend by more than 130 deg."""
     assert re.match(pattern, refusal(LAB, "spiral", x_mm=str(x_mm), y_mm=str(y_mm)))
 
 
-@pytest.mark.parametrize(("y_mm", "stays"), [(443.0, True), (423.0, False)])
-def test_a_spiral_around_the_base_keeps_338_mm_away(y_mm: float, stays: bool) -> None:
-    """At its widest it is 94 mm from its axis; going down from there, at u = 11 / 2 pi and 4.8 pi, a bit less."""
-    start = {"x_mm": "0", "y_mm": str(y_mm)}
-    trajectory = make_job(LAB, "spiral", start)
-    th3 = np.abs(trajectory.positions(np.arange(18801) / 1000)[:, 2])
-    nearest_mm = 800.0 * np.cos(np.deg2rad(th3.max() / 2.0))
-    assert (nearest_mm > 338.095) == stays == (th3.max() < 130.0)
+def test_a_spiral_as_near_as_it_may_be() -> None:
+    """Around (0, 425) it comes within 338.49 mm of the base, which th3 says, too: r = 800 mm cos(th3 / 2)."""
+    trajectory = plan(LAB, make_job(LAB, "spiral", {"x_mm": "0", "y_mm": "425"})).trajectory
+    th3 = trajectory.positions(np.arange(18_801) / 1000)[:, 2]
+    u = np.linspace(0.0, 18.8, 18_801)
+    nearest_mm = np.hypot(5.0 * u * np.cos(u), 425.0 + 5.0 * u * np.sin(u)).min()
+    assert nearest_mm == pytest.approx(338.49, abs=0.01)
+    assert 800.0 * np.cos(np.deg2rad(th3.max() / 2.0)) == pytest.approx(nearest_mm, abs=0.01)
 
 
 def test_th3_beyond_130_deg() -> None:
-    """By a hair, at the goal; 130 deg itself is allowed."""
-    for goal, told in ((130.0, None), (130.001, r"th3: 130\.001 deg at t = 1\.\d{3} s is outside -130\.\.130 deg$")):
-        move = JointMove(LAB.joint_names, LAB.home, (150.0, 0.0, goal, 0.0), Trapezoid(1.0, 2.0, 0.5))
-        if told is None:
-            plan(LAB, move)
-        else:
-            with pytest.raises(InputError, match=rf"^{told}"):
-                plan(LAB, move)
+    def move(goal_deg: float) -> JointMove:
+        return JointMove(LAB.joint_names, LAB.home, (150.0, 0.0, goal_deg, 0.0), Trapezoid(1.0, 2.0, 0.5))
+
+    plan(LAB, move(130.0))
+    with pytest.raises(InputError, match=rf"^th3: 130\.0\d+ deg at {TIME} is outside -130\.\.130 deg$"):
+        plan(LAB, move(130.001))
 
 
-def test_a_spiral_too_fast() -> None:
-    """From point to point in 5 ms: the lift's screw would have to start with six times its acceleration.
-
-    With motors of any acceleration it is the wrist's speed that is too high: 15.02 deg/s in 50 ms are 150 deg/s.
-    """
-    assert re.match(
-        rf"d1: a mean acceleration over 1 ms of \d+\.\d mm/s\^2 at {TIME} is more than 500\.0 mm/s\^2$",
-        refusal(LAB, "spiral", point_s="0.005"),
-    )
-    strong = replace(LAB, joints=tuple(replace(joint, acceleration_max=1e6) for joint in LAB.joints))
-    told = refusal(strong, "spiral", point_s="0.005")
-    assert re.match(rf"th\d: a speed of 1\d\d\.\d deg/s at {TIME} is more than 130\.0 deg/s$", told)
+STRONG = replace(LAB, joints=tuple(replace(joint, acceleration_max=1e6) for joint in LAB.joints))
+"""Its motors have any acceleration, so that speeds are left to refuse."""
 
 
-def test_a_helix_too_fast() -> None:
-    assert re.match(
-        rf"Z5: 18\.7 kHz of steps at {TIME} is more than the driver's 15\.0 kHz$",
-        refusal(HYBRID, "helix", duration_s="10"),
-    )
+@pytest.mark.parametrize(
+    ("robot", "job", "options", "pattern"),
+    [
+        (
+            LAB,
+            "spiral",
+            {"point_s": "0.005"},
+            rf"d1: a mean acc.* 3024\.9 mm/s\^2 at {TIME} is more than 500\.0 mm/s\^2$",
+        ),
+        (STRONG, "spiral", {"point_s": "0.005"}, rf"th2: a speed of 141\.1 deg/s at {TIME} is more than 130\.0 deg/s$"),
+        (STRONG, "spiral", {"point_s": "0.006"}, rf"th3: a speed of 149\.6 deg/s at {TIME} is more than 130\.0 deg/s$"),
+        (
+            HYBRID,
+            "helix",
+            {"duration_s": "10"},
+            rf"Z5: 18\.7 kHz of steps at {TIME} is more than the driver's 15\.0 kHz$",
+        ),
+        (
+            HYBRID,
+            "helix",
+            {"duration_s": "20"},
+            rf"th1: a mean acc.* 573\.6 deg/s\^2 at {TIME} is more than 500\.0 deg/s\^2$",
+        ),
+    ],
+)
+def test_jobs_too_fast(robot: Robot, job: str, options: dict[str, str], pattern: str) -> None:
+    """The spiral's lift would have to start with six times its acceleration; its joints' speeds come after that."""
+    assert re.match(pattern, refusal(robot, job, **options))

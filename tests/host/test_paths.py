@@ -120,6 +120,7 @@ class TestArc:
             ((0.0, 0.0, 0.0, 0.0), (5.0, 0.0, 0.0), (0.0, 0.0, 0.0, 90.0)),
             ((0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (5.0, 0.0, 0.0, 0.0)),
             ((1.0, 1.0, 1.0, 0.0), (1.0, 1.0, 1.0), (1.0, 1.0, 1.0, 0.0)),
+            ((0.0, 0.0, 0.0, 0.0), (50.0, 5e-8, 0.0), (100.0, 0.0, 0.0, 0.0)),
             ((0.1, 0.1, 0.0, 0.0), (0.2, 0.2, 0.0), (0.3, 0.3, 0.0, 0.0)),
             ((0.0, 0.0, 0.0, 0.0), (float("nan"), 0.0, 0.0), (5.0, 0.0, 0.0, 0.0)),
         ],
@@ -129,6 +130,11 @@ class TestArc:
             Arc.through(start, via_mm, goal)
         for point in (start[:3], via_mm, goal[:3]):
             assert str(point) in str(caught.value)
+
+    def test_nearly_on_a_line(self) -> None:
+        arc = Arc.through((0.0, 0.0, 0.0, 0.0), (50.0, 2e-7, 0.0), (100.0, 0.0, 0.0, 0.0))
+        assert arc.length_mm == pytest.approx(100.0)
+        assert arc.poses(np.array([0.0, 50.0, 100.0]))[:, 0] == pytest.approx([0.0, 50.0, 100.0], abs=1e-4)
 
 
 class TestSampledPath:

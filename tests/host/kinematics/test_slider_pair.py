@@ -79,3 +79,14 @@ def test_a_level_link_has_no_slider_velocity() -> None:
     with np.errstate(all="raise"):  # it says so by its result, without a warning
         velocities = PAIR.slider_velocities(at(0.0), at(-300.0), at(200.0), at(0.0), at(1.0), at(0.0))
     assert np.isfinite(velocities).tolist() == [[False], [True]]
+
+
+@pytest.mark.parametrize("assembly", AssemblyMode)
+def test_the_sines_by_plain_vectors(assembly: AssemblyMode) -> None:
+    left_mm, right_mm = np.random.default_rng(3).uniform(-250.0, 250.0, (2, 1000))
+    z2_mm, z3_mm = PAIR.forward(left_mm, right_mm, assembly)
+    links = np.array([[z2_mm + 150.0, z3_mm - left_mm], [z2_mm - 150.0, z3_mm - right_mm]])
+    slopes = np.arctan2(links[:, 1], links[:, 0])
+    left, right, between = PAIR.sines(left_mm, right_mm, z2_mm, z3_mm)
+    assert np.array([left, right]) == pytest.approx(np.abs(np.sin(slopes)))
+    assert between == pytest.approx(np.abs(np.sin(slopes[1] - slopes[0])))

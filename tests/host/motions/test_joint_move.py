@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from host.errors import InputError
 from host.laws import Cubic, Law, Quintic, SCurve, Trapezoid
 from host.motions.joint_move import JointMove, limits_along
 from host.robots import load_robot
@@ -31,6 +32,12 @@ def test_it_goes_from_start_to_goal_at_rest(law: Law) -> None:
     assert move.positions(ends_s).tolist() == [list(START), list(GOAL)]
     assert np.abs(move.velocities(ends_s)).max() == 0.0
     assert (move.duration_s, move.breakpoints_s, move.switchings) == (law.duration_s, law.breakpoints_s, ())
+
+
+@pytest.mark.parametrize("distance", [0.0, 0.5, -1.0, 90.0, np.nan])
+def test_a_law_that_would_end_elsewhere(distance: float) -> None:
+    with pytest.raises(InputError, match=rf"^the law of a joint move covers {distance:g} instead of 1$"):
+        JointMove(ROBOT.joint_names, START, GOAL, Cubic(distance, 1.0))
 
 
 @pytest.mark.parametrize(

@@ -167,6 +167,11 @@ class TestRefusals:
         th3 = move.positions(np.array([2.0]))[0, 2]
         assert np.sin(np.deg2rad(th3)) == pytest.approx(0.01, abs=1e-6)
 
+    @pytest.mark.parametrize("distance_mm", [223.0, -LINE.length_mm, LINE.length_mm + 1e-6, np.nan])
+    def test_a_law_that_would_end_elsewhere(self, distance_mm: float) -> None:
+        with pytest.raises(InputError, match=r"^the law covers \S+ mm, the tool's path is 227\.156334 mm long$"):
+            ToolMove.along(ROBOT, LINE, Cubic(distance_mm, 2.0), "right", standing("right"))
+
     def test_the_other_branch(self) -> None:
         with pytest.raises(
             InputError,
