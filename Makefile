@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT := out/drawer-pull
 
-.PHONY: demo test check bench docs clean
+.PHONY: demo test check lint bench docs clean
 
 # Installs, runs the warehouse robot's drawer pull on the embedded board and says where the pictures are.
 demo: $(VENV)/.installed
@@ -13,12 +13,13 @@ demo: $(VENV)/.installed
 test: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest
 
-check: $(VENV)/.installed-dev
+check: lint test
+
+lint: $(VENV)/.installed-dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/python -m pytest
 
 bench: $(VENV)/.installed-dev
 	$(BIN)/python -m bench

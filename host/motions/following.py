@@ -4,7 +4,7 @@ import numpy as np
 
 from host.errors import InputError
 from host.kinematics import make_kinematics
-from host.kinematics.base import Constraint
+from host.kinematics.base import LIMIT_TOLERANCE, Constraint
 from host.robot import Robot, Unit
 from host.trajectory import FloatArray
 
@@ -25,8 +25,14 @@ def follow(robot: Robot, poses: FloatArray, t_s: FloatArray, branch: str, near: 
     joints = solved.joints
     for axis, joint in enumerate(robot.joints):
         if joint.unit is Unit.DEG:
-            joints[:, axis] = np.unwrap(joints[:, axis], period=360.0)
+            joints[:, axis] = np.unwrap(joints[:, axis], period=360.0) + _turns_deg(joints[0, axis], near[axis])
     return joints
+
+
+def _turns_deg(first_deg: float, near_deg: float) -> float:
+    """The full turns from a joint that stands there already: -180 and 180 are one place, but not one position."""
+    turns_deg = 360.0 * round((near_deg - first_deg) / 360.0)
+    return turns_deg if abs(first_deg + turns_deg - near_deg) < LIMIT_TOLERANCE else 0.0
 
 
 def _check(constraints: tuple[Constraint, ...], t_s: FloatArray) -> None:

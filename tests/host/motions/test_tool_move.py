@@ -227,3 +227,15 @@ class TestFollowing:
         with pytest.raises(InputError) as caught:
             follow(HYBRID, poses, t_s, branch, np.array(HYBRID.home))
         assert str(caught.value).startswith(f"at t = 2.000 s the tool's path breaks off: {words}")
+
+
+@pytest.mark.parametrize("th3_deg", [-180.0, 180.0])
+def test_half_a_turn_is_begun_where_the_joint_stands(th3_deg: float) -> None:
+    """-180 and 180 deg are one pose, of which the inverse gives the latter."""
+    robot = load_robot("warehouse-scara")
+    start = np.array([0.0, 0.0, 100.0, 20.0, 60.0, th3_deg])
+    x_mm, y_mm, z_mm, attitude_deg = make_kinematics(robot).forward(start[np.newaxis])[0].tolist()
+    path = StraightLine((x_mm, y_mm, z_mm, attitude_deg), (x_mm, y_mm, z_mm + 50.0, attitude_deg))
+    move = ToolMove.along(robot, path, Cubic(path.length_mm, 3.0), "right", start)
+    assert move.positions(np.array([0.0, 1.5, 3.0]))[:, 5] == pytest.approx(np.full(3, th3_deg))
+    plan(robot, move)
