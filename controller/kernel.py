@@ -208,7 +208,6 @@ def place_steps(axes: Cells, clk: Cells, direction: Cells, base: int, tick_count
     first = axes[base + CLK_EDGES]
     last = first + 2 * steps
     delayed = 0
-    first_late: int = earliest - tick_counts - (due_q16 >> 16)
     rise = 0
     due = 0
     for k in range(first, last, 2):
@@ -225,7 +224,10 @@ def place_steps(axes: Cells, clk: Cells, direction: Cells, base: int, tick_count
     axes[base + LAST_RISE_COUNTS] = rise
     axes[base + CLK_EDGES] = last
     axes[base + DELAYED_STEPS] += delayed
-    return max(first_late, rise - due) <= TICK_COUNTS
+    if delayed == 0:
+        return True
+    first_due = tick_counts + (to_threshold * interval_q16 >> 32)
+    return bool(max(clk[first] - first_due, rise - due) <= TICK_COUNTS)
 
 
 @kernel_function
