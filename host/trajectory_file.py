@@ -1,7 +1,8 @@
 """Trajectories from files: CSV, or JSON in the shape of ROS trajectory_msgs/JointTrajectory.
 
 Positions are in mm and degrees, times in seconds from 0. Without velocities the motion is a C2 spline through the
-points, from rest to rest; with them it is a cubic from point to point, and the times are whole milliseconds.
+points, from rest to rest, which stands where points repeat; with them it is a cubic from point to point, and the times
+are whole milliseconds.
 
 CSV has a header `t,<joint>,...` with the joints in any order, and for velocities a column `v_<joint>` for each. JSON
 has `joint_names`, and `points` with `positions`, `time_from_start` and perhaps `velocities`.
@@ -20,6 +21,7 @@ import numpy as np
 from host.errors import InputError
 from host.inputs import prefixed, unknown
 from host.motions.sampled import Sampled, check_times
+from host.motions.through_points import through_points
 from host.robot import Robot
 from host.trajectory import Trajectory
 
@@ -84,7 +86,7 @@ def _motion(points: _Points, robot: Robot) -> Trajectory:
             raise InputError(f"{place}: {t_s:.9g} s is more than {LONGEST_S:g} s")
     check_times(times_s, points.places, all_whole_ms=points.velocities is not None)
     if points.velocities is None:
-        return Sampled.c2_spline(robot.joint_names, times_s, positions)
+        return through_points(robot.joint_names, times_s, positions, points.places)
     velocities = np.array(points.velocities).reshape(shape)[:, order]
     return Sampled.hermite(robot.joint_names, times_s, positions, velocities)
 

@@ -134,5 +134,5 @@ def fetch(robot: Robot, options: ShelfOptions) -> Trajectory:
     return moves.sequence()
 
 
-STORE: Final = Job("store", ShelfOptions, store)
-FETCH: Final = Job("fetch", ShelfOptions, fetch)
+STORE: Final = Job("store", "take a box at the hand-over and put it into a slot's drawer", ShelfOptions, store)
+FETCH: Final = Job("fetch", "take a box out of a slot's drawer and bring it to the hand-over", ShelfOptions, fetch)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from host.errors import InputError
+from host.inputs import unknown
 from host.kinematics import make_kinematics
 from host.kinematics.base import LIMIT_TOLERANCE, Constraint
 from host.robot import Robot, Unit
@@ -19,6 +20,8 @@ def follow(robot: Robot, poses: FloatArray, t_s: FloatArray, branch: str, near: 
         InputError: the path leaves the mechanism's reach or comes near a singularity; the message says when.
     """
     kinematics = make_kinematics(robot)
+    if branch not in kinematics.branches:
+        raise unknown("branch", branch, kinematics.branches)
     solved = kinematics.solve(poses, branch, near)
     _check(solved.mechanism, t_s)
     _check(kinematics.singularities(solved.joints), t_s)

@@ -117,10 +117,11 @@ def check_times(times_s: FloatArray, places: Sequence[str] = (), *, all_whole_ms
             f" the {times_s[i]:.9g} s of the point before"
         )
     for place, t_s in points if all_whole_ms else points[-1:]:
-        _check_whole_ms(place, t_s)
+        check_whole_ms(place, t_s)
 
 
-def _check_whole_ms(place: str, t_s: float) -> None:
+def check_whole_ms(place: str, t_s: float) -> None:
+    """InputError, with the nearest whole millisecond, for a time that is none."""
     try:
         whole_ms(place, t_s)
     except InputError as error:

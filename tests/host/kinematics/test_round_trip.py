@@ -109,5 +109,5 @@ def test_the_hybrid_arm_reaches_a_pose_in_its_own_assembly_mode_only(mode: Worki
 
 def test_what_the_wrong_assembly_mode_is_told() -> None:
     branch = hybrid_arm().solve(np.array([[400.0, 0.0, 600.0, 0.0]]), "(-,-)")
-    words = "assembly mode, +1 for a platform above its sliders' line, -1.0 is outside 1..1"
+    words = "the machine is assembled with its platform above its sliders' line; this takes it to the other side"
     assert branch.reason(0) == words

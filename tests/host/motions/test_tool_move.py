@@ -216,7 +216,7 @@ class TestFollowing:
         [
             ((551.0, 0.0, 500.0, 0.0), "(+,+)", "out of reach: waist to tool 551.0 mm is outside 250..550 mm"),
             ((249.0, 0.0, 500.0, 0.0), "(+,+)", "out of reach: waist to tool 249.0 mm is outside 250..550 mm"),
-            ((400.0, 0.0, 500.0, 0.0), "(-,-)", "assembly mode, +1 for a platform above its sliders' line, -1.0 is"),
+            ((400.0, 0.0, 500.0, 0.0), "(-,-)", "the machine is assembled with its platform above"),
         ],
     )
     def test_where_the_path_breaks_off(self, pose: Pose, branch: str, words: str) -> None:
