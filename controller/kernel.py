@@ -10,7 +10,12 @@ counter + H and down when it reaches counter - H, with H = 1/2 + 1/16 step of hy
 The functions here are an integer subset of Python over flat, indexable storage, the way the C of a Cortex-M3 would
 be written. Run as they stand, on lists, they are the reference: unbounded integers would show any overflow. Compiled
 by numba on int64 arrays (see `backend`) they give the same bits. `axes` holds AXIS_FIELDS integers for each axis,
-`queue` QUEUE_DEPTH entries of SEGMENT_FIELDS for each axis, `clk` and `direction` one row of edges for each axis.
+`queue` QUEUE_DEPTH entries of SEGMENT_FIELDS for each axis, `group` the GROUP_FIELDS of the axes that halt together,
+`clk` and `direction` one row of edges for each axis.
+
+A halt slows trajectory time instead of the axes: in each tick the axes of the group advance i not by 1 but by the
+group's rate, which ramps linearly to 0 and back. The rate is a function of the tick alone and i is kept in Q16 ticks,
+so that axes which are in step stay so to the last bit, and the path is the planned one.
 """
 
 from collections.abc import Callable
@@ -39,11 +44,16 @@ STEP_Q16 = 1 << 16
 THRESHOLD_Q16 = STEP_Q16 // 2 + STEP_Q16 // 16
 """H: how far the demand leaves the counter before a step is made; the sixteenth keeps noise from chattering."""
 
+FULL_RATE_Q16 = 1 << 16
+"""Trajectory time runs as fast as time: one tick a tick."""
+
 QUEUE_DEPTH = 64
 DURATION_MAX_MS = 255
 I32_MAX = (1 << 31) - 1
 NEVER_COUNTS = -(1 << 62)
 """The time of an edge that has not happened yet."""
+NEVER_TICK = 1 << 62
+"""A tick that does not come."""
 
 # Fields of one axis in `axes`: its configuration, ...
 MICROSTEPS = 0
@@ -61,23 +71,31 @@ COEFFICIENT_A = 10
 COEFFICIENT_B = 11
 COEFFICIENT_C = 12
 DURATION_TICKS = 13
-ELAPSED_TICKS = 14
+ELAPSED_Q16 = 14
 END_VELOCITY = 15
+IN_GROUP = 16
 # ... its queue, whose tail is where the next segment starts, ...
-QUEUE_HEAD = 16
-QUEUE_COUNT = 17
-TAIL_Q16 = 18
-TAIL_VELOCITY = 19
+QUEUE_HEAD = 17
+QUEUE_COUNT = 18
+TAIL_Q16 = 19
+TAIL_VELOCITY = 20
 # ... its pins, ...
-EARLIEST_RISE_COUNTS = 20
-LAST_RISE_COUNTS = 21
-DIR_LEVEL = 22
+EARLIEST_RISE_COUNTS = 21
+LAST_RISE_COUNTS = 22
+DIR_LEVEL = 23
 # ... and what it reports.
-EVENT = 23
-DELAYED_STEPS = 24
-CLK_EDGES = 25
-DIR_EDGES = 26
-AXIS_FIELDS = 27
+EVENT = 24
+DELAYED_STEPS = 25
+CLK_EDGES = 26
+DIR_EDGES = 27
+AXIS_FIELDS = 28
+
+# The time of the group: a ramp of its rate that begins at the start of a tick and takes a number of ticks.
+RATE_FROM_Q16 = 0
+RATE_TO_Q16 = 1
+RAMP_TICK = 2
+RAMP_TICKS = 3
+GROUP_FIELDS = 4
 
 # Fields of one queued segment.
 SEGMENT_START_Q16 = 0
@@ -168,7 +186,7 @@ def next_segment(axes: Cells, queue: Cells, axis: int) -> bool:
     axes[base + COEFFICIENT_C] = queue[entry + SEGMENT_C]
     axes[base + DURATION_TICKS] = queue[entry + SEGMENT_TICKS]
     axes[base + END_VELOCITY] = queue[entry + SEGMENT_END_VELOCITY]
-    axes[base + ELAPSED_TICKS] = 0
+    axes[base + ELAPSED_Q16] = 0
     axes[base + QUEUE_HEAD] = (head + 1) % QUEUE_DEPTH
     axes[base + QUEUE_COUNT] = count - 1
     axes[base + RUNNING] = 1
@@ -229,72 +247,160 @@ def place_steps(axes: Cells, clk: Cells, direction: Cells, base: int, tick_count
 
 
 @kernel_function
-def advance_axis(axes: Cells, queue: Cells, clk: Cells, direction: Cells, axis: int, tick: int, until_tick: int) -> int:
-    """Run one axis from the start of `tick` to the start of `until_tick`, or until it asks for attention.
+def group_rate(group: Cells, half_tick: int) -> int:
+    """The group's rate so many half ticks after boot: even at the start of a tick, odd in its middle.
 
-    Returns the tick reached; if that is before `until_tick`, EVENT says why.
+    The rate in the middle of a tick is its mean over the tick, and what trajectory time advances in it.
+    """
+    since = half_tick - 2 * group[RAMP_TICK]
+    span = 2 * group[RAMP_TICKS]
+    if since >= span:
+        return int(group[RATE_TO_Q16])
+    return int(group[RATE_FROM_Q16] + (group[RATE_TO_Q16] - group[RATE_FROM_Q16]) * since // span)
+
+
+@kernel_function
+def advance_scaled_tick(
+    axes: Cells, queue: Cells, clk: Cells, direction: Cells, axis: int, tick: int, rate_q16: int
+) -> None:
+    """Run one axis through one tick in which trajectory time advances by `rate_q16`; EVENT says what happened.
+
+    A segment may end within the tick: what is left of the tick goes into the next segment. There is one such end at
+    most, for segments last whole milliseconds.
+    """
+    base = axis * AXIS_FIELDS
+    elapsed_q16 = axes[base + ELAPSED_Q16] + rate_q16
+    n_q16 = axes[base + DURATION_TICKS] << 16
+    if elapsed_q16 >= n_q16:
+        if next_segment(axes, queue, axis):
+            elapsed_q16 -= n_q16
+        else:
+            elapsed_q16 = n_q16
+            axes[base + EVENT] = EVENT_FINISHED if axes[base + END_VELOCITY] == 0 else EVENT_UNDERRUN
+    half = 1 << 29
+    s = (elapsed_q16 << 14) // axes[base + DURATION_TICKS]
+    q = ((axes[base + COEFFICIENT_C] * s + half) >> 30) + axes[base + COEFFICIENT_B]
+    q = ((q * s + half) >> 30) + axes[base + COEFFICIENT_A]
+    q = axes[base + START_Q16] + ((q * s + half) >> 30)
+    p = axes[base + POSITION_Q16]
+    if q != p and not place_steps(axes, clk, direction, base, tick * TICK_COUNTS, p, q):
+        axes[base + EVENT] = EVENT_LATE_STEP
+    axes[base + POSITION_Q16] = q
+    axes[base + ELAPSED_Q16] = elapsed_q16
+
+
+@kernel_function
+def advance_full_ticks(
+    axes: Cells, queue: Cells, clk: Cells, direction: Cells, axis: int, tick: int, until_tick: int
+) -> int:
+    """Run one axis at full rate to `until_tick` or through the last whole tick of its segment; return the tick reached.
+
+    The parameter s grows by additions only. EVENT says what happened.
     """
     base = axis * AXIS_FIELDS
     half = 1 << 29
+    start = axes[base + START_Q16]
+    a = axes[base + COEFFICIENT_A]
+    b = axes[base + COEFFICIENT_B]
+    c = axes[base + COEFFICIENT_C]
+    n = axes[base + DURATION_TICKS]
+    elapsed_q16 = axes[base + ELAPSED_Q16]
+    p = axes[base + POSITION_Q16]
+    i = 0
+    stop = min(((n << 16) - elapsed_q16) >> 16, until_tick - tick)
+    s_per_tick = (1 << 30) // n
+    s_remainder_per_tick = (1 << 30) % n
+    on_time = True
+    if a == 0 and b == 0 and c == 0:  # at rest no edge can fall: the whole segment is one jump
+        tick += stop
+        i = stop
+    s = (elapsed_q16 << 14) // n
+    s_remainder = (elapsed_q16 << 14) % n
+    while i < stop and on_time:
+        i += 1
+        s += s_per_tick
+        s_remainder += s_remainder_per_tick
+        if s_remainder >= n:
+            s_remainder -= n
+            s += 1
+        q = ((c * s + half) >> 30) + b
+        q = ((q * s + half) >> 30) + a
+        q = start + ((q * s + half) >> 30)
+        if q != p:
+            on_time = place_steps(axes, clk, direction, base, tick * TICK_COUNTS, p, q)
+        p = q
+        tick += 1
+    elapsed_q16 += i << 16
+    axes[base + POSITION_Q16] = p
+    axes[base + ELAPSED_Q16] = elapsed_q16
+    if not on_time:
+        axes[base + EVENT] = EVENT_LATE_STEP
+    elif elapsed_q16 == n << 16 and not next_segment(axes, queue, axis):
+        axes[base + EVENT] = EVENT_FINISHED if axes[base + END_VELOCITY] == 0 else EVENT_UNDERRUN
+    return tick
+
+
+@kernel_function
+def full_rate_from(axes: Cells, group: Cells, axis: int, tick: int) -> int:
+    """The first tick, not before `tick`, from which on an axis' time runs at full rate."""
+    if axes[axis * AXIS_FIELDS + IN_GROUP] == 0:
+        return tick
+    if group[RATE_TO_Q16] != FULL_RATE_Q16:
+        return NEVER_TICK
+    return int(max(tick, group[RAMP_TICK] + group[RAMP_TICKS]))
+
+
+@kernel_function
+def advance_axis(
+    axes: Cells, queue: Cells, group: Cells, clk: Cells, direction: Cells, axis: int, tick: int, until_tick: int
+) -> int:
+    """Run one axis from the start of `tick` to the start of `until_tick`, or until it asks for attention.
+
+    Returns the tick reached; if that is before `until_tick`, EVENT says why. At full rate whole stretches are run;
+    ticks of another rate, and those within which a segment ends, one by one.
+    """
+    base = axis * AXIS_FIELDS
+    if axes[base + RUNNING] == 1:
+        axes[base + EVENT] = EVENT_NONE
+    full_from = full_rate_from(axes, group, axis, tick)
     while tick < until_tick and axes[base + RUNNING] == 1:
-        start = axes[base + START_Q16]
-        a = axes[base + COEFFICIENT_A]
-        b = axes[base + COEFFICIENT_B]
-        c = axes[base + COEFFICIENT_C]
-        n = axes[base + DURATION_TICKS]
-        i = axes[base + ELAPSED_TICKS]
-        p = axes[base + POSITION_Q16]
-        stop = min(n, i + until_tick - tick)
-        s_per_tick = (1 << 30) // n
-        s_remainder_per_tick = (1 << 30) % n
-        on_time = True
-        if a == 0 and b == 0 and c == 0:  # at rest no edge can fall: the whole segment is one jump
-            tick += stop - i
-            i = stop
-        s = (i << 30) // n
-        s_remainder = (i << 30) % n
-        while i < stop and on_time:
-            i += 1
-            s += s_per_tick
-            s_remainder += s_remainder_per_tick
-            if s_remainder >= n:
-                s_remainder -= n
-                s += 1
-            q = ((c * s + half) >> 30) + b
-            q = ((q * s + half) >> 30) + a
-            q = start + ((q * s + half) >> 30)
-            if q != p:
-                on_time = place_steps(axes, clk, direction, base, tick * TICK_COUNTS, p, q)
-            p = q
+        left_q16 = (axes[base + DURATION_TICKS] << 16) - axes[base + ELAPSED_Q16]
+        if tick >= full_from and (left_q16 >= FULL_RATE_Q16 or left_q16 == 0):
+            tick = advance_full_ticks(axes, queue, clk, direction, axis, tick, until_tick)
+        else:
+            rate_q16 = FULL_RATE_Q16 if tick >= full_from else group_rate(group, 2 * tick + 1)
+            if rate_q16 == 0 and tick >= group[RAMP_TICK] + group[RAMP_TICKS]:
+                return until_tick
+            advance_scaled_tick(axes, queue, clk, direction, axis, tick, rate_q16)
             tick += 1
-        axes[base + POSITION_Q16] = p
-        axes[base + ELAPSED_TICKS] = i
-        if not on_time:
-            axes[base + EVENT] = EVENT_LATE_STEP
-            return tick
-        if i == n and not next_segment(axes, queue, axis):
-            axes[base + EVENT] = EVENT_FINISHED if axes[base + END_VELOCITY] == 0 else EVENT_UNDERRUN
+        if axes[base + EVENT] != EVENT_NONE:
             return tick
     return until_tick
 
 
 @kernel_function
-def advance(axes: Cells, queue: Cells, clk: Rows, direction: Rows, axis_count: int, tick: int, until_tick: int) -> int:
+def advance(
+    axes: Cells, queue: Cells, group: Cells, clk: Rows, direction: Rows, axis_count: int, tick: int, until_tick: int
+) -> int:
     """Run all axes from `tick` to `until_tick` or to the first tick in which one of them asks for attention.
 
-    Returns the tick reached. If that is before `until_tick`, axes may stand beyond it: restore a copy of `axes` taken
-    before the call and advance to the tick returned, which then is reached by all of them.
+    The group's ramp must not begin after `tick`. Returns the tick reached. If that is before `until_tick`, axes may
+    stand beyond it: restore a copy of `axes` taken before the call and advance to the tick returned, which then is
+    reached by all of them.
     """
     reached = until_tick
     for axis in range(axis_count):
-        reached = advance_axis(axes, queue, clk[axis], direction[axis], axis, tick, reached)
+        reached = advance_axis(axes, queue, group, clk[axis], direction[axis], axis, tick, reached)
     return reached
 
 
 @kernel_function
 def demand_rate(axes: Cells, axis: int) -> int:
-    """Slope of the present segment, or of the last one at its end: a + 2 b s + 3 c s^2 in Q16 steps a duration."""
+    """Slope of the present segment, or of the last one at its end: a + 2 b s + 3 c s^2 in Q16 steps a duration.
+
+    This is at full rate; the group's rate scales it.
+    """
     base = axis * AXIS_FIELDS
-    s = (axes[base + ELAPSED_TICKS] << 30) // axes[base + DURATION_TICKS]
+    s = (axes[base + ELAPSED_Q16] << 14) // axes[base + DURATION_TICKS]
     slope = ((3 * axes[base + COEFFICIENT_C] * s) >> 30) + 2 * axes[base + COEFFICIENT_B]
     return int(((slope * s) >> 30) + axes[base + COEFFICIENT_A])

@@ -35,6 +35,8 @@ class KernelRig:
         self.tick = 0
         self.axes = kernel.cells(axes * k.AXIS_FIELDS)
         self.queue = kernel.cells(axes * k.QUEUE_DEPTH * k.SEGMENT_FIELDS)
+        self.group = kernel.cells(k.GROUP_FIELDS)
+        self.group[k.RATE_TO_Q16] = k.FULL_RATE_Q16
         self.clk = kernel.rows(axes, edges)
         self.direction = kernel.rows(axes, edges)
         for axis in range(axes):
@@ -71,7 +73,9 @@ class KernelRig:
         return reached
 
     def _run(self, until: int) -> int:
-        return self.kernel.advance(self.axes, self.queue, self.clk, self.direction, self.count, self.tick, until)
+        return self.kernel.advance(
+            self.axes, self.queue, self.group, self.clk, self.direction, self.count, self.tick, until
+        )
 
     def rises(self, axis: int = 0) -> list[int]:
         return [int(t) for t in self.clk[axis][: self.get(k.CLK_EDGES, axis) : 2]]

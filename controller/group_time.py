@@ -1,0 +1,64 @@
+"""Trajectory time of the axes that interpolate together: it runs at full rate, is halted and set going again.
+
+The axes of the group advance along their segments by the same rate, which ramps linearly between full and 0. So they
+slow down, rest and speed up on the planned path, in step with each other. While the rate r changes from 1 to 0 within
+T, an axis with the planned velocity v and acceleration a accelerates with
+
+    a r^2 + v dr/dt,    |v dr/dt| <= max|v| / T,
+
+the maximum over the T/2 of trajectory time that the ramp covers: T = max|v| / D lets no axis decelerate by more than
+its D beyond what the plan asks for. A ramp that begins at another rate, or ends at one, has the same slope.
+"""
+
+from controller import kernel as k
+from controller.kernel import Cells
+
+HALTED_Q16 = 0
+
+
+class GroupTime:
+    """Which axes halt together, which of them ask for it, and the ramp of their common rate."""
+
+    def __init__(self, cells: Cells) -> None:
+        self.cells = cells
+        """The kernel's GROUP_FIELDS."""
+        self.cells[k.RATE_TO_Q16] = k.FULL_RATE_Q16
+        self.members: set[int] = set()
+        """The axes that run segments in the group's time."""
+        self._holding: set[int] = set()
+
+    def hold(self, axis: int, *, hold: bool) -> None:
+        """Let an axis ask for a halt of the group, or take that back."""
+        (self._holding.add if hold else self._holding.discard)(axis)
+
+    @property
+    def halt_wanted(self) -> bool:
+        """Whether there is a group and an axis that holds it."""
+        return bool(self.members and self._holding)
+
+    @property
+    def halted(self) -> bool:
+        """Whether the rate is 0 or on its way there."""
+        return int(self.cells[k.RATE_TO_Q16]) == HALTED_Q16
+
+    def rate_q16(self, tick: int) -> int:
+        """The rate at the start of a tick."""
+        return int(k.group_rate(self.cells, 2 * tick))
+
+    @property
+    def ramp_end_tick(self) -> int:
+        """The first tick after the last ramp."""
+        return int(self.cells[k.RAMP_TICK] + self.cells[k.RAMP_TICKS])
+
+    def resting(self, tick: int) -> bool:
+        """Whether trajectory time stands still from this tick on."""
+        return self.halted and self.ramp_end_tick <= tick
+
+    def ramp(self, tick: int, full_ramp_ticks: int) -> None:
+        """From `tick` on go to the rate that is wanted, with the slope of a ramp that takes so long from full to 0."""
+        rate_q16 = self.rate_q16(tick)
+        target_q16 = HALTED_Q16 if self.halt_wanted else k.FULL_RATE_Q16
+        self.cells[k.RATE_FROM_Q16] = rate_q16
+        self.cells[k.RATE_TO_Q16] = target_q16
+        self.cells[k.RAMP_TICK] = tick
+        self.cells[k.RAMP_TICKS] = -(-full_ramp_ticks * abs(target_q16 - rate_q16) // k.FULL_RATE_Q16)
