@@ -43,7 +43,12 @@ class GroupTime:
 
     def rate_q16(self, tick: int) -> int:
         """The rate at the start of a tick."""
-        return int(k.group_rate(self.cells, 2 * tick))
+        since_ticks = tick - int(self.cells[k.RAMP_TICK])
+        ramp_ticks = int(self.cells[k.RAMP_TICKS])
+        from_q16, to_q16 = int(self.cells[k.RATE_FROM_Q16]), int(self.cells[k.RATE_TO_Q16])
+        if since_ticks >= ramp_ticks:
+            return to_q16
+        return from_q16 + (to_q16 - from_q16) * since_ticks // ramp_ticks
 
     @property
     def ramp_end_tick(self) -> int:

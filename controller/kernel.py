@@ -247,16 +247,18 @@ def place_steps(axes: Cells, clk: Cells, direction: Cells, base: int, tick_count
 
 
 @kernel_function
-def group_rate(group: Cells, half_tick: int) -> int:
-    """The group's rate so many half ticks after boot: even at the start of a tick, odd in its middle.
+def group_time_q16(group: Cells, tick: int) -> int:
+    """Trajectory time from the begin of the group's ramp to the start of `tick`, in Q16 ticks.
 
-    The rate in the middle of a tick is its mean over the tick, and what trajectory time advances in it.
+    After j of K ticks it is r0 j + (r1 - r0) j^2 / 2K, rounded down; then it grows by r1 a tick. So a ramp covers
+    (r0 + r1) K / 2, however long it is, and ramps of an even number of ticks between full rate and 0 whole ticks.
     """
-    since = half_tick - 2 * group[RAMP_TICK]
-    span = 2 * group[RAMP_TICKS]
-    if since >= span:
-        return int(group[RATE_TO_Q16])
-    return int(group[RATE_FROM_Q16] + (group[RATE_TO_Q16] - group[RATE_FROM_Q16]) * since // span)
+    since = tick - group[RAMP_TICK]
+    ramped = min(since, group[RAMP_TICKS])
+    time_q16 = group[RATE_FROM_Q16] * ramped + group[RATE_TO_Q16] * (since - ramped)
+    if ramped > 0:
+        time_q16 += (group[RATE_TO_Q16] - group[RATE_FROM_Q16]) * ramped * ramped // (2 * group[RAMP_TICKS])
+    return int(time_q16)
 
 
 @kernel_function
@@ -368,7 +370,9 @@ def advance_axis(
         if tick >= full_from and (left_q16 >= FULL_RATE_Q16 or left_q16 == 0):
             tick = advance_full_ticks(axes, queue, clk, direction, axis, tick, until_tick)
         else:
-            rate_q16 = FULL_RATE_Q16 if tick >= full_from else group_rate(group, 2 * tick + 1)
+            rate_q16 = FULL_RATE_Q16
+            if tick < full_from:
+                rate_q16 = group_time_q16(group, tick + 1) - group_time_q16(group, tick)
             if rate_q16 == 0 and tick >= group[RAMP_TICK] + group[RAMP_TICKS]:
                 return until_tick
             advance_scaled_tick(axes, queue, clk, direction, axis, tick, rate_q16)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from controller import kernel as k
 from controller.backend import Kernel
+from controller.group_time import GroupTime
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class KernelRig:
         self.axes = kernel.cells(axes * k.AXIS_FIELDS)
         self.queue = kernel.cells(axes * k.QUEUE_DEPTH * k.SEGMENT_FIELDS)
         self.group = kernel.cells(k.GROUP_FIELDS)
-        self.group[k.RATE_TO_Q16] = k.FULL_RATE_Q16
+        self.time = GroupTime(self.group)
         self.clk = kernel.rows(axes, edges)
         self.direction = kernel.rows(axes, edges)
         for axis in range(axes):
@@ -60,6 +61,13 @@ class KernelRig:
 
     def start(self, axis: int = 0) -> bool:
         return self.kernel.next_segment(self.axes, self.queue, axis)
+
+    def ramp(self, rate_q16: int, ticks: int) -> None:
+        """Let the group's rate go from where it is to another one in so many ticks."""
+        self.group[k.RATE_FROM_Q16] = self.time.rate_q16(self.tick)
+        self.group[k.RATE_TO_Q16] = rate_q16
+        self.group[k.RAMP_TICK] = self.tick
+        self.group[k.RAMP_TICKS] = ticks
 
     def advance(self, ticks: int) -> int:
         """As the firmware does: go on, and take axes that ran too far back to the common tick."""
