@@ -25,6 +25,8 @@ class GroupTime:
         self.cells[k.RATE_TO_Q16] = k.FULL_RATE_Q16
         self.members: set[int] = set()
         """The axes that run segments in the group's time."""
+        self.rest_tick: int | None = None
+        """From when on time stands still, if the rate is 0 or on its way there."""
         self._holding: set[int] = set()
 
     def hold(self, axis: int, *, hold: bool) -> None:
@@ -39,7 +41,7 @@ class GroupTime:
     @property
     def halted(self) -> bool:
         """Whether the rate is 0 or on its way there."""
-        return int(self.cells[k.RATE_TO_Q16]) == HALTED_Q16
+        return self.rest_tick is not None
 
     def rate_q16(self, tick: int) -> int:
         """The rate at the start of a tick."""
@@ -50,14 +52,9 @@ class GroupTime:
             return to_q16
         return from_q16 + (to_q16 - from_q16) * since_ticks // ramp_ticks
 
-    @property
-    def ramp_end_tick(self) -> int:
-        """The first tick after the last ramp."""
-        return int(self.cells[k.RAMP_TICK] + self.cells[k.RAMP_TICKS])
-
     def resting(self, tick: int) -> bool:
         """Whether trajectory time stands still from this tick on."""
-        return self.halted and self.ramp_end_tick <= tick
+        return self.rest_tick is not None and self.rest_tick <= tick
 
     def ramp(self, tick: int, full_ramp_ticks: int) -> None:
         """From `tick` on go to the rate that is wanted, with the slope of a ramp that takes so long from full to 0."""
@@ -66,4 +63,6 @@ class GroupTime:
         self.cells[k.RATE_FROM_Q16] = rate_q16
         self.cells[k.RATE_TO_Q16] = target_q16
         self.cells[k.RAMP_TICK] = tick
-        self.cells[k.RAMP_TICKS] = -(-full_ramp_ticks * abs(target_q16 - rate_q16) // k.FULL_RATE_Q16)
+        ramp_ticks = -(-full_ramp_ticks * abs(target_q16 - rate_q16) // k.FULL_RATE_Q16)
+        self.cells[k.RAMP_TICKS] = ramp_ticks
+        self.rest_tick = tick + ramp_ticks if target_q16 == HALTED_Q16 else None

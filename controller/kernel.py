@@ -262,64 +262,29 @@ def group_time_q16(group: Cells, tick: int) -> int:
 
 
 @kernel_function
-def advance_scaled_tick(
-    axes: Cells, queue: Cells, clk: Cells, direction: Cells, axis: int, tick: int, rate_q16: int
-) -> None:
-    """Run one axis through one tick in which trajectory time advances by `rate_q16`; EVENT says what happened.
+def run_ticks(axes: Cells, clk: Cells, direction: Cells, base: int, tick: int, until_tick: int, rate_q16: int) -> int:
+    """Evaluate the segment at the end of each tick and place the steps, to `until_tick` or to a late step.
 
-    A segment may end within the tick: what is left of the tick goes into the next segment. There is one such end at
-    most, for segments last whole milliseconds.
+    Trajectory time advances by `rate_q16` a tick, so (i << 30) // n needs additions only. It is negative where the
+    segment begins within the tick. Returns the tick reached; EVENT says if a step was late.
     """
-    base = axis * AXIS_FIELDS
-    elapsed_q16 = axes[base + ELAPSED_Q16] + rate_q16
-    n_q16 = axes[base + DURATION_TICKS] << 16
-    if elapsed_q16 >= n_q16:
-        if next_segment(axes, queue, axis):
-            elapsed_q16 -= n_q16
-        else:
-            elapsed_q16 = n_q16
-            axes[base + EVENT] = EVENT_FINISHED if axes[base + END_VELOCITY] == 0 else EVENT_UNDERRUN
-    half = 1 << 29
-    s = (elapsed_q16 << 14) // axes[base + DURATION_TICKS]
-    q = ((axes[base + COEFFICIENT_C] * s + half) >> 30) + axes[base + COEFFICIENT_B]
-    q = ((q * s + half) >> 30) + axes[base + COEFFICIENT_A]
-    q = axes[base + START_Q16] + ((q * s + half) >> 30)
-    p = axes[base + POSITION_Q16]
-    if q != p and not place_steps(axes, clk, direction, base, tick * TICK_COUNTS, p, q):
-        axes[base + EVENT] = EVENT_LATE_STEP
-    axes[base + POSITION_Q16] = q
-    axes[base + ELAPSED_Q16] = elapsed_q16
-
-
-@kernel_function
-def advance_full_ticks(
-    axes: Cells, queue: Cells, clk: Cells, direction: Cells, axis: int, tick: int, until_tick: int
-) -> int:
-    """Run one axis at full rate to `until_tick` or through the last whole tick of its segment; return the tick reached.
-
-    The parameter s grows by additions only. EVENT says what happened.
-    """
-    base = axis * AXIS_FIELDS
     half = 1 << 29
     start = axes[base + START_Q16]
     a = axes[base + COEFFICIENT_A]
     b = axes[base + COEFFICIENT_B]
     c = axes[base + COEFFICIENT_C]
     n = axes[base + DURATION_TICKS]
-    elapsed_q16 = axes[base + ELAPSED_Q16]
     p = axes[base + POSITION_Q16]
-    i = 0
-    stop = min(((n << 16) - elapsed_q16) >> 16, until_tick - tick)
-    s_per_tick = (1 << 30) // n
-    s_remainder_per_tick = (1 << 30) % n
+    elapsed_q16 = axes[base + ELAPSED_Q16]
+    from_tick = tick
+    s_per_tick = (rate_q16 << 14) // n
+    s_remainder_per_tick = (rate_q16 << 14) % n
     on_time = True
-    if a == 0 and b == 0 and c == 0:  # at rest no edge can fall: the whole segment is one jump
-        tick += stop
-        i = stop
+    if a == 0 and b == 0 and c == 0 and elapsed_q16 >= 0:  # at rest no edge can fall: all is one jump
+        tick = until_tick
     s = (elapsed_q16 << 14) // n
     s_remainder = (elapsed_q16 << 14) % n
-    while i < stop and on_time:
-        i += 1
+    while tick < until_tick and on_time:
         s += s_per_tick
         s_remainder += s_remainder_per_tick
         if s_remainder >= n:
@@ -332,13 +297,10 @@ def advance_full_ticks(
             on_time = place_steps(axes, clk, direction, base, tick * TICK_COUNTS, p, q)
         p = q
         tick += 1
-    elapsed_q16 += i << 16
     axes[base + POSITION_Q16] = p
-    axes[base + ELAPSED_Q16] = elapsed_q16
+    axes[base + ELAPSED_Q16] = elapsed_q16 + (tick - from_tick) * rate_q16
     if not on_time:
         axes[base + EVENT] = EVENT_LATE_STEP
-    elif elapsed_q16 == n << 16 and not next_segment(axes, queue, axis):
-        axes[base + EVENT] = EVENT_FINISHED if axes[base + END_VELOCITY] == 0 else EVENT_UNDERRUN
     return tick
 
 
@@ -358,8 +320,9 @@ def advance_axis(
 ) -> int:
     """Run one axis from the start of `tick` to the start of `until_tick`, or until it asks for attention.
 
-    Returns the tick reached; if that is before `until_tick`, EVENT says why. At full rate whole stretches are run;
-    ticks of another rate, and those within which a segment ends, one by one.
+    Returns the tick reached; if that is before `until_tick`, EVENT says why. At full rate the whole ticks of a segment
+    are run at once. Ticks of another rate are run one by one, and so are those within which a segment ends: what is
+    left of them goes into the next segment. Without one the axis rests for what is left.
     """
     base = axis * AXIS_FIELDS
     if axes[base + RUNNING] == 1:
@@ -367,17 +330,25 @@ def advance_axis(
     full_from = full_rate_from(axes, group, axis, tick)
     while tick < until_tick and axes[base + RUNNING] == 1:
         left_q16 = (axes[base + DURATION_TICKS] << 16) - axes[base + ELAPSED_Q16]
-        if tick >= full_from and (left_q16 >= FULL_RATE_Q16 or left_q16 == 0):
-            tick = advance_full_ticks(axes, queue, clk, direction, axis, tick, until_tick)
-        else:
-            rate_q16 = FULL_RATE_Q16
-            if tick < full_from:
-                rate_q16 = group_time_q16(group, tick + 1) - group_time_q16(group, tick)
+        rate_q16 = FULL_RATE_Q16
+        ticks = max(left_q16 >> 16, 1)
+        if tick < full_from:
+            rate_q16 = group_time_q16(group, tick + 1) - group_time_q16(group, tick)
+            ticks = 1
             if rate_q16 == 0 and tick >= group[RAMP_TICK] + group[RAMP_TICKS]:
                 return until_tick
-            advance_scaled_tick(axes, queue, clk, direction, axis, tick, rate_q16)
-            tick += 1
+        if left_q16 == 0:  # the last step of the segment was late
+            ticks = 0
+        elif left_q16 < rate_q16:
+            if next_segment(axes, queue, axis):
+                axes[base + ELAPSED_Q16] = -left_q16
+            else:
+                rate_q16 = left_q16
+        tick = run_ticks(axes, clk, direction, base, tick, min(tick + ticks, until_tick), rate_q16)
         if axes[base + EVENT] != EVENT_NONE:
+            return tick
+        if axes[base + ELAPSED_Q16] == axes[base + DURATION_TICKS] << 16 and not next_segment(axes, queue, axis):
+            axes[base + EVENT] = EVENT_FINISHED if axes[base + END_VELOCITY] == 0 else EVENT_UNDERRUN
             return tick
     return until_tick
 

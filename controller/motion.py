@@ -294,19 +294,19 @@ class Motion:
             self.tick = until_tick
             return until_tick
         until = min(until_tick, self.tick + self.room_ticks)
-        halt_tick = self.group.ramp_end_tick if self.group.halted else self.tick
-        if self.tick < halt_tick < until:
-            until = halt_tick
+        rest_tick = self.group.rest_tick
+        if rest_tick is not None and self.tick < rest_tick < until:
+            until = rest_tick
         before = self._axes.copy()
         reached = self._run(until)
         if reached < until:  # axes run one after the other: take those that ran too far back to the common tick
             self._axes = before
             self._run(reached)
         self._free_edges -= (reached - self.tick) * self._edges_per_tick
-        halting = self.tick < halt_tick == reached
+        comes_to_rest = self.tick < reached == rest_tick
         self.tick = reached
         self._note_events()
-        if halting:
+        if comes_to_rest:
             for axis in sorted(self.group.members):
                 self._events.setdefault(axis, Event.HALTED)
         return reached

@@ -200,7 +200,7 @@ def test_the_ramp_fits_what_is_coming_too(kernel: Kernel) -> None:
         motion.advance(40)
         motion.group.hold(0, hold=True)
         motion.ramp_group([deceleration_hz_per_s * STEP_UNITS])
-        assert motion.group.ramp_end_tick - 40 == ticks
+        assert motion.group.rest_tick == 40 + ticks
 
 
 def test_the_ramp_lasts_at_most_as_long_as_a_stop(kernel: Kernel) -> None:
@@ -211,7 +211,7 @@ def test_the_ramp_lasts_at_most_as_long_as_a_stop(kernel: Kernel) -> None:
     motion.advance(40)
     motion.group.hold(0, hold=True)
     motion.ramp_group([1])
-    assert motion.group.ramp_end_tick == 40 + STOP_MAX_MS * k.TICKS_PER_MS
+    assert motion.group.rest_tick == 40 + STOP_MAX_MS * k.TICKS_PER_MS
 
 
 def test_a_queue_that_runs_dry_while_slowing_down_is_an_underrun(kernel: Kernel) -> None:
