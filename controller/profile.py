@@ -16,7 +16,6 @@ deceleration in T ms; nearer than that the axis overshoots and comes back.
 """
 
 from collections import deque
-from math import isqrt
 from typing import NamedTuple
 
 GRAIN_MS = 8
@@ -115,7 +114,9 @@ class Ramp(NamedTuple):
         return plain + (self.surplus * 3 * t_ms * left_ms << _FRACTION_BITS) // self.duration_ms**3
 
     def acceleration(self, t_ms: int) -> int:
-        """That of the ramp's shape, in 2^-16 of 1/64 unit per ms^2."""
+        """That of a jerk-limited ramp's shape, in 2^-16 of 1/64 unit per ms^2; a linear one may end in a step."""
+        if self.blend_ms == 0:
+            return 0
         left_ms = self.duration_ms - t_ms
         change = self._change << _FRACTION_BITS
         if min(t_ms, left_ms) < self.blend_ms:
@@ -289,8 +290,11 @@ def _ramp(from_velocity: int, to_velocity: int, acceleration: int, jerk: int) ->
 
 
 def _root_up(square: int) -> int:
-    """The square root of a positive integer, rounded up."""
-    return isqrt(square - 1) + 1
+    """The square root of a positive integer, rounded up; Newton's steps from above."""
+    root = 1 << ((square.bit_length() + 1) // 2)
+    while (better := (root + square // root) >> 1) < root:
+        root = better
+    return root if root * root >= square else root + 1
 
 
 def _rounded(value: int, bits: int) -> int:
