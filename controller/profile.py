@@ -10,9 +10,11 @@ Velocities are whole 1/64 unit per ms as on the wire, distances in the planner w
 
 How exact: `Profile` rounds positions to units and velocities to 1/64 unit per ms. On a segment of T ms, T >= GRAIN_MS,
 that changes speeds by less than 3 / T + 1/64 units per ms and accelerations by less than (6 / T + 1/16) / T units per
-ms^2. Apart from it speed and acceleration keep their limits, with one exception: to stop on a target that has come
-nearer while the axis moves, where hardly more than the shortest way to stop is left, takes up to (1 + 3 / T) times the
-deceleration in T ms; nearer than that the axis overshoots and comes back.
+ms^2; taking back an acceleration may add 1/64 unit per ms. Apart from it speed and acceleration keep their limits, with
+two exceptions. To stop on a target that has come nearer while the axis moves, where hardly more than the shortest way
+to stop is left, takes up to (1 + 3 / T) times the deceleration in T ms; nearer than that the axis overshoots and comes
+back. And where a jerk-limited ramp has constant acceleration for less than a grain, a segment's cubic spans a bend and
+exceeds the acceleration by 2/9 at most.
 """
 
 from collections import deque
@@ -195,12 +197,16 @@ def stop(velocity: int, acceleration: int, limits: Limits) -> Profile:
 def _unbend(velocity: int, acceleration: int, limits: Limits) -> tuple[Ramp | None, int]:
     """The way to acceleration 0, as the second half of a ramp that is all blend, and the velocity after it.
 
-    It is no longer than what was left of the ramp that it leaves, so it never goes beyond that one's velocities.
+    Within the same jerk it is no longer than what was left of the ramp that it leaves. Within a lower one it would lead
+    beyond that ramp's velocities; the limit of the velocity goes before that of the jerk then.
     """
     if not limits.jerk or not acceleration:
         return None, velocity
+    steep = abs(acceleration)
+    room = max(0, limits.velocity - (velocity if acceleration > 0 else -velocity))
     jerk = limits.jerk << (6 + _FRACTION_BITS)  # units/s^3 to 1/64 unit per ms^3, but for 10^9
-    half_ms = max(GRAIN_MS, -(-abs(acceleration) * 1_000_000_000 // jerk))
+    half_ms = min(-(-steep * 1_000_000_000 // jerk), (room << (_FRACTION_BITS + 1)) // steep)
+    half_ms = max(GRAIN_MS, half_ms)
     change = _rounded(acceleration * half_ms, _FRACTION_BITS + 1)
     after = velocity + change
     return Ramp(velocity - change, after, 2 * half_ms, half_ms), after

@@ -1,6 +1,8 @@
 """Profile position and profile velocity through the whole firmware: handshake, steps made, limits, stops."""
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from controller.backend import Kernel, python_kernel
 from protocol.abort import AbortCode
@@ -377,3 +379,41 @@ class TestVelocity:
         board.wait(100)
         assert board.value(0x606C) == 0
         assert board.value(0x6041) & Status.INTERNAL_LIMIT
+
+
+changes = st.tuples(
+    st.integers(-(10**6), 10**6),  # target
+    st.sampled_from([0, AT_ONCE, RELATIVE, RELATIVE | AT_ONCE, HALT]),
+    st.sampled_from([0, 3]),
+    st.sampled_from([10**4, 10**6, 10**7, 2**32 - 1]),  # velocity
+    st.sampled_from([10**7, 10**8, 2**32 - 1]),  # acceleration
+    st.sampled_from([10**7, 10**8, 2**32 - 1]),  # deceleration
+    st.sampled_from([0, 0.3, 5, 16, 60, 150]),  # ms until the next
+)
+
+
+@given(script=st.lists(changes, min_size=1, max_size=8), microsteps=st.sampled_from([1, 2, 8, 16]))
+def test_whatever_the_set_points_the_queue_neither_runs_dry_nor_is_refused(
+    fast_kernel: Kernel, script: list[tuple[int, int, int, int, int, int, float]], microsteps: int
+) -> None:
+    board = ProfileBench(fast_kernel, Mode.NONE)
+    board.write(0x6040, 0, 0)
+    board.write(0x2000, 1, microsteps)
+    board.enable(Mode.PROFILE_POSITION)
+    for target, bits, profile_type, velocity, acceleration, deceleration, wait_ms in script:
+        board.write(0x6086, 0, profile_type)
+        board.write(0x6081, 0, velocity)
+        board.write(0x6083, 0, acceleration)
+        board.write(0x6084, 0, deceleration)
+        board.write(0x607A, 0, target)
+        board.word(NEW | bits)
+        board.word(bits & HALT)
+        board.wait(wait_ms)
+    board.write(0x6081, 0, 10**7)
+    board.write(0x6083, 0, 10**8)
+    board.write(0x607A, 0, 12_345)
+    board.word()
+    board.word(NEW | AT_ONCE)
+    board.until(Status.TARGET_REACHED)
+    assert board.value(0x6062) == 12_345
+    assert board.frames(0x090) == [], "no emergency"
