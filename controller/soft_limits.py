@@ -14,6 +14,6 @@ def soft_limits(dictionary: ObjectDictionary) -> tuple[int, int]:
 
 
 def clamped(dictionary: ObjectDictionary, position_units: int) -> int:
-    """The nearest position within the limits; where they contradict each other, the lower one."""
+    """The nearest position within the limits; where these contradict each other, the low one."""
     low, high = soft_limits(dictionary)
     return max(low, min(position_units, high))
