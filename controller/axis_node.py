@@ -1,5 +1,6 @@
 """One axis as a CANopen node: joins the protocol services, the drive's state machine, its modes and its motion."""
 
+from collections.abc import Callable
 from functools import partial
 
 from controller.drive import ENERGISED, next_state
@@ -9,12 +10,13 @@ from controller.modes import Mode, NoMode
 from controller.motion import STOP_MAX_MS, Motion, StepConfig
 from protocol import cia402
 from protocol.abort import AbortCode, SdoAbortError
-from protocol.cia402 import ErrorCode, State, Status
+from protocol.cia402 import AbortConnection, ErrorCode, State, Status
 from protocol.datatypes import DataType
 from protocol.dictionary import ObjectDictionary
 from protocol.emergency import EmergencyProducer
 from protocol.frame import COB_EMCY, COB_HEARTBEAT, COB_SDO_RESPONSE, Frame
-from protocol.nmt import HeartbeatProducer, NmtCommand, NmtState, target_of
+from protocol.heartbeat_consumer import HeartbeatConsumer
+from protocol.nmt import HeartbeatProducer, NmtCommand, NmtState, after_error, target_of
 from protocol.objects import HISTORY_DEPTH, key_of
 from protocol.pdo import ProcessData
 from protocol.pvt import VELOCITY_PER_UNIT_PER_MS
@@ -22,6 +24,15 @@ from protocol.sdo_server import SdoServer
 
 MICROSTEP_SETTINGS = (1, 2, 8, 16)
 """TB6560AHQ datasheet (2014-10-01), page 9: the excitation modes that M1 and M2 select."""
+
+_ABORT_CONTROLWORDS = {
+    AbortConnection.DISABLE_VOLTAGE: cia402.DISABLE_VOLTAGE,
+    AbortConnection.QUICK_STOP: cia402.QUICK_STOP,
+}
+"""What the drive obeys in place of its lost host."""
+
+_FAULT_STATES = (State.FAULT_REACTION_ACTIVE, State.FAULT)
+_PDO_LENGTH_ERRORS = (ErrorCode.PDO_TOO_SHORT, ErrorCode.PDO_TOO_LONG)
 
 _STEP_CONFIG_KEYS = (
     key_of(0x2000, 1),
@@ -63,11 +74,15 @@ class AxisNode:
         self._sdo = SdoServer(self.dictionary)
         self._heartbeat = HeartbeatProducer()
         self._emergency = EmergencyProducer()
+        self._heartbeat_consumer = HeartbeatConsumer(self.dictionary)
+        self.connection_lost = False
+        """Whether a node that this one listens to has just been lost: `abort_connection` answers it."""
         self.interpolation = Interpolation(
             axis,
             motion,
             self.dictionary,
             report=self._report,
+            resolved=lambda gone: self._resolve(lambda code, _: code is gone),
             status_changed=self._pvt_status_changed,
             ramp_down=self._ramp_down,
         )
@@ -96,11 +111,15 @@ class AxisNode:
         target = target_of(command)
         if target is NmtState.INITIALISING:
             self._reset_communication()
-        elif target is not self.nmt_state:
+        else:
+            self._change_nmt_state(target)
+        self._settle()
+
+    def _change_nmt_state(self, target: NmtState) -> None:
+        if target is not self.nmt_state:
             self.nmt_state = target
             self.process_data.configurable = target is NmtState.PRE_OPERATIONAL
             self.process_data.invalidate()
-        self._settle()
 
     def _reset_application(self) -> None:
         """Lose everything that a power cycle would lose but the axis' position."""
@@ -119,7 +138,9 @@ class AxisNode:
         self._sdo.reset()
         self._heartbeat.set_period(0, self._now_us)
         self._emergency.inhibit = 0
-        self._emergency.drop_waiting()
+        self._emergency.reset_communication()
+        self._heartbeat_consumer.restart()
+        self.connection_lost = False
         self.nmt_state = NmtState.PRE_OPERATIONAL
         self.process_data.configurable = True
         self.process_data.invalidate()
@@ -145,6 +166,8 @@ class AxisNode:
         error = self.process_data.receive_pdos[number].receive(data)
         if error:
             self._report(error, number + 1)
+        elif self._emergency.register:
+            self._resolve(lambda code, detail: code in _PDO_LENGTH_ERRORS and detail == number + 1)
         if self._touched:  # most frames are PVT records, which change nothing that is sent at once
             self._settle()
 
@@ -159,6 +182,49 @@ class AxisNode:
             frame = transmit_pdo.on_sync() if transmit_pdo.exists else None
             if frame:
                 self.outbox.append(frame)
+        self._settle()
+
+    @property
+    def heartbeat_producers(self) -> list[int]:
+        """The node ids whose heartbeats this node wants to hear."""
+        return self._heartbeat_consumer.producers
+
+    def on_heartbeat(self, producer_id: int, data: bytes, now_us: int) -> None:
+        """Hear another node's heartbeat, in every state; a lost one that is back is an error less.
+
+        While the drive is in fault the error stays: it goes with the fault reset.
+        """
+        self._now_us = now_us
+        if self._heartbeat_consumer.receive(producer_id, data, now_us) and self.state not in _FAULT_STATES:
+            self._resolve(self._is_over)
+        self._settle()
+
+    # --- a lost host
+
+    def _watch_connection(self) -> None:
+        """Report the producers that have fallen silent."""
+        for producer_id in self._heartbeat_consumer.poll(self._now_us):
+            self._report(ErrorCode.HEARTBEAT_LOST, producer_id)
+            self.connection_lost = True
+
+    @property
+    def signals_lost_connection(self) -> bool:
+        """Whether a lost connection is a fault of the drive, by 0x6007."""
+        return self.dictionary.get(0x6007) == AbortConnection.FAULT_SIGNAL
+
+    def abort_connection(self, now_us: int) -> None:
+        """Do what the host would have done last, by 0x6007, and leave OPERATIONAL, by 0x1029.
+
+        A fault that is to be signalled is the firmware's to begin: it may concern the whole group.
+        """
+        self._now_us = now_us
+        self.connection_lost = False
+        controlword = _ABORT_CONTROLWORDS.get(AbortConnection(self.dictionary.get(0x6007)))
+        if controlword is not None:
+            target = next_state(self.state, controlword, self._controlword)
+            if target is not (self._after_stop or self.state):
+                self._leave_for(target)
+        self._change_nmt_state(after_error(self.nmt_state, self.dictionary.get(0x1029, 1)))
         self._settle()
 
     # --- motion's news
@@ -191,7 +257,8 @@ class AxisNode:
         if self.state is State.FAULT_REACTION_ACTIVE or not self.energised:
             return
         self._set_error(code)
-        self._report(code, 0)
+        if not self._emergency.is_active(code):
+            self._report(code, 0)
         moving = self._motion.running(self.axis) or self._motion.velocity(self.axis) != 0
         if code is ErrorCode.PVT_UNDERRUN:
             self.interpolation.underrun()
@@ -223,7 +290,7 @@ class AxisNode:
         """Change state by command: a moving axis ramps down first, unless its voltage is to be cut."""
         if self.state is State.FAULT:
             self._set_error(ErrorCode.NONE)
-            self._emergency.clear()
+            self._resolve(self._is_over)
         if self._motion.running(self.axis):
             if target is State.SWITCH_ON_DISABLED:
                 self._motion.flush(self.axis)
@@ -346,9 +413,20 @@ class AxisNode:
         self._touched = True
         self._emergency.raise_error(code, detail)
 
+    def _resolve(self, gone: Callable[[ErrorCode, int], bool]) -> None:
+        self._touched = True
+        self._emergency.resolve(gone)
+
+    def _is_over(self, code: ErrorCode, detail: int) -> bool:
+        """Whether an active error has no cause any more once the drive is out of its fault."""
+        if code is ErrorCode.HEARTBEAT_LOST:
+            return detail not in self._heartbeat_consumer.lost
+        return not code.communication
+
     def _settle(self) -> None:
         """After anything that happened: note changed values, then find out when to send."""
-        if self.process_data.refresh(self._now_us):
+        if self.process_data.refresh(self._now_us) or self._heartbeat_consumer.changed:
+            self._heartbeat_consumer.changed = False
             self.routes_changed = True
         self.interpolation.ready = self.state is State.OPERATION_ENABLED and self._mode is self.interpolation
         statusword = self.statusword()
@@ -359,7 +437,7 @@ class AxisNode:
         self._touched = False
 
     def _schedule(self) -> None:
-        dues = [self._heartbeat.due_us]
+        dues = [self._heartbeat.due_us, self._heartbeat_consumer.due_us]
         if self.nmt_state is not NmtState.STOPPED:
             dues.append(self._emergency.due_us)
         if self.nmt_state is NmtState.OPERATIONAL:
@@ -369,6 +447,7 @@ class AxisNode:
     def poll(self, now_us: int) -> None:
         """Send what is due: heartbeat, emergencies, event-driven TPDOs."""
         self._now_us = now_us
+        self._watch_connection()
         if self._heartbeat.poll(now_us):
             self.outbox.append(Frame(COB_HEARTBEAT + self.node_id, bytes((self.nmt_state,))))
         if self.nmt_state is not NmtState.STOPPED:

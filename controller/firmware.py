@@ -6,6 +6,7 @@ is fetched: frames by `take_frames`, pin changes by `take_pins`, pulse edges by 
 
 from collections.abc import Callable
 from enum import Enum
+from functools import partial
 from typing import NamedTuple
 
 from controller.axis_node import AxisNode
@@ -13,7 +14,7 @@ from controller.backend import Kernel
 from controller.kernel import TICK_COUNTS
 from controller.motion import COUNTS_PER_US, Event, Motion
 from protocol.cia402 import DigitalOutput, ErrorCode
-from protocol.frame import COB_ID_MASK, COB_NMT, COB_SDO_REQUEST, COB_SYNC, FIRST_NODE_ID, Frame
+from protocol.frame import COB_HEARTBEAT, COB_ID_MASK, COB_NMT, COB_SDO_REQUEST, COB_SYNC, FIRST_NODE_ID, Frame
 from protocol.nmt import command_for
 
 AXES_MAX = 8
@@ -106,6 +107,9 @@ class Firmware:
                 if pdo.exists:
                     handler = _rpdo_handler(node, number)
                     self._routes.setdefault(pdo.cob_id & COB_ID_MASK, []).append((node, handler))
+            for producer_id in node.heartbeat_producers:
+                handler = partial(node.on_heartbeat, producer_id)
+                self._routes.setdefault(COB_HEARTBEAT + producer_id, []).append((node, handler))
 
     # --- time forward
 
@@ -133,6 +137,8 @@ class Firmware:
             if node.due_us is not None and node.due_us <= now_us:
                 node.poll(now_us)
                 self._collect(node, now_counts)
+        if any(node.connection_lost for node in self.nodes):
+            self._abort_connections(now_counts)
 
     @property
     def next_due_counts(self) -> int | None:
@@ -155,6 +161,18 @@ class Firmware:
         for axis, event in events:
             if event is Event.FINISHED:
                 self.nodes[axis].finished(now_us)
+        for node in self.nodes:
+            self._collect(node, now_counts)
+
+    def _abort_connections(self, now_counts: int) -> None:
+        """Let the axes that have lost their host react, those with a fault together with their group."""
+        now_us = now_counts // COUNTS_PER_US
+        lost = [node for node in self.nodes if node.connection_lost]
+        for node in lost:
+            node.abort_connection(now_us)
+        faults = {node.axis: ErrorCode.HEARTBEAT_LOST for node in lost if node.signals_lost_connection}
+        if faults:
+            self._stop_group(faults, now_us)
         for node in self.nodes:
             self._collect(node, now_counts)
 

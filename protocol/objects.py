@@ -8,9 +8,10 @@ second squared; the PVT record has its own, finer velocity.
 from dataclasses import dataclass, field
 from enum import Enum
 
-from protocol.cia402 import HOME_HERE, PVT_SUBMODE, DigitalOutput, Mode
+from protocol.cia402 import HOME_HERE, PVT_SUBMODE, AbortConnection, DigitalOutput, Mode
 from protocol.datatypes import DataType
 from protocol.frame import COB_EMCY, COB_ID_INVALID, COB_ID_NO_RTR, COB_RPDO, COB_SYNC, COB_TPDO
+from protocol.nmt import ErrorBehaviour
 
 I8, I16, I24, I32 = DataType.INTEGER8, DataType.INTEGER16, DataType.INTEGER24, DataType.INTEGER32
 U8, U16, U32 = DataType.UNSIGNED8, DataType.UNSIGNED16, DataType.UNSIGNED32
@@ -120,6 +121,7 @@ IDENTITY_DEVICE_TYPE = 0x0004_0192
 PDO_COUNT = 4
 PDO_ENTRIES_MAX = 8
 HISTORY_DEPTH = 8
+HEARTBEAT_PRODUCERS_MAX = 4
 
 PULSE_NS_MIN = 4_000
 TIMING_NS_MAX = 1_000_000
@@ -225,6 +227,14 @@ _COMMUNICATION = [
     _variable(0x100A, "Manufacturer software version", STRING, CONST, "0.1.0"),
     _variable(0x1014, "COB-ID EMCY", U32, CONST, COB_EMCY, plus_node_id=True),
     _variable(0x1015, "Inhibit time EMCY in 100 us", U16, RW),
+    _array(
+        0x1016,
+        "Consumer heartbeat time",
+        *[
+            Entry(f"Producer {i}: node id << 16 | time in ms", U32, RW, 0, 0, 0x00FF_FFFF)
+            for i in range(1, HEARTBEAT_PRODUCERS_MAX + 1)
+        ],
+    ),
     _variable(0x1017, "Producer heartbeat time in ms", U16, RW),
     _record(
         0x1018,
@@ -234,6 +244,7 @@ _COMMUNICATION = [
         Entry("Revision number", U32, CONST, 0x0001_0000),
         Entry("Serial number", U32, CONST, 0),
     ),
+    _array(0x1029, "Error behaviour", Entry("Communication error", U8, RW, ErrorBehaviour.PRE_OPERATIONAL, 0, 2)),
 ]
 
 _DRIVER = [
@@ -278,6 +289,7 @@ _DRIVER = [
 ]
 
 _DRIVE = [
+    _variable(0x6007, "Abort connection option code", I16, RW, AbortConnection.FAULT_SIGNAL, low=0, high=3),
     _variable(0x603F, "Error code", U16, RO, mapping=TX),
     _variable(0x6040, "Controlword", U16, RW, mapping=RX),
     _variable(0x6041, "Statusword", U16, RO, mapping=TX),

@@ -145,6 +145,16 @@ class TestNetwork:
         assert board.frames(0x090) == [bytes.fromhex("1082 11 0400000000")]
         assert board.value(0x1003, 1) == ErrorCode.PDO_TOO_SHORT
 
+    def test_a_pdo_of_the_right_length_ends_the_error_of_its_number(self, board: BenchBoard) -> None:
+        board.nmt(1)
+        for cob_id, data in ((0x510, bytes(7)), (0x510, bytes(7)), (0x210, bytes(2)), (0x210, bytes(4))):
+            board.send(cob_id, data)
+        assert emergencies(board) == [0x8210, 0x8210, 0x8220]
+        board.send(0x210, bytes(3))
+        assert (emergencies(board)[3:], board.value(0x1001)) == ([0], 0x11)
+        board.record(0, 0, 10, 0)
+        assert (emergencies(board)[4:], board.value(0x1001)) == ([0], 0)
+
     @given(st.lists(st.tuples(st.integers(0, 0x7FF), st.binary(max_size=8)), max_size=30))
     def test_junk_never_raises(self, frames: list[tuple[int, bytes]]) -> None:
         board = BenchBoard(python_kernel(), axes=2)
@@ -428,6 +438,10 @@ class TestInterpolation:
         assert board.frames(0x090) == [bytes.fromhex("03ff 81 0004000000")]  # refusal 4, sequence 0
         assert board.value(0x2012, 1) == 0
         assert state(board) is State.OPERATION_ENABLED
+        board.record(1000 * STEP, 0, 10, 0)
+        assert emergencies(board) == [0xFF03], "sent again, it is the same error"
+        board.write(0x60C4, 6, 0)
+        assert (emergencies(board), board.value(0x1001)) == ([0xFF03, 0], 0)
 
     def test_sequence_numbers_wrap(self, board: BenchBoard) -> None:
         board.enable()
