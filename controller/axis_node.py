@@ -11,16 +11,18 @@ from controller.motion import STOP_MAX_MS, Motion, StepConfig
 from protocol import cia402
 from protocol.abort import AbortCode, SdoAbortError
 from protocol.cia402 import AbortConnection, ErrorCode, State, Status
+from protocol.cob_id import check_cob_id
 from protocol.datatypes import DataType
 from protocol.dictionary import ObjectDictionary
 from protocol.emergency import EmergencyProducer
-from protocol.frame import COB_EMCY, COB_HEARTBEAT, COB_SDO_RESPONSE, Frame
+from protocol.frame import COB_HEARTBEAT, COB_ID_INVALID, COB_SDO_RESPONSE, Frame
 from protocol.heartbeat_consumer import HeartbeatConsumer
 from protocol.nmt import HeartbeatProducer, NmtCommand, NmtState, after_error, target_of
 from protocol.objects import HISTORY_DEPTH, key_of
 from protocol.pdo import ProcessData
 from protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 from protocol.sdo_server import SdoServer
+from protocol.sync import SyncConsumer
 
 MICROSTEP_SETTINGS = (1, 2, 8, 16)
 """TB6560AHQ datasheet (2014-10-01), page 9: the excitation modes that M1 and M2 select."""
@@ -72,6 +74,7 @@ class AxisNode:
         self.routes_changed = True
         """Whether the COB-IDs that this node listens to may have changed."""
         self._sdo = SdoServer(self.dictionary)
+        self._sync = SyncConsumer(self.dictionary)
         self._heartbeat = HeartbeatProducer()
         self._emergency = EmergencyProducer()
         self._heartbeat_consumer = HeartbeatConsumer(self.dictionary)
@@ -171,15 +174,22 @@ class AxisNode:
         if self._touched:  # most frames are PVT records, which change nothing that is sent at once
             self._settle()
 
-    def on_sync(self, now_us: int) -> None:
+    def on_sync(self, data: bytes, now_us: int) -> None:
         """Apply latched RPDOs, then send the TPDOs whose turn it is."""
         if self.nmt_state is not NmtState.OPERATIONAL:
             return
         self._now_us = now_us
+        counter = self._sync.counter_of(data)
+        if counter is None:
+            self._report(ErrorCode.SYNC_LENGTH, len(data))
+            self._settle()
+            return
+        if self._emergency.register:
+            self._resolve(lambda code, _: code is ErrorCode.SYNC_LENGTH)
         for receive_pdo in self.process_data.receive_pdos:
             receive_pdo.on_sync()
         for transmit_pdo in self.process_data.transmit_pdos:
-            frame = transmit_pdo.on_sync() if transmit_pdo.exists else None
+            frame = transmit_pdo.on_sync(counter) if transmit_pdo.exists else None
             if frame:
                 self.outbox.append(frame)
         self._settle()
@@ -353,6 +363,7 @@ class AxisNode:
         read[key_of(0x606C)] = self._velocity_units_per_s
         read[key_of(0x60F4)] = self._following_error_units
         write[key_of(0x1003)] = lambda _: self._emergency.history.clear()
+        write[key_of(0x1014)] = lambda cob_id: check_cob_id(self.dictionary.get(0x1014), cob_id)
         write[key_of(0x1015)] = self._write_emergency_inhibit
         write[key_of(0x1017)] = lambda period_ms: self._heartbeat.set_period(period_ms * 1000, self._now_us)
         write[key_of(0x6040)] = self._write_controlword
@@ -452,8 +463,9 @@ class AxisNode:
             self.outbox.append(Frame(COB_HEARTBEAT + self.node_id, bytes((self.nmt_state,))))
         if self.nmt_state is not NmtState.STOPPED:
             payload = self._emergency.poll(now_us)
-            if payload:
-                self.outbox.append(Frame(COB_EMCY + self.node_id, payload))
+            cob_id = self.dictionary.get(0x1014)
+            if payload and not cob_id & COB_ID_INVALID:
+                self.outbox.append(Frame(cob_id, payload))
         if self.nmt_state is NmtState.OPERATIONAL:
             for pdo in self.process_data.transmit_pdos:
                 frame = pdo.poll(now_us) if pdo.exists else None

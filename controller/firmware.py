@@ -78,7 +78,7 @@ class Firmware:
             return
         if frame.cob_id == COB_SYNC:
             for node in self.nodes:
-                node.on_sync(now_us)
+                node.on_sync(frame.data, now_us)
                 self._collect(node, now_counts)
             return
         listeners = self._routes.get(frame.cob_id)

@@ -111,6 +111,7 @@ class ErrorCode(IntEnum):
     HEARTBEAT_LOST = 0x8130
     PDO_TOO_SHORT = 0x8210
     PDO_TOO_LONG = 0x8220
+    SYNC_LENGTH = 0x8240
     PVT_UNDERRUN = 0xFF01
     GROUP_STOPPED = 0xFF02
     """Another axis of the group has a fault; this one stopped with it."""

@@ -192,11 +192,12 @@ def _tpdo_objects() -> list[Object]:
         name = f"TPDO{i + 1}"
         cob_id = COB_TPDO[i] | COB_ID_NO_RTR | (0 if enabled else COB_ID_INVALID)
         communication = {
-            0: Entry("Highest sub-index supported", U8, CONST, 5),
+            0: Entry("Highest sub-index supported", U8, CONST, 6),
             1: Entry("COB-ID", U32, RW, cob_id, plus_node_id=True),
             2: Entry("Transmission type", U8, RW, transmission),
             3: Entry("Inhibit time in 100 us", U16, RW, inhibit),
             5: Entry("Event timer in ms", U16, RW, event_timer),
+            6: Entry("SYNC start value", U8, RW, 0, 0, 240),
         }
         objects += [
             Object(0x1800 + i, f"{name} communication parameter", Kind.RECORD, communication),
@@ -222,10 +223,11 @@ _COMMUNICATION = [
         kind=Kind.ARRAY,
     ),
     _variable(0x1005, "COB-ID SYNC", U32, CONST, COB_SYNC),
+    _variable(0x1006, "Communication cycle period in us", U32, RW),
     _variable(0x1008, "Manufacturer device name", STRING, CONST, "StepTwin TB6560 axis (SIMULATED)"),
     _variable(0x1009, "Manufacturer hardware version", STRING, CONST, "STM32F103 + TB6560"),
     _variable(0x100A, "Manufacturer software version", STRING, CONST, "0.1.0"),
-    _variable(0x1014, "COB-ID EMCY", U32, CONST, COB_EMCY, plus_node_id=True),
+    _variable(0x1014, "COB-ID EMCY", U32, RW, COB_EMCY, plus_node_id=True),
     _variable(0x1015, "Inhibit time EMCY in 100 us", U16, RW),
     _array(
         0x1016,
@@ -244,6 +246,7 @@ _COMMUNICATION = [
         Entry("Revision number", U32, CONST, 0x0001_0000),
         Entry("Serial number", U32, CONST, 0),
     ),
+    _variable(0x1019, "Synchronous counter overflow value", U8, RW, low=0, high=240),
     _array(0x1029, "Error behaviour", Entry("Communication error", U8, RW, ErrorBehaviour.PRE_OPERATIONAL, 0, 2)),
 ]
 
