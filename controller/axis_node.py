@@ -156,8 +156,7 @@ class AxisNode:
         if self.nmt_state is NmtState.STOPPED:
             return
         self._now_us = now_us
-        response = self._sdo.handle(data)
-        if response is not None:
+        for response in self._sdo.handle(data):
             self.outbox.append(Frame(COB_SDO_RESPONSE + self.node_id, response))
         self._settle()
 

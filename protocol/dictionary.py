@@ -84,15 +84,23 @@ class ObjectDictionary:
         Raises:
             SdoAbortError: no such object or sub-index, read-only, wrong length, out of range, or refused.
         """
-        entry = self._entry(index, subindex)
-        if entry.access not in (Access.READ_WRITE, Access.WRITE_ONLY):
-            raise SdoAbortError(AbortCode.READ_ONLY)
-        size = entry.data_type.size
+        size = self.size_to_write(index, subindex)
         if len(data) > size:
             raise SdoAbortError(AbortCode.LENGTH_TOO_HIGH)
         if len(data) < size:
             raise SdoAbortError(AbortCode.LENGTH_TOO_LOW)
-        self.put(key_of(index, subindex), decode(entry.data_type, data))
+        self.put(key_of(index, subindex), decode(self._entry(index, subindex).data_type, data))
+
+    def size_to_write(self, index: int, subindex: int) -> int:
+        """How many bytes an entry takes.
+
+        Raises:
+            SdoAbortError: no such object or sub-index, or it is read-only.
+        """
+        entry = self._entry(index, subindex)
+        if entry.access not in (Access.READ_WRITE, Access.WRITE_ONLY):
+            raise SdoAbortError(AbortCode.READ_ONLY)
+        return entry.data_type.size
 
     def _entry(self, index: int, subindex: int) -> Entry:
         entry = self.entries.get(key_of(index, subindex))
