@@ -13,7 +13,7 @@ from protocol.abort import AbortCode, SdoAbortError
 from protocol.cia402 import AbortConnection, ErrorCode, State, Status
 from protocol.cob_id import check_cob_id
 from protocol.datatypes import DataType
-from protocol.dictionary import ObjectDictionary
+from protocol.dictionary import FlashPage, ObjectDictionary
 from protocol.emergency import EmergencyProducer
 from protocol.frame import COB_HEARTBEAT, COB_ID_INVALID, COB_SDO_RESPONSE, Frame
 from protocol.heartbeat_consumer import HeartbeatConsumer
@@ -22,6 +22,7 @@ from protocol.objects import HISTORY_DEPTH, key_of
 from protocol.pdo import ProcessData
 from protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 from protocol.sdo_server import SdoServer
+from protocol.storage import ParameterStorage
 from protocol.sync import SyncConsumer
 
 MICROSTEP_SETTINGS = (1, 2, 8, 16)
@@ -50,7 +51,7 @@ _STEP_CONFIG_KEYS = (
 class AxisNode:
     """The firmware of one axis. Every call that depends on time is told the time; frames leave by `outbox`."""
 
-    def __init__(self, node_id: int, axis: int, motion: Motion) -> None:
+    def __init__(self, node_id: int, axis: int, motion: Motion, flash_page: FlashPage) -> None:
         self.node_id = node_id
         self.axis = axis
         self.nmt_state = NmtState.INITIALISING
@@ -62,7 +63,7 @@ class AxisNode:
         self.outbox: list[Frame] = []
         self.due_us: int | None = None
         """When `poll` wants to be called next."""
-        self.dictionary = ObjectDictionary(node_id)
+        self.dictionary = ObjectDictionary(node_id, stored=flash_page)
         self.process_data = ProcessData(self.dictionary)
         self._motion = motion
         self._now_us = 0
@@ -96,6 +97,7 @@ class AxisNode:
         }
         self._mode_number = int(cia402.Mode.NONE)
         self._install_hooks()
+        ParameterStorage(self.dictionary, flash_page, busy=self._board_moves)
 
     # --- power-up and network management
 
@@ -127,7 +129,7 @@ class AxisNode:
     def _reset_application(self) -> None:
         """Lose everything that a power cycle would lose but the axis' position."""
         self._motion.flush(self.axis)
-        self.dictionary.restore_defaults(0x2000)
+        self.dictionary.reset(0x2000)
         self._motion.configure(self.axis, self._step_config())
         self._emergency.forget()
         self._controlword = 0
@@ -137,10 +139,10 @@ class AxisNode:
         self._enter(State.SWITCH_ON_DISABLED)
 
     def _reset_communication(self) -> None:
-        self.dictionary.restore_defaults(0x1000, 0x1FFF)
+        self.dictionary.reset(0x1000, 0x1FFF)
         self._sdo.reset()
-        self._heartbeat.set_period(0, self._now_us)
-        self._emergency.inhibit = 0
+        self._heartbeat.set_period(self.dictionary.get(0x1017) * 1000, self._now_us)
+        self._emergency.inhibit = self.dictionary.get(0x1015)
         self._emergency.reset_communication()
         self._heartbeat_consumer.restart()
         self.connection_lost = False
@@ -378,6 +380,10 @@ class AxisNode:
 
     def _write_emergency_inhibit(self, inhibit: int) -> None:
         self._emergency.inhibit = inhibit
+
+    def _board_moves(self) -> bool:
+        """An STM32F103 halts while it writes its flash: no axis may want steps then."""
+        return any(self._motion.running(axis) for axis in range(self._motion.axis_count))
 
     def _switch_outputs(self, physical: int, mask: int) -> None:
         """In any drive state, and no state or fault switches them back: a gripper must not drop its load."""

@@ -14,6 +14,7 @@ from controller.backend import Kernel
 from controller.kernel import TICK_COUNTS
 from controller.motion import COUNTS_PER_US, Event, Motion
 from protocol.cia402 import DigitalOutput, ErrorCode
+from protocol.dictionary import FlashPage
 from protocol.frame import COB_HEARTBEAT, COB_ID_MASK, COB_NMT, COB_SDO_REQUEST, COB_SYNC, FIRST_NODE_ID, Frame
 from protocol.nmt import command_for
 
@@ -48,11 +49,13 @@ class PinChange(NamedTuple):
 class Firmware:
     """Everything that runs on the board's microcontroller."""
 
-    def __init__(self, kernel: Kernel, axis_count: int) -> None:
+    def __init__(self, kernel: Kernel, axis_count: int, flash: list[FlashPage] | None = None) -> None:
+        """`flash` has a page for each axis, which is read at boot and written when the host stores parameters."""
         if not 1 <= axis_count <= AXES_MAX:
             raise ValueError(f"a board has 1 to {AXES_MAX} axes, not {axis_count}")
         self.motion = Motion(kernel, axis_count)
-        self.nodes = tuple(AxisNode(FIRST_NODE_ID + axis, axis, self.motion) for axis in range(axis_count))
+        pages: list[FlashPage] = [{} for _ in range(axis_count)] if flash is None else flash
+        self.nodes = tuple(AxisNode(FIRST_NODE_ID + axis, axis, self.motion, page) for axis, page in enumerate(pages))
         self.dropped_frames = 0
         """Frames that were for nobody here or malformed."""
         self._frames: list[Frame] = []

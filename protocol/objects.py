@@ -121,6 +121,9 @@ IDENTITY_DEVICE_TYPE = 0x0004_0192
 PDO_COUNT = 4
 PDO_ENTRIES_MAX = 8
 HISTORY_DEPTH = 8
+PARAMETER_GROUPS = {1: (0x1000, 0xFFFF), 2: (0x1000, 0x1FFF), 3: (0x6000, 0x9FFF), 4: (0x2000, 0x5FFF)}
+"""First and last index of what each sub-index of 0x1010 and 0x1011 stores and restores."""
+_PARAMETER_GROUP_NAMES = ("all parameters", "communication parameters", "application parameters", "board parameters")
 HEARTBEAT_PRODUCERS_MAX = 4
 
 PULSE_NS_MIN = 4_000
@@ -227,6 +230,12 @@ _COMMUNICATION = [
     _variable(0x1008, "Manufacturer device name", STRING, CONST, "StepTwin TB6560 axis (SIMULATED)"),
     _variable(0x1009, "Manufacturer hardware version", STRING, CONST, "STM32F103 + TB6560"),
     _variable(0x100A, "Manufacturer software version", STRING, CONST, "0.1.0"),
+    _array(0x1010, "Store parameters", *[Entry(f"Save {name}", U32, RW, 1) for name in _PARAMETER_GROUP_NAMES]),
+    _array(
+        0x1011,
+        "Restore default parameters",
+        *[Entry(f"Restore {name}", U32, RW, 1) for name in _PARAMETER_GROUP_NAMES],
+    ),
     _variable(0x1014, "COB-ID EMCY", U32, RW, COB_EMCY, plus_node_id=True),
     _variable(0x1015, "Inhibit time EMCY in 100 us", U16, RW),
     _array(
