@@ -10,7 +10,7 @@ from controller.modes import Mode, NoMode
 from controller.motion import STOP_MAX_MS, Motion, StepConfig
 from protocol import cia402
 from protocol.abort import AbortCode, SdoAbortError
-from protocol.cia402 import AbortConnection, ErrorCode, State, Status
+from protocol.cia402 import AbortConnection, Control, ErrorCode, State, Status
 from protocol.cob_id import check_cob_id
 from protocol.datatypes import DataType
 from protocol.dictionary import FlashPage, ObjectDictionary
@@ -253,6 +253,11 @@ class AxisNode:
             self._mode.finished()
         self._settle()
 
+    def time_scaled(self, now_us: int) -> None:
+        """The group's time halts, has come to rest or goes on: report what that changes."""
+        self._now_us = now_us
+        self._settle()
+
     def stop_ms(self) -> int:
         """How long the quick-stop ramp 0x6085 takes from the present velocity: at least 1 ms, at most what fits."""
         velocity = abs(self._motion.velocity(self.axis))
@@ -342,7 +347,7 @@ class AxisNode:
         word = self.state.bits | Status.VOLTAGE_ENABLED
         if self.nmt_state is NmtState.OPERATIONAL:
             word |= Status.REMOTE
-        if not self._motion.running(self.axis):
+        if not self._motion.running(self.axis) or self._motion.halted(self.axis):
             word |= Status.TARGET_REACHED
         if self.state is State.OPERATION_ENABLED:
             word |= self._mode.status_bits()
@@ -444,7 +449,9 @@ class AxisNode:
         if self.process_data.refresh(self._now_us) or self._heartbeat_consumer.changed:
             self._heartbeat_consumer.changed = False
             self.routes_changed = True
-        self.interpolation.ready = self.state is State.OPERATION_ENABLED and self._mode is self.interpolation
+        interpolating = self._mode is self.interpolation
+        self.interpolation.ready = interpolating and self.state is State.OPERATION_ENABLED
+        self._motion.group.hold(self.axis, hold=interpolating and bool(self._controlword & Control.HALT))
         statusword = self.statusword()
         if statusword != self._statusword:
             self._statusword = statusword

@@ -47,7 +47,11 @@ class PinChange(NamedTuple):
 
 
 class Firmware:
-    """Everything that runs on the board's microcontroller."""
+    """Everything that runs on the board's microcontroller.
+
+    The axes that interpolate are one group. It is halted while bit 8 is set in the controlword of any axis whose mode
+    is interpolated position, whatever that axis' drive does: neither its end nor its fault sets the others going.
+    """
 
     def __init__(self, kernel: Kernel, axis_count: int, flash: list[FlashPage] | None = None) -> None:
         """`flash` has a page for each axis, which is read at boot and written when the host stores parameters."""
@@ -75,6 +79,10 @@ class Firmware:
 
     def receive(self, frame: Frame, now_counts: int) -> None:
         """Take one frame from the bus; whatever it holds, it never raises."""
+        self._deliver(frame, now_counts)
+        self._tend_halt(now_counts)
+
+    def _deliver(self, frame: Frame, now_counts: int) -> None:
         now_us = now_counts // COUNTS_PER_US
         if frame.cob_id == COB_NMT:
             self._on_nmt(frame.data, now_counts)
@@ -157,14 +165,27 @@ class Firmware:
         faults = {
             axis: ErrorCode.PVT_UNDERRUN if event is Event.UNDERRUN else ErrorCode.LATE_STEP
             for axis, event in events
-            if event is not Event.FINISHED
+            if event in (Event.UNDERRUN, Event.LATE_STEP)
         }
         if faults:
             self._stop_group(faults, now_us)
         for axis, event in events:
             if event is Event.FINISHED:
                 self.nodes[axis].finished(now_us)
+            elif event is Event.HALTED:
+                self.nodes[axis].time_scaled(now_us)
         for node in self.nodes:
+            self._collect(node, now_counts)
+        self._tend_halt(now_counts)
+
+    def _tend_halt(self, now_counts: int) -> None:
+        """Halt the group or let it go on, if that is asked for after all that one frame or instant has changed."""
+        group = self.motion.group
+        if group.halted == group.halt_wanted:
+            return
+        self.motion.ramp_group([node.dictionary.get(0x6085) for node in self.nodes])
+        for node in self.nodes:
+            node.time_scaled(now_counts // COUNTS_PER_US)
             self._collect(node, now_counts)
 
     def _abort_connections(self, now_counts: int) -> None:

@@ -114,8 +114,11 @@ class Interpolation:
     # --- the mode
 
     def control(self, controlword: int, previous: int) -> None:
-        """Start the queue in the next tick when the enable bit rises; stop it when that falls or halt is set."""
-        enabled = controlword & Control.START and not controlword & Control.HALT
+        """Start the queue in the next tick when the enable bit rises; stop it when that falls.
+
+        The halt bit is the group's (see `Firmware`): what is started during a halt rests at its first record's start.
+        """
+        enabled = controlword & Control.START
         if self._running and not enabled:
             self._ramp_down()
         elif enabled and not previous & Control.START and self._start():
@@ -125,7 +128,7 @@ class Interpolation:
 
     def _start(self) -> bool:
         """Begin with the first record, unless a ramp is still bringing the axis to rest."""
-        return not self._motion.running(self._axis) and self._motion.start(self._axis)
+        return not self._motion.running(self._axis) and self._motion.start(self._axis, in_group=True)
 
     def finished(self) -> None:
         """The queue ran out at rest."""

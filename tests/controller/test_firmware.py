@@ -557,10 +557,9 @@ class TestStops:
         assert state(board) is State.SWITCH_ON_DISABLED
         assert abs(board.value(0x60F4)) <= 0.57 * STEP
 
-    @pytest.mark.parametrize("controlword", [0x0F, 0x11F], ids=["enable bit cleared", "halt"])
-    def test_interpolation_is_stopped_by_its_bits(self, board: BenchBoard, controlword: int) -> None:
+    def test_interpolation_is_stopped_by_its_enable_bit(self, board: BenchBoard) -> None:
         self.moving(board)
-        board.write(0x6040, 0, controlword)
+        board.write(0x6040, 0, 0x0F)
         board.wait(110)
         assert state(board) is State.OPERATION_ENABLED
         assert not board.firmware.motion.running(0)
