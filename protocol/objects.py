@@ -242,7 +242,7 @@ _COMMUNICATION = [
         0x1016,
         "Consumer heartbeat time",
         *[
-            Entry(f"Producer {i}: node id << 16 | time in ms", U32, RW, 0, 0, 0x00FF_FFFF)
+            Entry(f"Producer {i}: node id in bits 16 to 23, time in ms in bits 0 to 15", U32, RW, 0, 0, 0x00FF_FFFF)
             for i in range(1, HEARTBEAT_PRODUCERS_MAX + 1)
         ],
     ),

@@ -179,3 +179,17 @@ def test_a_communication_reset_ends_the_watch(pair: BenchBoard) -> None:
     pair.wait(100)
     assert errors(pair, 0) == []
     assert pair.value(0x1016, 1) == 0
+
+
+def test_a_halted_machine_whose_host_is_lost_ends_in_fault(pair: BenchBoard) -> None:
+    """Trajectory time stands still then; the fault must not wait for a resume that never comes."""
+    watch_host(pair, 0, 1, timeout_ms=500)
+    moving(pair)
+    beat(pair)
+    for axis in (0, 1):
+        pair.write(0x6040, 0, 0x11F, axis)
+    pair.wait(499)
+    assert states(pair) == [State.OPERATION_ENABLED] * 2
+    pair.wait(250)
+    assert states(pair) == [State.FAULT] * 2
+    assert not pair.firmware.motion.running(0)
