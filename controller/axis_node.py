@@ -1,5 +1,6 @@
 """One axis as a CANopen node: joins the protocol services, the drive's state machine, its modes and its motion."""
 
+from collections.abc import Callable
 from functools import partial
 
 from controller.drive import ENERGISED, next_state
@@ -12,19 +13,32 @@ from controller.profile_position import ProfilePosition
 from controller.profile_velocity import ProfileVelocity
 from protocol import cia402
 from protocol.abort import AbortCode, SdoAbortError
-from protocol.cia402 import Control, ErrorCode, State, Status
+from protocol.cia402 import AbortConnection, Control, ErrorCode, State, Status
+from protocol.cob_id import check_cob_id
 from protocol.datatypes import DataType
-from protocol.dictionary import ObjectDictionary
+from protocol.dictionary import FlashPage, ObjectDictionary
 from protocol.emergency import EmergencyProducer
-from protocol.frame import COB_EMCY, COB_HEARTBEAT, COB_SDO_RESPONSE, Frame
-from protocol.nmt import HeartbeatProducer, NmtCommand, NmtState, target_of
+from protocol.frame import COB_HEARTBEAT, COB_ID_INVALID, COB_SDO_RESPONSE, Frame
+from protocol.heartbeat_consumer import HeartbeatConsumer
+from protocol.nmt import HeartbeatProducer, NmtCommand, NmtState, after_error, target_of
 from protocol.objects import HISTORY_DEPTH, key_of
 from protocol.pdo import ProcessData
 from protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 from protocol.sdo_server import SdoServer
+from protocol.storage import ParameterStorage
+from protocol.sync import SyncConsumer
 
 MICROSTEP_SETTINGS = (1, 2, 8, 16)
 """TB6560AHQ datasheet (2014-10-01), page 9: the excitation modes that M1 and M2 select."""
+
+_ABORT_CONTROLWORDS = {
+    AbortConnection.DISABLE_VOLTAGE: cia402.DISABLE_VOLTAGE,
+    AbortConnection.QUICK_STOP: cia402.QUICK_STOP,
+}
+"""What the drive obeys in place of its lost host."""
+
+_FAULT_STATES = (State.FAULT_REACTION_ACTIVE, State.FAULT)
+_PDO_LENGTH_ERRORS = (ErrorCode.PDO_TOO_SHORT, ErrorCode.PDO_TOO_LONG)
 
 _STEP_CONFIG_KEYS = (
     key_of(0x2000, 1),
@@ -40,7 +54,7 @@ _STEP_CONFIG_KEYS = (
 class AxisNode:
     """The firmware of one axis. Every call that depends on time is told the time; frames leave by `outbox`."""
 
-    def __init__(self, node_id: int, axis: int, motion: Motion) -> None:
+    def __init__(self, node_id: int, axis: int, motion: Motion, flash_page: FlashPage) -> None:
         self.node_id = node_id
         self.axis = axis
         self.nmt_state = NmtState.INITIALISING
@@ -52,7 +66,7 @@ class AxisNode:
         self.outbox: list[Frame] = []
         self.due_us: int | None = None
         """When `poll` wants to be called next."""
-        self.dictionary = ObjectDictionary(node_id)
+        self.dictionary = ObjectDictionary(node_id, stored=flash_page)
         self.process_data = ProcessData(self.dictionary)
         self._motion = motion
         self._now_us = 0
@@ -64,13 +78,18 @@ class AxisNode:
         self.routes_changed = True
         """Whether the COB-IDs that this node listens to may have changed."""
         self._sdo = SdoServer(self.dictionary)
+        self._sync = SyncConsumer(self.dictionary)
         self._heartbeat = HeartbeatProducer()
         self._emergency = EmergencyProducer()
+        self._heartbeat_consumer = HeartbeatConsumer(self.dictionary)
+        self.connection_lost = False
+        """Whether a node that this one listens to has just been lost: `abort_connection` answers it."""
         self.interpolation = Interpolation(
             axis,
             motion,
             self.dictionary,
             report=self._report,
+            resolved=lambda gone: self._resolve(lambda code, _: code is gone),
             status_changed=self._pvt_status_changed,
             ramp_down=self._ramp_down,
         )
@@ -92,6 +111,7 @@ class AxisNode:
         }
         self._mode_number = int(cia402.Mode.NONE)
         self._install_hooks()
+        ParameterStorage(self.dictionary, flash_page, busy=self._board_moves)
 
     # --- power-up and network management
 
@@ -110,16 +130,20 @@ class AxisNode:
         target = target_of(command)
         if target is NmtState.INITIALISING:
             self._reset_communication()
-        elif target is not self.nmt_state:
+        else:
+            self._change_nmt_state(target)
+        self._settle()
+
+    def _change_nmt_state(self, target: NmtState) -> None:
+        if target is not self.nmt_state:
             self.nmt_state = target
             self.process_data.configurable = target is NmtState.PRE_OPERATIONAL
             self.process_data.invalidate()
-        self._settle()
 
     def _reset_application(self) -> None:
         """Lose everything that a power cycle would lose but the axis' position."""
         self._motion.flush(self.axis)
-        self.dictionary.restore_defaults(0x2000)
+        self.dictionary.reset(0x2000)
         self._motion.configure(self.axis, self._step_config())
         self._emergency.forget()
         self._controlword = 0
@@ -130,11 +154,13 @@ class AxisNode:
         self._enter(State.SWITCH_ON_DISABLED)
 
     def _reset_communication(self) -> None:
-        self.dictionary.restore_defaults(0x1000, 0x1FFF)
+        self.dictionary.reset(0x1000, 0x1FFF)
         self._sdo.reset()
-        self._heartbeat.set_period(0, self._now_us)
-        self._emergency.inhibit = 0
-        self._emergency.drop_waiting()
+        self._heartbeat.set_period(self.dictionary.get(0x1017) * 1000, self._now_us)
+        self._emergency.inhibit = self.dictionary.get(0x1015)
+        self._emergency.reset_communication()
+        self._heartbeat_consumer.restart()
+        self.connection_lost = False
         self.nmt_state = NmtState.PRE_OPERATIONAL
         self.process_data.configurable = True
         self.process_data.invalidate()
@@ -147,8 +173,7 @@ class AxisNode:
         if self.nmt_state is NmtState.STOPPED:
             return
         self._now_us = now_us
-        response = self._sdo.handle(data)
-        if response is not None:
+        for response in self._sdo.handle(data):
             self.outbox.append(Frame(COB_SDO_RESPONSE + self.node_id, response))
         self._settle()
 
@@ -160,20 +185,72 @@ class AxisNode:
         error = self.process_data.receive_pdos[number].receive(data)
         if error:
             self._report(error, number + 1)
+        elif self._emergency.register:
+            self._resolve(lambda code, detail: code in _PDO_LENGTH_ERRORS and detail == number + 1)
         if self._touched:  # most frames are PVT records, which change nothing that is sent at once
             self._settle()
 
-    def on_sync(self, now_us: int) -> None:
+    def on_sync(self, data: bytes, now_us: int) -> None:
         """Apply latched RPDOs, then send the TPDOs whose turn it is."""
         if self.nmt_state is not NmtState.OPERATIONAL:
             return
         self._now_us = now_us
+        counter = self._sync.counter_of(data)
+        if counter is None:
+            self._report(ErrorCode.SYNC_LENGTH, len(data))
+            self._settle()
+            return
+        if self._emergency.register:
+            self._resolve(lambda code, _: code is ErrorCode.SYNC_LENGTH)
         for receive_pdo in self.process_data.receive_pdos:
             receive_pdo.on_sync()
         for transmit_pdo in self.process_data.transmit_pdos:
-            frame = transmit_pdo.on_sync() if transmit_pdo.exists else None
+            frame = transmit_pdo.on_sync(counter) if transmit_pdo.exists else None
             if frame:
                 self.outbox.append(frame)
+        self._settle()
+
+    @property
+    def heartbeat_producers(self) -> list[int]:
+        """The node ids whose heartbeats this node wants to hear."""
+        return self._heartbeat_consumer.producers
+
+    def on_heartbeat(self, producer_id: int, data: bytes, now_us: int) -> None:
+        """Hear another node's heartbeat, in every state; a lost one that is back is an error less.
+
+        While the drive is in fault the error stays: it goes with the fault reset.
+        """
+        self._now_us = now_us
+        if self._heartbeat_consumer.receive(producer_id, data, now_us) and self.state not in _FAULT_STATES:
+            self._resolve(self._is_over)
+        self._settle()
+
+    # --- a lost host
+
+    def _watch_connection(self) -> None:
+        """Report the producers that have fallen silent."""
+        for producer_id in self._heartbeat_consumer.poll(self._now_us):
+            self._report(ErrorCode.HEARTBEAT_LOST, producer_id)
+            self.connection_lost = True
+
+    @property
+    def signals_lost_connection(self) -> bool:
+        """Whether a lost connection is a fault of the drive, by 0x6007."""
+        return self.dictionary.get(0x6007) == AbortConnection.FAULT_SIGNAL
+
+    def abort_connection(self, now_us: int) -> None:
+        """Do what the host would have done last, by 0x6007, and leave OPERATIONAL, by 0x1029.
+
+        A fault that is to be signalled is the firmware's to begin: it may concern the whole group.
+        """
+        self._now_us = now_us
+        self.connection_lost = False
+        controlword = _ABORT_CONTROLWORDS.get(AbortConnection(self.dictionary.get(0x6007)))
+        if controlword is not None:
+            target = next_state(self.state, controlword, self._controlword)
+            if target is not (self._after_stop or self.state):
+                self._leave_for(target)
+        self._change_nmt_state(after_error(self.nmt_state, self.dictionary.get(0x1029, 1)))
         self._settle()
 
     # --- motion's news
@@ -211,7 +288,8 @@ class AxisNode:
         if self.state is State.FAULT_REACTION_ACTIVE or not self.energised:
             return
         self._set_error(code)
-        self._report(code, 0)
+        if not self._emergency.is_active(code):
+            self._report(code, 0)
         moving = self._motion.running(self.axis) or self._motion.velocity(self.axis) != 0
         if code is ErrorCode.PVT_UNDERRUN:
             self.interpolation.underrun()
@@ -243,7 +321,7 @@ class AxisNode:
         """Change state by command: a moving axis ramps down first, unless its voltage is to be cut."""
         if self.state is State.FAULT:
             self._set_error(ErrorCode.NONE)
-            self._emergency.clear()
+            self._resolve(self._is_over)
         if self._motion.running(self.axis):
             if target is State.SWITCH_ON_DISABLED:
                 self._motion.flush(self.axis)
@@ -309,6 +387,7 @@ class AxisNode:
         read[key_of(0x606C)] = self._velocity_units_per_s
         read[key_of(0x60F4)] = self._following_error_units
         write[key_of(0x1003)] = lambda _: self._emergency.history.clear()
+        write[key_of(0x1014)] = lambda cob_id: check_cob_id(self.dictionary.get(0x1014), cob_id)
         write[key_of(0x1015)] = self._write_emergency_inhibit
         write[key_of(0x1017)] = lambda period_ms: self._heartbeat.set_period(period_ms * 1000, self._now_us)
         write[key_of(0x6040)] = self._write_controlword
@@ -338,6 +417,10 @@ class AxisNode:
 
     def _write_emergency_inhibit(self, inhibit: int) -> None:
         self._emergency.inhibit = inhibit
+
+    def _board_moves(self) -> bool:
+        """An STM32F103 halts while it writes its flash: no axis may want steps then."""
+        return any(self._motion.running(axis) for axis in range(self._motion.axis_count))
 
     def _switch_outputs(self, physical: int, mask: int) -> None:
         """In any drive state, and no state or fault switches them back: a gripper must not drop its load."""
@@ -383,9 +466,20 @@ class AxisNode:
         self._touched = True
         self._emergency.raise_error(code, detail)
 
+    def _resolve(self, gone: Callable[[ErrorCode, int], bool]) -> None:
+        self._touched = True
+        self._emergency.resolve(gone)
+
+    def _is_over(self, code: ErrorCode, detail: int) -> bool:
+        """Whether an active error has no cause any more once the drive is out of its fault."""
+        if code is ErrorCode.HEARTBEAT_LOST:
+            return detail not in self._heartbeat_consumer.lost
+        return not code.communication
+
     def _settle(self) -> None:
         """After anything that happened: note changed values, then find out when to send."""
-        if self.process_data.refresh(self._now_us):
+        if self.process_data.refresh(self._now_us) or self._heartbeat_consumer.changed:
+            self._heartbeat_consumer.changed = False
             self.routes_changed = True
         interpolating = self._mode is self.interpolation
         self.interpolation.ready = interpolating and self.state is State.OPERATION_ENABLED
@@ -398,7 +492,7 @@ class AxisNode:
         self._touched = False
 
     def _schedule(self) -> None:
-        dues = [self._heartbeat.due_us, self._feed.due_us]
+        dues = [self._heartbeat.due_us, self._heartbeat_consumer.due_us, self._feed.due_us]
         if self.nmt_state is not NmtState.STOPPED:
             dues.append(self._emergency.due_us)
         if self.nmt_state is NmtState.OPERATIONAL:
@@ -408,6 +502,7 @@ class AxisNode:
     def poll(self, now_us: int) -> None:
         """Do what is due: fill the queue of a profile, send heartbeat, emergencies, event-driven TPDOs."""
         self._now_us = now_us
+        self._watch_connection()
         if self._feed.due_us is not None and self._feed.due_us <= now_us:
             self._feed.fill()
             self._settle()
@@ -415,8 +510,9 @@ class AxisNode:
             self.outbox.append(Frame(COB_HEARTBEAT + self.node_id, bytes((self.nmt_state,))))
         if self.nmt_state is not NmtState.STOPPED:
             payload = self._emergency.poll(now_us)
-            if payload:
-                self.outbox.append(Frame(COB_EMCY + self.node_id, payload))
+            cob_id = self.dictionary.get(0x1014)
+            if payload and not cob_id & COB_ID_INVALID:
+                self.outbox.append(Frame(cob_id, payload))
         if self.nmt_state is NmtState.OPERATIONAL:
             for pdo in self.process_data.transmit_pdos:
                 frame = pdo.poll(now_us) if pdo.exists else None

@@ -6,6 +6,7 @@ is fetched: frames by `take_frames`, pin changes by `take_pins`, pulse edges by 
 
 from collections.abc import Callable
 from enum import Enum
+from functools import partial
 from typing import NamedTuple
 
 from controller.axis_node import AxisNode
@@ -13,7 +14,8 @@ from controller.backend import Kernel
 from controller.kernel import TICK_COUNTS
 from controller.motion import COUNTS_PER_US, Event, Motion
 from protocol.cia402 import DigitalOutput, ErrorCode
-from protocol.frame import COB_ID_MASK, COB_NMT, COB_SDO_REQUEST, COB_SYNC, FIRST_NODE_ID, Frame
+from protocol.dictionary import FlashPage
+from protocol.frame import COB_HEARTBEAT, COB_ID_MASK, COB_NMT, COB_SDO_REQUEST, COB_SYNC, FIRST_NODE_ID, Frame
 from protocol.nmt import command_for
 
 AXES_MAX = 8
@@ -51,11 +53,13 @@ class Firmware:
     is interpolated position, whatever that axis' drive does: neither its end nor its fault sets the others going.
     """
 
-    def __init__(self, kernel: Kernel, axis_count: int) -> None:
+    def __init__(self, kernel: Kernel, axis_count: int, flash: list[FlashPage] | None = None) -> None:
+        """`flash` has a page for each axis, which is read at boot and written when the host stores parameters."""
         if not 1 <= axis_count <= AXES_MAX:
             raise ValueError(f"a board has 1 to {AXES_MAX} axes, not {axis_count}")
         self.motion = Motion(kernel, axis_count)
-        self.nodes = tuple(AxisNode(FIRST_NODE_ID + axis, axis, self.motion) for axis in range(axis_count))
+        pages: list[FlashPage] = [{} for _ in range(axis_count)] if flash is None else flash
+        self.nodes = tuple(AxisNode(FIRST_NODE_ID + axis, axis, self.motion, page) for axis, page in enumerate(pages))
         self.dropped_frames = 0
         """Frames that were for nobody here or malformed."""
         self._frames: list[Frame] = []
@@ -85,7 +89,7 @@ class Firmware:
             return
         if frame.cob_id == COB_SYNC:
             for node in self.nodes:
-                node.on_sync(now_us)
+                node.on_sync(frame.data, now_us)
                 self._collect(node, now_counts)
             return
         listeners = self._routes.get(frame.cob_id)
@@ -114,6 +118,9 @@ class Firmware:
                 if pdo.exists:
                     handler = _rpdo_handler(node, number)
                     self._routes.setdefault(pdo.cob_id & COB_ID_MASK, []).append((node, handler))
+            for producer_id in node.heartbeat_producers:
+                handler = partial(node.on_heartbeat, producer_id)
+                self._routes.setdefault(COB_HEARTBEAT + producer_id, []).append((node, handler))
 
     # --- time forward
 
@@ -141,6 +148,8 @@ class Firmware:
             if node.due_us is not None and node.due_us <= now_us:
                 node.poll(now_us)
                 self._collect(node, now_counts)
+        if any(node.connection_lost for node in self.nodes):
+            self._abort_connections(now_counts)
 
     @property
     def next_due_counts(self) -> int | None:
@@ -177,6 +186,18 @@ class Firmware:
         self.motion.ramp_group([node.dictionary.get(0x6085) for node in self.nodes])
         for node in self.nodes:
             node.time_scaled(now_counts // COUNTS_PER_US)
+            self._collect(node, now_counts)
+
+    def _abort_connections(self, now_counts: int) -> None:
+        """Let the axes that have lost their host react, those with a fault together with their group."""
+        now_us = now_counts // COUNTS_PER_US
+        lost = [node for node in self.nodes if node.connection_lost]
+        for node in lost:
+            node.abort_connection(now_us)
+        faults = {node.axis: ErrorCode.HEARTBEAT_LOST for node in lost if node.signals_lost_connection}
+        if faults:
+            self._stop_group(faults, now_us)
+        for node in self.nodes:
             self._collect(node, now_counts)
 
     def _stop_group(self, faults: dict[int, ErrorCode], now_us: int) -> None:

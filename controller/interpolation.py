@@ -28,6 +28,7 @@ class Interpolation:
         motion: Motion,
         dictionary: ObjectDictionary,
         report: Report,
+        resolved: Callable[[ErrorCode], None],
         status_changed: Callable[[], None],
         ramp_down: Callable[[], None],
     ) -> None:
@@ -35,6 +36,7 @@ class Interpolation:
         self._motion = motion
         self._dictionary = dictionary
         self._report = report
+        self._resolved = resolved
         self._status_changed = status_changed
         self._ramp_down = ramp_down
         self._next_sequence = 0
@@ -105,6 +107,7 @@ class Interpolation:
         """Begin again with sequence number 0 and no flags, open for records."""
         self._next_sequence = 0
         self._sticky = PvtFlag(0)
+        self._resolved(ErrorCode.SEGMENT_REFUSED)
         self.finished()
         self._closed = False
 

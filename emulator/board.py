@@ -9,6 +9,7 @@ from controller.backend import Kernel
 from controller.firmware import OUTPUT_PINS, Firmware, Pin, PinChange
 from controller.motion import PinEdges
 from emulator.tb6560 import Int8Array, Int64Array, Pins, Tb6560, Violations
+from protocol.dictionary import FlashPage
 from protocol.frame import Frame
 
 
@@ -37,9 +38,13 @@ class AxisTrace:
 class Board:
     """One board on the bus. Pulses are computed ahead in batches; the drivers look at them when somebody looks."""
 
-    def __init__(self, config: BoardConfig, kernel: Kernel) -> None:
+    def __init__(self, config: BoardConfig, kernel: Kernel, flash: list[FlashPage] | None = None) -> None:
+        """A board fresh from the factory, or with what another one had in its flash."""
         self.config = config
-        self.firmware = Firmware(kernel, config.axis_count)
+        self.flash: list[FlashPage] = [{} for _ in range(config.axis_count)] if flash is None else flash
+        """What the firmware has stored, a page for each axis: all that outlives the power."""
+        self._kernel = kernel
+        self.firmware = Firmware(kernel, config.axis_count, self.flash)
         self._drivers = [Tb6560(osc_pf) for osc_pf in config.osc_pf]
         self._reset_pins: list[list[PinChange]] = [[] for _ in self._drivers]
         self._pins: list[list[Pins]] = [[] for _ in self._drivers]
@@ -49,6 +54,18 @@ class Board:
     def boot(self, now_counts: int) -> None:
         """Switch the board on."""
         self.firmware.boot(now_counts)
+
+    def power_cycle(self, now_counts: int) -> None:
+        """Switch the supply off and on: all pins fall, the firmware begins anew. Motors and clock stay as they are."""
+        self._take_pins()
+        levels = {(change.axis, change.pin): change.level for change in self.pin_changes}
+        for (axis, pin), level in levels.items():
+            if level:
+                self._note_pin(PinChange(now_counts, axis, pin, 0))
+        self.drain()
+        self.firmware = Firmware(self._kernel, self.config.axis_count, self.flash)
+        self.firmware.advance(now_counts)
+        self.boot(now_counts)
 
     def receive(self, frame: Frame, now_counts: int) -> None:
         """A frame has arrived at the board's CAN controller."""
@@ -77,15 +94,21 @@ class Board:
 
     def drain(self) -> None:
         """Show the drivers all pulses placed so far."""
-        for change in self.firmware.take_pins():
-            self.pin_changes.append(change)
-            if change.pin is Pin.RESET:
-                self._reset_pins[change.axis].append(change)
+        self._take_pins()
         for axis, edges in enumerate(self.firmware.motion.take_edges()):
             pins = _pins(edges, self._reset_pins[axis])
             self._reset_pins[axis] = []
             self._drivers[axis].feed(pins)
             self._pins[axis].append(pins)
+
+    def _take_pins(self) -> None:
+        for change in self.firmware.take_pins():
+            self._note_pin(change)
+
+    def _note_pin(self, change: PinChange) -> None:
+        self.pin_changes.append(change)
+        if change.pin is Pin.RESET:
+            self._reset_pins[change.axis].append(change)
 
     def output_changes(self) -> list[PinChange]:
         """Every change of a digital output so far, in order of time; all outputs are 0 before their first."""

@@ -33,6 +33,11 @@ class Simulation:
         board.boot(0)
         self._submit_board_frames()
 
+    def power_cycle(self) -> None:
+        """Switch the board off and on again; the host and its clock go on."""
+        self.board.power_cycle(self.now_counts)
+        self._submit_board_frames()
+
     @property
     def now_s(self) -> float:
         """Seconds since the board was switched on."""

@@ -96,6 +96,15 @@ class DigitalOutput(IntFlag):
     OUT2 = 1 << 17
 
 
+class AbortConnection(IntEnum):
+    """What a drive does when it has lost its host, object 0x6007 (CiA 402 table 41)."""
+
+    NO_ACTION = 0
+    FAULT_SIGNAL = 1
+    DISABLE_VOLTAGE = 2
+    QUICK_STOP = 3
+
+
 PVT_SUBMODE = -1
 """0x60C0: the manufacturer's interpolation, position-velocity-time records."""
 HOME_HERE = 37
@@ -112,14 +121,21 @@ class ErrorCode(IntEnum):
 
     NONE = 0x0000
     PARAMETER = 0x6320
+    HEARTBEAT_LOST = 0x8130
     PDO_TOO_SHORT = 0x8210
     PDO_TOO_LONG = 0x8220
+    SYNC_LENGTH = 0x8240
     PVT_UNDERRUN = 0xFF01
     GROUP_STOPPED = 0xFF02
     """Another axis of the group has a fault; this one stopped with it."""
     SEGMENT_REFUSED = 0xFF03
     LATE_STEP = 0xFF04
     """A step had to wait for the driver's timing for more than one servo tick."""
+
+    @property
+    def communication(self) -> bool:
+        """Whether it is an error of the bus (0x8xxx), which goes when its cause goes, not by a fault reset."""
+        return self >> 12 == 0x8
 
     @property
     def register(self) -> int:

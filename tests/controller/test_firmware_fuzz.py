@@ -56,6 +56,11 @@ actions = st.one_of(
     write(0x607C, 0, st.integers(-(10**6), 10**6)),
     write(0x60FE, 1, st.sampled_from([0, 1 << 16, 2 << 16, 3 << 16, 0xFFFF_FFFF])),
     write(0x60FE, 2, st.sampled_from([0, 1 << 16, 2 << 16, 3 << 16])),
+    write(0x1016, 1, st.sampled_from([0, 0x7F_0001, 0x7F_0005])),
+    write(0x6007, 0, st.integers(0, 3)),
+    write(0x1029, 1, st.integers(0, 2)),
+    write(0x1010, 1, st.just(int.from_bytes(b"save", "little"))),
+    action(BenchBoard.send, st.just(0x77F), st.just(b"\5")),
     action(BenchBoard.nmt, st.sampled_from([1, 2, 128, 129, 130]), st.sampled_from([0, 0x10, 0x11])),
     action(BenchBoard.wait, st.sampled_from([0.1, 0.25, 1, 7, 30])),
 )
