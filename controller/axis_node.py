@@ -8,6 +8,9 @@ from controller.homing import Homing
 from controller.interpolation import Interpolation
 from controller.modes import Mode, NoMode
 from controller.motion import STOP_MAX_MS, Motion, StepConfig
+from controller.profile_feed import ProfileFeed
+from controller.profile_position import ProfilePosition
+from controller.profile_velocity import ProfileVelocity
 from protocol import cia402
 from protocol.abort import AbortCode, SdoAbortError
 from protocol.cia402 import AbortConnection, Control, ErrorCode, State, Status
@@ -90,8 +93,19 @@ class AxisNode:
             status_changed=self._pvt_status_changed,
             ramp_down=self._ramp_down,
         )
+        self._feed = ProfileFeed(
+            axis,
+            motion,
+            self.dictionary,
+            now_us=lambda: self._now_us,
+            close_records=self.interpolation.close,
+            refused=self._profile_refused,
+        )
+        self._profile_velocity = ProfileVelocity(axis, motion, self.dictionary, self._feed)
         self._modes: dict[int, Mode] = {
-            cia402.Mode.NONE: NoMode(),
+            cia402.Mode.NONE: NoMode(axis, motion),
+            cia402.Mode.PROFILE_POSITION: ProfilePosition(axis, motion, self.dictionary, self._feed),
+            cia402.Mode.PROFILE_VELOCITY: self._profile_velocity,
             cia402.Mode.HOMING: Homing(axis, motion, self.dictionary, self.interpolation.discard),
             cia402.Mode.INTERPOLATED_POSITION: self.interpolation,
         }
@@ -134,6 +148,7 @@ class AxisNode:
         self._emergency.forget()
         self._controlword = 0
         self.outputs = 0
+        self._mode.interrupted()
         self._mode_number = int(cia402.Mode.NONE)
         self.interpolation.restart()
         self._enter(State.SWITCH_ON_DISABLED)
@@ -323,15 +338,14 @@ class AxisNode:
     def _ramp_down(self, stop_ms: int | None = None) -> None:
         """Stop with constant deceleration, by default that of the quick stop; dead where there is no room for it."""
         self._motion.stop(self.axis, self.stop_ms() if stop_ms is None else stop_ms)
-        if self.interpolation.running:
-            self.interpolation.stopped()
+        self._mode.interrupted()
 
     def _enter(self, state: State) -> None:
         self.state = state
         self.energised = state in ENERGISED
         self._after_stop = None
-        if state is not State.OPERATION_ENABLED and self.interpolation.running:
-            self.interpolation.stopped()
+        if state is not State.OPERATION_ENABLED:
+            self._mode.interrupted()
 
     def _write_mode(self, mode: int) -> None:
         if mode not in self._modes:
@@ -339,17 +353,21 @@ class AxisNode:
         if mode != self._mode_number and self._motion.running(self.axis):
             raise SdoAbortError(AbortCode.DEVICE_STATE)
         if mode != self._mode_number:
+            self._mode.interrupted()
             self._mode_number = mode
             self._changed(0x6061)
+            if self.state is State.OPERATION_ENABLED:  # without an edge: only levels count in a mode just entered
+                self._mode.control(self._controlword, self._controlword)
 
     def statusword(self) -> int:
         """Object 0x6041, composed of the state's, the drive's and the mode's bits."""
         word = self.state.bits | Status.VOLTAGE_ENABLED
         if self.nmt_state is NmtState.OPERATIONAL:
             word |= Status.REMOTE
-        if not self._motion.running(self.axis) or self._motion.halted(self.axis):
+        enabled = self.state is State.OPERATION_ENABLED
+        if self._mode.target_reached() if enabled else not self._motion.running(self.axis):
             word |= Status.TARGET_REACHED
-        if self.state is State.OPERATION_ENABLED:
+        if enabled:
             word |= self._mode.status_bits()
         return word
 
@@ -374,14 +392,28 @@ class AxisNode:
         write[key_of(0x1017)] = lambda period_ms: self._heartbeat.set_period(period_ms * 1000, self._now_us)
         write[key_of(0x6040)] = self._write_controlword
         write[key_of(0x6060)] = self._write_mode
+        write[key_of(0x6086)] = self._write_profile_type
         write[key_of(0x60FE, 1)] = lambda physical: self._switch_outputs(physical, self.dictionary.get(0x60FE, 2))
         write[key_of(0x60FE, 2)] = lambda mask: self._switch_outputs(self.dictionary.get(0x60FE, 1), mask)
+        write[key_of(0x60FF)] = self._write_target_velocity
         for key in _STEP_CONFIG_KEYS:
             write[key] = partial(self._write_step_config, key)
 
     def _history(self, position: int) -> int:
         history = self._emergency.history
         return history[position - 1] if position <= len(history) else 0
+
+    def _write_target_velocity(self, units_per_s: int) -> None:
+        self._touched = True
+        self._profile_velocity.write_target(units_per_s)
+
+    def _write_profile_type(self, profile_type: int) -> None:
+        if profile_type not in (cia402.LINEAR_RAMP, cia402.JERK_LIMITED_RAMP):
+            raise SdoAbortError(AbortCode.VALUE_RANGE)
+
+    def _profile_refused(self) -> None:
+        """A profile's segment was refused: it would leave the range of a position."""
+        self.fault(ErrorCode.SEGMENT_REFUSED, self.stop_ms(), self._now_us)
 
     def _write_emergency_inhibit(self, inhibit: int) -> None:
         self._emergency.inhibit = inhibit
@@ -460,7 +492,7 @@ class AxisNode:
         self._touched = False
 
     def _schedule(self) -> None:
-        dues = [self._heartbeat.due_us, self._heartbeat_consumer.due_us]
+        dues = [self._heartbeat.due_us, self._heartbeat_consumer.due_us, self._feed.due_us]
         if self.nmt_state is not NmtState.STOPPED:
             dues.append(self._emergency.due_us)
         if self.nmt_state is NmtState.OPERATIONAL:
@@ -468,8 +500,11 @@ class AxisNode:
         self.due_us = min((due for due in dues if due is not None), default=None)
 
     def poll(self, now_us: int) -> None:
-        """Send what is due: heartbeat, emergencies, event-driven TPDOs."""
+        """Do what is due: fill the queue of a profile, send heartbeat, emergencies, event-driven TPDOs."""
         self._now_us = now_us
+        if self._feed.due_us is not None and self._feed.due_us <= now_us:
+            self._feed.fill()
+            self._settle()
         self._watch_connection()
         if self._heartbeat.poll(now_us):
             self.outbox.append(Frame(COB_HEARTBEAT + self.node_id, bytes((self.nmt_state,))))

@@ -146,6 +146,20 @@ class Interpolation:
         self._closed = True
         self.finished()
 
+    def close(self) -> None:
+        """Another mode moves the axis: take no more records until the host clears the queue."""
+        if not self._closed:
+            self.stopped()
+
+    def interrupted(self) -> None:
+        """The drive stops the motion or leaves OPERATION ENABLED."""
+        if self._running:
+            self.stopped()
+
+    def target_reached(self) -> bool:
+        """Standstill, at the end or in a halt."""
+        return not self._motion.running(self._axis) or self._motion.halted(self._axis)
+
     def underrun(self) -> None:
         """The queue ran out while moving."""
         self._sticky |= PvtFlag.UNDERRUN

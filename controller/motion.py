@@ -17,6 +17,8 @@ UNITS_PER_FULL_STEP = 16_384
 TICKS_PER_SECOND = COUNTS_PER_SECOND // k.TICK_COUNTS
 STOP_MAX_MS = k.QUEUE_DEPTH * k.DURATION_MAX_MS
 """The longest ramp that fits the queue, 16 s; a lower deceleration than that is not honoured."""
+_SEGMENT_END_TERMS = (k.START_Q16, k.COEFFICIENT_A, k.COEFFICIENT_B, k.COEFFICIENT_C)
+"""A segment's cubic at s = 1 is the sum of these."""
 EDGE_CAPACITY = 1 << 16
 """Edges of one pin that fit between two drains."""
 
@@ -152,6 +154,14 @@ class Motion:
         """Segments waiting behind the running one."""
         return self._get(axis, k.QUEUE_COUNT)
 
+    def tail_units(self, axis: int) -> int:
+        """Where the next segment that is pushed will begin."""
+        return self._get(axis, k.TAIL_Q16) // (self._get(axis, k.MICROSTEPS) << 2)
+
+    def tail_velocity(self, axis: int) -> int:
+        """The velocity, in 1/64 unit per ms, with which the next segment that is pushed will begin."""
+        return self._get(axis, k.TAIL_VELOCITY)
+
     def delayed_steps(self, axis: int) -> int:
         """Steps that had to wait for the driver's timing since power-up."""
         return self._get(axis, k.DELAYED_STEPS)
@@ -190,6 +200,16 @@ class Motion:
         if in_group:
             self.group.members.add(axis)
         return True
+
+    def drop_queued(self, axis: int) -> None:
+        """Drop what waits behind the running segment: what is queued next continues from that one's end."""
+        if not self.running(axis):
+            self.flush(axis)
+            return
+        end = sum(self._get(axis, field) for field in _SEGMENT_END_TERMS)
+        self._set(axis, k.QUEUE_COUNT, 0)
+        self._set(axis, k.TAIL_Q16, end)
+        self._set(axis, k.TAIL_VELOCITY, self._get(axis, k.END_VELOCITY))
 
     def flush(self, axis: int) -> None:
         """Drop the running segment and the queue: no more steps; what is queued next starts, at rest, at the demand."""

@@ -39,7 +39,11 @@ class Control(IntFlag):
     """Active low: a quick stop is asked for by clearing it."""
     ENABLE_OPERATION = 1 << 3
     START = 1 << 4
-    """Homing: start; interpolated position: enable."""
+    """Homing: start; interpolated position: enable; profile position: new set-point."""
+    CHANGE_AT_ONCE = 1 << 5
+    """Profile position: do not wait for the set-point in progress."""
+    RELATIVE = 1 << 6
+    """Profile position: the target counts from the one before."""
     FAULT_RESET = 1 << 7
     HALT = 1 << 8
 
@@ -61,6 +65,8 @@ class Status(IntFlag):
     TARGET_REACHED = 1 << 10
     INTERNAL_LIMIT = 1 << 11
     HOMING_ATTAINED = 1 << 12
+    SETPOINT_ACKNOWLEDGED = 1 << 12
+    ZERO_SPEED = 1 << 12
     IP_ACTIVE = 1 << 12
     HOMING_ERROR = 1 << 13
 
@@ -69,6 +75,8 @@ class Mode(IntEnum):
     """Modes of operation, objects 0x6060 and 0x6061."""
 
     NONE = 0
+    PROFILE_POSITION = 1
+    PROFILE_VELOCITY = 3
     HOMING = 6
     INTERPOLATED_POSITION = 7
 
@@ -101,6 +109,11 @@ PVT_SUBMODE = -1
 """0x60C0: the manufacturer's interpolation, position-velocity-time records."""
 HOME_HERE = 37
 """Homing method: the present position is the home position (35 is its old name)."""
+HALT_SLOW_DOWN = 1
+"""0x605D: halt ramps down by the mode's deceleration and stays in OPERATION ENABLED."""
+LINEAR_RAMP = 0
+JERK_LIMITED_RAMP = 3
+"""0x6086; the other two of CiA 402, sin^2 and jerk-free, are not offered."""
 
 
 class ErrorCode(IntEnum):

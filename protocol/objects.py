@@ -8,7 +8,15 @@ second squared; the PVT record has its own, finer velocity.
 from dataclasses import dataclass, field
 from enum import Enum
 
-from protocol.cia402 import HOME_HERE, PVT_SUBMODE, AbortConnection, DigitalOutput, Mode
+from protocol.cia402 import (
+    HALT_SLOW_DOWN,
+    HOME_HERE,
+    LINEAR_RAMP,
+    PVT_SUBMODE,
+    AbortConnection,
+    DigitalOutput,
+    Mode,
+)
 from protocol.datatypes import DataType
 from protocol.frame import COB_EMCY, COB_ID_INVALID, COB_ID_NO_RTR, COB_RPDO, COB_SYNC, COB_TPDO
 from protocol.nmt import ErrorBehaviour
@@ -305,6 +313,7 @@ _DRIVE = [
     _variable(0x603F, "Error code", U16, RO, mapping=TX),
     _variable(0x6040, "Controlword", U16, RW, mapping=RX),
     _variable(0x6041, "Statusword", U16, RO, mapping=TX),
+    _variable(0x605D, "Halt option code: 1 = profile deceleration", I16, CONST, HALT_SLOW_DOWN),
     _variable(0x6060, "Modes of operation", I8, RW, Mode.NONE, mapping=RX),
     _variable(0x6061, "Modes of operation display", I8, RO, mapping=TX),
     _variable(0x6062, "Position demand value", I32, RO, mapping=TX),
@@ -312,9 +321,26 @@ _DRIVE = [
     _variable(0x606C, "Velocity actual value", I32, RO, mapping=TX),
     _variable(0x607A, "Target position", I32, RW, mapping=RXTX),
     _variable(0x607C, "Home offset", I32, RW),
+    _array(
+        0x607D,
+        "Software position limit",
+        Entry("Min position limit in units", I32, RW, I32.low),
+        Entry("Max position limit in units", I32, RW, I32.high),
+    ),
     _variable(0x607F, "Max profile velocity", U32, RW, 8_000 * 16_384, low=1),
+    _variable(0x6081, "Profile velocity", U32, RW, 1_000 * 16_384, low=1, mapping=RX),
+    _variable(0x6083, "Profile acceleration", U32, RW, 5_000 * 16_384, low=1, mapping=RX),
+    _variable(0x6084, "Profile deceleration", U32, RW, 5_000 * 16_384, low=1, mapping=RX),
     _variable(0x6085, "Quick stop deceleration", U32, RW, 20_000 * 16_384, low=1),
+    _variable(
+        0x6086, "Motion profile type: 0 = linear ramp, 3 = jerk-limited ramp", I16, RW, LINEAR_RAMP, low=0, high=3
+    ),
     _variable(0x6098, "Homing method", I8, RW, HOME_HERE, low=HOME_HERE, high=HOME_HERE),
+    _array(
+        0x60A4,
+        "Profile jerk",
+        Entry("Profile jerk 1 in units per second cubed", U32, RW, 100_000 * 16_384, low=1),
+    ),
     _variable(0x60C0, "Interpolation sub mode select", I16, RW, PVT_SUBMODE, low=PVT_SUBMODE, high=PVT_SUBMODE),
     _record(
         0x60C1,
@@ -334,6 +360,8 @@ _DRIVE = [
         Entry("Size of data record in bytes", U8, RO, 8),
         Entry("Buffer clear: 0 clears", U8, WO, 0, 0, 1),
     ),
+    _variable(0x60C5, "Max acceleration", U32, RW, U32.high, low=1),
+    _variable(0x60C6, "Max deceleration", U32, RW, U32.high, low=1),
     _array(0x60E3, "Supported homing methods", Entry("Supported homing method 1", I8, CONST, HOME_HERE)),
     _variable(0x60F4, "Following error actual value", I32, RO, mapping=TX),
     _variable(0x60FD, "Digital inputs", U32, RO, mapping=TX),
@@ -346,13 +374,8 @@ _DRIVE = [
         Entry("Physical outputs", U32, RW, mapping=RX),
         Entry("Bit mask: an output whose bit is 0 is off", U32, RW, DigitalOutput.OUT1 | DigitalOutput.OUT2),
     ),
-    _variable(
-        0x6502,
-        "Supported drive modes",
-        U32,
-        CONST,
-        Mode.HOMING.supported_bit | Mode.INTERPOLATED_POSITION.supported_bit,
-    ),
+    _variable(0x60FF, "Target velocity", I32, RW, mapping=RX),
+    _variable(0x6502, "Supported drive modes", U32, CONST, sum(mode.supported_bit for mode in Mode)),
 ]
 
 OBJECTS: tuple[Object, ...] = tuple(

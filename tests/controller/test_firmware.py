@@ -235,7 +235,7 @@ class TestConfiguration:
         assert board.write(0x2001, 1, 40_000) == AbortCode.DEVICE_STATE
 
     def test_modes_that_do_not_exist(self, board: BenchBoard) -> None:
-        assert board.write(0x6060, 0, 1) == AbortCode.VALUE_RANGE
+        assert board.write(0x6060, 0, 4) == AbortCode.VALUE_RANGE
         assert board.value(0x6061) == 0
 
 
