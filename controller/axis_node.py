@@ -502,10 +502,10 @@ class AxisNode:
     def poll(self, now_us: int) -> None:
         """Do what is due: fill the queue of a profile, send heartbeat, emergencies, event-driven TPDOs."""
         self._now_us = now_us
-        self._watch_connection()
         if self._feed.due_us is not None and self._feed.due_us <= now_us:
             self._feed.fill()
             self._settle()
+        self._watch_connection()
         if self._heartbeat.poll(now_us):
             self.outbox.append(Frame(COB_HEARTBEAT + self.node_id, bytes((self.nmt_state,))))
         if self.nmt_state is not NmtState.STOPPED:

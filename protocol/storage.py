@@ -2,7 +2,7 @@
 
 What is stored is what a reset of the node or of its communication brings back. "load" erases: the defaults are valid
 from the next such reset on. What a PDO may write commands the drive rather than configures it and is not stored, so
-that no axis begins to move, and no output to switch, because power came back.
+that no axis begins to move, and no output to switch, because power came back; the profile's limits are the exception.
 """
 
 from collections.abc import Callable
@@ -16,6 +16,8 @@ _STORE, _RESTORE = 0x1010, 0x1011
 _SAVE, _LOAD = (int.from_bytes(word, "little") for word in (b"save", b"load"))
 _ON_COMMAND = 1
 """What reading 0x1010 and 0x1011 says: parameters are stored, or restored, when they are told to, not by themselves."""
+_PROFILE_LIMITS = frozenset((0x6081, 0x6083, 0x6084))
+"""Parameters although a PDO may write them: by themselves they move nothing."""
 _NO_PARAMETERS = frozenset((0x1003, _STORE, _RESTORE))
 
 
@@ -50,5 +52,6 @@ class ParameterStorage:
 
 
 def _is_parameter(key: int, entry: Entry) -> bool:
-    commands = bool(entry.mapping.value & Mapping.RECEIVE.value)
-    return entry.access is Access.READ_WRITE and not commands and key >> 8 not in _NO_PARAMETERS
+    index = key >> 8
+    commands = bool(entry.mapping.value & Mapping.RECEIVE.value) and index not in _PROFILE_LIMITS
+    return entry.access is Access.READ_WRITE and not commands and index not in _NO_PARAMETERS

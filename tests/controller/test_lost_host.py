@@ -193,3 +193,18 @@ def test_a_halted_machine_whose_host_is_lost_ends_in_fault(pair: BenchBoard) -> 
     pair.wait(250)
     assert states(pair) == [State.FAULT] * 2
     assert not pair.firmware.motion.running(0)
+
+
+@pytest.mark.parametrize("option", [AbortConnection.FAULT_SIGNAL, AbortConnection.QUICK_STOP])
+def test_a_jogging_axis_stops_too(pair: BenchBoard, option: AbortConnection) -> None:
+    pair.write(0x6007, 0, option)
+    pair.write(0x6085, 0, 40_000 * STEP)
+    watch_host(pair, 0, timeout_ms=500)
+    pair.enable(mode=3)
+    beat(pair)
+    pair.write(0x60FF, 0, 2_000 * STEP)
+    pair.wait(499)
+    assert pair.value(0x606C) > 0
+    pair.wait(200)
+    assert states(pair)[0] is (State.FAULT if option is AbortConnection.FAULT_SIGNAL else State.SWITCH_ON_DISABLED)
+    assert not pair.firmware.motion.running(0)

@@ -126,13 +126,21 @@ def test_a_stored_pdo_is_mapped_after_a_reset(pair: BenchBoard) -> None:
 def test_commands_are_not_stored(pair: BenchBoard) -> None:
     """Power that comes back must not move an axis or switch an output."""
     pair.enable()
-    for index, subindex, value in ((0x60FE, 1, 1 << 16), (0x607A, 0, 5), (0x60C1, 1, 5)):
+    for index, subindex, value in ((0x60FE, 1, 1 << 16), (0x607A, 0, 5), (0x60FF, 0, 5), (0x60C1, 1, 5)):
         pair.write(index, subindex, value)
     pair.write(0x1010, 1, SAVE)
     pair.nmt(RESET_NODE)
     assert pair.firmware.nodes[0].state is State.SWITCH_ON_DISABLED
-    keys = ((0x6040, 0), (0x6060, 0), (0x60FE, 1), (0x607A, 0), (0x60C1, 1))
-    assert [pair.value(*key) for key in keys] == [0] * 5
+    keys = ((0x6040, 0), (0x6060, 0), (0x60FE, 1), (0x607A, 0), (0x60FF, 0), (0x60C1, 1))
+    assert [pair.value(*key) for key in keys] == [0] * 6
+
+
+@pytest.mark.parametrize("index", [0x6081, 0x6083, 0x6084])
+def test_a_profile_keeps_its_limits(pair: BenchBoard, index: int) -> None:
+    pair.write(index, 0, 12_345)
+    pair.write(0x1010, 3, SAVE)
+    pair.nmt(RESET_NODE)
+    assert pair.value(index) == 12_345
 
 
 def test_flash_is_not_written_while_any_axis_moves(pair: BenchBoard) -> None:
