@@ -162,7 +162,7 @@ def _transmission(table: _Table, unit: Unit) -> Transmission:
 
 def _check_speeds(robot: Robot) -> None:
     """A joint whose highest speed its driver cannot follow is a mistake in the file, found before any motion."""
-    limit_hz = robot.board.step_rate_max_hz
+    limit_hz = robot.board.driver_rate_max_hz
     for joint in robot.joints:
         if joint.step_rate_max_hz > limit_hz:
             rate, limit = apart(joint.step_rate_max_hz / 1e3, limit_hz / 1e3)
