@@ -6,7 +6,7 @@ so that a stream still under way cannot set an axis moving again.
 
 from collections.abc import Callable
 
-from controller.modes import Report
+from controller.modes import Mode, Report
 from controller.motion import Motion, Refusal
 from protocol.abort import AbortCode, SdoAbortError
 from protocol.cia402 import Control, ErrorCode, Status
@@ -19,7 +19,7 @@ _SEQUENCE_SUBINDEX = 4
 _STICKY = {Verdict.GAP: PvtFlag.GAP, Verdict.FULL: PvtFlag.OVERFLOW}
 
 
-class Interpolation:
+class Interpolation(Mode):
     """One axis' PVT queue as the bus sees it: flow control, status 0x2012 and counters 0x2013."""
 
     def __init__(
@@ -32,8 +32,7 @@ class Interpolation:
         status_changed: Callable[[], None],
         ramp_down: Callable[[], None],
     ) -> None:
-        self._axis = axis
-        self._motion = motion
+        super().__init__(axis, motion)
         self._dictionary = dictionary
         self._report = report
         self._resolved = resolved
@@ -167,7 +166,7 @@ class Interpolation:
         self.stopped()
 
     @property
-    def running(self) -> bool:
+    def coordinated(self) -> bool:
         """Whether records are being executed."""
         return self._running
 

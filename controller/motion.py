@@ -171,6 +171,10 @@ class Motion:
         per_unit = self._get(axis, k.MICROSTEPS) << 2
         return (self._get(axis, k.POSITION_Q16) + per_unit // 2) // per_unit
 
+    def demand_steps(self, axis: int) -> int:
+        """The demanded position, to the nearest step of the set mode."""
+        return (self._get(axis, k.POSITION_Q16) + k.STEP_Q16 // 2) >> 16
+
     def counter_units(self, axis: int) -> int:
         """Where the steps made so far have brought the motor."""
         return self._get(axis, k.COUNTER) * UNITS_PER_FULL_STEP // self._get(axis, k.MICROSTEPS)

@@ -7,11 +7,13 @@ replaces both at once. With bit 6 the target counts from the target before it (0
 stands if there is none since it was stopped or enabled. Bit 9, passing a set-point without stopping, is not supported.
 
 A target beyond the soft limits 0x607D or the range of a position is moved to the limit and bit 11 says so until the
-next set-point begins. Halt (bit 8) ramps to rest within the profile deceleration (0x605D = 1); its release goes on.
+next set-point begins. Halt (bit 8) ramps to rest by 0x605D, within the profile deceleration or the quick stop's; its
+release goes on.
 """
 
 from typing import NamedTuple
 
+from controller.modes import Mode
 from controller.motion import Motion
 from controller.profile import Limits
 from controller.profile_feed import ProfileFeed
@@ -27,12 +29,11 @@ class _SetPoint(NamedTuple):
     at_limit: bool
 
 
-class ProfilePosition:
+class ProfilePosition(Mode):
     """The mode's handshake; the motion itself is the feed's."""
 
     def __init__(self, axis: int, motion: Motion, dictionary: ObjectDictionary, feed: ProfileFeed) -> None:
-        self._axis = axis
-        self._motion = motion
+        super().__init__(axis, motion)
         self._dictionary = dictionary
         self._feed = feed
         self._active: _SetPoint | None = None
@@ -104,7 +105,7 @@ class ProfilePosition:
         if not halted:
             self._go()
         elif self._feed.active and self._active and self._active.limits:
-            self._feed.stop(self._active.limits)
+            self._feed.halt(self._active.limits)
 
     def finished(self) -> None:
         """The axis stands: at the target, at the end of a halt, or after a ramp that was not the mode's."""

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from protocol.cia402 import (
-    HALT_SLOW_DOWN,
     HOME_HERE,
     LINEAR_RAMP,
     PVT_SUBMODE,
@@ -282,6 +281,15 @@ _DRIVER = [
         Entry("dirhold: DIR stable after a CLK rise in ns", U32, RW, 15_000, 0, TIMING_NS_MAX),
     ),
     _record(
+        0x2002,
+        "Board measurements and their limits",
+        Entry("Board temperature in 0.1 degC", I16, RO, mapping=TX),
+        Entry("Motor supply in 10 mV", U16, RO, mapping=TX),
+        Entry("Least motor supply in 10 mV", U16, RW, 1000),
+        Entry("Highest motor supply in 10 mV: 34 V, TB6560AHQ datasheet page 8", U16, RW, 3400),
+        Entry("Highest board temperature in 0.1 degC", I16, RW, 850),
+    ),
+    _record(
         0x2010,
         "Interpolation group",
         Entry("Group stop: a fault stops all interpolating axes", U8, RW, 1, 0, 1),
@@ -308,16 +316,35 @@ _DRIVER = [
     ),
 ]
 
+_EMULATOR = [
+    _record(
+        0x2F00,
+        "Emulator only: what the driver has made of the pulses since power-up",
+        Entry("Rotor position in steps", I32, RO, mapping=TX),
+        Entry("Lost steps", I32, RO, mapping=TX),
+        Entry("Driver violations", U32, RO, mapping=TX),
+    ),
+]
+
 _DRIVE = [
     _variable(0x6007, "Abort connection option code", I16, RW, AbortConnection.FAULT_SIGNAL, low=0, high=3),
     _variable(0x603F, "Error code", U16, RO, mapping=TX),
     _variable(0x6040, "Controlword", U16, RW, mapping=RX),
     _variable(0x6041, "Statusword", U16, RO, mapping=TX),
-    _variable(0x605D, "Halt option code: 1 = profile deceleration", I16, CONST, HALT_SLOW_DOWN),
+    _variable(0x605A, "Quick stop option code", I16, RW, 2, low=0, high=6),
+    # CiA 402's own default is 0: cut. A vertical axis would fall.
+    _variable(0x605B, "Shutdown option code", I16, RW, 1, low=0, high=1),
+    _variable(0x605C, "Disable operation option code", I16, RW, 1, low=0, high=1),
+    _variable(0x605D, "Halt option code", I16, RW, 1, low=1, high=2),
+    _variable(0x605E, "Fault reaction option code", I16, RW, 2, low=0, high=2),
     _variable(0x6060, "Modes of operation", I8, RW, Mode.NONE, mapping=RX),
     _variable(0x6061, "Modes of operation display", I8, RO, mapping=TX),
     _variable(0x6062, "Position demand value", I32, RO, mapping=TX),
     _variable(0x6064, "Position actual value", I32, RO, mapping=TX),
+    _variable(0x6065, "Following error window in units; all ones: off", U32, RW, U32.high),
+    _variable(0x6066, "Following error time out in ms", U16, RW, 0),
+    _variable(0x6067, "Position window in units; all ones: off", U32, RW, U32.high),
+    _variable(0x6068, "Position window time in ms", U16, RW, 0),
     _variable(0x606C, "Velocity actual value", I32, RO, mapping=TX),
     _variable(0x607A, "Target position", I32, RW, mapping=RXTX),
     _variable(0x607C, "Home offset", I32, RW),
@@ -364,6 +391,7 @@ _DRIVE = [
     _variable(0x60C6, "Max deceleration", U32, RW, U32.high, low=1),
     _array(0x60E3, "Supported homing methods", Entry("Supported homing method 1", I8, CONST, HOME_HERE)),
     _variable(0x60F4, "Following error actual value", I32, RO, mapping=TX),
+    _variable(0x60FC, "Position demand internal value in steps", I32, RO, mapping=TX),
     _variable(0x60FD, "Digital inputs", U32, RO, mapping=TX),
     # Bits without an output are stored and do nothing, as CiA 402 drives do: one word may serve unlike drives, and a
     # PDO that carries it is not lost. The mask lets both outputs through from the start, where many drives begin with
@@ -379,6 +407,6 @@ _DRIVE = [
 ]
 
 OBJECTS: tuple[Object, ...] = tuple(
-    sorted([*_COMMUNICATION, *_rpdo_objects(), *_tpdo_objects(), *_DRIVER, *_DRIVE], key=lambda o: o.index)
+    sorted([*_COMMUNICATION, *_rpdo_objects(), *_tpdo_objects(), *_DRIVER, *_EMULATOR, *_DRIVE], key=lambda o: o.index)
 )
 """The whole dictionary, in index order."""

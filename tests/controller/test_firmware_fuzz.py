@@ -71,7 +71,7 @@ def check(board: BenchBoard) -> None:
     for node in board.firmware.nodes:
         owed_units = abs(board.value(0x60F4, 0, node.axis))
         assert owed_units <= H_UNITS // motion.config(node.axis).microsteps + 1, "a step is owed"
-        assert node.energised or not motion.running(node.axis), "a disabled axis moves"
+        assert node.drive.energised or not motion.running(node.axis), "a disabled axis moves"
 
 
 def check_outputs(board: BenchBoard) -> None:

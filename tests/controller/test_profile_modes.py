@@ -54,7 +54,7 @@ class ProfileBench(BenchBoard):
         return self.value(0x606C) / STEP
 
     def state(self) -> State:
-        return self.firmware.nodes[0].state
+        return self.firmware.nodes[0].drive.state
 
 
 @pytest.fixture

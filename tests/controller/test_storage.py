@@ -130,7 +130,7 @@ def test_commands_are_not_stored(pair: BenchBoard) -> None:
         pair.write(index, subindex, value)
     pair.write(0x1010, 1, SAVE)
     pair.nmt(RESET_NODE)
-    assert pair.firmware.nodes[0].state is State.SWITCH_ON_DISABLED
+    assert pair.firmware.nodes[0].drive.state is State.SWITCH_ON_DISABLED
     keys = ((0x6040, 0), (0x6060, 0), (0x60FE, 1), (0x607A, 0), (0x60FF, 0), (0x60C1, 1))
     assert [pair.value(*key) for key in keys] == [0] * 6
 
