@@ -5,7 +5,6 @@ is fetched: frames by `take_frames`, pin changes by `take_pins`, pulse edges by 
 """
 
 from collections.abc import Callable, Sequence
-from enum import Enum
 from functools import partial
 from typing import NamedTuple
 
@@ -14,7 +13,8 @@ from controller.backend import Kernel
 from controller.kernel import TICK_COUNTS
 from controller.measurements import Measurements, Monitor, no_monitor
 from controller.motion import COUNTS_PER_US, Event, Motion
-from protocol.cia402 import DigitalInput, DigitalOutput, ErrorCode
+from controller.pins import PinChange
+from protocol.cia402 import DigitalInput, ErrorCode
 from protocol.dictionary import FlashPage
 from protocol.frame import COB_HEARTBEAT, COB_ID_MASK, COB_NMT, COB_SDO_REQUEST, COB_SYNC, FIRST_NODE_ID, Frame
 from protocol.nmt import command_for
@@ -23,28 +23,6 @@ AXES_MAX = 8
 """Two 16-bit timers with four compare channels each, on an STM32F103 with CAN in use."""
 
 Handler = Callable[[bytes, int], None]
-
-
-class Pin(Enum):
-    """The pins that the firmware holds at a level: driver inputs and the axis' outputs; CLK and DIR come as edges."""
-
-    RESET = "RESET"
-    ENABLE = "ENABLE"
-    OUT1 = "OUT1"
-    OUT2 = "OUT2"
-
-
-OUTPUT_PINS = {Pin.OUT1: DigitalOutput.OUT1, Pin.OUT2: DigitalOutput.OUT2}
-"""The pins that follow object 0x60FE, with their bits in it."""
-
-
-class PinChange(NamedTuple):
-    """A pin of one axis takes a level."""
-
-    counts: int
-    axis: int
-    pin: Pin
-    level: int
 
 
 class Fault(NamedTuple):
@@ -87,14 +65,11 @@ class Firmware:
         """Frames that were for nobody here or malformed."""
         self._frames: list[Frame] = []
         self._pins: list[PinChange] = []
-        self._energised = [False] * axis_count
-        self._outputs = [0] * axis_count
         self._routes: dict[int, list[tuple[AxisNode, Handler]]] = {}
 
     def boot(self, now_counts: int) -> None:
         """Power-up: release the drivers from reset, announce the nodes."""
         for node in self.nodes:
-            self._pins.append(PinChange(now_counts, node.axis, Pin.RESET, 1))
             node.boot(now_counts // COUNTS_PER_US)
             self._collect(node, now_counts)
 
@@ -266,24 +241,15 @@ class Firmware:
     # --- out
 
     def _collect(self, node: AxisNode, now_counts: int) -> None:
-        """Fetch what a node has to say, show its state and outputs on their pins, follow its COB-IDs."""
+        """Fetch what a node has to say and to switch, follow its COB-IDs."""
         if node.routes_changed:
             self._route()
         if node.outbox:
             self._frames += node.outbox
             node.outbox.clear()
-        if node.drive.energised is not self._energised[node.axis]:
-            self._energised[node.axis] = node.drive.energised
-            self._pins.append(PinChange(now_counts, node.axis, Pin.ENABLE, int(node.drive.energised)))
-        if node.outputs != self._outputs[node.axis]:
-            self._switch_outputs(node, now_counts)
-
-    def _switch_outputs(self, node: AxisNode, now_counts: int) -> None:
-        changed = node.outputs ^ self._outputs[node.axis]
-        self._outputs[node.axis] = node.outputs
-        for pin, bit in OUTPUT_PINS.items():
-            if changed & bit:
-                self._pins.append(PinChange(now_counts, node.axis, pin, int(bool(node.outputs & bit))))
+        if node.pin_changes:
+            self._pins += [PinChange(now_counts, node.axis, pin, level) for pin, level in node.pin_changes]
+            node.pin_changes.clear()
 
     def take_frames(self) -> list[Frame]:
         """Return the frames that want to be sent now."""

@@ -9,9 +9,10 @@ from collections.abc import Iterator
 
 from controller.measurements import Measurements, Monitor
 from controller.modes import Trip
-from controller.motion import UNITS_PER_FULL_STEP, Motion
+from controller.motion import Motion
 from protocol.cia402 import DigitalInput, ErrorCode
 from protocol.dictionary import ObjectDictionary
+from protocol.objects import UNITS_PER_FULL_STEP
 
 LIMIT_PERIOD_US = 1_000
 FOLLOWING_PERIOD_US = 10_000

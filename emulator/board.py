@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.backend import Kernel
-from controller.firmware import OUTPUT_PINS, Firmware, Pin, PinChange
+from controller.firmware import Firmware
 from controller.motion import PinEdges
+from controller.pins import OUTPUT_PINS, Pin, PinChange
 from emulator.tb6560 import Int8Array, Int64Array, Pins, Tb6560, Violations
 from protocol.dictionary import FlashPage
 from protocol.frame import Frame
