@@ -117,7 +117,9 @@ class AxisDrive:
         self._profile_velocity = ProfileVelocity(axis, motion, dictionary, self.feed)
         self._modes: dict[int, Mode] = {
             cia402.Mode.NONE: Mode(axis, motion),
-            cia402.Mode.PROFILE_POSITION: ProfilePosition(axis, motion, dictionary, self.feed),
+            cia402.Mode.PROFILE_POSITION: ProfilePosition(
+                axis, motion, dictionary, self.feed, now_us=lambda: node.now_us
+            ),
             cia402.Mode.PROFILE_VELOCITY: self._profile_velocity,
             cia402.Mode.HOMING: Homing(axis, motion, dictionary, self.interpolation.discard, self._referenced),
             cia402.Mode.INTERPOLATED_POSITION: self.interpolation,

@@ -143,6 +143,9 @@ PULSE_NS_MIN = 4_000
 TIMING_NS_MAX = 1_000_000
 """Bounds of the step timing 0x2001: no CLK phase below 4 us, which is 125 kHz, no timing above 1 ms."""
 
+WINDOW_OFF = U32.high
+"""What switches the windows 0x6065 and 0x6067 off."""
+
 ASYNCHRONOUS = 255
 MANUFACTURER_EVENT = 254
 SYNCHRONOUS = 1
@@ -352,9 +355,9 @@ _DRIVE = [
     _variable(0x6061, "Modes of operation display", I8, RO, mapping=TX),
     _variable(0x6062, "Position demand value", I32, RO, mapping=TX),
     _variable(0x6064, "Position actual value", I32, RO, mapping=TX),
-    _variable(0x6065, "Following error window in units; all ones: off", U32, RW, U32.high),
+    _variable(0x6065, "Following error window in units; all ones: off", U32, RW, WINDOW_OFF),
     _variable(0x6066, "Following error time out in ms", U16, RW, 0),
-    _variable(0x6067, "Position window in units; all ones: off", U32, RW, U32.high),
+    _variable(0x6067, "Position window in units; all ones: off", U32, RW, WINDOW_OFF),
     _variable(0x6068, "Position window time in ms", U16, RW, 0),
     _variable(0x606C, "Velocity actual value", I32, RO, mapping=TX),
     _variable(0x607A, "Target position", I32, RW, mapping=RXTX),
