@@ -200,6 +200,12 @@ class AxisNode:
         self._enter(State.FAULT_REACTION_ACTIVE if self._motion.running(self.axis) else State.FAULT)
         self._settle()
 
+    def report_communication_error(self, code: ErrorCode, now_us: int) -> None:
+        """Tell by EMCY what happened to the bus; the drive goes on."""
+        self._now_us = now_us
+        self._report(code, 0)
+        self._settle()
+
     # --- the drive
 
     @property

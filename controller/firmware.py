@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from controller.axis_node import AxisNode
 from controller.backend import Kernel
+from controller.can_event import CanEvent
 from controller.kernel import TICK_COUNTS
 from controller.motion import COUNTS_PER_US, Event, Motion
 from protocol.cia402 import DigitalOutput, ErrorCode
@@ -86,6 +87,23 @@ class Firmware:
             return
         for node, handler in listeners:
             handler(frame.data, now_us)
+            self._collect(node, now_counts)
+
+    def hears(self, cob_id: int) -> bool:
+        """What the CAN controller's filters are set to: NMT, SYNC and what the nodes' SDO and PDO parameters say.
+
+        That are at most 2 + 8 * 5 identifiers; bxCAN's 14 filter banks hold 56 as lists (RM0008, section 24.7.4).
+        """
+        return cob_id in self._routes or cob_id in (COB_NMT, COB_SYNC)
+
+    def on_can_event(self, event: CanEvent, now_counts: int) -> None:
+        """Report what befell the CAN controller: one EMCY of every node, once for each time it happens.
+
+        To a master each node is a device of its own, with its own error register (CiA 301, section 7.2.7); all of them
+        lost the same bus, and nobody knows to which of them a lost message would have gone.
+        """
+        for node in self.nodes:
+            node.report_communication_error(event.value, now_counts // COUNTS_PER_US)
             self._collect(node, now_counts)
 
     def _on_nmt(self, data: bytes, now_counts: int) -> None:

@@ -6,8 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.backend import Kernel
+from controller.can_event import CanEvent
 from controller.firmware import OUTPUT_PINS, Firmware, Pin, PinChange
+from controller.kernel import TICK_COUNTS
 from controller.motion import PinEdges
+from emulator.can_controller import CanController
 from emulator.tb6560 import Int8Array, Int64Array, Pins, Tb6560, Violations
 from protocol.frame import Frame
 
@@ -18,6 +21,8 @@ class BoardConfig:
 
     axis_count: int
     osc_pf: tuple[float, ...]
+    read_latency_counts: int = 0
+    """How long after its arrival the processor fetches a message from the CAN controller: by default at once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,35 +50,65 @@ class Board:
         self._pins: list[list[Pins]] = [[] for _ in self._drivers]
         self.pin_changes: list[PinChange] = []
         """Every change of the pins that the firmware holds at a level."""
+        self.can = CanController(self._receive, self._on_can_event, self.firmware.hears, config.read_latency_counts)
+        """The CAN controller; what it says to the bus it says in `poll`."""
+        self._due_counts: int | None = None
+        self._due_known = False
 
     def boot(self, now_counts: int) -> None:
-        """Switch the board on."""
+        """Switch the board on: its nodes announce themselves."""
         self.firmware.boot(now_counts)
+        self.poll(now_counts)
 
-    def receive(self, frame: Frame, now_counts: int) -> None:
-        """A frame has arrived at the board's CAN controller."""
+    def _receive(self, frame: Frame, now_counts: int) -> None:
         self.firmware.receive(frame, now_counts)
+        self._due_known = False
+
+    def _on_can_event(self, event: CanEvent, now_counts: int) -> None:
+        self.firmware.on_can_event(event, now_counts)
+        self._due_known = False
 
     def advance(self, until_counts: int) -> int:
         """Let time pass; return the instant reached: earlier than asked for if there are frames to send."""
+        motion = self.firmware.motion
+        tick = motion.tick
+        if until_counts <= tick * TICK_COUNTS and not motion.has_events:
+            return until_counts  # within a tick that is computed already
         reached = self.firmware.advance(until_counts)
-        while reached < until_counts and self.firmware.motion.room_ticks == 0:
+        while reached < until_counts and motion.room_ticks == 0:
             self.drain()
             reached = self.firmware.advance(until_counts)
+        if motion.tick != tick:
+            self._due_known = False
         return reached
 
     def poll(self, now_counts: int) -> None:
-        """Let the firmware send what is due."""
-        self.firmware.poll(now_counts)
+        """Let the processor do what is due: fetch messages, then send."""
+        if self.can.next_due_counts is not None:
+            self.can.poll(now_counts)
+        due_counts = self._firmware_due_counts
+        if due_counts is not None and due_counts <= now_counts:
+            self.firmware.poll(now_counts)
+            self._due_known = False
+        for frame in self.firmware.take_frames():
+            self.can.send(frame, now_counts)
 
     @property
     def next_due_counts(self) -> int | None:
-        """When the firmware next does something by itself."""
-        return self.firmware.next_due_counts
+        """When the board next does something by itself."""
+        due_counts = self._firmware_due_counts
+        read_counts = self.can.next_due_counts
+        if read_counts is None or (due_counts is not None and due_counts < read_counts):
+            return due_counts
+        return read_counts
 
-    def take_frames(self) -> list[Frame]:
-        """Fetch the frames that the board wants to send now."""
-        return self.firmware.take_frames()
+    @property
+    def _firmware_due_counts(self) -> int | None:
+        """Asked far more often than it changes."""
+        if not self._due_known:
+            self._due_counts = self.firmware.next_due_counts
+            self._due_known = True
+        return self._due_counts
 
     def drain(self) -> None:
         """Show the drivers all pulses placed so far."""

@@ -1,21 +1,50 @@
-"""A CAN bus in virtual time: arbitration by identifier, exact frame lengths, one record of all that passed."""
+"""A CAN bus in virtual time: arbitration by identifier, exact frame lengths, errors, one record of all that passed."""
 
 from array import array
-from heapq import heappop, heappush
+from enum import Enum, auto
+from typing import Final, NamedTuple
 
 from controller.motion import COUNTS_PER_SECOND
-from emulator.can_timing import INTERMISSION_BITS, frame_bits
+from emulator.can_controller import CanController
+from emulator.can_timing import INTERMISSION_BITS, UNSTUFFED_TAIL_BITS, frame_bits
+from emulator.fault_confinement import ErrorState
 from protocol.frame import BITRATES, Frame
 
-_VALID_BEFORE_END_BITS = INTERMISSION_BITS + 1
+_VALID_BEFORE_END_BITS: Final = INTERMISSION_BITS + 1
 """A receiver takes a frame as valid at the last but one bit of EOF (ISO 11898-1)."""
+_ACK_SLOT_END_BITS: Final = UNSTUFFED_TAIL_BITS - 2
+"""From the end of the ACK slot to the end of the frame."""
+_FLAG_BITS: Final = 6
+_ECHOED_FLAG_BITS: Final = 7
+"""The sender's error flag and, one bit later, those of the receivers whom it tells."""
+_DELIMITER_BITS: Final = 8
+_SUSPEND_BITS: Final = 8
+"""An error passive station waits so much longer after a frame of its own (ISO 11898-1, suspend transmission)."""
+_RECESSIVE_SEQUENCE_BITS: Final = 11
+
+
+class _Outcome(Enum):
+    """What becomes of a transmission; where two stations disagree on its bits, it is as good as disturbed."""
+
+    VALID = auto()
+    DISTURBED = auto()
+    UNACKNOWLEDGED = auto()
+
+
+class _Transmission(NamedTuple):
+    """A frame on the wire; `decided_counts` is when it is valid, or when its error flag is over."""
+
+    frame: Frame
+    senders: list[CanController]
+    outcome: _Outcome
+    decided_counts: int
 
 
 class Bus:
-    """The wire between the ports; ports are numbered by whoever connects them.
+    """The wire between the stations.
 
-    Work goes by events: `next_event_counts` says when, `step` does what is due then and returns a frame that has
-    reached its receivers.
+    Work goes by events: `next_event_counts` says when something happens on the wire, `step` does what is due then and
+    hands valid frames to their receivers.
     """
 
     def __init__(self, bitrate: int) -> None:
@@ -26,40 +55,167 @@ class Bus:
         self.log_counts = array("q")
         """When each frame became valid at its receivers."""
         self.log_frames: list[Frame] = []
+        self.error_frames = 0
+        """Transmissions that ended in an error frame."""
         self.busy_bits = 0
-        self._waiting: list[tuple[int, int, int, Frame]] = []
-        self._submitted = 0
+        self.next_event_counts: int | None = None
+        """When a transmission is decided, the next arbitration is held or a station comes back from bus-off."""
+        self.busy = False
+        """Whether a frame is on the wire or a station that takes part has one to send."""
+        self._stations: list[CanController] = []
+        self._off: list[CanController] = []
+        """The stations in bus-off."""
+        self._transmission: _Transmission | None = None
         self._free_counts = 0
-        self._sending: tuple[int, int, Frame] | None = None
+        self._idle_since_counts = 0
+        """Up to here recessive bits are counted for the stations in bus-off."""
 
-    def submit(self, port: int, frame: Frame, now_counts: int) -> None:
-        """A port wants to send; it takes part in the next arbitration. Equal identifiers go in order of submission."""
-        if self._sending is None and not self._waiting:
+    def attach(self, station: CanController) -> None:
+        """Connect a station's controller to the wire."""
+        self._stations.append(station)
+        station.submitted = self._submitted
+
+    def _submitted(self, now_counts: int) -> None:
+        """A station has a frame to send; it takes part in the next arbitration."""
+        if self._transmission is None and not (self.busy and self.next_event_counts == self._free_counts):
             self._free_counts = max(self._free_counts, now_counts)
-        self._submitted += 1
-        heappush(self._waiting, (frame.cob_id, self._submitted, port, frame))
+            self._schedule()
 
-    @property
-    def next_event_counts(self) -> int | None:
-        """When a frame becomes valid or the next arbitration is held; None while nobody sends."""
-        if self._sending:
-            return self._sending[0]
-        return self._free_counts if self._waiting else None
+    def _schedule(self) -> None:
+        """Find the next event on a wire that carries no frame."""
+        next_counts, self.busy = None, False
+        for station in self._stations:
+            if station.mailboxes and station.on_bus:
+                self.busy = True
+                event_counts = max(self._free_counts, station.silent_until_counts)
+            elif not station.on_bus:
+                event_counts = self._recovery_counts(station)
+            else:
+                continue
+            if next_counts is None or event_counts < next_counts:
+                next_counts = event_counts
+        self.next_event_counts = next_counts
 
-    def step(self, now_counts: int) -> tuple[int, Frame] | None:
-        """Do what is due by now: return (port, frame) of a frame now valid, or hold an arbitration and return None."""
-        if self._sending:
-            valid_counts, port, frame = self._sending
-            if valid_counts > now_counts:
-                return None
-            self._sending = None
-            self.log_counts.append(valid_counts)
-            self.log_frames.append(frame)
-            return port, frame
-        if self._waiting and self._free_counts <= now_counts:
-            _, _, port, frame = heappop(self._waiting)
-            bits = frame_bits(frame)
-            self.busy_bits += bits
-            self._sending = (now_counts + (bits - _VALID_BEFORE_END_BITS) * self.bit_counts, port, frame)
-            self._free_counts = now_counts + bits * self.bit_counts
-        return None
+    def step(self, now_counts: int) -> None:
+        """Do what is due by now: end a transmission, or bring stations back from bus-off and hold an arbitration."""
+        if self.next_event_counts is None or self.next_event_counts > now_counts:
+            return
+        if self._transmission:
+            self._end(self._transmission)
+        else:
+            self._recover(now_counts)
+            self._arbitrate(now_counts)
+        if self._transmission is None:
+            self._schedule()
+
+    # --- a transmission
+
+    def _arbitrate(self, now_counts: int) -> None:
+        """The lowest identifier wins. Stations that send the same one go on together, unaware of each other."""
+        if self._free_counts > now_counts:
+            return
+        ready = [
+            station
+            for station in self._stations
+            if station.mailboxes and station.on_bus and station.silent_until_counts <= now_counts
+        ]
+        if not ready:
+            return
+        frame = ready[0].mailboxes[0]
+        agreed = True
+        if len(ready) > 1:
+            frame = min(station.mailboxes[0] for station in ready)
+            ready = [station for station in ready if station.mailboxes[0].cob_id == frame.cob_id]
+            agreed = all(station.mailboxes[0] == frame for station in ready)
+        self._begin(frame, ready, self._outcome(ready, agreed=agreed), now_counts)
+
+    def _outcome(self, senders: list[CanController], *, agreed: bool) -> _Outcome:
+        if not agreed:
+            return _Outcome.DISTURBED
+        listening = len(self._stations) - len(self._off) - len(senders)
+        return _Outcome.VALID if listening else _Outcome.UNACKNOWLEDGED
+
+    def _begin(self, frame: Frame, senders: list[CanController], outcome: _Outcome, now_counts: int) -> None:
+        """Put a frame on the wire. A disturbance is found at the end of the CRC, where it costs most."""
+        bits = frame_bits(frame)
+        decided_bits = bits - _VALID_BEFORE_END_BITS
+        if outcome is not _Outcome.VALID:
+            if outcome is _Outcome.DISTURBED:
+                decided_bits = bits - UNSTUFFED_TAIL_BITS + _ECHOED_FLAG_BITS
+            else:
+                decided_bits = bits - _ACK_SLOT_END_BITS + _FLAG_BITS
+            bits = decided_bits + _DELIMITER_BITS + INTERMISSION_BITS
+        if self._off:
+            self._count_idle(now_counts)
+        self.busy_bits += bits
+        self._free_counts = now_counts + bits * self.bit_counts
+        self.next_event_counts = now_counts + decided_bits * self.bit_counts
+        self._transmission = _Transmission(frame, senders, outcome, self.next_event_counts)
+
+    def _end(self, transmission: _Transmission) -> None:
+        self._transmission = None
+        if transmission.outcome is _Outcome.VALID:
+            self._deliver(transmission)
+        else:
+            self._fail(transmission)
+        for station in transmission.senders:
+            if station.state is ErrorState.PASSIVE:
+                station.silent_until_counts = self._free_counts + _SUSPEND_BITS * self.bit_counts
+        # Delimiter, end of frame and intermission, or error delimiter and intermission: 11 recessive bits.
+        self._count_recessive(1)
+        self._idle_since_counts = self._free_counts
+
+    def _deliver(self, transmission: _Transmission) -> None:
+        frame, senders, _, now_counts = transmission
+        self.log_counts.append(now_counts)
+        self.log_frames.append(frame)
+        for station in self._stations:
+            if station in senders:
+                station.sent(frame)
+            elif station.on_bus:
+                station.received(frame, now_counts)
+
+    def _fail(self, transmission: _Transmission) -> None:
+        _, senders, outcome, now_counts = transmission
+        self.error_frames += 1
+        for station in self._stations:
+            if station in senders:
+                station.sending_failed(now_counts, acknowledged=outcome is not _Outcome.UNACKNOWLEDGED)
+            elif station.on_bus:
+                station.receiving_failed(now_counts)
+        self._note_who_is_off()
+
+    # --- the way back from bus-off
+
+    def _count_recessive(self, sequences: int) -> None:
+        for station in self._off:
+            station.recovery_sequences_left -= sequences
+
+    def _count_idle(self, now_counts: int) -> None:
+        """Up to now the wire was idle; a sequence that has only begun does not count."""
+        idle_counts = now_counts - self._idle_since_counts
+        self._count_recessive(idle_counts // (_RECESSIVE_SEQUENCE_BITS * self.bit_counts))
+        self._idle_since_counts = now_counts
+
+    def _recovery_counts(self, station: CanController) -> int:
+        """When a station has seen enough if the wire stays idle."""
+        bits = _RECESSIVE_SEQUENCE_BITS * max(station.recovery_sequences_left, 0)
+        return self._idle_since_counts + bits * self.bit_counts
+
+    def _recover(self, now_counts: int) -> None:
+        if not self._off:
+            return
+        for station in self._off:
+            if self._recovery_counts(station) <= now_counts:
+                station.recover(now_counts)
+        self._note_who_is_off()
+
+    def throw_off(self, station: CanController, now_counts: int) -> None:
+        """Send a station into bus-off while the wire is idle; its recessive bits count from now."""
+        self._count_idle(now_counts)
+        station.force_bus_off(now_counts)
+        self._note_who_is_off()
+        self._schedule()
+
+    def _note_who_is_off(self) -> None:
+        self._off = [station for station in self._stations if not station.on_bus]

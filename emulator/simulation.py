@@ -8,9 +8,9 @@ from collections.abc import Callable
 from controller.motion import COUNTS_PER_SECOND
 from emulator.board import Board
 from emulator.bus import Bus
+from emulator.can_controller import CanController
 from protocol.frame import Frame
 
-_HOST_PORT, _BOARD_PORT = 0, 1
 _SILENCE_MAX_S = 1
 """How long a frame and its answers may take until the bus is silent: some 1000 frames at 125 kbit/s."""
 
@@ -30,8 +30,11 @@ class Simulation:
         self.now_counts = 0
         self.on_frame: Listener = lambda _frame, _counts: None
         """Called with every frame that reaches the host and when it did."""
+        self.host = CanController(self._host_receives)
+        """The host's interface: it takes every frame at once."""
+        bus.attach(self.host)
+        bus.attach(board.can)
         board.boot(0)
-        self._submit_board_frames()
 
     @property
     def now_s(self) -> float:
@@ -44,42 +47,32 @@ class Simulation:
         Raises:
             BusOverloadError: the bus does not fall silent, because the board has more to say than fits on it.
         """
-        self.bus.submit(_HOST_PORT, frame, self.now_counts)
+        self.host.send(frame, self.now_counts)
         give_up_counts = self.now_counts + _SILENCE_MAX_S * COUNTS_PER_SECOND
-        while self.bus.next_event_counts is not None:
+        while self.bus.busy:
             if self.now_counts > give_up_counts:
                 raise BusOverloadError(
                     f"the nodes' own frames keep the bus busy at {self.bus.bitrate // 1000} kbit/s: "
                     f"no pause for {_SILENCE_MAX_S} s; longer heartbeat and event times or a higher bit rate help"
                 )
-            self._advance_to(self.bus.next_event_counts)
+            self._advance_to(give_up_counts + 1)
 
     def run_until(self, until_counts: int) -> None:
         """Let time pass to an instant."""
         while self.now_counts < until_counts:
             self._advance_to(until_counts)
 
+    def _host_receives(self, frame: Frame, now_counts: int) -> None:
+        self.on_frame(frame, now_counts)
+
     def _advance_to(self, until_counts: int) -> None:
         """Go to the next event, but not beyond an instant, and do what is due there."""
         goal = until_counts
-        for event in (self.bus.next_event_counts, self.board.next_due_counts):
-            if event is not None:
-                goal = min(goal, event)
-        goal = max(goal, self.now_counts)
-        self.now_counts = self.board.advance(goal)
-        if self.now_counts == goal:
-            arrived = self.bus.step(goal)
-            if arrived:
-                self._deliver(*arrived)
+        for due in (self.bus.next_event_counts, self.board.next_due_counts):
+            if due is not None and due < goal:
+                goal = due
+        if goal > self.now_counts:
+            self.now_counts = self.board.advance(goal)
+        if self.now_counts >= goal:
+            self.bus.step(self.now_counts)
         self.board.poll(self.now_counts)
-        self._submit_board_frames()
-
-    def _deliver(self, port: int, frame: Frame) -> None:
-        if port == _HOST_PORT:
-            self.board.receive(frame, self.now_counts)
-        else:
-            self.on_frame(frame, self.now_counts)
-
-    def _submit_board_frames(self) -> None:
-        for frame in self.board.take_frames():
-            self.bus.submit(_BOARD_PORT, frame, self.now_counts)

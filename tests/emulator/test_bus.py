@@ -4,8 +4,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from controller.can_event import CanEvent
 from emulator.bus import Bus
+from emulator.can_controller import CanController
 from emulator.can_timing import frame_bits
+from emulator.fault_confinement import ErrorState
 from protocol.frame import BITRATES, Frame
 
 FRAMES = st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8) | st.sampled_from([bytes(8), b"\xff" * 8]))
@@ -44,51 +47,145 @@ def test_frame_lengths_known_from_elsewhere() -> None:
     assert frame_bits(Frame(0x555, b"\x55" * 8)) == 112
 
 
-def drive(bus: Bus) -> list[tuple[int, int, Frame]]:
-    """Step through all events: (counts, port, frame) of what arrives."""
-    arrived = []
-    while (now := bus.next_event_counts) is not None:
-        delivery = bus.step(now)
-        if delivery:
-            arrived.append((now, *delivery))
-    return arrived
+class Rig:
+    """A bus with stations that note what each of them hears, as (counts, frame)."""
+
+    def __init__(self, bitrate: int = 1_000_000, stations: int = 2) -> None:
+        self.bus = Bus(bitrate)
+        self.heard: list[list[tuple[int, Frame]]] = [[] for _ in range(stations)]
+        self.events: list[tuple[int, int, CanEvent]] = []
+        """(counts, station, event)."""
+        self.stations = [self._station(number) for number in range(stations)]
+
+    def _station(self, number: int) -> CanController:
+        station = CanController(
+            lambda frame, counts: self.heard[number].append((counts, frame)),
+            lambda event, counts: self.events.append((counts, number, event)),
+        )
+        self.bus.attach(station)
+        return station
+
+    def run(self, until_counts: int = 72_000_000) -> None:
+        """Step through all events up to an instant."""
+        while (now := self.bus.next_event_counts) is not None and now <= until_counts:
+            self.bus.step(now)
+
+    def bits(self, count: int) -> int:
+        """So many bits in counts."""
+        return count * self.bus.bit_counts
 
 
 @pytest.mark.parametrize("bitrate", BITRATES)
 def test_a_frame_takes_its_bits(bitrate: int) -> None:
     """It is valid four bits (one of EOF, three of intermission) before the bus is free again."""
-    bus = Bus(bitrate)
+    rig = Rig(bitrate)
     frame = Frame(0x181, b"\x12\x34")
-    bus.submit(0, frame, 1000)
-    bits, bit_counts = frame_bits(frame), 72_000_000 // bitrate
-    assert drive(bus) == [(1000 + (bits - 4) * bit_counts, 0, frame)]
-    bus.submit(0, frame, 1001)
-    assert drive(bus)[0][0] == 1000 + (2 * bits - 4) * bit_counts
+    rig.stations[0].send(frame, 1000)
+    rig.run()
+    assert rig.heard == [[], [(1000 + rig.bits(frame_bits(frame) - 4), frame)]]
+    rig.stations[0].send(frame, 1001)
+    rig.run()
+    assert rig.heard[1][1] == (1000 + rig.bits(2 * frame_bits(frame) - 4), frame)
 
 
-def test_lower_identifiers_win_and_equals_keep_their_order() -> None:
-    bus = Bus(1_000_000)
-    for port, cob_id, byte in ((1, 0x700, 1), (0, 0x080, 2), (1, 0x181, 3), (0, 0x181, 4)):
-        bus.submit(port, Frame(cob_id, bytes((byte,))), 0)
-    assert [frame.data[0] for _, _, frame in drive(bus)] == [2, 3, 4, 1]
+def test_lower_identifiers_win() -> None:
+    rig = Rig()
+    for station, cob_id, byte in ((1, 0x700, 1), (0, 0x080, 2), (1, 0x181, 3), (0, 0x182, 4)):
+        rig.stations[station].send(Frame(cob_id, bytes((byte,))), 0)
+    rig.run()
+    assert [frame.data[0] for frame in rig.bus.log_frames] == [2, 3, 4, 1]
 
 
 def test_a_frame_under_way_is_not_interrupted() -> None:
-    bus = Bus(1_000_000)
-    bus.submit(0, Frame(0x700, b""), 0)
-    bus.step(0)
-    bus.submit(0, Frame(0x000, b""), 1)
-    assert [frame.cob_id for _, _, frame in drive(bus)] == [0x700, 0x000]
+    rig = Rig()
+    rig.stations[0].send(Frame(0x700, b""), 0)
+    rig.bus.step(0)
+    rig.stations[0].send(Frame(0x000, b""), 1)
+    rig.run()
+    assert [frame.cob_id for frame in rig.bus.log_frames] == [0x700, 0x000]
 
 
 def test_a_saturated_bus_is_always_busy() -> None:
-    bus = Bus(500_000)
+    rig = Rig(500_000)
     for i in range(100):
-        bus.submit(0, Frame(i, bytes(8)), 0)
-    last = drive(bus)[-1][0]
-    assert last == (bus.busy_bits - 4) * bus.bit_counts
-    assert list(bus.log_frames) == [Frame(i, bytes(8)) for i in range(100)]
-    assert len(bus.log_counts) == 100
+        rig.stations[i % 2].send(Frame(i, bytes(8)), 0)
+    rig.run()
+    assert rig.bus.log_counts[-1] == rig.bits(rig.bus.busy_bits - 4)
+    assert sorted(rig.bus.log_frames) == [Frame(i, bytes(8)) for i in range(100)]
+    assert len(rig.bus.log_counts) == 100
+
+
+def test_every_station_but_the_sender_hears_a_frame() -> None:
+    rig = Rig(stations=3)
+    frame = Frame(0x181, b"")
+    rig.stations[1].send(frame, 0)
+    rig.run()
+    assert [[heard for _, heard in frames] for frames in rig.heard] == [[frame], [], [frame]]
+
+
+def test_equal_frames_at_once_are_one_on_the_wire() -> None:
+    """Two boards with the same node ids send the same boot-up messages: nobody notices."""
+    rig = Rig(stations=3)
+    for station in rig.stations[:2]:
+        station.send(Frame(0x710, b"\0"), 0)
+    rig.run()
+    assert rig.bus.log_frames == [Frame(0x710, b"\0")]
+    assert [len(frames) for frames in rig.heard] == [0, 0, 1]
+    assert not any(station.mailboxes for station in rig.stations)
+
+
+def test_two_senders_of_one_identifier_throw_each_other_off_the_bus() -> None:
+    rig = Rig(stations=3)
+    for byte, station in enumerate(rig.stations[:2]):
+        station.send(Frame(0x181, bytes((byte,))), 0)
+    rig.run(until_counts=rig.bits(32 * 100))
+    assert [station.state for station in rig.stations] == [ErrorState.BUS_OFF, ErrorState.BUS_OFF, ErrorState.ACTIVE]
+    assert rig.stations[2].errors.receive_errors == rig.bus.error_frames == 32
+    assert rig.bus.log_frames == []
+
+
+def test_a_sender_alone_repeats_for_ever_but_stays_on_the_bus() -> None:
+    """Nobody acknowledges. Sixteen failures make it passive; from then on it pauses 8 bits more and counts no more."""
+    rig = Rig(stations=1)
+    frame = Frame(0x181, b"\x55")
+    failed_bits = frame_bits(frame) - 11 + 6 + 8 + 3
+    rig.stations[0].send(frame, 0)
+    rig.run(until_counts=rig.bits(16 * failed_bits - 11))
+    assert rig.events == [(rig.bits(16 * failed_bits - 11), 0, CanEvent.ERROR_PASSIVE)]
+    rig.run(until_counts=rig.bits(116 * failed_bits + 100 * 8 - 11))
+    assert rig.bus.error_frames == 116
+    assert rig.stations[0].errors.transmit_errors == 128
+    assert rig.bus.busy
+    rig.bus.attach(CanController(lambda frame, counts: rig.heard[0].append((counts, frame))))
+    rig.run()
+    assert [heard for _, heard in rig.heard[0]] == rig.bus.log_frames == [frame]
+    assert rig.stations[0].state is ErrorState.WARNING
+
+
+def test_bus_off_lasts_128_times_11_recessive_bits() -> None:
+    rig = Rig(stations=3)
+    rig.bus.throw_off(rig.stations[0], 0)
+    rig.stations[0].send(Frame(0x100, b""), 0)
+    assert not rig.bus.busy
+    rig.run()
+    recovered = rig.bits(128 * 11)
+    assert rig.events == [(recovered, 0, CanEvent.BUS_OFF_RECOVERED)]
+    assert rig.heard[1] == [(recovered + rig.bits(frame_bits(Frame(0x100, b"")) - 4), Frame(0x100, b""))]
+
+
+def test_traffic_delays_the_way_back_from_bus_off() -> None:
+    """A frame brings eleven recessive bits, at its end; a sequence of idle bits that it cuts short does not count."""
+    rig = Rig(stations=3)
+    rig.bus.throw_off(rig.stations[0], 0)
+    frame = Frame(0x100, b"\x55")
+    start = rig.bits(5 * 11 + 10)
+    rig.run(until_counts=start - 1)
+    rig.stations[1].send(frame, start)
+    rig.run()
+    recovered = start + rig.bits(frame_bits(frame)) + rig.bits((128 - 5 - 1) * 11)
+    assert rig.events == [(recovered, 0, CanEvent.BUS_OFF_RECOVERED)]
+    assert rig.heard[0] == []
+    assert len(rig.heard[2]) == 1
 
 
 def test_unknown_bit_rate_names_the_known_ones() -> None:
