@@ -5,6 +5,7 @@ from enum import Enum, auto
 from typing import Final, NamedTuple
 
 from controller.motion import COUNTS_PER_SECOND
+from emulator.bus_faults import Fault, FaultKind, FaultScript
 from emulator.can_controller import CanController
 from emulator.can_timing import INTERMISSION_BITS, UNSTUFFED_TAIL_BITS, frame_bits
 from emulator.fault_confinement import ErrorState
@@ -36,6 +37,7 @@ class _Transmission(NamedTuple):
 
     frame: Frame
     senders: list[CanController]
+    missed_by: list[CanController]
     outcome: _Outcome
     decided_counts: int
 
@@ -47,7 +49,7 @@ class Bus:
     hands valid frames to their receivers.
     """
 
-    def __init__(self, bitrate: int) -> None:
+    def __init__(self, bitrate: int, faults: FaultScript | None = None) -> None:
         if bitrate not in BITRATES:
             raise ValueError(f"bit rate {bitrate} is not one of {', '.join(map(str, BITRATES))}")
         self.bitrate = bitrate
@@ -62,6 +64,9 @@ class Bus:
         """When a transmission is decided, the next arbitration is held or a station comes back from bus-off."""
         self.busy = False
         """Whether a frame is on the wire or a station that takes part has one to send."""
+        self._faults = faults or FaultScript()
+        self._delayed: list[Frame] = []
+        """Frames that the script has delayed and that wait still."""
         self._stations: list[CanController] = []
         self._off: list[CanController] = []
         """The stations in bus-off."""
@@ -127,15 +132,44 @@ class Bus:
             frame = min(station.mailboxes[0] for station in ready)
             ready = [station for station in ready if station.mailboxes[0].cob_id == frame.cob_id]
             agreed = all(station.mailboxes[0] == frame for station in ready)
-        self._begin(frame, ready, self._outcome(ready, agreed=agreed), now_counts)
+        fault = self._strike(frame, now_counts) if self._faults.faults else None
+        if fault and fault.kind is FaultKind.DELAY:
+            self._hold(frame, ready, now_counts + fault.delay_counts)
+        elif fault and fault.kind is FaultKind.BUS_OFF:
+            for station in ready:
+                self.throw_off(station, now_counts)
+        else:
+            self._begin(frame, ready, self._outcome(ready, fault, agreed=agreed), self._missing(fault), now_counts)
 
-    def _outcome(self, senders: list[CanController], *, agreed: bool) -> _Outcome:
-        if not agreed:
+    def _strike(self, frame: Frame, now_counts: int) -> Fault | None:
+        """Ask the script; frames are told apart by identity, since a sender may send the same bytes again."""
+        return self._faults.strike(frame, now_counts, delayed=any(frame is delayed for delayed in self._delayed))
+
+    def _hold(self, frame: Frame, senders: list[CanController], until_counts: int) -> None:
+        self._delayed.append(frame)
+        for station in senders:
+            station.silent_until_counts = max(station.silent_until_counts, until_counts)
+
+    def _missing(self, fault: Fault | None) -> list[CanController]:
+        """The stations that a loss concerns."""
+        if not fault or fault.kind is not FaultKind.LOSS:
+            return []
+        return self._stations if fault.receiver is None else self._stations[fault.receiver : fault.receiver + 1]
+
+    def _outcome(self, senders: list[CanController], fault: Fault | None, *, agreed: bool) -> _Outcome:
+        if not agreed or (fault and fault.kind is FaultKind.CORRUPTION):
             return _Outcome.DISTURBED
         listening = len(self._stations) - len(self._off) - len(senders)
         return _Outcome.VALID if listening else _Outcome.UNACKNOWLEDGED
 
-    def _begin(self, frame: Frame, senders: list[CanController], outcome: _Outcome, now_counts: int) -> None:
+    def _begin(
+        self,
+        frame: Frame,
+        senders: list[CanController],
+        outcome: _Outcome,
+        missed_by: list[CanController],
+        now_counts: int,
+    ) -> None:
         """Put a frame on the wire. A disturbance is found at the end of the CRC, where it costs most."""
         bits = frame_bits(frame)
         decided_bits = bits - _VALID_BEFORE_END_BITS
@@ -150,7 +184,7 @@ class Bus:
         self.busy_bits += bits
         self._free_counts = now_counts + bits * self.bit_counts
         self.next_event_counts = now_counts + decided_bits * self.bit_counts
-        self._transmission = _Transmission(frame, senders, outcome, self.next_event_counts)
+        self._transmission = _Transmission(frame, senders, missed_by, outcome, self.next_event_counts)
 
     def _end(self, transmission: _Transmission) -> None:
         self._transmission = None
@@ -166,17 +200,19 @@ class Bus:
         self._idle_since_counts = self._free_counts
 
     def _deliver(self, transmission: _Transmission) -> None:
-        frame, senders, _, now_counts = transmission
+        frame, senders, missed_by, _, now_counts = transmission
+        if self._delayed:
+            self._delayed = [delayed for delayed in self._delayed if delayed is not frame]
         self.log_counts.append(now_counts)
         self.log_frames.append(frame)
         for station in self._stations:
             if station in senders:
                 station.sent(frame)
-            elif station.on_bus:
+            elif station.on_bus and station not in missed_by:
                 station.received(frame, now_counts)
 
     def _fail(self, transmission: _Transmission) -> None:
-        _, senders, outcome, now_counts = transmission
+        _, senders, _, outcome, now_counts = transmission
         self.error_frames += 1
         for station in self._stations:
             if station in senders:

@@ -10,6 +10,7 @@ from emulator.can_controller import CanController
 from emulator.can_timing import frame_bits
 from emulator.fault_confinement import ErrorState
 from protocol.frame import BITRATES, Frame
+from tests.emulator.bus_rig import BusRig
 
 FRAMES = st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8) | st.sampled_from([bytes(8), b"\xff" * 8]))
 
@@ -47,38 +48,10 @@ def test_frame_lengths_known_from_elsewhere() -> None:
     assert frame_bits(Frame(0x555, b"\x55" * 8)) == 112
 
 
-class Rig:
-    """A bus with stations that note what each of them hears, as (counts, frame)."""
-
-    def __init__(self, bitrate: int = 1_000_000, stations: int = 2) -> None:
-        self.bus = Bus(bitrate)
-        self.heard: list[list[tuple[int, Frame]]] = [[] for _ in range(stations)]
-        self.events: list[tuple[int, int, CanEvent]] = []
-        """(counts, station, event)."""
-        self.stations = [self._station(number) for number in range(stations)]
-
-    def _station(self, number: int) -> CanController:
-        station = CanController(
-            lambda frame, counts: self.heard[number].append((counts, frame)),
-            lambda event, counts: self.events.append((counts, number, event)),
-        )
-        self.bus.attach(station)
-        return station
-
-    def run(self, until_counts: int = 72_000_000) -> None:
-        """Step through all events up to an instant."""
-        while (now := self.bus.next_event_counts) is not None and now <= until_counts:
-            self.bus.step(now)
-
-    def bits(self, count: int) -> int:
-        """So many bits in counts."""
-        return count * self.bus.bit_counts
-
-
 @pytest.mark.parametrize("bitrate", BITRATES)
 def test_a_frame_takes_its_bits(bitrate: int) -> None:
     """It is valid four bits (one of EOF, three of intermission) before the bus is free again."""
-    rig = Rig(bitrate)
+    rig = BusRig(bitrate)
     frame = Frame(0x181, b"\x12\x34")
     rig.stations[0].send(frame, 1000)
     rig.run()
@@ -89,7 +62,7 @@ def test_a_frame_takes_its_bits(bitrate: int) -> None:
 
 
 def test_lower_identifiers_win() -> None:
-    rig = Rig()
+    rig = BusRig()
     for station, cob_id, byte in ((1, 0x700, 1), (0, 0x080, 2), (1, 0x181, 3), (0, 0x182, 4)):
         rig.stations[station].send(Frame(cob_id, bytes((byte,))), 0)
     rig.run()
@@ -97,7 +70,7 @@ def test_lower_identifiers_win() -> None:
 
 
 def test_a_frame_under_way_is_not_interrupted() -> None:
-    rig = Rig()
+    rig = BusRig()
     rig.stations[0].send(Frame(0x700, b""), 0)
     rig.bus.step(0)
     rig.stations[0].send(Frame(0x000, b""), 1)
@@ -106,7 +79,7 @@ def test_a_frame_under_way_is_not_interrupted() -> None:
 
 
 def test_a_saturated_bus_is_always_busy() -> None:
-    rig = Rig(500_000)
+    rig = BusRig(500_000)
     for i in range(100):
         rig.stations[i % 2].send(Frame(i, bytes(8)), 0)
     rig.run()
@@ -116,7 +89,7 @@ def test_a_saturated_bus_is_always_busy() -> None:
 
 
 def test_every_station_but_the_sender_hears_a_frame() -> None:
-    rig = Rig(stations=3)
+    rig = BusRig(stations=3)
     frame = Frame(0x181, b"")
     rig.stations[1].send(frame, 0)
     rig.run()
@@ -125,7 +98,7 @@ def test_every_station_but_the_sender_hears_a_frame() -> None:
 
 def test_equal_frames_at_once_are_one_on_the_wire() -> None:
     """Two boards with the same node ids send the same boot-up messages: nobody notices."""
-    rig = Rig(stations=3)
+    rig = BusRig(stations=3)
     for station in rig.stations[:2]:
         station.send(Frame(0x710, b"\0"), 0)
     rig.run()
@@ -135,7 +108,7 @@ def test_equal_frames_at_once_are_one_on_the_wire() -> None:
 
 
 def test_two_senders_of_one_identifier_throw_each_other_off_the_bus() -> None:
-    rig = Rig(stations=3)
+    rig = BusRig(stations=3)
     for byte, station in enumerate(rig.stations[:2]):
         station.send(Frame(0x181, bytes((byte,))), 0)
     rig.run(until_counts=rig.bits(32 * 100))
@@ -146,7 +119,7 @@ def test_two_senders_of_one_identifier_throw_each_other_off_the_bus() -> None:
 
 def test_a_sender_alone_repeats_for_ever_but_stays_on_the_bus() -> None:
     """Nobody acknowledges. Sixteen failures make it passive; from then on it pauses 8 bits more and counts no more."""
-    rig = Rig(stations=1)
+    rig = BusRig(stations=1)
     frame = Frame(0x181, b"\x55")
     failed_bits = frame_bits(frame) - 11 + 6 + 8 + 3
     rig.stations[0].send(frame, 0)
@@ -163,7 +136,7 @@ def test_a_sender_alone_repeats_for_ever_but_stays_on_the_bus() -> None:
 
 
 def test_bus_off_lasts_128_times_11_recessive_bits() -> None:
-    rig = Rig(stations=3)
+    rig = BusRig(stations=3)
     rig.bus.throw_off(rig.stations[0], 0)
     rig.stations[0].send(Frame(0x100, b""), 0)
     assert not rig.bus.busy
@@ -175,7 +148,7 @@ def test_bus_off_lasts_128_times_11_recessive_bits() -> None:
 
 def test_traffic_delays_the_way_back_from_bus_off() -> None:
     """A frame brings eleven recessive bits, at its end; a sequence of idle bits that it cuts short does not count."""
-    rig = Rig(stations=3)
+    rig = BusRig(stations=3)
     rig.bus.throw_off(rig.stations[0], 0)
     frame = Frame(0x100, b"\x55")
     start = rig.bits(5 * 11 + 10)

@@ -1,0 +1,35 @@
+"""A bus with stations of which nobody but the test knows what they do."""
+
+from controller.can_event import CanEvent
+from emulator.bus import Bus
+from emulator.bus_faults import FaultScript
+from emulator.can_controller import CanController
+from protocol.frame import Frame
+
+
+class BusRig:
+    """A bus with stations that note what each of them hears, as (counts, frame)."""
+
+    def __init__(self, bitrate: int = 1_000_000, stations: int = 2, faults: FaultScript | None = None) -> None:
+        self.bus = Bus(bitrate, faults)
+        self.heard: list[list[tuple[int, Frame]]] = [[] for _ in range(stations)]
+        self.events: list[tuple[int, int, CanEvent]] = []
+        """(counts, station, event)."""
+        self.stations = [self._station(number) for number in range(stations)]
+
+    def _station(self, number: int) -> CanController:
+        station = CanController(
+            lambda frame, counts: self.heard[number].append((counts, frame)),
+            lambda event, counts: self.events.append((counts, number, event)),
+        )
+        self.bus.attach(station)
+        return station
+
+    def run(self, until_counts: int = 72_000_000) -> None:
+        """Step through all events up to an instant."""
+        while (now := self.bus.next_event_counts) is not None and now <= until_counts:
+            self.bus.step(now)
+
+    def bits(self, count: int) -> int:
+        """So many bits in counts."""
+        return count * self.bus.bit_counts
