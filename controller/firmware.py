@@ -14,7 +14,7 @@ from controller.can_event import CanEvent
 from controller.kernel import TICK_COUNTS
 from controller.motion import COUNTS_PER_US, Event, Motion
 from protocol.cia402 import DigitalOutput, ErrorCode
-from protocol.frame import COB_ID_MASK, COB_NMT, COB_SDO_REQUEST, COB_SYNC, FIRST_NODE_ID, Frame
+from protocol.frame import COB_ID_MASK, COB_NMT, COB_SDO_REQUEST, COB_SYNC, FIRST_NODE_ID, NODE_ID_MAX, Frame
 from protocol.nmt import command_for
 
 AXES_MAX = 8
@@ -48,11 +48,13 @@ class PinChange(NamedTuple):
 class Firmware:
     """Everything that runs on the board's microcontroller."""
 
-    def __init__(self, kernel: Kernel, axis_count: int) -> None:
+    def __init__(self, kernel: Kernel, axis_count: int, first_node_id: int = FIRST_NODE_ID) -> None:
         if not 1 <= axis_count <= AXES_MAX:
             raise ValueError(f"a board has 1 to {AXES_MAX} axes, not {axis_count}")
+        if not 1 <= first_node_id <= NODE_ID_MAX - axis_count + 1:
+            raise ValueError(f"{axis_count} node ids from {first_node_id} on are not within 1 to {NODE_ID_MAX}")
         self.motion = Motion(kernel, axis_count)
-        self.nodes = tuple(AxisNode(FIRST_NODE_ID + axis, axis, self.motion) for axis in range(axis_count))
+        self.nodes = tuple(AxisNode(first_node_id + axis, axis, self.motion) for axis in range(axis_count))
         self.dropped_frames = 0
         """Frames that were for nobody here or malformed."""
         self._frames: list[Frame] = []

@@ -12,15 +12,17 @@ from controller.kernel import TICK_COUNTS
 from controller.motion import PinEdges
 from emulator.can_controller import CanController
 from emulator.tb6560 import Int8Array, Int64Array, Pins, Tb6560, Violations
-from protocol.frame import Frame
+from protocol.frame import FIRST_NODE_ID, Frame
 
 
 @dataclass(frozen=True, slots=True)
 class BoardConfig:
-    """What is soldered and plugged: how many axes, and the capacitor at each driver's OSC pin."""
+    """What is soldered, plugged and set: how many axes, the capacitor at each driver's OSC pin, the node ids."""
 
     axis_count: int
     osc_pf: tuple[float, ...]
+    first_node_id: int = FIRST_NODE_ID
+    """The first axis' node id; the others count on from it."""
     read_latency_counts: int = 0
     """How long after its arrival the processor fetches a message from the CAN controller: by default at once."""
 
@@ -44,7 +46,7 @@ class Board:
 
     def __init__(self, config: BoardConfig, kernel: Kernel) -> None:
         self.config = config
-        self.firmware = Firmware(kernel, config.axis_count)
+        self.firmware = Firmware(kernel, config.axis_count, config.first_node_id)
         self._drivers = [Tb6560(osc_pf) for osc_pf in config.osc_pf]
         self._reset_pins: list[list[PinChange]] = [[] for _ in self._drivers]
         self._pins: list[list[Pins]] = [[] for _ in self._drivers]
@@ -67,6 +69,11 @@ class Board:
     def _on_can_event(self, event: CanEvent, now_counts: int) -> None:
         self.firmware.on_can_event(event, now_counts)
         self._due_known = False
+
+    @property
+    def moving(self) -> bool:
+        """Whether a motion runs at any axis."""
+        return any(self.firmware.motion.running(axis) for axis in range(self.config.axis_count))
 
     def advance(self, until_counts: int) -> int:
         """Let time pass; return the instant reached: earlier than asked for if there are frames to send."""

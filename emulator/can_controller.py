@@ -12,14 +12,14 @@ from typing import Final
 
 from controller.can_event import CanEvent
 from emulator.fault_confinement import ErrorState, FaultConfinement
-from protocol.frame import COB_SDO_REQUEST, Frame
+from protocol.frame import COB_SDO_REQUEST, NODE_ID_MAX, Frame
 
 MAILBOXES: Final = 3
 FIFO_DEPTH: Final = 3
 RECOVERY_SEQUENCES: Final = 128
 """How many times 11 recessive bits a controller must see before it leaves bus-off (ISO 11898-1; RM0008, 24.7.6)."""
 
-_SDO_REQUESTS: Final = range(COB_SDO_REQUEST, COB_SDO_REQUEST + 0x80)
+_SDO_REQUESTS: Final = range(COB_SDO_REQUEST + 1, COB_SDO_REQUEST + NODE_ID_MAX + 1)
 
 Receiver = Callable[[Frame, int], None]
 Filter = Callable[[int], bool]

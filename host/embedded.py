@@ -64,7 +64,7 @@ class EmbeddedBoard:
         ]
         config = BoardConfig(axis_count=len(robot.joints), osc_pf=(robot.board.osc_pf,) * len(robot.joints))
         self._board = Board(config, kernel)
-        self._simulation = Simulation(self._board, Bus(robot.board.bitrate, bus_faults))
+        self._simulation = Simulation([self._board], Bus(robot.board.bitrate, bus_faults))
         self.network = EmbeddedNetwork(self._simulation)
         self.wait(_BOOT_S)
 

@@ -18,7 +18,7 @@ OUT1, OUT2 = DigitalOutput.OUT1, DigitalOutput.OUT2
 
 @pytest.fixture
 def simulation(fast_kernel: Kernel) -> Simulation:
-    return Simulation(Board(BoardConfig(axis_count=2, osc_pf=(330.0, 330.0)), fast_kernel), Bus(1_000_000))
+    return Simulation([Board(BoardConfig(axis_count=2, osc_pf=(330.0, 330.0)), fast_kernel)], Bus(1_000_000))
 
 
 def send(simulation: Simulation, frame: Frame) -> int:
@@ -44,17 +44,17 @@ def test_outputs_change_in_the_instant_of_their_frame(simulation: Simulation) ->
     wait(simulation, 0.1)
     second = switch(simulation, OUT2, axis=1)
     expected = [PinChange(first, 0, Pin.OUT1, 1), PinChange(second, 1, Pin.OUT2, 1)]
-    assert simulation.board.output_changes() == expected
+    assert simulation.boards[0].output_changes() == expected
     third = switch(simulation, OUT2)
     expected += [PinChange(third, 0, Pin.OUT1, 0), PinChange(third, 0, Pin.OUT2, 1)]
-    assert simulation.board.output_changes() == simulation.board.output_changes() == expected
+    assert simulation.boards[0].output_changes() == simulation.boards[0].output_changes() == expected
 
 
 def test_they_stand_among_all_changes_of_held_pins(simulation: Simulation) -> None:
     instant = switch(simulation, OUT1)
-    simulation.board.drain()
+    simulation.boards[0].drain()
     powered = [PinChange(0, axis, Pin.RESET, 1) for axis in (0, 1)]
-    assert simulation.board.pin_changes == [*powered, PinChange(instant, 0, Pin.OUT1, 1)]
+    assert simulation.boards[0].pin_changes == [*powered, PinChange(instant, 0, Pin.OUT1, 1)]
 
 
 def test_an_output_switches_in_the_middle_of_a_motion(simulation: Simulation) -> None:
@@ -68,7 +68,7 @@ def test_an_output_switches_in_the_middle_of_a_motion(simulation: Simulation) ->
     wait(simulation, 51.3)
     instant = switch(simulation, OUT2)
     wait(simulation, 100)
-    trace = simulation.board.trace(0)
-    assert simulation.board.output_changes() == [PinChange(instant, 0, Pin.OUT2, 1)]
+    trace = simulation.boards[0].trace(0)
+    assert simulation.boards[0].output_changes() == [PinChange(instant, 0, Pin.OUT2, 1)]
     assert trace.position_steps == len(trace.step_counts) == 50
     assert trace.step_counts[20] < instant < trace.step_counts[30]

@@ -133,7 +133,8 @@ def emergencies(simulation: Simulation, node: int) -> list[bytes]:
 
 
 def simulation_with(kernel: Kernel, read_latency_counts: int = 0) -> Simulation:
-    return Simulation(Board(BoardConfig(2, (330.0, 330.0), read_latency_counts), kernel), Bus(1_000_000))
+    config = BoardConfig(2, (330.0, 330.0), read_latency_counts=read_latency_counts)
+    return Simulation([Board(config, kernel)], Bus(1_000_000))
 
 
 def payload(code: ErrorCode) -> bytes:
@@ -144,25 +145,34 @@ def test_an_overrun_is_reported_once_by_every_node(fast_kernel: Kernel) -> None:
     simulation = simulation_with(fast_kernel, read_latency_counts=LATENCY)
     simulation.run_until(10 * MS)
     for _ in range(8):
-        simulation.send(Frame(0x000, b"\x01\x00"))
+        simulation.host.send(Frame(0x000, b"\x01\x00"), simulation.now_counts)
     simulation.run_until(30 * MS)
-    assert simulation.board.can.overruns == 5
+    assert simulation.boards[0].can.overruns == 5
     for node in (0x10, 0x11):
         assert emergencies(simulation, node) == [payload(ErrorCode.CAN_OVERRUN)]
 
 
-@pytest.mark.parametrize("latency_us", [0, 20])
+def test_an_answer_has_arrived_when_send_returns_however_late_the_processor(fast_kernel: Kernel) -> None:
+    simulation = simulation_with(fast_kernel, read_latency_counts=LATENCY)
+    heard: list[Frame] = []
+    simulation.on_frame = lambda frame, _: heard.append(frame)
+    simulation.send(Frame(0x610, bytes.fromhex("4000100000000000")))
+    assert heard[-1] == Frame(0x590, bytes.fromhex("4300100092010400"))
+
+
+@pytest.mark.parametrize("latency_us", [0, 20, 100])
 def test_a_processor_in_time_never_overruns(fast_kernel: Kernel, latency_us: int) -> None:
     simulation = simulation_with(fast_kernel, read_latency_counts=72 * latency_us)
     for _ in range(100):
-        simulation.send(Frame(0x000, b"\x01\x00"))
-    assert simulation.board.can.overruns == 0
+        simulation.host.send(Frame(0x000, b"\x01\x00"), simulation.now_counts)
+    simulation.run_until(20 * MS)
+    assert simulation.boards[0].can.overruns == 0
 
 
 def test_error_passive_is_reported(fast_kernel: Kernel) -> None:
     simulation = simulation_with(fast_kernel)
     simulation.run_until(10 * MS)
     for _ in range(128):
-        simulation.board.can.receiving_failed(simulation.now_counts)
+        simulation.boards[0].can.receiving_failed(simulation.now_counts)
     simulation.run_until(20 * MS)
     assert emergencies(simulation, 0x10) == emergencies(simulation, 0x11) == [payload(ErrorCode.CAN_ERROR_PASSIVE)]

@@ -17,7 +17,7 @@ def heartbeat(axis: int, period_ms: int) -> Frame:
 
 
 def simulation_of_eight(kernel: Kernel) -> Simulation:
-    return Simulation(Board(BoardConfig(axis_count=8, osc_pf=(330.0,) * 8), kernel), Bus(125_000))
+    return Simulation([Board(BoardConfig(axis_count=8, osc_pf=(330.0,) * 8), kernel)], Bus(125_000))
 
 
 def send_all(simulation: Simulation, frames: list[Frame]) -> None:
