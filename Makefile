@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT := out/drawer-pull
 
-.PHONY: demo test check bench clean
+.PHONY: demo test check lint bench docs clean
 
 # Installs, runs the warehouse robot's drawer pull on the embedded board and says where the pictures are.
 demo: $(VENV)/.installed
@@ -13,15 +13,20 @@ demo: $(VENV)/.installed
 test: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest
 
-check: $(VENV)/.installed-dev
+check: lint test
+
+lint: $(VENV)/.installed-dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/python -m pytest
 
 bench: $(VENV)/.installed-dev
 	$(BIN)/python -m bench
+
+# Writes docs/robots.md and its pictures anew: from docs/robots/*.md, the robots' files, and a run of every job.
+docs: $(VENV)/.installed
+	$(BIN)/python -m docs.generate
 
 clean:
 	rm -rf $(VENV) out

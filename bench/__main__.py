@@ -7,7 +7,7 @@ from importlib.util import find_spec
 from rich.console import Console
 from rich.table import Table
 
-from bench import drawer_pull, kernel, timing
+from bench import drawer_pull, kernel, kinematics, timing
 from bench.loads import AXES
 from controller.backend import KERNELS
 
@@ -62,9 +62,22 @@ def main() -> None:
         )
     console.print(table)
 
+    table = Table("robot", "way", "branches", "M poses/s", "ns a pose", "x numpy sin", title=_KINEMATICS_TITLE)
+    for f in kinematics.figures():
+        table.add_row(
+            f.robot,
+            f.way,
+            f"{f.branches}",
+            f"{f.poses_per_s / 1e6:.2f}",
+            f"{1e9 / f.poses_per_s:.0f}",
+            f"{f.sin_ratio:.1f}",
+        )
+    console.print(table)
+
 
 _KERNEL_TITLE = f"Kernel: {AXES} axes, one core, driver limits lifted; ratio to copying the bytes that it writes"
 _TIMING_TITLE = f"Timing error: sines of {timing.SINE_HZ:g} Hz, points every 10 ms, TB6560 pulse timing"
+_KINEMATICS_TITLE = f"Kinematics: batches of {kinematics.BATCH}, one core; ratio to the sines of all joint values"
 
 if __name__ == "__main__":
     main()

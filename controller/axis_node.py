@@ -1,5 +1,6 @@
 """One axis as a CANopen node: joins the protocol services, the drive's state machine, its modes and its motion."""
 
+from collections.abc import Callable
 from functools import partial
 
 from controller.drive import ENERGISED, next_state
@@ -7,21 +8,37 @@ from controller.homing import Homing
 from controller.interpolation import Interpolation
 from controller.modes import Mode, NoMode
 from controller.motion import STOP_MAX_MS, Motion, StepConfig
+from controller.profile_feed import ProfileFeed
+from controller.profile_position import ProfilePosition
+from controller.profile_velocity import ProfileVelocity
 from protocol import cia402
 from protocol.abort import AbortCode, SdoAbortError
-from protocol.cia402 import ErrorCode, State, Status
+from protocol.cia402 import AbortConnection, Control, ErrorCode, State, Status
+from protocol.cob_id import check_cob_id
 from protocol.datatypes import DataType
-from protocol.dictionary import ObjectDictionary
+from protocol.dictionary import FlashPage, ObjectDictionary
 from protocol.emergency import EmergencyProducer
-from protocol.frame import COB_EMCY, COB_HEARTBEAT, COB_SDO_RESPONSE, Frame
-from protocol.nmt import HeartbeatProducer, NmtCommand, NmtState, target_of
+from protocol.frame import COB_HEARTBEAT, COB_ID_INVALID, COB_SDO_RESPONSE, Frame
+from protocol.heartbeat_consumer import HeartbeatConsumer
+from protocol.nmt import HeartbeatProducer, NmtCommand, NmtState, after_error, target_of
 from protocol.objects import HISTORY_DEPTH, key_of
 from protocol.pdo import ProcessData
 from protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 from protocol.sdo_server import SdoServer
+from protocol.storage import ParameterStorage
+from protocol.sync import SyncConsumer
 
 MICROSTEP_SETTINGS = (1, 2, 8, 16)
 """TB6560AHQ datasheet (2014-10-01), page 9: the excitation modes that M1 and M2 select."""
+
+_ABORT_CONTROLWORDS = {
+    AbortConnection.DISABLE_VOLTAGE: cia402.DISABLE_VOLTAGE,
+    AbortConnection.QUICK_STOP: cia402.QUICK_STOP,
+}
+"""What the drive obeys in place of its lost host."""
+
+_FAULT_STATES = (State.FAULT_REACTION_ACTIVE, State.FAULT)
+_PDO_LENGTH_ERRORS = (ErrorCode.PDO_TOO_SHORT, ErrorCode.PDO_TOO_LONG)
 
 _STEP_CONFIG_KEYS = (
     key_of(0x2000, 1),
@@ -37,7 +54,7 @@ _STEP_CONFIG_KEYS = (
 class AxisNode:
     """The firmware of one axis. Every call that depends on time is told the time; frames leave by `outbox`."""
 
-    def __init__(self, node_id: int, axis: int, motion: Motion) -> None:
+    def __init__(self, node_id: int, axis: int, motion: Motion, flash_page: FlashPage) -> None:
         self.node_id = node_id
         self.axis = axis
         self.nmt_state = NmtState.INITIALISING
@@ -49,7 +66,7 @@ class AxisNode:
         self.outbox: list[Frame] = []
         self.due_us: int | None = None
         """When `poll` wants to be called next."""
-        self.dictionary = ObjectDictionary(node_id)
+        self.dictionary = ObjectDictionary(node_id, stored=flash_page)
         self.process_data = ProcessData(self.dictionary)
         self._motion = motion
         self._now_us = 0
@@ -61,23 +78,40 @@ class AxisNode:
         self.routes_changed = True
         """Whether the COB-IDs that this node listens to may have changed."""
         self._sdo = SdoServer(self.dictionary)
+        self._sync = SyncConsumer(self.dictionary)
         self._heartbeat = HeartbeatProducer()
         self._emergency = EmergencyProducer()
+        self._heartbeat_consumer = HeartbeatConsumer(self.dictionary)
+        self.connection_lost = False
+        """Whether a node that this one listens to has just been lost: `abort_connection` answers it."""
         self.interpolation = Interpolation(
             axis,
             motion,
             self.dictionary,
             report=self._report,
+            resolved=lambda gone: self._resolve(lambda code, _: code is gone),
             status_changed=self._pvt_status_changed,
             ramp_down=self._ramp_down,
         )
+        self._feed = ProfileFeed(
+            axis,
+            motion,
+            self.dictionary,
+            now_us=lambda: self._now_us,
+            close_records=self.interpolation.close,
+            refused=self._profile_refused,
+        )
+        self._profile_velocity = ProfileVelocity(axis, motion, self.dictionary, self._feed)
         self._modes: dict[int, Mode] = {
-            cia402.Mode.NONE: NoMode(),
+            cia402.Mode.NONE: NoMode(axis, motion),
+            cia402.Mode.PROFILE_POSITION: ProfilePosition(axis, motion, self.dictionary, self._feed),
+            cia402.Mode.PROFILE_VELOCITY: self._profile_velocity,
             cia402.Mode.HOMING: Homing(axis, motion, self.dictionary, self.interpolation.discard),
             cia402.Mode.INTERPOLATED_POSITION: self.interpolation,
         }
         self._mode_number = int(cia402.Mode.NONE)
         self._install_hooks()
+        ParameterStorage(self.dictionary, flash_page, busy=self._board_moves)
 
     # --- power-up and network management
 
@@ -96,30 +130,37 @@ class AxisNode:
         target = target_of(command)
         if target is NmtState.INITIALISING:
             self._reset_communication()
-        elif target is not self.nmt_state:
+        else:
+            self._change_nmt_state(target)
+        self._settle()
+
+    def _change_nmt_state(self, target: NmtState) -> None:
+        if target is not self.nmt_state:
             self.nmt_state = target
             self.process_data.configurable = target is NmtState.PRE_OPERATIONAL
             self.process_data.invalidate()
-        self._settle()
 
     def _reset_application(self) -> None:
         """Lose everything that a power cycle would lose but the axis' position."""
         self._motion.flush(self.axis)
-        self.dictionary.restore_defaults(0x2000)
+        self.dictionary.reset(0x2000)
         self._motion.configure(self.axis, self._step_config())
         self._emergency.forget()
         self._controlword = 0
         self.outputs = 0
+        self._mode.interrupted()
         self._mode_number = int(cia402.Mode.NONE)
         self.interpolation.restart()
         self._enter(State.SWITCH_ON_DISABLED)
 
     def _reset_communication(self) -> None:
-        self.dictionary.restore_defaults(0x1000, 0x1FFF)
+        self.dictionary.reset(0x1000, 0x1FFF)
         self._sdo.reset()
-        self._heartbeat.set_period(0, self._now_us)
-        self._emergency.inhibit = 0
-        self._emergency.drop_waiting()
+        self._heartbeat.set_period(self.dictionary.get(0x1017) * 1000, self._now_us)
+        self._emergency.inhibit = self.dictionary.get(0x1015)
+        self._emergency.reset_communication()
+        self._heartbeat_consumer.restart()
+        self.connection_lost = False
         self.nmt_state = NmtState.PRE_OPERATIONAL
         self.process_data.configurable = True
         self.process_data.invalidate()
@@ -132,8 +173,7 @@ class AxisNode:
         if self.nmt_state is NmtState.STOPPED:
             return
         self._now_us = now_us
-        response = self._sdo.handle(data)
-        if response is not None:
+        for response in self._sdo.handle(data):
             self.outbox.append(Frame(COB_SDO_RESPONSE + self.node_id, response))
         self._settle()
 
@@ -145,20 +185,72 @@ class AxisNode:
         error = self.process_data.receive_pdos[number].receive(data)
         if error:
             self._report(error, number + 1)
+        elif self._emergency.register:
+            self._resolve(lambda code, detail: code in _PDO_LENGTH_ERRORS and detail == number + 1)
         if self._touched:  # most frames are PVT records, which change nothing that is sent at once
             self._settle()
 
-    def on_sync(self, now_us: int) -> None:
+    def on_sync(self, data: bytes, now_us: int) -> None:
         """Apply latched RPDOs, then send the TPDOs whose turn it is."""
         if self.nmt_state is not NmtState.OPERATIONAL:
             return
         self._now_us = now_us
+        counter = self._sync.counter_of(data)
+        if counter is None:
+            self._report(ErrorCode.SYNC_LENGTH, len(data))
+            self._settle()
+            return
+        if self._emergency.register:
+            self._resolve(lambda code, _: code is ErrorCode.SYNC_LENGTH)
         for receive_pdo in self.process_data.receive_pdos:
             receive_pdo.on_sync()
         for transmit_pdo in self.process_data.transmit_pdos:
-            frame = transmit_pdo.on_sync() if transmit_pdo.exists else None
+            frame = transmit_pdo.on_sync(counter) if transmit_pdo.exists else None
             if frame:
                 self.outbox.append(frame)
+        self._settle()
+
+    @property
+    def heartbeat_producers(self) -> list[int]:
+        """The node ids whose heartbeats this node wants to hear."""
+        return self._heartbeat_consumer.producers
+
+    def on_heartbeat(self, producer_id: int, data: bytes, now_us: int) -> None:
+        """Hear another node's heartbeat, in every state; a lost one that is back is an error less.
+
+        While the drive is in fault the error stays: it goes with the fault reset.
+        """
+        self._now_us = now_us
+        if self._heartbeat_consumer.receive(producer_id, data, now_us) and self.state not in _FAULT_STATES:
+            self._resolve(self._is_over)
+        self._settle()
+
+    # --- a lost host
+
+    def _watch_connection(self) -> None:
+        """Report the producers that have fallen silent."""
+        for producer_id in self._heartbeat_consumer.poll(self._now_us):
+            self._report(ErrorCode.HEARTBEAT_LOST, producer_id)
+            self.connection_lost = True
+
+    @property
+    def signals_lost_connection(self) -> bool:
+        """Whether a lost connection is a fault of the drive, by 0x6007."""
+        return self.dictionary.get(0x6007) == AbortConnection.FAULT_SIGNAL
+
+    def abort_connection(self, now_us: int) -> None:
+        """Do what the host would have done last, by 0x6007, and leave OPERATIONAL, by 0x1029.
+
+        A fault that is to be signalled is the firmware's to begin: it may concern the whole group.
+        """
+        self._now_us = now_us
+        self.connection_lost = False
+        controlword = _ABORT_CONTROLWORDS.get(AbortConnection(self.dictionary.get(0x6007)))
+        if controlword is not None:
+            target = next_state(self.state, controlword, self._controlword)
+            if target is not (self._after_stop or self.state):
+                self._leave_for(target)
+        self._change_nmt_state(after_error(self.nmt_state, self.dictionary.get(0x1029, 1)))
         self._settle()
 
     # --- motion's news
@@ -176,6 +268,11 @@ class AxisNode:
             self._mode.finished()
         self._settle()
 
+    def time_scaled(self, now_us: int) -> None:
+        """The group's time halts, has come to rest or goes on: report what that changes."""
+        self._now_us = now_us
+        self._settle()
+
     def stop_ms(self) -> int:
         """How long the quick-stop ramp 0x6085 takes from the present velocity: at least 1 ms, at most what fits."""
         velocity = abs(self._motion.velocity(self.axis))
@@ -191,7 +288,8 @@ class AxisNode:
         if self.state is State.FAULT_REACTION_ACTIVE or not self.energised:
             return
         self._set_error(code)
-        self._report(code, 0)
+        if not self._emergency.is_active(code):
+            self._report(code, 0)
         moving = self._motion.running(self.axis) or self._motion.velocity(self.axis) != 0
         if code is ErrorCode.PVT_UNDERRUN:
             self.interpolation.underrun()
@@ -200,10 +298,13 @@ class AxisNode:
         self._enter(State.FAULT_REACTION_ACTIVE if self._motion.running(self.axis) else State.FAULT)
         self._settle()
 
-    def report_communication_error(self, code: ErrorCode, now_us: int) -> None:
-        """Tell by EMCY what happened to the bus; the drive goes on."""
+    def on_can_error(self, code: ErrorCode, now_us: int, *, active: bool) -> None:
+        """Tell by EMCY what befalls the board's CAN controller; the drive goes on."""
         self._now_us = now_us
-        self._report(code, 0)
+        if active:
+            self._report(code, 0)
+        else:
+            self._resolve(lambda gone, _: gone is code)
         self._settle()
 
     # --- the drive
@@ -229,7 +330,7 @@ class AxisNode:
         """Change state by command: a moving axis ramps down first, unless its voltage is to be cut."""
         if self.state is State.FAULT:
             self._set_error(ErrorCode.NONE)
-            self._emergency.clear()
+            self._resolve(self._is_over)
         if self._motion.running(self.axis):
             if target is State.SWITCH_ON_DISABLED:
                 self._motion.flush(self.axis)
@@ -246,15 +347,14 @@ class AxisNode:
     def _ramp_down(self, stop_ms: int | None = None) -> None:
         """Stop with constant deceleration, by default that of the quick stop; dead where there is no room for it."""
         self._motion.stop(self.axis, self.stop_ms() if stop_ms is None else stop_ms)
-        if self.interpolation.running:
-            self.interpolation.stopped()
+        self._mode.interrupted()
 
     def _enter(self, state: State) -> None:
         self.state = state
         self.energised = state in ENERGISED
         self._after_stop = None
-        if state is not State.OPERATION_ENABLED and self.interpolation.running:
-            self.interpolation.stopped()
+        if state is not State.OPERATION_ENABLED:
+            self._mode.interrupted()
 
     def _write_mode(self, mode: int) -> None:
         if mode not in self._modes:
@@ -262,17 +362,21 @@ class AxisNode:
         if mode != self._mode_number and self._motion.running(self.axis):
             raise SdoAbortError(AbortCode.DEVICE_STATE)
         if mode != self._mode_number:
+            self._mode.interrupted()
             self._mode_number = mode
             self._changed(0x6061)
+            if self.state is State.OPERATION_ENABLED:  # without an edge: only levels count in a mode just entered
+                self._mode.control(self._controlword, self._controlword)
 
     def statusword(self) -> int:
         """Object 0x6041, composed of the state's, the drive's and the mode's bits."""
         word = self.state.bits | Status.VOLTAGE_ENABLED
         if self.nmt_state is NmtState.OPERATIONAL:
             word |= Status.REMOTE
-        if not self._motion.running(self.axis):
+        enabled = self.state is State.OPERATION_ENABLED
+        if self._mode.target_reached() if enabled else not self._motion.running(self.axis):
             word |= Status.TARGET_REACHED
-        if self.state is State.OPERATION_ENABLED:
+        if enabled:
             word |= self._mode.status_bits()
         return word
 
@@ -292,12 +396,15 @@ class AxisNode:
         read[key_of(0x606C)] = self._velocity_units_per_s
         read[key_of(0x60F4)] = self._following_error_units
         write[key_of(0x1003)] = lambda _: self._emergency.history.clear()
+        write[key_of(0x1014)] = lambda cob_id: check_cob_id(self.dictionary.get(0x1014), cob_id)
         write[key_of(0x1015)] = self._write_emergency_inhibit
         write[key_of(0x1017)] = lambda period_ms: self._heartbeat.set_period(period_ms * 1000, self._now_us)
         write[key_of(0x6040)] = self._write_controlword
         write[key_of(0x6060)] = self._write_mode
+        write[key_of(0x6086)] = self._write_profile_type
         write[key_of(0x60FE, 1)] = lambda physical: self._switch_outputs(physical, self.dictionary.get(0x60FE, 2))
         write[key_of(0x60FE, 2)] = lambda mask: self._switch_outputs(self.dictionary.get(0x60FE, 1), mask)
+        write[key_of(0x60FF)] = self._write_target_velocity
         for key in _STEP_CONFIG_KEYS:
             write[key] = partial(self._write_step_config, key)
 
@@ -305,8 +412,24 @@ class AxisNode:
         history = self._emergency.history
         return history[position - 1] if position <= len(history) else 0
 
+    def _write_target_velocity(self, units_per_s: int) -> None:
+        self._touched = True
+        self._profile_velocity.write_target(units_per_s)
+
+    def _write_profile_type(self, profile_type: int) -> None:
+        if profile_type not in (cia402.LINEAR_RAMP, cia402.JERK_LIMITED_RAMP):
+            raise SdoAbortError(AbortCode.VALUE_RANGE)
+
+    def _profile_refused(self) -> None:
+        """A profile's segment was refused: it would leave the range of a position."""
+        self.fault(ErrorCode.SEGMENT_REFUSED, self.stop_ms(), self._now_us)
+
     def _write_emergency_inhibit(self, inhibit: int) -> None:
         self._emergency.inhibit = inhibit
+
+    def _board_moves(self) -> bool:
+        """An STM32F103 halts while it writes its flash: no axis may want steps then."""
+        return any(self._motion.running(axis) for axis in range(self._motion.axis_count))
 
     def _switch_outputs(self, physical: int, mask: int) -> None:
         """In any drive state, and no state or fault switches them back: a gripper must not drop its load."""
@@ -352,11 +475,24 @@ class AxisNode:
         self._touched = True
         self._emergency.raise_error(code, detail)
 
+    def _resolve(self, gone: Callable[[ErrorCode, int], bool]) -> None:
+        self._touched = True
+        self._emergency.resolve(gone)
+
+    def _is_over(self, code: ErrorCode, detail: int) -> bool:
+        """Whether an active error has no cause any more once the drive is out of its fault."""
+        if code is ErrorCode.HEARTBEAT_LOST:
+            return detail not in self._heartbeat_consumer.lost
+        return not code.communication
+
     def _settle(self) -> None:
         """After anything that happened: note changed values, then find out when to send."""
-        if self.process_data.refresh(self._now_us):
+        if self.process_data.refresh(self._now_us) or self._heartbeat_consumer.changed:
+            self._heartbeat_consumer.changed = False
             self.routes_changed = True
-        self.interpolation.ready = self.state is State.OPERATION_ENABLED and self._mode is self.interpolation
+        interpolating = self._mode is self.interpolation
+        self.interpolation.ready = interpolating and self.state is State.OPERATION_ENABLED
+        self._motion.group.hold(self.axis, hold=interpolating and bool(self._controlword & Control.HALT))
         statusword = self.statusword()
         if statusword != self._statusword:
             self._statusword = statusword
@@ -365,7 +501,7 @@ class AxisNode:
         self._touched = False
 
     def _schedule(self) -> None:
-        dues = [self._heartbeat.due_us]
+        dues = [self._heartbeat.due_us, self._heartbeat_consumer.due_us, self._feed.due_us]
         if self.nmt_state is not NmtState.STOPPED:
             dues.append(self._emergency.due_us)
         if self.nmt_state is NmtState.OPERATIONAL:
@@ -373,14 +509,19 @@ class AxisNode:
         self.due_us = min((due for due in dues if due is not None), default=None)
 
     def poll(self, now_us: int) -> None:
-        """Send what is due: heartbeat, emergencies, event-driven TPDOs."""
+        """Do what is due: fill the queue of a profile, send heartbeat, emergencies, event-driven TPDOs."""
         self._now_us = now_us
+        if self._feed.due_us is not None and self._feed.due_us <= now_us:
+            self._feed.fill()
+            self._settle()
+        self._watch_connection()
         if self._heartbeat.poll(now_us):
             self.outbox.append(Frame(COB_HEARTBEAT + self.node_id, bytes((self.nmt_state,))))
         if self.nmt_state is not NmtState.STOPPED:
             payload = self._emergency.poll(now_us)
-            if payload:
-                self.outbox.append(Frame(COB_EMCY + self.node_id, payload))
+            cob_id = self.dictionary.get(0x1014)
+            if payload and not cob_id & COB_ID_INVALID:
+                self.outbox.append(Frame(cob_id, payload))
         if self.nmt_state is NmtState.OPERATIONAL:
             for pdo in self.process_data.transmit_pdos:
                 frame = pdo.poll(now_us) if pdo.exists else None

@@ -23,7 +23,7 @@ class Kernel:
     rows: Callable[[int, int], Rows]
     push: Callable[[Cells, Cells, int, int, int, int], int]
     next_segment: Callable[[Cells, Cells, int], bool]
-    advance: Callable[[Cells, Cells, Rows, Rows, int, int, int], int]
+    advance: Callable[[Cells, Cells, Cells, Rows, Rows, int, int, int], int]
     demand_rate: Callable[[Cells, int], int]
 
 

@@ -6,15 +6,25 @@ is fetched: frames by `take_frames`, pin changes by `take_pins`, pulse edges by 
 
 from collections.abc import Callable
 from enum import Enum
+from functools import partial
 from typing import NamedTuple
 
 from controller.axis_node import AxisNode
 from controller.backend import Kernel
-from controller.can_event import CanEvent
 from controller.kernel import TICK_COUNTS
 from controller.motion import COUNTS_PER_US, Event, Motion
 from protocol.cia402 import DigitalOutput, ErrorCode
-from protocol.frame import COB_ID_MASK, COB_NMT, COB_SDO_REQUEST, COB_SYNC, FIRST_NODE_ID, NODE_ID_MAX, Frame
+from protocol.dictionary import FlashPage
+from protocol.frame import (
+    COB_HEARTBEAT,
+    COB_ID_MASK,
+    COB_NMT,
+    COB_SDO_REQUEST,
+    COB_SYNC,
+    FIRST_NODE_ID,
+    NODE_ID_MAX,
+    Frame,
+)
 from protocol.nmt import command_for
 
 AXES_MAX = 8
@@ -46,15 +56,34 @@ class PinChange(NamedTuple):
 
 
 class Firmware:
-    """Everything that runs on the board's microcontroller."""
+    """Everything that runs on the board's microcontroller.
 
-    def __init__(self, kernel: Kernel, axis_count: int, first_node_id: int = FIRST_NODE_ID) -> None:
+    The axes that interpolate are one group. It is halted while bit 8 is set in the controlword of any axis whose mode
+    is interpolated position, whatever that axis' drive does: neither its end nor its fault sets the others going.
+    """
+
+    def __init__(
+        self,
+        kernel: Kernel,
+        axis_count: int,
+        flash: list[FlashPage] | None = None,
+        first_node_id: int = FIRST_NODE_ID,
+    ) -> None:
+        """Set the board up.
+
+        Args:
+            kernel: what computes the motion.
+            axis_count: 1 to 8.
+            flash: a page for each axis, which is read at boot and written when the host stores parameters.
+            first_node_id: the first axis' node id; the others count on from it.
+        """
         if not 1 <= axis_count <= AXES_MAX:
             raise ValueError(f"a board has 1 to {AXES_MAX} axes, not {axis_count}")
         if not 1 <= first_node_id <= NODE_ID_MAX - axis_count + 1:
             raise ValueError(f"{axis_count} node ids from {first_node_id} on are not within 1 to {NODE_ID_MAX}")
         self.motion = Motion(kernel, axis_count)
-        self.nodes = tuple(AxisNode(first_node_id + axis, axis, self.motion) for axis in range(axis_count))
+        pages: list[FlashPage] = [{} for _ in range(axis_count)] if flash is None else flash
+        self.nodes = tuple(AxisNode(first_node_id + axis, axis, self.motion, page) for axis, page in enumerate(pages))
         self.dropped_frames = 0
         """Frames that were for nobody here or malformed."""
         self._frames: list[Frame] = []
@@ -74,13 +103,17 @@ class Firmware:
 
     def receive(self, frame: Frame, now_counts: int) -> None:
         """Take one frame from the bus; whatever it holds, it never raises."""
+        self._deliver(frame, now_counts)
+        self._tend_halt(now_counts)
+
+    def _deliver(self, frame: Frame, now_counts: int) -> None:
         now_us = now_counts // COUNTS_PER_US
         if frame.cob_id == COB_NMT:
             self._on_nmt(frame.data, now_counts)
             return
         if frame.cob_id == COB_SYNC:
             for node in self.nodes:
-                node.on_sync(now_us)
+                node.on_sync(frame.data, now_us)
                 self._collect(node, now_counts)
             return
         listeners = self._routes.get(frame.cob_id)
@@ -92,20 +125,21 @@ class Firmware:
             self._collect(node, now_counts)
 
     def hears(self, cob_id: int) -> bool:
-        """What the CAN controller's filters are set to: NMT, SYNC and what the nodes' SDO and PDO parameters say.
+        """What the CAN controller's filters are set to: NMT, SYNC and what the nodes' communication parameters say.
 
-        That are at most 2 + 8 * 5 identifiers; bxCAN's 14 filter banks hold 56 as lists (RM0008, section 24.7.4).
+        By default these are blocks of eight, with a mask each; bxCAN's 14 filter banks hold 28 masks or 56 identifiers
+        (RM0008, section 24.7.4).
         """
         return cob_id in self._routes or cob_id in (COB_NMT, COB_SYNC)
 
-    def on_can_event(self, event: CanEvent, now_counts: int) -> None:
-        """Report what befell the CAN controller: one EMCY of every node, once for each time it happens.
+    def on_can_error(self, code: ErrorCode, now_counts: int, *, active: bool) -> None:
+        """Report that an error of the CAN controller has occurred, or that it is over: one EMCY of every node.
 
         To a master each node is a device of its own, with its own error register (CiA 301, section 7.2.7); all of them
         lost the same bus, and nobody knows to which of them a lost message would have gone.
         """
         for node in self.nodes:
-            node.report_communication_error(event.value, now_counts // COUNTS_PER_US)
+            node.on_can_error(code, now_counts // COUNTS_PER_US, active=active)
             self._collect(node, now_counts)
 
     def _on_nmt(self, data: bytes, now_counts: int) -> None:
@@ -126,6 +160,9 @@ class Firmware:
                 if pdo.exists:
                     handler = _rpdo_handler(node, number)
                     self._routes.setdefault(pdo.cob_id & COB_ID_MASK, []).append((node, handler))
+            for producer_id in node.heartbeat_producers:
+                handler = partial(node.on_heartbeat, producer_id)
+                self._routes.setdefault(COB_HEARTBEAT + producer_id, []).append((node, handler))
 
     # --- time forward
 
@@ -153,6 +190,8 @@ class Firmware:
             if node.due_us is not None and node.due_us <= now_us:
                 node.poll(now_us)
                 self._collect(node, now_counts)
+        if any(node.connection_lost for node in self.nodes):
+            self._abort_connections(now_counts)
 
     @property
     def next_due_counts(self) -> int | None:
@@ -168,13 +207,38 @@ class Firmware:
         faults = {
             axis: ErrorCode.PVT_UNDERRUN if event is Event.UNDERRUN else ErrorCode.LATE_STEP
             for axis, event in events
-            if event is not Event.FINISHED
+            if event in (Event.UNDERRUN, Event.LATE_STEP)
         }
         if faults:
             self._stop_group(faults, now_us)
         for axis, event in events:
             if event is Event.FINISHED:
                 self.nodes[axis].finished(now_us)
+            elif event is Event.HALTED:
+                self.nodes[axis].time_scaled(now_us)
+        for node in self.nodes:
+            self._collect(node, now_counts)
+        self._tend_halt(now_counts)
+
+    def _tend_halt(self, now_counts: int) -> None:
+        """Halt the group or let it go on, if that is asked for after all that one frame or instant has changed."""
+        group = self.motion.group
+        if group.halted == group.halt_wanted:
+            return
+        self.motion.ramp_group([node.dictionary.get(0x6085) for node in self.nodes])
+        for node in self.nodes:
+            node.time_scaled(now_counts // COUNTS_PER_US)
+            self._collect(node, now_counts)
+
+    def _abort_connections(self, now_counts: int) -> None:
+        """Let the axes that have lost their host react, those with a fault together with their group."""
+        now_us = now_counts // COUNTS_PER_US
+        lost = [node for node in self.nodes if node.connection_lost]
+        for node in lost:
+            node.abort_connection(now_us)
+        faults = {node.axis: ErrorCode.HEARTBEAT_LOST for node in lost if node.signals_lost_connection}
+        if faults:
+            self._stop_group(faults, now_us)
         for node in self.nodes:
             self._collect(node, now_counts)
 

@@ -32,6 +32,13 @@ class Homing:
     def finished(self) -> None:
         """Method 37 makes no motion."""
 
+    def interrupted(self) -> None:
+        """There is no motion to interrupt."""
+
+    def target_reached(self) -> bool:
+        """Standstill."""
+        return not self._motion.running(self._axis)
+
     def status_bits(self) -> int:
         """Bit 12, homing attained, since power-up."""
         return Status.HOMING_ATTAINED if self._attained else 0

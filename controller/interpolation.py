@@ -28,6 +28,7 @@ class Interpolation:
         motion: Motion,
         dictionary: ObjectDictionary,
         report: Report,
+        resolved: Callable[[ErrorCode], None],
         status_changed: Callable[[], None],
         ramp_down: Callable[[], None],
     ) -> None:
@@ -35,6 +36,7 @@ class Interpolation:
         self._motion = motion
         self._dictionary = dictionary
         self._report = report
+        self._resolved = resolved
         self._status_changed = status_changed
         self._ramp_down = ramp_down
         self._next_sequence = 0
@@ -105,14 +107,18 @@ class Interpolation:
         """Begin again with sequence number 0 and no flags, open for records."""
         self._next_sequence = 0
         self._sticky = PvtFlag(0)
+        self._resolved(ErrorCode.SEGMENT_REFUSED)
         self.finished()
         self._closed = False
 
     # --- the mode
 
     def control(self, controlword: int, previous: int) -> None:
-        """Start the queue in the next tick when the enable bit rises; stop it when that falls or halt is set."""
-        enabled = controlword & Control.START and not controlword & Control.HALT
+        """Start the queue in the next tick when the enable bit rises; stop it when that falls.
+
+        The halt bit is the group's (see `Firmware`): what is started during a halt rests at its first record's start.
+        """
+        enabled = controlword & Control.START
         if self._running and not enabled:
             self._ramp_down()
         elif enabled and not previous & Control.START and self._start():
@@ -122,7 +128,7 @@ class Interpolation:
 
     def _start(self) -> bool:
         """Begin with the first record, unless a ramp is still bringing the axis to rest."""
-        return not self._motion.running(self._axis) and self._motion.start(self._axis)
+        return not self._motion.running(self._axis) and self._motion.start(self._axis, in_group=True)
 
     def finished(self) -> None:
         """The queue ran out at rest."""
@@ -139,6 +145,20 @@ class Interpolation:
         """The queue was stopped before its end: close it."""
         self._closed = True
         self.finished()
+
+    def close(self) -> None:
+        """Another mode moves the axis: take no more records until the host clears the queue."""
+        if not self._closed:
+            self.stopped()
+
+    def interrupted(self) -> None:
+        """The drive stops the motion or leaves OPERATION ENABLED."""
+        if self._running:
+            self.stopped()
+
+    def target_reached(self) -> bool:
+        """Standstill, at the end or in a halt."""
+        return not self._motion.running(self._axis) or self._motion.halted(self._axis)
 
     def underrun(self) -> None:
         """The queue ran out while moving."""

@@ -10,7 +10,12 @@ counter + H and down when it reaches counter - H, with H = 1/2 + 1/16 step of hy
 The functions here are an integer subset of Python over flat, indexable storage, the way the C of a Cortex-M3 would
 be written. Run as they stand, on lists, they are the reference: unbounded integers would show any overflow. Compiled
 by numba on int64 arrays (see `backend`) they give the same bits. `axes` holds AXIS_FIELDS integers for each axis,
-`queue` QUEUE_DEPTH entries of SEGMENT_FIELDS for each axis, `clk` and `direction` one row of edges for each axis.
+`queue` QUEUE_DEPTH entries of SEGMENT_FIELDS for each axis, `group` the GROUP_FIELDS of the axes that halt together,
+`clk` and `direction` one row of edges for each axis.
+
+A halt slows trajectory time instead of the axes: in each tick the axes of the group advance i not by 1 but by the
+group's rate, which ramps linearly to 0 and back. The rate is a function of the tick alone and i is kept in Q16 ticks,
+so that axes which are in step stay so to the last bit, and the path is the planned one.
 """
 
 from collections.abc import Callable
@@ -39,11 +44,16 @@ STEP_Q16 = 1 << 16
 THRESHOLD_Q16 = STEP_Q16 // 2 + STEP_Q16 // 16
 """H: how far the demand leaves the counter before a step is made; the sixteenth keeps noise from chattering."""
 
+FULL_RATE_Q16 = 1 << 16
+"""Trajectory time runs as fast as time: one tick a tick."""
+
 QUEUE_DEPTH = 64
 DURATION_MAX_MS = 255
 I32_MAX = (1 << 31) - 1
 NEVER_COUNTS = -(1 << 62)
 """The time of an edge that has not happened yet."""
+NEVER_TICK = 1 << 62
+"""A tick that does not come."""
 
 # Fields of one axis in `axes`: its configuration, ...
 MICROSTEPS = 0
@@ -61,23 +71,31 @@ COEFFICIENT_A = 10
 COEFFICIENT_B = 11
 COEFFICIENT_C = 12
 DURATION_TICKS = 13
-ELAPSED_TICKS = 14
+ELAPSED_Q16 = 14
 END_VELOCITY = 15
+IN_GROUP = 16
 # ... its queue, whose tail is where the next segment starts, ...
-QUEUE_HEAD = 16
-QUEUE_COUNT = 17
-TAIL_Q16 = 18
-TAIL_VELOCITY = 19
+QUEUE_HEAD = 17
+QUEUE_COUNT = 18
+TAIL_Q16 = 19
+TAIL_VELOCITY = 20
 # ... its pins, ...
-EARLIEST_RISE_COUNTS = 20
-LAST_RISE_COUNTS = 21
-DIR_LEVEL = 22
+EARLIEST_RISE_COUNTS = 21
+LAST_RISE_COUNTS = 22
+DIR_LEVEL = 23
 # ... and what it reports.
-EVENT = 23
-DELAYED_STEPS = 24
-CLK_EDGES = 25
-DIR_EDGES = 26
-AXIS_FIELDS = 27
+EVENT = 24
+DELAYED_STEPS = 25
+CLK_EDGES = 26
+DIR_EDGES = 27
+AXIS_FIELDS = 28
+
+# The time of the group: a ramp of its rate that begins at the start of a tick and takes a number of ticks.
+RATE_FROM_Q16 = 0
+RATE_TO_Q16 = 1
+RAMP_TICK = 2
+RAMP_TICKS = 3
+GROUP_FIELDS = 4
 
 # Fields of one queued segment.
 SEGMENT_START_Q16 = 0
@@ -168,7 +186,7 @@ def next_segment(axes: Cells, queue: Cells, axis: int) -> bool:
     axes[base + COEFFICIENT_C] = queue[entry + SEGMENT_C]
     axes[base + DURATION_TICKS] = queue[entry + SEGMENT_TICKS]
     axes[base + END_VELOCITY] = queue[entry + SEGMENT_END_VELOCITY]
-    axes[base + ELAPSED_TICKS] = 0
+    axes[base + ELAPSED_Q16] = 0
     axes[base + QUEUE_HEAD] = (head + 1) % QUEUE_DEPTH
     axes[base + QUEUE_COUNT] = count - 1
     axes[base + RUNNING] = 1
@@ -208,7 +226,6 @@ def place_steps(axes: Cells, clk: Cells, direction: Cells, base: int, tick_count
     first = axes[base + CLK_EDGES]
     last = first + 2 * steps
     delayed = 0
-    first_late: int = earliest - tick_counts - (due_q16 >> 16)
     rise = 0
     due = 0
     for k in range(first, last, 2):
@@ -225,76 +242,142 @@ def place_steps(axes: Cells, clk: Cells, direction: Cells, base: int, tick_count
     axes[base + LAST_RISE_COUNTS] = rise
     axes[base + CLK_EDGES] = last
     axes[base + DELAYED_STEPS] += delayed
-    return max(first_late, rise - due) <= TICK_COUNTS
+    if delayed == 0:
+        return True
+    first_due = tick_counts + (to_threshold * interval_q16 >> 32)
+    return bool(max(clk[first] - first_due, rise - due) <= TICK_COUNTS)
 
 
 @kernel_function
-def advance_axis(axes: Cells, queue: Cells, clk: Cells, direction: Cells, axis: int, tick: int, until_tick: int) -> int:
+def group_time_q16(group: Cells, tick: int) -> int:
+    """Trajectory time from the begin of the group's ramp to the start of `tick`, in Q16 ticks.
+
+    After j of K ticks it is r0 j + (r1 - r0) j^2 / 2K, rounded down; then it grows by r1 a tick. So a ramp covers
+    (r0 + r1) K / 2, however long it is, and ramps of an even number of ticks between full rate and 0 whole ticks.
+    """
+    since = tick - group[RAMP_TICK]
+    ramped = min(since, group[RAMP_TICKS])
+    time_q16 = group[RATE_FROM_Q16] * ramped + group[RATE_TO_Q16] * (since - ramped)
+    if ramped > 0:
+        time_q16 += (group[RATE_TO_Q16] - group[RATE_FROM_Q16]) * ramped * ramped // (2 * group[RAMP_TICKS])
+    return int(time_q16)
+
+
+@kernel_function
+def run_ticks(axes: Cells, clk: Cells, direction: Cells, base: int, tick: int, until_tick: int, rate_q16: int) -> int:
+    """Evaluate the segment at the end of each tick and place the steps, to `until_tick` or to a late step.
+
+    Trajectory time advances by `rate_q16` a tick, so (i << 30) // n needs additions only. It is negative where the
+    segment begins within the tick. Returns the tick reached; EVENT says if a step was late.
+    """
+    half = 1 << 29
+    start = axes[base + START_Q16]
+    a = axes[base + COEFFICIENT_A]
+    b = axes[base + COEFFICIENT_B]
+    c = axes[base + COEFFICIENT_C]
+    n = axes[base + DURATION_TICKS]
+    p = axes[base + POSITION_Q16]
+    elapsed_q16 = axes[base + ELAPSED_Q16]
+    from_tick = tick
+    s_per_tick = (rate_q16 << 14) // n
+    s_remainder_per_tick = (rate_q16 << 14) % n
+    on_time = True
+    if a == 0 and b == 0 and c == 0 and elapsed_q16 >= 0:  # at rest no edge can fall: all is one jump
+        tick = until_tick
+    s = (elapsed_q16 << 14) // n
+    s_remainder = (elapsed_q16 << 14) % n
+    while tick < until_tick and on_time:
+        s += s_per_tick
+        s_remainder += s_remainder_per_tick
+        if s_remainder >= n:
+            s_remainder -= n
+            s += 1
+        q = ((c * s + half) >> 30) + b
+        q = ((q * s + half) >> 30) + a
+        q = start + ((q * s + half) >> 30)
+        if q != p:
+            on_time = place_steps(axes, clk, direction, base, tick * TICK_COUNTS, p, q)
+        p = q
+        tick += 1
+    axes[base + POSITION_Q16] = p
+    axes[base + ELAPSED_Q16] = elapsed_q16 + (tick - from_tick) * rate_q16
+    if not on_time:
+        axes[base + EVENT] = EVENT_LATE_STEP
+    return tick
+
+
+@kernel_function
+def full_rate_from(axes: Cells, group: Cells, axis: int, tick: int) -> int:
+    """The first tick, not before `tick`, from which on an axis' time runs at full rate."""
+    if axes[axis * AXIS_FIELDS + IN_GROUP] == 0:
+        return tick
+    if group[RATE_TO_Q16] != FULL_RATE_Q16:
+        return NEVER_TICK
+    return int(max(tick, group[RAMP_TICK] + group[RAMP_TICKS]))
+
+
+@kernel_function
+def advance_axis(
+    axes: Cells, queue: Cells, group: Cells, clk: Cells, direction: Cells, axis: int, tick: int, until_tick: int
+) -> int:
     """Run one axis from the start of `tick` to the start of `until_tick`, or until it asks for attention.
 
-    Returns the tick reached; if that is before `until_tick`, EVENT says why.
+    Returns the tick reached; if that is before `until_tick`, EVENT says why. At full rate the whole ticks of a segment
+    are run at once. Ticks of another rate are run one by one, and so are those within which a segment ends: what is
+    left of them goes into the next segment. Without one the axis rests for what is left.
     """
     base = axis * AXIS_FIELDS
-    half = 1 << 29
+    if axes[base + RUNNING] == 1:
+        axes[base + EVENT] = EVENT_NONE
+    full_from = full_rate_from(axes, group, axis, tick)
     while tick < until_tick and axes[base + RUNNING] == 1:
-        start = axes[base + START_Q16]
-        a = axes[base + COEFFICIENT_A]
-        b = axes[base + COEFFICIENT_B]
-        c = axes[base + COEFFICIENT_C]
-        n = axes[base + DURATION_TICKS]
-        i = axes[base + ELAPSED_TICKS]
-        p = axes[base + POSITION_Q16]
-        stop = min(n, i + until_tick - tick)
-        s_per_tick = (1 << 30) // n
-        s_remainder_per_tick = (1 << 30) % n
-        on_time = True
-        if a == 0 and b == 0 and c == 0:  # at rest no edge can fall: the whole segment is one jump
-            tick += stop - i
-            i = stop
-        s = (i << 30) // n
-        s_remainder = (i << 30) % n
-        while i < stop and on_time:
-            i += 1
-            s += s_per_tick
-            s_remainder += s_remainder_per_tick
-            if s_remainder >= n:
-                s_remainder -= n
-                s += 1
-            q = ((c * s + half) >> 30) + b
-            q = ((q * s + half) >> 30) + a
-            q = start + ((q * s + half) >> 30)
-            if q != p:
-                on_time = place_steps(axes, clk, direction, base, tick * TICK_COUNTS, p, q)
-            p = q
-            tick += 1
-        axes[base + POSITION_Q16] = p
-        axes[base + ELAPSED_TICKS] = i
-        if not on_time:
-            axes[base + EVENT] = EVENT_LATE_STEP
+        left_q16 = (axes[base + DURATION_TICKS] << 16) - axes[base + ELAPSED_Q16]
+        rate_q16 = FULL_RATE_Q16
+        ticks = max(left_q16 >> 16, 1)
+        if tick < full_from:
+            rate_q16 = group_time_q16(group, tick + 1) - group_time_q16(group, tick)
+            ticks = 1
+            if rate_q16 == 0 and tick >= group[RAMP_TICK] + group[RAMP_TICKS]:
+                return until_tick
+        if left_q16 == 0:  # the last step of the segment was late
+            ticks = 0
+        elif left_q16 < rate_q16:
+            if next_segment(axes, queue, axis):
+                axes[base + ELAPSED_Q16] = -left_q16
+            else:
+                rate_q16 = left_q16
+        tick = run_ticks(axes, clk, direction, base, tick, min(tick + ticks, until_tick), rate_q16)
+        if axes[base + EVENT] != EVENT_NONE:
             return tick
-        if i == n and not next_segment(axes, queue, axis):
+        if axes[base + ELAPSED_Q16] == axes[base + DURATION_TICKS] << 16 and not next_segment(axes, queue, axis):
             axes[base + EVENT] = EVENT_FINISHED if axes[base + END_VELOCITY] == 0 else EVENT_UNDERRUN
             return tick
     return until_tick
 
 
 @kernel_function
-def advance(axes: Cells, queue: Cells, clk: Rows, direction: Rows, axis_count: int, tick: int, until_tick: int) -> int:
+def advance(
+    axes: Cells, queue: Cells, group: Cells, clk: Rows, direction: Rows, axis_count: int, tick: int, until_tick: int
+) -> int:
     """Run all axes from `tick` to `until_tick` or to the first tick in which one of them asks for attention.
 
-    Returns the tick reached. If that is before `until_tick`, axes may stand beyond it: restore a copy of `axes` taken
-    before the call and advance to the tick returned, which then is reached by all of them.
+    The group's ramp must not begin after `tick`. Returns the tick reached. If that is before `until_tick`, axes may
+    stand beyond it: restore a copy of `axes` taken before the call and advance to the tick returned, which then is
+    reached by all of them.
     """
     reached = until_tick
     for axis in range(axis_count):
-        reached = advance_axis(axes, queue, clk[axis], direction[axis], axis, tick, reached)
+        reached = advance_axis(axes, queue, group, clk[axis], direction[axis], axis, tick, reached)
     return reached
 
 
 @kernel_function
 def demand_rate(axes: Cells, axis: int) -> int:
-    """Slope of the present segment, or of the last one at its end: a + 2 b s + 3 c s^2 in Q16 steps a duration."""
+    """Slope of the present segment, or of the last one at its end: a + 2 b s + 3 c s^2 in Q16 steps a duration.
+
+    This is at full rate; the group's rate scales it.
+    """
     base = axis * AXIS_FIELDS
-    s = (axes[base + ELAPSED_TICKS] << 30) // axes[base + DURATION_TICKS]
+    s = (axes[base + ELAPSED_Q16] << 14) // axes[base + DURATION_TICKS]
     slope = ((3 * axes[base + COEFFICIENT_C] * s) >> 30) + 2 * axes[base + COEFFICIENT_B]
     return int(((slope * s) >> 30) + axes[base + COEFFICIENT_A])

@@ -1,10 +1,12 @@
 """The motion of all axes of a board: the kernel's storage, its configuration and its one way forward in time."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
 from controller import kernel as k
 from controller.backend import Kernel
+from controller.group_time import GroupTime
 from controller.kernel import Cells
 from protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
@@ -12,8 +14,11 @@ NS_PER_SECOND = 1_000_000_000
 COUNTS_PER_SECOND = 72_000_000
 COUNTS_PER_US = 72
 UNITS_PER_FULL_STEP = 16_384
+TICKS_PER_SECOND = COUNTS_PER_SECOND // k.TICK_COUNTS
 STOP_MAX_MS = k.QUEUE_DEPTH * k.DURATION_MAX_MS
 """The longest ramp that fits the queue, 16 s; a lower deceleration than that is not honoured."""
+_SEGMENT_END_TERMS = (k.START_Q16, k.COEFFICIENT_A, k.COEFFICIENT_B, k.COEFFICIENT_C)
+"""A segment's cubic at s = 1 is the sum of these."""
 EDGE_CAPACITY = 1 << 16
 """Edges of one pin that fit between two drains."""
 
@@ -25,6 +30,8 @@ class Event(IntEnum):
     FINISHED = k.EVENT_FINISHED
     UNDERRUN = k.EVENT_UNDERRUN
     LATE_STEP = k.EVENT_LATE_STEP
+    HALTED = k.EVENT_LATE_STEP + 1
+    """The group's time stands still and the axis with it. This one is not the kernel's."""
 
 
 class Refusal(IntEnum):
@@ -88,6 +95,7 @@ class Motion:
         self._kernel = kernel
         self._axes = kernel.cells(count * k.AXIS_FIELDS)
         self._queue = kernel.cells(count * k.QUEUE_DEPTH * k.SEGMENT_FIELDS)
+        self.group = GroupTime(kernel.cells(k.GROUP_FIELDS))
         self._clk = kernel.rows(count, EDGE_CAPACITY)
         self._direction = kernel.rows(count, EDGE_CAPACITY)
         self._running: set[int] = set()
@@ -146,6 +154,14 @@ class Motion:
         """Segments waiting behind the running one."""
         return self._get(axis, k.QUEUE_COUNT)
 
+    def tail_units(self, axis: int) -> int:
+        """Where the next segment that is pushed will begin."""
+        return self._get(axis, k.TAIL_Q16) // (self._get(axis, k.MICROSTEPS) << 2)
+
+    def tail_velocity(self, axis: int) -> int:
+        """The velocity, in 1/64 unit per ms, with which the next segment that is pushed will begin."""
+        return self._get(axis, k.TAIL_VELOCITY)
+
     def delayed_steps(self, axis: int) -> int:
         """Steps that had to wait for the driver's timing since power-up."""
         return self._get(axis, k.DELAYED_STEPS)
@@ -161,8 +177,12 @@ class Motion:
 
     def velocity(self, axis: int) -> int:
         """The demanded velocity in 1/64 unit per ms, truncated towards zero."""
-        rate = self._kernel.demand_rate(self._axes, axis)
-        per_segment = self._get(axis, k.DURATION_TICKS) * self._get(axis, k.MICROSTEPS)
+        grouped = self._get(axis, k.IN_GROUP)
+        return self._velocity_at(axis, self.group.rate_q16(self.tick) if grouped else k.FULL_RATE_Q16)
+
+    def _velocity_at(self, axis: int, rate_q16: int) -> int:
+        rate = self._kernel.demand_rate(self._axes, axis) * rate_q16
+        per_segment = self._get(axis, k.DURATION_TICKS) * self._get(axis, k.MICROSTEPS) * k.FULL_RATE_Q16
         return _truncated(rate * VELOCITY_PER_UNIT_PER_MS, per_segment) if rate else 0
 
     # --- segments in
@@ -171,12 +191,25 @@ class Motion:
         """Queue one segment, in the PVT record's units."""
         return Refusal(self._kernel.push(self._axes, self._queue, axis, displacement_units, end_velocity, duration_ms))
 
-    def start(self, axis: int) -> bool:
-        """Begin with the oldest queued segment in the next tick; False if there is none."""
+    def start(self, axis: int, *, in_group: bool = False) -> bool:
+        """Begin with the oldest queued segment in the next tick, in the group's time or not; False if there is none."""
         if not self._kernel.next_segment(self._axes, self._queue, axis):
             return False
         self._running.add(axis)
+        self._set(axis, k.IN_GROUP, int(in_group))
+        if in_group:
+            self.group.members.add(axis)
         return True
+
+    def drop_queued(self, axis: int) -> None:
+        """Drop what waits behind the running segment: what is queued next continues from that one's end."""
+        if not self.running(axis):
+            self.flush(axis)
+            return
+        end = sum(self._get(axis, field) for field in _SEGMENT_END_TERMS)
+        self._set(axis, k.QUEUE_COUNT, 0)
+        self._set(axis, k.TAIL_Q16, end)
+        self._set(axis, k.TAIL_VELOCITY, self._get(axis, k.END_VELOCITY))
 
     def flush(self, axis: int) -> None:
         """Drop the running segment and the queue: no more steps; what is queued next starts, at rest, at the demand."""
@@ -184,6 +217,7 @@ class Motion:
         for field in (k.RUNNING, k.COEFFICIENT_A, k.COEFFICIENT_B, k.COEFFICIENT_C):
             self._set(axis, field, 0)
         self._running.discard(axis)
+        self.group.members.discard(axis)
         self._events.pop(axis, None)
 
     def _rest_tail(self, axis: int, velocity: int) -> None:
@@ -200,6 +234,7 @@ class Motion:
         """
         self._events.pop(axis, None)
         velocity = self.velocity(axis)
+        self.group.members.discard(axis)
         limit = self._get(axis, k.RATE_LIMIT_Q16_PER_MS)
         self._rest_tail(axis, velocity)
         self._set(axis, k.RATE_LIMIT_Q16_PER_MS, k.I32_MAX)
@@ -209,6 +244,58 @@ class Motion:
             self.start(axis)
         else:
             self.flush(axis)
+
+    # --- halt and resume
+
+    def halted(self, axis: int) -> bool:
+        """Whether an axis rests within its segments because its group is halted; not before its event is taken."""
+        return axis in self.group.members and self.group.resting(self.tick) and axis not in self._events
+
+    def ramp_group(self, decelerations_units_per_s2: Sequence[int]) -> None:
+        """Halt the group or let it go on, as is wanted, from the next tick on; the limits are those of all axes.
+
+        Where no axis is to move at this point of the path, the rate may change at once: v dr/dt is 0.
+        """
+        moves = any(self._velocity_at(axis, k.FULL_RATE_Q16) for axis in self.group.members)
+        self.group.ramp(self.tick, self._ramp_ticks(decelerations_units_per_s2) if moves else 0)
+
+    def _ramp_ticks(self, decelerations_units_per_s2: Sequence[int]) -> int:
+        """The shortest ramp between full rate and 0 that keeps |v dr/dt| within every axis' deceleration, T = |v| / D.
+
+        It covers at most T/2 of trajectory time; v is bounded by the velocity hulls of the segments there, as far as
+        they are queued. Like a stop it lasts STOP_MAX_MS at most.
+        """
+        needed, ticks = 1, 0
+        while needed > ticks:
+            ticks = needed
+            for axis in self.group.members:
+                velocity = self._fastest_units_per_s(axis, ticks // 2 + 1)
+                needed = max(needed, -(-velocity * TICKS_PER_SECOND // decelerations_units_per_s2[axis]))
+            needed = min(needed, STOP_MAX_MS * k.TICKS_PER_MS)
+        return ticks
+
+    def _fastest_units_per_s(self, axis: int, ahead_ticks: int) -> int:
+        """A bound on the planned speed so far ahead: the Bernstein coefficients of the segments' velocities."""
+        left_ticks = ahead_ticks + (self._get(axis, k.ELAPSED_Q16) >> 16)
+        fastest = 0
+        for a, b, c, duration_ticks in self._segments(axis):
+            if left_ticks <= 0:
+                break
+            rate_q16 = max(abs(a), abs(a + b), abs(a + 2 * b + 3 * c))
+            per_unit = (self._get(axis, k.MICROSTEPS) << 2) * duration_ticks
+            fastest = max(fastest, -(-rate_q16 * TICKS_PER_SECOND // per_unit))
+            left_ticks -= duration_ticks
+        return fastest
+
+    def _segments(self, axis: int) -> Iterator[list[int]]:
+        """Coefficients and duration in ticks of the running segment and of those queued behind it."""
+        fields = (k.COEFFICIENT_A, k.COEFFICIENT_B, k.COEFFICIENT_C, k.DURATION_TICKS)
+        yield [self._get(axis, field) for field in fields]
+        fields = (k.SEGMENT_A, k.SEGMENT_B, k.SEGMENT_C, k.SEGMENT_TICKS)
+        for i in range(self.queued(axis)):
+            slot = (self._get(axis, k.QUEUE_HEAD) + i) % k.QUEUE_DEPTH
+            entry = (axis * k.QUEUE_DEPTH + slot) * k.SEGMENT_FIELDS
+            yield [int(self._queue[entry + field]) for field in fields]
 
     # --- time forward, edges and events out
 
@@ -227,19 +314,33 @@ class Motion:
             self.tick = until_tick
             return until_tick
         until = min(until_tick, self.tick + self.room_ticks)
+        rest_tick = self.group.rest_tick
+        if rest_tick is not None and self.tick < rest_tick < until:
+            until = rest_tick
         before = self._axes.copy()
         reached = self._run(until)
         if reached < until:  # axes run one after the other: take those that ran too far back to the common tick
             self._axes = before
             self._run(reached)
         self._free_edges -= (reached - self.tick) * self._edges_per_tick
+        comes_to_rest = self.tick < reached == rest_tick
         self.tick = reached
         self._note_events()
+        if comes_to_rest:
+            for axis in sorted(self.group.members):
+                self._events.setdefault(axis, Event.HALTED)
         return reached
 
     def _run(self, until_tick: int) -> int:
         return self._kernel.advance(
-            self._axes, self._queue, self._clk, self._direction, self.axis_count, self.tick, until_tick
+            self._axes,
+            self._queue,
+            self.group.cells,
+            self._clk,
+            self._direction,
+            self.axis_count,
+            self.tick,
+            until_tick,
         )
 
     def _note_events(self) -> None:
@@ -257,7 +358,9 @@ class Motion:
     def take_events(self) -> list[tuple[int, Event]]:
         """Return what the axes ask attention for, each once; the axes named stand still or must be stopped."""
         events, self._events = list(self._events.items()), {}
-        self._running.difference_update(axis for axis, event in events if event is not Event.LATE_STEP)
+        ended = {axis for axis, event in events if event in (Event.FINISHED, Event.UNDERRUN)}
+        self._running -= ended
+        self.group.members -= ended
         return events
 
     def take_edges(self) -> tuple[PinEdges, ...]:

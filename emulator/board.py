@@ -6,12 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.backend import Kernel
-from controller.can_event import CanEvent
 from controller.firmware import OUTPUT_PINS, Firmware, Pin, PinChange
 from controller.kernel import TICK_COUNTS
 from controller.motion import PinEdges
 from emulator.can_controller import CanController
 from emulator.tb6560 import Int8Array, Int64Array, Pins, Tb6560, Violations
+from protocol.cia402 import ErrorCode
+from protocol.dictionary import FlashPage
 from protocol.frame import FIRST_NODE_ID, Frame
 
 
@@ -44,15 +45,25 @@ class AxisTrace:
 class Board:
     """One board on the bus. Pulses are computed ahead in batches; the drivers look at them when somebody looks."""
 
-    def __init__(self, config: BoardConfig, kernel: Kernel) -> None:
+    def __init__(self, config: BoardConfig, kernel: Kernel, flash: list[FlashPage] | None = None) -> None:
+        """A board fresh from the factory, or with what another one had in its flash."""
         self.config = config
-        self.firmware = Firmware(kernel, config.axis_count, config.first_node_id)
+        self.flash: list[FlashPage] = [{} for _ in range(config.axis_count)] if flash is None else flash
+        """What the firmware has stored, a page for each axis: all that outlives the power."""
+        self._kernel = kernel
+        self._power_up()
         self._drivers = [Tb6560(osc_pf) for osc_pf in config.osc_pf]
         self._reset_pins: list[list[PinChange]] = [[] for _ in self._drivers]
         self._pins: list[list[Pins]] = [[] for _ in self._drivers]
         self.pin_changes: list[PinChange] = []
         """Every change of the pins that the firmware holds at a level."""
-        self.can = CanController(self._receive, self._on_can_event, self.firmware.hears, config.read_latency_counts)
+
+    def _power_up(self) -> None:
+        """Firmware and CAN controller as they are with power."""
+        self.firmware = Firmware(self._kernel, self.config.axis_count, self.flash, self.config.first_node_id)
+        self.can = CanController(
+            self._receive, self._on_can_error, self.firmware.hears, self.config.read_latency_counts
+        )
         """The CAN controller; what it says to the bus it says in `poll`."""
         self._due_counts: int | None = None
         self._due_known = False
@@ -62,12 +73,27 @@ class Board:
         self.firmware.boot(now_counts)
         self.poll(now_counts)
 
+    def power_cycle(self, now_counts: int) -> None:
+        """Switch the supply off and on: all pins fall, the firmware begins anew. Motors and clock stay as they are.
+
+        `can` is another one afterwards, which nobody has attached to the bus yet.
+        """
+        self._take_pins()
+        levels = {(change.axis, change.pin): change.level for change in self.pin_changes}
+        for (axis, pin), level in levels.items():
+            if level:
+                self._note_pin(PinChange(now_counts, axis, pin, 0))
+        self.drain()
+        self._power_up()
+        self.firmware.advance(now_counts)
+        self.boot(now_counts)
+
     def _receive(self, frame: Frame, now_counts: int) -> None:
         self.firmware.receive(frame, now_counts)
         self._due_known = False
 
-    def _on_can_event(self, event: CanEvent, now_counts: int) -> None:
-        self.firmware.on_can_event(event, now_counts)
+    def _on_can_error(self, code: ErrorCode, now_counts: int, *, active: bool) -> None:
+        self.firmware.on_can_error(code, now_counts, active=active)
         self._due_known = False
 
     @property
@@ -119,15 +145,21 @@ class Board:
 
     def drain(self) -> None:
         """Show the drivers all pulses placed so far."""
-        for change in self.firmware.take_pins():
-            self.pin_changes.append(change)
-            if change.pin is Pin.RESET:
-                self._reset_pins[change.axis].append(change)
+        self._take_pins()
         for axis, edges in enumerate(self.firmware.motion.take_edges()):
             pins = _pins(edges, self._reset_pins[axis])
             self._reset_pins[axis] = []
             self._drivers[axis].feed(pins)
             self._pins[axis].append(pins)
+
+    def _take_pins(self) -> None:
+        for change in self.firmware.take_pins():
+            self._note_pin(change)
+
+    def _note_pin(self, change: PinChange) -> None:
+        self.pin_changes.append(change)
+        if change.pin is Pin.RESET:
+            self._reset_pins[change.axis].append(change)
 
     def output_changes(self) -> list[PinChange]:
         """Every change of a digital output so far, in order of time; all outputs are 0 before their first."""

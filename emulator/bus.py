@@ -22,10 +22,12 @@ _DELIMITER_BITS: Final = 8
 _SUSPEND_BITS: Final = 8
 """An error passive station waits so much longer after a frame of its own (ISO 11898-1, suspend transmission)."""
 _RECESSIVE_SEQUENCE_BITS: Final = 11
+_STUFF_ERROR_BITS: Final = 6
+"""So many equal bits in a row, and every station knows that the frame is broken."""
 
 
 class _Outcome(Enum):
-    """What becomes of a transmission; where two stations disagree on its bits, it is as good as disturbed."""
+    """What becomes of a transmission."""
 
     VALID = auto()
     DISTURBED = auto()
@@ -33,10 +35,14 @@ class _Outcome(Enum):
 
 
 class _Transmission(NamedTuple):
-    """A frame on the wire; `decided_counts` is when it is valid, or when its error flag is over."""
+    """A frame on the wire; `decided_counts` is when it is valid, or when its error flag is over.
+
+    `outdone` are the stations that began to send another frame with the same identifier.
+    """
 
     frame: Frame
     senders: list[CanController]
+    outdone: list[CanController]
     missed_by: list[CanController]
     outcome: _Outcome
     decided_counts: int
@@ -116,7 +122,11 @@ class Bus:
     # --- a transmission
 
     def _arbitrate(self, now_counts: int) -> None:
-        """The lowest identifier wins. Stations that send the same one go on together, unaware of each other."""
+        """The lowest identifier wins. Stations that send the same one go on together, unaware of each other.
+
+        As soon as their bits differ, those with a recessive one have a bit error. The error flag of an error active one
+        destroys the frame; that of an error passive one is recessive and does the others no harm.
+        """
         if self._free_counts > now_counts:
             return
         ready = [
@@ -127,19 +137,24 @@ class Bus:
         if not ready:
             return
         frame = ready[0].mailboxes[0]
-        agreed = True
+        senders, outdone = ready, []
         if len(ready) > 1:
-            frame = min(station.mailboxes[0] for station in ready)
-            ready = [station for station in ready if station.mailboxes[0].cob_id == frame.cob_id]
-            agreed = all(station.mailboxes[0] == frame for station in ready)
+            frame = min((station.mailboxes[0] for station in ready), key=_bits_in_order)
+            senders = [station for station in ready if station.mailboxes[0] == frame]
+            outdone = [
+                station
+                for station in ready
+                if station.mailboxes[0].cob_id == frame.cob_id and station.mailboxes[0] != frame
+            ]
         fault = self._strike(frame, now_counts) if self._faults.faults else None
         if fault and fault.kind is FaultKind.DELAY:
-            self._hold(frame, ready, now_counts + fault.delay_counts)
+            self._hold(frame, senders, now_counts + fault.delay_counts)
         elif fault and fault.kind is FaultKind.BUS_OFF:
-            for station in ready:
+            for station in senders:
                 self.throw_off(station, now_counts)
         else:
-            self._begin(frame, ready, self._outcome(ready, fault, agreed=agreed), self._missing(fault), now_counts)
+            outcome = self._outcome(senders, outdone, fault)
+            self._begin(frame, senders, outdone, outcome, self._missing(fault), now_counts)
 
     def _strike(self, frame: Frame, now_counts: int) -> Fault | None:
         """Ask the script; frames are told apart by identity, since a sender may send the same bytes again."""
@@ -156,16 +171,19 @@ class Bus:
             return []
         return self._stations if fault.receiver is None else self._stations[fault.receiver : fault.receiver + 1]
 
-    def _outcome(self, senders: list[CanController], fault: Fault | None, *, agreed: bool) -> _Outcome:
-        if not agreed or (fault and fault.kind is FaultKind.CORRUPTION):
+    def _outcome(self, senders: list[CanController], outdone: list[CanController], fault: Fault | None) -> _Outcome:
+        if fault and fault.kind is FaultKind.CORRUPTION:
             return _Outcome.DISTURBED
-        listening = len(self._stations) - len(self._off) - len(senders)
+        if any(station.state is not ErrorState.PASSIVE for station in outdone):
+            return _Outcome.DISTURBED
+        listening = len(self._stations) - len(self._off) - len(senders) - len(outdone)
         return _Outcome.VALID if listening else _Outcome.UNACKNOWLEDGED
 
     def _begin(
         self,
         frame: Frame,
         senders: list[CanController],
+        outdone: list[CanController],
         outcome: _Outcome,
         missed_by: list[CanController],
         now_counts: int,
@@ -184,7 +202,7 @@ class Bus:
         self.busy_bits += bits
         self._free_counts = now_counts + bits * self.bit_counts
         self.next_event_counts = now_counts + decided_bits * self.bit_counts
-        self._transmission = _Transmission(frame, senders, missed_by, outcome, self.next_event_counts)
+        self._transmission = _Transmission(frame, senders, outdone, missed_by, outcome, self.next_event_counts)
 
     def _end(self, transmission: _Transmission) -> None:
         self._transmission = None
@@ -192,7 +210,7 @@ class Bus:
             self._deliver(transmission)
         else:
             self._fail(transmission)
-        for station in transmission.senders:
+        for station in transmission.senders + transmission.outdone:
             if station.state is ErrorState.PASSIVE:
                 station.silent_until_counts = self._free_counts + _SUSPEND_BITS * self.bit_counts
         # Delimiter, end of frame and intermission, or error delimiter and intermission: 11 recessive bits.
@@ -200,26 +218,71 @@ class Bus:
         self._idle_since_counts = self._free_counts
 
     def _deliver(self, transmission: _Transmission) -> None:
-        frame, senders, missed_by, _, now_counts = transmission
+        frame, senders, outdone, missed_by, _, now_counts = transmission
         if self._delayed:
             self._delayed = [delayed for delayed in self._delayed if delayed is not frame]
         self.log_counts.append(now_counts)
         self.log_frames.append(frame)
         for station in self._stations:
             if station in senders:
-                station.sent(frame)
+                station.sent(frame, now_counts)
+            elif station in outdone:
+                station.sending_failed(now_counts)
             elif station.on_bus and station not in missed_by:
                 station.received(frame, now_counts)
+        if outdone:
+            self._note_who_is_off()
 
     def _fail(self, transmission: _Transmission) -> None:
-        _, senders, _, outcome, now_counts = transmission
+        _, senders, outdone, _, outcome, now_counts = transmission
         self.error_frames += 1
         for station in self._stations:
             if station in senders:
                 station.sending_failed(now_counts, acknowledged=outcome is not _Outcome.UNACKNOWLEDGED)
+            elif station in outdone:
+                station.sending_failed(now_counts)
             elif station.on_bus:
                 station.receiving_failed(now_counts)
         self._note_who_is_off()
+
+    # --- power
+
+    def exchange(self, gone: CanController, fresh: CanController, now_counts: int) -> None:
+        """A station has lost its power and has it back: another controller takes its place on the wire.
+
+        A frame that it was sending breaks off. One that is on the wire it does not hear.
+        """
+        self._stations[self._stations.index(gone)] = fresh
+        fresh.submitted = self._submitted
+        self._note_who_is_off()
+        if self._transmission:
+            self._transmission = self._without(self._transmission, gone, fresh, now_counts)
+            self.next_event_counts = self._transmission.decided_counts
+        else:
+            self._free_counts = max(self._free_counts, now_counts)
+            self._schedule()
+
+    def _without(
+        self, transmission: _Transmission, gone: CanController, fresh: CanController, now_counts: int
+    ) -> _Transmission:
+        """What becomes of a transmission when a station drops out.
+
+        Without its only sender the wire stays recessive: a stuff error, unless there are no stuffed bits any more.
+        """
+        left = transmission._replace(
+            senders=[station for station in transmission.senders if station is not gone],
+            outdone=[station for station in transmission.outdone if station is not gone],
+            missed_by=[*transmission.missed_by, fresh],
+        )
+        tail_bits = UNSTUFFED_TAIL_BITS - _VALID_BEFORE_END_BITS
+        stuffed_until_counts = left.decided_counts - tail_bits * self.bit_counts
+        if left.senders or left.outcome is not _Outcome.VALID or now_counts >= stuffed_until_counts:
+            return left
+        broken_counts = now_counts + (_STUFF_ERROR_BITS + _FLAG_BITS) * self.bit_counts
+        free_counts = broken_counts + (_DELIMITER_BITS + INTERMISSION_BITS) * self.bit_counts
+        self.busy_bits += (free_counts - self._free_counts) // self.bit_counts
+        self._free_counts = free_counts
+        return left._replace(outcome=_Outcome.DISTURBED, decided_counts=broken_counts)
 
     # --- the way back from bus-off
 
@@ -255,3 +318,8 @@ class Bus:
 
     def _note_who_is_off(self) -> None:
         self._off = [station for station in self._stations if not station.on_bus]
+
+
+def _bits_in_order(frame: Frame) -> tuple[int, int, bytes]:
+    """The fields that differ between frames, in their order on the wire: the lesser is dominant first."""
+    return frame.cob_id, len(frame.data), frame.data

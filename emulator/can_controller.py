@@ -8,10 +8,10 @@ full one is lost (RFLM = 1) and flagged as overrun. After bus-off the controller
 from bisect import insort
 from collections import deque
 from collections.abc import Callable
-from typing import Final
+from typing import Final, Protocol
 
-from controller.can_event import CanEvent
 from emulator.fault_confinement import ErrorState, FaultConfinement
+from protocol.cia402 import ErrorCode
 from protocol.frame import COB_SDO_REQUEST, NODE_ID_MAX, Frame
 
 MAILBOXES: Final = 3
@@ -25,11 +25,17 @@ Receiver = Callable[[Frame, int], None]
 Filter = Callable[[int], bool]
 
 
+class ErrorListener(Protocol):
+    """Is told when an error of the controller occurs and when it is over."""
+
+    def __call__(self, code: ErrorCode, now_counts: int, /, *, active: bool) -> None: ...
+
+
 def _everything(_cob_id: int) -> bool:
     return True
 
 
-def _nothing(_event: CanEvent, _now_counts: int) -> None:
+def _nothing(_code: ErrorCode, _now_counts: int, *, active: bool) -> None:
     """For a station that does not care how its controller is."""
 
 
@@ -39,7 +45,7 @@ class CanController:
     def __init__(
         self,
         receive: Receiver,
-        on_event: Callable[[CanEvent, int], None] = _nothing,
+        on_error: ErrorListener = _nothing,
         passes: Filter = _everything,
         read_latency_counts: int = 0,
     ) -> None:
@@ -47,7 +53,7 @@ class CanController:
 
         Args:
             receive: takes a message and the instant.
-            on_event: hears of overrun and error states.
+            on_error: hears of overrun, error passive and the way back from bus-off.
             passes: the acceptance filter: whether a COB-ID is to be received at all.
             read_latency_counts: how long after its arrival a message is fetched from its FIFO. 0, an interrupt without
                 delay, never overruns.
@@ -70,11 +76,14 @@ class CanController:
         self.overruns = 0
         """Messages lost so far because their FIFO was full."""
         self._receive = receive
-        self._on_event = on_event
+        self._on_error = on_error
+        self._active: set[ErrorCode] = set()
+        """The errors that have occurred and are not over."""
         self._passes = passes
         self._queue: deque[Frame] = deque()
         self._fifos: tuple[deque[Frame], deque[Frame]] = (deque(), deque())
-        self._overrun_flags = [False, False]
+        self._overrun = False
+        """Whether a FIFO's overrun flag is up (FOVR)."""
         self.next_due_counts: int | None = None
         """When the processor fetches what is in the FIFOs."""
 
@@ -96,22 +105,22 @@ class CanController:
                 return
             insort(mailboxes, queue.popleft())
 
-    def sent(self, frame: Frame) -> None:
+    def sent(self, frame: Frame, now_counts: int) -> None:
         """A frame has gone out and was acknowledged."""
         self.mailboxes.remove(frame)
         if self._queue:
             self._fill_mailboxes()
-        if self.errors.transmit_errors:
+        if self.errors.transmit_errors or self._active:
             self.errors.sent()
-            self.state = self.errors.state
+            self._note_good_frame(now_counts)
 
     # --- in
 
     def received(self, frame: Frame, now_counts: int) -> None:
         """A frame on the bus is valid: the filter decides whether and where it is stored."""
-        if self.errors.receive_errors:
+        if self.errors.receive_errors or self._active:
             self.errors.received()
-            self.state = self.errors.state
+            self._note_good_frame(now_counts)
         if not self._passes(frame.cob_id):
             return
         if not self.read_latency_counts and self.next_due_counts is None:
@@ -124,23 +133,25 @@ class CanController:
         number = int(frame.cob_id in _SDO_REQUESTS)
         if len(self._fifos[number]) == FIFO_DEPTH:
             self.overruns += 1
-            self._overrun_flags[number] = True
+            self._overrun = True
             return
         self._fifos[number].append(frame)
         if self.next_due_counts is None:
             self.next_due_counts = now_counts + self.read_latency_counts
 
     def poll(self, now_counts: int) -> None:
-        """Let the processor empty both FIFOs if it is its time: a message is lost once a flag is up, and told once."""
+        """Let the processor empty both FIFOs if it is its time. An overrun is over when it finds no flag any more."""
         if self.next_due_counts is None or self.next_due_counts > now_counts:
             return
         self.next_due_counts = None
-        for number, fifo in enumerate(self._fifos):
-            if self._overrun_flags[number]:
-                self._overrun_flags[number] = False
-                self._on_event(CanEvent.OVERRUN, now_counts)
+        overrun, self._overrun = self._overrun, False
+        if overrun:
+            self._note_error(ErrorCode.CAN_OVERRUN, now_counts, active=True)
+        for fifo in self._fifos:
             while fifo:
                 self._receive(fifo.popleft(), now_counts)
+        if not overrun:
+            self._note_error(ErrorCode.CAN_OVERRUN, now_counts, active=False)
 
     # --- errors
 
@@ -164,14 +175,34 @@ class CanController:
         if self.state is before:
             return
         if self.state is ErrorState.PASSIVE:
-            self._on_event(CanEvent.ERROR_PASSIVE, now_counts)
+            self._note_error(ErrorCode.CAN_ERROR_PASSIVE, now_counts, active=True)
         elif self.state is ErrorState.BUS_OFF:
             self.on_bus = False
             self.recovery_sequences_left = RECOVERY_SEQUENCES
 
+    def _note_good_frame(self, now_counts: int) -> None:
+        self.state = self.errors.state
+        if self.state is not ErrorState.PASSIVE:
+            self._note_error(ErrorCode.CAN_ERROR_PASSIVE, now_counts, active=False)
+        self._note_error(ErrorCode.CAN_BUS_OFF_RECOVERED, now_counts, active=False)
+
     def recover(self, now_counts: int) -> None:
-        """Enough recessive bits have passed since bus-off: be error active again."""
+        """Enough recessive bits have passed since bus-off: be error active again.
+
+        The way back is news, and an error until a frame has passed.
+        """
         self.errors.reset()
         self.state = ErrorState.ACTIVE
         self.on_bus = True
-        self._on_event(CanEvent.BUS_OFF_RECOVERED, now_counts)
+        self._note_error(ErrorCode.CAN_BUS_OFF_RECOVERED, now_counts, active=True)
+        self._note_error(ErrorCode.CAN_ERROR_PASSIVE, now_counts, active=False)
+
+    def _note_error(self, code: ErrorCode, now_counts: int, *, active: bool) -> None:
+        """Tell the processor what it does not know yet."""
+        if active is (code in self._active):
+            return
+        if active:
+            self._active.add(code)
+        else:
+            self._active.remove(code)
+        self._on_error(code, now_counts, active=active)

@@ -40,6 +40,13 @@ class Simulation:
         for board in self.boards:
             board.boot(0)
 
+    def power_cycle(self, number: int = 0) -> None:
+        """Switch a board off and on again; the others, the host and the clock go on."""
+        board = self.boards[number]
+        without_power = board.can
+        board.power_cycle(self.now_counts)
+        self.bus.exchange(without_power, board.can, self.now_counts)
+
     @property
     def now_s(self) -> float:
         """Seconds since the boards were switched on."""

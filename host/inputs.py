@@ -44,6 +44,6 @@ def apart(value: float, limit: float) -> tuple[str, str]:
     """Both numbers with as many decimals as it takes to tell them apart, one at least and twelve at most."""
     for decimals in range(1, 13):
         texts = f"{value:.{decimals}f}", f"{limit:.{decimals}f}"
-        if texts[0] != texts[1]:
+        if float(texts[0]) != float(texts[1]):  # "-0.0" is 0.0
             break
     return texts

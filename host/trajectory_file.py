@@ -1,7 +1,8 @@
 """Trajectories from files: CSV, or JSON in the shape of ROS trajectory_msgs/JointTrajectory.
 
 Positions are in mm and degrees, times in seconds from 0. Without velocities the motion is a C2 spline through the
-points, from rest to rest; with them it is a cubic from point to point, and the times are whole milliseconds.
+points, from rest to rest, which stands where points repeat; with them it is a cubic from point to point, and the times
+are whole milliseconds.
 
 CSV has a header `t,<joint>,...` with the joints in any order, and for velocities a column `v_<joint>` for each. JSON
 has `joint_names`, and `points` with `positions`, `time_from_start` and perhaps `velocities`.
@@ -11,19 +12,23 @@ import csv
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite
 from pathlib import Path
+from reprlib import repr as short
 from typing import Final
 
 import numpy as np
 
 from host.errors import InputError
 from host.inputs import prefixed, unknown
-from host.motions.sampled import Sampled
+from host.motions.sampled import Sampled, check_times
+from host.motions.through_points import through_points
 from host.robot import Robot
 from host.trajectory import Trajectory
 
 SUFFIXES: Final = (".csv", ".json")
+
+LONGEST_S: Final = 3600.0
+"""A longer motion is taken for one whose times are not in seconds; it would not fit into memory either."""
 
 _LARGEST: Final = 1e9
 _VELOCITY: Final = "v_"
@@ -34,9 +39,10 @@ _ROS_TIMES: Final = (("sec", "nanosec"), ("secs", "nsecs"))
 
 @dataclass(frozen=True, slots=True)
 class _Points:
-    """What a file says: names for the columns, a row of numbers for each point."""
+    """What a file says: names for the columns, a row of numbers for each point, and where its time stands."""
 
     joint_names: tuple[str, ...]
+    places: list[str]
     times_s: list[float]
     positions: list[list[float]]
     velocities: list[list[float]] | None
@@ -64,17 +70,25 @@ def _read(path: Path) -> str:
         return path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise InputError(error.strerror or "cannot be read") from error
-    except ValueError as error:  # also a name with a NUL
+    except UnicodeDecodeError as error:
         raise InputError("is not UTF-8 text") from error
+    except ValueError as error:  # a NUL
+        raise InputError(f"is no name of a file: {error}") from error
 
 
 def _motion(points: _Points, robot: Robot) -> Trajectory:
     order = _order(points.joint_names, robot)
+    shape = len(points.times_s), len(order)  # what an empty list lacks
     times_s = np.array(points.times_s)
-    positions = np.array(points.positions)[:, order]
+    positions = np.array(points.positions).reshape(shape)[:, order]
+    for place, t_s in zip(points.places, points.times_s, strict=True):
+        if t_s > LONGEST_S:
+            raise InputError(f"{place}: {t_s:.9g} s is more than {LONGEST_S:g} s")
+    check_times(times_s, points.places, all_whole_ms=points.velocities is not None)
     if points.velocities is None:
-        return Sampled.c2_spline(robot.joint_names, times_s, positions)
-    return Sampled.hermite(robot.joint_names, times_s, positions, np.array(points.velocities)[:, order])
+        return through_points(robot.joint_names, times_s, positions, points.places)
+    velocities = np.array(points.velocities).reshape(shape)[:, order]
+    return Sampled.hermite(robot.joint_names, times_s, positions, velocities)
 
 
 def _order(names: tuple[str, ...], robot: Robot) -> list[int]:
@@ -94,49 +108,64 @@ def _order(names: tuple[str, ...], robot: Robot) -> list[int]:
 
 
 def _from_csv(text: str) -> _Points:
-    lines = [(i, line) for i, line in enumerate(text.splitlines(), start=1) if line.strip() and line[0] != "#"]
+    lines = [(i, line) for i, line in enumerate(text.split("\n"), start=1) if line.strip() and line.strip()[0] != "#"]
     if not lines:
         raise InputError("is empty: a header t,<joint>,... was expected")
-    try:
-        rows = list(csv.reader((line for _, line in lines), strict=True))
-    except csv.Error as error:
-        raise InputError(f"is not CSV: {error}") from error
-    header = [field.strip() for field in rows[0]]
-    if header[0] != "t":
-        raise InputError(f"line {lines[0][0]}: the header begins with {header[0]!r} instead of 't'")
-    joints = [name for name in header[1:] if not name.startswith(_VELOCITY)]
-    moving = [name for name in header[1:] if name.startswith(_VELOCITY)]
-    if len(set(header)) < len(header):
-        raise InputError(f"line {lines[0][0]}: a column is there twice: {','.join(header)}")
-    if moving and sorted(moving) != sorted(_VELOCITY + name for name in joints):
-        raise InputError(f"line {lines[0][0]}: velocities {' '.join(moving)} for the joints {' '.join(joints)}")
-    numbers = [_csv_row(row, header, line) for row, (line, _) in zip(rows[1:], lines[1:], strict=False)]
+    header = _csv_fields(*lines[0])
+    with prefixed(f"line {lines[0][0]}: "):
+        joints, moving = _csv_columns(header)
+    numbers = [_csv_row(_csv_fields(i, line), header, i) for i, line in lines[1:]]
     columns = {name: i for i, name in enumerate(header)}
     return _Points(
         tuple(joints),
+        [f"line {i}, t" for i, _ in lines[1:]],
         [row[0] for row in numbers],
         [[row[columns[name]] for name in joints] for row in numbers],
         [[row[columns[_VELOCITY + name]] for name in joints] for row in numbers] if moving else None,
     )
 
 
+def _csv_fields(i: int, line: str) -> list[str]:
+    """The fields of a line on its own: a quoted field that goes on in the next one is an error."""
+    try:
+        (fields,) = csv.reader([line], strict=True)
+    except csv.Error as error:
+        raise InputError(f"line {i}: is not CSV: {error}") from error
+    return [field.strip() for field in fields]
+
+
+def _csv_columns(header: list[str]) -> tuple[list[str], bool]:
+    """The joints, and whether there are velocities."""
+    if header[0] != "t":
+        raise InputError(f"the header begins with {short(header[0])} instead of 't'")
+    for name in header:
+        if header.count(name) > 1:
+            raise InputError(f"column {name!r} is there {header.count(name)} times")
+    joints = [name for name in header[1:] if not name.startswith(_VELOCITY)]
+    wanted = [_VELOCITY + name for name in joints]
+    given = [name for name in header if name.startswith(_VELOCITY)]
+    for name in given:
+        if name not in wanted:
+            raise unknown("column", name, wanted)
+    if given and len(given) < len(wanted):
+        missing = next(name for name in wanted if name not in given)
+        raise InputError(f"column {missing!r} is missing: velocities are given for all joints or for none")
+    return joints, bool(given)
+
+
 def _csv_row(row: list[str], header: list[str], line: int) -> list[float]:
     if len(row) != len(header):
         raise InputError(f"line {line}: {len(row)} fields, the header has {len(header)}")
-    return [_csv_number(field, name, line) for field, name in zip(row, header, strict=True)]
+    return [_csv_number(field, f"line {line}, {name}") for field, name in zip(row, header, strict=True)]
 
 
-def _csv_number(field: str, name: str, line: int) -> float:
+def _csv_number(field: str, where: str) -> float:
     try:
         value = float(field)
     except ValueError:
-        raise InputError(f"line {line}, {name}: {field.strip()!r} is not a number") from None
-    return _usual(value, f"line {line}, {name}")
-
-
-def _usual(value: float, where: str) -> float:
-    if not (isfinite(value) and abs(value) <= _LARGEST):
-        raise InputError(f"{where}: {value:g} is not a finite number up to {_LARGEST:g}")
+        raise InputError(f"{where}: {short(field)} is not a number") from None
+    if not abs(value) <= _LARGEST:
+        raise InputError(f"{where}: {short(field)} is not a finite number up to {_LARGEST:g}")
     return value
 
 
@@ -161,9 +190,11 @@ def _from_json(text: str) -> _Points:
     moving = [bool(point.get("velocities")) for point in points]
     if any(moving) and not all(moving):
         raise InputError(f"point {moving.index(False) + 1}: has no velocities, other points have some")
+    places = [f"point {i}, time_from_start" for i in range(1, len(points) + 1)]
     return _Points(
         tuple(names),
-        [_seconds(point.get("time_from_start"), f"point {i}, time_from_start") for i, point in enumerate(points, 1)],
+        places,
+        [_seconds(point.get("time_from_start"), place) for point, place in zip(points, places, strict=True)],
         [_numbers(point, "positions", names, i) for i, point in enumerate(points, start=1)],
         [_numbers(point, "velocities", names, i) for i, point in enumerate(points, start=1)] if any(moving) else None,
     )
@@ -187,7 +218,7 @@ def _list(table: Mapping[str, object], key: str, what: str) -> list[object]:
 
 def _name(value: object) -> str:
     if not isinstance(value, str):
-        raise InputError(f"joint_names: {value!r} is not a name")
+        raise InputError(f"joint_names: {short(value)} is not a name")
     return value
 
 
@@ -200,9 +231,9 @@ def _numbers(point: Mapping[str, object], key: str, names: list[str], i: int) ->
 
 def _number(value: object, where: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"{where}: {value!r} is not a number")
+        raise InputError(f"{where}: {short(value)} is not a number")
     if not abs(value) <= _LARGEST:
-        raise InputError(f"{where}: {value!r:.40} is not a finite number up to {_LARGEST:g}")
+        raise InputError(f"{where}: {short(value)} is not a finite number up to {_LARGEST:g}")
     return float(value)
 
 
@@ -211,5 +242,7 @@ def _seconds(value: object, where: str) -> float:
         for whole, billionths in _ROS_TIMES:
             if set(value) == {whole, billionths}:
                 return _number(value[whole], where) + _number(value[billionths], where) / 1e9
-        raise InputError(f"{where}: has the keys {', '.join(map(str, value))} instead of sec and nanosec")
+        raise InputError(f"{where}: has the keys {short(list(value))} instead of sec and nanosec")
+    if value is None:
+        raise InputError(f"{where}: is missing")
     return _number(value, where)

@@ -39,7 +39,11 @@ class Control(IntFlag):
     """Active low: a quick stop is asked for by clearing it."""
     ENABLE_OPERATION = 1 << 3
     START = 1 << 4
-    """Homing: start; interpolated position: enable."""
+    """Homing: start; interpolated position: enable; profile position: new set-point."""
+    CHANGE_AT_ONCE = 1 << 5
+    """Profile position: do not wait for the set-point in progress."""
+    RELATIVE = 1 << 6
+    """Profile position: the target counts from the one before."""
     FAULT_RESET = 1 << 7
     HALT = 1 << 8
 
@@ -61,6 +65,8 @@ class Status(IntFlag):
     TARGET_REACHED = 1 << 10
     INTERNAL_LIMIT = 1 << 11
     HOMING_ATTAINED = 1 << 12
+    SETPOINT_ACKNOWLEDGED = 1 << 12
+    ZERO_SPEED = 1 << 12
     IP_ACTIVE = 1 << 12
     HOMING_ERROR = 1 << 13
 
@@ -69,6 +75,8 @@ class Mode(IntEnum):
     """Modes of operation, objects 0x6060 and 0x6061."""
 
     NONE = 0
+    PROFILE_POSITION = 1
+    PROFILE_VELOCITY = 3
     HOMING = 6
     INTERPOLATED_POSITION = 7
 
@@ -88,10 +96,24 @@ class DigitalOutput(IntFlag):
     OUT2 = 1 << 17
 
 
+class AbortConnection(IntEnum):
+    """What a drive does when it has lost its host, object 0x6007 (CiA 402 table 41)."""
+
+    NO_ACTION = 0
+    FAULT_SIGNAL = 1
+    DISABLE_VOLTAGE = 2
+    QUICK_STOP = 3
+
+
 PVT_SUBMODE = -1
 """0x60C0: the manufacturer's interpolation, position-velocity-time records."""
 HOME_HERE = 37
 """Homing method: the present position is the home position (35 is its old name)."""
+HALT_SLOW_DOWN = 1
+"""0x605D: halt ramps down by the mode's deceleration and stays in OPERATION ENABLED."""
+LINEAR_RAMP = 0
+JERK_LIMITED_RAMP = 3
+"""0x6086; the other two of CiA 402, sin^2 and jerk-free, are not offered."""
 
 
 class ErrorCode(IntEnum):
@@ -102,15 +124,22 @@ class ErrorCode(IntEnum):
     CAN_OVERRUN = 0x8110
     """A message was lost because nobody fetched its predecessors from the CAN controller."""
     CAN_ERROR_PASSIVE = 0x8120
+    HEARTBEAT_LOST = 0x8130
     CAN_BUS_OFF_RECOVERED = 0x8140
     PDO_TOO_SHORT = 0x8210
     PDO_TOO_LONG = 0x8220
+    SYNC_LENGTH = 0x8240
     PVT_UNDERRUN = 0xFF01
     GROUP_STOPPED = 0xFF02
     """Another axis of the group has a fault; this one stopped with it."""
     SEGMENT_REFUSED = 0xFF03
     LATE_STEP = 0xFF04
     """A step had to wait for the driver's timing for more than one servo tick."""
+
+    @property
+    def communication(self) -> bool:
+        """Whether it is an error of the bus (0x8xxx), which goes when its cause goes, not by a fault reset."""
+        return self >> 12 == 0x8
 
     @property
     def register(self) -> int:

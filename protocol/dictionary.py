@@ -8,6 +8,8 @@ from protocol.objects import OBJECTS, Access, Entry, Object, key_of
 
 ReadHook = Callable[[], int]
 WriteHook = Callable[[int], None]
+FlashPage = dict[int, int]
+"""A node's stored parameters, by key. Its owner keeps it while the power is off."""
 
 
 class ObjectDictionary:
@@ -18,23 +20,24 @@ class ObjectDictionary:
     write hook acts on a value that passed the checks, before it is stored, and may refuse it with SdoAbortError.
     """
 
-    def __init__(self, node_id: int, objects: tuple[Object, ...] = OBJECTS) -> None:
+    def __init__(self, node_id: int, objects: tuple[Object, ...] = OBJECTS, stored: FlashPage | None = None) -> None:
         self.entries: dict[int, Entry] = {
             key_of(o.index, sub): entry for o in objects for sub, entry in o.entries.items()
         }
         self._indices = frozenset(o.index for o in objects)
         self._node_id = node_id
+        self._stored = {} if stored is None else stored
         self._values: dict[int, int | str] = {}
         self._bounds = {key: _bounds(entry) for key, entry in self.entries.items()}
         self.read_hooks: dict[int, ReadHook] = {}
         self.write_hooks: dict[int, WriteHook] = {}
-        self.restore_defaults()
+        self.reset()
 
-    def restore_defaults(self, first_index: int = 0x1000, last_index: int = 0xFFFF) -> None:
-        """Give every entry in the index range its power-up value again, without calling hooks."""
+    def reset(self, first_index: int = 0x1000, last_index: int = 0xFFFF) -> None:
+        """Give every entry in the index range its power-up value again, stored or default, without calling hooks."""
         for key, entry in self.entries.items():
             if first_index <= key >> 8 <= last_index:
-                self._values[key] = entry.default_for(self._node_id)
+                self._values[key] = self._stored.get(key, entry.default_for(self._node_id))
 
     def get(self, index: int, subindex: int = 0) -> int:
         """Return the present value of a numeric entry."""
@@ -84,15 +87,23 @@ class ObjectDictionary:
         Raises:
             SdoAbortError: no such object or sub-index, read-only, wrong length, out of range, or refused.
         """
-        entry = self._entry(index, subindex)
-        if entry.access not in (Access.READ_WRITE, Access.WRITE_ONLY):
-            raise SdoAbortError(AbortCode.READ_ONLY)
-        size = entry.data_type.size
+        size = self.size_to_write(index, subindex)
         if len(data) > size:
             raise SdoAbortError(AbortCode.LENGTH_TOO_HIGH)
         if len(data) < size:
             raise SdoAbortError(AbortCode.LENGTH_TOO_LOW)
-        self.put(key_of(index, subindex), decode(entry.data_type, data))
+        self.put(key_of(index, subindex), decode(self._entry(index, subindex).data_type, data))
+
+    def size_to_write(self, index: int, subindex: int) -> int:
+        """How many bytes an entry takes.
+
+        Raises:
+            SdoAbortError: no such object or sub-index, or it is read-only.
+        """
+        entry = self._entry(index, subindex)
+        if entry.access not in (Access.READ_WRITE, Access.WRITE_ONLY):
+            raise SdoAbortError(AbortCode.READ_ONLY)
+        return entry.data_type.size
 
     def _entry(self, index: int, subindex: int) -> Entry:
         entry = self.entries.get(key_of(index, subindex))

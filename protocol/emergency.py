@@ -1,6 +1,12 @@
-"""The emergency producer: EMCY frames, error register and error history (CiA 301, section 7.2.7)."""
+"""The emergency producer: EMCY frames, error register and error history (CiA 301, section 7.2.7).
+
+An error is a code with a detail. It is reported once, when it occurs, and stays active until it is resolved: the
+register is what the active errors have in common. Each time errors go, "no error" is sent with the register that is
+left (CiA 301 figure 51, transitions 3 and 4), so that a listener sees the bits fall one by one.
+"""
 
 from collections import deque
+from collections.abc import Callable
 
 from protocol.cia402 import ErrorCode
 from protocol.objects import HISTORY_DEPTH
@@ -13,33 +19,49 @@ class EmergencyProducer:
     """Queues EMCY payloads, spaced by the inhibit time, and keeps the register and the history of the node."""
 
     def __init__(self) -> None:
-        self.register = 0
         self.history: deque[int] = deque(maxlen=HISTORY_DEPTH)
         """Error codes, the newest first."""
         self.inhibit = 0
+        self._active: set[tuple[ErrorCode, int]] = set()
         self._waiting: deque[bytes] = deque()
         self._not_before_us = 0
 
+    @property
+    def register(self) -> int:
+        """Object 0x1001: the bits of all errors that are active."""
+        register = 0
+        for code, _ in self._active:
+            register |= code.register
+        return register
+
+    def is_active(self, code: ErrorCode) -> bool:
+        """Whether an error with this code, whatever its detail, has occurred and is not resolved."""
+        return any(active == code for active, _ in self._active)
+
     def raise_error(self, code: ErrorCode, detail: int = 0) -> None:
-        """Report an error; `detail` goes into the manufacturer's five bytes."""
-        self.register |= code.register
+        """Report an error unless it is active already; `detail` goes into the manufacturer's five bytes."""
+        if (code, detail) in self._active:
+            return
+        self._active.add((code, detail))
         self.history.appendleft(code)
         self._waiting.append(self._payload(code, detail))
 
-    def clear(self) -> None:
-        """All errors are gone: report "no error" if there was one."""
-        if self.register:
-            self.register = 0
+    def resolve(self, gone: Callable[[ErrorCode, int], bool]) -> None:
+        """The active errors of which `gone` is true are no more: say so once, if there are any."""
+        left = {(code, detail) for code, detail in self._active if not gone(code, detail)}
+        if left != self._active:
+            self._active = left
             self._waiting.append(self._payload(ErrorCode.NONE, 0))
 
     def forget(self) -> None:
         """Be as after power-up: there has been no error."""
-        self.register = 0
+        self._active.clear()
         self.history.clear()
-        self.drop_waiting()
+        self._waiting.clear()
 
-    def drop_waiting(self) -> None:
-        """Send nothing of what is still waiting, as after a communication reset."""
+    def reset_communication(self) -> None:
+        """The bus begins anew: its errors are no more, and what is still waiting is not sent."""
+        self._active = {(code, detail) for code, detail in self._active if not code.communication}
         self._waiting.clear()
 
     def _payload(self, code: ErrorCode, detail: int) -> bytes:

@@ -22,6 +22,15 @@ class NmtCommand(IntEnum):
     RESET_COMMUNICATION = 130
 
 
+class ErrorBehaviour(IntEnum):
+    """What a communication error does to the node's state, object 0x1029:01 (CiA 301, section 7.5.2.27)."""
+
+    PRE_OPERATIONAL = 0
+    """From OPERATIONAL only."""
+    NO_CHANGE = 1
+    STOPPED = 2
+
+
 _TARGETS = {
     NmtCommand.START: NmtState.OPERATIONAL,
     NmtCommand.STOP: NmtState.STOPPED,
@@ -44,6 +53,15 @@ def command_for(data: bytes, node_id: int) -> NmtCommand | None:
 def target_of(command: NmtCommand) -> NmtState:
     """The state that a command leads to."""
     return _TARGETS[command]
+
+
+def after_error(state: NmtState, behaviour: int) -> NmtState:
+    """The state that a communication error leads to."""
+    if behaviour == ErrorBehaviour.STOPPED:
+        return NmtState.STOPPED
+    if behaviour == ErrorBehaviour.PRE_OPERATIONAL and state is NmtState.OPERATIONAL:
+        return NmtState.PRE_OPERATIONAL
+    return state
 
 
 class HeartbeatProducer:

@@ -8,9 +8,18 @@ second squared; the PVT record has its own, finer velocity.
 from dataclasses import dataclass, field
 from enum import Enum
 
-from protocol.cia402 import HOME_HERE, PVT_SUBMODE, DigitalOutput, Mode
+from protocol.cia402 import (
+    HALT_SLOW_DOWN,
+    HOME_HERE,
+    LINEAR_RAMP,
+    PVT_SUBMODE,
+    AbortConnection,
+    DigitalOutput,
+    Mode,
+)
 from protocol.datatypes import DataType
 from protocol.frame import COB_EMCY, COB_ID_INVALID, COB_ID_NO_RTR, COB_RPDO, COB_SYNC, COB_TPDO
+from protocol.nmt import ErrorBehaviour
 
 I8, I16, I24, I32 = DataType.INTEGER8, DataType.INTEGER16, DataType.INTEGER24, DataType.INTEGER32
 U8, U16, U32 = DataType.UNSIGNED8, DataType.UNSIGNED16, DataType.UNSIGNED32
@@ -120,6 +129,10 @@ IDENTITY_DEVICE_TYPE = 0x0004_0192
 PDO_COUNT = 4
 PDO_ENTRIES_MAX = 8
 HISTORY_DEPTH = 8
+PARAMETER_GROUPS = {1: (0x1000, 0xFFFF), 2: (0x1000, 0x1FFF), 3: (0x6000, 0x9FFF), 4: (0x2000, 0x5FFF)}
+"""First and last index of what each sub-index of 0x1010 and 0x1011 stores and restores."""
+_PARAMETER_GROUP_NAMES = ("all parameters", "communication parameters", "application parameters", "board parameters")
+HEARTBEAT_PRODUCERS_MAX = 4
 
 PULSE_NS_MIN = 4_000
 TIMING_NS_MAX = 1_000_000
@@ -190,11 +203,12 @@ def _tpdo_objects() -> list[Object]:
         name = f"TPDO{i + 1}"
         cob_id = COB_TPDO[i] | COB_ID_NO_RTR | (0 if enabled else COB_ID_INVALID)
         communication = {
-            0: Entry("Highest sub-index supported", U8, CONST, 5),
+            0: Entry("Highest sub-index supported", U8, CONST, 6),
             1: Entry("COB-ID", U32, RW, cob_id, plus_node_id=True),
             2: Entry("Transmission type", U8, RW, transmission),
             3: Entry("Inhibit time in 100 us", U16, RW, inhibit),
             5: Entry("Event timer in ms", U16, RW, event_timer),
+            6: Entry("SYNC start value", U8, RW, 0, 0, 240),
         }
         objects += [
             Object(0x1800 + i, f"{name} communication parameter", Kind.RECORD, communication),
@@ -220,11 +234,26 @@ _COMMUNICATION = [
         kind=Kind.ARRAY,
     ),
     _variable(0x1005, "COB-ID SYNC", U32, CONST, COB_SYNC),
+    _variable(0x1006, "Communication cycle period in us", U32, RW),
     _variable(0x1008, "Manufacturer device name", STRING, CONST, "StepTwin TB6560 axis (SIMULATED)"),
     _variable(0x1009, "Manufacturer hardware version", STRING, CONST, "STM32F103 + TB6560"),
     _variable(0x100A, "Manufacturer software version", STRING, CONST, "0.1.0"),
-    _variable(0x1014, "COB-ID EMCY", U32, CONST, COB_EMCY, plus_node_id=True),
+    _array(0x1010, "Store parameters", *[Entry(f"Save {name}", U32, RW, 1) for name in _PARAMETER_GROUP_NAMES]),
+    _array(
+        0x1011,
+        "Restore default parameters",
+        *[Entry(f"Restore {name}", U32, RW, 1) for name in _PARAMETER_GROUP_NAMES],
+    ),
+    _variable(0x1014, "COB-ID EMCY", U32, RW, COB_EMCY, plus_node_id=True),
     _variable(0x1015, "Inhibit time EMCY in 100 us", U16, RW),
+    _array(
+        0x1016,
+        "Consumer heartbeat time",
+        *[
+            Entry(f"Producer {i}: node id in bits 16 to 23, time in ms in bits 0 to 15", U32, RW, 0, 0, 0x00FF_FFFF)
+            for i in range(1, HEARTBEAT_PRODUCERS_MAX + 1)
+        ],
+    ),
     _variable(0x1017, "Producer heartbeat time in ms", U16, RW),
     _record(
         0x1018,
@@ -234,6 +263,8 @@ _COMMUNICATION = [
         Entry("Revision number", U32, CONST, 0x0001_0000),
         Entry("Serial number", U32, CONST, 0),
     ),
+    _variable(0x1019, "Synchronous counter overflow value", U8, RW, low=0, high=240),
+    _array(0x1029, "Error behaviour", Entry("Communication error", U8, RW, ErrorBehaviour.PRE_OPERATIONAL, 0, 2)),
 ]
 
 _DRIVER = [
@@ -278,9 +309,11 @@ _DRIVER = [
 ]
 
 _DRIVE = [
+    _variable(0x6007, "Abort connection option code", I16, RW, AbortConnection.FAULT_SIGNAL, low=0, high=3),
     _variable(0x603F, "Error code", U16, RO, mapping=TX),
     _variable(0x6040, "Controlword", U16, RW, mapping=RX),
     _variable(0x6041, "Statusword", U16, RO, mapping=TX),
+    _variable(0x605D, "Halt option code: 1 = profile deceleration", I16, CONST, HALT_SLOW_DOWN),
     _variable(0x6060, "Modes of operation", I8, RW, Mode.NONE, mapping=RX),
     _variable(0x6061, "Modes of operation display", I8, RO, mapping=TX),
     _variable(0x6062, "Position demand value", I32, RO, mapping=TX),
@@ -288,9 +321,26 @@ _DRIVE = [
     _variable(0x606C, "Velocity actual value", I32, RO, mapping=TX),
     _variable(0x607A, "Target position", I32, RW, mapping=RXTX),
     _variable(0x607C, "Home offset", I32, RW),
+    _array(
+        0x607D,
+        "Software position limit",
+        Entry("Min position limit in units", I32, RW, I32.low),
+        Entry("Max position limit in units", I32, RW, I32.high),
+    ),
     _variable(0x607F, "Max profile velocity", U32, RW, 8_000 * 16_384, low=1),
+    _variable(0x6081, "Profile velocity", U32, RW, 1_000 * 16_384, low=1, mapping=RX),
+    _variable(0x6083, "Profile acceleration", U32, RW, 5_000 * 16_384, low=1, mapping=RX),
+    _variable(0x6084, "Profile deceleration", U32, RW, 5_000 * 16_384, low=1, mapping=RX),
     _variable(0x6085, "Quick stop deceleration", U32, RW, 20_000 * 16_384, low=1),
+    _variable(
+        0x6086, "Motion profile type: 0 = linear ramp, 3 = jerk-limited ramp", I16, RW, LINEAR_RAMP, low=0, high=3
+    ),
     _variable(0x6098, "Homing method", I8, RW, HOME_HERE, low=HOME_HERE, high=HOME_HERE),
+    _array(
+        0x60A4,
+        "Profile jerk",
+        Entry("Profile jerk 1 in units per second cubed", U32, RW, 100_000 * 16_384, low=1),
+    ),
     _variable(0x60C0, "Interpolation sub mode select", I16, RW, PVT_SUBMODE, low=PVT_SUBMODE, high=PVT_SUBMODE),
     _record(
         0x60C1,
@@ -310,6 +360,8 @@ _DRIVE = [
         Entry("Size of data record in bytes", U8, RO, 8),
         Entry("Buffer clear: 0 clears", U8, WO, 0, 0, 1),
     ),
+    _variable(0x60C5, "Max acceleration", U32, RW, U32.high, low=1),
+    _variable(0x60C6, "Max deceleration", U32, RW, U32.high, low=1),
     _array(0x60E3, "Supported homing methods", Entry("Supported homing method 1", I8, CONST, HOME_HERE)),
     _variable(0x60F4, "Following error actual value", I32, RO, mapping=TX),
     _variable(0x60FD, "Digital inputs", U32, RO, mapping=TX),
@@ -322,13 +374,8 @@ _DRIVE = [
         Entry("Physical outputs", U32, RW, mapping=RX),
         Entry("Bit mask: an output whose bit is 0 is off", U32, RW, DigitalOutput.OUT1 | DigitalOutput.OUT2),
     ),
-    _variable(
-        0x6502,
-        "Supported drive modes",
-        U32,
-        CONST,
-        Mode.HOMING.supported_bit | Mode.INTERPOLATED_POSITION.supported_bit,
-    ),
+    _variable(0x60FF, "Target velocity", I32, RW, mapping=RX),
+    _variable(0x6502, "Supported drive modes", U32, CONST, sum(mode.supported_bit for mode in Mode)),
 ]
 
 OBJECTS: tuple[Object, ...] = tuple(

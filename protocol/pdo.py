@@ -1,5 +1,8 @@
 """The device's process data: mappings, transmission types, inhibit times and event timers (CiA 301, section 7.2.2).
 
+Types 1 to 240 are sent with every n-th SYNC, type 0 with a SYNC before which what they carry has changed, 254 and 255
+by changes and their event timer. A received PDO of type 0 to 240 takes effect with the next SYNC.
+
 PDOs are made from the dictionary's communication and mapping entries whenever one of these changes; what they carry
 is decoded and encoded by shifting one integer, so a mapping of any widths costs the same few operations.
 """
@@ -8,6 +11,7 @@ from typing import NamedTuple
 
 from protocol.abort import AbortCode, SdoAbortError
 from protocol.cia402 import ErrorCode
+from protocol.cob_id import check_cob_id
 from protocol.dictionary import ObjectDictionary
 from protocol.frame import COB_ID_INVALID, COB_ID_MASK, COB_ID_NO_RTR, Frame
 from protocol.objects import PDO_COUNT, PDO_ENTRIES_MAX, Access, Entry, Mapping, key_of
@@ -16,8 +20,6 @@ _RPDO_COMMUNICATION, _RPDO_MAPPING = 0x1400, 0x1600
 _TPDO_COMMUNICATION, _TPDO_MAPPING = 0x1800, 0x1A00
 _LAST_SYNCHRONOUS = 240
 _FIRST_EVENT_DRIVEN = 254
-_RESTRICTED = ((0x000, 0x080), (0x101, 0x180), (0x581, 0x5FF), (0x601, 0x67F), (0x6E0, 0x7FF))
-"""COB-IDs that CiA 301 keeps for other services (table 40): NMT, SYNC, SDO, heartbeat and others."""
 _INHIBIT_UNIT_US = 100
 _MS_US = 1000
 
@@ -102,7 +104,9 @@ class TransmitPdo:
         self._fields, self._length = _fields(dictionary, _TPDO_MAPPING + number)
         self.keys = frozenset(field.key for field in self._fields)
         self._wanted = False
+        self._sent: bytes | None = None
         self._syncs = 0
+        self._awaited_counter = dictionary.get(communication, 6) if dictionary.get(0x1019) else 0
         self._not_before_us = now_us
         self._timer_us = now_us + self._event_timer_us
 
@@ -120,16 +124,24 @@ class TransmitPdo:
         """One of the mapped values has changed: send as soon as the inhibit time allows."""
         self._wanted = True
 
-    def on_sync(self) -> Frame | None:
-        """Count a SYNC; return the frame if the transmission type asks for it now."""
-        if self.transmission_type > _LAST_SYNCHRONOUS:
+    def on_sync(self, counter: int = 0) -> Frame | None:
+        """Count a SYNC; return the frame if the transmission type asks for it now.
+
+        The first SYNC that counts is the one with the start value, if there is one (CiA 301, section 7.5.2.37).
+        """
+        if self.transmission_type > _LAST_SYNCHRONOUS or self._awaited_counter not in (0, counter):
             return None
+        self._awaited_counter = 0
         self._syncs += 1
-        if self._syncs < self.transmission_type or (self.transmission_type == 0 and not self._wanted):
+        if self._syncs < self.transmission_type:
             return None
         self._syncs = 0
+        frame = self._frame()
+        if self.transmission_type == 0 and not self._wanted and frame.data == self._sent:
+            return None
         self._wanted = False
-        return self._frame()
+        self._sent = frame.data
+        return frame
 
     @property
     def due_us(self) -> int | None:
@@ -198,9 +210,10 @@ class ProcessData:
         hooks = self._dictionary.write_hooks
         hooks[key_of(communication, 1)] = lambda value: self._write_cob_id(communication, value)
         hooks[key_of(communication, 2)] = self._write_transmission_type
-        for subindex in (3, 5):
-            if key_of(communication, subindex) in self._dictionary.entries:
-                hooks[key_of(communication, subindex)] = lambda _: self._write_parameter()
+        if access is Mapping.TRANSMIT:
+            hooks[key_of(communication, 3)] = lambda _: self._write_while_invalid(communication)
+            hooks[key_of(communication, 5)] = lambda _: self._write_parameter()
+            hooks[key_of(communication, 6)] = lambda _: self._write_while_invalid(communication)
         hooks[key_of(mapping, 0)] = lambda value: self._write_count(communication, mapping, value)
         for subindex in range(1, PDO_ENTRIES_MAX + 1):
             hooks[key_of(mapping, subindex)] = lambda word: self._write_entry(communication, mapping, access, word)
@@ -211,14 +224,8 @@ class ProcessData:
         self._changed = True
 
     def _write_cob_id(self, communication: int, value: int) -> None:
-        """A valid COB-ID's identifier may not change: it must be made invalid first. It has 11 bits and is free."""
         self._write_parameter()
-        identifier = value & ~(COB_ID_INVALID | COB_ID_NO_RTR)
-        if identifier > COB_ID_MASK or any(first <= identifier <= last for first, last in _RESTRICTED):
-            raise SdoAbortError(AbortCode.VALUE_RANGE)
-        old = self._dictionary.get(communication, 1)
-        if not (old | value) & COB_ID_INVALID and (old ^ value) & COB_ID_MASK:
-            raise SdoAbortError(AbortCode.VALUE_RANGE)
+        check_cob_id(self._dictionary.get(communication, 1), value, COB_ID_NO_RTR)
 
     def _write_transmission_type(self, value: int) -> None:
         """241 to 251 are reserved, 252 and 253 are for remote frames, which this device does not answer."""
@@ -226,13 +233,14 @@ class ProcessData:
         if _LAST_SYNCHRONOUS < value < _FIRST_EVENT_DRIVEN:
             raise SdoAbortError(AbortCode.VALUE_RANGE)
 
-    def _writable_mapping(self, communication: int) -> None:
+    def _write_while_invalid(self, communication: int) -> None:
+        """Mapping, inhibit time and SYNC start value are fixed while the PDO exists."""
         self._write_parameter()
         if not self._dictionary.get(communication, 1) & COB_ID_INVALID:
             raise SdoAbortError(AbortCode.DEVICE_STATE)
 
     def _write_count(self, communication: int, mapping: int, count: int) -> None:
-        self._writable_mapping(communication)
+        self._write_while_invalid(communication)
         words = [self._dictionary.get(mapping, i) for i in range(1, count + 1)]
         if 0 in words:
             raise SdoAbortError(AbortCode.CANNOT_BE_MAPPED)
@@ -240,7 +248,7 @@ class ProcessData:
             raise SdoAbortError(AbortCode.PDO_TOO_LONG)
 
     def _write_entry(self, communication: int, mapping: int, access: Mapping, word: int) -> None:
-        self._writable_mapping(communication)
+        self._write_while_invalid(communication)
         if self._dictionary.get(mapping, 0):
             raise SdoAbortError(AbortCode.DEVICE_STATE)
         entry = self._dictionary.entries.get(word >> 8)

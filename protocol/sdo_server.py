@@ -1,9 +1,10 @@
-"""The device's SDO server: expedited and segmented transfers (CiA 301, section 7.2.4.3), bytes in, bytes out."""
+"""The device's SDO server: expedited, segmented and block transfers (CiA 301, section 7.2.4.3), bytes in, bytes out."""
 
 from dataclasses import dataclass
 
 from protocol.abort import AbortCode, SdoAbortError
 from protocol.dictionary import ObjectDictionary
+from protocol.sdo_block import DOWNLOAD_BLOCK_SIZE, BlockDownload, BlockUpload, is_segment
 
 # Client command specifiers, bits 7..5 of the first byte.
 _DOWNLOAD_SEGMENT = 0
@@ -11,6 +12,8 @@ _DOWNLOAD_INITIATE = 1
 _UPLOAD_INITIATE = 2
 _UPLOAD_SEGMENT = 3
 _ABORT = 4
+_BLOCK_UPLOAD = 5
+_BLOCK_DOWNLOAD = 6
 
 _EXPEDITED = 0x02
 _SIZE_INDICATED = 0x01
@@ -18,9 +21,16 @@ _TOGGLE = 0x10
 _LAST_SEGMENT = 0x01
 _SEGMENT_BYTES = 7
 
+# Block transfers: bits of the first byte.
+_CRC = 0x04
+_BLOCK_SIZE_INDICATED = 0x02
+_BLOCK_DOWNLOAD_END = 0x01
+_BLOCK_UPLOAD_COMMAND = 0x03
+_INITIATE, _END, _ACKNOWLEDGE = 0, 1, 2
+
 
 @dataclass(slots=True)
-class _Transfer:
+class _Segmented:
     """A segmented transfer under way: what is still to send, or what has arrived."""
 
     index: int
@@ -37,7 +47,7 @@ class SdoServer:
 
     def __init__(self, dictionary: ObjectDictionary) -> None:
         self._dictionary = dictionary
-        self._transfer: _Transfer | None = None
+        self._transfer: _Segmented | BlockDownload | BlockUpload | None = None
         self.dropped = 0
         """Requests that were no SDO at all (not 8 bytes) and got no answer."""
 
@@ -45,53 +55,58 @@ class SdoServer:
         """Forget a transfer under way, as a communication reset does."""
         self._transfer = None
 
-    def handle(self, request: bytes) -> bytes | None:
-        """Answer one request; None where the standard prescribes silence."""
+    def handle(self, request: bytes) -> list[bytes]:
+        """Answer one request: with a frame, a block of them, or none where the standard prescribes silence."""
         if len(request) != 8:
             self.dropped += 1
-            return None
-        command = request[0] >> 5
-        if command == _ABORT:
+            return []
+        transfer = self._transfer
+        in_block = isinstance(transfer, BlockDownload) and transfer.receiving and is_segment(request)
+        if request[0] >> 5 == _ABORT and not in_block:
             self._transfer = None
-            return None
+            return []
         index, subindex = int.from_bytes(request[1:3], "little"), request[3]
-        if command in (_DOWNLOAD_SEGMENT, _UPLOAD_SEGMENT) and self._transfer:
-            index, subindex = self._transfer.index, self._transfer.subindex
+        if in_block or not _initiates(request[0]):
+            index, subindex = (transfer.index, transfer.subindex) if transfer else (0, 0)
         try:
-            return self._answer(command, request, index, subindex)
+            if in_block and isinstance(transfer, BlockDownload):
+                return transfer.segment(request)
+            return self._answer(request, index, subindex)
         except SdoAbortError as error:
             self._transfer = None
             head = bytes((0x80, index & 0xFF, index >> 8, subindex))
-            return head + error.code.to_bytes(4, "little")
+            return [head + error.code.to_bytes(4, "little")]
 
-    def _answer(self, command: int, request: bytes, index: int, subindex: int) -> bytes:
+    def _answer(self, request: bytes, index: int, subindex: int) -> list[bytes]:
+        command = request[0] >> 5
         if command == _DOWNLOAD_INITIATE:
-            return self._download_initiate(request, index, subindex)
+            return [self._download_initiate(request, index, subindex)]
         if command == _UPLOAD_INITIATE:
-            return self._upload_initiate(index, subindex)
+            return [self._upload_initiate(index, subindex)]
         if command == _DOWNLOAD_SEGMENT:
-            return self._download_segment(request)
+            return [self._download_segment(request)]
         if command == _UPLOAD_SEGMENT:
-            return self._upload_segment(request)
+            return [self._upload_segment(request)]
+        if command == _BLOCK_DOWNLOAD:
+            return [self._block_download(request, index, subindex)]
+        if command == _BLOCK_UPLOAD:
+            return self._block_upload(request, index, subindex)
         raise SdoAbortError(AbortCode.COMMAND_UNKNOWN)
+
+    # --- expedited and segmented
 
     def _download_initiate(self, request: bytes, index: int, subindex: int) -> bytes:
         command = request[0]
+        limit = self._dictionary.size_to_write(index, subindex)
         if command & _EXPEDITED:
-            size = 4 - (command >> 2 & 3) if command & _SIZE_INDICATED else self._entry_size(index, subindex)
+            size = 4 - (command >> 2 & 3) if command & _SIZE_INDICATED else limit
             self._transfer = None
             self._dictionary.write(index, subindex, request[4 : 4 + size])
         else:
-            limit = self._entry_size(index, subindex)
             if command & _SIZE_INDICATED and int.from_bytes(request[4:8], "little") > limit:
                 raise SdoAbortError(AbortCode.LENGTH_TOO_HIGH)
-            self._transfer = _Transfer(index, subindex, upload=False, data=b"", limit=limit)
+            self._transfer = _Segmented(index, subindex, upload=False, data=b"", limit=limit)
         return bytes((0x60,)) + request[1:4] + bytes(4)
-
-    def _entry_size(self, index: int, subindex: int) -> int:
-        """How many bytes the entry takes; 4 for what does not exist, so that the write itself says why."""
-        entry = self._dictionary.entries.get(index << 8 | subindex)
-        return entry.data_type.size if entry else 4
 
     def _download_segment(self, request: bytes) -> bytes:
         transfer = self._checked(request, upload=False)
@@ -113,7 +128,7 @@ class SdoServer:
             self._transfer = None
             command = 0x40 | (4 - len(data)) << 2 | _EXPEDITED | _SIZE_INDICATED
             return bytes((command,)) + head + data.ljust(4, b"\0")
-        self._transfer = _Transfer(index, subindex, upload=True, data=data)
+        self._transfer = _Segmented(index, subindex, upload=True, data=data)
         return bytes((0x40 | _SIZE_INDICATED,)) + head + len(data).to_bytes(4, "little")
 
     def _upload_segment(self, request: bytes) -> bytes:
@@ -126,10 +141,62 @@ class SdoServer:
         transfer.toggle ^= _TOGGLE
         return bytes((command,)) + part.ljust(_SEGMENT_BYTES, b"\0")
 
-    def _checked(self, request: bytes, *, upload: bool) -> _Transfer:
+    def _checked(self, request: bytes, *, upload: bool) -> _Segmented:
         transfer = self._transfer
-        if transfer is None or transfer.upload is not upload:
+        if not isinstance(transfer, _Segmented) or transfer.upload is not upload:
             raise SdoAbortError(AbortCode.COMMAND_UNKNOWN)
         if request[0] & _TOGGLE != transfer.toggle:
             raise SdoAbortError(AbortCode.TOGGLE_NOT_ALTERNATED)
         return transfer
+
+    # --- blocks
+
+    def _block_download(self, request: bytes, index: int, subindex: int) -> bytes:
+        if request[0] & _BLOCK_DOWNLOAD_END:
+            return self._block_download_end(request)
+        limit = self._dictionary.size_to_write(index, subindex)
+        announced = int.from_bytes(request[4:8], "little") if request[0] & _BLOCK_SIZE_INDICATED else None
+        if announced is not None and announced > limit:
+            raise SdoAbortError(AbortCode.LENGTH_TOO_HIGH)
+        self._transfer = BlockDownload(index, subindex, limit, announced, with_crc=bool(request[0] & _CRC))
+        return bytes((0xA0 | request[0] & _CRC,)) + request[1:4] + bytes((DOWNLOAD_BLOCK_SIZE, 0, 0, 0))
+
+    def _block_download_end(self, request: bytes) -> bytes:
+        transfer = self._transfer
+        if not isinstance(transfer, BlockDownload):
+            raise SdoAbortError(AbortCode.COMMAND_UNKNOWN)
+        self._dictionary.write(transfer.index, transfer.subindex, transfer.end(request))
+        self._transfer = None
+        return bytes((0xA0 | _END,)) + bytes(7)
+
+    def _block_upload(self, request: bytes, index: int, subindex: int) -> list[bytes]:
+        command = request[0] & _BLOCK_UPLOAD_COMMAND
+        if command == _INITIATE:
+            return [self._block_upload_initiate(request, index, subindex)]
+        transfer = self._transfer
+        if not isinstance(transfer, BlockUpload):
+            raise SdoAbortError(AbortCode.COMMAND_UNKNOWN)
+        if command == _END:
+            self._transfer = None
+            return []
+        return transfer.acknowledge(request) if command == _ACKNOWLEDGE else transfer.start()
+
+    def _block_upload_initiate(self, request: bytes, index: int, subindex: int) -> bytes:
+        """The client's threshold for changing to a segmented transfer is an offer, which is not taken.
+
+        The CRC is answered as it was asked for, here and for a download: some clients take the answer as an agreement.
+        """
+        data = self._dictionary.read(index, subindex)
+        self._transfer = BlockUpload(index, subindex, data, request[4], with_crc=bool(request[0] & _CRC))
+        command = 0xC0 | request[0] & _CRC | _BLOCK_SIZE_INDICATED
+        return bytes((command,)) + request[1:4] + len(data).to_bytes(4, "little")
+
+
+def _initiates(first_byte: int) -> bool:
+    """Whether a request begins a transfer, and so names an object."""
+    command = first_byte >> 5
+    if command == _BLOCK_DOWNLOAD:
+        return not first_byte & _BLOCK_DOWNLOAD_END
+    if command == _BLOCK_UPLOAD:
+        return first_byte & _BLOCK_UPLOAD_COMMAND == _INITIATE
+    return command in (_DOWNLOAD_INITIATE, _UPLOAD_INITIATE)

@@ -7,7 +7,10 @@ from hypothesis import settings
 
 from controller.backend import KERNELS, Kernel
 
-settings.register_profile("steptwin", deadline=None)  # no timing is asserted in a test, not even by the framework
+# No timing is asserted in a test, not even by the framework; and every run draws the same examples, so that a change
+# is judged by what it changed. `pytest --hypothesis-profile=explore` draws new ones.
+settings.register_profile("steptwin", deadline=None, derandomize=True)
+settings.register_profile("explore", deadline=None, max_examples=1000)
 settings.load_profile("steptwin")
 
 

@@ -42,7 +42,7 @@ def ik(
         print_json({"robot": loaded.name, "branches": [_document(branch, loaded.joint_names) for branch in branches]})
         return
     rows = [
-        [branch.name, "yes" if branch.reachable[0] else "no", *(f"{q:.4f}" for q in branch.joints[0])]
+        [branch.name, "yes" if branch.reachable[0] else "no", *map(_figure, branch.joints[0].tolist())]
         for branch in branches
     ]
     print_table(["branch", "reachable", *loaded.joint_names], rows, text_columns=2)
@@ -58,6 +58,11 @@ def _document(branch: "Branch", names: tuple[str, ...]) -> dict[str, Any]:
         "reason": branch.reason(0),
         "joints": dict(zip(names, map(_finite, branch.joints[0].tolist()), strict=True)),
     }
+
+
+def _figure(value: float) -> str:
+    """Four decimals without a negative zero; nothing where no joint position reaches the pose."""
+    return f"{round(value, 4) + 0.0:.4f}" if isfinite(value) else "-"
 
 
 def _finite(value: float) -> float | None:

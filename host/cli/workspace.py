@@ -103,7 +103,7 @@ def _print_figures(document: dict[str, Any]) -> None:
         f"profile at azimuth {profile['azimuth_deg']:.6g} deg": profile,
     }
     columns = ["", "radius min mm", "radius max mm", "z min mm", "z max mm", "area mm2"]
-    print_table(columns, [[name, *(_figure(figures.get(key)) for key in _KEYS)] for name, figures in rows.items()])
+    print_table(columns, [[name, *(_figure(figures, key) for key in _KEYS)] for name, figures in rows.items()])
     left_out = f", {cloud['left_out']} left out: the mechanism forbids them" if cloud["left_out"] else ""
     typer.echo(f"Monte Carlo: {cloud['samples']} samples with seed {cloud['seed']}{left_out}")
     attitude = "any attitude" if plan["attitude_deg"] is None else f"attitude {plan['attitude_deg']:g} deg"
@@ -111,8 +111,12 @@ def _print_figures(document: dict[str, Any]) -> None:
     typer.echo(f"sections: {attitude}{slides}, radius about the arm's axis")
 
 
-def _figure(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3f}"
+def _figure(figures: dict[str, Any], key: str) -> str:
+    """To a micrometre, but an area to a square millimetre: its further digits are the scan's own."""
+    value = figures.get(key)
+    if value is None:
+        return "-"
+    return f"{value:.0f}" if key == "area_mm2" else f"{value:.3f}"
 
 
 def _say_where(folder: Path, *, pictures: bool, to_stderr: bool) -> None:

@@ -15,7 +15,7 @@ from host.jobs.spiral import SPIRAL
 from host.robot import Robot
 from host.trajectory import Trajectory
 
-__all__ = ["Job", "job_names", "job_options", "make_job"]
+__all__ = ["Job", "job_names", "job_options", "job_summary", "make_job"]
 
 _JOBS: Final[dict[str, tuple[Job[Any], ...]]] = {
     "lab-scara": (SPIRAL,),
@@ -30,6 +30,11 @@ _JOBS: Final[dict[str, tuple[Job[Any], ...]]] = {
 def job_names(robot: Robot) -> tuple[str, ...]:
     """What the robot can be asked to do."""
     return tuple(_jobs(robot))
+
+
+def job_summary(robot: Robot, job_name: str) -> str:
+    """One line that says what a job does; InputError if there is no such job."""
+    return _job(robot, job_name).summary
 
 
 def job_options(robot: Robot, job_name: str) -> dict[str, str]:

@@ -30,4 +30,4 @@ def demo(robot: Robot, options: DemoOptions) -> Trajectory:
     return JointMove(robot.joint_names, START, GOAL, Cubic(1.0, options.duration_s))
 
 
-DEMO: Final = Job("demo", DemoOptions, demo)
+DEMO: Final = Job("demo", "all joints at once by a cubic of time", DemoOptions, demo)

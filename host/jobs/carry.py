@@ -73,4 +73,6 @@ def _grip(moves: Composer, depth_mm: float, *, close: bool) -> None:
         moves.go_some({"d3": 0.0})
 
 
-CARRY: Final = Job("carry", CarryOptions, carry)
+CARRY: Final = Job(
+    "carry", "from one taught point to another, picking and placing if depth_mm is not 0", CarryOptions, carry
+)

@@ -51,4 +51,4 @@ def drawer_pull(robot: Robot, options: DrawerPullOptions) -> Trajectory:
     return ToolMove.along(robot, path, law, options.elbow.value, start)
 
 
-DRAWER_PULL: Final = Job("drawer-pull", DrawerPullOptions, drawer_pull)
+DRAWER_PULL: Final = Job("drawer-pull", "pull a drawer 180 mm out, straight", DrawerPullOptions, drawer_pull)

@@ -50,4 +50,4 @@ def five_points(robot: Robot, options: FivePointsOptions) -> Trajectory:
     return moves.sequence()
 
 
-FIVE_POINTS: Final = Job("five-points", FivePointsOptions, five_points)
+FIVE_POINTS: Final = Job("five-points", "visit five tool poses with a pause at each", FivePointsOptions, five_points)

@@ -63,4 +63,4 @@ def helix_poses(part: FloatArray) -> FloatArray:
     )
 
 
-HELIX: Final = Job("helix", HelixOptions, helix)
+HELIX: Final = Job("helix", "a helix of four turns on Akima splines through 241 samples", HelixOptions, helix)

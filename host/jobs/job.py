@@ -15,11 +15,13 @@ class Job(Generic[Options]):
 
     Attributes:
         name: as on the command line.
+        summary: one line for people.
         options: a frozen dataclass whose fields are made by `host.jobs.options`, each with a default.
         build: the trajectory of a robot with these options; raises InputError for what makes none.
     """
 
     name: str
+    summary: str
     options: type[Options]
     build: Callable[[Robot, Options], Trajectory]
 

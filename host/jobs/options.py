@@ -48,6 +48,8 @@ def joint_position(default: float, joint: str) -> Any:
 def parse_options(options: type[Options], texts: Mapping[str, str], robot: Robot) -> Options:
     """The dataclass from its fields' texts; a field's default says whether it is an enum, a place or a number.
 
+    A default place is looked up like a given one: a robot's file need not have it.
+
     Raises:
         InputError: an unknown name, with the nearest ones, or a bad value, with the choices or the range.
     """
@@ -56,7 +58,8 @@ def parse_options(options: type[Options], texts: Mapping[str, str], robot: Robot
     for name in texts:
         if name not in known:
             raise unknown("option", name, known)
-    return options(**{name: _value(known[name], text, robot) for name, text in texts.items()})
+    places = {name: str(option.default) for name, option in known.items() if "other_than" in option.metadata}
+    return options(**{name: _value(known[name], text, robot) for name, text in (places | texts).items()})
 
 
 def describe_options(options: type[Any], robot: Robot) -> dict[str, str]:

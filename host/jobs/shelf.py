@@ -102,7 +102,10 @@ class _Shelf:
         locked = np.array([sx_mm, sz_mm, self._lift_mm, *LOCKED_DEG])
         kinematics = make_kinematics(self._robot)
         pose = kinematics.forward(locked[np.newaxis]) - np.array([0.0, APPROACH_MM, 0.0, 0.0])
-        joints: FloatArray = kinematics.solve(pose, self._elbow.value, locked).joints[0]
+        solved = kinematics.solve(pose, self._elbow.value, locked)
+        if not solved.reachable[0]:
+            raise InputError(f"in front of the shelf: {solved.reason(0)}")
+        joints: FloatArray = solved.joints[0]
         return joints
 
 
@@ -131,5 +134,5 @@ def fetch(robot: Robot, options: ShelfOptions) -> Trajectory:
     return moves.sequence()
 
 
-STORE: Final = Job("store", ShelfOptions, store)
-FETCH: Final = Job("fetch", ShelfOptions, fetch)
+STORE: Final = Job("store", "take a box at the hand-over and put it into a slot's drawer", ShelfOptions, store)
+FETCH: Final = Job("fetch", "take a box out of a slot's drawer and bring it to the hand-over", ShelfOptions, fetch)

@@ -76,4 +76,4 @@ def spiral_poses(options: SpiralOptions) -> FloatArray:
     )
 
 
-SPIRAL: Final = Job("spiral", SpiralOptions, spiral)
+SPIRAL: Final = Job("spiral", "an Archimedean spiral of three turns through 377 points", SpiralOptions, spiral)

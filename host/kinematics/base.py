@@ -35,6 +35,7 @@ class Constraint:
         lower: the least value.
         upper: the greatest value.
         kept: shape (n,), whether the value is between them; a NaN is not.
+        complaint_text: what to say instead of the figures, where these say nothing to people.
     """
 
     quantity: str
@@ -43,9 +44,12 @@ class Constraint:
     lower: float
     upper: float
     kept: BoolArray
+    complaint_text: str = ""
 
     def complaint(self, i: int) -> str:
         """One line that says how pose i breaks this constraint."""
+        if self.complaint_text:
+            return self.complaint_text
         value = float(self.values[i])
         text, _ = apart(value, self.lower if value < self.lower else self.upper)
         unit = f" {self.unit}" if self.unit else ""

@@ -190,5 +190,7 @@ class HybridArm:
 
     def _assembly(self, z2_mm: FloatArray, mode: WorkingMode) -> Constraint:
         assembly = self.sliders.assembly_of(z2_mm, mode)
-        quantity = "assembly mode, +1 for a platform above its sliders' line,"
-        return Constraint(quantity, "", assembly, 1.0, 1.0, assembly == 1.0)
+        complaint = (
+            "the machine is assembled with its platform above its sliders' line; this takes it to the other side"
+        )
+        return Constraint("assembly mode", "", assembly, 1.0, 1.0, assembly == 1.0, complaint)

@@ -18,7 +18,7 @@ _JOINTS: Final = {"d1": Unit.MM, "th2": Unit.DEG, "th3": Unit.DEG, "th4": Unit.D
 
 @dataclass(frozen=True, slots=True)
 class LabGeometry:
-    """The dimensions in a robot's file: big arm, forearm, tool downwards."""
+    """The dimensions in a robot's file: first link, second link, tool downwards."""
 
     a2_mm: float
     a3_mm: float

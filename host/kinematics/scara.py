@@ -124,7 +124,8 @@ class Scara:
         velocities[:, self.lift] = self.lift_sign * tool_velocities[:, 2]
         velocities[:, self.shoulder] = np.rad2deg(shoulder_rad_s)
         velocities[:, self.elbow] = np.rad2deg(elbow_rad_s)
-        arm_deg_s = velocities[:, self.shoulder] + velocities[:, self.elbow]
+        with np.errstate(invalid="ignore"):  # opposite infinities
+            arm_deg_s = velocities[:, self.shoulder] + velocities[:, self.elbow]
         velocities[:, self.wrist] = self.wrist_sign * (tool_velocities[:, 3] - arm_deg_s)
         return velocities
 

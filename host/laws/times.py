@@ -66,5 +66,6 @@ def shortest_ms(by_speed_ms: float, by_ramp_ms: Callable[[int], float], shortest
 
     first_ms = bisect_left(range(LONGEST_MS), True, lo=shortest_ramp_ms, key=acceleration_is_slack)
     ramps_ms = first_ms, max(first_ms - 1, shortest_ramp_ms)
-    durations_ms = [rounded_up_ms(ramp_ms + max(by_speed_ms, by_ramp_ms(ramp_ms), ramp_ms)) for ramp_ms in ramps_ms]
-    return min(zip(durations_ms, ramps_ms, strict=True), key=lambda times_ms: times_ms[0])
+    least_ms = [ramp_ms + max(by_speed_ms, by_ramp_ms(ramp_ms), ramp_ms) for ramp_ms in ramps_ms]
+    duration_ms = rounded_up_ms(min(least_ms))
+    return duration_ms, next(ramp_ms for ramp_ms, ms in zip(ramps_ms, least_ms, strict=True) if ms <= duration_ms)

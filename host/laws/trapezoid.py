@@ -78,6 +78,7 @@ class Trapezoid:
 
     def acceleration(self, t_s: FloatArray) -> FloatArray:
         """Its second derivative; where that jumps, the value after the jump, and at the end the one before it."""
-        before_end = (t_s >= self.duration_s - self.ramp_s).astype(np.float64)
-        after_start = (t_s < self.ramp_s).astype(np.float64)
+        jumps_s = self.breakpoints_s  # t1 and T - t1, without what subtracting floats adds
+        after_start = (t_s < jumps_s[0]).astype(np.float64)
+        before_end = (t_s >= jumps_s[-1]).astype(np.float64)
         return self.speed / self.ramp_s * (after_start - before_end)

@@ -9,6 +9,7 @@ import numpy as np
 from host.inputs import unknown, whole_ms
 from host.kinematics import make_kinematics
 from host.laws import Law, SCurve
+from host.laws.times import check_duration
 from host.motions.joint_move import JointMove, limits_along
 from host.motions.sequence import Pause, Sequence
 from host.motions.tool_move import ToolMove
@@ -24,6 +25,9 @@ PACE: Final = 0.8
 
 JERK_TIME_S: Final = 0.1
 """How long a joint move's acceleration takes to rise."""
+
+_THERE: Final = 1e-9
+"""In mm or degrees: what rounding may leave of a way at its end."""
 
 
 @dataclass(slots=True)
@@ -41,16 +45,20 @@ class Composer:
     _switchings: list[Switching] = field(default_factory=list)
 
     def go(self, goal: FloatArray) -> None:
-        """All joints to a position of shape (joints,), together and jerk-limited."""
-        speed, acceleration = limits_along(self.robot, goal - self.joints)
-        if np.isfinite(speed):  # else they are there already
-            law = SCurve.fastest(1.0, PACE * speed, PACE * acceleration, PACE * acceleration / JERK_TIME_S)
-            self.go_by(law, goal)
+        """All joints to a position of shape (joints,), together and jerk-limited; nothing if they are there already."""
+        way = goal - self.joints
+        if np.abs(way).max() < _THERE:
+            return
+        speed, acceleration = limits_along(self.robot, way)
+        law = SCurve.fastest(1.0, PACE * speed, PACE * acceleration, PACE * acceleration / JERK_TIME_S)
+        self.go_by(law, goal)
 
     def go_some(self, positions: Mapping[str, float]) -> None:
         """Some joints, by name, in the same way; the others stay."""
         goal = self.joints.copy()
         for name, position in positions.items():
+            if name not in self.robot.joint_names:
+                raise unknown("joint", name, self.robot.joint_names)
             goal[self.robot.joint_names.index(name)] = position
         self.go(goal)
 
@@ -75,7 +83,8 @@ class Composer:
         self._switchings.append(Switching(output, on, from_s, self._starts_ms[-1] / 1000))
 
     def pause(self, duration_s: float) -> None:
-        """Stand still."""
+        """Stand still for whole milliseconds, at least one."""
+        check_duration(duration_s)
         self._append(Pause(self.robot.joint_names, tuple(self.joints.tolist()), duration_s))
 
     def sequence(self) -> Sequence:

@@ -3,8 +3,9 @@
 import numpy as np
 
 from host.errors import InputError
+from host.inputs import unknown
 from host.kinematics import make_kinematics
-from host.kinematics.base import Constraint
+from host.kinematics.base import LIMIT_TOLERANCE, Constraint
 from host.robot import Robot, Unit
 from host.trajectory import FloatArray
 
@@ -19,14 +20,22 @@ def follow(robot: Robot, poses: FloatArray, t_s: FloatArray, branch: str, near: 
         InputError: the path leaves the mechanism's reach or comes near a singularity; the message says when.
     """
     kinematics = make_kinematics(robot)
+    if branch not in kinematics.branches:
+        raise unknown("branch", branch, kinematics.branches)
     solved = kinematics.solve(poses, branch, near)
     _check(solved.mechanism, t_s)
     _check(kinematics.singularities(solved.joints), t_s)
     joints = solved.joints
     for axis, joint in enumerate(robot.joints):
         if joint.unit is Unit.DEG:
-            joints[:, axis] = np.unwrap(joints[:, axis], period=360.0)
+            joints[:, axis] = np.unwrap(joints[:, axis], period=360.0) + _turns_deg(joints[0, axis], near[axis])
     return joints
+
+
+def _turns_deg(first_deg: float, near_deg: float) -> float:
+    """The full turns from a joint that stands there already: -180 and 180 are one place, but not one position."""
+    turns_deg = 360.0 * round((near_deg - first_deg) / 360.0)
+    return turns_deg if abs(first_deg + turns_deg - near_deg) < LIMIT_TOLERANCE else 0.0
 
 
 def _check(constraints: tuple[Constraint, ...], t_s: FloatArray) -> None:

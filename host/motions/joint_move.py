@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from host.errors import InputError
 from host.laws import Law
 from host.robot import Robot
 from host.trajectory import FloatArray, Switching
@@ -18,12 +19,19 @@ class JointMove:
         start: joint positions at t = 0, mm and degrees.
         goal: those at the end.
         law: s(t), with a distance of 1.
+
+    Raises:
+        InputError: a law of another distance.
     """
 
     joint_names: tuple[str, ...]
     start: tuple[float, ...]
     goal: tuple[float, ...]
     law: Law
+
+    def __post_init__(self) -> None:
+        if self.law.distance != 1.0:
+            raise InputError(f"the law of a joint move covers {self.law.distance:g} instead of 1")
 
     @property
     def duration_s(self) -> float:
@@ -64,7 +72,7 @@ def limits_along(robot: Robot, way: FloatArray) -> tuple[float, float]:
     A way of shape (joints,) that is 0 throughout allows any: both are then infinite.
     """
     sizes = np.abs(way)
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", over="ignore"):
         speeds = np.array([joint.speed_max for joint in robot.joints]) / sizes
         accelerations = np.array([joint.acceleration_max for joint in robot.joints]) / sizes
     return float(speeds.min()), float(accelerations.min())

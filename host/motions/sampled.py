@@ -5,7 +5,9 @@ jumps at the points (H. Akima, "A new method of interpolation and smooth curve f
 J. ACM 17(4), 1970). Both begin and end at rest: a motion here always does.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite
 from typing import Final, Self
 
 import numpy as np
@@ -16,6 +18,9 @@ from host.inputs import whole_ms
 from host.trajectory import FloatArray, Switching
 
 AKIMA_POINTS_MIN: Final = 3
+
+_GAP_MIN_S: Final = 1e-6
+"""The least time between two points: slopes over shorter ones leave the range of numbers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,7 +44,7 @@ class Sampled:
         Raises:
             InputError: times that do not begin at 0, do not increase, or do not end at a whole millisecond.
         """
-        _check_times(times_s, positions)
+        check_times(times_s)
         return cls(joint_names, CubicSpline(times_s, positions, bc_type="clamped"), ())
 
     @classmethod
@@ -51,7 +56,7 @@ class Sampled:
         """
         if len(times_s) < AKIMA_POINTS_MIN:
             raise InputError(f"{len(times_s)} points: Akima's spline takes at least {AKIMA_POINTS_MIN}")
-        _check_times(times_s, positions)
+        check_times(times_s)
         slopes = np.asarray(Akima1DInterpolator(times_s, positions)(times_s, 1))
         slopes[[0, -1]] = 0.0
         return cls.hermite(joint_names, times_s, positions, slopes)
@@ -61,9 +66,8 @@ class Sampled:
         cls, joint_names: tuple[str, ...], times_s: FloatArray, positions: FloatArray, velocities: FloatArray
     ) -> Self:
         """Through points with given velocities of shape (points, joints); raises as `akima` does for times."""
-        _check_times(times_s, positions)
-        times_ms = [whole_ms(f"the time of point {i + 1}", t_s) for i, t_s in enumerate(times_s.tolist())]
-        inner_s = tuple(ms / 1000 for ms in times_ms[1:-1])
+        check_times(times_s, all_whole_ms=True)
+        inner_s = tuple(round(1000 * t_s) / 1000 for t_s in times_s[1:-1].tolist())
         return cls(joint_names, CubicHermiteSpline(times_s, positions, velocities), inner_s)
 
     @property
@@ -89,17 +93,36 @@ class Sampled:
         return np.asarray(self.curve(t_s, 2))
 
 
-def _check_times(times_s: FloatArray, positions: FloatArray) -> None:
+def check_times(times_s: FloatArray, places: Sequence[str] = (), *, all_whole_ms: bool = False) -> None:
+    """Refuse times of points that make no motion; `places` says for messages where each of them stands.
+
+    Raises:
+        InputError: fewer than 2 points, or a time that is not finite, not 0 at the first point, not after the time
+            before, or no whole millisecond: the last one must be, with `all_whole_ms` each.
+    """
     if len(times_s) < 2:
         raise InputError(f"{len(times_s)} points: a motion takes at least 2")
-    if positions.shape[0] != len(times_s):
-        raise ValueError(f"{len(times_s)} times, but positions of shape {positions.shape}")
+    places = places or [f"the time of point {i}" for i in range(1, len(times_s) + 1)]
+    points = list(zip(places, times_s.tolist(), strict=True))
+    for place, t_s in points:
+        if not isfinite(t_s):
+            raise InputError(f"{place}: {t_s:g} s is not finite")
     if times_s[0] != 0.0:
-        raise InputError(f"the first point is at t = {times_s[0]:g} s instead of 0 s")
-    increasing = np.diff(times_s) > 0
+        raise InputError(f"{places[0]}: {times_s[0]:.9g} s, but the first point is at 0 s")
+    increasing = np.diff(times_s) >= _GAP_MIN_S
     if not increasing.all():
         i = int(np.argmin(increasing))
         raise InputError(
-            f"the time of point {i + 2}: {times_s[i + 1]:g} s is not after the {times_s[i]:g} s of the point before"
+            f"{places[i + 1]}: {times_s[i + 1]:.9g} s is not at least 1 us after"
+            f" the {times_s[i]:.9g} s of the point before"
         )
-    whole_ms("the last point's time", float(times_s[-1]))
+    for place, t_s in points if all_whole_ms else points[-1:]:
+        check_whole_ms(place, t_s)
+
+
+def check_whole_ms(place: str, t_s: float) -> None:
+    """InputError, with the nearest whole millisecond, for a time that is none."""
+    try:
+        whole_ms(place, t_s)
+    except InputError as error:
+        raise InputError(f"{error}: the nearest is {max(round(1000 * t_s), 1) / 1000:.9g} s") from error

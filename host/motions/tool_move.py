@@ -1,6 +1,7 @@
 """The tool along a path in space: a time law along it, joints by inverse kinematics at every instant."""
 
 from dataclasses import dataclass
+from math import isclose
 from typing import Final, Self
 
 import numpy as np
@@ -17,6 +18,9 @@ _CHECK_MS: Final = 1
 """Reach and singularities are checked on a grid as fine as this."""
 _STEP_MS: Final = 10
 """The joints are followed from turn to turn on a grid as fine as this: no joint turns half a circle within it."""
+
+_LENGTH_TOLERANCE: Final = 1e-9
+"""The part of a path's length by which a law may miss it: rounding."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,9 +54,12 @@ class ToolMove:
         """A move that begins where the joints, of shape (joints,), stand; those that the pose leaves free stay there.
 
         Raises:
-            InputError: the path leaves the mechanism's reach, or comes near a singularity; or the joints do not stand
-                at its beginning, on this branch. Times in the messages count from `from_s` before the move's start.
+            InputError: the law does not cover the path's length; the path leaves the mechanism's reach, or comes near
+                a singularity; or the joints do not stand at its beginning, on this branch. Times in the messages count
+                from `from_s` before the move's start.
         """
+        if not isclose(law.distance, path.length_mm, rel_tol=_LENGTH_TOLERANCE):
+            raise InputError(f"the law covers {law.distance:.9g} mm, the tool's path is {path.length_mm:.9g} mm long")
         end_ms = round(1000 * law.duration_s)
         t_s = np.union1d(np.arange(0, end_ms, _CHECK_MS), [end_ms]) / 1000
         joints = follow(robot, path.poses(law.position(t_s)), from_s + t_s, branch, start)

@@ -19,6 +19,8 @@ WIDTH_INCHES = 10.0
 HEADING_INCHES = 0.9
 SAMPLES = 2001
 """Instants at which planned curves are drawn."""
+COLUMNS = 700
+"""About as many as a wide picture's pixels across."""
 
 PLANNED = "0.72"
 """Planned curves: light grey and broad, so that the counted ones remain visible on them in print."""
@@ -88,6 +90,20 @@ def drawn_instants(comparison: Comparison) -> FloatArray:
     """Every instant at which an error may be largest, and enough others to draw what lies between."""
     critical_s = critical_instants(comparison.plan, comparison.ideal, comparison.counted)
     return np.union1d(critical_s, planned_instants(comparison))
+
+
+def envelope(t_s: FloatArray, values: FloatArray, end_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """A dense series for drawing, as instants, least and greatest values: one of each for every column of a picture.
+
+    A line through thousands of edges would show patterns of the picture's own raster instead. Each column takes in the
+    neighbours on both sides, so that what lies between two instants is drawn too.
+    """
+    borders_s = np.linspace(0.0, end_s, COLUMNS + 1)
+    first = np.maximum(np.searchsorted(t_s, borders_s[:-1]) - 1, 0)
+    last = np.minimum(np.searchsorted(t_s, borders_s[1:], side="right"), len(t_s) - 1)
+    parts = [values[..., a : b + 1] for a, b in zip(first, last, strict=True)]
+    lows, highs = (np.array([extreme(part) for part in parts]) for extreme in (np.min, np.max))
+    return (borders_s[:-1] + borders_s[1:]) / 2.0, lows, highs
 
 
 def thinned(t_s: FloatArray, values: FloatArray, groups: int = 4000) -> tuple[FloatArray, FloatArray]:

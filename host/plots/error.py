@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from host.plots.canvas import COUNTED, LIMIT, drawn_instants, moving_axes, new_figure, note_still_axes, thinned
+from host.plots.canvas import COUNTED, LIMIT, drawn_instants, envelope, moving_axes, new_figure, note_still_axes
 from host.trajectory import FloatArray
 from host.verify import POSITION_ERROR_LIMIT_STEPS, Comparison, RunInfo
 from host.verify.deviation import deviations
@@ -58,8 +58,9 @@ def _all_series(comparison: Comparison, moving: list[int]) -> list[_Series]:
 
 
 def _draw_whole(axes: Axes, series: _Series, end_s: float) -> None:
-    axes.plot(*thinned(np.repeat(series.t_s, 2), series.values.T.ravel()), color=COUNTED, linewidth=0.5)
-    axes.set_xlim(0.0, max(end_s, series.t_s[-1]))
+    end_s = max(end_s, series.t_s[-1])
+    axes.fill_between(*envelope(series.t_s, series.values, end_s), color=COUNTED, linewidth=0.5)
+    axes.set_xlim(0.0, end_s)
     axes.set_ylabel(series.label)
 
 

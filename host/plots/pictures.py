@@ -30,6 +30,8 @@ def write_plots(out_dir: Path, comparison: Comparison, run: RunInfo) -> list[Pat
     with mpl.rc_context(STYLE):
         for name, draw in PICTURES.items():
             path = out_dir / name
-            draw(comparison, run).savefig(path, dpi=DOTS_PER_INCH)
+            figure = draw(comparison, run)
+            figure.align_ylabels()
+            figure.savefig(path, dpi=DOTS_PER_INCH)
             paths.append(path)
     return paths

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from host.plots.canvas import COUNTED, PLANNED, drawn_instants, new_figure
+from host.plots.canvas import COUNTED, LIMIT, PLANNED, drawn_instants, new_figure
 from host.trajectory import FloatArray
 from host.verify import Comparison, RunInfo
 from host.verify.deviation import deviations
@@ -53,7 +53,7 @@ def draw_tool_path(comparison: Comparison, run: RunInfo) -> Figure:
         gain = _gain(whole)
         _draw_whole(row[1], whole, view, gain, f"error magnified {gain:g} times")
         _draw_close(row[2], edges, view)
-    figure.axes[0].legend(loc="best")
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside upper right", ncols=4)
     return figure
 
 
@@ -104,9 +104,10 @@ def _draw_close(axes: Axes, path: _Path, view: View) -> None:
     counted_mm = offsets_mm + path.errors_mm
     axes.plot(*_gapped(offsets_mm, inside)[:, view].T, color=PLANNED, linewidth=5)
     axes.plot(*_gapped(counted_mm, inside)[:, view].T, color=COUNTED, linewidth=0.9, marker=".", markersize=3)
-    axes.plot(*np.stack([offsets_mm[worst], counted_mm[worst]])[:, view].T, color="black", linestyle=":", linewidth=2)
+    axes.plot(*np.stack([offsets_mm[worst], counted_mm[worst]])[:, view].T, color=LIMIT, linestyle=":", linewidth=3)
     axes.set_xlim(-half_mm, half_mm)
     axes.set_ylim(-half_mm, half_mm)
+    axes.locator_params(nbins=5)
     axes.set_aspect("equal")
     _finish(axes, view, f"largest error, {distances_mm[worst]:.3g} mm (dotted)", " from there")
 

@@ -44,7 +44,7 @@ def draw_workspace(robot: str, cloud: MonteCarlo, scanned: Scan) -> Figure:
         _draw(axes, view, boundary)
     above.set(xlabel="x [mm]", ylabel="y [mm]")
     above.set_title(f"from above; boundary at z = {scanned.plan.z_mm:.6g} mm", loc="left")
-    beside.set(xlabel="radius about the arm's axis [mm]", ylabel="z [mm]")
+    beside.set(xlabel="radius about the arm's axis at home [mm]", ylabel="z [mm]")
     beside.set_title(f"from the side; boundary at azimuth {scanned.profile.azimuth_deg:.4g} deg", loc="left")
     labels = [
         f"positions of random joints, {len(cloud.cloud_mm)} of {cloud.counted}",

@@ -45,3 +45,5 @@ def _read(path: Path) -> str:
         raise InputError(f"{path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: is not UTF-8 text") from error
+    except ValueError as error:  # a NUL
+        raise InputError(f"{path}: is no name of a file: {error}") from error

@@ -4,8 +4,8 @@ import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import StrEnum
-from math import isfinite
-from typing import TypeVar
+from reprlib import repr as short
+from typing import Final, TypeVar
 
 from host.errors import InputError
 from host.inputs import apart, prefixed, unknown
@@ -13,6 +13,8 @@ from host.kinematics import make_kinematics
 from host.robot import Board, Joint, Output, Robot, Transmission, Unit
 
 Choice = TypeVar("Choice", bound=StrEnum)
+
+_LARGEST: Final = 1e9
 
 
 def parse_robot(text: str, source: str) -> Robot:
@@ -24,7 +26,7 @@ def parse_robot(text: str, source: str) -> Robot:
     with prefixed(f"{source}: "):
         try:
             table = _Table(tomllib.loads(text))
-        except tomllib.TOMLDecodeError as error:
+        except (ValueError, RecursionError) as error:  # also an integer of thousands of digits, arrays within arrays
             raise InputError(f"is not TOML: {error}") from error
         robot = _robot(table)
         table.finish()
@@ -46,19 +48,19 @@ class _Table:
     def text(self, key: str) -> str:
         value = self._take(key)
         if not isinstance(value, str) or not value:
-            raise InputError(f"{key}: {value!r} is not a text")
+            raise InputError(f"{key}: {short(value)} is not a text")
         return value
 
     def number(self, key: str) -> float:
         value = self._take(key)
-        if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
-            raise InputError(f"{key}: {value!r} is not a finite number")
+        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= _LARGEST:
+            raise InputError(f"{key}: {short(value)} is not a finite number up to {_LARGEST:g}")
         return float(value)
 
     def integer(self, key: str) -> int:
         value = self._take(key)
-        if isinstance(value, bool) or not isinstance(value, int):
-            raise InputError(f"{key}: {value!r} is not a whole number")
+        if isinstance(value, bool) or not isinstance(value, int) or abs(value) > _LARGEST:
+            raise InputError(f"{key}: {short(value)} is not a whole number up to {_LARGEST:g}")
         return value
 
     def choice(self, key: str, choices: type[Choice]) -> Choice:
@@ -72,7 +74,7 @@ class _Table:
         """The table under a key; what goes wrong while it is read is said with the key in front."""
         value = self._take(key)
         if not isinstance(value, dict):
-            raise InputError(f"{key}: {value!r} is not a table")
+            raise InputError(f"{key}: {short(value)} is not a table")
         with prefixed(f"{key}."):
             table = _Table(value)
             yield table
@@ -160,7 +162,7 @@ def _transmission(table: _Table, unit: Unit) -> Transmission:
 
 def _check_speeds(robot: Robot) -> None:
     """A joint whose highest speed its driver cannot follow is a mistake in the file, found before any motion."""
-    limit_hz = robot.board.step_rate_max_hz
+    limit_hz = robot.board.driver_rate_max_hz
     for joint in robot.joints:
         if joint.step_rate_max_hz > limit_hz:
             rate, limit = apart(joint.step_rate_max_hz / 1e3, limit_hz / 1e3)

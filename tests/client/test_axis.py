@@ -30,12 +30,12 @@ def test_objects_are_read_and_written(machine: Machine) -> None:
     th1 = machine.axes[3]
     th1.write(0x2001, 2, 40_000)
     assert th1.read(0x2001, 2) == 40_000
-    assert th1.read(0x6502) == 0b110_0000
+    assert th1.read(0x6502) == 0b110_0101
 
 
 @pytest.mark.parametrize(
     ("index", "subindex", "value", "words"),
-    [(0x2000, 1, 3, "writing 3 to 0x2000:01"), (0x1000, 0, 1, "writing 1 to 0x1000:00"), (0x6060, 0, 3, "0x6060:00")],
+    [(0x2000, 1, 3, "writing 3 to 0x2000:01"), (0x1000, 0, 1, "writing 1 to 0x1000:00"), (0x6060, 0, 4, "0x6060:00")],
 )
 def test_a_refusal_names_axis_object_and_value(
     machine: Machine, index: int, subindex: int, value: int, words: str

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from controller import kernel as k
 from controller.backend import Kernel
+from controller.group_time import GroupTime
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,8 @@ class KernelRig:
         self.tick = 0
         self.axes = kernel.cells(axes * k.AXIS_FIELDS)
         self.queue = kernel.cells(axes * k.QUEUE_DEPTH * k.SEGMENT_FIELDS)
+        self.group = kernel.cells(k.GROUP_FIELDS)
+        self.time = GroupTime(self.group)
         self.clk = kernel.rows(axes, edges)
         self.direction = kernel.rows(axes, edges)
         for axis in range(axes):
@@ -59,6 +62,13 @@ class KernelRig:
     def start(self, axis: int = 0) -> bool:
         return self.kernel.next_segment(self.axes, self.queue, axis)
 
+    def ramp(self, rate_q16: int, ticks: int) -> None:
+        """Let the group's rate go from where it is to another one in so many ticks."""
+        self.group[k.RATE_FROM_Q16] = self.time.rate_q16(self.tick)
+        self.group[k.RATE_TO_Q16] = rate_q16
+        self.group[k.RAMP_TICK] = self.tick
+        self.group[k.RAMP_TICKS] = ticks
+
     def advance(self, ticks: int) -> int:
         """As the firmware does: go on, and take axes that ran too far back to the common tick."""
         before = self.axes.copy()
@@ -71,7 +81,9 @@ class KernelRig:
         return reached
 
     def _run(self, until: int) -> int:
-        return self.kernel.advance(self.axes, self.queue, self.clk, self.direction, self.count, self.tick, until)
+        return self.kernel.advance(
+            self.axes, self.queue, self.group, self.clk, self.direction, self.count, self.tick, until
+        )
 
     def rises(self, axis: int = 0) -> list[int]:
         return [int(t) for t in self.clk[axis][: self.get(k.CLK_EDGES, axis) : 2]]

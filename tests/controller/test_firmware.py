@@ -145,6 +145,48 @@ class TestNetwork:
         assert board.frames(0x090) == [bytes.fromhex("1082 11 0400000000")]
         assert board.value(0x1003, 1) == ErrorCode.PDO_TOO_SHORT
 
+    def test_a_pdo_of_the_right_length_ends_the_error_of_its_number(self, board: BenchBoard) -> None:
+        board.nmt(1)
+        for cob_id, data in ((0x510, bytes(7)), (0x510, bytes(7)), (0x210, bytes(2)), (0x210, bytes(4))):
+            board.send(cob_id, data)
+        assert emergencies(board) == [0x8210, 0x8210, 0x8220]
+        board.send(0x210, bytes(3))
+        assert (emergencies(board)[3:], board.value(0x1001)) == ([0], 0x11)
+        board.record(0, 0, 10, 0)
+        assert (emergencies(board)[4:], board.value(0x1001)) == ([0], 0)
+
+    def test_a_sync_of_the_wrong_length_does_nothing_and_is_reported(self, board: BenchBoard) -> None:
+        board.nmt(1)
+        board.send(0x310, b"\x06\x00")
+        board.send(0x080, b"\x01")
+        assert (board.value(0x6040), board.frames(0x090)) == (0, [bytes.fromhex("4082 11 0100000000")])
+        board.send(0x080, b"")
+        assert (board.value(0x6040), emergencies(board)) == (6, [0x8240, 0])
+
+    def test_sync_with_a_counter(self, board: BenchBoard) -> None:
+        board.write(0x1019, 0, 4)
+        board.write(0x1801, 6, 3)
+        board.write(0x1801, 1, 0x290)
+        board.nmt(1)
+        board.send(0x080, b"")
+        assert emergencies(board) == [0x8240]
+        for counter in (1, 2, 3, 4, 1):
+            board.send(0x080, bytes((counter,)))
+        assert len(board.frames(0x290)) == 3
+
+    def test_the_emergency_identifier_may_be_changed_and_switched_off(self, board: BenchBoard) -> None:
+        board.nmt(1)
+        assert board.write(0x1014, 0, 0x0A0) == AbortCode.VALUE_RANGE
+        assert board.write(0x1014, 0, 1 << 31 | 0x090) == 0
+        board.send(0x510, bytes(7))
+        board.wait(1)
+        assert (emergencies(board), board.value(0x1001)) == ([], 0x11)
+        for refused in (1 << 30 | 0x090, 1 << 29 | 0x090, 0x800, 0x710):
+            assert board.write(0x1014, 0, refused) == AbortCode.VALUE_RANGE
+        assert board.write(0x1014, 0, 0x0A0) == 0
+        board.record(0, 0, 10, 0)
+        assert board.frames(0x0A0) == [bytes(8)]
+
     @given(st.lists(st.tuples(st.integers(0, 0x7FF), st.binary(max_size=8)), max_size=30))
     def test_junk_never_raises(self, frames: list[tuple[int, bytes]]) -> None:
         board = BenchBoard(python_kernel(), axes=2)
@@ -193,7 +235,7 @@ class TestConfiguration:
         assert board.write(0x2001, 1, 40_000) == AbortCode.DEVICE_STATE
 
     def test_modes_that_do_not_exist(self, board: BenchBoard) -> None:
-        assert board.write(0x6060, 0, 1) == AbortCode.VALUE_RANGE
+        assert board.write(0x6060, 0, 4) == AbortCode.VALUE_RANGE
         assert board.value(0x6061) == 0
 
 
@@ -428,6 +470,10 @@ class TestInterpolation:
         assert board.frames(0x090) == [bytes.fromhex("03ff 81 0004000000")]  # refusal 4, sequence 0
         assert board.value(0x2012, 1) == 0
         assert state(board) is State.OPERATION_ENABLED
+        board.record(1000 * STEP, 0, 10, 0)
+        assert emergencies(board) == [0xFF03], "sent again, it is the same error"
+        board.write(0x60C4, 6, 0)
+        assert (emergencies(board), board.value(0x1001)) == ([0xFF03, 0], 0)
 
     def test_sequence_numbers_wrap(self, board: BenchBoard) -> None:
         board.enable()
@@ -511,10 +557,9 @@ class TestStops:
         assert state(board) is State.SWITCH_ON_DISABLED
         assert abs(board.value(0x60F4)) <= 0.57 * STEP
 
-    @pytest.mark.parametrize("controlword", [0x0F, 0x11F], ids=["enable bit cleared", "halt"])
-    def test_interpolation_is_stopped_by_its_bits(self, board: BenchBoard, controlword: int) -> None:
+    def test_interpolation_is_stopped_by_its_enable_bit(self, board: BenchBoard) -> None:
         self.moving(board)
-        board.write(0x6040, 0, controlword)
+        board.write(0x6040, 0, 0x0F)
         board.wait(110)
         assert state(board) is State.OPERATION_ENABLED
         assert not board.firmware.motion.running(0)

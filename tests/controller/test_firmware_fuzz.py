@@ -40,14 +40,27 @@ segments = st.tuples(
 actions = st.one_of(
     action(records, axes, st.lists(segments, min_size=1, max_size=5)),
     action(BenchBoard.start),
-    write(0x6040, 0, st.sampled_from([0x06, 0x07, 0x0F, 0x1F, 0x02, 0x00, 0x80, 0x10F, 0x11F])),
+    write(0x6040, 0, st.sampled_from([0x06, 0x07, 0x0F, 0x1F, 0x3F, 0x5F, 0x02, 0x00, 0x80, 0x10F, 0x11F, 0x11F])),
     write(0x60C4, 6, st.just(0)),
-    write(0x6060, 0, st.sampled_from([0, 6, 7])),
+    write(0x6060, 0, st.sampled_from([0, 1, 3, 6, 7])),
     write(0x2000, 1, st.sampled_from([1, 2, 8, 16])),
     write(0x607F, 0, st.sampled_from([1, 10**6, 8_000 * 16_384])),
+    write(0x607A, 0, st.integers(-(10**7), 10**7)),
+    write(0x607D, 1, st.integers(-(10**7), 10**6)),
+    write(0x607D, 2, st.integers(-(10**6), 10**7)),
+    write(0x6081, 0, st.sampled_from([1, 10**5, 10**7, 2**32 - 1])),
+    write(0x6083, 0, st.sampled_from([10**6, 10**8, 2**32 - 1])),
+    write(0x6084, 0, st.sampled_from([10**6, 10**8, 2**32 - 1])),
+    write(0x6086, 0, st.sampled_from([0, 3])),
+    write(0x60FF, 0, st.sampled_from([0, 15, 10**6, -(10**7), 2**31 - 1])),
     write(0x607C, 0, st.integers(-(10**6), 10**6)),
     write(0x60FE, 1, st.sampled_from([0, 1 << 16, 2 << 16, 3 << 16, 0xFFFF_FFFF])),
     write(0x60FE, 2, st.sampled_from([0, 1 << 16, 2 << 16, 3 << 16])),
+    write(0x1016, 1, st.sampled_from([0, 0x7F_0001, 0x7F_0005])),
+    write(0x6007, 0, st.integers(0, 3)),
+    write(0x1029, 1, st.integers(0, 2)),
+    write(0x1010, 1, st.just(int.from_bytes(b"save", "little"))),
+    action(BenchBoard.send, st.just(0x77F), st.just(b"\5")),
     action(BenchBoard.nmt, st.sampled_from([1, 2, 128, 129, 130]), st.sampled_from([0, 0x10, 0x11])),
     action(BenchBoard.wait, st.sampled_from([0.1, 0.25, 1, 7, 30])),
 )
@@ -74,6 +87,13 @@ def check_outputs(board: BenchBoard) -> None:
         assert level == bool(word & OUTPUT_PINS[pin])
 
 
+def release(board: BenchBoard) -> None:
+    """Clear every axis' halt bit, so that what is halted comes to its end."""
+    board.nmt(1)
+    for axis in range(AXES):
+        board.write(0x6040, 0, board.value(0x6040, 0, axis) & ~0x100, axis)
+
+
 @given(script=st.lists(actions, max_size=40))
 @settings(max_examples=150)
 def test_truths_hold_after_every_command(fast_kernel: Kernel, script: list[Action]) -> None:
@@ -83,6 +103,9 @@ def test_truths_hold_after_every_command(fast_kernel: Kernel, script: list[Actio
     for act in script:
         act(board)
         check(board)
+    release(board)
+    for axis in range(AXES):
+        board.write(0x6040, 0, 0x07, axis)  # profile velocity has no end of its own
     board.wait(3000)
     check(board)
     check_outputs(board)

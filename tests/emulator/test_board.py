@@ -72,3 +72,65 @@ def test_an_output_switches_in_the_middle_of_a_motion(simulation: Simulation) ->
     assert simulation.boards[0].output_changes() == [PinChange(instant, 0, Pin.OUT2, 1)]
     assert trace.position_steps == len(trace.step_counts) == 50
     assert trace.step_counts[20] < instant < trace.step_counts[30]
+
+
+def write(simulation: Simulation, index: int, value: int, subindex: int = 0) -> None:
+    """Write a 32-bit object of the first axis by SDO."""
+    head = bytes((0x23, index & 0xFF, index >> 8, subindex))
+    simulation.send(Frame(0x600 + NODE, head + value.to_bytes(4, "little")))
+
+
+def home_offset(board: Board) -> int:
+    return board.firmware.nodes[0].dictionary.get(0x607C)
+
+
+class TestPower:
+    SAVE = int.from_bytes(b"save", "little")
+
+    def test_what_is_stored_outlives_it_and_nothing_else(self, simulation: Simulation) -> None:
+        write(simulation, 0x607C, 77)
+        simulation.power_cycle()
+        assert home_offset(simulation.boards[0]) == 0
+        write(simulation, 0x607C, 77)
+        write(simulation, 0x1010, self.SAVE, subindex=1)
+        write(simulation, 0x607C, 78)
+        simulation.power_cycle()
+        assert home_offset(simulation.boards[0]) == 77
+
+    def test_another_board_knows_what_it_is_given(self, simulation: Simulation, fast_kernel: Kernel) -> None:
+        write(simulation, 0x607C, 77)
+        write(simulation, 0x1010, self.SAVE, subindex=1)
+        config = simulation.boards[0].config
+        assert home_offset(Board(config, fast_kernel)) == 0
+        assert home_offset(Board(config, fast_kernel, simulation.boards[0].flash)) == 77
+
+    def test_all_pins_fall_and_the_nodes_announce_themselves_again(self, simulation: Simulation) -> None:
+        wait(simulation, 3.3)
+        switch(simulation, OUT1)
+        wait(simulation, 1)
+        simulation.boards[0].drain()
+        before = len(simulation.boards[0].pin_changes)
+        frames = len(simulation.bus.log_frames)
+        now = simulation.now_counts
+        simulation.power_cycle()
+        wait(simulation, 1)
+        simulation.boards[0].drain()
+        resets = [PinChange(now, axis, Pin.RESET, level) for level in (0, 1) for axis in (0, 1)]
+        fallen = [*resets[:2], PinChange(now, 0, Pin.OUT1, 0)]
+        assert simulation.boards[0].pin_changes[before:] == [*fallen, *resets[2:]]
+        assert simulation.bus.log_frames[frames:] == [Frame(0x710, b"\0"), Frame(0x711, b"\0")]
+
+    def test_a_motion_ends_with_the_power_and_the_next_begins_from_zero(self, simulation: Simulation) -> None:
+        for round_ in (1, 2):
+            for cob_id, data in ((0x000, "0110"), (0x210, "060007"), (0x210, "070007"), (0x210, "0f0007")):
+                simulation.send(Frame(cob_id, bytes.fromhex(data)))
+            simulation.send(Frame(0x510, PvtRecord(20 * 1024, 0, 100, 0).encode()))
+            simulation.send(Frame(0x310, bytes.fromhex("1f00")))
+            simulation.send(Frame(0x080, b""))
+            wait(simulation, 50)
+            simulation.power_cycle()
+            wait(simulation, 200)
+            trace = simulation.boards[0].trace(0)
+            assert trace.position_steps == pytest.approx(10 * round_, abs=round_)
+            assert not trace.violations.counts.size
+            assert simulation.boards[0].firmware.motion.demand_units(0) == 0

@@ -4,11 +4,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.can_event import CanEvent
 from emulator.bus import Bus
 from emulator.can_controller import CanController
 from emulator.can_timing import frame_bits
 from emulator.fault_confinement import ErrorState
+from protocol.cia402 import ErrorCode
 from protocol.frame import BITRATES, Frame
 from tests.emulator.bus_rig import BusRig
 
@@ -107,14 +107,44 @@ def test_equal_frames_at_once_are_one_on_the_wire() -> None:
     assert not any(station.mailboxes for station in rig.stations)
 
 
-def test_two_senders_of_one_identifier_throw_each_other_off_the_bus() -> None:
+def test_two_senders_of_one_identifier_disturb_each_other_until_they_are_passive() -> None:
+    """After 16 attempts the flag of the one with a recessive bit is recessive too: first the other's frame passes."""
+    rig = BusRig(stations=3)
+    for byte, station in ((1, rig.stations[0]), (0, rig.stations[1])):
+        station.send(Frame(0x181, bytes((byte,))), 0)
+    rig.run()
+    assert rig.bus.error_frames == 16
+    assert rig.bus.log_frames == [Frame(0x181, b"\x00"), Frame(0x181, b"\x01")]
+    assert [frame.data[0] for _, frame in rig.heard[2]] == [0, 1]
+    assert [len(rig.heard[0]), len(rig.heard[1])] == [0, 1]
+    assert [station.errors.transmit_errors for station in rig.stations] == [128 + 8 - 1, 128 - 1, 0]
+    assert rig.stations[2].errors.receive_errors == 16 - 2
+
+
+def test_a_shorter_frame_of_the_same_identifier_is_dominant_first() -> None:
+    """Its length stands before the data; the senders are passive already."""
+    rig = BusRig(stations=3)
+    for data, station in ((b"", rig.stations[0]), (bytes(2), rig.stations[1])):
+        for _ in range(16):
+            station.errors.sending_failed()
+        station.receiving_failed(0)
+        station.send(Frame(0x181, data), 0)
+    rig.run()
+    assert rig.bus.log_frames == [Frame(0x181, b""), Frame(0x181, bytes(2))]
+    assert rig.bus.error_frames == 0
+
+
+def test_an_outdone_sender_that_never_pauses_leaves_the_bus() -> None:
+    """Passive, it loses 8 with every other frame of its rival; in between it is suspended and the rival is alone."""
     rig = BusRig(stations=3)
     for byte, station in enumerate(rig.stations[:2]):
-        station.send(Frame(0x181, bytes((byte,))), 0)
-    rig.run(until_counts=rig.bits(32 * 100))
-    assert [station.state for station in rig.stations] == [ErrorState.BUS_OFF, ErrorState.BUS_OFF, ErrorState.ACTIVE]
-    assert rig.stations[2].errors.receive_errors == rig.bus.error_frames == 32
-    assert rig.bus.log_frames == []
+        for _ in range(100):
+            station.send(Frame(0x181, bytes((byte,))), 0)
+    while rig.stations[1].on_bus:
+        assert rig.bus.next_event_counts is not None
+        rig.bus.step(rig.bus.next_event_counts)
+    assert rig.bus.log_frames == [Frame(0x181, b"\x00")] * 31
+    assert [station.errors.transmit_errors for station in rig.stations[:2]] == [128 - 31, 256]
 
 
 def test_a_sender_alone_repeats_for_ever_but_stays_on_the_bus() -> None:
@@ -124,7 +154,7 @@ def test_a_sender_alone_repeats_for_ever_but_stays_on_the_bus() -> None:
     failed_bits = frame_bits(frame) - 11 + 6 + 8 + 3
     rig.stations[0].send(frame, 0)
     rig.run(until_counts=rig.bits(16 * failed_bits - 11))
-    assert rig.events == [(rig.bits(16 * failed_bits - 11), 0, CanEvent.ERROR_PASSIVE)]
+    assert rig.errors == [(rig.bits(16 * failed_bits - 11), 0, ErrorCode.CAN_ERROR_PASSIVE, True)]
     rig.run(until_counts=rig.bits(116 * failed_bits + 100 * 8 - 11))
     assert rig.bus.error_frames == 116
     assert rig.stations[0].errors.transmit_errors == 128
@@ -133,6 +163,7 @@ def test_a_sender_alone_repeats_for_ever_but_stays_on_the_bus() -> None:
     rig.run()
     assert [heard for _, heard in rig.heard[0]] == rig.bus.log_frames == [frame]
     assert rig.stations[0].state is ErrorState.WARNING
+    assert rig.errors[1:] == [(rig.bus.log_counts[0], 0, ErrorCode.CAN_ERROR_PASSIVE, False)]
 
 
 def test_bus_off_lasts_128_times_11_recessive_bits() -> None:
@@ -142,8 +173,10 @@ def test_bus_off_lasts_128_times_11_recessive_bits() -> None:
     assert not rig.bus.busy
     rig.run()
     recovered = rig.bits(128 * 11)
-    assert rig.events == [(recovered, 0, CanEvent.BUS_OFF_RECOVERED)]
-    assert rig.heard[1] == [(recovered + rig.bits(frame_bits(Frame(0x100, b"")) - 4), Frame(0x100, b""))]
+    sent = recovered + rig.bits(frame_bits(Frame(0x100, b"")) - 4)
+    code = ErrorCode.CAN_BUS_OFF_RECOVERED
+    assert rig.errors == [(recovered, 0, code, True), (sent, 0, code, False)]
+    assert rig.heard[1] == [(sent, Frame(0x100, b""))]
 
 
 def test_traffic_delays_the_way_back_from_bus_off() -> None:
@@ -156,7 +189,7 @@ def test_traffic_delays_the_way_back_from_bus_off() -> None:
     rig.stations[1].send(frame, start)
     rig.run()
     recovered = start + rig.bits(frame_bits(frame)) + rig.bits((128 - 5 - 1) * 11)
-    assert rig.events == [(recovered, 0, CanEvent.BUS_OFF_RECOVERED)]
+    assert rig.errors == [(recovered, 0, ErrorCode.CAN_BUS_OFF_RECOVERED, True)]
     assert rig.heard[0] == []
     assert len(rig.heard[2]) == 1
 

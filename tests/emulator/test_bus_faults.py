@@ -2,10 +2,10 @@
 
 import pytest
 
-from controller.can_event import CanEvent
 from emulator.bus_faults import Fault, FaultKind, FaultScript
 from emulator.can_timing import frame_bits
 from emulator.fault_confinement import ErrorState
+from protocol.cia402 import ErrorCode
 from protocol.frame import Frame
 from tests.emulator.bus_rig import BusRig
 
@@ -64,8 +64,14 @@ def test_32_disturbances_in_a_row_throw_the_sender_off() -> None:
     passive = rig.bits(16 * ERROR_BITS - 11)
     off = rig.bits(32 * ERROR_BITS + 16 * 8 - 11)
     back = off + rig.bits(128 * 11)
-    assert rig.events == [(passive, 0, CanEvent.ERROR_PASSIVE), (back, 0, CanEvent.BUS_OFF_RECOVERED)]
-    assert rig.heard[1] == [(back + rig.bits(BITS - 4), FRAME)]
+    sent = back + rig.bits(BITS - 4)
+    assert [error for error in rig.errors if error[1] == 0] == [
+        (passive, 0, ErrorCode.CAN_ERROR_PASSIVE, True),
+        (back, 0, ErrorCode.CAN_BUS_OFF_RECOVERED, True),
+        (back, 0, ErrorCode.CAN_ERROR_PASSIVE, False),
+        (sent, 0, ErrorCode.CAN_BUS_OFF_RECOVERED, False),
+    ]
+    assert rig.heard[1] == [(sent, FRAME)]
     assert rig.stations[0].errors.transmit_errors == 0
 
 

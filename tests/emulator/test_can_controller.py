@@ -3,7 +3,6 @@
 import pytest
 
 from controller.backend import Kernel
-from controller.can_event import CanEvent
 from emulator.board import Board, BoardConfig
 from emulator.bus import Bus
 from emulator.can_controller import CanController
@@ -21,10 +20,10 @@ class Station:
 
     def __init__(self, read_latency_counts: int = 0) -> None:
         self.heard: list[tuple[int, Frame]] = []
-        self.events: list[tuple[int, CanEvent]] = []
+        self.errors: list[tuple[int, ErrorCode, bool]] = []
         self.can = CanController(
             lambda frame, counts: self.heard.append((counts, frame)),
-            lambda event, counts: self.events.append((counts, event)),
+            self._note_error,
             lambda cob_id: cob_id != 0x7FF,
             read_latency_counts,
         )
@@ -32,6 +31,9 @@ class Station:
         self.bus = Bus(1_000_000)
         self.bus.attach(self.can)
         self.bus.attach(self.partner)
+
+    def _note_error(self, code: ErrorCode, counts: int, *, active: bool) -> None:
+        self.errors.append((counts, code, active))
 
     def run(self) -> None:
         while (now := self.bus.next_event_counts) is not None:
@@ -88,7 +90,7 @@ def test_a_late_processor_finds_three_messages_in_each_fifo() -> None:
     assert station.heard == []
     station.can.poll(due)
     assert [frame.cob_id for _, frame in station.heard] == [0x200, 0x201, 0x202, 0x610, 0x611]
-    assert station.events == [(due, CanEvent.OVERRUN)]
+    assert station.errors == [(due, ErrorCode.CAN_OVERRUN, True)]
     assert station.can.overruns == 2
     assert station.can.next_due_counts is None
 

@@ -65,7 +65,7 @@ def test_a_table_for_people(capsys: pytest.CaptureFixture[str]) -> None:
 def test_the_table_says_where_the_slides_stand_and_what_is_out_of_reach(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["workspace", "warehouse-scara", "--samples", "1000", "--phi", "0", "--z", "500"]) == 0
     plan, *_ = (line for line in capsys.readouterr().out.splitlines() if line.startswith("plan"))
-    assert plan.split() == ["plan", "at", "z", "=", "500", "mm", "-", "-", "-", "-", "0.000"]
+    assert plan.split() == ["plan", "at", "z", "=", "500", "mm", "-", "-", "-", "-", "0"]
     assert run(["workspace", "warehouse-scara", "--samples", "1000", "--phi", "0"]) == 0
     assert "attitude 0 deg, sx = 0 mm, sz = 0 mm" in capsys.readouterr().out
 

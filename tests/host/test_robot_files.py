@@ -1,14 +1,18 @@
-"""Robot files: the figures of the one that comes along, and what each kind of mistake in a file is told."""
+"""Robot files: the figures of those that come along, and what each kind of mistake in a file is told."""
 
+import re
 from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from host.errors import InputError
-from host.robot import MICROSTEPS, Joint, Transmission, Unit
-from host.robots import load_robot, parse_robot, robot_names
+from host.kinematics import make_kinematics
+from host.robot import MICROSTEPS, Joint, Output, Robot, Transmission, Unit
+from host.robots import load_robot, load_robot_file, parse_robot, robot_names
 
 NAME = "warehouse-scara"
 TEXT = (files("host.robots") / f"{NAME}.toml").read_text(encoding="utf-8")
@@ -36,44 +40,94 @@ def test_the_robot_that_comes_along() -> None:
     assert ROBOT.home == (0, 0, 100, 0, 60, 30)
 
 
-@pytest.mark.parametrize(
-    ("name", "unit", "lower", "upper", "speed", "acceleration", "steps_per_unit", "rate_hz"),
-    [
-        ("sx", "mm", 0, 2000, 300, 500, 40, 12_000),
-        ("sz", "mm", 0, 1000, 80, 300, 160, 12_800),
-        ("L1", "mm", 50, 200, 40, 200, 320, 12_800),
-        ("th1", "deg", -120, 120, 120, 720, 400 / 9, 16_000 / 3),
-        ("th2", "deg", -150, 150, 120, 720, 400 / 9, 16_000 / 3),
-        ("th3", "deg", -180, 180, 120, 720, 80 / 3, 3200),
-    ],
-)
-def test_its_joints(
-    name: str,
-    unit: str,
-    lower: float,
-    upper: float,
-    speed: float,
-    acceleration: float,
-    steps_per_unit: float,
-    rate_hz: float,
-) -> None:
-    joint = ROBOT.joint(name)
+FIGURES = """
+    robot             joint unit  spu         per_pulse  v_max  clk_hz   rpm    lower  upper  a_max
+    lab-scara         d1    mm    80          0.0125     140    11200.0  420    0      250    500
+    lab-scara         th2   deg   44.444444   0.0225     130    5777.8   108.3  -150   150    1500
+    lab-scara         th3   deg   44.444444   0.0225     130    5777.8   108.3  -130   130    1500
+    lab-scara         th4   deg   8.888889    0.1125     130    1155.6   21.7   -360   360    1500
+    warehouse-scara   sx    mm    40          0.025      300    12000.0  450    0      2000   500
+    warehouse-scara   sz    mm    160         0.00625    80     12800.0  480    0      1000   300
+    warehouse-scara   L1    mm    320         0.003125   40     12800.0  480    50     200    200
+    warehouse-scara   th1   deg   44.444444   0.0225     120    5333.3   100    -120   120    720
+    warehouse-scara   th2   deg   44.444444   0.0225     120    5333.3   100    -150   150    720
+    warehouse-scara   th3   deg   26.666667   0.0375     120    3200.0   60     -180   180    720
+    teaching-scara    th1   deg   35.555556   0.028125   180    6400.0   120    -130   130    1000
+    teaching-scara    th2   deg   35.555556   0.028125   180    6400.0   120    -150   150    1000
+    teaching-scara    d3    mm    320         0.003125   40     12800.0  480    0      60     200
+    teaching-scara    th4   deg   17.777778   0.05625    360    6400.0   120    -360   360    2000
+    calibration-scara th1   deg   44.444444   0.0225     180    8000.0   150    -130   130    1000
+    calibration-scara th2   deg   44.444444   0.0225     180    8000.0   150    -145   145    1000
+    calibration-scara d3    mm    160         0.00625    80     12800.0  480    0      200    300
+    calibration-scara th4   deg   17.777778   0.05625    360    6400.0   120    -360   360    2000
+    hybrid-arm        th1   deg   44.444444   0.0225     90     4000.0   75     -170   170    500
+    hybrid-arm        Z5    mm    160         0.00625    80     12800.0  480    -250   250    400
+    hybrid-arm        Z6    mm    160         0.00625    80     12800.0  480    -250   250    400
+    hybrid-arm        th4   deg   8.888889    0.1125     180    1600.0   30     -360   360    1000
+"""
+"""Steps per mm or degree, mm or degrees a pulse, top speed with its CLK and motor speed, range, acceleration."""
+
+ROWS = [line.split() for line in FIGURES.splitlines()[2:]]
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row[0]} {row[1]}")
+def test_figures(row: list[str]) -> None:
+    robot, name, unit, *texts = row
+    spu, per_pulse, speed, clk_hz, rpm, lower, upper, acceleration = map(float, texts)
+    joint = load_robot(robot).joint(name)
+    transmission = joint.transmission
     assert joint.unit == unit
-    assert (joint.lower, joint.upper) == (lower, upper)
-    assert (joint.speed_max, joint.acceleration_max) == (speed, acceleration)
-    assert joint.transmission.steps_per_unit == steps_per_unit  # to the last bit
-    assert joint.step_rate_max_hz == pytest.approx(rate_hz)
+    assert (joint.lower, joint.upper, joint.speed_max, joint.acceleration_max) == (lower, upper, speed, acceleration)
+    assert transmission.steps_per_unit == pytest.approx(spu, abs=5e-7)
+    assert 1 / transmission.steps_per_unit == pytest.approx(per_pulse, rel=1e-15)
+    assert joint.step_rate_max_hz == pytest.approx(clk_hz, abs=0.05)
+    assert 60 * speed / transmission.travel_per_rev == pytest.approx(rpm, abs=0.05)
+    assert transmission.full_steps_per_rev == 200
 
 
-def test_its_pulses_are_exactly_15_khz() -> None:
-    """Each time is rounded up to counts of 72 MHz."""
-    board = ROBOT.board
-    counts = [-(-ns * 72 // 1000) for ns in (board.steplen_ns, board.stepspace_ns)]
-    assert sum(counts) == 4800
-    assert 72_000_000 / sum(counts) == board.step_rate_max_hz == 15_000
-    assert board.steplen_ns == 1.1 * 30_000  # 10 % above what the chip asks for at 330 pF
-    assert (board.osc_pf, board.bitrate) == (330, 1_000_000)
-    assert (board.dirsetup_ns, board.dirhold_ns) == (15_000, 15_000)
+def test_steps_per_unit_are_right_to_the_last_bit() -> None:
+    assert [*ROBOT.steps_per_unit] == [40, 160, 320, 400 / 9, 400 / 9, 80 / 3]
+
+
+class TestEachRobotThatComesAlong:
+    @pytest.fixture(params=robot_names())
+    def robot(self, request: pytest.FixtureRequest) -> Robot:
+        return load_robot(request.param)
+
+    def test_is_in_the_table(self, robot: Robot) -> None:
+        assert [joint for name, joint, *_ in ROWS if name == robot.name] == [*robot.joint_names]
+        assert robot.kinematics == robot.name
+        assert robot.title
+
+    def test_makes_pulses_of_exactly_15_khz(self, robot: Robot) -> None:
+        """Each time is rounded up to counts of 72 MHz."""
+        board = robot.board
+        counts = [-(-ns * 72 // 1000) for ns in (board.steplen_ns, board.stepspace_ns)]
+        assert sum(counts) == 4800
+        assert 72_000_000 / sum(counts) == board.step_rate_max_hz == board.driver_rate_max_hz == 15_000
+        assert board.steplen_ns == 1.1 * 30_000  # 10 % above what the chip asks for at 330 pF
+        assert (board.osc_pf, board.bitrate) == (330, 1_000_000)
+        assert (board.dirsetup_ns, board.dirhold_ns) == (15_000, 15_000)
+
+    def test_has_its_home_within_limits(self, robot: Robot) -> None:
+        home = np.array(robot.home)
+        assert np.all(home >= [joint.lower for joint in robot.joints])
+        assert np.all(home <= [joint.upper for joint in robot.joints])
+
+    def test_is_at_home_where_its_kinematics_take_it_back(self, robot: Robot) -> None:
+        """Some branch of the home pose is home itself."""
+        kinematics, home = make_kinematics(robot), np.array(robot.home)
+        branches = kinematics.inverse(kinematics.forward(home[np.newaxis]), home)
+        assert any(branch.reachable[0] and np.allclose(branch.joints[0], home, atol=1e-4) for branch in branches)
+
+    def test_says_of_each_number_where_it_is_from(self, robot: Robot) -> None:
+        """Stated, derived or assumed; a place is marked as a whole."""
+        text = (files("host.robots") / f"{robot.name}.toml").read_text(encoding="utf-8")
+        section = ""
+        for line in text.splitlines():
+            section = line if line.startswith("[") else section
+            if re.match(r"\S+ = [-\d{]", line):
+                assert re.search(r"# \[[SDA]\]", section + line), line
 
 
 class TestTransmissions:
@@ -99,12 +153,6 @@ class TestTransmissions:
             Joint("z", Unit.MM, -6553.7, 0, 80, 300, screw)
 
 
-def test_home_is_within_limits() -> None:
-    home = np.array(ROBOT.home)
-    assert np.all(home >= [joint.lower for joint in ROBOT.joints])
-    assert np.all(home <= [joint.upper for joint in ROBOT.joints])
-
-
 class TestMistakesInAFile:
     @pytest.mark.parametrize(
         ("old", "new", "words"),
@@ -113,6 +161,11 @@ class TestMistakesInAFile:
             pytest.param("ratio = 5.0", "", "joints.th1.ratio: is missing", id="missing"),
             pytest.param("ratio = 5.0", "ratio = 0", "joints.th1.ratio: 0 is not above 0", id="zero"),
             pytest.param("ratio = 5.0", "ratio = nan", "joints.th1.ratio: nan is not a finite", id="nan"),
+            pytest.param("ratio = 5.0", "ratio = 1e10", "joints.th1.ratio: 10000000000.0 is not a finite", id="huge"),
+            pytest.param("ratio = 5.0", f"ratio = {'9' * 400}", "joints.th1.ratio: 9999", id="huge integer"),
+            pytest.param("_rev = 200", f"_rev = {'9' * 400}", "joints.sx.full_steps_per_rev: 9999", id="huge count"),
+            pytest.param("ratio = 5.0", f"ratio = {'9' * 5000}", "is not TOML: Exceeds", id="integer bomb"),
+            pytest.param("ratio = 5.0", f"ratio = {'[' * 9999}", "is not TOML: maximum recursion", id="depth bomb"),
             pytest.param("ratio = 5.0", "ratio = true", "joints.th1.ratio: True is not a finite", id="boolean"),
             pytest.param("ratio = 5.0", 'ratio = "5"', "joints.th1.ratio: '5' is not a finite number", id="text"),
             pytest.param("ratio = 5.0", "ratoi = 5.0", "joints.th1.ratio: is missing", id="mistyped"),
@@ -174,6 +227,50 @@ class TestMistakesInAFile:
             text = text.replace("th3 = 30.0 # [S]\n", "th3 = 30.0 # [S]\nth4 = 0.0\n")
         assert complaint(text).startswith(f"mine.toml: {words}")
 
+    @pytest.mark.parametrize(
+        ("old", "new", "words"),
+        [
+            pytest.param(
+                'joint = "th3", out = 1',
+                'joint = "th4", out = 1',
+                "outputs.magnet.joint: 'th4' is unknown: did you mean th3 or th2 or th1?",
+                id="joint",
+            ),
+            pytest.param("out = 1", "out = 0", "outputs.magnet.out: 0 is not from 1 to 2", id="out 0"),
+            pytest.param("out = 1", "out = 3", "outputs.magnet.out: 3 is not from 1 to 2", id="out 3"),
+            pytest.param("out = 1", "out = true", "outputs.magnet.out: True is not a whole number", id="boolean"),
+            pytest.param("out = 1", "out = 1.0", "outputs.magnet.out: 1.0 is not a whole number", id="float"),
+            pytest.param(", out = 1", "", "outputs.magnet.out: is missing", id="no out"),
+            pytest.param('joint = "th3", ', "", "outputs.magnet.joint: is missing", id="no joint"),
+            pytest.param(
+                "out = 1",
+                "out = 1, pin = 3",
+                "outputs.magnet.pin: key 'pin' is unknown: there are joint, out",
+                id="key",
+            ),
+            pytest.param("out = 2", "out = 1", "outputs.lock: output 1 of th3 is magnet already", id="taken"),
+            pytest.param(
+                'lock = { joint = "th3", out = 2 }', "lock = 2", "outputs.lock: 2 is not a table", id="no table"
+            ),
+            pytest.param("sx = 400.0", "sx = 2000.1", "places.A1.sx: 2000.1 mm is outside 0..2000 mm", id="outside"),
+            pytest.param("sz = 50.0", "sz = -0.1", "places.hand-over.sz: -0.1 mm is outside 0..1000 mm", id="below"),
+            pytest.param(
+                "sx = 400.0", "sy = 1", "places.A1: joint 'sy' is unknown: there are sx, sz, L1", id="no such joint"
+            ),
+            pytest.param("sx = 400.0", 'sx = "left"', "places.A1.sx: 'left' is not a finite number", id="text"),
+            pytest.param("sx = 400.0", "sx = inf", "places.A1.sx: inf is not a finite number", id="inf"),
+            pytest.param("[places.A1]", "[places.A0]\n[places.A1]", "places.A0: names no joint", id="empty place"),
+            pytest.param("[places.hand-over]", "[places]\nA0 = 3\n[places.hand-over]", "places.A0: 3 is", id="number"),
+        ],
+    )
+    def test_of_outputs_and_places(self, old: str, new: str, words: str) -> None:
+        assert complaint(changed(old, new)).startswith(f"mine.toml: {words}")
+
+    def test_outputs_and_places_that_are_no_tables(self) -> None:
+        text = TEXT[: TEXT.index("[outputs]")]
+        for key in ("outputs", "places"):
+            assert complaint(f"{key} = 3\n{text}") == f"mine.toml: {key}: 3 is not a table"
+
     def test_a_table_that_is_none(self) -> None:
         head = TEXT[: TEXT.index("[kinematics]")]
         assert complaint(f"{head}kinematics = 3\n").startswith("mine.toml: kinematics: 3 is not a table")
@@ -192,6 +289,57 @@ class TestMistakesInAFile:
         )
 
 
+LINES = TEXT.splitlines()
+VALUES = st.one_of(
+    st.sampled_from(["[]", "{}", "inf", "nan", "true", "2020-01-01", "12:00:00", "5e-324", "-0.0", "9" * 400, "0x10"]),
+    st.sampled_from(['"mm"', '"deg"', '"th1"', '"lab-scara"', '""', "''", "'\u2028'", '"""\n"""', "[[1]", ""]),
+    st.integers().map(str),
+    st.floats(allow_nan=False, allow_infinity=False).map(repr),
+    st.text(max_size=5),
+)
+
+
+@given(place=st.sampled_from([i for i, line in enumerate(LINES) if re.match(r"\w+ = ", line)]), value=VALUES)
+def test_any_value_anywhere_makes_a_robot_or_a_complaint(place: int, value: str) -> None:
+    key = LINES[place].partition(" = ")[0]
+    text = "\n".join([*LINES[:place], f"{key} = {value}", *LINES[place + 1 :]])
+    try:
+        robot = parse_robot(text, "mine.toml")
+    except InputError as error:
+        message = str(error)
+        assert message.startswith("mine.toml: ")
+        assert len(message.splitlines()) == 1
+    else:
+        assert np.isfinite(robot.wire_units_per_unit).all()
+
+
+@given(st.binary().map(lambda content: content.decode("utf-8", "replace")) | st.text())
+def test_any_text_makes_a_complaint(text: str) -> None:
+    assert complaint(text).startswith("mine.toml: ")
+
+
+class TestOutputsAndPlaces:
+    def test_of_the_robot_that_comes_along(self) -> None:
+        assert ROBOT.outputs == {"magnet": Output("th3", 1), "lock": Output("th3", 2)}
+        assert set(ROBOT.places) == {"hand-over", "A1", "A2", "B1", "B2"}
+        assert ROBOT.places["B2"] == {"sx": 800, "sz": 300}
+        assert set(ROBOT.places["hand-over"]) == set(ROBOT.joint_names)
+
+    def test_may_be_missing_or_empty(self) -> None:
+        text = TEXT[: TEXT.index("[outputs]")]
+        for tables in ("", "[outputs]\n[places]\n"):
+            robot = parse_robot(text + tables, "mine.toml")
+            assert (robot.outputs, robot.places) == ({}, {})
+
+    def test_a_place_may_be_at_the_limits(self) -> None:
+        robot = parse_robot(changed("sx = 400.0", "sx = 2000\nL1 = 50.0"), "mine.toml")
+        assert robot.places["A1"] == {"sx": 2000, "L1": 50, "sz": 100}
+
+    def test_both_outputs_of_several_axes(self) -> None:
+        more = changed("lock = {", 'lamp = { joint = "sx", out = 1 }\nlock = {')
+        assert parse_robot(more, "mine.toml").outputs["lamp"] == Output("sx", 1)
+
+
 class TestLoading:
     def test_an_unknown_name_offers_the_nearest(self) -> None:
         with pytest.raises(InputError, match=r"^robot 'warehouse-skara' is unknown: did you mean warehouse-scara\?$"):
@@ -206,9 +354,18 @@ class TestLoading:
         file.write_text(changed('name = "warehouse-scara"', 'name = "mine"'), encoding="utf-8")
         assert load_robot(str(file)).name == "mine"
 
+    def test_a_file_of_any_name(self, tmp_path: Path) -> None:
+        file = tmp_path / "mine.conf"
+        file.write_text(TEXT, encoding="utf-8")
+        assert load_robot_file(str(file)) == ROBOT
+
     def test_a_file_that_cannot_be_read(self, tmp_path: Path) -> None:
         with pytest.raises(InputError, match=r"none.toml: No such file"):
             load_robot(str(tmp_path / "none.toml"))
         (tmp_path / "latin.toml").write_bytes(b"# \xe4\n")
         with pytest.raises(InputError, match=r"latin.toml: is not UTF-8"):
             load_robot(str(tmp_path / "latin.toml"))
+        with pytest.raises(InputError, match=rf"^{tmp_path}: Is a directory$"):
+            load_robot_file(str(tmp_path))
+        with pytest.raises(InputError, match=r"is no name of a file: embedded null"):
+            load_robot_file("a\0b")

@@ -114,7 +114,7 @@ class TestTransmission:
         pdos.changed(0x603F)
         assert [pdo.due_us for pdo in pdos.transmit_pdos] == [100_000, None, 100_000, 0]
 
-    @pytest.mark.parametrize(("transmission", "sent"), [(1, [1, 1, 1, 1]), (3, [0, 0, 1, 0]), (0, [0, 0, 0, 0])])
+    @pytest.mark.parametrize(("transmission", "sent"), [(1, [1, 1, 1, 1]), (3, [0, 0, 1, 0]), (0, [1, 0, 0, 0])])
     def test_synchronous_types_count_syncs(self, transmission: int, sent: list[int]) -> None:
         dictionary, pdos = process_data()
         write(dictionary, 0x1801, 2, transmission)
@@ -122,13 +122,39 @@ class TestTransmission:
         pdo = pdos.transmit_pdos[1]
         assert [int(pdo.on_sync() is not None) for _ in range(4)] == sent
 
-    def test_type_0_is_sent_at_the_sync_after_a_change(self) -> None:
+    def test_type_240_waits_for_the_240th(self) -> None:
+        dictionary, pdos = process_data()
+        write(dictionary, 0x1801, 2, 240)
+        pdos.refresh(0)
+        sent = [pdos.transmit_pdos[1].on_sync() is not None for _ in range(480)]
+        assert [i for i, now in enumerate(sent, start=1) if now] == [240, 480]
+
+    def test_type_0_is_sent_at_the_first_sync_and_at_the_sync_after_a_change(self) -> None:
         dictionary, pdos = process_data()
         write(dictionary, 0x1801, 2, 0)
         pdos.refresh(0)
-        pdos.changed(0x6064)
         pdo = pdos.transmit_pdos[1]
         assert [pdo.on_sync() is not None for _ in range(2)] == [True, False]
+        dictionary.set(0x6064, 0, 1)
+        assert [pdo.on_sync() is not None for _ in range(2)] == [True, False]
+        pdos.changed(0x6064)
+        assert [pdo.on_sync() is not None for _ in range(2)] == [True, False]
+
+    def test_the_sync_with_the_start_value_is_the_first_that_counts(self) -> None:
+        dictionary, pdos = process_data()
+        write(dictionary, 0x1019, 0, 5)
+        write(dictionary, 0x1801, 2, 2)
+        write(dictionary, 0x1801, 6, 3)
+        pdos.refresh(0)
+        pdo = pdos.transmit_pdos[1]
+        counters = [1, 2, 3, 4, 5, 1, 2, 3]
+        assert [pdo.on_sync(counter) is not None for counter in counters] == [0, 0, 0, 1, 0, 1, 0, 1]
+
+    def test_without_a_counter_the_start_value_means_nothing(self) -> None:
+        dictionary, pdos = process_data()
+        write(dictionary, 0x1801, 6, 3)
+        pdos.refresh(0)
+        assert pdos.transmit_pdos[1].on_sync() is not None
 
 
 class TestConfiguration:
@@ -179,6 +205,14 @@ class TestConfiguration:
         dictionary, _ = process_data()
         assert refused(dictionary, 0x1600, 0, 0) is AbortCode.DEVICE_STATE
         assert refused(dictionary, 0x1600, 1, 0) is AbortCode.DEVICE_STATE
+
+    @pytest.mark.parametrize("subindex", [3, 6])
+    def test_inhibit_time_and_start_value_are_fixed_while_the_pdo_is_valid(self, subindex: int) -> None:
+        dictionary, _ = process_data()
+        assert refused(dictionary, 0x1800, subindex, 1) is AbortCode.DEVICE_STATE
+        write(dictionary, 0x1800, 1, 0x190 | INVALID)
+        write(dictionary, 0x1800, subindex, 1)
+        assert dictionary.get(0x1800, subindex) == 1
 
     def test_entries_are_closed_while_the_count_is_not_zero(self) -> None:
         dictionary, _ = process_data()

@@ -1,6 +1,7 @@
 """NMT, heartbeat, EMCY, PVT flow control and data types."""
 
 import io
+from functools import partial
 
 import pytest
 from canopen.objectdictionary import eds as canopen_eds
@@ -67,6 +68,10 @@ class TestHeartbeat:
         assert not producer.poll(10**9)
 
 
+def _is_code(code: ErrorCode, active: ErrorCode, _detail: int) -> bool:
+    return active is code
+
+
 class TestEmergency:
     def test_payload_register_and_history(self) -> None:
         emergency = EmergencyProducer()
@@ -76,28 +81,60 @@ class TestEmergency:
         assert emergency.poll(0) == bytes.fromhex("1082 91 0000000000")
         assert emergency.poll(0) is None
         assert list(emergency.history) == [0x8210, 0xFF01]
-        emergency.clear()
-        assert emergency.poll(0) == bytes(8)
-        assert emergency.register == 0
-        emergency.clear()
+
+    def test_an_error_is_reported_once_until_it_is_resolved(self) -> None:
+        emergency = EmergencyProducer()
+        for _ in range(3):
+            emergency.raise_error(ErrorCode.PDO_TOO_SHORT, 1)
+        assert emergency.poll(0) == bytes.fromhex("1082 11 0100000000")
         assert emergency.poll(0) is None
+        emergency.raise_error(ErrorCode.PDO_TOO_SHORT, 2)
+        assert emergency.poll(0) == bytes.fromhex("1082 11 0200000000")
+        assert list(emergency.history) == [0x8210] * 2
+
+    def test_register_bits_fall_one_by_one(self) -> None:
+        """CiA 301 figure 51: "no error" with the rest of the register, at last with an empty one."""
+        emergency = EmergencyProducer()
+        for code in (ErrorCode.PVT_UNDERRUN, ErrorCode.HEARTBEAT_LOST, ErrorCode.PARAMETER):
+            emergency.raise_error(code)
+            emergency.poll(0)
+        for code, left in ((ErrorCode.HEARTBEAT_LOST, 0xA1), (ErrorCode.PVT_UNDERRUN, 0x21), (ErrorCode.PARAMETER, 0)):
+            emergency.resolve(partial(_is_code, code))
+            assert not emergency.is_active(code)
+            assert emergency.register == left
+            assert emergency.poll(0) == bytes((0, 0, left, 0, 0, 0, 0, 0))
+        emergency.resolve(lambda _code, _detail: True)
+        assert emergency.poll(0) is None
+
+    def test_a_bit_stays_while_one_of_its_errors_is_left(self) -> None:
+        emergency = EmergencyProducer()
+        emergency.raise_error(ErrorCode.PDO_TOO_SHORT, 1)
+        emergency.raise_error(ErrorCode.PDO_TOO_SHORT, 2)
+        emergency.resolve(lambda _code, detail: detail == 1)
+        assert emergency.register == 0x11
+        emergency.resolve(lambda _code, detail: detail == 2)
+        assert emergency.register == 0
 
     def test_inhibit_time_spaces_the_frames(self) -> None:
         emergency = EmergencyProducer()
         emergency.inhibit = 30  # 3 ms
         emergency.raise_error(ErrorCode.PVT_UNDERRUN)
-        emergency.raise_error(ErrorCode.PVT_UNDERRUN)
+        emergency.raise_error(ErrorCode.PARAMETER)
         assert emergency.poll(1000) is not None
         assert emergency.due_us == 4000
         assert emergency.poll(3999) is None
         assert emergency.poll(4000) is not None
 
-    def test_what_waits_can_be_dropped_and_all_forgotten(self) -> None:
+    def test_a_communication_reset_ends_communication_errors_and_drops_what_waits(self) -> None:
         emergency = EmergencyProducer()
         emergency.raise_error(ErrorCode.PVT_UNDERRUN)
-        emergency.drop_waiting()
+        emergency.raise_error(ErrorCode.PDO_TOO_SHORT)
+        emergency.reset_communication()
         assert emergency.poll(0) is None
-        assert (emergency.register, list(emergency.history)) == (0x81, [0xFF01])
+        assert (emergency.register, list(emergency.history)) == (0x81, [0x8210, 0xFF01])
+
+    def test_power_up_has_no_errors(self) -> None:
+        emergency = EmergencyProducer()
         emergency.raise_error(ErrorCode.PVT_UNDERRUN)
         emergency.forget()
         assert emergency.due_us is None
@@ -105,8 +142,8 @@ class TestEmergency:
 
     def test_history_keeps_the_latest_eight(self) -> None:
         emergency = EmergencyProducer()
-        for _ in range(9):
-            emergency.raise_error(ErrorCode.PARAMETER)
+        for detail in range(9):
+            emergency.raise_error(ErrorCode.PARAMETER, detail)
         emergency.raise_error(ErrorCode.LATE_STEP)
         assert list(emergency.history) == [ErrorCode.LATE_STEP] + [ErrorCode.PARAMETER] * 7
 

@@ -28,7 +28,7 @@ def test_it_says_what_it_shows(robot: str) -> None:
     assert figure.get_suptitle() == f"{robot} · workspace (COMPUTED)"
     above, beside = figure.axes
     assert (above.get_xlabel(), above.get_ylabel()) == ("x [mm]", "y [mm]")
-    assert (beside.get_xlabel(), beside.get_ylabel()) == ("radius about the arm's axis [mm]", "z [mm]")
+    assert (beside.get_xlabel(), beside.get_ylabel()) == ("radius about the arm's axis at home [mm]", "z [mm]")
     assert above.get_title(loc="left").startswith("from above; boundary at z = ")
     assert beside.get_title(loc="left").startswith("from the side; boundary at azimuth ")
     slides = ", sx = 0 mm, sz = 0 mm" if robot == "warehouse-scara" else ""

@@ -96,6 +96,17 @@ def test_a_robot_file_without_what_it_takes(changes: dict[str, object], words: s
         make_job(robot, "store", {})
 
 
+@pytest.mark.parametrize("name", ["store", "fetch"])
+def test_an_arm_that_cannot_be_drawn_back(name: str) -> None:
+    """Links of 30 and 400 mm reach the drawer, but do not fold as far as in front of the shelf."""
+    robot = dataclasses.replace(ROBOT, geometry={**ROBOT.geometry, "L2_mm": 30.0, "L3_mm": 400.0})
+    with pytest.raises(
+        InputError,
+        match=r"^in front of the shelf: out of reach: shoulder to wrist 367\.3 mm is outside 370\.\.430 mm$",
+    ):
+        make_job(robot, name, {})
+
+
 def test_the_hand_over_is_no_slot() -> None:
     with pytest.raises(InputError, match=r"option slot: 'hand-over' is unknown: there are A1, A2, B1, B2"):
         job("store", slot="hand-over")

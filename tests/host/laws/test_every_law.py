@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hypothesis import given
+from hypothesis import strategies as st
 
 from host.laws import Cubic, Law, Quintic, SCurve, Trapezoid
-from tests.host.laws.made import instants_s, laws, peak_speed
+from tests.host.laws.made import DISTANCES, durations_s, instants_s, laws, peak_speed, s_curves
 
 # Gauss-Legendre with 3 points: exact for velocities up to degree 5, and it never looks at a breakpoint.
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(3)
@@ -37,6 +38,19 @@ def test_it_never_turns_back(law: Law) -> None:
     t_s = np.linspace(0.0, law.duration_s, 1001)
     assert np.all(law.velocity(t_s) * np.sign(law.distance) >= 0.0)
     assert np.all(np.diff(law.position(t_s) * np.sign(law.distance)) >= -1e-12 * abs(law.distance))
+
+
+@given(st.one_of(s_curves(), st.builds(Quintic, DISTANCES, durations_s())))
+def test_the_soft_laws_acceleration_never_jumps(law: SCurve | Quintic) -> None:
+    """Within a microsecond, around a breakpoint too, it changes no more than by the highest jerk; 0 at both ends."""
+    before_s = np.clip(instants_s(law) - 0.5e-6, 0.0, law.duration_s - 1e-6)
+    changes = law.acceleration(before_s + 1e-6) - law.acceleration(before_s)
+    if isinstance(law, SCurve):
+        jerk = abs(law.speed) / (law.ramp_s - law.jerk_s) / law.jerk_s
+    else:
+        jerk = 60.0 * abs(law.distance) / law.duration_s**3
+    assert np.abs(changes).max() <= 1.001e-6 * jerk
+    assert np.abs(law.acceleration(np.array([0.0, law.duration_s]))).tolist() == [0.0, 0.0]
 
 
 @given(laws())

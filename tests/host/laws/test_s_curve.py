@@ -1,5 +1,7 @@
 """The jerk-limited law: values by hand, its phases, its peaks, and times that make none."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -40,6 +42,15 @@ def test_the_jerk_is_constant_in_each_phase(law: SCurve) -> None:
     corners_s = [0.0, *corners_s, *(law.duration_s - t_s for t_s in reversed(corners_s)), law.duration_s]
     expected = np.interp(t_s := np.linspace(0.0, law.duration_s, 501), corners_s, [0.0, a, a, 0.0, 0.0, -a, -a, 0.0])
     assert law.acceleration(t_s) == pytest.approx(expected, abs=1e-9 * abs(a))
+
+
+@given(s_curves())
+def test_each_phase_is_one_cubic(law: SCurve) -> None:
+    """The cubic through four points of a phase passes the fifth in its middle: a PVT segment is the law itself."""
+    u, weights = np.array([0.0, 0.25, 0.75, 1.0, 0.5]), np.array([-1.0, 4.0, 4.0, -1.0]) / 6.0  # Lagrange's at 1/2
+    for begin_s, end_s in pairwise([0.0, *law.breakpoints_s, law.duration_s]):
+        *around, middle = law.position(begin_s + (end_s - begin_s) * u)
+        assert middle == pytest.approx(around @ weights, abs=1e-11 * abs(law.distance))
 
 
 @given(s_curves())

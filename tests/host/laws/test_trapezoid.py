@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
 
 from host.errors import InputError
 from host.laws import Trapezoid
 from host.trajectory import FloatArray
+from tests.host.laws.made import trapezoids
 
 PULL = Trapezoid(180.0, 10.0, 2.0)
 
@@ -25,6 +27,12 @@ def test_ramps_that_meet_have_one_breakpoint() -> None:
     assert triangle.breakpoints_s == (0.2,)
     assert triangle.position(np.array([0.2])) == pytest.approx([-2.0])
     assert triangle.acceleration(np.array([0.1, 0.2, 0.3])) == pytest.approx([-100.0, 100.0, 100.0])
+
+
+@given(trapezoids())
+def test_where_it_jumps_the_acceleration_is_that_after_the_jump(law: Trapezoid) -> None:
+    jumps_s = np.array(law.breakpoints_s)
+    assert law.acceleration(jumps_s).tolist() == law.acceleration(jumps_s + 1e-7).tolist()
 
 
 def as_printed(t_s: FloatArray, distance: float, duration_s: float, ramp_s: float) -> FloatArray:

@@ -1,0 +1,134 @@
+"""Profile position mode (CiA 402-2, "profile position mode"): set-points by handshake, from rest or on the fly.
+
+Controlword bit 4, rising, gives a set-point: 0x607A with the profile objects as they are then. The statusword's bit 12
+acknowledges it and falls with bit 4, unless the one place for a further set-point is taken: then only when that
+set-point's turn comes. Without bit 5 a set-point waits until the one in progress is reached, with it the new one
+replaces both at once. With bit 6 the target counts from the target before it (0x60F2 = 0), or from where the axis
+stands if there is none since it was stopped or enabled. Bit 9, passing a set-point without stopping, is not supported.
+
+A target beyond the soft limits 0x607D or the range of a position is moved to the limit and bit 11 says so until the
+next set-point begins. Halt (bit 8) ramps to rest within the profile deceleration (0x605D = 1); its release goes on.
+"""
+
+from typing import NamedTuple
+
+from controller.motion import Motion
+from controller.profile import Limits
+from controller.profile_feed import ProfileFeed
+from controller.soft_limits import clamped
+from protocol.cia402 import Control, Status
+from protocol.dictionary import ObjectDictionary
+from protocol.pvt import VELOCITY_PER_UNIT_PER_MS
+
+
+class _SetPoint(NamedTuple):
+    target_units: int
+    limits: Limits | None
+    at_limit: bool
+
+
+class ProfilePosition:
+    """The mode's handshake; the motion itself is the feed's."""
+
+    def __init__(self, axis: int, motion: Motion, dictionary: ObjectDictionary, feed: ProfileFeed) -> None:
+        self._axis = axis
+        self._motion = motion
+        self._dictionary = dictionary
+        self._feed = feed
+        self._active: _SetPoint | None = None
+        """The set-point in progress; it stays while a halt interrupts it."""
+        self._next: _SetPoint | None = None
+        self._last_target_units: int | None = None
+        self._at_limit = False
+        self._acknowledged = False
+        self._halted = False
+
+    def control(self, controlword: int, previous: int) -> None:
+        """Obey set-point and halt bits."""
+        if controlword & ~previous & Control.START:
+            self._take(controlword)
+        self._set_halt(bool(controlword & Control.HALT))
+        if not controlword & Control.START and self._next is None:
+            self._acknowledged = False
+
+    def _take(self, controlword: int) -> None:
+        at_once = bool(controlword & Control.CHANGE_AT_ONCE)
+        if self._next and not at_once:
+            return
+        set_point = self._set_point(relative=bool(controlword & Control.RELATIVE))
+        self._acknowledged = True
+        self._last_target_units = set_point.target_units
+        if self._active and not at_once:
+            self._next = set_point
+            return
+        self._next = None
+        self._begin(set_point, halted=bool(controlword & Control.HALT))
+
+    def _set_point(self, *, relative: bool) -> _SetPoint:
+        wanted = self._dictionary.get(0x607A)
+        if relative:
+            last = self._last_target_units
+            wanted += self._motion.demand_units(self._axis) if last is None else last
+        target = clamped(self._dictionary, wanted)
+        velocity = self._dictionary.get(0x6081) * VELOCITY_PER_UNIT_PER_MS // 1000
+        limits = self._feed.limits(velocity)
+        return _SetPoint(target, limits, target != wanted or limits is None)
+
+    def _begin(self, set_point: _SetPoint, *, halted: bool) -> None:
+        self._active = set_point
+        self._at_limit = set_point.at_limit
+        if not halted:
+            self._go()
+
+    def _go(self) -> None:
+        """Move to the active set-point; while someone else's ramp moves the axis, its end will call again."""
+        if self._active is None or not self._feed.free:
+            return
+        if self._active.limits:
+            self._feed.move_to(self._active.target_units, self._active.limits)
+        if not self._motion.running(self._axis):
+            self._reached()
+
+    def _reached(self) -> None:
+        """The next set-point, which may be where the axis stands already, begins."""
+        self._active = None
+        set_point, self._next = self._next, None
+        if set_point:
+            self._acknowledged = bool(self._dictionary.get(0x6040) & Control.START)
+            self._begin(set_point, halted=False)
+
+    def _set_halt(self, halted: bool) -> None:
+        if halted is self._halted:
+            return
+        self._halted = halted
+        if not halted:
+            self._go()
+        elif self._feed.active and self._active and self._active.limits:
+            self._feed.stop(self._active.limits)
+
+    def finished(self) -> None:
+        """The axis stands: at the target, at the end of a halt, or after a ramp that was not the mode's."""
+        was_moving = self._feed.active
+        if not self._feed.finished() or self._halted:
+            return
+        if was_moving:
+            self._reached()
+        else:
+            self._go()
+
+    def interrupted(self) -> None:
+        """The drive was stopped or switched off: no set-point outlives that."""
+        self._feed.abandon()
+        self._active = self._next = None
+        self._last_target_units = None
+        self._at_limit = self._acknowledged = self._halted = False
+
+    def target_reached(self) -> bool:
+        """Bit 10: no set-point is left to reach; during halt, standstill."""
+        standing = not self._motion.running(self._axis)
+        return standing and (self._halted or self._active is None)
+
+    def status_bits(self) -> int:
+        """Bits 11, internal limit, and 12, set-point acknowledge."""
+        bits = Status.INTERNAL_LIMIT if self._at_limit else 0
+        return bits | (Status.SETPOINT_ACKNOWLEDGED if self._acknowledged else 0)

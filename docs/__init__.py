@@ -1,0 +1,1 @@
+"""Documentation; `docs.generate` makes the parts that are measured."""

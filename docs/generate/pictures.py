@@ -1,0 +1,40 @@
+"""The page's pictures: three of each run, small enough for a repository."""
+
+from io import BytesIO
+from pathlib import Path
+from typing import Final
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+from PIL import Image
+
+from docs.generate.page import PICTURE_KINDS, picture
+from docs.generate.pieces import DOCS
+from docs.generate.runs import Runs
+from host.plots import PICTURES
+from host.plots.canvas import STYLE
+
+_DRAWN: Final = dict(zip(PICTURE_KINDS, ("tool-path.png", "joints.png", "error.png"), strict=True))
+"""By the page's kinds, the pictures as `host.plots` calls them."""
+
+_DOTS_PER_INCH: Final = 100
+
+
+def write_pictures(runs: Runs) -> None:
+    """Draw those of every run."""
+    with mpl.rc_context(STYLE):
+        for outcome in runs.all():
+            run = outcome.report.run
+            for kind, name in _DRAWN.items():
+                path = DOCS / picture(run.robot, run.job, kind)
+                path.parent.mkdir(exist_ok=True)
+                _write(path, PICTURES[name](outcome.comparison, run))
+
+
+def _write(path: Path, figure: Figure) -> None:
+    """With a palette: a third of the size of what matplotlib writes. An octree keeps colours that few pixels have."""
+    figure.align_ylabels()
+    drawn = BytesIO()
+    figure.savefig(drawn, dpi=_DOTS_PER_INCH)
+    pixels = Image.open(drawn).convert("RGB")
+    pixels.quantize(method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(path, optimize=True)

@@ -1,0 +1,152 @@
+"""docs/protocol.md: what the object table, the drive's state table and a short session say."""
+
+from typing import Final
+
+from controller.drive import next_state
+from docs.generate.markdown import table
+from docs.generate.pieces import DOCS, filled
+from docs.generate.wire_session import session
+from protocol.cia402 import (
+    DISABLE_VOLTAGE,
+    ENABLE_OPERATION,
+    QUICK_STOP,
+    SHUTDOWN,
+    SWITCH_ON,
+    ErrorCode,
+    State,
+)
+from protocol.frame import (
+    COB_EMCY,
+    COB_HEARTBEAT,
+    COB_NMT,
+    COB_RPDO,
+    COB_SDO_REQUEST,
+    COB_SDO_RESPONSE,
+    COB_SYNC,
+    COB_TPDO,
+)
+from protocol.objects import OBJECTS, RPDO_DEFAULTS, TPDO_DEFAULTS, Entry, Mapping, Object
+
+PROTOCOL_PAGE: Final = DOCS / "protocol.md"
+
+_NOTICE: Final = "<!-- Made by `make docs` from docs/protocol/protocol.md and the object table: change those. -->"
+_CONTROLWORDS: Final = (SHUTDOWN, SWITCH_ON, ENABLE_OPERATION, DISABLE_VOLTAGE, QUICK_STOP, 0x80)
+_MAPPED: Final = {Mapping.NONE: "", Mapping.RECEIVE: "RPDO", Mapping.TRANSMIT: "TPDO", Mapping.BOTH: "both"}
+
+
+def render_protocol() -> str:
+    """The whole page; it ends with a newline."""
+    page = filled(
+        DOCS / "protocol" / "protocol.md",
+        {
+            "identifiers": lambda _: _identifiers(),
+            "pdos": lambda _: _pdos(),
+            "states": lambda _: _states(),
+            "errors": lambda _: _errors(),
+            "session": lambda _: session(),
+            "objects": lambda _: _objects(),
+        },
+    )
+    return f"{_NOTICE}\n\n{page}\n"
+
+
+def _identifiers() -> str:
+    rows = [
+        ["NMT", _hex(COB_NMT), "command and node id, 0 for all"],
+        ["SYNC", _hex(COB_SYNC), "starts and latches"],
+        ["EMCY", f"{_hex(COB_EMCY)} + n", "error code, register, detail"],
+        *([f"TPDO{i + 1}", f"{_hex(cob_id)} + n", "from the node"] for i, cob_id in enumerate(COB_TPDO)),
+        *([f"RPDO{i + 1}", f"{_hex(cob_id)} + n", "to the node"] for i, cob_id in enumerate(COB_RPDO)),
+        ["SDO", f"{_hex(COB_SDO_RESPONSE)} + n, {_hex(COB_SDO_REQUEST)} + n", "answers, requests"],
+        ["heartbeat", f"{_hex(COB_HEARTBEAT)} + n", "state; 0 at boot-up"],
+    ]
+    return table(["service", "COB-ID", ""], rows, text_columns=3)
+
+
+def _pdos() -> str:
+    rows = [
+        [f"RPDO{i}", str(transmission), "-", "-", _mapped(mapping)]
+        for i, (transmission, mapping) in enumerate(RPDO_DEFAULTS, start=1)
+    ]
+    for i, (transmission, inhibit, event_ms, enabled, mapping) in enumerate(TPDO_DEFAULTS, start=1):
+        name = f"TPDO{i}" if enabled else f"TPDO{i} (off)"
+        rows.append([name, str(transmission), _ms(inhibit / 10), _ms(event_ms), _mapped(mapping)])
+    return table(["PDO", "type", "inhibit", "event timer", "holds"], rows, text_columns=5)
+
+
+def _mapped(mapping: tuple[tuple[int, int, int], ...]) -> str:
+    entries = {(item.index, subindex): entry for item in OBJECTS for subindex, entry in item.entries.items()}
+    return ", ".join(
+        f"{_key(index, subindex)} {entries[index, subindex].name} ({bits} bit)" for index, subindex, bits in mapping
+    )
+
+
+def _states() -> str:
+    columns = ["state (statusword & mask)", *(f"0x{word:02X}" for word in _CONTROLWORDS)]
+    return table(columns, [_state_row(state) for state in State], text_columns=len(columns))
+
+
+def _state_row(state: State) -> list[str]:
+    mask, bits = state.value
+    targets = [next_state(state, word, 0) for word in _CONTROLWORDS]
+    cells = ["-" if target is state else _spoken(target) for target in targets]
+    return [f"{_spoken(state)} (0x{mask:02X}: 0x{bits:02X})", *cells]
+
+
+def _errors() -> str:
+    rows = [[f"0x{code:04X}", code.name.replace("_", " ").lower(), f"0x{code.register:02X}"] for code in ErrorCode]
+    return table(["code", "is", "error register"], rows, text_columns=3)
+
+
+def _objects() -> str:
+    rows = [row for item in OBJECTS for row in _object_rows(item)]
+    columns = ["object", "name", "type", "access", "default", "range", "PDO"]
+    return table(columns, rows, text_columns=len(columns))
+
+
+def _object_rows(item: Object) -> list[list[str]]:
+    rows = [[_key(item.index, subindex), entry.name, *_facts(entry)] for subindex, entry in item.entries.items()]
+    if len(item.entries) == 1:
+        return rows
+    return [[f"{item.index:04X}", f"**{item.name}**", "", "", "", "", ""], *rows]
+
+
+def _facts(entry: Entry) -> list[str]:
+    return [
+        entry.data_type.name.lower(),
+        entry.access.value,
+        _default(entry),
+        _range(entry),
+        _MAPPED[entry.mapping],
+    ]
+
+
+def _default(entry: Entry) -> str:
+    if isinstance(entry.default, str):
+        return entry.default
+    text = f"0x{entry.default:X}" if entry.default >= 1 << 16 else str(entry.default)
+    return f"{text} + n" if entry.plus_node_id else text
+
+
+def _range(entry: Entry) -> str:
+    if entry.low is None and entry.high is None:
+        return ""
+    low = entry.data_type.low if entry.low is None else entry.low
+    high = entry.data_type.high if entry.high is None else entry.high
+    return f"{low}..{high}"
+
+
+def _key(index: int, subindex: int) -> str:
+    return f"{index:04X}:{subindex:02X}"
+
+
+def _hex(cob_id: int) -> str:
+    return f"0x{cob_id:03X}"
+
+
+def _ms(value: float) -> str:
+    return f"{value:g} ms" if value else "-"
+
+
+def _spoken(state: State) -> str:
+    return state.name.replace("_", " ")

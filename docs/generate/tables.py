@@ -1,0 +1,94 @@
+"""Tables of what a robot is: dimensions, DH table, joints, board, outputs, places, options of jobs."""
+
+from docs.generate.markdown import table
+from docs.generate.robot_file import Section, read_robot_file
+from docs.generate.runs import ROBOTS
+from host.jobs import job_options
+from host.kinematics import make_kinematics
+from host.kinematics.dh import Convention
+from host.robot import Robot
+
+_DH_COLUMNS = {
+    Convention.STANDARD: ("i", "theta_i deg", "d_i mm", "a_i mm", "alpha_i deg"),
+    Convention.MODIFIED: ("i", "alpha_i-1 deg", "a_i-1 mm", "d_i mm", "theta_i deg"),
+}
+_DH_TITLES = {
+    Convention.STANDARD: "Standard (distal) DH parameters",
+    Convention.MODIFIED: "Modified (Craig, proximal) DH parameters",
+}
+
+
+def dh_table(robot: Robot) -> str:
+    """The mechanism's chain, in the columns' usual order of its convention."""
+    dh = make_kinematics(robot).dh
+    rows = []
+    for i, row in enumerate(dh.rows, start=1):
+        cells = [f"{row.alpha_deg:g}", f"{row.a_mm:g}", str(row.d_mm), str(row.theta_deg)]
+        rows.append([str(i), *(cells if dh.convention is Convention.MODIFIED else reversed(cells))])
+    title = f"{_DH_TITLES[dh.convention]}, from the world to the tool:"
+    return f"{title}\n\n{table(_DH_COLUMNS[dh.convention], rows)}"
+
+
+def dimensions(robot: Robot) -> str:
+    """The mechanism's numbers with their marks."""
+    return _entries(read_robot_file(robot.name)["kinematics"], without=("kind",))
+
+
+def board() -> str:
+    """The board's settings, which all robots share."""
+    boards = [read_robot_file(name)["board"] for name in ROBOTS]
+    if any(other != boards[0] for other in boards):
+        raise ValueError("the robots' boards differ: describe each with its robot")
+    return _entries(boards[0])
+
+
+def joints(robot: Robot) -> str:
+    """A column a joint: what the file says, then steps per unit and the step rate at the highest speed."""
+    sections = read_robot_file(robot.name)
+    columns = [sections[f"joints.{name}"] for name in robot.joint_names]
+    keys = dict.fromkeys(key for section in columns for key in section.entries)
+    rows = [["what", *(section.comment for section in columns)]]
+    rows += [[key, *(str(section.entries.get(key, "-")) for section in columns)] for key in keys]
+    rows.append(["home", *(str(sections["home"].entries[name]) for name in robot.joint_names)])
+    rows.append(["steps per mm or deg", *(f"{joint.transmission.steps_per_unit:.9g}" for joint in robot.joints)])
+    rows.append(["steps/s at speed_max", *(f"{joint.step_rate_max_hz:.1f}" for joint in robot.joints)])
+    return table(["", *robot.joint_names], rows, text_columns=1 + len(columns))
+
+
+def outputs(robot: Robot) -> str:
+    """What is wired to the board's digital outputs."""
+    notes = read_robot_file(robot.name)["outputs"].entries
+    rows = [
+        [name, output.joint, f"OUT{output.out}", f"{notes[name].mark} {notes[name].note}".strip()]
+        for name, output in robot.outputs.items()
+    ]
+    return table(["output", "axis", "pin", ""], rows, text_columns=4)
+
+
+def places(robot: Robot) -> str:
+    """The named places that jobs go to, all of them assumed or stated as a whole."""
+    sections = read_robot_file(robot.name)
+    rows = [
+        [
+            name,
+            sections[f"places.{name}"].comment,
+            *(f"{place[joint]:g}" if joint in place else "-" for joint in robot.joint_names),
+        ]
+        for name, place in robot.places.items()
+    ]
+    return table(["place", "", *robot.joint_names], rows, text_columns=2)
+
+
+def options(robot: Robot, job: str) -> str:
+    """A job's options as `steptwin jobs` says them."""
+    rows = [[f"`{name}`", text] for name, text in job_options(robot, job).items()]
+    return table(["option", "default (valid)"], rows, text_columns=2)
+
+
+def _entries(section: Section, without: tuple[str, ...] = ()) -> str:
+    rows = [
+        [f"`{key}`", entry.value, f"{entry.mark} {entry.note}".strip()]
+        for key, entry in section.entries.items()
+        if key not in without
+    ]
+    return table(["", "value", ""], rows, text_columns=3)

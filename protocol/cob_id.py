@@ -1,0 +1,22 @@
+"""The rules for COB-ID entries that may be written: PDOs' and EMCY's (CiA 301, sections 7.3.5 and 7.5.2)."""
+
+from protocol.abort import AbortCode, SdoAbortError
+from protocol.frame import COB_ID_INVALID, COB_ID_MASK
+
+_RESTRICTED = ((0x000, 0x080), (0x101, 0x180), (0x581, 0x5FF), (0x601, 0x67F), (0x6E0, 0x7FF))
+"""COB-IDs that CiA 301 keeps for other services (table 40): NMT, SYNC, SDO, heartbeat and others."""
+
+
+def check_cob_id(old: int, new: int, flags: int = 0) -> None:
+    """Let a COB-ID entry become `new`: 11 bits, nobody else's, no bits above but `flags` and "invalid".
+
+    A valid one's identifier may not change: it must be made invalid first.
+
+    Raises:
+        SdoAbortError: the value is refused.
+    """
+    identifier = new & ~(COB_ID_INVALID | flags)
+    if identifier > COB_ID_MASK or any(first <= identifier <= last for first, last in _RESTRICTED):
+        raise SdoAbortError(AbortCode.VALUE_RANGE)
+    if not (old | new) & COB_ID_INVALID and (old ^ new) & COB_ID_MASK:
+        raise SdoAbortError(AbortCode.VALUE_RANGE)

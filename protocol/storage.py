@@ -1,0 +1,57 @@
+"""Storing parameters in flash and restoring the defaults: objects 0x1010 and 0x1011 (CiA 301, 7.5.2.13 and 7.5.2.14).
+
+What is stored is what a reset of the node or of its communication brings back. "load" erases: the defaults are valid
+from the next such reset on. What a PDO may write commands the drive rather than configures it and is not stored, so
+that no axis begins to move, and no output to switch, because power came back; the profile's limits are the exception.
+"""
+
+from collections.abc import Callable
+from functools import partial
+
+from protocol.abort import AbortCode, SdoAbortError
+from protocol.dictionary import FlashPage, ObjectDictionary
+from protocol.objects import PARAMETER_GROUPS, Access, Entry, Mapping, key_of
+
+_STORE, _RESTORE = 0x1010, 0x1011
+_SAVE, _LOAD = (int.from_bytes(word, "little") for word in (b"save", b"load"))
+_ON_COMMAND = 1
+"""What reading 0x1010 and 0x1011 says: parameters are stored, or restored, when they are told to, not by themselves."""
+_PROFILE_LIMITS = frozenset((0x6081, 0x6083, 0x6084))
+"""Parameters although a PDO may write them: by themselves they move nothing."""
+_NO_PARAMETERS = frozenset((0x1003, _STORE, _RESTORE))
+
+
+class ParameterStorage:
+    """Keeps a node's parameters in its flash page; `busy` says when writing flash would disturb the board."""
+
+    def __init__(self, dictionary: ObjectDictionary, page: FlashPage, busy: Callable[[], bool]) -> None:
+        self._dictionary = dictionary
+        self._page = page
+        self._busy = busy
+        for subindex, (first, last) in PARAMETER_GROUPS.items():
+            for index, action in ((_STORE, self._save), (_RESTORE, self._load)):
+                dictionary.read_hooks[key_of(index, subindex)] = lambda: _ON_COMMAND
+                dictionary.write_hooks[key_of(index, subindex)] = partial(action, first, last)
+
+    def _save(self, first: int, last: int, signature: int) -> None:
+        self._check(signature, _SAVE)
+        for key, entry in self._dictionary.entries.items():
+            if first <= key >> 8 <= last and _is_parameter(key, entry):
+                self._page[key] = self._dictionary.get(key >> 8, key & 0xFF)
+
+    def _load(self, first: int, last: int, signature: int) -> None:
+        self._check(signature, _LOAD)
+        for key in [key for key in self._page if first <= key >> 8 <= last]:
+            del self._page[key]
+
+    def _check(self, signature: int, expected: int) -> None:
+        if signature != expected:
+            raise SdoAbortError(AbortCode.NOT_STORED)
+        if self._busy():
+            raise SdoAbortError(AbortCode.DEVICE_STATE)
+
+
+def _is_parameter(key: int, entry: Entry) -> bool:
+    index = key >> 8
+    commands = bool(entry.mapping.value & Mapping.RECEIVE.value) and index not in _PROFILE_LIMITS
+    return entry.access is Access.READ_WRITE and not commands and index not in _NO_PARAMETERS

@@ -1,0 +1,345 @@
+"""Bit 8 of the controlword on the board: who is halted by it, what is said meanwhile, and how it ends."""
+
+import pytest
+
+from controller.backend import KERNELS, Kernel
+from protocol.cia402 import State, Status
+from protocol.pvt import PvtFlag
+from tests.controller.bench_board import MS, BenchBoard
+
+STEP = 1024
+"""Units of a step at 16 microsteps."""
+RUN, HALT = 0x1F, 0x11F
+RAMP_MS = 100
+"""From 4 kHz at 40 000 steps/s^2."""
+
+
+@pytest.fixture
+def pair(fast_kernel: Kernel) -> BenchBoard:
+    """Both axes run at 4 kHz, axis 1 the other way, with 20 ms records: 0.64 s from rest to rest; 50 ms are over."""
+    return running(BenchBoard(fast_kernel, axes=2))
+
+
+def running(board: BenchBoard, records: int = 32) -> BenchBoard:
+    board.write(0x6085, 0, 40_000 * STEP, 0)
+    board.write(0x6085, 0, 80_000 * STEP, 1)
+    board.enable()
+    for axis in range(2):
+        sign = 1 - 2 * axis
+        board.record(sign * 40 * STEP, sign * 4 * STEP * 64, 20, 0, axis)
+        for sequence in range(1, records - 1):
+            board.record(sign * 80 * STEP, sign * 4 * STEP * 64, 20, sequence, axis)
+        board.record(sign * 40 * STEP, 0, 20, records - 1, axis)
+    board.start()
+    board.wait(50)
+    return board
+
+
+END_UNITS = (40 + 30 * 80 + 40) * STEP
+
+
+def position(board: BenchBoard, axis: int = 0) -> int:
+    return board.value(0x6062, 0, axis)
+
+
+def flags(board: BenchBoard, axis: int = 0) -> PvtFlag:
+    return PvtFlag(board.value(0x2012, 3, axis))
+
+
+def status(board: BenchBoard, axis: int = 0) -> Status:
+    return Status(board.value(0x6041, 0, axis))
+
+
+def state(board: BenchBoard, axis: int = 0) -> State:
+    return board.firmware.nodes[axis].state
+
+
+def ended(board: BenchBoard) -> bool:
+    """Both axes have come to their ends as planned."""
+    ends = [(position(board, axis), board.value(0x6064, 0, axis), flags(board, axis)) for axis in range(2)]
+    return ends == [(END_UNITS, END_UNITS, PvtFlag.EMPTY), (-END_UNITS, -END_UNITS, PvtFlag.EMPTY)]
+
+
+def test_one_axis_halts_all_and_all_go_on(pair: BenchBoard) -> None:
+    """A ramp of 100 ms from 4 kHz covers 200 steps. Then rest, then on to the planned end, 0.1 s and the pause late."""
+    before = position(pair)
+    pair.write(0x6040, 0, HALT, axis=1)
+    pair.wait(RAMP_MS + 1)
+    rest = position(pair)
+    assert rest - before == pytest.approx(200 * STEP, abs=STEP)
+    assert position(pair, 1) == -rest
+    pair.wait(5000)
+    assert (position(pair), position(pair, 1)) == (rest, -rest)
+    pair.write(0x6040, 0, RUN, axis=1)
+    pair.wait(640 - 50 - 100 - 2 + 100)
+    assert flags(pair) & PvtFlag.RUNNING
+    pair.wait(5)
+    assert ended(pair)
+    assert state(pair) is state(pair, 1) is State.OPERATION_ENABLED
+
+
+def test_what_the_axes_say_meanwhile(pair: BenchBoard) -> None:
+    """Interpolation stays active; the target counts as reached once the axes rest, and that is reported at once."""
+    pair.write(0x6040, 0, HALT)
+    for axis in range(2):
+        assert status(pair, axis) & (Status.IP_ACTIVE | Status.TARGET_REACHED) == Status.IP_ACTIVE
+    pair.wait(RAMP_MS / 2)
+    assert pair.value(0x606C) == pytest.approx(2000 * STEP, rel=0.02)
+    assert pair.value(0x606C, 0, 1) == pytest.approx(-2000 * STEP, rel=0.02)
+    pair.wait(RAMP_MS / 2 + 1)
+    for axis in range(2):
+        assert status(pair, axis) & Status.IP_ACTIVE
+        assert status(pair, axis) & Status.TARGET_REACHED
+        assert flags(pair, axis) & PvtFlag.RUNNING
+        assert pair.value(0x606C, 0, axis) == 0
+    reports = [(t, frame) for t, frame in pair.sent if frame.cob_id == 0x191]
+    rested = next(t for t, frame in reports if t > 60 * MS and frame.data[1] & Status.TARGET_REACHED >> 8)
+    assert rested == pytest.approx((50 + RAMP_MS) * MS, abs=0.5 * MS)
+    pair.write(0x6040, 0, RUN)
+    pair.wait(5)
+    for axis in range(2):
+        assert not status(pair, axis) & Status.TARGET_REACHED
+        assert not pair.frames(0x190 + axis)[-1][1] & Status.TARGET_REACHED >> 8
+
+
+def test_all_axes_must_let_go(pair: BenchBoard) -> None:
+    for axis in range(2):
+        pair.write(0x6040, 0, HALT, axis)
+    pair.wait(200)
+    rest = position(pair)
+    pair.write(0x6040, 0, RUN, axis=0)
+    pair.wait(200)
+    assert position(pair) == rest
+    assert status(pair) & Status.TARGET_REACHED
+    pair.write(0x6040, 0, RUN, axis=1)
+    pair.wait(1000)
+    assert ended(pair)
+
+
+def test_a_sync_halts_and_releases_too(pair: BenchBoard) -> None:
+    for word in (HALT, RUN):
+        for node in pair.firmware.nodes:
+            pair.send(0x300 + node.node_id, word.to_bytes(2, "little"))
+        assert pair.firmware.motion.group.halted == (word == RUN)
+        pair.send(0x080, b"")
+        assert pair.firmware.motion.group.halted == (word == HALT)
+        pair.wait(300)
+    pair.wait(500)
+    assert ended(pair)
+
+
+@pytest.mark.parametrize("waits_ms", [(30, 40, 20), (1, 1, 1), (150, 30, 300), (0, 0, 0)])
+def test_it_may_change_its_mind_at_any_time(pair: BenchBoard, waits_ms: tuple[int, ...]) -> None:
+    for ms in waits_ms:
+        for word in (HALT, RUN):
+            pair.write(0x6040, 0, word)
+            pair.wait(ms)
+    pair.wait(1000)
+    assert ended(pair)
+
+
+def test_the_queue_fills_while_all_rest(fast_kernel: Kernel) -> None:
+    board = running(BenchBoard(fast_kernel, axes=2), records=16)
+    board.write(0x6040, 0, HALT)
+    board.wait(500)
+    queued = board.value(0x60C4, 4)
+    assert queued == 16 - 5 - 1
+    for axis in range(2):
+        for i in range(64 - queued):
+            board.record(0, 0, 20, 16 + i, axis)
+    assert board.value(0x60C4, 4) == 64
+    assert not flags(board) & PvtFlag.OVERFLOW
+    board.write(0x6040, 0, RUN)
+    board.wait(16 * 20 + 54 * 20 + 100)
+    assert position(board) == (16 - 1) * 80 * STEP
+    assert flags(board) == PvtFlag.EMPTY
+
+
+def test_a_motion_started_during_a_halt_waits_and_starts_as_planned(fast_kernel: Kernel) -> None:
+    """All are started by one SYNC, one of them halted: none moves. Released, they start as they would have then."""
+    plain, halted = BenchBoard(fast_kernel, axes=2), BenchBoard(fast_kernel, axes=2)
+    for board in (plain, halted):
+        board.enable()
+        for axis in range(2):
+            board.record(100 * STEP, 0, 100, 0, axis)
+    halted.send(0x310, RUN.to_bytes(2, "little"))
+    halted.send(0x311, HALT.to_bytes(2, "little"))
+    halted.send(0x080, b"")
+    halted.wait(50)
+    for axis in range(2):
+        assert position(halted, axis) == 0
+        assert status(halted, axis) & (Status.IP_ACTIVE | Status.TARGET_REACHED) == 0x1400
+    halted.write(0x6040, 0, RUN, axis=1)
+    plain.wait(50)
+    plain.start()
+    for board in (plain, halted):
+        board.wait(150)
+    assert position(halted) == 100 * STEP
+    for a, b in zip(*(board.firmware.motion.take_edges() for board in (plain, halted)), strict=True):
+        assert list(a.clk_counts) == list(b.clk_counts)
+
+
+def test_an_axis_may_join_a_halted_group(pair: BenchBoard) -> None:
+    pair.write(0x6040, 0, 0x0F, axis=1)
+    pair.wait(200)
+    assert pair.write(0x60C4, 6, 0, axis=1) == 0
+    pair.record(10 * STEP, 0, 20, 0, axis=1)
+    pair.write(0x6040, 0, HALT, axis=0)
+    pair.wait(200)
+    start = position(pair, 1)
+    pair.write(0x6040, 0, RUN, axis=1)
+    pair.wait(200)
+    assert position(pair, 1) == start
+    assert status(pair, 1) & Status.IP_ACTIVE
+    pair.write(0x6040, 0, RUN, axis=0)
+    pair.wait(1000)
+    assert position(pair, 1) == start + 10 * STEP
+    assert position(pair) == END_UNITS
+
+
+def test_axes_that_do_not_interpolate_are_untouched(pair: BenchBoard) -> None:
+    """Axis 1 ramps down from 4 kHz in 50 ms, halt or no halt; a halt bit in another mode halts nobody."""
+    pair.write(0x6040, 0, 0x0F, axis=1)
+    start = position(pair, 1)
+    pair.write(0x6040, 0, HALT, axis=0)
+    pair.wait(51)
+    assert not pair.firmware.motion.running(1)
+    assert position(pair, 1) - start == pytest.approx(-100 * STEP, abs=STEP)
+    pair.write(0x6040, 0, RUN, axis=0)
+    pair.wait(200)
+    assert pair.write(0x6060, 0, 6, axis=1) == 0
+    pair.write(0x6040, 0, 0x10F, axis=1)
+    pair.wait(1000)
+    assert position(pair) == END_UNITS
+
+
+def test_the_end_of_the_axis_that_holds_releases_nobody(fast_kernel: Kernel) -> None:
+    """Its queue ends while the group slows down; the others stay halted until its bit is cleared."""
+    board = BenchBoard(fast_kernel, axes=2)
+    board.write(0x6085, 0, 10_000 * STEP, 1)
+    board.enable()
+    board.record(10 * STEP, 0, 60, 0, axis=0)
+    for sequence in range(40):
+        board.record(20 * STEP, 2 * STEP * 64, 10, sequence, axis=1)
+    board.record(10 * STEP, 0, 10, 40, axis=1)
+    board.start()
+    board.wait(50)
+    board.write(0x6040, 0, HALT, axis=0)
+    board.wait(1000)
+    assert flags(board, 0) == PvtFlag.EMPTY
+    rest = position(board, 1)
+    board.wait(1000)
+    assert position(board, 1) == rest
+    assert status(board, 1) & Status.TARGET_REACHED
+    board.write(0x6040, 0, 0x0F, axis=0)
+    board.wait(1000)
+    assert position(board, 1) == (40 * 20 + 10) * STEP
+
+
+def test_a_group_that_is_gone_leaves_no_halt_behind(pair: BenchBoard) -> None:
+    """What starts later without a halt bit runs at full rate from its first tick."""
+    pair.write(0x6040, 0, HALT)
+    pair.wait(60)
+    for axis in range(2):
+        pair.write(0x6040, 0, 0x0F, axis)
+    pair.wait(200)
+    before = position(pair)
+    assert pair.write(0x60C4, 6, 0) == 0
+    pair.record(10 * STEP, 0, 20, 0)
+    pair.write(0x6040, 0, RUN)
+    pair.wait(21)
+    assert position(pair) == before + 10 * STEP
+
+
+class TestStopsDuringAHalt:
+    @pytest.mark.parametrize(
+        ("word", "target"),
+        [(0x02, State.SWITCH_ON_DISABLED), (0x07, State.SWITCHED_ON), (0x06, State.READY_TO_SWITCH_ON)],
+    )
+    def test_ramps_start_from_the_velocity_that_is_left(self, pair: BenchBoard, word: int, target: State) -> None:
+        """Half way down axis 0 runs at 2 kHz: 50 ms and 50 steps to rest. Axis 1 goes on halting."""
+        pair.write(0x6040, 0, HALT, axis=1)
+        pair.wait(RAMP_MS / 2)
+        start = position(pair)
+        pair.write(0x6040, 0, word)
+        pair.wait(48)
+        assert state(pair) is not target
+        pair.wait(4)
+        assert state(pair) is target
+        assert position(pair) - start == pytest.approx(50 * STEP, abs=2 * STEP)
+        pair.wait(1000)
+        assert status(pair, 1) & Status.TARGET_REACHED
+        assert flags(pair, 1) & PvtFlag.RUNNING
+        pair.write(0x6040, 0, RUN, axis=1)
+        pair.wait(1000)
+        assert position(pair, 1) == -END_UNITS
+
+    @pytest.mark.parametrize(
+        ("word", "target"),
+        [
+            (0x102, State.SWITCH_ON_DISABLED),
+            (0x107, State.SWITCHED_ON),
+            (0x100, State.SWITCH_ON_DISABLED),
+            (0x10F, State.OPERATION_ENABLED),
+        ],
+    )
+    def test_at_rest_they_move_nothing(self, pair: BenchBoard, word: int, target: State) -> None:
+        """The queue is closed as by any stop; the halt bit that is still set keeps the other axis halted."""
+        pair.write(0x6040, 0, HALT)
+        pair.wait(200)
+        rest = position(pair)
+        pair.write(0x6040, 0, word)
+        pair.wait(200)
+        assert state(pair) is target
+        assert abs(position(pair) - rest) <= 1
+        assert (position(pair, 1), flags(pair, 1) & PvtFlag.RUNNING) == (-rest, PvtFlag.RUNNING)
+        assert pair.value(0x2012, 2) == 0
+
+    def test_a_queue_that_runs_dry_on_the_ramp_stops_the_group(self, fast_kernel: Kernel) -> None:
+        """Halted with 10 ms of records left at 4 kHz: an underrun, and the stop starts from what is left of 4 kHz.
+
+        Axis 0 runs dry within a tick and rests for what is left of it, less than a step.
+        """
+        board = BenchBoard(fast_kernel, axes=2)
+        for axis in range(2):
+            board.write(0x6085, 0, 40_000 * STEP, axis)
+        board.enable()
+        for axis in range(2):
+            board.record(40 * STEP, 4 * STEP * 64, 20, 0, axis)
+            for sequence in range(1, 4 + axis):
+                board.record(80 * STEP, 4 * STEP * 64, 20, sequence, axis)
+        board.start()
+        board.wait(70)
+        board.write(0x6040, 0, HALT)
+        board.wait(12)
+        assert state(board) is state(board, 1) is State.FAULT_REACTION_ACTIVE
+        assert board.value(0x606C) < 3700 * STEP
+        board.wait(100)
+        assert state(board) is state(board, 1) is State.FAULT
+        assert 0 <= position(board, 1) - position(board) < STEP
+        assert position(board) == pytest.approx((280 + 158) * STEP, abs=6 * STEP)
+        assert board.value(0x2013, 4) == 1
+
+    def test_a_reset_node_holds_nobody(self, pair: BenchBoard) -> None:
+        pair.write(0x6040, 0, HALT)
+        pair.wait(200)
+        pair.nmt(0x81, node=0x10)
+        pair.wait(1000)
+        assert position(pair, 1) == -END_UNITS
+
+
+def test_the_same_frames_give_the_same_bytes_with_both_kernels() -> None:
+    pytest.importorskip("numba", reason="the extra `fast` (numba) is not installed")
+    results = []
+    for make_kernel in KERNELS.values():
+        board = running(BenchBoard(make_kernel(), axes=2))
+        for word, axis, ms in ((HALT, 0, 33), (HALT, 1, 200), (RUN, 0, 5), (RUN, 1, 77), (HALT, 1, 60), (RUN, 1, 900)):
+            board.write(0x6040, 0, word, axis)
+            board.wait(ms)
+        edges = [
+            ([int(t) for t in pins.clk_counts], [int(w) for w in pins.direction])
+            for pins in board.firmware.motion.take_edges()
+        ]
+        assert ended(board)
+        results.append((edges, board.sent))
+    assert results[0] == results[1]

@@ -1,0 +1,327 @@
+"""Halt and resume by scaling trajectory time: the path, the end, the accelerations, and both kernels the same."""
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from controller import kernel as k
+from controller.backend import Kernel, compiled_kernel, python_kernel
+from controller.motion import STOP_MAX_MS, TICKS_PER_SECOND, Event, Motion, Refusal, StepConfig
+from tests.controller.kernel_rig import KernelRig, Timing, pin_timing_faults
+
+FULL = k.FULL_RATE_Q16
+STEP_UNITS = 1024
+"""At 16 microsteps."""
+KHZ = 64 * STEP_UNITS
+"""1000 steps a second in the record's units of 1/64 unit per ms."""
+CONFIG = StepConfig(16, 33_000, 33_666, 15_000, 15_000, velocity_max_units_per_s=15_000 * STEP_UNITS)
+DECELERATION = 40_000 * STEP_UNITS
+
+Record = tuple[int, int, int]
+
+
+def sampled(rate_hz: float, sine_hz: float, duration_ms: int, point_ms: int) -> list[Record]:
+    """A (1 - cos wt) with this peak step rate, or a line with smooth ends for 0 Hz, as records."""
+    times_s = np.arange(duration_ms // point_ms + 1) * point_ms / 1000
+    if sine_hz:
+        omega = 2 * math.pi * sine_hz
+        steps, speeds_hz = rate_hz / omega * (1 - np.cos(omega * times_s)), rate_hz * np.sin(omega * times_s)
+    else:
+        speeds_hz = rate_hz * np.clip(np.minimum(times_s, times_s[-1] - times_s) / 0.1, 0, 1)
+        steps = np.concatenate(([0.0], np.cumsum((speeds_hz[1:] + speeds_hz[:-1]) / 2 * point_ms / 1000)))
+    units = np.floor(steps * STEP_UNITS + 0.5).astype(int)
+    velocities = np.round(speeds_hz / 1000 * KHZ).astype(int)
+    return [(int(d), int(v), point_ms) for d, v in zip(np.diff(units), velocities[1:], strict=True)]
+
+
+class Run:
+    """Three axes of one group with points every 20, 10 and 40 ms: a fast line and two sines, 1.2 s."""
+
+    PLAN = (sampled(9000, 0, 1200, 20), sampled(900, 2.5, 1200, 10), sampled(700, 1.25 / 1.5, 1200, 40))
+    TICKS = 4800
+
+    def __init__(self, kernel: Kernel, *, group: bool = True, deceleration: int = DECELERATION) -> None:
+        self.motion = Motion(kernel, len(self.PLAN))
+        self.limits = [deceleration] * len(self.PLAN)
+        self.demands: list[list[int]] = []
+        self.clk: list[list[int]] = [[] for _ in self.PLAN]
+        self.directions: list[list[int]] = [[] for _ in self.PLAN]
+        self.events: list[tuple[int, int, Event]] = []
+        self._unsent = [list(plan) for plan in self.PLAN]
+        for axis in range(len(self.PLAN)):
+            self.motion.configure(axis, CONFIG)
+        self._feed()
+        for axis in range(len(self.PLAN)):
+            assert self.motion.start(axis, in_group=group)
+
+    def _feed(self) -> None:
+        for axis, records in enumerate(self._unsent):
+            while records and self.motion.queued(axis) < k.QUEUE_DEPTH:
+                assert self.motion.push(axis, *records.pop(0)) is Refusal.ACCEPTED
+
+    def hold(self, *, hold: bool) -> None:
+        self.motion.group.hold(1, hold=hold)
+        self.motion.ramp_group(self.limits)
+
+    def pass_ticks(self, ticks: int) -> None:
+        for _ in range(ticks):
+            self.motion.advance(self.motion.tick + 1)
+            self.events += [(self.motion.tick, *event) for event in self.motion.take_events()]
+            self._feed()
+            self.demands.append([self.motion.demand_units(axis) for axis in range(len(self.PLAN))])
+            for axis, edges in enumerate(self.motion.take_edges()):
+                self.clk[axis] += [int(counts) for counts in edges.clk_counts]
+                self.directions[axis] += [int(word) for word in edges.direction]
+
+    def finish(self) -> "Run":
+        while any(self.motion.running(axis) for axis in range(len(self.PLAN))):
+            self.pass_ticks(1)
+        return self
+
+    def rises(self, axis: int) -> NDArray[np.int64]:
+        return np.array(self.clk[axis][0::2])
+
+    def signs(self, axis: int) -> list[int]:
+        words = np.array(self.directions[axis])
+        levels = np.concatenate(([0], words & 1))[np.searchsorted(words >> 1, self.rises(axis), side="right")]
+        return [int(sign) for sign in 2 * levels - 1]
+
+
+@pytest.fixture(scope="module")
+def planned(fast_kernel: Kernel) -> Run:
+    return Run(fast_kernel, group=False).finish()
+
+
+def scripted(kernel: Kernel, *script: tuple[int, bool], deceleration: int = DECELERATION) -> Run:
+    """Let ticks pass, then halt or go on, and so on; then to the end."""
+    run = Run(kernel, deceleration=deceleration)
+    for ticks, hold in script:
+        run.pass_ticks(ticks)
+        run.hold(hold=hold)
+    return run.finish()
+
+
+SCRIPTS = {
+    "never": (),
+    "once": ((1501, True), (3000, False)),
+    "for long": ((1501, True), (40_000, False)),
+    "again and again": tuple((157, hold) for hold in (True, False) * 12),
+    "resumed while it slows down": ((1501, True), (300, False)),
+    "halted while it speeds up": ((1501, True), (1500, False), (411, True), (2000, False)),
+    "in the last segment": ((Run.TICKS - 30, True), (2000, False)),
+    "in the first segment": ((7, True), (2000, False)),
+}
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_every_edge_lies_on_the_planned_path(fast_kernel: Kernel, planned: Run, name: str) -> None:
+    """The fast axis' edges tell where on the path the machine is; the other axes' edges then fall where planned.
+
+    The k-th edge of an axis has the same place on the path as the k-th of the motion that was not halted. So the
+    planned instant of an edge, and the one that axis 0 shows at its real instant, differ by the distance along the
+    path; times the axis' speed of at most 0.9 step a millisecond this is its distance from the path.
+    """
+    run = scripted(fast_kernel, *SCRIPTS[name])
+    for axis, rate_per_count in ((1, 900 / 72e6), (2, 700 / 72e6)):
+        assert run.signs(axis) == planned.signs(axis)
+        shown = np.interp(run.rises(axis), run.rises(0), planned.rises(0))
+        seen = (run.rises(axis) > run.rises(0)[0]) & (run.rises(axis) < run.rises(0)[-1])
+        assert np.abs(shown - planned.rises(axis))[seen].max() * rate_per_count < 0.1
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_it_ends_where_planned_with_good_pulses(fast_kernel: Kernel, planned: Run, name: str) -> None:
+    run = scripted(fast_kernel, *SCRIPTS[name])
+    assert run.demands[-1] == planned.demands[-1] == [sum(d for d, _, _ in plan) for plan in Run.PLAN]
+    for axis in range(3):
+        assert run.motion.counter_units(axis) == planned.motion.counter_units(axis)
+        directions = [(word >> 1, word & 1) for word in run.directions[axis]]
+        assert pin_timing_faults(run.clk[axis][0::2], run.clk[axis][1::2], directions, Timing()) == []
+        assert run.motion.delayed_steps(axis) <= len(directions)  # the step that waits for DIR at a reversal
+    ends = [(tick, event) for tick, _, event in run.events if event is not Event.HALTED]
+    assert len(ends) == 3
+    assert {event for _, event in ends} == {Event.FINISHED}
+    assert len({tick for tick, _ in ends}) == 1  # in step to the end
+
+
+def test_it_lasts_as_planned_and_the_pause(fast_kernel: Kernel, planned: Run) -> None:
+    """A ramp of T takes T/2 longer than the path it covers: 9 kHz at 40 000 steps/s^2 are 900 ticks, down and up."""
+    run = scripted(fast_kernel, (1501, True), (3000, False))
+    assert next((tick, event) for tick, axis, event in run.events if axis == 0) == (1501 + 900, Event.HALTED)
+    assert run.motion.tick == pytest.approx(planned.motion.tick + 3000 - 900 + 2 * 450, abs=1)
+    still = run.demands[1501 + 900 : 4501]
+    assert all(demands == still[0] for demands in still)
+    assert not [t for t in run.rises(0) if (1501 + 900) * k.TICK_COUNTS + 4800 < t < 4501 * k.TICK_COUNTS]
+
+
+def test_whole_ramps_only_shift_the_rest_of_the_motion(fast_kernel: Kernel, planned: Run) -> None:
+    """Two ramps of 900 ticks cover 900 ticks of the path, none more and none less: later edges are later, no other."""
+    run = Run(fast_kernel)
+    for ticks, hold in ((1501, True), (3000, False)):
+        run.pass_ticks(ticks)
+        run.motion.group.hold(1, hold=hold)
+        run.motion.group.ramp(run.motion.tick, 900)
+    run.finish()
+    shift = (run.motion.tick - planned.motion.tick) * k.TICK_COUNTS
+    for axis in range(3):
+        after = run.rises(axis)[run.rises(axis) > (4501 + 901) * k.TICK_COUNTS]
+        assert len(after) > 100
+        assert list(after - shift) == list(planned.rises(axis)[-len(after) :])
+
+
+@pytest.mark.parametrize("deceleration_hz_per_s", [20_000, 40_000, 400_000])
+@pytest.mark.parametrize("name", ["once", "resumed while it slows down", "halted while it speeds up"])
+def test_no_axis_decelerates_harder_than_allowed(fast_kernel: Kernel, name: str, deceleration_hz_per_s: int) -> None:
+    """Where the plan has constant speed all acceleration is the ramp's; over 20 ticks units hardly blur it."""
+    run = scripted(fast_kernel, *SCRIPTS[name], deceleration=deceleration_hz_per_s * STEP_UNITS)
+    fast = np.array(run.demands)[:, 0] / STEP_UNITS
+    on_the_line = (fast > 450 + 1) & (fast < fast[-1] - 450 - 1)
+    over = 20
+    speeds_hz = (fast[over:] - fast[:-over]) / over * TICKS_PER_SECOND
+    accelerations = (speeds_hz[over:] - speeds_hz[:-over]) / over * TICKS_PER_SECOND
+    accelerations = np.abs(accelerations[on_the_line[: -2 * over] & on_the_line[2 * over :]])
+    blur = 4 / STEP_UNITS / over**2 * TICKS_PER_SECOND**2
+    assert 0.95 * deceleration_hz_per_s < accelerations.max() <= deceleration_hz_per_s + blur
+
+
+def test_the_ramp_fits_what_is_coming_too(kernel: Kernel) -> None:
+    """1 kHz now, 8 kHz from 10 ms on: the ramp is as long as 8 kHz need, but only if it gets that far."""
+    for deceleration_hz_per_s, ticks in ((20_000, 1600), (200_000, 20)):
+        motion = Motion(kernel, 1)
+        motion.configure(0, CONFIG)
+        for record in ((10 * STEP_UNITS, KHZ, 20), (45 * STEP_UNITS, 8 * KHZ, 10), (80 * STEP_UNITS, 8 * KHZ, 10)):
+            assert motion.push(0, *record) is Refusal.ACCEPTED
+        motion.start(0, in_group=True)
+        motion.advance(40)
+        motion.group.hold(0, hold=True)
+        motion.ramp_group([deceleration_hz_per_s * STEP_UNITS])
+        assert motion.group.rest_tick == 40 + ticks
+
+
+def test_the_ramp_lasts_at_most_as_long_as_a_stop(kernel: Kernel) -> None:
+    motion = Motion(kernel, 1)
+    motion.configure(0, CONFIG)
+    motion.push(0, 10 * STEP_UNITS, KHZ, 20)
+    motion.start(0, in_group=True)
+    motion.advance(40)
+    motion.group.hold(0, hold=True)
+    motion.ramp_group([1])
+    assert motion.group.rest_tick == 40 + STOP_MAX_MS * k.TICKS_PER_MS
+
+
+def test_a_queue_that_runs_dry_while_slowing_down_is_an_underrun(kernel: Kernel) -> None:
+    motion = Motion(kernel, 1)
+    motion.configure(0, CONFIG)
+    motion.push(0, 40 * STEP_UNITS, 4 * KHZ, 20)
+    motion.start(0, in_group=True)
+    motion.advance(60)
+    motion.group.hold(0, hold=True)
+    motion.ramp_group([DECELERATION])
+    motion.advance(1000)
+    assert motion.take_events() == [(0, Event.UNDERRUN)]
+    assert 0 < motion.velocity(0) < 4 * KHZ  # what a stop has to start from
+
+
+def test_velocity_is_scaled(kernel: Kernel) -> None:
+    """Half way down the ramp of 400 ticks from 4 kHz the axis runs at 2 kHz, and then rests."""
+    motion = Motion(kernel, 1)
+    motion.configure(0, CONFIG)
+    for record in ((40 * STEP_UNITS, 4 * KHZ, 20), (1000 * STEP_UNITS, 4 * KHZ, 250)):
+        motion.push(0, *record)
+    motion.start(0, in_group=True)
+    motion.advance(80)
+    motion.group.hold(0, hold=True)
+    motion.ramp_group([DECELERATION])
+    motion.advance(280)
+    assert motion.velocity(0) == pytest.approx(2 * KHZ, abs=2)
+    motion.advance(10_000)
+    assert motion.tick == 480
+    assert motion.take_events() == [(0, Event.HALTED)]
+    assert motion.velocity(0) == 0
+    assert motion.running(0)
+    assert motion.halted(0)
+
+
+RAMPS = st.lists(
+    st.tuples(st.integers(1, 300), st.sampled_from([0, 0, FULL, FULL, 30_000]), st.integers(0, 200)), max_size=8
+)
+SEGMENTS = st.lists(
+    st.tuples(st.integers(-40_000, 40_000), st.integers(-900_000, 900_000), st.integers(1, 60)), min_size=1, max_size=12
+)
+
+
+def ramped(rig: KernelRig, ramps: list[tuple[int, int, int]], ticks_at_once: int) -> None:
+    """Pass ticks, then ramp to a rate, and so on; at the end at full rate until all is done."""
+    for ticks, rate_q16, ramp_ticks in [*ramps, (1, FULL, 0), (4000, FULL, 0)]:
+        end = rig.tick + ticks
+        while rig.tick < end:
+            rig.advance(min(ticks_at_once, end - rig.tick))
+            for axis in range(rig.count):
+                rig.set(k.EVENT, k.EVENT_NONE, axis)
+        rig.ramp(rate_q16, ramp_ticks)
+
+
+@given(axes=st.lists(SEGMENTS, min_size=1, max_size=3), ramps=RAMPS, microsteps=st.sampled_from([1, 16]))
+@settings(max_examples=150)
+def test_both_kernels_and_any_cut_of_time_give_the_same_bits(
+    axes: list[list[Record]], ramps: list[tuple[int, int, int]], microsteps: int
+) -> None:
+    pytest.importorskip("numba", reason="the extra `fast` (numba) is not installed")
+    results = []
+    for kernel, ticks_at_once in ((python_kernel(), 4000), (compiled_kernel(), 4000), (compiled_kernel(), 7)):
+        rig = KernelRig(kernel, len(axes), microsteps, Timing(1, 1, 0, 0), rate_limit_q16_per_ms=100 * k.STEP_Q16)
+        for axis, segments in enumerate(axes):
+            for segment in segments:
+                rig.push(*segment, axis)
+            rig.start(axis)
+            rig.set(k.IN_GROUP, 1, axis)
+        ramped(rig, ramps, ticks_at_once)
+        results.append(rig.snapshot())
+    assert results[0] == results[1] == results[2]
+
+
+@given(segments=SEGMENTS, ramps=RAMPS)
+@settings(max_examples=150)
+def test_the_demand_is_the_plan_at_the_scaled_time(segments: list[Record], ramps: list[tuple[int, int, int]]) -> None:
+    """Against exact sums of mean rates and exact cubics; the bound is that of the evaluation at full rate.
+
+    Only the sums are rounded down to a Q16 tick, each from the begin of its ramp.
+    """
+    rig = KernelRig(python_kernel(), timing=Timing(1, 1, 0, 0), rate_limit_q16_per_ms=100 * k.STEP_Q16)
+    accepted = [segment for segment in segments if rig.push(*segment) == k.ACCEPTED]
+    if not rig.start():
+        return
+    rig.set(k.IN_GROUP, 1)
+    begin_q16 = 0
+    for ticks, target_q16, ramp_ticks in [(5, FULL, 0), *ramps, (5, FULL, 0)]:
+        from_q16 = rig.time.rate_q16(rig.tick)
+        rig.ramp(target_q16, ramp_ticks)
+        since_q16 = Fraction(0)
+        for j in range(ticks):
+            rate = Fraction(target_q16)
+            if j < ramp_ticks:
+                rate = from_q16 + Fraction((target_q16 - from_q16) * (2 * j + 1), 2 * ramp_ticks)
+            since_q16 += rate
+            rig.advance(1)
+            t_ms = Fraction(begin_q16 + math.floor(since_q16), FULL * k.TICKS_PER_MS)
+            expected = planned_steps(accepted, t_ms)
+            assert abs(Fraction(rig.get(k.POSITION_Q16), 1 << 16) - expected) <= Fraction(6, 1 << 16)
+        begin_q16 += math.floor(since_q16)
+
+
+def planned_steps(records: list[Record], t_ms: Fraction) -> Fraction:
+    """The position of a chain of cubics, at rest at its start and left where it ends, at 16 microsteps."""
+    start, v0 = Fraction(0), Fraction(0)
+    for displacement_units, end_velocity, dt_ms in records:
+        d, v1 = Fraction(displacement_units, STEP_UNITS), Fraction(end_velocity, KHZ)
+        if t_ms < dt_ms:
+            s = t_ms / dt_ms
+            a, e = v0 * dt_ms, v1 * dt_ms
+            return start + ((a + e - 2 * d) * s**3 + (3 * d - 2 * a - e) * s**2 + a * s)
+        start, v0, t_ms = start + d, v1, t_ms - dt_ms
+    return start

@@ -1,0 +1,164 @@
+"""The whole object table of a node, walked by SDO: what may be read and written, and why the rest may not."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from controller.backend import Kernel
+from protocol.abort import AbortCode
+from protocol.datatypes import DataType, encode
+from protocol.dictionary import ObjectDictionary
+from protocol.objects import OBJECTS, Access, Entry, Object
+from protocol.sdo_server import SdoServer
+from tests.controller.bench_board import BenchBoard
+
+TABLE = [(item.index, subindex, entry) for item in OBJECTS for subindex, entry in item.entries.items()]
+WRITABLE = (Access.READ_WRITE, Access.WRITE_ONLY)
+DONE = 0
+RANGE, STATE = AbortCode.VALUE_RANGE, AbortCode.DEVICE_STATE
+
+Outcome = tuple[int, int]
+"""What becomes of writing the least and the greatest value of the range."""
+
+
+def pdo_rules() -> Iterator[tuple[tuple[int, int], Outcome]]:
+    """Identifiers are never 0 or 2^32-1; all PDOs but TPDO2 exist, and so their mapping is fixed."""
+    for number in range(4):
+        off = number == 1
+        for communication, mapping in ((0x1400 + number, 0x1600 + number), (0x1800 + number, 0x1A00 + number)):
+            yield (communication, 1), (RANGE, RANGE)
+            yield (mapping, 0), (STATE, STATE)
+            yield from (((mapping, subindex), (STATE, STATE)) for subindex in range(1, 9))
+        for subindex in (3, 6):
+            yield (0x1800 + number, subindex), (DONE, DONE) if off else (STATE, STATE)
+    yield (0x1A01, 0), (DONE, AbortCode.CANNOT_BE_MAPPED)
+
+
+RULES: dict[tuple[int, int], Outcome] = {
+    **{(index, i): (AbortCode.NOT_STORED,) * 2 for index in (0x1010, 0x1011) for i in range(1, 5)},  # no signature
+    (0x1014, 0): (RANGE, RANGE),  # no identifier
+    (0x6060, 0): (RANGE, RANGE),  # no mode
+    (0x60C1, 4): (RANGE, DONE),  # 0 is expected, but the record has no duration; 255 is the one before
+    **dict(pdo_rules()),
+}
+"""Entries with rules beyond their range."""
+
+
+@pytest.fixture
+def board(fast_kernel: Kernel) -> BenchBoard:
+    return BenchBoard(fast_kernel)
+
+
+def named(value: object) -> str | None:
+    return f"{value:04X}" if isinstance(value, int) else None
+
+
+walk = pytest.mark.parametrize(("index", "subindex", "entry"), TABLE, ids=named)
+
+
+def request(board: BenchBoard, data: bytes) -> bytes:
+    board.send(0x610, data)
+    return board.frames(0x590)[-1]
+
+
+def head(index: int, subindex: int) -> bytes:
+    return index.to_bytes(2, "little") + bytes((subindex,))
+
+
+def abort_of(answer: bytes) -> int:
+    """The abort code of an answer, 0 if it is none."""
+    return int.from_bytes(answer[4:], "little") if answer[0] == 0x80 else 0
+
+
+def download(board: BenchBoard, index: int, subindex: int, data: bytes) -> int:
+    """Write up to 14 bytes in two segments; return the abort code, 0 for success."""
+    answer = request(board, b"\x20" + head(index, subindex) + bytes(4))
+    code = abort_of(answer)
+    if code:
+        return code
+    first, second = data[: len(data) // 2], data[len(data) // 2 :]
+    for toggle, part, last in ((0, first, 0), (0x10, second, 1)):
+        answer = request(board, bytes((toggle | (7 - len(part)) << 1 | last,)) + part.ljust(7, b"\0"))
+        code = abort_of(answer)
+        if code:
+            return code
+    return DONE
+
+
+def upload(board: BenchBoard, index: int, subindex: int) -> bytes | int:
+    """Read; return the bytes or the abort code."""
+    answer = request(board, b"\x40" + head(index, subindex) + bytes(4))
+    if answer[0] == 0x80:
+        return abort_of(answer)
+    if answer[0] & 2:
+        return answer[4 : 8 - (answer[0] >> 2 & 3)]
+    data, toggle = b"", 0
+    while True:
+        answer = request(board, bytes((0x60 | toggle,)) + bytes(7))
+        data += answer[1 : 8 - (answer[0] >> 1 & 7)]
+        if answer[0] & 1:
+            return data
+        toggle ^= 0x10
+
+
+@walk
+def test_read(board: BenchBoard, index: int, subindex: int, entry: Entry) -> None:
+    answer = upload(board, index, subindex)
+    if entry.access is Access.WRITE_ONLY:
+        assert answer == AbortCode.WRITE_ONLY
+    elif entry.data_type is DataType.VISIBLE_STRING:
+        assert answer == str(entry.default).encode()
+    else:
+        assert answer == encode(entry.data_type, board.value(index, subindex))
+
+
+def limits(entry: Entry) -> tuple[int, int]:
+    kind = entry.data_type
+    return kind.low if entry.low is None else entry.low, kind.high if entry.high is None else entry.high
+
+
+@walk
+def test_write(board: BenchBoard, index: int, subindex: int, entry: Entry) -> None:
+    kind = entry.data_type
+    if entry.access not in WRITABLE:
+        assert download(board, index, subindex, bytes(max(1, kind.size))) == AbortCode.READ_ONLY
+        assert download(board, index, subindex, bytes(14)) == AbortCode.READ_ONLY
+        return
+    values = limits(entry)
+    for value, outcome in zip(values, RULES.get((index, subindex), (DONE, DONE)), strict=True):
+        assert download(board, index, subindex, encode(kind, value)) == outcome
+    low, high = values
+    if low > kind.low:
+        assert download(board, index, subindex, encode(kind, low - 1)) == AbortCode.VALUE_TOO_LOW
+    if high < kind.high:
+        assert download(board, index, subindex, encode(kind, high + 1)) == AbortCode.VALUE_TOO_HIGH
+
+
+@walk
+def test_length(board: BenchBoard, index: int, subindex: int, entry: Entry) -> None:
+    size = entry.data_type.size
+    if entry.access in WRITABLE:
+        before = board.value(index, subindex)
+        assert download(board, index, subindex, bytes(size - 1)) == AbortCode.LENGTH_TOO_LOW
+        assert download(board, index, subindex, bytes(size + 1)) == AbortCode.LENGTH_TOO_HIGH
+        assert download(board, index, subindex, bytes(14)) == AbortCode.LENGTH_TOO_HIGH
+        announced = request(board, b"\x21" + head(index, subindex) + (size + 1).to_bytes(4, "little"))
+        assert abort_of(announced) == AbortCode.LENGTH_TOO_HIGH
+        assert board.value(index, subindex) == before
+
+
+@pytest.mark.parametrize("item", OBJECTS, ids=lambda item: f"{item.index:04X}")
+def test_sub_indices_that_do_not_exist(board: BenchBoard, item: Object) -> None:
+    for subindex in set(range(256)) - set(item.entries):
+        assert upload(board, item.index, subindex) == AbortCode.NO_SUBINDEX
+        assert download(board, item.index, subindex, bytes(4)) == AbortCode.NO_SUBINDEX
+
+
+def test_all_other_indices_do_not_exist() -> None:
+    sdo = SdoServer(ObjectDictionary(0x10))
+    known = {item.index for item in OBJECTS}
+    for index in range(0x10000):
+        if index not in known:
+            for command in (0x40, 0x2F, 0x21, 0xA0, 0xC0):
+                [answer] = sdo.handle(bytes((command,)) + head(index, 0) + b"\1\0\0\0")
+                assert abort_of(answer) == AbortCode.NO_OBJECT

@@ -1,0 +1,178 @@
+"""The profile generator: ends at the very unit, keeps its limits up to the rounding that its module states."""
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from controller.profile import GRAIN_MS, PIECE_MS, Limits, Profile, Segment, move, stop
+
+PER_S2 = 64 / 1_000_000
+"""1/64 unit per ms^2 in a unit per s^2."""
+ACROSS_A_BEND = 11 / 9 + 1e-9
+"""How a cubic over a bend of the acceleration exceeds it: 1 + x - x^2 where the last x = 1/3 of it is constant."""
+ENOUGH = 500
+"""Segments after which a long motion is left alone."""
+
+
+@dataclass
+class Run:
+    """Segments as executed from a velocity, with what the kernel's cubics do between their ends."""
+
+    velocity: int
+    segments: list[Segment] = field(default_factory=list)
+    units: int = 0
+    fastest_excess: float = 0.0
+    """The highest speed of a segment's hull in 1/64 unit per ms, without what rounding may add."""
+    accelerations: list[tuple[int, float, float]] = field(default_factory=list)
+    """Duration, and acceleration at begin and end in 1/64 unit per ms^2."""
+
+    def take(self, profile: Profile, count: int = ENOUGH) -> "Run":
+        for _ in range(count):
+            segment = profile.next_segment()
+            if segment is None:
+                break
+            self._append(segment)
+        return self
+
+    def _append(self, segment: Segment) -> None:
+        t = segment.duration_ms
+        v0, v1, distance = self.velocity, segment.end_velocity, 64 * segment.displacement_units
+        hull = max(abs(v0), abs(v1), abs(3 * distance / t - v0 - v1))
+        self.fastest_excess = max(self.fastest_excess, hull - speed_rounding(t))
+        first = (6 * distance - (4 * v0 + 2 * v1) * t) / t**2
+        last = ((2 * v0 + 4 * v1) * t - 6 * distance) / t**2
+        self.accelerations.append((t, first, last))
+        self.segments.append(segment)
+        self.units += segment.displacement_units
+        self.velocity = v1
+
+    @property
+    def acceleration_excess(self) -> float:
+        """The highest acceleration without what rounding may add."""
+        return max((max(abs(a), abs(b)) - rounding(t) for t, a, b in self.accelerations), default=0.0)
+
+
+def speed_rounding(duration_ms: int) -> float:
+    """3 / T + 1/64 units per ms."""
+    return 64 * 3 / duration_ms + 1
+
+
+def rounding(duration_ms: int) -> float:
+    """(6 / T + 1/16) / T units per ms^2."""
+    return 64 * (6 / duration_ms + 1 / 16) / duration_ms
+
+
+accelerations = st.integers(10**4, 2**32 - 1)
+linear = st.builds(Limits, st.integers(1, 960_000), accelerations, accelerations, st.just(0))
+smooth = st.builds(Limits, st.integers(1, 960_000), accelerations, accelerations, st.integers(10**6, 2**32 - 1))
+distances = st.one_of(st.integers(-2000, 2000), st.integers(-(10**6), 10**6), st.integers(-(2**32), 2**32))
+
+
+def steepest(limits: Limits) -> float:
+    return max(limits.acceleration, limits.deceleration) * PER_S2
+
+
+@given(limits=st.one_of(linear, smooth), distance=distances)
+@example(limits=Limits(1, 1, 1), distance=3)
+def test_from_rest_it_ends_at_the_target_within_all_limits(limits: Limits, distance: int) -> None:
+    run = Run(0).take(move(distance, 0, 0, limits))
+    assert run.fastest_excess <= limits.velocity
+    assert run.acceleration_excess <= steepest(limits) * (ACROSS_A_BEND if limits.jerk else 1 + 1e-9)
+    assert all(GRAIN_MS <= segment.duration_ms <= PIECE_MS for segment in run.segments)
+    if len(run.segments) < ENOUGH:
+        assert (run.units, run.velocity) == (distance, 0)
+
+
+@given(limits=st.one_of(linear, smooth), distance=distances, velocity=st.integers(-960_000, 960_000))
+def test_from_any_velocity_it_ends_at_the_target(limits: Limits, distance: int, velocity: int) -> None:
+    """Also the wrong way, too near to stop and faster than allowed: that is taken back by the deceleration."""
+    run = Run(velocity).take(move(distance, velocity, 0, limits))
+    assert run.fastest_excess <= max(limits.velocity, abs(velocity))
+    assert run.acceleration_excess <= steepest(limits) * (1 + 3 / GRAIN_MS) * ACROSS_A_BEND
+    if len(run.segments) < ENOUGH:
+        assert (run.units, run.velocity) == (distance, 0)
+
+
+@given(
+    first=st.one_of(linear, smooth),
+    second=st.one_of(linear, smooth),
+    distance=distances,
+    change_after=st.integers(1, 60),
+    target=distances,
+)
+def test_a_new_target_with_new_limits_on_the_way(
+    first: Limits, second: Limits, distance: int, change_after: int, target: int
+) -> None:
+    run = Run(0).take(move(distance, 0, 0, first), change_after)
+    acceleration = run.segments[-1].end_acceleration if run.segments else 0
+    run.take(move(target - run.units, run.velocity, acceleration, second))
+    assert run.fastest_excess <= max(first.velocity, second.velocity) + 1
+    assert run.acceleration_excess <= max(steepest(first), steepest(second)) * (1 + 3 / GRAIN_MS) * ACROSS_A_BEND
+    if len(run.segments) < ENOUGH:
+        assert (run.units, run.velocity) == (target, 0)
+
+
+@given(limits=st.one_of(linear, smooth), velocity=st.integers(-960_000, 960_000))
+def test_a_stop_never_turns_round(limits: Limits, velocity: int) -> None:
+    run = Run(velocity).take(stop(velocity, 0, limits))
+    assert run.acceleration_excess <= limits.deceleration * PER_S2 * ACROSS_A_BEND
+    if len(run.segments) < ENOUGH:
+        assert run.velocity == 0
+        assert run.units * velocity >= 0
+        blend_ms = 1000 * limits.deceleration / limits.jerk if limits.jerk else 0
+        longest_ms = abs(velocity) / (limits.deceleration * PER_S2) + blend_ms + 4 * GRAIN_MS
+        assert abs(run.units) <= abs(velocity) * longest_ms / 128 + 1
+    assert all(segment.end_velocity * velocity >= 0 for segment in run.segments)
+
+
+@given(limits=smooth, distance=st.integers(10**5, 10**8), change_after=st.integers(1, 40))
+def test_jerk_limited_motions_have_no_steps_in_their_acceleration(
+    limits: Limits, distance: int, change_after: int
+) -> None:
+    """Also where a new target takes over: the present acceleration is taken back within the jerk."""
+    run = Run(0).take(move(distance, 0, 0, limits), change_after)
+    run.take(move(2 * distance, run.velocity, run.segments[-1].end_acceleration, limits))
+    blended = [(0, 0.0, 0.0), *run.accelerations]
+    jerk = limits.jerk * 64 / 10**9
+    for (t0, _, before), (t1, after, _) in pairwise(blended):
+        # The ramp that hits the target may bend a little: it gives whole milliseconds back.
+        give_back = 3 * 64 * 15_000 / 1000
+        assert abs(after - before) <= rounding(t0 or t1) + rounding(t1) + jerk * PIECE_MS + give_back
+
+
+def test_a_trapezoid_takes_its_time() -> None:
+    """100 000 units at 64 units per ms with ramps of 100 ms: 1662.5 ms, and less than 5 grains more."""
+    limits = Limits(64 * 64, 640_000, 640_000)
+    run = Run(0).take(move(100_000, 0, 0, limits))
+    total_ms = sum(segment.duration_ms for segment in run.segments)
+    assert total_ms == pytest.approx(1662.5, abs=5 * GRAIN_MS)
+    assert max(segment.end_velocity for segment in run.segments) == 64 * 64
+
+
+def test_a_jerk_limited_ramp_takes_its_time() -> None:
+    """To 100 units per ms at 1 unit per ms^2 and 0.02 units per ms^3: 100 ms + 50 ms."""
+    limits = Limits(6400, 1_000_000, 1_000_000, 20_000_000)
+    run = Run(0).take(move(10**6, 0, 0, limits), 40)
+    ended = [segment.end_velocity for segment in run.segments]
+    at_speed = ended.index(6400)
+    assert sum(segment.duration_ms for segment in run.segments[: at_speed + 1]) == 150
+
+
+@pytest.mark.parametrize("jerk", [0, 10**7])
+def test_no_distance_is_no_motion(jerk: int) -> None:
+    assert move(0, 0, 0, Limits(6400, 10**6, 10**6, jerk)).next_segment() is None
+    assert stop(0, 0, Limits(6400, 10**6, 10**6, jerk)).next_segment() is None
+
+
+def test_too_near_to_stop_it_overshoots_and_comes_back() -> None:
+    """From 100 units per ms at 1 unit per ms^2 it needs 5000 units to stop; at 1000 it turns round."""
+    run = Run(6400).take(move(1000, 6400, 0, Limits(6400, 1_000_000, 1_000_000)))
+    position, farthest = 0, 0
+    for segment in run.segments:
+        position += segment.displacement_units
+        farthest = max(farthest, position)
+    assert farthest == 5000
+    assert position == 1000

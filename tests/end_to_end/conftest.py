@@ -1,0 +1,12 @@
+"""What the tests of whole runs share."""
+
+import pytest
+
+from controller.backend import Kernel
+from docs.generate.runs import Runs
+
+
+@pytest.fixture(scope="session")
+def runs(fast_kernel: Kernel) -> Runs:
+    """Every job with its default options, each run once, when it is first asked for."""
+    return Runs(fast_kernel)

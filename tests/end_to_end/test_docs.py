@@ -1,0 +1,76 @@
+"""The pages that `make docs` writes are up to date, pictures and links are there, and the Python does what it says."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from docs.generate.page import PAGE, render_page
+from docs.generate.protocol import PROTOCOL_PAGE, render_protocol
+from docs.generate.results import SAMPLED
+from docs.generate.robot_file import Entry, read_robot_file
+from docs.generate.runs import ROBOTS, Runs
+from host.robots import robot_names
+
+TEXT = PAGE.read_text(encoding="utf-8")
+PICTURE_BYTES_MAX = 120_000
+
+
+def test_the_page_is_up_to_date(runs: Runs) -> None:
+    """Where this fails, `make docs` mends it; look at what changed."""
+    assert render_page(runs) == TEXT
+
+
+def test_the_protocol_page_is_up_to_date() -> None:
+    assert render_protocol() == PROTOCOL_PAGE.read_text(encoding="utf-8")
+
+
+def test_every_robot_is_described() -> None:
+    assert set(ROBOTS) == set(robot_names())
+
+
+def test_links_lead_somewhere() -> None:
+    targets = re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", TEXT)
+    assert len(targets) > 30
+    for target in targets:
+        assert (PAGE.parent / target).exists(), target
+
+
+def test_pictures_are_small() -> None:
+    pictures = set(re.findall(r"\((pictures/[^)]+)\)", TEXT))
+    assert {path.name for path in (PAGE.parent / "pictures").iterdir()} == {Path(name).name for name in pictures}
+    for name in pictures:
+        assert (PAGE.parent / name).stat().st_size < PICTURE_BYTES_MAX, name
+
+
+def test_python() -> None:
+    (code,) = re.findall(r"^```python\n(.*?)^```", TEXT, flags=re.MULTILINE | re.DOTALL)
+    subprocess.run([sys.executable, "-W", "error", "-c", code], check=True, cwd="/")
+
+
+@pytest.mark.parametrize(("robot", "job"), SAMPLED)
+def test_runs_agree_with_the_papers_samples(robot: str, job: str, runs: Runs) -> None:
+    """The helix' 241 samples are too far apart to see where the sliders turn around."""
+    sampled, report = SAMPLED[robot, job], runs.outcome(robot, job).report
+    between_samples = 0.001 if job == "helix" else 0.0
+    for axis, pulses in zip(report.axes, sampled.pulses, strict=True):
+        assert abs(axis.pulses - pulses) <= 2 * axis.reversals + between_samples * pulses
+    assert sampled.tool_mm <= report.tool.position_error_mm_max <= 1.5 * sampled.tool_mm
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_every_number_of_a_robot_is_marked(robot: str) -> None:
+    for name, section in read_robot_file(robot).items():
+        marked = name.startswith("places.") and section.comment.startswith("[")
+        for key, entry in section.entries.items():
+            assert entry.mark or marked or key in {"name", "title", "kind", "unit"}, (name, key)
+
+
+def test_a_robot_file_is_read_with_its_notes() -> None:
+    sections = read_robot_file("lab-scara")
+    assert sections["joints.d1"].comment == "lift: motor straight on a ball screw"
+    assert sections["joints.d1"].entries["upper"] == Entry("250.0", "[S]", "stroke")
+    assert sections["joints.d1"].entries["unit"] == Entry("mm", "", "")
+    assert sections["board"].entries["osc_pf"].value == "330"

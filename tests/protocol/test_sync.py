@@ -1,0 +1,36 @@
+"""SYNC with and without a counter (CiA 301, sections 7.2.5 and 7.5.2.19)."""
+
+import pytest
+
+from protocol.abort import AbortCode, SdoAbortError
+from protocol.dictionary import ObjectDictionary
+from protocol.sync import SyncConsumer
+
+
+@pytest.mark.parametrize(
+    ("overflow", "data", "counter"),
+    [(0, b"", 0), (0, b"\1", None), (2, b"", None), (2, b"\2", 2), (240, b"\xf0", 240), (240, b"\1\1", None)],
+)
+def test_the_counter_is_there_if_it_is_agreed_on(overflow: int, data: bytes, counter: int | None) -> None:
+    dictionary = ObjectDictionary(0x10)
+    sync = SyncConsumer(dictionary)
+    dictionary.write(0x1019, 0, bytes((overflow,)))
+    assert sync.counter_of(data) == counter
+
+
+@pytest.mark.parametrize(
+    ("overflow", "period_us", "code"),
+    [
+        (1, 0, AbortCode.VALUE_RANGE),
+        (241, 0, AbortCode.VALUE_TOO_HIGH),
+        (0, 1000, AbortCode.DEVICE_STATE),
+        (2, 1000, AbortCode.DEVICE_STATE),
+    ],
+)
+def test_overflow_values_that_are_refused(overflow: int, period_us: int, code: AbortCode) -> None:
+    dictionary = ObjectDictionary(0x10)
+    SyncConsumer(dictionary)
+    dictionary.write(0x1006, 0, period_us.to_bytes(4, "little"))
+    with pytest.raises(SdoAbortError) as caught:
+        dictionary.write(0x1019, 0, bytes((overflow,)))
+    assert caught.value.code is code
