@@ -4,16 +4,17 @@
 is fetched: frames by `take_frames`, pin changes by `take_pins`, pulse edges by `motion.take_edges`.
 """
 
-from collections.abc import Callable
-from enum import Enum
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple
 
 from controller.axis_node import AxisNode
 from controller.backend import Kernel
 from controller.kernel import TICK_COUNTS
+from controller.measurements import Measurements, Monitor, no_monitor
 from controller.motion import COUNTS_PER_US, Event, Motion
-from protocol.cia402 import DigitalOutput, ErrorCode
+from controller.pins import PinChange
+from protocol.cia402 import DigitalInput, ErrorCode
 from protocol.dictionary import FlashPage
 from protocol.frame import (
     COB_HEARTBEAT,
@@ -33,26 +34,14 @@ AXES_MAX = 8
 Handler = Callable[[bytes, int], None]
 
 
-class Pin(Enum):
-    """The pins that the firmware holds at a level: driver inputs and the axis' outputs; CLK and DIR come as edges."""
+class Fault(NamedTuple):
+    """Why an axis is to stop."""
 
-    RESET = "RESET"
-    ENABLE = "ENABLE"
-    OUT1 = "OUT1"
-    OUT2 = "OUT2"
+    code: ErrorCode
+    detail: int
 
 
-OUTPUT_PINS = {Pin.OUT1: DigitalOutput.OUT1, Pin.OUT2: DigitalOutput.OUT2}
-"""The pins that follow object 0x60FE, with their bits in it."""
-
-
-class PinChange(NamedTuple):
-    """A pin of one axis takes a level."""
-
-    counts: int
-    axis: int
-    pin: Pin
-    level: int
+_EVENT_FAULTS = {Event.UNDERRUN: ErrorCode.PVT_UNDERRUN, Event.LATE_STEP: ErrorCode.LATE_STEP}
 
 
 class Firmware:
@@ -68,6 +57,7 @@ class Firmware:
         axis_count: int,
         flash: list[FlashPage] | None = None,
         first_node_id: int = FIRST_NODE_ID,
+        monitor: Monitor = no_monitor,
     ) -> None:
         """Set the board up.
 
@@ -76,6 +66,7 @@ class Firmware:
             axis_count: 1 to 8.
             flash: a page for each axis, which is read at boot and written when the host stores parameters.
             first_node_id: the first axis' node id; the others count on from it.
+            monitor: what the board measures of an axis beside its pins; by default nothing.
         """
         if not 1 <= axis_count <= AXES_MAX:
             raise ValueError(f"a board has 1 to {AXES_MAX} axes, not {axis_count}")
@@ -83,19 +74,22 @@ class Firmware:
             raise ValueError(f"{axis_count} node ids from {first_node_id} on are not within 1 to {NODE_ID_MAX}")
         self.motion = Motion(kernel, axis_count)
         pages: list[FlashPage] = [{} for _ in range(axis_count)] if flash is None else flash
-        self.nodes = tuple(AxisNode(first_node_id + axis, axis, self.motion, page) for axis, page in enumerate(pages))
+        self._measurements = Measurements()
+        self._trips: dict[int, list[Fault]] = {}
+        """The axes that ask for the fault reaction, and why."""
+        self.nodes = tuple(
+            AxisNode(first_node_id + axis, axis, self.motion, page, self._measurements, monitor, self._trip)
+            for axis, page in enumerate(pages)
+        )
         self.dropped_frames = 0
         """Frames that were for nobody here or malformed."""
         self._frames: list[Frame] = []
         self._pins: list[PinChange] = []
-        self._energised = [False] * axis_count
-        self._outputs = [0] * axis_count
         self._routes: dict[int, list[tuple[AxisNode, Handler]]] = {}
 
     def boot(self, now_counts: int) -> None:
         """Power-up: release the drivers from reset, announce the nodes."""
         for node in self.nodes:
-            self._pins.append(PinChange(now_counts, node.axis, Pin.RESET, 1))
             node.boot(now_counts // COUNTS_PER_US)
             self._collect(node, now_counts)
 
@@ -104,7 +98,7 @@ class Firmware:
     def receive(self, frame: Frame, now_counts: int) -> None:
         """Take one frame from the bus; whatever it holds, it never raises."""
         self._deliver(frame, now_counts)
-        self._tend_halt(now_counts)
+        self._conclude(now_counts)
 
     def _deliver(self, frame: Frame, now_counts: int) -> None:
         now_us = now_counts // COUNTS_PER_US
@@ -164,6 +158,25 @@ class Firmware:
                 handler = partial(node.on_heartbeat, producer_id)
                 self._routes.setdefault(COB_HEARTBEAT + producer_id, []).append((node, handler))
 
+    # --- inputs
+
+    def set_inputs(self, inputs: Sequence[DigitalInput], now_counts: int) -> None:
+        """The inputs of the axes have these levels as of the servo tick that begins now."""
+        for node, levels in zip(self.nodes, inputs, strict=True):
+            with node.acting(now_counts // COUNTS_PER_US) as drive:
+                drive.set_inputs(levels)
+            self._collect(node, now_counts)
+        self._conclude(now_counts)
+
+    def measure(self, supply_10mv: int, temperature_decidegc: int, now_counts: int) -> None:
+        """The board's analogue inputs say this now."""
+        self._measurements.supply_10mv = supply_10mv
+        self._measurements.temperature_decidegc = temperature_decidegc
+        for node in self.nodes:
+            if node.drive.energised:
+                node.drive.supervision.check()
+        self._conclude(now_counts)
+
     # --- time forward
 
     def advance(self, until_counts: int) -> int:
@@ -190,8 +203,12 @@ class Firmware:
             if node.due_us is not None and node.due_us <= now_us:
                 node.poll(now_us)
                 self._collect(node, now_counts)
-        if any(node.connection_lost for node in self.nodes):
-            self._abort_connections(now_counts)
+        for node in self.nodes:
+            if node.connection_lost:
+                node.abort_connection(now_us)
+                self._collect(node, now_counts)
+        if self._trips:
+            self._conclude(now_counts)
 
     @property
     def next_due_counts(self) -> int | None:
@@ -204,79 +221,73 @@ class Firmware:
     def _handle_events(self, now_counts: int) -> None:
         events = self.motion.take_events()
         now_us = now_counts // COUNTS_PER_US
-        faults = {
-            axis: ErrorCode.PVT_UNDERRUN if event is Event.UNDERRUN else ErrorCode.LATE_STEP
-            for axis, event in events
-            if event in (Event.UNDERRUN, Event.LATE_STEP)
-        }
-        if faults:
-            self._stop_group(faults, now_us)
         for axis, event in events:
-            if event is Event.FINISHED:
-                self.nodes[axis].finished(now_us)
-            elif event is Event.HALTED:
-                self.nodes[axis].time_scaled(now_us)
+            if event in _EVENT_FAULTS:
+                self._trip(axis, _EVENT_FAULTS[event])
+        self._stop_tripped(now_us)
+        for axis, event in events:
+            with self.nodes[axis].acting(now_us) as drive:
+                if event is Event.FINISHED:
+                    drive.finished()
         for node in self.nodes:
             self._collect(node, now_counts)
-        self._tend_halt(now_counts)
+        self._conclude(now_counts)
 
-    def _tend_halt(self, now_counts: int) -> None:
-        """Halt the group or let it go on, if that is asked for after all that one frame or instant has changed."""
-        group = self.motion.group
-        if group.halted == group.halt_wanted:
-            return
-        self.motion.ramp_group([node.dictionary.get(0x6085) for node in self.nodes])
-        for node in self.nodes:
-            node.time_scaled(now_counts // COUNTS_PER_US)
-            self._collect(node, now_counts)
-
-    def _abort_connections(self, now_counts: int) -> None:
-        """Let the axes that have lost their host react, those with a fault together with their group."""
+    def _conclude(self, now_counts: int) -> None:
+        """After all that one frame or instant has changed: stop what has tripped, halt the group or let it go on."""
         now_us = now_counts // COUNTS_PER_US
-        lost = [node for node in self.nodes if node.connection_lost]
-        for node in lost:
-            node.abort_connection(now_us)
-        faults = {node.axis: ErrorCode.HEARTBEAT_LOST for node in lost if node.signals_lost_connection}
-        if faults:
-            self._stop_group(faults, now_us)
-        for node in self.nodes:
-            self._collect(node, now_counts)
-
-    def _stop_group(self, faults: dict[int, ErrorCode], now_us: int) -> None:
-        """Stop the faulty axes and, where a faulty axis asks for it, all that interpolate with it, in the same time.
-
-        Equal duration makes the tool leave the path along its tangent instead of turning away from it.
-        """
-        stopping = dict(faults)
-        if any(self.nodes[axis].dictionary.get(0x2010, 1) for axis in faults):
+        group = self.motion.group
+        tripped = bool(self._trips)
+        if tripped:
+            self._stop_tripped(now_us)
+        halting = group.halted != group.halt_wanted
+        if halting:
+            self.motion.ramp_group([node.drive.halt_deceleration() for node in self.nodes])
+        if tripped or halting:
             for node in self.nodes:
-                if node.interpolation.running:
-                    stopping.setdefault(node.axis, ErrorCode.GROUP_STOPPED)
-        stop_ms = max(self.nodes[axis].stop_ms() for axis in stopping)
-        for axis, code in stopping.items():
-            self.nodes[axis].fault(code, stop_ms, now_us)
+                node.review(now_us)
+                self._collect(node, now_counts)
+
+    # --- faults
+
+    def _trip(self, axis: int, code: ErrorCode, detail: int = 0) -> None:
+        """An axis asks for the fault reaction; what it asks for in one go happens together."""
+        self._trips.setdefault(axis, []).append(Fault(code, detail))
+
+    def _stop_tripped(self, now_us: int) -> None:
+        """Stop the axes that have tripped and, where one asks for it, all that move in step with it.
+
+        All that ramp down do so in the same time: that makes the tool leave the path along its tangent instead of
+        turning away from it.
+        """
+        while self._trips:
+            trips, self._trips = self._trips, {}
+            stopping = {axis: faults for axis, faults in trips.items() if self.nodes[axis].drive.energised}
+            if any(self.nodes[axis].dictionary.get(0x2010, 1) for axis in stopping):
+                for node in self.nodes:
+                    if node.drive.mode.coordinated:
+                        stopping.setdefault(node.axis, [Fault(ErrorCode.GROUP_STOPPED, 0)])
+            stop_ms = max(
+                (self.nodes[axis].drive.fault_stop_ms(*fault) for axis, faults in stopping.items() for fault in faults),
+                default=0,
+            )
+            for axis, faults in stopping.items():
+                with self.nodes[axis].acting(now_us) as drive:
+                    for fault in faults:
+                        drive.fault(*fault, stop_ms)
 
     # --- out
 
     def _collect(self, node: AxisNode, now_counts: int) -> None:
-        """Fetch what a node has to say, show its state and outputs on their pins, follow its COB-IDs."""
+        """Fetch what a node has to say and to switch, follow its COB-IDs."""
         if node.routes_changed:
             self._route()
         if node.outbox:
             self._frames += node.outbox
             node.outbox.clear()
-        if node.energised is not self._energised[node.axis]:
-            self._energised[node.axis] = node.energised
-            self._pins.append(PinChange(now_counts, node.axis, Pin.ENABLE, int(node.energised)))
-        if node.outputs != self._outputs[node.axis]:
-            self._switch_outputs(node, now_counts)
-
-    def _switch_outputs(self, node: AxisNode, now_counts: int) -> None:
-        changed = node.outputs ^ self._outputs[node.axis]
-        self._outputs[node.axis] = node.outputs
-        for pin, bit in OUTPUT_PINS.items():
-            if changed & bit:
-                self._pins.append(PinChange(now_counts, node.axis, pin, int(bool(node.outputs & bit))))
+        if node.pin_changes:
+            self._pins += [PinChange(now_counts, node.axis, pin, level) for pin, level in node.pin_changes]
+            node.pin_changes.clear()
 
     def take_frames(self) -> list[Frame]:
         """Return the frames that want to be sent now."""

@@ -1,33 +1,9 @@
-"""What the modes of operation have in common, and the one that does nothing."""
+"""What the modes of operation have in common."""
 
 from typing import Protocol
 
 from controller.motion import Motion
-from protocol.cia402 import ErrorCode
-
-
-class Mode(Protocol):
-    """One mode of operation of one axis; it acts only while the drive is in OPERATION ENABLED."""
-
-    def control(self, controlword: int, previous: int) -> None:
-        """Obey the mode's bits of a controlword."""
-        ...
-
-    def finished(self) -> None:
-        """The mode's motion has come to its end, at rest."""
-        ...
-
-    def interrupted(self) -> None:
-        """The drive stops the mode's motion or leaves OPERATION ENABLED, or another mode takes over."""
-        ...
-
-    def target_reached(self) -> bool:
-        """Bit 10 of the statusword."""
-        ...
-
-    def status_bits(self) -> int:
-        """The mode's other bits of the statusword."""
-        ...
+from protocol.cia402 import DigitalInput, ErrorCode
 
 
 class Report(Protocol):
@@ -36,26 +12,59 @@ class Report(Protocol):
     def __call__(self, code: ErrorCode, detail: int) -> None: ...
 
 
-class NoMode:
-    """After power-up, until a mode is chosen."""
+class Trip(Protocol):
+    """How an axis asks for the fault reaction, of its whole group perhaps; it begins when the caller has returned."""
+
+    def __call__(self, axis: int, code: ErrorCode, detail: int = 0) -> None: ...
+
+
+class Mode:
+    """One mode of operation of one axis; it acts only while the drive is in OPERATION ENABLED.
+
+    As it stands it does nothing: the mode after power-up, until one is chosen.
+    """
 
     def __init__(self, axis: int, motion: Motion) -> None:
         self._axis = axis
         self._motion = motion
 
+    @property
+    def coordinated(self) -> bool:
+        """Whether the axis is moving in step with others, which must stop with it."""
+        return False
+
+    @property
+    def seeks_switches(self) -> bool:
+        """Whether the mode itself reacts to the limit switches now, which else are faults."""
+        return False
+
+    @property
+    def due_us(self) -> int | None:
+        """When `poll` wants to be called next."""
+        return None
+
+    def poll(self, now_us: int) -> None:
+        """Do what is due."""
+
     def control(self, controlword: int, previous: int) -> None:
-        """There is nothing to obey."""
+        """Obey the mode's bits of a controlword."""
+
+    def on_sync(self) -> None:
+        """A SYNC has come, and latched process data with it."""
+
+    def inputs_changed(self, inputs: DigitalInput) -> None:
+        """The axis' inputs have changed to these levels in the tick just over."""
 
     def finished(self) -> None:
-        """There is no motion to finish."""
+        """The mode's motion has come to its end, at rest."""
 
     def interrupted(self) -> None:
-        """There is no motion to interrupt."""
+        """The drive stops the mode's motion or leaves OPERATION ENABLED, or another mode takes over."""
 
     def target_reached(self) -> bool:
-        """Standstill."""
+        """Bit 10 of the statusword: here, standstill."""
         return not self._motion.running(self._axis)
 
     def status_bits(self) -> int:
-        """No bit means anything."""
+        """The mode's other bits of the statusword."""
         return 0

@@ -9,9 +9,11 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from controller.kernel import STEP_Q16
-from controller.motion import UNITS_PER_FULL_STEP, Motion, Refusal
+from controller.motion import Motion, Refusal
 from controller.profile import GRAIN_MS, Limits, Profile, Segment, move, stop
+from controller.stops import HALTS, Ramp
 from protocol.dictionary import ObjectDictionary
+from protocol.objects import UNITS_PER_FULL_STEP
 from protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 AHEAD_MS = 48
@@ -101,6 +103,12 @@ class ProfileFeed:
         distance = target_units - self.take_over()
         self._begin(move(distance, self._motion.tail_velocity(self._axis), self._acceleration, limits))
 
+    def halt(self, limits: Limits) -> None:
+        """To rest by the ramp that 0x605D asks for: the limits' own, which is 0x6084, or the quick stop's."""
+        ramp = HALTS[self._dictionary.get(0x605D)]
+        quick = ramp is Ramp.QUICK_STOP
+        self.stop(limits._replace(deceleration=self._dictionary.get(0x6085)) if quick else limits)
+
     def stop(self, limits: Limits) -> None:
         """To rest as soon as the limits allow."""
         self.take_over()
@@ -126,6 +134,11 @@ class ProfileFeed:
         self.active = self._motion.running(self._axis)
         if not self.active:
             self.due_us = None
+
+    def poll(self, now_us: int) -> None:
+        """Queue more segments if it is time."""
+        if self.due_us is not None and self.due_us <= now_us:
+            self.fill()
 
     def fill(self) -> None:
         """Queue segments until enough motion waits."""

@@ -5,6 +5,7 @@ the end of the range of a position, just as it would at a target. There bit 11 o
 A new target velocity or a new controlword takes the profile objects as they are then.
 """
 
+from controller.modes import Mode
 from controller.motion import Motion
 from controller.profile_feed import ProfileFeed
 from controller.soft_limits import soft_limits
@@ -13,12 +14,11 @@ from protocol.dictionary import ObjectDictionary
 from protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 
-class ProfileVelocity:
+class ProfileVelocity(Mode):
     """The mode's target and bits; the motion itself is the feed's."""
 
     def __init__(self, axis: int, motion: Motion, dictionary: ObjectDictionary, feed: ProfileFeed) -> None:
-        self._axis = axis
-        self._motion = motion
+        super().__init__(axis, motion)
         self._dictionary = dictionary
         self._feed = feed
         self._enabled = False
@@ -55,7 +55,7 @@ class ProfileVelocity:
         if self._velocity and (end - self._feed.take_over()) * self._velocity > 0:
             self._feed.move_to(end, limits)
         elif self._motion.running(self._axis):
-            self._feed.stop(limits)
+            (self._feed.halt if self._halted else self._feed.stop)(limits)
 
     def finished(self) -> None:
         """The axis stands; after a ramp that was not the mode's it begins to follow its target."""

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.backend import Kernel
-from controller.firmware import OUTPUT_PINS, Firmware, Pin, PinChange
+from controller.firmware import Firmware
 from controller.kernel import TICK_COUNTS
 from controller.motion import PinEdges
+from controller.pins import OUTPUT_PINS, Pin, PinChange
 from emulator.can_controller import CanController
 from emulator.tb6560 import Int8Array, Int64Array, Pins, Tb6560, Violations
 from protocol.cia402 import ErrorCode

@@ -5,17 +5,18 @@ from math import floor
 import canopen
 
 from controller.backend import Kernel
-from controller.firmware import Pin
 from controller.kernel import TICK_COUNTS
 from controller.motion import COUNTS_PER_SECOND
+from controller.pins import Pin
 from emulator.board import AxisTrace, Board, BoardConfig
 from emulator.bus import Bus
 from emulator.bus_faults import FaultScript
 from emulator.simulation import BusOverloadError, Simulation
 from host.errors import BusError
-from host.robot import UNITS_PER_FULL_STEP, Joint, Robot
+from host.robot import Joint, Robot
 from host.verify import AxisEvidence, BusReport, Evidence, OutputChange
 from protocol.frame import COB_SYNC, Frame
+from protocol.objects import UNITS_PER_FULL_STEP
 
 _PINS = (Pin.OUT1, Pin.OUT2)
 

@@ -13,11 +13,12 @@ from host.embedded import EmbeddedBoard
 from host.errors import DeviceFaultError, InputError
 from host.kinematics import make_kinematics
 from host.planner import Plan, check_start
-from host.robot import UNITS_PER_FULL_STEP, Board, Joint
+from host.robot import Board, Joint
 from host.verify import Comparison, Report, RunInfo, compare, verify_comparison
 from host.verify import Plan as VerifierPlan
 from protocol.cia402 import DigitalOutput
 from protocol.frame import Frame
+from protocol.objects import UNITS_PER_FULL_STEP
 
 
 @dataclass(frozen=True, slots=True)

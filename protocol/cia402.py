@@ -69,6 +69,9 @@ class Status(IntFlag):
     ZERO_SPEED = 1 << 12
     IP_ACTIVE = 1 << 12
     HOMING_ERROR = 1 << 13
+    FOLLOWING_ERROR = 1 << 13
+    POSITION_KNOWN = 1 << 14
+    """The manufacturer's: the axis was homed since power-up and has not been cut off while it moved."""
 
 
 class Mode(IntEnum):
@@ -84,6 +87,17 @@ class Mode(IntEnum):
     def supported_bit(self) -> int:
         """The mode's bit in 0x6502."""
         return 1 << (self - 1) if self else 0
+
+
+class DigitalInput(IntFlag):
+    """Bits of 0x60FD (CiA 402-2); from bit 16 on they are the manufacturer's. A set bit is an input that is active."""
+
+    NEGATIVE_LIMIT = 1 << 0
+    POSITIVE_LIMIT = 1 << 1
+    HOME = 1 << 2
+    ESTOP = 1 << 16
+    DRIVER_PROTECT = 1 << 17
+    """The driver chip has switched itself off because it is too hot."""
 
 
 class DigitalOutput(IntFlag):
@@ -109,8 +123,6 @@ PVT_SUBMODE = -1
 """0x60C0: the manufacturer's interpolation, position-velocity-time records."""
 HOME_HERE = 37
 """Homing method: the present position is the home position (35 is its old name)."""
-HALT_SLOW_DOWN = 1
-"""0x605D: halt ramps down by the mode's deceleration and stays in OPERATION ENABLED."""
 LINEAR_RAMP = 0
 JERK_LIMITED_RAMP = 3
 """0x6086; the other two of CiA 402, sin^2 and jerk-free, are not offered."""
@@ -120,6 +132,10 @@ class ErrorCode(IntEnum):
     """What 0x603F and EMCY say (CiA 402 table 25, CiA 301 table 26; 0xFFxx is the manufacturer's)."""
 
     NONE = 0x0000
+    OVERVOLTAGE = 0x3210
+    UNDERVOLTAGE = 0x3220
+    TEMPERATURE = 0x4310
+    """Detail 0: the board; 1: the driver chip, which has switched itself off."""
     PARAMETER = 0x6320
     CAN_OVERRUN = 0x8110
     """A message was lost because nobody fetched its predecessors from the CAN controller."""
@@ -129,6 +145,12 @@ class ErrorCode(IntEnum):
     PDO_TOO_SHORT = 0x8210
     PDO_TOO_LONG = 0x8220
     SYNC_LENGTH = 0x8240
+    OVERSPEED = 0x8400
+    FOLLOWING_ERROR = 0x8611
+    LIMIT_SWITCH = 0x8612
+    """CiA 402's "reference limit". Detail 0: the negative one; 1: the positive one."""
+    ESTOP = 0x9000
+    """CiA 301's "external error"."""
     PVT_UNDERRUN = 0xFF01
     GROUP_STOPPED = 0xFF02
     """Another axis of the group has a fault; this one stopped with it."""
@@ -138,13 +160,16 @@ class ErrorCode(IntEnum):
 
     @property
     def communication(self) -> bool:
-        """Whether it is an error of the bus (0x8xxx), which goes when its cause goes, not by a fault reset."""
-        return self >> 12 == 0x8
+        """Whether it is an error of the bus, which goes when its cause goes, not by a fault reset."""
+        return self >> 8 in (0x81, 0x82)
 
     @property
     def register(self) -> int:
-        """The error register 0x1001 that goes with it: bit 0 generic, 4 communication, 5 profile, 7 manufacturer."""
+        """The error register 0x1001 that goes with it (CiA 301, table 48); every error sets bit 0, generic."""
         if self == ErrorCode.NONE:
             return 0
-        family = self >> 12
-        return 0x01 | {0x6: 0x20, 0x8: 0x10, 0xF: 0x80}[family]
+        return 0x01 | (0x10 if self.communication else _REGISTER_BITS[self >> 12])
+
+
+_REGISTER_BITS = {0x3: 0x04, 0x4: 0x08, 0x6: 0x20, 0x8: 0x20, 0x9: 0x00, 0xF: 0x80}
+"""By the code's first digit: voltage, temperature, device profile (twice), none, manufacturer."""

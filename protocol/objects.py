@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from protocol.cia402 import (
-    HALT_SLOW_DOWN,
     HOME_HERE,
     LINEAR_RAMP,
     PVT_SUBMODE,
@@ -24,6 +23,12 @@ from protocol.nmt import ErrorBehaviour
 I8, I16, I24, I32 = DataType.INTEGER8, DataType.INTEGER16, DataType.INTEGER24, DataType.INTEGER32
 U8, U16, U32 = DataType.UNSIGNED8, DataType.UNSIGNED16, DataType.UNSIGNED32
 STRING = DataType.VISIBLE_STRING
+
+
+UNITS_PER_FULL_STEP = 16_384
+"""Wire units, whatever the microstep setting."""
+FULL_STEPS_PER_REVOLUTION = 200
+"""A 1.8 degree motor. Gears and spindles are the host's matter: positions are the motor's."""
 
 
 class Access(Enum):
@@ -138,6 +143,9 @@ PULSE_NS_MIN = 4_000
 TIMING_NS_MAX = 1_000_000
 """Bounds of the step timing 0x2001: no CLK phase below 4 us, which is 125 kHz, no timing above 1 ms."""
 
+WINDOW_OFF = U32.high
+"""What switches the windows 0x6065 and 0x6067 off."""
+
 ASYNCHRONOUS = 255
 MANUFACTURER_EVENT = 254
 SYNCHRONOUS = 1
@@ -244,6 +252,7 @@ _COMMUNICATION = [
         "Restore default parameters",
         *[Entry(f"Restore {name}", U32, RW, 1) for name in _PARAMETER_GROUP_NAMES],
     ),
+    _variable(0x1013, "High resolution time stamp in us", U32, RW, mapping=RXTX),
     _variable(0x1014, "COB-ID EMCY", U32, RW, COB_EMCY, plus_node_id=True),
     _variable(0x1015, "Inhibit time EMCY in 100 us", U16, RW),
     _array(
@@ -272,6 +281,9 @@ _DRIVER = [
         0x2000,
         "TB6560 settings",
         Entry("Microsteps per full step", U8, RW, 16, 1, 16),
+        Entry("Torque in percent of the full current", U8, RW, 100, 20, 100),
+        Entry("Fast decay in percent of a chopping period", U8, RW, 0, 0, 100),
+        Entry("Torque at rest in percent of the full current", U8, RW, 100, 20, 100),
     ),
     _record(
         0x2001,
@@ -280,6 +292,16 @@ _DRIVER = [
         Entry("stepspace: CLK low in ns", U32, RW, 33_666, PULSE_NS_MIN, TIMING_NS_MAX),
         Entry("dirsetup: DIR stable before a CLK rise in ns", U32, RW, 15_000, 0, TIMING_NS_MAX),
         Entry("dirhold: DIR stable after a CLK rise in ns", U32, RW, 15_000, 0, TIMING_NS_MAX),
+        Entry("Invert mask: 2 inverts DIR", U8, RW, 0, 0, 2),
+    ),
+    _record(
+        0x2002,
+        "Board measurements and their limits",
+        Entry("Board temperature in 0.1 degC", I16, RO, mapping=TX),
+        Entry("Motor supply in 10 mV", U16, RO, mapping=TX),
+        Entry("Least motor supply in 10 mV", U16, RW, 1000),
+        Entry("Highest motor supply in 10 mV: 34 V, TB6560AHQ datasheet page 8", U16, RW, 3400),
+        Entry("Highest board temperature in 0.1 degC", I16, RW, 850),
     ),
     _record(
         0x2010,
@@ -308,16 +330,35 @@ _DRIVER = [
     ),
 ]
 
+_EMULATOR = [
+    _record(
+        0x2F00,
+        "Emulator only: what the driver has made of the pulses since power-up",
+        Entry("Rotor position in steps", I32, RO, mapping=TX),
+        Entry("Lost steps", I32, RO, mapping=TX),
+        Entry("Driver violations", U32, RO, mapping=TX),
+    ),
+]
+
 _DRIVE = [
     _variable(0x6007, "Abort connection option code", I16, RW, AbortConnection.FAULT_SIGNAL, low=0, high=3),
     _variable(0x603F, "Error code", U16, RO, mapping=TX),
     _variable(0x6040, "Controlword", U16, RW, mapping=RX),
     _variable(0x6041, "Statusword", U16, RO, mapping=TX),
-    _variable(0x605D, "Halt option code: 1 = profile deceleration", I16, CONST, HALT_SLOW_DOWN),
+    _variable(0x605A, "Quick stop option code", I16, RW, 2, low=0, high=6),
+    # CiA 402's own default is 0: cut. A vertical axis would fall.
+    _variable(0x605B, "Shutdown option code", I16, RW, 1, low=0, high=1),
+    _variable(0x605C, "Disable operation option code", I16, RW, 1, low=0, high=1),
+    _variable(0x605D, "Halt option code", I16, RW, 1, low=1, high=2),
+    _variable(0x605E, "Fault reaction option code", I16, RW, 2, low=0, high=2),
     _variable(0x6060, "Modes of operation", I8, RW, Mode.NONE, mapping=RX),
     _variable(0x6061, "Modes of operation display", I8, RO, mapping=TX),
     _variable(0x6062, "Position demand value", I32, RO, mapping=TX),
     _variable(0x6064, "Position actual value", I32, RO, mapping=TX),
+    _variable(0x6065, "Following error window in units; all ones: off", U32, RW, WINDOW_OFF),
+    _variable(0x6066, "Following error time out in ms", U16, RW, 0),
+    _variable(0x6067, "Position window in units; all ones: off", U32, RW, WINDOW_OFF),
+    _variable(0x6068, "Position window time in ms", U16, RW, 0),
     _variable(0x606C, "Velocity actual value", I32, RO, mapping=TX),
     _variable(0x607A, "Target position", I32, RW, mapping=RXTX),
     _variable(0x607C, "Home offset", I32, RW),
@@ -327,19 +368,33 @@ _DRIVE = [
         Entry("Min position limit in units", I32, RW, I32.low),
         Entry("Max position limit in units", I32, RW, I32.high),
     ),
-    _variable(0x607F, "Max profile velocity", U32, RW, 8_000 * 16_384, low=1),
-    _variable(0x6081, "Profile velocity", U32, RW, 1_000 * 16_384, low=1, mapping=RX),
-    _variable(0x6083, "Profile acceleration", U32, RW, 5_000 * 16_384, low=1, mapping=RX),
-    _variable(0x6084, "Profile deceleration", U32, RW, 5_000 * 16_384, low=1, mapping=RX),
-    _variable(0x6085, "Quick stop deceleration", U32, RW, 20_000 * 16_384, low=1),
+    _variable(0x607E, "Polarity: 0xC0 reverses the axis", U8, RW, 0, low=0, high=0xC0),
+    _variable(0x607F, "Max profile velocity", U32, RW, 8_000 * UNITS_PER_FULL_STEP, low=1),
+    _variable(0x6081, "Profile velocity", U32, RW, 1_000 * UNITS_PER_FULL_STEP, low=1, mapping=RX),
+    _variable(0x6083, "Profile acceleration", U32, RW, 5_000 * UNITS_PER_FULL_STEP, low=1, mapping=RX),
+    _variable(0x6084, "Profile deceleration", U32, RW, 5_000 * UNITS_PER_FULL_STEP, low=1, mapping=RX),
+    _variable(0x6085, "Quick stop deceleration", U32, RW, 20_000 * UNITS_PER_FULL_STEP, low=1),
     _variable(
         0x6086, "Motion profile type: 0 = linear ramp, 3 = jerk-limited ramp", I16, RW, LINEAR_RAMP, low=0, high=3
+    ),
+    _array(
+        0x608F,
+        "Position encoder resolution",
+        Entry("Units", U32, CONST, UNITS_PER_FULL_STEP * FULL_STEPS_PER_REVOLUTION),
+        Entry("Motor revolutions", U32, CONST, 1),
+    ),
+    _array(0x6091, "Gear ratio", Entry("Motor revolutions", U32, CONST, 1), Entry("Shaft revolutions", U32, CONST, 1)),
+    _array(
+        0x6092,
+        "Feed constant",
+        Entry("Feed in units", U32, CONST, UNITS_PER_FULL_STEP * FULL_STEPS_PER_REVOLUTION),
+        Entry("Shaft revolutions", U32, CONST, 1),
     ),
     _variable(0x6098, "Homing method", I8, RW, HOME_HERE, low=HOME_HERE, high=HOME_HERE),
     _array(
         0x60A4,
         "Profile jerk",
-        Entry("Profile jerk 1 in units per second cubed", U32, RW, 100_000 * 16_384, low=1),
+        Entry("Profile jerk 1 in units per second cubed", U32, RW, 100_000 * UNITS_PER_FULL_STEP, low=1),
     ),
     _variable(0x60C0, "Interpolation sub mode select", I16, RW, PVT_SUBMODE, low=PVT_SUBMODE, high=PVT_SUBMODE),
     _record(
@@ -364,6 +419,7 @@ _DRIVE = [
     _variable(0x60C6, "Max deceleration", U32, RW, U32.high, low=1),
     _array(0x60E3, "Supported homing methods", Entry("Supported homing method 1", I8, CONST, HOME_HERE)),
     _variable(0x60F4, "Following error actual value", I32, RO, mapping=TX),
+    _variable(0x60FC, "Position demand internal value in steps", I32, RO, mapping=TX),
     _variable(0x60FD, "Digital inputs", U32, RO, mapping=TX),
     # Bits without an output are stored and do nothing, as CiA 402 drives do: one word may serve unlike drives, and a
     # PDO that carries it is not lost. The mask lets both outputs through from the start, where many drives begin with
@@ -379,6 +435,6 @@ _DRIVE = [
 ]
 
 OBJECTS: tuple[Object, ...] = tuple(
-    sorted([*_COMMUNICATION, *_rpdo_objects(), *_tpdo_objects(), *_DRIVER, *_DRIVE], key=lambda o: o.index)
+    sorted([*_COMMUNICATION, *_rpdo_objects(), *_tpdo_objects(), *_DRIVER, *_EMULATOR, *_DRIVE], key=lambda o: o.index)
 )
 """The whole dictionary, in index order."""

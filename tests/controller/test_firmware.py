@@ -5,7 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controller.backend import Kernel, python_kernel
-from controller.firmware import OUTPUT_PINS, Firmware, Pin, PinChange
+from controller.firmware import Firmware
+from controller.pins import OUTPUT_PINS, Pin, PinChange
 from protocol.abort import AbortCode
 from protocol.cia402 import DigitalOutput, ErrorCode, State
 from protocol.frame import Frame
@@ -32,7 +33,7 @@ def flags(board: BenchBoard, axis: int = 0) -> PvtFlag:
 
 
 def state(board: BenchBoard, axis: int = 0) -> State:
-    return board.firmware.nodes[axis].state
+    return board.firmware.nodes[axis].drive.state
 
 
 def emergencies(board: BenchBoard, axis: int = 0) -> list[int]:
@@ -44,7 +45,7 @@ class TestBoot:
         board = BenchBoard(fast_kernel, axes=8)
         assert [frame for _, frame in board.sent] == [Frame(0x710 + i, b"\0") for i in range(8)]
         assert all(node.nmt_state is NmtState.PRE_OPERATIONAL for node in board.firmware.nodes)
-        assert all(node.state is State.SWITCH_ON_DISABLED for node in board.firmware.nodes)
+        assert all(node.drive.state is State.SWITCH_ON_DISABLED for node in board.firmware.nodes)
 
     @pytest.mark.parametrize("axes", [0, 9])
     def test_a_board_has_one_to_eight_axes(self, fast_kernel: Kernel, axes: int) -> None:
@@ -56,7 +57,7 @@ class TestBoot:
         board.enable()
         board.write(0x6040, 0, 0)
         changes = [(change.pin, change.level) for change in board.firmware.take_pins()]
-        assert changes == [(Pin.RESET, 1), (Pin.ENABLE, 1), (Pin.ENABLE, 0)]
+        assert changes == [(Pin.M2, 1), (Pin.RESET, 1), (Pin.ENABLE, 1), (Pin.ENABLE, 0)]
 
 
 class TestNetwork:
@@ -495,6 +496,7 @@ class TestStops:
     def moving(self, board: BenchBoard, records: int = 8) -> None:
         """Every axis runs at 4 kHz, axis 1 the other way, with 20 ms records."""
         board.write(0x6085, 0, 40_000 * STEP)
+        board.write(0x6084, 0, 40_000 * STEP)
         board.enable()
         for axis in range(len(board.firmware.nodes)):
             sign = 1 - 2 * axis
@@ -625,6 +627,7 @@ class TestStops:
     def test_quick_stop_in_the_tick_before_an_underrun_is_a_ramp(self, board: BenchBoard) -> None:
         self.just_before_the_end(board, 64 * STEP)
         board.write(0x6085, 0, 20_000 * STEP)
+        board.write(0x6084, 0, 20_000 * STEP)
         board.write(0x6040, 0, 0x02)
         assert state(board) is State.QUICK_STOP_ACTIVE
         board.wait(45)
@@ -645,7 +648,8 @@ class TestStops:
         assert not flags(board) & PvtFlag.RUNNING
 
     def test_a_fault_does_not_switch_a_drive_on(self, board: BenchBoard) -> None:
-        board.firmware.nodes[0].fault(ErrorCode.GROUP_STOPPED, stop_ms=10, now_us=0)
+        with board.firmware.nodes[0].acting(0) as drive:
+            drive.fault(ErrorCode.GROUP_STOPPED, detail=0, stop_ms=10)
         assert state(board) is State.SWITCH_ON_DISABLED
         assert emergencies(board) == []
 
@@ -653,6 +657,7 @@ class TestStops:
         """Full steps, 800 units/ms, and 200 000 units from the end of i32: a ramp of 0.5 s needs as much again."""
         board.write(0x2000, 1, 1)
         board.write(0x6085, 0, 100 * 16_384)
+        board.write(0x6084, 0, 100 * 16_384)
         board.enable(mode=6)
         board.write(0x607C, 0, 2**31 - 1 - 100_000)
         for index, value in ((0x6040, 0x1F), (0x6040, 0x0F), (0x6060, 7)):

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controller.backend import Kernel
-from controller.firmware import OUTPUT_PINS, Pin
+from controller.pins import OUTPUT_PINS, Pin
 from tests.controller.bench_board import BenchBoard
 from tests.controller.kernel_rig import Timing, pin_timing_faults
 
@@ -71,7 +71,7 @@ def check(board: BenchBoard) -> None:
     for node in board.firmware.nodes:
         owed_units = abs(board.value(0x60F4, 0, node.axis))
         assert owed_units <= H_UNITS // motion.config(node.axis).microsteps + 1, "a step is owed"
-        assert node.energised or not motion.running(node.axis), "a disabled axis moves"
+        assert node.drive.energised or not motion.running(node.axis), "a disabled axis moves"
 
 
 def check_outputs(board: BenchBoard) -> None:

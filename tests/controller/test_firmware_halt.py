@@ -22,7 +22,9 @@ def pair(fast_kernel: Kernel) -> BenchBoard:
 
 def running(board: BenchBoard, records: int = 32) -> BenchBoard:
     board.write(0x6085, 0, 40_000 * STEP, 0)
+    board.write(0x6084, 0, 40_000 * STEP, 0)
     board.write(0x6085, 0, 80_000 * STEP, 1)
+    board.write(0x6084, 0, 80_000 * STEP, 1)
     board.enable()
     for axis in range(2):
         sign = 1 - 2 * axis
@@ -51,7 +53,7 @@ def status(board: BenchBoard, axis: int = 0) -> Status:
 
 
 def state(board: BenchBoard, axis: int = 0) -> State:
-    return board.firmware.nodes[axis].state
+    return board.firmware.nodes[axis].drive.state
 
 
 def ended(board: BenchBoard) -> bool:
@@ -217,6 +219,7 @@ def test_the_end_of_the_axis_that_holds_releases_nobody(fast_kernel: Kernel) -> 
     """Its queue ends while the group slows down; the others stay halted until its bit is cleared."""
     board = BenchBoard(fast_kernel, axes=2)
     board.write(0x6085, 0, 10_000 * STEP, 1)
+    board.write(0x6084, 0, 10_000 * STEP, 1)
     board.enable()
     board.record(10 * STEP, 0, 60, 0, axis=0)
     for sequence in range(40):
@@ -303,6 +306,7 @@ class TestStopsDuringAHalt:
         board = BenchBoard(fast_kernel, axes=2)
         for axis in range(2):
             board.write(0x6085, 0, 40_000 * STEP, axis)
+            board.write(0x6084, 0, 40_000 * STEP, axis)
         board.enable()
         for axis in range(2):
             board.record(40 * STEP, 4 * STEP * 64, 20, 0, axis)

@@ -40,7 +40,7 @@ def moving(board: BenchBoard) -> None:
 
 
 def states(board: BenchBoard) -> list[State]:
-    return [node.state for node in board.firmware.nodes]
+    return [node.drive.state for node in board.firmware.nodes]
 
 
 def errors(board: BenchBoard, axis: int) -> list[str]:

@@ -3,7 +3,7 @@
 import pytest
 
 from controller.backend import Kernel
-from controller.firmware import Pin, PinChange
+from controller.pins import Pin, PinChange
 from emulator.board import Board, BoardConfig
 from emulator.bus import Bus
 from emulator.simulation import Simulation
@@ -26,6 +26,10 @@ def send(simulation: Simulation, frame: Frame) -> int:
     sent = len(simulation.bus.log_frames)
     simulation.send(frame)
     return simulation.bus.log_counts[simulation.bus.log_frames.index(frame, sent)]
+
+
+SIXTEENTHS = (Pin.M2, Pin.RESET)
+"""The pins that are high at power-up: the chip leaves its reset in the mode of 16 microsteps."""
 
 
 def switch(simulation: Simulation, levels: int, axis: int = 0) -> int:
@@ -53,7 +57,7 @@ def test_outputs_change_in_the_instant_of_their_frame(simulation: Simulation) ->
 def test_they_stand_among_all_changes_of_held_pins(simulation: Simulation) -> None:
     instant = switch(simulation, OUT1)
     simulation.boards[0].drain()
-    powered = [PinChange(0, axis, Pin.RESET, 1) for axis in (0, 1)]
+    powered = [PinChange(0, axis, pin, 1) for axis in (0, 1) for pin in SIXTEENTHS]
     assert simulation.boards[0].pin_changes == [*powered, PinChange(instant, 0, Pin.OUT1, 1)]
 
 
@@ -115,9 +119,10 @@ class TestPower:
         simulation.power_cycle()
         wait(simulation, 1)
         simulation.boards[0].drain()
-        resets = [PinChange(now, axis, Pin.RESET, level) for level in (0, 1) for axis in (0, 1)]
-        fallen = [*resets[:2], PinChange(now, 0, Pin.OUT1, 0)]
-        assert simulation.boards[0].pin_changes[before:] == [*fallen, *resets[2:]]
+        fallen, risen = (
+            [PinChange(now, axis, pin, level) for axis in (0, 1) for pin in SIXTEENTHS] for level in (0, 1)
+        )
+        assert simulation.boards[0].pin_changes[before:] == [*fallen, PinChange(now, 0, Pin.OUT1, 0), *risen]
         assert simulation.bus.log_frames[frames:] == [Frame(0x710, b"\0"), Frame(0x711, b"\0")]
 
     def test_a_motion_ends_with_the_power_and_the_next_begins_from_zero(self, simulation: Simulation) -> None:
