@@ -69,7 +69,7 @@ class Bus:
         self.next_event_counts: int | None = None
         """When a transmission is decided, the next arbitration is held or a station comes back from bus-off."""
         self.busy = False
-        """Whether a frame is on the wire or a station that takes part has one to send."""
+        """Whether a frame is on the wire or a station has one to send, now or when it is back from bus-off."""
         self._faults = faults or FaultScript()
         self._delayed: list[Frame] = []
         """Frames that the script has delayed and that wait still."""
@@ -96,13 +96,14 @@ class Bus:
         """Find the next event on a wire that carries no frame."""
         next_counts, self.busy = None, False
         for station in self._stations:
-            if station.mailboxes and station.on_bus:
+            if station.mailboxes:
                 self.busy = True
-                event_counts = max(self._free_counts, station.silent_until_counts)
-            elif not station.on_bus:
-                event_counts = self._recovery_counts(station)
-            else:
+            elif station.on_bus:
                 continue
+            if station.on_bus:
+                event_counts = max(self._free_counts, station.silent_until_counts)
+            else:
+                event_counts = self._recovery_counts(station)
             if next_counts is None or event_counts < next_counts:
                 next_counts = event_counts
         self.next_event_counts = next_counts

@@ -123,7 +123,7 @@ class CanController:
             self._note_good_frame(now_counts)
         if not self._passes(frame.cob_id):
             return
-        if not self.read_latency_counts and self.next_due_counts is None:
+        if not self.read_latency_counts:
             self._receive(frame, now_counts)
         else:
             self._store(frame, now_counts)

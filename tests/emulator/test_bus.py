@@ -170,7 +170,9 @@ def test_bus_off_lasts_128_times_11_recessive_bits() -> None:
     rig = BusRig(stations=3)
     rig.bus.throw_off(rig.stations[0], 0)
     rig.stations[0].send(Frame(0x100, b""), 0)
-    assert not rig.bus.busy
+    rig.run(until_counts=rig.bits(128 * 11) - 1)
+    assert rig.stations[0].state is ErrorState.BUS_OFF
+    assert rig.bus.busy
     rig.run()
     recovered = rig.bits(128 * 11)
     sent = recovered + rig.bits(frame_bits(Frame(0x100, b"")) - 4)
@@ -192,6 +194,76 @@ def test_traffic_delays_the_way_back_from_bus_off() -> None:
     assert rig.errors == [(recovered, 0, ErrorCode.CAN_BUS_OFF_RECOVERED, True)]
     assert rig.heard[0] == []
     assert len(rig.heard[2]) == 1
+
+
+class TestPower:
+    """A station loses its power and has it back at once: a fresh controller takes its place."""
+
+    FRAME = Frame(0x100, b"\x55" * 4)
+
+    def exchange(self, rig: BusRig, number: int, now_counts: int) -> CanController:
+        fresh = rig.controller(number)
+        rig.bus.exchange(rig.stations[number], fresh, now_counts)
+        rig.stations[number] = fresh
+        return fresh
+
+    def rig_with_a_frame_under_way(self) -> BusRig:
+        rig = BusRig(stations=3)
+        rig.stations[0].send(self.FRAME, 0)
+        rig.stations[0].send(Frame(0x101, b""), 0)
+        rig.bus.step(0)
+        return rig
+
+    def test_a_frame_breaks_off(self) -> None:
+        """After six recessive bits the others see a stuff error: six bits of flag, eight of delimiter, three more."""
+        rig = self.rig_with_a_frame_under_way()
+        now = rig.bits(30)
+        fresh = self.exchange(rig, 0, now)
+        fresh.send(Frame(0x102, b""), now)
+        rig.run()
+        assert rig.bus.error_frames == 1
+        assert rig.bus.log_frames == [Frame(0x102, b"")]
+        assert rig.bus.log_counts[0] == rig.bits(30 + 6 + 6 + 8 + 3 + frame_bits(Frame(0x102, b"")) - 4)
+        assert rig.bus.busy_bits == 30 + 6 + 6 + 8 + 3 + frame_bits(Frame(0x102, b""))
+        assert [station.errors.receive_errors for station in rig.stations[1:]] == [0, 0]  # 1, and 1 less for a good one
+        assert fresh.errors.transmit_errors == 0
+
+    @pytest.mark.parametrize(("bits_before_end", "passes"), [(14, False), (13, True), (5, True)])
+    def test_a_frame_whose_last_dominant_bit_is_out_passes(self, bits_before_end: int, *, passes: bool) -> None:
+        """What follows the CRC is recessive or somebody else's."""
+        rig = self.rig_with_a_frame_under_way()
+        self.exchange(rig, 0, rig.bits(frame_bits(self.FRAME) - bits_before_end))
+        rig.run()
+        assert rig.bus.log_frames == [self.FRAME] * passes
+        assert [len(frames) for frames in rig.heard] == [0, passes, passes]
+        assert rig.bus.error_frames == (not passes)
+
+    def test_a_frame_that_another_sends_too_goes_on(self) -> None:
+        rig = BusRig(stations=3)
+        for station in rig.stations[:2]:
+            station.send(self.FRAME, 0)
+        rig.bus.step(0)
+        self.exchange(rig, 0, rig.bits(30))
+        rig.run()
+        assert rig.bus.log_frames == [self.FRAME]
+        assert [len(frames) for frames in rig.heard] == [0, 0, 1]
+
+    def test_a_receiver_misses_what_is_under_way(self) -> None:
+        rig = self.rig_with_a_frame_under_way()
+        self.exchange(rig, 1, rig.bits(30))
+        rig.run()
+        assert [[heard.cob_id for _, heard in frames] for frames in rig.heard] == [[], [0x101], [0x100, 0x101]]
+
+    def test_it_ends_bus_off_at_once(self) -> None:
+        rig = BusRig(stations=2)
+        rig.bus.throw_off(rig.stations[0], 0)
+        rig.stations[0].send(self.FRAME, 0)
+        fresh = self.exchange(rig, 0, 1000)
+        fresh.send(Frame(0x102, b""), 1000)
+        rig.run()
+        assert rig.bus.log_frames == [Frame(0x102, b"")]
+        assert rig.bus.log_counts[0] == 1000 + rig.bits(frame_bits(Frame(0x102, b"")) - 4)
+        assert rig.errors == []
 
 
 def test_unknown_bit_rate_names_the_known_ones() -> None:

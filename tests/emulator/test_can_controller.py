@@ -5,6 +5,7 @@ import pytest
 from controller.backend import Kernel
 from emulator.board import Board, BoardConfig
 from emulator.bus import Bus
+from emulator.bus_faults import Fault, FaultKind, FaultScript
 from emulator.can_controller import CanController
 from emulator.fault_confinement import ErrorState, FaultConfinement
 from emulator.simulation import Simulation
@@ -95,6 +96,34 @@ def test_a_late_processor_finds_three_messages_in_each_fifo() -> None:
     assert station.can.next_due_counts is None
 
 
+@pytest.mark.parametrize(("cob_id", "other"), [(0x200, 0x610), (0x610, 0x200)])
+@pytest.mark.parametrize(("messages", "lost"), [(3, 0), (4, 1)])
+def test_each_fifo_holds_three(cob_id: int, other: int, messages: int, lost: int) -> None:
+    station = Station(LATENCY)
+    for _ in range(messages):
+        station.partner.send(Frame(cob_id, b""), 0)
+    for _ in range(3):
+        station.partner.send(Frame(other, b""), 0)
+    station.run()
+    station.can.poll(2 * LATENCY)
+    assert station.can.overruns == lost
+    assert [frame.cob_id for _, frame in station.heard] == sorted([cob_id] * 3 + [other] * 3)
+    assert [code for _, code, _ in station.errors] == [ErrorCode.CAN_OVERRUN] * lost
+
+
+def test_an_overrun_is_over_when_the_fifos_are_emptied_without_one() -> None:
+    station = Station(LATENCY)
+    fetched = []
+    for messages in (4, 5, 3, 3):
+        for _ in range(messages):
+            station.partner.send(Frame(0x200, b""), station.bus.log_counts[-1] if station.bus.log_counts else 0)
+        station.run()
+        fetched.append(station.can.next_due_counts or 0)
+        station.can.poll(fetched[-1])
+    assert station.errors == [(fetched[0], ErrorCode.CAN_OVERRUN, True), (fetched[2], ErrorCode.CAN_OVERRUN, False)]
+    assert station.can.overruns == 3
+
+
 def test_states_follow_from_the_counters() -> None:
     errors = FaultConfinement()
     states = {}
@@ -105,6 +134,39 @@ def test_states_follow_from_the_counters() -> None:
     assert states[96] is states[120] is ErrorState.WARNING
     assert states[128] is states[248] is ErrorState.PASSIVE
     assert states[256] is ErrorState.BUS_OFF
+
+
+def test_counters_fall_by_one_with_each_good_frame_and_never_below_zero() -> None:
+    errors = FaultConfinement()
+    errors.sending_failed()
+    errors.receiving_failed()
+    for _ in range(2):
+        errors.sent()
+        errors.received()
+    assert (errors.transmit_errors, errors.receive_errors) == (6, 0)
+    for _ in range(10):
+        errors.sent()
+    assert errors.transmit_errors == 0
+
+
+@pytest.mark.parametrize(
+    ("failures", "state", "after_a_good_one"),
+    [
+        (95, ErrorState.ACTIVE, 94),
+        (96, ErrorState.WARNING, 95),
+        (127, ErrorState.WARNING, 126),
+        (128, ErrorState.PASSIVE, 127),
+        (129, ErrorState.PASSIVE, 120),
+        (300, ErrorState.PASSIVE, 120),
+    ],
+)
+def test_a_receiver_counts_ones(failures: int, state: ErrorState, after_a_good_one: int) -> None:
+    errors = FaultConfinement()
+    for _ in range(failures):
+        errors.receiving_failed()
+    assert errors.state is state
+    errors.received()
+    assert errors.receive_errors == after_a_good_one
 
 
 def test_receivers_never_leave_the_bus_and_recover_by_one_good_frame() -> None:
@@ -140,10 +202,11 @@ def simulation_with(kernel: Kernel, read_latency_counts: int = 0) -> Simulation:
 
 
 def payload(code: ErrorCode) -> bytes:
-    return code.to_bytes(2, "little") + b"\x11" + bytes(5)
+    """Generic and communication error; nothing is left of them with the code 0."""
+    return code.to_bytes(2, "little") + (b"\x11" if code else b"\x00") + bytes(5)
 
 
-def test_an_overrun_is_reported_once_by_every_node(fast_kernel: Kernel) -> None:
+def test_an_overrun_is_reported_once_by_every_node_and_over_with_the_next_message(fast_kernel: Kernel) -> None:
     simulation = simulation_with(fast_kernel, read_latency_counts=LATENCY)
     simulation.run_until(10 * MS)
     for _ in range(8):
@@ -152,6 +215,9 @@ def test_an_overrun_is_reported_once_by_every_node(fast_kernel: Kernel) -> None:
     assert simulation.boards[0].can.overruns == 5
     for node in (0x10, 0x11):
         assert emergencies(simulation, node) == [payload(ErrorCode.CAN_OVERRUN)]
+    simulation.send(Frame(0x000, b"\x01\x00"))
+    for node in (0x10, 0x11):
+        assert emergencies(simulation, node) == [payload(ErrorCode.CAN_OVERRUN), payload(ErrorCode.NONE)]
 
 
 def test_an_answer_has_arrived_when_send_returns_however_late_the_processor(fast_kernel: Kernel) -> None:
@@ -176,5 +242,34 @@ def test_error_passive_is_reported(fast_kernel: Kernel) -> None:
     simulation.run_until(10 * MS)
     for _ in range(128):
         simulation.boards[0].can.receiving_failed(simulation.now_counts)
+    assert simulation.boards[0].can.state is ErrorState.PASSIVE
+    assert simulation.boards[0].firmware.nodes[1].dictionary.read(0x1001, 0) == b"\x11"
     simulation.run_until(20 * MS)
     assert emergencies(simulation, 0x10) == emergencies(simulation, 0x11) == [payload(ErrorCode.CAN_ERROR_PASSIVE)]
+    simulation.send(Frame(0x000, b"\x01\x00"))
+    for node in (0x10, 0x11):
+        assert emergencies(simulation, node) == [payload(ErrorCode.CAN_ERROR_PASSIVE), payload(ErrorCode.NONE)]
+
+
+def test_the_way_back_from_bus_off_is_reported(fast_kernel: Kernel) -> None:
+    """After it the first frame to pass is the first node's EMCY; with it the error is over."""
+    simulation = simulation_with(fast_kernel)
+    simulation.run_until(10 * MS)
+    before = len(simulation.bus.log_frames)
+    simulation.bus.throw_off(simulation.boards[0].can, simulation.now_counts)
+    simulation.send(Frame(0x610, bytes.fromhex("4001100000000000")))
+    back = 10 * MS + 128 * 11 * simulation.bus.bit_counts
+    simulation.run_until(20 * MS)
+    assert simulation.bus.log_counts[before] > back
+    for node in (0x10, 0x11):
+        expected = [payload(ErrorCode.CAN_BUS_OFF_RECOVERED), payload(ErrorCode.NONE)]
+        assert emergencies(simulation, node) == expected
+
+
+def test_send_waits_for_a_board_that_leaves_the_bus_with_its_answer(fast_kernel: Kernel) -> None:
+    faults = FaultScript([Fault(FaultKind.BUS_OFF, (0x590,), count=1)])
+    simulation = Simulation([Board(BoardConfig(1, (330.0,)), fast_kernel)], Bus(1_000_000, faults))
+    simulation.run_until(10 * MS)
+    simulation.send(Frame(0x610, bytes.fromhex("4000100000000000")))
+    assert Frame(0x590, bytes.fromhex("4300100092010400")) in simulation.bus.log_frames
+    assert simulation.now_counts > 10 * MS + 128 * 11 * simulation.bus.bit_counts

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from controller.backend import Kernel
 from controller.kernel import TICK_COUNTS
@@ -16,12 +17,17 @@ FIRST, SECOND = 0x10, 0x12
 STEP = 1024
 
 
-@pytest.fixture
-def simulation(fast_kernel: Kernel) -> Simulation:
-    boards = [Board(BoardConfig(2, (330.0, 330.0), first_node_id=node), fast_kernel) for node in (FIRST, SECOND)]
+def simulation_of(kernel: Kernel, *first_nodes: int) -> Simulation:
+    """Boards of two axes each, after they have announced themselves."""
+    boards = [Board(BoardConfig(2, (330.0, 330.0), first_node_id=node), kernel) for node in first_nodes]
     made = Simulation(boards, Bus(1_000_000))
     made.run_until(10 * MS)
     return made
+
+
+@pytest.fixture
+def simulation(fast_kernel: Kernel) -> Simulation:
+    return simulation_of(fast_kernel, FIRST, SECOND)
 
 
 def wait(simulation: Simulation, dt_ms: float) -> None:
@@ -84,12 +90,50 @@ def test_a_board_that_stops_does_not_hurry_or_hold_the_other(simulation: Simulat
     assert 0 < emergencies[0][0] - (begin + 40 * MS) < MS
     assert sent_by(simulation, 0x080 + SECOND) == []
 
-    alone = Simulation([Board(BoardConfig(2, (330.0, 330.0), first_node_id=SECOND), fast_kernel)], Bus(1_000_000))
-    begin_alone = start(alone, {SECOND: long})
-    wait(alone, 500)
-    expected = alone.boards[0].trace(0).clk_rise_counts - begin_alone
+    expected = edges_alone(fast_kernel, long)
     assert np.array_equal(simulation.boards[1].trace(0).clk_rise_counts - begin, expected)
     assert len(expected) == 160
+
+
+def edges_alone(kernel: Kernel, records: list[PvtRecord]) -> NDArray[np.int64]:
+    """The rises that the second board's first axis makes with nobody else on the bus, from the start of the motion."""
+    alone = simulation_of(kernel, SECOND)
+    begin = start(alone, {SECOND: records})
+    wait(alone, 500)
+    return alone.boards[0].trace(0).clk_rise_counts - begin
+
+
+def test_a_power_cycle_concerns_one_board_only(simulation: Simulation, fast_kernel: Kernel) -> None:
+    """The first board loses its power in the middle of its motion; the second goes on and makes its own edges."""
+    long = [PvtRecord((-1) ** i * 40 * STEP, 0, 100, i) for i in range(4)]
+    begin = start(simulation, {FIRST: long, SECOND: long})
+    wait(simulation, 50)
+    now, frames = simulation.now_counts, len(simulation.bus.log_frames)
+    simulation.power_cycle(0)
+    wait(simulation, 500)
+    boot_ups = [frame.cob_id for frame in simulation.bus.log_frames[frames:] if frame.data == b"\0"]
+    assert boot_ups == [0x700 + FIRST, 0x700 + FIRST + 1]
+    assert simulation.boards[0].trace(0).clk_rise_counts.max() < now
+    assert not simulation.boards[0].moving
+    edges = simulation.boards[1].trace(0).clk_rise_counts - begin
+    assert np.array_equal(edges, edges_alone(fast_kernel, long))
+    write(simulation, FIRST, 0x6083, 0, 1)
+    assert sent_by(simulation, 0x580 + FIRST)[-1][1] == bytes.fromhex("6083600000000000")
+
+
+def test_the_order_of_the_boards_changes_nothing(fast_kernel: Kernel) -> None:
+    """Nor does a second run: the same frames at the same instants, the same edges, whichever board is asked first."""
+    runs = []
+    for first_nodes in ((FIRST, SECOND), (SECOND, FIRST), (FIRST, SECOND)):
+        simulation = simulation_of(fast_kernel, *first_nodes)
+        there = [PvtRecord(30 * STEP, 0, 70, 0), PvtRecord(30 * STEP, 20 * STEP, 30, 1)]
+        start(simulation, {FIRST: there, FIRST + 1: there[:1], SECOND: there[:1], SECOND + 1: there})
+        wait(simulation, 300)
+        by_node = sorted(simulation.boards, key=lambda board: board.config.first_node_id)
+        edges = [board.trace(axis).clk_rise_counts.tolist() for board in by_node for axis in (0, 1)]
+        runs.append((list(simulation.bus.log_counts), simulation.bus.log_frames, edges))
+    assert runs[0] == runs[1] == runs[2]
+    assert all(len(axis) >= 30 for axis in runs[0][2])
 
 
 def test_boards_in_motion_never_part_by_a_tick(simulation: Simulation) -> None:

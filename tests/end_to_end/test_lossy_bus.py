@@ -73,7 +73,7 @@ def test_a_hold_up_and_a_bus_off_are_bridged_by_the_queues(fast_kernel: Kernel) 
     assert len(script.struck) == 2
     assert outcome.report.passed, outcome.report.reasons
     emergencies = [frame for _, frame in outcome.bus_log if frame.cob_id - 0x80 in range(0x10, 0x18)]
-    assert [frame.data[:2] for frame in emergencies] == [b"\x40\x81"] * 6
+    assert sorted(frame.data[:3] for frame in emergencies) == [b"\x00\x00\x00"] * 6 + [b"\x40\x81\x11"] * 6
 
 
 def test_the_same_script_makes_the_same_run(fast_kernel: Kernel) -> None:
