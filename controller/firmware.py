@@ -16,7 +16,16 @@ from controller.motion import COUNTS_PER_US, Event, Motion
 from controller.pins import OUTPUT_PINS, PinChange
 from protocol.cia402 import DigitalInput, ErrorCode
 from protocol.dictionary import FlashPage
-from protocol.frame import COB_HEARTBEAT, COB_ID_MASK, COB_NMT, COB_SDO_REQUEST, COB_SYNC, FIRST_NODE_ID, Frame
+from protocol.frame import (
+    COB_HEARTBEAT,
+    COB_ID_MASK,
+    COB_NMT,
+    COB_SDO_REQUEST,
+    COB_SYNC,
+    FIRST_NODE_ID,
+    NODE_ID_MAX,
+    Frame,
+)
 from protocol.nmt import command_for
 
 AXES_MAX = 8
@@ -47,18 +56,29 @@ class Firmware:
         kernel: Kernel,
         axis_count: int,
         flash: list[FlashPage] | None = None,
+        first_node_id: int = FIRST_NODE_ID,
         monitor: Monitor = no_monitor,
     ) -> None:
-        """`flash` has a page for each axis, which is read at boot and written when the host stores parameters."""
+        """Set the board up.
+
+        Args:
+            kernel: what computes the motion.
+            axis_count: 1 to 8.
+            flash: a page for each axis, which is read at boot and written when the host stores parameters.
+            first_node_id: the first axis' node id; the others count on from it.
+            monitor: what the board measures of an axis beside its pins; by default nothing.
+        """
         if not 1 <= axis_count <= AXES_MAX:
             raise ValueError(f"a board has 1 to {AXES_MAX} axes, not {axis_count}")
+        if not 1 <= first_node_id <= NODE_ID_MAX - axis_count + 1:
+            raise ValueError(f"{axis_count} node ids from {first_node_id} on are not within 1 to {NODE_ID_MAX}")
         self.motion = Motion(kernel, axis_count)
         pages: list[FlashPage] = [{} for _ in range(axis_count)] if flash is None else flash
         self._measurements = Measurements()
         self._trips: dict[int, list[Fault]] = {}
         """The axes that ask for the fault reaction, and why."""
         self.nodes = tuple(
-            AxisNode(FIRST_NODE_ID + axis, axis, self.motion, page, self._measurements, monitor, self._trip)
+            AxisNode(first_node_id + axis, axis, self.motion, page, self._measurements, monitor, self._trip)
             for axis, page in enumerate(pages)
         )
         self.dropped_frames = 0
@@ -96,6 +116,24 @@ class Firmware:
             return
         for node, handler in listeners:
             handler(frame.data, now_us)
+            self._collect(node, now_counts)
+
+    def hears(self, cob_id: int) -> bool:
+        """What the CAN controller's filters are set to: NMT, SYNC and what the nodes' communication parameters say.
+
+        By default these are blocks of eight, with a mask each; bxCAN's 14 filter banks hold 28 masks or 56 identifiers
+        (RM0008, section 24.7.4).
+        """
+        return cob_id in self._routes or cob_id in (COB_NMT, COB_SYNC)
+
+    def on_can_error(self, code: ErrorCode, now_counts: int, *, active: bool) -> None:
+        """Report that an error of the CAN controller has occurred, or that it is over: one EMCY of every node.
+
+        To a master each node is a device of its own, with its own error register (CiA 301, section 7.2.7); all of them
+        lost the same bus, and nobody knows to which of them a lost message would have gone.
+        """
+        for node in self.nodes:
+            node.on_can_error(code, now_counts // COUNTS_PER_US, active=active)
             self._collect(node, now_counts)
 
     def _on_nmt(self, data: bytes, now_counts: int) -> None:

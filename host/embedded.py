@@ -10,6 +10,7 @@ from controller.motion import COUNTS_PER_SECOND
 from controller.pins import Pin
 from emulator.board import AxisTrace, Board, BoardConfig
 from emulator.bus import Bus
+from emulator.bus_faults import FaultScript
 from emulator.simulation import BusOverloadError, Simulation
 from host.errors import BusError
 from host.robot import Joint, Robot
@@ -55,14 +56,16 @@ class EmbeddedNetwork(canopen.Network):
 class EmbeddedBoard:
     """A robot's board on a bus of its own; fulfils the client's Link. The machine stands at the given joints."""
 
-    def __init__(self, robot: Robot, start_joints: list[float], kernel: Kernel) -> None:
+    def __init__(
+        self, robot: Robot, start_joints: list[float], kernel: Kernel, bus_faults: FaultScript | None = None
+    ) -> None:
         self._robot = robot
         self._start_steps = [
             _steps_at(joint, position) for position, joint in zip(start_joints, robot.joints, strict=True)
         ]
         config = BoardConfig(axis_count=len(robot.joints), osc_pf=(robot.board.osc_pf,) * len(robot.joints))
         self._board = Board(config, kernel)
-        self._simulation = Simulation(self._board, Bus(robot.board.bitrate))
+        self._simulation = Simulation([self._board], Bus(robot.board.bitrate, bus_faults))
         self.network = EmbeddedNetwork(self._simulation)
         self.wait(_BOOT_S)
 

@@ -7,6 +7,7 @@ from math import ceil
 import numpy as np
 
 from controller.backend import Kernel
+from emulator.bus_faults import FaultScript
 from host.client import AxisRecords, AxisSettings, Machine, OutputCommand, Progress
 from host.embedded import EmbeddedBoard
 from host.errors import DeviceFaultError, InputError
@@ -55,6 +56,7 @@ def execute(
     *,
     stand_at: list[float] | None = None,
     cut_stream_s: float | None = None,
+    bus_faults: FaultScript | None = None,
     progress: Progress = lambda _: None,
 ) -> Outcome:
     """Run a plan on an embedded board in virtual time.
@@ -65,6 +67,7 @@ def execute(
         kernel: which form of the firmware's kernel runs.
         stand_at: where the emulated machine stands, mm and degrees; by default where the plan starts.
         cut_stream_s: send only the points before this time of the motion, as a host that dies would.
+        bus_faults: what the bus does to frames.
         progress: told which part of the stream has been sent.
 
     Raises:
@@ -75,7 +78,7 @@ def execute(
         check_start(plan, stand_at)
     records = _records(plan, cut_stream_s)
     started_s = time.perf_counter()
-    board = EmbeddedBoard(plan.robot, plan.start_joints if stand_at is None else stand_at, kernel)
+    board = EmbeddedBoard(plan.robot, plan.start_joints if stand_at is None else stand_at, kernel, bus_faults)
     machine = Machine(board, plan.robot.joint_names)
     machine.connect()
     machine.configure(tuple(_settings(joint, plan.robot.board) for joint in plan.robot.joints))
