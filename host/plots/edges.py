@@ -92,7 +92,7 @@ def _finish(axes: Axes, lanes: list[Signal], moment: Moment) -> None:
     axes.axvline(0.0, color="0.4", linestyle=":", linewidth=0.8)
     axes.set_xlim(*_shown_ms(np.array([moment.from_s, moment.to_s]), moment))
     axes.set_xlabel(f"time from t = {moment.at_s:.6f} s [ms]; triangles: steps that the driver counted, up or down")
-    axes.set_title("step interval there", loc="right", size=8)
+    axes.text(1.01, 1.0, "step interval at 0", transform=axes.transAxes, va="center", size=8)
 
 
 def _shown_ms(times_s: FloatArray, moment: Moment) -> FloatArray:

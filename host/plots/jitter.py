@@ -51,6 +51,9 @@ def _draw(left: Axes, right: Axes, t_s: FloatArray, jitter_us: FloatArray, inter
     widest_us = 1.05 * max(SMALLEST_RANGE_US, float(np.abs(jitter_us).max(initial=0.0)))
     left.plot(*thinned(t_s, jitter_us), color=COUNTED, linestyle="none", marker=".", markersize=1.5)
     left.set_ylim(-widest_us, widest_us)
+    if jitter_us.size == 0:
+        right.set_axis_off()
+        return
     bins_us = np.linspace(-widest_us, widest_us, BINS + 1)
     right.hist(jitter_us, bins=bins_us.tolist(), orientation="horizontal", color=COUNTED)
     right.set_xscale("log")
@@ -66,5 +69,5 @@ def _summary(jitter_us: FloatArray, intervals_us: FloatArray) -> str:
     part = 100.0 * abs(jitter_us[worst]) / intervals_us[worst]
     return (
         f"{jitter_us.size} intervals, rms {rms_us:.3g} us, max {abs(jitter_us[worst]):.3g} us"
-        f" = {part:.2g} % of its {intervals_us[worst]:.4g} us"
+        f" = {part:.2g} % of an interval of {intervals_us[worst] / 1e3:.4g} ms"
     )

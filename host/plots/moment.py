@@ -59,6 +59,6 @@ def _shortest(comparison: Comparison, axis: int) -> tuple[float, float] | None:
 
 
 def _interval_s(times_s: FloatArray, at_s: float) -> float:
-    """The interval between the two steps around an instant; before the first step and after the last one the nearest."""
+    """The interval between the two steps around an instant; the nearest one before the first and after the last."""
     first = int(np.clip(np.searchsorted(times_s, at_s) - 1, 0, times_s.size - 2))
     return float(times_s[first + 1] - times_s[first])

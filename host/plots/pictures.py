@@ -16,7 +16,6 @@ from host.plots.moment import Moment
 from host.plots.step_rates import draw_step_rates
 from host.plots.timing import draw_timing
 from host.plots.tool_path import draw_tool_path
-from host.plots.widths import draw_widths
 from host.verify import Comparison, RunInfo
 
 Draw = Callable[[Comparison, RunInfo, Moment], Figure]
@@ -34,7 +33,6 @@ PICTURES: Final[dict[str, Draw]] = {
     "error": _whole(draw_error),
     "timing": _whole(draw_timing),
     "jitter": _whole(draw_jitter),
-    "widths": _whole(draw_widths),
     "edges": draw_edges,
 }
 """By their names: of files, and on the command line."""

@@ -43,7 +43,12 @@ def write_folder(out: Path, outcome: "Outcome", document: dict[str, Any]) -> boo
         log.writelines(candump_lines(outcome.bus_log))
     run = outcome.report.run
     write_waveform(
-        out / Format.VCD.file_name, wires(evidence), whole_record(evidence), Format.VCD, DEFAULT_SCALE, f"{run.robot} {run.job}"
+        out / Format.VCD.file_name,
+        wires(evidence),
+        whole_record(evidence),
+        Format.VCD,
+        DEFAULT_SCALE,
+        f"{run.robot} {run.job}",
     )
     if not find_spec("matplotlib"):
         return False

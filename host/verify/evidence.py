@@ -1,7 +1,7 @@
 """What a run leaves behind for the verifier: the pins as the drivers saw them and the steps that they accepted."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,7 +52,7 @@ class AxisEvidence:
     step_counts: Int64Array
     step_signs: Int8Array
     violations: int
-    pins: Mapping[str, LevelEdges] = field(default_factory=dict)
+    pins: Mapping[str, LevelEdges]
 
 
 @dataclass(frozen=True, slots=True)
