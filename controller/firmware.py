@@ -13,7 +13,7 @@ from controller.backend import Kernel
 from controller.kernel import TICK_COUNTS
 from controller.measurements import Measurements, Monitor, no_monitor
 from controller.motion import COUNTS_PER_US, Event, Motion
-from controller.pins import PinChange
+from controller.pins import OUTPUT_PINS, PinChange
 from protocol.cia402 import DigitalInput, ErrorCode
 from protocol.dictionary import FlashPage
 from protocol.frame import (
@@ -286,8 +286,15 @@ class Firmware:
             self._frames += node.outbox
             node.outbox.clear()
         if node.pin_changes:
-            self._pins += [PinChange(now_counts, node.axis, pin, level) for pin, level in node.pin_changes]
-            node.pin_changes.clear()
+            self._switch_pins(node, now_counts)
+
+    def _switch_pins(self, node: AxisNode, now_counts: int) -> None:
+        """The driver's pins wait for the end of a pulse that the present servo tick has placed already."""
+        driver_counts = max(now_counts, self.motion.last_fall_counts(node.axis))
+        for pin, level in node.pin_changes:
+            counts = now_counts if pin in OUTPUT_PINS else driver_counts
+            self._pins.append(PinChange(counts, node.axis, pin, level))
+        node.pin_changes.clear()
 
     def take_frames(self) -> list[Frame]:
         """Return the frames that want to be sent now."""
