@@ -20,6 +20,7 @@ from protocol.frame import COB_SYNC
 RUN = ENABLE_OPERATION | Control.START
 TH1 = 3
 HALT_AT_S, PAUSE_S = 3.0, 2.0
+TICK_S = 250e-6
 
 
 @dataclass
@@ -28,16 +29,17 @@ class Pause:
 
     axis: AxisClient | None = None
     synced_s: float | None = None
-    written: list[int] = field(default_factory=list)
+    written_s: dict[int, float] = field(default_factory=dict)
+    """When each controlword was written, halt first."""
     rested: bool = False
 
     def tend(self, now_s: float) -> None:
         if self.axis is None or self.synced_s is None:
             return
         for word, after_s in ((RUN | Control.HALT, HALT_AT_S), (RUN, HALT_AT_S + PAUSE_S)):
-            if word not in self.written and now_s >= self.synced_s + after_s:
+            if word not in self.written_s and now_s >= self.synced_s + after_s:
                 self.rested |= bool(self.axis.read(0x6041) & Status.TARGET_REACHED)
-                self.written.append(word)
+                self.written_s[word] = now_s
                 self.axis.write(0x6040, 0, word)
 
 
@@ -101,7 +103,8 @@ def test_the_drawer_pull_rests_on_its_path_and_goes_on(
     outcome, halted = pull(fast_kernel)
 
     assert outcome.fault is None
-    assert pause.written == [RUN | Control.HALT, RUN]
+    assert list(pause.written_s) == [RUN | Control.HALT, RUN]
+    halt_s, resume_s = pause.written_s.values()
     assert pause.rested
     arm = range(3, 6)
     for axis in arm:
@@ -109,6 +112,6 @@ def test_the_drawer_pull_rests_on_its_path_and_goes_on(
         assert after.violations == 0
         assert signed_places(after) == signed_places(before)
         ending_s = (after.step_counts[-1] - halted.start_counts - before.step_counts[-1] + planned.start_counts) / 72e6
-        assert PAUSE_S < ending_s < PAUSE_S + 0.5
+        assert ending_s == pytest.approx(resume_s - halt_s, abs=2 * TICK_S)  # both ramps are alike
         assert steps_off_the_path(before, after, planned.axes[TH1], halted.axes[TH1]).max() < 0.1
     assert all(len(halted.axes[axis].step_counts) == 0 for axis in range(3))
