@@ -59,12 +59,14 @@ class AxisClient:
     @property
     def interpolating(self) -> bool:
         """Whether the axis is executing PVT records, at rest or not."""
-        return self.drive_status is not None and self.drive_status.interpolating
+        status = self.drive_status
+        return status is not None and status.interpolating and not self.in_fault
 
     @property
     def halted(self) -> bool:
         """Whether the axis rests amid its PVT records because its group is halted."""
-        return self.drive_status is not None and self.drive_status.halted
+        status = self.drive_status
+        return status is not None and status.halted and not self.in_fault
 
     @property
     def done(self) -> bool:

@@ -13,7 +13,7 @@ from host.client.axis import AxisClient
 from host.client.heartbeat import WATCH_HOST, Heartbeat
 from host.client.link import Link
 from host.client.outputs import OutputCommand
-from host.client.run import POLL_S, Run
+from host.client.run import POLL_S, Run, check_faults
 from host.client.stream import AxisRecords, AxisStream, fill
 from host.errors import BusError, DeviceFaultError, InputError
 from protocol.cia402 import ENABLE_OPERATION, HOME_HERE, PVT_SUBMODE, AbortConnection, Control, Mode, Status
@@ -235,7 +235,7 @@ class Machine:
         Raises:
             InputError: no axis runs a trajectory.
             BusError: the axes do not come to rest.
-            DeviceFaultError: the own trajectory ended in a fault meanwhile.
+            DeviceFaultError: a fault has ended the trajectory meanwhile.
         """
         running = self._interpolating("pause")
         for axis in running:
@@ -245,6 +245,7 @@ class Machine:
             "the axes do not come to rest",
             _REST_TIMEOUT_S,
         )
+        check_faults(self._link, self.axes)
         if any(axis.halted for axis in running):
             return True
         for axis in running:
@@ -257,11 +258,13 @@ class Machine:
         Raises:
             InputError: no axis runs a trajectory.
             BusError: the axes do not set off.
+            DeviceFaultError: a fault has ended the trajectory meanwhile.
         """
         running = self._interpolating("resume")
         for axis in running:
             axis.send_interpolation_controlword(_START)
         self._await(lambda: not any(axis.halted for axis in running), "the axes do not go on")
+        check_faults(self._link, self.axes)
 
     def _interpolating(self, what: str) -> list[AxisClient]:
         """The axes that execute records; nodes that are not OPERATIONAL do not say so, and do none."""

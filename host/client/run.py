@@ -65,7 +65,7 @@ class Run:
             BusError: an axis says nothing any more, or does not go on though nothing halts it.
         """
         now_s = self._link.now_s()
-        self._check_faults()
+        check_faults(self._link, self._axes)
         for stream in self._streams:
             stream.update(now_s)
             stream.check_running()
@@ -76,7 +76,7 @@ class Run:
             self._schedule.tend(now_s)
         if done:
             self._link.wait(POLL_S)
-            self._check_faults()
+            check_faults(self._link, self._axes)
             self.ended = True
 
     def _follow(self, now_s: float, *, done: bool) -> None:
@@ -92,10 +92,11 @@ class Run:
         elif now_s - self._progress_s > _STALL_S:
             raise BusError(f"the motion has not gone on for {_STALL_S:g} s at {self._progress_at_s:g} s of its time")
 
-    def _check_faults(self) -> None:
-        """Raise DeviceFaultError if a drive is in fault, naming the axis with which it began."""
-        faulty = [axis for axis in self._axes if axis.in_fault]
-        if faulty:
-            self._link.wait(POLL_S)  # let every node say what happened to it
-            began = [axis for axis in self._axes if set(axis.error_codes) - {ErrorCode.GROUP_STOPPED}]
-            raise DeviceFaultError((began or faulty)[0].fault_text())
+
+def check_faults(link: Link, axes: tuple[AxisClient, ...]) -> None:
+    """Raise DeviceFaultError if a drive is in fault, naming the axis with which it began."""
+    faulty = [axis for axis in axes if axis.in_fault]
+    if faulty:
+        link.wait(POLL_S)  # let every node say what happened to it
+        began = [axis for axis in axes if set(axis.error_codes) - {ErrorCode.GROUP_STOPPED}]
+        raise DeviceFaultError((began or faulty)[0].fault_text())

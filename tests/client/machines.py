@@ -2,8 +2,10 @@
 
 from dataclasses import replace
 
+import pytest
+
 from host.client import AxisRecords, AxisSettings, Machine
-from host.embedded import EmbeddedBoard
+from host.embedded import EmbeddedBoard, EmbeddedNetwork
 from host.robots import load_robot
 from protocol.frame import Frame
 
@@ -11,6 +13,8 @@ ROBOT = load_robot("warehouse-scara")
 START = [0.0, 0.0, 100.0, 0.0, 60.0, 30.0]
 SETTINGS = AxisSettings(16, 33_000, 33_666, 15_000, 15_000, 15_360_000, 10_000_000)
 AXES = len(START)
+HEARTBEAT = 0x77F
+"""The COB-ID of the host's."""
 
 
 def ready(board: EmbeddedBoard) -> Machine:
@@ -26,6 +30,17 @@ def ready(board: EmbeddedBoard) -> Machine:
 def still(count: int, duration_ms: int) -> tuple[AxisRecords, ...]:
     """Records of a trajectory that goes nowhere."""
     return (AxisRecords([0] * count, [0] * count, [duration_ms] * count),) * AXES
+
+
+def silence_heartbeat(patch: pytest.MonkeyPatch) -> None:
+    """From now on no heartbeat of the host gets on the bus."""
+    send = EmbeddedNetwork.send_message
+
+    def without_heartbeat(network: EmbeddedNetwork, can_id: int, data: bytes, remote: bool = False) -> None:
+        if can_id != HEARTBEAT:
+            send(network, can_id, data, remote)
+
+    patch.setattr(EmbeddedNetwork, "send_message", without_heartbeat)
 
 
 def frames_to(board: EmbeddedBoard, cob_id: int, head: bytes = b"") -> list[Frame]:

@@ -6,12 +6,21 @@ import pytest
 from controller.backend import Kernel
 from host.client import Machine
 from host.client.heartbeat import PERIOD_S, TIMEOUT_MS
-from host.embedded import EmbeddedBoard, EmbeddedNetwork
+from host.embedded import EmbeddedBoard
 from host.errors import DeviceFaultError
 from protocol.cia402 import ErrorCode, State
-from tests.client.machines import AXES, ROBOT, SETTINGS, START, frames_to, ready, travelling
+from tests.client.machines import (
+    AXES,
+    HEARTBEAT,
+    ROBOT,
+    SETTINGS,
+    START,
+    frames_to,
+    ready,
+    silence_heartbeat,
+    travelling,
+)
 
-HEARTBEAT = 0x77F
 TH1 = 3
 
 
@@ -23,17 +32,6 @@ def board(fast_kernel: Kernel) -> EmbeddedBoard:
 @pytest.fixture
 def machine(board: EmbeddedBoard) -> Machine:
     return ready(board)
-
-
-def silence(patch: pytest.MonkeyPatch) -> None:
-    """From now on no heartbeat gets on the bus."""
-    send = EmbeddedNetwork.send_message
-
-    def without_heartbeat(network: EmbeddedNetwork, can_id: int, data: bytes, remote: bool = False) -> None:
-        if can_id != HEARTBEAT:
-            send(network, can_id, data, remote)
-
-    patch.setattr(EmbeddedNetwork, "send_message", without_heartbeat)
 
 
 def beats_s(board: EmbeddedBoard) -> list[float]:
@@ -106,7 +104,7 @@ def test_a_host_that_stays_silent_is_told_so(
     """It goes on feeding, but cannot be heard: the axes leave OPERATIONAL and say why by EMCY alone."""
     machine.start(travelling(101), [0] * AXES)
     machine.wait(1.0)
-    silence(monkeypatch)
+    silence_heartbeat(monkeypatch)
     with pytest.raises(DeviceFaultError, match=r"^sx: heartbeat lost \(EMCY 0x8130\)$") as caught:
         machine.wait(1.0)
     assert caught.value.exit_code == 3
@@ -123,7 +121,7 @@ def test_a_host_that_dies_leaves_no_motion(
     """Neither heartbeat nor records any more: a ramp from 4 kHz at 9766 steps/s^2, before the queue is dry."""
     machine.start(travelling(101), [0] * AXES)
     machine.wait(1.0)
-    silence(monkeypatch)
+    silence_heartbeat(monkeypatch)
     board.wait(3.0)
     lost_s = beats_s(board)[-1] + TIMEOUT_MS / 1000
     evidence = board.evidence()
@@ -145,7 +143,7 @@ def test_a_paused_machine_is_watched_too(
     machine.wait(0.5)
     machine.pause()
     rested_s = board.now_s()
-    silence(monkeypatch)
+    silence_heartbeat(monkeypatch)
     with pytest.raises(DeviceFaultError, match="heartbeat lost"):
         machine.wait(1.0)
     assert states(machine) == [State.FAULT] * AXES

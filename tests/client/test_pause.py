@@ -1,5 +1,7 @@
 """Halting a trajectory and letting it go on: who may do it, when there is nothing to halt, and how it ends."""
 
+from collections.abc import Callable
+
 import canopen
 import pytest
 
@@ -9,7 +11,7 @@ from host.embedded import EmbeddedBoard
 from host.errors import BusError, DeviceFaultError, InputError
 from protocol.cia402 import ENABLE_OPERATION, Control, DigitalOutput
 from protocol.frame import Frame
-from tests.client.machines import AXES, ROBOT, START, frames_to, ready, still, travelling
+from tests.client.machines import AXES, ROBOT, START, frames_to, ready, silence_heartbeat, still, travelling
 
 TH1, TH2, TH3 = 3, 4, 5
 RUN = ENABLE_OPERATION | Control.START
@@ -32,12 +34,12 @@ def controlwords(board: EmbeddedBoard, axis: int) -> list[Frame]:
 
 
 class NextDoor(canopen.Network):
-    """The network of another process on the same bus: `wait` lets the first one do its work."""
+    """The network of another process on the same bus; while it waits, the first one may do its work."""
 
-    def __init__(self, board: EmbeddedBoard, streaming: Machine, patch: pytest.MonkeyPatch) -> None:
+    def __init__(self, board: EmbeddedBoard, wait: Callable[[float], None], patch: pytest.MonkeyPatch) -> None:
         super().__init__()
         self._board = board
-        self._streaming = streaming
+        self.wait = wait
         self._hear_first = board.network.notify
         patch.setattr(board.network, "notify", self._hear)
 
@@ -54,9 +56,6 @@ class NextDoor(canopen.Network):
 
     def now_s(self) -> float:
         return self._board.now_s()
-
-    def wait(self, dt_s: float) -> None:
-        self._streaming.wait(dt_s)
 
 
 def test_it_rests_and_goes_on_to_its_end(board: EmbeddedBoard, machine: Machine) -> None:
@@ -124,7 +123,7 @@ def test_there_is_nothing_to_halt(board: EmbeddedBoard, what: str) -> None:
 
 def test_another_host_may_do_it(board: EmbeddedBoard, machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
     """It sends no SDO, of which a node serves one at a time, and the host that streams waits as long as it takes."""
-    other = Machine(NextDoor(board, machine, monkeypatch), ROBOT.joint_names)
+    other = Machine(NextDoor(board, machine.wait, monkeypatch), ROBOT.joint_names)
     run = machine.start(travelling(101), [0] * AXES)
     machine.wait(1.0)
     begin = len(board.bus_log)
@@ -137,6 +136,16 @@ def test_another_host_may_do_it(board: EmbeddedBoard, machine: Machine, monkeypa
     assert run.ended
     assert not [frame for _, frame in board.bus_log[begin:] if frame.cob_id in range(0x600, 0x680)]
     with pytest.raises(InputError, match="nothing to pause"):
+        other.pause()
+
+
+def test_another_host_hears_of_a_fault(board: EmbeddedBoard, machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The host that streams dies while the axes slow down: that is no end of the trajectory."""
+    other = Machine(NextDoor(board, board.wait, monkeypatch), ROBOT.joint_names)
+    machine.start(travelling(101), [0] * AXES)
+    machine.wait(1.0)
+    silence_heartbeat(monkeypatch)
+    with pytest.raises(DeviceFaultError, match=r"^sx: heartbeat lost \(EMCY 0x8130\)$"):
         other.pause()
 
 
