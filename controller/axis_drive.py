@@ -4,11 +4,13 @@ from collections.abc import Iterator
 from typing import Protocol
 
 from controller.drive import ENERGISED, next_state
+from controller.driver_settings import DriverSettings
 from controller.homing import Homing
 from controller.interpolation import Interpolation
 from controller.measurements import Measurements, Monitor
 from controller.modes import Mode, Trip
 from controller.motion import STOP_MAX_MS, Motion
+from controller.pins import Pin
 from controller.profile_feed import ProfileFeed
 from controller.profile_position import ProfilePosition
 from controller.profile_velocity import ProfileVelocity
@@ -60,6 +62,10 @@ class Node(Protocol):
         """A value has changed that process data may report."""
         ...
 
+    def set_pin(self, pin: Pin, level: int) -> None:
+        """Let a pin take a level."""
+        ...
+
     def touch(self) -> None:
         """Something has happened after which the drive may have something to say."""
         ...
@@ -89,6 +95,7 @@ class AxisDrive:
         self._node = node
         self._controlword = 0
         self._after_stop: State | None = None
+        self.settings = DriverSettings(dictionary, node.set_pin)
         self.supervision = Supervision(axis, motion, dictionary, measurements, monitor, trip)
         self.interpolation = Interpolation(
             axis,
@@ -110,7 +117,9 @@ class AxisDrive:
         self._profile_velocity = ProfileVelocity(axis, motion, dictionary, self.feed)
         self._modes: dict[int, Mode] = {
             cia402.Mode.NONE: Mode(axis, motion),
-            cia402.Mode.PROFILE_POSITION: ProfilePosition(axis, motion, dictionary, self.feed),
+            cia402.Mode.PROFILE_POSITION: ProfilePosition(
+                axis, motion, dictionary, self.feed, now_us=lambda: node.now_us
+            ),
             cia402.Mode.PROFILE_VELOCITY: self._profile_velocity,
             cia402.Mode.HOMING: Homing(axis, motion, dictionary, self.interpolation.discard, self._referenced),
             cia402.Mode.INTERPOLATED_POSITION: self.interpolation,
@@ -242,6 +251,11 @@ class AxisDrive:
     def _lose_position(self) -> None:
         self.position_known = False
 
+    def select_microsteps(self, microsteps: int) -> None:
+        """Set the driver to another excitation mode; its reset moves the rotor to where that begins."""
+        self.settings.set_microsteps(microsteps)
+        self._lose_position()
+
     def _referenced(self) -> None:
         """The axis has been told where it is."""
         self.position_known = True
@@ -250,6 +264,7 @@ class AxisDrive:
     def _enter(self, state: State) -> None:
         was_energised, self.state = self.energised, state
         self.energised = state in ENERGISED
+        self._node.set_pin(Pin.ENABLE, int(self.energised))
         self._after_stop = None
         if state is not State.OPERATION_ENABLED:
             self.mode.interrupted()
@@ -326,12 +341,14 @@ class AxisDrive:
         interpolating = self.mode is self.interpolation
         self.interpolation.ready = interpolating and self.state is State.OPERATION_ENABLED
         self._motion.group.hold(self.axis, hold=interpolating and bool(self._controlword & Control.HALT))
+        self.settings.settle(now_us, moving=self._motion.running(self.axis))
         self.supervision.watch(now_us, switches=not self.mode.seeks_switches)
 
     def dues_us(self) -> Iterator[int | None]:
         """When the drive has something to do by itself."""
         yield self.feed.due_us
         yield self.supervision.due_us
+        yield self.settings.due_us
         yield self.mode.due_us
 
     def poll(self, now_us: int) -> bool:
@@ -340,6 +357,7 @@ class AxisDrive:
             return False
         self.feed.poll(now_us)
         self.supervision.poll(now_us)
+        self.settings.poll(now_us)
         self.mode.poll(now_us)
         return True
 

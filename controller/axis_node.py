@@ -7,7 +7,8 @@ from functools import partial
 from controller.axis_drive import AxisDrive
 from controller.measurements import Measurements, Monitor
 from controller.modes import Trip
-from controller.motion import Motion, StepConfig
+from controller.motion import INVERT_DIR, REVERSED, Motion, StepConfig
+from controller.pins import MODE_LEVELS, OUTPUT_PINS, Pin
 from protocol import cia402
 from protocol.abort import AbortCode, SdoAbortError
 from protocol.cia402 import AbortConnection, ErrorCode, State, Status
@@ -25,9 +26,6 @@ from protocol.sdo_server import SdoServer
 from protocol.storage import ParameterStorage
 from protocol.sync import SyncConsumer
 
-MICROSTEP_SETTINGS = (1, 2, 8, 16)
-"""TB6560AHQ datasheet (2014-10-01), page 9: the excitation modes that M1 and M2 select."""
-
 _FAULT_STATES = (State.FAULT_REACTION_ACTIVE, State.FAULT)
 _PDO_LENGTH_ERRORS = (ErrorCode.PDO_TOO_SHORT, ErrorCode.PDO_TOO_LONG)
 
@@ -38,8 +36,18 @@ _STEP_CONFIG_KEYS = (
     key_of(0x2001, 3),
     key_of(0x2001, 4),
     key_of(0x607F),
+    key_of(0x607E),
+    key_of(0x2001, 5),
 )
 """In the order of StepConfig's fields."""
+
+
+_CHOICES = {
+    key_of(0x2000, 1): tuple(MODE_LEVELS),
+    key_of(0x2001, 5): (0, INVERT_DIR),
+    key_of(0x607E): (0, REVERSED),  # position and velocity can only be reversed together
+}
+"""The values that may be written where a range does not say it."""
 
 
 class AxisNode:
@@ -60,9 +68,10 @@ class AxisNode:
         self.nmt_state = NmtState.INITIALISING
         self.now_us = 0
         """The time of the call that is being served."""
-        self.outputs = 0
-        """The levels of the axis' digital outputs, by their bits in 0x60FE:01."""
         self.outbox: list[Frame] = []
+        self.pin_changes: list[tuple[Pin, int]] = []
+        """Pins and the levels that they take now, to be fetched like the frames."""
+        self._pins = dict.fromkeys(Pin, 0)
         self.due_us: int | None = None
         """When `poll` wants to be called next."""
         self.dictionary = ObjectDictionary(node_id, stored=flash_page)
@@ -71,6 +80,8 @@ class AxisNode:
         self._measurements = measurements
         self._monitor = monitor
         self._trip = trip
+        self._clock_zero_us = 0
+        """When the time stamp 0x1013 was 0."""
         self._statusword = 0
         self._touched = False
         """Whether anything happened since the last look at what there is to send."""
@@ -93,6 +104,7 @@ class AxisNode:
         """Power-up: announce the node, then wait in PRE-OPERATIONAL and SWITCH ON DISABLED."""
         self.now_us = now_us
         self._reset_application()
+        self.set_pin(Pin.RESET, 1)
         self._reset_communication()
         self._settle()
 
@@ -118,9 +130,9 @@ class AxisNode:
         """Lose everything that a power cycle would lose but the position of a standing axis."""
         self.drive.reset()
         self.dictionary.reset(0x2000)
-        self._motion.configure(self.axis, self._step_config())
+        self._configure(self._step_config())
         self._emergency.forget()
-        self.outputs = 0
+        self._switch_outputs(0)
 
     def _reset_communication(self) -> None:
         self.dictionary.reset(0x1000, 0x1FFF)
@@ -214,6 +226,15 @@ class AxisNode:
         self._change_nmt_state(after_error(self.nmt_state, self.dictionary.get(0x1029, 1)))
         self._settle()
 
+    def on_can_error(self, code: ErrorCode, now_us: int, *, active: bool) -> None:
+        """Tell by EMCY what befalls the board's CAN controller; the drive goes on."""
+        self.now_us = now_us
+        if active:
+            self.report(code, 0)
+        else:
+            self.resolved(code)
+        self._settle()
+
     # --- the drive
 
     @contextmanager
@@ -240,6 +261,7 @@ class AxisNode:
         read[key_of(0x1003)] = lambda: len(self._emergency.history)
         for i in range(1, HISTORY_DEPTH + 1):
             read[key_of(0x1003, i)] = partial(self._history, i)
+        read[key_of(0x1013)] = lambda: self.now_us - self._clock_zero_us & 0xFFFF_FFFF
         read[key_of(0x2012, 5)] = lambda: self.now_us & 0xFFFF_FFFF
         read[key_of(0x6041)] = self.statusword
         read[key_of(0x2002, 1)] = lambda: self._measurements.temperature_decidegc
@@ -255,14 +277,18 @@ class AxisNode:
         read[key_of(0x60FC)] = lambda: self._motion.demand_steps(self.axis)
         read[key_of(0x60FD)] = lambda: self.drive.supervision.inputs
         write[key_of(0x1003)] = lambda _: self._emergency.history.clear()
+        write[key_of(0x1013)] = self._set_clock
         write[key_of(0x1014)] = lambda cob_id: check_cob_id(self.dictionary.get(0x1014), cob_id)
         write[key_of(0x1015)] = self._write_emergency_inhibit
         write[key_of(0x1017)] = lambda period_ms: self._heartbeat.set_period(period_ms * 1000, self.now_us)
         write[key_of(0x6086)] = self._write_profile_type
-        write[key_of(0x60FE, 1)] = lambda physical: self._switch_outputs(physical, self.dictionary.get(0x60FE, 2))
-        write[key_of(0x60FE, 2)] = lambda mask: self._switch_outputs(self.dictionary.get(0x60FE, 1), mask)
+        write[key_of(0x60FE, 1)] = lambda physical: self._switch_outputs(physical & self.dictionary.get(0x60FE, 2))
+        write[key_of(0x60FE, 2)] = lambda mask: self._switch_outputs(self.dictionary.get(0x60FE, 1) & mask)
         for key in _STEP_CONFIG_KEYS:
             write[key] = partial(self._write_step_config, key)
+
+    def _set_clock(self, time_us: int) -> None:
+        self._clock_zero_us = self.now_us - time_us
 
     def _history(self, position: int) -> int:
         history = self._emergency.history
@@ -279,9 +305,10 @@ class AxisNode:
         """An STM32F103 halts while it writes its flash: no axis may want steps then."""
         return any(self._motion.running(axis) for axis in range(self._motion.axis_count))
 
-    def _switch_outputs(self, physical: int, mask: int) -> None:
+    def _switch_outputs(self, outputs: int) -> None:
         """In any drive state, and no state or fault switches them back: a gripper must not drop its load."""
-        self.outputs = physical & mask
+        for pin, bit in OUTPUT_PINS.items():
+            self.set_pin(pin, int(bool(outputs & bit)))
 
     def _velocity_units_per_s(self) -> int:
         return self._motion.velocity(self.axis) * 1000 // VELOCITY_PER_UNIT_PER_MS
@@ -293,16 +320,27 @@ class AxisNode:
         """
         if self.drive.energised:
             raise SdoAbortError(AbortCode.DEVICE_STATE)
-        if key == key_of(0x2000, 1) and value not in MICROSTEP_SETTINGS:
+        if value not in _CHOICES.get(key, (value,)):
             raise SdoAbortError(AbortCode.VALUE_RANGE)
         self.drive.interpolation.discard()
-        self._motion.configure(self.axis, self._step_config({key: value}))
+        self._configure(self._step_config({key: value}))
+
+    def _configure(self, config: StepConfig) -> None:
+        if config.microsteps != self._motion.config(self.axis).microsteps:
+            self.drive.select_microsteps(config.microsteps)
+        self._motion.configure(self.axis, config)
 
     def _step_config(self, changes: dict[int, int] | None = None) -> StepConfig:
         changes = changes or {}
         return StepConfig(*(changes.get(key, self.dictionary.get(key >> 8, key & 0xFF)) for key in _STEP_CONFIG_KEYS))
 
     # --- what the drive asks of its node
+
+    def set_pin(self, pin: Pin, level: int) -> None:
+        """Let a pin take a level."""
+        if self._pins[pin] != level:
+            self._pins[pin] = level
+            self.pin_changes.append((pin, level))
 
     def touch(self) -> None:
         """Something has happened after which there may be something to say."""

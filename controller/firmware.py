@@ -5,7 +5,6 @@ is fetched: frames by `take_frames`, pin changes by `take_pins`, pulse edges by 
 """
 
 from collections.abc import Callable, Sequence
-from enum import Enum
 from functools import partial
 from typing import NamedTuple
 
@@ -14,37 +13,25 @@ from controller.backend import Kernel
 from controller.kernel import TICK_COUNTS
 from controller.measurements import Measurements, Monitor, no_monitor
 from controller.motion import COUNTS_PER_US, Event, Motion
-from protocol.cia402 import DigitalInput, DigitalOutput, ErrorCode
+from controller.pins import OUTPUT_PINS, PinChange
+from protocol.cia402 import DigitalInput, ErrorCode
 from protocol.dictionary import FlashPage
-from protocol.frame import COB_HEARTBEAT, COB_ID_MASK, COB_NMT, COB_SDO_REQUEST, COB_SYNC, FIRST_NODE_ID, Frame
+from protocol.frame import (
+    COB_HEARTBEAT,
+    COB_ID_MASK,
+    COB_NMT,
+    COB_SDO_REQUEST,
+    COB_SYNC,
+    FIRST_NODE_ID,
+    NODE_ID_MAX,
+    Frame,
+)
 from protocol.nmt import command_for
 
 AXES_MAX = 8
 """Two 16-bit timers with four compare channels each, on an STM32F103 with CAN in use."""
 
 Handler = Callable[[bytes, int], None]
-
-
-class Pin(Enum):
-    """The pins that the firmware holds at a level: driver inputs and the axis' outputs; CLK and DIR come as edges."""
-
-    RESET = "RESET"
-    ENABLE = "ENABLE"
-    OUT1 = "OUT1"
-    OUT2 = "OUT2"
-
-
-OUTPUT_PINS = {Pin.OUT1: DigitalOutput.OUT1, Pin.OUT2: DigitalOutput.OUT2}
-"""The pins that follow object 0x60FE, with their bits in it."""
-
-
-class PinChange(NamedTuple):
-    """A pin of one axis takes a level."""
-
-    counts: int
-    axis: int
-    pin: Pin
-    level: int
 
 
 class Fault(NamedTuple):
@@ -69,32 +56,40 @@ class Firmware:
         kernel: Kernel,
         axis_count: int,
         flash: list[FlashPage] | None = None,
+        first_node_id: int = FIRST_NODE_ID,
         monitor: Monitor = no_monitor,
     ) -> None:
-        """`flash` has a page for each axis, which is read at boot and written when the host stores parameters."""
+        """Set the board up.
+
+        Args:
+            kernel: what computes the motion.
+            axis_count: 1 to 8.
+            flash: a page for each axis, which is read at boot and written when the host stores parameters.
+            first_node_id: the first axis' node id; the others count on from it.
+            monitor: what the board measures of an axis beside its pins; by default nothing.
+        """
         if not 1 <= axis_count <= AXES_MAX:
             raise ValueError(f"a board has 1 to {AXES_MAX} axes, not {axis_count}")
+        if not 1 <= first_node_id <= NODE_ID_MAX - axis_count + 1:
+            raise ValueError(f"{axis_count} node ids from {first_node_id} on are not within 1 to {NODE_ID_MAX}")
         self.motion = Motion(kernel, axis_count)
         pages: list[FlashPage] = [{} for _ in range(axis_count)] if flash is None else flash
         self._measurements = Measurements()
         self._trips: dict[int, list[Fault]] = {}
         """The axes that ask for the fault reaction, and why."""
         self.nodes = tuple(
-            AxisNode(FIRST_NODE_ID + axis, axis, self.motion, page, self._measurements, monitor, self._trip)
+            AxisNode(first_node_id + axis, axis, self.motion, page, self._measurements, monitor, self._trip)
             for axis, page in enumerate(pages)
         )
         self.dropped_frames = 0
         """Frames that were for nobody here or malformed."""
         self._frames: list[Frame] = []
         self._pins: list[PinChange] = []
-        self._energised = [False] * axis_count
-        self._outputs = [0] * axis_count
         self._routes: dict[int, list[tuple[AxisNode, Handler]]] = {}
 
     def boot(self, now_counts: int) -> None:
         """Power-up: release the drivers from reset, announce the nodes."""
         for node in self.nodes:
-            self._pins.append(PinChange(now_counts, node.axis, Pin.RESET, 1))
             node.boot(now_counts // COUNTS_PER_US)
             self._collect(node, now_counts)
 
@@ -121,6 +116,24 @@ class Firmware:
             return
         for node, handler in listeners:
             handler(frame.data, now_us)
+            self._collect(node, now_counts)
+
+    def hears(self, cob_id: int) -> bool:
+        """What the CAN controller's filters are set to: NMT, SYNC and what the nodes' communication parameters say.
+
+        By default these are blocks of eight, with a mask each; bxCAN's 14 filter banks hold 28 masks or 56 identifiers
+        (RM0008, section 24.7.4).
+        """
+        return cob_id in self._routes or cob_id in (COB_NMT, COB_SYNC)
+
+    def on_can_error(self, code: ErrorCode, now_counts: int, *, active: bool) -> None:
+        """Report that an error of the CAN controller has occurred, or that it is over: one EMCY of every node.
+
+        To a master each node is a device of its own, with its own error register (CiA 301, section 7.2.7); all of them
+        lost the same bus, and nobody knows to which of them a lost message would have gone.
+        """
+        for node in self.nodes:
+            node.on_can_error(code, now_counts // COUNTS_PER_US, active=active)
             self._collect(node, now_counts)
 
     def _on_nmt(self, data: bytes, now_counts: int) -> None:
@@ -266,24 +279,22 @@ class Firmware:
     # --- out
 
     def _collect(self, node: AxisNode, now_counts: int) -> None:
-        """Fetch what a node has to say, show its state and outputs on their pins, follow its COB-IDs."""
+        """Fetch what a node has to say and to switch, follow its COB-IDs."""
         if node.routes_changed:
             self._route()
         if node.outbox:
             self._frames += node.outbox
             node.outbox.clear()
-        if node.drive.energised is not self._energised[node.axis]:
-            self._energised[node.axis] = node.drive.energised
-            self._pins.append(PinChange(now_counts, node.axis, Pin.ENABLE, int(node.drive.energised)))
-        if node.outputs != self._outputs[node.axis]:
-            self._switch_outputs(node, now_counts)
+        if node.pin_changes:
+            self._switch_pins(node, now_counts)
 
-    def _switch_outputs(self, node: AxisNode, now_counts: int) -> None:
-        changed = node.outputs ^ self._outputs[node.axis]
-        self._outputs[node.axis] = node.outputs
-        for pin, bit in OUTPUT_PINS.items():
-            if changed & bit:
-                self._pins.append(PinChange(now_counts, node.axis, pin, int(bool(node.outputs & bit))))
+    def _switch_pins(self, node: AxisNode, now_counts: int) -> None:
+        """The driver's pins wait for the end of a pulse that the present servo tick has placed already."""
+        driver_counts = max(now_counts, self.motion.last_fall_counts(node.axis))
+        for pin, level in node.pin_changes:
+            counts = now_counts if pin in OUTPUT_PINS else driver_counts
+            self._pins.append(PinChange(counts, node.axis, pin, level))
+        node.pin_changes.clear()
 
     def take_frames(self) -> list[Frame]:
         """Return the frames that want to be sent now."""

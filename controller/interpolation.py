@@ -6,8 +6,10 @@ so that a stream still under way cannot set an axis moving again.
 
 from collections.abc import Callable
 
+from controller.kernel import I32_MAX
 from controller.modes import Mode, Report
 from controller.motion import Motion, Refusal
+from controller.soft_limits import hull, soft_limits
 from protocol.abort import AbortCode, SdoAbortError
 from protocol.cia402 import Control, ErrorCode, Status
 from protocol.dictionary import ObjectDictionary
@@ -70,14 +72,23 @@ class Interpolation(Mode):
             return
         if self._running:
             self._note_fill(self._motion.queued(self._axis))
-        get = self._dictionary.get
-        refusal = self._motion.push(self._axis, get(_RECORD, 1), get(_RECORD, 2), get(_RECORD, 3))
+        refusal = self._push(*(self._dictionary.get(_RECORD, subindex) for subindex in (1, 2, 3)))
         if refusal is not Refusal.ACCEPTED:
             self._reject(sequence, refusal)
             return
         self._next_sequence = (sequence + 1) % SEQUENCE_MODULUS
         self._sticky &= ~(PvtFlag.GAP | PvtFlag.OVERFLOW)
         self._count(1)
+
+    def _push(self, displacement_units: int, end_velocity: int, duration_ms: int) -> Refusal:
+        """Queue a segment unless it leads out of the soft limits, or further out of them."""
+        low, high = soft_limits(self._dictionary)
+        if low > -I32_MAX or high < I32_MAX:
+            start, velocity = self._motion.tail_units(self._axis), self._motion.tail_velocity(self._axis)
+            least, most = hull(start, velocity, displacement_units, end_velocity, duration_ms)
+            if least < min(low, start) or most > max(high, start):
+                return Refusal.SOFT_LIMIT
+        return self._motion.push(self._axis, displacement_units, end_velocity, duration_ms)
 
     def _drop(self, verdict: Verdict) -> None:
         """Flag a gap or an overflow; only the first of a row is an event, so that junk cannot flood the bus."""

@@ -88,7 +88,9 @@ EVENT = 24
 DELAYED_STEPS = 25
 CLK_EDGES = 26
 DIR_EDGES = 27
-AXIS_FIELDS = 28
+# One more of the configuration:
+DIR_INVERTED = 28
+AXIS_FIELDS = 29
 
 # The time of the group: a ramp of its rate that begins at the start of a tick and takes a number of ticks.
 RATE_FROM_Q16 = 0
@@ -212,11 +214,12 @@ def place_steps(axes: Cells, clk: Cells, direction: Cells, base: int, tick_count
     if to_threshold > travel:
         return True
     earliest = axes[base + EARLIEST_RISE_COUNTS]
-    if axes[base + DIR_LEVEL] != up:
+    level = up ^ axes[base + DIR_INVERTED]
+    if axes[base + DIR_LEVEL] != level:
         edge = max(tick_counts, axes[base + LAST_RISE_COUNTS] + max(axes[base + DIRHOLD_COUNTS], 1))
         earliest = max(earliest, edge + axes[base + DIRSETUP_COUNTS])
-        axes[base + DIR_LEVEL] = up
-        direction[axes[base + DIR_EDGES]] = 2 * edge + up
+        axes[base + DIR_LEVEL] = level
+        direction[axes[base + DIR_EDGES]] = 2 * edge + level
         axes[base + DIR_EDGES] += 1
     steps = (travel - to_threshold) // STEP_Q16 + 1
     interval_q16 = (TICK_COUNTS << 32) // travel

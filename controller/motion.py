@@ -8,13 +8,17 @@ from controller import kernel as k
 from controller.backend import Kernel
 from controller.group_time import GroupTime
 from controller.kernel import Cells
+from protocol.objects import UNITS_PER_FULL_STEP
 from protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 NS_PER_SECOND = 1_000_000_000
 COUNTS_PER_SECOND = 72_000_000
 COUNTS_PER_US = 72
-UNITS_PER_FULL_STEP = 16_384
 TICKS_PER_SECOND = COUNTS_PER_SECOND // k.TICK_COUNTS
+REVERSED = 0xC0
+"""Polarity (CiA 402, object 0x607E): bit 7 reverses positions, bit 6 velocities."""
+INVERT_DIR = 0x02
+"""Bit of the invert mask 0x2001:05, in the order STEP, DIR, ENABLE."""
 STOP_MAX_MS = k.QUEUE_DEPTH * k.DURATION_MAX_MS
 """The longest ramp that fits the queue, 16 s; a lower deceleration than that is not honoured."""
 _SEGMENT_END_TERMS = (k.START_Q16, k.COEFFICIENT_A, k.COEFFICIENT_B, k.COEFFICIENT_C)
@@ -43,6 +47,8 @@ class Refusal(IntEnum):
     COEFFICIENT = k.REFUSED_COEFFICIENT
     TOO_FAST = k.REFUSED_TOO_FAST
     POSITION = k.REFUSED_POSITION
+    SOFT_LIMIT = k.REFUSED_POSITION + 1
+    """It would leave the range that the host allows. This one is not the kernel's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +61,15 @@ class StepConfig:
     dirsetup_ns: int
     dirhold_ns: int
     velocity_max_units_per_s: int
+    polarity: int = 0
+    """0x607E: 0, or REVERSED."""
+    invert_mask: int = 0
+    """0x2001:05: 0, or INVERT_DIR."""
+
+    @property
+    def dir_inverted(self) -> bool:
+        """Whether DIR is low while the position grows."""
+        return bool(self.polarity) != bool(self.invert_mask)
 
     @property
     def rate_limit_q16_per_ms(self) -> int:
@@ -128,6 +143,7 @@ class Motion:
         self._set(axis, k.DIRSETUP_COUNTS, counts_of_ns(config.dirsetup_ns))
         self._set(axis, k.DIRHOLD_COUNTS, counts_of_ns(config.dirhold_ns))
         self._set(axis, k.RATE_LIMIT_Q16_PER_MS, config.rate_limit_q16_per_ms)
+        self._set(axis, k.DIR_INVERTED, int(config.dir_inverted))
 
     def _set_microsteps(self, axis: int, microsteps: int) -> None:
         """The motor stands where it stood, counted in other steps; the demand goes there, so no step is owed."""
@@ -166,6 +182,10 @@ class Motion:
         """Steps that had to wait for the driver's timing since power-up."""
         return self._get(axis, k.DELAYED_STEPS)
 
+    def last_fall_counts(self, axis: int) -> int:
+        """When the last pulse placed so far ends; long ago if there is none."""
+        return self._get(axis, k.LAST_RISE_COUNTS) + self._get(axis, k.STEPLEN_COUNTS)
+
     def demand_units(self, axis: int) -> int:
         """The demanded position, to the nearest unit."""
         per_unit = self._get(axis, k.MICROSTEPS) << 2
@@ -175,9 +195,13 @@ class Motion:
         """The demanded position, to the nearest step of the set mode."""
         return (self._get(axis, k.POSITION_Q16) + k.STEP_Q16 // 2) >> 16
 
+    def counter_steps(self, axis: int) -> int:
+        """The step counter, in steps of the set mode."""
+        return self._get(axis, k.COUNTER)
+
     def counter_units(self, axis: int) -> int:
         """Where the steps made so far have brought the motor."""
-        return self._get(axis, k.COUNTER) * UNITS_PER_FULL_STEP // self._get(axis, k.MICROSTEPS)
+        return self.counter_steps(axis) * UNITS_PER_FULL_STEP // self._get(axis, k.MICROSTEPS)
 
     def velocity(self, axis: int) -> int:
         """The demanded velocity in 1/64 unit per ms, truncated towards zero."""

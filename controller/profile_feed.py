@@ -9,10 +9,11 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from controller.kernel import STEP_Q16
-from controller.motion import UNITS_PER_FULL_STEP, Motion, Refusal
+from controller.motion import Motion, Refusal
 from controller.profile import GRAIN_MS, Limits, Profile, Segment, move, stop
 from controller.stops import HALTS, Ramp
 from protocol.dictionary import ObjectDictionary
+from protocol.objects import UNITS_PER_FULL_STEP
 from protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 AHEAD_MS = 48

@@ -11,6 +11,7 @@ next set-point begins. Halt (bit 8) ramps to rest by 0x605D, within the profile 
 release goes on.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 from controller.modes import Mode
@@ -20,6 +21,7 @@ from controller.profile_feed import ProfileFeed
 from controller.soft_limits import clamped
 from protocol.cia402 import Control, Status
 from protocol.dictionary import ObjectDictionary
+from protocol.objects import WINDOW_OFF
 from protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 
@@ -32,10 +34,18 @@ class _SetPoint(NamedTuple):
 class ProfilePosition(Mode):
     """The mode's handshake; the motion itself is the feed's."""
 
-    def __init__(self, axis: int, motion: Motion, dictionary: ObjectDictionary, feed: ProfileFeed) -> None:
+    def __init__(
+        self,
+        axis: int,
+        motion: Motion,
+        dictionary: ObjectDictionary,
+        feed: ProfileFeed,
+        now_us: Callable[[], int],
+    ) -> None:
         super().__init__(axis, motion)
         self._dictionary = dictionary
         self._feed = feed
+        self._now_us = now_us
         self._active: _SetPoint | None = None
         """The set-point in progress; it stays while a halt interrupts it."""
         self._next: _SetPoint | None = None
@@ -43,6 +53,18 @@ class ProfilePosition(Mode):
         self._at_limit = False
         self._acknowledged = False
         self._halted = False
+        self._settled_us: int | None = None
+        """Until when the axis must stand at its target before that is said, if it must still."""
+
+    @property
+    def due_us(self) -> int | None:
+        """When the axis has stood at its target for long enough."""
+        return self._settled_us
+
+    def poll(self, now_us: int) -> None:
+        """Nothing is left to wait for once the position window time is over."""
+        if self._settled_us is not None and self._settled_us <= now_us:
+            self._settled_us = None
 
     def control(self, controlword: int, previous: int) -> None:
         """Obey set-point and halt bits."""
@@ -93,6 +115,7 @@ class ProfilePosition(Mode):
     def _reached(self) -> None:
         """The next set-point, which may be where the axis stands already, begins."""
         self._active = None
+        self._settled_us = self._now_us() + 1000 * self._dictionary.get(0x6068)
         set_point, self._next = self._next, None
         if set_point:
             self._acknowledged = bool(self._dictionary.get(0x6040) & Control.START)
@@ -121,13 +144,20 @@ class ProfilePosition(Mode):
         """The drive was stopped or switched off: no set-point outlives that."""
         self._feed.abandon()
         self._active = self._next = None
-        self._last_target_units = None
+        self._last_target_units = self._settled_us = None
         self._at_limit = self._acknowledged = self._halted = False
 
     def target_reached(self) -> bool:
         """Bit 10: no set-point is left to reach; during halt, standstill."""
         standing = not self._motion.running(self._axis)
-        return standing and (self._halted or self._active is None)
+        return standing and (self._halted or (self._active is None and self._in_window()))
+
+    def _in_window(self) -> bool:
+        """Whether the axis has been near its target, by 0x6067, for as long as 0x6068 asks for."""
+        window, target_units = self._dictionary.get(0x6067), self._last_target_units
+        if target_units is None or window == WINDOW_OFF:
+            return True
+        return self._settled_us is None and abs(target_units - self._motion.counter_units(self._axis)) <= window
 
     def status_bits(self) -> int:
         """Bits 11, internal limit, and 12, set-point acknowledge."""

@@ -6,11 +6,26 @@ switches them off.
 
 from controller.kernel import I32_MAX
 from protocol.dictionary import ObjectDictionary
+from protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 
 def soft_limits(dictionary: ObjectDictionary) -> tuple[int, int]:
     """Lowest and highest position that an axis may be sent to; the kernel's range is symmetric."""
     return max(dictionary.get(0x607D, 1), -I32_MAX), dictionary.get(0x607D, 2)
+
+
+def hull(
+    start_units: int, velocity: int, displacement_units: int, end_velocity: int, duration_ms: int
+) -> tuple[int, int]:
+    """Bounds of a segment's positions: the Bernstein coefficients of its cubic, p0, p0 + v0 T/3, p1 - v1 T/3, p1.
+
+    They are exact where the axis does not turn round within the segment.
+    """
+    end_units = start_units + displacement_units
+    after_units = start_units + velocity * duration_ms // (3 * VELOCITY_PER_UNIT_PER_MS)
+    before_units = end_units - end_velocity * duration_ms // (3 * VELOCITY_PER_UNIT_PER_MS)
+    corners = start_units, after_units, before_units, end_units
+    return min(corners), max(corners)
 
 
 def clamped(dictionary: ObjectDictionary, position_units: int) -> int:

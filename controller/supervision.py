@@ -9,13 +9,13 @@ from collections.abc import Iterator
 
 from controller.measurements import Measurements, Monitor
 from controller.modes import Trip
-from controller.motion import UNITS_PER_FULL_STEP, Motion
+from controller.motion import Motion
 from protocol.cia402 import DigitalInput, ErrorCode
 from protocol.dictionary import ObjectDictionary
+from protocol.objects import UNITS_PER_FULL_STEP, WINDOW_OFF
 
 LIMIT_PERIOD_US = 1_000
 FOLLOWING_PERIOD_US = 10_000
-FOLLOWING_WINDOW_OFF = (1 << 32) - 1
 
 _LIMITS = DigitalInput.NEGATIVE_LIMIT | DigitalInput.POSITIVE_LIMIT
 DRIVER = 1
@@ -75,7 +75,7 @@ class Supervision:
         """After anything that happened: note what there is to watch from now on, `switches` being among it or not."""
         moving = self._motion.running(self._axis)
         self._watches_limits = moving and switches and bool(self.inputs & _LIMITS)
-        self._watches_following = moving and self._dictionary.get(0x6065) != FOLLOWING_WINDOW_OFF
+        self._watches_following = moving and self._dictionary.get(0x6065) != WINDOW_OFF
         if not self._watches_following:
             self._off_window_us = None
         period_us = LIMIT_PERIOD_US if self._watches_limits else FOLLOWING_PERIOD_US
@@ -130,4 +130,4 @@ class Supervision:
     def following_error(self) -> bool:
         """Whether that is out of the window 0x6065."""
         window = self._dictionary.get(0x6065)
-        return window != FOLLOWING_WINDOW_OFF and abs(self.following_error_units) > window
+        return window != WINDOW_OFF and abs(self.following_error_units) > window

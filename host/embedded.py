@@ -6,17 +6,19 @@ import canopen
 from canopen.network import PeriodicMessageTask
 
 from controller.backend import Kernel
-from controller.firmware import Pin
 from controller.kernel import TICK_COUNTS
 from controller.motion import COUNTS_PER_SECOND
+from controller.pins import Pin
 from emulator.board import AxisTrace, Board, BoardConfig
 from emulator.bus import Bus
+from emulator.bus_faults import FaultScript
 from emulator.simulation import BusOverloadError, Simulation
 from host.errors import BusError
 from host.repeated_frames import RepeatedFrames
-from host.robot import UNITS_PER_FULL_STEP, Joint, Robot
+from host.robot import Joint, Robot
 from host.verify import AxisEvidence, BusReport, Evidence, OutputChange
 from protocol.frame import COB_SYNC, Frame
+from protocol.objects import UNITS_PER_FULL_STEP
 
 _PINS = (Pin.OUT1, Pin.OUT2)
 
@@ -76,14 +78,16 @@ class EmbeddedNetwork(canopen.Network):
 class EmbeddedBoard:
     """A robot's board on a bus of its own; fulfils the client's Link. The machine stands at the given joints."""
 
-    def __init__(self, robot: Robot, start_joints: list[float], kernel: Kernel) -> None:
+    def __init__(
+        self, robot: Robot, start_joints: list[float], kernel: Kernel, bus_faults: FaultScript | None = None
+    ) -> None:
         self._robot = robot
         self._start_steps = [
             _steps_at(joint, position) for position, joint in zip(start_joints, robot.joints, strict=True)
         ]
         config = BoardConfig(axis_count=len(robot.joints), osc_pf=(robot.board.osc_pf,) * len(robot.joints))
         self._board = Board(config, kernel)
-        self._simulation = Simulation(self._board, Bus(robot.board.bitrate))
+        self._simulation = Simulation([self._board], Bus(robot.board.bitrate, bus_faults))
         self.network = EmbeddedNetwork(self._simulation)
         self.wait(_BOOT_S)
 

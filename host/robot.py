@@ -12,10 +12,7 @@ from host.inputs import unknown
 from host.trajectory import FloatArray
 from protocol.cia402 import DigitalOutput
 from protocol.frame import BITRATES
-from protocol.objects import PULSE_NS_MIN, TIMING_NS_MAX
-
-UNITS_PER_FULL_STEP: Final = 16_384
-"""Wire units in a full motor step, whatever the microstep setting."""
+from protocol.objects import PULSE_NS_MIN, TIMING_NS_MAX, UNITS_PER_FULL_STEP
 
 MICROSTEPS: Final = (1, 2, 8, 16)
 """What a TB6560's M1 and M2 pins can choose."""

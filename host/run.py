@@ -7,16 +7,18 @@ from math import ceil
 import numpy as np
 
 from controller.backend import Kernel
+from emulator.bus_faults import FaultScript
 from host.client import AxisRecords, AxisSettings, Machine, OutputCommand, Progress
 from host.embedded import EmbeddedBoard
 from host.errors import DeviceFaultError, InputError
 from host.kinematics import make_kinematics
 from host.planner import Plan, check_start
-from host.robot import UNITS_PER_FULL_STEP, Board, Joint
+from host.robot import Board, Joint
 from host.verify import Comparison, Report, RunInfo, compare, verify_comparison
 from host.verify import Plan as VerifierPlan
 from protocol.cia402 import DigitalOutput
 from protocol.frame import Frame
+from protocol.objects import UNITS_PER_FULL_STEP
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +56,7 @@ def execute(
     *,
     stand_at: list[float] | None = None,
     cut_stream_s: float | None = None,
+    bus_faults: FaultScript | None = None,
     progress: Progress = lambda _: None,
 ) -> Outcome:
     """Run a plan on an embedded board in virtual time.
@@ -64,6 +67,7 @@ def execute(
         kernel: which form of the firmware's kernel runs.
         stand_at: where the emulated machine stands, mm and degrees; by default where the plan starts.
         cut_stream_s: send only the points before this time of the motion, as a host that hangs would.
+        bus_faults: what the bus does to frames.
         progress: told which part of the stream has been sent.
 
     Raises:
@@ -74,7 +78,7 @@ def execute(
         check_start(plan, stand_at)
     records = _records(plan, cut_stream_s)
     started_s = time.perf_counter()
-    board = EmbeddedBoard(plan.robot, plan.start_joints if stand_at is None else stand_at, kernel)
+    board = EmbeddedBoard(plan.robot, plan.start_joints if stand_at is None else stand_at, kernel, bus_faults)
     machine = Machine(board, plan.robot.joint_names)
     machine.connect()
     machine.configure(tuple(_settings(joint, plan.robot.board) for joint in plan.robot.joints))

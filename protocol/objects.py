@@ -25,6 +25,12 @@ U8, U16, U32 = DataType.UNSIGNED8, DataType.UNSIGNED16, DataType.UNSIGNED32
 STRING = DataType.VISIBLE_STRING
 
 
+UNITS_PER_FULL_STEP = 16_384
+"""Wire units, whatever the microstep setting."""
+FULL_STEPS_PER_REVOLUTION = 200
+"""A 1.8 degree motor. Gears and spindles are the host's matter: positions are the motor's."""
+
+
 class Access(Enum):
     """Who may do what by SDO; the value is the EDS keyword (CiA 306)."""
 
@@ -137,6 +143,9 @@ PULSE_NS_MIN = 4_000
 TIMING_NS_MAX = 1_000_000
 """Bounds of the step timing 0x2001: no CLK phase below 4 us, which is 125 kHz, no timing above 1 ms."""
 
+WINDOW_OFF = U32.high
+"""What switches the windows 0x6065 and 0x6067 off."""
+
 ASYNCHRONOUS = 255
 MANUFACTURER_EVENT = 254
 SYNCHRONOUS = 1
@@ -243,6 +252,7 @@ _COMMUNICATION = [
         "Restore default parameters",
         *[Entry(f"Restore {name}", U32, RW, 1) for name in _PARAMETER_GROUP_NAMES],
     ),
+    _variable(0x1013, "High resolution time stamp in us", U32, RW, mapping=RXTX),
     _variable(0x1014, "COB-ID EMCY", U32, RW, COB_EMCY, plus_node_id=True),
     _variable(0x1015, "Inhibit time EMCY in 100 us", U16, RW),
     _array(
@@ -271,6 +281,9 @@ _DRIVER = [
         0x2000,
         "TB6560 settings",
         Entry("Microsteps per full step", U8, RW, 16, 1, 16),
+        Entry("Torque in percent of the full current", U8, RW, 100, 20, 100),
+        Entry("Fast decay in percent of a chopping period", U8, RW, 0, 0, 100),
+        Entry("Torque at rest in percent of the full current", U8, RW, 100, 20, 100),
     ),
     _record(
         0x2001,
@@ -279,6 +292,7 @@ _DRIVER = [
         Entry("stepspace: CLK low in ns", U32, RW, 33_666, PULSE_NS_MIN, TIMING_NS_MAX),
         Entry("dirsetup: DIR stable before a CLK rise in ns", U32, RW, 15_000, 0, TIMING_NS_MAX),
         Entry("dirhold: DIR stable after a CLK rise in ns", U32, RW, 15_000, 0, TIMING_NS_MAX),
+        Entry("Invert mask: 2 inverts DIR", U8, RW, 0, 0, 2),
     ),
     _record(
         0x2002,
@@ -341,9 +355,9 @@ _DRIVE = [
     _variable(0x6061, "Modes of operation display", I8, RO, mapping=TX),
     _variable(0x6062, "Position demand value", I32, RO, mapping=TX),
     _variable(0x6064, "Position actual value", I32, RO, mapping=TX),
-    _variable(0x6065, "Following error window in units; all ones: off", U32, RW, U32.high),
+    _variable(0x6065, "Following error window in units; all ones: off", U32, RW, WINDOW_OFF),
     _variable(0x6066, "Following error time out in ms", U16, RW, 0),
-    _variable(0x6067, "Position window in units; all ones: off", U32, RW, U32.high),
+    _variable(0x6067, "Position window in units; all ones: off", U32, RW, WINDOW_OFF),
     _variable(0x6068, "Position window time in ms", U16, RW, 0),
     _variable(0x606C, "Velocity actual value", I32, RO, mapping=TX),
     _variable(0x607A, "Target position", I32, RW, mapping=RXTX),
@@ -354,19 +368,33 @@ _DRIVE = [
         Entry("Min position limit in units", I32, RW, I32.low),
         Entry("Max position limit in units", I32, RW, I32.high),
     ),
-    _variable(0x607F, "Max profile velocity", U32, RW, 8_000 * 16_384, low=1),
-    _variable(0x6081, "Profile velocity", U32, RW, 1_000 * 16_384, low=1, mapping=RX),
-    _variable(0x6083, "Profile acceleration", U32, RW, 5_000 * 16_384, low=1, mapping=RX),
-    _variable(0x6084, "Profile deceleration", U32, RW, 5_000 * 16_384, low=1, mapping=RX),
-    _variable(0x6085, "Quick stop deceleration", U32, RW, 20_000 * 16_384, low=1),
+    _variable(0x607E, "Polarity: 0xC0 reverses the axis", U8, RW, 0, low=0, high=0xC0),
+    _variable(0x607F, "Max profile velocity", U32, RW, 8_000 * UNITS_PER_FULL_STEP, low=1),
+    _variable(0x6081, "Profile velocity", U32, RW, 1_000 * UNITS_PER_FULL_STEP, low=1, mapping=RX),
+    _variable(0x6083, "Profile acceleration", U32, RW, 5_000 * UNITS_PER_FULL_STEP, low=1, mapping=RX),
+    _variable(0x6084, "Profile deceleration", U32, RW, 5_000 * UNITS_PER_FULL_STEP, low=1, mapping=RX),
+    _variable(0x6085, "Quick stop deceleration", U32, RW, 20_000 * UNITS_PER_FULL_STEP, low=1),
     _variable(
         0x6086, "Motion profile type: 0 = linear ramp, 3 = jerk-limited ramp", I16, RW, LINEAR_RAMP, low=0, high=3
+    ),
+    _array(
+        0x608F,
+        "Position encoder resolution",
+        Entry("Units", U32, CONST, UNITS_PER_FULL_STEP * FULL_STEPS_PER_REVOLUTION),
+        Entry("Motor revolutions", U32, CONST, 1),
+    ),
+    _array(0x6091, "Gear ratio", Entry("Motor revolutions", U32, CONST, 1), Entry("Shaft revolutions", U32, CONST, 1)),
+    _array(
+        0x6092,
+        "Feed constant",
+        Entry("Feed in units", U32, CONST, UNITS_PER_FULL_STEP * FULL_STEPS_PER_REVOLUTION),
+        Entry("Shaft revolutions", U32, CONST, 1),
     ),
     _variable(0x6098, "Homing method", I8, RW, HOME_HERE, low=HOME_HERE, high=HOME_HERE),
     _array(
         0x60A4,
         "Profile jerk",
-        Entry("Profile jerk 1 in units per second cubed", U32, RW, 100_000 * 16_384, low=1),
+        Entry("Profile jerk 1 in units per second cubed", U32, RW, 100_000 * UNITS_PER_FULL_STEP, low=1),
     ),
     _variable(0x60C0, "Interpolation sub mode select", I16, RW, PVT_SUBMODE, low=PVT_SUBMODE, high=PVT_SUBMODE),
     _record(

@@ -70,7 +70,7 @@ class AxisSettings:
 
 
 class Machine:
-    """The axes in the order of their node ids, from FIRST_NODE_ID on."""
+    """The axes in the order of their node ids, from FIRST_NODE_ID on, on one board or on several."""
 
     def __init__(self, link: Link, names: tuple[str, ...]) -> None:
         self._link = link

@@ -4,6 +4,7 @@ import struct
 
 from controller.backend import Kernel
 from controller.firmware import Firmware
+from protocol.cia402 import DigitalInput, State, Status
 from protocol.frame import Frame
 
 MS = 72_000
@@ -17,6 +18,7 @@ class BenchBoard:
         self.firmware = Firmware(kernel, axes)
         self.now = 0
         self.sent: list[tuple[int, Frame]] = []
+        self.inputs = [DigitalInput(0)] * axes
         self.firmware.boot(0)
         self._fetch()
 
@@ -40,6 +42,34 @@ class BenchBoard:
         self.firmware.receive(Frame(cob_id, data), self.now)
         self.firmware.poll(self.now)
         self._fetch()
+
+    def set_inputs(self, levels: DigitalInput, *axes: int) -> None:
+        """Set the inputs of these axes, or of all."""
+        for axis in axes or range(len(self.inputs)):
+            self.inputs[axis] = levels
+        self.firmware.set_inputs(self.inputs, self.now)
+        self.firmware.poll(self.now)
+        self._fetch()
+
+    def measure(self, supply_10mv: int = 2400, temperature_decidegc: int = 250) -> None:
+        """Let the board's analogue inputs say something else."""
+        self.firmware.measure(supply_10mv, temperature_decidegc, self.now)
+        self.firmware.poll(self.now)
+        self._fetch()
+
+    def state(self, axis: int = 0) -> State:
+        """The state of an axis' drive."""
+        return self.firmware.nodes[axis].drive.state
+
+    def has(self, bit: Status, axis: int = 0) -> bool:
+        """Whether a bit of the statusword is set."""
+        return bool(self.value(0x6041, 0, axis) & bit)
+
+    def errors(self, axis: int = 0) -> list[int]:
+        """The error codes that an axis has reported by EMCY, ends of errors left out."""
+        frames = self.frames(0x080 + self.firmware.nodes[axis].node_id)
+        codes = [int.from_bytes(data[:2], "little") for data in frames if data]
+        return [code for code in codes if code]
 
     def nmt(self, command: int, node: int = 0) -> None:
         self.send(0, bytes((command, node)))

@@ -5,7 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controller.backend import Kernel, python_kernel
-from controller.firmware import OUTPUT_PINS, Firmware, Pin, PinChange
+from controller.firmware import Firmware
+from controller.pins import OUTPUT_PINS, Pin, PinChange
 from protocol.abort import AbortCode
 from protocol.cia402 import DigitalOutput, ErrorCode, State
 from protocol.frame import Frame
@@ -56,7 +57,7 @@ class TestBoot:
         board.enable()
         board.write(0x6040, 0, 0)
         changes = [(change.pin, change.level) for change in board.firmware.take_pins()]
-        assert changes == [(Pin.RESET, 1), (Pin.ENABLE, 1), (Pin.ENABLE, 0)]
+        assert changes == [(Pin.M2, 1), (Pin.RESET, 1), (Pin.ENABLE, 1), (Pin.ENABLE, 0)]
 
 
 class TestNetwork:

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controller.backend import Kernel
-from controller.firmware import OUTPUT_PINS, Pin
+from controller.pins import OUTPUT_PINS, Pin
 from tests.controller.bench_board import BenchBoard
 from tests.controller.kernel_rig import Timing, pin_timing_faults
 

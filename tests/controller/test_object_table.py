@@ -39,6 +39,7 @@ RULES: dict[tuple[int, int], Outcome] = {
     (0x1014, 0): (RANGE, RANGE),  # no identifier
     (0x6060, 0): (RANGE, RANGE),  # no mode
     (0x60C1, 4): (RANGE, DONE),  # 0 is expected, but the record has no duration; 255 is the one before
+    (0x605A, 0): (DONE, DONE),
     **dict(pdo_rules()),
 }
 """Entries with rules beyond their range."""

@@ -34,9 +34,6 @@ class ProfileBench(BenchBoard):
         assert self.has(Status.SETPOINT_ACKNOWLEDGED)
         self.word(bits & HALT)
 
-    def has(self, bit: Status) -> bool:
-        return bool(self.value(0x6041) & bit)
-
     def until(self, bit: Status, timeout_ms: int = 20_000) -> float:
         """Wait for a bit of the statusword; return how long it took in ms."""
         for ms in range(timeout_ms):
@@ -52,9 +49,6 @@ class ProfileBench(BenchBoard):
     @property
     def speed_steps_per_s(self) -> float:
         return self.value(0x606C) / STEP
-
-    def state(self) -> State:
-        return self.firmware.nodes[0].drive.state
 
 
 @pytest.fixture

@@ -1,0 +1,57 @@
+"""The TB6560's static inputs by object 0x2000: excitation mode, torque, decay, and less torque at rest."""
+
+from collections.abc import Callable
+from functools import partial
+
+from controller.pins import DECAY_LEVELS, MODE_LEVELS, TORQUE_LEVELS, Pin
+from protocol.abort import AbortCode, SdoAbortError
+from protocol.dictionary import ObjectDictionary
+from protocol.objects import key_of
+
+IDLE_AFTER_US = 500_000
+"""How long an axis must have stood before its torque goes down to 0x2000:04."""
+
+_TORQUE, _DECAY, _IDLE_TORQUE = key_of(0x2000, 2), key_of(0x2000, 3), key_of(0x2000, 4)
+
+
+class DriverSettings:
+    """Sets the driver's torque and decay pins; those of the excitation mode with the step configuration."""
+
+    def __init__(self, dictionary: ObjectDictionary, set_pin: Callable[[Pin, int], None]) -> None:
+        self._dictionary = dictionary
+        self._set_pin = set_pin
+        self._idle = False
+        self.due_us: int | None = None
+        """When a standing axis' torque goes down."""
+        for key, levels in ((_TORQUE, TORQUE_LEVELS), (_DECAY, DECAY_LEVELS), (_IDLE_TORQUE, TORQUE_LEVELS)):
+            dictionary.write_hooks[key] = partial(_check, levels)
+
+    def set_microsteps(self, microsteps: int) -> None:
+        """Select the excitation mode; the chip takes another one only in reset (page 15), and forgets its angle."""
+        self._set_pin(Pin.RESET, 0)
+        self._set(Pin.M2, Pin.M1, MODE_LEVELS[microsteps])
+        self._set_pin(Pin.RESET, 1)
+
+    def settle(self, now_us: int, *, moving: bool) -> None:
+        """After anything that happened: full torque for a moving axis, less for one that has stood for long enough."""
+        get = self._dictionary.get
+        if moving:
+            self._idle, self.due_us = False, None
+        elif not self._idle and self.due_us is None and get(0x2000, 4) != get(0x2000, 2):
+            self.due_us = now_us + IDLE_AFTER_US
+        self._set(Pin.TQ2, Pin.TQ1, TORQUE_LEVELS[get(0x2000, 4 if self._idle else 2)])
+        self._set(Pin.DCY2, Pin.DCY1, DECAY_LEVELS[get(0x2000, 3)])
+
+    def poll(self, now_us: int) -> None:
+        """Lower the torque if it is time."""
+        if self.due_us is not None and self.due_us <= now_us:
+            self._idle, self.due_us = True, None
+
+    def _set(self, high: Pin, low: Pin, levels: tuple[int, int]) -> None:
+        self._set_pin(high, levels[0])
+        self._set_pin(low, levels[1])
+
+
+def _check(levels: dict[int, tuple[int, int]], value: int) -> None:
+    if value not in levels:
+        raise SdoAbortError(AbortCode.VALUE_RANGE)

@@ -1,0 +1,425 @@
+"""What stops an axis against its host's will: switches, e-stop, voltage, temperature, following error."""
+
+from collections.abc import Callable
+
+import pytest
+
+from controller.backend import Kernel
+from controller.firmware import Firmware
+from controller.measurements import DriverMonitor
+from protocol.cia402 import DigitalInput, ErrorCode, Mode, State, Status
+from protocol.frame import Frame
+from tests.controller.bench_board import BenchBoard
+
+STEP = 1024
+RAMP_MS = 50
+NEGATIVE, POSITIVE = DigitalInput.NEGATIVE_LIMIT, DigitalInput.POSITIVE_LIMIT
+NOTHING = DigitalInput(0)
+RESET = 0x80
+
+
+def configure(board: BenchBoard) -> None:
+    """Tell every axis where it is; ramps of 40 000 steps/s2."""
+    board.enable(Mode.HOMING)
+    for axis in range(len(board.inputs)):
+        board.write(0x6040, 0, 0x1F, axis)
+        board.write(0x6040, 0, 0x0F, axis)
+        for index in (0x6083, 0x6084, 0x6085):
+            board.write(index, 0, 40_000 * STEP, axis)
+
+
+def jog(board: BenchBoard, steps_per_s: int = 2000, axis: int = 0) -> None:
+    board.write(0x60FF, 0, steps_per_s * STEP, axis)
+    board.write(0x6060, 0, Mode.PROFILE_VELOCITY, axis)
+
+
+def recover(board: BenchBoard, axis: int = 0) -> None:
+    """Reset the fault and enable again."""
+    board.write(0x60FF, 0, 0, axis)
+    for word in (RESET, 0x06, 0x07, 0x0F):
+        board.write(0x6040, 0, word, axis)
+    assert board.state(axis) is State.OPERATION_ENABLED
+
+
+@pytest.fixture
+def board(fast_kernel: Kernel) -> BenchBoard:
+    board = BenchBoard(fast_kernel)
+    configure(board)
+    return board
+
+
+@pytest.fixture
+def trio(fast_kernel: Kernel) -> BenchBoard:
+    """Two axes that interpolate and one that stands, enabled."""
+    board = BenchBoard(fast_kernel, axes=3)
+    configure(board)
+    board.write(0x6060, 0, Mode.PROFILE_POSITION, 2)
+    for axis in (0, 1):
+        board.write(0x6060, 0, Mode.INTERPOLATED_POSITION, axis)
+        board.record(20 * STEP, 2 * STEP * 64, 20, 0, axis)
+        for sequence in range(1, 20):
+            board.record(40 * STEP, 2 * STEP * 64, 20, sequence, axis)
+    for node in board.firmware.nodes[:2]:
+        board.send(0x300 + node.node_id, b"\x1f\x00")
+    board.send(0x080, b"")
+    board.wait(60)
+    return board
+
+
+class TestLimitSwitches:
+    @pytest.mark.parametrize(("ahead", "behind", "sign"), [(POSITIVE, NEGATIVE, 1), (NEGATIVE, POSITIVE, -1)])
+    def test_only_the_one_ahead_stops_the_axis(
+        self, board: BenchBoard, ahead: DigitalInput, behind: DigitalInput, sign: int
+    ) -> None:
+        jog(board, 2000 * sign)
+        board.wait(200)
+        board.set_inputs(behind)
+        board.wait(10)
+        assert board.state() is State.OPERATION_ENABLED
+        board.set_inputs(ahead)
+        assert board.state() is State.FAULT_REACTION_ACTIVE
+        board.wait(RAMP_MS + 2)
+        assert board.state() is State.FAULT
+        assert board.errors() == [ErrorCode.LIMIT_SWITCH]
+        assert board.value(0x603F) == ErrorCode.LIMIT_SWITCH
+        assert board.value(0x60FD) == ahead
+        assert board.has(Status.POSITION_KNOWN)
+
+    def test_one_can_move_away_from_it_but_not_on(self, board: BenchBoard) -> None:
+        jog(board)
+        board.wait(200)
+        board.set_inputs(POSITIVE)
+        board.wait(100)
+        recover(board)
+        board.write(0x60FF, 0, -1000 * STEP)
+        board.wait(200)
+        assert board.value(0x606C) == -1000 * STEP
+        assert board.state() is State.OPERATION_ENABLED
+        board.write(0x60FF, 0, 0)
+        board.wait(100)
+        stood = board.value(0x6062)
+        board.write(0x60FF, 0, 1000 * STEP)
+        board.wait(100)
+        assert board.state() is State.FAULT
+        assert abs(board.value(0x6062) - stood) < 20 * STEP  # caught within a millisecond or two of its start
+
+    def test_interpolating_axes_stop_with_it_and_say_so(self, trio: BenchBoard) -> None:
+        trio.set_inputs(POSITIVE, 1)
+        assert [trio.state(axis) for axis in (0, 1)] == [State.FAULT_REACTION_ACTIVE] * 2
+        trio.wait(RAMP_MS + 5)
+        assert [trio.errors(axis) for axis in range(3)] == [[ErrorCode.GROUP_STOPPED], [ErrorCode.LIMIT_SWITCH], []]
+        assert trio.state(2) is State.OPERATION_ENABLED  # it was not in the group
+        assert abs(trio.value(0x6062) - trio.value(0x6062, 0, 1)) <= 1  # the tool kept its direction
+
+
+class TestSoftLimits:
+    def record_ends(self, board: BenchBoard, low: int, high: int, *records: tuple[int, int]) -> list[int]:
+        """Send records of 20 ms; return the details of the EMCYs 0xFF03."""
+        board.write(0x6060, 0, Mode.INTERPOLATED_POSITION)
+        board.write(0x607D, 1, low)
+        board.write(0x607D, 2, high)
+        for sequence, (displacement, velocity) in enumerate(records):
+            board.record(displacement, velocity, 20, sequence)
+        board.wait(1)
+        frames = [data for data in board.frames(0x090) if data[:2] == b"\x03\xff"]
+        return [int.from_bytes(data[3:], "little") for data in frames]
+
+    @pytest.mark.parametrize(("displacement", "refused"), [(1000, False), (1001, True), (-1000, False), (-1001, True)])
+    def test_a_record_may_end_on_them(self, board: BenchBoard, displacement: int, refused: bool) -> None:
+        assert bool(self.record_ends(board, -1000, 1000, (displacement, 0))) is refused
+
+    @pytest.mark.parametrize(("velocity", "refused"), [(150 * 64, False), (151 * 64, True)])
+    def test_nor_may_it_bulge_beyond(self, board: BenchBoard, velocity: int, refused: bool) -> None:
+        """To 0 and back with an end velocity: the hull reaches v T / 3 before the end, 1000 units for 150 a ms."""
+        assert bool(self.record_ends(board, -1000, 10**6, (0, velocity))) is refused
+
+    def test_the_rejection_names_its_reason(self, board: BenchBoard) -> None:
+        assert self.record_ends(board, 0, 1000, (500, 0), (501, 0)) == [6 << 8 | 1]
+        assert board.value(0x2012, 3) & 8
+
+    def test_an_axis_outside_may_come_in(self, board: BenchBoard) -> None:
+        assert self.record_ends(board, 5000, 10_000, (4000, 0), (0, 0)) == []
+        assert board.value(0x60C4, 4) == 2
+
+
+class TestEstop:
+    def test_all_axes_stop_together_then_lose_their_power(self, trio: BenchBoard) -> None:
+        trio.set_inputs(DigitalInput.ESTOP)
+        assert [trio.state(axis) for axis in range(3)] == [State.FAULT_REACTION_ACTIVE] * 2 + [State.FAULT]
+        assert trio.firmware.nodes[0].drive.energised
+        trio.wait(RAMP_MS + 2)
+        for axis in range(3):
+            assert trio.state(axis) is State.FAULT
+            assert not trio.firmware.nodes[axis].drive.energised
+            assert trio.errors(axis) == [ErrorCode.ESTOP]
+            assert trio.has(Status.POSITION_KNOWN, axis)
+
+    @pytest.mark.parametrize("option", [0, 1, 2])
+    def test_the_ramp_is_the_quick_stop_whatever_605e_says(self, board: BenchBoard, option: int) -> None:
+        board.write(0x605E, 0, option)
+        jog(board)
+        board.wait(200)
+        board.set_inputs(DigitalInput.ESTOP)
+        board.wait(RAMP_MS - 2)
+        assert board.state() is State.FAULT_REACTION_ACTIVE
+        board.wait(4)
+        assert board.state() is State.FAULT
+
+    def test_it_must_be_released_before_the_fault_is_reset(self, board: BenchBoard) -> None:
+        board.set_inputs(DigitalInput.ESTOP)
+        board.write(0x6040, 0, RESET)
+        assert board.state() is State.FAULT
+        board.set_inputs(NOTHING)
+        assert board.state() is State.FAULT
+        board.write(0x6040, 0, 0)
+        recover(board)
+
+    def test_a_drive_is_not_switched_on_while_it_is_pressed(self, fast_kernel: Kernel) -> None:
+        board = BenchBoard(fast_kernel)
+        board.set_inputs(DigitalInput.ESTOP)
+        assert board.state() is State.SWITCH_ON_DISABLED
+        assert board.errors() == []
+        board.write(0x6040, 0, 0x06)
+        board.write(0x6040, 0, 0x07)
+        assert board.state() is State.FAULT
+        assert not board.firmware.nodes[0].drive.energised
+
+    def test_power_lost_on_the_ramp_loses_the_position(self, board: BenchBoard) -> None:
+        jog(board)
+        board.wait(200)
+        board.set_inputs(DigitalInput.ESTOP)
+        board.wait(10)
+        board.measure(supply_10mv=500)
+        assert board.state() is State.FAULT
+        assert not board.has(Status.POSITION_KNOWN)
+        assert board.value(0x603F) == ErrorCode.UNDERVOLTAGE
+
+
+LevelCase = tuple[Callable[[BenchBoard], None], Callable[[BenchBoard], None], ErrorCode, int, bool]
+LEVELS: dict[str, LevelCase] = {
+    "undervoltage": (lambda b: b.measure(999), lambda b: b.measure(1000), ErrorCode.UNDERVOLTAGE, 0x05, False),
+    "overvoltage": (lambda b: b.measure(3401), lambda b: b.measure(3400), ErrorCode.OVERVOLTAGE, 0x05, True),
+    "board too hot": (lambda b: b.measure(2400, 851), lambda b: b.measure(2400, 850), ErrorCode.TEMPERATURE, 9, True),
+    "driver too hot": (
+        lambda b: b.set_inputs(DigitalInput.DRIVER_PROTECT),
+        lambda b: b.set_inputs(NOTHING),
+        ErrorCode.TEMPERATURE,
+        0x09,
+        False,
+    ),
+}
+"""What happens, what is just allowed, the error with its register, and whether the axis can still ramp down."""
+
+
+@pytest.mark.parametrize("case", LEVELS.values(), ids=LEVELS)
+def test_levels(board: BenchBoard, case: LevelCase) -> None:
+    """Each trips beyond its limit and not on it, holds the fault while it lasts, and lets the machine work on after."""
+    happens, is_allowed, code, register, ramps = case
+    jog(board)
+    board.wait(200)
+    is_allowed(board)
+    board.wait(5)
+    assert board.state() is State.OPERATION_ENABLED
+    happens(board)
+    assert board.state() is (State.FAULT_REACTION_ACTIVE if ramps else State.FAULT)
+    board.wait(RAMP_MS + 5)
+    assert board.state() is State.FAULT
+    assert board.has(Status.POSITION_KNOWN) is ramps
+    assert board.errors() == [code]
+    assert board.value(0x1001) == register
+    assert board.value(0x1003, 1) & 0xFFFF == code
+    board.write(0x6040, 0, RESET)
+    assert board.state() is State.FAULT
+    is_allowed(board)
+    board.write(0x6040, 0, 0)
+    recover(board)
+    assert board.value(0x1001) == 0
+    assert board.value(0x603F) == 0
+    board.write(0x60FF, 0, 1000 * STEP)
+    board.wait(200)
+    assert board.value(0x606C) == 1000 * STEP
+
+
+def test_undervoltage_of_one_board_stops_all_its_axes(trio: BenchBoard) -> None:
+    trio.measure(supply_10mv=800)
+    assert [trio.state(axis) for axis in range(3)] == [State.FAULT] * 3
+    assert [trio.has(Status.POSITION_KNOWN, axis) for axis in range(3)] == [False, False, True]  # the last one stood
+
+
+@pytest.mark.parametrize(("option", "ramp_ms"), [(0, 0), (1, 100), (2, 50)])
+def test_fault_reactions(board: BenchBoard, option: int, ramp_ms: int) -> None:
+    board.write(0x605E, 0, option)
+    board.write(0x6084, 0, 20_000 * STEP)
+    jog(board)
+    board.wait(300)
+    board.measure(supply_10mv=3500)
+    if ramp_ms:
+        board.wait(ramp_ms - 2)
+        assert board.state() is State.FAULT_REACTION_ACTIVE
+        board.wait(4)
+    assert board.state() is State.FAULT
+    assert board.has(Status.POSITION_KNOWN) is bool(ramp_ms)
+
+
+class SlippingBoard(BenchBoard):
+    """A bench board whose drivers have lost as many steps as the test says."""
+
+    def __init__(self, kernel: Kernel) -> None:
+        super().__init__(kernel)
+        self.lost_steps = 0
+        self.firmware = Firmware(kernel, 1, monitor=lambda _axis: DriverMonitor(-self.lost_steps, self.lost_steps, 0))
+        self.firmware.boot(0)
+        configure(self)
+
+
+class TestFollowingError:
+    WINDOW = 10 * STEP
+
+    @pytest.fixture
+    def slipping(self, fast_kernel: Kernel) -> SlippingBoard:
+        board = SlippingBoard(fast_kernel)
+        board.write(0x6065, 0, self.WINDOW)
+        board.write(0x6066, 0, 100)
+        jog(board)
+        board.wait(200)
+        return board
+
+    def test_it_is_the_drivers_counter_against_the_demand(self, slipping: SlippingBoard) -> None:
+        slipping.lost_steps = 7
+        assert abs(slipping.value(0x60F4) - 7 * STEP) <= 0.57 * STEP
+        assert slipping.value(0x2F00, 1) == -7
+        assert slipping.value(0x2F00, 2) == 7
+
+    def test_within_the_window_nothing_happens(self, slipping: SlippingBoard) -> None:
+        slipping.lost_steps = 9
+        slipping.wait(500)
+        assert slipping.state() is State.OPERATION_ENABLED
+
+    def test_beyond_it_for_its_time_is_a_fault(self, slipping: SlippingBoard) -> None:
+        slipping.lost_steps = 11
+        slipping.wait(95)
+        assert slipping.state() is State.OPERATION_ENABLED
+        slipping.wait(20)
+        assert slipping.state() is State.FAULT_REACTION_ACTIVE
+        slipping.wait(RAMP_MS)
+        assert slipping.errors() == [ErrorCode.FOLLOWING_ERROR]
+        assert slipping.value(0x1001) == 0x21
+
+    def test_a_short_one_is_forgiven(self, slipping: SlippingBoard) -> None:
+        for _ in range(3):
+            slipping.lost_steps = 20
+            slipping.wait(80)
+            slipping.lost_steps = 0
+            slipping.wait(80)
+        assert slipping.state() is State.OPERATION_ENABLED
+
+    def test_a_new_reference_forgets_it(self, slipping: SlippingBoard) -> None:
+        slipping.lost_steps = 50
+        slipping.wait(300)
+        assert slipping.state() is State.FAULT
+        recover(slipping)
+        slipping.write(0x6060, 0, Mode.HOMING)
+        slipping.write(0x6040, 0, 0x1F)
+        assert abs(slipping.value(0x60F4)) <= STEP
+        slipping.write(0x6040, 0, 0x0F)
+        jog(slipping, -500)
+        slipping.wait(500)
+        assert slipping.state() is State.OPERATION_ENABLED
+
+    def test_it_is_off_by_default(self, fast_kernel: Kernel) -> None:
+        board = SlippingBoard(fast_kernel)
+        jog(board)
+        board.lost_steps = 10_000
+        board.wait(500)
+        assert board.state() is State.OPERATION_ENABLED
+
+    def test_bit_13_in_profile_position(self, slipping: SlippingBoard) -> None:
+        slipping.write(0x60FF, 0, 0)
+        slipping.wait(100)
+        slipping.write(0x6060, 0, Mode.PROFILE_POSITION)
+        assert not slipping.has(Status.FOLLOWING_ERROR)
+        slipping.lost_steps = 11
+        assert slipping.has(Status.FOLLOWING_ERROR)
+
+
+class TestPositionWindow:
+    def moved(self, board: BenchBoard, window_units: int, time_ms: int) -> None:
+        """To 100.5 steps: the counter stands half a step off."""
+        board.write(0x6067, 0, window_units)
+        board.write(0x6068, 0, time_ms)
+        board.write(0x6060, 0, Mode.PROFILE_POSITION)
+        board.write(0x6081, 0, 2000 * STEP)
+        board.write(0x607A, 0, 100 * STEP + STEP // 2)
+        board.write(0x6040, 0, 0x1F)
+        board.write(0x6040, 0, 0x0F)
+        while board.firmware.motion.running(0):
+            board.wait(1)
+
+    @pytest.mark.parametrize(("window_units", "reached"), [(STEP // 2, True), (STEP // 2 - 1, False)])
+    def test_reached_is_within_it(self, board: BenchBoard, window_units: int, reached: bool) -> None:
+        self.moved(board, window_units, 0)
+        board.wait(1)
+        assert board.has(Status.TARGET_REACHED) is reached
+
+    def test_for_its_time(self, board: BenchBoard) -> None:
+        self.moved(board, STEP, 20)
+        board.wait(17)
+        assert not board.has(Status.TARGET_REACHED)
+        board.wait(4)
+        assert board.has(Status.TARGET_REACHED)
+
+
+def test_inputs_are_reported_at_once(board: BenchBoard) -> None:
+    """TPDO4 is event driven: 60FD and 603F."""
+    board.sent.clear()
+    board.set_inputs(DigitalInput.HOME)
+    assert board.frames(0x490) == [b"\x04\0\0\0\0\0"]
+    board.set_inputs(DigitalInput.HOME)
+    assert len(board.frames(0x490)) == 1
+
+
+def test_polarity_and_invert_mask_reverse_dir(fast_kernel: Kernel) -> None:
+    levels = {}
+    for polarity in (0, 0xC0):
+        for mask in (0, 2):
+            board = BenchBoard(fast_kernel)
+            assert board.write(0x607E, 0, polarity) == 0
+            assert board.write(0x2001, 5, mask) == 0
+            configure(board)
+            jog(board, 1000)
+            board.wait(100)
+            [edges] = board.firmware.motion.take_edges()
+            assert board.value(0x6064) > 0
+            levels[polarity, mask] = [int(edge) & 1 for edge in edges.direction]
+    assert levels == {(0, 0): [1], (0, 2): [], (0xC0, 0): [], (0xC0, 2): [1]}
+
+
+def test_torque_at_rest(fast_kernel: Kernel) -> None:
+    board = BenchBoard(fast_kernel)
+    assert board.write(0x2000, 4, 50) == 0
+    configure(board)
+    board.firmware.take_pins()
+
+    def torque_pins() -> list[tuple[str, int]]:
+        return [(change.pin.value, change.level) for change in board.firmware.take_pins()]
+
+    board.wait(490)
+    assert torque_pins() == []
+    board.wait(20)
+    assert torque_pins() == [("TQ2", 1)]
+    jog(board)
+    assert torque_pins() == [("TQ2", 0)]
+
+
+def test_time_stamp_counts_on_from_what_is_written(board: BenchBoard) -> None:
+    board.write(0x1013, 0, 5_000_000)
+    board.wait(3)
+    board.send(0x610, bytes.fromhex("4013100000000000"))
+    answer = board.frames(0x590)[-1]
+    assert int.from_bytes(answer[4:], "little") == 5_003_000
+
+
+def test_frames_for_nobody_change_nothing(board: BenchBoard) -> None:
+    before = board.firmware.dropped_frames
+    board.firmware.receive(Frame(0x7FF, b""), board.now)
+    assert board.firmware.dropped_frames == before + 1
