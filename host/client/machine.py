@@ -150,7 +150,7 @@ class Machine:
             outputs: what to switch on the way.
 
         Raises:
-            DeviceFaultError: an axis stands elsewhere or refuses a record.
+            DeviceFaultError: an axis stands elsewhere, does not know where, or refuses a record.
             BusError: no answer.
         """
         durations_ms = records[0].durations_ms
@@ -193,6 +193,9 @@ class Machine:
 
     def _prepare(self, start_units: list[int]) -> None:
         """Clear the queues, and the start bits that an earlier run has left set: the start is their rising edge."""
+        for axis in self.axes:
+            if not axis.read(0x6041) & Status.POSITION_KNOWN:
+                raise DeviceFaultError(f"{axis.name}: does not know where it is: it must be homed first")
         for axis, start in zip(self.axes, start_units, strict=True):
             demand = axis.read(0x6062)
             if demand != start:

@@ -15,7 +15,8 @@ from host.planner import plan
 from host.robot import Robot
 from host.run import execute
 from host.trajectory import FloatArray
-from tests.client.machines import AXES, ROBOT, START, frames_to, ready, still
+from protocol.cia402 import DISABLE_VOLTAGE
+from tests.client.machines import AXES, ROBOT, START, frames_to, ready, still, travelling
 
 
 def run(machine: Machine, records: tuple[AxisRecords, ...]) -> None:
@@ -130,3 +131,13 @@ def test_a_bus_that_the_nodes_fill_is_a_bus_error(fast_kernel: Kernel) -> None:
     with pytest.raises(BusError, match="keep the bus busy at 125 kbit/s") as caught:
         set_heartbeats(machine, period_ms=1)
     assert caught.value.exit_code == 4
+
+
+def test_an_axis_that_was_cut_off_in_motion_must_be_homed_first(board: EmbeddedBoard) -> None:
+    machine = ready(board)
+    machine.start(travelling(20), [0] * AXES)
+    machine.wait(0.1)
+    machine.axes[3].write(0x6040, 0, DISABLE_VOLTAGE)
+    machine.axes[3].enable()
+    with pytest.raises(DeviceFaultError, match="th1: does not know where it is"):
+        machine.start(still(5, 20), [0] * AXES)
