@@ -1,25 +1,34 @@
 """The emulated board: the firmware, its TB6560s, the wires between them and a record of what went over these."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from controller.backend import Kernel
 from controller.firmware import Firmware
+from controller.kernel import TICK_COUNTS
+from controller.measurements import DriverMonitor, Measurements
 from controller.motion import PinEdges
 from controller.pins import OUTPUT_PINS, Pin, PinChange
+from emulator.inputs import BoardInputs
+from emulator.operations import BoardTemperature, DriverProtect, EmergencyStop, Operation, Supply
+from emulator.switches import Switch
 from emulator.tb6560 import Int8Array, Int64Array, Pins, Tb6560, Violations
+from protocol.cia402 import DigitalInput
 from protocol.dictionary import FlashPage
 from protocol.frame import Frame
 
 
 @dataclass(frozen=True, slots=True)
 class BoardConfig:
-    """What is soldered and plugged: how many axes, and the capacitor at each driver's OSC pin."""
+    """What is soldered and plugged: how many axes, the capacitor at each driver's OSC pin, the machine's switches."""
 
     axis_count: int
     osc_pf: tuple[float, ...]
+    switches: tuple[Switch, ...] = ()
+    start_steps: tuple[int, ...] = ()
+    """Where each axis of the machine stands when the board is made, in steps from its true zero; none given: all 0."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,12 +54,23 @@ class Board:
         self.flash: list[FlashPage] = [{} for _ in range(config.axis_count)] if flash is None else flash
         """What the firmware has stored, a page for each axis: all that outlives the power."""
         self._kernel = kernel
-        self.firmware = Firmware(kernel, config.axis_count, self.flash)
         self._drivers = [Tb6560(osc_pf) for osc_pf in config.osc_pf]
+        self._inputs = BoardInputs(config.switches, config.start_steps or (0,) * config.axis_count)
+        self._measurements = Measurements()
+        self._power_up()
         self._reset_pins: list[list[PinChange]] = [[] for _ in self._drivers]
         self._pins: list[list[Pins]] = [[] for _ in self._drivers]
         self.pin_changes: list[PinChange] = []
         """Every change of the pins that the firmware holds at a level."""
+
+    def _power_up(self) -> None:
+        """Make the firmware anew; it has seen no input yet."""
+        self.firmware = Firmware(self._kernel, self.config.axis_count, self.flash, self._monitor)
+        self._seen = [DigitalInput(0)] * self.config.axis_count
+        """The levels that the firmware has seen."""
+        self._look_at_once = self._inputs.levels != self._seen
+        """Whether the inputs are to be looked at as soon as a tick begins."""
+        self._monitored = [self._count(axis) for axis in range(self.config.axis_count)]
 
     def boot(self, now_counts: int) -> None:
         """Switch the board on."""
@@ -64,16 +84,66 @@ class Board:
             if level:
                 self._note_pin(PinChange(now_counts, axis, pin, 0))
         self.drain()
-        self.firmware = Firmware(self._kernel, self.config.axis_count, self.flash)
+        self._power_up()
         self.firmware.advance(now_counts)
         self.boot(now_counts)
+        self._measure(self._measurements, now_counts)
 
     def receive(self, frame: Frame, now_counts: int) -> None:
         """A frame has arrived at the board's CAN controller."""
         self.firmware.receive(frame, now_counts)
 
+    def operate(self, operation: Operation, now_counts: int) -> None:
+        """Do something to the machine. The firmware sees inputs with the next tick, measured values at once."""
+        match operation:
+            case EmergencyStop(pressed):
+                self._inputs.emergency_stop = pressed
+            case DriverProtect(axis, active):
+                self._inputs.protects[axis] = active
+            case Supply(supply_10mv):
+                self._measure(replace(self._measurements, supply_10mv=supply_10mv), now_counts)
+            case BoardTemperature(temperature_decidegc):
+                self._measure(replace(self._measurements, temperature_decidegc=temperature_decidegc), now_counts)
+        self._look_at_once = self._look_at_once or self._inputs.levels != self._seen
+
+    def _measure(self, measurements: Measurements, now_counts: int) -> None:
+        self._measurements = measurements
+        self.firmware.measure(measurements.supply_10mv, measurements.temperature_decidegc, now_counts)
+
     def advance(self, until_counts: int) -> int:
-        """Let time pass; return the instant reached: earlier than asked for if there are frames to send."""
+        """Let time pass; return the instant reached: earlier than asked for if there are frames to send.
+
+        No tick is computed before the firmware has seen the inputs at its start.
+        """
+        while (look_tick := self._look_tick) is not None and look_tick * TICK_COUNTS <= until_counts:
+            look_counts = look_tick * TICK_COUNTS
+            if self.firmware.motion.tick < look_tick:
+                reached = self._advance_freely(look_counts - 1)  # what happens at the start of the tick comes after
+                if reached < look_counts - 1:
+                    return reached
+            if self._look(look_tick):
+                return look_counts
+        return self._advance_freely(until_counts)
+
+    @property
+    def _look_tick(self) -> int | None:
+        motion = self.firmware.motion
+        return motion.tick if self._look_at_once else self._inputs.look_tick(motion.tick, motion.running)
+
+    def _look(self, tick: int) -> bool:
+        """Let the firmware see the inputs at the start of a tick, the first not yet computed; whether they changed."""
+        self.drain()
+        self._inputs.look(tick, self.firmware.motion.running)
+        self._look_at_once = False
+        levels = self._inputs.levels
+        if levels == self._seen:
+            return False
+        self._seen = levels
+        self.firmware.set_inputs(levels, tick * TICK_COUNTS)
+        return True
+
+    def _advance_freely(self, until_counts: int) -> int:
+        """Let time pass in which no input changes."""
         reached = self.firmware.advance(until_counts)
         while reached < until_counts and self.firmware.motion.room_ticks == 0:
             self.drain()
@@ -86,8 +156,12 @@ class Board:
 
     @property
     def next_due_counts(self) -> int | None:
-        """When the firmware next does something by itself."""
-        return self.firmware.next_due_counts
+        """When the board next does something by itself."""
+        due_counts = self.firmware.next_due_counts
+        if not self._look_at_once:
+            return due_counts
+        look_counts = self.firmware.motion.tick * TICK_COUNTS
+        return look_counts if due_counts is None else min(due_counts, look_counts)
 
     def take_frames(self) -> list[Frame]:
         """Fetch the frames that the board wants to send now."""
@@ -99,8 +173,18 @@ class Board:
         for axis, edges in enumerate(self.firmware.motion.take_edges()):
             pins = _pins(edges, self._reset_pins[axis])
             self._reset_pins[axis] = []
-            self._drivers[axis].feed(pins)
+            self._inputs.counted(axis, *self._drivers[axis].feed(pins))
             self._pins[axis].append(pins)
+
+    def _monitor(self, axis: int) -> DriverMonitor:
+        """What has become of an axis' pulses since power-up, those of the tick in progress included."""
+        self.drain()
+        counted, before = self._count(axis), self._monitored[axis]
+        return DriverMonitor(*(now - then for now, then in zip(counted, before, strict=True)))
+
+    def _count(self, axis: int) -> DriverMonitor:
+        driver = self._drivers[axis]
+        return DriverMonitor(driver.position_steps, driver.lost_steps, driver.violation_count)
 
     def _take_pins(self) -> None:
         for change in self.firmware.take_pins():

@@ -3,11 +3,12 @@
 The host stands outside: it sends frames, lets time pass and is handed the frames that reach it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from controller.motion import COUNTS_PER_SECOND
 from emulator.board import Board
 from emulator.bus import Bus
+from emulator.operations import Operation, Schedule, Scheduled
 from protocol.frame import Frame
 
 _HOST_PORT, _BOARD_PORT = 0, 1
@@ -24,7 +25,9 @@ class BusOverloadError(Exception):
 class Simulation:
     """A board and a host on one bus. `now_counts` is 72 MHz counts since the board was switched on."""
 
-    def __init__(self, board: Board, bus: Bus) -> None:
+    def __init__(self, board: Board, bus: Bus, schedule: Iterable[Scheduled] = ()) -> None:
+        """Switch the board on; `schedule` says what will happen to its machine, and when."""
+        self._schedule = Schedule(schedule)
         self.board = board
         self.bus = bus
         self.now_counts = 0
@@ -36,6 +39,11 @@ class Simulation:
     def power_cycle(self) -> None:
         """Switch the board off and on again; the host and its clock go on."""
         self.board.power_cycle(self.now_counts)
+        self._submit_board_frames()
+
+    def operate(self, operation: Operation) -> None:
+        """Do something to the machine, now."""
+        self.board.operate(operation, self.now_counts)
         self._submit_board_frames()
 
     @property
@@ -67,7 +75,7 @@ class Simulation:
     def _advance_to(self, until_counts: int) -> None:
         """Go to the next event, but not beyond an instant, and do what is due there."""
         goal = until_counts
-        for event in (self.bus.next_event_counts, self.board.next_due_counts):
+        for event in (self.bus.next_event_counts, self.board.next_due_counts, self._schedule.next_counts):
             if event is not None:
                 goal = min(goal, event)
         goal = max(goal, self.now_counts)
@@ -76,6 +84,8 @@ class Simulation:
             arrived = self.bus.step(goal)
             if arrived:
                 self._deliver(*arrived)
+        for operation in self._schedule.take_due(self.now_counts):
+            self.board.operate(operation, self.now_counts)
         self.board.poll(self.now_counts)
         self._submit_board_frames()
 
