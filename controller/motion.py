@@ -399,6 +399,10 @@ class Motion:
         self.group.members -= ended
         return events
 
+    def undrained_pulses(self, axis: int) -> int:
+        """How many pulses have been placed since the last drain."""
+        return self._get(axis, k.CLK_EDGES) // 2
+
     def take_edges(self) -> tuple[PinEdges, ...]:
         """Hand out all edges placed since the last call and make room for new ones."""
         edges = []

@@ -59,7 +59,7 @@ class Board:
         self._measurements = Measurements()
         self._power_up()
         self._reset_pins: list[list[PinChange]] = [[] for _ in self._drivers]
-        self._pins: list[list[Pins]] = [[] for _ in self._drivers]
+        self._pins: list[list[Pins]] = [[_pins(PinEdges([], []), [])] for _ in self._drivers]
         self.pin_changes: list[PinChange] = []
         """Every change of the pins that the firmware holds at a level."""
 
@@ -115,31 +115,34 @@ class Board:
 
         No tick is computed before the firmware has seen the inputs at its start.
         """
-        while (look_tick := self._look_tick) is not None and look_tick * TICK_COUNTS <= until_counts:
-            look_counts = look_tick * TICK_COUNTS
-            if self.firmware.motion.tick < look_tick:
-                reached = self._advance_freely(look_counts - 1)  # what happens at the start of the tick comes after
-                if reached < look_counts - 1:
+        motion = self.firmware.motion
+        while (due_tick := self._due_tick) is not None and due_tick * TICK_COUNTS <= until_counts:
+            due_counts = due_tick * TICK_COUNTS
+            if motion.tick < due_tick:
+                reached = self._advance_freely(due_counts - 1)  # what happens at the start of the tick comes after
+                if reached < due_counts - 1:
                     return reached
-            if self._look(look_tick):
-                return look_counts
+            if (self._look_at_once or self._inputs.may_have_changed(motion)) and self._look():
+                return due_counts
         return self._advance_freely(until_counts)
 
     @property
-    def _look_tick(self) -> int | None:
+    def _due_tick(self) -> int | None:
+        """The next tick at whose start the inputs are to be looked at."""
         motion = self.firmware.motion
-        return motion.tick if self._look_at_once else self._inputs.look_tick(motion.tick, motion.running)
+        return motion.tick if self._look_at_once else self._inputs.due_tick(motion)
 
-    def _look(self, tick: int) -> bool:
-        """Let the firmware see the inputs at the start of a tick, the first not yet computed; whether they changed."""
+    def _look(self) -> bool:
+        """Let the firmware see the inputs at the start of the tick to come; whether they have changed."""
+        motion = self.firmware.motion
         self.drain()
-        self._inputs.look(tick, self.firmware.motion.running)
+        self._inputs.look(motion)
         self._look_at_once = False
         levels = self._inputs.levels
         if levels == self._seen:
             return False
         self._seen = levels
-        self.firmware.set_inputs(levels, tick * TICK_COUNTS)
+        self.firmware.set_inputs(levels, motion.tick * TICK_COUNTS)
         return True
 
     def _advance_freely(self, until_counts: int) -> int:
@@ -171,6 +174,8 @@ class Board:
         """Show the drivers all pulses placed so far."""
         self._take_pins()
         for axis, edges in enumerate(self.firmware.motion.take_edges()):
+            if not (len(edges.clk_counts) or len(edges.direction) or self._reset_pins[axis]):
+                continue
             pins = _pins(edges, self._reset_pins[axis])
             self._reset_pins[axis] = []
             self._inputs.counted(axis, *self._drivers[axis].feed(pins))

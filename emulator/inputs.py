@@ -5,11 +5,12 @@ so what is asked here is how many: no driver counts pulses faster than one each 
 steps away stays as it is for (d - 1) of these at least. Next to a switch it goes tick by tick.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from controller.kernel import TICK_COUNTS
+from controller.motion import Motion
 from emulator.switches import AxisSwitches, Switch
 from emulator.tb6560 import PERIOD_MIN_COUNTS, Int8Array, Int64Array
 from protocol.cia402 import DigitalInput
@@ -29,13 +30,8 @@ class BoardInputs:
         self._switched = [axis for axis, switches in enumerate(self._axes) if switches]
         self._ahead: list[list[tuple[Int64Array, Int8Array]]] = [[] for _ in self._axes]
         """Steps that are counted but not looked at yet, by axis: instants and signs."""
-        self._look_ticks: dict[int, int] = {}
+        self._due_ticks: dict[int, int] = {}
         """The tick at whose start the switches of an axis want to be looked at next; none while it stands."""
-
-    def counted(self, axis: int, step_counts: Int64Array, step_signs: Int8Array) -> None:
-        """A driver has counted these steps."""
-        if axis in self._switched and step_counts.size:
-            self._ahead[axis].append((step_counts, step_signs))
 
     @property
     def levels(self) -> list[DigitalInput]:
@@ -46,21 +42,39 @@ class BoardInputs:
             for axis, protect in zip(self._axes, self.protects, strict=True)
         ]
 
-    def look_tick(self, tick: int, running: Callable[[int], bool]) -> int | None:
-        """The tick at whose start to look next, if that is known: not before `tick`, the first not yet computed."""
-        for axis in self._switched:
-            if axis not in self._look_ticks and running(axis):
-                self._look_ticks[axis] = tick + self._quiet_ticks(axis)
-        return min(self._look_ticks.values(), default=None)
+    def counted(self, axis: int, step_counts: Int64Array, step_signs: Int8Array) -> None:
+        """A driver has counted these steps."""
+        if axis in self._switched and step_counts.size:
+            self._ahead[axis].append((step_counts, step_signs))
 
-    def look(self, tick: int, running: Callable[[int], bool]) -> None:
-        """See where the axes are at the start of a tick; all steps before it have been counted."""
-        for axis in list(self._look_ticks):
-            self._settle(axis, tick * TICK_COUNTS)
-            if running(axis) or self._ahead[axis]:
-                self._look_ticks[axis] = tick + max(1, self._quiet_ticks(axis))
-            else:
-                del self._look_ticks[axis]
+    def due_tick(self, motion: Motion) -> int | None:
+        """Up to the start of which tick no switch can change; None while nothing moves past switches."""
+        for axis in self._switched:
+            if axis not in self._due_ticks and motion.running(axis):
+                self._due_ticks[axis] = motion.tick + self._quiet_ticks(self._axes[axis].steps_to_change)
+        return min(self._due_ticks.values(), default=None)
+
+    def may_have_changed(self, motion: Motion) -> bool:
+        """Whether it takes a look to know more; else it is known that no switch has changed, and `due_tick` goes on."""
+        return not all(self._put_off(axis, motion) for axis in list(self._due_ticks))
+
+    def _put_off(self, axis: int, motion: Motion) -> bool:
+        """While an axis has made less than half the steps to a switch, that need not be looked at."""
+        pulses = motion.undrained_pulses(axis) + sum(counts.size for counts, _ in self._ahead[axis])
+        distance = self._axes[axis].steps_to_change
+        if not motion.running(axis) and pulses == 0:
+            del self._due_ticks[axis]
+            return True
+        if 2 * pulses >= distance or not motion.running(axis):
+            return False
+        self._due_ticks[axis] = motion.tick + max(1, self._quiet_ticks(distance - pulses))
+        return True
+
+    def look(self, motion: Motion) -> None:
+        """See where the axes are at the start of the tick to come; all pulses before it have been drained."""
+        for axis in list(self._due_ticks):
+            self._settle(axis, motion.tick * TICK_COUNTS)
+            self._due_ticks[axis] = motion.tick + max(1, self._quiet_ticks(self._axes[axis].steps_to_change))
 
     def _settle(self, axis: int, until_counts: int) -> None:
         moved, ahead = 0, []
@@ -72,6 +86,7 @@ class BoardInputs:
         self._ahead[axis] = ahead
         self._axes[axis].move(moved)
 
-    def _quiet_ticks(self, axis: int) -> int:
-        """For how many ticks no switch of an axis can change, however fast it moves."""
-        return (self._axes[axis].steps_to_change - 1) * PERIOD_MIN_COUNTS // TICK_COUNTS
+    @staticmethod
+    def _quiet_ticks(distance_steps: int) -> int:
+        """For how many ticks a switch so far away cannot change, however fast the axis moves."""
+        return (distance_steps - 1) * PERIOD_MIN_COUNTS // TICK_COUNTS
