@@ -21,6 +21,8 @@ class Phase(Enum):
     START = auto()
     SEARCH = auto()
     """Fast, until the switch closes."""
+    LEAVE = auto()
+    """Fast, from within the switch in the edge's direction, until it opens."""
     TURN = auto()
     """Braking at a limit switch."""
     BRAKE = auto()
@@ -55,15 +57,18 @@ class Event(Enum):
     TIMEOUT = auto()
 
 
+_STROKES = (Phase.SEARCH, Phase.LEAVE, Phase.BACK, Phase.EDGE)
+
 TRANSITIONS: dict[tuple[Phase, Event], Phase | HomingError] = {
     (Phase.START, Event.AWAY): Phase.SEARCH,
-    (Phase.START, Event.IN_FRONT): Phase.EDGE,
+    (Phase.START, Event.IN_FRONT): Phase.LEAVE,
     (Phase.START, Event.BEHIND): Phase.BACK,
     (Phase.SEARCH, Event.CROSSED): Phase.BRAKE,
     (Phase.SEARCH, Event.LIMIT): Phase.TURN,
     (Phase.TURN, Event.AWAY): Phase.SEARCH,
-    (Phase.TURN, Event.IN_FRONT): Phase.EDGE,
+    (Phase.TURN, Event.IN_FRONT): Phase.LEAVE,
     (Phase.TURN, Event.BEHIND): Phase.BACK,
+    (Phase.LEAVE, Event.CROSSED): Phase.BRAKE,
     (Phase.BRAKE, Event.IN_FRONT): Phase.EDGE,
     (Phase.BRAKE, Event.BEHIND): Phase.BACK,
     (Phase.BACK, Event.CROSSED): Phase.BRAKE,
@@ -71,19 +76,14 @@ TRANSITIONS: dict[tuple[Phase, Event], Phase | HomingError] = {
     (Phase.LATCHED, Event.IN_FRONT): Phase.DONE,
     (Phase.LATCHED, Event.BEHIND): Phase.DONE,
     (Phase.SEARCH, Event.DEAD_END): HomingError.NOT_FOUND,
+    (Phase.LEAVE, Event.DEAD_END): HomingError.STUCK,
     (Phase.BACK, Event.DEAD_END): HomingError.STUCK,
     (Phase.EDGE, Event.DEAD_END): HomingError.STUCK,
-    (Phase.SEARCH, Event.WRONG_LIMIT): HomingError.WRONG_SWITCH,
-    (Phase.BACK, Event.WRONG_LIMIT): HomingError.WRONG_SWITCH,
-    (Phase.EDGE, Event.WRONG_LIMIT): HomingError.WRONG_SWITCH,
-    **{
-        (phase, Event.TIMEOUT): HomingError.TIMEOUT
-        for phase in (Phase.SEARCH, Phase.TURN, Phase.BRAKE, Phase.BACK, Phase.EDGE)
-    },
+    **dict.fromkeys(((phase, Event.WRONG_LIMIT) for phase in _STROKES), HomingError.WRONG_SWITCH),
+    **dict.fromkeys(((phase, Event.TIMEOUT) for phase in (*_STROKES, Phase.TURN, Phase.BRAKE)), HomingError.TIMEOUT),
 }
 """What follows on what; any other event changes nothing. An error leads to FAILED."""
 
-_STROKES = (Phase.SEARCH, Phase.BACK, Phase.EDGE)
 _LIMIT_SWITCHES = DigitalInput.NEGATIVE_LIMIT | DigitalInput.POSITIVE_LIMIT
 _LIMIT_AHEAD = {POSITIVE: DigitalInput.POSITIVE_LIMIT, NEGATIVE: DigitalInput.NEGATIVE_LIMIT}
 
@@ -113,6 +113,7 @@ class SwitchSearch:
         self._inputs = inputs
         self._strokes = {
             Phase.SEARCH: (method.search_direction, fast),
+            Phase.LEAVE: (method.edge_direction, fast),
             Phase.BACK: (-method.edge_direction, fast),
             Phase.EDGE: (method.edge_direction, slow),
         }
@@ -169,7 +170,9 @@ class SwitchSearch:
     @property
     def _wanted(self) -> bool:
         """How the switch is after the change that the stroke in progress is to bring about."""
-        return {Phase.BACK: not self._method.closes, Phase.EDGE: self._method.closes}.get(self.phase, True)
+        if self.phase is Phase.SEARCH:
+            return True
+        return self._method.closes is not (self.phase is Phase.BACK)
 
     @property
     def _limit_ahead(self) -> DigitalInput:

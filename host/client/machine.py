@@ -9,6 +9,7 @@ from typing import Final
 from canopen.objectdictionary import eds
 
 from host.client.axis import AxisClient
+from host.client.homing import AxisHoming, HomingSettings, home
 from host.client.link import Link
 from host.client.outputs import OutputCommand, OutputSchedule
 from host.client.stream import AxisRecords, AxisStream, fill
@@ -99,6 +100,29 @@ class Machine:
             axis.write(0x6040, 0, _START)
             self._await(partial(_homed, axis), f"{axis.name}: homing was not attained")
             axis.write(0x6040, 0, ENABLE_OPERATION)
+
+    def home(
+        self,
+        settings: tuple[HomingSettings | None, ...],
+        progress: Progress = lambda _: None,
+        *,
+        together: bool = False,
+    ) -> None:
+        """Home the enabled axes by their switches, one after the other or all together; None leaves an axis as it is.
+
+        Afterwards an axis stands a little beyond its home, which has the position `offset_units`. `progress` is told
+        which part of the axes is homed. Raises as `host.client.homing.home` does, with the axes after it untouched.
+        """
+        homings = [AxisHoming(axis, how) for axis, how in zip(self.axes, settings, strict=True) if how]
+        homed = 0
+
+        def ended() -> None:
+            nonlocal homed
+            homed += 1
+            progress(homed / len(homings))
+
+        for group in [homings] if together else [[homing] for homing in homings]:
+            home(self._link, group, ended)
 
     def run(
         self,
