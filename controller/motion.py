@@ -225,7 +225,8 @@ class Motion:
 
     def push(self, axis: int, displacement_units: int, end_velocity: int, duration_ms: int) -> Refusal:
         """Queue one segment, in the PVT record's units."""
-        return Refusal(self._kernel.push(self._axes, self._queue, axis, displacement_units, end_velocity, duration_ms))
+        answer = self._kernel.push(self._axes, self._queue, axis, displacement_units, end_velocity, duration_ms)
+        return Refusal(answer) if answer else Refusal.ACCEPTED
 
     def start(self, axis: int, *, in_group: bool = False) -> bool:
         """Begin with the oldest queued segment in the next tick, in the group's time or not; False if there is none."""

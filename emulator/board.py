@@ -11,21 +11,26 @@ from controller.kernel import TICK_COUNTS
 from controller.measurements import DriverMonitor, Measurements
 from controller.motion import PinEdges
 from controller.pins import OUTPUT_PINS, Pin, PinChange
+from emulator.can_controller import CanController
 from emulator.inputs import BoardInputs
 from emulator.operations import BoardTemperature, DriverProtect, EmergencyStop, Operation, Supply
 from emulator.switches import Switch
 from emulator.tb6560 import Int8Array, Int64Array, Pins, Tb6560, Violations
-from protocol.cia402 import DigitalInput
+from protocol.cia402 import DigitalInput, ErrorCode
 from protocol.dictionary import FlashPage
-from protocol.frame import Frame
+from protocol.frame import FIRST_NODE_ID, Frame
 
 
 @dataclass(frozen=True, slots=True)
 class BoardConfig:
-    """What is soldered and plugged: how many axes, the capacitor at each driver's OSC pin, the machine's switches."""
+    """What is soldered, plugged and set: how many axes, the OSC capacitors, the node ids, the machine's switches."""
 
     axis_count: int
     osc_pf: tuple[float, ...]
+    first_node_id: int = FIRST_NODE_ID
+    """The first axis' node id; the others count on from it."""
+    read_latency_counts: int = 0
+    """How long after its arrival the processor fetches a message from the CAN controller: by default at once."""
     switches: tuple[Switch, ...] = ()
     start_steps: tuple[int, ...] = ()
     """Where each axis of the machine stands when the board is made, in steps from its true zero; none given: all 0."""
@@ -64,20 +69,32 @@ class Board:
         """Every change of the pins that the firmware holds at a level."""
 
     def _power_up(self) -> None:
-        """Make the firmware anew; it has seen no input yet."""
-        self.firmware = Firmware(self._kernel, self.config.axis_count, self.flash, self._monitor)
+        """Firmware and CAN controller as they are with power."""
+        self.firmware = Firmware(
+            self._kernel, self.config.axis_count, self.flash, self.config.first_node_id, self._monitor
+        )
+        self.can = CanController(
+            self._receive, self._on_can_error, self.firmware.hears, self.config.read_latency_counts
+        )
+        """The CAN controller; what it says to the bus it says in `poll`."""
+        self._due_counts: int | None = None
+        self._due_known = False
         self._seen = [DigitalInput(0)] * self.config.axis_count
-        """The levels that the firmware has seen."""
+        """The levels of the inputs that the firmware has seen."""
         self._look_at_once = self._inputs.levels != self._seen
         """Whether the inputs are to be looked at as soon as a tick begins."""
         self._monitored = [self._count(axis) for axis in range(self.config.axis_count)]
 
     def boot(self, now_counts: int) -> None:
-        """Switch the board on."""
+        """Switch the board on: its nodes announce themselves."""
         self.firmware.boot(now_counts)
+        self.poll(now_counts)
 
     def power_cycle(self, now_counts: int) -> None:
-        """Switch the supply off and on: all pins fall, the firmware begins anew. Motors and clock stay as they are."""
+        """Switch the supply off and on: all pins fall, the firmware begins anew. Motors and clock stay as they are.
+
+        `can` is another one afterwards, which nobody has attached to the bus yet.
+        """
         self._take_pins()
         levels = {(change.axis, change.pin): change.level for change in self.pin_changes}
         for (axis, pin), level in levels.items():
@@ -89,9 +106,20 @@ class Board:
         self.boot(now_counts)
         self._measure(self._measurements, now_counts)
 
-    def receive(self, frame: Frame, now_counts: int) -> None:
-        """A frame has arrived at the board's CAN controller."""
+    def _receive(self, frame: Frame, now_counts: int) -> None:
         self.firmware.receive(frame, now_counts)
+        self._due_known = False
+
+    def _on_can_error(self, code: ErrorCode, now_counts: int, *, active: bool) -> None:
+        self.firmware.on_can_error(code, now_counts, active=active)
+        self._due_known = False
+
+    @property
+    def moving(self) -> bool:
+        """Whether the board may have something to say at any tick: a motion runs, or one just over passed a switch."""
+        return self._inputs.unsettled or any(
+            self.firmware.motion.running(axis) for axis in range(self.config.axis_count)
+        )
 
     def operate(self, operation: Operation, now_counts: int) -> None:
         """Do something to the machine. The firmware sees inputs with the next tick, measured values at once."""
@@ -105,6 +133,7 @@ class Board:
             case BoardTemperature(temperature_decidegc):
                 self._measure(replace(self._measurements, temperature_decidegc=temperature_decidegc), now_counts)
         self._look_at_once = self._look_at_once or self._inputs.levels != self._seen
+        self._due_known = False
 
     def _measure(self, measurements: Measurements, now_counts: int) -> None:
         self._measurements = measurements
@@ -143,32 +172,51 @@ class Board:
             return False
         self._seen = levels
         self.firmware.set_inputs(levels, motion.tick * TICK_COUNTS)
+        self._due_known = False
         return True
 
     def _advance_freely(self, until_counts: int) -> int:
         """Let time pass in which no input changes."""
+        motion = self.firmware.motion
+        tick = motion.tick
+        if until_counts <= tick * TICK_COUNTS and not motion.has_events:
+            return until_counts  # within a tick that is computed already
         reached = self.firmware.advance(until_counts)
-        while reached < until_counts and self.firmware.motion.room_ticks == 0:
+        while reached < until_counts and motion.room_ticks == 0:
             self.drain()
             reached = self.firmware.advance(until_counts)
+        if motion.tick != tick:
+            self._due_known = False
         return reached
 
     def poll(self, now_counts: int) -> None:
-        """Let the firmware send what is due."""
-        self.firmware.poll(now_counts)
+        """Let the processor do what is due: look at its inputs, fetch messages, then send."""
+        if self._look_at_once and self.firmware.motion.tick * TICK_COUNTS == now_counts:
+            self._look()
+        if self.can.next_due_counts is not None:
+            self.can.poll(now_counts)
+        due_counts = self._firmware_due_counts
+        if due_counts is not None and due_counts <= now_counts:
+            self.firmware.poll(now_counts)
+            self._due_known = False
+        for frame in self.firmware.take_frames():
+            self.can.send(frame, now_counts)
 
     @property
     def next_due_counts(self) -> int | None:
         """When the board next does something by itself."""
-        due_counts = self.firmware.next_due_counts
-        if not self._look_at_once:
-            return due_counts
-        look_counts = self.firmware.motion.tick * TICK_COUNTS
-        return look_counts if due_counts is None else min(due_counts, look_counts)
+        dues = [self._firmware_due_counts, self.can.next_due_counts]
+        if self._look_at_once:
+            dues.append(self.firmware.motion.tick * TICK_COUNTS)
+        return min((due for due in dues if due is not None), default=None)
 
-    def take_frames(self) -> list[Frame]:
-        """Fetch the frames that the board wants to send now."""
-        return self.firmware.take_frames()
+    @property
+    def _firmware_due_counts(self) -> int | None:
+        """Asked far more often than it changes."""
+        if not self._due_known:
+            self._due_counts = self.firmware.next_due_counts
+            self._due_known = True
+        return self._due_counts
 
     def drain(self) -> None:
         """Show the drivers all pulses placed so far."""

@@ -42,6 +42,11 @@ class BoardInputs:
             for axis, protect in zip(self._axes, self.protects, strict=True)
         ]
 
+    @property
+    def unsettled(self) -> bool:
+        """Whether a switch may still change by what is computed already."""
+        return bool(self._due_ticks)
+
     def counted(self, axis: int, step_counts: Int64Array, step_signs: Int8Array) -> None:
         """A driver has counted these steps."""
         if axis in self._switched and step_counts.size:

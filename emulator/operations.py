@@ -39,10 +39,11 @@ Operation = EmergencyStop | DriverProtect | Supply | BoardTemperature
 
 
 class Scheduled(NamedTuple):
-    """An operation and its instant, in counts since boot."""
+    """An operation, its instant in counts since boot, and the number of the board to which it happens."""
 
     counts: int
     operation: Operation
+    board: int = 0
 
 
 class Schedule:
@@ -56,9 +57,9 @@ class Schedule:
         """When the next one is due."""
         return self._waiting[0].counts if self._waiting else None
 
-    def take_due(self, now_counts: int) -> list[Operation]:
+    def take_due(self, now_counts: int) -> list[Scheduled]:
         """Hand out, once, what is due by now."""
         due = []
         while self._waiting and self._waiting[0].counts <= now_counts:
-            due.append(self._waiting.popleft().operation)
+            due.append(self._waiting.popleft())
         return due

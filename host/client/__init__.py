@@ -5,6 +5,7 @@ from host.client.homing import HomingSettings
 from host.client.link import Link
 from host.client.machine import AxisSettings, Machine, Progress
 from host.client.outputs import OutputCommand
+from host.client.run import Run
 from host.client.stream import AxisRecords
 
 __all__ = [
@@ -16,4 +17,5 @@ __all__ = [
     "Machine",
     "OutputCommand",
     "Progress",
+    "Run",
 ]

@@ -18,7 +18,7 @@ OUT1, OUT2 = DigitalOutput.OUT1, DigitalOutput.OUT2
 
 @pytest.fixture
 def simulation(fast_kernel: Kernel) -> Simulation:
-    return Simulation(Board(BoardConfig(axis_count=2, osc_pf=(330.0, 330.0)), fast_kernel), Bus(1_000_000))
+    return Simulation([Board(BoardConfig(axis_count=2, osc_pf=(330.0, 330.0)), fast_kernel)], Bus(1_000_000))
 
 
 def send(simulation: Simulation, frame: Frame) -> int:
@@ -48,17 +48,17 @@ def test_outputs_change_in_the_instant_of_their_frame(simulation: Simulation) ->
     wait(simulation, 0.1)
     second = switch(simulation, OUT2, axis=1)
     expected = [PinChange(first, 0, Pin.OUT1, 1), PinChange(second, 1, Pin.OUT2, 1)]
-    assert simulation.board.output_changes() == expected
+    assert simulation.boards[0].output_changes() == expected
     third = switch(simulation, OUT2)
     expected += [PinChange(third, 0, Pin.OUT1, 0), PinChange(third, 0, Pin.OUT2, 1)]
-    assert simulation.board.output_changes() == simulation.board.output_changes() == expected
+    assert simulation.boards[0].output_changes() == simulation.boards[0].output_changes() == expected
 
 
 def test_they_stand_among_all_changes_of_held_pins(simulation: Simulation) -> None:
     instant = switch(simulation, OUT1)
-    simulation.board.drain()
+    simulation.boards[0].drain()
     powered = [PinChange(0, axis, pin, 1) for axis in (0, 1) for pin in SIXTEENTHS]
-    assert simulation.board.pin_changes == [*powered, PinChange(instant, 0, Pin.OUT1, 1)]
+    assert simulation.boards[0].pin_changes == [*powered, PinChange(instant, 0, Pin.OUT1, 1)]
 
 
 def test_an_output_switches_in_the_middle_of_a_motion(simulation: Simulation) -> None:
@@ -72,8 +72,8 @@ def test_an_output_switches_in_the_middle_of_a_motion(simulation: Simulation) ->
     wait(simulation, 51.3)
     instant = switch(simulation, OUT2)
     wait(simulation, 100)
-    trace = simulation.board.trace(0)
-    assert simulation.board.output_changes() == [PinChange(instant, 0, Pin.OUT2, 1)]
+    trace = simulation.boards[0].trace(0)
+    assert simulation.boards[0].output_changes() == [PinChange(instant, 0, Pin.OUT2, 1)]
     assert trace.position_steps == len(trace.step_counts) == 50
     assert trace.step_counts[20] < instant < trace.step_counts[30]
 
@@ -94,35 +94,35 @@ class TestPower:
     def test_what_is_stored_outlives_it_and_nothing_else(self, simulation: Simulation) -> None:
         write(simulation, 0x607C, 77)
         simulation.power_cycle()
-        assert home_offset(simulation.board) == 0
+        assert home_offset(simulation.boards[0]) == 0
         write(simulation, 0x607C, 77)
         write(simulation, 0x1010, self.SAVE, subindex=1)
         write(simulation, 0x607C, 78)
         simulation.power_cycle()
-        assert home_offset(simulation.board) == 77
+        assert home_offset(simulation.boards[0]) == 77
 
     def test_another_board_knows_what_it_is_given(self, simulation: Simulation, fast_kernel: Kernel) -> None:
         write(simulation, 0x607C, 77)
         write(simulation, 0x1010, self.SAVE, subindex=1)
-        config = simulation.board.config
+        config = simulation.boards[0].config
         assert home_offset(Board(config, fast_kernel)) == 0
-        assert home_offset(Board(config, fast_kernel, simulation.board.flash)) == 77
+        assert home_offset(Board(config, fast_kernel, simulation.boards[0].flash)) == 77
 
     def test_all_pins_fall_and_the_nodes_announce_themselves_again(self, simulation: Simulation) -> None:
         wait(simulation, 3.3)
         switch(simulation, OUT1)
         wait(simulation, 1)
-        simulation.board.drain()
-        before = len(simulation.board.pin_changes)
+        simulation.boards[0].drain()
+        before = len(simulation.boards[0].pin_changes)
         frames = len(simulation.bus.log_frames)
         now = simulation.now_counts
         simulation.power_cycle()
         wait(simulation, 1)
-        simulation.board.drain()
+        simulation.boards[0].drain()
         fallen, risen = (
             [PinChange(now, axis, pin, level) for axis in (0, 1) for pin in SIXTEENTHS] for level in (0, 1)
         )
-        assert simulation.board.pin_changes[before:] == [*fallen, PinChange(now, 0, Pin.OUT1, 0), *risen]
+        assert simulation.boards[0].pin_changes[before:] == [*fallen, PinChange(now, 0, Pin.OUT1, 0), *risen]
         assert simulation.bus.log_frames[frames:] == [Frame(0x710, b"\0"), Frame(0x711, b"\0")]
 
     def test_a_motion_ends_with_the_power_and_the_next_begins_from_zero(self, simulation: Simulation) -> None:
@@ -135,7 +135,7 @@ class TestPower:
             wait(simulation, 50)
             simulation.power_cycle()
             wait(simulation, 200)
-            trace = simulation.board.trace(0)
+            trace = simulation.boards[0].trace(0)
             assert trace.position_steps == pytest.approx(10 * round_, abs=round_)
             assert not trace.violations.counts.size
-            assert simulation.board.firmware.motion.demand_units(0) == 0
+            assert simulation.boards[0].firmware.motion.demand_units(0) == 0
