@@ -64,7 +64,7 @@ def run(
     """Run a job or a trajectory file on an emulated board in virtual time and verify every pulse."""
     from host.planner import plan
     from host.run import execute
-    from host.run_folder import prepare_folder, write_folder
+    from host.run_folder import FOLDER_VERSION, VERSION_KEY, prepare_folder, write_folder
 
     loaded, rest = robot_and_rest(words or [], robot_file)
     job = _only(rest)
@@ -74,7 +74,7 @@ def run(
     folder = None if out is None else prepare_folder(out)
     with progress_bar(f"{loaded.name} {job}") as progress:
         outcome = execute(planned, job, _kernel(kernel), stand_at=standing, cut_stream_s=cut_stream, progress=progress)
-    document = _document(outcome)
+    document = _document(outcome) | ({} if folder is None else {VERSION_KEY: FOLDER_VERSION})
     pictures = folder is not None and write_folder(folder, outcome, document)
     if as_json:
         print_json(document)

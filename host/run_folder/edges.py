@@ -1,5 +1,6 @@
 """edges.npz: every edge of every pin and every accepted step, in counts of the board's timer since power-up."""
 
+import zlib
 from pathlib import Path
 from typing import Any, Final
 from zipfile import BadZipFile
@@ -16,7 +17,7 @@ from host.verify.evidence import Int8Array, Int64Array
 PINS: Final = ("reset", "enable", "m1", "m2", "tq1", "tq2", "dcy1", "dcy2", "out1", "out2")
 """An axis' pins that are held at a level."""
 
-_UNREADABLE: Final = (BadZipFile, EOFError, OSError, ValueError)
+_UNREADABLE: Final = (BadZipFile, EOFError, OSError, ValueError, zlib.error)
 """What numpy raises for a file that is none of its own, or is damaged."""
 
 
@@ -55,7 +56,7 @@ def read_edges(folder: Path) -> Evidence:
     path = existing(folder, EDGES)
     with prefixed(f"{path}: "):
         try:
-            with np.load(path, allow_pickle=False) as stored:
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
                 return _evidence(_Arrays(stored))
         except _UNREADABLE as error:
             raise InputError(f"cannot be read: {error}") from error

@@ -1,18 +1,20 @@
 """report.json: what was said of a run: its names and traffic, the planned switching, the figures, a fault."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from reprlib import repr as short
-from typing import Any
+from typing import Any, TypeVar
 
 from host.errors import InputError
 from host.inputs import prefixed
-from host.run_folder.layout import FOLDER_VERSION, REPORT, VERSION_KEY, check_version, existing
+from host.run_folder.layout import REPORT, VERSION_KEY, check_version, existing
 from host.trajectory import Switching
 from host.verify import BusReport, RunInfo
+
+Made = TypeVar("Made")
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,9 +38,9 @@ class StoredReport:
     document: Mapping[str, Any]
 
 
-def write_report(path: Path, document: dict[str, Any]) -> None:
-    """Write a document as `run --json` prints it, with the folder's version."""
-    path.write_text(json.dumps({VERSION_KEY: FOLDER_VERSION, **document}, indent=2) + "\n", encoding="utf-8")
+def write_report(path: Path, document: Mapping[str, Any]) -> None:
+    """Write a document as `run --json` prints it."""
+    path.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
 
 
 def read_report(folder: Path) -> StoredReport:
@@ -81,18 +83,22 @@ class _Table:
 
     @contextmanager
     def table(self, key: str) -> Iterator["_Table"]:
+        value = self._take(key)
         with prefixed(f"{key}: "):
-            table = _Table(self._take(key))
+            table = _Table(value)
         with prefixed(f"{key}."):
             yield table
 
-    def tables(self, key: str) -> Iterator["_Table"]:
+    def each(self, key: str, make: Callable[["_Table"], Made]) -> tuple[Made, ...]:
+        """What is made of every table in a list."""
         values = self._take(key)
         if not isinstance(values, list):
             raise InputError(f"{key}: {short(values)} is not a list")
+        made = []
         for i, value in enumerate(values):
             with prefixed(f"{key}[{i}]: "):
-                yield _Table(value)
+                made.append(make(_Table(value)))
+        return tuple(made)
 
     def _of(self, key: str, kind: Any, what: str) -> Any:
         value = self._take(key)
@@ -110,9 +116,9 @@ def _report(table: _Table) -> StoredReport:
     check_version(table.values.get(VERSION_KEY))
     return StoredReport(
         run=_run(table),
-        switchings=tuple(_switching(output) for output in table.tables("outputs")),
+        switchings=table.each("outputs", _switching),
         passed=table.truth("passed"),
-        axes=tuple(axis.values for axis in table.tables("axes")),
+        axes=table.each("axes", lambda axis: axis.values),
         fault=_fault(table),
         document=table.values,
     )

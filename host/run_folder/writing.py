@@ -1,6 +1,7 @@
 """What `--out DIR` leaves: the report, the robot, the plan, every edge, the bus, a waveform, and pictures."""
 
 import os
+from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,8 +31,11 @@ def prepare_folder(out: str) -> Path:
     return folder
 
 
-def write_folder(out: Path, outcome: "Outcome", document: dict[str, Any]) -> bool:
-    """Write everything; return False if the pictures had to be left out because matplotlib is not installed."""
+def write_folder(out: Path, outcome: "Outcome", document: Mapping[str, Any]) -> bool:
+    """Write everything; return False if the pictures had to be left out because matplotlib is not installed.
+
+    The document is what `run --json` prints, with FOLDER_VERSION under VERSION_KEY.
+    """
     from emulator.candump import candump_lines
 
     evidence = outcome.comparison.evidence
