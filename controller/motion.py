@@ -381,11 +381,11 @@ class Motion:
         )
 
     def _note_events(self) -> None:
-        for axis in sorted(self._running):
-            event = self._get(axis, k.EVENT)
-            if event:
-                self._set(axis, k.EVENT, k.EVENT_NONE)
-                self._events[axis] = Event(event)
+        axes = self._axes
+        asking = [axis for axis in self._running if axes[axis * k.AXIS_FIELDS + k.EVENT]]
+        for axis in sorted(asking):
+            self._events[axis] = Event(self._get(axis, k.EVENT))
+            self._set(axis, k.EVENT, k.EVENT_NONE)
 
     @property
     def has_events(self) -> bool:
