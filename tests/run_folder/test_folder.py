@@ -82,9 +82,9 @@ class TestTheMotion:
         assert off.max() <= CUBICS_OFF_STEPS
 
 
-def test_a_run_comes_back(carried: Path) -> None:
-    stored = read_run(carried)
-    document = json.loads((carried / "report.json").read_text())
+def test_a_run_comes_back(stored_run: Path) -> None:
+    stored = read_run(stored_run)
+    document = json.loads((stored_run / "report.json").read_text())
     assert (stored.robot.name, stored.report.run.job) == ("warehouse-scara", "store")
     assert stored.robot == load_robot("warehouse-scara")
     assert stored.report.document == document
@@ -196,8 +196,8 @@ def test_a_folder_that_is_none(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["report.json", "robot.toml", "trajectory.csv", "edges.npz"])
-def test_a_file_that_is_missing(name: str, carried: Path, tmp_path: Path) -> None:
-    shutil.copytree(carried, tmp_path / "copy")
+def test_a_file_that_is_missing(name: str, stored_run: Path, tmp_path: Path) -> None:
+    shutil.copytree(stored_run, tmp_path / "copy")
     (tmp_path / "copy" / name).unlink()
     with pytest.raises(InputError) as caught:
         read_run(tmp_path / "copy")
@@ -224,9 +224,9 @@ def test_a_file_that_is_missing(name: str, carried: Path, tmp_path: Path) -> Non
     ],
 )
 def test_a_report_of_another_form(
-    change: Callable[[dict[str, Any]], object], message: str, carried: Path, tmp_path: Path
+    change: Callable[[dict[str, Any]], object], message: str, stored_run: Path, tmp_path: Path
 ) -> None:
-    shutil.copytree(carried, tmp_path / "copy")
+    shutil.copytree(stored_run, tmp_path / "copy")
     path = tmp_path / "copy" / "report.json"
     document = json.loads(path.read_text())
     change(document)
@@ -237,15 +237,15 @@ def test_a_report_of_another_form(
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", "\xff"])
-def test_a_report_that_is_no_json_object(text: str, carried: Path, tmp_path: Path) -> None:
-    shutil.copytree(carried, tmp_path / "copy")
+def test_a_report_that_is_no_json_object(text: str, stored_run: Path, tmp_path: Path) -> None:
+    shutil.copytree(stored_run, tmp_path / "copy")
     (tmp_path / "copy" / "report.json").write_text(text, encoding="latin-1")
     with pytest.raises(InputError, match=r"report\.json: "):
         read_run(tmp_path / "copy")
 
 
-def test_axes_of_another_robot(carried: Path, tmp_path: Path) -> None:
-    shutil.copytree(carried, tmp_path / "copy")
+def test_axes_of_another_robot(stored_run: Path, tmp_path: Path) -> None:
+    shutil.copytree(stored_run, tmp_path / "copy")
     write_edges(tmp_path / "copy" / "edges.npz", EVIDENCE)
     with pytest.raises(InputError, match=r"edges\.npz: axes: a b, but robot\.toml has sx sz L1 th1 th2 th3"):
         read_run(tmp_path / "copy")

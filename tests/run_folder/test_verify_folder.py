@@ -23,9 +23,9 @@ def verify(capsys: pytest.CaptureFixture[str], folder: Path, exit_code: int) -> 
     return document
 
 
-def test_a_run_passes_again_with_the_same_figures(carried: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    document = verify(capsys, carried, 0)
-    written = json.loads((carried / "report.json").read_text())
+def test_a_run_passes_again_with_the_same_figures(stored_run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    document = verify(capsys, stored_run, 0)
+    written = json.loads((stored_run / "report.json").read_text())
     assert document["passed"] is True
     assert document["reasons"] == []
     assert set(written) - set(document) == {"folder_version"}
@@ -37,8 +37,8 @@ def test_a_run_passes_again_with_the_same_figures(carried: Path, capsys: pytest.
     assert document["tool"] == pytest.approx(written["tool"], rel=1e-3)
 
 
-def test_for_people_it_says_what_the_run_said(carried: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["verify", str(carried)]) == 0
+def test_for_people_it_says_what_the_run_said(stored_run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["verify", str(stored_run)]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[-1] == "warehouse-scara store: PASSED"
     assert any(line.startswith("outputs: ") for line in lines)
@@ -83,10 +83,10 @@ TAMPERED: dict[str, tuple[Change, str]] = {
 
 @pytest.mark.parametrize("name", TAMPERED)
 def test_edges_that_were_changed_fail(
-    name: str, carried: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    name: str, stored_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     change, reason = TAMPERED[name]
-    folder = shutil.copytree(carried, tmp_path / "copy")
+    folder = shutil.copytree(stored_run, tmp_path / "copy")
     arrays = arrays_of(folder / "edges.npz")
     change(arrays)
     np.savez_compressed(folder / "edges.npz", **arrays)
@@ -95,8 +95,8 @@ def test_edges_that_were_changed_fail(
     assert any(reason in line for line in document["reasons"]), document["reasons"]
 
 
-def test_a_rise_alone_cannot_go(carried: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    folder = shutil.copytree(carried, tmp_path / "copy")
+def test_a_rise_alone_cannot_go(stored_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = shutil.copytree(stored_run, tmp_path / "copy")
     arrays = arrays_of(folder / "edges.npz")
     without(arrays, 0, "th2_clk_rise_counts")
     np.savez_compressed(folder / "edges.npz", **arrays)
@@ -123,10 +123,10 @@ REPORTS: dict[str, tuple[Change, str]] = {
 
 @pytest.mark.parametrize("name", REPORTS)
 def test_a_report_that_was_changed_fails(
-    name: str, carried: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    name: str, stored_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     change, reason = REPORTS[name]
-    folder = shutil.copytree(carried, tmp_path / "copy")
+    folder = shutil.copytree(stored_run, tmp_path / "copy")
     document = json.loads((folder / "report.json").read_text())
     change(document)
     (folder / "report.json").write_text(json.dumps(document))
@@ -135,9 +135,9 @@ def test_a_report_that_was_changed_fails(
     assert "fault" not in given
 
 
-def test_another_motion_fails(carried: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_another_motion_fails(stored_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """One point of th3 by a hundredth of a degree: a quarter of a step."""
-    folder = shutil.copytree(carried, tmp_path / "copy")
+    folder = shutil.copytree(stored_run, tmp_path / "copy")
     lines = (folder / "trajectory.csv").read_text().splitlines()
     fields = lines[1000].split(",")
     fields[6] = repr(float(fields[6]) + 0.01)
@@ -146,8 +146,8 @@ def test_another_motion_fails(carried: Path, tmp_path: Path, capsys: pytest.Capt
     assert any("th3: " in line for line in verify(capsys, folder, 1)["reasons"])
 
 
-def test_another_robot_fails(carried: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    folder = shutil.copytree(carried, tmp_path / "copy")
+def test_another_robot_fails(stored_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = shutil.copytree(stored_run, tmp_path / "copy")
     text = (folder / "robot.toml").read_text()
     begin = text.index("[joints.th2]")
     changed = text[:begin] + text[begin:].replace("microsteps = 16", "microsteps = 8", 1)
@@ -169,9 +169,9 @@ def test_a_run_that_a_fault_ended_ends_so_again(tmp_path: Path, capsys: pytest.C
     assert "th1: pvt underrun" in document["fault"]["message"]
 
 
-def test_a_run_that_failed_fails_again(carried: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_run_that_failed_fails_again(stored_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A folder of a run in which the driver complained, as it would be written."""
-    folder = shutil.copytree(carried, tmp_path / "copy")
+    folder = shutil.copytree(stored_run, tmp_path / "copy")
     arrays = arrays_of(folder / "edges.npz")
     arrays["th2_violations"] = np.int64(2)
     np.savez_compressed(folder / "edges.npz", **arrays)
