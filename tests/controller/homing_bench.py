@@ -42,6 +42,8 @@ class HomingBench(BenchBoard):
         self.machine = machine
         self.rises: list[tuple[int, int]] = []
         """Instant and sign of every step."""
+        self.edges: list[tuple[int, DigitalInput]] = []
+        """Every change of the inputs: the tick at whose start the firmware saw it, in counts, and the levels."""
         self.velocities: list[int] = []
         """The demanded velocity at the start of every tick in which the axis was moving, in 1/64 unit per ms."""
         self._pending: list[tuple[int, int]] = []
@@ -94,6 +96,7 @@ class HomingBench(BenchBoard):
         levels = self.machine.inputs()
         if levels != self._levels:
             self._levels = levels
+            self.edges.append((boundary, levels))
             self.firmware.set_inputs([levels], boundary)
             self._fetch()
 
@@ -128,6 +131,18 @@ class HomingBench(BenchBoard):
         word = self.value(0x6041)
         wanted = (Status.TARGET_REACHED, Status.HOMING_ATTAINED, Status.HOMING_ERROR)
         return tuple(int(bool(word & bit)) for bit in wanted)  # type: ignore[return-value]
+
+    def strokes(self) -> list[list[int]]:
+        """The demanded velocities in steps/s, tick by tick, from standstill to standstill or to a turn."""
+        strokes: list[list[int]] = []
+        last = 0
+        for velocity in self.velocities:
+            if velocity and velocity * last <= 0:
+                strokes.append([])
+            if velocity:
+                strokes[-1].append(velocity)
+            last = velocity
+        return strokes
 
     @property
     def error(self) -> HomingError:
