@@ -49,11 +49,12 @@ class HomingBench(BenchBoard):
         self._pending: list[tuple[int, int]] = []
         self._levels = DigitalInput(0)
         self._dir_level = 0
+        self._tick(0)
+        self.wait(1)
         self.enable(Mode.HOMING)
         self.write(0x6099, 1, FAST_STEPS_PER_S * STEP)
         self.write(0x6099, 2, SLOW_STEPS_PER_S * STEP)
         self.write(0x609A, 0, ACCELERATION_STEPS_PER_S2 * STEP)
-        self.wait(1)
 
     def wait(self, dt_ms: float) -> None:
         until = self.now + round(dt_ms * 72_000)
@@ -93,6 +94,7 @@ class HomingBench(BenchBoard):
         velocity = self.firmware.motion.velocity(0)
         if velocity or (self.velocities and self.velocities[-1]):
             self.velocities.append(velocity)
+        self.now = boundary
         levels = self.machine.inputs()
         if levels != self._levels:
             self._levels = levels

@@ -185,9 +185,9 @@ class Sticky:
     first=st.integers(-500, 500),
     width=st.integers(30, 800),
     hysteresis=st.integers(0, 20),
-    fast=st.integers(500, 10_000),
-    slow=st.integers(100, 3_900),
-    acceleration=st.integers(20_000, 400_000),
+    fast=st.integers(1_000, 10_000),
+    slow=st.integers(300, 3_900),
+    acceleration=st.integers(100_000, 400_000),
 )
 def test_home_repeats_within_one_step(
     fast_kernel: Kernel,
