@@ -16,6 +16,7 @@ from host.errors import InputError
 from host.inputs import unknown
 
 if TYPE_CHECKING:
+    from host.robot import Robot
     from host.verify import Evidence
     from host.waveforms import Format, Signal, Window
 
@@ -65,14 +66,14 @@ def trace(
     as_json: AsJson = False,
 ) -> None:
     """Write the waveform of a stored run: every edge of every pin, or a part of it."""
-    from host.run_folder import read_edges, read_report
+    from host.run_folder import read_edges, read_robot
     from host.waveforms import SCALES, Format, write_waveform
 
-    run, evidence = read_report(folder).run, read_edges(folder)
+    evidence, robot = read_edges(folder), read_robot(folder)
     window = _window(evidence, from_s, to_s)
-    signals = _chosen(_signals(folder, evidence, Format(form)), evidence, axis)
+    signals = _chosen(_signals(folder, evidence, robot, Format(form)), evidence, axis)
     path = folder / Format(form).file_name if out is None else out
-    write_waveform(path, signals, window, Format(form), SCALES[timescale], f"{run.robot} {run.job}")
+    write_waveform(path, signals, window, Format(form), SCALES[timescale], robot.name)
     ends_s = window.time_s(window.from_counts), window.time_s(window.to_counts)
     if as_json:
         names = [signal.name for signal in signals]
@@ -81,15 +82,14 @@ def trace(
         typer.echo(f"{path}: {len(signals)} signals from {ends_s[0]:.6f} to {ends_s[1]:.6f} s of the motion")
 
 
-def _signals(folder: Path, evidence: "Evidence", form: "Format") -> "list[Signal]":
-    from host.run_folder import read_robot
+def _signals(folder: Path, evidence: "Evidence", robot: "Robot", form: "Format") -> "list[Signal]":
     from host.run_folder.layout import BUS_LOG, existing
     from host.waveforms import drive_states, everything, wires
 
     if form.wires_only:
         return wires(evidence)
     states = drive_states(existing(folder, BUS_LOG), len(evidence.axes))
-    return everything(evidence, read_robot(folder), states)
+    return everything(evidence, robot, states)
 
 
 def _chosen(signals: "list[Signal]", evidence: "Evidence", axes: str | None) -> "list[Signal]":

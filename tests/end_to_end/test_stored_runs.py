@@ -1,6 +1,7 @@
 """`steptwin trace` and `steptwin plot` on what a run has left."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +33,7 @@ class TestTrace:
             assert read == edges.tolist()
             assert dump.initial[f"{axis.name}_enable"] == "0"
             assert [level for _, level in dump.changes[f"{axis.name}_enable"]] == ["1", "0"]
-        assert dump.texts[0] == "StepTwin, SIMULATED: teaching-scara carry"
+        assert dump.texts[0] == "StepTwin, SIMULATED: teaching-scara"
 
     def test_a_run_leaves_the_same_file_as_trace(self, carry_run: Path, tmp_path: Path) -> None:
         out = tmp_path / "again.vcd"
@@ -112,9 +113,16 @@ class TestTrace:
         assert message in refusal(capsys, "trace", str(carry_run), *words)
 
     def test_no_folder(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-        for command in ("trace", "plot", "verify"):
+        for command, first in (("trace", "edges.npz"), ("plot", "report.json"), ("verify", "report.json")):
             assert refusal(capsys, command, str(tmp_path / "x")) == f"{tmp_path / 'x'}: is no folder of a run"
-            assert refusal(capsys, command, str(tmp_path)) == f"{tmp_path / 'report.json'}: is missing"
+            assert refusal(capsys, command, str(tmp_path)) == f"{tmp_path / first}: is missing"
+
+    def test_needs_neither_report_nor_plan(self, carry_run: Path, tmp_path: Path) -> None:
+        """As of a board that was moved by hand."""
+        for name in ("edges.npz", "robot.toml"):
+            shutil.copy(carry_run / name, tmp_path)
+        assert run(["trace", str(tmp_path)]) == 0
+        assert (tmp_path / "trace.vcd").read_bytes() == (carry_run / "trace.vcd").read_bytes()
 
 
 class TestPlot:
