@@ -52,7 +52,7 @@ def write_folder(out: Path, outcome: "Outcome", document: Mapping[str, Any]) -> 
         whole_record(evidence),
         Format.VCD,
         DEFAULT_SCALE,
-        f"{run.robot} {run.job}",
+        run.robot,
     )
     if not find_spec("matplotlib"):
         return False
