@@ -11,7 +11,6 @@ from emulator.bus_faults import FaultScript
 from host.client import AxisRecords, AxisSettings, Machine, OutputCommand, Progress
 from host.embedded import EmbeddedBoard
 from host.errors import DeviceFaultError, InputError
-from host.kinematics import make_kinematics
 from host.planner import Plan, check_start
 from host.robot import Board, Joint
 from host.verify import Comparison, Report, RunInfo, compare, verify_comparison
@@ -102,7 +101,7 @@ def execute(
         simulated_s=board.now_s(),
         wall_s=time.perf_counter() - started_s,
     )
-    comparison = compare(_verifier_plan(plan), board.evidence())
+    comparison = compare(VerifierPlan.of(plan.robot, plan.trajectory), board.evidence())
     return Outcome(plan, comparison, verify_comparison(comparison, run), board.bus_log, fault)
 
 
@@ -142,16 +141,6 @@ def _output_commands(plan: Plan) -> tuple[OutputCommand, ...]:
     return tuple(
         OutputCommand(*wired[switching.output], switching.on, switching.from_s)
         for switching in plan.trajectory.switchings
-    )
-
-
-def _verifier_plan(plan: Plan) -> VerifierPlan:
-    joints = plan.robot.joints
-    return VerifierPlan(
-        trajectory=plan.trajectory,
-        steps_per_unit=np.array([joint.transmission.steps_per_unit for joint in joints]),
-        joint_units=tuple(joint.unit for joint in joints),
-        forward=make_kinematics(plan.robot).forward,
     )
 
 
