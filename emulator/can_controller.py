@@ -31,6 +31,10 @@ class ErrorListener(Protocol):
     def __call__(self, code: ErrorCode, now_counts: int, /, *, active: bool) -> None: ...
 
 
+def _unheard(_frame: Frame, _now_counts: int) -> None:
+    """For a station that does not care when its frames have gone out."""
+
+
 def _everything(_cob_id: int) -> bool:
     return True
 
@@ -48,6 +52,7 @@ class CanController:
         on_error: ErrorListener = _nothing,
         passes: Filter = _everything,
         read_latency_counts: int = 0,
+        on_sent: Receiver = _unheard,
     ) -> None:
         """Connect a processor.
 
@@ -57,6 +62,7 @@ class CanController:
             passes: the acceptance filter: whether a COB-ID is to be received at all.
             read_latency_counts: how long after its arrival a message is fetched from its FIFO. 0, an interrupt without
                 delay, never overruns.
+            on_sent: hears of each frame of its own that has gone out, and when.
         """
         self.errors = FaultConfinement()
         self.state = ErrorState.ACTIVE
@@ -76,6 +82,7 @@ class CanController:
         self.overruns = 0
         """Messages lost so far because their FIFO was full."""
         self._receive = receive
+        self._on_sent = on_sent
         self._on_error = on_error
         self._active: set[ErrorCode] = set()
         """The errors that have occurred and are not over."""
@@ -108,6 +115,7 @@ class CanController:
     def sent(self, frame: Frame, now_counts: int) -> None:
         """A frame has gone out and was acknowledged."""
         self.mailboxes.remove(frame)
+        self._on_sent(frame, now_counts)
         if self._queue:
             self._fill_mailboxes()
         if self.errors.transmit_errors or self._active:

@@ -121,6 +121,12 @@ class Tb6560:
                 )
             )
 
+    def forget(self) -> None:
+        """Keep the count and forget its history: `steps` and `violations` begin anew."""
+        self._steps.clear()
+        self._signs.clear()
+        self._violations.clear()
+
     @property
     def steps(self) -> tuple[Int64Array, Int8Array]:
         """When each counted step was made and which way, +1 or -1."""

@@ -1,24 +1,20 @@
 """The default board: emulated in this process, in virtual time, with the client's network wired straight to it."""
 
-from math import floor
-
 import canopen
 
 from controller.backend import Kernel
 from controller.kernel import TICK_COUNTS
 from controller.motion import COUNTS_PER_SECOND
-from controller.pins import Pin
-from emulator.board import AxisTrace, Board, BoardConfig
+from controller.pins import PinChange
+from emulator.board import Board
 from emulator.bus import Bus
 from emulator.bus_faults import FaultScript
 from emulator.simulation import BusOverloadError, Simulation
 from host.errors import BusError
-from host.robot import Joint, Robot
-from host.verify import AxisEvidence, BusReport, Evidence, OutputChange
+from host.robot import Robot
+from host.verify import BusReport, Evidence
+from host.wiring import axis_evidence, board_config, output_changes, standing_steps
 from protocol.frame import COB_SYNC, Frame
-from protocol.objects import UNITS_PER_FULL_STEP
-
-_PINS = (Pin.OUT1, Pin.OUT2)
 
 _BOOT_S = 0.01
 """The host comes after the nodes' boot-up messages."""
@@ -60,11 +56,8 @@ class EmbeddedBoard:
         self, robot: Robot, start_joints: list[float], kernel: Kernel, bus_faults: FaultScript | None = None
     ) -> None:
         self._robot = robot
-        self._start_steps = [
-            _steps_at(joint, position) for position, joint in zip(start_joints, robot.joints, strict=True)
-        ]
-        config = BoardConfig(axis_count=len(robot.joints), osc_pf=(robot.board.osc_pf,) * len(robot.joints))
-        self._board = Board(config, kernel)
+        self._start_steps = standing_steps(robot, start_joints)
+        self._board = Board(board_config(robot), kernel)
         self._simulation = Simulation([self._board], Bus(robot.board.bitrate, bus_faults))
         self.network = EmbeddedNetwork(self._simulation)
         self.wait(_BOOT_S)
@@ -87,7 +80,7 @@ class EmbeddedBoard:
         """The traffic so far."""
         bus = self._simulation.bus
         load_percent = 100 * bus.busy_bits / (bus.bitrate * self._simulation.now_s)
-        return BusReport(bus.bitrate, len(bus.log_frames), load_percent)
+        return BusReport(bus.bitrate, bus.frames, load_percent)
 
     def driver_positions(self) -> list[int]:
         """Where each driver's own counter says the motor is, in steps from the joint's zero."""
@@ -103,41 +96,13 @@ class EmbeddedBoard:
         """What the drivers saw; the motion's t = 0 is the first servo tick after the last SYNC."""
         sync_counts = max(counts for counts, frame in self.bus_log if frame.cob_id == COB_SYNC)
         axes = tuple(
-            _axis_evidence(joint.name, self._start_steps[i], self._board.trace(i))
+            axis_evidence(joint.name, self._start_steps[i], self._board.trace(i))
             for i, joint in enumerate(self._robot.joints)
         )
-        return Evidence(-(-sync_counts // TICK_COUNTS) * TICK_COUNTS, axes, self._output_changes())
+        outputs = output_changes(self._robot, self._board.output_changes())
+        return Evidence(-(-sync_counts // TICK_COUNTS) * TICK_COUNTS, axes, outputs)
 
-    def _output_changes(self) -> tuple[OutputChange, ...]:
-        """By the names in the robot's file; an output that nothing is wired to has none and is left out."""
-        axes = {joint.name: axis for axis, joint in enumerate(self._robot.joints)}
-        wired = {(axes[output.joint], _PINS[output.out - 1]): name for name, output in self._robot.outputs.items()}
-        changes = self._board.output_changes()
-        return tuple(
-            OutputChange(wired[change.axis, change.pin], change.counts, change.level)
-            for change in changes
-            if (change.axis, change.pin) in wired
-        )
-
-
-def _steps_at(joint: Joint, position: float) -> int:
-    """The step at which a joint stands: rounded to a wire unit, then to a step, as the firmware's preset does it.
-
-    Rounded at once, a position just below half a step could come out one step below the firmware's counter.
-    """
-    units = floor(position * joint.transmission.wire_units_per_unit + 0.5)
-    return (units * joint.transmission.microsteps + UNITS_PER_FULL_STEP // 2) // UNITS_PER_FULL_STEP
-
-
-def _axis_evidence(name: str, start_steps: int, trace: AxisTrace) -> AxisEvidence:
-    return AxisEvidence(
-        name=name,
-        start_steps=start_steps,
-        clk_rise_counts=trace.clk_rise_counts,
-        clk_fall_counts=trace.clk_fall_counts,
-        dir_edge_counts=trace.dir_counts,
-        dir_levels=trace.dir_levels,
-        step_counts=trace.step_counts,
-        step_signs=trace.step_signs,
-        violations=len(trace.violations.counts),
-    )
+    @property
+    def pin_changes(self) -> list[PinChange]:
+        """Every change of the pins that the firmware holds at a level."""
+        return self._board.pin_changes

@@ -7,6 +7,7 @@ from math import ceil
 import numpy as np
 
 from controller.backend import Kernel
+from controller.pins import PinChange
 from emulator.bus_faults import FaultScript
 from host.client import AxisRecords, AxisSettings, Machine, OutputCommand, Progress
 from host.embedded import EmbeddedBoard
@@ -46,6 +47,7 @@ class Outcome:
     comparison: Comparison
     report: Report
     bus_log: list[tuple[int, Frame]]
+    pin_changes: list[PinChange]
     fault: Fault | None
 
 
@@ -102,7 +104,7 @@ def execute(
         wall_s=time.perf_counter() - started_s,
     )
     comparison = compare(_verifier_plan(plan), board.evidence())
-    return Outcome(plan, comparison, verify_comparison(comparison, run), board.bus_log, fault)
+    return Outcome(plan, comparison, verify_comparison(comparison, run), board.bus_log, board.pin_changes, fault)
 
 
 def _settings(joint: Joint, board: Board) -> AxisSettings:

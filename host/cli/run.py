@@ -64,8 +64,9 @@ def run(
 ) -> None:
     """Run a job or a trajectory file on an emulated board in virtual time and verify every pulse."""
     from host.planner import plan
+    from host.recording import prepare_folder
     from host.run import execute
-    from host.run_folder import prepare_folder, write_folder
+    from host.run_folder import write_folder
 
     loaded, rest = robot_and_rest(words or [], robot_file)
     job = _only(rest)
