@@ -34,8 +34,8 @@ class Simulation:
         """Called with every frame that reaches the host and when it did."""
         self.on_sent: Listener = lambda _frame, _counts: None
         """Called with every frame of the host that has gone out and when it had."""
-        self.host = CanController(self._host_receives, on_sent=self._host_has_sent)
-        """The host's interface: it takes every frame at once."""
+        self.host = CanController(self._host_receives, on_sent=self._host_has_sent, in_order=True)
+        """The host's interface: it takes every frame at once and sends in order, as SocketCAN's drivers do."""
         bus.attach(self.host)
         for board in self.boards:
             bus.attach(board.can)

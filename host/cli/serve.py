@@ -80,8 +80,7 @@ def serve(
             out=folder,
             log=None if log is None else Path(log),
         )
-        typer.echo(_banner(board, endpoint), err=as_json)
-        failure = _run(board, endpoint)
+        failure = _run(board, endpoint, lambda: typer.echo(_banner(board, endpoint), err=as_json))
     document = board.report() | {endpoint.kind: endpoint.figures()}
     board.close(document)
     if as_json:
@@ -139,20 +138,21 @@ def _endpoint(
 # --- while it runs
 
 
-def _run(board: "LiveBoard", endpoint: "Endpoint") -> str | None:
-    """Until a signal, or until the endpoint fails; return why it did."""
+def _run(board: "LiveBoard", endpoint: "Endpoint", announce: Callable[[], None]) -> str | None:
+    """Announce the board and let it live until a signal, or until the endpoint fails; return why it did."""
     from emulator.live_loop import LiveLoop
     from host.live import RECORD_EVERY_S
 
-    with LiveLoop(board.live) as loop:
+    with LiveLoop(board.live) as loop, _until_a_signal(loop):
         endpoint.attach(loop)
-        loop.call_every(RECORD_EVERY_S, board.record)
-        with _status_line(board, endpoint) as update, _until_a_signal(loop):
-            loop.call_every(_STATUS_EVERY_S, update)
-            try:
+        try:
+            announce()
+            loop.call_every(RECORD_EVERY_S, board.record)
+            with _status_line(board, endpoint) as update:
+                loop.call_every(_STATUS_EVERY_S, update)
                 loop.run()
-            finally:
-                endpoint.close()
+        finally:
+            endpoint.close()
     board.record()
     return endpoint.failure
 

@@ -12,6 +12,7 @@ from typing import Any, BinaryIO, Final, NamedTuple
 from zipfile import ZIP_DEFLATED, BadZipFile, ZipFile, ZipInfo
 
 import numpy as np
+from numpy.lib.npyio import NpzFile
 
 from host.errors import InputError
 from host.verify import COUNTS_PER_SECOND, AxisEvidence, Evidence
@@ -70,10 +71,10 @@ def read_edges(path: Path) -> Edges:
         InputError: there is no such file, or it is not one of these.
     """
     try:
-        with np.load(path) as file:
-            return _edges({key: file[key] for key in file.files})
+        with path.open("rb") as file, NpzFile(file) as arrays:
+            return _edges({key: arrays[key] for key in arrays.files})
     except OSError as error:
-        raise InputError(f"{path}: {error.strerror or 'is no edges.npz'}") from error
+        raise InputError(f"{path}: {error.strerror}") from error
     except (BadZipFile, KeyError, ValueError) as error:
         raise InputError(f"{path}: is no edges.npz: {error}") from error
 

@@ -103,7 +103,7 @@ def test_two_runs_and_both_kernels_give_the_same_bytes(capsys: pytest.CaptureFix
     for name, kernel in (("first", "numba"), ("second", "numba"), ("plain", "python")):
         run_json(capsys, "--out", str(tmp_path / name), "--kernel", kernel)
     first = folder_bytes(tmp_path / "first")
-    assert set(first) == {"trajectory.csv", "edges.npz", "bus.log"}
+    assert set(first) == {"trajectory.csv", "edges.npz", "pins.csv", "bus.log"}
     assert first == folder_bytes(tmp_path / "second") == folder_bytes(tmp_path / "plain")
 
 
@@ -113,7 +113,7 @@ def test_the_folder_holds_the_evidence(capsys: pytest.CaptureFixture[str], tmp_p
     report = run_json(capsys, "--out", str(out))
     assert json.loads((out / "report.json").read_text()) == report
     assert {p.name for p in out.iterdir()} == {
-        "report.json", "trajectory.csv", "edges.npz", "bus.log",
+        "report.json", "trajectory.csv", "edges.npz", "pins.csv", "bus.log",
         "joints.png", "step-rates.png", "tool-path.png", "error.png", "timing.png",
     }  # fmt: skip
     header, first, *rest = (out / "trajectory.csv").read_text().splitlines()
