@@ -1,5 +1,6 @@
 """`steptwin serve ROBOT`: a live board in real time, for every program that speaks CAN."""
 
+import gc
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -150,6 +151,7 @@ def _run(board: "LiveBoard", endpoint: "Endpoint", announce: Callable[[], None])
             loop.call_every(RECORD_EVERY_S, board.record)
             with _status_line(board, endpoint) as update:
                 loop.call_every(_STATUS_EVERY_S, update)
+                gc.freeze()  # numba's objects are many: to look through them again and again would take a tick each time
                 loop.run()
         finally:
             endpoint.close()
