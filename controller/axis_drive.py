@@ -115,13 +115,25 @@ class AxisDrive:
             refused=lambda: trip(axis, ErrorCode.SEGMENT_REFUSED),
         )
         self._profile_velocity = ProfileVelocity(axis, motion, dictionary, self.feed)
+        self._homing = Homing(
+            axis,
+            motion,
+            dictionary,
+            self.feed,
+            now_us=lambda: node.now_us,
+            inputs=lambda: self.supervision.inputs,
+            discard_records=self.interpolation.discard,
+            referenced=self._referenced,
+            report=node.report,
+            resolved=node.resolved,
+        )
         self._modes: dict[int, Mode] = {
             cia402.Mode.NONE: Mode(axis, motion),
             cia402.Mode.PROFILE_POSITION: ProfilePosition(
                 axis, motion, dictionary, self.feed, now_us=lambda: node.now_us
             ),
             cia402.Mode.PROFILE_VELOCITY: self._profile_velocity,
-            cia402.Mode.HOMING: Homing(axis, motion, dictionary, self.interpolation.discard, self._referenced),
+            cia402.Mode.HOMING: self._homing,
             cia402.Mode.INTERPOLATED_POSITION: self.interpolation,
         }
         self.mode_number = int(cia402.Mode.NONE)
@@ -134,6 +146,7 @@ class AxisDrive:
         write[key_of(0x60FF)] = self._write_target_velocity
         for index, values in OPTIONS.items():
             write[key_of(index)] = _one_of(values)
+        write[key_of(0x6098)] = _one_of(frozenset(cia402.HOMING_METHODS))
 
     def reset(self) -> None:
         """Lose what a power cycle would lose, pulses at once. A standing axis is where it was."""
@@ -250,6 +263,7 @@ class AxisDrive:
 
     def _lose_position(self) -> None:
         self.position_known = False
+        self._homing.position_lost()
 
     def select_microsteps(self, microsteps: int) -> None:
         """Set the driver to another excitation mode; its reset moves the rotor to where that begins."""

@@ -86,6 +86,10 @@ class Firmware:
         self._frames: list[Frame] = []
         self._pins: list[PinChange] = []
         self._routes: dict[int, list[tuple[AxisNode, Handler]]] = {}
+        self._dues_us: list[int | None] = [None] * axis_count
+        """When each node wants to be polled, as it was last collected, ..."""
+        self._due_us: int | None = None
+        """... and the first of them: time goes by in steps so small that the nodes are not asked at each."""
 
     def boot(self, now_counts: int) -> None:
         """Power-up: release the drivers from reset, announce the nodes."""
@@ -185,20 +189,26 @@ class Firmware:
         Before that, either frames or pins are waiting to be fetched, or the edges need draining
         (`motion.room_ticks` is 0).
         """
-        until_tick = -(-until_counts // TICK_COUNTS)
-        if not self.motion.has_events and self.motion.tick < until_tick:
-            self.motion.advance(until_tick)
-        reached = self.motion.tick * TICK_COUNTS
-        if self.motion.has_events and reached <= until_counts:
+        motion = self.motion
+        if not motion.has_events and motion.tick * TICK_COUNTS < until_counts:
+            motion.advance(-(-until_counts // TICK_COUNTS))
+        reached = motion.tick * TICK_COUNTS
+        if reached <= until_counts and motion.has_events:
             self._handle_events(reached)
             return reached
-        if self.motion.room_ticks == 0:
-            return min(reached, until_counts)
+        if reached < until_counts and motion.room_ticks == 0:
+            return reached
         return until_counts
 
     def poll(self, now_counts: int) -> None:
         """Send whatever is due by now."""
         now_us = now_counts // COUNTS_PER_US
+        if self._due_us is not None and self._due_us <= now_us:
+            self._poll_nodes(now_us, now_counts)
+        if self._trips:
+            self._conclude(now_counts)
+
+    def _poll_nodes(self, now_us: int, now_counts: int) -> None:
         for node in self.nodes:
             if node.due_us is not None and node.due_us <= now_us:
                 node.poll(now_us)
@@ -207,16 +217,15 @@ class Firmware:
             if node.connection_lost:
                 node.abort_connection(now_us)
                 self._collect(node, now_counts)
-        if self._trips:
-            self._conclude(now_counts)
 
     @property
     def next_due_counts(self) -> int | None:
         """The next instant at which something happens on the board by itself, as far as it is known."""
-        dues = [node.due_us * COUNTS_PER_US for node in self.nodes if node.due_us is not None]
-        if self.motion.has_events:
-            dues.append(self.motion.tick * TICK_COUNTS)
-        return min(dues, default=None)
+        due_counts = None if self._due_us is None else self._due_us * COUNTS_PER_US
+        if not self.motion.has_events:
+            return due_counts
+        event_counts = self.motion.tick * TICK_COUNTS
+        return event_counts if due_counts is None else min(due_counts, event_counts)
 
     def _handle_events(self, now_counts: int) -> None:
         events = self.motion.take_events()
@@ -279,9 +288,12 @@ class Firmware:
     # --- out
 
     def _collect(self, node: AxisNode, now_counts: int) -> None:
-        """Fetch what a node has to say and to switch, follow its COB-IDs."""
+        """Fetch what a node has to say and to switch, follow its COB-IDs, note when it wants to be polled."""
         if node.routes_changed:
             self._route()
+        if node.due_us != self._dues_us[node.axis]:
+            self._dues_us[node.axis] = node.due_us
+            self._due_us = min((due_us for due_us in self._dues_us if due_us is not None), default=None)
         if node.outbox:
             self._frames += node.outbox
             node.outbox.clear()

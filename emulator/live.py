@@ -37,10 +37,10 @@ class _Incoming(NamedTuple):
 class LiveSimulation:
     """A simulation in real time, with several senders behind the host's one interface, as sockets are behind `can0`."""
 
-    def __init__(self, simulation: Simulation, pacer: Pacer, epoch_us: int = 0) -> None:
+    def __init__(self, simulation: Simulation, pacer: Pacer) -> None:
         self.simulation = simulation
         self.pacer = pacer
-        self.epoch_us = epoch_us
+        self.epoch_us = 0
         """When the boards were switched on, in us since 1970, for those who want to know the time of a frame."""
         self.view: Viewer = lambda _frame, _counts, _sender: None
         """Called with every frame on the bus."""
@@ -74,6 +74,11 @@ class LiveSimulation:
         self.view(frame, counts, sender)
 
     # --- time
+
+    def start(self, now_ns: int, epoch_us: int) -> None:
+        """Switch the boards on now, which is also `epoch_us` since 1970; not later than the first `advance`."""
+        self.pacer.start_ns = now_ns
+        self.epoch_us = epoch_us
 
     def advance(self, now_ns: int) -> None:
         """Simulate up to an instant, or a slice if that is far ahead."""

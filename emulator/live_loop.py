@@ -94,20 +94,21 @@ class LiveLoop:
     # --- the loop
 
     def run(self) -> None:
-        """Keep the board going until `stop`."""
+        """Switch the board on and keep it going until `stop`."""
         live, select = self.live, self._selector.select
+        live.start(self.now_ns(), time.time_ns() // 1000)
         while not self._stopping:
             for key, _ in select(self._sleep_s()):
                 key.data()
-            live.advance(time.monotonic_ns())
+            live.advance(self.now_ns())
             self.hand_on()
-            now_ns = time.monotonic_ns()
+            now_ns = self.now_ns()
             live.settle(now_ns)
             while self._timers and self._timers[0][0] <= now_ns:
                 heappop(self._timers)[2]()
 
     def _sleep_s(self) -> float:
-        now_ns = time.monotonic_ns()
+        now_ns = self.now_ns()
         due_ns = min(self.live.due_ns, now_ns + _SLEEP_MAX_NS)
         if self._timers:
             due_ns = min(due_ns, self._timers[0][0])

@@ -25,6 +25,7 @@ class Pacer:
             raise ValueError(f"speed {speed:g} is not from {SPEED_MIN:g} to {SPEED_MAX:g}")
         rate = Fraction(speed).limit_denominator(_SPEED_PARTS) * Fraction(COUNTS_PER_SECOND, _NS_PER_SECOND)
         self.start_ns = start_ns
+        """When the boards are switched on; may be put off until then."""
         self.speed = speed
         self._counts, self._per_ns = rate.numerator, rate.denominator
 

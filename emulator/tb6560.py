@@ -82,6 +82,10 @@ class Tb6560:
         self.clk_width_min_counts = clk_width_min_counts(osc_pf)
         self.position_steps = 0
         """Steps counted since power-up; DIR high counts up."""
+        self.lost_steps = 0
+        """Pulses seen less steps counted, both signed."""
+        self.violation_count = 0
+        """How many limits were broken so far."""
         self._dir_level = 0
         self._reset_level = 0
         self._last_rise_counts = -PERIOD_MIN_COUNTS
@@ -89,8 +93,12 @@ class Tb6560:
         self._signs: list[Int8Array] = []
         self._violations: list[Violations] = []
 
-    def feed(self, pins: Pins) -> None:
-        """Let the chip see the next stretch of its pins; every rise comes with its fall."""
+    def feed(self, pins: Pins) -> tuple[Int64Array, Int8Array]:
+        """Let the chip see the next stretch of its pins; every rise comes with its fall.
+
+        Returns:
+            When each step was counted and which way, +1 or -1, as in `steps`.
+        """
         rises = pins.clk_rise_counts
         high_counts = pins.clk_fall_counts - rises
         period_counts = np.diff(rises, prepend=self._last_rise_counts)
@@ -99,18 +107,22 @@ class Tb6560:
         out_of_reset = _levels_at(rises, pins.reset_counts, pins.reset_levels, self._reset_level) == 1
         accepted = out_of_reset & ~too_short & ~too_soon
         levels = _levels_at(rises, pins.dir_counts, pins.dir_levels, self._dir_level)
-        signs = (2 * levels - 1).astype(np.int8)[accepted]
-        self._steps.append(rises[accepted])
+        directions = (2 * levels - 1).astype(np.int8)
+        steps, signs = rises[accepted], directions[accepted]
+        self._steps.append(steps)
         self._signs.append(signs)
         self.position_steps += int(signs.sum(dtype=np.int64))
+        self.lost_steps += int(directions[~accepted].sum(dtype=np.int64))
         self._note(rises, out_of_reset & too_short, Rule.CLK_HIGH, high_counts, self.clk_width_min_counts)
         self._note(rises, out_of_reset & too_soon, Rule.CLK_RATE, period_counts, PERIOD_MIN_COUNTS)
         self._last_rise_counts = int(rises[-1]) if rises.size else self._last_rise_counts
         self._dir_level = int(pins.dir_levels[-1]) if pins.dir_levels.size else self._dir_level
         self._reset_level = int(pins.reset_levels[-1]) if pins.reset_levels.size else self._reset_level
+        return steps, signs
 
     def _note(self, rises: Int64Array, broken: NDArray[np.bool_], rule: Rule, values: Int64Array, limit: int) -> None:
         count = int(broken.sum())
+        self.violation_count += count
         if count:
             self._violations.append(
                 Violations(

@@ -1,6 +1,9 @@
 """The default board: emulated in this process, in virtual time, with the client's network wired straight to it."""
 
+from collections.abc import Iterable
+
 import canopen
+from canopen.network import PeriodicMessageTask
 
 from controller.backend import Kernel
 from controller.kernel import TICK_COUNTS
@@ -9,8 +12,10 @@ from controller.pins import PinChange
 from emulator.board import Board
 from emulator.bus import Bus
 from emulator.bus_faults import FaultScript
+from emulator.operations import Operation, Scheduled
 from emulator.simulation import BusOverloadError, Simulation
 from host.errors import BusError
+from host.repeated_frames import RepeatedFrames
 from host.robot import Robot
 from host.verify import BusReport, Evidence
 from host.wiring import axis_evidence, board_config, output_changes, standing_steps
@@ -24,12 +29,14 @@ class EmbeddedNetwork(canopen.Network):
     """The canopen library's network on a simulated bus.
 
     `send_message` returns when the bus has fallen silent again, so that the library's blocking calls find their
-    answers already there; nothing waits and no thread is needed.
+    answers already there; nothing waits and no thread is needed. Periodic frames go out when simulated time has come
+    to their turn: while the client waits, or before the next frame that it sends.
     """
 
     def __init__(self, simulation: Simulation) -> None:
         super().__init__()
         self._simulation = simulation
+        self._repeated = RepeatedFrames(simulation)
         simulation.on_frame = self._frame_arrived
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
@@ -40,25 +47,51 @@ class EmbeddedNetwork(canopen.Network):
         """
         if remote:
             raise ValueError("the simulated board answers no remote frames; CiA 301 advises against them")
+        self._send_due()
         try:
             self._simulation.send(Frame(can_id, bytes(data)))
         except BusOverloadError as error:
             raise BusError(str(error)) from error
+
+    def send_periodic(self, can_id: int, data: bytes, period: float, remote: bool = False) -> PeriodicMessageTask:
+        """Repeat a data frame every `period` seconds of simulated time, from now on."""
+        task = PeriodicMessageTask(can_id, data, period, self._repeated, remote)
+        self._send_due()
+        return task
+
+    def _send_due(self) -> None:
+        for frame in self._repeated.take_due():
+            self.send_message(frame.cob_id, frame.data)
+
+    def run_until(self, until_counts: int) -> None:
+        """Let simulated time pass to an instant, or to the end of the periodic frame that is on the bus then."""
+        while (due_counts := self._repeated.due_counts) is not None and due_counts < until_counts:
+            self._simulation.run_until(due_counts)
+            self._send_due()
+        self._simulation.run_until(until_counts)
 
     def _frame_arrived(self, frame: Frame, counts: int) -> None:
         self.notify(frame.cob_id, bytearray(frame.data), counts / COUNTS_PER_SECOND)
 
 
 class EmbeddedBoard:
-    """A robot's board on a bus of its own; fulfils the client's Link. The machine stands at the given joints."""
+    """A robot's board on a bus of its own; fulfils the client's Link. The machine stands at the given joints.
+
+    `schedule` says what will happen to the machine beside its motion, and when.
+    """
 
     def __init__(
-        self, robot: Robot, start_joints: list[float], kernel: Kernel, bus_faults: FaultScript | None = None
+        self,
+        robot: Robot,
+        start_joints: list[float],
+        kernel: Kernel,
+        bus_faults: FaultScript | None = None,
+        schedule: Iterable[Scheduled] = (),
     ) -> None:
         self._robot = robot
         self._start_steps = standing_steps(robot, start_joints)
-        self._board = Board(board_config(robot), kernel)
-        self._simulation = Simulation([self._board], Bus(robot.board.bitrate, bus_faults))
+        self._board = Board(board_config(robot, start_joints), kernel)
+        self._simulation = Simulation([self._board], Bus(robot.board.bitrate, bus_faults), schedule)
         self.network = EmbeddedNetwork(self._simulation)
         self.wait(_BOOT_S)
 
@@ -67,8 +100,12 @@ class EmbeddedBoard:
         return self._simulation.now_s
 
     def wait(self, dt_s: float) -> None:
-        """Let simulated time pass."""
-        self._simulation.run_until(self._simulation.now_counts + round(dt_s * COUNTS_PER_SECOND))
+        """Let simulated time pass; more than asked for if a frame is on the bus at its end."""
+        self.network.run_until(self._simulation.now_counts + round(dt_s * COUNTS_PER_SECOND))
+
+    def operate(self, operation: Operation) -> None:
+        """Do something to the machine, now: press its e-stop, let its supply break down."""
+        self._simulation.operate(operation)
 
     @property
     def bus_log(self) -> list[tuple[int, Frame]]:

@@ -25,7 +25,7 @@ RECORD_EVERY_S: Final = 0.5
 
 
 class LiveBoard:
-    """A robot's board on a bus of its own, paced by the wall clock from now on. It records until it is closed.
+    """A robot's board on a bus of its own, for a `LiveLoop` to run. It records until it is closed.
 
     With all its files in `out`, or the bus log alone in `log`, or none: memory stays bounded either way.
     """
@@ -41,7 +41,7 @@ class LiveBoard:
         out: Path | None = None,
         log: Path | None = None,
     ) -> None:
-        """Switch the board on.
+        """Set the board up.
 
         Args:
             robot: the machine.
@@ -74,10 +74,10 @@ class LiveBoard:
         """A SYNC at rest, of which it is not known yet whether it starts a motion."""
         self._motion_start_counts: int | None = None
         warm_up(kernel)
-        self._board = Board(board_config(robot), kernel)
+        self._board = Board(board_config(robot, stand_at), kernel)
         self.bus = Bus(bitrate, log=self._log)
         simulation = Simulation([self._board], self.bus)
-        self.live = LiveSimulation(simulation, Pacer(time.monotonic_ns(), speed), time.time_ns() // 1000)
+        self.live = LiveSimulation(simulation, Pacer(time.monotonic_ns(), speed))
 
     def _file(self, path: Path) -> TextIO:
         file = self._files.enter_context(path.open("w", encoding="utf-8"))

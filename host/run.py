@@ -68,7 +68,7 @@ def execute(
         job: how reports call it.
         kernel: which form of the firmware's kernel runs.
         stand_at: where the emulated machine stands, mm and degrees; by default where the plan starts.
-        cut_stream_s: send only the points before this time of the motion, as a host that dies would.
+        cut_stream_s: send only the points before this time of the motion, as a host that hangs would.
         bus_faults: what the bus does to frames.
         progress: told which part of the stream has been sent.
 
@@ -95,6 +95,7 @@ def execute(
             raise
         machine.await_standstill()
         fault = _fault(error, machine, board, plan)
+    machine.disconnect()
     run = RunInfo(
         robot=plan.robot.name,
         job=job,
@@ -117,7 +118,7 @@ def _settings(joint: Joint, board: Board) -> AxisSettings:
         dirsetup_ns=board.dirsetup_ns,
         dirhold_ns=board.dirhold_ns,
         velocity_max_units_per_s=ceil(board.step_rate_max_hz * UNITS_PER_FULL_STEP / transmission.microsteps),
-        quick_stop_units_per_s2=ceil(joint.acceleration_max * transmission.wire_units_per_unit),
+        deceleration_units_per_s2=ceil(joint.acceleration_max * transmission.wire_units_per_unit),
     )
 
 

@@ -1,22 +1,42 @@
-"""A robot's machine as the emulator has it: what its board carries, where its motors stand, what is wired where."""
+"""A robot's machine as the emulator has it: its board, its switches, where its motors stand, what is wired where."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from math import floor
 from typing import Final
 
 from controller.pins import Pin, PinChange
 from emulator.board import AxisTrace, BoardConfig
+from emulator.switches import Switch
 from host.robot import Joint, Robot
 from host.verify import AxisEvidence, OutputChange
+from protocol.cia402 import DigitalInput
 from protocol.objects import UNITS_PER_FULL_STEP
 
 _OUTPUTS: Final = (Pin.OUT1, Pin.OUT2)
 
 
-def board_config(robot: Robot) -> BoardConfig:
-    """The board that drives a robot: an axis for each joint, in joint order."""
+def board_config(robot: Robot, joints: Sequence[float]) -> BoardConfig:
+    """The board that drives a robot, an axis for each joint, in a machine that stands at `joints`, mm and degrees."""
     axes = len(robot.joints)
-    return BoardConfig(axis_count=axes, osc_pf=(robot.board.osc_pf,) * axes)
+    return BoardConfig(
+        axis_count=axes,
+        osc_pf=(robot.board.osc_pf,) * axes,
+        switches=tuple(_switches(robot)),
+        start_steps=tuple(standing_steps(robot, joints)),
+    )
+
+
+def _switches(robot: Robot) -> Iterator[Switch]:
+    """The switches of the robot's file; the limit switches are closed to the ends of travel."""
+    for axis, joint in enumerate(robot.joints):
+        places = joint.switches
+        if places.negative_limit is not None:
+            yield Switch(axis, DigitalInput.NEGATIVE_LIMIT, to_steps=_steps_at(joint, places.negative_limit))
+        if places.positive_limit is not None:
+            yield Switch(axis, DigitalInput.POSITIVE_LIMIT, from_steps=_steps_at(joint, places.positive_limit))
+        first, last = (None if end is None else _steps_at(joint, end) for end in (places.home_from, places.home_to))
+        if first is not None or last is not None:
+            yield Switch(axis, DigitalInput.HOME, first, last)
 
 
 def standing_steps(robot: Robot, joints: Sequence[float]) -> list[int]:

@@ -55,7 +55,7 @@ def run(
     ] = None,
     cut_stream: Annotated[
         float | None,
-        typer.Option(metavar="SECONDS", min=0.0, help="Stop sending points there, as a dying host would."),
+        typer.Option(metavar="SECONDS", min=0.0, help="Stop sending points there, as a host that hangs would."),
     ] = None,
     kernel: Annotated[
         KernelChoice, typer.Option(help="Plain Python or compiled; auto takes the fastest.")

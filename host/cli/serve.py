@@ -151,7 +151,7 @@ def _run(board: "LiveBoard", endpoint: "Endpoint", announce: Callable[[], None])
             loop.call_every(RECORD_EVERY_S, board.record)
             with _status_line(board, endpoint) as update:
                 loop.call_every(_STATUS_EVERY_S, update)
-                gc.freeze()  # numba's objects are many: to look through them again and again would take a tick each time
+                gc.freeze()  # numba's objects are many: looking through them again and again takes many ticks
                 loop.run()
         finally:
             endpoint.close()
@@ -186,16 +186,16 @@ def _status_line(board: "LiveBoard", endpoint: "Endpoint") -> Iterator[Callable[
         yield lambda: None
         return
     with Live(console=console, auto_refresh=False, transient=True) as line:
-        yield lambda: line.update(
-            Text(_status(board, endpoint), style="dim", no_wrap=True, overflow="ellipsis"), refresh=True
-        )
+        yield lambda: line.update(Text(_status(board, endpoint), no_wrap=True, overflow="ellipsis"), refresh=True)
 
 
 def _status(board: "LiveBoard", endpoint: "Endpoint") -> str:
+    """In two lines of 80 characters."""
     minutes, seconds = divmod(round(board.wall_s), 60)
+    late = ", ".join(f"{what} {text}" for what, text in _late(board.lateness()).items())
     return (
-        f"SIMULATED {board.robot.name}  {minutes}:{seconds:02d}  {endpoint.status()}  "
-        f"{board.bus.frames} frames, {board.bus_load_percent:.1f} % load  {'; '.join(_late(board.lateness()))}"
+        f"SIMULATED {board.robot.name} {minutes}:{seconds:02d}, {endpoint.status()}, "
+        f"{board.bus.frames} frames, {board.bus_load_percent:.1f} % load\nlate, ms (p50 p99 max): {late}"
     )
 
 
@@ -213,13 +213,12 @@ def _banner(board: "LiveBoard", endpoint: "Endpoint") -> str:
     )
 
 
-def _late(lateness: dict[str, Any]) -> list[str]:
-    """One text for ticks, one for frames, in ms."""
-    texts = []
-    for what, late in lateness.items():
-        p50, p99, most = (late[f"late_us_{key}"] / 1000 for key in ("p50", "p99", "max"))
-        texts.append(f"{what} late p50 {p50:.2f} p99 {p99:.2f} max {most:.2f} ms")
-    return texts
+def _late(lateness: dict[str, Any]) -> dict[str, str]:
+    """p50, p99 and max in ms, of ticks and of frames."""
+    return {
+        what: " ".join(f"{lateness[what][f'late_us_{key}'] / 1000:.2f}" for key in ("p50", "p99", "max"))
+        for what in ("ticks", "frames")
+    }
 
 
 def _print_report(document: dict[str, Any], folder: Path | None) -> None:
@@ -230,8 +229,8 @@ def _print_report(document: dict[str, Any], folder: Path | None) -> None:
     print_table(["axis", "start", "end", "pulses", "broken"], rows)
     bus, real_time = document["bus"], document["real_time"]
     typer.echo(f"bus: {bus['frames']} frames at {bus['bitrate'] // 1000} kbit/s, {bus['load_percent']:.1f} % load")
-    for text in _late({key: real_time[key] for key in ("ticks", "frames")}):
-        typer.echo(text)
+    for what, text in _late(real_time).items():
+        typer.echo(f"{what} late, ms (p50 p99 max): {text}, of {real_time[what]['count']}")
     typer.echo(f"SIMULATED {document['simulated_s']:.1f} s in {document['wall_s']:.1f} s")
     if folder is not None:
         typer.echo(f"report, edges, pins and bus log are in {folder}/")

@@ -79,7 +79,7 @@ def frames_of_a_motion() -> list[Frame]:
 def in_virtual_time() -> list[int]:
     """When the same frames make steps there, in counts from the tick after the SYNC."""
     robot = load_robot(ROBOT)
-    simulation = Simulation([Board(board_config(robot), fastest_kernel())], Bus(robot.board.bitrate))
+    simulation = Simulation([Board(board_config(robot, robot.home), fastest_kernel())], Bus(robot.board.bitrate))
     for frame in frames_of_a_motion():
         simulation.send(frame)
         if frame.cob_id == 0x080:
@@ -217,7 +217,7 @@ def test_no_edge_is_lost_between_two_takes() -> None:
     """Taken piece by piece, a trace is what it is as a whole."""
     robot = load_robot(ROBOT)
     assert standing_steps(robot, list(robot.home))[3] == 0
-    board = Board(board_config(robot), fastest_kernel())
+    board = Board(board_config(robot, robot.home), fastest_kernel())
     simulation = Simulation([board], Bus(robot.board.bitrate))
     for frame in frames_of_a_motion():
         simulation.send(frame)
