@@ -232,6 +232,26 @@ class RandomHost(RuleBasedStateMachine):
         self.do(walk)
         self.watch(slices)
 
+    @rule(
+        speeds=st.lists(st.integers(-VELOCITY_MAX, VELOCITY_MAX), min_size=1, max_size=30),
+        period_ms=st.integers(1, 10),
+        slices=spells,
+    )
+    def cycle(self, speeds: list[int], period_ms: int, slices: int) -> None:
+        """One axis follows set-points, the other one half of them, until they no longer come."""
+        self.recover(Mode.CYCLIC_SYNCHRONOUS_POSITION)
+        for axis in range(AXES):
+            self.write((0x60C2, 1, period_ms), axis)
+        points = [self.board.value(0x6062, 0, axis) for axis in range(AXES)]
+        for speed in speeds:
+            for axis in range(AXES):
+                points[axis] += speed * period_ms // 1000 // (axis + 1)
+                target = min(max(points[axis], -(2**31)), 2**31 - 1).to_bytes(4, "little", signed=True)
+                self.near_junk(0x400, axis, target)
+            self.junk(0x080, b"")
+            self.watch(period_ms)
+        self.watch(slices)
+
     @rule(mode=st.sampled_from([*Mode, 99]), axis=axes)
     def mode(self, mode: int, axis: int) -> None:
         self.do(lambda board: (board.write(0x6060, 0, mode, axis), None)[1])
