@@ -45,7 +45,7 @@ class LiveSimulation:
         self.view: Viewer = lambda _frame, _counts, _sender: None
         """Called with every frame on the bus."""
         self.ticks = Lateness()
-        """Of the servo ticks while anything moves."""
+        """Of the servo ticks in which something may happen: while anything moves, and a little longer."""
         self.frames = Lateness()
         """Of the boards' frames."""
         self._incoming: deque[_Incoming] = deque()
@@ -115,7 +115,7 @@ class LiveSimulation:
 
     @property
     def moving(self) -> bool:
-        """Whether a motion runs: each of its ticks may be the one in which something happens."""
+        """Whether a motion runs, or is just over: each tick may be the one in which something happens."""
         return any(board.moving for board in self.simulation.boards)
 
     @property

@@ -88,13 +88,18 @@ class LiveBoard:
 
     def _log(self, frame: Frame, counts: int) -> None:
         """Every frame on the bus comes here."""
-        if self._sync_counts is not None and self._board.moving:
+        if self._sync_counts is not None and self._in_motion:
             self._motion_start_counts = -(-self._sync_counts // TICK_COUNTS) * TICK_COUNTS
             self._sync_counts = None
-        if frame.cob_id == COB_SYNC and not self._board.moving:
+        if frame.cob_id == COB_SYNC and not self._in_motion:
             self._sync_counts = counts
         for log in self._logs:
             log.write(candump_line(frame, counts))
+
+    @property
+    def _in_motion(self) -> bool:
+        motion = self._board.firmware.motion
+        return any(motion.running(axis) for axis in range(motion.axis_count))
 
     def record(self) -> None:
         """Take what has happened at the drivers since the last call, write it away and forget it."""

@@ -1,6 +1,7 @@
 """`steptwin serve` as a program: what it says, what it records, how it ends."""
 
 import json
+import os
 import re
 import signal
 import socket
@@ -25,7 +26,9 @@ from protocol.cia402 import DigitalOutput
 from protocol.frame import Frame
 from protocol.pvt import PvtRecord
 from tests.emulator.live_rig import TIMEOUT_S, RawClient
+from tests.end_to_end.test_readme import ROOT, blocks_of
 
+LIVE = ROOT / "docs" / "live.md"
 PROGRAM = [sys.executable, "-c", "from host.cli import main; main()"]
 ROBOT = "warehouse-scara"
 RECORDS = [PvtRecord(0, 0, 10, 0), PvtRecord(40 * 1024, 0, 60, 1), PvtRecord(-15 * 1024, 0, 40, 2)]
@@ -133,8 +136,14 @@ def test_a_session_and_its_folder(tmp_path: Path) -> None:
     assert [(change.name, change.level) for change in evidence.outputs] == [("magnet", 1)]
 
 
-def test_ctrl_c_ends_it_as_well() -> None:
+def test_ctrl_c_ends_it_as_well_after_what_docs_live_md_shows() -> None:
+    ((_, python),) = [block for block in blocks_of(LIVE.read_text(encoding="utf-8")) if block[0] == "python"]
     with serving("--stand-at", "0 0 200 -60 120 -90") as server:
+        session = python.replace("29536", str(server.port))
+        shown = subprocess.run(
+            [sys.executable, "-W", "error", "-c", session], capture_output=True, text=True, check=True
+        )
+        assert "SIMULATED" in shown.stdout
         code, stdout, stderr = server.end(signal.SIGINT)
     assert (code, stderr) == (0, "")  # no status line where there is no terminal
     steps = standing_steps(load_robot(ROBOT), [0, 0, 200, -60, 120, -90])[3]
@@ -142,23 +151,29 @@ def test_ctrl_c_ends_it_as_well() -> None:
     assert "SIMULATED" in stdout.splitlines()[-1]
 
 
-def test_on_an_interface_of_python_can() -> None:
+def test_on_an_interface_of_python_can_with_a_terminal() -> None:
+    """There the status line says how it goes, until the end."""
+    terminal, stderr = os.openpty()
     process = subprocess.Popen(
-        [*PROGRAM, "serve", ROBOT, "-i", "virtual", "-c", "here", "-b", "250000", "--json"],
+        [*PROGRAM, "serve", ROBOT, "-i", "virtual", "-c", "here", "-b", "250000"],
         stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
+        stderr=stderr,
         text=True,
+        env={**os.environ, "COLUMNS": "80", "TERM": "xterm"},
     )
-    assert process.stderr
-    banner = [process.stderr.readline() for _ in range(3)]
-    assert "250 kbit/s" in banner[0]
-    assert "virtual here" in banner[1]
+    os.close(stderr)
+    status = b""
+    while b"late, ms" not in status:
+        status += os.read(terminal, 4096)
     process.send_signal(signal.SIGTERM)
     out, _ = process.communicate(timeout=TIMEOUT_S)
-    report = json.loads(out)
+    os.close(terminal)
     assert process.returncode == 0
-    assert report["interface"]["name"] == "virtual here"
-    assert report["bus"]["bitrate"] == 250_000
+    assert b"SIMULATED warehouse-scara 0:0" in status
+    assert b"virtual here, " in status
+    assert "250 kbit/s" in out.splitlines()[0]
+    assert out.splitlines()[1] == "on python-can's interface virtual here"
+    assert "frames late, ms (p50 p99 max): " in out
 
 
 def test_a_port_that_is_taken(capsys: pytest.CaptureFixture[str]) -> None:
