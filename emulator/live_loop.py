@@ -11,7 +11,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from heapq import heappop, heappush
 from itertools import count
-from types import TracebackType
 from typing import Final
 
 from emulator.live import LiveSimulation
@@ -42,7 +41,7 @@ class LiveLoop:
     def __enter__(self) -> "LiveLoop":
         return self
 
-    def __exit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         self._selector.close()
         self._waker.close()
         self._woken.close()

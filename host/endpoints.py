@@ -5,7 +5,6 @@ import logging
 import socket
 from abc import ABC, abstractmethod
 from ipaddress import ip_address
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from emulator.live_loop import LiveLoop
@@ -39,9 +38,7 @@ class Endpoint(ABC):
     def __enter__(self) -> "Endpoint":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     @abstractmethod

@@ -87,14 +87,18 @@ class LiveBoard:
     # --- what is recorded
 
     def _log(self, frame: Frame, counts: int) -> None:
-        """Every frame on the bus comes here."""
-        if self._sync_counts is not None and self._in_motion:
-            self._motion_start_counts = -(-self._sync_counts // TICK_COUNTS) * TICK_COUNTS
-            self._sync_counts = None
+        """Every frame on the bus comes here, before its receivers have it."""
+        self._judge_sync()
         if frame.cob_id == COB_SYNC and not self._in_motion:
             self._sync_counts = counts
         for log in self._logs:
             log.write(candump_line(frame, counts))
+
+    def _judge_sync(self) -> None:
+        """What moves before any other frame has been received was set going by the SYNC."""
+        if self._sync_counts is not None and self._in_motion:
+            self._motion_start_counts = -(-self._sync_counts // TICK_COUNTS) * TICK_COUNTS
+        self._sync_counts = None
 
     @property
     def _in_motion(self) -> bool:
@@ -103,6 +107,7 @@ class LiveBoard:
 
     def record(self) -> None:
         """Take what has happened at the drivers since the last call, write it away and forget it."""
+        self._judge_sync()
         for axis, name in enumerate(self.robot.joint_names):
             trace = self._board.take_trace(axis)
             evidence = axis_evidence(name, self._start_steps[axis], trace)

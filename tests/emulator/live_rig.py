@@ -6,7 +6,6 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from types import TracebackType
 
 from controller.backend import fastest_kernel
 from emulator.board import Board, BoardConfig
@@ -57,9 +56,7 @@ class LiveRig:
         self._thread.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.loop.stop()
         self._thread.join(TIMEOUT_S)
         assert not self._thread.is_alive()

@@ -8,7 +8,7 @@ from contextlib import suppress
 import pytest
 
 from emulator.socketcand_server import BACKLOG_MAX_BYTES, WINDOW_FRAMES
-from tests.emulator.live_rig import LiveRig, RawClient, await_true
+from tests.emulator.live_rig import TIMEOUT_S, LiveRig, RawClient, await_true
 
 READ_TYPE = b"< send 610 8 40 0 10 0 0 0 0 0 >"
 TYPE = "590#4300100092010400"
@@ -120,6 +120,15 @@ def test_fifty_clients(rig: LiveRig) -> None:
     await_true(lambda: rig.server.clients == 25, "half of the clients are gone")
     clients[1].send(READ_TYPE)
     assert {tuple(client.frames(2)) for client in clients[3::2]} == {("610#4000100000000000", TYPE)}
+
+
+def test_one_more_than_there_may_be(rig: LiveRig, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("emulator.socketcand_server.CLIENTS_MAX", 2)
+    first, _ = rig.client(), rig.client()
+    with socket.create_connection(("127.0.0.1", rig.port), timeout=TIMEOUT_S) as third:
+        assert third.recv(100) == b""
+    assert rig.server.disconnected == {"too many clients": 1}
+    ask(first)
 
 
 def test_one_that_does_not_read_is_disconnected_and_no_one_else() -> None:

@@ -77,10 +77,12 @@ def test_t_0_is_the_begin_of_the_last_motion_however_many_syncs_pass(fast_kernel
 
 
 def test_a_profile_move_is_begun_by_no_sync(fast_kernel: Kernel, tmp_path: Path) -> None:
+    """Although some have passed."""
     session = Session(fast_kernel, tmp_path)
+    session.send(SYNC)
     write = Frame(0x600 + NODE, bytes.fromhex("237a600000c80000"))
-    session.send(Frame(0x000, b"\x01\x00"), *(Frame(0x200 + NODE, bytes((w, 0, 1))) for w in (6, 7, 15)), write)
-    session.send(Frame(0x200 + NODE, b"\x1f\x00\x01"))
+    session.send(Frame(0x000, b"\x01\x00"), *(Frame(0x200 + NODE, bytes((w, 0, 1))) for w in (6, 7, 15)), write, SYNC)
+    session.send(Frame(0x200 + NODE, b"\x1f\x00\x01"), SYNC)
     session.wait(300)
     session.end()
     edges = read_edges(tmp_path / "edges.npz")
