@@ -8,17 +8,17 @@ from canopen.network import PeriodicMessageTask
 from controller.backend import Kernel
 from controller.kernel import TICK_COUNTS
 from controller.motion import COUNTS_PER_SECOND
-from controller.pins import PinChange
 from emulator.board import Board
 from emulator.bus import Bus
 from emulator.bus_faults import FaultScript
 from emulator.operations import Operation, Scheduled
 from emulator.simulation import BusOverloadError, Simulation
 from host.errors import BusError
+from host.hardware import axis_evidence, board_config, standing_steps
 from host.repeated_frames import RepeatedFrames
 from host.robot import Robot
 from host.verify import BusReport, Evidence
-from host.wiring import axis_evidence, board_config, output_changes, standing_steps
+from host.wiring import output_changes
 from protocol.frame import COB_SYNC, Frame
 
 _BOOT_S = 0.01
@@ -132,14 +132,9 @@ class EmbeddedBoard:
     def evidence(self) -> Evidence:
         """What the drivers saw; the motion's t = 0 is the first servo tick after the last SYNC."""
         sync_counts = max(counts for counts, frame in self.bus_log if frame.cob_id == COB_SYNC)
+        traces = [self._board.trace(axis) for axis in range(len(self._start_steps))]
         axes = tuple(
-            axis_evidence(joint.name, self._start_steps[i], self._board.trace(i))
+            axis_evidence(joint.name, self._start_steps[i], traces[i], i, self._board.pin_changes)
             for i, joint in enumerate(self._robot.joints)
         )
-        outputs = output_changes(self._robot, self._board.output_changes())
-        return Evidence(-(-sync_counts // TICK_COUNTS) * TICK_COUNTS, axes, outputs)
-
-    @property
-    def pin_changes(self) -> list[PinChange]:
-        """Every change of the pins that the firmware holds at a level."""
-        return self._board.pin_changes
+        return Evidence(-(-sync_counts // TICK_COUNTS) * TICK_COUNTS, axes, output_changes(self._robot, axes))

@@ -1,6 +1,5 @@
 """A robot's board in real time, with everything that is recorded and said about it."""
 
-import json
 import time
 from contextlib import ExitStack
 from pathlib import Path
@@ -8,6 +7,7 @@ from typing import Any, Final, TextIO
 
 from controller.backend import Kernel
 from controller.kernel import TICK_COUNTS
+from controller.motion import COUNTS_PER_SECOND
 from emulator.board import Board
 from emulator.bus import Bus
 from emulator.candump import candump_line
@@ -15,9 +15,19 @@ from emulator.lateness import Lateness
 from emulator.live import LiveSimulation, warm_up
 from emulator.pacer import Pacer
 from emulator.simulation import Simulation
-from host.recording import BUS_LOG, EDGES, PINS, REPORT, AxisTotals, EdgeSpool, PinLog
+from host.hardware import axis_evidence, board_config, standing_steps
 from host.robot import Robot
-from host.wiring import axis_evidence, board_config, standing_steps
+from host.run_folder import (
+    BUS_LOG,
+    EDGES,
+    FOLDER_VERSION,
+    REPORT,
+    ROBOT,
+    VERSION_KEY,
+    AxisTotals,
+    EdgeSpool,
+    write_report,
+)
 from protocol.frame import COB_SYNC, Frame
 
 RECORD_EVERY_S: Final = 0.5
@@ -58,14 +68,12 @@ class LiveBoard:
         self.robot = robot
         self._out = out
         self._files = ExitStack()
-        self._written: list[TextIO] = []
         self._logs: list[TextIO] = []
         if log is not None:
             self._logs.append(self._file(log))
         if out is not None:
             self._logs.append(self._file(out / BUS_LOG))
-        self._spool = None if out is None else EdgeSpool(out / EDGES, robot.joint_names)
-        self._pins = None if out is None else PinLog(self._file(out / PINS), robot)
+        self._spool = None if out is None else EdgeSpool(out / EDGES)
         self._start_steps = standing_steps(robot, stand_at)
         self._end_steps = list(self._start_steps)
         self._pulses = [0] * len(robot.joints)
@@ -73,6 +81,7 @@ class LiveBoard:
         self._sync_counts: int | None = None
         """A SYNC at rest, of which it is not known yet whether it starts a motion."""
         self._motion_start_counts: int | None = None
+        """t = 0 of the last motion that a SYNC has started."""
         warm_up(kernel)
         self._board = Board(board_config(robot, stand_at), kernel)
         self.bus = Bus(bitrate, log=self._log)
@@ -80,9 +89,7 @@ class LiveBoard:
         self.live = LiveSimulation(simulation, Pacer(time.monotonic_ns(), speed))
 
     def _file(self, path: Path) -> TextIO:
-        file = self._files.enter_context(path.open("w", encoding="utf-8"))
-        self._written.append(file)
-        return file
+        return self._files.enter_context(path.open("w", encoding="ascii"))
 
     # --- what is recorded
 
@@ -108,19 +115,17 @@ class LiveBoard:
     def record(self) -> None:
         """Take what has happened at the drivers since the last call, write it away and forget it."""
         self._judge_sync()
-        for axis, name in enumerate(self.robot.joint_names):
-            trace = self._board.take_trace(axis)
-            evidence = axis_evidence(name, self._start_steps[axis], trace)
+        traces = [self._board.take_trace(axis) for axis in range(len(self.robot.joints))]
+        changes = self._board.take_pin_changes()
+        for axis, (name, trace) in enumerate(zip(self.robot.joint_names, traces, strict=True)):
+            evidence = axis_evidence(name, self._start_steps[axis], trace, axis, changes)
             self._end_steps[axis] = self._start_steps[axis] + trace.position_steps
             self._pulses[axis] += evidence.clk_rise_counts.size
             self._violations[axis] += evidence.violations
             if self._spool:
                 self._spool.append(evidence)
-        changes = self._board.take_pin_changes()
-        if self._pins:
-            self._pins.append(changes)
-        for file in self._written:
-            file.flush()
+        for log in self._logs:
+            log.flush()
 
     def close(self, document: dict[str, Any]) -> None:
         """Complete the files, after the last `record`; `document` becomes report.json."""
@@ -128,8 +133,9 @@ class LiveBoard:
         if self._spool and self._out:
             names, starts, violations = self.robot.joint_names, self._start_steps, self._violations
             axes = [AxisTotals(*axis) for axis in zip(names, starts, violations, strict=True)]
-            self._spool.finish(self._motion_start_counts, axes)
-            (self._out / REPORT).write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+            self._spool.finish(self._motion_start_counts or 0, axes)
+            (self._out / ROBOT).write_text(self.robot.toml, encoding="utf-8")
+            write_report(self._out / REPORT, document | {VERSION_KEY: FOLDER_VERSION})
 
     # --- what is said
 
@@ -155,10 +161,15 @@ class LiveBoard:
     def report(self) -> dict[str, Any]:
         """The report under the keys of report.json, as of the last `record`; docs/run-folder.md says what they are."""
         steps_per_unit = self.robot.steps_per_unit.tolist()
+        started_counts = self._motion_start_counts
         return {
             "robot": self.robot.name,
+            "job": "live",
+            "duration_s": round(self.simulated_s, 6),
             "simulated": True,
-            "live": True,
+            "passed": None,
+            "started_s": None if started_counts is None else started_counts / COUNTS_PER_SECOND,
+            "outputs": [],
             "axes": [
                 {
                     "name": name,

@@ -7,12 +7,10 @@ from math import ceil
 import numpy as np
 
 from controller.backend import Kernel
-from controller.pins import PinChange
 from emulator.bus_faults import FaultScript
 from host.client import AxisRecords, AxisSettings, Machine, OutputCommand, Progress
 from host.embedded import EmbeddedBoard
 from host.errors import DeviceFaultError, InputError
-from host.kinematics import make_kinematics
 from host.planner import Plan, check_start
 from host.robot import Board, Joint
 from host.verify import Comparison, Report, RunInfo, compare, verify_comparison
@@ -47,7 +45,6 @@ class Outcome:
     comparison: Comparison
     report: Report
     bus_log: list[tuple[int, Frame]]
-    pin_changes: list[PinChange]
     fault: Fault | None
 
 
@@ -104,8 +101,8 @@ def execute(
         simulated_s=board.now_s(),
         wall_s=time.perf_counter() - started_s,
     )
-    comparison = compare(_verifier_plan(plan), board.evidence())
-    return Outcome(plan, comparison, verify_comparison(comparison, run), board.bus_log, board.pin_changes, fault)
+    comparison = compare(VerifierPlan.of(plan.robot, plan.trajectory), board.evidence())
+    return Outcome(plan, comparison, verify_comparison(comparison, run), board.bus_log, fault)
 
 
 def _settings(joint: Joint, board: Board) -> AxisSettings:
@@ -144,16 +141,6 @@ def _output_commands(plan: Plan) -> tuple[OutputCommand, ...]:
     return tuple(
         OutputCommand(*wired[switching.output], switching.on, switching.from_s)
         for switching in plan.trajectory.switchings
-    )
-
-
-def _verifier_plan(plan: Plan) -> VerifierPlan:
-    joints = plan.robot.joints
-    return VerifierPlan(
-        trajectory=plan.trajectory,
-        steps_per_unit=np.array([joint.transmission.steps_per_unit for joint in joints]),
-        joint_units=tuple(joint.unit for joint in joints),
-        forward=make_kinematics(plan.robot).forward,
     )
 
 

@@ -62,7 +62,7 @@ def serve(
     """
     from controller.backend import fastest_kernel
     from host.live import LiveBoard
-    from host.recording import prepare_folder
+    from host.run_folder import prepare_folder
 
     loaded = one_robot(robot, robot_file)
     standing = list(loaded.home)

@@ -31,7 +31,7 @@ def workspace(
     as_json: AsJson = False,
 ) -> None:
     """Workspace: a Monte Carlo cloud of all joints, and exact sections with the slides at home."""
-    from host.recording import prepare_folder
+    from host.run_folder import prepare_folder
     from host.workspace import monte_carlo, scan
 
     loaded = one_robot(robot, robot_file)

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -19,10 +20,9 @@ from emulator.board import Board
 from emulator.bus import Bus
 from emulator.simulation import Simulation
 from host.cli.app import run
-from host.recording import read_evidence
+from host.hardware import board_config, standing_steps
 from host.robots import load_robot
-from host.wiring import board_config, standing_steps
-from protocol.cia402 import DigitalOutput
+from host.run_folder import read_edges
 from protocol.frame import Frame
 from protocol.pvt import PvtRecord
 from tests.emulator.live_rig import TIMEOUT_S, RawClient
@@ -31,8 +31,12 @@ from tests.end_to_end.test_readme import ROOT, blocks_of
 LIVE = ROOT / "docs" / "live.md"
 PROGRAM = [sys.executable, "-c", "from host.cli import main; main()"]
 ROBOT = "warehouse-scara"
-RECORDS = [PvtRecord(0, 0, 10, 0), PvtRecord(40 * 1024, 0, 60, 1), PvtRecord(-15 * 1024, 0, 40, 2)]
-"""Of the fourth axis: 40 steps up, 15 down."""
+STEPS_AT_MS = {0: 0, 10: 0, 70: 40, 110: 25}
+"""Where the fourth axis is at rest: a cubic leads from one to the next."""
+RECORDS = [
+    PvtRecord(1024 * (STEPS_AT_MS[end] - STEPS_AT_MS[begin]), 0, end - begin, sequence)
+    for sequence, (begin, end) in enumerate(pairwise(STEPS_AT_MS))
+]
 
 
 class Server:
@@ -70,13 +74,23 @@ def serving(*options: str) -> Iterator[Server]:
 
 
 def frames_of_a_motion() -> list[Frame]:
-    """NMT start, enable in interpolated position mode, records, start by SYNC; then the magnet picks up."""
+    """NMT start, enable in interpolated position mode, records, start by SYNC."""
     node = 0x13
     enabling = [Frame(0x200 + node, bytes((word, 0, 7))) for word in (0x06, 0x07, 0x0F)]
     records = [Frame(0x500 + node, record.encode()) for record in RECORDS]
     start = [Frame(0x300 + node, b"\x1f\x00"), Frame(0x080, b"")]
-    magnet = Frame(0x615, bytes.fromhex("23fe6001") + DigitalOutput.OUT1.to_bytes(4, "little"))
-    return [Frame(0x000, b"\x01\x00"), *enabling, *records, *start, magnet]
+    return [Frame(0x000, b"\x01\x00"), *enabling, *records, *start]
+
+
+def write_plan(folder: Path) -> None:
+    """The same motion as the host has it; the other joints stand at home."""
+    robot = load_robot(ROBOT)
+    names, spu = robot.joint_names, robot.joints[3].transmission.steps_per_unit
+    lines = [",".join(("t", *names, *(f"v_{name}" for name in names)))]
+    for t_ms, steps in STEPS_AT_MS.items():
+        positions = [*robot.home[:3], steps / spu, *robot.home[4:]]
+        lines.append(",".join(map(repr, (t_ms / 1000, *positions, *[0.0] * len(names)))))
+    (folder / "trajectory.csv").write_text("\n".join(lines) + "\n")
 
 
 def in_virtual_time() -> list[int]:
@@ -103,7 +117,7 @@ def move(client: RawClient) -> None:
         flags = int(client.expect(b" >")[:2], 16)
 
 
-def test_a_session_and_its_folder(tmp_path: Path) -> None:
+def test_a_session_and_its_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, log = tmp_path / "out", tmp_path / "run.log"
     with serving("--out", str(out), "--log", str(log), "--json") as server:
         assert server.banner[0].startswith("SIMULATED warehouse-scara: sx sz L1 th1 th2 th3, nodes 0x10 to 0x15")
@@ -116,11 +130,12 @@ def test_a_session_and_its_folder(tmp_path: Path) -> None:
             one.close()
     assert (code, stderr) == (0, "")
     report = json.loads(stdout)
-    assert json.loads((out / "report.json").read_text()) == report
-    assert {path.name for path in out.iterdir()} == {"report.json", "edges.npz", "pins.csv", "bus.log"}
+    assert json.loads((out / "report.json").read_text()) == report | {"folder_version": 1}
+    assert {path.name for path in out.iterdir()} == {"report.json", "robot.toml", "edges.npz", "bus.log"}
     th1 = report["axes"][3]
     assert (th1["steps_start"], th1["steps_end"], th1["pulses"], th1["violations"]) == (0, 25, 55, 0)
-    assert report["simulated"] is report["live"] is True
+    assert report["simulated"] is True
+    assert report["passed"] is None
     assert report["clients"] == {"served": 2, "disconnected": {}, "foreign_frames": 0}
     real_time = report["real_time"]
     assert real_time["ticks"]["count"] >= 440  # 110 ms
@@ -130,10 +145,17 @@ def test_a_session_and_its_folder(tmp_path: Path) -> None:
     assert lines == (out / "bus.log").read_text().splitlines()
     assert len(lines) == report["bus"]["frames"]
     assert lines[0] == "(0000000000.000054) steptwin0 710#00"
-    evidence = read_evidence(out)
+    evidence = read_edges(out)
     assert [axis.name for axis in evidence.axes] == list(load_robot(ROBOT).joint_names)
     assert (evidence.axes[3].step_counts - evidence.start_counts).tolist() == in_virtual_time()
-    assert [(change.name, change.level) for change in evidence.outputs] == [("magnet", 1)]
+    assert evidence.axes[3].pins["enable"].levels.tolist() == [1]
+    assert run(["trace", str(out)]) == 0
+    assert "th1_step" in (out / "trace.vcd").read_text()
+    assert run(["verify", str(out)]) == 2  # a board does not know what was planned
+    assert "trajectory.csv: is missing" in capsys.readouterr().err
+    write_plan(out)
+    assert run(["verify", str(out)]) == 0
+    assert capsys.readouterr().out.endswith("warehouse-scara live: PASSED\n")
 
 
 def test_ctrl_c_ends_it_as_well_after_what_docs_live_md_shows() -> None:

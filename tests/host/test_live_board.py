@@ -8,8 +8,8 @@ import pytest
 from controller.backend import Kernel
 from emulator.board import Board
 from host.live import LiveBoard
-from host.recording import read_edges, read_evidence
 from host.robots import load_robot
+from host.run_folder import read_edges, read_report
 from protocol.frame import Frame
 from protocol.pvt import PvtRecord
 
@@ -69,11 +69,12 @@ def test_t_0_is_the_begin_of_the_last_motion_however_many_syncs_pass(fast_kernel
     session.move(2)
     session.send(SYNC, SYNC)
     session.end()
-    evidence = read_evidence(tmp_path)
+    evidence = read_edges(tmp_path)
     first_step_counts = evidence.axes[3].step_counts[40]
     assert evidence.start_counts % 18_000 == 0
     assert begun_ns * 9 / 125 < evidence.start_counts < first_step_counts < evidence.start_counts + 10 * 72_000
     assert evidence.axes[3].step_counts.size == 80
+    assert read_report(tmp_path).document["started_s"] == evidence.start_counts / 72e6
 
 
 def test_a_profile_move_is_begun_by_no_sync(fast_kernel: Kernel, tmp_path: Path) -> None:
@@ -85,9 +86,10 @@ def test_a_profile_move_is_begun_by_no_sync(fast_kernel: Kernel, tmp_path: Path)
     session.send(Frame(0x200 + NODE, b"\x1f\x00\x01"), SYNC)
     session.wait(300)
     session.end()
-    edges = read_edges(tmp_path / "edges.npz")
-    assert edges.start_counts is None
-    assert edges.axes[3].step_counts.size == 50
+    evidence = read_edges(tmp_path)
+    assert read_report(tmp_path).document["started_s"] is None
+    assert evidence.start_counts == 0
+    assert evidence.axes[3].step_counts.size == 50
 
 
 @pytest.mark.parametrize("recorded", [True, False], ids=["into a folder", "nowhere"])
