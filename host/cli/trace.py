@@ -27,6 +27,7 @@ class FormatChoice(StrEnum):
     VCD_FULL = "vcd-full"
     CSV = "csv"
     NPZ = "npz"
+    MCAP = "mcap"
 
 
 class ScaleChoice(StrEnum):
@@ -45,7 +46,7 @@ def trace(
         typer.Option(
             "--format",
             help="vcd: 1-bit wires, as sigrok wants them; vcd-full: for GTKWave, also positions, states and currents;"
-            " csv and npz: the wires as a table and as arrays.",
+            " csv and npz: the wires as a table and as arrays; mcap: all of it for Foxglove.",
         ),
     ] = FormatChoice.VCD,
     timescale: Annotated[
@@ -83,9 +84,9 @@ def trace(
 def _signals(folder: Path, evidence: "Evidence", form: "Format") -> "list[Signal]":
     from host.run_folder import read_robot
     from host.run_folder.layout import BUS_LOG, existing
-    from host.waveforms import Format, drive_states, everything, wires
+    from host.waveforms import drive_states, everything, wires
 
-    if form is not Format.VCD_FULL:
+    if form.wires_only:
         return wires(evidence)
     states = drive_states(existing(folder, BUS_LOG), len(evidence.axes))
     return everything(evidence, read_robot(folder), states)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from host.waveforms.mcap_file import write_mcap
 from host.waveforms.signal import Signal
 from host.waveforms.table import arrays, csv
 from host.waveforms.timebase import TimeScale, Window
@@ -20,11 +21,17 @@ class Format(StrEnum):
     VCD_FULL = "vcd-full"
     CSV = "csv"
     NPZ = "npz"
+    MCAP = "mcap"
 
     @property
     def file_name(self) -> str:
         """Of a file in a run's folder."""
         return "trace-full.vcd" if self is Format.VCD_FULL else f"trace.{self}"
+
+    @property
+    def wires_only(self) -> bool:
+        """Whether it has STEP, DIR, ENABLE, RESET and outputs only; the others have all that there is."""
+        return self not in (Format.VCD_FULL, Format.MCAP)
 
 
 def write_waveform(
@@ -33,9 +40,12 @@ def write_waveform(
     """Write the file.
 
     Raises:
-        InputError: a pulse is too short for the time scale of a VCD file; nothing is left of the file then.
+        InputError: a pulse is too short for the time scale of a VCD file, and nothing is left of the file then; or the
+            library for MCAP files is not installed.
     """
-    if form is Format.NPZ:
+    if form is Format.MCAP:
+        write_mcap(path, signals, window)
+    elif form is Format.NPZ:
         made: dict[str, Any] = arrays(signals, window)
         np.savez_compressed(path, **made)
     elif form is Format.CSV:

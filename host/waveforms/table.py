@@ -10,7 +10,7 @@ from host.verify.evidence import Int64Array
 from host.waveforms.merging import initial_values, merged
 from host.waveforms.signal import Signal, Values
 from host.waveforms.text import Text, constant, decimals, lines, matrix, seconds
-from host.waveforms.timebase import COUNTS, Window
+from host.waveforms.timebase import COUNTS, NANOSECONDS, Window
 
 HEADER: Final = "counts,t_s,signal,value\n"
 
@@ -45,7 +45,7 @@ def arrays(signals: Sequence[Signal], window: Window) -> dict[str, Values]:
 def _rows(
     signals: Sequence[Signal], window: Window, counts: Int64Array, which: NDArray[np.intp], values: Text
 ) -> bytes:
-    ns = (250 * (counts - window.start_counts) + 9) // 18  # rounded from 125/9 ns a count
+    ns = NANOSECONDS.rounded(counts - window.start_counts)
     comma = constant(",", counts.size)
     names = matrix([f",{signal.name}," for signal in signals])[which]
     return lines(decimals(counts), comma, seconds(ns), names, values, constant("\n", counts.size))

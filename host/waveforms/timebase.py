@@ -50,6 +50,8 @@ DEFAULT_SCALE: Final = SCALES["1us"]
 COUNTS: Final = TimeScale("", 1, 1)
 """Nothing is rounded."""
 
+NANOSECONDS: Final = TimeScale("1 ns", 125, 9)
+
 
 @dataclass(frozen=True, slots=True)
 class Window:

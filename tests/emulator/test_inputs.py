@@ -17,6 +17,7 @@ from emulator.bus import Bus
 from emulator.operations import BoardTemperature, DriverProtect, EmergencyStop, Operation, Scheduled, Supply
 from emulator.simulation import Simulation
 from emulator.switches import Switch
+from emulator.tb6560 import PERIOD_MIN_COUNTS
 from protocol.cia402 import DigitalInput, ErrorCode, State
 from protocol.frame import COB_SYNC, Frame
 from protocol.pvt import PvtRecord
@@ -122,16 +123,33 @@ class TestEdges:
         run(simulation, motions, until_ms=1_700)
         assert seen == expected(board, simulation.now_counts)
 
-    @pytest.mark.parametrize("edge", range(40, 60))
+    @pytest.mark.parametrize("edge", range(700, 760))
     def test_at_full_speed(self, fast_kernel: Kernel, edge: int) -> None:
         """15 kHz, three or four steps a tick: none passes a switch unseen."""
         board = board_of(fast_kernel, 1, Switch(0, HOME, from_steps=edge))
         seen = watched(board)
         simulation = Simulation([board], Bus(1_000_000))
-        run(simulation, {0x10: [PvtRecord(120 * STEP, 14 * 64 * STEP, 17, 0), PvtRecord(120 * STEP, 0, 17, 1)]}, 200)
+        full = 15 * 64 * STEP
+        ramp, cruise = PvtRecord(300 * STEP, full, 40, 0), PvtRecord(600 * STEP, full, 40, 1)
+        run(simulation, {0x10: [ramp, cruise, PvtRecord(300 * STEP, 0, 40, 2)]}, 200)
         trace = board.trace(0)
+        assert trace.step_counts[759] - trace.step_counts[699] == 60 * PERIOD_MIN_COUNTS
         assert [levels for _, levels in seen] == [[HOME]]
         assert seen[0][0] - TICK_COUNTS <= trace.step_counts[edge - 1] < seen[0][0]
+
+    @pytest.mark.parametrize("edge", range(-4, 5))
+    def test_a_pulse_that_has_to_wait_counts_in_the_tick_in_which_it_comes(
+        self, fast_kernel: Kernel, edge: int
+    ) -> None:
+        """DIR wants to be stable for 255 us: after each turn the first rise comes a tick after its crossing."""
+        board = board_of(fast_kernel, 1, Switch(0, HOME, from_steps=edge))
+        seen = watched(board)
+        simulation = Simulation([board], Bus(1_000_000))
+        simulation.send(Frame(0x610, bytes.fromhex("23012003") + (255_000).to_bytes(4, "little")))
+        run(simulation, {0x10: records_through([(4, 40), (-5, 44), (4, 38), (-4, 43), (5, 41), (0, 60)])}, 400)
+        assert states(board) == [State.OPERATION_ENABLED]
+        assert board.firmware.motion.delayed_steps(0) > 3
+        assert len(seen) >= 3
         assert seen == expected(board, simulation.now_counts)
 
     def test_on_two_boards_that_move_together(self, fast_kernel: Kernel) -> None:
