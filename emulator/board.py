@@ -66,7 +66,8 @@ class Board:
         self._reset_pins: list[list[PinChange]] = [[] for _ in self._drivers]
         self._pins: list[list[Pins]] = [[_pins(PinEdges([], []), [])] for _ in self._drivers]
         self.pin_changes: list[PinChange] = []
-        """Every change of the pins that the firmware holds at a level."""
+        """Every change of the pins that the firmware holds at a level, as far as nobody has taken them."""
+        self._pin_levels: dict[tuple[int, Pin], int] = {}
 
     def _power_up(self) -> None:
         """Firmware and CAN controller as they are with power."""
@@ -96,8 +97,7 @@ class Board:
         `can` is another one afterwards, which nobody has attached to the bus yet.
         """
         self._take_pins()
-        levels = {(change.axis, change.pin): change.level for change in self.pin_changes}
-        for (axis, pin), level in levels.items():
+        for (axis, pin), level in list(self._pin_levels.items()):
             if level:
                 self._note_pin(PinChange(now_counts, axis, pin, 0))
         self.drain()
@@ -245,6 +245,7 @@ class Board:
 
     def _note_pin(self, change: PinChange) -> None:
         self.pin_changes.append(change)
+        self._pin_levels[change.axis, change.pin] = change.level
         if change.pin is Pin.RESET:
             self._reset_pins[change.axis].append(change)
 
@@ -253,8 +254,21 @@ class Board:
         self.drain()
         return [change for change in self.pin_changes if change.pin in OUTPUT_PINS]
 
+    def take_pin_changes(self) -> list[PinChange]:
+        """Hand out what `pin_changes` holds, and forget it."""
+        self.drain()
+        changes, self.pin_changes = self.pin_changes, []
+        return changes
+
+    def take_trace(self, axis: int) -> AxisTrace:
+        """As `trace`, and forget it: the next one begins here. So a board may run for ever."""
+        trace = self.trace(axis)
+        self._pins[axis] = [_pins(PinEdges([], []), [])]
+        self._drivers[axis].forget()
+        return trace
+
     def trace(self, axis: int) -> AxisTrace:
-        """Everything that happened at an axis' driver so far."""
+        """Everything that happened at an axis' driver so far, as far as nobody has taken it."""
         self.drain()
         driver = self._drivers[axis]
         pins = self._pins[axis]

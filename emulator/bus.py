@@ -1,6 +1,7 @@
 """A CAN bus in virtual time: arbitration by identifier, exact frame lengths, errors, one record of all that passed."""
 
 from array import array
+from collections.abc import Callable
 from enum import Enum, auto
 from typing import Final, NamedTuple
 
@@ -24,6 +25,9 @@ _SUSPEND_BITS: Final = 8
 _RECESSIVE_SEQUENCE_BITS: Final = 11
 _STUFF_ERROR_BITS: Final = 6
 """So many equal bits in a row, and every station knows that the frame is broken."""
+
+
+Log = Callable[[Frame, int], None]
 
 
 class _Outcome(Enum):
@@ -55,14 +59,24 @@ class Bus:
     hands valid frames to their receivers.
     """
 
-    def __init__(self, bitrate: int, faults: FaultScript | None = None) -> None:
+    def __init__(self, bitrate: int, faults: FaultScript | None = None, log: Log | None = None) -> None:
+        """Lay the wire.
+
+        Args:
+            bitrate: one of BITRATES.
+            faults: what disturbs it.
+            log: is told each frame and when it became valid; by default the bus keeps them all.
+        """
         if bitrate not in BITRATES:
             raise ValueError(f"bit rate {bitrate} is not one of {', '.join(map(str, BITRATES))}")
         self.bitrate = bitrate
         self.bit_counts = COUNTS_PER_SECOND // bitrate
+        self._log = log or self._keep
         self.log_counts = array("q")
-        """When each frame became valid at its receivers."""
+        """When each frame became valid at its receivers, unless somebody else keeps the log."""
         self.log_frames: list[Frame] = []
+        self.frames = 0
+        """How many became valid."""
         self.error_frames = 0
         """Transmissions that ended in an error frame."""
         self.busy_bits = 0
@@ -222,8 +236,8 @@ class Bus:
         frame, senders, outdone, missed_by, _, now_counts = transmission
         if self._delayed:
             self._delayed = [delayed for delayed in self._delayed if delayed is not frame]
-        self.log_counts.append(now_counts)
-        self.log_frames.append(frame)
+        self.frames += 1
+        self._log(frame, now_counts)
         for station in self._stations:
             if station in senders:
                 station.sent(frame, now_counts)
@@ -233,6 +247,10 @@ class Bus:
                 station.received(frame, now_counts)
         if outdone:
             self._note_who_is_off()
+
+    def _keep(self, frame: Frame, now_counts: int) -> None:
+        self.log_counts.append(now_counts)
+        self.log_frames.append(frame)
 
     def _fail(self, transmission: _Transmission) -> None:
         _, senders, outdone, _, outcome, now_counts = transmission

@@ -1,8 +1,9 @@
 """The STM32F103's CAN controller, bxCAN (RM0008, chapter 24), with the driver that feeds and empties it.
 
-Three transmit mailboxes go out by identifier, lowest first (TXFP = 0); what finds none free waits in the driver's
-queue, in order, and moves up as soon as a mailbox is free. Two receive FIFOs hold three messages each; what comes to a
-full one is lost (RFLM = 1) and flagged as overrun. After bus-off the controller comes back by itself (ABOM = 1).
+Three transmit mailboxes go out by identifier, lowest first (TXFP = 0), unless they are to go out in order; what finds
+none free waits in the driver's queue, in order, and moves up as soon as a mailbox is free. Two receive FIFOs hold three
+messages each; what comes to a full one is lost (RFLM = 1) and flagged as overrun. After bus-off the controller comes
+back by itself (ABOM = 1).
 """
 
 from bisect import insort
@@ -31,6 +32,10 @@ class ErrorListener(Protocol):
     def __call__(self, code: ErrorCode, now_counts: int, /, *, active: bool) -> None: ...
 
 
+def _unheard(_frame: Frame, _now_counts: int) -> None:
+    """For a station that does not care when its frames have gone out."""
+
+
 def _everything(_cob_id: int) -> bool:
     return True
 
@@ -48,6 +53,9 @@ class CanController:
         on_error: ErrorListener = _nothing,
         passes: Filter = _everything,
         read_latency_counts: int = 0,
+        on_sent: Receiver = _unheard,
+        *,
+        in_order: bool = False,
     ) -> None:
         """Connect a processor.
 
@@ -57,6 +65,8 @@ class CanController:
             passes: the acceptance filter: whether a COB-ID is to be received at all.
             read_latency_counts: how long after its arrival a message is fetched from its FIFO. 0, an interrupt without
                 delay, never overruns.
+            on_sent: hears of each frame of its own that has gone out, and when.
+            in_order: mailboxes go out in the order in which they were filled (TXFP = 1), not by identifier.
         """
         self.errors = FaultConfinement()
         self.state = ErrorState.ACTIVE
@@ -64,9 +74,10 @@ class CanController:
         """Whether it takes part: sends, receives, acknowledges; not so in bus-off."""
         self.read_latency_counts = read_latency_counts
         self.mailboxes: list[Frame] = []
-        """What waits for the bus, lowest identifier first, no two with the same one: of equals bxCAN sends the one in
-        the lower mailbox first, which need not be the older. The driver lets a frame wait until its identifier is
-        in no mailbox."""
+        """What waits for the bus, in the order in which it goes out.
+
+        No two have the same identifier: of equals bxCAN sends the one in the lower mailbox first, which need not be the
+        older. The driver lets a frame wait until its identifier is in no mailbox."""
         self.submitted: Callable[[int], None] = lambda _now_counts: None
         """The bus wants to know when there is something to send."""
         self.silent_until_counts = 0
@@ -76,6 +87,8 @@ class CanController:
         self.overruns = 0
         """Messages lost so far because their FIFO was full."""
         self._receive = receive
+        self._on_sent = on_sent
+        self._in_order = in_order
         self._on_error = on_error
         self._active: set[ErrorCode] = set()
         """The errors that have occurred and are not over."""
@@ -103,11 +116,15 @@ class CanController:
         while queue and len(mailboxes) < MAILBOXES:
             if mailboxes and any(frame.cob_id == queue[0].cob_id for frame in mailboxes):
                 return
-            insort(mailboxes, queue.popleft())
+            if self._in_order:
+                mailboxes.append(queue.popleft())
+            else:
+                insort(mailboxes, queue.popleft())
 
     def sent(self, frame: Frame, now_counts: int) -> None:
         """A frame has gone out and was acknowledged."""
         self.mailboxes.remove(frame)
+        self._on_sent(frame, now_counts)
         if self._queue:
             self._fill_mailboxes()
         if self.errors.transmit_errors or self._active:

@@ -9,7 +9,12 @@ CHANNEL = "steptwin0"
 
 
 def candump_lines(log: Iterable[tuple[int, Frame]]) -> Iterable[str]:
-    """One line a frame, with the simulated time at which it became valid, to the microsecond."""
+    """One line a frame, with the simulated time at which it became valid."""
     for counts, frame in log:
-        us = counts // COUNTS_PER_US
-        yield f"({us // 1_000_000:010d}.{us % 1_000_000:06d}) {CHANNEL} {frame.cob_id:03X}#{frame.data.hex().upper()}\n"
+        yield candump_line(frame, counts)
+
+
+def candump_line(frame: Frame, counts: int) -> str:
+    """A frame with its simulated time, to the microsecond."""
+    us = counts // COUNTS_PER_US
+    return f"({us // 1_000_000:010d}.{us % 1_000_000:06d}) {CHANNEL} {frame.cob_id:03X}#{frame.data.hex().upper()}\n"

@@ -35,8 +35,10 @@ class Simulation:
         self.now_counts = 0
         self.on_frame: Listener = lambda _frame, _counts: None
         """Called with every frame that reaches the host and when it did."""
-        self.host = CanController(self._host_receives)
-        """The host's interface: it takes every frame at once."""
+        self.on_sent: Listener = lambda _frame, _counts: None
+        """Called with every frame of the host that has gone out and when it had."""
+        self.host = CanController(self._host_receives, on_sent=self._host_has_sent, in_order=True)
+        """The host's interface: it takes every frame at once and sends in order, as SocketCAN's drivers do."""
         bus.attach(self.host)
         for board in self.boards:
             bus.attach(board.can)
@@ -84,13 +86,16 @@ class Simulation:
     def _host_receives(self, frame: Frame, now_counts: int) -> None:
         self.on_frame(frame, now_counts)
 
+    def _host_has_sent(self, frame: Frame, now_counts: int) -> None:
+        self.on_sent(frame, now_counts)
+
     @property
     def _messages_wait(self) -> bool:
         """Whether a board's processor has not yet fetched a message that has reached it."""
         return any(board.can.next_due_counts is not None for board in self.boards)
 
-    def _advance_to(self, until_counts: int) -> None:
-        """Go to the next event, but not beyond an instant, and do what is due there."""
+    def next_event_counts(self, until_counts: int) -> int:
+        """When something happens by itself, as far as it is known; the instant given if that comes first."""
         goal, event_counts = until_counts, self.bus.next_event_counts
         if event_counts is not None and event_counts < goal:
             goal = event_counts
@@ -101,6 +106,11 @@ class Simulation:
             due_counts = board.next_due_counts
             if due_counts is not None and due_counts < goal:
                 goal = due_counts
+        return goal
+
+    def _advance_to(self, until_counts: int) -> None:
+        """Go to the next event, but not beyond an instant, and do what is due there."""
+        goal = self.next_event_counts(until_counts)
         if goal > self.now_counts:
             self.now_counts = self._advance_boards(goal)
         self.bus.step(self.now_counts)

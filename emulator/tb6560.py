@@ -84,6 +84,8 @@ class Tb6560:
         """Steps counted since power-up; DIR high counts up."""
         self.lost_steps = 0
         """Pulses seen less steps counted, both signed."""
+        self.violation_count = 0
+        """How many limits were broken so far."""
         self._dir_level = 0
         self._reset_level = 0
         self._last_rise_counts = -PERIOD_MIN_COUNTS
@@ -120,6 +122,7 @@ class Tb6560:
 
     def _note(self, rises: Int64Array, broken: NDArray[np.bool_], rule: Rule, values: Int64Array, limit: int) -> None:
         count = int(broken.sum())
+        self.violation_count += count
         if count:
             self._violations.append(
                 Violations(
@@ -130,15 +133,16 @@ class Tb6560:
                 )
             )
 
+    def forget(self) -> None:
+        """Keep the count and forget its history: `steps` and `violations` begin anew."""
+        self._steps.clear()
+        self._signs.clear()
+        self._violations.clear()
+
     @property
     def steps(self) -> tuple[Int64Array, Int8Array]:
         """When each counted step was made and which way, +1 or -1."""
         return _joined(self._steps, np.int64), _joined(self._signs, np.int8)
-
-    @property
-    def violation_count(self) -> int:
-        """How many limits were broken so far."""
-        return sum(v.counts.size for v in self._violations)
 
     @property
     def violations(self) -> Violations:

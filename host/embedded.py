@@ -1,30 +1,25 @@
 """The default board: emulated in this process, in virtual time, with the client's network wired straight to it."""
 
-from collections.abc import Iterable, Iterator, Sequence
-from math import floor
+from collections.abc import Iterable
 
 import canopen
-import numpy as np
 from canopen.network import PeriodicMessageTask
 
 from controller.backend import Kernel
 from controller.kernel import TICK_COUNTS
 from controller.motion import COUNTS_PER_SECOND
-from controller.pins import Pin, PinChange
-from emulator.board import AxisTrace, Board, BoardConfig
+from emulator.board import Board
 from emulator.bus import Bus
 from emulator.bus_faults import FaultScript
 from emulator.operations import Operation, Scheduled
 from emulator.simulation import BusOverloadError, Simulation
-from emulator.switches import Switch
 from host.errors import BusError
+from host.hardware import axis_evidence, board_config, standing_steps
 from host.repeated_frames import RepeatedFrames
-from host.robot import Joint, Robot
-from host.verify import AxisEvidence, BusReport, Evidence, LevelEdges
+from host.robot import Robot
+from host.verify import BusReport, Evidence
 from host.wiring import output_changes
-from protocol.cia402 import DigitalInput
 from protocol.frame import COB_SYNC, Frame
-from protocol.objects import UNITS_PER_FULL_STEP
 
 _BOOT_S = 0.01
 """The host comes after the nodes' boot-up messages."""
@@ -94,16 +89,8 @@ class EmbeddedBoard:
         schedule: Iterable[Scheduled] = (),
     ) -> None:
         self._robot = robot
-        self._start_steps = [
-            _steps_at(joint, position) for position, joint in zip(start_joints, robot.joints, strict=True)
-        ]
-        config = BoardConfig(
-            axis_count=len(robot.joints),
-            osc_pf=(robot.board.osc_pf,) * len(robot.joints),
-            switches=tuple(_switches(robot)),
-            start_steps=tuple(self._start_steps),
-        )
-        self._board = Board(config, kernel)
+        self._start_steps = standing_steps(robot, start_joints)
+        self._board = Board(board_config(robot, start_joints), kernel)
         self._simulation = Simulation([self._board], Bus(robot.board.bitrate, bus_faults), schedule)
         self.network = EmbeddedNetwork(self._simulation)
         self.wait(_BOOT_S)
@@ -130,7 +117,7 @@ class EmbeddedBoard:
         """The traffic so far."""
         bus = self._simulation.bus
         load_percent = 100 * bus.busy_bits / (bus.bitrate * self._simulation.now_s)
-        return BusReport(bus.bitrate, len(bus.log_frames), load_percent)
+        return BusReport(bus.bitrate, bus.frames, load_percent)
 
     def driver_positions(self) -> list[int]:
         """Where each driver's own counter says the motor is, in steps from the joint's zero."""
@@ -147,56 +134,7 @@ class EmbeddedBoard:
         sync_counts = max(counts for counts, frame in self.bus_log if frame.cob_id == COB_SYNC)
         traces = [self._board.trace(axis) for axis in range(len(self._start_steps))]
         axes = tuple(
-            _axis_evidence(joint.name, self._start_steps[i], traces[i], _level_edges(i, self._board.pin_changes))
+            axis_evidence(joint.name, self._start_steps[i], traces[i], i, self._board.pin_changes)
             for i, joint in enumerate(self._robot.joints)
         )
         return Evidence(-(-sync_counts // TICK_COUNTS) * TICK_COUNTS, axes, output_changes(self._robot, axes))
-
-
-def _steps_at(joint: Joint, position: float) -> int:
-    """The step at which a joint stands: rounded to a wire unit, then to a step, as the firmware's preset does it.
-
-    Rounded at once, a position just below half a step could come out one step below the firmware's counter.
-    """
-    units = floor(position * joint.transmission.wire_units_per_unit + 0.5)
-    return (units * joint.transmission.microsteps + UNITS_PER_FULL_STEP // 2) // UNITS_PER_FULL_STEP
-
-
-def _switches(robot: Robot) -> Iterator[Switch]:
-    """The switches of the robot's file; the limit switches are closed to the ends of travel."""
-    for axis, joint in enumerate(robot.joints):
-        places = joint.switches
-        if places.negative_limit is not None:
-            yield Switch(axis, DigitalInput.NEGATIVE_LIMIT, to_steps=_steps_at(joint, places.negative_limit))
-        if places.positive_limit is not None:
-            yield Switch(axis, DigitalInput.POSITIVE_LIMIT, from_steps=_steps_at(joint, places.positive_limit))
-        first, last = (None if end is None else _steps_at(joint, end) for end in (places.home_from, places.home_to))
-        if first is not None or last is not None:
-            yield Switch(axis, DigitalInput.HOME, first, last)
-
-
-def _level_edges(axis: int, changes: Sequence[PinChange]) -> dict[str, LevelEdges]:
-    """One axis' pins that the firmware holds at a level, by name."""
-    in_order = sorted(changes, key=lambda change: change.counts)
-    edges = {pin: [change for change in in_order if (change.axis, change.pin) == (axis, pin)] for pin in Pin}
-    return {
-        pin.value.lower(): LevelEdges(
-            np.array([change.counts for change in own], np.int64), np.array([change.level for change in own], np.int8)
-        )
-        for pin, own in edges.items()
-    }
-
-
-def _axis_evidence(name: str, start_steps: int, trace: AxisTrace, pins: dict[str, LevelEdges]) -> AxisEvidence:
-    return AxisEvidence(
-        name=name,
-        start_steps=start_steps,
-        clk_rise_counts=trace.clk_rise_counts,
-        clk_fall_counts=trace.clk_fall_counts,
-        dir_edge_counts=trace.dir_counts,
-        dir_levels=trace.dir_levels,
-        step_counts=trace.step_counts,
-        step_signs=trace.step_signs,
-        violations=len(trace.violations.counts),
-        pins=pins,
-    )

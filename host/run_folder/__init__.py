@@ -1,16 +1,23 @@
-"""The folder that `run --out DIR` leaves: writing it, reading it, and verifying it again from its files alone."""
+"""The folder that `--out DIR` leaves: writing it, reading it, and verifying a run again from its files alone."""
 
-from host.run_folder.edges import read_edges
-from host.run_folder.layout import FOLDER_VERSION, VERSION_KEY, ContradictionError
+from host.run_folder.edges import AxisTotals, read_edges
+from host.run_folder.layout import BUS_LOG, EDGES, FOLDER_VERSION, REPORT, ROBOT, VERSION_KEY, ContradictionError
 from host.run_folder.reading import StoredRun, read_robot, read_run
-from host.run_folder.report import read_report
+from host.run_folder.report import read_report, write_report
+from host.run_folder.spool import EdgeSpool
 from host.run_folder.verdict import Verdict, verify_folder
 from host.run_folder.writing import prepare_folder, write_folder
 
 __all__ = [
+    "BUS_LOG",
+    "EDGES",
     "FOLDER_VERSION",
+    "REPORT",
+    "ROBOT",
     "VERSION_KEY",
+    "AxisTotals",
     "ContradictionError",
+    "EdgeSpool",
     "StoredRun",
     "Verdict",
     "prepare_folder",
@@ -20,4 +27,5 @@ __all__ = [
     "read_run",
     "verify_folder",
     "write_folder",
+    "write_report",
 ]

@@ -1,8 +1,9 @@
 """edges.npz: every edge of every pin and every accepted step, in counts of the board's timer since power-up."""
 
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 from zipfile import BadZipFile
 
 import numpy as np
@@ -21,29 +22,51 @@ _UNREADABLE: Final = (BadZipFile, EOFError, OSError, ValueError, zlib.error)
 """What numpy raises for a file that is none of its own, or is damaged."""
 
 
+class AxisTotals(NamedTuple):
+    """What there is to say of an axis beside its edges."""
+
+    name: str
+    start_steps: int
+    violations: int
+
+
 def write_edges(path: Path, evidence: Evidence) -> None:
     """Write the evidence; the outputs' names are the robot's business."""
-    arrays: dict[str, Any] = {
+    totals = [AxisTotals(axis.name, axis.start_steps, axis.violations) for axis in evidence.axes]
+    arrays: dict[str, Any] = {**head(evidence.start_counts, totals)}
+    for axis in evidence.axes:
+        arrays |= edge_arrays(axis)
+    np.savez_compressed(path, **arrays)
+
+
+def head(start_counts: int, axes: Sequence[AxisTotals]) -> dict[str, NDArray[Any] | np.int64]:
+    """All keys but those of the edges."""
+    values: dict[str, NDArray[Any] | np.int64] = {
         VERSION_KEY: np.int64(FOLDER_VERSION),
         "counts_per_second": np.int64(COUNTS_PER_SECOND),
-        "start_counts": np.int64(evidence.start_counts),
-        "axes": np.array([axis.name for axis in evidence.axes]),
+        "start_counts": np.int64(start_counts),
+        "axes": np.array([axis.name for axis in axes], dtype=np.str_),
     }
-    for axis in evidence.axes:
-        arrays |= {
-            f"{axis.name}_start_steps": np.int64(axis.start_steps),
-            f"{axis.name}_clk_rise_counts": axis.clk_rise_counts,
-            f"{axis.name}_clk_fall_counts": axis.clk_fall_counts,
-            f"{axis.name}_dir_edge_counts": axis.dir_edge_counts,
-            f"{axis.name}_dir_levels": axis.dir_levels,
-            f"{axis.name}_step_counts": axis.step_counts,
-            f"{axis.name}_step_signs": axis.step_signs,
-            f"{axis.name}_violations": np.int64(axis.violations),
-        }
-        for pin in PINS:
-            arrays[f"{axis.name}_{pin}_counts"] = axis.pins[pin].counts
-            arrays[f"{axis.name}_{pin}_levels"] = axis.pins[pin].levels
-    np.savez_compressed(path, **arrays)
+    for axis in axes:
+        values[f"{axis.name}_start_steps"] = np.int64(axis.start_steps)
+        values[f"{axis.name}_violations"] = np.int64(axis.violations)
+    return values
+
+
+def edge_arrays(axis: AxisEvidence) -> dict[str, Int64Array | Int8Array]:
+    """An axis' edges, by key."""
+    arrays: dict[str, Int64Array | Int8Array] = {
+        f"{axis.name}_clk_rise_counts": axis.clk_rise_counts,
+        f"{axis.name}_clk_fall_counts": axis.clk_fall_counts,
+        f"{axis.name}_dir_edge_counts": axis.dir_edge_counts,
+        f"{axis.name}_dir_levels": axis.dir_levels,
+        f"{axis.name}_step_counts": axis.step_counts,
+        f"{axis.name}_step_signs": axis.step_signs,
+    }
+    for pin in PINS:
+        arrays[f"{axis.name}_{pin}_counts"] = axis.pins[pin].counts
+        arrays[f"{axis.name}_{pin}_levels"] = axis.pins[pin].levels
+    return arrays
 
 
 def read_edges(folder: Path) -> Evidence:

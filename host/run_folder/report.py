@@ -24,7 +24,7 @@ class StoredReport:
     Attributes:
         run: what the verifier cannot know.
         switchings: the outputs that were to change, in order of time.
-        passed: the verdict.
+        passed: the verdict; None where the board did not know the plan.
         axes: each axis' figures by name.
         fault: what ended the run, None if it came to its end.
         document: all of it.
@@ -32,7 +32,7 @@ class StoredReport:
 
     run: RunInfo
     switchings: tuple[Switching, ...]
-    passed: bool
+    passed: bool | None
     axes: tuple[Mapping[str, Any], ...]
     fault: Mapping[str, Any] | None
     document: Mapping[str, Any]
@@ -81,6 +81,9 @@ class _Table:
             raise InputError(f"{key}: {short(value)} is neither true nor false")
         return value
 
+    def says_none(self, key: str) -> bool:
+        return self._take(key) is None
+
     @contextmanager
     def table(self, key: str) -> Iterator["_Table"]:
         value = self._take(key)
@@ -117,7 +120,7 @@ def _report(table: _Table) -> StoredReport:
     return StoredReport(
         run=_run(table),
         switchings=table.each("outputs", _switching),
-        passed=table.truth("passed"),
+        passed=None if table.says_none("passed") else table.truth("passed"),
         axes=table.each("axes", lambda axis: axis.values),
         fault=_fault(table),
         document=table.values,

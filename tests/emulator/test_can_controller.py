@@ -55,6 +55,23 @@ def test_mailboxes_go_by_identifier_and_the_queue_by_age() -> None:
     assert station.passed == [0x300, 0x400, 0x100, 0x500, 0x600]
 
 
+def test_mailboxes_in_order_and_news_of_what_has_gone_out() -> None:
+    sent: list[tuple[int, int]] = []
+    can = CanController(
+        lambda _frame, _counts: None, on_sent=lambda frame, counts: sent.append((counts, frame.cob_id)), in_order=True
+    )
+    bus = Bus(1_000_000)
+    bus.attach(can)
+    bus.attach(CanController(lambda _frame, _counts: None))
+    order = [0x400, 0x300, 0x600, 0x300, 0x300, 0x100]
+    for cob_id in order:
+        can.send(Frame(cob_id, b""), 0)
+    while (now := bus.next_event_counts) is not None:
+        bus.step(now)
+    assert [frame.cob_id for frame in bus.log_frames] == order
+    assert sent == list(zip(bus.log_counts, order, strict=True))
+
+
 def test_frames_of_one_identifier_keep_their_order() -> None:
     station = Station()
     for byte in range(5):

@@ -1,0 +1,155 @@
+"""The live board, as other programs see it: round trips, throughput, lateness; server and client are two processes."""
+
+import json
+import logging
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import can
+import numpy as np
+
+from emulator.can_timing import frame_bits
+from host.robots import load_robot
+from protocol.cia402 import Mode
+from protocol.frame import FIRST_NODE_ID, Frame
+
+ROBOT = "warehouse-scara"
+ROUND_TRIPS = 2000
+BURST = 200
+BURSTS = 100
+BURST_SPEED = 100.0
+MOTION_S = 4.0
+STEP_UNITS = 1024
+_SERVE = [sys.executable, "-c", "from host.cli import main; main()", "serve", ROBOT, "--port", "0", "--json"]
+_READ_TYPE = Frame(0x600 + FIRST_NODE_ID, bytes.fromhex("4000100000000000"))
+_TYPE = Frame(0x580 + FIRST_NODE_ID, bytes.fromhex("4300100092010400"))
+_TIMEOUT_S = 10.0
+
+
+@dataclass(frozen=True)
+class LiveFigures:
+    """All of the table, times in microseconds."""
+
+    bus_us: float
+    """How long question and answer take on the bus itself."""
+    round_trip_us_p50: float
+    round_trip_us_p99: float
+    frames_per_s: float
+    """With the bus so fast that it is no limit."""
+    ticks: dict[str, float]
+    """Lateness while six axes move."""
+    frames: dict[str, float]
+
+
+class _Server:
+    """A `steptwin serve` and a client of it."""
+
+    def __init__(self, speed: float) -> None:
+        self.process = subprocess.Popen(
+            [*_SERVE, "--speed", str(speed)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        assert self.process.stderr
+        banner = "".join(self.process.stderr.readline() for _ in range(3))
+        found = re.search(r"port=(\d+)", banner)
+        assert found, banner
+        self._port = int(found[1])
+
+    def client(self) -> can.BusABC:
+        return can.Bus("vcan0", interface="socketcand", host="127.0.0.1", port=self._port, tcp_tune=True)
+
+    def end(self) -> dict[str, Any]:
+        self.process.send_signal(signal.SIGTERM)
+        report: dict[str, Any] = json.loads(self.process.communicate()[0])
+        return report
+
+
+@contextmanager
+def _serving(speed: float = 1.0) -> Iterator[_Server]:
+    server = _Server(speed)
+    try:
+        yield server
+    finally:
+        server.process.kill()
+        server.process.communicate()
+
+
+def _send(bus: can.BusABC, frame: Frame) -> None:
+    bus.send(can.Message(arbitration_id=frame.cob_id, data=frame.data, is_extended_id=False))
+
+
+def _await(bus: can.BusABC, cob_id: int) -> None:
+    while (message := bus.recv(_TIMEOUT_S)) is not None:
+        if message.arbitration_id == cob_id:
+            return
+    raise AssertionError(f"no {cob_id:03X}")
+
+
+def _round_trips_us(bus: can.BusABC) -> list[float]:
+    times = []
+    for _ in range(ROUND_TRIPS):
+        started = time.perf_counter()
+        _send(bus, _READ_TYPE)
+        _await(bus, _TYPE.cob_id)
+        times.append(1e6 * (time.perf_counter() - started))
+    return times[ROUND_TRIPS // 10 :]
+
+
+def _write(bus: can.BusABC, axis: int, index: int, value: int) -> None:
+    data = b"\x22" + index.to_bytes(2, "little") + b"\0" + value.to_bytes(4, "little", signed=True)
+    _send(bus, Frame(0x600 + FIRST_NODE_ID + axis, data))
+    _await(bus, 0x580 + FIRST_NODE_ID + axis)
+
+
+def _move_all(bus: can.BusABC) -> None:
+    """All axes with 1000 steps/s for a while, by profile velocity, reporting ten times a second."""
+    axes = range(len(load_robot(ROBOT).joints))
+    for axis in axes:
+        _write(bus, axis, 0x6060, Mode.PROFILE_VELOCITY)
+        for word in (0x06, 0x07, 0x0F):
+            _write(bus, axis, 0x6040, word)
+        _write(bus, axis, 0x60FF, 1000 * STEP_UNITS)
+    _send(bus, Frame(0x000, b"\x01\x00"))
+    time.sleep(MOTION_S)
+    for axis in axes:
+        _write(bus, axis, 0x60FF, 0)
+
+
+def _frames_per_s() -> float:
+    """One client sends as fast as it can, another one counts."""
+    with _serving(BURST_SPEED) as server, server.client() as sender, server.client() as receiver:
+        _send(sender, _READ_TYPE)
+        _await(receiver, _TYPE.cob_id)
+
+        def send_all() -> None:
+            for i in range(BURSTS * BURST):
+                _send(sender, Frame(0x123, i.to_bytes(8, "little")))
+
+        started = time.perf_counter()
+        thread = threading.Thread(target=send_all)
+        thread.start()
+        for _ in range(BURSTS * BURST):
+            _await(receiver, 0x123)
+        thread.join()
+        return BURSTS * BURST / (time.perf_counter() - started)
+
+
+def measure() -> LiveFigures:
+    """Round trips at rest, then a motion, then a flood."""
+    logging.getLogger("can").addHandler(logging.NullHandler())  # it warns of every frame that comes in two pieces
+    with _serving() as server:
+        with server.client() as bus:
+            times_us = _round_trips_us(bus)
+            _move_all(bus)
+        late = server.end()["real_time"]
+    bits = frame_bits(_READ_TYPE) + frame_bits(_TYPE)
+    p50, p99 = np.percentile(times_us, [50, 99]).tolist()
+    bitrate = load_robot(ROBOT).board.bitrate
+    return LiveFigures(1e6 * bits / bitrate, p50, p99, _frames_per_s(), late["ticks"], late["frames"])

@@ -1,0 +1,140 @@
+"""Real time: the simulation of virtual time, paced by the wall clock, which comes in as an argument.
+
+What comes in at an instant of the wall clock enters the simulated bus at the corresponding count, never before what has
+been simulated already. So lateness of the process changes nothing on the board; it changes when others get to see it,
+and that is measured: for each servo tick of a motion, when its edges are known, and for each frame of a board, when it
+has been handed on.
+"""
+
+from collections import deque
+from collections.abc import Callable, Hashable
+from typing import Final, NamedTuple
+
+from controller.backend import Kernel
+from controller.kernel import TICK_COUNTS
+from controller.motion import COUNTS_PER_SECOND, Motion, StepConfig
+from emulator.lateness import Lateness
+from emulator.pacer import Pacer
+from emulator.simulation import Simulation
+from protocol.frame import Frame
+
+SLICE_COUNTS: Final = COUNTS_PER_SECOND // 100
+"""So much is simulated at most before others have their turn, when there is something to catch up with."""
+_FAR_COUNTS: Final = 1 << 62
+
+Sender = Hashable
+"""Whoever sends through the host's interface."""
+Viewer = Callable[[Frame, int, Sender | None], None]
+"""Is shown a frame, the instant in counts at which it became valid, and who sent it: None for a board."""
+
+
+class _Incoming(NamedTuple):
+    counts: int
+    frame: Frame
+    sender: Sender
+
+
+class LiveSimulation:
+    """A simulation in real time, with several senders behind the host's one interface, as sockets are behind `can0`."""
+
+    def __init__(self, simulation: Simulation, pacer: Pacer) -> None:
+        self.simulation = simulation
+        self.pacer = pacer
+        self.epoch_us = 0
+        """When the boards were switched on, in us since 1970, for those who want to know the time of a frame."""
+        self.view: Viewer = lambda _frame, _counts, _sender: None
+        """Called with every frame on the bus."""
+        self.ticks = Lateness()
+        """Of the servo ticks in which something may happen: while anything moves, and a little longer."""
+        self.frames = Lateness()
+        """Of the boards' frames."""
+        self._incoming: deque[_Incoming] = deque()
+        self._senders: dict[Frame, deque[Sender]] = {}
+        """Who sent the frames that wait for the bus; equal ones go out in the order in which they came."""
+        self._due_counts: list[int] = []
+        """When what has been simulated since `settle` happened: frames."""
+        self._ticks = range(0)
+        """The servo ticks simulated since `settle`."""
+        simulation.on_frame = self._heard
+        simulation.on_sent = self._sent
+
+    def send(self, frame: Frame, sender: Sender, now_ns: int) -> None:
+        """Something has come in that is to be sent; not for an instant before one that was given earlier."""
+        self._incoming.append(_Incoming(self.pacer.counts_at(now_ns), frame, sender))
+
+    def _heard(self, frame: Frame, counts: int) -> None:
+        self._due_counts.append(counts)
+        self.view(frame, counts, None)
+
+    def _sent(self, frame: Frame, counts: int) -> None:
+        senders = self._senders[frame]
+        sender = senders.popleft()
+        if not senders:
+            del self._senders[frame]
+        self.view(frame, counts, sender)
+
+    # --- time
+
+    def start(self, now_ns: int, epoch_us: int) -> None:
+        """Switch the boards on now, which is also `epoch_us` since 1970; not later than the first `advance`."""
+        self.pacer.start_ns = now_ns
+        self.epoch_us = epoch_us
+
+    def advance(self, now_ns: int) -> None:
+        """Simulate up to an instant, or a slice if that is far ahead."""
+        simulation = self.simulation
+        from_counts = simulation.now_counts
+        moving = self.moving
+        until_counts = self._until_counts(now_ns, moving=moving)
+        incoming = self._incoming
+        while incoming and incoming[0].counts <= until_counts:
+            counts, frame, sender = incoming.popleft()
+            simulation.run_until(counts)
+            self._senders.setdefault(frame, deque()).append(sender)
+            simulation.host.send(frame, simulation.now_counts)
+        simulation.run_until(until_counts)
+        if moving:
+            self._ticks = range(-(-from_counts // TICK_COUNTS), -(-simulation.now_counts // TICK_COUNTS))
+
+    def _until_counts(self, now_ns: int, *, moving: bool) -> int:
+        """How far to simulate; over time in which nothing happens, at once."""
+        goal_counts = self.pacer.counts_at(now_ns)
+        slice_end_counts = self.simulation.now_counts + SLICE_COUNTS
+        if moving or goal_counts <= slice_end_counts:
+            return min(goal_counts, slice_end_counts)
+        return max(slice_end_counts, self.simulation.next_event_counts(goal_counts))
+
+    def settle(self, now_ns: int) -> None:
+        """What has been simulated is handed on by now: note how late that was."""
+        for tick in self._ticks:
+            self.ticks.add(now_ns - self.pacer.ns_at(tick * TICK_COUNTS))
+        for counts in self._due_counts:
+            self.frames.add(now_ns - self.pacer.ns_at(counts))
+        self._ticks = range(0)
+        self._due_counts.clear()
+
+    @property
+    def moving(self) -> bool:
+        """Whether a motion runs, or is just over: each tick may be the one in which something happens."""
+        return any(board.moving for board in self.simulation.boards)
+
+    @property
+    def due_ns(self) -> int:
+        """When `advance` has something to do, as far as it is known."""
+        now_counts = self.simulation.now_counts
+        due_counts = _FAR_COUNTS
+        if self.moving:  # a tick is simulated when time passes beyond its begin
+            due_counts = -(-now_counts // TICK_COUNTS) * TICK_COUNTS + 1
+        if self._incoming:
+            due_counts = min(due_counts, self._incoming[0].counts)
+        return self.pacer.ns_at(self.simulation.next_event_counts(due_counts))
+
+
+def warm_up(kernel: Kernel) -> None:
+    """Load or compile the kernel's functions, which happens at their first call and takes its time."""
+    motion = Motion(kernel, 1)
+    motion.configure(0, StepConfig(1, 1_000, 1_000, 0, 0, velocity_max_units_per_s=1 << 20))
+    motion.push(0, 0, 0, 1)
+    motion.start(0)
+    motion.advance(1)
+    motion.velocity(0)

@@ -1,0 +1,203 @@
+"""Clients of a live board over TCP, as socketcand serves them: python-can's interface `socketcand` and all built on it.
+
+Nothing is lost for a client: what it sends waits in its socket while the bus is busy with what it has sent before; what
+it is shown waits here until it reads. One that does not read is disconnected before that becomes too much.
+"""
+
+import logging
+import socket
+from collections import Counter
+from functools import partial
+from selectors import EVENT_READ, EVENT_WRITE
+from typing import Final
+
+from controller.motion import COUNTS_PER_US
+from emulator.live import LiveSimulation, Sender
+from emulator.live_loop import LiveLoop
+from emulator.socketcand import Mode, SocketcandSession, frame_text
+from protocol.frame import Frame
+
+CLIENTS_MAX: Final = 250
+"""The loop's `select` takes a thousand files at most; each client has one."""
+SILENCE_S: Final = 0.1
+"""How long a client that does not send is shown nothing after `rawmode`: by then it has read the answer."""
+WINDOW_FRAMES: Final = 16
+"""A client's frames that wait for the bus at most; others have to wait behind them for some 2 ms at 1 Mbit/s."""
+BACKLOG_MAX_BYTES: Final = 1 << 20
+"""What a client may leave unread, beside what the operating system's buffers hold: some 20 000 frames."""
+_SEND_BUFFER_BYTES: Final = 1 << 18
+_READ_BYTES: Final = 4096
+
+_log = logging.getLogger(__name__)
+
+
+class _Client:
+    """One connection."""
+
+    def __init__(self, sock: socket.socket, name: str) -> None:
+        self.socket = sock
+        self.name = name
+        self.session = SocketcandSession()
+        self.waiting_frames = 0
+        """Frames of it that wait for the bus."""
+        self.events = 0
+        """What its socket is watched for."""
+        self.gone = False
+
+
+class SocketcandServer:
+    """Serves the clients of a listening socket, which becomes its own."""
+
+    def __init__(self, loop: LiveLoop, listener: socket.socket) -> None:
+        self.served = 0
+        """Connections so far."""
+        self.disconnected: Counter[str] = Counter()
+        """How many connections were ended from this side, by reason."""
+        self._foreign_frames = 0
+        self._loop = loop
+        self._live: LiveSimulation = loop.live
+        self._listener = listener
+        self._clients: list[_Client] = []
+        self._restless: dict[_Client, None] = {}
+        """Those for whom there is something to do in `hand_on`."""
+        listener.setblocking(False)
+        loop.watch(listener, EVENT_READ, self._accept)
+        loop.hand_on = self._hand_on
+        self._live.view = self._show
+
+    @property
+    def clients(self) -> int:
+        """How many are connected."""
+        return len(self._clients)
+
+    @property
+    def foreign_frames(self) -> int:
+        """Frames from clients that this bus does not know, and that were dropped."""
+        return self._foreign_frames + sum(client.session.foreign_frames for client in self._clients)
+
+    def close(self) -> None:
+        """Disconnect everybody."""
+        if self._listener.fileno() < 0:
+            return
+        self._loop.watch(self._listener, 0, self._accept)
+        self._listener.close()
+        for client in list(self._clients):
+            self._forget(client)
+
+    # --- connections
+
+    def _accept(self) -> None:
+        try:
+            sock, address = self._listener.accept()
+        except OSError:
+            return  # it has hung up already, or there are too many files
+        sock.setblocking(False)
+        self.served += 1
+        if len(self._clients) >= CLIENTS_MAX:
+            self.disconnected["too many clients"] += 1
+            sock.close()
+            return
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER_BYTES)
+        client = _Client(sock, f"{address[0]}:{address[1]}")
+        _log.info("%s connected", client.name)
+        self._clients.append(client)
+        self._tend(client)
+
+    def _disconnect(self, client: _Client, reason: str) -> None:
+        _log.info("%s disconnected: %s", client.name, reason)
+        self.disconnected[reason] += 1
+        self._forget(client)
+
+    def _forget(self, client: _Client) -> None:
+        """Frames that it has sent go their way still."""
+        client.gone = True
+        self._foreign_frames += client.session.foreign_frames
+        self._clients.remove(client)
+        self._restless.pop(client, None)
+        self._loop.watch(client.socket, 0, lambda: None)
+        client.socket.close()
+
+    # --- a client has something to say, or reads on
+
+    def _ready(self, client: _Client) -> None:
+        """Its socket can be read or written."""
+        if client.waiting_frames < WINDOW_FRAMES:
+            self._read(client)
+        if not client.gone:
+            self._tend(client)
+
+    def _read(self, client: _Client) -> None:
+        try:
+            data = client.socket.recv(_READ_BYTES)
+        except BlockingIOError:
+            return
+        except OSError:
+            data = b""
+        if data:
+            client.session.feed(data)
+        else:
+            _log.info("%s has hung up", client.name)
+            self._forget(client)
+
+    def _tend(self, client: _Client) -> None:
+        """Pass its frames on as far as they may go, answer it, see what to wait for."""
+        session = client.session
+        was_silent = session.silent
+        while client.waiting_frames < WINDOW_FRAMES and (frame := session.next_frame()):
+            client.waiting_frames += 1
+            self._live.send(frame, client, self._loop.now_ns())
+        if session.silent and not was_silent:
+            self._loop.call_after(SILENCE_S, partial(self._end_silence, client))
+        if session.outbox and not self._write(client):
+            return
+        if session.mode is Mode.CLOSED:
+            self._disconnect(client, "junk")
+        elif session.backlog_bytes > BACKLOG_MAX_BYTES:
+            self._disconnect(client, "reads too slowly")
+        else:
+            self._watch(client)
+
+    def _write(self, client: _Client) -> bool:
+        """Send as much as goes; return whether the client is still there."""
+        outbox = client.session.outbox
+        try:
+            del outbox[: client.socket.send(outbox)]
+        except BlockingIOError:
+            pass
+        except OSError:
+            _log.info("%s is gone", client.name)
+            self._forget(client)
+            return False
+        return True
+
+    def _watch(self, client: _Client) -> None:
+        reading = EVENT_READ if client.waiting_frames < WINDOW_FRAMES else 0
+        events = reading | (EVENT_WRITE if client.session.outbox else 0)
+        if events != client.events:
+            client.events = events
+            self._loop.watch(client.socket, events, partial(self._ready, client))
+
+    def _end_silence(self, client: _Client) -> None:
+        if not client.gone and client.session.silent:
+            client.session.break_silence()
+            self._tend(client)
+
+    # --- the bus has something to show
+
+    def _show(self, frame: Frame, counts: int, sender: Sender | None) -> None:
+        text = frame_text(frame, self._live.epoch_us + counts // COUNTS_PER_US)
+        for client in self._clients:
+            if client is not sender:
+                client.session.deliver(text)
+                self._restless[client] = None
+        if isinstance(sender, _Client):
+            sender.waiting_frames -= 1
+            if not sender.gone:
+                self._restless[sender] = None
+
+    def _hand_on(self) -> None:
+        restless, self._restless = self._restless, {}
+        for client in restless:
+            if not client.gone:
+                self._tend(client)

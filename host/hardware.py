@@ -1,0 +1,82 @@
+"""A robot's machine as the emulator has it: its board, its switches, where its motors stand, what its drivers saw."""
+
+from collections.abc import Iterator, Sequence
+from math import floor
+
+import numpy as np
+
+from controller.pins import Pin, PinChange
+from emulator.board import AxisTrace, BoardConfig
+from emulator.switches import Switch
+from host.robot import Joint, Robot
+from host.verify import AxisEvidence, LevelEdges
+from protocol.cia402 import DigitalInput
+from protocol.objects import UNITS_PER_FULL_STEP
+
+
+def board_config(robot: Robot, joints: Sequence[float]) -> BoardConfig:
+    """The board that drives a robot, an axis for each joint, in a machine that stands at `joints`, mm and degrees."""
+    axes = len(robot.joints)
+    return BoardConfig(
+        axis_count=axes,
+        osc_pf=(robot.board.osc_pf,) * axes,
+        switches=tuple(_switches(robot)),
+        start_steps=tuple(standing_steps(robot, joints)),
+    )
+
+
+def standing_steps(robot: Robot, joints: Sequence[float]) -> list[int]:
+    """The steps at which a machine stands, from the joints' zeros; `joints` in mm and degrees."""
+    return [_steps_at(joint, position) for joint, position in zip(robot.joints, joints, strict=True)]
+
+
+def _steps_at(joint: Joint, position: float) -> int:
+    """The step at which a joint stands: rounded to a wire unit, then to a step, as the firmware's preset does it.
+
+    Rounded at once, a position just below half a step could come out one step below the firmware's counter.
+    """
+    units = floor(position * joint.transmission.wire_units_per_unit + 0.5)
+    return (units * joint.transmission.microsteps + UNITS_PER_FULL_STEP // 2) // UNITS_PER_FULL_STEP
+
+
+def _switches(robot: Robot) -> Iterator[Switch]:
+    """The switches of the robot's file; the limit switches are closed to the ends of travel."""
+    for axis, joint in enumerate(robot.joints):
+        places = joint.switches
+        if places.negative_limit is not None:
+            yield Switch(axis, DigitalInput.NEGATIVE_LIMIT, to_steps=_steps_at(joint, places.negative_limit))
+        if places.positive_limit is not None:
+            yield Switch(axis, DigitalInput.POSITIVE_LIMIT, from_steps=_steps_at(joint, places.positive_limit))
+        first, last = (None if end is None else _steps_at(joint, end) for end in (places.home_from, places.home_to))
+        if first is not None or last is not None:
+            yield Switch(axis, DigitalInput.HOME, first, last)
+
+
+def axis_evidence(
+    name: str, start_steps: int, trace: AxisTrace, axis: int, changes: Sequence[PinChange]
+) -> AxisEvidence:
+    """What happened at one axis' driver, in the verifier's words; of the pin changes those of this axis count."""
+    return AxisEvidence(
+        name=name,
+        start_steps=start_steps,
+        clk_rise_counts=trace.clk_rise_counts,
+        clk_fall_counts=trace.clk_fall_counts,
+        dir_edge_counts=trace.dir_counts,
+        dir_levels=trace.dir_levels,
+        step_counts=trace.step_counts,
+        step_signs=trace.step_signs,
+        violations=len(trace.violations.counts),
+        pins=_level_edges(axis, changes),
+    )
+
+
+def _level_edges(axis: int, changes: Sequence[PinChange]) -> dict[str, LevelEdges]:
+    """One axis' pins that the firmware holds at a level, by name."""
+    in_order = sorted(changes, key=lambda change: change.counts)
+    edges = {pin: [change for change in in_order if (change.axis, change.pin) == (axis, pin)] for pin in Pin}
+    return {
+        pin.value.lower(): LevelEdges(
+            np.array([change.counts for change in own], np.int64), np.array([change.level for change in own], np.int8)
+        )
+        for pin, own in edges.items()
+    }

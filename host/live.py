@@ -1,0 +1,206 @@
+"""A robot's board in real time, with everything that is recorded and said about it."""
+
+import time
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, Final, TextIO
+
+from controller.backend import Kernel
+from controller.kernel import TICK_COUNTS
+from controller.motion import COUNTS_PER_SECOND
+from emulator.board import Board
+from emulator.bus import Bus
+from emulator.candump import candump_line
+from emulator.lateness import Lateness
+from emulator.live import LiveSimulation, warm_up
+from emulator.pacer import Pacer
+from emulator.simulation import Simulation
+from host.hardware import axis_evidence, board_config, standing_steps
+from host.robot import Robot
+from host.run_folder import (
+    BUS_LOG,
+    EDGES,
+    FOLDER_VERSION,
+    REPORT,
+    ROBOT,
+    VERSION_KEY,
+    AxisTotals,
+    EdgeSpool,
+    write_report,
+)
+from protocol.frame import COB_SYNC, Frame
+
+RECORD_EVERY_S: Final = 0.5
+"""How often `record` is to be called: the drivers' history is held in memory until then."""
+
+
+class LiveBoard:
+    """A robot's board on a bus of its own, for a `LiveLoop` to run. It records until it is closed.
+
+    With all its files in `out`, or the bus log alone in `log`, or none: memory stays bounded either way.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        stand_at: list[float],
+        kernel: Kernel,
+        *,
+        bitrate: int,
+        speed: float,
+        out: Path | None = None,
+        log: Path | None = None,
+    ) -> None:
+        """Set the board up.
+
+        Args:
+            robot: the machine.
+            stand_at: where it stands, mm and degrees.
+            kernel: which form of the firmware's kernel runs.
+            bitrate: of the bus.
+            speed: simulated seconds per second.
+            out: the folder for everything.
+            log: the file for the bus log.
+
+        Raises:
+            OSError: a file cannot be written.
+        """
+        self.robot = robot
+        self._out = out
+        self._files = ExitStack()
+        self._logs: list[TextIO] = []
+        if log is not None:
+            self._logs.append(self._file(log))
+        if out is not None:
+            self._logs.append(self._file(out / BUS_LOG))
+        self._spool = None if out is None else EdgeSpool(out / EDGES)
+        self._start_steps = standing_steps(robot, stand_at)
+        self._end_steps = list(self._start_steps)
+        self._pulses = [0] * len(robot.joints)
+        self._violations = [0] * len(robot.joints)
+        self._sync_counts: int | None = None
+        """A SYNC at rest, of which it is not known yet whether it starts a motion."""
+        self._motion_start_counts: int | None = None
+        """t = 0 of the last motion that a SYNC has started."""
+        warm_up(kernel)
+        self._board = Board(board_config(robot, stand_at), kernel)
+        self.bus = Bus(bitrate, log=self._log)
+        simulation = Simulation([self._board], self.bus)
+        self.live = LiveSimulation(simulation, Pacer(time.monotonic_ns(), speed))
+
+    def _file(self, path: Path) -> TextIO:
+        return self._files.enter_context(path.open("w", encoding="ascii"))
+
+    # --- what is recorded
+
+    def _log(self, frame: Frame, counts: int) -> None:
+        """Every frame on the bus comes here, before its receivers have it."""
+        self._judge_sync()
+        if frame.cob_id == COB_SYNC and not self._in_motion:
+            self._sync_counts = counts
+        for log in self._logs:
+            log.write(candump_line(frame, counts))
+
+    def _judge_sync(self) -> None:
+        """What moves before any other frame has been received was set going by the SYNC."""
+        if self._sync_counts is not None and self._in_motion:
+            self._motion_start_counts = -(-self._sync_counts // TICK_COUNTS) * TICK_COUNTS
+        self._sync_counts = None
+
+    @property
+    def _in_motion(self) -> bool:
+        motion = self._board.firmware.motion
+        return any(motion.running(axis) for axis in range(motion.axis_count))
+
+    def record(self) -> None:
+        """Take what has happened at the drivers since the last call, write it away and forget it."""
+        self._judge_sync()
+        traces = [self._board.take_trace(axis) for axis in range(len(self.robot.joints))]
+        changes = self._board.take_pin_changes()
+        for axis, (name, trace) in enumerate(zip(self.robot.joint_names, traces, strict=True)):
+            evidence = axis_evidence(name, self._start_steps[axis], trace, axis, changes)
+            self._end_steps[axis] = self._start_steps[axis] + trace.position_steps
+            self._pulses[axis] += evidence.clk_rise_counts.size
+            self._violations[axis] += evidence.violations
+            if self._spool:
+                self._spool.append(evidence)
+        for log in self._logs:
+            log.flush()
+
+    def close(self, document: dict[str, Any]) -> None:
+        """Complete the files, after the last `record`; `document` becomes report.json."""
+        self._files.close()
+        if self._spool and self._out:
+            names, starts, violations = self.robot.joint_names, self._start_steps, self._violations
+            axes = [AxisTotals(*axis) for axis in zip(names, starts, violations, strict=True)]
+            self._spool.finish(self._motion_start_counts or 0, axes)
+            (self._out / ROBOT).write_text(self.robot.toml, encoding="utf-8")
+            write_report(self._out / REPORT, document | {VERSION_KEY: FOLDER_VERSION})
+
+    # --- what is said
+
+    @property
+    def simulated_s(self) -> float:
+        """Seconds on the board's clock."""
+        return self.live.simulation.now_s
+
+    @property
+    def wall_s(self) -> float:
+        """Seconds since the board was switched on."""
+        return (time.monotonic_ns() - self.live.pacer.start_ns) / 1e9
+
+    @property
+    def bus_load_percent(self) -> float:
+        """The bus' load since the beginning."""
+        return 100 * self.bus.busy_bits / (self.bus.bitrate * max(self.simulated_s, 1e-3))
+
+    def lateness(self) -> dict[str, dict[str, float]]:
+        """How late the servo ticks of motions and the board's frames were."""
+        return {"ticks": _figures(self.live.ticks), "frames": _figures(self.live.frames)}
+
+    def report(self) -> dict[str, Any]:
+        """The report under the keys of report.json, as of the last `record`; docs/run-folder.md says what they are."""
+        steps_per_unit = self.robot.steps_per_unit.tolist()
+        started_counts = self._motion_start_counts
+        return {
+            "robot": self.robot.name,
+            "job": "live",
+            "duration_s": round(self.simulated_s, 6),
+            "simulated": True,
+            "passed": None,
+            "started_s": None if started_counts is None else started_counts / COUNTS_PER_SECOND,
+            "outputs": [],
+            "axes": [
+                {
+                    "name": name,
+                    "steps_start": self._start_steps[axis],
+                    "steps_end": self._end_steps[axis],
+                    "pulses": self._pulses[axis],
+                    "violations": self._violations[axis],
+                }
+                for axis, name in enumerate(self.robot.joint_names)
+            ],
+            "joints": {
+                "names": list(self.robot.joint_names),
+                "start": [steps / spu for steps, spu in zip(self._start_steps, steps_per_unit, strict=True)],
+                "end": [steps / spu for steps, spu in zip(self._end_steps, steps_per_unit, strict=True)],
+            },
+            "bus": {
+                "bitrate": self.bus.bitrate,
+                "frames": self.bus.frames,
+                "load_percent": round(self.bus_load_percent, 3),
+            },
+            "real_time": {"speed": self.live.pacer.speed, **self.lateness()},
+            "simulated_s": round(self.simulated_s, 6),
+            "wall_s": round(self.wall_s, 6),
+        }
+
+
+def _figures(lateness: Lateness) -> dict[str, float]:
+    """How late they were, in us of the wall clock."""
+    return {
+        "count": lateness.count,
+        "late_us_p50": lateness.percentile_ns(50) / 1000,
+        "late_us_p99": lateness.percentile_ns(99) / 1000,
+        "late_us_max": lateness.max_ns / 1000,
+    }

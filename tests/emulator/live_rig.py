@@ -1,0 +1,127 @@
+"""A live board behind a socketcand server in a thread of this process, and clients that know the protocol's bytes."""
+
+import selectors
+import socket
+import threading
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+
+from controller.backend import fastest_kernel
+from emulator.board import Board, BoardConfig
+from emulator.bus import Bus
+from emulator.live import LiveSimulation, warm_up
+from emulator.live_loop import LiveLoop
+from emulator.pacer import Pacer
+from emulator.simulation import Simulation
+from emulator.socketcand_server import SocketcandServer
+
+TIMEOUT_S = 20.0
+"""For whatever must happen; nothing waits for so long unless it fails."""
+
+
+def await_true(condition: Callable[[], bool], what: str) -> None:
+    """Wait until something has come about in another thread or process."""
+    deadline_s = time.monotonic() + TIMEOUT_S
+    while not condition():
+        assert time.monotonic() < deadline_s, f"not within {TIMEOUT_S:g} s: {what}"
+        time.sleep(0.002)
+
+
+class LiveRig:
+    """A board of two axes; a context manager."""
+
+    def __init__(self, speed: float = 1.0) -> None:
+        kernel = fastest_kernel()
+        warm_up(kernel)
+        self.bus = Bus(1_000_000, log=lambda _frame, _counts: None)
+        self.board = Board(BoardConfig(axis_count=2, osc_pf=(330.0, 330.0)), kernel)
+        self.live = LiveSimulation(Simulation([self.board], self.bus), Pacer(time.monotonic_ns(), speed))
+        self.loop = LiveLoop(self.live)
+        listener = socket.create_server(("127.0.0.1", 0), backlog=64)
+        self.port: int = listener.getsockname()[1]
+        self.server = SocketcandServer(self.loop, listener)
+        self._thread = threading.Thread(target=self._run)
+        self._error: BaseException | None = None
+        self._clients = ExitStack()
+
+    def _run(self) -> None:
+        try:
+            self.loop.run()
+        except BaseException as error:
+            self._error = error
+            raise
+
+    def __enter__(self) -> "LiveRig":
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.loop.stop()
+        self._thread.join(TIMEOUT_S)
+        assert not self._thread.is_alive()
+        self.server.close()
+        self.loop.__exit__(None, None, None)
+        self._clients.close()
+        assert self._error is None
+
+    def client(self, receive_buffer_bytes: int | None = None) -> "RawClient":
+        """Connect a client, which is in raw mode then."""
+        client = RawClient(self.port, receive_buffer_bytes)
+        self._clients.callback(client.close)
+        return client
+
+
+class RawClient:
+    """Speaks bytes."""
+
+    def __init__(self, port: int, receive_buffer_bytes: int | None = None) -> None:
+        self._socket = socket.socket()
+        self._socket.settimeout(TIMEOUT_S)
+        if receive_buffer_bytes:
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer_bytes)
+        self._socket.connect(("127.0.0.1", port))
+        self.text = b""
+        """What has been read and not yet expected."""
+        self.expect(b"< hi >")
+        for command in (b"< open vcan0 >", b"< rawmode >"):
+            self.send(command)
+            self.expect(b"< ok >")
+
+    def send(self, text: bytes) -> None:
+        self._socket.sendall(text)
+
+    def expect(self, text: bytes) -> bytes:
+        """Read until this has come; return what came before it."""
+        while text not in self.text:
+            more = self._socket.recv(1 << 16)
+            assert more, f"disconnected before {text!r} after {self.text!r}"
+            self.text += more
+        before, _, self.text = self.text.partition(text)
+        return before
+
+    def frames(self, count: int) -> list[str]:
+        """The next frames, as IDENTIFIER#DATA."""
+        shown = [self.expect(b" >") for _ in range(count)]
+        return ["#".join(text.decode("ascii").split(" ")[i] for i in (2, 4)) for text in shown]
+
+    def until_hung_up(self) -> bytes:
+        """All that still comes."""
+        while True:
+            try:
+                more = self._socket.recv(1 << 16)
+            except ConnectionError:
+                return self.text
+            if not more:
+                return self.text
+            self.text += more
+
+    @property
+    def readable(self) -> bool:
+        """Whether there is something to read just now."""
+        with selectors.DefaultSelector() as selector:
+            selector.register(self._socket, selectors.EVENT_READ)
+            return bool(selector.select(0))
+
+    def close(self) -> None:
+        self._socket.close()

@@ -1,0 +1,212 @@
+"""Real time without a clock: whatever the wall clock does, the board does the same."""
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from controller.backend import Kernel, fastest_kernel
+from emulator.board import Board, BoardConfig
+from emulator.bus import Bus
+from emulator.live import SLICE_COUNTS, LiveSimulation, Sender, warm_up
+from emulator.pacer import Pacer
+from emulator.simulation import Simulation
+from protocol.frame import Frame
+from protocol.pvt import PvtRecord
+
+MS = 1_000_000
+"""In nanoseconds."""
+TICK = 250_000
+NODE = 0x10
+KERNEL = fastest_kernel()
+
+
+def live_board(kernel: Kernel) -> LiveSimulation:
+    board = Board(BoardConfig(axis_count=2, osc_pf=(330.0, 330.0)), kernel)
+    return LiveSimulation(Simulation([board], Bus(1_000_000)), Pacer(0))
+
+
+def catch_up(live: LiveSimulation, now_ns: int) -> None:
+    """As the loop does it: until nothing is due any more."""
+    live.advance(now_ns)
+    while live.pacer.counts_at(now_ns) > live.simulation.now_counts:
+        live.advance(now_ns)
+    live.settle(now_ns)
+
+
+def motion(axis: int = 0) -> list[Frame]:
+    """Frames that let an axis make 50 steps in 100 ms."""
+    node = NODE + axis
+    enabling = [Frame(0x200 + node, bytes((word, 0, 7))) for word in (0x06, 0x07, 0x0F)]
+    start = [Frame(0x500 + node, PvtRecord(50 * 1024, 0, 100, 0).encode()), Frame(0x300 + node, b"\x1f\x00")]
+    return [Frame(0x000, b"\x01\x00"), *enabling, *start, Frame(0x080, b"")]
+
+
+Outcome = tuple[list[tuple[int, Frame]], list[list[int]]]
+
+
+def outcome(live: LiveSimulation) -> Outcome:
+    """All frames and all edges, with their instants."""
+    bus, board = live.simulation.bus, live.simulation.boards[0]
+    traces = [board.trace(axis) for axis in (0, 1)]
+    frames = list(zip(bus.log_counts, bus.log_frames, strict=True))
+    return frames, [trace.clk_rise_counts.tolist() for trace in traces]
+
+
+def run(arrivals: list[tuple[int, Frame]], wakes_ns: list[int], end_ns: int) -> Outcome:
+    """Frames arrive at instants; the process wakes up at others."""
+    live = live_board(KERNEL)
+    waiting = list(arrivals)
+    for now_ns in [*wakes_ns, end_ns]:
+        while waiting and waiting[0][0] <= now_ns:
+            arrived_ns, frame = waiting.pop(0)
+            live.send(frame, "a client", arrived_ns)
+        catch_up(live, now_ns)
+    return outcome(live)
+
+
+END_NS = 150 * MS
+DELAYS = st.lists(st.integers(0, 3 * MS), min_size=14, max_size=14)
+WAKES = st.lists(st.integers(0, END_NS), max_size=60).map(sorted)
+
+
+@settings(max_examples=30)
+@given(DELAYS, WAKES)
+@example([MS] * 14, [])
+def test_lateness_changes_nothing(delays_ns: list[int], wakes_ns: list[int]) -> None:
+    """However seldom the process wakes up, frames and edges are those of one that is always in time."""
+    times_ns = np.cumsum(delays_ns).tolist()
+    arrivals = list(zip(times_ns, motion(0) + motion(1), strict=True))
+    in_time = run(arrivals, list(range(0, END_NS, TICK)), END_NS)
+    assert run(arrivals, wakes_ns, END_NS) == in_time
+    if min(delays_ns) == MS:  # one by one, in their order
+        assert [len(edges) for edges in in_time[1]] == [50, 50]
+
+
+def test_a_frame_enters_at_its_instant() -> None:
+    """20 us after boot; the two boot-up messages are on the bus, and have the higher identifiers."""
+    live = live_board(KERNEL)
+    live.send(Frame(0x000, b"\x02\x00"), "a client", 20_000)
+    catch_up(live, 10 * MS)
+    assert [frame.cob_id for frame in live.simulation.bus.log_frames] == [0x710, 0x000, 0x711]
+
+
+def test_but_never_in_the_past() -> None:
+    live = live_board(KERNEL)
+    catch_up(live, 10 * MS)
+    live.send(Frame(0x000, b"\x02\x00"), "a client", 5 * MS)
+    catch_up(live, 11 * MS)
+    assert live.simulation.bus.log_counts[-1] > live.pacer.counts_at(10 * MS)
+
+
+def test_everybody_sees_everything_and_who_sent_it(fast_kernel: Kernel) -> None:
+    live = live_board(fast_kernel)
+    seen: list[tuple[Frame, Sender | None]] = []
+    live.view = lambda frame, _, sender: seen.append((frame, sender))
+    request = Frame(0x610, bytes.fromhex("4000100000000000"))
+    live.send(request, "one", 2 * MS)
+    live.send(request, "two", 2 * MS)
+    live.send(Frame(0x123, b"x"), "one", 2 * MS)
+    catch_up(live, 4 * MS)
+    boots = [(Frame(0x710, b"\0"), None), (Frame(0x711, b"\0"), None)]
+    answer = (Frame(0x590, bytes.fromhex("4300100092010400")), None)
+    assert seen[:2] == boots
+    assert sorted(seen[2:], key=str) == sorted(
+        [(request, "one"), (request, "two"), (Frame(0x123, b"x"), "one"), *[answer] * 2], key=str
+    )
+    assert [sender for frame, sender in seen if frame == request] == ["one", "two"]
+
+
+class TestWhenItIsDue:
+    def test_at_rest_with_the_bus(self, fast_kernel: Kernel) -> None:
+        """Nothing comes before the first boot-up message has passed, and nothing after the second."""
+        live = live_board(fast_kernel)
+        assert live.due_ns == 0
+        catch_up(live, 1_000)
+        assert live.due_ns == pytest.approx(54_000, abs=1_000)
+        catch_up(live, 10 * MS)
+        assert live.due_ns > 10**15
+
+    def test_in_motion_with_each_tick(self, fast_kernel: Kernel) -> None:
+        live = live_board(fast_kernel)
+        for frame in motion():
+            live.send(frame, "a client", 2 * MS)
+        catch_up(live, 20 * MS + 100_000)
+        assert live.moving
+        assert live.pacer.counts_at(live.due_ns) == live.pacer.counts_at(20 * MS + TICK) + 1
+        catch_up(live, 200 * MS)
+        assert not live.moving
+
+    def test_for_what_has_come_in_at_once(self, fast_kernel: Kernel) -> None:
+        live = live_board(fast_kernel)
+        catch_up(live, 10 * MS)
+        live.send(Frame(0x123, b""), "a client", 12 * MS)
+        assert live.pacer.counts_at(live.due_ns) == live.pacer.counts_at(12 * MS)
+
+    def test_a_long_sleep_at_rest_is_over_at_once(self, fast_kernel: Kernel) -> None:
+        live = live_board(fast_kernel)
+        catch_up(live, 10 * MS)
+        live.advance(3600 * 1000 * MS)
+        assert live.simulation.now_counts == 3600 * 72_000_000
+
+    def test_in_motion_others_have_their_turn(self, fast_kernel: Kernel) -> None:
+        live = live_board(fast_kernel)
+        for frame in motion():
+            live.send(frame, "a client", 2 * MS)
+        catch_up(live, 10 * MS)
+        before = live.simulation.now_counts
+        live.advance(90 * MS)
+        assert live.simulation.now_counts == before + SLICE_COUNTS
+
+
+class TestLateness:
+    def test_of_ticks(self, fast_kernel: Kernel) -> None:
+        """Ticks begin at whole multiples of 250 us: seen 90 us after each they are late by that."""
+        live = live_board(fast_kernel)
+        for frame in motion():
+            live.send(frame, "a client", 2 * MS)
+        catch_up(live, 10 * MS)
+        for now_ns in range(10 * MS, 60 * MS, TICK):
+            live.ticks.count = 0
+            catch_up(live, now_ns + 90_000)
+            assert live.ticks.count == 1
+        assert 90_000 <= live.ticks.percentile_ns(50) <= 96_000
+
+    def test_of_ticks_caught_up_with(self, fast_kernel: Kernel) -> None:
+        live = live_board(fast_kernel)
+        for frame in motion():
+            live.send(frame, "a client", 2 * MS)
+        catch_up(live, 10 * MS + 100)
+        live.ticks.max_ns = live.ticks.count = 0
+        catch_up(live, 15 * MS)
+        assert live.ticks.count == 19
+        assert live.ticks.max_ns == 5 * MS - TICK
+
+    def test_at_rest_there_are_none(self, fast_kernel: Kernel) -> None:
+        live = live_board(fast_kernel)
+        catch_up(live, 100 * MS)
+        assert live.ticks.count == 0
+
+    def test_of_frames(self, fast_kernel: Kernel) -> None:
+        """The boot-up messages were valid after some 54 and 111 us."""
+        live = live_board(fast_kernel)
+        catch_up(live, 1 * MS)
+        assert live.frames.count == 2
+        assert live.frames.max_ns == pytest.approx(1 * MS - 54_000, abs=1_000)
+
+
+def test_warming_up_calls_every_function_of_the_kernel(kernel: Kernel) -> None:
+    called: set[str] = set()
+
+    def noting(name: str) -> object:
+        function = getattr(kernel, name)
+
+        def call(*arguments: object) -> object:
+            called.add(name)
+            return function(*arguments)
+
+        return call
+
+    names = ("push", "next_segment", "advance", "demand_rate")
+    warm_up(Kernel(kernel.name, kernel.cells, kernel.rows, *[noting(name) for name in names]))  # type: ignore[arg-type]
+    assert called == set(names)

@@ -1,0 +1,271 @@
+"""`steptwin serve` as a program: what it says, what it records, how it ends."""
+
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from controller.backend import fastest_kernel
+from emulator.board import Board
+from emulator.bus import Bus
+from emulator.simulation import Simulation
+from host.cli.app import run
+from host.hardware import board_config, standing_steps
+from host.robots import load_robot
+from host.run_folder import read_edges
+from protocol.frame import Frame
+from protocol.pvt import PvtRecord
+from tests.emulator.live_rig import TIMEOUT_S, RawClient
+from tests.end_to_end.test_readme import ROOT, blocks_of
+
+LIVE = ROOT / "docs" / "live.md"
+PROGRAM = [sys.executable, "-c", "from host.cli import main; main()"]
+ROBOT = "warehouse-scara"
+STEPS_AT_MS = {0: 0, 10: 0, 70: 40, 110: 25}
+"""Where the fourth axis is at rest: a cubic leads from one to the next."""
+RECORDS = [
+    PvtRecord(1024 * (STEPS_AT_MS[end] - STEPS_AT_MS[begin]), 0, end - begin, sequence)
+    for sequence, (begin, end) in enumerate(pairwise(STEPS_AT_MS))
+]
+
+
+class Server:
+    """A `steptwin serve` of its own; `port` is where it listens."""
+
+    def __init__(self, *options: str) -> None:
+        self.process = subprocess.Popen(
+            [*PROGRAM, "serve", ROBOT, "--port", "0", *options],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        banner = self.process.stderr if "--json" in options else self.process.stdout
+        assert banner
+        self.banner = [banner.readline().rstrip() for _ in range(3)]
+        port = re.search(r"port=(\d+)", self.banner[1])
+        assert port, self.banner
+        self.port = int(port[1])
+
+    def end(self, number: signal.Signals) -> tuple[int, str, str]:
+        """Send a signal; return exit code, stdout and stderr."""
+        self.process.send_signal(number)
+        out, err = self.process.communicate(timeout=TIMEOUT_S)
+        return self.process.returncode, out, err
+
+
+@contextmanager
+def serving(*options: str) -> Iterator[Server]:
+    server = Server(*options)
+    try:
+        yield server
+    finally:
+        server.process.kill()
+        server.process.communicate()
+
+
+def frames_of_a_motion() -> list[Frame]:
+    """NMT start, enable in interpolated position mode, records, start by SYNC."""
+    node = 0x13
+    enabling = [Frame(0x200 + node, bytes((word, 0, 7))) for word in (0x06, 0x07, 0x0F)]
+    records = [Frame(0x500 + node, record.encode()) for record in RECORDS]
+    start = [Frame(0x300 + node, b"\x1f\x00"), Frame(0x080, b"")]
+    return [Frame(0x000, b"\x01\x00"), *enabling, *records, *start]
+
+
+def write_plan(folder: Path) -> None:
+    """The same motion as the host has it; the other joints stand at home."""
+    robot = load_robot(ROBOT)
+    names, spu = robot.joint_names, robot.joints[3].transmission.steps_per_unit
+    lines = [",".join(("t", *names, *(f"v_{name}" for name in names)))]
+    for t_ms, steps in STEPS_AT_MS.items():
+        positions = [*robot.home[:3], steps / spu, *robot.home[4:]]
+        lines.append(",".join(map(repr, (t_ms / 1000, *positions, *[0.0] * len(names)))))
+    (folder / "trajectory.csv").write_text("\n".join(lines) + "\n")
+
+
+def in_virtual_time() -> list[int]:
+    """When the same frames make steps there, in counts from the tick after the SYNC."""
+    robot = load_robot(ROBOT)
+    simulation = Simulation([Board(board_config(robot, robot.home), fastest_kernel())], Bus(robot.board.bitrate))
+    for frame in frames_of_a_motion():
+        simulation.send(frame)
+        if frame.cob_id == 0x080:
+            start_counts = -(-simulation.bus.log_counts[simulation.bus.log_frames.index(frame)] // 18_000) * 18_000
+    simulation.run_until(simulation.now_counts + 72_000_000)
+    counts: list[int] = (simulation.boards[0].trace(3).step_counts - start_counts).tolist()
+    return counts
+
+
+def move(client: RawClient) -> None:
+    """Send the motion frame by frame and wait until the axis has gone and come back."""
+    for frame in frames_of_a_motion():
+        client.send(f"< send {frame.cob_id:x} {len(frame.data)} {frame.data.hex(' ')} >".encode())
+    flags = 1 << 4
+    while flags & 1 << 4:  # the queue runs, says object 0x2012:03
+        client.send(b"< send 613 8 40 12 20 3 0 0 0 0 >")
+        client.expect(b" 4F122003")
+        flags = int(client.expect(b" >")[:2], 16)
+
+
+def test_a_session_and_its_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, log = tmp_path / "out", tmp_path / "run.log"
+    with serving("--out", str(out), "--log", str(log), "--json") as server:
+        assert server.banner[0].startswith("SIMULATED warehouse-scara: sx sz L1 th1 th2 th3, nodes 0x10 to 0x15")
+        listener, client = RawClient(server.port), RawClient(server.port)
+        move(client)
+        listener.expect(b"< frame 080 ")
+        code, stdout, stderr = server.end(signal.SIGTERM)
+        assert listener.until_hung_up()
+        for one in (listener, client):
+            one.close()
+    assert (code, stderr) == (0, "")
+    report = json.loads(stdout)
+    assert json.loads((out / "report.json").read_text()) == report | {"folder_version": 1}
+    assert {path.name for path in out.iterdir()} == {"report.json", "robot.toml", "edges.npz", "bus.log"}
+    th1 = report["axes"][3]
+    assert (th1["steps_start"], th1["steps_end"], th1["pulses"], th1["violations"]) == (0, 25, 55, 0)
+    assert report["simulated"] is True
+    assert report["passed"] is None
+    assert report["clients"] == {"served": 2, "disconnected": {}, "foreign_frames": 0}
+    real_time = report["real_time"]
+    assert real_time["ticks"]["count"] >= 440  # 110 ms
+    for late in (real_time["ticks"], real_time["frames"]):
+        assert 0 <= late["late_us_p50"] <= late["late_us_p99"] <= late["late_us_max"]
+    lines = log.read_text().splitlines()
+    assert lines == (out / "bus.log").read_text().splitlines()
+    assert len(lines) == report["bus"]["frames"]
+    assert lines[0] == "(0000000000.000054) steptwin0 710#00"
+    evidence = read_edges(out)
+    assert [axis.name for axis in evidence.axes] == list(load_robot(ROBOT).joint_names)
+    assert (evidence.axes[3].step_counts - evidence.start_counts).tolist() == in_virtual_time()
+    assert evidence.axes[3].pins["enable"].levels.tolist() == [1]
+    assert run(["trace", str(out)]) == 0
+    assert "th1_step" in (out / "trace.vcd").read_text()
+    assert run(["verify", str(out)]) == 2  # a board does not know what was planned
+    assert "trajectory.csv: is missing" in capsys.readouterr().err
+    write_plan(out)
+    assert run(["verify", str(out)]) == 0
+    assert capsys.readouterr().out.endswith("warehouse-scara live: PASSED\n")
+
+
+def test_ctrl_c_ends_it_as_well_after_what_docs_live_md_shows() -> None:
+    ((_, python),) = [block for block in blocks_of(LIVE.read_text(encoding="utf-8")) if block[0] == "python"]
+    with serving("--stand-at", "0 0 200 -60 120 -90") as server:
+        session = python.replace("29536", str(server.port))
+        shown = subprocess.run(
+            [sys.executable, "-W", "error", "-c", session], capture_output=True, text=True, check=True
+        )
+        assert "SIMULATED" in shown.stdout
+        code, stdout, stderr = server.end(signal.SIGINT)
+    assert (code, stderr) == (0, "")  # no status line where there is no terminal
+    steps = standing_steps(load_robot(ROBOT), [0, 0, 200, -60, 120, -90])[3]
+    assert ["th1", str(steps), str(steps), "0", "0"] in [line.split() for line in stdout.splitlines()]
+    assert "SIMULATED" in stdout.splitlines()[-1]
+
+
+def test_on_an_interface_of_python_can_with_a_terminal() -> None:
+    """There the status line says how it goes, until the end."""
+    terminal, stderr = os.openpty()
+    process = subprocess.Popen(
+        [*PROGRAM, "serve", ROBOT, "-i", "virtual", "-c", "here", "-b", "250000"],
+        stdout=subprocess.PIPE,
+        stderr=stderr,
+        text=True,
+        env={**os.environ, "COLUMNS": "80", "TERM": "xterm"},
+    )
+    os.close(stderr)
+    status = b""
+    while b"late, ms" not in status:
+        status += os.read(terminal, 4096)
+    process.send_signal(signal.SIGTERM)
+    out, _ = process.communicate(timeout=TIMEOUT_S)
+    os.close(terminal)
+    assert process.returncode == 0
+    assert b"SIMULATED warehouse-scara 0:0" in status
+    assert b"virtual here, " in status
+    assert "250 kbit/s" in out.splitlines()[0]
+    assert out.splitlines()[1] == "on python-can's interface virtual here"
+    assert "frames late, ms (p50 p99 max): " in out
+
+
+def test_a_port_that_is_taken(capsys: pytest.CaptureFixture[str]) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        assert run(["serve", ROBOT, "--port", str(port)]) == 4
+    captured = capsys.readouterr()
+    assert captured.err == f"steptwin: 127.0.0.1:{port} is in use; --port 0 takes a free one\n"
+    assert captured.out == ""
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        (["--host", "0.0.0.0"], "--host 0.0.0.0: other machines could drive this board"),
+        (["--host", "::"], "--host ::: other machines could drive this board"),
+        (["--host", "no.such.host.invalid"], "--host no.such.host.invalid: is no address"),
+        (["--port", "80"], "--port 80: is neither 0 nor from 1024 to 65535"),
+        (["--port", "65536"], "--port 65536: is neither 0 nor from 1024 to 65535"),
+        (["--port", "-1"], "--port -1: is neither 0 nor from 1024 to 65535"),
+        (["--speed", "0"], "--speed 0: is not from 0.001 to 1000"),
+        (["--speed", "nan"], "--speed nan: is not from 0.001 to 1000"),
+        (["--bitrate", "100000"], "--bitrate 100000: is none of 125000, 250000, 500000, 1000000"),
+        (["--channel", "vcan0"], "--channel vcan0: is for an --interface, and there is none"),
+        (["--interface", "virtuel"], "interface 'virtuel' is unknown: did you mean virtual?"),
+        (["--stand-at", "0 0"], "--stand-at: 2 values for the 6 joints"),
+        (["--out", ""], "--out: the name of the folder is empty"),
+        (["--port", "0", "--log", "/no/such/folder/run.log"], "/no/such/folder/run.log: No such file or directory"),
+    ],
+)
+def test_what_is_refused(options: list[str], complaint: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["serve", ROBOT, *options]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith(f"steptwin: {complaint}")
+    assert len(captured.err.splitlines()) == 1
+
+
+def test_an_interface_that_is_not_there(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["serve", ROBOT, "-i", "socketcan", "-c", "no_such_can"]) == 4
+    captured = capsys.readouterr()
+    assert captured.err.startswith("steptwin: socketcan no_such_can: ")
+    assert len(captured.err.splitlines()) == 1
+
+
+def test_other_machines_may_be_allowed() -> None:
+    with serving("--host", "0.0.0.0", "--allow-remote") as server:
+        RawClient(server.port).close()
+        code, _, stderr = server.end(signal.SIGTERM)
+    assert code == 0
+    assert "warning" in stderr
+    assert "other machines can drive this board" in stderr
+
+
+def test_no_edge_is_lost_between_two_takes() -> None:
+    """Taken piece by piece, a trace is what it is as a whole."""
+    robot = load_robot(ROBOT)
+    assert standing_steps(robot, list(robot.home))[3] == 0
+    board = Board(board_config(robot, robot.home), fastest_kernel())
+    simulation = Simulation([board], Bus(robot.board.bitrate))
+    for frame in frames_of_a_motion():
+        simulation.send(frame)
+    pieces = []
+    for _ in range(300):
+        simulation.run_until(simulation.now_counts + 33_333)
+        pieces.append(board.take_trace(3))
+    whole = [(piece.step_counts, piece.step_signs, piece.clk_fall_counts, piece.dir_levels) for piece in pieces]
+    steps, signs, falls, levels = (np.concatenate(arrays) for arrays in zip(*whole, strict=True))
+    assert len(steps) == len(falls) == 55
+    assert np.all(np.diff(steps) > 0)
+    assert signs.sum() == pieces[-1].position_steps == 25
+    assert len(levels) == 2
+    assert sum(piece.step_counts.size > 0 for piece in pieces) > 10

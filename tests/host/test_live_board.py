@@ -1,0 +1,129 @@
+"""A robot's live board without a clock: what it records, in how small a space, and which SYNC began the motion."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from controller.backend import Kernel
+from emulator.board import Board
+from host.live import LiveBoard
+from host.robots import load_robot
+from host.run_folder import read_edges, read_report
+from protocol.frame import Frame
+from protocol.pvt import PvtRecord
+
+MS = 1_000_000
+NODE = 0x13
+SYNC = Frame(0x080, b"")
+ROBOT = load_robot("warehouse-scara")
+
+
+class Session:
+    """Frames go in and time passes, as told; recorded is every 50 ms."""
+
+    def __init__(self, kernel: Kernel, out: Path | None = None, log: Path | None = None) -> None:
+        self.board = LiveBoard(
+            ROBOT, list(ROBOT.home), kernel, bitrate=ROBOT.board.bitrate, speed=1.0, out=out, log=log
+        )
+        self.board.live.start(0, 0)
+        self.now_ns = 0
+        self.wait(10)
+
+    def wait(self, dt_ms: int) -> None:
+        for _ in range(dt_ms):
+            self.now_ns += MS
+            self.board.live.advance(self.now_ns)
+            if self.now_ns % (50 * MS) == 0:
+                self.board.record()
+
+    def send(self, *frames: Frame) -> None:
+        for frame in frames:
+            self.board.live.send(frame, "a client", self.now_ns)
+            self.wait(1)
+
+    def move(self, sequence: int) -> None:
+        """20 steps up and down again in 100 ms, by PVT, begun by a SYNC."""
+        self.send(
+            *(Frame(0x200 + NODE, bytes((word, 0, 7))) for word in (0x06, 0x07, 0x0F)),
+            *(
+                Frame(0x500 + NODE, PvtRecord(units, 0, 50, (sequence + i) % 256).encode())
+                for i, units in enumerate((20 * 1024, -20 * 1024))
+            ),
+            Frame(0x300 + NODE, b"\x1f\x00"),
+            SYNC,
+        )
+        self.wait(120)
+
+    def end(self) -> None:
+        self.board.record()
+        self.board.close(self.board.report())
+
+
+def test_t_0_is_the_begin_of_the_last_motion_however_many_syncs_pass(fast_kernel: Kernel, tmp_path: Path) -> None:
+    session = Session(fast_kernel, tmp_path)
+    session.send(Frame(0x000, b"\x01\x00"), SYNC, SYNC)
+    session.move(0)
+    session.send(SYNC)
+    begun_ns = session.now_ns
+    session.move(2)
+    session.send(SYNC, SYNC)
+    session.end()
+    evidence = read_edges(tmp_path)
+    first_step_counts = evidence.axes[3].step_counts[40]
+    assert evidence.start_counts % 18_000 == 0
+    assert begun_ns * 9 / 125 < evidence.start_counts < first_step_counts < evidence.start_counts + 10 * 72_000
+    assert evidence.axes[3].step_counts.size == 80
+    assert read_report(tmp_path).document["started_s"] == evidence.start_counts / 72e6
+
+
+def test_a_profile_move_is_begun_by_no_sync(fast_kernel: Kernel, tmp_path: Path) -> None:
+    """Although some have passed."""
+    session = Session(fast_kernel, tmp_path)
+    session.send(SYNC)
+    write = Frame(0x600 + NODE, bytes.fromhex("237a600000c80000"))
+    session.send(Frame(0x000, b"\x01\x00"), *(Frame(0x200 + NODE, bytes((w, 0, 1))) for w in (6, 7, 15)), write, SYNC)
+    session.send(Frame(0x200 + NODE, b"\x1f\x00\x01"), SYNC)
+    session.wait(300)
+    session.end()
+    evidence = read_edges(tmp_path)
+    assert read_report(tmp_path).document["started_s"] is None
+    assert evidence.start_counts == 0
+    assert evidence.axes[3].step_counts.size == 50
+
+
+@pytest.mark.parametrize("recorded", [True, False], ids=["into a folder", "nowhere"])
+def test_nothing_is_held_in_memory(fast_kernel: Kernel, tmp_path: Path, recorded: bool) -> None:
+    session = Session(fast_kernel, tmp_path if recorded else None)
+    session.send(Frame(0x000, b"\x01\x00"))
+    for i in range(3):
+        session.move(2 * i)
+    session.board.record()
+    board: Board = session.board.live.simulation.boards[0]
+    assert board.trace(3).step_counts.size == 0
+    assert board.trace(3).position_steps == 0
+    assert board.pin_changes == []
+    assert not session.board.bus.log_frames
+    report = session.board.report()
+    assert report["axes"][3]["pulses"] == 120
+    assert report["joints"]["end"] == pytest.approx(list(ROBOT.home), abs=0.02)
+    session.end()
+
+
+def test_the_bus_log_alone(fast_kernel: Kernel, tmp_path: Path) -> None:
+    session = Session(fast_kernel, log=tmp_path / "run.log")
+    session.send(SYNC)
+    session.end()
+    lines = (tmp_path / "run.log").read_text().splitlines()
+    assert len(lines) == session.board.bus.frames == 7
+    assert lines[-1].endswith("steptwin0 080#")
+    assert [path.name for path in tmp_path.iterdir()] == ["run.log"]
+
+
+def test_the_report_is_a_document(fast_kernel: Kernel, tmp_path: Path) -> None:
+    session = Session(fast_kernel, tmp_path)
+    session.end()
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert report["robot"] == "warehouse-scara"
+    assert report["real_time"]["speed"] == 1.0
+    assert report["simulated_s"] == pytest.approx(0.01)
