@@ -1,6 +1,49 @@
 """The command line `steptwin`: one file a command; heavy modules are imported when a command needs them."""
 
-from host.cli import dbc, eds, fk, ik, jobs, robots, run, workspace
+from host.cli import (
+    dbc,
+    doctor,
+    eds,
+    estop,
+    fk,
+    home,
+    ik,
+    jobs,
+    jog,
+    monitor,
+    move,
+    outputs,
+    pause,
+    reset,
+    resume,
+    robots,
+    run,
+    status,
+    stop,
+    workspace,
+)
 from host.cli.app import main
 
-__all__ = ["dbc", "eds", "fk", "ik", "jobs", "main", "robots", "run", "workspace"]
+__all__ = [
+    "dbc",
+    "doctor",
+    "eds",
+    "estop",
+    "fk",
+    "home",
+    "ik",
+    "jobs",
+    "jog",
+    "main",
+    "monitor",
+    "move",
+    "outputs",
+    "pause",
+    "reset",
+    "resume",
+    "robots",
+    "run",
+    "status",
+    "stop",
+    "workspace",
+]
