@@ -82,6 +82,16 @@ class _SocketcandBus(SocketCanDaemonBus):
         return received
 
 
+class _EndOfReceiving(can.Listener):
+    """Lets the receiving thread end without a traceback: `BusNetwork.check` says why it did."""
+
+    def on_message_received(self, msg: can.Message) -> None:
+        """Frames are the network's matter."""
+
+    def on_error(self, exc: Exception) -> None:
+        """The notifier has kept it."""
+
+
 class BusNetwork(canopen.Network):
     """The canopen library's network; its errors are the command line's."""
 
@@ -89,6 +99,7 @@ class BusNetwork(canopen.Network):
 
     def __init__(self, bus: can.BusABC, title: str) -> None:
         super().__init__(bus)
+        self.listeners.append(_EndOfReceiving())
         self._title = title
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:

@@ -6,6 +6,7 @@ from typing import Any
 
 import canopen
 import pytest
+from canopen.network import PeriodicMessageTask
 
 from controller.backend import Kernel
 from host.cli.app import run
@@ -49,6 +50,9 @@ class Neighbour(canopen.Network):
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
         self._board.network.send_message(can_id, data, remote)
 
+    def send_periodic(self, can_id: int, data: bytes, period: float, remote: bool = False) -> PeriodicMessageTask:
+        return self._board.network.send_periodic(can_id, data, period, remote)
+
     @property
     def network(self) -> canopen.Network:
         return self
@@ -70,11 +74,11 @@ class CommandLine:
             def __init__(self, *_: object) -> None:
                 pass
 
-            def __enter__(self) -> EmbeddedBoard:
-                return board
+            def __enter__(self) -> Neighbour:
+                return Neighbour(board, patch)
 
             def __exit__(self, *_: object) -> None:
-                board.network.nodes.clear()
+                pass
 
         patch.setattr(bus_link, "open_bus", lambda _: None)
         patch.setattr(bus_link, "BusLink", Opened)

@@ -150,7 +150,8 @@ def test_only_what_differs_is_written(board: EmbeddedBoard, session: Session) ->
     assert not [frame for _, frame in board.bus_log[begin:] if frame.cob_id == 0]
 
 
-def test_the_command(steptwin: CommandLine, session: Session) -> None:
+@pytest.mark.usefixtures("session")
+def test_the_command(steptwin: CommandLine) -> None:
     document = steptwin.json("move warehouse-scara sx=50 th3=-10")
     assert document["goal"] == pytest.approx(dict(zip(ROBOT.joint_names, [50, *HOME[1:5], -10], strict=True)), abs=1e-4)
     assert list(document) == ["robot", "start", "goal", "end", "planned_s", "pose"]

@@ -3,10 +3,11 @@
 import pytest
 
 from host.embedded import EmbeddedBoard
-from host.errors import BusError, DeviceFaultError, InputError
+from host.errors import BusError, DeviceFaultError
 from host.operate.moving import move
 from host.operate.recovering import emergency_stop, reset, stop
 from host.operate.session import Session
+from tests.client.machines import silence_heartbeat
 from tests.operate.sessions import HOME, ROBOT, TH2, CommandLine, Neighbour
 
 GOAL = [400.0, 0.0, 120.0, 30.0, 40.0, -60.0]
@@ -100,32 +101,21 @@ def test_a_lost_host_is_a_fault_that_can_be_reset(
     """The axes watch the host while it moves them, not after it has taken leave."""
     board.wait(5.0)
     move(session, GOAL)
-    with pytest.MonkeyPatch.context() as patch, pytest.raises(DeviceFaultError, match="heartbeat lost"):
-        patch.setattr(board.network, "_repeated", _Silent())
-        move(session, HOME)
+
+    def hang(fraction: float) -> None:
+        if fraction > 0.2:
+            silence_heartbeat(monkeypatch)
+
+    with pytest.raises(DeviceFaultError, match=r"^sx: heartbeat lost \(EMCY 0x8130\)$"):
+        move(session, HOME, progress=hang)
+    monkeypatch.undo()
     other = Session(Neighbour(board, monkeypatch), ROBOT)
     assert [state.state for state in reset(other)] == ["SWITCH ON DISABLED"] * 6
     move(other, HOME)
 
 
-class _Silent:
-    """A bus interface whose timer does nothing."""
-
-    due_counts = None
-
-    def send_periodic(self, *_: object) -> "_Silent":
-        return self
-
-    def take_due(self) -> list[object]:
-        return []
-
-    def stop(self) -> None:
-        pass
-
-
-def test_pause_and_resume(steptwin: CommandLine, board: EmbeddedBoard, session: Session) -> None:
+@pytest.mark.usefixtures("session")
+def test_there_is_nothing_to_pause(steptwin: CommandLine) -> None:
     for command in ("pause", "resume"):
         message = f"steptwin: nothing to {command}: no axis runs a trajectory\n"
         assert steptwin.run(f"{command} warehouse-scara") == (2, "", message)
-    with pytest.raises(InputError):
-        session.machine.pause()

@@ -36,15 +36,14 @@ def test_it_ends_where_planned(board: EmbeddedBoard, session: Session, pull: Pla
 
 
 def test_without_approach_the_machine_must_stand_at_the_start(session: Session, pull: Plan) -> None:
+    move(session, [5.0, *ROBOT.home[1:]])
     with pytest.raises(InputError, match=r"^\w+: the trajectory starts at .*, the board stands at "):
         execute_live(session, pull, "drawer-pull")
     move(session, pull.start_joints)
     assert execute_live(session, pull, "drawer-pull").passed
 
 
-def test_an_axis_that_ends_elsewhere_is_seen(
-    board: EmbeddedBoard, session: Session, pull: Plan, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_axis_that_ends_elsewhere_is_seen(session: Session, pull: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
     positions = session.machine.positions_units
     one_step = 16384 // ROBOT.joints[SX].transmission.microsteps
 
@@ -126,7 +125,8 @@ def test_what_does_not_end_where_it_starts_is_not_repeated(pull: Plan) -> None:
         check_repeatable(pull, 0)
 
 
-def test_the_command(steptwin: CommandLine, session: Session) -> None:
+@pytest.mark.usefixtures("session")
+def test_the_command(steptwin: CommandLine) -> None:
     document = steptwin.json("run warehouse-scara drawer-pull --approach")
     assert document["passed"]
     assert [axis["name"] for axis in document["axes"]] == list(ROBOT.joint_names)
@@ -140,3 +140,21 @@ def test_the_command(steptwin: CommandLine, session: Session) -> None:
         ("--cut-stream 1", "--cut-stream: is for an emulated board"),
     ):
         assert steptwin.run(f"run warehouse-scara drawer-pull {options}") == (2, "", f"steptwin: {message}\n")
+
+
+def test_pause_and_resume_by_another_program(
+    board: EmbeddedBoard, session: Session, steptwin: CommandLine, pull: Plan
+) -> None:
+    """The commands in the middle of a run: it takes that much longer, and ends where planned."""
+    seen = []
+
+    def halfway(fraction: float) -> None:
+        if fraction > 0.5 and not seen:
+            seen.append(steptwin.json("pause warehouse-scara"))
+            begun_s = board.now_s()
+            session.link.wait(10.0)
+            seen.append(steptwin.json("resume warehouse-scara"))
+            assert board.now_s() - begun_s > 10.0
+
+    assert execute_live(session, pull, "drawer-pull", progress=halfway).passed
+    assert seen == [{"robot": "warehouse-scara", "halted": True}, {"robot": "warehouse-scara", "halted": False}]
