@@ -89,7 +89,8 @@ class _EndOfReceiving(can.Listener):
         """Frames are the network's matter."""
 
     def on_error(self, exc: Exception) -> None:
-        """The notifier has kept it."""
+        """The notifier has kept it, and tries again: not without a pause."""
+        time.sleep(_RECEIVE_CYCLE_S)
 
 
 class BusNetwork(canopen.Network):

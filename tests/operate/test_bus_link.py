@@ -21,7 +21,12 @@ def test_frames_go_both_ways() -> None:
         assert sent is not None
         assert (sent.arbitration_id, sent.is_extended_id, bytes(sent.data)) == (0x123, False, b"\x01\x02")
         arrived = threading.Event()
-        link.network.subscribe(0x234, lambda _, data, __: (heard.append(bytes(data)), arrived.set()))
+
+        def hear(_cob_id: int, data: bytearray, _time_s: float) -> None:
+            heard.append(bytes(data))
+            arrived.set()
+
+        link.network.subscribe(0x234, hear)
         other.send(can.Message(arbitration_id=0x234, data=b"\x03", is_extended_id=False))
         assert arrived.wait(5.0)
         before_s = link.now_s()

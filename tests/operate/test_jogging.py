@@ -1,11 +1,9 @@
 """Jogging: for a time, to the end of travel, until Ctrl-C."""
 
-from collections.abc import Callable
-
 import pytest
 
 from controller.backend import Kernel
-from host.client import profile_motion
+from host.client import AxisClient, profile_motion, run
 from host.embedded import EmbeddedBoard
 from host.errors import DeviceFaultError, InputError
 from host.operate.jogging import check_jog, jog
@@ -47,10 +45,10 @@ def test_a_limit_switch_stops_it_with_a_fault(board: EmbeddedBoard) -> None:
 
 
 def interrupted_after(looks: int, patch: pytest.MonkeyPatch) -> None:
-    check: Callable[..., None] = profile_motion.check_enabled
+    check = run.check_enabled
     left = [looks]
 
-    def check_or_interrupt(axes: tuple[object, ...]) -> None:
+    def check_or_interrupt(axes: tuple[AxisClient, ...]) -> None:
         left[0] -= 1
         if left[0] == 0:
             raise KeyboardInterrupt

@@ -125,7 +125,7 @@ def test_a_fault_is_named(session: Session) -> None:
 
 def test_somebody_else_moves_it(session: Session, board: EmbeddedBoard, monkeypatch: pytest.MonkeyPatch) -> None:
     other = Session(Neighbour(board, monkeypatch), ROBOT)
-    seen = []
+    seen: list[object] = []
 
     def halfway(fraction: float) -> None:
         if fraction > 0.5 and not seen:

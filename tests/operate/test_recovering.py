@@ -23,7 +23,7 @@ def test_all_axes_stop_in_the_same_tick(
 ) -> None:
     """One SYNC after the latched controlwords; nothing by SDO, and no axis has to be told twice."""
     other = Session(Neighbour(board, monkeypatch), ROBOT)
-    begin = []
+    begin: list[int] = []
 
     def halfway(fraction: float) -> None:
         if fraction > 0.5 and not begin:

@@ -1,6 +1,7 @@
 """Runs on a live board: where they start, how they end, who may interfere, how often."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from host.operate.moving import move
 from host.operate.recovering import axis_states, emergency_stop, stop
 from host.operate.running import check_repeatable, execute_live
 from host.operate.session import Session
-from host.operate.status import read_status
+from host.operate.status import MachineStatus, read_status
 from host.planner import Plan, plan
 from host.trajectory_file import read_trajectory
 from tests.operate.sessions import HALF_STEPS, ROBOT, SX, CommandLine, Neighbour
@@ -24,7 +25,7 @@ def pull() -> Plan:
 
 
 def test_it_ends_where_planned(board: EmbeddedBoard, session: Session, pull: Plan) -> None:
-    heard = []
+    heard: list[float] = []
     outcome = execute_live(session, pull, "drawer-pull", approach=True, progress=heard.append)
     assert outcome.passed
     end = pull.points_units[-1] / ROBOT.wire_units_per_unit
@@ -86,7 +87,7 @@ def test_others_may_look_on(
     """Without a question by SDO: the host that streams has the nodes for itself."""
     other = Session(Neighbour(board, monkeypatch), ROBOT)
     move(session, pull.start_joints)
-    seen = []
+    seen: list[MachineStatus] = []
 
     def halfway(fraction: float) -> None:
         if fraction > 0.5 and not seen:
@@ -146,7 +147,7 @@ def test_pause_and_resume_by_another_program(
     board: EmbeddedBoard, session: Session, steptwin: CommandLine, pull: Plan
 ) -> None:
     """The commands in the middle of a run: it takes that much longer, and ends where planned."""
-    seen = []
+    seen: list[dict[str, Any]] = []
 
     def halfway(fraction: float) -> None:
         if fraction > 0.5 and not seen:
