@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from typing import Protocol
 
+from controller.cyclic_position import CyclicPosition
 from controller.drive import ENERGISED, next_state
 from controller.driver_settings import DriverSettings
 from controller.homing import Homing
@@ -16,6 +17,7 @@ from controller.profile_position import ProfilePosition
 from controller.profile_velocity import ProfileVelocity
 from controller.stops import DISABLES, HALTS, OPTIONS, QUICK_STOPS, SHUTDOWNS, Ramp, fault_ramp
 from controller.supervision import Supervision
+from controller.sync_clock import SyncClock
 from protocol import cia402
 from protocol.abort import AbortCode, SdoAbortError
 from protocol.cia402 import AbortConnection, Control, DigitalInput, ErrorCode, State, Status
@@ -30,7 +32,7 @@ _ABORT_CONTROLWORDS = {
 """What the drive obeys in place of its lost host."""
 
 
-_FOLLOWING_MODES = (cia402.Mode.PROFILE_POSITION,)
+_FOLLOWING_MODES = (cia402.Mode.PROFILE_POSITION, cia402.Mode.CYCLIC_SYNCHRONOUS_POSITION)
 """The modes in which bit 13 of the statusword is a following error."""
 
 
@@ -82,6 +84,7 @@ class AxisDrive:
         node: Node,
         measurements: Measurements,
         monitor: Monitor,
+        sync_clock: SyncClock,
         trip: Trip,
     ) -> None:
         self.axis = axis
@@ -135,6 +138,16 @@ class AxisDrive:
             cia402.Mode.PROFILE_VELOCITY: self._profile_velocity,
             cia402.Mode.HOMING: self._homing,
             cia402.Mode.INTERPOLATED_POSITION: self.interpolation,
+            cia402.Mode.CYCLIC_SYNCHRONOUS_POSITION: CyclicPosition(
+                axis,
+                motion,
+                dictionary,
+                sync_clock,
+                now_us=lambda: node.now_us,
+                close_records=self.interpolation.close,
+                ramp_down=lambda: self._ramp_down(HALTS[dictionary.get(0x605D)]),
+                trip=trip,
+            ),
         }
         self.mode_number = int(cia402.Mode.NONE)
         self._install_hooks()

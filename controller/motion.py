@@ -225,7 +225,11 @@ class Motion:
 
     def push(self, axis: int, displacement_units: int, end_velocity: int, duration_ms: int) -> Refusal:
         """Queue one segment, in the PVT record's units."""
-        answer = self._kernel.push(self._axes, self._queue, axis, displacement_units, end_velocity, duration_ms)
+        return self.push_ticks(axis, displacement_units, end_velocity, duration_ms * k.TICKS_PER_MS)
+
+    def push_ticks(self, axis: int, displacement_units: int, end_velocity: int, duration_ticks: int) -> Refusal:
+        """Queue one segment that lasts so many servo ticks."""
+        answer = self._kernel.push(self._axes, self._queue, axis, displacement_units, end_velocity, duration_ticks)
         return Refusal(answer) if answer else Refusal.ACCEPTED
 
     def start(self, axis: int, *, in_group: bool = False) -> bool:
@@ -381,11 +385,11 @@ class Motion:
         )
 
     def _note_events(self) -> None:
-        for axis in sorted(self._running):
-            event = self._get(axis, k.EVENT)
-            if event:
-                self._set(axis, k.EVENT, k.EVENT_NONE)
-                self._events[axis] = Event(event)
+        axes = self._axes
+        asking = [axis for axis in self._running if axes[axis * k.AXIS_FIELDS + k.EVENT]]
+        for axis in sorted(asking):
+            self._events[axis] = Event(self._get(axis, k.EVENT))
+            self._set(axis, k.EVENT, k.EVENT_NONE)
 
     @property
     def has_events(self) -> bool:

@@ -68,6 +68,7 @@ class Status(IntFlag):
     SETPOINT_ACKNOWLEDGED = 1 << 12
     ZERO_SPEED = 1 << 12
     IP_ACTIVE = 1 << 12
+    FOLLOWS_COMMAND = 1 << 12
     HOMING_ERROR = 1 << 13
     FOLLOWING_ERROR = 1 << 13
     POSITION_KNOWN = 1 << 14
@@ -82,6 +83,7 @@ class Mode(IntEnum):
     PROFILE_VELOCITY = 3
     HOMING = 6
     INTERPOLATED_POSITION = 7
+    CYCLIC_SYNCHRONOUS_POSITION = 8
 
     @property
     def supported_bit(self) -> int:
@@ -171,6 +173,8 @@ class ErrorCode(IntEnum):
     FOLLOWING_ERROR = 0x8611
     LIMIT_SWITCH = 0x8612
     """CiA 402's "reference limit". Detail 0: the negative one; 1: the positive one."""
+    SYNC_CONTROLLER = 0x8700
+    """Too many SYNCs (detail 0) or set-points (detail 1) of cyclic synchronous position have not come in time."""
     ESTOP = 0x9000
     """CiA 301's "external error"."""
     PVT_UNDERRUN = 0xFF01

@@ -144,6 +144,10 @@ PULSE_NS_MIN = 4_000
 TIMING_NS_MAX = 1_000_000
 """Bounds of the step timing 0x2001: no CLK phase below 4 us, which is 125 kHz, no timing above 1 ms."""
 
+CYCLE_MS_MAX = 10
+"""The longest period of cyclic synchronous position."""
+MILLI = -3
+
 WINDOW_OFF = U32.high
 """What switches the windows 0x6065 and 0x6067 off."""
 
@@ -418,6 +422,13 @@ _DRIVE = [
         Entry("End velocity in 1/64 unit per ms", I24, RW, mapping=RX),
         Entry("Duration in ms", U8, RW, mapping=RX),
         Entry("Sequence number: writing it queues the record", U8, RW, mapping=RX),
+    ),
+    # A period of value 10^index seconds. At 1 ms, CiA 402's default, eight axes would fill a bus of 1 Mbit/s.
+    _record(
+        0x60C2,
+        "Interpolation time period",
+        Entry("Interpolation time period value", U8, RW, CYCLE_MS_MAX, 1, CYCLE_MS_MAX),
+        Entry("Interpolation time index: -3 = ms", I8, RW, MILLI, MILLI, MILLI),
     ),
     _record(
         0x60C4,
