@@ -76,6 +76,7 @@ def run(
     with the plan then.
     """
     from host.planner import plan
+    from host.run import execute
     from host.run_folder import prepare_folder, write_folder
 
     loaded, rest = robot_and_rest(words or [], robot_file)
@@ -88,8 +89,6 @@ def run(
         run_live(live, planned, job, repeat=repeat, approach=approach, as_json=as_json)
         return
     _refuse({"--repeat": repeat if repeat != 1 else None, "--approach": approach or None}, "a live")
-    from host.run import execute
-
     standing = None if stand_at is None else joint_values(stand_at.split(), loaded.joint_names, "--stand-at")
     folder = None if out is None else prepare_folder(out)
     with progress_bar(f"{loaded.name} {job}") as progress:

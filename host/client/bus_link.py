@@ -11,6 +11,7 @@ from typing import Any, Final
 import can
 import canopen
 from can.interfaces.socketcand import SocketCanDaemonBus
+from canopen.network import MessageListener
 
 from host.errors import BusError
 
@@ -82,13 +83,13 @@ class _SocketcandBus(SocketCanDaemonBus):
         return received
 
 
-class _EndOfReceiving(can.Listener):
+class _EndOfReceiving(MessageListener):
     """Lets the receiving thread end without a traceback: `BusNetwork.check` says why it did."""
 
     def on_message_received(self, msg: can.Message) -> None:
         """Frames are the network's matter."""
 
-    def on_error(self, exc: Exception) -> None:
+    def on_error(self, _exc: Exception) -> None:
         """The notifier has kept it, and tries again: not without a pause."""
         time.sleep(_RECEIVE_CYCLE_S)
 
@@ -100,7 +101,7 @@ class BusNetwork(canopen.Network):
 
     def __init__(self, bus: can.BusABC, title: str) -> None:
         super().__init__(bus)
-        self.listeners.append(_EndOfReceiving())
+        self.listeners.append(_EndOfReceiving(self))
         self._title = title
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
