@@ -7,7 +7,7 @@ from importlib.util import find_spec
 from rich.console import Console
 from rich.table import Table
 
-from bench import drawer_pull, kernel, kinematics, timing
+from bench import cyclic, drawer_pull, kernel, kinematics, timing
 from bench.loads import AXES
 from controller.backend import KERNELS
 
@@ -62,6 +62,17 @@ def main() -> None:
         )
     console.print(table)
 
+    table = Table("peak steps/s", "period, ms", "max error, steps", "rms", "max at the start", title=_CYCLIC_TITLE)
+    for y in cyclic.figures(kernels[-1]):
+        table.add_row(
+            f"{y.peak_hz:g}",
+            f"{y.period_ms}",
+            f"{y.error_steps_max:.5f}",
+            f"{y.error_steps_rms:.5f}",
+            "-" if y.start_error_steps_max is None else f"{y.start_error_steps_max:.5f}",
+        )
+    console.print(table)
+
     table = Table("robot", "way", "branches", "M poses/s", "ns a pose", "x numpy sin", title=_KINEMATICS_TITLE)
     for f in kinematics.figures():
         table.add_row(
@@ -77,6 +88,7 @@ def main() -> None:
 
 _KERNEL_TITLE = f"Kernel: {AXES} axes, one core, driver limits lifted; ratio to copying the bytes that it writes"
 _TIMING_TITLE = f"Timing error: sines of {timing.SINE_HZ:g} Hz, points every 10 ms, TB6560 pulse timing"
+_CYCLIC_TITLE = f"Cyclic synchronous position: sines of {timing.SINE_HZ:g} Hz, set-points to the unit"
 _KINEMATICS_TITLE = f"Kinematics: batches of {kinematics.BATCH}, one core; ratio to the sines of all joint values"
 
 if __name__ == "__main__":

@@ -5,13 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.loads import TB6560_TIMING, run, sine
+from bench.loads import TB6560_TIMING, Int64Array, run, sine
 from controller.backend import Kernel
-from controller.motion import COUNTS_PER_SECOND
+from controller.motion import COUNTS_PER_SECOND, PinEdges
 
 PEAKS_HZ = (300.0, 2_000.0, 14_000.0)
 SINE_HZ = 0.5
 THRESHOLD_STEPS = 9 / 16
+
+Float64Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -34,12 +36,11 @@ def figures(kernel: Kernel) -> list[TimingFigure]:
 def measure(kernel: Kernel, peak_hz: float) -> TimingFigure:
     """Compare every edge with A (1 - cos wt): in steps at the edge's time, in time by the speed there."""
     load = sine(peak_hz, SINE_HZ, 1)
-    rises, signs, delayed = _edges(kernel, peak_hz)
-    omega = 2 * np.pi * SINE_HZ
+    drained, delayed = _edges(kernel, peak_hz)
+    rises, signs = steps_of(drained)
     t_s = rises / COUNTS_PER_SECOND
-    thresholds = np.cumsum(signs) - signs + signs * THRESHOLD_STEPS
-    error_steps = peak_hz / omega * (1 - np.cos(omega * t_s)) - thresholds
-    speed_hz = peak_hz * np.abs(np.sin(omega * t_s))
+    error_steps = errors_steps(t_s, signs, peak_hz)
+    speed_hz = peak_hz * np.abs(np.sin(2 * np.pi * SINE_HZ * t_s))
     fast = speed_hz > 0.01 * peak_hz  # slower than that, time is ill-defined
     error_us = np.abs(error_steps[fast]) / speed_hz[fast] * 1e6
     return TimingFigure(
@@ -52,17 +53,29 @@ def measure(kernel: Kernel, peak_hz: float) -> TimingFigure:
     )
 
 
-def _edges(kernel: Kernel, peak_hz: float) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:
-    """CLK rises of one axis, which way each steps, and how many had to wait."""
-    rises, directions, delayed = [], [], 0
+def errors_steps(t_s: Float64Array, signs: Int64Array, peak_hz: float) -> Float64Array:
+    """The ideal position at the time of each step, less the threshold that it crosses."""
+    omega = 2 * np.pi * SINE_HZ
+    thresholds = np.cumsum(signs) - signs + signs * THRESHOLD_STEPS
+    return np.asarray(peak_hz / omega * (1 - np.cos(omega * t_s)) - thresholds, dtype=np.float64)
+
+
+def steps_of(drained: list[PinEdges]) -> tuple[Int64Array, Int64Array]:
+    """CLK rises of one axis in timer counts, and which way each steps; DIR is low at first."""
+    rises = np.concatenate([np.asarray(edges.clk_counts, dtype=np.int64)[0::2] for edges in drained])
+    words = np.concatenate([np.asarray(edges.direction, dtype=np.int64) for edges in drained])
+    levels = np.concatenate(([0], words & 1))[np.searchsorted(words >> 1, rises, side="right")]
+    return rises, 2 * levels - 1
+
+
+def _edges(kernel: Kernel, peak_hz: float) -> tuple[list[PinEdges], int]:
+    """One axis' edges, and how many steps had to wait."""
+    drained: list[PinEdges] = []
+    delayed = 0
     for motion, until_tick in run(kernel, sine(peak_hz, SINE_HZ, 1), TB6560_TIMING, axes=1):
         while motion.tick < until_tick:
             motion.advance(until_tick)
-            (edges,) = motion.take_edges()
-            rises.append(np.asarray(edges.clk_counts, dtype=np.int64)[0::2])
-            directions.append(np.asarray(edges.direction, dtype=np.int64))
+            drained += motion.take_edges()
         motion.take_events()
         delayed = motion.delayed_steps(0)
-    all_rises, words = np.concatenate(rises), np.concatenate(directions)
-    levels = np.concatenate(([0], words & 1))[np.searchsorted(words >> 1, all_rises, side="right")]
-    return all_rises, 2 * levels - 1, delayed
+    return drained, delayed

@@ -1,22 +1,22 @@
 """Cyclic synchronous position mode (CiA 402-2): each SYNC brings a set-point 0x607A, the axis runs through all of them.
 
 A set-point is used when the slot of its SYNC has closed (see `SyncClock`): the cubic that ends there then begins with
-the next servo tick and lasts a period. So a set-point is reached 1.5 periods and a tick after its SYNC was due. A cubic
-begins with the velocity at which the one before it ended and ends with that of the parabola through the last three
-set-points. With set-points P(kT) of a smooth motion that velocity is wrong by T^2 P'''/3; where two such cubics meet
-the axis is where and, to that error, as fast as the host wants it, and between them off by 0.032 T^3 P''' at most
-(T/3 P''' T^2 times the largest s (1 - s) (1 - 2s)).
+the next servo tick and lasts a period T. It begins with the velocity at which the cubic before ended, and ends with
+that of the parabola through the last three set-points. For set-points P(kT) of a smooth motion that velocity is wrong
+by T^2 P'''/3, so that the axis is off by 0.032 T^3 P''' between them at most: T times that velocity times the largest
+s (1 - s) (1 - 2s), which is 0.096. Where the acceleration jumps by a it is off by 4/27 T (a T/4) = 0.037 a T^2.
 
-Servo ticks are 250 us. While the slots are moved, because the clocks of host and board drift apart, a slot closes in
-the tick after its end, some cubics are a tick longer or shorter, and each ends where the parabola is so much later than
-its set-point: the speed changes by 1/256 at most, not by the ticks.
+Cubics last whole servo ticks. Once the slots have been moved, because the clocks of host and board drift apart, they
+close up to a tick before or after they should; each cubic then ends where the parabola is at that time. While they are
+moved the speed differs by 1/512 or, at 1 ms, by 1/1000, for the first period by twice that.
 
-From rest the axis follows from the next SYNC on, so the host begins with the position 0x6062. A set-point that cannot
-be reached within the axis' speed in a period, from the present velocity, is a fault. One beyond the soft limits is
-moved there (bit 11), and no cubic leads beyond them: the axis falls behind instead, if it must brake.
+From rest the axis follows from the next SYNC on, so the host begins with the position 0x6062. A set-point is a fault if
+it is farther from the one before than the axis can go in the time between. Where the axis cannot be fast enough in
+the middle of a cubic, after a sudden start, it falls behind and catches up; to be a period behind is a fault. One
+beyond the soft limits is moved there (bit 11), and no cubic leads beyond them.
 
 A slot without SYNC, or whose SYNC came without a set-point, is bridged by the velocity of the slot before. It costs
-three points, a good slot gives one back, and more than nine are a fault (the counting of EtherCAT's object 0x10F1). At
+three points, a set-point gives one back, and more than nine are a fault (the counting of EtherCAT's object 0x10F1). At
 rest nothing is lost: the axis holds its position, and without SYNC it ceases to follow.
 
 Halt (bit 8) ramps to rest by 0x605D. The axis then does not follow until the bit has been cleared and a SYNC has come:
@@ -26,7 +26,8 @@ as at the beginning the host has to start from 0x6062.
 from collections.abc import Callable
 from typing import NamedTuple
 
-from controller.kernel import TICKS_PER_MS, way_q16
+from controller.cyclic_cubics import Cubic, highest_velocity, parabola, slowed
+from controller.kernel import TICKS_PER_MS
 from controller.modes import Mode, Trip
 from controller.motion import Motion, Refusal
 from controller.soft_limits import soft_limits
@@ -42,9 +43,6 @@ _LOST, _GOOD, _LOST_MAX = 3, 1, 9
 NO_SYNC, NO_SET_POINT = 0, 1
 """Details of the fault: what was lost last."""
 
-_UNIT_PER_US = 1000 * VELOCITY_PER_UNIT_PER_MS
-"""As a velocity, in 1/64 unit per ms."""
-
 
 class _Came(NamedTuple):
     """What has come in a slot."""
@@ -54,13 +52,6 @@ class _Came(NamedTuple):
 
 
 _NOTHING = _Came(sync=False, set_point_units=None)
-
-
-class _Cubic(NamedTuple):
-    """From where and as fast as the one before it ended; end velocity in 1/64 unit per ms."""
-
-    displacement_units: int
-    end_velocity: int
 
 
 class CyclicPosition(Mode):
@@ -229,71 +220,41 @@ class CyclicPosition(Mode):
     def _move(self, closed: Slot) -> None:
         """Queue the cubic that ends a tick after the slot now open closes, unless the axis stands and shall stand."""
         motion, axis = self._motion, self._axis
-        period_us = self._slot.end_us - closed.end_us
-        wanted = self._aim(period_us)
-        if wanted.displacement_units == wanted.end_velocity == motion.tail_velocity(axis) == 0:
+        wanted, room = self._aim(self._slot.end_us - closed.end_us)
+        start_velocity = motion.tail_velocity(axis)
+        if wanted.displacement_units == wanted.end_velocity == start_velocity == 0:
             return
-        stands = not motion.running(axis)
-        if stands:  # until the tick in which the cubic of a moving axis begins
-            motion.push_ticks(axis, 0, 0, 1)
         ticks = self._slot.close_tick - closed.close_tick
-        cubic = self._slowed(wanted, ticks, self._room(wanted, period_us))
-        behind_units = abs(wanted.displacement_units - cubic.displacement_units)
-        if behind_units > self._reach_units or motion.push_ticks(axis, *cubic, ticks) is not Refusal.ACCEPTED:
+        microsteps = motion.config(axis).microsteps
+        cubic = slowed(wanted, start_velocity, self._velocity_limit, room, ticks, microsteps)
+        if abs(wanted.displacement_units - cubic.displacement_units) > self._reach_units:
             self._trip(axis, ErrorCode.OVERSPEED)
+        else:
+            self._queue(cubic, ticks)
+
+    def _aim(self, period_us: int) -> tuple[Cubic, int]:
+        """To where the parabola is when the open slot closes, and what the soft limits leave of its velocity."""
+        end = parabola(self._points_units, self._slot.excess_us, period_us)
+        low, high = self._range()
+        end_units = max(low, min(end.position_units, high))
+        room = highest_velocity(min(end_units - low, high - end_units), period_us + 2 * TICK_US)
+        return Cubic(end_units - self._motion.tail_units(self._axis), end.velocity), room
+
+    def _queue(self, cubic: Cubic, ticks: int) -> None:
+        """An axis that stands waits for the tick in which the cubic of a moving one begins."""
+        motion, axis = self._motion, self._axis
+        stands = not motion.running(axis)
+        if stands:
+            motion.push_ticks(axis, 0, 0, 1)
+        if motion.push_ticks(axis, *cubic, ticks) is not Refusal.ACCEPTED:
+            motion.drop_queued(axis)
+            self._trip(axis, ErrorCode.SEGMENT_REFUSED)
         elif stands:
             motion.start(axis)
 
-    def _aim(self, period_us: int) -> _Cubic:
-        """End where the parabola is when the open slot closes.
-
-        With the newest point p0, the points p1 and p2 a period and two before it, r after p0 the parabola is at
-        p0 + ((3 p0 - 4 p1 + p2) r/T + (p0 - 2 p1 + p2) (r/T)^2) / 2.
-        """
-        p0, p1, p2 = self._points_units
-        slope, bend, r_us = 3 * p0 - 4 * p1 + p2, p0 - 2 * p1 + p2, self._slot.excess_us
-        divisor = 2 * period_us * period_us
-        beyond_units = _rounded((slope * period_us + bend * r_us) * r_us, divisor)
-        velocity = _rounded((slope * period_us + 2 * bend * r_us) * _UNIT_PER_US, divisor)
-        return _Cubic(self._within_limits(p0 + beyond_units) - self._motion.tail_units(self._axis), velocity)
-
-    def _room(self, cubic: _Cubic, period_us: int) -> int:
-        """The highest end velocity for which neither this cubic nor the next must lead beyond the soft limits.
-
-        A cubic stays between p0, p0 + v0 T/3, p1 - v1 T/3 and p1 (see `soft_limits.hull`).
-        """
-        low, high = self._range()
-        end_units = self._motion.tail_units(self._axis) + cubic.displacement_units
-        return 3 * min(high - end_units, end_units - low) * _UNIT_PER_US // (period_us + 2 * TICK_US)
-
-    def _slowed(self, cubic: _Cubic, ticks: int, room: int) -> _Cubic:
-        """The nearest cubic within the axis' limit L and the room: |v0|, |3D/T - v0 - v1| and |v1| bound its speed.
-
-        Where the wanted v1 leaves too much speed for the middle the next better one is taken; where there is none that
-        is good enough, the axis falls behind. All is reckoned like the kernel does, in Q16 steps over the cubic.
-        """
-        microsteps = self._motion.config(self._axis).microsteps
-        units_q16 = 3 * microsteps << 2
-        limit = self._velocity_limit
-        limit_q16 = way_q16(limit, ticks, microsteps)
-        start_q16 = way_q16(self._motion.tail_velocity(self._axis), ticks, microsteps)
-        middle_q16 = cubic.displacement_units * units_q16 - start_q16
-        most = min(limit, room)
-        velocity = max(-most, min(cubic.end_velocity, most))
-        end_q16 = way_q16(velocity, ticks, microsteps)
-        if abs(middle_q16 - end_q16) <= limit_q16:
-            return _Cubic(cubic.displacement_units, velocity)
-        if middle_q16 > end_q16:
-            velocity = min(-(-(middle_q16 - limit_q16 << 6) // (ticks * microsteps)), most)
-            fastest_q16 = start_q16 + way_q16(velocity, ticks, microsteps) + limit_q16
-            return _Cubic(min(cubic.displacement_units, fastest_q16 // units_q16), velocity)
-        velocity = max((middle_q16 + limit_q16 << 6) // (ticks * microsteps), -most)
-        fastest_q16 = start_q16 + way_q16(velocity, ticks, microsteps) - limit_q16
-        return _Cubic(max(cubic.displacement_units, -(-fastest_q16 // units_q16)), velocity)
-
     @property
     def _velocity_limit(self) -> int:
-        """The axis' highest speed in 1/64 unit per ms, of which every number of ticks is within the kernel's limit."""
+        """The axis' highest speed in 1/64 unit per ms; cubics of any number of ticks may have it."""
         config = self._motion.config(self._axis)
         return (config.rate_limit_q16_per_ms & -TICKS_PER_MS) * VELOCITY_PER_UNIT_PER_MS // (config.microsteps << 2)
 
@@ -301,8 +262,3 @@ class CyclicPosition(Mode):
     def _reach_units(self) -> int:
         """How far that leads in a period."""
         return self._velocity_limit * self._dictionary.get(0x60C2, 1) // VELOCITY_PER_UNIT_PER_MS
-
-
-def _rounded(numerator: int, denominator: int) -> int:
-    """To the nearest integer."""
-    return (2 * numerator + denominator) // (2 * denominator)

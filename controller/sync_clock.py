@@ -58,6 +58,7 @@ class SyncClock:
             self._period_us = period_us
             end_us = now_us + period_us // 2
             self.slot = Slot(end_us, -end_us % TICK_US)
+            self._shift_us = 0
             self._restart_mean()
         if period_us == self._period_us:
             self._users.add(axis)

@@ -1,15 +1,16 @@
 """The default board: emulated in this process, in virtual time, with the client's network wired straight to it."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from math import floor
 
 import canopen
+import numpy as np
 from canopen.network import PeriodicMessageTask
 
 from controller.backend import Kernel
 from controller.kernel import TICK_COUNTS
 from controller.motion import COUNTS_PER_SECOND
-from controller.pins import Pin
+from controller.pins import Pin, PinChange
 from emulator.board import AxisTrace, Board, BoardConfig
 from emulator.bus import Bus
 from emulator.bus_faults import FaultScript
@@ -19,12 +20,11 @@ from emulator.switches import Switch
 from host.errors import BusError
 from host.repeated_frames import RepeatedFrames
 from host.robot import Joint, Robot
-from host.verify import AxisEvidence, BusReport, Evidence, OutputChange
+from host.verify import AxisEvidence, BusReport, Evidence, LevelEdges
+from host.wiring import output_changes
 from protocol.cia402 import DigitalInput
 from protocol.frame import COB_SYNC, Frame
 from protocol.objects import UNITS_PER_FULL_STEP
-
-_PINS = (Pin.OUT1, Pin.OUT2)
 
 _BOOT_S = 0.01
 """The host comes after the nodes' boot-up messages."""
@@ -145,22 +145,12 @@ class EmbeddedBoard:
     def evidence(self) -> Evidence:
         """What the drivers saw; the motion's t = 0 is the first servo tick after the last SYNC."""
         sync_counts = max(counts for counts, frame in self.bus_log if frame.cob_id == COB_SYNC)
+        traces = [self._board.trace(axis) for axis in range(len(self._start_steps))]
         axes = tuple(
-            _axis_evidence(joint.name, self._start_steps[i], self._board.trace(i))
+            _axis_evidence(joint.name, self._start_steps[i], traces[i], _level_edges(i, self._board.pin_changes))
             for i, joint in enumerate(self._robot.joints)
         )
-        return Evidence(-(-sync_counts // TICK_COUNTS) * TICK_COUNTS, axes, self._output_changes())
-
-    def _output_changes(self) -> tuple[OutputChange, ...]:
-        """By the names in the robot's file; an output that nothing is wired to has none and is left out."""
-        axes = {joint.name: axis for axis, joint in enumerate(self._robot.joints)}
-        wired = {(axes[output.joint], _PINS[output.out - 1]): name for name, output in self._robot.outputs.items()}
-        changes = self._board.output_changes()
-        return tuple(
-            OutputChange(wired[change.axis, change.pin], change.counts, change.level)
-            for change in changes
-            if (change.axis, change.pin) in wired
-        )
+        return Evidence(-(-sync_counts // TICK_COUNTS) * TICK_COUNTS, axes, output_changes(self._robot, axes))
 
 
 def _steps_at(joint: Joint, position: float) -> int:
@@ -185,7 +175,19 @@ def _switches(robot: Robot) -> Iterator[Switch]:
             yield Switch(axis, DigitalInput.HOME, first, last)
 
 
-def _axis_evidence(name: str, start_steps: int, trace: AxisTrace) -> AxisEvidence:
+def _level_edges(axis: int, changes: Sequence[PinChange]) -> dict[str, LevelEdges]:
+    """One axis' pins that the firmware holds at a level, by name."""
+    in_order = sorted(changes, key=lambda change: change.counts)
+    edges = {pin: [change for change in in_order if (change.axis, change.pin) == (axis, pin)] for pin in Pin}
+    return {
+        pin.value.lower(): LevelEdges(
+            np.array([change.counts for change in own], np.int64), np.array([change.level for change in own], np.int8)
+        )
+        for pin, own in edges.items()
+    }
+
+
+def _axis_evidence(name: str, start_steps: int, trace: AxisTrace, pins: dict[str, LevelEdges]) -> AxisEvidence:
     return AxisEvidence(
         name=name,
         start_steps=start_steps,
@@ -196,4 +198,5 @@ def _axis_evidence(name: str, start_steps: int, trace: AxisTrace) -> AxisEvidenc
         step_counts=trace.step_counts,
         step_signs=trace.step_signs,
         violations=len(trace.violations.counts),
+        pins=pins,
     )

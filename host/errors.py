@@ -9,6 +9,12 @@ class StepTwinError(Exception):
     exit_code: ClassVar[int] = 1
 
 
+class NotVerifiedError(StepTwinError):
+    """A stored run contradicts itself, so that there is nothing to verify; the message names file and key."""
+
+    exit_code = 1
+
+
 class InputError(StepTwinError):
     """Bad input or usage: the message names the value, the limit and the nearest valid choice."""
 

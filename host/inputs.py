@@ -25,11 +25,11 @@ def unknown(what: str, given: str, choices: Iterable[str]) -> InputError:
 
 @contextmanager
 def prefixed(prefix: str) -> Iterator[None]:
-    """Say where bad input stands: every InputError from inside gets this in front."""
+    """Say where bad input stands: every InputError from inside gets this in front and stays of its kind."""
     try:
         yield
     except InputError as error:
-        raise InputError(f"{prefix}{error}") from error
+        raise type(error)(f"{prefix}{error}") from error
 
 
 def whole_ms(what: str, value_s: float) -> int:

@@ -207,6 +207,7 @@ class Robot:
         board: settings that all axes share.
         outputs: what is wired to the board's digital outputs, by name.
         places: named joint positions that jobs go to; a place may name only some of the joints.
+        toml: the file that the robot was read from, word for word; empty for one that was made otherwise.
 
     Raises:
         InputError: no joints, too many for a board, a position outside the joints' limits, a place of no joint, an
@@ -222,6 +223,7 @@ class Robot:
     board: Board
     outputs: Mapping[str, Output] = field(default_factory=dict)
     places: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    toml: str = field(default="", repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if not 1 <= len(self.joints) <= AXES_MAX:

@@ -11,7 +11,6 @@ from host.axis_settings import axis_settings
 from host.client import AxisRecords, Machine, Progress
 from host.embedded import EmbeddedBoard
 from host.errors import DeviceFaultError, InputError
-from host.kinematics import make_kinematics
 from host.output_commands import output_commands
 from host.planner import Plan, check_start
 from host.verify import Comparison, Report, RunInfo, compare, verify_comparison
@@ -101,7 +100,7 @@ def execute(
         simulated_s=board.now_s(),
         wall_s=time.perf_counter() - started_s,
     )
-    comparison = compare(_verifier_plan(plan), board.evidence())
+    comparison = compare(VerifierPlan.of(plan.robot, plan.trajectory), board.evidence())
     return Outcome(plan, comparison, verify_comparison(comparison, run), board.bus_log, fault)
 
 
@@ -116,16 +115,6 @@ def _records(plan: Plan, cut_stream_s: float | None) -> tuple[AxisRecords, ...]:
     return tuple(
         AxisRecords(plan.displacements_units(axis)[:count], plan.end_velocities(axis)[:count], durations_ms[:count])
         for axis in range(len(plan.robot.joints))
-    )
-
-
-def _verifier_plan(plan: Plan) -> VerifierPlan:
-    joints = plan.robot.joints
-    return VerifierPlan(
-        trajectory=plan.trajectory,
-        steps_per_unit=np.array([joint.transmission.steps_per_unit for joint in joints]),
-        joint_units=tuple(joint.unit for joint in joints),
-        forward=make_kinematics(plan.robot).forward,
     )
 
 

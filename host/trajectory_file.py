@@ -21,9 +21,9 @@ import numpy as np
 from host.errors import InputError
 from host.inputs import prefixed, unknown
 from host.motions.sampled import Sampled, check_times
+from host.motions.sequence import Sequence as MotionSequence
 from host.motions.through_points import through_points
 from host.robot import Robot
-from host.trajectory import Trajectory
 
 SUFFIXES: Final = (".csv", ".json")
 
@@ -53,7 +53,7 @@ def is_trajectory_file(name: str) -> bool:
     return name.lower().endswith(SUFFIXES)
 
 
-def read_trajectory(path: str, robot: Robot) -> Trajectory:
+def read_trajectory(path: str, robot: Robot) -> Sampled | MotionSequence:
     """The trajectory in a file that ends in .csv or .json.
 
     Raises:
@@ -76,7 +76,7 @@ def _read(path: Path) -> str:
         raise InputError(f"is no name of a file: {error}") from error
 
 
-def _motion(points: _Points, robot: Robot) -> Trajectory:
+def _motion(points: _Points, robot: Robot) -> Sampled | MotionSequence:
     order = _order(points.joint_names, robot)
     shape = len(points.times_s), len(order)  # what an empty list lacks
     times_s = np.array(points.times_s)

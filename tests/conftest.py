@@ -1,11 +1,14 @@
 """Fixtures that every test may use."""
 
 from importlib.util import find_spec
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
 from controller.backend import KERNELS, Kernel
+from host.cli.app import run
+from host.run_folder import writing
 
 # No timing is asserted in a test, not even by the framework; and every run draws the same examples, so that a change
 # is judged by what it changed. `pytest --hypothesis-profile=explore` draws new ones.
@@ -26,3 +29,23 @@ def kernel(request: pytest.FixtureRequest) -> Kernel:
 def fast_kernel() -> Kernel:
     """The fastest kernel there is, for tests in which it does not matter which one runs."""
     return KERNELS["numba" if find_spec("numba") else "python"]()
+
+
+@pytest.fixture(scope="session")
+def stored_run(tmp_path_factory: pytest.TempPathFactory, fast_kernel: Kernel) -> Path:
+    """What `run warehouse-scara store` leaves: 31 s with pauses, in which outputs switch."""
+    return _written(tmp_path_factory.mktemp("store"), fast_kernel, "warehouse-scara", "store")
+
+
+@pytest.fixture(scope="session")
+def carry_run(tmp_path_factory: pytest.TempPathFactory, fast_kernel: Kernel) -> Path:
+    """What `run teaching-scara carry` leaves: 1 s, fast."""
+    return _written(tmp_path_factory.mktemp("carry"), fast_kernel, "teaching-scara", "carry")
+
+
+def _written(folder: Path, kernel: Kernel, robot: str, job: str) -> Path:
+    """Without pictures, which take longest."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(writing, "find_spec", lambda _: None)
+        assert run(["run", robot, job, "--kernel", kernel.name, "--out", str(folder)]) == 0
+    return folder

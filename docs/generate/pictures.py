@@ -11,10 +11,10 @@ from PIL import Image
 from docs.generate.page import PICTURE_KINDS, picture
 from docs.generate.pieces import DOCS
 from docs.generate.runs import Runs
-from host.plots import PICTURES
+from host.plots import PICTURES, Moment
 from host.plots.canvas import STYLE
 
-_DRAWN: Final = dict(zip(PICTURE_KINDS, ("tool-path.png", "joints.png", "error.png"), strict=True))
+_DRAWN: Final = dict(zip(PICTURE_KINDS, ("tool-path", "joints", "error"), strict=True))
 """By the page's kinds, the pictures as `host.plots` calls them."""
 
 _DOTS_PER_INCH: Final = 100
@@ -24,11 +24,11 @@ def write_pictures(runs: Runs) -> None:
     """Draw those of every run."""
     with mpl.rc_context(STYLE):
         for outcome in runs.all():
-            run = outcome.report.run
+            run, moment = outcome.report.run, Moment.of_fastest(outcome.comparison)
             for kind, name in _DRAWN.items():
                 path = DOCS / picture(run.robot, run.job, kind)
                 path.parent.mkdir(exist_ok=True)
-                _write(path, PICTURES[name](outcome.comparison, run))
+                _write(path, PICTURES[name](outcome.comparison, run, moment))
 
 
 def _write(path: Path, figure: Figure) -> None:

@@ -10,8 +10,9 @@ from host.cli.app import app
 from host.cli.arguments import AsJson, RobotFile, joint_values, name_value_pairs, robot_and_rest
 from host.cli.connection import Bitrate, Channel, Connect, Interface, connection
 from host.cli.live_run import run_live
-from host.cli.output import print_json, print_table
+from host.cli.output import print_json
 from host.cli.progress import progress_bar
+from host.cli.report import EXIT_NOT_VERIFIED, fault_line, print_report
 from host.errors import DeviceFaultError, InputError
 
 if TYPE_CHECKING:
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
     from host.robot import Robot
     from host.run import Outcome
     from host.trajectory import Trajectory
-
-EXIT_NOT_VERIFIED = 1
 
 
 class KernelChoice(StrEnum):
@@ -77,7 +76,7 @@ def run(
     """
     from host.planner import plan
     from host.run import execute
-    from host.run_folder import prepare_folder, write_folder
+    from host.run_folder import FOLDER_VERSION, VERSION_KEY, prepare_folder, write_folder
 
     loaded, rest = robot_and_rest(words or [], robot_file)
     job = _only(rest)
@@ -93,16 +92,16 @@ def run(
     folder = None if out is None else prepare_folder(out)
     with progress_bar(f"{loaded.name} {job}") as progress:
         outcome = execute(planned, job, _kernel(kernel), stand_at=standing, cut_stream_s=cut_stream, progress=progress)
-    document = _document(outcome)
+    document = _document(outcome) | ({} if folder is None else {VERSION_KEY: FOLDER_VERSION})
     pictures = folder is not None and write_folder(folder, outcome, document)
     if as_json:
         print_json(document)
     else:
-        _print_report(outcome, document)
+        print_report(document)
     if folder is not None:
         _say_where(folder, pictures=pictures, to_stderr=as_json)
     if outcome.fault:
-        raise DeviceFaultError(_fault_line(outcome))
+        raise DeviceFaultError(fault_line(document["fault"]))
     if not outcome.report.passed:
         raise typer.Exit(EXIT_NOT_VERIFIED)
 
@@ -157,68 +156,9 @@ def _document(outcome: "Outcome") -> dict[str, Any]:
     return document
 
 
-def _fault_line(outcome: "Outcome") -> str:
-    fault = outcome.fault
-    assert fault is not None
-    joints = ", ".join(f"{name} = {value:.4f}" for name, value in fault.joints.items())
-    agree = "as the drivers counted" if fault.positions_agree else "but the drivers counted otherwise"
-    return f"{fault.message}; stopped at {joints}, {agree}"
-
-
-def _print_report(outcome: "Outcome", document: dict[str, Any]) -> None:
-    print_table(list(_COLUMNS), [_row(axis) for axis in document["axes"]])
-    moving = [axis for axis in document["axes"] if axis["pulses"]]
-    if moving:
-        typer.echo(f"CLK: high {_least(moving, 'clk_high_us_min')}, low {_least(moving, 'clk_low_us_min')}")
-    changes = [output for output in document["outputs"] if output["changed_s"] is not None]
-    if changes:
-        said = (f"{o['name']} {'on' if o['on'] else 'off'} {o['changed_s']:.3f} s" for o in changes)
-        typer.echo(f"outputs: {', '.join(said)}")
-    tool, bus = document["tool"], document["bus"]
-    typer.echo(
-        f"tool: {tool['position_error_mm_max']:.4f} mm max, {tool['position_error_mm_rms']:.4f} mm rms, "
-        f"{tool['attitude_error_deg_max']:.4f} deg max"
-    )
-    typer.echo(f"bus: {bus['frames']} frames at {bus['bitrate'] // 1000} kbit/s, {bus['load_percent']:.1f} % load")
-    typer.echo(
-        f"SIMULATED {document['simulated_s']:.2f} s in {document['wall_s']:.2f} s, "
-        f"{document['simulated_s'] / document['wall_s']:.0f} x real time"
-    )
-    typer.echo(f"{document['robot']} {document['job']}: {_verdict(outcome)}")
-
-
 def _say_where(folder: Path, *, pictures: bool, to_stderr: bool) -> None:
     if pictures:
         typer.echo(f"report, edges, bus log and pictures are in {folder}/", err=to_stderr)
     else:
         typer.echo(f"report, edges and bus log are in {folder}/", err=to_stderr)
         typer.echo("no pictures: matplotlib is not installed (pip install 'steptwin[plot]')", err=True)
-
-
-def _verdict(outcome: "Outcome") -> str:
-    if outcome.fault:
-        return "STOPPED BY A FAULT"
-    return "PASSED" if outcome.report.passed else "\n  ".join(["FAILED", *outcome.report.reasons])
-
-
-def _least(axes: list[dict[str, Any]], key: str) -> str:
-    times_us = [axis[key] for axis in axes if axis[key] is not None]
-    return f"at least {min(times_us):.2f} us" if times_us else "once"
-
-
-_COLUMNS = ("axis", "start", "end", "pulses", "peak Hz", "err steps", "p50 us", "p99 us", "broken")
-"""Steps at start and end; largest position error in steps; timing error; pulses that broke a driver limit."""
-
-
-def _row(axis: dict[str, Any]) -> list[str]:
-    counts = [axis["name"], *(str(axis[key]) for key in ("steps_start", "steps_end", "pulses"))]
-    if axis["mean_step_interval_us"] is None:
-        return [*counts, *["-"] * 4, str(axis["violations"])]
-    return [
-        *counts,
-        f"{axis['peak_rate_hz']:.1f}",
-        f"{axis['position_error_steps_max']:.4f}",
-        f"{axis['timing_error_us_p50']:.2f}",
-        f"{axis['timing_error_us_p99']:.2f}",
-        str(axis["violations"]),
-    ]

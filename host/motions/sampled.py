@@ -31,11 +31,13 @@ class Sampled:
         joint_names: the robot's joints.
         curve: from seconds to joint positions, mm and degrees, shape (joints,).
         breakpoints_s: the points at which the acceleration jumps.
+        switchings: the outputs that change on the way.
     """
 
     joint_names: tuple[str, ...]
     curve: PPoly
     breakpoints_s: tuple[float, ...]
+    switchings: tuple[Switching, ...] = ()
 
     @classmethod
     def c2_spline(cls, joint_names: tuple[str, ...], times_s: FloatArray, positions: FloatArray) -> Self:
@@ -74,11 +76,6 @@ class Sampled:
     def duration_s(self) -> float:
         """The last point's time."""
         return float(self.curve.x[-1])
-
-    @property
-    def switchings(self) -> tuple[Switching, ...]:
-        """None."""
-        return ()
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         """Joint positions, shape (n, joints)."""

@@ -12,7 +12,7 @@ from host.trajectory import FloatArray, Trajectory
 
 def through_points(
     joint_names: tuple[str, ...], times_s: FloatArray, positions: FloatArray, places: Texts[str]
-) -> Trajectory:
+) -> Sampled | Sequence:
     """C2 splines through positions of shape (points, joints) at times of shape (points,).
 
     A point that repeats the one before is a pause, as whoever wrote it means: a spline through both would swing there.

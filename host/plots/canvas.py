@@ -42,6 +42,7 @@ STYLE: Any = {  # Any: matplotlib spells out every key as a literal type in some
     "legend.fontsize": 8,
     "legend.frameon": False,
     "lines.linewidth": 1.0,
+    "svg.hashsalt": "steptwin",  # else its identifiers differ each time
 }
 
 

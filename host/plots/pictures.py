@@ -1,37 +1,71 @@
 """Which pictures there are, and writing them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Final
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from host.plots.canvas import DOTS_PER_INCH, STYLE
+from host.plots.edges import draw_edges
 from host.plots.error import draw_error
+from host.plots.jitter import draw_jitter
 from host.plots.joints import draw_joints
+from host.plots.moment import Moment
 from host.plots.step_rates import draw_step_rates
 from host.plots.timing import draw_timing
 from host.plots.tool_path import draw_tool_path
 from host.verify import Comparison, RunInfo
 
-PICTURES: dict[str, Callable[[Comparison, RunInfo], Figure]] = {
-    "joints.png": draw_joints,
-    "step-rates.png": draw_step_rates,
-    "tool-path.png": draw_tool_path,
-    "error.png": draw_error,
-    "timing.png": draw_timing,
+Draw = Callable[[Comparison, RunInfo, Moment], Figure]
+
+
+def _whole(draw: Callable[[Comparison, RunInfo], Figure]) -> Draw:
+    """A picture of the whole run: the moment does not matter."""
+    return lambda comparison, run, _moment: draw(comparison, run)
+
+
+PICTURES: Final[dict[str, Draw]] = {
+    "joints": _whole(draw_joints),
+    "step-rates": _whole(draw_step_rates),
+    "tool-path": _whole(draw_tool_path),
+    "error": _whole(draw_error),
+    "timing": _whole(draw_timing),
+    "jitter": _whole(draw_jitter),
+    "edges": draw_edges,
 }
+"""By their names: of files, and on the command line."""
+
+OF_EVERY_RUN: Final = ("joints", "step-rates", "tool-path", "error", "timing")
+"""What a run with `--out` draws."""
+
+FORMATS: Final = ("png", "svg", "pdf")
+
+_UNDATED: Final = {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
+"""The same run gives the same bytes."""
 
 
-def write_plots(out_dir: Path, comparison: Comparison, run: RunInfo) -> list[Path]:
-    """Draw every picture of a run into a directory, which is made if it is missing, and return their paths."""
+def write_plots(
+    out_dir: Path,
+    comparison: Comparison,
+    run: RunInfo,
+    names: Iterable[str] = OF_EVERY_RUN,
+    form: str = "png",
+    moment: Moment | None = None,
+) -> list[Path]:
+    """Draw pictures of a run into a directory, which is made if it is missing, and return their paths.
+
+    `moment` is the part of the run that pictures of single edges show; by default where steps are fastest.
+    """
     out_dir.mkdir(parents=True, exist_ok=True)
+    shown = moment or Moment.of_fastest(comparison)
     paths = []
     with mpl.rc_context(STYLE):
-        for name, draw in PICTURES.items():
-            path = out_dir / name
-            figure = draw(comparison, run)
+        for name in names:
+            path = out_dir / f"{name}.{form}"
+            figure = PICTURES[name](comparison, run, shown)
             figure.align_ylabels()
-            figure.savefig(path, dpi=DOTS_PER_INCH)
+            figure.savefig(path, dpi=DOTS_PER_INCH, metadata=_UNDATED[form])
             paths.append(path)
     return paths

@@ -3,6 +3,7 @@
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from enum import StrEnum
 from reprlib import repr as short
 from typing import Final, TypeVar
@@ -29,7 +30,7 @@ def parse_robot(text: str, source: str) -> Robot:
             table = _Table(tomllib.loads(text))
         except (ValueError, RecursionError) as error:  # also an integer of thousands of digits, arrays within arrays
             raise InputError(f"is not TOML: {error}") from error
-        robot = _robot(table)
+        robot = replace(_robot(table), toml=text)
         table.finish()
         make_kinematics(robot)  # for its complaints about kind and dimensions
         _check_speeds(robot)

@@ -1,7 +1,8 @@
 """Verification: is what the drivers counted what was planned? Shares no code with the firmware that it judges."""
 
 from host.verify.comparison import Comparison, compare
-from host.verify.evidence import COUNTS_PER_SECOND, AxisEvidence, Evidence, OutputChange
+from host.verify.consistency import contradictions
+from host.verify.evidence import COUNTS_PER_SECOND, AxisEvidence, Evidence, LevelEdges, OutputChange
 from host.verify.oracle import IdealSteps, ideal_steps
 from host.verify.outputs import OutputReport
 from host.verify.plan import Forward, Plan
@@ -20,6 +21,7 @@ __all__ = [
     "Forward",
     "IdealSteps",
     "JointsReport",
+    "LevelEdges",
     "OutputChange",
     "OutputReport",
     "Plan",
@@ -27,6 +29,7 @@ __all__ = [
     "RunInfo",
     "ToolReport",
     "compare",
+    "contradictions",
     "ideal_steps",
     "verify",
     "verify_comparison",

@@ -1,5 +1,6 @@
 """What a run leaves behind for the verifier: the pins as the drivers saw them and the steps that they accepted."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,19 @@ COUNTS_PER_SECOND = 72_000_000
 
 Int64Array = NDArray[np.int64]
 Int8Array = NDArray[np.int8]
+
+
+@dataclass(frozen=True, slots=True)
+class LevelEdges:
+    """A pin that is held at a level, low at power-up.
+
+    Attributes:
+        counts: shape (n,), each change, sorted; two at one instant are a pulse too short for the clock.
+        levels: shape (n,), the level after it, 0 or 1.
+    """
+
+    counts: Int64Array
+    levels: Int8Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +40,7 @@ class AxisEvidence:
         step_counts: shape (steps,), the CLK rises that the driver accepted.
         step_signs: shape (steps,), +1 or -1, the way in which each of them moved the motor.
         violations: how many pulses broke a limit of the driver.
+        pins: the axis' other pins by their names in small letters: `reset`, `enable`, `m1`, ..., `out1`, `out2`.
     """
 
     name: str
@@ -37,6 +52,7 @@ class AxisEvidence:
     step_counts: Int64Array
     step_signs: Int8Array
     violations: int
+    pins: Mapping[str, LevelEdges]
 
 
 @dataclass(frozen=True, slots=True)

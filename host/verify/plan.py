@@ -2,7 +2,10 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Self
 
+from host.kinematics import make_kinematics
+from host.robot import Robot
 from host.trajectory import FloatArray, Trajectory
 
 Forward = Callable[[FloatArray], FloatArray]
@@ -27,6 +30,12 @@ class Plan:
     steps_per_unit: FloatArray
     joint_units: tuple[str, ...]
     forward: Forward
+
+    @classmethod
+    def of(cls, robot: Robot, trajectory: Trajectory) -> Self:
+        """A motion of a robot."""
+        units = tuple(joint.unit for joint in robot.joints)
+        return cls(trajectory, robot.steps_per_unit, units, make_kinematics(robot).forward)
 
     def __post_init__(self) -> None:
         joints = len(self.trajectory.joint_names)

@@ -30,7 +30,7 @@ def test_objects_are_read_and_written(machine: Machine) -> None:
     th1 = machine.axes[3]
     th1.write(0x2001, 2, 40_000)
     assert th1.read(0x2001, 2) == 40_000
-    assert th1.read(0x6502) == 0b110_0101
+    assert th1.read(0x6502) == 0b1110_0101
 
 
 @pytest.mark.parametrize(

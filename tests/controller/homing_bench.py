@@ -42,16 +42,19 @@ class HomingBench(BenchBoard):
         self.machine = machine
         self.rises: list[tuple[int, int]] = []
         """Instant and sign of every step."""
+        self.edges: list[tuple[int, DigitalInput]] = []
+        """Every change of the inputs: the tick at whose start the firmware saw it, in counts, and the levels."""
         self.velocities: list[int] = []
         """The demanded velocity at the start of every tick in which the axis was moving, in 1/64 unit per ms."""
         self._pending: list[tuple[int, int]] = []
         self._levels = DigitalInput(0)
         self._dir_level = 0
+        self._tick(0)
+        self.wait(1)
         self.enable(Mode.HOMING)
         self.write(0x6099, 1, FAST_STEPS_PER_S * STEP)
         self.write(0x6099, 2, SLOW_STEPS_PER_S * STEP)
         self.write(0x609A, 0, ACCELERATION_STEPS_PER_S2 * STEP)
-        self.wait(1)
 
     def wait(self, dt_ms: float) -> None:
         until = self.now + round(dt_ms * 72_000)
@@ -91,9 +94,11 @@ class HomingBench(BenchBoard):
         velocity = self.firmware.motion.velocity(0)
         if velocity or (self.velocities and self.velocities[-1]):
             self.velocities.append(velocity)
+        self.now = boundary
         levels = self.machine.inputs()
         if levels != self._levels:
             self._levels = levels
+            self.edges.append((boundary, levels))
             self.firmware.set_inputs([levels], boundary)
             self._fetch()
 
@@ -128,6 +133,18 @@ class HomingBench(BenchBoard):
         word = self.value(0x6041)
         wanted = (Status.TARGET_REACHED, Status.HOMING_ATTAINED, Status.HOMING_ERROR)
         return tuple(int(bool(word & bit)) for bit in wanted)  # type: ignore[return-value]
+
+    def strokes(self) -> list[list[int]]:
+        """The demanded velocities in steps/s, tick by tick, from standstill to standstill or to a turn."""
+        strokes: list[list[int]] = []
+        last = 0
+        for velocity in self.velocities:
+            if velocity and velocity * last <= 0:
+                strokes.append([])
+            if velocity:
+                strokes[-1].append(velocity)
+            last = velocity
+        return strokes
 
     @property
     def error(self) -> HomingError:

@@ -103,7 +103,7 @@ def test_two_runs_and_both_kernels_give_the_same_bytes(capsys: pytest.CaptureFix
     for name, kernel in (("first", "numba"), ("second", "numba"), ("plain", "python")):
         run_json(capsys, "--out", str(tmp_path / name), "--kernel", kernel)
     first = folder_bytes(tmp_path / "first")
-    assert set(first) == {"trajectory.csv", "edges.npz", "bus.log"}
+    assert set(first) == {"robot.toml", "trajectory.csv", "edges.npz", "bus.log", "trace.vcd"}
     assert first == folder_bytes(tmp_path / "second") == folder_bytes(tmp_path / "plain")
 
 
@@ -112,13 +112,14 @@ def test_the_folder_holds_the_evidence(capsys: pytest.CaptureFixture[str], tmp_p
     out = tmp_path / "deep" / "folder"
     report = run_json(capsys, "--out", str(out))
     assert json.loads((out / "report.json").read_text()) == report
+    assert report["folder_version"] == 1
     assert {p.name for p in out.iterdir()} == {
-        "report.json", "trajectory.csv", "edges.npz", "bus.log",
+        "report.json", "robot.toml", "trajectory.csv", "edges.npz", "bus.log", "trace.vcd",
         "joints.png", "step-rates.png", "tool-path.png", "error.png", "timing.png",
     }  # fmt: skip
     header, first, *rest = (out / "trajectory.csv").read_text().splitlines()
-    assert header == "t,sx,sz,L1,th1,th2,th3"
-    assert [float(x) for x in first.split(",")] == pytest.approx([0, 0, 0, 100, 0, 60, 30], abs=1e-8)
+    assert header == "t,sx,sz,L1,th1,th2,th3,v_sx,v_sz,v_L1,v_th1,v_th2,v_th3"
+    assert [float(x) for x in first.split(",")] == pytest.approx([0, 0, 0, 100, 0, 60, 30, *[0] * 6], abs=1e-8)
     assert len(rest) == 1000
     with np.load(out / "edges.npz") as edges:
         assert len(edges["th1_step_counts"]) == report["axes"][3]["pulses"]

@@ -90,7 +90,7 @@ class TestATrajectoryFile:
         self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
     ) -> None:
         """`--out` leaves trajectory.csv behind: run again it goes the same way."""
-        monkeypatch.setattr("host.run_folder.find_spec", lambda _: None)  # no pictures
+        monkeypatch.setattr("host.run_folder.writing.find_spec", lambda _: None)  # no pictures
         first = report_of(capsys, ROBOT, "carry", "--out", str(tmp_path))
         again = report_of(capsys, ROBOT, str(tmp_path / "trajectory.csv"))
         for before, after in zip(first["axes"], again["axes"], strict=True):

@@ -7,6 +7,7 @@ from enum import Enum
 import pytest
 
 from host.errors import InputError
+from host.homing import JointSwitches
 from host.jobs import job_names, job_options, make_job
 from host.jobs.options import describe_options, joint_position, number, parse_options, place, whole_number
 from host.robots import load_robot, robot_names
@@ -102,8 +103,8 @@ def test_a_mistake_is_told(name: str, text: str, words: str) -> None:
 
 
 def test_the_range_of_a_joint_is_the_robots() -> None:
-    joints = tuple(dataclasses.replace(joint, upper=300.0) if joint.name == "L1" else joint for joint in ROBOT.joints)
-    taller = dataclasses.replace(ROBOT, joints=joints)
+    lift = dataclasses.replace(ROBOT.joint("L1"), upper=300.0, switches=JointSwitches(), homing=None)
+    taller = dataclasses.replace(ROBOT, joints=tuple(lift if joint.name == "L1" else joint for joint in ROBOT.joints))
     assert parse_options(Options, {"L1_mm": "300"}, taller).L1_mm == 300.0
     assert describe_options(Options, taller)["L1_mm"] == "100 (50..300 mm)"
 

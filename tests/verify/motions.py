@@ -5,11 +5,25 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from host.run_folder.edges import PINS
 from host.trajectory import FloatArray, Switching
-from host.verify import COUNTS_PER_SECOND, AxisEvidence, BusReport, Evidence, IdealSteps, Plan, RunInfo, ideal_steps
+from host.verify import (
+    COUNTS_PER_SECOND,
+    AxisEvidence,
+    BusReport,
+    Evidence,
+    IdealSteps,
+    LevelEdges,
+    Plan,
+    RunInfo,
+    ideal_steps,
+)
 
 START_COUNTS = 3_600_000
 """Where t = 0 lies in made evidence: 50 ms after boot, so that a forgotten offset shows."""
+
+ENABLE_COUNTS = 1_800_000
+"""When made drivers leave reset and are enabled."""
 
 CLK_HIGH_COUNTS = 2_376  # 33 us
 RUN = RunInfo("test-arm", "test", 1.0, BusReport(1_000_000, 0, 0.0), 1.05, 0.01)
@@ -107,17 +121,20 @@ def perfect_evidence(plan: Plan) -> Evidence:
 
 def _perfect_axis(name: str, ideal: IdealSteps) -> AxisEvidence:
     counts = START_COUNTS + np.rint(ideal.time_s * COUNTS_PER_SECOND).astype(np.int64)
-    reversals = np.flatnonzero(np.diff(ideal.signs)) + 1
+    turns = np.flatnonzero(np.diff(ideal.signs, prepend=np.int8(-1)))  # DIR is low at power-up
+    switched_on = LevelEdges(np.array([ENABLE_COUNTS]), np.array([1], np.int8))
+    still_low = LevelEdges(np.empty(0, np.int64), np.empty(0, np.int8))
     return AxisEvidence(
         name=name,
         start_steps=ideal.start_steps,
         clk_rise_counts=counts,
         clk_fall_counts=counts + CLK_HIGH_COUNTS,
-        dir_edge_counts=counts[reversals] - 720,
-        dir_levels=(ideal.signs[reversals] > 0).astype(np.int8),
+        dir_edge_counts=counts[turns] - 720,
+        dir_levels=(ideal.signs[turns] > 0).astype(np.int8),
         step_counts=counts,
         step_signs=ideal.signs,
         violations=0,
+        pins={pin: switched_on if pin in {"reset", "enable"} else still_low for pin in PINS},
     )
 
 

@@ -33,6 +33,7 @@ def test_counts_just_before_and_just_after_an_instant(
         step_counts=np.array([counts for counts, _ in steps], dtype=np.int64),
         step_signs=np.array([sign for _, sign in steps], dtype=np.int8),
         violations=0,
+        pins={},
     )
     t_s = np.array(instants) / COUNTS_PER_SECOND
     before, after = counted_steps(axis, start_counts).around(t_s)

@@ -13,8 +13,12 @@ from tests.verify.motions import RUN, altered, line, motion, perfect_evidence, p
 
 pytest.importorskip("matplotlib")
 
-from host.plots import PICTURES, write_plots
+from matplotlib.figure import Figure
+
+from host.plots import OF_EVERY_RUN, PICTURES, Moment, write_plots
 from host.plots.canvas import DOTS_PER_INCH, WIDTH_INCHES, thinned
+
+MOMENT = Moment(1.0, 0.05)
 
 PNG_HEADER = b"\x89PNG\r\n\x1a\n"
 
@@ -76,9 +80,9 @@ def pixels(path: Path) -> tuple[int, int]:
 
 @pytest.mark.parametrize("run", RUNS)
 def test_all_pictures_of_a_run_are_written(run: str, tmp_path: Path) -> None:
-    paths = write_plots(tmp_path / "made" / "on demand", RUNS[run](), RUN)
+    paths = write_plots(tmp_path / "made" / "on demand", RUNS[run](), RUN, PICTURES)
     assert [path.name for path in paths] == [
-        "joints.png", "step-rates.png", "tool-path.png", "error.png", "timing.png",
+        "joints.png", "step-rates.png", "tool-path.png", "error.png", "timing.png", "jitter.png", "edges.png",
     ]  # fmt: skip
     for path in paths:
         width, height = pixels(path)
@@ -89,18 +93,20 @@ def test_all_pictures_of_a_run_are_written(run: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("picture", PICTURES)
 def test_a_picture_says_what_it_shows(picture: str) -> None:
-    figure = PICTURES[picture](swinging(), RUN)
+    figure = PICTURES[picture](swinging(), RUN, MOMENT)
     assert figure.get_suptitle().startswith("test-arm · test · ")
     assert figure.get_suptitle().endswith("(SIMULATED)")
     for axes in figure.axes:
-        label = axes.get_ylabel()
-        close_view = axes.get_title(loc="left").startswith("ms around")  # with the unit of its neighbour
-        assert "[" in label or label == "DIR" or close_view or not axes.axison
+        labels = axes.get_ylabel() + axes.get_xlabel()
+        place = axes.get_subplotspec()
+        assert place is not None
+        beside = not place.is_first_col()  # with the unit of its neighbour
+        assert "[" in labels or labels.startswith("DIR") or beside or not axes.axison
 
 
-@pytest.mark.parametrize("picture", ["joints.png", "step-rates.png", "error.png", "timing.png"])
+@pytest.mark.parametrize("picture", ["joints", "step-rates", "error", "timing", "jitter"])
 def test_joints_without_motion_are_a_note(picture: str) -> None:
-    figure = PICTURES[picture](swinging(), RUN)
+    figure = PICTURES[picture](swinging(), RUN, MOMENT)
     assert figure.get_supxlabel() == "Not shown, because without motion: c at 7.5 deg"
     names = {axes.get_ylabel().split(" ")[0] for axes in figure.axes}
     assert {"a", "b"} <= names
@@ -109,8 +115,10 @@ def test_joints_without_motion_are_a_note(picture: str) -> None:
 
 def test_one_row_a_moving_joint() -> None:
     comparison = swinging()
-    rows = {name: len(draw(comparison, RUN).axes) for name, draw in PICTURES.items()}
-    assert rows == {"joints.png": 4, "step-rates.png": 4, "tool-path.png": 3, "error.png": 8, "timing.png": 2}
+    rows = {name: len(draw(comparison, RUN, MOMENT).axes) for name, draw in PICTURES.items()}
+    assert rows == {
+        "joints": 4, "step-rates": 4, "tool-path": 3, "error": 8, "timing": 2, "jitter": 4, "edges": 1,
+    }  # fmt: skip
 
 
 def test_the_third_coordinate_gets_a_view_if_it_moves() -> None:
@@ -120,13 +128,89 @@ def test_the_third_coordinate_gets_a_view_if_it_moves() -> None:
         return np.column_stack([joints[:, 0], joints[:, 1], joints[:, 1] / 2.0, joints[:, 2]])
 
     plan = replace(comparison.plan, forward=lifted)
-    assert len(PICTURES["tool-path.png"](compare(plan, comparison.evidence), RUN).axes) == 6
+    assert len(PICTURES["tool-path"](compare(plan, comparison.evidence), RUN, MOMENT).axes) == 6
 
 
-def test_the_same_run_gives_the_same_picture(tmp_path: Path) -> None:
-    first = write_plots(tmp_path / "first", swinging(), RUN)
-    second = write_plots(tmp_path / "second", swinging(), RUN)
+def test_a_run_draws_some_of_them_by_itself(tmp_path: Path) -> None:
+    assert [path.name for path in write_plots(tmp_path, single_step(), RUN)] == [f"{name}.png" for name in OF_EVERY_RUN]
+
+
+@pytest.mark.parametrize("form", ["png", "svg", "pdf"])
+def test_the_same_run_gives_the_same_picture(form: str, tmp_path: Path) -> None:
+    first = write_plots(tmp_path / "first", swinging(), RUN, ["edges", "jitter"], form)
+    second = write_plots(tmp_path / "second", swinging(), RUN, ["edges", "jitter"], form)
+    assert [path.name for path in first] == [f"edges.{form}", f"jitter.{form}"]
     assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
+
+
+class TestTheMoment:
+    def test_is_where_steps_are_fastest(self) -> None:
+        """The sine's speed is greatest at its zeros: 60 mm/s at 80 steps/mm."""
+        comparison = swinging()
+        moment = Moment.of_fastest(comparison)
+        assert min(abs(moment.at_s - zero) for zero in (0.0, np.pi / 3)) < 0.01
+        assert moment.span_s == pytest.approx(12 / 4800, rel=1e-2)
+
+    def test_is_the_whole_motion_without_steps(self) -> None:
+        assert Moment.of_fastest(standing()) == Moment(0.5, 1.0) == Moment.around(standing(), 0.5)
+
+    def test_shows_some_steps_of_the_axis_that_is_fastest_there(self) -> None:
+        """At 1 s the trapezoid goes on at 33.3 mm/s and 40 steps/mm, the sine is nearly at rest."""
+        moment = Moment.around(swinging(), np.pi / 6)
+        assert moment.span_s == pytest.approx(12 * 1.5 / 50 / 40, rel=0.1)
+        assert (moment.from_s + moment.to_s) / 2 == pytest.approx(np.pi / 6)
+
+    @pytest.mark.parametrize("at_s", [0.0, 2.0])
+    def test_may_be_an_end(self, at_s: float) -> None:
+        assert 0 < Moment.around(swinging(), at_s).span_s <= 2.0
+
+
+def drawn_marks(figure: Figure, marker: str) -> FloatArray:
+    (axes,) = figure.axes
+    return np.concatenate([np.asarray(line.get_xdata()) for line in axes.lines if line.get_marker() == marker])
+
+
+class TestTheEdges:
+    def test_a_lane_for_each_pin_that_matters(self) -> None:
+        (axes,) = PICTURES["edges"](swinging(), RUN, MOMENT).axes
+        lanes = [label.get_text() for label in axes.get_yticklabels()]
+        assert lanes == ["a STEP", "a DIR", "b STEP", "b DIR", "c STEP", "c DIR"]
+
+    def test_pins_that_change_there_get_one_too(self) -> None:
+        """ENABLE and RESET go up 25 ms before the motion."""
+        (axes,) = PICTURES["edges"](swinging(), RUN, Moment(0.0, 0.06)).axes
+        assert [label.get_text() for label in axes.get_yticklabels()][:4] == ["a STEP", "a DIR", "a ENABLE", "a RESET"]
+
+    def test_a_lane_goes_up_and_down_with_its_pin(self) -> None:
+        comparison = swinging()
+        figure = PICTURES["edges"](comparison, RUN, MOMENT)
+        counts = comparison.evidence.axes[0].clk_rise_counts
+        t_ms = 1e3 * ((counts - comparison.evidence.start_counts) / 72e6 - MOMENT.at_s)
+        expected = t_ms[np.abs(t_ms) <= 25.0]
+        times, levels = (np.asarray(data) for data in figure.axes[0].lines[0].get_data())
+        np.testing.assert_allclose(times[1:-1][np.diff(levels)[:-1] > 0], expected, atol=1e-9)
+
+    def test_steps_are_marked_by_their_direction(self) -> None:
+        """Around 1.047 s the sine goes down; b steps down all the time."""
+        comparison = swinging()
+        moment = Moment(np.pi / 3, 0.01)
+        figure = PICTURES["edges"](comparison, RUN, moment)
+        inside = [np.count_nonzero(np.abs(axis.time_s - moment.at_s) < 0.005) for axis in comparison.counted]
+        assert len(drawn_marks(figure, "v")) == sum(inside) > 40
+        assert len(drawn_marks(figure, "^")) == 0
+
+
+def test_jitter_is_the_interval_beyond_the_ideal_one() -> None:
+    """One step 5 us late makes its interval 5 us longer and the next one 5 us shorter."""
+    comparison = dense()
+    late = comparison.evidence.axes[0].step_counts.copy()
+    late[5000] += 360
+    comparison = compare(comparison.plan, altered(comparison.evidence, step_counts=late))
+    left, right = PICTURES["jitter"](comparison, RUN, MOMENT).axes[:2]
+    jitter_us = np.asarray(left.lines[0].get_ydata())
+    assert sorted(jitter_us[np.abs(jitter_us) > 1]) == pytest.approx([-5, 5], abs=0.03)
+    assert "max 5" in left.get_title(loc="right")
+    assert right.get_ylim() == left.get_ylim()
 
 
 def test_thinning_keeps_every_groups_extremes() -> None:

@@ -213,7 +213,8 @@ def test_a_pause_that_is_none(duration_s: float) -> None:
 
 
 def test_limits_are_the_robots_own() -> None:
-    lazy = replace(LAB, joints=tuple(replace(joint, speed_max=joint.speed_max / 10) for joint in LAB.joints))
+    joints = tuple(replace(joint, speed_max=joint.speed_max / 10, homing=None) for joint in LAB.joints)
+    lazy = replace(LAB, joints=joints)
     durations_s = []
     for robot in (LAB, lazy):
         moves = composer(robot)

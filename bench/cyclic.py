@@ -1,0 +1,106 @@
+"""Cyclic synchronous position: how far the edges are from the host's curve, by the period of its set-points."""
+
+import struct
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.loads import MICROSTEPS, UNITS_PER_STEP
+from bench.timing import PEAKS_HZ, SINE_HZ, Float64Array, errors_steps, steps_of
+from controller.backend import Kernel
+from controller.firmware import Firmware
+from controller.kernel import TICK_COUNTS
+from controller.motion import COUNTS_PER_SECOND, PinEdges
+from protocol.cia402 import ENABLE_OPERATION, SHUTDOWN, Mode
+from protocol.frame import COB_RPDO, COB_SDO_REQUEST, COB_SYNC, FIRST_NODE_ID, Frame
+from protocol.nmt import NmtCommand
+
+PERIODS_MS = (1, 2, 5, 10)
+_MS_COUNTS = COUNTS_PER_SECOND // 1000
+_SETTINGS = (
+    (0x2000, 1, 1, MICROSTEPS),
+    (0x6040, 0, 2, SHUTDOWN),
+    (0x6040, 0, 2, ENABLE_OPERATION),
+    (0x6060, 0, 1, Mode.CYCLIC_SYNCHRONOUS_POSITION),
+)
+"""Object, sub-index, bytes and value."""
+
+
+@dataclass(frozen=True)
+class CyclicFigure:
+    """One line of the table; the start is the first two periods."""
+
+    peak_hz: float
+    period_ms: int
+    error_steps_max: float
+    error_steps_rms: float
+    start_error_steps_max: float | None
+    """None if no step falls there."""
+
+
+def figures(kernel: Kernel) -> list[CyclicFigure]:
+    """One period of sines of some peak rates."""
+    return [measure(kernel, peak_hz, period_ms) for peak_hz in PEAKS_HZ for period_ms in PERIODS_MS]
+
+
+def measure(kernel: Kernel, peak_hz: float, period_ms: int) -> CyclicFigure:
+    """Compare every edge with A (1 - cos wt), which the axis follows 1.5 periods and a tick late."""
+    host = _Host(kernel, period_ms)
+    late_counts = 3 * period_ms * _MS_COUNTS // 2 + TICK_COUNTS
+    begin_counts = host.now_counts + late_counts
+    rises, signs = steps_of(host.stream(_sine_units(peak_hz, period_ms)))
+    t_s = (rises - begin_counts) / COUNTS_PER_SECOND
+    error_steps = np.abs(errors_steps(t_s, signs, peak_hz))
+    at_start = t_s < 2 * period_ms / 1000
+    within = ~at_start & (t_s < 1 / SINE_HZ - 2 * period_ms / 1000)
+    return CyclicFigure(
+        peak_hz,
+        period_ms,
+        float(error_steps[within].max()),
+        float(np.sqrt(np.mean(error_steps[within] ** 2))),
+        float(error_steps[at_start].max()) if at_start.any() else None,
+    )
+
+
+def _sine_units(peak_hz: float, period_ms: int) -> Float64Array:
+    """A period of the curve, to the unit."""
+    omega = 2 * np.pi * SINE_HZ
+    t_s = np.arange(round(1000 / SINE_HZ) // period_ms + 1) * period_ms / 1000
+    return np.round(peak_hz / omega * (1 - np.cos(omega * t_s)) * UNITS_PER_STEP)
+
+
+class _Host:
+    """A firmware without bus or driver whose one axis is enabled in the mode."""
+
+    def __init__(self, kernel: Kernel, period_ms: int) -> None:
+        self.now_counts = 0
+        self._period_counts = period_ms * _MS_COUNTS
+        self._firmware = Firmware(kernel, axis_count=1)
+        self._firmware.boot(0)
+        self._send(0x000, bytes((NmtCommand.START, FIRST_NODE_ID)))
+        for index, subindex, size, value in (*_SETTINGS, (0x60C2, 1, 1, period_ms)):
+            command = struct.pack("<BHBi", 0x23 | (4 - size) << 2, index, subindex, value)
+            self._send(COB_SDO_REQUEST + FIRST_NODE_ID, command)
+
+    def _send(self, cob_id: int, data: bytes) -> None:
+        self._firmware.receive(Frame(cob_id, data), self.now_counts)
+        self._firmware.poll(self.now_counts)
+
+    def stream(self, points_units: Float64Array) -> list[PinEdges]:
+        """Send a set-point and a SYNC each period; return all edges."""
+        drained: list[PinEdges] = []
+        for point_units in [*points_units, *points_units[-1:].repeat(4)]:
+            self._send(COB_RPDO[2] + FIRST_NODE_ID, struct.pack("<i", int(point_units)))
+            self._send(COB_SYNC, b"")
+            self._wait(self._period_counts)
+            drained += self._firmware.motion.take_edges()
+        return drained
+
+    def _wait(self, duration_counts: int) -> None:
+        until_counts = self.now_counts + duration_counts
+        while self.now_counts < until_counts:
+            due_counts = self._firmware.next_due_counts
+            goal_counts = until_counts if due_counts is None else max(self.now_counts, min(until_counts, due_counts))
+            self.now_counts = self._firmware.advance(goal_counts)
+            self._firmware.poll(self.now_counts)
+            self._firmware.take_frames()

@@ -1,0 +1,88 @@
+"""How fast edges become text, and how much memory that takes beside the edges themselves."""
+
+import time
+import tracemalloc
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.loads import AXES
+from host.waveforms import SCALES, Kind, Pulses, Signal, Steps, Window
+from host.waveforms.table import csv
+from host.waveforms.vcd import vcd
+
+RATE_HZ = 14_000
+DURATION_S = 30
+REPEATS = 3
+_CLK_HIGH_COUNTS = 2_376
+
+
+@dataclass(frozen=True)
+class WaveformFigure:
+    """One line of the table."""
+
+    form: str
+    edges: int
+    edges_per_s: float
+    copy_ratio: float
+    """Time of making the text over the time of copying it."""
+    peak_mb: float
+    """Memory beside the edges, at most."""
+    peak_mb_tenth: float
+    """The same for a tenth of the edges."""
+
+
+def figures() -> list[WaveformFigure]:
+    """STEP and DIR of all axes at their drivers' highest rate; text made in pieces and thrown away."""
+    return [_figure(form) for form in ("vcd 1us", "vcd 100ns", "csv")]
+
+
+def _figure(form: str) -> WaveformFigure:
+    signals, window = _record(DURATION_S)
+    edges = sum(_changes(signal) for signal in signals)
+    seconds, copy_s = min(_once(form, signals, window) for _ in range(REPEATS))
+    peaks_mb = [_peak_mb(form, *_record(duration_s)) for duration_s in (DURATION_S, DURATION_S // 10)]
+    return WaveformFigure(form, edges, edges / seconds, seconds / copy_s, *peaks_mb)
+
+
+def _record(duration_s: int) -> tuple[list[Signal], Window]:
+    """Axes whose rates differ a little, so that their edges do not coincide; each turns around now and then."""
+    signals = []
+    for axis in range(AXES):
+        rises = np.arange(0, duration_s * 72_000_000, 72_000_000 // RATE_HZ + 7 * axis)
+        turns = rises[500::1000] - 1_200
+        levels = (np.arange(turns.size) % 2).astype(np.int8)
+        signals.append(Signal(f"axis{axis}", "step", Kind.WIRE, Pulses(rises, rises + _CLK_HIGH_COUNTS)))
+        signals.append(Signal(f"axis{axis}", "dir", Kind.WIRE, Steps(turns, levels, 1)))
+    return signals, Window(0, duration_s * 72_000_000, 0)
+
+
+def _changes(signal: Signal) -> int:
+    return int(signal.changes.between(-1, 1 << 62)[0].size)
+
+
+def _pieces(form: str, signals: list[Signal], window: Window) -> Iterator[bytes]:
+    if form == "csv":
+        return csv(signals, window)
+    return vcd(signals, window, SCALES[form.removeprefix("vcd ")], "bench")
+
+
+def _once(form: str, signals: list[Signal], window: Window) -> tuple[float, float]:
+    started = time.perf_counter()
+    copy_s = 0.0
+    for piece in _pieces(form, signals, window):
+        source = np.frombuffer(piece, np.uint8)
+        before = time.perf_counter()
+        source.copy()
+        copy_s += time.perf_counter() - before
+    return time.perf_counter() - started - copy_s, copy_s
+
+
+def _peak_mb(form: str, signals: list[Signal], window: Window) -> float:
+    tracemalloc.start()
+    for _ in _pieces(form, signals, window):
+        pass
+    peak_bytes = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return peak_bytes / 1e6

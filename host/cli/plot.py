@@ -1,0 +1,87 @@
+"""`steptwin plot DIR`: pictures of a stored run."""
+
+from enum import StrEnum
+from importlib.util import find_spec
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from host.cli.app import app
+from host.cli.arguments import AsJson
+from host.cli.output import print_json
+from host.cli.verify import RunDir
+from host.errors import InputError
+from host.inputs import unknown
+
+if TYPE_CHECKING:
+    from host.plots import Moment
+    from host.verify import Comparison
+
+
+class PictureFormat(StrEnum):
+    """What a picture can be written as."""
+
+    PNG = "png"
+    SVG = "svg"
+    PDF = "pdf"
+
+
+@app.command()
+def plot(
+    folder: RunDir,
+    what: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME,...",
+            help="joints, step-rates, tool-path, error, timing, jitter, widths, edges, phases; by default all.",
+        ),
+    ] = None,
+    form: Annotated[PictureFormat, typer.Option("--format", help="png, or vectors: svg, pdf.")] = PictureFormat.PNG,
+    at_s: Annotated[
+        float | None,
+        typer.Option("--at", metavar="SECONDS", help="For edges and phases: around this time; by default the fastest."),
+    ] = None,
+    span_s: Annotated[
+        float | None, typer.Option("--span", metavar="SECONDS", help="And so much of it; by default some steps.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="By default into the folder itself.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Draw pictures of a stored run."""
+    if not find_spec("matplotlib"):
+        raise InputError("plot: matplotlib is not installed (pip install 'steptwin[plot]')")
+    from host.plots import write_plots
+    from host.run_folder import read_run
+
+    names = _names(what)
+    stored = read_run(folder)
+    moment = _moment(stored.comparison, at_s, span_s)
+    paths = write_plots(out or folder, stored.comparison, stored.report.run, names, form, moment)
+    if as_json:
+        print_json({"files": [str(path) for path in paths]})
+    else:
+        typer.echo("\n".join(map(str, paths)))
+
+
+def _names(what: str | None) -> list[str]:
+    from host.plots import PICTURES
+
+    names = list(PICTURES) if what is None else [name.strip() for name in what.split(",")]
+    for name in names:
+        if name not in PICTURES:
+            raise unknown("--what", name, PICTURES)
+    return names
+
+
+def _moment(comparison: "Comparison", at_s: float | None, span_s: float | None) -> "Moment":
+    from host.plots import Moment
+
+    duration_s = comparison.plan.trajectory.duration_s
+    if at_s is not None and not (isfinite(at_s) and 0.0 <= at_s <= duration_s):
+        raise InputError(f"--at {at_s:g} s: the motion goes from 0 to {duration_s:g} s")
+    if span_s is not None and not (isfinite(span_s) and 0.0 < span_s <= duration_s):
+        raise InputError(f"--span {span_s:g} s: must be above 0 and at most {duration_s:g} s, the whole motion")
+    moment = Moment.of_fastest(comparison) if at_s is None else Moment.around(comparison, at_s)
+    return moment if span_s is None else Moment(moment.at_s, span_s)

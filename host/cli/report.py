@@ -1,0 +1,69 @@
+"""How a verified run is told: tables and lines on stdout, for `run` and `verify`."""
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+import typer
+
+from host.cli.output import print_table
+
+EXIT_NOT_VERIFIED: Final = 1
+
+
+def fault_line(fault: Mapping[str, Any]) -> str:
+    """What ended a run, where the joints are then, and whether the drivers agree."""
+    joints = ", ".join(f"{name} = {value:.4f}" for name, value in fault["joints"].items())
+    agree = "as the drivers counted" if fault["positions_agree"] else "but the drivers counted otherwise"
+    return f"{fault['message']}; stopped at {joints}, {agree}"
+
+
+def print_report(document: Mapping[str, Any]) -> None:
+    """Everything that a report says, the verdict last."""
+    print_table(list(_COLUMNS), [_row(axis) for axis in document["axes"]])
+    moving = [axis for axis in document["axes"] if axis["pulses"]]
+    if moving:
+        typer.echo(f"CLK: high {_least(moving, 'clk_high_us_min')}, low {_least(moving, 'clk_low_us_min')}")
+    changes = [output for output in document["outputs"] if output["changed_s"] is not None]
+    if changes:
+        said = (f"{o['name']} {'on' if o['on'] else 'off'} {o['changed_s']:.3f} s" for o in changes)
+        typer.echo(f"outputs: {', '.join(said)}")
+    tool, bus = document["tool"], document["bus"]
+    typer.echo(
+        f"tool: {tool['position_error_mm_max']:.4f} mm max, {tool['position_error_mm_rms']:.4f} mm rms, "
+        f"{tool['attitude_error_deg_max']:.4f} deg max"
+    )
+    typer.echo(f"bus: {bus['frames']} frames at {bus['bitrate'] // 1000} kbit/s, {bus['load_percent']:.1f} % load")
+    typer.echo(
+        f"SIMULATED {document['simulated_s']:.2f} s in {document['wall_s']:.2f} s, "
+        f"{document['simulated_s'] / document['wall_s']:.0f} x real time"
+    )
+    typer.echo(f"{document['robot']} {document['job']}: {_verdict(document)}")
+
+
+def _verdict(document: Mapping[str, Any]) -> str:
+    if "fault" in document:
+        return "STOPPED BY A FAULT"
+    return "PASSED" if document["passed"] else "\n  ".join(["FAILED", *document["reasons"]])
+
+
+def _least(axes: list[dict[str, Any]], key: str) -> str:
+    times_us = [axis[key] for axis in axes if axis[key] is not None]
+    return f"at least {min(times_us):.2f} us" if times_us else "once"
+
+
+_COLUMNS = ("axis", "start", "end", "pulses", "peak Hz", "err steps", "p50 us", "p99 us", "broken")
+"""Steps at start and end; largest position error in steps; timing error; pulses that broke a driver limit."""
+
+
+def _row(axis: dict[str, Any]) -> list[str]:
+    counts = [axis["name"], *(str(axis[key]) for key in ("steps_start", "steps_end", "pulses"))]
+    if axis["mean_step_interval_us"] is None:
+        return [*counts, *["-"] * 4, str(axis["violations"])]
+    return [
+        *counts,
+        f"{axis['peak_rate_hz']:.1f}",
+        f"{axis['position_error_steps_max']:.4f}",
+        f"{axis['timing_error_us_p50']:.2f}",
+        f"{axis['timing_error_us_p99']:.2f}",
+        str(axis["violations"]),
+    ]

@@ -1,0 +1,126 @@
+"""`steptwin trace DIR`: the waveform of a stored run, for logic analysers, viewers and tables."""
+
+from dataclasses import replace
+from enum import StrEnum
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from host.cli.app import app
+from host.cli.arguments import AsJson
+from host.cli.output import print_json
+from host.cli.verify import RunDir
+from host.errors import InputError
+from host.inputs import unknown
+
+if TYPE_CHECKING:
+    from host.verify import Evidence
+    from host.waveforms import Format, Signal, Window
+
+
+class FormatChoice(StrEnum):
+    """The formats of `host.waveforms`, which is too heavy to be imported for a list of options."""
+
+    VCD = "vcd"
+    VCD_FULL = "vcd-full"
+    CSV = "csv"
+    NPZ = "npz"
+    MCAP = "mcap"
+
+
+class ScaleChoice(StrEnum):
+    """The time scales of VCD files."""
+
+    US = "1us"
+    NS100 = "100ns"
+    NS10 = "10ns"
+
+
+@app.command()
+def trace(
+    folder: RunDir,
+    form: Annotated[
+        FormatChoice,
+        typer.Option(
+            "--format",
+            help="vcd: 1-bit wires, as sigrok wants them; vcd-full: for GTKWave, also positions, states and currents;"
+            " csv and npz: the wires as a table and as arrays; mcap: all of it for Foxglove.",
+        ),
+    ] = FormatChoice.VCD,
+    timescale: Annotated[
+        ScaleChoice, typer.Option(help="Unit of time in VCD files; the finer, the slower sigrok.")
+    ] = ScaleChoice.US,
+    from_s: Annotated[
+        float | None, typer.Option("--from", metavar="SECONDS", help="From this time of the motion; by default all.")
+    ] = None,
+    to_s: Annotated[
+        float | None, typer.Option("--to", metavar="SECONDS", help="Up to this time of the motion.")
+    ] = None,
+    axis: Annotated[str | None, typer.Option(metavar="AXIS,...", help="Only these axes.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="By default trace.vcd, trace-full.vcd, ... in the folder.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Write the waveform of a stored run: every edge of every pin, or a part of it."""
+    from host.run_folder import read_edges, read_report
+    from host.waveforms import SCALES, Format, write_waveform
+
+    run, evidence = read_report(folder).run, read_edges(folder)
+    window = _window(evidence, from_s, to_s)
+    signals = _chosen(_signals(folder, evidence, Format(form)), evidence, axis)
+    path = folder / Format(form).file_name if out is None else out
+    write_waveform(path, signals, window, Format(form), SCALES[timescale], f"{run.robot} {run.job}")
+    ends_s = window.time_s(window.from_counts), window.time_s(window.to_counts)
+    if as_json:
+        names = [signal.name for signal in signals]
+        print_json({"file": str(path), "format": form, "signals": names, "from_s": ends_s[0], "to_s": ends_s[1]})
+    else:
+        typer.echo(f"{path}: {len(signals)} signals from {ends_s[0]:.6f} to {ends_s[1]:.6f} s of the motion")
+
+
+def _signals(folder: Path, evidence: "Evidence", form: "Format") -> "list[Signal]":
+    from host.run_folder import read_robot
+    from host.run_folder.layout import BUS_LOG, existing
+    from host.waveforms import drive_states, everything, wires
+
+    if form.wires_only:
+        return wires(evidence)
+    states = drive_states(existing(folder, BUS_LOG), len(evidence.axes))
+    return everything(evidence, read_robot(folder), states)
+
+
+def _chosen(signals: "list[Signal]", evidence: "Evidence", axes: str | None) -> "list[Signal]":
+    if axes is None:
+        return signals
+    names = [axis.name for axis in evidence.axes]
+    chosen = [name.strip() for name in axes.split(",")]
+    for name in chosen:
+        if name not in names:
+            raise unknown("--axis", name, names)
+    return [signal for signal in signals if signal.axis in chosen]
+
+
+def _window(evidence: "Evidence", from_s: float | None, to_s: float | None) -> "Window":
+    """The part of the record between two times of the motion."""
+    from host.waveforms import whole_record
+
+    whole = whole_record(evidence)
+    window = replace(
+        whole,
+        from_counts=whole.from_counts if from_s is None else _counts(whole, "--from", from_s),
+        to_counts=whole.to_counts if to_s is None else _counts(whole, "--to", to_s),
+    )
+    if window.from_counts >= window.to_counts:
+        raise InputError(f"--from {from_s:g} s: is not before --to, {window.time_s(window.to_counts):g} s")
+    return window
+
+
+def _counts(whole: "Window", option: str, t_s: float) -> int:
+    counts = whole.counts(t_s) if isfinite(t_s) else -1
+    if not whole.from_counts <= counts <= whole.to_counts:
+        first_s, last_s = whole.time_s(whole.from_counts), whole.time_s(whole.to_counts)
+        raise InputError(f"{option} {t_s:g} s: the record goes from {first_s:.6f} to {last_s:.6f} s of the motion")
+    return counts

@@ -1,0 +1,46 @@
+"""`steptwin verify DIR`: judge a stored run again, from its files alone."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from host.cli.app import app
+from host.cli.arguments import AsJson
+from host.cli.output import print_json
+from host.cli.report import EXIT_NOT_VERIFIED, fault_line, print_report
+from host.errors import DeviceFaultError, NotVerifiedError
+
+if TYPE_CHECKING:
+    from host.run_folder import Verdict
+
+RunDir = Annotated[Path, typer.Argument(metavar="DIR", help="A folder that `steptwin run --out` has written.")]
+
+
+@app.command()
+def verify(folder: RunDir, as_json: AsJson = False) -> None:
+    """Verify a stored run again: same verdict, same exit code, or 1 if its files were changed."""
+    from host.run_folder import ContradictionError, verify_folder
+
+    try:
+        verdict = verify_folder(folder)
+    except ContradictionError as error:
+        raise NotVerifiedError(str(error)) from error
+    document = _document(verdict)
+    if as_json:
+        print_json(document)
+    else:
+        print_report(document)
+    if "fault" in document:
+        raise DeviceFaultError(fault_line(document["fault"]))
+    if not document["passed"]:
+        raise typer.Exit(EXIT_NOT_VERIFIED)
+
+
+def _document(verdict: "Verdict") -> dict[str, Any]:
+    """As `run --json` has it; a folder that was changed is no evidence of a fault either."""
+    document = verdict.report.to_dict()
+    document |= {"passed": verdict.passed, "reasons": list(verdict.reasons), "simulated": True}
+    if verdict.fault is not None and not verdict.tampered:
+        document["fault"] = dict(verdict.fault)
+    return document

@@ -1,0 +1,50 @@
+"""A run from its folder: everything that the verifier and the pictures ask for, from the files alone."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from host.errors import InputError
+from host.robot import Robot
+from host.robots import load_robot_file
+from host.run_folder.edges import read_edges
+from host.run_folder.layout import EDGES, ROBOT, existing
+from host.run_folder.motion import read_motion
+from host.run_folder.report import StoredReport, read_report
+from host.verify import Comparison, Plan, compare
+from host.wiring import output_changes
+
+
+@dataclass(frozen=True, slots=True)
+class StoredRun:
+    """A run as its folder has it: what was said of it, and plan and evidence compared anew."""
+
+    robot: Robot
+    report: StoredReport
+    comparison: Comparison
+
+    @property
+    def duration_s(self) -> float:
+        """How long the planned motion lasts."""
+        return self.comparison.plan.trajectory.duration_s
+
+
+def read_robot(folder: Path) -> Robot:
+    """A folder's robot; InputError if its file is missing or wrong."""
+    return load_robot_file(str(existing(folder, ROBOT)))
+
+
+def read_run(folder: Path) -> StoredRun:
+    """Read a folder and compare its evidence with its plan.
+
+    Raises:
+        InputError: a file is missing or cannot be read; the message names file and key.
+        ContradictionError: the files do not go together.
+    """
+    report, robot = read_report(folder), read_robot(folder)
+    motion = read_motion(folder, robot, report.switchings)
+    evidence = read_edges(folder)
+    names = tuple(axis.name for axis in evidence.axes)
+    if names != robot.joint_names:
+        raise InputError(f"{folder / EDGES}: axes: {' '.join(names)}, but {ROBOT} has {' '.join(robot.joint_names)}")
+    evidence = replace(evidence, outputs=output_changes(robot, evidence.axes))
+    return StoredRun(robot, report, compare(Plan.of(robot, motion), evidence))

@@ -1,0 +1,406 @@
+"""The board's inputs: each switch is seen to change at the start of the tick after the driver's count has passed it."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from controller.backend import Kernel
+from controller.kernel import TICK_COUNTS
+from controller.motion import Motion
+from emulator.board import AxisTrace, Board, BoardConfig
+from emulator.bus import Bus
+from emulator.operations import BoardTemperature, DriverProtect, EmergencyStop, Operation, Scheduled, Supply
+from emulator.simulation import Simulation
+from emulator.switches import Switch
+from emulator.tb6560 import PERIOD_MIN_COUNTS
+from protocol.cia402 import DigitalInput, ErrorCode, State
+from protocol.frame import COB_SYNC, Frame
+from protocol.pvt import PvtRecord
+from tests.controller.bench_board import BenchBoard
+from tests.controller.homing_bench import ACCELERATION_STEPS_PER_S2, FAST_STEPS_PER_S, SLOW_STEPS_PER_S, HomingBench
+from tests.controller.homing_bench import Machine as Slider
+
+MS = 72_000
+STEP = 1024
+NEGATIVE, POSITIVE, HOME = DigitalInput.NEGATIVE_LIMIT, DigitalInput.POSITIVE_LIMIT, DigitalInput.HOME
+NONE = DigitalInput(0)
+
+Seen = list[tuple[int, list[DigitalInput]]]
+
+
+def board_of(kernel: Kernel, axes: int, *switches: Switch, start: Sequence[int] = (), osc_pf: float = 330.0) -> Board:
+    return Board(BoardConfig(axes, (osc_pf,) * axes, switches=switches, start_steps=tuple(start)), kernel)
+
+
+def watched(board: Board) -> Seen:
+    """Everything that the board's firmware is told of its inputs from now on, with the instant.
+
+    It must be told at the start of a tick that has not been computed yet.
+    """
+    seen: Seen = []
+    tell = board.firmware.set_inputs
+
+    def set_inputs(levels: Sequence[DigitalInput], now_counts: int) -> None:
+        assert board.firmware.motion.tick * TICK_COUNTS == now_counts
+        seen.append((now_counts, list(levels)))
+        tell(levels, now_counts)
+
+    board.firmware.set_inputs = set_inputs  # type: ignore[assignment, method-assign]
+    return seen
+
+
+def expected(board: Board, until_counts: int) -> Seen:
+    """What the firmware must have been told, from the steps counted alone, tick by tick."""
+    config = board.config
+    start = config.start_steps or (0,) * config.axis_count
+    ticks = np.arange(until_counts // TICK_COUNTS + 1) * TICK_COUNTS
+    places = [_places(board.trace(axis), ticks) + start[axis] for axis in range(config.axis_count)]
+    closed = {switch: switch.closed_at(start[switch.axis], before=False) for switch in config.switches}
+    told: Seen = [(-1, [NONE] * config.axis_count)]
+    for i, counts in enumerate(ticks):
+        levels = [NONE] * config.axis_count
+        for switch, before in closed.items():
+            closed[switch] = switch.closed_at(int(places[switch.axis][i]), before=before)
+            if closed[switch]:
+                levels[switch.axis] |= switch.input
+        if levels != told[-1][1]:
+            told.append((int(counts), levels))
+    return told[1:]
+
+
+def _places(trace: AxisTrace, ticks: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Where the driver's count is at the start of each tick: steps made before it."""
+    sums = np.concatenate(([0], np.cumsum(trace.step_signs, dtype=np.int64)))
+    return sums[np.searchsorted(trace.step_counts, ticks)]
+
+
+def run(simulation: Simulation, motions: dict[int, list[PvtRecord]], until_ms: int) -> None:
+    """Enable nodes, let them go through records, started with one SYNC."""
+    simulation.send(Frame(0x000, b"\x01\x00"))
+    for node, records in motions.items():
+        for word in (0x06, 0x07, 0x0F):
+            simulation.send(Frame(0x200 + node, bytes((word, 0, 7))))
+        for record in records:
+            simulation.send(Frame(0x500 + node, record.encode()))
+        simulation.send(Frame(0x300 + node, b"\x1f\x00"))
+    simulation.send(Frame(COB_SYNC, b""))
+    simulation.run_until(until_ms * MS)
+
+
+def records_through(points: list[tuple[int, int]]) -> list[PvtRecord]:
+    """From rest to rest through positions in steps, each a number of ms after the one before."""
+    places = [0, *(place for place, _ in points)]
+    return [
+        PvtRecord((after - before) * STEP, 0, duration_ms, i)
+        for i, ((before, after), (_, duration_ms)) in enumerate(zip(pairwise(places), points, strict=True))
+    ]
+
+
+POINTS = st.lists(st.tuples(st.integers(-120, 120), st.integers(40, 250)), min_size=1, max_size=6)
+HOMES = st.tuples(st.integers(-80, 80), st.integers(0, 30), st.integers(0, 8))
+
+
+class TestEdges:
+    @settings(max_examples=30)
+    @given(paths=st.tuples(POINTS, POINTS), homes=st.tuples(HOMES, HOMES), start=st.integers(-30, 30))
+    def test_each_is_seen_in_its_tick(
+        self,
+        fast_kernel: Kernel,
+        paths: tuple[list[tuple[int, int]], ...],
+        homes: tuple[tuple[int, int, int], ...],
+        start: int,
+    ) -> None:
+        switches = [Switch(axis, HOME, first, first + width, spare) for axis, (first, width, spare) in enumerate(homes)]
+        board = board_of(fast_kernel, 3, *switches, start=(start, -start, 0))
+        seen = watched(board)
+        simulation = Simulation([board], Bus(1_000_000))
+        motions = {0x10 + axis: records_through(path) for axis, path in enumerate(paths)}
+        run(simulation, motions, until_ms=1_700)
+        assert seen == expected(board, simulation.now_counts)
+
+    @pytest.mark.parametrize("edge", range(700, 760))
+    def test_at_full_speed(self, fast_kernel: Kernel, edge: int) -> None:
+        """15 kHz, three or four steps a tick: none passes a switch unseen."""
+        board = board_of(fast_kernel, 1, Switch(0, HOME, from_steps=edge))
+        seen = watched(board)
+        simulation = Simulation([board], Bus(1_000_000))
+        full = 15 * 64 * STEP
+        ramp, cruise = PvtRecord(300 * STEP, full, 40, 0), PvtRecord(600 * STEP, full, 40, 1)
+        run(simulation, {0x10: [ramp, cruise, PvtRecord(300 * STEP, 0, 40, 2)]}, 200)
+        trace = board.trace(0)
+        assert trace.step_counts[759] - trace.step_counts[699] == 60 * PERIOD_MIN_COUNTS
+        assert [levels for _, levels in seen] == [[HOME]]
+        assert seen[0][0] - TICK_COUNTS <= trace.step_counts[edge - 1] < seen[0][0]
+
+    @pytest.mark.parametrize("edge", range(-4, 5))
+    def test_a_pulse_that_has_to_wait_counts_in_the_tick_in_which_it_comes(
+        self, fast_kernel: Kernel, edge: int
+    ) -> None:
+        """DIR wants to be stable for 255 us: after each turn the first rise comes a tick after its crossing."""
+        board = board_of(fast_kernel, 1, Switch(0, HOME, from_steps=edge))
+        seen = watched(board)
+        simulation = Simulation([board], Bus(1_000_000))
+        simulation.send(Frame(0x610, bytes.fromhex("23012003") + (255_000).to_bytes(4, "little")))
+        run(simulation, {0x10: records_through([(4, 40), (-5, 44), (4, 38), (-4, 43), (5, 41), (0, 60)])}, 400)
+        assert states(board) == [State.OPERATION_ENABLED]
+        assert board.firmware.motion.delayed_steps(0) > 3
+        assert len(seen) >= 3
+        assert seen == expected(board, simulation.now_counts)
+
+    def test_on_two_boards_that_move_together(self, fast_kernel: Kernel) -> None:
+        config = BoardConfig(1, (330.0,), switches=(Switch(0, HOME, 20, 30), Switch(0, POSITIVE, 60)))
+        second = BoardConfig(1, (330.0,), first_node_id=0x11, switches=(Switch(0, HOME, -9, -3, 2),))
+        boards = [Board(config, fast_kernel), Board(second, fast_kernel)]
+        seen = [watched(board) for board in boards]
+        simulation = Simulation(boards, Bus(1_000_000))
+        there_and_back = records_through([(50, 60), (-20, 70), (10, 200)])
+        run(simulation, {0x10: there_and_back, 0x11: there_and_back}, 500)
+        for board, told in zip(boards, seen, strict=True):
+            assert len(told) >= 4
+            assert told == expected(board, simulation.now_counts)
+
+    def test_one_that_is_closed_at_the_start_is_seen_at_once(self, fast_kernel: Kernel) -> None:
+        board = board_of(fast_kernel, 2, Switch(1, NEGATIVE, to_steps=-100), start=(0, -100))
+        seen = watched(board)
+        Simulation([board], Bus(1_000_000)).run_until(MS)
+        assert seen == [(0, [NONE, NEGATIVE])]
+
+    @pytest.mark.parametrize(
+        ("method", "home"), [(17, (-20, 30)), (18, (-20, 30)), (20, (10, None)), (21, (None, 10)), (26, (-20, 30))]
+    )
+    @pytest.mark.parametrize("start", [-640, -21, 0, 11, 300])
+    def test_a_homing_goes_as_on_the_bench(
+        self, fast_kernel: Kernel, method: int, home: tuple[int | None, int | None], start: int
+    ) -> None:
+        """The same pulses and frames, to the count, as on a bench that looks at its switches in every tick."""
+        switches = [Switch(0, NEGATIVE, to_steps=-600), Switch(0, POSITIVE, from_steps=600), Switch(0, HOME, *home)]
+        bench = HomingBench(
+            fast_kernel,
+            Slider(start, {switch.input: lambda p, s=switch: s.closed_at(p, before=False) for switch in switches}),  # type: ignore[misc]
+        )
+        bench.home(method)
+        bench.wait(50)
+        board = board_of(fast_kernel, 1, *switches, start=(start,))
+        seen = watched(board)
+        twin = BoardBench(fast_kernel, board)
+        twin.home(method, until=bench.now)
+        rises = board.trace(0).clk_rise_counts
+        assert list(rises) == [rise for rise, _ in bench.rises]
+        assert [(counts, levels[0]) for counts, levels in seen] == bench.edges
+        assert twin.sent == bench.sent
+
+    def test_far_away_they_cost_nothing(self, fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch) -> None:
+        """How often the motion is asked to go on: no oftener for switches that are not near."""
+        calls: list[int] = []
+        advance = Motion.advance
+
+        def counting(motion: Motion, until_tick: int) -> int:
+            calls.append(until_tick)
+            return advance(motion, until_tick)
+
+        monkeypatch.setattr(Motion, "advance", counting)
+        asked = []
+        for switches in ((), (Switch(0, POSITIVE, 10**6), Switch(1, NEGATIVE, to_steps=-(10**6)))):
+            calls.clear()
+            board = board_of(fast_kernel, 2, *switches)
+            records = records_through([(500, 250), (-500, 250), (500, 250)])
+            run(Simulation([board], Bus(1_000_000)), {0x10: records, 0x11: records}, 2_000)
+            asked.append(len(calls))
+        assert asked[0] == asked[1]
+
+
+class BoardBench(BenchBoard):
+    """A bench on which a whole board lies: pulses go to its drivers, frames go without a bus."""
+
+    def __init__(self, kernel: Kernel, board: Board) -> None:
+        super().__init__(kernel)
+        self.board, self.firmware = board, board.firmware
+        self.sent.clear()
+        self.firmware.boot(0)
+        self._fetch()
+        self.wait(1)
+        self.enable(6)
+        for subindex, steps_per_s in ((1, FAST_STEPS_PER_S), (2, SLOW_STEPS_PER_S)):
+            self.write(0x6099, subindex, steps_per_s * STEP)
+        self.write(0x609A, 0, ACCELERATION_STEPS_PER_S2 * STEP)
+
+    def wait(self, dt_ms: float) -> None:
+        until = self.now + round(dt_ms * MS)
+        while self.now < until:
+            due = self.firmware.next_due_counts
+            self.now = self.board.advance(until if due is None else max(self.now, min(until, due)))
+            self.firmware.poll(self.now)
+            self._fetch()
+
+    def home(self, method: int, until: int) -> None:
+        for index, value in ((0x6040, 0x0F), (0x6098, method), (0x607C, 0), (0x6040, 0x1F)):
+            self.write(index, 0, value)
+        self.wait((until - self.now) / MS)
+
+
+def enabled(board: Board, *schedule: Scheduled) -> Simulation:
+    """A simulation with all of the board's axes in OPERATION ENABLED at 10 ms."""
+    simulation = Simulation([board], Bus(1_000_000), schedule)
+    simulation.send(Frame(0x000, b"\x01\x00"))
+    for node in board.firmware.nodes:
+        for word in (0x06, 0x07, 0x0F):
+            simulation.send(Frame(0x200 + node.node_id, bytes((word, 0, 7))))
+    simulation.run_until(10 * MS)
+    assert states(board) == [State.OPERATION_ENABLED] * board.config.axis_count
+    return simulation
+
+
+def states(board: Board) -> list[State]:
+    return [node.drive.state for node in board.firmware.nodes]
+
+
+def errors(board: Board) -> list[int]:
+    return [node.dictionary.get(0x603F) for node in board.firmware.nodes]
+
+
+class TestOperations:
+    def test_the_emergency_stop_is_everybodys_and_seen_with_the_next_tick(self, fast_kernel: Kernel) -> None:
+        board = board_of(fast_kernel, 3)
+        simulation = enabled(board)
+        simulation.run_until(simulation.now_counts + 1234)
+        seen = watched(board)
+        simulation.operate(EmergencyStop(pressed=True))
+        assert states(board) == [State.OPERATION_ENABLED] * 3
+        tick = -(-simulation.now_counts // TICK_COUNTS) * TICK_COUNTS
+        simulation.run_until(tick)
+        assert seen == [(tick, [DigitalInput.ESTOP] * 3)]
+        assert (states(board), errors(board)) == ([State.FAULT] * 3, [ErrorCode.ESTOP] * 3)
+        simulation.operate(EmergencyStop(pressed=False))
+        simulation.run_until(tick + 10 * MS)
+        assert seen[1:] == [(tick, [NONE] * 3)]
+
+    def test_at_the_start_of_a_tick_it_is_seen_at_once(self, fast_kernel: Kernel) -> None:
+        board = board_of(fast_kernel, 1)
+        simulation = enabled(board)
+        assert simulation.now_counts % TICK_COUNTS == 0
+        simulation.operate(EmergencyStop(pressed=True))
+        assert states(board) == [State.FAULT]
+
+    def test_protect_is_one_drivers(self, fast_kernel: Kernel) -> None:
+        board = board_of(fast_kernel, 2)
+        simulation = enabled(board)
+        simulation.operate(DriverProtect(1, active=True))
+        simulation.run_until(simulation.now_counts + MS)
+        assert (states(board), errors(board)) == (
+            [State.OPERATION_ENABLED, State.FAULT],
+            [ErrorCode.NONE, ErrorCode.TEMPERATURE],
+        )
+        assert board.firmware.nodes[1].dictionary.get(0x60FD) == DigitalInput.DRIVER_PROTECT
+
+    @pytest.mark.parametrize(
+        ("operation", "code"),
+        [
+            (Supply(999), ErrorCode.UNDERVOLTAGE),
+            (Supply(1000), ErrorCode.NONE),
+            (Supply(3400), ErrorCode.NONE),
+            (Supply(3401), ErrorCode.OVERVOLTAGE),
+            (BoardTemperature(850), ErrorCode.NONE),
+            (BoardTemperature(851), ErrorCode.TEMPERATURE),
+        ],
+    )
+    def test_measured_values_count_at_once(self, fast_kernel: Kernel, operation: Operation, code: ErrorCode) -> None:
+        board = board_of(fast_kernel, 1)
+        simulation = enabled(board)
+        simulation.operate(operation)
+        assert errors(board) == [code]
+
+    def test_supply_and_temperature_are_kept_apart(self, fast_kernel: Kernel) -> None:
+        board = board_of(fast_kernel, 1)
+        simulation = enabled(board)
+        simulation.operate(Supply(1200))
+        simulation.operate(BoardTemperature(400))
+        dictionary = board.firmware.nodes[0].dictionary
+        assert (dictionary.get(0x2002, 1), dictionary.get(0x2002, 2)) == (400, 1200)
+
+    def test_a_schedule_is_kept_to_the_count(self, fast_kernel: Kernel) -> None:
+        """In order of time, the first of two at the same instant first; what the bus does meanwhile changes nothing."""
+        pressed, released = EmergencyStop(pressed=True), EmergencyStop(pressed=False)
+        board = board_of(fast_kernel, 1)
+        simulation = enabled(
+            board,
+            Scheduled(30 * MS + 1, pressed),
+            Scheduled(20 * MS, pressed),
+            Scheduled(20 * MS, released),
+            Scheduled(25 * MS + 17_999, Supply(900)),
+        )
+        seen = watched(board)
+        simulation.run_until(25 * MS + 17_998)
+        assert (seen, errors(board)) == ([], [ErrorCode.NONE])
+        simulation.run_until(25 * MS + 17_999)
+        assert errors(board) == [ErrorCode.UNDERVOLTAGE]
+        simulation.run_until(40 * MS)
+        assert seen == [(30 * MS + TICK_COUNTS, [DigitalInput.ESTOP])]
+
+    def test_each_board_has_its_own(self, fast_kernel: Kernel) -> None:
+        boards = [
+            Board(BoardConfig(1, (330.0,)), fast_kernel),
+            Board(BoardConfig(1, (330.0,), first_node_id=0x11), fast_kernel),
+        ]
+        simulation = Simulation(boards, Bus(1_000_000), [Scheduled(5 * MS, EmergencyStop(pressed=True), board=1)])
+        seen = [watched(board) for board in boards]
+        simulation.run_until(6 * MS)
+        simulation.operate(DriverProtect(0, active=True))
+        simulation.run_until(7 * MS)
+        assert seen == [[(6 * MS, [DigitalInput.DRIVER_PROTECT])], [(5 * MS, [DigitalInput.ESTOP])]]
+
+
+def monitored(board: Board) -> list[int]:
+    """Rotor steps, lost steps, violations."""
+    return [board.firmware.nodes[0].dictionary.get(0x2F00, subindex) for subindex in (1, 2, 3)]
+
+
+class TestMonitor:
+    def test_it_counts_what_the_driver_counts(self, fast_kernel: Kernel) -> None:
+        board = board_of(fast_kernel, 1)
+        run(Simulation([board], Bus(1_000_000)), {0x10: records_through([(50, 60), (-20, 70)])}, 300)
+        assert monitored(board) == [-20, 0, 0]
+
+    def test_pulses_too_short_are_lost_and_show_as_following_error(self, fast_kernel: Kernel) -> None:
+        """With 1000 pF a pulse must last 90 us; the board makes 33 us."""
+        board = board_of(fast_kernel, 1, osc_pf=1000.0)
+        run(Simulation([board], Bus(1_000_000)), {0x10: records_through([(50, 60), (-20, 70)])}, 300)
+        assert monitored(board) == [0, -20, 120]
+        assert board.firmware.nodes[0].dictionary.get(0x60F4) == -20 * STEP
+
+    def test_a_power_cycle_begins_anew(self, fast_kernel: Kernel) -> None:
+        board = board_of(fast_kernel, 1, osc_pf=1000.0)
+        simulation = Simulation([board], Bus(1_000_000))
+        run(simulation, {0x10: records_through([(50, 60)])}, 300)
+        simulation.power_cycle()
+        assert monitored(board) == [0, 0, 0]
+
+
+class TestPowerCycle:
+    def test_the_machine_stays_as_it_is(self, fast_kernel: Kernel) -> None:
+        """Where it stands, its switches, its button and its supply; the new firmware is told of them."""
+        board = board_of(fast_kernel, 1, Switch(0, HOME, 45, 60))
+        simulation = Simulation([board], Bus(1_000_000))
+        run(simulation, {0x10: records_through([(50, 60)])}, 300)
+        simulation.operate(Supply(2000))
+        simulation.operate(EmergencyStop(pressed=True))
+        simulation.run_until(301 * MS + 5)
+        simulation.power_cycle()
+        dictionary = board.firmware.nodes[0].dictionary
+        assert (dictionary.get(0x60FD), dictionary.get(0x2002, 2)) == (0, 2000)
+        simulation.run_until(302 * MS)
+        assert dictionary.get(0x60FD) == HOME | DigitalInput.ESTOP
+
+    def test_a_motion_cut_short_leaves_the_switches_where_the_axis_is(self, fast_kernel: Kernel) -> None:
+        board = board_of(fast_kernel, 1, Switch(0, HOME, 20, 30))
+        simulation = Simulation([board], Bus(1_000_000))
+        run(simulation, {0x10: records_through([(50, 250)])}, 120)
+        simulation.power_cycle()
+        simulation.run_until(121 * MS)
+        closed = 20 <= board.trace(0).position_steps <= 30
+        assert board.firmware.nodes[0].dictionary.get(0x60FD) == (HOME if closed else 0)
+        assert closed

@@ -1,0 +1,81 @@
+"""Switches as data: where they are closed, and how far it is to the next change."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from emulator.switches import AxisSwitches, Switch
+from protocol.cia402 import DigitalInput
+
+NEGATIVE, POSITIVE, HOME = DigitalInput.NEGATIVE_LIMIT, DigitalInput.POSITIVE_LIMIT, DigitalInput.HOME
+
+ends = st.integers(-50, 50)
+SWITCHES = st.one_of(
+    st.builds(lambda end, spare: Switch(0, NEGATIVE, to_steps=end, hysteresis_steps=spare), ends, st.integers(0, 5)),
+    st.builds(lambda end, spare: Switch(0, POSITIVE, from_steps=end, hysteresis_steps=spare), ends, st.integers(0, 5)),
+    st.builds(
+        lambda end, width, spare: Switch(0, HOME, end, end + width, spare), ends, st.integers(0, 20), st.integers(0, 5)
+    ),
+)
+
+
+@pytest.mark.parametrize(
+    ("switch", "closed", "open_"),
+    [
+        (Switch(0, NEGATIVE, to_steps=-7), (-1000, -8, -7), (-6, 0, 1000)),
+        (Switch(0, POSITIVE, from_steps=7), (7, 8, 1000), (-1000, 0, 6)),
+        (Switch(0, HOME, -2, 3), (-2, 0, 3), (-3, 4)),
+        (Switch(0, HOME, 5, 5), (5,), (4, 6)),
+    ],
+)
+def test_it_is_closed_from_end_to_end(switch: Switch, closed: tuple[int, ...], open_: tuple[int, ...]) -> None:
+    assert all(switch.closed_at(position, before=False) for position in closed)
+    assert not any(switch.closed_at(position, before=False) for position in open_)
+
+
+def test_hysteresis_keeps_it_closed_a_little_farther_out() -> None:
+    switch = Switch(0, HOME, 0, 10, hysteresis_steps=3)
+    places = [-1, 0, -1, -3, -4, -3, -1, 0, 10, 13, 14, 11, 10]
+    seen, closed = [], False
+    for place in places:
+        closed = switch.closed_at(place, before=closed)
+        seen.append(closed)
+    assert seen == [False, True, True, True, False, False, False, True, True, True, False, False, True]
+
+
+@given(SWITCHES, st.integers(-100, 100), st.booleans())
+def test_the_distance_is_the_way_to_the_next_change(switch: Switch, position: int, closed: bool) -> None:
+    """Against trying every place around: none nearer changes it, one of those at the distance does."""
+    closed = switch.closed_at(position, before=closed)
+    distance = switch.steps_to_change(position, closed=closed)
+    assert distance >= 1
+
+    def changed(steps: int) -> bool:
+        return switch.closed_at(position + steps, before=closed) != closed
+
+    assert not any(changed(steps) for steps in range(1 - distance, distance))
+    assert changed(distance) or changed(-distance)
+
+
+def test_an_axis_has_all_of_its_own() -> None:
+    axis = AxisSwitches([Switch(0, NEGATIVE, to_steps=-5), Switch(0, HOME, -6, 20), Switch(0, POSITIVE, 30)], -5)
+    assert axis.levels == NEGATIVE | HOME
+    assert axis.steps_to_change == 1
+    axis.move(12)
+    assert (axis.position_steps, axis.levels, axis.steps_to_change) == (7, HOME, 12)
+    axis.move(23)
+    assert (axis.levels, axis.steps_to_change) == (POSITIVE, 1)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((0, DigitalInput.ESTOP, 1), "one of NEGATIVE_LIMIT, POSITIVE_LIMIT, HOME, not"),
+        ((0, HOME), "always be closed"),
+        ((0, HOME, 4, 3), "from 4 to 3 steps would never"),
+        ((0, HOME, 4, 4, -1), "hysteresis_steps -1 is negative"),
+    ],
+)
+def test_what_is_no_switch(arguments: tuple[int, ...], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        Switch(*arguments)  # type: ignore[arg-type]

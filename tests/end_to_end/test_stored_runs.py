@@ -1,0 +1,166 @@
+"""`steptwin trace` and `steptwin plot` on what a run has left."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from host.cli.app import run
+from host.run_folder import read_edges
+from tests.waveforms.vcd_reader import read_vcd
+
+
+def refusal(capsys: pytest.CaptureFixture[str], *words: str) -> str:
+    capsys.readouterr()
+    assert run([*words]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    (line,) = captured.err.splitlines()
+    return line.removeprefix("steptwin: ")
+
+
+class TestTrace:
+    def test_every_edge_of_every_axis(self, carry_run: Path, tmp_path: Path) -> None:
+        """At 10 ns each instant is one count's."""
+        out = tmp_path / "all.vcd"
+        assert run(["trace", str(carry_run), "--timescale", "10ns", "--out", str(out)]) == 0
+        dump = read_vcd(out.read_text())
+        for axis in read_edges(carry_run).axes:
+            edges = np.column_stack([axis.clk_rise_counts, axis.clk_fall_counts]).ravel()
+            read = [round(instant * 0.72) for instant, _ in dump.changes[f"{axis.name}_step"]]
+            assert read == edges.tolist()
+            assert dump.initial[f"{axis.name}_enable"] == "0"
+            assert [level for _, level in dump.changes[f"{axis.name}_enable"]] == ["1", "0"]
+        assert dump.texts[0] == "StepTwin, SIMULATED: teaching-scara carry"
+
+    def test_a_run_leaves_the_same_file_as_trace(self, carry_run: Path, tmp_path: Path) -> None:
+        out = tmp_path / "again.vcd"
+        assert run(["trace", str(carry_run), "--out", str(out)]) == 0
+        assert out.read_bytes() == (carry_run / "trace.vcd").read_bytes()
+
+    def test_a_window_begins_with_the_levels_that_are_there(self, carry_run: Path, tmp_path: Path) -> None:
+        """At every rise of a pulse of th2 STEP is 1 already, one count before it is 0."""
+        evidence = read_edges(carry_run)
+        axis = evidence.axes[1]
+        rise = int(axis.clk_rise_counts[100])
+        out = tmp_path / "window.vcd"
+        for counts, level in ((rise - 1, "0"), (rise, "1")):
+            from_s = repr((counts - evidence.start_counts) / 72e6)
+            words = ["--from", from_s, "--to", "0.9", "--axis", "th2, d3", "--timescale", "10ns"]
+            assert run(["trace", str(carry_run), *words, "--out", str(out)]) == 0
+            dump = read_vcd(out.read_text())
+            assert dump.initial["th2_step"] == level
+            assert dump.initial["th2_enable"] == "1"
+            expected = axis.dir_levels[axis.dir_edge_counts <= counts]
+            assert dump.initial["th2_dir"] == str(expected[-1] if expected.size else 0)
+            assert {name.split("_")[0] for name in dump.types} == {"th2", "d3"}
+
+    def test_everything_for_a_viewer(self, carry_run: Path, tmp_path: Path) -> None:
+        out = tmp_path / "full.vcd"
+        assert run(["trace", str(carry_run), "--format", "vcd-full", "--out", str(out)]) == 0
+        dump = read_vcd(out.read_text())
+        report = json.loads((carry_run / "report.json").read_text())
+        for axis, start, end in zip(report["axes"], *(report["joints"][k] for k in ("start", "end")), strict=True):
+            name = axis["name"]
+            unit = "mm" if name == "d3" else "deg"
+            steps = [dump.initial[f"{name}_steps"], *(value for _, value in dump.changes[f"{name}_steps"])]
+            assert (int(steps[0]), int(steps[-1])) == (axis["steps_start"], axis["steps_end"])
+            assert len(steps) == 1 + axis["pulses"]
+            joint = [dump.initial[f"{name}_position_{unit}"]]
+            joint += [value for _, value in dump.changes[f"{name}_position_{unit}"]]
+            assert (float(joint[0]), float(joint[-1])) == pytest.approx((start, end))
+            states = [state for _, state in dump.changes[f"{name}_drive_state"]]
+            assert states.count("OPERATION_ENABLED") == 1
+
+    def test_tables(self, carry_run: Path, tmp_path: Path) -> None:
+        table, arrays = tmp_path / "t.csv", tmp_path / "t.npz"
+        for form, out in (("csv", table), ("npz", arrays)):
+            assert run(["trace", str(carry_run), "--format", form, "--from", "0.5", "--out", str(out)]) == 0
+        rows = [line.split(",") for line in table.read_text().splitlines()[1:]]
+        with np.load(arrays) as stored:
+            counts = stored["th2_step_change_counts"].tolist()
+            begin = str(stored["from_counts"])
+        assert [row[0] for row in rows if row[2] == "th2_step"] == [begin, *map(str, counts)]
+        assert float(rows[0][1]) == 0.5
+
+    def test_goes_into_the_folder_by_default(self, carry_run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        capsys.readouterr()
+        assert run(["trace", str(carry_run), "--format", "csv", "--json", "--to", "0.25"]) == 0
+        document = json.loads(capsys.readouterr().out)
+        assert document["file"] == str(carry_run / "trace.csv")
+        assert (carry_run / "trace.csv").is_file()
+        assert document["to_s"] == 0.25
+        assert document["signals"][:3] == ["th1_step", "th1_dir", "th1_enable"]
+        (carry_run / "trace.csv").unlink()
+
+    @pytest.mark.parametrize(
+        ("words", "message"),
+        [
+            (["--axis", "th9"], "--axis 'th9' is unknown: did you mean th4 or th2 or th1?"),
+            (["--from", "0.5", "--to", "0.5"], "--from 0.5 s: is not before --to, 0.5 s"),
+            (["--from", "2"], "--from 2 s: the record goes from -0.0"),
+            (["--to", "-1"], "--to -1 s: the record goes from -0.0"),
+            (["--from", "nan"], "--from nan s: the record goes from -0.0"),
+            (["--format", "vdc"], "'vdc' is not one of"),
+            (["--timescale", "1ms"], "'1ms' is not one of"),
+        ],
+    )
+    def test_bad_input(
+        self, words: list[str], message: str, carry_run: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        assert message in refusal(capsys, "trace", str(carry_run), *words)
+
+    def test_no_folder(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        for command in ("trace", "plot", "verify"):
+            assert refusal(capsys, command, str(tmp_path / "x")) == f"{tmp_path / 'x'}: is no folder of a run"
+            assert refusal(capsys, command, str(tmp_path)) == f"{tmp_path / 'report.json'}: is missing"
+
+
+class TestPlot:
+    @pytest.fixture(autouse=True)
+    def _matplotlib(self) -> None:
+        pytest.importorskip("matplotlib", reason="the extra `plot` (matplotlib) is not installed")
+
+    def test_chosen_pictures(self, carry_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        capsys.readouterr()
+        words = ["--what", "edges, jitter", "--format", "svg", "--at", "0.5", "--span", "0.004"]
+        assert run(["plot", str(carry_run), *words, "--out", str(tmp_path / "new")]) == 0
+        paths = [tmp_path / "new" / name for name in ("edges.svg", "jitter.svg")]
+        assert capsys.readouterr().out.split() == [str(path) for path in paths]
+        for path in paths:
+            assert path.read_text().startswith("<?xml")
+
+    def test_a_stored_run_has_the_pictures_of_the_run(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        folder = tmp_path / "run"
+        assert run(["run", "calibration-scara", "demo", "--out", str(folder)]) == 0
+        names = ["joints", "step-rates"]
+        first = {name: (folder / f"{name}.png").read_bytes() for name in names}
+        capsys.readouterr()
+        assert run(["plot", str(folder), "--what", ",".join(names), "--json"]) == 0
+        assert json.loads(capsys.readouterr().out) == {"files": [str(folder / f"{name}.png") for name in names]}
+        assert {name: (folder / f"{name}.png").read_bytes() for name in names} == first
+
+    @pytest.mark.parametrize(
+        ("words", "message"),
+        [
+            (["--what", "edgs"], "--what 'edgs' is unknown: did you mean edges?"),
+            (["--what", ""], "--what '' is unknown: there are joints, "),
+            (["--at", "1.5"], "--at 1.5 s: the motion goes from 0 to 1 s"),
+            (["--at", "nan"], "--at nan s: the motion goes from 0 to 1 s"),
+            (["--span", "0"], "--span 0 s: must be above 0 and at most 1 s, the whole motion"),
+            (["--span", "1.1"], "--span 1.1 s: must be above 0 and at most 1 s"),
+            (["--format", "jpg"], "'jpg' is not one of"),
+        ],
+    )
+    def test_bad_input(
+        self, words: list[str], message: str, carry_run: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        assert message in refusal(capsys, "plot", str(carry_run), *words)
+
+    def test_without_matplotlib(
+        self, carry_run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        monkeypatch.setattr("host.cli.plot.find_spec", lambda _: None)
+        line = refusal(capsys, "plot", str(carry_run))
+        assert line == "plot: matplotlib is not installed (pip install 'steptwin[plot]')"
