@@ -2,20 +2,19 @@
 
 import time
 from dataclasses import dataclass
-from math import ceil
 
 import numpy as np
 
 from controller.backend import Kernel
 from emulator.bus_faults import FaultScript
-from host.client import AxisRecords, AxisSettings, Machine, OutputCommand, Progress
+from host.axis_settings import axis_settings
+from host.client import AxisRecords, Machine, Progress
 from host.embedded import EmbeddedBoard
 from host.errors import DeviceFaultError, InputError
+from host.output_commands import output_commands
 from host.planner import Plan, check_start
-from host.robot import Board, Joint
 from host.verify import Comparison, Report, RunInfo, compare, verify_comparison
 from host.verify import Plan as VerifierPlan
-from protocol.cia402 import DigitalOutput
 from protocol.frame import Frame
 from protocol.objects import UNITS_PER_FULL_STEP
 
@@ -80,12 +79,12 @@ def execute(
     board = EmbeddedBoard(plan.robot, plan.start_joints if stand_at is None else stand_at, kernel, bus_faults)
     machine = Machine(board, plan.robot.joint_names)
     machine.connect()
-    machine.configure(tuple(_settings(joint, plan.robot.board) for joint in plan.robot.joints))
+    machine.configure(tuple(axis_settings(joint, plan.robot.board) for joint in plan.robot.joints))
     machine.enable()
     machine.preset(plan.start_units)
     fault = None
     try:
-        machine.run(records, plan.start_units, progress, _output_commands(plan))
+        machine.run(records, plan.start_units, progress, output_commands(plan.robot, plan.trajectory))
         machine.disable()
     except DeviceFaultError as error:
         if not board.started:
@@ -105,20 +104,6 @@ def execute(
     return Outcome(plan, comparison, verify_comparison(comparison, run), board.bus_log, fault)
 
 
-def _settings(joint: Joint, board: Board) -> AxisSettings:
-    """An axis may go as fast as its driver can; it stops with the joint's own deceleration."""
-    transmission = joint.transmission
-    return AxisSettings(
-        microsteps=transmission.microsteps,
-        steplen_ns=board.steplen_ns,
-        stepspace_ns=board.stepspace_ns,
-        dirsetup_ns=board.dirsetup_ns,
-        dirhold_ns=board.dirhold_ns,
-        velocity_max_units_per_s=ceil(board.step_rate_max_hz * UNITS_PER_FULL_STEP / transmission.microsteps),
-        deceleration_units_per_s2=ceil(joint.acceleration_max * transmission.wire_units_per_unit),
-    )
-
-
 def _records(plan: Plan, cut_stream_s: float | None) -> tuple[AxisRecords, ...]:
     durations_ms = plan.durations_ms()
     count = len(durations_ms)
@@ -130,17 +115,6 @@ def _records(plan: Plan, cut_stream_s: float | None) -> tuple[AxisRecords, ...]:
     return tuple(
         AxisRecords(plan.displacements_units(axis)[:count], plan.end_velocities(axis)[:count], durations_ms[:count])
         for axis in range(len(plan.robot.joints))
-    )
-
-
-def _output_commands(plan: Plan) -> tuple[OutputCommand, ...]:
-    robot, bits = plan.robot, tuple(DigitalOutput)
-    wired = {
-        name: (robot.joint_names.index(output.joint), bits[output.out - 1]) for name, output in robot.outputs.items()
-    }
-    return tuple(
-        OutputCommand(*wired[switching.output], switching.on, switching.from_s)
-        for switching in plan.trajectory.switchings
     )
 
 

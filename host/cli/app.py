@@ -22,8 +22,9 @@ def main() -> None:
     sys.exit(run(sys.argv[1:]))
 
 
-# What the library has to say reaches the user as our own one line; without a handler it would print a second one.
-logging.getLogger("canopen").addHandler(logging.NullHandler())
+# What the libraries have to say reaches the user as our own one line; without a handler it would print a second one.
+for library in ("can", "canopen"):
+    logging.getLogger(library).addHandler(logging.NullHandler())
 
 
 def run(arguments: list[str]) -> int:

@@ -13,6 +13,11 @@ def print_json(document: dict[str, Any]) -> None:
     typer.echo(json.dumps(document, indent=2))
 
 
+def pose_text(pose: dict[str, float]) -> str:
+    """The tool's pose in a line."""
+    return "tool: x {x_mm:.4f} mm, y {y_mm:.4f} mm, z {z_mm:.4f} mm, {attitude_deg:.4f} deg".format(**pose)
+
+
 def print_table(columns: list[str], rows: list[list[str]], *, text_columns: int = 1) -> None:
     """A table: the first columns are texts, the others numbers."""
     from rich import box

@@ -1,7 +1,5 @@
 """`steptwin run ROBOT JOB`: plan, stream, emulate, verify."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,13 +8,15 @@ import typer
 
 from host.cli.app import app
 from host.cli.arguments import AsJson, RobotFile, joint_values, name_value_pairs, robot_and_rest
+from host.cli.connection import Bitrate, Channel, Connect, Interface, connection
+from host.cli.live_run import run_live
 from host.cli.output import print_json
+from host.cli.progress import progress_bar
 from host.cli.report import EXIT_NOT_VERIFIED, fault_line, print_report
 from host.errors import DeviceFaultError, InputError
 
 if TYPE_CHECKING:
     from controller.backend import Kernel
-    from host.client import Progress
     from host.robot import Robot
     from host.run import Outcome
     from host.trajectory import Trajectory
@@ -59,9 +59,21 @@ def run(
     kernel: Annotated[
         KernelChoice, typer.Option(help="Plain Python or compiled; auto takes the fastest.")
     ] = KernelChoice.AUTO,
+    connect: Connect = None,
+    interface: Interface = None,
+    channel: Channel = None,
+    bitrate: Bitrate = None,
+    repeat: Annotated[int, typer.Option(metavar="N", help="On a live board: so many times.")] = 1,
+    approach: Annotated[
+        bool, typer.Option("--approach", help="On a live board: move to the start first, all joints together.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Run a job or a trajectory file on an emulated board in virtual time and verify every pulse."""
+    """Run a job or a trajectory file on an emulated board in virtual time and verify every pulse.
+
+    With --connect or -i it runs on a live board instead, which must stand at its start; where the axes end is compared
+    with the plan then.
+    """
     from host.planner import plan
     from host.run import execute
     from host.run_folder import FOLDER_VERSION, VERSION_KEY, prepare_folder, write_folder
@@ -70,6 +82,12 @@ def run(
     job = _only(rest)
     options = name_value_pairs(option or []) | ({"elbow": elbow} if elbow is not None else {})
     planned = plan(loaded, _trajectory(loaded, job, options))
+    live = connection(connect, interface, channel, bitrate, loaded)
+    if live is not None:
+        _refuse({"--out": out, "--stand-at": stand_at, "--cut-stream": cut_stream}, "an emulated")
+        run_live(live, planned, job, repeat=repeat, approach=approach, as_json=as_json)
+        return
+    _refuse({"--repeat": repeat if repeat != 1 else None, "--approach": approach or None}, "a live")
     standing = None if stand_at is None else joint_values(stand_at.split(), loaded.joint_names, "--stand-at")
     folder = None if out is None else prepare_folder(out)
     with progress_bar(f"{loaded.name} {job}") as progress:
@@ -86,6 +104,12 @@ def run(
         raise DeviceFaultError(fault_line(document["fault"]))
     if not outcome.report.passed:
         raise typer.Exit(EXIT_NOT_VERIFIED)
+
+
+def _refuse(options: dict[str, Any], board: str) -> None:
+    given = [name for name, value in options.items() if value is not None]
+    if given:
+        raise InputError(f"{given[0]}: is for {board} board")
 
 
 def _only(words: list[str]) -> str:
@@ -115,19 +139,6 @@ def _kernel(choice: KernelChoice) -> "Kernel":
         return KERNELS[choice]()
     except ModuleNotFoundError as error:
         raise InputError("--kernel numba: numba is not installed (pip install 'steptwin[fast]')") from error
-
-
-@contextmanager
-def progress_bar(title: str) -> "Iterator[Progress]":
-    """A bar on stderr while something long runs, if that is a terminal."""
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.progress import Progress as RichProgress
-
-    console = Console(stderr=True)
-    with RichProgress(console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(escape(title), total=1.0)
-        yield lambda fraction: bar.update(task, completed=fraction)
 
 
 def _document(outcome: "Outcome") -> dict[str, Any]:

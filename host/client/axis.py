@@ -21,6 +21,7 @@ _ENABLING: Final = {
     State.SWITCH_ON_DISABLED: SHUTDOWN,
     State.READY_TO_SWITCH_ON: SWITCH_ON,
     State.SWITCHED_ON: ENABLE_OPERATION,
+    State.QUICK_STOP_ACTIVE: ENABLE_OPERATION,
 }
 """The controlword that leads each state one step towards OPERATION ENABLED."""
 
@@ -111,6 +112,20 @@ class AxisClient:
         except canopen.SdoCommunicationError as error:
             raise self._silent(error) from error
 
+    def read_text(self, index: int) -> str:
+        """Read a string by SDO; raises as `read` does."""
+        try:
+            return str(self._variable(index, 0).raw)
+        except canopen.SdoAbortedError as error:
+            raise self._refused(f"reading 0x{index:04X}:00", error) from error
+        except canopen.SdoCommunicationError as error:
+            raise self._silent(error) from error
+
+    def ensure(self, index: int, subindex: int, value: int) -> None:
+        """Write a numeric object unless it has the value already; raises as `read` does."""
+        if self.read(index, subindex) != value:
+            self.write(index, subindex, value)
+
     def _variable(self, index: int, subindex: int) -> SdoVariable:
         entry = self._node.sdo[index]
         return entry if isinstance(entry, SdoVariable) else entry[subindex]
@@ -136,7 +151,7 @@ class AxisClient:
         deadline_s = self._link.now_s() + _STATE_TIMEOUT_S
         while (state := self.state()) is not State.OPERATION_ENABLED:
             if state not in _ENABLING or self._link.now_s() > deadline_s:
-                raise DeviceFaultError(f"{self.name}: cannot be enabled, the drive is in {_spoken(state)}")
+                raise DeviceFaultError(f"{self.name}: cannot be enabled, the drive is in {state_text(state)}")
             self.write(0x6040, 0, _ENABLING[state])
             self._link.wait(_STATUS_WAIT_S)
 
@@ -173,5 +188,6 @@ def error_text(code: int) -> str:
         return "unknown error"
 
 
-def _spoken(state: State) -> str:
+def state_text(state: State) -> str:
+    """A state as CiA 402 writes it."""
     return state.name.replace("_", " ")

@@ -39,3 +39,9 @@ class DriveStatus(NamedTuple):
     def halted(self) -> bool:
         """Whether the axis rests amid its records because its group is halted."""
         return self.interpolating and bool(self.statusword & Status.TARGET_REACHED)
+
+
+def stands(statusword: int, mode: int) -> bool:
+    """Whether an axis rests; in profile velocity "target reached" is said of the velocity instead."""
+    following = State.of(statusword) is State.OPERATION_ENABLED and mode == Mode.PROFILE_VELOCITY
+    return bool(statusword & (Status.ZERO_SPEED if following else Status.TARGET_REACHED))

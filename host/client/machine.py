@@ -86,6 +86,9 @@ class Machine:
     def connect(self) -> None:
         """Bring all nodes to PRE-OPERATIONAL and see that each is a stepper axis."""
         self._link.network.nmt.state = "PRE-OPERATIONAL"
+        self._check_types()
+
+    def _check_types(self) -> None:
         for axis in self.axes:
             device_type = axis.read(0x1000)
             if device_type != IDENTITY_DEVICE_TYPE:
@@ -100,6 +103,27 @@ class Machine:
             axis.write(0x1016, 1, WATCH_HOST)
         self._heartbeat.start()
         self._link.network.nmt.state = "OPERATIONAL"
+
+    def adopt(self, objects: tuple[list[tuple[int, int, int]], ...]) -> None:
+        """Take over a board that may be set up and enabled: write what differs, let it watch this host.
+
+        Nodes are brought to OPERATIONAL where one of them is not; none leaves it.
+
+        Args:
+            objects: of every axis, as (index, sub-index, value).
+
+        Raises:
+            DeviceFaultError: an axis refuses a value; those of its driver it takes only while its power is off.
+            BusError: no answer, or a node that is no stepper axis.
+        """
+        self._check_types()
+        self._heartbeat.start()
+        for axis, entries in zip(self.axes, objects, strict=True):
+            for index, subindex, value in (*entries, (0x6007, 0, AbortConnection.FAULT_SIGNAL)):
+                axis.ensure(index, subindex, value)
+            axis.write(0x1016, 1, WATCH_HOST)
+        if not all(axis.read(0x6041) & Status.REMOTE for axis in self.axes):
+            self._link.network.nmt.state = "OPERATIONAL"
 
     def enable(self) -> None:
         """Enable every drive."""

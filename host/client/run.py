@@ -2,13 +2,13 @@
 
 from typing import Final
 
-from host.client.axis import AxisClient
+from host.client.axis import AxisClient, state_text
 from host.client.link import Link
 from host.client.outputs import OutputCommand, OutputSchedule
 from host.client.stream import AxisStream, fill
 from host.client.trajectory_time import TrajectoryTime
 from host.errors import BusError, DeviceFaultError
-from protocol.cia402 import ErrorCode
+from protocol.cia402 import ErrorCode, State
 
 POLL_S: Final = 0.010
 """How often the client looks; the inhibit time of the status reports."""
@@ -61,11 +61,12 @@ class Run:
         """Do what is due; not to be called later than the queues' reserve allows, nor from a frame's callback.
 
         Raises:
-            DeviceFaultError: an axis is in fault, refuses a record or has run out of them.
+            DeviceFaultError: an axis is in fault, was stopped, refuses a record or has run out of them.
             BusError: an axis says nothing any more, or does not go on though nothing halts it.
         """
         now_s = self._link.now_s()
         check_faults(self._link, self._axes)
+        check_enabled(self._axes)
         for stream in self._streams:
             stream.update(now_s)
             stream.check_running()
@@ -77,6 +78,7 @@ class Run:
         if done:
             self._link.wait(POLL_S)
             check_faults(self._link, self._axes)
+            check_enabled(self._axes)  # a quick stop empties the queues, too
             self.ended = True
 
     def _follow(self, now_s: float, *, done: bool) -> None:
@@ -100,3 +102,11 @@ def check_faults(link: Link, axes: tuple[AxisClient, ...]) -> None:
         link.wait(POLL_S)  # let every node say what happened to it
         began = [axis for axis in axes if set(axis.error_codes) - {ErrorCode.GROUP_STOPPED}]
         raise DeviceFaultError((began or faulty)[0].fault_text())
+
+
+def check_enabled(axes: tuple[AxisClient, ...]) -> None:
+    """Raise DeviceFaultError if a drive that was enabled is so no more, as last heard: somebody has stopped it."""
+    for axis in axes:
+        status = axis.drive_status
+        if status is not None and status.state is not State.OPERATION_ENABLED:
+            raise DeviceFaultError(f"{axis.name}: was stopped, the drive is in {state_text(status.state)}")

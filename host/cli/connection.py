@@ -1,0 +1,109 @@
+"""Which board a command talks to: the options that all commands for a live board share."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from host.errors import InputError
+
+if TYPE_CHECKING:
+    from host.client import Link
+    from host.client.bus_link import Connection
+    from host.operate.session import Session
+    from host.robot import Robot
+
+Connect = Annotated[
+    str | None,
+    typer.Option(
+        "--connect", metavar="HOST[:PORT]", help="A board behind a socketcand server, such as `steptwin serve`."
+    ),
+]
+Interface = Annotated[
+    str | None, typer.Option("--interface", "-i", metavar="NAME", help="A bus of python-can, such as socketcan.")
+]
+Channel = Annotated[
+    str | None, typer.Option("--channel", "-c", metavar="NAME", help="Of the interface, or of the socketcand server.")
+]
+Bitrate = Annotated[
+    int | None, typer.Option("--bitrate", "-b", metavar="BIT/S", help="By default as the robot's file says.")
+]
+
+DEFAULT_PORT = 29536
+"""socketcand's own."""
+
+
+def connection(
+    connect: str | None,
+    interface: str | None,
+    channel: str | None,
+    bitrate: int | None,
+    robot: "Robot | None",
+) -> "Connection | None":
+    """What the options say; None if they say nothing.
+
+    Raises:
+        InputError: they contradict each other, or there is no such interface or bit rate.
+    """
+    from host.client.bus_link import Connection
+
+    if connect is not None and interface is not None:
+        raise InputError(f"--connect {connect} and --interface {interface}: give only one of them")
+    if bitrate is not None and bitrate <= 0:
+        raise InputError(f"--bitrate {bitrate}: is not above 0 bit/s")
+    if connect is not None:
+        host, port = _host_and_port(connect)
+        return Connection("socketcand", channel, None, host, port)
+    if interface is None:
+        for option, value in (("--channel", channel), ("--bitrate", bitrate)):
+            if value is not None:
+                raise InputError(f"{option} {value}: is for a live board: --connect HOST:PORT or --interface NAME")
+        return None
+    _check_interface(interface)
+    return Connection(interface, channel, bitrate or (robot.board.bitrate if robot else None))
+
+
+def _host_and_port(text: str) -> tuple[str, int]:
+    host, colon, port = text.rpartition(":")
+    if not colon:
+        host, port = text, str(DEFAULT_PORT)
+    if not host or not port.isdecimal() or not 0 < int(port) < 1 << 16:
+        raise InputError(f"--connect {text}: is not of the form HOST:PORT, such as 127.0.0.1:{DEFAULT_PORT}")
+    return host, int(port)
+
+
+def _check_interface(name: str) -> None:
+    import can
+
+    from host.inputs import unknown
+
+    if name not in can.VALID_INTERFACES:
+        raise unknown("--interface", name, sorted(can.VALID_INTERFACES))
+
+
+def required(found: "Connection | None") -> "Connection":
+    """InputError if there is none."""
+    if found is None:
+        raise InputError("which board? --connect HOST:PORT, or -i INTERFACE -c CHANNEL")
+    return found
+
+
+@contextmanager
+def opened_link(found: "Connection") -> "Iterator[Link]":
+    """A link for as long as the block lasts; BusError if it cannot be opened."""
+    from host.client.bus_link import BusLink, open_bus
+
+    with BusLink(open_bus(found), found.title) as link:
+        yield link
+
+
+@contextmanager
+def opened_session(
+    robot: "Robot", connect: str | None, interface: str | None, channel: str | None, bitrate: int | None
+) -> "Iterator[Session]":
+    """A robot's session for as long as the block lasts."""
+    from host.operate.session import Session
+
+    with opened_link(required(connection(connect, interface, channel, bitrate, robot))) as link:
+        yield Session(link, robot)

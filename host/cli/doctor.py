@@ -1,0 +1,61 @@
+"""`steptwin doctor ROBOT --connect ...`: is this machine fit to move?"""
+
+from typing import TYPE_CHECKING
+
+import typer
+
+from host.cli.app import app
+from host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
+from host.cli.connection import Bitrate, Channel, Connect, Interface, connection, opened_link, required
+from host.cli.output import print_json
+from host.errors import BusError
+
+if TYPE_CHECKING:
+    from host.client.bus_link import Connection
+    from host.operate.doctor import Check
+    from host.robot import Robot
+
+
+@app.command()
+def doctor(
+    robot: RobotName = None,
+    robot_file: RobotFile = None,
+    connect: Connect = None,
+    interface: Interface = None,
+    channel: Channel = None,
+    bitrate: Bitrate = None,
+    as_json: AsJson = False,
+) -> None:
+    """Check a live machine: bus, nodes, drives, settings, inputs, supply, temperature, positions.
+
+    Nothing on it changes. Exit code 4 if the bus or a node does not answer, 3 if something else is not as it should be.
+    """
+    loaded = one_robot(robot, robot_file)
+    checks = _checks(loaded, required(connection(connect, interface, channel, bitrate, loaded)), show=not as_json)
+    failed = [check for check in checks if not check.passed]
+    if as_json:
+        listed = [{"name": check.name, "passed": check.passed, "found": check.found} for check in checks]
+        print_json({"robot": loaded.name, "passed": not failed, "checks": listed})
+    if failed:
+        raise typer.Exit(max(check.exit_code for check in failed))
+
+
+def _checks(robot: "Robot", found: "Connection", *, show: bool) -> "list[Check]":
+    from host.operate.doctor import Check, examine
+    from host.operate.session import Session
+
+    checks: list[Check] = []
+
+    def add(check: "Check") -> None:
+        checks.append(check)
+        if show:
+            typer.echo(f"[{' OK ' if check.passed else 'FAIL'}] {check.name}: {check.found}")
+
+    try:
+        with opened_link(found) as link:
+            add(Check("bus", True, found.title))
+            for check in examine(Session(link, robot)):
+                add(check)
+    except BusError as error:
+        add(Check("bus", False, str(error), BusError.exit_code))
+    return checks

@@ -1,0 +1,50 @@
+"""`steptwin jog ROBOT JOINT SPEED --connect ...`: one axis of a live board by hand."""
+
+from dataclasses import asdict
+from typing import Annotated
+
+import typer
+
+from host.cli.app import app
+from host.cli.arguments import NEGATIVE_NUMBERS, AsJson, RobotFile, finite_number, robot_and_rest
+from host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
+from host.cli.output import print_json
+from host.errors import InputError
+
+
+@app.command(context_settings=NEGATIVE_NUMBERS)
+def jog(
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="ROBOT JOINT SPEED", help="The robot, a joint of it, and its speed in mm/s or degrees/s, with sign."
+        ),
+    ] = None,
+    robot_file: RobotFile = None,
+    seconds: Annotated[
+        float | None, typer.Option(metavar="S", help="How long; without it until Ctrl-C, which ends it in order.")
+    ] = None,
+    connect: Connect = None,
+    interface: Interface = None,
+    channel: Channel = None,
+    bitrate: Bitrate = None,
+    as_json: AsJson = False,
+) -> None:
+    """Move one joint of a live board at a speed. It stops at the joint's limits if it knows where it is."""
+    from host.operate.jogging import check_jog, jog
+
+    loaded, rest = robot_and_rest(words or [], robot_file)
+    if len(rest) != 2:
+        raise InputError(f"JOINT and SPEED are needed after the robot, not {' '.join(rest) or 'nothing'}")
+    speed = finite_number(rest[1], "SPEED")
+    check_jog(loaded, rest[0], speed)
+    if seconds is not None and not 0 < seconds < float("inf"):
+        raise InputError(f"--seconds {seconds:g}: is not above 0 and finite")
+    with opened_session(loaded, connect, interface, channel, bitrate) as session:
+        jogged = jog(session, rest[0], speed, seconds)
+    if as_json:
+        print_json({"robot": loaded.name, **asdict(jogged)})
+        return
+    unit = loaded.joint(jogged.joint).unit
+    at_limit = ", at the end of its travel" if jogged.at_limit else ""
+    typer.echo(f"{jogged.joint}: from {jogged.start:.4f} to {jogged.end:.4f} {unit}{at_limit}")

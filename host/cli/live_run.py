@@ -1,0 +1,47 @@
+"""`steptwin run ROBOT JOB|FILE --connect ...`: the same command on a live board."""
+
+from typing import TYPE_CHECKING
+
+import typer
+
+from host.cli.connection import opened_link
+from host.cli.output import print_json, print_table
+from host.cli.progress import progress_bar
+
+if TYPE_CHECKING:
+    from host.client.bus_link import Connection
+    from host.operate.running import LiveOutcome
+    from host.planner import Plan
+
+EXIT_ELSEWHERE = 1
+"""The run came to its end, but not where the plan ends: as a run that is not verified."""
+
+
+def run_live(found: "Connection", plan: "Plan", job: str, *, repeat: int, approach: bool, as_json: bool) -> None:
+    """Run a plan on the board behind a connection and say how it ended; raises as `execute_live` does."""
+    from host.operate.running import check_repeatable, execute_live
+    from host.operate.session import Session
+
+    check_repeatable(plan, repeat)
+    with opened_link(found) as link, progress_bar(f"{plan.robot.name} {job}") as progress:
+        outcome = execute_live(
+            Session(link, plan.robot), plan, job, repeat=repeat, approach=approach, progress=progress
+        )
+    if as_json:
+        print_json(outcome.to_dict())
+    else:
+        _print(outcome)
+    if not outcome.passed:
+        raise typer.Exit(EXIT_ELSEWHERE)
+
+
+def _print(outcome: "LiveOutcome") -> None:
+    joints = outcome.plan.robot.joints
+    rows = [
+        [axis.name, joint.unit, f"{position:.4f}", f"{axis.error_steps:.4f}"]
+        for axis, joint, position in zip(outcome.axes, joints, outcome.end, strict=True)
+    ]
+    print_table(["axis", "unit", "end", "err steps"], rows, text_columns=2)
+    times = "" if outcome.repetitions == 1 else f", {outcome.repetitions} times"
+    verdict = "ended where planned" if outcome.passed else "ENDED ELSEWHERE"
+    typer.echo(f"{outcome.plan.robot.name} {outcome.job}{times}: {verdict}")

@@ -1,0 +1,108 @@
+"""`steptwin move ROBOT Q1 Q2 ... --connect ...`: a live board's joints, or its tool, to a position."""
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from host.cli.app import app
+from host.cli.arguments import (
+    NEGATIVE_NUMBERS,
+    AsJson,
+    RobotFile,
+    finite_number,
+    joint_values,
+    name_value_pairs,
+    robot_and_rest,
+)
+from host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
+from host.cli.output import pose_text, print_json
+from host.cli.progress import progress_bar
+from host.errors import InputError
+from host.inputs import unknown
+
+if TYPE_CHECKING:
+    from host.operate.session import Session
+    from host.robot import Robot
+
+
+@app.command(context_settings=NEGATIVE_NUMBERS)
+def move(
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="ROBOT [Q1 Q2 ... | JOINT=Q ...]",
+            help="The robot, and where all its joints go, or some of them by name, in mm and degrees.",
+        ),
+    ] = None,
+    robot_file: RobotFile = None,
+    x: Annotated[str | None, typer.Option("--x", metavar="MM", help="Tool position; by default as it is.")] = None,
+    y: Annotated[str | None, typer.Option("--y", metavar="MM", help="Tool position; by default as it is.")] = None,
+    z: Annotated[str | None, typer.Option("--z", metavar="MM", help="Tool position; by default as it is.")] = None,
+    phi: Annotated[str | None, typer.Option("--phi", metavar="DEG", help="Tool attitude; by default as it is.")] = None,
+    speed: Annotated[
+        float, typer.Option(metavar="PERCENT", help="Of the joints' highest speeds and accelerations.")
+    ] = 100.0,
+    connect: Connect = None,
+    interface: Interface = None,
+    channel: Channel = None,
+    bitrate: Bitrate = None,
+    as_json: AsJson = False,
+) -> None:
+    """Move a live board: joints, or the tool by the branch nearest to where it is. All axes arrive together.
+
+    The way is straight in joint space, not for the tool. Ctrl-C stops all axes.
+    """
+    from host.operate.moving import check_goal, move, nearest_joints, standing_joints
+
+    loaded, rest = robot_and_rest(words or [], robot_file)
+    pose = {
+        key: finite_number(text, f"--{option}")
+        for key, option, text in (("x_mm", "x", x), ("y_mm", "y", y), ("z_mm", "z", z), ("attitude_deg", "phi", phi))
+        if text is not None
+    }
+    joints = _joints(loaded, rest)
+    if bool(pose) == bool(joints):
+        raise InputError("where to? either joints, or a tool pose by --x, --y, --z, --phi")
+    if not 0 < speed <= 100:
+        raise InputError(f"--speed {speed:g}: is not above 0 and up to 100 percent")
+    with opened_session(loaded, connect, interface, channel, bitrate) as session:
+        standing = standing_joints(session)
+        if pose:
+            goal = nearest_joints(loaded, _whole_pose(session, standing, pose), standing)
+        else:
+            goal = [joints.get(name, position) for name, position in zip(loaded.joint_names, standing, strict=True)]
+        check_goal(loaded, goal)
+        with progress_bar(f"{loaded.name} move") as progress:
+            moved = move(session, goal, speed_percent=speed, progress=progress)
+        reached = session.pose(moved.end)
+    names = loaded.joint_names
+    if as_json:
+        figures = {
+            key: dict(zip(names, value, strict=True)) if isinstance(value, list) else value
+            for key, value in asdict(moved).items()
+        }
+        print_json({"robot": loaded.name, **figures, "pose": reached})
+        return
+    typer.echo(", ".join(f"{name} {position:.4f}" for name, position in zip(names, moved.end, strict=True)))
+    if reached is not None:
+        typer.echo(pose_text(reached))
+
+
+def _joints(robot: "Robot", words: list[str]) -> dict[str, float]:
+    names = robot.joint_names
+    if not any("=" in word for word in words):
+        values = joint_values(words, names, f"joints of {robot.name}") if words else []
+        return dict(zip(names, values, strict=False))
+    pairs = name_value_pairs(words)
+    for name in pairs:
+        if name not in names:
+            raise unknown("joint", name, names)
+    return {name: finite_number(text, name) for name, text in pairs.items()}
+
+
+def _whole_pose(session: "Session", standing: list[float], wanted: dict[str, float]) -> list[float]:
+    present = session.pose(standing)
+    if present is None:
+        raise InputError("the tool's present pose is unknown: the mechanism cannot be assembled where the axes stand")
+    return list((present | wanted).values())

@@ -1,0 +1,46 @@
+"""`steptwin outputs ROBOT [NAME on|off] --connect ...`: what is wired to a live board's digital outputs."""
+
+from typing import Annotated
+
+import typer
+
+from host.cli.app import app
+from host.cli.arguments import AsJson, RobotFile, robot_and_rest
+from host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
+from host.cli.output import print_json, print_table
+from host.errors import InputError
+
+_LEVELS = {"on": True, "off": False}
+
+
+@app.command()
+def outputs(
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="ROBOT [NAME on|off]", help="The robot, and an output as its file names it."),
+    ] = None,
+    robot_file: RobotFile = None,
+    connect: Connect = None,
+    interface: Interface = None,
+    channel: Channel = None,
+    bitrate: Bitrate = None,
+    as_json: AsJson = False,
+) -> None:
+    """List a live board's digital outputs by their names in the robot's file, or switch one."""
+    from host.operate.outputs import no_such_output, read_outputs, switch_output
+
+    loaded, rest = robot_and_rest(words or [], robot_file)
+    if rest and (len(rest) != 2 or rest[1] not in _LEVELS):
+        raise InputError(f"after the robot: nothing, or NAME and on or off, not {' '.join(rest)}")
+    if rest and rest[0] not in loaded.outputs:
+        raise no_such_output(loaded.name, rest[0], list(loaded.outputs))
+    with opened_session(loaded, connect, interface, channel, bitrate) as session:
+        levels = switch_output(session, rest[0], on=_LEVELS[rest[1]]) if rest else read_outputs(session)
+    if as_json:
+        print_json({"robot": loaded.name, "outputs": levels})
+        return
+    rows = [
+        [name, output.joint, f"OUT{output.out}", "on" if levels[name] else "off"]
+        for name, output in loaded.outputs.items()
+    ]
+    print_table(["output", "axis", "number", "is"], rows, text_columns=4)

@@ -1,0 +1,21 @@
+"""A bar on stderr while something long runs."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from host.client import Progress
+
+
+@contextmanager
+def progress_bar(title: str) -> "Iterator[Progress]":
+    """A bar on stderr while something long runs, if that is a terminal."""
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.progress import Progress as RichProgress
+
+    console = Console(stderr=True)
+    with RichProgress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(escape(title), total=1.0)
+        yield lambda fraction: bar.update(task, completed=fraction)

@@ -1,0 +1,29 @@
+"""`steptwin resume ROBOT --connect ...`: let a live board's trajectory go on."""
+
+import typer
+
+from host.cli.app import app
+from host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
+from host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
+from host.cli.output import print_json
+
+
+@app.command()
+def resume(
+    robot: RobotName = None,
+    robot_file: RobotFile = None,
+    connect: Connect = None,
+    interface: Interface = None,
+    channel: Channel = None,
+    bitrate: Bitrate = None,
+    as_json: AsJson = False,
+) -> None:
+    """Let a halted trajectory of a live board go on."""
+    loaded = one_robot(robot, robot_file)
+    with opened_session(loaded, connect, interface, channel, bitrate) as session:
+        session.require_present()
+        session.machine.resume()
+    if as_json:
+        print_json({"robot": loaded.name, "halted": False})
+    else:
+        typer.echo("goes on")

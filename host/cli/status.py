@@ -1,0 +1,94 @@
+"""`steptwin status ROBOT --connect ...`: how a live board is."""
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from host.cli.app import app
+from host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
+from host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
+from host.cli.output import print_json, print_table
+from host.errors import DeviceFaultError, InputError
+
+if TYPE_CHECKING:
+    from host.operate.status import AxisStatus, MachineStatus
+
+_WATCH_EVERY_S = 0.5
+
+
+@app.command()
+def status(
+    robot: RobotName = None,
+    robot_file: RobotFile = None,
+    connect: Connect = None,
+    interface: Interface = None,
+    channel: Channel = None,
+    bitrate: Bitrate = None,
+    watch: Annotated[bool, typer.Option("--watch", help="Again and again, until Ctrl-C.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Tell how a live board is: drives, positions, errors, queues. Exit code 3 if a drive is in fault."""
+    from host.operate.status import read_status
+
+    if watch and as_json:
+        raise InputError("--watch and --json: give only one of them; `steptwin monitor` shows what happens")
+    loaded = one_robot(robot, robot_file)
+    with opened_session(loaded, connect, interface, channel, bitrate) as session:
+        seen = read_status(session)
+        while watch:
+            _print(seen)
+            typer.echo()
+            session.link.wait(_WATCH_EVERY_S)
+            seen = read_status(session)
+    if as_json:
+        print_json(seen.to_dict())
+    else:
+        _print(seen)
+    faulty = [axis for axis in seen.axes if axis.in_fault]
+    if faulty:
+        raise DeviceFaultError(f"{faulty[0].name}: the drive is in {faulty[0].state}: {faulty[0].error or 'no reason'}")
+
+
+def _print(seen: "MachineStatus") -> None:
+    columns = ["axis", "unit", "state", "mode", "moves", "error", "known", "position"]
+    print_table(columns, [_row(axis) for axis in seen.axes], text_columns=len(columns) - 1)
+    if seen.pose is not None:
+        typer.echo(
+            "tool: x {x_mm:.4f} mm, y {y_mm:.4f} mm, z {z_mm:.4f} mm, {attitude_deg:.4f} deg".format(**seen.pose)
+        )
+    else:
+        typer.echo("tool: unknown, since not every axis knows where it is")
+    for axis in seen.axes:
+        typer.echo(f"{axis.name}: {_health(axis)}")
+    if seen.streaming:
+        typer.echo("a trajectory is running: no questions are asked, so that its host is not disturbed")
+
+
+def _row(axis: "AxisStatus") -> list[str]:
+    return [
+        axis.name,
+        axis.unit,
+        axis.state,
+        axis.mode,
+        "yes" if axis.moving else "no",
+        axis.error or "-",
+        "yes" if axis.position_known else "no",
+        f"{axis.position:.4f}",
+    ]
+
+
+def _health(axis: "AxisStatus") -> str:
+    said = ["process data" if axis.operational else "no process data: the node is not OPERATIONAL"]
+    queue = axis.queue
+    if queue is not None:
+        said.append(f"queue {queue.free} free" + (f" ({', '.join(queue.flags)})" if queue.flags else ""))
+    if queue is not None and queue.gaps is not None:
+        said.append(f"{queue.gaps} gaps, {queue.overflows} overflows, {queue.underruns} underruns")
+        said.append(f"{queue.delayed_steps} delayed steps")
+    if axis.supply_v is not None:
+        said.append(f"{axis.supply_v:.2f} V, {axis.temperature_degc:.1f} degC")
+    if axis.inputs:
+        said.append(f"active: {', '.join(axis.inputs)}")
+    if axis.history:
+        said.append(f"earlier: {', '.join(axis.history)}")
+    return "; ".join(said)

@@ -1,0 +1,109 @@
+"""Is this machine fit to move? One check after the other, each with a verdict and what was found."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from host.axis_settings import axis_settings
+from host.client.axis import AxisClient, error_text, state_text
+from host.errors import BusError, DeviceFaultError
+from host.operate.session import Session
+from host.operate.status import active_inputs, error_history
+from protocol.cia402 import DigitalInput, State, Status
+from protocol.objects import IDENTITY_DEVICE_TYPE
+
+
+class Check(NamedTuple):
+    """One finding.
+
+    Attributes:
+        name: of what was looked at.
+        passed: whether it is as it should be.
+        found: what there is, or what is wrong and what to do.
+        exit_code: of the command line if this is the worst that failed.
+    """
+
+    name: str
+    passed: bool
+    found: str
+    exit_code: int = DeviceFaultError.exit_code
+
+
+def examine(session: Session) -> Iterator[Check]:
+    """Look at everything; nothing on the machine changes.
+
+    Raises:
+        InputError: a trajectory is running, whose host must not be disturbed by questions.
+    """
+    session.require_idle("doctor")
+    answering = []
+    for axis in session.machine.axes:
+        check = _answers(axis)
+        yield check
+        if check.passed:
+            answering.append(axis)
+    for axis in answering:
+        yield from _examine_axis(session, axis)
+
+
+def _answers(axis: AxisClient) -> Check:
+    name = f"{axis.name} node 0x{axis.node_id:02X}"
+    try:
+        device_type = axis.read(0x1000)
+        versions = ", ".join(axis.read_text(index) for index in (0x1008, 0x1009, 0x100A))
+    except BusError as error:
+        return Check(name, False, str(error), BusError.exit_code)
+    except DeviceFaultError as error:
+        return Check(name, False, str(error))
+    if device_type != IDENTITY_DEVICE_TYPE:
+        return Check(name, False, f"is no stepper axis: type 0x{device_type:08X}", BusError.exit_code)
+    return Check(name, True, f"type 0x{device_type:08X}, {versions}")
+
+
+def _examine_axis(session: Session, axis: AxisClient) -> Iterator[Check]:
+    yield _drive(axis)
+    yield _settings(session, axis)
+    yield _inputs(axis)
+    yield _supply(axis)
+    yield _temperature(axis)
+    known = bool(axis.read(0x6041) & Status.POSITION_KNOWN)
+    yield Check(f"{axis.name} position", known, "known" if known else "unknown: home the machine, `steptwin home`")
+
+
+def _drive(axis: AxisClient) -> Check:
+    state, code = axis.state(), axis.read(0x603F)
+    if state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
+        found = f"{state_text(state)}: {error_text(code)} (0x{code:04X}); when its cause is gone: `steptwin reset`"
+        return Check(f"{axis.name} drive", False, found)
+    history = error_history(axis)
+    return Check(
+        f"{axis.name} drive", True, state_text(state) + (f"; earlier: {', '.join(history)}" if history else "")
+    )
+
+
+def _settings(session: Session, axis: AxisClient) -> Check:
+    """What the drive takes only while its power is off must be the robot's then; else the next motion writes it."""
+    wanted = axis_settings(session.robot.joint(axis.name), session.robot.board)
+    found = axis.read(0x2000, 1)
+    powered = axis.state() in (State.SWITCHED_ON, State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE)
+    if found != wanted.microsteps and powered:
+        says = f"{found} microsteps, the robot's file says {wanted.microsteps}, and the power is on: `steptwin estop`"
+        return Check(f"{axis.name} settings", False, says)
+    return Check(f"{axis.name} settings", True, f"{found} microsteps, highest speed {axis.read(0x607F)} units/s")
+
+
+def _inputs(axis: AxisClient) -> Check:
+    words = active_inputs(axis)
+    bad = axis.read(0x60FD) & ~DigitalInput.HOME
+    return Check(f"{axis.name} inputs", not bad, f"active: {', '.join(words)}" if words else "none active")
+
+
+def _supply(axis: AxisClient) -> Check:
+    supply_v, least_v, most_v = (axis.read(0x2002, i) / 100 for i in (2, 3, 4))
+    return Check(
+        f"{axis.name} supply", least_v <= supply_v <= most_v, f"{supply_v:.2f} V, {least_v:g} to {most_v:g} V allowed"
+    )
+
+
+def _temperature(axis: AxisClient) -> Check:
+    degc, most_degc = axis.read(0x2002, 1) / 10, axis.read(0x2002, 5) / 10
+    return Check(f"{axis.name} temperature", degc <= most_degc, f"{degc:.1f} degC, up to {most_degc:g} degC allowed")

@@ -1,0 +1,90 @@
+"""Jogging: one axis at a velocity, for a time or until somebody says stop."""
+
+from dataclasses import dataclass
+from math import ceil, inf
+
+from host.client.axis import AxisClient
+from host.client.profile_motion import drive_at, follow, halt_axis, stands
+from host.errors import InputError
+from host.inputs import unknown
+from host.operate.session import Session
+from host.robot import Joint, Robot
+from protocol.cia402 import Status
+from protocol.datatypes import DataType
+
+
+@dataclass(frozen=True, slots=True)
+class Jogged:
+    """One axis that was jogged: positions in its unit, and whether the end of its travel stopped it."""
+
+    joint: str
+    start: float
+    end: float
+    at_limit: bool
+
+
+def check_jog(robot: Robot, name: str, speed: float) -> Joint:
+    """The joint; InputError if there is none of that name or it cannot go so fast."""
+    if name not in robot.joint_names:
+        raise unknown("joint", name, robot.joint_names)
+    joint = robot.joint(name)
+    if not 0 < abs(speed) <= joint.speed_max:
+        limit = f"above 0 and up to {joint.speed_max:g} {joint.unit}/s, with a sign"
+        raise InputError(f"{name}: a speed of {speed:g} {joint.unit}/s is not {limit}")
+    return joint
+
+
+def jog(session: Session, name: str, speed: float, seconds: float | None) -> Jogged:
+    """Move one joint, by ramps of its highest acceleration, until a time is over or it stands at its limit.
+
+    An axis that knows where it is keeps the joint's limits, one that does not goes wherever it is sent. Ctrl-C ends it
+    by the same ramp.
+
+    Args:
+        session: the machine.
+        name: of the joint.
+        speed: in mm/s or degrees/s.
+        seconds: how long, ramps up included; None: until KeyboardInterrupt, which ends it in order.
+
+    Raises:
+        InputError, DeviceFaultError, BusError: as `move`, but the position need not be known.
+    """
+    joint = check_jog(session.robot, name, speed)
+    axis = session.machine.axes[session.robot.joints.index(joint)]
+    per_unit = joint.transmission.wire_units_per_unit
+    with session.in_charge("jog", known=False):
+        start_units = axis.read(0x6064)
+        _set_limits(axis, joint)
+        velocity = round(speed * per_unit) or (1 if speed > 0 else -1)
+        drive_at(axis, velocity, ceil(joint.acceleration_max * per_unit))
+        until_s = session.link.now_s() + (inf if seconds is None else seconds)
+        try:
+            follow(session.link, [axis], lambda: session.link.now_s() >= until_s or _at_limit(axis))
+        except KeyboardInterrupt:
+            if seconds is not None:
+                raise
+        at_limit = _at_limit(axis)
+        halt_axis(session.link, axis)
+        _lift_limits(axis)
+        end_units = axis.read(0x6064)
+    return Jogged(name, start_units / per_unit, end_units / per_unit, at_limit)
+
+
+def _set_limits(axis: AxisClient, joint: Joint) -> None:
+    if not axis.read(0x6041) & Status.POSITION_KNOWN:
+        _lift_limits(axis)
+        return
+    per_unit = joint.transmission.wire_units_per_unit
+    axis.ensure(0x607D, 1, ceil(joint.lower * per_unit))
+    axis.ensure(0x607D, 2, int(joint.upper * per_unit // 1))
+
+
+def _lift_limits(axis: AxisClient) -> None:
+    """As after power-up: whoever sends trajectories has checked them, and homing counts from elsewhere."""
+    axis.ensure(0x607D, 1, DataType.INTEGER32.low)
+    axis.ensure(0x607D, 2, DataType.INTEGER32.high)
+
+
+def _at_limit(axis: AxisClient) -> bool:
+    status = axis.drive_status
+    return status is not None and stands(axis) and bool(status.statusword & Status.INTERNAL_LIMIT)

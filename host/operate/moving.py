@@ -1,0 +1,130 @@
+"""Moves of all axes to a joint position or a tool pose, by the axes' own profiles, arriving together."""
+
+from dataclasses import dataclass
+from math import ceil
+
+import numpy as np
+
+from host.client import Progress
+from host.client.profile_motion import ProfileMove, move_together
+from host.errors import InputError
+from host.inputs import apart
+from host.kinematics import make_kinematics
+from host.laws import Trapezoid
+from host.motions.joint_move import limits_along
+from host.operate.session import Session
+from host.robot import Robot
+
+_VELOCITY_MIN_UNITS_PER_S = 16
+"""The firmware counts velocities in 1/64 unit per ms: slower would be none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Moved:
+    """A move that has been made: joint positions in mm and degrees, the duration as it was planned."""
+
+    start: list[float]
+    goal: list[float]
+    end: list[float]
+    planned_s: float
+
+
+def check_goal(robot: Robot, goal: list[float]) -> None:
+    """Raise InputError, naming the first joint, unless a joint position is within the limits."""
+    for joint, position in zip(robot.joints, goal, strict=True):
+        if not joint.lower <= position <= joint.upper:
+            text, _ = apart(position, joint.lower if position < joint.lower else joint.upper)
+            limits = f"{joint.lower:g}..{joint.upper:g} {joint.unit}"
+            raise InputError(f"{joint.name}: {text} {joint.unit} is outside {limits}")
+
+
+def nearest_joints(robot: Robot, pose: list[float], near: list[float]) -> list[float]:
+    """The joint position that reaches a tool pose and takes the least time to get to.
+
+    Args:
+        robot: whose tool it is.
+        pose: x, y and z in mm and the attitude in degrees.
+        near: where the machine stands.
+
+    Raises:
+        InputError: no branch reaches it; the message says why not, branch by branch.
+    """
+    standing = np.array(near)
+    branches = make_kinematics(robot).inverse(np.array([pose]), standing)
+    within = [branch.joints[0] for branch in branches if branch.reachable[0]]
+    if not within:
+        reasons = "; ".join(f"{branch.name}: {branch.reason(0)}" for branch in branches)
+        raise InputError("no branch reaches x {:g}, y {:g}, z {:g} mm, {:g} deg: ".format(*pose) + reasons)
+    speeds = np.array([joint.speed_max for joint in robot.joints])
+    nearest = min(within, key=lambda joints: float(np.max(np.abs(joints - standing) / speeds)))
+    return [float(position) for position in nearest]
+
+
+def standing_joints(session: Session) -> list[float]:
+    """Where the machine stands, in mm and degrees; raises as `move` if it cannot be moved now."""
+    session.require_ready("move")
+    return session.positions(session.demanded_units())
+
+
+def move(
+    session: Session, goal: list[float], *, speed_percent: float = 100.0, progress: Progress = lambda _: None
+) -> Moved:
+    """Move all joints to a position, straight in joint space.
+
+    Args:
+        session: the machine.
+        goal: mm and degrees.
+        speed_percent: of what the joints' limits allow, for speed and acceleration.
+        progress: told which part of the longest way is covered.
+
+    Raises:
+        InputError: a position outside its limits, or somebody else moves the machine.
+        DeviceFaultError: a drive is in fault, does not know where it is, or was stopped.
+        BusError: no answer.
+    """
+    check_goal(session.robot, goal)
+    with session.in_charge("move"):
+        start_units = session.demanded_units()
+        planned_s = move_within(session, start_units, session.units(goal), speed_percent, progress)
+        end_units = session.machine.positions_units()
+    return Moved(session.positions(start_units), goal, session.positions(end_units), planned_s)
+
+
+def move_within(
+    session: Session,
+    start_units: list[int],
+    goal_units: list[int],
+    speed_percent: float = 100.0,
+    progress: Progress = lambda _: None,
+) -> float:
+    """Make the move while in charge; return its planned duration in seconds."""
+    if start_units == goal_units:
+        return 0.0
+    moves, planned_s = synchronised(session.robot, start_units, goal_units, speed_percent)
+    move_together(session.link, session.machine.axes, moves, progress)
+    return planned_s
+
+
+def synchronised(
+    robot: Robot, start_units: list[int], goal_units: list[int], speed_percent: float
+) -> tuple[list[ProfileMove], float]:
+    """What makes all axes arrive together: one trapezoid for all, with ramps of whole ms, scaled to each axis' way.
+
+    Args:
+        robot: whose limits are kept.
+        start_units: where the axes stand.
+        goal_units: where they go, not all of it where they stand.
+        speed_percent: of the joints' limits.
+
+    Returns:
+        Every axis' move, and the duration in seconds.
+    """
+    ways_units = np.subtract(goal_units, start_units)
+    speed, acceleration = limits_along(robot, ways_units / robot.wire_units_per_unit)
+    part = speed_percent / 100
+    law = Trapezoid.fastest(1.0, speed * part, acceleration * part)
+    moves = []
+    for target, way in zip(goal_units, ways_units.tolist(), strict=True):
+        velocity = max(_VELOCITY_MIN_UNITS_PER_S, ceil(abs(way) * law.speed))
+        moves.append(ProfileMove(target, velocity, ceil(velocity / law.ramp_s)))
+    return moves, law.duration_s

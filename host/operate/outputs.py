@@ -1,0 +1,32 @@
+"""The digital outputs of a live board by the names in the robot's file."""
+
+from host.errors import InputError
+from host.inputs import unknown
+from host.operate.session import Session
+from host.output_commands import wired_outputs
+
+
+def read_outputs(session: Session) -> dict[str, bool]:
+    """Which output is on; raises BusError if a node does not answer."""
+    session.require_idle("outputs")
+    levels = {}
+    for name, (axis, bit) in wired_outputs(session.robot).items():
+        node = session.machine.axes[axis]
+        levels[name] = bool(node.read(0x60FE, 1) & node.read(0x60FE, 2) & bit)
+    return levels
+
+
+def switch_output(session: Session, name: str, *, on: bool) -> dict[str, bool]:
+    """Switch one output and read all; InputError if there is none of that name."""
+    wired = wired_outputs(session.robot)
+    if name not in wired:
+        raise no_such_output(session.robot.name, name, list(wired))
+    session.require_idle("outputs")
+    axis, bit = wired[name]
+    session.machine.axes[axis].switch_output(bit, on=on)
+    return read_outputs(session)
+
+
+def no_such_output(robot: str, name: str, names: list[str]) -> InputError:
+    """The error for a name that does not exist."""
+    return unknown(f"output of {robot}", name, names)

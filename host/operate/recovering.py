@@ -1,0 +1,73 @@
+"""Stop, power off and fault reset, from whatever state the machine is in."""
+
+from dataclasses import dataclass
+
+from host.client.axis import AxisClient, error_text, state_text
+from host.client.stopping import power_off, quick_stop
+from host.errors import DeviceFaultError
+from host.operate.session import Session
+from protocol.cia402 import Control, State, Status
+
+_POLL_S = 0.010
+_RESET_TIMEOUT_S = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class AxisState:
+    """How an axis is afterwards: the drive's state, its position in mm or degrees and whether that is known."""
+
+    name: str
+    state: str
+    position: float
+    position_known: bool
+
+
+def stop(session: Session) -> list[AxisState]:
+    """Stop all axes at once, by their quick stop; raises as `host.client.stopping.quick_stop`."""
+    quick_stop(session.link, session.machine.axes)
+    return axis_states(session)
+
+
+def emergency_stop(session: Session) -> list[AxisState]:
+    """Stop all axes at once, then take their power away; raises as `host.client.stopping.power_off`."""
+    power_off(session.link, session.machine.axes)
+    return axis_states(session)
+
+
+def reset(session: Session) -> list[AxisState]:
+    """Reset the fault of every drive that is in fault; the drives are off afterwards.
+
+    Raises:
+        DeviceFaultError: a drive stays in fault because the cause lasts.
+        BusError: no answer.
+    """
+    session.require_idle("reset")
+    for axis in session.machine.axes:
+        if axis.state() is State.FAULT:
+            axis.write(0x1016, 1, 0)  # the host that it watched is gone, or will say again that it is there
+            axis.write(0x6040, 0, 0)
+            axis.write(0x6040, 0, Control.FAULT_RESET)
+    for axis in session.machine.axes:
+        _await_reset(session, axis)
+    return axis_states(session)
+
+
+def _await_reset(session: Session, axis: AxisClient) -> None:
+    deadline_s = session.link.now_s() + _RESET_TIMEOUT_S
+    while (state := axis.state()) in (State.FAULT, State.FAULT_REACTION_ACTIVE):
+        if session.link.now_s() > deadline_s:
+            code = axis.read(0x603F)
+            cause = f"{error_text(code)} (0x{code:04X})"
+            raise DeviceFaultError(f"{axis.name}: stays in {state_text(state)}, for the cause lasts: {cause}")
+        session.link.wait(_POLL_S)
+
+
+def axis_states(session: Session) -> list[AxisState]:
+    """Every axis' state and position, by SDO."""
+    states = []
+    for axis, joint in zip(session.machine.axes, session.robot.joints, strict=True):
+        statusword = axis.read(0x6041)
+        position = axis.read(0x6064) / joint.transmission.wire_units_per_unit
+        known = bool(statusword & Status.POSITION_KNOWN)
+        states.append(AxisState(axis.name, state_text(State.of(statusword)), position, known))
+    return states

@@ -1,0 +1,192 @@
+"""How a machine is: by what its nodes say themselves and, while nobody streams, by what they answer.
+
+A node serves one SDO dialogue at a time, so a host that streams would be disturbed by questions: what only they tell is
+None then.
+"""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from host.client.axis import AxisClient, error_text, state_text
+from host.client.drive_status import stands
+from host.errors import BusError
+from host.operate.session import Session
+from host.robot import Joint
+from protocol.cia402 import DigitalInput, Mode, State, Status
+from protocol.objects import HISTORY_DEPTH
+from protocol.pvt import PvtFlag
+
+
+@dataclass(frozen=True, slots=True)
+class QueueHealth:
+    """An axis' PVT queue; the counters are None while somebody streams.
+
+    Attributes:
+        free: places, of 64.
+        flags: what it reports now, in words.
+        accepted: records taken since power-up.
+        gaps: times that records were missing.
+        overflows: times that it was full.
+        underruns: times that it ran dry while the axis moved.
+        least_fill: records, while it ran.
+        delayed_steps: pulses that had to wait for the driver's timing.
+    """
+
+    free: int
+    flags: tuple[str, ...]
+    accepted: int | None = None
+    gaps: int | None = None
+    overflows: int | None = None
+    underruns: int | None = None
+    least_fill: int | None = None
+    delayed_steps: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class AxisStatus:
+    """One axis.
+
+    Attributes:
+        name: of the joint.
+        node_id: of its node.
+        operational: whether the node exchanges process data.
+        state: of the drive, as CiA 402 writes it.
+        mode: of operation.
+        moving: whether it is on its way.
+        position: by the step counter, in `unit`.
+        position_known: whether that means anything.
+        unit: mm or deg.
+        error: the present one in words.
+        error_code: as CiA 402 numbers it, 0 for none.
+        history: earlier errors since power-up in words, the newest first.
+        inputs: that are active.
+        supply_v: of the motors.
+        temperature_degc: of the board.
+        queue: for trajectories; None if the node has not said anything about it.
+    """
+
+    name: str
+    node_id: int
+    operational: bool
+    state: str
+    mode: str
+    moving: bool
+    position: float
+    position_known: bool
+    unit: str
+    error: str | None
+    error_code: int | None
+    history: tuple[str, ...] | None
+    inputs: tuple[str, ...] | None
+    supply_v: float | None
+    temperature_degc: float | None
+    queue: QueueHealth | None
+
+    @property
+    def in_fault(self) -> bool:
+        """Whether the drive is."""
+        return self.state.startswith("FAULT")
+
+
+@dataclass(frozen=True, slots=True)
+class MachineStatus:
+    """All axes, and the tool's pose if every position is known."""
+
+    robot: str
+    streaming: bool
+    axes: tuple[AxisStatus, ...]
+    pose: dict[str, float] | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """As the JSON document says it."""
+        return {"robot": self.robot, "streaming": self.streaming, "axes": [asdict(a) for a in self.axes]} | {
+            "pose": self.pose
+        }
+
+
+def read_status(session: Session) -> MachineStatus:
+    """Ask how the machine is; nothing on it changes.
+
+    Raises:
+        BusError: a node does not answer.
+    """
+    session.listen()
+    streaming = session.streaming
+    pairs = zip(session.machine.axes, session.robot.joints, strict=True)
+    axes = tuple(_heard(axis, joint) if streaming else _asked(axis, joint) for axis, joint in pairs)
+    known = all(axis.position_known for axis in axes)
+    pose = session.pose([axis.position for axis in axes]) if known else None
+    return MachineStatus(session.robot.name, streaming, axes, pose)
+
+
+def _heard(axis: AxisClient, joint: Joint) -> AxisStatus:
+    status = axis.drive_status
+    if status is None:
+        raise BusError(f"{axis.name}: node 0x{axis.node_id:02X} says nothing")
+    pvt = axis.pvt_status
+    codes = axis.error_codes
+    return AxisStatus(
+        **_common(axis, joint, status.statusword, status.mode, status.position_units),
+        error=error_text(codes[-1]) if status.in_fault and codes else None,
+        error_code=codes[-1] if status.in_fault and codes else None,
+        history=None,
+        inputs=None,
+        supply_v=None,
+        temperature_degc=None,
+        queue=None if pvt is None else QueueHealth(pvt.free, _flags(pvt.flags)),
+    )
+
+
+def _asked(axis: AxisClient, joint: Joint) -> AxisStatus:
+    read = axis.read
+    code = read(0x603F)
+    return AxisStatus(
+        **_common(axis, joint, read(0x6041), read(0x6061), read(0x6064)),
+        error=error_text(code) if code else None,
+        error_code=code,
+        history=error_history(axis),
+        inputs=active_inputs(axis),
+        supply_v=read(0x2002, 2) / 100,
+        temperature_degc=read(0x2002, 1) / 10,
+        queue=QueueHealth(read(0x2012, 2), _flags(read(0x2012, 3)), *(read(0x2013, i) for i in range(1, 7))),
+    )
+
+
+def _common(axis: AxisClient, joint: Joint, statusword: int, mode: int, position_units: int) -> dict[str, Any]:
+    return {
+        "name": axis.name,
+        "node_id": axis.node_id,
+        "operational": bool(statusword & Status.REMOTE),
+        "state": state_text(State.of(statusword)),
+        "mode": mode_text(mode),
+        "moving": not stands(statusword, mode),
+        "position": position_units / joint.transmission.wire_units_per_unit,
+        "position_known": bool(statusword & Status.POSITION_KNOWN),
+        "unit": str(joint.unit),
+    }
+
+
+def mode_text(mode: int) -> str:
+    """A mode of operation in words."""
+    return Mode(mode).name.replace("_", " ").lower() if mode in set(Mode) else f"mode {mode}"
+
+
+def active_inputs(axis: AxisClient) -> tuple[str, ...]:
+    """The names of an axis' active inputs, by SDO."""
+    inputs = axis.read(0x60FD)
+    return tuple(_words(bit.name or "") for bit in DigitalInput if inputs & bit)
+
+
+def error_history(axis: AxisClient) -> tuple[str, ...]:
+    """The errors since power-up in words, the newest first, by SDO."""
+    count = min(axis.read(0x1003, 0), HISTORY_DEPTH)
+    codes = [axis.read(0x1003, i) & 0xFFFF for i in range(1, count + 1)]
+    return tuple(f"{error_text(code)} (0x{code:04X})" for code in codes)
+
+
+def _flags(flags: int) -> tuple[str, ...]:
+    return tuple(_words(flag.name or "") for flag in PvtFlag if flags & flag)
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ").lower()
