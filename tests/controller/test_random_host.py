@@ -383,7 +383,7 @@ class RandomHost(RuleBasedStateMachine):
 
 
 RandomHost.TestCase.settings = settings(
-    max_examples=60,
+    max_examples=40,
     stateful_step_count=100,
     phases=[Phase.generate],  # to find a shorter script for a failure would take minutes
 )
