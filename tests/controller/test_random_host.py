@@ -8,7 +8,7 @@ from collections.abc import Callable
 from importlib.util import find_spec
 
 import numpy as np
-from hypothesis import settings
+from hypothesis import Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
@@ -56,7 +56,6 @@ OBJECTS = {
     (0x1016, 1): (0, 0x7F_0005),
     (0x1029, 1): (0, 1, 2),
     (0x1010, 1): (int.from_bytes(b"save", "little"),),
-    (0x1011, 1): (int.from_bytes(b"load", "little"),),
 }
 writes = st.sampled_from([(*key, value) for key, values in OBJECTS.items() for value in values])
 spells = st.integers(0, 200)
@@ -383,5 +382,9 @@ class RandomHost(RuleBasedStateMachine):
         assert again.trace() == self.board.trace()
 
 
-RandomHost.TestCase.settings = settings(max_examples=60, stateful_step_count=100, deadline=None, derandomize=True)
+RandomHost.TestCase.settings = settings(
+    max_examples=40,
+    stateful_step_count=100,
+    phases=[Phase.generate],  # to find a shorter script for a failure would take minutes
+)
 TestRandomHost = RandomHost.TestCase
