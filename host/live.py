@@ -159,7 +159,7 @@ class LiveBoard:
         return {"ticks": _figures(self.live.ticks), "frames": _figures(self.live.frames)}
 
     def report(self) -> dict[str, Any]:
-        """The report under the keys of report.json, as of the last `record`; docs/run-folder.md says what they are."""
+        """The report under the keys of report.json, as of the last `record`; docs/live.md says what they are."""
         steps_per_unit = self.robot.steps_per_unit.tolist()
         started_counts = self._motion_start_counts
         return {

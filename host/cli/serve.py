@@ -50,7 +50,7 @@ def serve(
         str | None, typer.Option(metavar="'Q1 Q2 ...'", help="Where the machine stands; by default at its home.")
     ] = None,
     out: Annotated[
-        str | None, typer.Option(metavar="DIR", help="Record report, edges, pins and bus log into this folder.")
+        str | None, typer.Option(metavar="DIR", help="Record report, edges and bus log into this folder.")
     ] = None,
     log: Annotated[str | None, typer.Option(metavar="FILE", help="Record the bus log into this file.")] = None,
     as_json: AsJson = False,
@@ -233,4 +233,4 @@ def _print_report(document: dict[str, Any], folder: Path | None) -> None:
         typer.echo(f"{what} late, ms (p50 p99 max): {text}, of {real_time[what]['count']}")
     typer.echo(f"SIMULATED {document['simulated_s']:.1f} s in {document['wall_s']:.1f} s")
     if folder is not None:
-        typer.echo(f"report, edges, pins and bus log are in {folder}/")
+        typer.echo(f"report, edges and bus log are in {folder}/")
