@@ -208,7 +208,8 @@ class TestARobotOfOnesOwn:
             pytest.param(
                 "lab-scara",
                 {"a2_mm = 400.0": "a2_mm = 420.0", "a3_mm = 400.0": "a3_mm = 380.0", "ratio = 5.0": "ratio = 4.0"}
-                | {"lower = -130.0": "lower = -140.0", "travel_per_turn = 20.0": "travel_per_turn = 25.0"}
+                | {"lower = -130.0": "lower = -140.0", "negative_limit = -135.0": "negative_limit = -145.0"}
+                | {"travel_per_turn = 20.0": "travel_per_turn = 25.0"}
                 | TIMING,
                 ["spiral"],
                 id="lab",
@@ -224,6 +225,7 @@ class TestARobotOfOnesOwn:
             pytest.param(
                 "teaching-scara",
                 {"l1_mm = 95.0": "l1_mm = 120.0", "upper = 60.0": "upper = 80.0", "out = 1": "out = 2"}
+                | {"positive_limit = 63.0": "positive_limit = 83.0"}
                 | {"microsteps = 8": "microsteps = 1", "ratio = 4.0": "ratio = 3.7"},
                 ["carry", "-o", "depth_mm=70"],
                 id="teaching",
@@ -272,7 +274,8 @@ class TestARobotOfOnesOwn:
         assert (report["robot"], report["job"]) == ("mine", str(motion))
 
     def test_has_other_dimensions_in_fk_ik_and_jobs(self, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-        file = own_robot(tmp_path, ROBOT, {"l1_mm = 95.0": "l1_mm = 120.0", "upper = 60.0": "upper = 80.0"})
+        longer = {"upper = 60.0": "upper = 80.0", "positive_limit = 63.0": "positive_limit = 83.0"}
+        file = own_robot(tmp_path, ROBOT, {"l1_mm = 95.0": "l1_mm = 120.0"} | longer)
         assert run(["fk", "--robot-file", file, *["0", "-90", "70", "0"], "--json"]) == 0
         pose = json.loads(capsys.readouterr().out)["pose"]
         assert pose == pytest.approx({"x_mm": 120, "y_mm": -100, "z_mm": -110, "attitude_deg": -90}, abs=1e-9)
