@@ -35,13 +35,13 @@ def plot(
         str | None,
         typer.Option(
             metavar="NAME,...",
-            help="joints, step-rates, tool-path, error, timing, jitter, widths, edges, phases; by default all.",
+            help="joints, step-rates, tool-path, error, timing, jitter, edges; by default all.",
         ),
     ] = None,
     form: Annotated[PictureFormat, typer.Option("--format", help="png, or vectors: svg, pdf.")] = PictureFormat.PNG,
     at_s: Annotated[
         float | None,
-        typer.Option("--at", metavar="SECONDS", help="For edges and phases: around this time; by default the fastest."),
+        typer.Option("--at", metavar="SECONDS", help="For edges: around this time; by default the fastest."),
     ] = None,
     span_s: Annotated[
         float | None, typer.Option("--span", metavar="SECONDS", help="And so much of it; by default some steps.")
