@@ -1,8 +1,9 @@
 """One axis node as the master sees it: SDO access by object, drive state, the process data that it reports."""
 
 import struct
+from collections.abc import Callable
 from contextlib import suppress
-from typing import Final
+from typing import Final, TypeVar
 
 import canopen
 from canopen.objectdictionary import ObjectDictionary
@@ -17,6 +18,10 @@ from protocol.pvt import PvtFlag, PvtRecord, PvtStatus
 
 _STATUS_WAIT_S: Final = 0.001
 _STATE_TIMEOUT_S: Final = 2.0
+_DIALOGUES_MAX: Final = 5
+_NO_ANSWER: Final = "No SDO response received"
+"""How the canopen library says that it has waited in vain, in an exception that says other things, too."""
+_Answer = TypeVar("_Answer")
 _ENABLING: Final = {
     State.SWITCH_ON_DISABLED: SHUTDOWN,
     State.READY_TO_SWITCH_ON: SWITCH_ON,
@@ -96,30 +101,16 @@ class AxisClient:
             BusError: the node does not answer.
             DeviceFaultError: the node refuses.
         """
-        try:
-            return int(self._variable(index, subindex).raw)
-        except canopen.SdoAbortedError as error:
-            raise self._refused(f"reading 0x{index:04X}:{subindex:02X}", error) from error
-        except canopen.SdoCommunicationError as error:
-            raise self._silent(error) from error
+        return self._dialogue(f"reading 0x{index:04X}:{subindex:02X}", lambda: int(self._variable(index, subindex).raw))
 
     def write(self, index: int, subindex: int, value: int) -> None:
         """Write a numeric object by SDO; raises as `read` does."""
-        try:
-            self._variable(index, subindex).raw = value
-        except canopen.SdoAbortedError as error:
-            raise self._refused(f"writing {value} to 0x{index:04X}:{subindex:02X}", error) from error
-        except canopen.SdoCommunicationError as error:
-            raise self._silent(error) from error
+        variable = self._variable(index, subindex)
+        self._dialogue(f"writing {value} to 0x{index:04X}:{subindex:02X}", lambda: setattr(variable, "raw", value))
 
     def read_text(self, index: int) -> str:
         """Read a string by SDO; raises as `read` does."""
-        try:
-            return str(self._variable(index, 0).raw)
-        except canopen.SdoAbortedError as error:
-            raise self._refused(f"reading 0x{index:04X}:00", error) from error
-        except canopen.SdoCommunicationError as error:
-            raise self._silent(error) from error
+        return self._dialogue(f"reading 0x{index:04X}:00", lambda: str(self._variable(index, 0).raw))
 
     def ensure(self, index: int, subindex: int, value: int) -> None:
         """Write a numeric object unless it has the value already; raises as `read` does."""
@@ -130,11 +121,20 @@ class AxisClient:
         entry = self._node.sdo[index]
         return entry if isinstance(entry, SdoVariable) else entry[subindex]
 
-    def _refused(self, what: str, error: canopen.SdoAbortedError) -> DeviceFaultError:
-        return DeviceFaultError(f"{self.name}: {what} was refused: {error}")
-
-    def _silent(self, error: Exception) -> BusError:
-        return BusError(f"{self.name}: node 0x{self.node_id:02X} does not answer ({error})")
+    def _dialogue(self, what: str, exchange: Callable[[], _Answer]) -> _Answer:
+        """One SDO dialogue; again if the answer was to another program, which asks the same node just now."""
+        left = _DIALOGUES_MAX
+        while True:
+            try:
+                return exchange()
+            except canopen.SdoAbortedError as error:
+                raise DeviceFaultError(f"{self.name}: {what} was refused: {error}") from error
+            except canopen.SdoCommunicationError as error:
+                left -= 1
+                if not left or str(error) == _NO_ANSWER:
+                    silent = f"{self.name}: node 0x{self.node_id:02X} does not answer ({error})"
+                    raise BusError(silent) from error
+            self._link.wait(_STATUS_WAIT_S)
 
     # --- the drive
 

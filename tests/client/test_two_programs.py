@@ -1,0 +1,56 @@
+"""Two programs ask the same node: each sees the other's answers, and asks again."""
+
+from collections.abc import Callable
+
+import pytest
+
+from controller.backend import Kernel
+from host.client import AxisClient
+from host.embedded import EmbeddedBoard
+from host.errors import BusError
+from tests.client.machines import ROBOT, START, ready
+
+IS_TWO_BYTES_OF_6064 = bytes.fromhex("4b64600034120000")
+WRITTEN = bytes.fromhex("6064600000000000")
+
+
+@pytest.fixture
+def board(fast_kernel: Kernel) -> EmbeddedBoard:
+    return EmbeddedBoard(ROBOT, START, fast_kernel)
+
+
+def answers_first(board: EmbeddedBoard, patch: pytest.MonkeyPatch, answer: bytes, times: int) -> None:
+    """For so many requests to node 0x10 an answer that another program is waiting for comes first."""
+    send: Callable[[int, bytes, bool], None] = board.network.send_message
+    left = [times]
+
+    def send_message(can_id: int, data: bytes, remote: bool = False) -> None:
+        if can_id == 0x610 and data[0] != 0x80 and left[0]:
+            left[0] -= 1
+            board.network.notify(0x590, bytearray(answer), 0.0)
+        send(can_id, data, remote)
+
+    patch.setattr(board.network, "send_message", send_message)
+
+
+@pytest.fixture
+def axis(board: EmbeddedBoard) -> AxisClient:
+    return ready(board).axes[0]
+
+
+@pytest.mark.parametrize("answer", [IS_TWO_BYTES_OF_6064, WRITTEN])
+def test_reading(board: EmbeddedBoard, axis: AxisClient, monkeypatch: pytest.MonkeyPatch, answer: bytes) -> None:
+    answers_first(board, monkeypatch, answer, times=4)
+    assert axis.read(0x607F) == 15_360_000
+
+
+def test_writing(board: EmbeddedBoard, axis: AxisClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    answers_first(board, monkeypatch, IS_TWO_BYTES_OF_6064, times=4)
+    axis.write(0x607A, 0, 4711)
+    assert axis.read(0x607A) == 4711
+
+
+def test_there_is_an_end(board: EmbeddedBoard, axis: AxisClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    answers_first(board, monkeypatch, WRITTEN, times=5)
+    with pytest.raises(BusError, match=r"^sx: node 0x10 does not answer \(Unexpected response 0x60\)$"):
+        axis.read(0x607F)
