@@ -401,7 +401,8 @@ class AxisNode:
             dues.append(self._emergency.due_us)
         if self.nmt_state is NmtState.OPERATIONAL:
             dues += [pdo.due_us for pdo in self.process_data.transmit_pdos if pdo.exists]
-        self.due_us = min((due for due in dues if due is not None), default=None)
+        known = [due for due in dues if due is not None]
+        self.due_us = min(known) if known else None
 
     def poll(self, now_us: int) -> None:
         """Do what is due: let the drive act, send heartbeat, emergencies, event-driven TPDOs."""

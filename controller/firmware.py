@@ -158,7 +158,7 @@ class Firmware:
         for node in self.nodes:
             for number, pdo in enumerate(node.process_data.receive_pdos):
                 if pdo.exists:
-                    handler = _rpdo_handler(node, number)
+                    handler = partial(node.on_rpdo, number)
                     self._routes.setdefault(pdo.cob_id & COB_ID_MASK, []).append((node, handler))
             for producer_id in node.heartbeat_producers:
                 handler = partial(node.on_heartbeat, producer_id)
@@ -319,7 +319,3 @@ class Firmware:
         """Return the pin changes since the last call, in order."""
         pins, self._pins = self._pins, []
         return pins
-
-
-def _rpdo_handler(node: AxisNode, number: int) -> Handler:
-    return lambda data, now_us: node.on_rpdo(number, data, now_us)

@@ -16,9 +16,9 @@ from emulator.inputs import BoardInputs
 from emulator.operations import BoardTemperature, DriverProtect, EmergencyStop, Operation, Supply
 from emulator.switches import Switch
 from emulator.tb6560 import Int8Array, Int64Array, Pins, Tb6560, Violations
-from protocol.cia402 import DigitalInput, ErrorCode
+from protocol.cia402 import DigitalInput
 from protocol.dictionary import FlashPage
-from protocol.frame import FIRST_NODE_ID, Frame
+from protocol.frame import FIRST_NODE_ID
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,11 +75,9 @@ class Board:
             self._kernel, self.config.axis_count, self.flash, self.config.first_node_id, self._monitor
         )
         self.can = CanController(
-            self._receive, self._on_can_error, self.firmware.hears, self.config.read_latency_counts
+            self.firmware.receive, self.firmware.on_can_error, self.firmware.hears, self.config.read_latency_counts
         )
         """The CAN controller; what it says to the bus it says in `poll`."""
-        self._due_counts: int | None = None
-        self._due_known = False
         self._seen = [DigitalInput(0)] * self.config.axis_count
         """The levels of the inputs that the firmware has seen."""
         self._look_at_once = self._inputs.levels != self._seen
@@ -106,14 +104,6 @@ class Board:
         self.boot(now_counts)
         self._measure(self._measurements, now_counts)
 
-    def _receive(self, frame: Frame, now_counts: int) -> None:
-        self.firmware.receive(frame, now_counts)
-        self._due_known = False
-
-    def _on_can_error(self, code: ErrorCode, now_counts: int, *, active: bool) -> None:
-        self.firmware.on_can_error(code, now_counts, active=active)
-        self._due_known = False
-
     @property
     def moving(self) -> bool:
         """Whether the board may have something to say at any tick: a motion runs, or one just over passed a switch."""
@@ -133,7 +123,6 @@ class Board:
             case BoardTemperature(temperature_decidegc):
                 self._measure(replace(self._measurements, temperature_decidegc=temperature_decidegc), now_counts)
         self._look_at_once = self._look_at_once or self._inputs.levels != self._seen
-        self._due_known = False
 
     def _measure(self, measurements: Measurements, now_counts: int) -> None:
         self._measurements = measurements
@@ -145,6 +134,8 @@ class Board:
         No tick is computed before the firmware has seen the inputs at its start.
         """
         motion = self.firmware.motion
+        if until_counts < motion.tick * TICK_COUNTS:
+            return until_counts  # within a tick that is computed already
         while (due_tick := self._due_tick) is not None and due_tick * TICK_COUNTS <= until_counts:
             due_counts = due_tick * TICK_COUNTS
             if motion.tick < due_tick:
@@ -172,21 +163,15 @@ class Board:
             return False
         self._seen = levels
         self.firmware.set_inputs(levels, motion.tick * TICK_COUNTS)
-        self._due_known = False
         return True
 
     def _advance_freely(self, until_counts: int) -> int:
         """Let time pass in which no input changes."""
         motion = self.firmware.motion
-        tick = motion.tick
-        if until_counts <= tick * TICK_COUNTS and not motion.has_events:
-            return until_counts  # within a tick that is computed already
         reached = self.firmware.advance(until_counts)
         while reached < until_counts and motion.room_ticks == 0:
             self.drain()
             reached = self.firmware.advance(until_counts)
-        if motion.tick != tick:
-            self._due_known = False
         return reached
 
     def poll(self, now_counts: int) -> None:
@@ -195,28 +180,20 @@ class Board:
             self._look()
         if self.can.next_due_counts is not None:
             self.can.poll(now_counts)
-        due_counts = self._firmware_due_counts
-        if due_counts is not None and due_counts <= now_counts:
-            self.firmware.poll(now_counts)
-            self._due_known = False
+        self.firmware.poll(now_counts)
         for frame in self.firmware.take_frames():
             self.can.send(frame, now_counts)
 
     @property
     def next_due_counts(self) -> int | None:
         """When the board next does something by itself."""
-        dues = [self._firmware_due_counts, self.can.next_due_counts]
+        due_counts, read_counts = self.firmware.next_due_counts, self.can.next_due_counts
+        if due_counts is None or (read_counts is not None and read_counts < due_counts):
+            due_counts = read_counts
         if self._look_at_once:
-            dues.append(self.firmware.motion.tick * TICK_COUNTS)
-        return min((due for due in dues if due is not None), default=None)
-
-    @property
-    def _firmware_due_counts(self) -> int | None:
-        """Asked far more often than it changes."""
-        if not self._due_known:
-            self._due_counts = self.firmware.next_due_counts
-            self._due_known = True
-        return self._due_counts
+            tick_counts = self.firmware.motion.tick * TICK_COUNTS
+            due_counts = tick_counts if due_counts is None else min(due_counts, tick_counts)
+        return due_counts
 
     def drain(self) -> None:
         """Show the drivers all pulses placed so far."""

@@ -54,14 +54,16 @@ class BoardInputs:
 
     def due_tick(self, motion: Motion) -> int | None:
         """Up to the start of which tick no switch can change; None while nothing moves past switches."""
-        for axis in self._switched:
-            if axis not in self._due_ticks and motion.running(axis):
-                self._due_ticks[axis] = motion.tick + self._quiet_ticks(self._axes[axis].steps_to_change)
-        return min(self._due_ticks.values(), default=None)
+        if len(self._due_ticks) < len(self._switched):
+            for axis in self._switched:
+                if axis not in self._due_ticks and motion.running(axis):
+                    self._due_ticks[axis] = motion.tick + self._quiet_ticks(self._axes[axis].steps_to_change)
+        return min(self._due_ticks.values()) if self._due_ticks else None
 
     def may_have_changed(self, motion: Motion) -> bool:
         """Whether it takes a look to know more; else it is known that no switch has changed, and `due_tick` goes on."""
-        return not all(self._put_off(axis, motion) for axis in list(self._due_ticks))
+        due = [axis for axis, tick in self._due_ticks.items() if tick <= motion.tick]
+        return not all(self._put_off(axis, motion) for axis in due)
 
     def _put_off(self, axis: int, motion: Motion) -> bool:
         """While an axis has made less than half the steps to a switch, that need not be looked at."""

@@ -51,15 +51,13 @@ class Schedule:
 
     def __init__(self, scheduled: Iterable[Scheduled] = ()) -> None:
         self._waiting = deque(sorted(scheduled, key=lambda item: item.counts))
-
-    @property
-    def next_counts(self) -> int | None:
+        self.next_counts = self._waiting[0].counts if self._waiting else None
         """When the next one is due."""
-        return self._waiting[0].counts if self._waiting else None
 
     def take_due(self, now_counts: int) -> list[Scheduled]:
         """Hand out, once, what is due by now."""
         due = []
         while self._waiting and self._waiting[0].counts <= now_counts:
             due.append(self._waiting.popleft())
+        self.next_counts = self._waiting[0].counts if self._waiting else None
         return due

@@ -31,6 +31,8 @@ class Simulation:
         """Switch the boards on; `schedule` says what will happen to their machines, and when."""
         self._schedule = Schedule(schedule)
         self.boards = tuple(boards)
+        self._late_readers = [board for board in self.boards if board.config.read_latency_counts]
+        """The boards whose processors do not fetch a message as soon as it is there."""
         self.bus = bus
         self.now_counts = 0
         self.on_frame: Listener = lambda _frame, _counts: None
@@ -69,6 +71,7 @@ class Simulation:
             BusOverloadError: the bus does not fall silent, because the boards have more to say than fits on it.
         """
         self.host.send(frame, self.now_counts)
+        self.bus.step(self.now_counts)  # an idle bus takes it at once
         give_up_counts = self.now_counts + _SILENCE_MAX_S * COUNTS_PER_SECOND
         while self.bus.busy or self._messages_wait:
             if self.now_counts > give_up_counts:
@@ -92,7 +95,7 @@ class Simulation:
     @property
     def _messages_wait(self) -> bool:
         """Whether a board's processor has not yet fetched a message that has reached it."""
-        return any(board.can.next_due_counts is not None for board in self.boards)
+        return bool(self._late_readers) and any(board.can.next_due_counts is not None for board in self._late_readers)
 
     def next_event_counts(self, until_counts: int) -> int:
         """When something happens by itself, as far as it is known; the instant given if that comes first."""
@@ -114,8 +117,9 @@ class Simulation:
         if goal > self.now_counts:
             self.now_counts = self._advance_boards(goal)
         self.bus.step(self.now_counts)
-        for item in self._schedule.take_due(self.now_counts):
-            self.boards[item.board].operate(item.operation, self.now_counts)
+        if scheduled_counts is not None:
+            for item in self._schedule.take_due(self.now_counts):
+                self.boards[item.board].operate(item.operation, self.now_counts)
         for board in self.boards:
             board.poll(self.now_counts)
 

@@ -56,8 +56,8 @@ QUICK_STOP = 0x02
 """The controlwords that CiA 402 names."""
 
 
-class Status(IntFlag):
-    """Bits of the statusword 0x6041 beside those of the state."""
+class Status(IntEnum):
+    """Bits of the statusword 0x6041 beside those of the state; combined they are plain integers."""
 
     VOLTAGE_ENABLED = 1 << 4
     WARNING = 1 << 7

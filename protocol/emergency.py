@@ -22,17 +22,11 @@ class EmergencyProducer:
         self.history: deque[int] = deque(maxlen=HISTORY_DEPTH)
         """Error codes, the newest first."""
         self.inhibit = 0
+        self.register = 0
+        """Object 0x1001: the bits of all errors that are active."""
         self._active: set[tuple[ErrorCode, int]] = set()
         self._waiting: deque[bytes] = deque()
         self._not_before_us = 0
-
-    @property
-    def register(self) -> int:
-        """Object 0x1001: the bits of all errors that are active."""
-        register = 0
-        for code, _ in self._active:
-            register |= code.register
-        return register
 
     def is_active(self, code: ErrorCode) -> bool:
         """Whether an error with this code, whatever its detail, has occurred and is not resolved."""
@@ -42,7 +36,7 @@ class EmergencyProducer:
         """Report an error unless it is active already; `detail` goes into the manufacturer's five bytes."""
         if (code, detail) in self._active:
             return
-        self._active.add((code, detail))
+        self._set_active(self._active | {(code, detail)})
         self.history.appendleft(code)
         self._waiting.append(self._payload(code, detail))
 
@@ -50,19 +44,25 @@ class EmergencyProducer:
         """The active errors of which `gone` is true are no more: say so once, if there are any."""
         left = {(code, detail) for code, detail in self._active if not gone(code, detail)}
         if left != self._active:
-            self._active = left
+            self._set_active(left)
             self._waiting.append(self._payload(ErrorCode.NONE, 0))
 
     def forget(self) -> None:
         """Be as after power-up: there has been no error."""
-        self._active.clear()
+        self._set_active(set())
         self.history.clear()
         self._waiting.clear()
 
     def reset_communication(self) -> None:
         """The bus begins anew: its errors are no more, and what is still waiting is not sent."""
-        self._active = {(code, detail) for code, detail in self._active if not code.communication}
+        self._set_active({(code, detail) for code, detail in self._active if not code.communication})
         self._waiting.clear()
+
+    def _set_active(self, active: set[tuple[ErrorCode, int]]) -> None:
+        self._active = active
+        self.register = 0
+        for code, _ in active:
+            self.register |= code.register
 
     def _payload(self, code: ErrorCode, detail: int) -> bytes:
         return code.to_bytes(2, "little") + bytes((self.register,)) + detail.to_bytes(5, "little")

@@ -51,17 +51,14 @@ class ReceivePdo:
     def __init__(self, dictionary: ObjectDictionary, number: int) -> None:
         communication = _RPDO_COMMUNICATION + number
         self.cob_id = dictionary.get(communication, 1)
+        self.exists = not self.cob_id & COB_ID_INVALID
+        """Whether its COB-ID is valid."""
         self.synchronous = dictionary.get(communication, 2) <= _LAST_SYNCHRONOUS
         self._dictionary = dictionary
         self._fields, self._length = _fields(dictionary, _RPDO_MAPPING + number)
         self._latched: bytes | None = None
         self.refused = 0
         """Mapped values that the dictionary did not take."""
-
-    @property
-    def exists(self) -> bool:
-        """Whether its COB-ID is valid."""
-        return not self.cob_id & COB_ID_INVALID
 
     def receive(self, data: bytes) -> ErrorCode:
         """Take a frame: apply it now, or latch it for the next SYNC. Returns PDO length errors."""
@@ -98,6 +95,8 @@ class TransmitPdo:
     def __init__(self, dictionary: ObjectDictionary, number: int, now_us: int) -> None:
         communication = _TPDO_COMMUNICATION + number
         self.cob_id = dictionary.get(communication, 1)
+        self.exists = not self.cob_id & COB_ID_INVALID
+        """Whether its COB-ID is valid."""
         self.transmission_type = dictionary.get(communication, 2)
         self._inhibit_us = dictionary.get(communication, 3) * _INHIBIT_UNIT_US
         self._event_timer_us = dictionary.get(communication, 5) * _MS_US
@@ -110,11 +109,6 @@ class TransmitPdo:
         self._awaited_counter = dictionary.get(communication, 6) if dictionary.get(0x1019) else 0
         self._not_before_us = now_us
         self._timer_us = now_us + self._event_timer_us
-
-    @property
-    def exists(self) -> bool:
-        """Whether its COB-ID is valid."""
-        return not self.cob_id & COB_ID_INVALID
 
     @property
     def event_driven(self) -> bool:

@@ -59,8 +59,10 @@ class AxisClient:
     @property
     def in_fault(self) -> bool:
         """Whether the drive is in fault, or has lost this host: it leaves OPERATIONAL then and reports by EMCY only."""
-        reported = self.drive_status is not None and self.drive_status.in_fault
-        return reported or any(error.code == ErrorCode.HEARTBEAT_LOST for error in self._node.emcy.active)
+        if self.drive_status is not None and self.drive_status.in_fault:
+            return True
+        active = self._node.emcy.active
+        return bool(active) and any(error.code == ErrorCode.HEARTBEAT_LOST for error in active)
 
     @property
     def interpolating(self) -> bool:

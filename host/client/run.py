@@ -72,8 +72,9 @@ class Run:
             stream.check_running()
         fill(self._streams)
         done = all(stream.all_acknowledged for stream in self._streams) and all(axis.done for axis in self._axes)
-        self._follow(now_s, done=done)
-        if not self.halted:
+        halted = self.halted
+        self._follow(now_s, done=done, halted=halted)
+        if not halted:
             self._schedule.tend(now_s)
         if done:
             self._link.wait(POLL_S)
@@ -81,14 +82,14 @@ class Run:
             check_enabled(self._axes)  # a quick stop empties the queues, too
             self.ended = True
 
-    def _follow(self, now_s: float, *, done: bool) -> None:
+    def _follow(self, now_s: float, *, done: bool, halted: bool) -> None:
         status = self._axes[0].pvt_status
         if status is not None and status is not self._seen:
             self._seen = status
             self._reached.report(status.executing, now_s)
         if done:
             self._reached.end()
-        if self.halted or self._reached.least_s != self._progress_at_s:
+        if halted or self._reached.least_s != self._progress_at_s:
             self._progress_s = now_s
             self._progress_at_s = self._reached.least_s
         elif now_s - self._progress_s > _STALL_S:

@@ -48,8 +48,8 @@ def flags(board: BenchBoard, axis: int = 0) -> PvtFlag:
     return PvtFlag(board.value(0x2012, 3, axis))
 
 
-def status(board: BenchBoard, axis: int = 0) -> Status:
-    return Status(board.value(0x6041, 0, axis))
+def status(board: BenchBoard, axis: int = 0) -> int:
+    return board.value(0x6041, 0, axis)
 
 
 def state(board: BenchBoard, axis: int = 0) -> State:
