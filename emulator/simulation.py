@@ -114,10 +114,10 @@ class Simulation:
     def _advance_to(self, until_counts: int) -> None:
         """Go to the next event, but not beyond an instant, and do what is due there."""
         goal = self.next_event_counts(until_counts)
-        if goal > self.now_counts:
-            self.now_counts = self._advance_boards(goal)
+        # Even if no time passes: what a tick just computed has brought about may still have to be seen to.
+        self.now_counts = self._advance_boards(max(goal, self.now_counts))
         self.bus.step(self.now_counts)
-        if scheduled_counts is not None:
+        if self._schedule.next_counts is not None:
             for item in self._schedule.take_due(self.now_counts):
                 self.boards[item.board].operate(item.operation, self.now_counts)
         for board in self.boards:

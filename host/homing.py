@@ -57,7 +57,7 @@ class JointSwitches:
         for low, high in ((_NEGATIVE, _POSITIVE), (_FROM, _TO), (_NEGATIVE, _TO), (_FROM, _POSITIVE)):
             below, above = getattr(self, low), getattr(self, high)
             if below is not None and above is not None and not below < above:
-                raise InputError(f"switches.{high}: {above:g} is not above {low}, {below:g}")
+                raise InputError(f"{high}: {above:g} is not above {low}, {below:g}")
 
     def check_outside(self, lower: float, upper: float, unit: str) -> None:
         """Raise InputError if a limit switch is within the joint's limits, where motions would run into it."""
@@ -102,13 +102,13 @@ class JointHoming:
 
     def __post_init__(self) -> None:
         if self.method not in HOMING_METHODS:
-            raise InputError(f"homing.method: {self.method} is none of 17 to 30, {HOME_HERE_OBSOLETE}, {HOME_HERE}")
+            raise InputError(f"method: {self.method} is none of 17 to 30, {HOME_HERE_OBSOLETE}, {HOME_HERE}")
         for name in ("search_speed", "zero_speed", "acceleration"):
             value = getattr(self, name)
             if not value > 0:
-                raise InputError(f"homing.{name}: {value:g} is not above 0")
+                raise InputError(f"{name}: {value:g} is not above 0")
         if self.zero_speed > self.search_speed:
-            raise InputError(f"homing.zero_speed: {self.zero_speed:g} is above search_speed, {self.search_speed:g}")
+            raise InputError(f"zero_speed: {self.zero_speed:g} is above search_speed, {self.search_speed:g}")
 
     def check_within(self, speed_max: float, acceleration_max: float) -> None:
         """Raise InputError if it is more than the joint can do."""

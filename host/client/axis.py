@@ -21,6 +21,8 @@ _STATE_TIMEOUT_S: Final = 2.0
 _DIALOGUES_MAX: Final = 5
 _NO_ANSWER: Final = "No SDO response received"
 """How the canopen library says that it has waited in vain, in an exception that says other things, too."""
+_BROKEN_IN_UPON: Final = (0x0503_0000, 0x0504_0001)
+"""Abort codes that no request of ours deserves: another program's has come between the segments of a string."""
 _Answer = TypeVar("_Answer")
 _ENABLING: Final = {
     State.SWITCH_ON_DISABLED: SHUTDOWN,
@@ -130,7 +132,9 @@ class AxisClient:
             try:
                 return exchange()
             except canopen.SdoAbortedError as error:
-                raise DeviceFaultError(f"{self.name}: {what} was refused: {error}") from error
+                left -= 1
+                if not left or error.code not in _BROKEN_IN_UPON:
+                    raise DeviceFaultError(f"{self.name}: {what} was refused: {error}") from error
             except canopen.SdoCommunicationError as error:
                 left -= 1
                 if not left or str(error) == _NO_ANSWER:

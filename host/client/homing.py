@@ -1,12 +1,13 @@
 """Homing from the host: tell an axis how, start it, see it through."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from host.client.axis import AxisClient
 from host.client.link import Link
-from host.errors import BusError, DeviceFaultError
+from host.errors import BusError, DeviceFaultError, StepTwinError
 from protocol.cia402 import ENABLE_OPERATION, Control, ErrorCode, HomingError, Mode, State, Status
 
 _POLL_S: Final = 0.010
@@ -80,10 +81,14 @@ def home(link: Link, homings: Sequence[AxisHoming], ended: Callable[[], None] = 
             axis.write(index, subindex, value)
     for axis, _ in homings:
         axis.write(0x6040, 0, ENABLE_OPERATION | Control.START)
+    axes = [axis for axis, _ in homings]
     try:
         _await_all(link, homings, ended)
-    finally:
-        _release(link, [axis for axis, _ in homings])
+    except BaseException:
+        with suppress(StepTwinError):  # what went wrong first is what counts
+            _release(link, axes)
+        raise
+    _release(link, axes)
 
 
 def _await_all(link: Link, homings: Sequence[AxisHoming], ended: Callable[[], None]) -> None:

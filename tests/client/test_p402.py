@@ -10,7 +10,7 @@ from canopen.profiles.p402 import BaseNode402
 from controller.backend import Kernel
 from host.embedded import EmbeddedBoard
 from host.robots import load_robot
-from protocol.cia402 import Status
+from protocol.cia402 import ErrorCode, Status
 from protocol.eds import render_eds
 
 NODE = 0x13
@@ -98,3 +98,35 @@ def test_cyclic_synchronous_position(board: EmbeddedBoard, node: BaseNode402, pe
     assert node.state == "OPERATION ENABLED"
     node.op_mode = "PROFILED POSITION"
     assert not node.statusword & Status.FOLLOWS_COMMAND
+
+
+def homing_node(node: BaseNode402, method: int) -> BaseNode402:
+    """Told to home th1, which has limit switches at -125 and 125 deg."""
+    node.sdo[0x6098].raw = method
+    node.sdo[0x6099][1].raw = 4000 * STEP
+    node.sdo[0x6099][2].raw = 400 * STEP
+    node.sdo[0x609A].raw = 40_000 * STEP
+    node.sdo[0x607C].raw = -5000 * STEP
+    return node
+
+
+@pytest.mark.parametrize("method", [17, 37])
+def test_homing(board: EmbeddedBoard, node: BaseNode402, method: int) -> None:
+    """It takes "attained" for the end and sets the mode at once, which a moving axis would refuse."""
+    node.op_mode = "PROFILED POSITION"
+    zero = board.driver_positions()[3]
+    assert not node.is_homed(restore_op_mode=True)  # type: ignore[no-untyped-call]
+    assert homing_node(node, method).homing(restore_op_mode=True)  # type: ignore[no-untyped-call]
+    assert node.op_mode == "PROFILED POSITION"
+    edge = zero if method == 37 else round(-125 * 400 / 9) + 1
+    assert board.driver_positions()[3] - node.sdo[0x6064].raw // STEP == edge + 5000
+    assert node.is_homed(restore_op_mode=True)  # type: ignore[no-untyped-call]
+
+
+def test_homing_that_fails(board: EmbeddedBoard, node: BaseNode402) -> None:
+    """th1 has no home switch: the search ends at the positive limit switch."""
+    assert not homing_node(node, 20).homing()  # type: ignore[no-untyped-call]
+    board.wait(0.5)
+    assert node.statusword & Status.HOMING_ERROR
+    assert node.emcy.log[-1].code == ErrorCode.HOMING_FAILED
+    assert node.state == "OPERATION ENABLED"

@@ -7,7 +7,7 @@ import pytest
 from controller.backend import Kernel
 from host.client import AxisClient
 from host.embedded import EmbeddedBoard
-from host.errors import BusError
+from host.errors import BusError, DeviceFaultError
 from tests.client.machines import ROBOT, START, ready
 
 IS_TWO_BYTES_OF_6064 = bytes.fromhex("4b64600034120000")
@@ -54,3 +54,16 @@ def test_there_is_an_end(board: EmbeddedBoard, axis: AxisClient, monkeypatch: py
     answers_first(board, monkeypatch, WRITTEN, times=5)
     with pytest.raises(BusError, match=r"^sx: node 0x10 does not answer \(Unexpected response 0x60\)$"):
         axis.read(0x607F)
+
+
+@pytest.mark.parametrize("code", ["00000305", "01000405"])
+def test_reading_in_segments(
+    board: EmbeddedBoard, axis: AxisClient, monkeypatch: pytest.MonkeyPatch, code: str
+) -> None:
+    answers_first(board, monkeypatch, bytes.fromhex("80081000" + code), times=2)
+    assert axis.read_text(0x1008).startswith("StepTwin TB6560 axis")
+
+
+def test_a_refusal_is_final(axis: AxisClient) -> None:
+    with pytest.raises(DeviceFaultError, match=r"writing 7 to 0x605A:00 was refused"):
+        axis.write(0x605A, 0, 7)
