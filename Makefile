@@ -11,7 +11,7 @@ demo: $(VENV)/.installed
 	$(BIN)/steptwin run warehouse-scara drawer-pull --out $(OUT)
 
 test: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses auto --dist worksteal
 
 check: lint test
 
@@ -23,7 +23,7 @@ lint: $(VENV)/.installed-dev
 
 # Lines and branches of firmware and protocol that the tests run; fails below 95 %.
 coverage: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest tests/controller tests/protocol tests/client tests/emulator \
+	$(BIN)/python -m pytest --numprocesses auto --dist worksteal tests/controller tests/protocol tests/client tests/emulator \
 		--cov=controller --cov=protocol --cov-branch --cov-fail-under=95 --cov-report=term-missing:skip-covered
 
 bench: $(VENV)/.installed-dev
