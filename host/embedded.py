@@ -131,7 +131,9 @@ class EmbeddedBoard:
 
     def evidence(self) -> Evidence:
         """What the drivers saw; the motion's t = 0 is the first servo tick after the last SYNC."""
-        sync_counts = max(counts for counts, frame in self.bus_log if frame.cob_id == COB_SYNC)
+        bus = self._simulation.bus
+        log = zip(bus.log_counts, bus.log_frames, strict=True)
+        sync_counts = max(counts for counts, frame in log if frame.cob_id == COB_SYNC)
         traces = [self._board.trace(axis) for axis in range(len(self._start_steps))]
         axes = tuple(
             axis_evidence(joint.name, self._start_steps[i], traces[i], i, self._board.pin_changes)
