@@ -6,7 +6,7 @@ CRC and stuffing go by the byte through tables, since every frame of a run passe
 """
 
 from functools import cache
-from typing import Any
+from typing import TypeAlias
 
 from protocol.frame import Frame
 
@@ -44,7 +44,7 @@ def _crc_of_byte(byte: int) -> int:
 
 _CRC_TABLE = tuple(_crc_of_byte(byte) for byte in range(256))
 
-_Row = list[tuple[Any, int]]
+_Row: TypeAlias = "list[tuple[_Row, int]]"
 """Of one stuffing state, for each value that may follow: the row of the state after it, and the stuff bits.
 
 The values are those of 8 bits, then, from _SEVEN_BITS on, those of 7.
