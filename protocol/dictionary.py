@@ -42,10 +42,12 @@ class ObjectDictionary:
 
     def get(self, index: int, subindex: int = 0) -> int:
         """Return the present value of a numeric entry."""
-        key = index << 8 | subindex
-        if key in self.read_hooks:
-            return self.read_hooks[key]()
-        return self._values[key]
+        return self.value(index << 8 | subindex)
+
+    def value(self, key: int) -> int:
+        """Return the present value of a numeric entry by its key, as is done for every frame."""
+        hook = self.read_hooks.get(key)
+        return hook() if hook else self._values[key]
 
     def set(self, index: int, subindex: int, value: int) -> None:
         """Store a value as the firmware's own, without checks or hooks."""
