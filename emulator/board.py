@@ -1,5 +1,6 @@
 """The emulated board: the firmware, its TB6560s, the wires between them and a record of what went over these."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,19 +8,40 @@ from numpy.typing import NDArray
 
 from controller.backend import Kernel
 from controller.firmware import Firmware
+from controller.kernel import TICK_COUNTS
 from controller.motion import PinEdges
 from controller.pins import OUTPUT_PINS, Pin, PinChange
-from emulator.tb6560 import Int8Array, Int64Array, Pins, Tb6560, Violations
+from emulator.driver import Driver
+from emulator.driver_module import Module
+from emulator.edges import Int8Array, Int64Array
+from emulator.tb6560 import Input, LevelChange, Outputs, Pins, Violations
 from protocol.dictionary import FlashPage
 from protocol.frame import Frame
+
+WIRING = {
+    Pin.RESET: Input.RESET,
+    Pin.ENABLE: Input.ENABLE,
+    Pin.M1: Input.M1,
+    Pin.M2: Input.M2,
+    Pin.TQ1: Input.TQ1,
+    Pin.TQ2: Input.TQ2,
+    Pin.DCY1: Input.DCY1,
+    Pin.DCY2: Input.DCY2,
+}
+"""From the firmware's pins to the driver's; besides, STEP goes to CLK and DIR to CW/CCW."""
+
+SUPPLIES = (Input.VDD, Input.VM)
+"""In the order in which the board switches them on."""
 
 
 @dataclass(frozen=True, slots=True)
 class BoardConfig:
-    """What is soldered and plugged: how many axes, and the capacitor at each driver's OSC pin."""
+    """What is soldered and plugged: how many axes, the capacitor at each driver's OSC pin, what is around the chips."""
 
     axis_count: int
     osc_pf: tuple[float, ...]
+    modules: tuple[Module, ...] = ()
+    """One an axis; none for chips on the board itself."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,19 +68,22 @@ class Board:
         """What the firmware has stored, a page for each axis: all that outlives the power."""
         self._kernel = kernel
         self.firmware = Firmware(kernel, config.axis_count, self.flash)
-        self._drivers = [Tb6560(osc_pf) for osc_pf in config.osc_pf]
-        self._reset_pins: list[list[PinChange]] = [[] for _ in self._drivers]
+        modules = config.modules or (Module(),) * config.axis_count
+        self._drivers = [Driver(osc_pf, module) for osc_pf, module in zip(config.osc_pf, modules, strict=True)]
+        self._input_changes: list[list[LevelChange]] = [[] for _ in self._drivers]
         self._pins: list[list[Pins]] = [[] for _ in self._drivers]
         self.pin_changes: list[PinChange] = []
         """Every change of the pins that the firmware holds at a level."""
 
     def boot(self, now_counts: int) -> None:
         """Switch the board on."""
+        self._supply(SUPPLIES, now_counts, 1)
         self.firmware.boot(now_counts)
 
     def power_cycle(self, now_counts: int) -> None:
         """Switch the supply off and on: all pins fall, the firmware begins anew. Motors and clock stay as they are."""
         self._take_pins()
+        self._supply(reversed(SUPPLIES), now_counts, 0)
         levels = {(change.axis, change.pin): change.level for change in self.pin_changes}
         for (axis, pin), level in levels.items():
             if level:
@@ -96,9 +121,10 @@ class Board:
     def drain(self) -> None:
         """Show the drivers all pulses placed so far."""
         self._take_pins()
+        until_counts = self.firmware.motion.tick * TICK_COUNTS
         for axis, edges in enumerate(self.firmware.motion.take_edges()):
-            pins = _pins(edges, self._reset_pins[axis])
-            self._reset_pins[axis] = []
+            pins = _pins(edges, self._input_changes[axis], until_counts)
+            self._input_changes[axis] = []
             self._drivers[axis].feed(pins)
             self._pins[axis].append(pins)
 
@@ -108,13 +134,28 @@ class Board:
 
     def _note_pin(self, change: PinChange) -> None:
         self.pin_changes.append(change)
-        if change.pin is Pin.RESET:
-            self._reset_pins[change.axis].append(change)
+        if change.pin in WIRING:
+            self._input_changes[change.axis].append(LevelChange(change.counts, WIRING[change.pin], change.level))
+
+    def _supply(self, supplies: Iterable[Input], now_counts: int, level: int) -> None:
+        for supply in supplies:
+            for changes in self._input_changes:
+                changes.append(LevelChange(now_counts, supply, level))
 
     def output_changes(self) -> list[PinChange]:
         """Every change of a digital output so far, in order of time; all outputs are 0 before their first."""
         self.drain()
         return [change for change in self.pin_changes if change.pin in OUTPUT_PINS]
+
+    def protect_level(self, axis: int, now_counts: int) -> int:
+        """The Protect pin of an axis' driver, pulled up: low while thermal shutdown keeps its outputs off."""
+        self.drain()
+        return self._drivers[axis].protect_level(now_counts)
+
+    def outputs(self, axis: int) -> Outputs:
+        """Phase currents, electrical angle and MO of an axis' driver, at any instant so far."""
+        self.drain()
+        return self._drivers[axis].outputs
 
     def trace(self, axis: int) -> AxisTrace:
         """Everything that happened at an axis' driver so far."""
@@ -134,8 +175,7 @@ class Board:
         )
 
 
-def _pins(edges: PinEdges, resets: list[PinChange]) -> Pins:
-    """The wiring: the firmware's STEP goes to CLK, DIR to CW/CCW, RESET to RESET."""
+def _pins(edges: PinEdges, changes: list[LevelChange], until_counts: int) -> Pins:
     clk = _array(edges.clk_counts)
     direction = _array(edges.direction)
     return Pins(
@@ -143,8 +183,8 @@ def _pins(edges: PinEdges, resets: list[PinChange]) -> Pins:
         clk_fall_counts=clk[1::2],
         dir_counts=direction >> 1,
         dir_levels=(direction & 1).astype(np.int8),
-        reset_counts=_array([change.counts for change in resets]),
-        reset_levels=_array([change.level for change in resets]).astype(np.int8),
+        changes=tuple(changes),
+        until_counts=until_counts,
     )
 
 
