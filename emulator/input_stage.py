@@ -128,10 +128,8 @@ class InputStage:
             while self._enable_changes and self._enable_changes[-1].counts >= late.counts:
                 self._enable_changes.pop()  # over before it got through
             self._enable_changes.append(late)
-        elif self._switchboard is None:
-            self._changes.append(change)
         else:
-            self._changes += self._switchboard.supplied(change)
+            self._changes.append(change)
 
     def _forget(self, pulses: int, arrived_counts: int) -> None:
         """All pulses that were settled, and DIR edges that no later pulse has to do with."""
@@ -200,9 +198,8 @@ class InputStage:
     # --- inputs that are held at a level
 
     def _arrived_changes(self, rises: Int64Array, arrived_counts: int) -> tuple[LevelChange, ...]:
-        if self._switchboard:
-            self._changes += self._switchboard.idle_changes(rises, arrived_counts)
         waiting = sorted((*self._changes, *self._enable_changes), key=lambda change: change.counts)
         self._changes = [change for change in self._changes if change.counts >= arrived_counts]
         self._enable_changes = [change for change in self._enable_changes if change.counts >= arrived_counts]
-        return tuple(change for change in waiting if change.counts < arrived_counts)
+        arrived = tuple(change for change in waiting if change.counts < arrived_counts)
+        return self._switchboard.changes(arrived, rises, arrived_counts) if self._switchboard else arrived

@@ -1,5 +1,7 @@
 """What a module's switches put on the chip's inputs: always the same, and less torque at standstill."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from emulator.dip_switches import DipSwitches
@@ -17,18 +19,30 @@ class Switchboard:
         self._idle = False
         self._last_rise_counts = 0
 
-    def supplied(self, change: LevelChange) -> list[LevelChange]:
-        """What an input from outside changes at the chip: only the supplies are not the switches' business."""
-        counts, pin, level = change
-        if pin not in (Input.VDD, Input.VM):
-            return []
-        if pin is Input.VDD:
-            return [change]
+    def changes(self, outside: Sequence[LevelChange], rises: Int64Array, until_counts: int) -> tuple[LevelChange, ...]:
+        """The next stretch at the chip's inputs, from what comes from outside and from the rises of CLK.
+
+        From outside only the supplies and ENABLE get to the chip.
+        """
+        found: list[LevelChange] = []
+        for change in outside:
+            if change.pin is Input.VM:
+                earlier = int(np.searchsorted(rises, change.counts))
+                found += self._rest(rises[:earlier], change.counts)
+                found += self._supply(change)
+                rises = rises[earlier:]
+            elif change.pin in (Input.VDD, Input.ENABLE):
+                found.append(change)
+        found += self._rest(rises, until_counts)
+        return tuple(sorted(found, key=lambda change: change.counts))
+
+    def _supply(self, change: LevelChange) -> list[LevelChange]:
+        counts, _, level = change
         self._supplied, self._idle, self._last_rise_counts = bool(level), False, counts
         held = [LevelChange(counts, pin, level and high) for pin, high in (*self._running.items(), (Input.RESET, 1))]
-        return [change, *held] if level else [*held, change]
+        return [change, *held] if level else [*reversed(held), change]
 
-    def idle_changes(self, rises: Int64Array, until_counts: int) -> list[LevelChange]:
+    def _rest(self, rises: Int64Array, until_counts: int) -> list[LevelChange]:
         """Less torque when CLK has rested for long enough, and full torque with its next rise."""
         if not self._supplied:
             return []

@@ -11,6 +11,7 @@ from controller.pins import Pin
 from emulator.board import AxisTrace, Board, BoardConfig
 from emulator.bus import Bus
 from emulator.simulation import BusOverloadError, Simulation
+from host.drivers import driver_profile, fitted_modules, violations_evidence
 from host.errors import BusError
 from host.robot import Joint, Robot
 from host.verify import AxisEvidence, BusReport, Evidence, OutputChange
@@ -55,12 +56,24 @@ class EmbeddedNetwork(canopen.Network):
 class EmbeddedBoard:
     """A robot's board on a bus of its own; fulfils the client's Link. The machine stands at the given joints."""
 
-    def __init__(self, robot: Robot, start_joints: list[float], kernel: Kernel) -> None:
+    def __init__(
+        self, robot: Robot, start_joints: list[float], kernel: Kernel, driver_profile_name: str | None = None
+    ) -> None:
+        """By a name it has other drivers than the robot's file says.
+
+        Raises:
+            InputError: there are no such drivers, or they cannot be set as the robot needs them.
+        """
         self._robot = robot
+        self.driver_profile = driver_profile(robot.board, driver_profile_name)
         self._start_steps = [
             _steps_at(joint, position) for position, joint in zip(start_joints, robot.joints, strict=True)
         ]
-        config = BoardConfig(axis_count=len(robot.joints), osc_pf=(robot.board.osc_pf,) * len(robot.joints))
+        config = BoardConfig(
+            axis_count=len(robot.joints),
+            osc_pf=(self.driver_profile.osc_pf,) * len(robot.joints),
+            modules=fitted_modules(robot, self.driver_profile, as_filed=driver_profile_name is None),
+        )
         self._board = Board(config, kernel)
         self._simulation = Simulation(self._board, Bus(robot.board.bitrate))
         self.network = EmbeddedNetwork(self._simulation)
@@ -136,5 +149,5 @@ def _axis_evidence(name: str, start_steps: int, trace: AxisTrace) -> AxisEvidenc
         dir_levels=trace.dir_levels,
         step_counts=trace.step_counts,
         step_signs=trace.step_signs,
-        violations=len(trace.violations.counts),
+        violations=violations_evidence(trace.violations),
     )

@@ -11,7 +11,8 @@ import numpy as np
 from emulator.candump import candump_lines
 from host.errors import InputError
 from host.run import Outcome
-from host.verify import COUNTS_PER_SECOND, Evidence
+from host.trajectory import FloatArray
+from host.verify import COUNTS_PER_SECOND, DriverViolations, Evidence
 
 
 def prepare_folder(out: str) -> Path:
@@ -66,6 +67,13 @@ def _write_edges(path: Path, evidence: Evidence) -> None:
             f"{axis.name}_dir_levels": axis.dir_levels,
             f"{axis.name}_step_counts": axis.step_counts,
             f"{axis.name}_step_signs": axis.step_signs,
-            f"{axis.name}_violations": np.int64(axis.violations),
+            f"{axis.name}_violation_counts": axis.violations.counts,
+            f"{axis.name}_violation_values": axis.violations.values,
+            f"{axis.name}_violation_limits": _limits(axis.violations),
         }
     np.savez_compressed(path, **arrays)
+
+
+def _limits(violations: DriverViolations) -> FloatArray:
+    limits = np.array([limit.limit for limit in violations.limits])
+    return limits[violations.which]

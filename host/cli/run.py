@@ -57,6 +57,14 @@ def run(
         float | None,
         typer.Option(metavar="SECONDS", min=0.0, help="Stop sending points there, as a dying host would."),
     ] = None,
+    driver_profile: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="The drivers that the emulated board really has, without telling planner or firmware: chip-100pf,"
+            " chip-330pf, chip-1000pf, 3a-module or slow-blue-board.",
+        ),
+    ] = None,
     kernel: Annotated[
         KernelChoice, typer.Option(help="Plain Python or compiled; auto takes the fastest.")
     ] = KernelChoice.AUTO,
@@ -74,7 +82,15 @@ def run(
     standing = None if stand_at is None else joint_values(stand_at.split(), loaded.joint_names, "--stand-at")
     folder = None if out is None else prepare_folder(out)
     with progress_bar(f"{loaded.name} {job}") as progress:
-        outcome = execute(planned, job, _kernel(kernel), stand_at=standing, cut_stream_s=cut_stream, progress=progress)
+        outcome = execute(
+            planned,
+            job,
+            _kernel(kernel),
+            stand_at=standing,
+            cut_stream_s=cut_stream,
+            driver_profile=driver_profile,
+            progress=progress,
+        )
     document = _document(outcome)
     pictures = folder is not None and write_folder(folder, outcome, document)
     if as_json:
@@ -134,6 +150,7 @@ def progress_bar(title: str) -> "Iterator[Progress]":
 def _document(outcome: "Outcome") -> dict[str, Any]:
     """The contract's keys, and what a fault leaves."""
     document = outcome.report.to_dict()
+    document["driver_profile"] = outcome.driver_profile
     document["simulated"] = True
     if outcome.fault:
         document["passed"] = False
@@ -163,6 +180,7 @@ def _print_report(outcome: "Outcome", document: dict[str, Any]) -> None:
     if changes:
         said = (f"{o['name']} {'on' if o['on'] else 'off'} {o['changed_s']:.3f} s" for o in changes)
         typer.echo(f"outputs: {', '.join(said)}")
+    _print_violations(document["violations"])
     tool, bus = document["tool"], document["bus"]
     typer.echo(
         f"tool: {tool['position_error_mm_max']:.4f} mm max, {tool['position_error_mm_rms']:.4f} mm rms, "
@@ -174,6 +192,18 @@ def _print_report(outcome: "Outcome", document: dict[str, Any]) -> None:
         f"{document['simulated_s'] / document['wall_s']:.0f} x real time"
     )
     typer.echo(f"{document['robot']} {document['job']}: {_verdict(outcome)}")
+
+
+def _print_violations(violations: list[dict[str, Any]]) -> None:
+    """A table for each rule that was broken, with a row for each axis that broke it."""
+    for what, source in dict.fromkeys((v["broken"], v["source"]) for v in violations):
+        typer.echo(f"{what} ({source})")
+        same = [v for v in violations if (v["broken"], v["source"]) == (what, source)]
+        unit = same[0]["unit"]
+        rows = [
+            [v["axis"], str(v["count"]), f"{v['worst']:.2f}", f"{v['limit']:.2f}", f"{v['first_s']:.6f}"] for v in same
+        ]
+        print_table(["axis", "times", f"worst {unit}", f"limit {unit}", "first s"], rows)
 
 
 def _say_where(folder: Path, *, pictures: bool, to_stderr: bool) -> None:

@@ -5,11 +5,49 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from host.trajectory import FloatArray
+
 COUNTS_PER_SECOND = 72_000_000
 """The board's timer: every instant in the evidence is an int64 number of its counts since boot."""
 
 Int64Array = NDArray[np.int64]
 Int8Array = NDArray[np.int8]
+
+
+@dataclass(frozen=True, slots=True)
+class DriverLimit:
+    """What a driver asks for.
+
+    Attributes:
+        rule: a short name, for machines.
+        broken: what is wrong where it is broken and what comes of that, for people.
+        limit: its figure.
+        unit: of the figure.
+        source: who says so.
+    """
+
+    rule: str
+    broken: str
+    limit: float
+    unit: str
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
+class DriverViolations:
+    """Each time that a limit of one driver was broken, in order of time.
+
+    Attributes:
+        limits: those that there are.
+        counts: shape (n,), when, in counts since boot.
+        which: shape (n,), the index of the limit.
+        values: shape (n,), what there was instead, in the limit's unit.
+    """
+
+    limits: tuple[DriverLimit, ...]
+    counts: Int64Array
+    which: Int8Array
+    values: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +63,7 @@ class AxisEvidence:
         dir_levels: shape (d,), the level after each of those changes, 0 or 1.
         step_counts: shape (steps,), the CLK rises that the driver accepted.
         step_signs: shape (steps,), +1 or -1, the way in which each of them moved the motor.
-        violations: how many pulses broke a limit of the driver.
+        violations: where limits of the driver were broken.
     """
 
     name: str
@@ -36,7 +74,7 @@ class AxisEvidence:
     dir_levels: Int8Array
     step_counts: Int64Array
     step_signs: Int8Array
-    violations: int
+    violations: DriverViolations
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,13 +6,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from host.trajectory import FloatArray, Switching
-from host.verify import COUNTS_PER_SECOND, AxisEvidence, BusReport, Evidence, IdealSteps, Plan, RunInfo, ideal_steps
+from host.verify import (
+    COUNTS_PER_SECOND,
+    AxisEvidence,
+    BusReport,
+    DriverViolations,
+    Evidence,
+    IdealSteps,
+    Plan,
+    RunInfo,
+    ideal_steps,
+)
 
 START_COUNTS = 3_600_000
 """Where t = 0 lies in made evidence: 50 ms after boot, so that a forgotten offset shows."""
 
 CLK_HIGH_COUNTS = 2_376  # 33 us
 RUN = RunInfo("test-arm", "test", 1.0, BusReport(1_000_000, 0, 0.0), 1.05, 0.01)
+
+NO_VIOLATIONS = DriverViolations((), np.empty(0, np.int64), np.empty(0, np.int8), np.empty(0))
 
 Scalar = Callable[[FloatArray], FloatArray]
 
@@ -117,7 +129,7 @@ def _perfect_axis(name: str, ideal: IdealSteps) -> AxisEvidence:
         dir_levels=(ideal.signs[reversals] > 0).astype(np.int8),
         step_counts=counts,
         step_signs=ideal.signs,
-        violations=0,
+        violations=NO_VIOLATIONS,
     )
 
 
