@@ -1,7 +1,7 @@
 """The switches of the single-axis "3 A" TB6560 module (BL-TB6560-V2.0): current, excitation, decay, idle current.
 
 SW1 to SW3 connect sense resistors in parallel, 0.33, 0.5 and 1.2 ohm as read off a photograph of the board, and S1 is
-TQ1. With I = 0.5 V / R (datasheet page 8) that gives the 14 printed currents within 0.1 A. Which of the switches
+TQ1. With I = 0.5 V / R that gives the 14 printed currents within 0.1 A. Which of the switches
 carries which resistor, and what S2 to S6 do, follows from the chip's tables and the boards' descriptions, not from a
 schematic: for S2 they disagree, ON is taken for 50 %.
 """

@@ -78,7 +78,7 @@ SLOW_BLUE_BOARD: Final = DriverProfile(
         requirements=Requirements(150_000, 150_000, 150_000, 150_000),
         active_edge=ClkEdge.FALLING,
         cooling=Cooling(resistance_k_per_w=8.0, capacity_j_per_k=40.0),  # [A]
-        source="LinuxCNC's table of drive timings: blue TB6560 board, falling edge",
+        source="LinuxCNC settings passed on for blue TB6560 boards: 150 us, falling edge",
     ),
 )
 

@@ -28,10 +28,10 @@ def write_pictures(runs: Runs) -> None:
             for kind, name in _DRAWN.items():
                 path = DOCS / picture(run.robot, run.job, kind)
                 path.parent.mkdir(exist_ok=True)
-                _write(path, PICTURES[name](outcome.comparison, run))
+                write_picture(path, PICTURES[name](outcome.comparison, run))
 
 
-def _write(path: Path, figure: Figure) -> None:
+def write_picture(path: Path, figure: Figure) -> None:
     """With a palette: a third of the size of what matplotlib writes. An octree keeps colours that few pixels have."""
     figure.align_ylabels()
     drawn = BytesIO()

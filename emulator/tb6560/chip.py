@@ -46,7 +46,7 @@ def _limits(clk_width_counts: int) -> tuple[Limit, ...]:
         Limit(Rule.POWER_ORDER, 1, Unit.LEVEL, f"{_DATASHEET} 28, level of VDD as VM rises"),
         Limit(Rule.POWER_ORDER, 1, Unit.LEVEL, f"{_DATASHEET} 28, level of VM as an input rises"),
         Limit(Rule.POWER_ORDER, 0, Unit.LEVEL, f"{_DATASHEET} 28, level of VM as VDD falls"),
-        Limit(Rule.OVER_TEMPERATURE, SHUTDOWN_CELSIUS, Unit.CELSIUS, f"{_DATASHEET} 8"),
+        Limit(Rule.OVER_TEMPERATURE, SHUTDOWN_CELSIUS, Unit.CELSIUS, "TB6560AHQ datasheet, pages 6 to 8"),
     )
 
 

@@ -10,10 +10,10 @@ from emulator.tb6560.excitation import CYCLE_SIXTEENTHS, PHASE_PERCENT, Excitati
 from emulator.tb6560.pins import EXCITATIONS, TORQUE_PERCENT, Input, LevelChange
 
 SENSE_VOLT: Final = 0.5
-"""Charging stops where the sense resistor has this (V_NF, typical, page 8)."""
+"""Charging stops where the sense resistor has this (V_NF, typical, pages 6 to 8)."""
 
 ENABLE_DELAY: Final = Delay(to_high=3 * COUNTS_PER_US, to_low=2 * COUNTS_PER_US)
-"""From ENABLE to the outputs (page 8, typical)."""
+"""From ENABLE to the outputs (typical, pages 6 to 8)."""
 
 Levels = dict[Input, int]
 

@@ -2,14 +2,15 @@
 
 The model is one thermal resistance and one thermal capacity between the junction and the ambient air: with the power P
 dissipated since then, the junction goes exponentially to ambient + P R, with the time constant R C. P is I^2 Ron of
-both phases, Ron = 0.6 ohm being the typical upper and lower transistor together (page 8): in microstep modes the
+both phases, Ron = 0.6 ohm being the typical upper and lower transistor together (pages 6 to 8): in microstep modes the
 currents are a cosine and a sine, which makes I_peak^2 Ron; in two-phase mode both are full, which makes twice as much.
 
-R = 25 K/W without a heat sink follows from 5 W that may be dissipated at 25 degC, where 150 degC is the limit (page 6).
-The capacity is not in the datasheet: 4 J/K is assumed, 10 g of copper and plastic.
+R = 25 K/W without a heat sink follows from 5 W that may be dissipated at 25 degC, where 150 degC is the limit (pages 6
+to 8). The capacity is not in the datasheet: 4 J/K is assumed, 10 g of copper and plastic.
 
-At 170 degC (page 8: 170 +- 20) the outputs switch off and Protect goes low. The datasheet gives a hysteresis of 20 K
-and names no latch; the model is the stricter reading: off until RESET is low with the junction at 150 degC or below.
+At 170 degC (170 +- 20, pages 6 to 8) the outputs switch off and Protect goes low. The datasheet gives a hysteresis of
+20 K and names no latch; the model is the stricter reading: off until RESET is low with the junction at 150 degC or
+below.
 """
 
 from bisect import bisect_right

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from host.trajectory import Trajectory
 
 EXIT_NOT_VERIFIED = 1
+_USUAL_DRIVERS = "chip-330pf"
+"""Need not be said."""
 
 
 class KernelChoice(StrEnum):
@@ -172,6 +174,8 @@ def _fault_line(outcome: "Outcome") -> str:
 
 
 def _print_report(outcome: "Outcome", document: dict[str, Any]) -> None:
+    if outcome.driver_profile != _USUAL_DRIVERS:
+        typer.echo(f"drivers: {outcome.driver_profile}")
     print_table(list(_COLUMNS), [_row(axis) for axis in document["axes"]])
     moving = [axis for axis in document["axes"] if axis["pulses"]]
     if moving:

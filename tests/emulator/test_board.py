@@ -1,12 +1,15 @@
 """The emulated board on its bus: what it records of the pins that the firmware holds at a level."""
 
+import numpy as np
 import pytest
 
 from controller.backend import Kernel
 from controller.pins import Pin, PinChange
 from emulator.board import Board, BoardConfig
 from emulator.bus import Bus
+from emulator.driver_module import Module
 from emulator.simulation import Simulation
+from emulator.tb6560 import Cooling, Rule
 from protocol.cia402 import DigitalOutput
 from protocol.frame import Frame
 from protocol.pvt import PvtRecord
@@ -139,3 +142,56 @@ class TestPower:
             assert trace.position_steps == pytest.approx(10 * round_, abs=round_)
             assert not trace.violations.counts.size
             assert simulation.board.firmware.motion.demand_units(0) == 0
+
+
+class TestDrivers:
+    def test_the_firmwares_pins_reach_the_chip(self, simulation: Simulation) -> None:
+        """Supplied in order, out of reset in the mode of 16 microsteps, off until the drive is switched on."""
+        wait(simulation, 1)
+        driven = simulation.board.outputs(0)
+        now = np.array([simulation.now_counts])
+        assert driven.angle_deg(now).tolist() == [0]
+        assert driven.currents_a(now).tolist() == [[0, 0]]
+        enabled = switch_on(simulation)
+        wait(simulation, 1)
+        times = enabled + np.array([0, 3 * 72])
+        assert simulation.board.outputs(0).currents_a(times).tolist() == [[0, 0], [pytest.approx(0.5 / 0.33), 0]]
+        assert not simulation.board.trace(0).violations.counts.size
+
+    def test_steps_turn_the_field(self, simulation: Simulation) -> None:
+        """Ten steps up, which are counterclockwise."""
+        switch_on(simulation)
+        simulation.send(Frame(0x510, PvtRecord(10 * 1024, 0, 100, 0).encode()))
+        simulation.send(Frame(0x310, bytes.fromhex("1f00")))
+        simulation.send(Frame(0x080, b""))
+        wait(simulation, 200)
+        outputs = simulation.board.outputs(0)
+        steps = simulation.board.trace(0).position_steps
+        assert steps == pytest.approx(10, abs=1)
+        assert outputs.sixteenths(np.array([simulation.now_counts])).tolist() == [64 - steps]
+
+    def test_protect_goes_low_with_the_heat(self, fast_kernel: Kernel) -> None:
+        """A chip as light as a crumb gets hot within some ms, once it is enabled; the other one stays cold."""
+        crumb = Module(cooling=Cooling(resistance_k_per_w=200, capacity_j_per_k=1e-4))
+        board = Board(BoardConfig(2, (330.0, 330.0), (crumb, Module())), fast_kernel)
+        simulation = Simulation(board, Bus(1_000_000))
+        wait(simulation, 100)
+        assert board.protect_level(0, simulation.now_counts) == 1
+        switch_on(simulation)
+        wait(simulation, 100)
+        assert board.protect_level(0, simulation.now_counts) == 0
+        assert board.protect_level(1, simulation.now_counts) == 1
+        assert board.trace(0).violations.rules() == [Rule.OVER_TEMPERATURE]
+
+    def test_each_axis_may_have_another_module(self, fast_kernel: Kernel) -> None:
+        with pytest.raises(ValueError, match="zip"):
+            Board(BoardConfig(2, (330.0, 330.0), (Module(),)), fast_kernel)
+
+
+def switch_on(simulation: Simulation) -> int:
+    """Axis 0 to OPERATION ENABLED for interpolation; return the instant in which ENABLE rose."""
+    for cob_id, data in ((0x000, "0110"), (0x210, "060007"), (0x210, "070007"), (0x210, "0f0007")):
+        simulation.send(Frame(cob_id, bytes.fromhex(data)))
+    simulation.board.drain()
+    (enabled,) = [change.counts for change in simulation.board.pin_changes if change.pin is Pin.ENABLE]
+    return enabled
