@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT := out/drawer-pull
 
-.PHONY: demo test check lint bench docs clean
+.PHONY: demo test check lint coverage bench docs clean
 
 # Installs, runs the warehouse robot's drawer pull on the embedded board and says where the pictures are.
 demo: $(VENV)/.installed
@@ -20,6 +20,11 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+# Lines and branches of firmware and protocol that the tests run; fails below 95 %.
+coverage: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest tests/controller tests/protocol tests/client tests/emulator \
+		--cov=controller --cov=protocol --cov-branch --cov-fail-under=95 --cov-report=term-missing:skip-covered
 
 bench: $(VENV)/.installed-dev
 	$(BIN)/python -m bench

@@ -226,6 +226,15 @@ class AxisNode:
         self._change_nmt_state(after_error(self.nmt_state, self.dictionary.get(0x1029, 1)))
         self._settle()
 
+    def on_can_error(self, code: ErrorCode, now_us: int, *, active: bool) -> None:
+        """Tell by EMCY what befalls the board's CAN controller; the drive goes on."""
+        self.now_us = now_us
+        if active:
+            self.report(code, 0)
+        else:
+            self.resolved(code)
+        self._settle()
+
     # --- the drive
 
     @contextmanager

@@ -13,10 +13,19 @@ from controller.backend import Kernel
 from controller.kernel import TICK_COUNTS
 from controller.measurements import Measurements, Monitor, no_monitor
 from controller.motion import COUNTS_PER_US, Event, Motion
-from controller.pins import PinChange
+from controller.pins import OUTPUT_PINS, PinChange
 from protocol.cia402 import DigitalInput, ErrorCode
 from protocol.dictionary import FlashPage
-from protocol.frame import COB_HEARTBEAT, COB_ID_MASK, COB_NMT, COB_SDO_REQUEST, COB_SYNC, FIRST_NODE_ID, Frame
+from protocol.frame import (
+    COB_HEARTBEAT,
+    COB_ID_MASK,
+    COB_NMT,
+    COB_SDO_REQUEST,
+    COB_SYNC,
+    FIRST_NODE_ID,
+    NODE_ID_MAX,
+    Frame,
+)
 from protocol.nmt import command_for
 
 AXES_MAX = 8
@@ -47,18 +56,29 @@ class Firmware:
         kernel: Kernel,
         axis_count: int,
         flash: list[FlashPage] | None = None,
+        first_node_id: int = FIRST_NODE_ID,
         monitor: Monitor = no_monitor,
     ) -> None:
-        """`flash` has a page for each axis, which is read at boot and written when the host stores parameters."""
+        """Set the board up.
+
+        Args:
+            kernel: what computes the motion.
+            axis_count: 1 to 8.
+            flash: a page for each axis, which is read at boot and written when the host stores parameters.
+            first_node_id: the first axis' node id; the others count on from it.
+            monitor: what the board measures of an axis beside its pins; by default nothing.
+        """
         if not 1 <= axis_count <= AXES_MAX:
             raise ValueError(f"a board has 1 to {AXES_MAX} axes, not {axis_count}")
+        if not 1 <= first_node_id <= NODE_ID_MAX - axis_count + 1:
+            raise ValueError(f"{axis_count} node ids from {first_node_id} on are not within 1 to {NODE_ID_MAX}")
         self.motion = Motion(kernel, axis_count)
         pages: list[FlashPage] = [{} for _ in range(axis_count)] if flash is None else flash
         self._measurements = Measurements()
         self._trips: dict[int, list[Fault]] = {}
         """The axes that ask for the fault reaction, and why."""
         self.nodes = tuple(
-            AxisNode(FIRST_NODE_ID + axis, axis, self.motion, page, self._measurements, monitor, self._trip)
+            AxisNode(first_node_id + axis, axis, self.motion, page, self._measurements, monitor, self._trip)
             for axis, page in enumerate(pages)
         )
         self.dropped_frames = 0
@@ -66,6 +86,10 @@ class Firmware:
         self._frames: list[Frame] = []
         self._pins: list[PinChange] = []
         self._routes: dict[int, list[tuple[AxisNode, Handler]]] = {}
+        self._dues_us: list[int | None] = [None] * axis_count
+        """When each node wants to be polled, as it was last collected, ..."""
+        self._due_us: int | None = None
+        """... and the first of them: time goes by in steps so small that the nodes are not asked at each."""
 
     def boot(self, now_counts: int) -> None:
         """Power-up: release the drivers from reset, announce the nodes."""
@@ -96,6 +120,24 @@ class Firmware:
             return
         for node, handler in listeners:
             handler(frame.data, now_us)
+            self._collect(node, now_counts)
+
+    def hears(self, cob_id: int) -> bool:
+        """What the CAN controller's filters are set to: NMT, SYNC and what the nodes' communication parameters say.
+
+        By default these are blocks of eight, with a mask each; bxCAN's 14 filter banks hold 28 masks or 56 identifiers
+        (RM0008, section 24.7.4).
+        """
+        return cob_id in self._routes or cob_id in (COB_NMT, COB_SYNC)
+
+    def on_can_error(self, code: ErrorCode, now_counts: int, *, active: bool) -> None:
+        """Report that an error of the CAN controller has occurred, or that it is over: one EMCY of every node.
+
+        To a master each node is a device of its own, with its own error register (CiA 301, section 7.2.7); all of them
+        lost the same bus, and nobody knows to which of them a lost message would have gone.
+        """
+        for node in self.nodes:
+            node.on_can_error(code, now_counts // COUNTS_PER_US, active=active)
             self._collect(node, now_counts)
 
     def _on_nmt(self, data: bytes, now_counts: int) -> None:
@@ -147,20 +189,26 @@ class Firmware:
         Before that, either frames or pins are waiting to be fetched, or the edges need draining
         (`motion.room_ticks` is 0).
         """
-        until_tick = -(-until_counts // TICK_COUNTS)
-        if not self.motion.has_events and self.motion.tick < until_tick:
-            self.motion.advance(until_tick)
-        reached = self.motion.tick * TICK_COUNTS
-        if self.motion.has_events and reached <= until_counts:
+        motion = self.motion
+        if not motion.has_events and motion.tick * TICK_COUNTS < until_counts:
+            motion.advance(-(-until_counts // TICK_COUNTS))
+        reached = motion.tick * TICK_COUNTS
+        if reached <= until_counts and motion.has_events:
             self._handle_events(reached)
             return reached
-        if self.motion.room_ticks == 0:
-            return min(reached, until_counts)
+        if reached < until_counts and motion.room_ticks == 0:
+            return reached
         return until_counts
 
     def poll(self, now_counts: int) -> None:
         """Send whatever is due by now."""
         now_us = now_counts // COUNTS_PER_US
+        if self._due_us is not None and self._due_us <= now_us:
+            self._poll_nodes(now_us, now_counts)
+        if self._trips:
+            self._conclude(now_counts)
+
+    def _poll_nodes(self, now_us: int, now_counts: int) -> None:
         for node in self.nodes:
             if node.due_us is not None and node.due_us <= now_us:
                 node.poll(now_us)
@@ -169,16 +217,15 @@ class Firmware:
             if node.connection_lost:
                 node.abort_connection(now_us)
                 self._collect(node, now_counts)
-        if self._trips:
-            self._conclude(now_counts)
 
     @property
     def next_due_counts(self) -> int | None:
         """The next instant at which something happens on the board by itself, as far as it is known."""
-        dues = [node.due_us * COUNTS_PER_US for node in self.nodes if node.due_us is not None]
-        if self.motion.has_events:
-            dues.append(self.motion.tick * TICK_COUNTS)
-        return min(dues, default=None)
+        due_counts = None if self._due_us is None else self._due_us * COUNTS_PER_US
+        if not self.motion.has_events:
+            return due_counts
+        event_counts = self.motion.tick * TICK_COUNTS
+        return event_counts if due_counts is None else min(due_counts, event_counts)
 
     def _handle_events(self, now_counts: int) -> None:
         events = self.motion.take_events()
@@ -241,15 +288,25 @@ class Firmware:
     # --- out
 
     def _collect(self, node: AxisNode, now_counts: int) -> None:
-        """Fetch what a node has to say and to switch, follow its COB-IDs."""
+        """Fetch what a node has to say and to switch, follow its COB-IDs, note when it wants to be polled."""
         if node.routes_changed:
             self._route()
+        if node.due_us != self._dues_us[node.axis]:
+            self._dues_us[node.axis] = node.due_us
+            self._due_us = min((due_us for due_us in self._dues_us if due_us is not None), default=None)
         if node.outbox:
             self._frames += node.outbox
             node.outbox.clear()
         if node.pin_changes:
-            self._pins += [PinChange(now_counts, node.axis, pin, level) for pin, level in node.pin_changes]
-            node.pin_changes.clear()
+            self._switch_pins(node, now_counts)
+
+    def _switch_pins(self, node: AxisNode, now_counts: int) -> None:
+        """The driver's pins wait for the end of a pulse that the present servo tick has placed already."""
+        driver_counts = max(now_counts, self.motion.last_fall_counts(node.axis))
+        for pin, level in node.pin_changes:
+            counts = now_counts if pin in OUTPUT_PINS else driver_counts
+            self._pins.append(PinChange(counts, node.axis, pin, level))
+        node.pin_changes.clear()
 
     def take_frames(self) -> list[Frame]:
         """Return the frames that want to be sent now."""

@@ -46,6 +46,8 @@ class Interpolation(Mode):
         self._closed = False
         self.ready = False
         """Whether the drive is enabled in this mode: a queue with records is then armed."""
+        counters = {subindex: dictionary.entries[key_of(0x2013, subindex)] for subindex in (1, 2, 3, 4)}
+        self._count_max = {subindex: entry.data_type.high for subindex, entry in counters.items()}
         self._install_hooks()
 
     def _install_hooks(self) -> None:
@@ -72,12 +74,14 @@ class Interpolation(Mode):
             return
         if self._running:
             self._note_fill(self._motion.queued(self._axis))
-        refusal = self._push(*(self._dictionary.get(_RECORD, subindex) for subindex in (1, 2, 3)))
+        get = self._dictionary.get
+        refusal = self._push(get(_RECORD, 1), get(_RECORD, 2), get(_RECORD, 3))
         if refusal is not Refusal.ACCEPTED:
             self._reject(sequence, refusal)
             return
         self._next_sequence = (sequence + 1) % SEQUENCE_MODULUS
-        self._sticky &= ~(PvtFlag.GAP | PvtFlag.OVERFLOW)
+        if self._sticky:
+            self._sticky &= ~(PvtFlag.GAP | PvtFlag.OVERFLOW)
         self._count(1)
 
     def _push(self, displacement_units: int, end_velocity: int, duration_ms: int) -> Refusal:
@@ -209,7 +213,7 @@ class Interpolation(Mode):
 
     def _count(self, subindex: int) -> None:
         value = self._dictionary.get(0x2013, subindex)
-        if value < self._dictionary.entries[key_of(0x2013, subindex)].data_type.high:
+        if value < self._count_max[subindex]:
             self._dictionary.set(0x2013, subindex, value + 1)
 
     def _note_fill(self, queued: int) -> None:

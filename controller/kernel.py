@@ -25,12 +25,16 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 def _decorator() -> Callable[[Function], Function]:
-    """With the extra `fast`, numba compiles a kernel function into those that call it; it stays plain Python too."""
+    """With the extra `fast`, numba compiles a kernel function into those that call it; it stays plain Python too.
+
+    Inlined and without numba's runtime, as nothing is allocated: its count of references to the arrays, which it takes
+    at every call, would cost as much as a tick's evaluation.
+    """
     try:
         from numba.extending import register_jitable
     except ImportError:
         return lambda function: function
-    return cast("Callable[[Function], Function]", register_jitable)
+    return cast("Callable[[Function], Function]", register_jitable(forceinline=True, _nrt=False))
 
 
 kernel_function = _decorator()
@@ -203,15 +207,12 @@ def place_steps(axes: Cells, clk: Cells, direction: Cells, base: int, tick_count
     rise waits until the last CLK fall is stepspace old and the last DIR edge dirsetup old; a DIR edge waits until
     the last rise is dirhold old, and at least a count: at the rise itself the driver reads DIR. All four are measured
     from the edges really placed.
-
-    A pulse is longer than all intervals between a tick's crossings or than none. So lateness only grows or only falls
-    within a tick, and the worst is the first or the last step's.
     """
     up = 1 if p_to > p_from else 0
     sign = 2 * up - 1
     travel = (p_to - p_from) * sign
     to_threshold = axes[base + COUNTER] * STEP_Q16 * sign + THRESHOLD_Q16 - p_from * sign
-    if to_threshold > travel:
+    if travel <= 0 or to_threshold > travel:  # less than 0 it never is, but so the compiler divides without signs
         return True
     earliest = axes[base + EARLIEST_RISE_COUNTS]
     level = up ^ axes[base + DIR_INVERTED]
@@ -225,29 +226,60 @@ def place_steps(axes: Cells, clk: Cells, direction: Cells, base: int, tick_count
     interval_q16 = (TICK_COUNTS << 32) // travel
     due_q16 = (to_threshold * interval_q16) >> 16
     steplen = axes[base + STEPLEN_COUNTS]
-    stepspace = axes[base + STEPSPACE_COUNTS]
-    first = axes[base + CLK_EDGES]
-    last = first + 2 * steps
-    delayed = 0
-    rise = 0
+    pulse = steplen + axes[base + STEPSPACE_COUNTS]
+    k = axes[base + CLK_EDGES]
+    last = k + 2 * steps
+    axes[base + COUNTER] += sign * steps
+    axes[base + CLK_EDGES] = last
+    rise = tick_counts + (due_q16 >> 16)
+    if earliest > rise or pulse > interval_q16 >> 16:
+        return place_waiting_steps(axes, clk, base, k, last, tick_counts, due_q16, interval_q16, earliest)
+    # The first step need not wait and the others come no closer than a pulse: all are placed where they are due.
+    while k < last:
+        rise = tick_counts + (due_q16 >> 16)
+        clk[k] = rise
+        clk[k + 1] = rise + steplen
+        due_q16 += interval_q16
+        k += 2
+    axes[base + LAST_RISE_COUNTS] = rise
+    axes[base + EARLIEST_RISE_COUNTS] = rise + pulse
+    return True
+
+
+@kernel_function
+def place_waiting_steps(
+    axes: Cells,
+    clk: Cells,
+    base: int,
+    first: int,
+    last: int,
+    tick_counts: int,
+    due_q16: int,
+    interval_q16: int,
+    earliest: int,
+) -> bool:
+    """Place steps as the edges first .. last - 1, each when it is due or, later, when the driver is ready for it.
+
+    A pulse is longer than all intervals between a tick's crossings or than none. So lateness only grows or only falls
+    within a tick, and the worst is the first or the last step's.
+    """
+    steplen = axes[base + STEPLEN_COUNTS]
+    pulse = steplen + axes[base + STEPSPACE_COUNTS]
+    first_due = tick_counts + (due_q16 >> 16)
     due = 0
+    rise = 0
+    delayed = 0
     for k in range(first, last, 2):
         due = tick_counts + (due_q16 >> 16)
         rise = max(due, earliest)
         delayed += rise > due
-        fall = rise + steplen
         clk[k] = rise
-        clk[k + 1] = fall
-        earliest = fall + stepspace
+        clk[k + 1] = rise + steplen
+        earliest = rise + pulse
         due_q16 += interval_q16
-    axes[base + COUNTER] += sign * steps
-    axes[base + EARLIEST_RISE_COUNTS] = earliest
     axes[base + LAST_RISE_COUNTS] = rise
-    axes[base + CLK_EDGES] = last
+    axes[base + EARLIEST_RISE_COUNTS] = earliest
     axes[base + DELAYED_STEPS] += delayed
-    if delayed == 0:
-        return True
-    first_due = tick_counts + (to_threshold * interval_q16 >> 32)
     return bool(max(clk[first] - first_due, rise - due) <= TICK_COUNTS)
 
 
@@ -298,8 +330,7 @@ def run_ticks(axes: Cells, clk: Cells, direction: Cells, base: int, tick: int, u
         q = ((c * s + half) >> 30) + b
         q = ((q * s + half) >> 30) + a
         q = start + ((q * s + half) >> 30)
-        if q != p:
-            on_time = place_steps(axes, clk, direction, base, tick * TICK_COUNTS, p, q)
+        on_time = place_steps(axes, clk, direction, base, tick * TICK_COUNTS, p, q)
         p = q
         tick += 1
     axes[base + POSITION_Q16] = p

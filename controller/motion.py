@@ -182,6 +182,10 @@ class Motion:
         """Steps that had to wait for the driver's timing since power-up."""
         return self._get(axis, k.DELAYED_STEPS)
 
+    def last_fall_counts(self, axis: int) -> int:
+        """When the last pulse placed so far ends; long ago if there is none."""
+        return self._get(axis, k.LAST_RISE_COUNTS) + self._get(axis, k.STEPLEN_COUNTS)
+
     def demand_units(self, axis: int) -> int:
         """The demanded position, to the nearest unit."""
         per_unit = self._get(axis, k.MICROSTEPS) << 2
@@ -191,9 +195,13 @@ class Motion:
         """The demanded position, to the nearest step of the set mode."""
         return (self._get(axis, k.POSITION_Q16) + k.STEP_Q16 // 2) >> 16
 
+    def counter_steps(self, axis: int) -> int:
+        """The step counter, in steps of the set mode."""
+        return self._get(axis, k.COUNTER)
+
     def counter_units(self, axis: int) -> int:
         """Where the steps made so far have brought the motor."""
-        return self._get(axis, k.COUNTER) * UNITS_PER_FULL_STEP // self._get(axis, k.MICROSTEPS)
+        return self.counter_steps(axis) * UNITS_PER_FULL_STEP // self._get(axis, k.MICROSTEPS)
 
     def velocity(self, axis: int) -> int:
         """The demanded velocity in 1/64 unit per ms, truncated towards zero."""
@@ -209,7 +217,8 @@ class Motion:
 
     def push(self, axis: int, displacement_units: int, end_velocity: int, duration_ms: int) -> Refusal:
         """Queue one segment, in the PVT record's units."""
-        return Refusal(self._kernel.push(self._axes, self._queue, axis, displacement_units, end_velocity, duration_ms))
+        answer = self._kernel.push(self._axes, self._queue, axis, displacement_units, end_velocity, duration_ms)
+        return Refusal(answer) if answer else Refusal.ACCEPTED
 
     def start(self, axis: int, *, in_group: bool = False) -> bool:
         """Begin with the oldest queued segment in the next tick, in the group's time or not; False if there is none."""

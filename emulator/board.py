@@ -11,12 +11,14 @@ from controller.firmware import Firmware
 from controller.kernel import TICK_COUNTS
 from controller.motion import PinEdges
 from controller.pins import OUTPUT_PINS, Pin, PinChange
+from emulator.can_controller import CanController
 from emulator.driver import Driver
 from emulator.driver_module import Module
 from emulator.edges import Int8Array, Int64Array
 from emulator.tb6560 import Input, LevelChange, Outputs, Pins, Violations
+from protocol.cia402 import ErrorCode
 from protocol.dictionary import FlashPage
-from protocol.frame import Frame
+from protocol.frame import FIRST_NODE_ID, Frame
 
 WIRING = {
     Pin.RESET: Input.RESET,
@@ -36,12 +38,16 @@ SUPPLIES = (Input.VDD, Input.VM)
 
 @dataclass(frozen=True, slots=True)
 class BoardConfig:
-    """What is soldered and plugged: how many axes, the capacitor at each driver's OSC pin, what is around the chips."""
+    """What is soldered, plugged and set: how many axes, the capacitor at each driver's OSC pin, the node ids."""
 
     axis_count: int
     osc_pf: tuple[float, ...]
+    first_node_id: int = FIRST_NODE_ID
+    """The first axis' node id; the others count on from it."""
+    read_latency_counts: int = 0
+    """How long after its arrival the processor fetches a message from the CAN controller: by default at once."""
     modules: tuple[Module, ...] = ()
-    """One an axis; none for chips on the board itself."""
+    """What is around each chip; none for chips on the board itself."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +73,7 @@ class Board:
         self.flash: list[FlashPage] = [{} for _ in range(config.axis_count)] if flash is None else flash
         """What the firmware has stored, a page for each axis: all that outlives the power."""
         self._kernel = kernel
-        self.firmware = Firmware(kernel, config.axis_count, self.flash)
+        self._power_up()
         modules = config.modules or (Module(),) * config.axis_count
         self._drivers = [Driver(osc_pf, module) for osc_pf, module in zip(config.osc_pf, modules, strict=True)]
         self._input_changes: list[list[LevelChange]] = [[] for _ in self._drivers]
@@ -75,13 +81,27 @@ class Board:
         self.pin_changes: list[PinChange] = []
         """Every change of the pins that the firmware holds at a level."""
 
+    def _power_up(self) -> None:
+        """Firmware and CAN controller as they are with power."""
+        self.firmware = Firmware(self._kernel, self.config.axis_count, self.flash, self.config.first_node_id)
+        self.can = CanController(
+            self._receive, self._on_can_error, self.firmware.hears, self.config.read_latency_counts
+        )
+        """The CAN controller; what it says to the bus it says in `poll`."""
+        self._due_counts: int | None = None
+        self._due_known = False
+
     def boot(self, now_counts: int) -> None:
-        """Switch the board on."""
+        """Switch the board on: its nodes announce themselves."""
         self._supply(SUPPLIES, now_counts, 1)
         self.firmware.boot(now_counts)
+        self.poll(now_counts)
 
     def power_cycle(self, now_counts: int) -> None:
-        """Switch the supply off and on: all pins fall, the firmware begins anew. Motors and clock stay as they are."""
+        """Switch the supply off and on: all pins fall, the firmware begins anew. Motors and clock stay as they are.
+
+        `can` is another one afterwards, which nobody has attached to the bus yet.
+        """
         self._take_pins()
         self._supply(reversed(SUPPLIES), now_counts, 0)
         levels = {(change.axis, change.pin): change.level for change in self.pin_changes}
@@ -89,34 +109,64 @@ class Board:
             if level:
                 self._note_pin(PinChange(now_counts, axis, pin, 0))
         self.drain()
-        self.firmware = Firmware(self._kernel, self.config.axis_count, self.flash)
+        self._power_up()
         self.firmware.advance(now_counts)
         self.boot(now_counts)
 
-    def receive(self, frame: Frame, now_counts: int) -> None:
-        """A frame has arrived at the board's CAN controller."""
+    def _receive(self, frame: Frame, now_counts: int) -> None:
         self.firmware.receive(frame, now_counts)
+        self._due_known = False
+
+    def _on_can_error(self, code: ErrorCode, now_counts: int, *, active: bool) -> None:
+        self.firmware.on_can_error(code, now_counts, active=active)
+        self._due_known = False
+
+    @property
+    def moving(self) -> bool:
+        """Whether a motion runs at any axis."""
+        return any(self.firmware.motion.running(axis) for axis in range(self.config.axis_count))
 
     def advance(self, until_counts: int) -> int:
         """Let time pass; return the instant reached: earlier than asked for if there are frames to send."""
+        motion = self.firmware.motion
+        tick = motion.tick
+        if until_counts <= tick * TICK_COUNTS and not motion.has_events:
+            return until_counts  # within a tick that is computed already
         reached = self.firmware.advance(until_counts)
-        while reached < until_counts and self.firmware.motion.room_ticks == 0:
+        while reached < until_counts and motion.room_ticks == 0:
             self.drain()
             reached = self.firmware.advance(until_counts)
+        if motion.tick != tick:
+            self._due_known = False
         return reached
 
     def poll(self, now_counts: int) -> None:
-        """Let the firmware send what is due."""
-        self.firmware.poll(now_counts)
+        """Let the processor do what is due: fetch messages, then send."""
+        if self.can.next_due_counts is not None:
+            self.can.poll(now_counts)
+        due_counts = self._firmware_due_counts
+        if due_counts is not None and due_counts <= now_counts:
+            self.firmware.poll(now_counts)
+            self._due_known = False
+        for frame in self.firmware.take_frames():
+            self.can.send(frame, now_counts)
 
     @property
     def next_due_counts(self) -> int | None:
-        """When the firmware next does something by itself."""
-        return self.firmware.next_due_counts
+        """When the board next does something by itself."""
+        due_counts = self._firmware_due_counts
+        read_counts = self.can.next_due_counts
+        if read_counts is None or (due_counts is not None and due_counts < read_counts):
+            return due_counts
+        return read_counts
 
-    def take_frames(self) -> list[Frame]:
-        """Fetch the frames that the board wants to send now."""
-        return self.firmware.take_frames()
+    @property
+    def _firmware_due_counts(self) -> int | None:
+        """Asked far more often than it changes."""
+        if not self._due_known:
+            self._due_counts = self.firmware.next_due_counts
+            self._due_known = True
+        return self._due_counts
 
     def drain(self) -> None:
         """Show the drivers all pulses placed so far."""

@@ -1,24 +1,61 @@
-"""A CAN bus in virtual time: arbitration by identifier, exact frame lengths, one record of all that passed."""
+"""A CAN bus in virtual time: arbitration by identifier, exact frame lengths, errors, one record of all that passed."""
 
 from array import array
-from heapq import heappop, heappush
+from enum import Enum, auto
+from typing import Final, NamedTuple
 
 from controller.motion import COUNTS_PER_SECOND
-from emulator.can_timing import INTERMISSION_BITS, frame_bits
+from emulator.bus_faults import Fault, FaultKind, FaultScript
+from emulator.can_controller import CanController
+from emulator.can_timing import INTERMISSION_BITS, UNSTUFFED_TAIL_BITS, frame_bits
+from emulator.fault_confinement import ErrorState
 from protocol.frame import BITRATES, Frame
 
-_VALID_BEFORE_END_BITS = INTERMISSION_BITS + 1
+_VALID_BEFORE_END_BITS: Final = INTERMISSION_BITS + 1
 """A receiver takes a frame as valid at the last but one bit of EOF (ISO 11898-1)."""
+_ACK_SLOT_END_BITS: Final = UNSTUFFED_TAIL_BITS - 2
+"""From the end of the ACK slot to the end of the frame."""
+_FLAG_BITS: Final = 6
+_ECHOED_FLAG_BITS: Final = 7
+"""The sender's error flag and, one bit later, those of the receivers whom it tells."""
+_DELIMITER_BITS: Final = 8
+_SUSPEND_BITS: Final = 8
+"""An error passive station waits so much longer after a frame of its own (ISO 11898-1, suspend transmission)."""
+_RECESSIVE_SEQUENCE_BITS: Final = 11
+_STUFF_ERROR_BITS: Final = 6
+"""So many equal bits in a row, and every station knows that the frame is broken."""
+
+
+class _Outcome(Enum):
+    """What becomes of a transmission."""
+
+    VALID = auto()
+    DISTURBED = auto()
+    UNACKNOWLEDGED = auto()
+
+
+class _Transmission(NamedTuple):
+    """A frame on the wire; `decided_counts` is when it is valid, or when its error flag is over.
+
+    `outdone` are the stations that began to send another frame with the same identifier.
+    """
+
+    frame: Frame
+    senders: list[CanController]
+    outdone: list[CanController]
+    missed_by: list[CanController]
+    outcome: _Outcome
+    decided_counts: int
 
 
 class Bus:
-    """The wire between the ports; ports are numbered by whoever connects them.
+    """The wire between the stations.
 
-    Work goes by events: `next_event_counts` says when, `step` does what is due then and returns a frame that has
-    reached its receivers.
+    Work goes by events: `next_event_counts` says when something happens on the wire, `step` does what is due then and
+    hands valid frames to their receivers.
     """
 
-    def __init__(self, bitrate: int) -> None:
+    def __init__(self, bitrate: int, faults: FaultScript | None = None) -> None:
         if bitrate not in BITRATES:
             raise ValueError(f"bit rate {bitrate} is not one of {', '.join(map(str, BITRATES))}")
         self.bitrate = bitrate
@@ -26,40 +63,264 @@ class Bus:
         self.log_counts = array("q")
         """When each frame became valid at its receivers."""
         self.log_frames: list[Frame] = []
+        self.error_frames = 0
+        """Transmissions that ended in an error frame."""
         self.busy_bits = 0
-        self._waiting: list[tuple[int, int, int, Frame]] = []
-        self._submitted = 0
+        self.next_event_counts: int | None = None
+        """When a transmission is decided, the next arbitration is held or a station comes back from bus-off."""
+        self.busy = False
+        """Whether a frame is on the wire or a station has one to send, now or when it is back from bus-off."""
+        self._faults = faults or FaultScript()
+        self._delayed: list[Frame] = []
+        """Frames that the script has delayed and that wait still."""
+        self._stations: list[CanController] = []
+        self._off: list[CanController] = []
+        """The stations in bus-off."""
+        self._transmission: _Transmission | None = None
         self._free_counts = 0
-        self._sending: tuple[int, int, Frame] | None = None
+        self._idle_since_counts = 0
+        """Up to here recessive bits are counted for the stations in bus-off."""
 
-    def submit(self, port: int, frame: Frame, now_counts: int) -> None:
-        """A port wants to send; it takes part in the next arbitration. Equal identifiers go in order of submission."""
-        if self._sending is None and not self._waiting:
+    def attach(self, station: CanController) -> None:
+        """Connect a station's controller to the wire."""
+        self._stations.append(station)
+        station.submitted = self._submitted
+
+    def _submitted(self, now_counts: int) -> None:
+        """A station has a frame to send; it takes part in the next arbitration."""
+        if self._transmission is None and not (self.busy and self.next_event_counts == self._free_counts):
             self._free_counts = max(self._free_counts, now_counts)
-        self._submitted += 1
-        heappush(self._waiting, (frame.cob_id, self._submitted, port, frame))
+            self._schedule()
 
-    @property
-    def next_event_counts(self) -> int | None:
-        """When a frame becomes valid or the next arbitration is held; None while nobody sends."""
-        if self._sending:
-            return self._sending[0]
-        return self._free_counts if self._waiting else None
+    def _schedule(self) -> None:
+        """Find the next event on a wire that carries no frame."""
+        next_counts, self.busy = None, False
+        for station in self._stations:
+            if station.mailboxes:
+                self.busy = True
+            elif station.on_bus:
+                continue
+            if station.on_bus:
+                event_counts = max(self._free_counts, station.silent_until_counts)
+            else:
+                event_counts = self._recovery_counts(station)
+            if next_counts is None or event_counts < next_counts:
+                next_counts = event_counts
+        self.next_event_counts = next_counts
 
-    def step(self, now_counts: int) -> tuple[int, Frame] | None:
-        """Do what is due by now: return (port, frame) of a frame now valid, or hold an arbitration and return None."""
-        if self._sending:
-            valid_counts, port, frame = self._sending
-            if valid_counts > now_counts:
-                return None
-            self._sending = None
-            self.log_counts.append(valid_counts)
-            self.log_frames.append(frame)
-            return port, frame
-        if self._waiting and self._free_counts <= now_counts:
-            _, _, port, frame = heappop(self._waiting)
-            bits = frame_bits(frame)
-            self.busy_bits += bits
-            self._sending = (now_counts + (bits - _VALID_BEFORE_END_BITS) * self.bit_counts, port, frame)
-            self._free_counts = now_counts + bits * self.bit_counts
-        return None
+    def step(self, now_counts: int) -> None:
+        """Do what is due by now: end a transmission, or bring stations back from bus-off and hold an arbitration."""
+        if self.next_event_counts is None or self.next_event_counts > now_counts:
+            return
+        if self._transmission:
+            self._end(self._transmission)
+        else:
+            self._recover(now_counts)
+            self._arbitrate(now_counts)
+        if self._transmission is None:
+            self._schedule()
+
+    # --- a transmission
+
+    def _arbitrate(self, now_counts: int) -> None:
+        """The lowest identifier wins. Stations that send the same one go on together, unaware of each other.
+
+        As soon as their bits differ, those with a recessive one have a bit error. The error flag of an error active one
+        destroys the frame; that of an error passive one is recessive and does the others no harm.
+        """
+        if self._free_counts > now_counts:
+            return
+        ready = [
+            station
+            for station in self._stations
+            if station.mailboxes and station.on_bus and station.silent_until_counts <= now_counts
+        ]
+        if not ready:
+            return
+        frame = ready[0].mailboxes[0]
+        senders, outdone = ready, []
+        if len(ready) > 1:
+            frame = min((station.mailboxes[0] for station in ready), key=_bits_in_order)
+            senders = [station for station in ready if station.mailboxes[0] == frame]
+            outdone = [
+                station
+                for station in ready
+                if station.mailboxes[0].cob_id == frame.cob_id and station.mailboxes[0] != frame
+            ]
+        fault = self._strike(frame, now_counts) if self._faults.faults else None
+        if fault and fault.kind is FaultKind.DELAY:
+            self._hold(frame, senders, now_counts + fault.delay_counts)
+        elif fault and fault.kind is FaultKind.BUS_OFF:
+            for station in senders:
+                self.throw_off(station, now_counts)
+        else:
+            outcome = self._outcome(senders, outdone, fault)
+            self._begin(frame, senders, outdone, outcome, self._missing(fault), now_counts)
+
+    def _strike(self, frame: Frame, now_counts: int) -> Fault | None:
+        """Ask the script; frames are told apart by identity, since a sender may send the same bytes again."""
+        return self._faults.strike(frame, now_counts, delayed=any(frame is delayed for delayed in self._delayed))
+
+    def _hold(self, frame: Frame, senders: list[CanController], until_counts: int) -> None:
+        self._delayed.append(frame)
+        for station in senders:
+            station.silent_until_counts = max(station.silent_until_counts, until_counts)
+
+    def _missing(self, fault: Fault | None) -> list[CanController]:
+        """The stations that a loss concerns."""
+        if not fault or fault.kind is not FaultKind.LOSS:
+            return []
+        return self._stations if fault.receiver is None else self._stations[fault.receiver : fault.receiver + 1]
+
+    def _outcome(self, senders: list[CanController], outdone: list[CanController], fault: Fault | None) -> _Outcome:
+        if fault and fault.kind is FaultKind.CORRUPTION:
+            return _Outcome.DISTURBED
+        if any(station.state is not ErrorState.PASSIVE for station in outdone):
+            return _Outcome.DISTURBED
+        listening = len(self._stations) - len(self._off) - len(senders) - len(outdone)
+        return _Outcome.VALID if listening else _Outcome.UNACKNOWLEDGED
+
+    def _begin(
+        self,
+        frame: Frame,
+        senders: list[CanController],
+        outdone: list[CanController],
+        outcome: _Outcome,
+        missed_by: list[CanController],
+        now_counts: int,
+    ) -> None:
+        """Put a frame on the wire. A disturbance is found at the end of the CRC, where it costs most."""
+        bits = frame_bits(frame)
+        decided_bits = bits - _VALID_BEFORE_END_BITS
+        if outcome is not _Outcome.VALID:
+            if outcome is _Outcome.DISTURBED:
+                decided_bits = bits - UNSTUFFED_TAIL_BITS + _ECHOED_FLAG_BITS
+            else:
+                decided_bits = bits - _ACK_SLOT_END_BITS + _FLAG_BITS
+            bits = decided_bits + _DELIMITER_BITS + INTERMISSION_BITS
+        if self._off:
+            self._count_idle(now_counts)
+        self.busy_bits += bits
+        self._free_counts = now_counts + bits * self.bit_counts
+        self.next_event_counts = now_counts + decided_bits * self.bit_counts
+        self._transmission = _Transmission(frame, senders, outdone, missed_by, outcome, self.next_event_counts)
+
+    def _end(self, transmission: _Transmission) -> None:
+        self._transmission = None
+        if transmission.outcome is _Outcome.VALID:
+            self._deliver(transmission)
+        else:
+            self._fail(transmission)
+        for station in transmission.senders + transmission.outdone:
+            if station.state is ErrorState.PASSIVE:
+                station.silent_until_counts = self._free_counts + _SUSPEND_BITS * self.bit_counts
+        # Delimiter, end of frame and intermission, or error delimiter and intermission: 11 recessive bits.
+        self._count_recessive(1)
+        self._idle_since_counts = self._free_counts
+
+    def _deliver(self, transmission: _Transmission) -> None:
+        frame, senders, outdone, missed_by, _, now_counts = transmission
+        if self._delayed:
+            self._delayed = [delayed for delayed in self._delayed if delayed is not frame]
+        self.log_counts.append(now_counts)
+        self.log_frames.append(frame)
+        for station in self._stations:
+            if station in senders:
+                station.sent(frame, now_counts)
+            elif station in outdone:
+                station.sending_failed(now_counts)
+            elif station.on_bus and station not in missed_by:
+                station.received(frame, now_counts)
+        if outdone:
+            self._note_who_is_off()
+
+    def _fail(self, transmission: _Transmission) -> None:
+        _, senders, outdone, _, outcome, now_counts = transmission
+        self.error_frames += 1
+        for station in self._stations:
+            if station in senders:
+                station.sending_failed(now_counts, acknowledged=outcome is not _Outcome.UNACKNOWLEDGED)
+            elif station in outdone:
+                station.sending_failed(now_counts)
+            elif station.on_bus:
+                station.receiving_failed(now_counts)
+        self._note_who_is_off()
+
+    # --- power
+
+    def exchange(self, gone: CanController, fresh: CanController, now_counts: int) -> None:
+        """A station has lost its power and has it back: another controller takes its place on the wire.
+
+        A frame that it was sending breaks off. One that is on the wire it does not hear.
+        """
+        self._stations[self._stations.index(gone)] = fresh
+        fresh.submitted = self._submitted
+        self._note_who_is_off()
+        if self._transmission:
+            self._transmission = self._without(self._transmission, gone, fresh, now_counts)
+            self.next_event_counts = self._transmission.decided_counts
+        else:
+            self._free_counts = max(self._free_counts, now_counts)
+            self._schedule()
+
+    def _without(
+        self, transmission: _Transmission, gone: CanController, fresh: CanController, now_counts: int
+    ) -> _Transmission:
+        """What becomes of a transmission when a station drops out.
+
+        Without its only sender the wire stays recessive: a stuff error, unless there are no stuffed bits any more.
+        """
+        left = transmission._replace(
+            senders=[station for station in transmission.senders if station is not gone],
+            outdone=[station for station in transmission.outdone if station is not gone],
+            missed_by=[*transmission.missed_by, fresh],
+        )
+        tail_bits = UNSTUFFED_TAIL_BITS - _VALID_BEFORE_END_BITS
+        stuffed_until_counts = left.decided_counts - tail_bits * self.bit_counts
+        if left.senders or left.outcome is not _Outcome.VALID or now_counts >= stuffed_until_counts:
+            return left
+        broken_counts = now_counts + (_STUFF_ERROR_BITS + _FLAG_BITS) * self.bit_counts
+        free_counts = broken_counts + (_DELIMITER_BITS + INTERMISSION_BITS) * self.bit_counts
+        self.busy_bits += (free_counts - self._free_counts) // self.bit_counts
+        self._free_counts = free_counts
+        return left._replace(outcome=_Outcome.DISTURBED, decided_counts=broken_counts)
+
+    # --- the way back from bus-off
+
+    def _count_recessive(self, sequences: int) -> None:
+        for station in self._off:
+            station.recovery_sequences_left -= sequences
+
+    def _count_idle(self, now_counts: int) -> None:
+        """Up to now the wire was idle; a sequence that has only begun does not count."""
+        idle_counts = now_counts - self._idle_since_counts
+        self._count_recessive(idle_counts // (_RECESSIVE_SEQUENCE_BITS * self.bit_counts))
+        self._idle_since_counts = now_counts
+
+    def _recovery_counts(self, station: CanController) -> int:
+        """When a station has seen enough if the wire stays idle."""
+        bits = _RECESSIVE_SEQUENCE_BITS * max(station.recovery_sequences_left, 0)
+        return self._idle_since_counts + bits * self.bit_counts
+
+    def _recover(self, now_counts: int) -> None:
+        if not self._off:
+            return
+        for station in self._off:
+            if self._recovery_counts(station) <= now_counts:
+                station.recover(now_counts)
+        self._note_who_is_off()
+
+    def throw_off(self, station: CanController, now_counts: int) -> None:
+        """Send a station into bus-off while the wire is idle; its recessive bits count from now."""
+        self._count_idle(now_counts)
+        station.force_bus_off(now_counts)
+        self._note_who_is_off()
+        self._schedule()
+
+    def _note_who_is_off(self) -> None:
+        self._off = [station for station in self._stations if not station.on_bus]
+
+
+def _bits_in_order(frame: Frame) -> tuple[int, int, bytes]:
+    """The fields that differ between frames, in their order on the wire: the lesser is dominant first."""
+    return frame.cob_id, len(frame.data), frame.data

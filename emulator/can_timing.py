@@ -9,7 +9,8 @@ from functools import cache
 
 from protocol.frame import Frame
 
-_UNSTUFFED_TAIL_BITS = 13
+UNSTUFFED_TAIL_BITS = 13
+"""From the end of the CRC to the end of the intermission."""
 INTERMISSION_BITS = 3
 _CRC_POLYNOMIAL = 0x4599
 _RUN_LENGTH = 5
@@ -69,4 +70,4 @@ def frame_bits(frame: Frame) -> int:
     state, high = _STUFF_7[state][crc >> 8]
     low = _STUFF_8[state][crc & 0xFF][1]
     payload = _HEADER_BITS + 8 * len(data) + 15
-    return payload + stuffed + high + low + _UNSTUFFED_TAIL_BITS
+    return payload + stuffed + high + low + UNSTUFFED_TAIL_BITS

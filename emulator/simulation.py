@@ -1,16 +1,18 @@
 """Virtual time: one clock, one thread, events in order. The same inputs give the same bytes.
 
-The host stands outside: it sends frames, lets time pass and is handed the frames that reach it.
+The host stands outside: it sends frames, lets time pass and is handed the frames that reach it. All boards are switched
+on together and count the same 72 MHz: real ones, each with a crystal of its own, would be apart by some 20 ppm.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
+from controller.kernel import TICK_COUNTS
 from controller.motion import COUNTS_PER_SECOND
 from emulator.board import Board
 from emulator.bus import Bus
+from emulator.can_controller import CanController
 from protocol.frame import Frame
 
-_HOST_PORT, _BOARD_PORT = 0, 1
 _SILENCE_MAX_S = 1
 """How long a frame and its answers may take until the bus is silent: some 1000 frames at 125 kbit/s."""
 
@@ -18,73 +20,94 @@ Listener = Callable[[Frame, int], None]
 
 
 class BusOverloadError(Exception):
-    """The board alone keeps the bus busy for ever."""
+    """The boards alone keep the bus busy for ever."""
 
 
 class Simulation:
-    """A board and a host on one bus. `now_counts` is 72 MHz counts since the board was switched on."""
+    """Boards and a host on one bus. `now_counts` is 72 MHz counts since the boards were switched on."""
 
-    def __init__(self, board: Board, bus: Bus) -> None:
-        self.board = board
+    def __init__(self, boards: Sequence[Board], bus: Bus) -> None:
+        self.boards = tuple(boards)
         self.bus = bus
         self.now_counts = 0
         self.on_frame: Listener = lambda _frame, _counts: None
         """Called with every frame that reaches the host and when it did."""
-        board.boot(0)
-        self._submit_board_frames()
+        self.host = CanController(self._host_receives)
+        """The host's interface: it takes every frame at once."""
+        bus.attach(self.host)
+        for board in self.boards:
+            bus.attach(board.can)
+        for board in self.boards:
+            board.boot(0)
 
-    def power_cycle(self) -> None:
-        """Switch the board off and on again; the host and its clock go on."""
-        self.board.power_cycle(self.now_counts)
-        self._submit_board_frames()
+    def power_cycle(self, number: int = 0) -> None:
+        """Switch a board off and on again; the others, the host and the clock go on."""
+        board = self.boards[number]
+        without_power = board.can
+        board.power_cycle(self.now_counts)
+        self.bus.exchange(without_power, board.can, self.now_counts)
 
     @property
     def now_s(self) -> float:
-        """Seconds since the board was switched on."""
+        """Seconds since the boards were switched on."""
         return self.now_counts / COUNTS_PER_SECOND
 
     def send(self, frame: Frame) -> None:
         """Send a frame as the host and run on until the bus is silent again: answers have then arrived.
 
         Raises:
-            BusOverloadError: the bus does not fall silent, because the board has more to say than fits on it.
+            BusOverloadError: the bus does not fall silent, because the boards have more to say than fits on it.
         """
-        self.bus.submit(_HOST_PORT, frame, self.now_counts)
+        self.host.send(frame, self.now_counts)
         give_up_counts = self.now_counts + _SILENCE_MAX_S * COUNTS_PER_SECOND
-        while self.bus.next_event_counts is not None:
+        while self.bus.busy or self._messages_wait:
             if self.now_counts > give_up_counts:
                 raise BusOverloadError(
                     f"the nodes' own frames keep the bus busy at {self.bus.bitrate // 1000} kbit/s: "
                     f"no pause for {_SILENCE_MAX_S} s; longer heartbeat and event times or a higher bit rate help"
                 )
-            self._advance_to(self.bus.next_event_counts)
+            self._advance_to(give_up_counts + 1)
 
     def run_until(self, until_counts: int) -> None:
         """Let time pass to an instant."""
         while self.now_counts < until_counts:
             self._advance_to(until_counts)
 
+    def _host_receives(self, frame: Frame, now_counts: int) -> None:
+        self.on_frame(frame, now_counts)
+
+    @property
+    def _messages_wait(self) -> bool:
+        """Whether a board's processor has not yet fetched a message that has reached it."""
+        return any(board.can.next_due_counts is not None for board in self.boards)
+
     def _advance_to(self, until_counts: int) -> None:
         """Go to the next event, but not beyond an instant, and do what is due there."""
-        goal = until_counts
-        for event in (self.bus.next_event_counts, self.board.next_due_counts):
-            if event is not None:
-                goal = min(goal, event)
-        goal = max(goal, self.now_counts)
-        self.now_counts = self.board.advance(goal)
-        if self.now_counts == goal:
-            arrived = self.bus.step(goal)
-            if arrived:
-                self._deliver(*arrived)
-        self.board.poll(self.now_counts)
-        self._submit_board_frames()
+        goal, event_counts = until_counts, self.bus.next_event_counts
+        if event_counts is not None and event_counts < goal:
+            goal = event_counts
+        for board in self.boards:
+            due_counts = board.next_due_counts
+            if due_counts is not None and due_counts < goal:
+                goal = due_counts
+        if goal > self.now_counts:
+            self.now_counts = self._advance_boards(goal)
+        self.bus.step(self.now_counts)
+        for board in self.boards:
+            board.poll(self.now_counts)
 
-    def _deliver(self, port: int, frame: Frame) -> None:
-        if port == _HOST_PORT:
-            self.board.receive(frame, self.now_counts)
-        else:
-            self.on_frame(frame, self.now_counts)
+    def _advance_boards(self, goal_counts: int) -> int:
+        """Let the boards' time pass; return the instant that all of them have reached: no board is ahead of another.
 
-    def _submit_board_frames(self) -> None:
-        for frame in self.board.take_frames():
-            self.bus.submit(_BOARD_PORT, frame, self.now_counts)
+        A motion may ask for attention at any tick, which is known only when it is computed. So boards that move
+        together go tick by tick; one that moves alone goes first, and those at rest follow to where it stopped.
+        """
+        if len(self.boards) == 1:
+            return self.boards[0].advance(goal_counts)
+        by_motion = sorted(self.boards, key=lambda board: not board.moving)
+        if by_motion[1].moving:
+            goal_counts = min(goal_counts, (self.now_counts // TICK_COUNTS + 1) * TICK_COUNTS)
+        reached_counts = goal_counts
+        for board in by_motion:
+            reached_counts = board.advance(reached_counts)
+        return reached_counts

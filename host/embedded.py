@@ -3,6 +3,7 @@
 from math import floor
 
 import canopen
+from canopen.network import PeriodicMessageTask
 
 from controller.backend import Kernel
 from controller.kernel import TICK_COUNTS
@@ -10,9 +11,11 @@ from controller.motion import COUNTS_PER_SECOND
 from controller.pins import Pin
 from emulator.board import AxisTrace, Board, BoardConfig
 from emulator.bus import Bus
+from emulator.bus_faults import FaultScript
 from emulator.simulation import BusOverloadError, Simulation
 from host.drivers import driver_profile, fitted_modules, violations_evidence
 from host.errors import BusError
+from host.repeated_frames import RepeatedFrames
 from host.robot import Joint, Robot
 from host.verify import AxisEvidence, BusReport, Evidence, OutputChange
 from protocol.frame import COB_SYNC, Frame
@@ -28,12 +31,14 @@ class EmbeddedNetwork(canopen.Network):
     """The canopen library's network on a simulated bus.
 
     `send_message` returns when the bus has fallen silent again, so that the library's blocking calls find their
-    answers already there; nothing waits and no thread is needed.
+    answers already there; nothing waits and no thread is needed. Periodic frames go out when simulated time has come
+    to their turn: while the client waits, or before the next frame that it sends.
     """
 
     def __init__(self, simulation: Simulation) -> None:
         super().__init__()
         self._simulation = simulation
+        self._repeated = RepeatedFrames(simulation)
         simulation.on_frame = self._frame_arrived
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
@@ -44,10 +49,28 @@ class EmbeddedNetwork(canopen.Network):
         """
         if remote:
             raise ValueError("the simulated board answers no remote frames; CiA 301 advises against them")
+        self._send_due()
         try:
             self._simulation.send(Frame(can_id, bytes(data)))
         except BusOverloadError as error:
             raise BusError(str(error)) from error
+
+    def send_periodic(self, can_id: int, data: bytes, period: float, remote: bool = False) -> PeriodicMessageTask:
+        """Repeat a data frame every `period` seconds of simulated time, from now on."""
+        task = PeriodicMessageTask(can_id, data, period, self._repeated, remote)
+        self._send_due()
+        return task
+
+    def _send_due(self) -> None:
+        for frame in self._repeated.take_due():
+            self.send_message(frame.cob_id, frame.data)
+
+    def run_until(self, until_counts: int) -> None:
+        """Let simulated time pass to an instant, or to the end of the periodic frame that is on the bus then."""
+        while (due_counts := self._repeated.due_counts) is not None and due_counts < until_counts:
+            self._simulation.run_until(due_counts)
+            self._send_due()
+        self._simulation.run_until(until_counts)
 
     def _frame_arrived(self, frame: Frame, counts: int) -> None:
         self.notify(frame.cob_id, bytearray(frame.data), counts / COUNTS_PER_SECOND)
@@ -57,7 +80,12 @@ class EmbeddedBoard:
     """A robot's board on a bus of its own; fulfils the client's Link. The machine stands at the given joints."""
 
     def __init__(
-        self, robot: Robot, start_joints: list[float], kernel: Kernel, driver_profile_name: str | None = None
+        self,
+        robot: Robot,
+        start_joints: list[float],
+        kernel: Kernel,
+        bus_faults: FaultScript | None = None,
+        driver_profile_name: str | None = None,
     ) -> None:
         """By a name it has other drivers than the robot's file says.
 
@@ -75,7 +103,7 @@ class EmbeddedBoard:
             modules=fitted_modules(robot, self.driver_profile, as_filed=driver_profile_name is None),
         )
         self._board = Board(config, kernel)
-        self._simulation = Simulation(self._board, Bus(robot.board.bitrate))
+        self._simulation = Simulation([self._board], Bus(robot.board.bitrate, bus_faults))
         self.network = EmbeddedNetwork(self._simulation)
         self.wait(_BOOT_S)
 
@@ -84,8 +112,8 @@ class EmbeddedBoard:
         return self._simulation.now_s
 
     def wait(self, dt_s: float) -> None:
-        """Let simulated time pass."""
-        self._simulation.run_until(self._simulation.now_counts + round(dt_s * COUNTS_PER_SECOND))
+        """Let simulated time pass; more than asked for if a frame is on the bus at its end."""
+        self.network.run_until(self._simulation.now_counts + round(dt_s * COUNTS_PER_SECOND))
 
     @property
     def bus_log(self) -> list[tuple[int, Frame]]:

@@ -7,6 +7,7 @@ from math import ceil
 import numpy as np
 
 from controller.backend import Kernel
+from emulator.bus_faults import FaultScript
 from host.client import AxisRecords, AxisSettings, Machine, OutputCommand, Progress
 from host.embedded import EmbeddedBoard
 from host.errors import DeviceFaultError, InputError
@@ -58,6 +59,7 @@ def execute(
     stand_at: list[float] | None = None,
     cut_stream_s: float | None = None,
     driver_profile: str | None = None,
+    bus_faults: FaultScript | None = None,
     progress: Progress = lambda _: None,
 ) -> Outcome:
     """Run a plan on an embedded board in virtual time.
@@ -67,9 +69,10 @@ def execute(
         job: how reports call it.
         kernel: which form of the firmware's kernel runs.
         stand_at: where the emulated machine stands, mm and degrees; by default where the plan starts.
-        cut_stream_s: send only the points before this time of the motion, as a host that dies would.
+        cut_stream_s: send only the points before this time of the motion, as a host that hangs would.
         driver_profile: drivers that the emulated board has instead of those in the robot's file; neither the plan nor
             the firmware is told.
+        bus_faults: what the bus does to frames.
         progress: told which part of the stream has been sent.
 
     Raises:
@@ -81,7 +84,7 @@ def execute(
     records = _records(plan, cut_stream_s)
     started_s = time.perf_counter()
     start_joints = plan.start_joints if stand_at is None else stand_at
-    board = EmbeddedBoard(plan.robot, start_joints, kernel, driver_profile)
+    board = EmbeddedBoard(plan.robot, start_joints, kernel, bus_faults, driver_profile)
     machine = Machine(board, plan.robot.joint_names)
     machine.connect()
     machine.configure(tuple(_settings(joint, plan.robot.board) for joint in plan.robot.joints))
@@ -96,6 +99,7 @@ def execute(
             raise
         machine.await_standstill()
         fault = _fault(error, machine, board, plan)
+    machine.disconnect()
     run = RunInfo(
         robot=plan.robot.name,
         job=job,
@@ -119,7 +123,7 @@ def _settings(joint: Joint, board: Board) -> AxisSettings:
         dirsetup_ns=board.dirsetup_ns,
         dirhold_ns=board.dirhold_ns,
         velocity_max_units_per_s=ceil(board.step_rate_max_hz * UNITS_PER_FULL_STEP / transmission.microsteps),
-        quick_stop_units_per_s2=ceil(joint.acceleration_max * transmission.wire_units_per_unit),
+        deceleration_units_per_s2=ceil(joint.acceleration_max * transmission.wire_units_per_unit),
     )
 
 

@@ -129,7 +129,7 @@ JERK_LIMITED_RAMP = 3
 
 
 class ErrorCode(IntEnum):
-    """What 0x603F and EMCY say (CiA 402 table 25; 0xFFxx is the manufacturer's)."""
+    """What 0x603F and EMCY say (CiA 402 table 25, CiA 301 table 26; 0xFFxx is the manufacturer's)."""
 
     NONE = 0x0000
     OVERVOLTAGE = 0x3210
@@ -137,7 +137,11 @@ class ErrorCode(IntEnum):
     TEMPERATURE = 0x4310
     """Detail 0: the board; 1: the driver chip, which has switched itself off."""
     PARAMETER = 0x6320
+    CAN_OVERRUN = 0x8110
+    """A message was lost because nobody fetched its predecessors from the CAN controller."""
+    CAN_ERROR_PASSIVE = 0x8120
     HEARTBEAT_LOST = 0x8130
+    CAN_BUS_OFF_RECOVERED = 0x8140
     PDO_TOO_SHORT = 0x8210
     PDO_TOO_LONG = 0x8220
     SYNC_LENGTH = 0x8240

@@ -19,6 +19,7 @@ from protocol.frame import (
     COB_SYNC,
     COB_TPDO,
     FIRST_NODE_ID,
+    HOST_NODE_ID,
 )
 from protocol.nmt import NmtCommand, NmtState
 from protocol.objects import OBJECTS, RPDO_DEFAULTS, TPDO_DEFAULTS, Entry
@@ -94,7 +95,16 @@ def render_dbc(axes: tuple[AxisNames, ...]) -> str:
 
 def _shared() -> list[_Message]:
     command = (_Signal("Command", 0, 8, signed=False), _Signal("NodeId", 8, 8, signed=False))
-    return [_Message(COB_NMT, "NMT", 2, MASTER, command), _Message(COB_SYNC, "SYNC", 0, MASTER, ())]
+    return [
+        _Message(COB_NMT, "NMT", 2, MASTER, command),
+        _Message(COB_SYNC, "SYNC", 0, MASTER, ()),
+        _heartbeat(HOST_NODE_ID, MASTER),
+    ]
+
+
+def _heartbeat(node_id: int, name: str) -> _Message:
+    state = _Signal("NmtState", 0, 7, signed=False)
+    return _Message(COB_HEARTBEAT + node_id, f"{name}_Heartbeat", 1, name, (state,))
 
 
 def _axis_messages(axis: AxisNames, node_id: int) -> Iterator[_Message]:
@@ -108,9 +118,7 @@ def _axis_messages(axis: AxisNames, node_id: int) -> Iterator[_Message]:
         _Signal("Manufacturer", 24, 40, signed=False),
     )
     yield _Message(COB_EMCY + node_id, f"{axis.name}_EMCY", 8, axis.name, emergency)
-    yield _Message(
-        COB_HEARTBEAT + node_id, f"{axis.name}_Heartbeat", 1, axis.name, (_Signal("NmtState", 0, 7, signed=False),)
-    )
+    yield _heartbeat(node_id, axis.name)
     sdo = (
         _Signal("Command", 0, 8, signed=False),
         _Signal("Index", 8, 16, signed=False),

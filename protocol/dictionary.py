@@ -41,7 +41,7 @@ class ObjectDictionary:
 
     def get(self, index: int, subindex: int = 0) -> int:
         """Return the present value of a numeric entry."""
-        key = key_of(index, subindex)
+        key = index << 8 | subindex
         hook = self.read_hooks.get(key)
         value = hook() if hook else self._values[key]
         if isinstance(value, str):

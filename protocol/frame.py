@@ -24,7 +24,11 @@ COB_SDO_REQUEST = 0x600
 COB_HEARTBEAT = 0x700
 
 FIRST_NODE_ID = 0x10
-"""The node id of a board's first axis; the others count on from it. One mask filter of bxCAN passes all eight."""
+"""The node id of a board's first axis, unless it is set otherwise; the others count on from it."""
+NODE_ID_MAX = 0x7F
+
+HOST_NODE_ID = 0x7F
+"""The node id under which the host sends its heartbeat: the last one, which no axis has."""
 
 COB_ID_INVALID = 1 << 31
 """Set in a PDO's or EMCY's COB-ID entry: the object does not exist."""

@@ -18,6 +18,7 @@ from protocol.frame import (
     COB_SYNC,
     COB_TPDO,
     FIRST_NODE_ID,
+    HOST_NODE_ID,
     Frame,
 )
 from protocol.pvt import PvtStatus
@@ -55,6 +56,7 @@ def _played() -> EmbeddedBoard:
     machine.preset([0])
     machine.run((_RECORDS,), [0], lambda _: None)
     machine.disable()
+    machine.disconnect()
     return board
 
 
@@ -68,6 +70,8 @@ def _meaning(frame: Frame) -> tuple[str, str]:
         return ">", f"NMT command {frame.data[0]} to {'all nodes' if frame.data[1] == 0 else hex(frame.data[1])}"
     if frame.cob_id == COB_SYNC:
         return ">", "SYNC"
+    if frame.cob_id == COB_HEARTBEAT + HOST_NODE_ID:
+        return ">", "heartbeat of the host"
     way, name = next((way, name) for base, way, name in _SERVICES if base + FIRST_NODE_ID == frame.cob_id)
     if name == "SDO":
         return way, _sdo(frame.data)

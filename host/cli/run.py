@@ -57,7 +57,7 @@ def run(
     ] = None,
     cut_stream: Annotated[
         float | None,
-        typer.Option(metavar="SECONDS", min=0.0, help="Stop sending points there, as a dying host would."),
+        typer.Option(metavar="SECONDS", min=0.0, help="Stop sending points there, as a host that hangs would."),
     ] = None,
     driver_profile: Annotated[
         str | None,

@@ -4,6 +4,7 @@ from host.client.axis import AxisClient
 from host.client.link import Link
 from host.client.machine import AxisSettings, Machine, Progress
 from host.client.outputs import OutputCommand
+from host.client.run import Run
 from host.client.stream import AxisRecords
 
-__all__ = ["AxisClient", "AxisRecords", "AxisSettings", "Link", "Machine", "OutputCommand", "Progress"]
+__all__ = ["AxisClient", "AxisRecords", "AxisSettings", "Link", "Machine", "OutputCommand", "Progress", "Run"]

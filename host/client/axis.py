@@ -1,17 +1,19 @@
 """One axis node as the master sees it: SDO access by object, drive state, the process data that it reports."""
 
 import struct
+from contextlib import suppress
 from typing import Final
 
 import canopen
 from canopen.objectdictionary import ObjectDictionary
 from canopen.sdo.base import SdoVariable
 
+from host.client.drive_status import DriveStatus
 from host.client.link import Link
 from host.errors import BusError, DeviceFaultError
-from protocol.cia402 import ENABLE_OPERATION, SHUTDOWN, SWITCH_ON, DigitalOutput, ErrorCode, State
+from protocol.cia402 import ENABLE_OPERATION, SHUTDOWN, SWITCH_ON, DigitalOutput, ErrorCode, Mode, State
 from protocol.frame import COB_RPDO, COB_TPDO
-from protocol.pvt import PvtRecord, PvtStatus
+from protocol.pvt import PvtFlag, PvtRecord, PvtStatus
 
 _STATUS_WAIT_S: Final = 0.001
 _STATE_TIMEOUT_S: Final = 2.0
@@ -29,8 +31,8 @@ class AxisClient:
     def __init__(self, link: Link, name: str, node_id: int, dictionary: ObjectDictionary) -> None:
         self.name = name
         self.node_id = node_id
-        self.in_fault = False
-        """Whether the drive is in fault, as last reported by TPDO1."""
+        self.drive_status: DriveStatus | None = None
+        """As last reported by TPDO1."""
         self.pvt_status: PvtStatus | None = None
         """As last reported by TPDO3."""
         self._link = link
@@ -39,13 +41,50 @@ class AxisClient:
         link.network.subscribe(COB_TPDO[2] + node_id, self._on_pvt_status)
 
     def _on_drive_status(self, _cob_id: int, data: bytearray, _timestamp: float) -> None:
-        if len(data) >= 2:
-            statusword = struct.unpack_from("<H", data)[0]
-            self.in_fault = State.of(statusword) in (State.FAULT, State.FAULT_REACTION_ACTIVE)
+        with suppress(ValueError):
+            self.drive_status = DriveStatus.decode(bytes(data))
 
     def _on_pvt_status(self, _cob_id: int, data: bytearray, _timestamp: float) -> None:
-        if len(data) == 8:
+        with suppress(ValueError):
             self.pvt_status = PvtStatus.decode(bytes(data))
+
+    # --- what the node has said by itself
+
+    @property
+    def in_fault(self) -> bool:
+        """Whether the drive is in fault, or has lost this host: it leaves OPERATIONAL then and reports by EMCY only."""
+        reported = self.drive_status is not None and self.drive_status.in_fault
+        return reported or any(error.code == ErrorCode.HEARTBEAT_LOST for error in self._node.emcy.active)
+
+    @property
+    def interpolating(self) -> bool:
+        """Whether the axis is executing PVT records, at rest or not."""
+        status = self.drive_status
+        return status is not None and status.interpolating and not self.in_fault
+
+    @property
+    def halted(self) -> bool:
+        """Whether the axis rests amid its PVT records because its group is halted."""
+        status = self.drive_status
+        return status is not None and status.halted and not self.in_fault
+
+    @property
+    def done(self) -> bool:
+        """Whether the axis has no PVT records, neither running nor waiting."""
+        status = self.pvt_status
+        return status is not None and status.flags & (PvtFlag.RUNNING | PvtFlag.EMPTY) == PvtFlag.EMPTY
+
+    @property
+    def error_codes(self) -> list[int]:
+        """All error codes that the node has reported by EMCY, oldest first."""
+        return [error.code for error in self._node.emcy.log if error.code]
+
+    def fault_text(self) -> str:
+        """One line that says which error the node reported last."""
+        codes = self.error_codes
+        if not codes:
+            return f"{self.name}: the drive is in fault and has not said why"
+        return f"{self.name}: {error_text(codes[-1])} (EMCY 0x{codes[-1]:04X})"
 
     # --- objects
 
@@ -88,6 +127,10 @@ class AxisClient:
         """The drive's state, read afresh."""
         return State.of(self.read(0x6041))
 
+    def executing(self) -> int:
+        """The sequence number of the PVT record that is executed, read afresh."""
+        return self.read(0x2012, 4)
+
     def enable(self) -> None:
         """Walk the drive to OPERATION ENABLED, one controlword at a time."""
         deadline_s = self._link.now_s() + _STATE_TIMEOUT_S
@@ -106,23 +149,16 @@ class AxisClient:
         outputs = self.read(0x60FE, 1)
         self.write(0x60FE, 1, outputs | output if on else outputs & ~output)
 
-    def fault_text(self) -> str:
-        """One line that says which error the node reported last."""
-        codes = [error.code for error in self._node.emcy.log if error.code]
-        if not codes:
-            return f"{self.name}: the drive is in fault and has not said why"
-        return f"{self.name}: {error_text(codes[-1])} (EMCY 0x{codes[-1]:04X})"
-
-    @property
-    def error_codes(self) -> list[int]:
-        """All error codes that the node has reported by EMCY, oldest first."""
-        return [error.code for error in self._node.emcy.log if error.code]
-
     # --- process data out
 
     def send_record(self, record: PvtRecord) -> None:
         """Send a PVT record by RPDO4."""
         self._link.network.send_message(COB_RPDO[3] + self.node_id, record.encode())
+
+    def send_interpolation_controlword(self, controlword: int) -> None:
+        """Send a controlword, and the mode interpolated position with it, by RPDO1: it takes effect at once."""
+        data = struct.pack("<Hb", controlword, Mode.INTERPOLATED_POSITION)
+        self._link.network.send_message(COB_RPDO[0] + self.node_id, data)
 
     def send_latched_controlword(self, controlword: int) -> None:
         """Send a controlword by RPDO2: it takes effect at the next SYNC."""

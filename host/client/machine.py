@@ -1,19 +1,22 @@
-"""All axes of a robot on the bus: configure, preset, enable, stream a trajectory, see it through."""
+"""All axes of a robot on the bus: configure, preset, enable, run a trajectory, halt it and let it go on."""
 
 import io
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
+from math import ceil
 from typing import Final
 
-from canopen.objectdictionary import eds
+from canopen.objectdictionary import ObjectDictionary, eds
 
 from host.client.axis import AxisClient
+from host.client.heartbeat import WATCH_HOST, Heartbeat
 from host.client.link import Link
-from host.client.outputs import OutputCommand, OutputSchedule
+from host.client.outputs import OutputCommand
+from host.client.run import POLL_S, Run, check_faults
 from host.client.stream import AxisRecords, AxisStream, fill
-from host.errors import BusError, DeviceFaultError
-from protocol.cia402 import ENABLE_OPERATION, HOME_HERE, PVT_SUBMODE, Control, ErrorCode, Mode, Status
+from host.errors import BusError, DeviceFaultError, InputError
+from protocol.cia402 import ENABLE_OPERATION, HOME_HERE, PVT_SUBMODE, AbortConnection, Control, Mode, Status
 from protocol.eds import render_eds
 from protocol.frame import COB_SYNC, FIRST_NODE_ID
 from protocol.objects import IDENTITY_DEVICE_TYPE, TPDO_DEFAULTS
@@ -27,10 +30,13 @@ _STATUS_PERIOD_MIN_MS: Final = 10
 """Its inhibit time; the client looks no more often."""
 _STATUS_PERIOD_SEGMENTS: Final = 20
 """A queue of 64 then hears of its free places three times before it runs dry."""
-_POLL_S: Final = 0.010
 _REPLY_TIMEOUT_S: Final = 1.0
 _PRELOAD_TIMEOUT_S: Final = 5.0
 """Enough for records to be sent again a few times on a bad line."""
+_REST_TIMEOUT_S: Final = 20.0
+"""A ramp to rest lasts at most as long as a queue of the longest records, 16.3 s."""
+_STATUS_TIMEOUT_S: Final = 0.3
+"""Three times the event timer with which TPDO1 says how a drive is, in OPERATIONAL."""
 
 Progress = Callable[[float], None]
 """Told from time to time which part of the records has been sent, 0 to 1."""
@@ -46,7 +52,8 @@ class AxisSettings:
     dirsetup_ns: int
     dirhold_ns: int
     velocity_max_units_per_s: int
-    quick_stop_units_per_s2: int
+    deceleration_units_per_s2: int
+    """Of a halt, a quick stop and the stop after a fault."""
 
     def objects(self) -> list[tuple[int, int, int]]:
         """As (index, sub-index, value)."""
@@ -57,18 +64,23 @@ class AxisSettings:
             (0x2001, 3, self.dirsetup_ns),
             (0x2001, 4, self.dirhold_ns),
             (0x607F, 0, self.velocity_max_units_per_s),
-            (0x6085, 0, self.quick_stop_units_per_s2),
+            (0x6084, 0, self.deceleration_units_per_s2),
+            (0x6085, 0, self.deceleration_units_per_s2),
         ]
 
 
 class Machine:
-    """The axes in the order of their node ids, from FIRST_NODE_ID on."""
+    """The axes in the order of their node ids, from FIRST_NODE_ID on, on one board or on several."""
 
     def __init__(self, link: Link, names: tuple[str, ...]) -> None:
         self._link = link
-        dictionary = eds.import_eds(io.StringIO(render_eds()), FIRST_NODE_ID)  # type: ignore[no-untyped-call]
+        dictionary = _object_dictionary()
         self.axes = tuple(AxisClient(link, name, FIRST_NODE_ID + i, dictionary) for i, name in enumerate(names))
         self._status_period_ms = _STATUS_PERIOD_MAX_MS
+        self._heartbeat = Heartbeat(link.network)
+        self._run: Run | None = None
+
+    # --- setting up and leaving
 
     def connect(self) -> None:
         """Bring all nodes to PRE-OPERATIONAL and see that each is a stepper axis."""
@@ -79,10 +91,13 @@ class Machine:
                 raise BusError(f"{axis.name}: node 0x{axis.node_id:02X} is no stepper axis: type 0x{device_type:08X}")
 
     def configure(self, settings: tuple[AxisSettings, ...]) -> None:
-        """Write every axis' settings, then let the nodes exchange process data."""
+        """Write every axis' settings, let it watch this host, then let the nodes exchange process data."""
         for axis, chosen in zip(self.axes, settings, strict=True):
             for index, subindex, value in chosen.objects():
                 axis.write(index, subindex, value)
+            axis.write(0x6007, 0, AbortConnection.FAULT_SIGNAL)
+            axis.write(0x1016, 1, WATCH_HOST)
+        self._heartbeat.start()
         self._link.network.nmt.state = "OPERATIONAL"
 
     def enable(self) -> None:
@@ -95,10 +110,19 @@ class Machine:
         for axis, position in zip(self.axes, positions_units, strict=True):
             axis.write(0x607C, 0, position)
             axis.write(0x6098, 0, HOME_HERE)
+            axis.write(0x6040, 0, ENABLE_OPERATION)  # homing starts with the bit's rise, and a run leaves it set
             axis.write(0x6060, 0, Mode.HOMING)
             axis.write(0x6040, 0, _START)
             self._await(partial(_homed, axis), f"{axis.name}: homing was not attained")
             axis.write(0x6040, 0, ENABLE_OPERATION)
+
+    def disconnect(self) -> None:
+        """Take leave, so that the axes do not take this host for lost; enabled drives stay as they are, unwatched."""
+        for axis in self.axes:
+            axis.write(0x1016, 1, 0)
+        self._heartbeat.stop()
+
+    # --- trajectories
 
     def run(
         self,
@@ -107,22 +131,51 @@ class Machine:
         progress: Progress,
         outputs: tuple[OutputCommand, ...] = (),
     ) -> None:
-        """Stream a trajectory from its start, which must be where the axes stand, to its end; switch outputs meanwhile.
+        """Start a trajectory and wait for its end; raises as `start` and `Run.tend` do."""
+        run = self.start(records, start_units, outputs)
+        while not run.ended:
+            self.wait(POLL_S)
+            progress(run.fraction)
+
+    def start(
+        self, records: tuple[AxisRecords, ...], start_units: list[int], outputs: tuple[OutputCommand, ...] = ()
+    ) -> Run:
+        """Start a trajectory from its first point, which must be where the axes stand.
+
+        It needs to be tended until it has ended, as `wait` does it.
+
+        Args:
+            records: of every axis, with the same durations.
+            start_units: the first point.
+            outputs: what to switch on the way.
 
         Raises:
-            DeviceFaultError: an axis stands elsewhere, refuses a record or goes into fault.
+            DeviceFaultError: an axis stands elsewhere, does not know where, or refuses a record.
             BusError: no answer.
         """
-        self._report_status_for(min(records[0].durations_ms))
+        durations_ms = records[0].durations_ms
+        self._report_status_for(min(durations_ms))
         self._prepare(start_units)
         streams = [
             AxisStream(axis, stream, self._link.now_s()) for axis, stream in zip(self.axes, records, strict=True)
         ]
-        self._preload(streams, min(PRELOAD_RECORDS, len(records[0].durations_ms)))
+        self._preload(streams, min(PRELOAD_RECORDS, len(durations_ms)))
         self._start_together()
-        schedule = OutputSchedule(self.axes, outputs, self._link.now_s())
-        self._feed(streams, schedule, progress)
-        self._await_end(schedule, sum(records[0].durations_ms) / 1000 + _REPLY_TIMEOUT_S)
+        self._run = Run(self._link, self.axes, streams, durations_ms, outputs)
+        return self._run
+
+    def wait(self, dt_s: float) -> None:
+        """Let so much time pass, and what sending takes, and tend to the trajectory that runs; raises as `Run.tend`."""
+        looks = max(1, ceil(dt_s / POLL_S))
+        for _ in range(looks):
+            self._link.wait(dt_s / looks)
+            self._tend()
+
+    def _tend(self) -> None:
+        run, self._run = self._run, None
+        if run is not None:
+            run.tend()
+            self._run = None if run.ended else run
 
     def _report_status_for(self, shortest_ms: int) -> None:
         """Let the nodes report their queues' free places in time for segments that short.
@@ -140,6 +193,9 @@ class Machine:
 
     def _prepare(self, start_units: list[int]) -> None:
         """Clear the queues, and the start bits that an earlier run has left set: the start is their rising edge."""
+        for axis in self.axes:
+            if not axis.read(0x6041) & Status.POSITION_KNOWN:
+                raise DeviceFaultError(f"{axis.name}: does not know where it is: it must be homed first")
         for axis, start in zip(self.axes, start_units, strict=True):
             demand = axis.read(0x6062)
             if demand != start:
@@ -168,39 +224,64 @@ class Machine:
         self._link.network.send_message(COB_SYNC, b"")
         self._await(lambda: all(map(_started, self.axes)), "not all axes start")
 
-    def _feed(self, streams: list[AxisStream], schedule: OutputSchedule, progress: Progress) -> None:
-        while not all(stream.all_acknowledged for stream in streams):
-            self._link.wait(_POLL_S)
-            now_s = self._link.now_s()
-            self._check_faults()
-            for stream in streams:
-                stream.update(now_s)
-                stream.check_running()
-            fill(streams)
-            schedule.tend(now_s)
-            progress(min(stream.fraction for stream in streams))
+    # --- halt and resume
 
-    def _await_end(self, schedule: OutputSchedule, timeout_s: float) -> None:
-        """Wait until every queue has run dry at rest; a drive in fault ends the waiting with its error."""
+    def pause(self) -> bool:
+        """Halt the trajectory that runs, on its path, and wait until all axes rest.
 
-        def ended() -> bool:
-            self._check_faults()
-            schedule.tend(self._link.now_s())
-            return all(map(_ended, self.axes))
+        It may be another host's, which goes on feeding it: nothing but process data is sent, so that no SDO of that
+        host is disturbed. Pausing what is halted already changes nothing.
 
-        self._await(ended, "the motion does not end", timeout_s)
-        self._link.wait(_POLL_S)
-        self._check_faults()
+        Returns:
+            Whether the machine is halted; False if the trajectory came to its end first.
 
-    def _check_faults(self) -> None:
-        """Raise DeviceFaultError if a drive is in fault, naming the axis with which it began."""
-        faulty = [axis for axis in self.axes if axis.in_fault]
-        if faulty:
-            self._link.wait(_POLL_S)  # let every node say what happened to it
-            began = [axis for axis in self.axes if set(axis.error_codes) - {ErrorCode.GROUP_STOPPED}]
-            raise DeviceFaultError((began or faulty)[0].fault_text())
+        Raises:
+            InputError: no axis runs a trajectory.
+            BusError: the axes do not come to rest.
+            DeviceFaultError: a fault has ended the trajectory meanwhile.
+        """
+        running = self._interpolating("pause")
+        for axis in running:
+            axis.send_interpolation_controlword(_START | Control.HALT)
+        self._await(
+            lambda: all(axis.halted or not axis.interpolating for axis in running),
+            "the axes do not come to rest",
+            _REST_TIMEOUT_S,
+        )
+        check_faults(self._link, self.axes)
+        if any(axis.halted for axis in running):
+            return True
+        for axis in running:
+            axis.send_interpolation_controlword(_START)
+        return False
 
-    def await_standstill(self, timeout_s: float = 20.0) -> None:
+    def resume(self) -> None:
+        """Let a halted trajectory go on, whoever has halted it; one that is not halted goes on as it does.
+
+        Raises:
+            InputError: no axis runs a trajectory.
+            BusError: the axes do not set off.
+            DeviceFaultError: a fault has ended the trajectory meanwhile.
+        """
+        running = self._interpolating("resume")
+        for axis in running:
+            axis.send_interpolation_controlword(_START)
+        self._await(lambda: not any(axis.halted for axis in running), "the axes do not go on")
+        check_faults(self._link, self.axes)
+
+    def _interpolating(self, what: str) -> list[AxisClient]:
+        """The axes that execute records; nodes that are not OPERATIONAL do not say so, and do none."""
+        deadline_s = self._link.now_s() + _STATUS_TIMEOUT_S
+        while self._link.now_s() < deadline_s and any(axis.drive_status is None for axis in self.axes):
+            self.wait(POLL_S)
+        running = [axis for axis in self.axes if axis.interpolating]
+        if not running:
+            raise InputError(f"nothing to {what}: no axis runs a trajectory")
+        return running
+
+    # --- the axes
+
+    def await_standstill(self, timeout_s: float = _REST_TIMEOUT_S) -> None:
         """Wait until no axis moves any more, whether it is in fault or not."""
         self._await(
             lambda: all(axis.read(0x6041) & Status.TARGET_REACHED for axis in self.axes),
@@ -222,7 +303,14 @@ class Machine:
         while not condition():
             if self._link.now_s() > deadline_s:
                 raise BusError(f"{otherwise} within {timeout_s:g} s")
-            self._link.wait(_POLL_S)
+            self.wait(POLL_S)
+
+
+@cache
+def _object_dictionary() -> ObjectDictionary:
+    """The objects of every node as the canopen library wants them; nothing writes to it, and to make it takes 20 ms."""
+    dictionary: ObjectDictionary = eds.import_eds(io.StringIO(render_eds()), FIRST_NODE_ID)  # type: ignore[no-untyped-call]
+    return dictionary
 
 
 def _homed(axis: AxisClient) -> bool:
@@ -231,9 +319,5 @@ def _homed(axis: AxisClient) -> bool:
 
 def _started(axis: AxisClient) -> bool:
     """Running, or so short that it is done already."""
-    return axis.pvt_status is not None and bool(axis.pvt_status.flags & (PvtFlag.RUNNING | PvtFlag.EMPTY))
-
-
-def _ended(axis: AxisClient) -> bool:
-    status = axis.pvt_status
-    return status is not None and status.flags & (PvtFlag.RUNNING | PvtFlag.EMPTY) == PvtFlag.EMPTY
+    running = axis.pvt_status is not None and bool(axis.pvt_status.flags & PvtFlag.RUNNING)
+    return axis.done or (running and axis.interpolating)

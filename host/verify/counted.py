@@ -32,15 +32,18 @@ class CountedSteps:
         """The driver's count after the last step."""
         return int(self.counters[-1])
 
-    def before(self, t_s: FloatArray) -> Int64Array:
-        """The count just before each instant."""
-        count: Int64Array = self.counters[np.searchsorted(self.time_s, t_s, side="left")]
-        return count
+    def around(self, t_s: FloatArray) -> Int64Array:
+        """The counts just before each of n sorted instants and just after it, shape (2, n).
 
-    def after(self, t_s: FloatArray) -> Int64Array:
-        """The count just after each instant."""
-        count: Int64Array = self.counters[np.searchsorted(self.time_s, t_s, side="right")]
-        return count
+        The steps are looked up in the instants, not these in the steps: where the instants are all axes' steps, those
+        of one are far fewer.
+        """
+        first, last = np.searchsorted(self.time_s, t_s[0], "left"), np.searchsorted(self.time_s, t_s[-1], "right")
+        steps_s = self.time_s[first:last]
+        seen_at = [np.searchsorted(t_s, steps_s, side) for side in ("right", "left")]
+        made = np.cumsum([np.bincount(at, minlength=t_s.size)[: t_s.size] for at in seen_at], axis=1)
+        counts: Int64Array = self.counters[first + made]
+        return counts
 
 
 def counted_steps(axis: AxisEvidence, start_counts: int) -> CountedSteps:

@@ -4,12 +4,12 @@ import pytest
 
 from controller.backend import Kernel
 from host.client import Machine, OutputCommand
-from host.client.outputs import OutputSchedule
 from host.embedded import EmbeddedBoard
 from host.robots import load_robot
 from host.verify import OutputChange
 from protocol.cia402 import DigitalOutput
 from protocol.frame import COB_SYNC
+from tests.client.machines import AXES, frames_to, ready, still
 
 MAGNET, LOCK = DigitalOutput.OUT1, DigitalOutput.OUT2
 TH3 = 5
@@ -45,18 +45,34 @@ def test_what_nothing_is_wired_to_is_no_evidence(machine: Machine, board: Embedd
     assert changes(board) == []
 
 
-def test_a_schedule_sends_what_is_due_and_no_more(machine: Machine, board: EmbeddedBoard) -> None:
-    started_s = board.now_s()
+def test_outputs_are_switched_at_their_times(board: EmbeddedBoard) -> None:
+    """Not before the record that begins then, nor much later; the one at the end when that is reached."""
+    machine = ready(board)
     commands = (
         OutputCommand(TH3, LOCK, on=True, from_s=0.5),
-        OutputCommand(TH3, MAGNET, on=True, from_s=0.2),
-        OutputCommand(TH3, MAGNET, on=False, from_s=9.0),
+        OutputCommand(TH3, MAGNET, on=True, from_s=0.21),
+        OutputCommand(TH3, MAGNET, on=False, from_s=1.0),
     )
-    schedule = OutputSchedule(machine.axes, commands, started_s)
-    for wait_s in (0.199, 0.002, 0.25, 0.1, 0.1):
-        board.wait(wait_s)
-        schedule.tend(board.now_s())
-    made = changes(board)
-    assert [(change.name, change.level) for change in made] == [("magnet", 1), ("lock", 1)]
-    late_s = [change.counts / 72e6 - started_s for change in made]
-    assert late_s == pytest.approx([0.201, 0.55], abs=0.005)
+    run = machine.start(still(100, 10), [0] * AXES, commands)
+    while not run.ended:
+        machine.wait(0.01)
+    evidence = board.evidence()
+    assert [(change.name, change.level) for change in evidence.outputs] == [("magnet", 1), ("lock", 1), ("magnet", 0)]
+    at_s = [(change.counts - evidence.start_counts) / 72e6 for change in evidence.outputs]
+    for changed_s, from_s in zip(at_s, (0.21, 0.5, 1.0), strict=True):
+        assert from_s <= changed_s < from_s + 0.025
+
+
+def test_an_output_amid_a_record_waits_for_the_next(board: EmbeddedBoard) -> None:
+    machine = ready(board)
+    machine.run(still(10, 200), [0] * AXES, lambda _: None, (OutputCommand(TH3, MAGNET, on=True, from_s=0.5),))
+    evidence = board.evidence()
+    assert (evidence.outputs[0].counts - evidence.start_counts) / 72e6 == pytest.approx(0.6, abs=0.02)
+
+
+def test_the_board_is_asked_only_when_it_matters(board: EmbeddedBoard) -> None:
+    """A few times an output, not with every look at the clock."""
+    machine = ready(board)
+    commands = tuple(OutputCommand(TH3, MAGNET, on=bool(i % 2), from_s=0.3 * i) for i in range(1, 10))
+    machine.run(still(300, 10), [0] * AXES, lambda _: None, commands)
+    assert len(frames_to(board, 0x610, bytes.fromhex("40122004"))) <= 3 * len(commands)

@@ -7,43 +7,20 @@ import numpy as np
 import pytest
 
 from controller.backend import Kernel
-from host.client import AxisRecords, AxisSettings, Machine
+from host.client import AxisRecords, Machine
 from host.embedded import EmbeddedBoard
 from host.errors import BusError, DeviceFaultError, InputError
 from host.jobs import make_job
 from host.planner import plan
 from host.robot import Robot
-from host.robots import load_robot
 from host.run import execute
 from host.trajectory import FloatArray
-from protocol.frame import Frame
-
-ROBOT = load_robot("warehouse-scara")
-START = [0.0, 0.0, 100.0, 0.0, 60.0, 30.0]
-SETTINGS = AxisSettings(16, 33_000, 33_666, 15_000, 15_000, 15_360_000, 10_000_000)
-AXES = len(START)
-
-
-def ready(board: EmbeddedBoard) -> Machine:
-    """A machine that is enabled and stands at 0 units everywhere."""
-    machine = Machine(board, ROBOT.joint_names)
-    machine.connect()
-    machine.configure(tuple(replace(SETTINGS, microsteps=joint.transmission.microsteps) for joint in ROBOT.joints))
-    machine.enable()
-    machine.preset([0] * AXES)
-    return machine
-
-
-def still(count: int, duration_ms: int) -> tuple[AxisRecords, ...]:
-    return (AxisRecords([0] * count, [0] * count, [duration_ms] * count),) * AXES
+from protocol.cia402 import DISABLE_VOLTAGE
+from tests.client.machines import AXES, ROBOT, START, frames_to, ready, still, travelling
 
 
 def run(machine: Machine, records: tuple[AxisRecords, ...]) -> None:
     machine.run(records, [0] * AXES, lambda _: None)
-
-
-def frames_to(board: EmbeddedBoard, cob_id: int, head: bytes = b"") -> list[Frame]:
-    return [frame for _, frame in board.bus_log if frame.cob_id == cob_id and frame.data.startswith(head)]
 
 
 @pytest.fixture
@@ -154,3 +131,13 @@ def test_a_bus_that_the_nodes_fill_is_a_bus_error(fast_kernel: Kernel) -> None:
     with pytest.raises(BusError, match="keep the bus busy at 125 kbit/s") as caught:
         set_heartbeats(machine, period_ms=1)
     assert caught.value.exit_code == 4
+
+
+def test_an_axis_that_was_cut_off_in_motion_must_be_homed_first(board: EmbeddedBoard) -> None:
+    machine = ready(board)
+    machine.start(travelling(20), [0] * AXES)
+    machine.wait(0.1)
+    machine.axes[3].write(0x6040, 0, DISABLE_VOLTAGE)
+    machine.axes[3].enable()
+    with pytest.raises(DeviceFaultError, match="th1: does not know where it is"):
+        machine.start(still(5, 20), [0] * AXES)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from controller import kernel as k
-from controller.backend import Kernel, compiled_kernel, python_kernel
+from controller.backend import KERNELS, Kernel, compiled_kernel, python_kernel
 from tests.controller.kernel_rig import KernelRig, Timing, timing_faults
 
 UNITS_PER_STEP = 1024
@@ -198,6 +198,54 @@ class TestPulseTiming:
         rig.advance(sum(4 * ms for _, ms in points))
         assert timing_faults(rig, timing) == []
         assert sum(rig.signs()) == rig.get(k.COUNTER)
+
+    @pytest.mark.parametrize("name", ["python", "numba"])
+    @given(
+        units_per_ms=st.integers(100, 60_000),
+        sign=st.sampled_from([1, -1]),
+        start_units=st.integers(-575, 575),
+        wait_counts=st.sampled_from([-1, 0, 1, k.TICK_COUNTS, k.TICK_COUNTS + 1]),
+        pulse_beyond_interval=st.integers(-1, 1),
+    )
+    def test_steps_wait_exactly_if_they_must(
+        self, name: str, units_per_ms: int, sign: int, start_units: int, wait_counts: int, pulse_beyond_interval: int
+    ) -> None:
+        """One tick of constant speed, with the driver ready just before or after the first step is due, and pulses
+        just shorter or longer than the intervals: each rise is at the later of its due time and a pulse after the last.
+        """
+        if name == "numba":
+            pytest.importorskip("numba", reason="the extra `fast` (numba) is not installed")
+        travel_q16 = 16 * units_per_ms  # a quarter of a millisecond, 64 Q16 a unit
+        to_threshold_q16 = k.THRESHOLD_Q16 - sign * 64 * start_units
+        interval_q16 = (k.TICK_COUNTS << 32) // travel_q16
+        first_q16 = to_threshold_q16 * interval_q16 >> 16
+        steps = max(0, (travel_q16 - to_threshold_q16) // k.STEP_Q16 + 1)
+        tick = 7
+        dues = [tick * k.TICK_COUNTS + (first_q16 + i * interval_q16 >> 16) for i in range(steps)]
+        ready = tick * k.TICK_COUNTS + (first_q16 >> 16) + wait_counts
+        pulse = (interval_q16 >> 16) + pulse_beyond_interval
+        expected: list[int] = []
+        for due in dues:
+            expected.append(max(due, expected[-1] + pulse if expected else ready))
+
+        rig = KernelRig(KERNELS[name](), timing=Timing(pulse // 3, pulse - pulse // 3, 0, 0))
+        rig.set(k.RATE_LIMIT_Q16_PER_MS, 60 * k.STEP_Q16)
+        rig.set(k.POSITION_Q16, 64 * start_units)
+        rig.set(k.TAIL_Q16, 64 * start_units)
+        rig.set(k.TAIL_VELOCITY, 64 * sign * units_per_ms)
+        rig.set(k.DIR_LEVEL, int(sign > 0))
+        rig.set(k.EARLIEST_RISE_COUNTS, ready)
+        assert rig.push(sign * units_per_ms, 64 * sign * units_per_ms, 1) == k.ACCEPTED
+        rig.start()
+        rig.tick = tick
+        rig.advance(1)
+        late = [rise - due for rise, due in zip(expected, dues, strict=True)]
+        assert rig.rises() == expected
+        assert rig.falls() == [rise + pulse // 3 for rise in expected]
+        assert rig.get(k.COUNTER) == sign * steps
+        assert rig.get(k.DELAYED_STEPS) == sum(wait > 0 for wait in late)
+        assert rig.get(k.EVENT) == (k.EVENT_LATE_STEP if max(late, default=0) > k.TICK_COUNTS else k.EVENT_NONE)
+        assert rig.get(k.EARLIEST_RISE_COUNTS) == (expected[-1] + pulse if expected else ready)
 
 
 SEGMENTS = st.lists(

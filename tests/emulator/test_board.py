@@ -21,7 +21,7 @@ OUT1, OUT2 = DigitalOutput.OUT1, DigitalOutput.OUT2
 
 @pytest.fixture
 def simulation(fast_kernel: Kernel) -> Simulation:
-    return Simulation(Board(BoardConfig(axis_count=2, osc_pf=(330.0, 330.0)), fast_kernel), Bus(1_000_000))
+    return Simulation([Board(BoardConfig(axis_count=2, osc_pf=(330.0, 330.0)), fast_kernel)], Bus(1_000_000))
 
 
 def send(simulation: Simulation, frame: Frame) -> int:
@@ -51,17 +51,17 @@ def test_outputs_change_in_the_instant_of_their_frame(simulation: Simulation) ->
     wait(simulation, 0.1)
     second = switch(simulation, OUT2, axis=1)
     expected = [PinChange(first, 0, Pin.OUT1, 1), PinChange(second, 1, Pin.OUT2, 1)]
-    assert simulation.board.output_changes() == expected
+    assert simulation.boards[0].output_changes() == expected
     third = switch(simulation, OUT2)
     expected += [PinChange(third, 0, Pin.OUT1, 0), PinChange(third, 0, Pin.OUT2, 1)]
-    assert simulation.board.output_changes() == simulation.board.output_changes() == expected
+    assert simulation.boards[0].output_changes() == simulation.boards[0].output_changes() == expected
 
 
 def test_they_stand_among_all_changes_of_held_pins(simulation: Simulation) -> None:
     instant = switch(simulation, OUT1)
-    simulation.board.drain()
+    simulation.boards[0].drain()
     powered = [PinChange(0, axis, pin, 1) for axis in (0, 1) for pin in SIXTEENTHS]
-    assert simulation.board.pin_changes == [*powered, PinChange(instant, 0, Pin.OUT1, 1)]
+    assert simulation.boards[0].pin_changes == [*powered, PinChange(instant, 0, Pin.OUT1, 1)]
 
 
 def test_an_output_switches_in_the_middle_of_a_motion(simulation: Simulation) -> None:
@@ -75,8 +75,8 @@ def test_an_output_switches_in_the_middle_of_a_motion(simulation: Simulation) ->
     wait(simulation, 51.3)
     instant = switch(simulation, OUT2)
     wait(simulation, 100)
-    trace = simulation.board.trace(0)
-    assert simulation.board.output_changes() == [PinChange(instant, 0, Pin.OUT2, 1)]
+    trace = simulation.boards[0].trace(0)
+    assert simulation.boards[0].output_changes() == [PinChange(instant, 0, Pin.OUT2, 1)]
     assert trace.position_steps == len(trace.step_counts) == 50
     assert trace.step_counts[20] < instant < trace.step_counts[30]
 
@@ -97,35 +97,35 @@ class TestPower:
     def test_what_is_stored_outlives_it_and_nothing_else(self, simulation: Simulation) -> None:
         write(simulation, 0x607C, 77)
         simulation.power_cycle()
-        assert home_offset(simulation.board) == 0
+        assert home_offset(simulation.boards[0]) == 0
         write(simulation, 0x607C, 77)
         write(simulation, 0x1010, self.SAVE, subindex=1)
         write(simulation, 0x607C, 78)
         simulation.power_cycle()
-        assert home_offset(simulation.board) == 77
+        assert home_offset(simulation.boards[0]) == 77
 
     def test_another_board_knows_what_it_is_given(self, simulation: Simulation, fast_kernel: Kernel) -> None:
         write(simulation, 0x607C, 77)
         write(simulation, 0x1010, self.SAVE, subindex=1)
-        config = simulation.board.config
+        config = simulation.boards[0].config
         assert home_offset(Board(config, fast_kernel)) == 0
-        assert home_offset(Board(config, fast_kernel, simulation.board.flash)) == 77
+        assert home_offset(Board(config, fast_kernel, simulation.boards[0].flash)) == 77
 
     def test_all_pins_fall_and_the_nodes_announce_themselves_again(self, simulation: Simulation) -> None:
         wait(simulation, 3.3)
         switch(simulation, OUT1)
         wait(simulation, 1)
-        simulation.board.drain()
-        before = len(simulation.board.pin_changes)
+        simulation.boards[0].drain()
+        before = len(simulation.boards[0].pin_changes)
         frames = len(simulation.bus.log_frames)
         now = simulation.now_counts
         simulation.power_cycle()
         wait(simulation, 1)
-        simulation.board.drain()
+        simulation.boards[0].drain()
         fallen, risen = (
             [PinChange(now, axis, pin, level) for axis in (0, 1) for pin in SIXTEENTHS] for level in (0, 1)
         )
-        assert simulation.board.pin_changes[before:] == [*fallen, PinChange(now, 0, Pin.OUT1, 0), *risen]
+        assert simulation.boards[0].pin_changes[before:] == [*fallen, PinChange(now, 0, Pin.OUT1, 0), *risen]
         assert simulation.bus.log_frames[frames:] == [Frame(0x710, b"\0"), Frame(0x711, b"\0")]
 
     def test_a_motion_ends_with_the_power_and_the_next_begins_from_zero(self, simulation: Simulation) -> None:
@@ -138,25 +138,25 @@ class TestPower:
             wait(simulation, 50)
             simulation.power_cycle()
             wait(simulation, 200)
-            trace = simulation.board.trace(0)
+            trace = simulation.boards[0].trace(0)
             assert trace.position_steps == pytest.approx(10 * round_, abs=round_)
             assert not trace.violations.counts.size
-            assert simulation.board.firmware.motion.demand_units(0) == 0
+            assert simulation.boards[0].firmware.motion.demand_units(0) == 0
 
 
 class TestDrivers:
     def test_the_firmwares_pins_reach_the_chip(self, simulation: Simulation) -> None:
         """Supplied in order, out of reset in the mode of 16 microsteps, off until the drive is switched on."""
         wait(simulation, 1)
-        driven = simulation.board.outputs(0)
+        driven = simulation.boards[0].outputs(0)
         now = np.array([simulation.now_counts])
         assert driven.angle_deg(now).tolist() == [0]
         assert driven.currents_a(now).tolist() == [[0, 0]]
         enabled = switch_on(simulation)
         wait(simulation, 1)
         times = enabled + np.array([0, 3 * 72])
-        assert simulation.board.outputs(0).currents_a(times).tolist() == [[0, 0], [pytest.approx(0.5 / 0.33), 0]]
-        assert not simulation.board.trace(0).violations.counts.size
+        assert simulation.boards[0].outputs(0).currents_a(times).tolist() == [[0, 0], [pytest.approx(0.5 / 0.33), 0]]
+        assert not simulation.boards[0].trace(0).violations.counts.size
 
     def test_steps_turn_the_field(self, simulation: Simulation) -> None:
         """Ten steps up, which are counterclockwise."""
@@ -165,16 +165,16 @@ class TestDrivers:
         simulation.send(Frame(0x310, bytes.fromhex("1f00")))
         simulation.send(Frame(0x080, b""))
         wait(simulation, 200)
-        outputs = simulation.board.outputs(0)
-        steps = simulation.board.trace(0).position_steps
+        outputs = simulation.boards[0].outputs(0)
+        steps = simulation.boards[0].trace(0).position_steps
         assert steps == pytest.approx(10, abs=1)
         assert outputs.sixteenths(np.array([simulation.now_counts])).tolist() == [64 - steps]
 
     def test_protect_goes_low_with_the_heat(self, fast_kernel: Kernel) -> None:
         """A chip as light as a crumb gets hot within some ms, once it is enabled; the other one stays cold."""
         crumb = Module(cooling=Cooling(resistance_k_per_w=200, capacity_j_per_k=1e-4))
-        board = Board(BoardConfig(2, (330.0, 330.0), (crumb, Module())), fast_kernel)
-        simulation = Simulation(board, Bus(1_000_000))
+        board = Board(BoardConfig(2, (330.0, 330.0), modules=(crumb, Module())), fast_kernel)
+        simulation = Simulation([board], Bus(1_000_000))
         wait(simulation, 100)
         assert board.protect_level(0, simulation.now_counts) == 1
         switch_on(simulation)
@@ -185,13 +185,12 @@ class TestDrivers:
 
     def test_each_axis_may_have_another_module(self, fast_kernel: Kernel) -> None:
         with pytest.raises(ValueError, match="zip"):
-            Board(BoardConfig(2, (330.0, 330.0), (Module(),)), fast_kernel)
+            Board(BoardConfig(2, (330.0, 330.0), modules=(Module(),)), fast_kernel)
 
 
 def switch_on(simulation: Simulation) -> int:
     """Axis 0 to OPERATION ENABLED for interpolation; return the instant in which ENABLE rose."""
     for cob_id, data in ((0x000, "0110"), (0x210, "060007"), (0x210, "070007"), (0x210, "0f0007")):
         simulation.send(Frame(cob_id, bytes.fromhex(data)))
-    simulation.board.drain()
-    (enabled,) = [change.counts for change in simulation.board.pin_changes if change.pin is Pin.ENABLE]
-    return enabled
+    simulation.boards[0].drain()
+    return [change.counts for change in simulation.boards[0].pin_changes if change.pin is Pin.ENABLE][-1]

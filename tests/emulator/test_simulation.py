@@ -17,7 +17,7 @@ def heartbeat(axis: int, period_ms: int) -> Frame:
 
 
 def simulation_of_eight(kernel: Kernel) -> Simulation:
-    return Simulation(Board(BoardConfig(axis_count=8, osc_pf=(330.0,) * 8), kernel), Bus(125_000))
+    return Simulation([Board(BoardConfig(axis_count=8, osc_pf=(330.0,) * 8), kernel)], Bus(125_000))
 
 
 def send_all(simulation: Simulation, frames: list[Frame]) -> None:
@@ -33,6 +33,20 @@ def test_answers_have_arrived_when_send_returns(fast_kernel: Kernel) -> None:
     heard.clear()
     simulation.send(Frame(0x610, bytes.fromhex("4000100000000000")))
     assert heard == [Frame(0x590, bytes.fromhex("4300100092010400"))]
+
+
+@pytest.mark.parametrize("boards", [1, 2])
+def test_what_one_board_may_say_two_may_not(fast_kernel: Kernel, boards: int) -> None:
+    """Heartbeats of 6 ms: 1333 frames a second from each board."""
+    config = [BoardConfig(8, (330.0,) * 8, first_node_id=0x10 + 8 * number) for number in range(boards)]
+    simulation = Simulation([Board(c, fast_kernel) for c in config], Bus(125_000))
+    simulation.run_until(SECOND // 100)
+    requests = [heartbeat(axis, period_ms=6) for axis in range(8 * boards)]
+    if boards == 1:
+        send_all(simulation, requests)
+    else:
+        with pytest.raises(BusOverloadError, match="the nodes' own frames keep the bus busy"):
+            send_all(simulation, requests)
 
 
 def test_nodes_that_fill_the_bus_by_themselves_are_no_endless_wait(fast_kernel: Kernel) -> None:

@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from controller.backend import Kernel
-from emulator.bus import Bus
+from emulator.can_controller import CanController
 from host.cli.app import run
 from host.errors import InputError
 from host.jobs import make_job
@@ -20,7 +20,7 @@ RUN = ["run", "warehouse-scara", "drawer-pull"]
 def frames(monkeypatch: pytest.MonkeyPatch) -> list[object]:
     """Everything that anybody puts on any bus."""
     sent: list[object] = []
-    monkeypatch.setattr(Bus, "submit", lambda _bus, _port, frame, _now: sent.append(frame))
+    monkeypatch.setattr(CanController, "send", lambda _station, frame, _now: sent.append(frame))
     return sent
 
 

@@ -147,7 +147,7 @@ def test_no_digit_is_lost_in_a_narrow_terminal(
     assert th1[:4] == ["th1", "0", "-1846", "1846"]
 
 
-class TestADyingHost:
+class TestAHangingHost:
     def test_the_board_stops_itself_and_knows_where_it_is(self, capsys: pytest.CaptureFixture[str]) -> None:
         assert run([*COMMAND, "--cut-stream", "3"]) == 3
         captured = capsys.readouterr()

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from emulator.bus import Bus
+from emulator.can_controller import CanController
 from host.cli.app import run
 from host.robots import load_robot
 
@@ -69,7 +69,7 @@ def refusal(capsys: pytest.CaptureFixture[str], *words: str) -> str:
 @pytest.fixture
 def no_frames(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nobody may put anything on any bus."""
-    monkeypatch.setattr(Bus, "submit", lambda *_: pytest.fail("a frame was sent"))
+    monkeypatch.setattr(CanController, "send", lambda *_: pytest.fail("a frame was sent"))
 
 
 class TestATrajectoryFile:

@@ -28,7 +28,7 @@ COMMANDS = [
 
 @pytest.mark.parametrize("line", COMMANDS)
 def test_command(line: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Each ends with 0, the one whose host dies with 3, the one whose drivers are slow with 1."""
+    """Each ends with 0, the one whose stream is cut with 3, the one whose drivers are slow with 1."""
     monkeypatch.chdir(tmp_path)
     words = shlex.split(line.split(">", maxsplit=1)[0], comments=True)
     expected = {"--cut-stream": 3, "--driver-profile": 1}

@@ -70,6 +70,7 @@ def test_status_emergency_heartbeat_and_nmt(database: Database) -> None:
     emergency = decode(database, COB_EMCY + 0x11, bytes.fromhex("01FF810000000000"))
     assert (emergency["ErrorCode"], emergency["ErrorRegister"]) == (0xFF01, 0x81)
     assert str(decode(database, 0x710, b"\x05")["NmtState"]) == "OPERATIONAL"
+    assert str(decode(database, 0x77F, b"\x05")["NmtState"]) == "OPERATIONAL"
     assert str(decode(database, 0, b"\x01\x00")["Command"]) == "START"
 
 
@@ -78,4 +79,5 @@ def test_senders_and_names(database: Database) -> None:
     assert database.get_message_by_frame_id(0x190).senders == ["sx"]
     assert database.get_message_by_frame_id(0x190).name == "sx_TPDO1_Status"
     assert database.get_message_by_frame_id(0x610).senders == ["Master"]
+    assert database.get_message_by_frame_id(0x77F).senders == ["Master"]
     assert len({message.name for message in database.messages}) == len(database.messages)

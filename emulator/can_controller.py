@@ -1,0 +1,208 @@
+"""The STM32F103's CAN controller, bxCAN (RM0008, chapter 24), with the driver that feeds and empties it.
+
+Three transmit mailboxes go out by identifier, lowest first (TXFP = 0); what finds none free waits in the driver's
+queue, in order, and moves up as soon as a mailbox is free. Two receive FIFOs hold three messages each; what comes to a
+full one is lost (RFLM = 1) and flagged as overrun. After bus-off the controller comes back by itself (ABOM = 1).
+"""
+
+from bisect import insort
+from collections import deque
+from collections.abc import Callable
+from typing import Final, Protocol
+
+from emulator.fault_confinement import ErrorState, FaultConfinement
+from protocol.cia402 import ErrorCode
+from protocol.frame import COB_SDO_REQUEST, NODE_ID_MAX, Frame
+
+MAILBOXES: Final = 3
+FIFO_DEPTH: Final = 3
+RECOVERY_SEQUENCES: Final = 128
+"""How many times 11 recessive bits a controller must see before it leaves bus-off (ISO 11898-1; RM0008, 24.7.6)."""
+
+_SDO_REQUESTS: Final = range(COB_SDO_REQUEST + 1, COB_SDO_REQUEST + NODE_ID_MAX + 1)
+
+Receiver = Callable[[Frame, int], None]
+Filter = Callable[[int], bool]
+
+
+class ErrorListener(Protocol):
+    """Is told when an error of the controller occurs and when it is over."""
+
+    def __call__(self, code: ErrorCode, now_counts: int, /, *, active: bool) -> None: ...
+
+
+def _everything(_cob_id: int) -> bool:
+    return True
+
+
+def _nothing(_code: ErrorCode, _now_counts: int, *, active: bool) -> None:
+    """For a station that does not care how its controller is."""
+
+
+class CanController:
+    """One station on the bus. `submitted` and `next_due_counts` are for whoever connects and drives it."""
+
+    def __init__(
+        self,
+        receive: Receiver,
+        on_error: ErrorListener = _nothing,
+        passes: Filter = _everything,
+        read_latency_counts: int = 0,
+    ) -> None:
+        """Connect a processor.
+
+        Args:
+            receive: takes a message and the instant.
+            on_error: hears of overrun, error passive and the way back from bus-off.
+            passes: the acceptance filter: whether a COB-ID is to be received at all.
+            read_latency_counts: how long after its arrival a message is fetched from its FIFO. 0, an interrupt without
+                delay, never overruns.
+        """
+        self.errors = FaultConfinement()
+        self.state = ErrorState.ACTIVE
+        self.on_bus = True
+        """Whether it takes part: sends, receives, acknowledges; not so in bus-off."""
+        self.read_latency_counts = read_latency_counts
+        self.mailboxes: list[Frame] = []
+        """What waits for the bus, lowest identifier first, no two with the same one: of equals bxCAN sends the one in
+        the lower mailbox first, which need not be the older. The driver lets a frame wait until its identifier is
+        in no mailbox."""
+        self.submitted: Callable[[int], None] = lambda _now_counts: None
+        """The bus wants to know when there is something to send."""
+        self.silent_until_counts = 0
+        """The station does not begin to send before this."""
+        self.recovery_sequences_left = 0
+        """In bus-off: how many times 11 recessive bits are still missing."""
+        self.overruns = 0
+        """Messages lost so far because their FIFO was full."""
+        self._receive = receive
+        self._on_error = on_error
+        self._active: set[ErrorCode] = set()
+        """The errors that have occurred and are not over."""
+        self._passes = passes
+        self._queue: deque[Frame] = deque()
+        self._fifos: tuple[deque[Frame], deque[Frame]] = (deque(), deque())
+        self._overrun = False
+        """Whether a FIFO's overrun flag is up (FOVR)."""
+        self.next_due_counts: int | None = None
+        """When the processor fetches what is in the FIFOs."""
+
+    # --- out
+
+    def send(self, frame: Frame, now_counts: int) -> None:
+        """Send a frame as soon as the bus lets it."""
+        if self.mailboxes:
+            self._queue.append(frame)
+            self._fill_mailboxes()
+        else:  # then nothing waits in the queue either
+            self.mailboxes.append(frame)
+        self.submitted(now_counts)
+
+    def _fill_mailboxes(self) -> None:
+        queue, mailboxes = self._queue, self.mailboxes
+        while queue and len(mailboxes) < MAILBOXES:
+            if mailboxes and any(frame.cob_id == queue[0].cob_id for frame in mailboxes):
+                return
+            insort(mailboxes, queue.popleft())
+
+    def sent(self, frame: Frame, now_counts: int) -> None:
+        """A frame has gone out and was acknowledged."""
+        self.mailboxes.remove(frame)
+        if self._queue:
+            self._fill_mailboxes()
+        if self.errors.transmit_errors or self._active:
+            self.errors.sent()
+            self._note_good_frame(now_counts)
+
+    # --- in
+
+    def received(self, frame: Frame, now_counts: int) -> None:
+        """A frame on the bus is valid: the filter decides whether and where it is stored."""
+        if self.errors.receive_errors or self._active:
+            self.errors.received()
+            self._note_good_frame(now_counts)
+        if not self._passes(frame.cob_id):
+            return
+        if not self.read_latency_counts:
+            self._receive(frame, now_counts)
+        else:
+            self._store(frame, now_counts)
+
+    def _store(self, frame: Frame, now_counts: int) -> None:
+        """SDO requests have FIFO 1, so that they cannot push process data out of FIFO 0."""
+        number = int(frame.cob_id in _SDO_REQUESTS)
+        if len(self._fifos[number]) == FIFO_DEPTH:
+            self.overruns += 1
+            self._overrun = True
+            return
+        self._fifos[number].append(frame)
+        if self.next_due_counts is None:
+            self.next_due_counts = now_counts + self.read_latency_counts
+
+    def poll(self, now_counts: int) -> None:
+        """Let the processor empty both FIFOs if it is its time. An overrun is over when it finds no flag any more."""
+        if self.next_due_counts is None or self.next_due_counts > now_counts:
+            return
+        self.next_due_counts = None
+        overrun, self._overrun = self._overrun, False
+        if overrun:
+            self._note_error(ErrorCode.CAN_OVERRUN, now_counts, active=True)
+        for fifo in self._fifos:
+            while fifo:
+                self._receive(fifo.popleft(), now_counts)
+        if not overrun:
+            self._note_error(ErrorCode.CAN_OVERRUN, now_counts, active=False)
+
+    # --- errors
+
+    def sending_failed(self, now_counts: int, *, acknowledged: bool = True) -> None:
+        """Our frame met an error: it stays in its mailbox and is sent again (NART = 0)."""
+        self.errors.sending_failed(acknowledged=acknowledged)
+        self._note_worse_state(now_counts)
+
+    def receiving_failed(self, now_counts: int) -> None:
+        """Somebody else's frame met an error."""
+        self.errors.receiving_failed()
+        self._note_worse_state(now_counts)
+
+    def force_bus_off(self, now_counts: int) -> None:
+        """Leave the bus as after too many failed attempts."""
+        self.errors.force_bus_off()
+        self._note_worse_state(now_counts)
+
+    def _note_worse_state(self, now_counts: int) -> None:
+        before, self.state = self.state, self.errors.state
+        if self.state is before:
+            return
+        if self.state is ErrorState.PASSIVE:
+            self._note_error(ErrorCode.CAN_ERROR_PASSIVE, now_counts, active=True)
+        elif self.state is ErrorState.BUS_OFF:
+            self.on_bus = False
+            self.recovery_sequences_left = RECOVERY_SEQUENCES
+
+    def _note_good_frame(self, now_counts: int) -> None:
+        self.state = self.errors.state
+        if self.state is not ErrorState.PASSIVE:
+            self._note_error(ErrorCode.CAN_ERROR_PASSIVE, now_counts, active=False)
+        self._note_error(ErrorCode.CAN_BUS_OFF_RECOVERED, now_counts, active=False)
+
+    def recover(self, now_counts: int) -> None:
+        """Enough recessive bits have passed since bus-off: be error active again.
+
+        The way back is news, and an error until a frame has passed.
+        """
+        self.errors.reset()
+        self.state = ErrorState.ACTIVE
+        self.on_bus = True
+        self._note_error(ErrorCode.CAN_BUS_OFF_RECOVERED, now_counts, active=True)
+        self._note_error(ErrorCode.CAN_ERROR_PASSIVE, now_counts, active=False)
+
+    def _note_error(self, code: ErrorCode, now_counts: int, *, active: bool) -> None:
+        """Tell the processor what it does not know yet."""
+        if active is (code in self._active):
+            return
+        if active:
+            self._active.add(code)
+        else:
+            self._active.remove(code)
+        self._on_error(code, now_counts, active=active)

@@ -1,0 +1,353 @@
+"""A board under a random host: valid commands, junk, switches, brown-outs and silence, for thousands of steps.
+
+After each step some truths must hold that are told from the outside: from pins, edges and what the bus can read. At the
+end of a run everything is done again on another board with the other kernel, which must give the same bytes.
+"""
+
+from collections.abc import Callable
+from importlib.util import find_spec
+
+import numpy as np
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
+
+from controller.backend import KERNELS, Kernel
+from controller.pins import Pin
+from protocol.cia402 import DigitalInput, Mode, State, Status
+from tests.controller.bench_board import MS, BenchBoard
+from tests.controller.kernel_rig import Timing, pin_timing_faults
+
+AXES = 2
+ACCELERATION = 40_000 * 1024
+"""Of every ramp of a profile, a stop or a fault, in units/s2."""
+VELOCITY_MAX = 4_000 * 1024
+ROUNDING = 4 * 1024
+"""What velocities per ms may differ by: 1/64 unit per ms, a ramp of whole ms, units at the ends of segments."""
+
+axes = st.integers(0, AXES - 1)
+INPUTS = (DigitalInput(0), *DigitalInput, DigitalInput.NEGATIVE_LIMIT | DigitalInput.POSITIVE_LIMIT)
+WORDS = (0x06, 0x07, 0x0F, 0x0F, 0x1F, 0x1F, 0x3F, 0x5F, 0x02, 0x00, 0x80, 0x10F, 0x11F)
+OBJECTS = {
+    (0x605A, 0): (0, 1, 2, 5, 6),
+    (0x605B, 0): (0, 1),
+    (0x605C, 0): (0, 1),
+    (0x605D, 0): (1, 2),
+    (0x605E, 0): (0, 1, 2),
+    (0x6007, 0): (0, 1, 2, 3),
+    (0x6065, 0): (0, 576, 1024, 2**32 - 1),
+    (0x6067, 0): (0, 512, 2**32 - 1),
+    (0x607A, 0): (0, 1000, -300_000, 2_000_000, 2**31 - 1),
+    (0x607C, 0): (0, 500, -1_000_000),
+    (0x607D, 1): (-(2**31), -1_000_000, 0),
+    (0x607D, 2): (2**31 - 1, 1_000_000, 0),
+    (0x6081, 0): (1, 100_000, VELOCITY_MAX, 2**32 - 1),
+    (0x6086, 0): (0, 3),
+    (0x60FF, 0): (0, 15, 1_000_000, -VELOCITY_MAX, 2**31 - 1),
+    (0x60C4, 6): (0,),
+    (0x2000, 1): (1, 2, 8, 16),
+    (0x2000, 4): (20, 50, 100),
+    (0x2010, 1): (0, 1),
+    (0x607E, 0): (0, 0xC0),
+    (0x1016, 1): (0, 0x7F_0005),
+    (0x1029, 1): (0, 1, 2),
+    (0x1010, 1): (int.from_bytes(b"save", "little"),),
+    (0x1011, 1): (int.from_bytes(b"load", "little"),),
+}
+writes = st.sampled_from([(*key, value) for key, values in OBJECTS.items() for value in values])
+spells = st.integers(0, 200)
+"""How long a motion is watched, in ms."""
+Step = Callable[["WatchedBoard"], None]
+
+
+class WatchedBoard(BenchBoard):
+    """A bench board with an observer at its pins, who counts steps and remembers what was on when."""
+
+    def __init__(self, kernel: Kernel) -> None:
+        super().__init__(kernel, AXES)
+        self.rises: list[list[int]] = [[] for _ in range(AXES)]
+        self.falls: list[list[int]] = [[] for _ in range(AXES)]
+        self.dir_edges: list[list[tuple[int, int]]] = [[] for _ in range(AXES)]
+        self.enabled: list[list[tuple[int, int]]] = [[(-1, 0)] for _ in range(AXES)]
+        self.steps = [0] * AXES
+        """Where the axis is by the observer's count, from the last position that it was told."""
+        preset = self.firmware.motion.preset
+
+        def watched_preset(axis: int, position_units: int) -> None:
+            self.observe()
+            preset(axis, position_units)
+            self.steps[axis] = self.firmware.motion.counter_steps(axis)
+
+        self.firmware.motion.preset = watched_preset  # type: ignore[method-assign]
+
+    def observe(self) -> None:
+        """Take down what the pins have done."""
+        for axis, edges in enumerate(self.firmware.motion.take_edges()):
+            rises = [int(counts) for counts in edges.clk_counts[0::2]]
+            words = [int(word) for word in edges.direction]
+            self.dir_edges[axis] += [(word >> 1, word & 1) for word in words]
+            self.rises[axis] += rises
+            self.falls[axis] += [int(counts) for counts in edges.clk_counts[1::2]]
+            levels = np.array([0] + [level for _, level in self.dir_edges[axis]])
+            at = np.searchsorted([counts for counts, _ in self.dir_edges[axis]], rises, side="right")
+            sign = -1 if self.firmware.motion.config(axis).dir_inverted else 1
+            self.steps[axis] += sign * int((2 * levels[at] - 1).sum())
+        for change in self.firmware.take_pins():
+            if change.pin is Pin.ENABLE:
+                self.enabled[change.axis].append((change.counts, change.level))
+
+    def trace(self) -> tuple[object, ...]:
+        """Everything that came out of the board."""
+        self.observe()
+        return self.rises, self.falls, self.dir_edges, self.enabled, self.sent
+
+
+class RandomHost(RuleBasedStateMachine):
+    """Steps are kept to be done again."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.board = WatchedBoard(KERNELS["python"]())
+        self.script: list[Step] = []
+
+    def do(self, step: Step) -> None:
+        self.script.append(step)
+        step(self.board)
+
+    def now(self, step: Step) -> None:
+        """A step that takes no time: who ends a motion at once must own up to it."""
+        velocities = [self.board.firmware.motion.velocity(axis) for axis in range(AXES)]
+        self.do(step)
+        for axis, velocity in enumerate(velocities):
+            self.check_cut(axis, velocity)
+
+    def check_cut(self, axis: int, velocity_before: int) -> None:
+        motion = self.board.firmware.motion
+        if velocity_before and not motion.running(axis) and not motion.velocity(axis):
+            assert not self.board.has(Status.POSITION_KNOWN, axis), "cut in motion, and says that it knows where it is"
+
+    # --- steps
+
+    @initialize()
+    def set_up(self) -> None:
+        def configure(board: WatchedBoard) -> None:
+            for axis in range(AXES):
+                for index in (0x6083, 0x6084, 0x6085):
+                    board.write(index, 0, ACCELERATION, axis)
+                board.write(0x607F, 0, VELOCITY_MAX, axis)
+                board.write(0x1010, 1, int.from_bytes(b"save", "little"), axis)
+            board.enable(Mode.HOMING)
+
+        self.do(configure)
+
+    @rule(word=st.sampled_from(WORDS), axis=axes)
+    def controlword(self, word: int, axis: int) -> None:
+        self.now(lambda board: (board.write(0x6040, 0, word, axis), None)[1])
+
+    @rule(mode=st.sampled_from(Mode))
+    def recover(self, mode: int) -> None:
+        """All is well again, and every drive enabled."""
+
+        def walk(board: WatchedBoard) -> None:
+            board.set_inputs(DigitalInput(0))
+            board.measure()
+            board.nmt(1)
+            for axis in range(AXES):
+                for word in (0x80, 0x06, 0x07, 0x0F):
+                    board.write(0x6040, 0, word, axis)
+                board.write(0x6060, 0, mode, axis)
+
+        self.do(walk)
+
+    @rule(axis=axes, velocity=st.integers(-VELOCITY_MAX, VELOCITY_MAX), slices=spells)
+    def jog(self, axis: int, velocity: int, slices: int) -> None:
+        def walk(board: WatchedBoard) -> None:
+            board.write(0x6060, 0, Mode.PROFILE_VELOCITY, axis)
+            board.write(0x60FF, 0, velocity, axis)
+
+        self.do(walk)
+        self.watch(slices)
+
+    @rule(
+        axis=axes,
+        target_units=st.integers(-3_000_000, 3_000_000),
+        bits=st.sampled_from([0, 0x20, 0x40, 0x60]),
+        slices=spells,
+    )
+    def move(self, axis: int, target_units: int, bits: int, slices: int) -> None:
+        def walk(board: WatchedBoard) -> None:
+            board.write(0x6060, 0, Mode.PROFILE_POSITION, axis)
+            board.write(0x6081, 0, VELOCITY_MAX, axis)
+            board.write(0x607A, 0, target_units, axis)
+            board.write(0x6040, 0, 0x1F | bits, axis)
+            board.write(0x6040, 0, 0x0F, axis)
+
+        self.do(walk)
+        self.watch(slices)
+
+    @rule(axis=axes, word=st.sampled_from([0x00, 0x02, 0x06, 0x07]), dt_counts=st.integers(1, 2 * MS))
+    def leave(self, axis: int, word: int, dt_counts: int) -> None:
+        """Stop from speed, in the middle of a servo tick."""
+        self.jog(axis, VELOCITY_MAX, 120)
+        self.wait(dt_counts)
+        self.controlword(word, axis)
+        self.watch(60)
+
+    @rule(axis=axes)
+    def home(self, axis: int) -> None:
+        def walk(board: WatchedBoard) -> None:
+            for word in (0x0F, 0x1F, 0x0F):
+                board.write(0x6060, 0, Mode.HOMING, axis)
+                board.write(0x6040, 0, word, axis)
+
+        self.do(walk)
+
+    @rule(lengths=st.tuples(st.integers(1, 40), st.integers(1, 40)), unit=st.integers(-100_000, 100_000), slices=spells)
+    def stream(self, lengths: tuple[int, int], unit: int, slices: int) -> None:
+        """Both axes go away and come back in step, on long paths; the shorter one runs dry on the way."""
+        self.recover(Mode.INTERPOLATED_POSITION)
+
+        def walk(board: WatchedBoard) -> None:
+            for axis, length in enumerate(lengths):
+                board.write(0x60C4, 6, 0, axis)
+                for sequence in range(length):
+                    last = sequence == max(lengths) - 1
+                    board.record(unit if sequence else unit // 2, 0 if last else unit * 64 // 20, 20, sequence, axis)
+            board.start()
+
+        self.do(walk)
+        self.watch(slices)
+
+    @rule(mode=st.sampled_from([*Mode, 99]), axis=axes)
+    def mode(self, mode: int, axis: int) -> None:
+        self.do(lambda board: (board.write(0x6060, 0, mode, axis), None)[1])
+
+    @rule(write=writes, axis=axes)
+    def write(self, write: tuple[int, int, int], axis: int) -> None:
+        self.do(lambda board: (board.write(*write, axis), None)[1])
+
+    @rule(
+        axis=axes,
+        segments=st.lists(
+            st.tuples(
+                st.integers(-40_000, 40_000),
+                st.sampled_from([0, 0, 60_000, -200_000, 250_000]),
+                st.integers(0, 60),
+            ),
+            min_size=1,
+            max_size=6,
+        ),
+    )
+    def records(self, axis: int, segments: list[tuple[int, int, int]]) -> None:
+        def send(board: WatchedBoard) -> None:
+            for displacement, velocity, duration_ms in segments:
+                board.record(displacement, velocity, duration_ms, board.value(0x2012, 1, axis), axis)
+
+        self.do(send)
+
+    @rule()
+    def start(self) -> None:
+        self.do(BenchBoard.start)
+
+    @rule(command=st.sampled_from([1, 1, 1, 2, 128, 129, 130]), node=st.sampled_from([0, 0x10, 0x11]))
+    def network(self, command: int, node: int) -> None:
+        self.now(lambda board: board.nmt(command, node))
+
+    @rule(cob_id=st.integers(0, 0x7FF), data=st.binary(max_size=8))
+    def junk(self, cob_id: int, data: bytes) -> None:
+        self.now(lambda board: board.send(cob_id, data))
+
+    @rule(
+        base=st.sampled_from([0x080, 0x200, 0x300, 0x400, 0x500, 0x600, 0x700]), axis=axes, data=st.binary(max_size=8)
+    )
+    def near_junk(self, base: int, axis: int, data: bytes) -> None:
+        self.now(lambda board: board.send(base + 0x10 + axis, data))
+
+    @rule(inputs=st.sampled_from(INPUTS), axis=axes)
+    def inputs(self, inputs: DigitalInput, axis: int) -> None:
+        self.now(lambda board: board.set_inputs(inputs, axis))
+
+    @rule(
+        supply_10mv=st.sampled_from([2400, 2400, 999, 3401]), temperature_decidegc=st.sampled_from([250, 250, 250, 851])
+    )
+    def measure(self, supply_10mv: int, temperature_decidegc: int) -> None:
+        self.now(lambda board: board.measure(supply_10mv, temperature_decidegc))
+
+    @rule(dt_counts=st.integers(1, 2 * MS))
+    def wait(self, dt_counts: int) -> None:
+        self.do(lambda board: board.wait(dt_counts / MS))
+
+    @rule(slices=spells)
+    def let_go_on(self, slices: int) -> None:
+        self.watch(slices)
+
+    def watch(self, slices: int) -> None:
+        """Let time pass in milliseconds, with an eye on velocities."""
+        for _ in range(slices):
+            self.watch_one_ms()
+
+    def watch_one_ms(self) -> None:
+        motion = self.board.firmware.motion
+        before = [self.velocity(axis) for axis in range(AXES)]
+        streaming = [node.drive.mode.coordinated for node in self.board.firmware.nodes]
+        step: Step = lambda board: board.wait(1)  # noqa: E731
+        self.script.append(step)
+        step(self.board)
+        for axis in range(AXES):
+            now = self.velocity(axis)
+            assert abs(now) <= VELOCITY_MAX, "too fast"
+            cut = not self.board.has(Status.POSITION_KNOWN, axis) and not motion.running(axis)
+            if not (cut or streaming[axis]):
+                assert abs(now - before[axis]) <= ACCELERATION / 1000 + ROUNDING, "too much acceleration"
+
+    def velocity(self, axis: int) -> int:
+        """Demanded, in units per second."""
+        return self.board.firmware.motion.velocity(axis) * 1000 // 64
+
+    # --- truths
+
+    @invariant()
+    def counters_follow_edges(self) -> None:
+        self.board.observe()
+        for axis in range(AXES):
+            assert self.board.steps[axis] == self.board.firmware.motion.counter_steps(axis)
+
+    @invariant()
+    def no_step_is_owed(self) -> None:
+        for axis in range(AXES):
+            motion = self.board.firmware.motion
+            owed_units = abs(motion.demand_units(axis) - motion.counter_units(axis))
+            assert owed_units <= 16_384 * 9 // 16 // motion.config(axis).microsteps + 1
+
+    @invariant()
+    def no_edge_while_disabled(self) -> None:
+        for axis in range(AXES):
+            times, levels = zip(*self.board.enabled[axis], strict=True)
+            assert list(times) == sorted(times)
+            at_rise = np.searchsorted(times, self.board.rises[axis][-200:], side="right") - 1
+            assert all(levels[i] for i in at_rise)
+
+    @invariant()
+    def a_disabled_axis_stands(self) -> None:
+        for node in self.board.firmware.nodes:
+            assert node.drive.energised or not self.board.firmware.motion.running(node.axis)
+
+    @invariant()
+    def the_state_is_one(self) -> None:
+        for axis in range(AXES):
+            assert State.of(self.board.value(0x6041, 0, axis)) is self.board.state(axis)
+
+    def teardown(self) -> None:
+        """Pulse timing; then the same again."""
+        for axis in range(AXES):
+            edges = self.board.rises[axis], self.board.falls[axis], self.board.dir_edges[axis]
+            assert pin_timing_faults(*edges, Timing()) == []
+        again = WatchedBoard(KERNELS["numba" if find_spec("numba") else "python"]())
+        for step in self.script:
+            step(again)
+            again.observe()
+        assert again.trace() == self.board.trace()
+
+
+RandomHost.TestCase.settings = settings(max_examples=60, stateful_step_count=100, deadline=None, derandomize=True)
+TestRandomHost = RandomHost.TestCase

@@ -1,0 +1,40 @@
+"""A bus with stations of which nobody but the test knows what they do."""
+
+from emulator.bus import Bus
+from emulator.bus_faults import FaultScript
+from emulator.can_controller import CanController
+from protocol.cia402 import ErrorCode
+from protocol.frame import Frame
+
+
+class BusRig:
+    """A bus with stations that note what each of them hears, as (counts, frame)."""
+
+    def __init__(self, bitrate: int = 1_000_000, stations: int = 2, faults: FaultScript | None = None) -> None:
+        self.bus = Bus(bitrate, faults)
+        self.heard: list[list[tuple[int, Frame]]] = [[] for _ in range(stations)]
+        self.errors: list[tuple[int, int, ErrorCode, bool]] = []
+        """(counts, station, code, active)."""
+        self.stations = [self._station(number) for number in range(stations)]
+
+    def _station(self, number: int) -> CanController:
+        station = self.controller(number)
+        self.bus.attach(station)
+        return station
+
+    def controller(self, number: int) -> CanController:
+        """A controller that notes what it hears as a station."""
+
+        def note_error(code: ErrorCode, counts: int, *, active: bool) -> None:
+            self.errors.append((counts, number, code, active))
+
+        return CanController(lambda frame, counts: self.heard[number].append((counts, frame)), note_error)
+
+    def run(self, until_counts: int = 72_000_000) -> None:
+        """Step through all events up to an instant."""
+        while (now := self.bus.next_event_counts) is not None and now <= until_counts:
+            self.bus.step(now)
+
+    def bits(self, count: int) -> int:
+        """So many bits in counts."""
+        return count * self.bus.bit_counts

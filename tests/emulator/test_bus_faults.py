@@ -1,0 +1,119 @@
+"""Scripted faults: which attempts they strike, and what becomes of these."""
+
+import pytest
+
+from emulator.bus_faults import Fault, FaultKind, FaultScript
+from emulator.can_timing import frame_bits
+from emulator.fault_confinement import ErrorState
+from protocol.cia402 import ErrorCode
+from protocol.frame import Frame
+from tests.emulator.bus_rig import BusRig
+
+FRAME = Frame(0x200, b"\x55")
+BITS = frame_bits(FRAME)
+ERROR_BITS = BITS - 13 + 7 + 8 + 3
+"""Up to the end of the CRC; error flag and echo, delimiter, intermission."""
+
+
+def rig_with(*faults: Fault, stations: int = 2) -> BusRig:
+    return BusRig(stations=stations, faults=FaultScript(faults))
+
+
+def test_a_loss_is_acknowledged_but_not_heard() -> None:
+    rig = rig_with(Fault(FaultKind.LOSS, (0x200,), skip=1, count=1))
+    for byte in range(3):
+        rig.stations[0].send(Frame(0x200, bytes((byte,))), 0)
+    rig.run()
+    assert [frame.data[0] for _, frame in rig.heard[1]] == [0, 2]
+    assert [frame.data[0] for frame in rig.bus.log_frames] == [0, 1, 2]
+
+
+def test_a_loss_may_concern_one_receiver_only() -> None:
+    rig = rig_with(Fault(FaultKind.LOSS, receiver=2), stations=4)
+    rig.stations[0].send(FRAME, 0)
+    rig.run()
+    assert [len(frames) for frames in rig.heard] == [0, 1, 0, 1]
+
+
+def test_a_disturbed_frame_costs_an_error_frame_and_is_sent_again() -> None:
+    rig = rig_with(Fault(FaultKind.CORRUPTION, count=2), stations=3)
+    rig.stations[0].send(FRAME, 0)
+    rig.run()
+    assert rig.heard[1] == rig.heard[2] == [(rig.bits(2 * ERROR_BITS + BITS - 4), FRAME)]
+    assert rig.bus.busy_bits == 2 * ERROR_BITS + BITS
+    assert rig.bus.error_frames == 2
+    assert rig.stations[0].errors.transmit_errors == 2 * 8 - 1
+    assert rig.stations[1].errors.receive_errors == 2 - 1
+    assert rig.bus.log_frames == [FRAME]
+
+
+def test_a_lower_identifier_goes_before_a_repetition() -> None:
+    rig = rig_with(Fault(FaultKind.CORRUPTION, (0x200,), count=1))
+    rig.stations[0].send(FRAME, 0)
+    rig.bus.step(0)
+    rig.stations[1].send(Frame(0x100, b""), 1)
+    rig.run()
+    assert rig.bus.log_frames == [Frame(0x100, b""), FRAME]
+
+
+def test_32_disturbances_in_a_row_throw_the_sender_off() -> None:
+    """A passive sender pauses 8 bits more; the 128 x 11 recessive bits begin with its last error delimiter."""
+    rig = rig_with(Fault(FaultKind.CORRUPTION, count=32))
+    rig.stations[0].send(FRAME, 0)
+    rig.run()
+    passive = rig.bits(16 * ERROR_BITS - 11)
+    off = rig.bits(32 * ERROR_BITS + 16 * 8 - 11)
+    back = off + rig.bits(128 * 11)
+    sent = back + rig.bits(BITS - 4)
+    assert [error for error in rig.errors if error[1] == 0] == [
+        (passive, 0, ErrorCode.CAN_ERROR_PASSIVE, True),
+        (back, 0, ErrorCode.CAN_BUS_OFF_RECOVERED, True),
+        (back, 0, ErrorCode.CAN_ERROR_PASSIVE, False),
+        (sent, 0, ErrorCode.CAN_BUS_OFF_RECOVERED, False),
+    ]
+    assert rig.heard[1] == [(sent, FRAME)]
+    assert rig.stations[0].errors.transmit_errors == 0
+
+
+def test_a_sender_thrown_off_sends_when_it_is_back() -> None:
+    rig = rig_with(Fault(FaultKind.BUS_OFF, (0x200,), count=1))
+    rig.stations[0].send(FRAME, 0)
+    rig.bus.step(0)
+    assert rig.stations[0].state is ErrorState.BUS_OFF
+    assert rig.bus.busy
+    rig.run()
+    assert not rig.bus.busy
+    assert rig.heard[1] == [(rig.bits(128 * 11 + BITS - 4), FRAME)]
+
+
+def test_a_delay_holds_up_its_sender_once() -> None:
+    rig = rig_with(Fault(FaultKind.DELAY, (0x200,), delay_counts=1_000_000))
+    rig.stations[0].send(FRAME, 0)
+    rig.stations[0].send(Frame(0x201, b""), 0)
+    rig.stations[1].send(Frame(0x300, b""), 0)
+    rig.run()
+    assert rig.bus.log_frames == [Frame(0x300, b""), FRAME, Frame(0x201, b"")]
+    assert rig.bus.log_counts[1] == 1_000_000 + rig.bits(BITS - 4)
+
+
+def test_a_fault_has_its_time() -> None:
+    script = FaultScript([Fault(FaultKind.LOSS, from_counts=100, until_counts=200)])
+    struck = [counts for counts in range(0, 300, 50) if script.strike(FRAME, counts, delayed=False)]
+    assert struck == [100, 150]
+    assert script.struck == [(counts, script.faults[0], FRAME) for counts in struck]
+
+
+def test_a_rate_is_drawn_from_the_seed() -> None:
+    def strikes(seed: int) -> list[bool]:
+        script = FaultScript([Fault(FaultKind.LOSS, rate=0.3)], seed)
+        return [script.strike(FRAME, 0, delayed=False) is not None for _ in range(1000)]
+
+    assert strikes(1) == strikes(1) != strikes(2)
+    assert 250 < sum(strikes(1)) < 350
+
+
+def test_nonsense_is_refused() -> None:
+    with pytest.raises(ValueError, match="rate"):
+        Fault(FaultKind.LOSS, rate=1.5)
+    with pytest.raises(ValueError, match="delay_counts"):
+        Fault(FaultKind.DELAY)

@@ -1,0 +1,128 @@
+"""Runs that are halted on the way, and their evidence in trajectory time, in which it can be held against the plan."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from controller import kernel as k
+from controller.backend import Kernel
+from controller.group_time import GroupTime
+from host.client import AxisRecords, Machine, OutputCommand, Progress
+from host.jobs import make_job
+from host.planner import plan
+from host.robots import load_robot
+from host.run import Outcome, execute
+from host.verify import AxisEvidence, Evidence, Report, verify
+from host.verify.evidence import Int64Array
+
+_POLL_S = 0.01
+
+
+class Break(NamedTuple):
+    """A pause as soon as the trajectory is known to have come so far, and how long it lasts from standstill on."""
+
+    at_s: float
+    lasts_s: float
+
+
+class Ramp(NamedTuple):
+    """From a tick on, the group's rate goes from one value to another, in parts of the full rate."""
+
+    tick: int
+    from_rate: float
+    to_rate: float
+    ticks: int
+
+
+@dataclass(frozen=True)
+class HaltedRun:
+    """What a run left, whether each of its breaks found it moving, and how the group's rate went."""
+
+    outcome: Outcome
+    halted: tuple[bool, ...]
+    ramps: tuple[Ramp, ...]
+
+    @property
+    def evidence(self) -> Evidence:
+        """With the board's own instants."""
+        return self.outcome.comparison.evidence
+
+    def verify(self) -> Report:
+        """The verifier's word on the evidence in trajectory time."""
+        return verify(self.outcome.comparison.plan, self.in_trajectory_time(), self.outcome.report.run)
+
+    def in_trajectory_time(self) -> Evidence:
+        """All instants as if the clock had gone with the group."""
+        outputs = tuple(
+            replace(change, counts=int(self._warped(np.array([change.counts]))[0])) for change in self.evidence.outputs
+        )
+        return replace(self.evidence, axes=tuple(map(self._warped_axis, self.evidence.axes)), outputs=outputs)
+
+    def _warped_axis(self, axis: AxisEvidence) -> AxisEvidence:
+        return replace(
+            axis,
+            clk_rise_counts=self._warped(axis.clk_rise_counts),
+            clk_fall_counts=self._warped(axis.clk_fall_counts),
+            dir_edge_counts=self._warped(axis.dir_edge_counts),
+            step_counts=self._warped(axis.step_counts),
+        )
+
+    def _warped(self, counts: Int64Array) -> Int64Array:
+        """The integral of the rate: within a tick it is constant, over a ramp its mean is that of the ramp's ends."""
+        if not counts.size:
+            return counts
+        rate = np.ones(int(counts.max()) // k.TICK_COUNTS + 1)
+        for ramp in self.ramps:
+            over = np.arange(ramp.ticks)
+            slope = (ramp.to_rate - ramp.from_rate) / max(1, ramp.ticks)
+            ramped = rate[ramp.tick : ramp.tick + ramp.ticks]
+            ramped[:] = (ramp.from_rate + slope * (over + 0.5))[: len(ramped)]
+            rate[ramp.tick + ramp.ticks :] = ramp.to_rate
+        ticks = np.concatenate(([0.0], np.cumsum(rate)))
+        warped: Int64Array = np.rint(
+            np.interp(counts, np.arange(len(ticks)) * k.TICK_COUNTS, ticks * k.TICK_COUNTS)
+        ).astype(np.int64)
+        return warped
+
+
+def run_with(kernel: Kernel, job: str, breaks: Sequence[Break], options: dict[str, str] | None = None) -> HaltedRun:
+    """A job of the warehouse robot with these breaks, made by the client that streams it."""
+    halted: list[bool] = []
+    ramps: list[Ramp] = []
+    begin = GroupTime.ramp
+
+    class BreakingMachine(Machine):
+        def run(
+            self,
+            records: tuple[AxisRecords, ...],
+            start_units: list[int],
+            progress: Progress,
+            outputs: tuple[OutputCommand, ...] = (),
+        ) -> None:
+            run = self.start(records, start_units, outputs)
+            for at_s, lasts_s in breaks:
+                while run.trajectory_s < at_s:
+                    self.wait(_POLL_S)
+                halted.append(self.pause())
+                assert run.halted is halted[-1]
+                self.wait(lasts_s)
+                if halted[-1]:
+                    self.resume()
+            while not run.ended:
+                self.wait(_POLL_S)
+            progress(run.fraction)
+
+    def ramp(group: GroupTime, tick: int, full_ramp_ticks: int) -> None:
+        begin(group, tick, full_ramp_ticks)
+        from_q16, to_q16 = group.cells[k.RATE_FROM_Q16], group.cells[k.RATE_TO_Q16]
+        ramps.append(Ramp(tick, from_q16 / k.FULL_RATE_Q16, to_q16 / k.FULL_RATE_Q16, int(group.cells[k.RAMP_TICKS])))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("host.run.Machine", BreakingMachine)
+        patch.setattr(GroupTime, "ramp", ramp)
+        robot = load_robot("warehouse-scara")
+        outcome = execute(plan(robot, make_job(robot, job, options or {})), job, kernel)
+    return HaltedRun(outcome, tuple(halted), tuple(ramps))

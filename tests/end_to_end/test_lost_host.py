@@ -1,0 +1,55 @@
+"""The drawer pull while the host's heartbeat stays away: a controlled stop, and a fault that says so."""
+
+import numpy as np
+import pytest
+
+from controller.backend import Kernel
+from emulator.bus_faults import Fault, FaultKind, FaultScript
+from host.jobs import make_job
+from host.planner import plan
+from host.robots import load_robot
+from host.run import Outcome, execute
+
+HEARTBEAT = 0x77F
+SILENT_COUNTS = 3 * 72_000_000
+TIMEOUT_COUNTS = round(0.35 * 72e6)
+MS = 72_000
+ARM = range(3, 6)
+
+
+def run_without_heartbeat(kernel: Kernel) -> Outcome:
+    """From 3 s after power-up on, heartbeats do not reach the board any more."""
+    script = FaultScript([Fault(FaultKind.LOSS, (HEARTBEAT,), from_counts=SILENT_COUNTS)])
+    robot = load_robot("warehouse-scara")
+    return execute(plan(robot, make_job(robot, "drawer-pull", {})), "drawer-pull", kernel, bus_faults=script)
+
+
+@pytest.fixture(scope="module")
+def lost(fast_kernel: Kernel) -> Outcome:
+    return run_without_heartbeat(fast_kernel)
+
+
+def test_it_ends_in_a_fault_that_names_the_heartbeat(lost: Outcome) -> None:
+    assert lost.fault is not None
+    assert lost.fault.message == "sx: heartbeat lost (EMCY 0x8130)"
+    assert set(map(tuple, lost.fault.codes.values())) == {(0x8130,)}
+    assert lost.fault.positions_agree
+    assert not lost.report.passed
+
+
+def test_the_arm_stops_by_a_ramp(lost: Outcome) -> None:
+    """It keeps to the plan until the time is over and is at rest within a few hundredths of a second."""
+    heard = [counts for counts, frame in lost.bus_log if frame.cob_id == HEARTBEAT and counts < SILENT_COUNTS]
+    lost_counts = max(heard) + TIMEOUT_COUNTS
+    evidence = lost.comparison.evidence
+    for axis in ARM:
+        assert not evidence.axes[axis].violations.counts.size
+        assert evidence.axes[axis].step_counts[-1] < lost_counts + 50 * MS
+        planned_s, made_s = lost.comparison.ideal[axis].time_s, lost.comparison.counted[axis].time_s
+        kept = made_s < (lost_counts - evidence.start_counts) / 72e6
+        assert np.abs(made_s[kept] - planned_s[: kept.sum()]).max() < 0.001
+    assert evidence.axes[3].step_counts[-1] > lost_counts - 10 * MS
+
+
+def test_it_does_so_every_time(fast_kernel: Kernel, lost: Outcome) -> None:
+    assert run_without_heartbeat(fast_kernel).bus_log == lost.bus_log

@@ -1,0 +1,103 @@
+"""Jobs that are paused and resumed on the way: the same counts, the same path, outputs within their pauses."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from controller.backend import Kernel
+from host.verify import AxisEvidence
+from tests.end_to_end.halted_runs import Break, HaltedRun, run_with
+
+TH1 = 3
+ARM = range(3, 6)
+
+
+@pytest.fixture(scope="module")
+def planned(fast_kernel: Kernel) -> HaltedRun:
+    return run_with(fast_kernel, "drawer-pull", [])
+
+
+def places(run: HaltedRun) -> list[list[int]]:
+    """Every place that each counter took, one after the other."""
+    return [[int(place) for place in axis.start_steps + np.cumsum(axis.step_signs)] for axis in run.evidence.axes]
+
+
+def steps_off_the_path(
+    before: AxisEvidence, after: AxisEvidence, th1_before: AxisEvidence, th1_after: AxisEvidence
+) -> NDArray[np.float64]:
+    """How far each step lies outside the piece of the path on which th1 says that the arm is, in steps of its axis.
+
+    th1 moves one way only. A step made between two of its steps belongs between the same two in the planned motion.
+    """
+    pieces = np.concatenate(([-np.inf], th1_before.step_counts, [np.inf]))
+    at = np.searchsorted(th1_after.step_counts, after.step_counts)
+    planned_counts = before.step_counts.astype(np.float64)
+    outside_counts = np.maximum(pieces[at] - planned_counts, planned_counts - pieces[at + 1])
+    off: NDArray[np.float64] = np.maximum(outside_counts, 0) / np.gradient(planned_counts)
+    return off
+
+
+def late_s(run: HaltedRun, planned: HaltedRun) -> float:
+    """How much later than planned th1 makes its last step."""
+    ends = [each.evidence.axes[TH1].step_counts[-1] - each.evidence.start_counts for each in (run, planned)]
+    return float(ends[0] - ends[1]) / 72e6
+
+
+@pytest.mark.parametrize(
+    "breaks",
+    [
+        [Break(0.0, 1.0)],
+        [Break(3.0, 2.0)],
+        [Break(3.0, 0.0)],
+        [Break(2.0, 1.0), Break(5.0, 1.3)],
+        [Break(4.0, 1.0), Break(4.0, 1.0)],
+        [Break(9.9, 30.0)],
+    ],
+    ids=["at the start", "in the middle", "only just", "twice", "twice in one place", "long before the end"],
+)
+def test_the_drawer_pull_keeps_its_path(fast_kernel: Kernel, planned: HaltedRun, breaks: list[Break]) -> None:
+    run = run_with(fast_kernel, "drawer-pull", breaks)
+    assert run.outcome.fault is None
+    assert run.halted == (True,) * len(breaks)
+    assert places(run) == places(planned)
+    report = run.verify()
+    assert report.passed, report.reasons
+    before, after = planned.evidence.axes, run.evidence.axes
+    for axis in ARM:
+        assert steps_off_the_path(before[axis], after[axis], before[TH1], after[TH1]).max() < 0.1
+    rested_s = sum(lasts_s for _, lasts_s in breaks)
+    assert rested_s < late_s(run, planned) < rested_s + 0.05 * len(breaks)
+
+
+def test_the_machine_stands_still_in_a_pause(fast_kernel: Kernel) -> None:
+    run = run_with(fast_kernel, "drawer-pull", [Break(3.0, 2.0)])
+    for axis in ARM:
+        assert np.diff(run.evidence.axes[axis].step_counts).max() > 2.0 * 72e6
+
+
+def test_a_paused_run_is_the_same_every_time(fast_kernel: Kernel) -> None:
+    first, second = (run_with(fast_kernel, "drawer-pull", [Break(3.0, 2.0)]) for _ in range(2))
+    assert first.outcome.bus_log == second.outcome.bus_log
+    for one, other in zip(first.evidence.axes, second.evidence.axes, strict=True):
+        assert np.array_equal(one.clk_rise_counts, other.clk_rise_counts)
+
+
+@pytest.mark.parametrize(
+    "breaks",
+    [
+        [Break(1.0, 3.0)],
+        [Break(1.2, 3.0)],
+        [Break(1.3, 3.0)],
+        [Break(0.5, 5.0), Break(8.5, 1.0), Break(8.6, 0.0), Break(18.8, 1.0), Break(28.0, 10.0), Break(29.3, 1.0)],
+    ],
+    ids=["on the way to the first", "just before it", "within it", "before and within all"],
+)
+def test_outputs_go_by_the_trajectory(fast_kernel: Kernel, breaks: list[Break]) -> None:
+    """`store` stands still four times for a magnet or a lock: from 1.238, 8.589, 18.889 and 29.189 s for 0.3 s."""
+    run = run_with(fast_kernel, "store", breaks)
+    assert all(run.halted)
+    report = run.verify()
+    assert report.passed, report.reasons
+    for output in report.outputs:
+        assert output.changed_s == pytest.approx(output.from_s + 0.01, abs=0.012)
+    assert not run.outcome.report.passed, "by the board's clock the motion is not the planned one"
