@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from typing import Protocol
 
+from controller.cyclic_position import CyclicPosition
 from controller.drive import ENERGISED, next_state
 from controller.driver_settings import DriverSettings
 from controller.homing import Homing
@@ -16,6 +17,7 @@ from controller.profile_position import ProfilePosition
 from controller.profile_velocity import ProfileVelocity
 from controller.stops import DISABLES, HALTS, OPTIONS, QUICK_STOPS, SHUTDOWNS, Ramp, fault_ramp
 from controller.supervision import Supervision
+from controller.sync_clock import SyncClock
 from protocol import cia402
 from protocol.abort import AbortCode, SdoAbortError
 from protocol.cia402 import AbortConnection, Control, DigitalInput, ErrorCode, State, Status
@@ -30,7 +32,7 @@ _ABORT_CONTROLWORDS = {
 """What the drive obeys in place of its lost host."""
 
 
-_FOLLOWING_MODES = (cia402.Mode.PROFILE_POSITION,)
+_FOLLOWING_MODES = (cia402.Mode.PROFILE_POSITION, cia402.Mode.CYCLIC_SYNCHRONOUS_POSITION)
 """The modes in which bit 13 of the statusword is a following error."""
 
 
@@ -82,6 +84,7 @@ class AxisDrive:
         node: Node,
         measurements: Measurements,
         monitor: Monitor,
+        sync_clock: SyncClock,
         trip: Trip,
     ) -> None:
         self.axis = axis
@@ -115,14 +118,36 @@ class AxisDrive:
             refused=lambda: trip(axis, ErrorCode.SEGMENT_REFUSED),
         )
         self._profile_velocity = ProfileVelocity(axis, motion, dictionary, self.feed)
+        self._homing = Homing(
+            axis,
+            motion,
+            dictionary,
+            self.feed,
+            now_us=lambda: node.now_us,
+            inputs=lambda: self.supervision.inputs,
+            discard_records=self.interpolation.discard,
+            referenced=self._referenced,
+            report=node.report,
+            resolved=node.resolved,
+        )
         self._modes: dict[int, Mode] = {
             cia402.Mode.NONE: Mode(axis, motion),
             cia402.Mode.PROFILE_POSITION: ProfilePosition(
                 axis, motion, dictionary, self.feed, now_us=lambda: node.now_us
             ),
             cia402.Mode.PROFILE_VELOCITY: self._profile_velocity,
-            cia402.Mode.HOMING: Homing(axis, motion, dictionary, self.interpolation.discard, self._referenced),
+            cia402.Mode.HOMING: self._homing,
             cia402.Mode.INTERPOLATED_POSITION: self.interpolation,
+            cia402.Mode.CYCLIC_SYNCHRONOUS_POSITION: CyclicPosition(
+                axis,
+                motion,
+                dictionary,
+                sync_clock,
+                now_us=lambda: node.now_us,
+                close_records=self.interpolation.close,
+                ramp_down=lambda: self._ramp_down(HALTS[dictionary.get(0x605D)]),
+                trip=trip,
+            ),
         }
         self.mode_number = int(cia402.Mode.NONE)
         self._install_hooks()
@@ -134,6 +159,7 @@ class AxisDrive:
         write[key_of(0x60FF)] = self._write_target_velocity
         for index, values in OPTIONS.items():
             write[key_of(index)] = _one_of(values)
+        write[key_of(0x6098)] = _one_of(frozenset(cia402.HOMING_METHODS))
 
     def reset(self) -> None:
         """Lose what a power cycle would lose, pulses at once. A standing axis is where it was."""
@@ -250,6 +276,7 @@ class AxisDrive:
 
     def _lose_position(self) -> None:
         self.position_known = False
+        self._homing.position_lost()
 
     def select_microsteps(self, microsteps: int) -> None:
         """Set the driver to another excitation mode; its reset moves the rotor to where that begins."""

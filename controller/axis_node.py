@@ -9,6 +9,7 @@ from controller.measurements import Measurements, Monitor
 from controller.modes import Trip
 from controller.motion import INVERT_DIR, REVERSED, Motion, StepConfig
 from controller.pins import MODE_LEVELS, OUTPUT_PINS, Pin
+from controller.sync_clock import SyncClock
 from protocol import cia402
 from protocol.abort import AbortCode, SdoAbortError
 from protocol.cia402 import AbortConnection, ErrorCode, State, Status
@@ -61,6 +62,7 @@ class AxisNode:
         flash_page: FlashPage,
         measurements: Measurements,
         monitor: Monitor,
+        sync_clock: SyncClock,
         trip: Trip,
     ) -> None:
         self.node_id = node_id
@@ -94,7 +96,7 @@ class AxisNode:
         self._heartbeat_consumer = HeartbeatConsumer(self.dictionary)
         self.connection_lost = False
         """Whether a node that this one listens to has just been lost: `abort_connection` answers it."""
-        self.drive = AxisDrive(axis, motion, self.dictionary, self, measurements, monitor, trip)
+        self.drive = AxisDrive(axis, motion, self.dictionary, self, measurements, monitor, sync_clock, trip)
         self._install_hooks()
         ParameterStorage(self.dictionary, flash_page, busy=self._board_moves)
 

@@ -14,6 +14,7 @@ from controller.kernel import TICK_COUNTS
 from controller.measurements import Measurements, Monitor, no_monitor
 from controller.motion import COUNTS_PER_US, Event, Motion
 from controller.pins import OUTPUT_PINS, PinChange
+from controller.sync_clock import SyncClock
 from protocol.cia402 import DigitalInput, ErrorCode
 from protocol.dictionary import FlashPage
 from protocol.frame import (
@@ -75,10 +76,11 @@ class Firmware:
         self.motion = Motion(kernel, axis_count)
         pages: list[FlashPage] = [{} for _ in range(axis_count)] if flash is None else flash
         self._measurements = Measurements()
+        sync_clock = SyncClock()
         self._trips: dict[int, list[Fault]] = {}
         """The axes that ask for the fault reaction, and why."""
         self.nodes = tuple(
-            AxisNode(first_node_id + axis, axis, self.motion, page, self._measurements, monitor, self._trip)
+            AxisNode(first_node_id + axis, axis, self.motion, page, self._measurements, monitor, sync_clock, self._trip)
             for axis, page in enumerate(pages)
         )
         self.dropped_frames = 0

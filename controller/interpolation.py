@@ -55,7 +55,7 @@ class Interpolation(Mode):
         self._dictionary.write_hooks[key_of(0x60C4, 6)] = self._clear
         self._dictionary.read_hooks |= {
             key_of(0x2012, 1): lambda: self._next_sequence,
-            key_of(0x2012, 2): self._free,
+            key_of(0x2012, 2): lambda: self._free(self._motion.queued(self._axis)),
             key_of(0x2012, 3): self._flags,
             key_of(0x2012, 4): self._executing,
             key_of(0x2013, 6): lambda: self._motion.delayed_steps(self._axis),
@@ -66,14 +66,15 @@ class Interpolation(Mode):
 
     def _record_arrived(self, sequence: int) -> None:
         """Writing the sequence number queues the record whose other fields were written before it."""
-        verdict = judge(sequence, self._next_sequence, self._free())
+        queued = self._motion.queued(self._axis)
+        verdict = judge(sequence, self._next_sequence, self._free(queued))
         if verdict is Verdict.STALE:
             return
         if verdict is not Verdict.PUSH:
             self._drop(verdict)
             return
         if self._running:
-            self._note_fill(self._motion.queued(self._axis))
+            self._note_fill(queued)
         get = self._dictionary.get
         refusal = self._push(get(_RECORD, 1), get(_RECORD, 2), get(_RECORD, 3))
         if refusal is not Refusal.ACCEPTED:
@@ -191,8 +192,8 @@ class Interpolation(Mode):
 
     # --- status and counters
 
-    def _free(self) -> int:
-        return 0 if self._closed else QUEUE_DEPTH - self._motion.queued(self._axis)
+    def _free(self, queued: int) -> int:
+        return 0 if self._closed else QUEUE_DEPTH - queued
 
     def _flags(self) -> int:
         flags = self._sticky

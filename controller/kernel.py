@@ -133,7 +133,13 @@ Rows = Any
 
 
 @kernel_function
-def push(axes: Cells, queue: Cells, axis: int, displacement_units: int, end_velocity: int, duration_ms: int) -> int:
+def way_q16(velocity: int, duration_ticks: int, microsteps: int) -> int:
+    """How far a velocity in 1/64 unit per ms leads, in Q16 steps, rounded once."""
+    return (velocity * duration_ticks * microsteps + 32) >> 6
+
+
+@kernel_function
+def push(axes: Cells, queue: Cells, axis: int, displacement_units: int, end_velocity: int, duration_ticks: int) -> int:
     """Queue the cubic from the tail of the queue to the tail + displacement; return why not, or ACCEPTED.
 
     Displacement in wire units (1/16 384 full step), end velocity in 1/64 unit per ms. With D the displacement,
@@ -145,19 +151,19 @@ def push(axes: Cells, queue: Cells, axis: int, displacement_units: int, end_velo
     count = axes[base + QUEUE_COUNT]
     if count >= QUEUE_DEPTH:
         return REFUSED_QUEUE_FULL
-    if duration_ms < 1 or duration_ms > DURATION_MAX_MS:
+    if duration_ticks < 1 or duration_ticks > DURATION_MAX_MS * TICKS_PER_MS:
         return REFUSED_DURATION
     microsteps = axes[base + MICROSTEPS]
     distance = displacement_units * microsteps << 2
-    a = (axes[base + TAIL_VELOCITY] * duration_ms * microsteps + 8) >> 4
-    e = (end_velocity * duration_ms * microsteps + 8) >> 4
+    a = way_q16(axes[base + TAIL_VELOCITY], duration_ticks, microsteps)
+    e = way_q16(end_velocity, duration_ticks, microsteps)
     middle = 3 * distance - a - e
     b = middle - a
     c = a + e - 2 * distance
     fastest = max(abs(a), abs(middle), abs(e))
     if max(fastest, abs(b), abs(c), abs(distance), abs(distance - a)) > I32_MAX:
         return REFUSED_COEFFICIENT
-    if fastest > axes[base + RATE_LIMIT_Q16_PER_MS] * duration_ms:
+    if fastest * TICKS_PER_MS > axes[base + RATE_LIMIT_Q16_PER_MS] * duration_ticks:
         return REFUSED_TOO_FAST
     tail = axes[base + TAIL_Q16]
     if abs(tail + distance) > I32_MAX * microsteps << 2:
@@ -168,7 +174,7 @@ def push(axes: Cells, queue: Cells, axis: int, displacement_units: int, end_velo
     queue[entry + SEGMENT_A] = a
     queue[entry + SEGMENT_B] = b
     queue[entry + SEGMENT_C] = c
-    queue[entry + SEGMENT_TICKS] = duration_ms * TICKS_PER_MS
+    queue[entry + SEGMENT_TICKS] = duration_ticks
     queue[entry + SEGMENT_END_VELOCITY] = end_velocity
     axes[base + QUEUE_COUNT] = count + 1
     axes[base + TAIL_Q16] = tail + distance

@@ -162,6 +162,14 @@ class Motion:
         self._set(axis, k.COUNTER, (q16 + k.STEP_Q16 // 2) >> 16)
         self.flush(axis)
 
+    def renumber(self, axis: int, step: int, position_units: int) -> None:
+        """Let a step of a standing axis' counter be the one nearest to a position; no step is owed by that."""
+        per_unit = self._get(axis, k.MICROSTEPS) << 2
+        shift = ((position_units * per_unit + k.STEP_Q16 // 2) >> 16) - step
+        self._set(axis, k.COUNTER, self._get(axis, k.COUNTER) + shift)
+        self._set(axis, k.POSITION_Q16, self._get(axis, k.POSITION_Q16) + shift * k.STEP_Q16)
+        self.flush(axis)
+
     def running(self, axis: int) -> bool:
         """Whether a segment is being executed, or the event at its end has not been taken yet."""
         return axis in self._running
@@ -217,7 +225,11 @@ class Motion:
 
     def push(self, axis: int, displacement_units: int, end_velocity: int, duration_ms: int) -> Refusal:
         """Queue one segment, in the PVT record's units."""
-        answer = self._kernel.push(self._axes, self._queue, axis, displacement_units, end_velocity, duration_ms)
+        return self.push_ticks(axis, displacement_units, end_velocity, duration_ms * k.TICKS_PER_MS)
+
+    def push_ticks(self, axis: int, displacement_units: int, end_velocity: int, duration_ticks: int) -> Refusal:
+        """Queue one segment that lasts so many servo ticks."""
+        answer = self._kernel.push(self._axes, self._queue, axis, displacement_units, end_velocity, duration_ticks)
         return Refusal(answer) if answer else Refusal.ACCEPTED
 
     def start(self, axis: int, *, in_group: bool = False) -> bool:
@@ -373,11 +385,11 @@ class Motion:
         )
 
     def _note_events(self) -> None:
-        for axis in sorted(self._running):
-            event = self._get(axis, k.EVENT)
-            if event:
-                self._set(axis, k.EVENT, k.EVENT_NONE)
-                self._events[axis] = Event(event)
+        axes = self._axes
+        asking = [axis for axis in self._running if axes[axis * k.AXIS_FIELDS + k.EVENT]]
+        for axis in sorted(asking):
+            self._events[axis] = Event(self._get(axis, k.EVENT))
+            self._set(axis, k.EVENT, k.EVENT_NONE)
 
     @property
     def has_events(self) -> bool:
@@ -391,6 +403,10 @@ class Motion:
         self._running -= ended
         self.group.members -= ended
         return events
+
+    def undrained_pulses(self, axis: int) -> int:
+        """How many pulses have been placed since the last drain."""
+        return self._get(axis, k.CLK_EDGES) // 2
 
     def take_edges(self) -> tuple[PinEdges, ...]:
         """Hand out all edges placed since the last call and make room for new ones."""

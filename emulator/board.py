@@ -1,7 +1,7 @@
 """The emulated board: the firmware, its TB6560s, the wires between them and a record of what went over these."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,14 +9,18 @@ from numpy.typing import NDArray
 from controller.backend import Kernel
 from controller.firmware import Firmware
 from controller.kernel import TICK_COUNTS
+from controller.measurements import DriverMonitor, Measurements
 from controller.motion import PinEdges
 from controller.pins import OUTPUT_PINS, Pin, PinChange
 from emulator.can_controller import CanController
 from emulator.driver import Driver
 from emulator.driver_module import Module
 from emulator.edges import Int8Array, Int64Array
+from emulator.inputs import BoardInputs
+from emulator.operations import BoardTemperature, DriverProtect, EmergencyStop, Operation, Supply
+from emulator.switches import Switch
 from emulator.tb6560 import Input, LevelChange, Outputs, Pins, Violations
-from protocol.cia402 import ErrorCode
+from protocol.cia402 import DigitalInput, ErrorCode
 from protocol.dictionary import FlashPage
 from protocol.frame import FIRST_NODE_ID, Frame
 
@@ -30,7 +34,7 @@ WIRING = {
     Pin.DCY1: Input.DCY1,
     Pin.DCY2: Input.DCY2,
 }
-"""From the firmware's pins to the driver's; besides, STEP goes to CLK and DIR to CW/CCW."""
+"""From the firmware's pins to the driver's."""
 
 SUPPLIES = (Input.VDD, Input.VM)
 """In the order in which the board switches them on."""
@@ -38,7 +42,7 @@ SUPPLIES = (Input.VDD, Input.VM)
 
 @dataclass(frozen=True, slots=True)
 class BoardConfig:
-    """What is soldered, plugged and set: how many axes, the capacitor at each driver's OSC pin, the node ids."""
+    """What is soldered, plugged and set: how many axes, the OSC capacitors, the node ids, the machine's switches."""
 
     axis_count: int
     osc_pf: tuple[float, ...]
@@ -46,6 +50,9 @@ class BoardConfig:
     """The first axis' node id; the others count on from it."""
     read_latency_counts: int = 0
     """How long after its arrival the processor fetches a message from the CAN controller: by default at once."""
+    switches: tuple[Switch, ...] = ()
+    start_steps: tuple[int, ...] = ()
+    """Where each axis of the machine stands when the board is made, in steps from its true zero; none given: all 0."""
     modules: tuple[Module, ...] = ()
     """What is around each chip; none for chips on the board itself."""
 
@@ -73,23 +80,32 @@ class Board:
         self.flash: list[FlashPage] = [{} for _ in range(config.axis_count)] if flash is None else flash
         """What the firmware has stored, a page for each axis: all that outlives the power."""
         self._kernel = kernel
-        self._power_up()
         modules = config.modules or (Module(),) * config.axis_count
         self._drivers = [Driver(osc_pf, module) for osc_pf, module in zip(config.osc_pf, modules, strict=True)]
+        self._inputs = BoardInputs(config.switches, config.start_steps or (0,) * config.axis_count)
+        self._measurements = Measurements()
+        self._power_up()
         self._input_changes: list[list[LevelChange]] = [[] for _ in self._drivers]
-        self._pins: list[list[Pins]] = [[] for _ in self._drivers]
+        self._pins: list[list[Pins]] = [[_pins(PinEdges([], []), [], 0)] for _ in self._drivers]
         self.pin_changes: list[PinChange] = []
         """Every change of the pins that the firmware holds at a level."""
 
     def _power_up(self) -> None:
         """Firmware and CAN controller as they are with power."""
-        self.firmware = Firmware(self._kernel, self.config.axis_count, self.flash, self.config.first_node_id)
+        self.firmware = Firmware(
+            self._kernel, self.config.axis_count, self.flash, self.config.first_node_id, self._monitor
+        )
         self.can = CanController(
             self._receive, self._on_can_error, self.firmware.hears, self.config.read_latency_counts
         )
         """The CAN controller; what it says to the bus it says in `poll`."""
         self._due_counts: int | None = None
         self._due_known = False
+        self._seen = [DigitalInput(0)] * self.config.axis_count
+        """The levels of the inputs that the firmware has seen."""
+        self._look_at_once = self._inputs.levels != self._seen
+        """Whether the inputs are to be looked at as soon as a tick begins."""
+        self._monitored = [self._count(axis) for axis in range(self.config.axis_count)]
 
     def boot(self, now_counts: int) -> None:
         """Switch the board on: its nodes announce themselves."""
@@ -112,6 +128,7 @@ class Board:
         self._power_up()
         self.firmware.advance(now_counts)
         self.boot(now_counts)
+        self._measure(self._measurements, now_counts)
 
     def _receive(self, frame: Frame, now_counts: int) -> None:
         self.firmware.receive(frame, now_counts)
@@ -123,11 +140,67 @@ class Board:
 
     @property
     def moving(self) -> bool:
-        """Whether a motion runs at any axis."""
-        return any(self.firmware.motion.running(axis) for axis in range(self.config.axis_count))
+        """Whether the board may have something to say at any tick: a motion runs, or one just over passed a switch."""
+        return self._inputs.unsettled or any(
+            self.firmware.motion.running(axis) for axis in range(self.config.axis_count)
+        )
+
+    def operate(self, operation: Operation, now_counts: int) -> None:
+        """Do something to the machine. The firmware sees inputs with the next tick, measured values at once."""
+        match operation:
+            case EmergencyStop(pressed):
+                self._inputs.emergency_stop = pressed
+            case DriverProtect(axis, active):
+                self._inputs.protects[axis] = active
+            case Supply(supply_10mv):
+                self._measure(replace(self._measurements, supply_10mv=supply_10mv), now_counts)
+            case BoardTemperature(temperature_decidegc):
+                self._measure(replace(self._measurements, temperature_decidegc=temperature_decidegc), now_counts)
+        self._look_at_once = self._look_at_once or self._inputs.levels != self._seen
+        self._due_known = False
+
+    def _measure(self, measurements: Measurements, now_counts: int) -> None:
+        self._measurements = measurements
+        self.firmware.measure(measurements.supply_10mv, measurements.temperature_decidegc, now_counts)
 
     def advance(self, until_counts: int) -> int:
-        """Let time pass; return the instant reached: earlier than asked for if there are frames to send."""
+        """Let time pass; return the instant reached: earlier than asked for if there are frames to send.
+
+        No tick is computed before the firmware has seen the inputs at its start.
+        """
+        motion = self.firmware.motion
+        while (due_tick := self._due_tick) is not None and due_tick * TICK_COUNTS <= until_counts:
+            due_counts = due_tick * TICK_COUNTS
+            if motion.tick < due_tick:
+                reached = self._advance_freely(due_counts - 1)  # what happens at the start of the tick comes after
+                if reached < due_counts - 1:
+                    return reached
+            if (self._look_at_once or self._inputs.may_have_changed(motion)) and self._look():
+                return due_counts
+        return self._advance_freely(until_counts)
+
+    @property
+    def _due_tick(self) -> int | None:
+        """The next tick at whose start the inputs are to be looked at."""
+        motion = self.firmware.motion
+        return motion.tick if self._look_at_once else self._inputs.due_tick(motion)
+
+    def _look(self) -> bool:
+        """Let the firmware see the inputs at the start of the tick to come; whether they have changed."""
+        motion = self.firmware.motion
+        self.drain()
+        self._inputs.look(motion)
+        self._look_at_once = False
+        levels = self._inputs.levels
+        if levels == self._seen:
+            return False
+        self._seen = levels
+        self.firmware.set_inputs(levels, motion.tick * TICK_COUNTS)
+        self._due_known = False
+        return True
+
+    def _advance_freely(self, until_counts: int) -> int:
+        """Let time pass in which no input changes."""
         motion = self.firmware.motion
         tick = motion.tick
         if until_counts <= tick * TICK_COUNTS and not motion.has_events:
@@ -141,7 +214,9 @@ class Board:
         return reached
 
     def poll(self, now_counts: int) -> None:
-        """Let the processor do what is due: fetch messages, then send."""
+        """Let the processor do what is due: look at its inputs, fetch messages, then send."""
+        if self._look_at_once and self.firmware.motion.tick * TICK_COUNTS == now_counts:
+            self._look()
         if self.can.next_due_counts is not None:
             self.can.poll(now_counts)
         due_counts = self._firmware_due_counts
@@ -154,11 +229,10 @@ class Board:
     @property
     def next_due_counts(self) -> int | None:
         """When the board next does something by itself."""
-        due_counts = self._firmware_due_counts
-        read_counts = self.can.next_due_counts
-        if read_counts is None or (due_counts is not None and due_counts < read_counts):
-            return due_counts
-        return read_counts
+        dues = [self._firmware_due_counts, self.can.next_due_counts]
+        if self._look_at_once:
+            dues.append(self.firmware.motion.tick * TICK_COUNTS)
+        return min((due for due in dues if due is not None), default=None)
 
     @property
     def _firmware_due_counts(self) -> int | None:
@@ -173,10 +247,24 @@ class Board:
         self._take_pins()
         until_counts = self.firmware.motion.tick * TICK_COUNTS
         for axis, edges in enumerate(self.firmware.motion.take_edges()):
+            driver, moved = self._drivers[axis], len(edges.clk_counts) or len(edges.direction)
+            if not (moved or self._input_changes[axis] or driver.waiting):
+                continue
             pins = _pins(edges, self._input_changes[axis], until_counts)
             self._input_changes[axis] = []
-            self._drivers[axis].feed(pins)
-            self._pins[axis].append(pins)
+            self._inputs.counted(axis, *driver.feed(pins), held_pulses=driver.held_pulses)
+            if moved:
+                self._pins[axis].append(pins)
+
+    def _monitor(self, axis: int) -> DriverMonitor:
+        """What has become of an axis' pulses since power-up, those of the tick in progress included."""
+        self.drain()
+        counted, before = self._count(axis), self._monitored[axis]
+        return DriverMonitor(*(now - then for now, then in zip(counted, before, strict=True)))
+
+    def _count(self, axis: int) -> DriverMonitor:
+        driver = self._drivers[axis]
+        return DriverMonitor(driver.position_steps, driver.lost_steps, driver.violation_count)
 
     def _take_pins(self) -> None:
         for change in self.firmware.take_pins():
@@ -192,6 +280,14 @@ class Board:
             for changes in self._input_changes:
                 changes.append(LevelChange(now_counts, supply, level))
 
+    def _driver_by_now(self, axis: int) -> Driver:
+        """A driver that has also seen the time pass in which nothing came."""
+        self.drain()
+        nothing = _pins(PinEdges([], []), [], self.firmware.motion.tick * TICK_COUNTS)
+        driver = self._drivers[axis]
+        self._inputs.counted(axis, *driver.feed(nothing), held_pulses=driver.held_pulses)
+        return driver
+
     def output_changes(self) -> list[PinChange]:
         """Every change of a digital output so far, in order of time; all outputs are 0 before their first."""
         self.drain()
@@ -204,13 +300,11 @@ class Board:
 
     def outputs(self, axis: int) -> Outputs:
         """Phase currents, electrical angle and MO of an axis' driver, at any instant so far."""
-        self.drain()
-        return self._drivers[axis].outputs
+        return self._driver_by_now(axis).outputs
 
     def trace(self, axis: int) -> AxisTrace:
         """Everything that happened at an axis' driver so far."""
-        self.drain()
-        driver = self._drivers[axis]
+        driver = self._driver_by_now(axis)
         pins = self._pins[axis]
         step_counts, step_signs = driver.steps
         return AxisTrace(
@@ -226,6 +320,7 @@ class Board:
 
 
 def _pins(edges: PinEdges, changes: list[LevelChange], until_counts: int) -> Pins:
+    """The wiring of what comes as edges: the firmware's STEP goes to CLK, DIR to CW/CCW."""
     clk = _array(edges.clk_counts)
     direction = _array(edges.direction)
     return Pins(

@@ -155,7 +155,7 @@ class Bus:
                 self.throw_off(station, now_counts)
         else:
             outcome = self._outcome(senders, outdone, fault)
-            self._begin(frame, senders, outdone, outcome, self._missing(fault), now_counts)
+            self._begin(frame, senders, outdone, outcome, self._missing(fault) if fault else [], now_counts)
 
     def _strike(self, frame: Frame, now_counts: int) -> Fault | None:
         """Ask the script; frames are told apart by identity, since a sender may send the same bytes again."""
@@ -166,16 +166,16 @@ class Bus:
         for station in senders:
             station.silent_until_counts = max(station.silent_until_counts, until_counts)
 
-    def _missing(self, fault: Fault | None) -> list[CanController]:
+    def _missing(self, fault: Fault) -> list[CanController]:
         """The stations that a loss concerns."""
-        if not fault or fault.kind is not FaultKind.LOSS:
+        if fault.kind is not FaultKind.LOSS:
             return []
         return self._stations if fault.receiver is None else self._stations[fault.receiver : fault.receiver + 1]
 
     def _outcome(self, senders: list[CanController], outdone: list[CanController], fault: Fault | None) -> _Outcome:
         if fault and fault.kind is FaultKind.CORRUPTION:
             return _Outcome.DISTURBED
-        if any(station.state is not ErrorState.PASSIVE for station in outdone):
+        if outdone and any(station.state is not ErrorState.PASSIVE for station in outdone):
             return _Outcome.DISTURBED
         listening = len(self._stations) - len(self._off) - len(senders) - len(outdone)
         return _Outcome.VALID if listening else _Outcome.UNACKNOWLEDGED

@@ -17,14 +17,38 @@ class Driver:
         self.chip = Tb6560(osc_pf, module.chip_sense_ohm, module.cooling)
         self._stage = None if module.only_wires else InputStage(module, self.chip.clk_width_min_counts)
 
-    def feed(self, pins: Pins) -> None:
-        """Let the driver see the next stretch of its terminals; every rise comes with its fall."""
-        self.chip.feed(self._stage.take(pins) if self._stage else pins)
+    def feed(self, pins: Pins) -> tuple[Int64Array, Int8Array]:
+        """Let the driver see the next stretch of its terminals; every rise comes with its fall.
+
+        Returns:
+            When each step was counted by the chip and which way, +1 or -1.
+        """
+        return self.chip.feed(self._stage.take(pins) if self._stage else pins)
+
+    @property
+    def waiting(self) -> bool:
+        """Whether something may happen although nothing comes in: the driver is to be fed for the time's sake."""
+        return self._stage is not None and self._stage.waiting
+
+    @property
+    def held_pulses(self) -> int:
+        """Pulses of which it is not known yet what becomes of them."""
+        return self._stage.held_pulses if self._stage else 0
 
     @property
     def position_steps(self) -> int:
         """Steps counted since power-up; DIR high counts up."""
         return self.chip.position_steps
+
+    @property
+    def lost_steps(self) -> int:
+        """Steps meant at the terminals less steps counted, both signed; one that went the wrong way makes two."""
+        return self._stage.meant_steps - self.chip.position_steps if self._stage else self.chip.lost_steps
+
+    @property
+    def violation_count(self) -> int:
+        """How many limits were broken so far."""
+        return self.chip.violation_count + (self._stage.violation_count if self._stage else 0)
 
     @property
     def steps(self) -> tuple[Int64Array, Int8Array]:

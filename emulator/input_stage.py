@@ -1,7 +1,7 @@
 """A module at work: what its terminals see in, what arrives at its chip's pins out, and what the controller broke.
 
-To know what becomes of a pulse the stage needs to see what follows it. So it holds everything back until its fate is
-certain, and cutting the input into other pieces changes nothing.
+To know what becomes of a pulse the stage needs to see what follows it: for so long as the module's requirements reach.
+So it holds everything back until its fate is certain, and cutting the input into other pieces changes nothing.
 """
 
 from typing import Final, NamedTuple
@@ -44,13 +44,17 @@ class InputStage:
         self._hold_counts = max(counts_of_ns(module.requirements.dirhold_ns), 1)
         self._limits = self._make_limits()
         self._log = ViolationLog(self._limits)
-        self._foresight_counts = clk_width_min_counts + sum(
+        self._foresight_counts = self._make_foresight(clk_width_min_counts)
+        self._memory_counts = 3 * sum(
             (
                 *(max(limit.value, 0) for limit in self._limits),
                 *(delay.longest for delay in (self._clk, self._dir, self._enable)),
+                self._foresight_counts,
             )
         )
         """Longer than anything that can happen to an edge."""
+        self.meant_steps = 0
+        """Pulses whose fate is certain, signed by DIR as they began."""
         self._rises, self._falls = NO_COUNTS, NO_COUNTS
         self._last_fall_counts = _LONG_AGO
         self._dir_counts, self._dir_levels = NO_COUNTS, NO_LEVELS
@@ -77,6 +81,32 @@ class InputStage:
         )
         return tuple(Limit(rule, counts, Unit.COUNTS, self._module.source) for rule, counts in figures)
 
+    def _make_foresight(self, clk_width_min_counts: int) -> int:
+        """How long after a rise of the chip's CLK its fate is certain: beyond DIR's hold time and, where the pulse ends
+        with the next one's begin, when it is long enough for the module and the chip.
+        """
+        after_edge = max(limit.value for limit in self._limits[_HOLD:])
+        if self._module.active_edge is ClkEdge.FALLING:
+            for_chip = clk_width_min_counts + self._clk.to_high - self._clk.to_low
+            after_edge = max(after_edge, self._limits[_CLK_HIGH].value, for_chip)
+        return max(after_edge - self._clk.to_high, 0)
+
+    @property
+    def held_pulses(self) -> int:
+        """Pulses whose fate is not certain yet."""
+        return self._rises.size
+
+    @property
+    def waiting(self) -> bool:
+        """Whether something is on its way to the chip although nothing more comes in."""
+        idle_to_come = self._switchboard is not None and self._switchboard.waiting
+        return bool(self._rises.size or self._changes or self._enable_changes or idle_to_come)
+
+    @property
+    def violation_count(self) -> int:
+        """How often the module did not get what it asks for, so far."""
+        return self._log.count
+
     @property
     def violations(self) -> Violations:
         """What the controller did not give the module."""
@@ -93,6 +123,8 @@ class InputStage:
         self._remember(pins)
         arrived_counts = pins.until_counts - self._foresight_counts
         settled = self._settled(pins.until_counts, arrived_counts)
+        meant = levels_at(settled.origins, self._dir_counts, self._dir_levels, self._dir_before)
+        self.meant_steps += 2 * int(meant.sum(dtype=np.int64)) - meant.size
         pulses = self._not_lost(settled)
         rises = pulses.edges + self._clk.to_high
         levels = self._levels(pulses.edges, rises)
@@ -136,7 +168,7 @@ class InputStage:
         if pulses:
             self._last_fall_counts = int(self._falls[pulses - 1])
         self._rises, self._falls = self._rises[pulses:], self._falls[pulses:]
-        old = int(np.searchsorted(self._dir_counts, arrived_counts - 3 * self._foresight_counts))
+        old = int(np.searchsorted(self._dir_counts, arrived_counts - self._memory_counts))
         if old:
             self._dir_before = int(self._dir_levels[old - 1])
         self._dir_counts, self._dir_levels = self._dir_counts[old:], self._dir_levels[old:]

@@ -19,6 +19,11 @@ class Switchboard:
         self._idle = False
         self._last_rise_counts = 0
 
+    @property
+    def waiting(self) -> bool:
+        """Whether the idle current is to come."""
+        return self._supplied and not self._idle
+
     def changes(self, outside: Sequence[LevelChange], rises: Int64Array, until_counts: int) -> tuple[LevelChange, ...]:
         """The next stretch at the chip's inputs, from what comes from outside and from the rises of CLK.
 

@@ -4,13 +4,14 @@ The host stands outside: it sends frames, lets time pass and is handed the frame
 on together and count the same 72 MHz: real ones, each with a crystal of its own, would be apart by some 20 ppm.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from controller.kernel import TICK_COUNTS
 from controller.motion import COUNTS_PER_SECOND
 from emulator.board import Board
 from emulator.bus import Bus
 from emulator.can_controller import CanController
+from emulator.operations import Operation, Schedule, Scheduled
 from protocol.frame import Frame
 
 _SILENCE_MAX_S = 1
@@ -26,7 +27,9 @@ class BusOverloadError(Exception):
 class Simulation:
     """Boards and a host on one bus. `now_counts` is 72 MHz counts since the boards were switched on."""
 
-    def __init__(self, boards: Sequence[Board], bus: Bus) -> None:
+    def __init__(self, boards: Sequence[Board], bus: Bus, schedule: Iterable[Scheduled] = ()) -> None:
+        """Switch the boards on; `schedule` says what will happen to their machines, and when."""
+        self._schedule = Schedule(schedule)
         self.boards = tuple(boards)
         self.bus = bus
         self.now_counts = 0
@@ -46,6 +49,11 @@ class Simulation:
         without_power = board.can
         board.power_cycle(self.now_counts)
         self.bus.exchange(without_power, board.can, self.now_counts)
+
+    def operate(self, operation: Operation, number: int = 0) -> None:
+        """Do something to the machine of a board, now."""
+        self.boards[number].operate(operation, self.now_counts)
+        self.boards[number].poll(self.now_counts)
 
     @property
     def now_s(self) -> float:
@@ -86,6 +94,9 @@ class Simulation:
         goal, event_counts = until_counts, self.bus.next_event_counts
         if event_counts is not None and event_counts < goal:
             goal = event_counts
+        scheduled_counts = self._schedule.next_counts
+        if scheduled_counts is not None and scheduled_counts < goal:
+            goal = scheduled_counts
         for board in self.boards:
             due_counts = board.next_due_counts
             if due_counts is not None and due_counts < goal:
@@ -93,6 +104,8 @@ class Simulation:
         if goal > self.now_counts:
             self.now_counts = self._advance_boards(goal)
         self.bus.step(self.now_counts)
+        for item in self._schedule.take_due(self.now_counts):
+            self.boards[item.board].operate(item.operation, self.now_counts)
         for board in self.boards:
             board.poll(self.now_counts)
 

@@ -1,5 +1,6 @@
 """The default board: emulated in this process, in virtual time, with the client's network wired straight to it."""
 
+from collections.abc import Iterable, Iterator
 from math import floor
 
 import canopen
@@ -12,12 +13,15 @@ from controller.pins import Pin
 from emulator.board import AxisTrace, Board, BoardConfig
 from emulator.bus import Bus
 from emulator.bus_faults import FaultScript
+from emulator.operations import Operation, Scheduled
 from emulator.simulation import BusOverloadError, Simulation
+from emulator.switches import Switch
 from host.drivers import driver_profile, fitted_modules, violations_evidence
 from host.errors import BusError
 from host.repeated_frames import RepeatedFrames
 from host.robot import Joint, Robot
 from host.verify import AxisEvidence, BusReport, Evidence, OutputChange
+from protocol.cia402 import DigitalInput
 from protocol.frame import COB_SYNC, Frame
 from protocol.objects import UNITS_PER_FULL_STEP
 
@@ -77,7 +81,10 @@ class EmbeddedNetwork(canopen.Network):
 
 
 class EmbeddedBoard:
-    """A robot's board on a bus of its own; fulfils the client's Link. The machine stands at the given joints."""
+    """A robot's board on a bus of its own; fulfils the client's Link. The machine stands at the given joints.
+
+    `schedule` says what will happen to the machine beside its motion, and when.
+    """
 
     def __init__(
         self,
@@ -85,6 +92,7 @@ class EmbeddedBoard:
         start_joints: list[float],
         kernel: Kernel,
         bus_faults: FaultScript | None = None,
+        schedule: Iterable[Scheduled] = (),
         driver_profile_name: str | None = None,
     ) -> None:
         """By a name it has other drivers than the robot's file says.
@@ -100,10 +108,12 @@ class EmbeddedBoard:
         config = BoardConfig(
             axis_count=len(robot.joints),
             osc_pf=(self.driver_profile.osc_pf,) * len(robot.joints),
+            switches=tuple(_switches(robot)),
+            start_steps=tuple(self._start_steps),
             modules=fitted_modules(robot, self.driver_profile, as_filed=driver_profile_name is None),
         )
         self._board = Board(config, kernel)
-        self._simulation = Simulation([self._board], Bus(robot.board.bitrate, bus_faults))
+        self._simulation = Simulation([self._board], Bus(robot.board.bitrate, bus_faults), schedule)
         self.network = EmbeddedNetwork(self._simulation)
         self.wait(_BOOT_S)
 
@@ -114,6 +124,10 @@ class EmbeddedBoard:
     def wait(self, dt_s: float) -> None:
         """Let simulated time pass; more than asked for if a frame is on the bus at its end."""
         self.network.run_until(self._simulation.now_counts + round(dt_s * COUNTS_PER_SECOND))
+
+    def operate(self, operation: Operation) -> None:
+        """Do something to the machine, now: press its e-stop, let its supply break down."""
+        self._simulation.operate(operation)
 
     @property
     def bus_log(self) -> list[tuple[int, Frame]]:
@@ -165,6 +179,19 @@ def _steps_at(joint: Joint, position: float) -> int:
     """
     units = floor(position * joint.transmission.wire_units_per_unit + 0.5)
     return (units * joint.transmission.microsteps + UNITS_PER_FULL_STEP // 2) // UNITS_PER_FULL_STEP
+
+
+def _switches(robot: Robot) -> Iterator[Switch]:
+    """The switches of the robot's file; the limit switches are closed to the ends of travel."""
+    for axis, joint in enumerate(robot.joints):
+        places = joint.switches
+        if places.negative_limit is not None:
+            yield Switch(axis, DigitalInput.NEGATIVE_LIMIT, to_steps=_steps_at(joint, places.negative_limit))
+        if places.positive_limit is not None:
+            yield Switch(axis, DigitalInput.POSITIVE_LIMIT, from_steps=_steps_at(joint, places.positive_limit))
+        first, last = (None if end is None else _steps_at(joint, end) for end in (places.home_from, places.home_to))
+        if first is not None or last is not None:
+            yield Switch(axis, DigitalInput.HOME, first, last)
 
 
 def _axis_evidence(name: str, start_steps: int, trace: AxisTrace) -> AxisEvidence:

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from host.errors import InputError
+from host.homing import JointHoming, JointSwitches
 from host.inputs import unknown
 from host.trajectory import FloatArray
 from protocol.cia402 import DigitalOutput
@@ -103,7 +104,8 @@ class Joint:
     """One axis. Positions in `unit`, speed in unit/s, acceleration in unit/s^2.
 
     Raises:
-        InputError: limits that leave no room, or that the wire's i32 positions do not reach.
+        InputError: limits that leave no room, or that the wire's i32 positions do not reach; limit switches within
+            them, a homing that the switches or the joint do not allow.
     """
 
     name: str
@@ -113,6 +115,8 @@ class Joint:
     speed_max: float
     acceleration_max: float
     transmission: Transmission
+    switches: JointSwitches = field(default_factory=JointSwitches)
+    homing: JointHoming | None = None
 
     def __post_init__(self) -> None:
         if not self.lower < self.upper:
@@ -123,6 +127,10 @@ class Joint:
         if farthest > reach:
             bound = "upper" if farthest == abs(self.upper) else "lower"
             raise InputError(f"{bound}: {farthest:g} {self.unit} from zero is beyond the wire's {reach:g} {self.unit}")
+        self.switches.check_outside(self.lower, self.upper, self.unit)
+        if self.homing:
+            self.switches.check_method(self.homing.method)
+            self.homing.check_within(self.speed_max, self.acceleration_max)
 
     @property
     def step_rate_max_hz(self) -> float:

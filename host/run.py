@@ -84,7 +84,7 @@ def execute(
     records = _records(plan, cut_stream_s)
     started_s = time.perf_counter()
     start_joints = plan.start_joints if stand_at is None else stand_at
-    board = EmbeddedBoard(plan.robot, start_joints, kernel, bus_faults, driver_profile)
+    board = EmbeddedBoard(plan.robot, start_joints, kernel, bus_faults, driver_profile_name=driver_profile)
     machine = Machine(board, plan.robot.joint_names)
     machine.connect()
     machine.configure(tuple(_settings(joint, plan.robot.board) for joint in plan.robot.joints))

@@ -68,6 +68,7 @@ class Status(IntFlag):
     SETPOINT_ACKNOWLEDGED = 1 << 12
     ZERO_SPEED = 1 << 12
     IP_ACTIVE = 1 << 12
+    FOLLOWS_COMMAND = 1 << 12
     HOMING_ERROR = 1 << 13
     FOLLOWING_ERROR = 1 << 13
     POSITION_KNOWN = 1 << 14
@@ -82,6 +83,7 @@ class Mode(IntEnum):
     PROFILE_VELOCITY = 3
     HOMING = 6
     INTERPOLATED_POSITION = 7
+    CYCLIC_SYNCHRONOUS_POSITION = 8
 
     @property
     def supported_bit(self) -> int:
@@ -122,7 +124,29 @@ class AbortConnection(IntEnum):
 PVT_SUBMODE = -1
 """0x60C0: the manufacturer's interpolation, position-velocity-time records."""
 HOME_HERE = 37
-"""Homing method: the present position is the home position (35 is its old name)."""
+"""Homing method: the present position is the home position."""
+HOME_HERE_OBSOLETE = 35
+"""The same under its old number."""
+HOMING_METHODS = (*range(17, 31), HOME_HERE_OBSOLETE, HOME_HERE)
+"""Those that need no index pulse (CiA 402-2, "homing mode"); 31, 32 and 36 are reserved, 33 and 34 need one."""
+
+
+class HomingError(IntEnum):
+    """Why a homing has failed: object 0x2020:02 and the detail of EMCY 0xFF05."""
+
+    NONE = 0
+    NOT_FOUND = 1
+    """The search came to the end of travel, or to both ends where the method turns round, without the switch."""
+    STUCK = 2
+    """The switch was found, but the way over its edge ended at a limit switch: it did not open, or did not close."""
+    WRONG_SWITCH = 3
+    """A limit switch closed behind the axis or, of two that should be apart, the one of the other end."""
+    TIMEOUT = 4
+    """It took longer than 0x2020:01."""
+    NO_SPEED = 5
+    """The axis' speed limit leaves no motion."""
+
+
 LINEAR_RAMP = 0
 JERK_LIMITED_RAMP = 3
 """0x6086; the other two of CiA 402, sin^2 and jerk-free, are not offered."""
@@ -149,6 +173,8 @@ class ErrorCode(IntEnum):
     FOLLOWING_ERROR = 0x8611
     LIMIT_SWITCH = 0x8612
     """CiA 402's "reference limit". Detail 0: the negative one; 1: the positive one."""
+    SYNC_CONTROLLER = 0x8700
+    """Too many SYNCs (detail 0) or set-points (detail 1) of cyclic synchronous position have not come in time."""
     ESTOP = 0x9000
     """CiA 301's "external error"."""
     PVT_UNDERRUN = 0xFF01
@@ -157,6 +183,8 @@ class ErrorCode(IntEnum):
     SEGMENT_REFUSED = 0xFF03
     LATE_STEP = 0xFF04
     """A step had to wait for the driver's timing for more than one servo tick."""
+    HOMING_FAILED = 0xFF05
+    """No fault: the axis stops and stays enabled. The detail is a HomingError."""
 
     @property
     def communication(self) -> bool:

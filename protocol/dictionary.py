@@ -27,7 +27,8 @@ class ObjectDictionary:
         self._indices = frozenset(o.index for o in objects)
         self._node_id = node_id
         self._stored = {} if stored is None else stored
-        self._values: dict[int, int | str] = {}
+        self._values: dict[int, int] = {}
+        """Of all but strings, which are constants."""
         self._bounds = {key: _bounds(entry) for key, entry in self.entries.items()}
         self.read_hooks: dict[int, ReadHook] = {}
         self.write_hooks: dict[int, WriteHook] = {}
@@ -36,17 +37,15 @@ class ObjectDictionary:
     def reset(self, first_index: int = 0x1000, last_index: int = 0xFFFF) -> None:
         """Give every entry in the index range its power-up value again, stored or default, without calling hooks."""
         for key, entry in self.entries.items():
-            if first_index <= key >> 8 <= last_index:
-                self._values[key] = self._stored.get(key, entry.default_for(self._node_id))
+            if first_index <= key >> 8 <= last_index and entry.data_type is not DataType.VISIBLE_STRING:
+                self._values[key] = self._stored.get(key, int(entry.default_for(self._node_id)))
 
     def get(self, index: int, subindex: int = 0) -> int:
         """Return the present value of a numeric entry."""
         key = index << 8 | subindex
-        hook = self.read_hooks.get(key)
-        value = hook() if hook else self._values[key]
-        if isinstance(value, str):
-            raise TypeError(f"0x{index:04X}:{subindex:02X} is a string")
-        return value
+        if key in self.read_hooks:
+            return self.read_hooks[key]()
+        return self._values[key]
 
     def set(self, index: int, subindex: int, value: int) -> None:
         """Store a value as the firmware's own, without checks or hooks."""
@@ -59,13 +58,10 @@ class ObjectDictionary:
             SdoAbortError: the value is out of range or the hook refuses it.
         """
         low, high = self._bounds[key]
-        if value > high:
-            raise SdoAbortError(AbortCode.VALUE_TOO_HIGH)
-        if value < low:
-            raise SdoAbortError(AbortCode.VALUE_TOO_LOW)
-        hook = self.write_hooks.get(key)
-        if hook:
-            hook(value)
+        if not low <= value <= high:
+            raise SdoAbortError(AbortCode.VALUE_TOO_HIGH if value > high else AbortCode.VALUE_TOO_LOW)
+        if key in self.write_hooks:
+            self.write_hooks[key](value)
         self._values[key] = value
 
     def read(self, index: int, subindex: int) -> bytes:
@@ -78,7 +74,7 @@ class ObjectDictionary:
         if entry.access is Access.WRITE_ONLY:
             raise SdoAbortError(AbortCode.WRITE_ONLY)
         if entry.data_type is DataType.VISIBLE_STRING:
-            return encode(entry.data_type, self._values[key_of(index, subindex)])
+            return encode(entry.data_type, entry.default_for(self._node_id))
         return encode(entry.data_type, self.get(index, subindex))
 
     def write(self, index: int, subindex: int, data: bytes) -> None:

@@ -10,6 +10,7 @@ from enum import Enum
 
 from protocol.cia402 import (
     HOME_HERE,
+    HOMING_METHODS,
     LINEAR_RAMP,
     PVT_SUBMODE,
     AbortConnection,
@@ -142,6 +143,10 @@ HEARTBEAT_PRODUCERS_MAX = 4
 PULSE_NS_MIN = 4_000
 TIMING_NS_MAX = 1_000_000
 """Bounds of the step timing 0x2001: no CLK phase below 4 us, which is 125 kHz, no timing above 1 ms."""
+
+CYCLE_MS_MAX = 10
+"""The longest period of cyclic synchronous position."""
+MILLI = -3
 
 WINDOW_OFF = U32.high
 """What switches the windows 0x6065 and 0x6067 off."""
@@ -328,6 +333,12 @@ _DRIVER = [
         Entry("Least fill while running", U8, RO),
         Entry("Delayed steps", U32, RO),
     ),
+    _record(
+        0x2020,
+        "Homing",
+        Entry("Timeout in ms; 0: none", U32, RW, 120_000),
+        Entry("Why the last homing has failed", U8, RO),
+    ),
 ]
 
 _EMULATOR = [
@@ -390,7 +401,14 @@ _DRIVE = [
         Entry("Feed in units", U32, CONST, UNITS_PER_FULL_STEP * FULL_STEPS_PER_REVOLUTION),
         Entry("Shaft revolutions", U32, CONST, 1),
     ),
-    _variable(0x6098, "Homing method", I8, RW, HOME_HERE, low=HOME_HERE, high=HOME_HERE),
+    _variable(0x6098, "Homing method", I8, RW, HOME_HERE, low=min(HOMING_METHODS), high=max(HOMING_METHODS)),
+    _array(
+        0x6099,
+        "Homing speeds",
+        Entry("Speed during search for switch", U32, RW, 500 * UNITS_PER_FULL_STEP, low=1),
+        Entry("Speed during search for zero", U32, RW, 50 * UNITS_PER_FULL_STEP, low=1),
+    ),
+    _variable(0x609A, "Homing acceleration", U32, RW, 2_000 * UNITS_PER_FULL_STEP, low=1),
     _array(
         0x60A4,
         "Profile jerk",
@@ -405,6 +423,13 @@ _DRIVE = [
         Entry("Duration in ms", U8, RW, mapping=RX),
         Entry("Sequence number: writing it queues the record", U8, RW, mapping=RX),
     ),
+    # A period of value 10^index seconds. At 1 ms, CiA 402's default, eight axes would fill a bus of 1 Mbit/s.
+    _record(
+        0x60C2,
+        "Interpolation time period",
+        Entry("Interpolation time period value", U8, RW, CYCLE_MS_MAX, 1, CYCLE_MS_MAX),
+        Entry("Interpolation time index: -3 = ms", I8, RW, MILLI, MILLI, MILLI),
+    ),
     _record(
         0x60C4,
         "Interpolation data configuration",
@@ -417,7 +442,11 @@ _DRIVE = [
     ),
     _variable(0x60C5, "Max acceleration", U32, RW, U32.high, low=1),
     _variable(0x60C6, "Max deceleration", U32, RW, U32.high, low=1),
-    _array(0x60E3, "Supported homing methods", Entry("Supported homing method 1", I8, CONST, HOME_HERE)),
+    _array(
+        0x60E3,
+        "Supported homing methods",
+        *[Entry(f"Supported homing method {i}", I8, CONST, method) for i, method in enumerate(HOMING_METHODS, start=1)],
+    ),
     _variable(0x60F4, "Following error actual value", I32, RO, mapping=TX),
     _variable(0x60FC, "Position demand internal value in steps", I32, RO, mapping=TX),
     _variable(0x60FD, "Digital inputs", U32, RO, mapping=TX),

@@ -81,12 +81,13 @@ class ReceivePdo:
 
     def _apply(self, data: bytes) -> None:
         bits = int.from_bytes(data[: self._length], "little")
+        put = self._dictionary.put
         for key, shift, mask, sign_bit in self._fields:
             value = bits >> shift & mask
             if value & sign_bit:
                 value -= mask + 1
             try:
-                self._dictionary.put(key, value)
+                put(key, value)
             except SdoAbortError:
                 self.refused += 1
 

@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from emulator.edges import Int8Array, Int64Array, joined, levels_at
+from emulator.edges import NO_COUNTS, NO_LEVELS, Int8Array, Int64Array, joined, levels_at
 from emulator.tb6560.excitation import Excitation
 from emulator.tb6560.limits import Limit, Rule, Unit, ViolationLog, Violations
 from emulator.tb6560.oscillator import clk_width_min_counts
@@ -84,6 +84,8 @@ class Tb6560:
         self.clk_width_min_counts = clk_width_min_counts(osc_pf)
         self.position_steps = 0
         """Steps counted since power-up, through every reset; DIR high counts up."""
+        self.lost_steps = 0
+        """Pulses seen less steps counted, both signed."""
         self._sense_ohm = sense_ohm
         self._junction = Junction(cooling or Cooling())
         self._levels: Levels = dict.fromkeys(Input, 0)
@@ -98,21 +100,25 @@ class Tb6560:
 
     # --- inputs
 
-    def feed(self, pins: Pins) -> None:
-        """Let the chip see the next stretch of its pins; every rise comes with its fall."""
+    def feed(self, pins: Pins) -> tuple[Int64Array, Int8Array]:
+        """Let the chip see the next stretch of its pins; every rise comes with its fall.
+
+        Returns:
+            When each step was counted and which way, +1 or -1, as in `steps`.
+        """
         was_live = self._live
         live_edges = [(change.counts, self._live) for change in pins.changes if self._take(change)]
-        if pins.clk_rise_counts.size:
-            self._count(pins, was_live, live_edges)
+        steps = self._count(pins, was_live, live_edges) if pins.clk_rise_counts.size else (NO_COUNTS, NO_LEVELS)
         if pins.dir_levels.size:
             self._dir_level = int(pins.dir_levels[-1])
         self._until_counts = max(self._until_counts, pins.until_counts)
+        return steps
 
     @property
     def _live(self) -> int:
         return int(all(self._levels[pin] for pin in _LIVE))
 
-    def _count(self, pins: Pins, was_live: int, live_edges: list[tuple[int, int]]) -> None:
+    def _count(self, pins: Pins, was_live: int, live_edges: list[tuple[int, int]]) -> tuple[Int64Array, Int8Array]:
         """Tell which rises are steps: usually all of them, which is found out by their two minima."""
         rises = pins.clk_rise_counts
         high_counts = pins.clk_fall_counts - rises
@@ -129,10 +135,12 @@ class Tb6560:
             self._log.note(_CLK_WIDTH, rises[too_short], high_counts[too_short])
             self._log.note(_CLK_PERIOD, rises[too_soon], period_counts[too_soon])
             accepted = live & ~too_short & ~too_soon
+            self.lost_steps += int(signs[~accepted].sum(dtype=np.int64))
             rises, signs = rises[accepted], signs[accepted]
         self._steps.append(rises)
         self._signs.append(signs)
         self.position_steps += int(signs.sum(dtype=np.int64))
+        return rises, signs
 
     def _take(self, change: LevelChange) -> bool:
         """Take one input's new level; return whether it may decide on whether CLK is heard."""
@@ -176,11 +184,19 @@ class Tb6560:
         return joined(self._steps, np.int64), joined(self._signs, np.int8)
 
     @property
+    def violation_count(self) -> int:
+        """How many limits were broken so far."""
+        return self._log.count + len(self._hot_counts())
+
+    @property
     def violations(self) -> Violations:
         """All broken limits so far, in order of time."""
-        shutdowns = self._junction.shutdowns(self._until_counts)
-        hot_counts = np.array([counts for counts, shut_down in shutdowns if shut_down], dtype=np.int64)
+        hot_counts = np.array(self._hot_counts(), dtype=np.int64)
         return self._log.with_more(_HOT, hot_counts, np.full_like(hot_counts, SHUTDOWN_CELSIUS))
+
+    def _hot_counts(self) -> list[int]:
+        """When it became too hot, each time."""
+        return [counts for counts, shut_down in self._junction.shutdowns(self._until_counts) if shut_down]
 
     @property
     def outputs(self) -> Outputs:

@@ -83,10 +83,12 @@ class ViolationLog:
     def __init__(self, limits: tuple[Limit, ...]) -> None:
         self._limits = limits
         self._parts: list[Violations] = []
+        self.count = 0
 
     def note(self, limit: int, counts: Int64Array, values: Int64Array) -> None:
         """Note that a limit, by its index, was broken at some instants."""
         if counts.size:
+            self.count += counts.size
             self._parts.append(_of_one_limit(limit, counts, values))
 
     def note_one(self, limit: int, counts: int, value: int) -> None:

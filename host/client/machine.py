@@ -11,6 +11,7 @@ from canopen.objectdictionary import ObjectDictionary, eds
 
 from host.client.axis import AxisClient
 from host.client.heartbeat import WATCH_HOST, Heartbeat
+from host.client.homing import AxisHoming, HomingSettings, home
 from host.client.link import Link
 from host.client.outputs import OutputCommand
 from host.client.run import POLL_S, Run, check_faults
@@ -115,6 +116,29 @@ class Machine:
             axis.write(0x6040, 0, _START)
             self._await(partial(_homed, axis), f"{axis.name}: homing was not attained")
             axis.write(0x6040, 0, ENABLE_OPERATION)
+
+    def home(
+        self,
+        settings: tuple[HomingSettings | None, ...],
+        progress: Progress = lambda _: None,
+        *,
+        together: bool = False,
+    ) -> None:
+        """Home the enabled axes by their switches, one after the other or all together; None leaves an axis as it is.
+
+        Afterwards an axis stands a little beyond its home, which has the position `offset_units`. `progress` is told
+        which part of the axes is homed. Raises as `host.client.homing.home` does, with the axes after it untouched.
+        """
+        homings = [AxisHoming(axis, how) for axis, how in zip(self.axes, settings, strict=True) if how]
+        homed = 0
+
+        def ended() -> None:
+            nonlocal homed
+            homed += 1
+            progress(homed / len(homings))
+
+        for group in [homings] if together else [[homing] for homing in homings]:
+            home(self._link, group, ended)
 
     def disconnect(self) -> None:
         """Take leave, so that the axes do not take this host for lost; enabled drives stay as they are, unwatched."""

@@ -8,6 +8,7 @@ from reprlib import repr as short
 from typing import Final, TypeVar
 
 from host.errors import InputError
+from host.homing import JointHoming, JointSwitches
 from host.inputs import apart, prefixed, unknown
 from host.kinematics import make_kinematics
 from host.robot import ActiveEdge, Board, Joint, Output, Robot, Transmission, Unit
@@ -62,6 +63,10 @@ class _Table:
             raise InputError(f"{key}: {short(value)} is not a finite number up to {_LARGEST:g}")
         return float(value)
 
+    def optional_number(self, key: str) -> float | None:
+        """None if the key is not there."""
+        return self.number(key) if key in self else None
+
     def integer(self, key: str) -> int:
         value = self._take(key)
         if isinstance(value, bool) or not isinstance(value, int) or abs(value) > _LARGEST:
@@ -91,6 +96,11 @@ class _Table:
         self._values.setdefault(key, {})
         with self.section(key) as table:
             yield table
+
+    def __contains__(self, key: str) -> bool:
+        """Whether a key is there; it is known from now on."""
+        self._known.append(key)
+        return key in self._values
 
     def finish(self) -> None:
         """Complain about the first key that nobody asked for."""
@@ -158,6 +168,28 @@ def _joint(tables: _Table, name: str) -> Joint:
             speed_max=table.number("speed_max"),
             acceleration_max=table.number("acceleration_max"),
             transmission=_transmission(table, unit),
+            switches=_switches(table),
+            homing=_homing(table) if "homing" in table else None,
+        )
+
+
+def _switches(joint: _Table) -> JointSwitches:
+    with joint.optional_section("switches") as table:
+        return JointSwitches(
+            negative_limit=table.optional_number("negative_limit"),
+            positive_limit=table.optional_number("positive_limit"),
+            home_from=table.optional_number("home_from"),
+            home_to=table.optional_number("home_to"),
+        )
+
+
+def _homing(joint: _Table) -> JointHoming:
+    with joint.section("homing") as table:
+        return JointHoming(
+            method=table.integer("method"),
+            search_speed=table.number("search_speed"),
+            zero_speed=table.number("zero_speed"),
+            acceleration=table.number("acceleration"),
         )
 
 

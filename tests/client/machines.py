@@ -6,10 +6,14 @@ import pytest
 
 from host.client import AxisRecords, AxisSettings, Machine
 from host.embedded import EmbeddedBoard, EmbeddedNetwork
+from host.homing import JointSwitches
 from host.robots import load_robot
 from protocol.frame import Frame
 
-ROBOT = load_robot("warehouse-scara")
+_WHOLE = load_robot("warehouse-scara")
+_JOINTS = tuple(replace(joint, switches=JointSwitches(), homing=None) for joint in _WHOLE.joints)
+ROBOT = replace(_WHOLE, joints=_JOINTS)
+"""Without switches: its records know no limits."""
 START = [0.0, 0.0, 100.0, 0.0, 60.0, 30.0]
 SETTINGS = AxisSettings(16, 33_000, 33_666, 15_000, 15_000, 15_360_000, 10_000_000)
 AXES = len(START)

@@ -1,6 +1,7 @@
-"""The canopen library's own CiA 402 node, unmodified, makes profile moves on the embedded board."""
+"""The canopen library's own CiA 402 node, unmodified, moves an axis of the embedded board."""
 
 import io
+import math
 
 import pytest
 from canopen.objectdictionary import eds
@@ -67,3 +68,33 @@ def test_profile_velocity(board: EmbeddedBoard, node: BaseNode402) -> None:
     node.sdo[0x60FF].raw = 0
     board.wait(1.0)
     assert node.statusword & Status.ZERO_SPEED
+
+
+@pytest.mark.parametrize("period_ms", [1, 10])
+def test_cyclic_synchronous_position(board: EmbeddedBoard, node: BaseNode402, period_ms: int) -> None:
+    """Half a turn there and back by RPDO3 and SYNC, with what a host needs to know of its own."""
+    before = board.driver_positions()
+    assert node.is_op_mode_supported("CYCLIC SYNCHRONOUS POSITION")  # type: ignore[no-untyped-call]
+    node.sdo[0x60C2][1].raw = period_ms
+    node.op_mode = "CYCLIC SYNCHRONOUS POSITION"
+    assert node.op_mode == "CYCLIC SYNCHRONOUS POSITION"
+    start = node.sdo[0x6062].raw
+    node.rpdo.read()  # type: ignore[no-untyped-call]
+    target = node.rpdo[3]
+    cycles = 1000 // period_ms
+    begin_s, farthest = board.now_s(), 0
+    for i in range(cycles + 5):
+        board.wait(begin_s + i * period_ms / 1000 - board.now_s())
+        turned = (1 - math.cos(2 * math.pi * min(i, cycles) / cycles)) / 2
+        target[0x607A].raw = start + round(1600 * STEP * turned)
+        target.transmit()
+        board.network.sync.transmit()
+        farthest = max(farthest, *(now - then for now, then in zip(board.driver_positions(), before, strict=True)))
+        if i == cycles // 2:
+            assert node.statusword & Status.FOLLOWS_COMMAND
+    assert farthest == pytest.approx(1600, abs=1)
+    assert board.driver_positions() == before
+    assert node.sdo[0x6064].raw == start
+    assert node.state == "OPERATION ENABLED"
+    node.op_mode = "PROFILED POSITION"
+    assert not node.statusword & Status.FOLLOWS_COMMAND

@@ -57,7 +57,10 @@ class KernelRig:
         self.axes[axis * k.AXIS_FIELDS + field] = value
 
     def push(self, displacement_units: int, end_velocity: int, duration_ms: int, axis: int = 0) -> int:
-        return self.kernel.push(self.axes, self.queue, axis, displacement_units, end_velocity, duration_ms)
+        return self.push_ticks(displacement_units, end_velocity, duration_ms * k.TICKS_PER_MS, axis)
+
+    def push_ticks(self, displacement_units: int, end_velocity: int, duration_ticks: int, axis: int = 0) -> int:
+        return self.kernel.push(self.axes, self.queue, axis, displacement_units, end_velocity, duration_ticks)
 
     def start(self, axis: int = 0) -> bool:
         return self.kernel.next_segment(self.axes, self.queue, axis)

@@ -367,12 +367,6 @@ class TestHoming:
         board.write(0x6040, 0, 0x1F)
         assert board.value(0x6062) == 0
 
-    @pytest.mark.parametrize("method", [-128, 17, 35, 36, 38])
-    def test_no_other_method_is_claimed(self, board: BenchBoard, method: int) -> None:
-        """A homing that would not move must not be attained."""
-        assert board.write(0x6098, 0, method) in (AbortCode.VALUE_TOO_LOW, AbortCode.VALUE_TOO_HIGH)
-        assert board.value(0x6098) == board.value(0x60E3, 1) == 37
-
     def test_it_closes_a_queue_whose_records_it_drops(self, board: BenchBoard) -> None:
         board.enable()
         for sequence in range(3):

@@ -1,5 +1,6 @@
 """Random commands in any order and at any time: what must be true of the board whatever a host does to it."""
 
+import struct
 from collections.abc import Callable
 
 from hypothesis import given, settings
@@ -30,6 +31,14 @@ def records(board: BenchBoard, axis: int, segments: list[tuple[int, int, int]]) 
         board.record(displacement, velocity, duration_ms, board.value(0x2012, 1, axis), axis)
 
 
+def cycles(board: BenchBoard, axis: int, ways: list[int]) -> None:
+    """Send set-points, each with a SYNC and for a millisecond."""
+    for way in ways:
+        board.send(0x410 + axis, struct.pack("<i", board.value(0x6062, 0, axis) + way))
+        board.send(0x080, b"")
+        board.wait(1)
+
+
 def write(index: int, subindex: int, values: st.SearchStrategy[int]) -> st.SearchStrategy[Action]:
     return action(lambda board, value, axis: board.write(index, subindex, value, axis), values, axes)
 
@@ -42,7 +51,9 @@ actions = st.one_of(
     action(BenchBoard.start),
     write(0x6040, 0, st.sampled_from([0x06, 0x07, 0x0F, 0x1F, 0x3F, 0x5F, 0x02, 0x00, 0x80, 0x10F, 0x11F, 0x11F])),
     write(0x60C4, 6, st.just(0)),
-    write(0x6060, 0, st.sampled_from([0, 1, 3, 6, 7])),
+    write(0x6060, 0, st.sampled_from([0, 1, 3, 6, 7, 8])),
+    write(0x60C2, 1, st.sampled_from([1, 2])),
+    action(cycles, axes, st.lists(st.integers(-20_000, 20_000), min_size=1, max_size=10)),
     write(0x2000, 1, st.sampled_from([1, 2, 8, 16])),
     write(0x607F, 0, st.sampled_from([1, 10**6, 8_000 * 16_384])),
     write(0x607A, 0, st.integers(-(10**7), 10**7)),

@@ -85,6 +85,22 @@ class TestRefusals:
     def test_duration(self, kernel: Kernel, duration_ms: int, answer: int) -> None:
         assert KernelRig(kernel).push(0, 0, duration_ms) == answer
 
+    @pytest.mark.parametrize(
+        ("duration_ticks", "answer"),
+        [(0, k.REFUSED_DURATION), (1, k.ACCEPTED), (1020, k.ACCEPTED), (1021, k.REFUSED_DURATION)],
+    )
+    def test_duration_in_ticks(self, kernel: Kernel, duration_ticks: int, answer: int) -> None:
+        assert KernelRig(kernel).push_ticks(0, 0, duration_ticks) == answer
+
+    @pytest.mark.parametrize("duration_ticks", [1, 3, 5])
+    def test_the_rate_limit_of_a_duration_in_ticks(self, kernel: Kernel, duration_ticks: int) -> None:
+        """15 steps per ms are 3.75 a tick, 3840 units."""
+        limit = 15 * ONE_STEP_PER_MS
+        rig = KernelRig(kernel)
+        rig.set(k.TAIL_VELOCITY, limit)
+        assert rig.push_ticks(3840 * duration_ticks + 1, limit, duration_ticks) == k.REFUSED_TOO_FAST
+        assert rig.push_ticks(3840 * duration_ticks, limit, duration_ticks) == k.ACCEPTED
+
     @pytest.mark.parametrize("sign", [1, -1])
     def test_end_velocity_at_the_rate_limit(self, kernel: Kernel, sign: int) -> None:
         """15 kHz may be reached exactly; one unit of velocity more is refused and changes nothing."""

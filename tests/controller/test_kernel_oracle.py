@@ -19,7 +19,7 @@ FAST_PINS = Timing(steplen=1, stepspace=1, dirsetup=0, dirhold=0)
 class ExactHermite:
     """A cubic Hermite segment over rationals: positions in steps, velocities in steps per ms, time in ms."""
 
-    def __init__(self, p0: Fraction, v0: Fraction, p1: Fraction, v1: Fraction, dt_ms: int) -> None:
+    def __init__(self, p0: Fraction, v0: Fraction, p1: Fraction, v1: Fraction, dt_ms: Fraction | int) -> None:
         self.p0, self.v0, self.p1, self.v1, self.dt_ms = p0, v0, p1, v1, dt_ms
 
     def position(self, t_ms: Fraction) -> Fraction:
@@ -48,20 +48,24 @@ class ExactHermite:
     start_velocity=st.integers(-3_000_000, 3_000_000),
     displacement=st.integers(-500_000, 500_000),
     end_velocity=st.integers(-3_000_000, 3_000_000),
-    duration_ms=st.integers(1, 255),
+    duration_ticks=st.one_of(st.integers(1, 60), st.integers(1, 255).map(lambda ms: TICKS_PER_MS * ms)),
 )
 @settings(max_examples=300)
 def test_positions_and_edges_against_exact_arithmetic(
-    microsteps: int, start_velocity: int, displacement: int, end_velocity: int, duration_ms: int
+    microsteps: int, start_velocity: int, displacement: int, end_velocity: int, duration_ticks: int
 ) -> None:
     """Bounds: 3 roundings of half a Q16 unit and 2 of the coefficients' for positions; for edges the chord's sagitta
     a dt^2 / 8 more, one count of time at full speed and the interval's truncation."""
     rig = KernelRig(python_kernel(), microsteps=microsteps, timing=FAST_PINS, rate_limit_q16_per_ms=60 << 16)
     rig.set(k.TAIL_VELOCITY, start_velocity)
-    assume(rig.push(displacement, end_velocity, duration_ms) == k.ACCEPTED)
+    assume(rig.push_ticks(displacement, end_velocity, duration_ticks) == k.ACCEPTED)
     per_unit = Fraction(microsteps, 16_384)
     exact = ExactHermite(
-        Fraction(0), start_velocity * per_unit / 64, displacement * per_unit, end_velocity * per_unit / 64, duration_ms
+        Fraction(0),
+        start_velocity * per_unit / 64,
+        displacement * per_unit,
+        end_velocity * per_unit / 64,
+        Fraction(duration_ticks, TICKS_PER_MS),
     )
     position_bound = 5 * Q16
     sagitta = exact.acceleration_max() * Fraction(1, TICKS_PER_MS) ** 2 / 8
@@ -69,8 +73,7 @@ def test_positions_and_edges_against_exact_arithmetic(
 
     rig.start()
     counter, seen = 0, 0
-    ticks = TICKS_PER_MS * duration_ms
-    for tick in range(ticks):
+    for tick in range(duration_ticks):
         rig.advance(1)
         p = rig.get(k.POSITION_Q16) * Q16
         assert abs(p - exact.position(Fraction(tick + 1, TICKS_PER_MS))) <= position_bound
@@ -88,17 +91,17 @@ def test_positions_and_edges_against_exact_arithmetic(
     start_velocity=st.integers(-(1 << 23), (1 << 23) - 1),
     displacement=st.integers(-(1 << 23), (1 << 23) - 1),
     end_velocity=st.integers(-(1 << 23), (1 << 23) - 1),
-    duration_ms=st.integers(1, 255),
+    duration_ticks=st.integers(1, 255 * TICKS_PER_MS),
     microsteps=st.sampled_from([1, 2, 8, 16]),
 )
 @settings(max_examples=500)
 def test_every_intermediate_of_an_accepted_segment_fits_a_cortex_m3(
-    start_velocity: int, displacement: int, end_velocity: int, duration_ms: int, microsteps: int
+    start_velocity: int, displacement: int, end_velocity: int, duration_ticks: int, microsteps: int
 ) -> None:
     """Operands of each multiplication in i32 (one SMULL), products in i64, whatever the wire may ask for."""
     rig = KernelRig(python_kernel(), microsteps=microsteps, rate_limit_q16_per_ms=k.I32_MAX)
     rig.set(k.TAIL_VELOCITY, start_velocity)
-    assume(rig.push(displacement, end_velocity, duration_ms) == k.ACCEPTED)
+    assume(rig.push_ticks(displacement, end_velocity, duration_ticks) == k.ACCEPTED)
     a, b, c = (int(rig.queue[field]) for field in (k.SEGMENT_A, k.SEGMENT_B, k.SEGMENT_C))
     n = int(rig.queue[k.SEGMENT_TICKS])
     for i in range(n + 1):

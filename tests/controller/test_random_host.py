@@ -43,6 +43,10 @@ OBJECTS = {
     (0x607D, 2): (2**31 - 1, 1_000_000, 0),
     (0x6081, 0): (1, 100_000, VELOCITY_MAX, 2**32 - 1),
     (0x6086, 0): (0, 3),
+    (0x2020, 1): (0, 50, 10_000),
+    (0x6098, 0): (17, 18, 19, 22, 23, 30, 35, 37, 37),
+    (0x6099, 1): (1_000_000, VELOCITY_MAX),
+    (0x6099, 2): (100_000, VELOCITY_MAX),
     (0x60FF, 0): (0, 15, 1_000_000, -VELOCITY_MAX, 2**31 - 1),
     (0x60C4, 6): (0,),
     (0x2000, 1): (1, 2, 8, 16),
@@ -132,7 +136,7 @@ class RandomHost(RuleBasedStateMachine):
     def set_up(self) -> None:
         def configure(board: WatchedBoard) -> None:
             for axis in range(AXES):
-                for index in (0x6083, 0x6084, 0x6085):
+                for index in (0x6083, 0x6084, 0x6085, 0x609A):
                     board.write(index, 0, ACCELERATION, axis)
                 board.write(0x607F, 0, VELOCITY_MAX, axis)
                 board.write(0x1010, 1, int.from_bytes(b"save", "little"), axis)
@@ -193,14 +197,24 @@ class RandomHost(RuleBasedStateMachine):
         self.controlword(word, axis)
         self.watch(60)
 
-    @rule(axis=axes)
-    def home(self, axis: int) -> None:
+    @rule(axis=axes, method=st.sampled_from([17, 18, 19, 22, 24, 29, 35, 37]), slices=spells)
+    def home(self, axis: int, method: int, slices: int) -> None:
         def walk(board: WatchedBoard) -> None:
-            for word in (0x0F, 0x1F, 0x0F):
+            board.write(0x6098, 0, method, axis)
+            for word in (0x0F, 0x1F):
                 board.write(0x6060, 0, Mode.HOMING, axis)
                 board.write(0x6040, 0, word, axis)
 
         self.do(walk)
+        self.watch(slices)
+        self.flip(axis)
+        self.watch(slices)
+
+    @rule(axis=axes)
+    def flip(self, axis: int) -> None:
+        """Every switch of an axis changes."""
+        switches = DigitalInput.NEGATIVE_LIMIT | DigitalInput.POSITIVE_LIMIT | DigitalInput.HOME
+        self.now(lambda board: board.set_inputs(board.inputs[axis] ^ switches, axis))
 
     @rule(lengths=st.tuples(st.integers(1, 40), st.integers(1, 40)), unit=st.integers(-100_000, 100_000), slices=spells)
     def stream(self, lengths: tuple[int, int], unit: int, slices: int) -> None:
@@ -216,6 +230,26 @@ class RandomHost(RuleBasedStateMachine):
             board.start()
 
         self.do(walk)
+        self.watch(slices)
+
+    @rule(
+        speeds=st.lists(st.integers(-VELOCITY_MAX, VELOCITY_MAX), min_size=1, max_size=30),
+        period_ms=st.integers(1, 10),
+        slices=spells,
+    )
+    def cycle(self, speeds: list[int], period_ms: int, slices: int) -> None:
+        """One axis follows set-points, the other one half of them, until they no longer come."""
+        self.recover(Mode.CYCLIC_SYNCHRONOUS_POSITION)
+        for axis in range(AXES):
+            self.write((0x60C2, 1, period_ms), axis)
+        points = [self.board.value(0x6062, 0, axis) for axis in range(AXES)]
+        for speed in speeds:
+            for axis in range(AXES):
+                points[axis] += speed * period_ms // 1000 // (axis + 1)
+                target = min(max(points[axis], -(2**31)), 2**31 - 1).to_bytes(4, "little", signed=True)
+                self.near_junk(0x400, axis, target)
+            self.junk(0x080, b"")
+            self.watch(period_ms)
         self.watch(slices)
 
     @rule(mode=st.sampled_from([*Mode, 99]), axis=axes)

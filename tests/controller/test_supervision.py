@@ -333,10 +333,11 @@ class TestFollowingError:
         board.wait(500)
         assert board.state() is State.OPERATION_ENABLED
 
-    def test_bit_13_in_profile_position(self, slipping: SlippingBoard) -> None:
+    @pytest.mark.parametrize("mode", [Mode.PROFILE_POSITION, Mode.CYCLIC_SYNCHRONOUS_POSITION])
+    def test_bit_13_where_it_says_so(self, slipping: SlippingBoard, mode: Mode) -> None:
         slipping.write(0x60FF, 0, 0)
         slipping.wait(100)
-        slipping.write(0x6060, 0, Mode.PROFILE_POSITION)
+        slipping.write(0x6060, 0, mode)
         assert not slipping.has(Status.FOLLOWING_ERROR)
         slipping.lost_steps = 11
         assert slipping.has(Status.FOLLOWING_ERROR)

@@ -7,10 +7,11 @@ from controller.backend import Kernel
 from controller.pins import Pin, PinChange
 from emulator.board import Board, BoardConfig
 from emulator.bus import Bus
-from emulator.driver_module import Module
+from emulator.driver_module import Module, Requirements
 from emulator.simulation import Simulation
+from emulator.switches import Switch
 from emulator.tb6560 import Cooling, Rule
-from protocol.cia402 import DigitalOutput
+from protocol.cia402 import DigitalInput, DigitalOutput
 from protocol.frame import Frame
 from protocol.pvt import PvtRecord
 
@@ -182,6 +183,38 @@ class TestDrivers:
         assert board.protect_level(0, simulation.now_counts) == 0
         assert board.protect_level(1, simulation.now_counts) == 1
         assert board.trace(0).violations.rules() == [Rule.OVER_TEMPERATURE]
+
+    @pytest.mark.parametrize("module", [Module(), Module(requirements=Requirements(dirhold_ns=1_000_000))])
+    @pytest.mark.parametrize(("switch_steps", "closed"), [(11, True), (12, False)])
+    def test_the_last_step_of_a_motion_may_close_a_switch(
+        self, fast_kernel: Kernel, module: Module, switch_steps: int, closed: bool
+    ) -> None:
+        """Also where the driver knows only a millisecond later that it was one."""
+        switch = Switch(0, DigitalInput.HOME, from_steps=switch_steps)
+        board = Board(BoardConfig(1, (330.0,), switches=(switch,), modules=(module,)), fast_kernel)
+        simulation = Simulation([board], Bus(1_000_000))
+        switch_on(simulation)
+        simulation.send(Frame(0x510, PvtRecord(11 * 1024, 0, 100, 0).encode()))
+        simulation.send(Frame(0x310, bytes.fromhex("1f00")))
+        simulation.send(Frame(0x080, b""))
+        wait(simulation, 150)
+        assert board.trace(0).position_steps == 11
+        seen = DigitalInput(board.firmware.nodes[0].dictionary.get(0x60FD))
+        assert bool(seen & DigitalInput.HOME) == closed
+        assert not board.moving
+
+    def test_the_firmware_may_read_what_was_lost(self, fast_kernel: Kernel) -> None:
+        """Objects 2F00:01 to 03: ten steps of which the chip sees none, each a violation."""
+        deaf = Module(requirements=Requirements(steplen_ns=40_000))
+        board = Board(BoardConfig(1, (330.0,), modules=(deaf,)), fast_kernel)
+        simulation = Simulation([board], Bus(1_000_000))
+        switch_on(simulation)
+        simulation.send(Frame(0x510, PvtRecord(10 * 1024, 0, 100, 0).encode()))
+        simulation.send(Frame(0x310, bytes.fromhex("1f00")))
+        simulation.send(Frame(0x080, b""))
+        wait(simulation, 150)
+        read = [board.firmware.nodes[0].dictionary.get(0x2F00, subindex) for subindex in (1, 2, 3)]
+        assert read == [0, 10, 10]
 
     def test_each_axis_may_have_another_module(self, fast_kernel: Kernel) -> None:
         with pytest.raises(ValueError, match="zip"):

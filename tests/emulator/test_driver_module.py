@@ -73,7 +73,8 @@ class TestLateDirection:
         turns = [(rises[i] - 15 * US, 1 - i // 10 % 2) for i in range(0, 40, 10)]
         driver = driven(THREE_AMP, pins(rises, directions=turns))
         assert driver.steps[1].tolist() == ([1] * 10 + [1] + [-1] * 9) * 2
-        assert driver.position_steps == 4
+        assert driver.position_steps == driver.lost_steps * -1 == 4
+        assert driver.violation_count == driver.violations.counts.size == 2
         assert [rule for rule, _, _ in found(driver)] == [Rule.DIR_SETUP] * 2
         assert driven(Module(), pins(rises, directions=turns)).position_steps == 0
 
@@ -120,6 +121,21 @@ class TestPulses:
         driver = driven(Module(clk=Coupler(to_low_ns=40_000)), pins([50_000, 50_000 + WIDTH + gap]))
         assert driver.steps[0].size == steps
         assert found(driver) == ([] if steps == 2 else [(Rule.CLK_LOW, 40 * US, 40 * US + 1)])
+
+    def test_lost_steps_are_those_meant_less_those_counted(self) -> None:
+        """One pulse too short for the module, one for the chip, one of the other direction that is counted."""
+        rises, widths = [50_000, 60_000, 70_000, 90_000], [WIDTH, 100, WIDTH - 1, WIDTH]
+        module = Module(requirements=Requirements(steplen_ns=10_000))
+        driver = driven(module, pins(rises, widths, [*UP, (80_000, 0)]))
+        assert (driver.position_steps, driver.lost_steps, driver.violation_count) == (0, 2, 2)
+
+    def test_steps_are_handed_out_as_the_chip_counts_them(self) -> None:
+        driver = driven(SLOW_BLUE)
+        first = driver.feed(pins([1_000_000], [20_000], UP, until=1_020_000 + 100 * US))
+        assert (driver.held_pulses, driver.waiting, first[0].size) == (1, True, 0)
+        counts, signs = driver.feed(pins(until=1_020_000 + 150 * US + 1))
+        assert (counts.tolist(), signs.tolist()) == ([1_020_000], [1])
+        assert (driver.held_pulses, driver.waiting) == (0, False)
 
     def test_steps_are_told_by_their_pulses_at_the_terminals(self) -> None:
         module = Module(clk=Coupler(20_000, 20_000))

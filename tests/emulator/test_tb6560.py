@@ -198,6 +198,11 @@ def stream(pulses: list[tuple[int, int]], turns: list[int], changes: list[tuple[
     return pins(rises, widths, directions, (*POWER_UP, *later))
 
 
+def levels_at_rises(whole: Pins) -> list[int]:
+    turned = np.searchsorted(whole.dir_counts, whole.clk_rise_counts, side="right").tolist()
+    return [int(whole.dir_levels[n - 1]) if n else 0 for n in turned]
+
+
 @given(pulses=PULSES, turns=TURNS, changes=CHANGES)
 def test_against_a_chip_stepped_edge_by_edge(
     pulses: list[tuple[int, int]], turns: list[int], changes: list[tuple[int, Input, int]]
@@ -216,6 +221,9 @@ def test_against_a_chip_stepped_edge_by_edge(
     chip.feed(whole)
     assert list(zip(*(values.tolist() for values in chip.steps), strict=True)) == steps
     assert chip.position_steps == sum(sign for _, sign in steps)
+    meant = [2 * int(level) - 1 for level in levels_at_rises(whole)]
+    assert chip.position_steps + chip.lost_steps == sum(meant)
+    assert chip.violation_count == chip.violations.counts.size
 
 
 @given(pulses=PULSES, turns=TURNS, changes=CHANGES, cuts=st.lists(st.integers(0, 450_000), max_size=6))

@@ -1,0 +1,223 @@
+"""How an axis finds the edge of a switch that is its home, wherever it starts.
+
+Every method goes the same way: search for the switch fast, get in front of the edge that counts, cross it slowly. So
+the edge is always crossed in the same direction and at the same speed. The step counter is latched in the servo tick in
+which the inputs show the edge; then the axis ramps down and stands a little beyond.
+"""
+
+from enum import Enum, auto
+
+from controller.homing_methods import NEGATIVE, POSITIVE, HomingMethod
+from controller.kernel import I32_MAX
+from controller.motion import Motion
+from controller.profile import Limits
+from controller.profile_feed import ProfileFeed
+from protocol.cia402 import DigitalInput, HomingError
+
+
+class Phase(Enum):
+    """How far a search is."""
+
+    START = auto()
+    SEARCH = auto()
+    """Fast, until the switch closes."""
+    LEAVE = auto()
+    """Fast, from within the switch in the edge's direction, until it opens."""
+    TURN = auto()
+    """Braking at a limit switch."""
+    BRAKE = auto()
+    """Braking after an edge of the switch."""
+    BACK = auto()
+    """Fast, against the edge's direction, until the edge is crossed."""
+    EDGE = auto()
+    """Slowly, in the edge's direction, until the edge is crossed."""
+    LATCHED = auto()
+    """Braking behind the edge that counts."""
+    DONE = auto()
+    FAILED = auto()
+
+
+class Event(Enum):
+    """What happens to a search."""
+
+    AWAY = auto()
+    """The axis stands, the switch is open: on which side of it nobody knows."""
+    IN_FRONT = auto()
+    """The axis stands in front of the edge, seen in the edge's direction."""
+    BEHIND = auto()
+    """The axis stands behind the edge."""
+    CROSSED = auto()
+    """The switch has changed as the phase wants it."""
+    LIMIT = auto()
+    """The limit switch ahead is closed, and the search has not turned round yet."""
+    DEAD_END = auto()
+    """There is no way on: a limit switch or the end of the range of positions."""
+    WRONG_LIMIT = auto()
+    """A limit switch that is not ahead has closed."""
+    TIMEOUT = auto()
+
+
+_STROKES = (Phase.SEARCH, Phase.LEAVE, Phase.BACK, Phase.EDGE)
+
+TRANSITIONS: dict[tuple[Phase, Event], Phase | HomingError] = {
+    (Phase.START, Event.AWAY): Phase.SEARCH,
+    (Phase.START, Event.IN_FRONT): Phase.LEAVE,
+    (Phase.START, Event.BEHIND): Phase.BACK,
+    (Phase.SEARCH, Event.CROSSED): Phase.BRAKE,
+    (Phase.SEARCH, Event.LIMIT): Phase.TURN,
+    (Phase.TURN, Event.AWAY): Phase.SEARCH,
+    (Phase.TURN, Event.IN_FRONT): Phase.LEAVE,
+    (Phase.TURN, Event.BEHIND): Phase.BACK,
+    (Phase.LEAVE, Event.CROSSED): Phase.BRAKE,
+    (Phase.BRAKE, Event.IN_FRONT): Phase.EDGE,
+    (Phase.BRAKE, Event.BEHIND): Phase.BACK,
+    (Phase.BACK, Event.CROSSED): Phase.BRAKE,
+    (Phase.EDGE, Event.CROSSED): Phase.LATCHED,
+    (Phase.LATCHED, Event.IN_FRONT): Phase.DONE,
+    (Phase.LATCHED, Event.BEHIND): Phase.DONE,
+    (Phase.SEARCH, Event.DEAD_END): HomingError.NOT_FOUND,
+    (Phase.LEAVE, Event.DEAD_END): HomingError.STUCK,
+    (Phase.BACK, Event.DEAD_END): HomingError.STUCK,
+    (Phase.EDGE, Event.DEAD_END): HomingError.STUCK,
+    **dict.fromkeys(((phase, Event.WRONG_LIMIT) for phase in _STROKES), HomingError.WRONG_SWITCH),
+    **dict.fromkeys(((phase, Event.TIMEOUT) for phase in (*_STROKES, Phase.TURN, Phase.BRAKE)), HomingError.TIMEOUT),
+}
+"""What follows on what; any other event changes nothing. An error leads to FAILED."""
+
+_LIMIT_SWITCHES = DigitalInput.NEGATIVE_LIMIT | DigitalInput.POSITIVE_LIMIT
+_LIMIT_AHEAD = {POSITIVE: DigitalInput.POSITIVE_LIMIT, NEGATIVE: DigitalInput.NEGATIVE_LIMIT}
+
+
+class SwitchSearch:
+    """One search, from standstill to standstill; whoever started it looks at `phase` after every call."""
+
+    def __init__(
+        self,
+        axis: int,
+        motion: Motion,
+        feed: ProfileFeed,
+        method: HomingMethod,
+        fast: Limits,
+        slow: Limits,
+        inputs: DigitalInput,
+    ) -> None:
+        self.phase = Phase.START
+        self.error = HomingError.NONE
+        """Why it has failed, in FAILED."""
+        self.latched_step = 0
+        """What the step counter said when the edge was seen, from LATCHED on."""
+        self._axis = axis
+        self._motion = motion
+        self._feed = feed
+        self._method = method
+        self._inputs = inputs
+        self._strokes = {
+            Phase.SEARCH: (method.search_direction, fast),
+            Phase.LEAVE: (method.edge_direction, fast),
+            Phase.BACK: (-method.edge_direction, fast),
+            Phase.EDGE: (method.edge_direction, slow),
+        }
+        self._direction = method.search_direction
+        """Of the stroke in progress or just over."""
+
+    # --- what happens
+
+    def begin(self) -> None:
+        """Set off, from standstill."""
+        self._stopped()
+
+    def inputs_changed(self, inputs: DigitalInput) -> None:
+        """The inputs have these levels now."""
+        before, self._inputs = self._inputs, inputs
+        closed = inputs & ~before
+        if (inputs ^ before) & self._method.switch and self._closed is self._wanted:
+            self._happens(Event.CROSSED)
+        elif closed & self._limit_ahead:
+            self._happens(self._end_of_way)
+        elif closed & _LIMIT_SWITCHES & ~self._method.switch:
+            self._happens(Event.WRONG_LIMIT)
+
+    def finished(self) -> None:
+        """The motion has come to its end, at rest."""
+        if self.phase in _STROKES:
+            self._happens(Event.DEAD_END)
+        else:
+            self._stopped()
+
+    def time_out(self) -> None:
+        """It has taken too long."""
+        self._happens(Event.TIMEOUT)
+
+    def _stopped(self) -> None:
+        self._happens(self._place)
+
+    @property
+    def _place(self) -> Event:
+        """Where the axis stands.
+
+        With the switch open it is beyond the switch if it has just met it, on the side that it was moving to.
+        """
+        if self._closed:
+            return Event.BEHIND if self._method.closes else Event.IN_FRONT
+        if self.phase in (Phase.START, Phase.TURN):
+            return Event.AWAY
+        return Event.BEHIND if self._direction == self._method.edge_direction else Event.IN_FRONT
+
+    @property
+    def _closed(self) -> bool:
+        return bool(self._inputs & self._method.switch)
+
+    @property
+    def _wanted(self) -> bool:
+        """How the switch is after the change that the stroke in progress is to bring about."""
+        if self.phase is Phase.SEARCH:
+            return True
+        return self._method.closes is not (self.phase is Phase.BACK)
+
+    @property
+    def _limit_ahead(self) -> DigitalInput:
+        """The limit switch that the axis moves towards, unless that is the one looked for."""
+        return _LIMIT_AHEAD[self._direction] & ~self._method.switch
+
+    @property
+    def _end_of_way(self) -> Event:
+        """What the limit switch ahead means."""
+        may_turn = self._method.turns and self._direction == self._method.search_direction
+        return Event.LIMIT if self.phase is Phase.SEARCH and may_turn else Event.DEAD_END
+
+    # --- what follows
+
+    def _happens(self, event: Event) -> None:
+        target = TRANSITIONS.get((self.phase, event))
+        if target is None:
+            return
+        if isinstance(target, HomingError):
+            self.error = target
+            self._brake(Phase.FAILED)
+        elif target in _STROKES:
+            self._move(target, turned=self.phase is Phase.TURN)
+        elif target is Phase.DONE:
+            self.phase = target
+        else:
+            self._brake(target)
+
+    def _move(self, phase: Phase, *, turned: bool) -> None:
+        """Go on until something happens, at the latest at the end of the range of positions."""
+        direction, limits = self._strokes[phase]
+        self.phase = phase
+        self._direction = -direction if turned and phase is Phase.SEARCH else direction
+        if self._inputs & self._limit_ahead:
+            self._happens(self._end_of_way)
+            return
+        self._feed.move_to(self._direction * I32_MAX, limits)
+        if not self._motion.running(self._axis):
+            self._happens(Event.DEAD_END)
+
+    def _brake(self, phase: Phase) -> None:
+        if phase is Phase.LATCHED:
+            self.latched_step = self._motion.counter_steps(self._axis)
+        self.phase = phase
+        if self._motion.running(self._axis):
+            self._feed.stop(self._strokes[Phase.SEARCH][1])
+        if not self._motion.running(self._axis):
+            self._stopped()

@@ -1,0 +1,145 @@
+"""A bench board with a machine behind it: an axis whose pulses move a slider past switches, looked at tick by tick.
+
+What the switches do is said here once more, without the emulator: its switches are held against these.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from controller.backend import Kernel
+from controller.kernel import TICK_COUNTS
+from protocol.cia402 import DigitalInput, HomingError, Mode, Status
+from tests.controller.bench_board import BenchBoard
+
+STEP = 1024
+"""Units of a step at 16 microsteps."""
+START, HALT = 0x10, 0x100
+FAST_STEPS_PER_S, SLOW_STEPS_PER_S, ACCELERATION_STEPS_PER_S2 = 2_000, 400, 40_000
+
+Closed = Callable[[int], bool]
+
+
+@dataclass
+class Machine:
+    """Which switches are closed at a position in steps; the slider stands at `position`."""
+
+    position: int = 0
+    switches: dict[DigitalInput, Closed] = field(default_factory=dict)
+
+    def inputs(self) -> DigitalInput:
+        levels = DigitalInput(0)
+        for bit, closed in self.switches.items():
+            if closed(self.position):
+                levels |= bit
+        return levels
+
+
+class HomingBench(BenchBoard):
+    """One axis, enabled in homing mode; `wait` goes from servo tick to servo tick."""
+
+    def __init__(self, kernel: Kernel, machine: Machine) -> None:
+        super().__init__(kernel)
+        self.machine = machine
+        self.rises: list[tuple[int, int]] = []
+        """Instant and sign of every step."""
+        self.velocities: list[int] = []
+        """The demanded velocity at the start of every tick in which the axis was moving, in 1/64 unit per ms."""
+        self._pending: list[tuple[int, int]] = []
+        self._levels = DigitalInput(0)
+        self._dir_level = 0
+        self.enable(Mode.HOMING)
+        self.write(0x6099, 1, FAST_STEPS_PER_S * STEP)
+        self.write(0x6099, 2, SLOW_STEPS_PER_S * STEP)
+        self.write(0x609A, 0, ACCELERATION_STEPS_PER_S2 * STEP)
+        self.wait(1)
+
+    def wait(self, dt_ms: float) -> None:
+        until = self.now + round(dt_ms * 72_000)
+        while self.now < until:
+            boundary = (self.now // TICK_COUNTS + 1) * TICK_COUNTS
+            self._pass_until(min(until, boundary - 1))
+            if boundary <= until:
+                self._tick(boundary)
+                self._pass_until(boundary)
+
+    def _pass_until(self, until: int) -> None:
+        """Stop wherever the firmware has something to do."""
+        while True:
+            due = self.firmware.next_due_counts
+            goal = until if due is None else max(self.now, min(until, due))
+            self.now = self.firmware.advance(goal)
+            self.firmware.poll(self.now)
+            self._fetch()
+            due = self.firmware.next_due_counts
+            if self.now == until and (due is None or due > until):
+                return
+
+    def _tick(self, boundary: int) -> None:
+        """Move the slider by the steps of the tick just over, then let the firmware see its switches."""
+        edges = self.firmware.motion.take_edges()[0]
+        directions = [(int(word) >> 1, int(word) & 1) for word in edges.direction]
+        for rise in map(int, edges.clk_counts[::2]):
+            while directions and directions[0][0] <= rise:
+                self._dir_level = directions.pop(0)[1]
+            self._pending.append((rise, 2 * self._dir_level - 1))
+        for _, level in directions:
+            self._dir_level = level
+        while self._pending and self._pending[0][0] < boundary:
+            rise, sign = self._pending.pop(0)
+            self.machine.position += sign
+            self.rises.append((rise, sign))
+        velocity = self.firmware.motion.velocity(0)
+        if velocity or (self.velocities and self.velocities[-1]):
+            self.velocities.append(velocity)
+        levels = self.machine.inputs()
+        if levels != self._levels:
+            self._levels = levels
+            self.firmware.set_inputs([levels], boundary)
+            self._fetch()
+
+    # --- commands and what comes of them
+
+    def word(self, bits: int = 0) -> None:
+        assert self.write(0x6040, 0, 0x0F | bits) == 0
+
+    def begin(self, method: int, offset_units: int = 0) -> None:
+        self.word()
+        assert self.write(0x6098, 0, method) == 0
+        assert self.write(0x607C, 0, offset_units) == 0
+        self.word(START)
+
+    def home(self, method: int, offset_units: int = 0, timeout_ms: int = 10_000) -> None:
+        """Home, successfully."""
+        self.begin(method, offset_units)
+        self.end(timeout_ms)
+        assert self.bits == (1, 1, 0), self.error
+
+    def end(self, timeout_ms: int = 10_000) -> int:
+        """Wait for standstill at the end; return the milliseconds that it took."""
+        for ms in range(timeout_ms):
+            if self.bits[0]:
+                return ms
+            self.wait(1)
+        raise AssertionError(f"homing has not ended after {timeout_ms} ms")
+
+    @property
+    def bits(self) -> tuple[int, int, int]:
+        """Target reached, homing attained, homing error: bits 10, 12 and 13."""
+        word = self.value(0x6041)
+        wanted = (Status.TARGET_REACHED, Status.HOMING_ATTAINED, Status.HOMING_ERROR)
+        return tuple(int(bool(word & bit)) for bit in wanted)  # type: ignore[return-value]
+
+    @property
+    def error(self) -> HomingError:
+        return HomingError(self.value(0x2020, 2))
+
+    @property
+    def emergencies(self) -> list[tuple[int, int]]:
+        """Code and detail of every EMCY."""
+        return [(int.from_bytes(data[:2], "little"), data[3]) for data in self.frames(0x090)]
+
+    @property
+    def zero_steps(self) -> int:
+        """Where, on the machine, the step counter reads 0."""
+        assert self.value(0x6064) % STEP == 0
+        return self.machine.position - self.value(0x6064) // STEP
