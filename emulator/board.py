@@ -1,5 +1,6 @@
 """The emulated board: the firmware, its TB6560s, the wires between them and a record of what went over these."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,13 +13,31 @@ from controller.measurements import DriverMonitor, Measurements
 from controller.motion import PinEdges
 from controller.pins import OUTPUT_PINS, Pin, PinChange
 from emulator.can_controller import CanController
+from emulator.driver import Driver
+from emulator.driver_module import Module
+from emulator.edges import Int8Array, Int64Array
 from emulator.inputs import BoardInputs
 from emulator.operations import BoardTemperature, DriverProtect, EmergencyStop, Operation, Supply
 from emulator.switches import Switch
-from emulator.tb6560 import Int8Array, Int64Array, Pins, Tb6560, Violations
+from emulator.tb6560 import Input, LevelChange, Outputs, Pins, Violations
 from protocol.cia402 import DigitalInput, ErrorCode
 from protocol.dictionary import FlashPage
 from protocol.frame import FIRST_NODE_ID, Frame
+
+WIRING = {
+    Pin.RESET: Input.RESET,
+    Pin.ENABLE: Input.ENABLE,
+    Pin.M1: Input.M1,
+    Pin.M2: Input.M2,
+    Pin.TQ1: Input.TQ1,
+    Pin.TQ2: Input.TQ2,
+    Pin.DCY1: Input.DCY1,
+    Pin.DCY2: Input.DCY2,
+}
+"""From the firmware's pins to the driver's."""
+
+SUPPLIES = (Input.VDD, Input.VM)
+"""In the order in which the board switches them on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +53,8 @@ class BoardConfig:
     switches: tuple[Switch, ...] = ()
     start_steps: tuple[int, ...] = ()
     """Where each axis of the machine stands when the board is made, in steps from its true zero; none given: all 0."""
+    modules: tuple[Module, ...] = ()
+    """What is around each chip; none for chips on the board itself."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,12 +80,13 @@ class Board:
         self.flash: list[FlashPage] = [{} for _ in range(config.axis_count)] if flash is None else flash
         """What the firmware has stored, a page for each axis: all that outlives the power."""
         self._kernel = kernel
-        self._drivers = [Tb6560(osc_pf) for osc_pf in config.osc_pf]
+        modules = config.modules or (Module(),) * config.axis_count
+        self._drivers = [Driver(osc_pf, module) for osc_pf, module in zip(config.osc_pf, modules, strict=True)]
         self._inputs = BoardInputs(config.switches, config.start_steps or (0,) * config.axis_count)
         self._measurements = Measurements()
         self._power_up()
-        self._reset_pins: list[list[PinChange]] = [[] for _ in self._drivers]
-        self._pins: list[list[Pins]] = [[_pins(PinEdges([], []), [])] for _ in self._drivers]
+        self._input_changes: list[list[LevelChange]] = [[] for _ in self._drivers]
+        self._pins: list[list[Pins]] = [[_pins(PinEdges([], []), [], 0)] for _ in self._drivers]
         self.pin_changes: list[PinChange] = []
         """Every change of the pins that the firmware holds at a level."""
 
@@ -87,6 +109,7 @@ class Board:
 
     def boot(self, now_counts: int) -> None:
         """Switch the board on: its nodes announce themselves."""
+        self._supply(SUPPLIES, now_counts, 1)
         self.firmware.boot(now_counts)
         self.poll(now_counts)
 
@@ -96,6 +119,7 @@ class Board:
         `can` is another one afterwards, which nobody has attached to the bus yet.
         """
         self._take_pins()
+        self._supply(reversed(SUPPLIES), now_counts, 0)
         levels = {(change.axis, change.pin): change.level for change in self.pin_changes}
         for (axis, pin), level in levels.items():
             if level:
@@ -221,13 +245,16 @@ class Board:
     def drain(self) -> None:
         """Show the drivers all pulses placed so far."""
         self._take_pins()
+        until_counts = self.firmware.motion.tick * TICK_COUNTS
         for axis, edges in enumerate(self.firmware.motion.take_edges()):
-            if not (len(edges.clk_counts) or len(edges.direction) or self._reset_pins[axis]):
+            driver, moved = self._drivers[axis], len(edges.clk_counts) or len(edges.direction)
+            if not (moved or self._input_changes[axis] or driver.waiting):
                 continue
-            pins = _pins(edges, self._reset_pins[axis])
-            self._reset_pins[axis] = []
-            self._inputs.counted(axis, *self._drivers[axis].feed(pins))
-            self._pins[axis].append(pins)
+            pins = _pins(edges, self._input_changes[axis], until_counts)
+            self._input_changes[axis] = []
+            self._inputs.counted(axis, *driver.feed(pins), held_pulses=driver.held_pulses)
+            if moved:
+                self._pins[axis].append(pins)
 
     def _monitor(self, axis: int) -> DriverMonitor:
         """What has become of an axis' pulses since power-up, those of the tick in progress included."""
@@ -245,18 +272,39 @@ class Board:
 
     def _note_pin(self, change: PinChange) -> None:
         self.pin_changes.append(change)
-        if change.pin is Pin.RESET:
-            self._reset_pins[change.axis].append(change)
+        if change.pin in WIRING:
+            self._input_changes[change.axis].append(LevelChange(change.counts, WIRING[change.pin], change.level))
+
+    def _supply(self, supplies: Iterable[Input], now_counts: int, level: int) -> None:
+        for supply in supplies:
+            for changes in self._input_changes:
+                changes.append(LevelChange(now_counts, supply, level))
+
+    def _driver_by_now(self, axis: int) -> Driver:
+        """A driver that has also seen the time pass in which nothing came."""
+        self.drain()
+        nothing = _pins(PinEdges([], []), [], self.firmware.motion.tick * TICK_COUNTS)
+        driver = self._drivers[axis]
+        self._inputs.counted(axis, *driver.feed(nothing), held_pulses=driver.held_pulses)
+        return driver
 
     def output_changes(self) -> list[PinChange]:
         """Every change of a digital output so far, in order of time; all outputs are 0 before their first."""
         self.drain()
         return [change for change in self.pin_changes if change.pin in OUTPUT_PINS]
 
+    def protect_level(self, axis: int, now_counts: int) -> int:
+        """The Protect pin of an axis' driver, pulled up: low while thermal shutdown keeps its outputs off."""
+        self.drain()
+        return self._drivers[axis].protect_level(now_counts)
+
+    def outputs(self, axis: int) -> Outputs:
+        """Phase currents, electrical angle and MO of an axis' driver, at any instant so far."""
+        return self._driver_by_now(axis).outputs
+
     def trace(self, axis: int) -> AxisTrace:
         """Everything that happened at an axis' driver so far."""
-        self.drain()
-        driver = self._drivers[axis]
+        driver = self._driver_by_now(axis)
         pins = self._pins[axis]
         step_counts, step_signs = driver.steps
         return AxisTrace(
@@ -271,8 +319,8 @@ class Board:
         )
 
 
-def _pins(edges: PinEdges, resets: list[PinChange]) -> Pins:
-    """The wiring: the firmware's STEP goes to CLK, DIR to CW/CCW, RESET to RESET."""
+def _pins(edges: PinEdges, changes: list[LevelChange], until_counts: int) -> Pins:
+    """The wiring of what comes as edges: the firmware's STEP goes to CLK, DIR to CW/CCW."""
     clk = _array(edges.clk_counts)
     direction = _array(edges.direction)
     return Pins(
@@ -280,8 +328,8 @@ def _pins(edges: PinEdges, resets: list[PinChange]) -> Pins:
         clk_fall_counts=clk[1::2],
         dir_counts=direction >> 1,
         dir_levels=(direction & 1).astype(np.int8),
-        reset_counts=_array([change.counts for change in resets]),
-        reset_levels=_array([change.level for change in resets]).astype(np.int8),
+        changes=tuple(changes),
+        until_counts=until_counts,
     )
 
 

@@ -17,10 +17,11 @@ from emulator.bus_faults import FaultScript
 from emulator.operations import Operation, Scheduled
 from emulator.simulation import BusOverloadError, Simulation
 from emulator.switches import Switch
+from host.drivers import driver_profile, fitted_modules, phases_evidence, violations_evidence
 from host.errors import BusError
 from host.repeated_frames import RepeatedFrames
 from host.robot import Joint, Robot
-from host.verify import AxisEvidence, BusReport, Evidence, LevelEdges
+from host.verify import AxisEvidence, BusReport, Evidence, LevelEdges, Phases
 from host.wiring import output_changes
 from protocol.cia402 import DigitalInput
 from protocol.frame import COB_SYNC, Frame
@@ -92,16 +93,24 @@ class EmbeddedBoard:
         kernel: Kernel,
         bus_faults: FaultScript | None = None,
         schedule: Iterable[Scheduled] = (),
+        driver_profile_name: str | None = None,
     ) -> None:
+        """By a name it has other drivers than the robot's file says.
+
+        Raises:
+            InputError: there are no such drivers, or they cannot be set as the robot needs them.
+        """
         self._robot = robot
+        self.driver_profile = driver_profile(robot.board, driver_profile_name)
         self._start_steps = [
             _steps_at(joint, position) for position, joint in zip(start_joints, robot.joints, strict=True)
         ]
         config = BoardConfig(
             axis_count=len(robot.joints),
-            osc_pf=(robot.board.osc_pf,) * len(robot.joints),
+            osc_pf=(self.driver_profile.osc_pf,) * len(robot.joints),
             switches=tuple(_switches(robot)),
             start_steps=tuple(self._start_steps),
+            modules=fitted_modules(robot, self.driver_profile, as_filed=driver_profile_name is None),
         )
         self._board = Board(config, kernel)
         self._simulation = Simulation([self._board], Bus(robot.board.bitrate, bus_faults), schedule)
@@ -147,7 +156,13 @@ class EmbeddedBoard:
         sync_counts = max(counts for counts, frame in self.bus_log if frame.cob_id == COB_SYNC)
         traces = [self._board.trace(axis) for axis in range(len(self._start_steps))]
         axes = tuple(
-            _axis_evidence(joint.name, self._start_steps[i], traces[i], _level_edges(i, self._board.pin_changes))
+            _axis_evidence(
+                joint.name,
+                self._start_steps[i],
+                traces[i],
+                phases_evidence(self._board.outputs(i)),
+                _level_edges(i, self._board.pin_changes),
+            )
             for i, joint in enumerate(self._robot.joints)
         )
         return Evidence(-(-sync_counts // TICK_COUNTS) * TICK_COUNTS, axes, output_changes(self._robot, axes))
@@ -187,7 +202,9 @@ def _level_edges(axis: int, changes: Sequence[PinChange]) -> dict[str, LevelEdge
     }
 
 
-def _axis_evidence(name: str, start_steps: int, trace: AxisTrace, pins: dict[str, LevelEdges]) -> AxisEvidence:
+def _axis_evidence(
+    name: str, start_steps: int, trace: AxisTrace, phases: Phases, pins: dict[str, LevelEdges]
+) -> AxisEvidence:
     return AxisEvidence(
         name=name,
         start_steps=start_steps,
@@ -197,6 +214,7 @@ def _axis_evidence(name: str, start_steps: int, trace: AxisTrace, pins: dict[str
         dir_levels=trace.dir_levels,
         step_counts=trace.step_counts,
         step_signs=trace.step_signs,
-        violations=len(trace.violations.counts),
+        violations=violations_evidence(trace.violations),
+        phases=phases,
         pins=pins,
     )

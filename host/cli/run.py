@@ -56,6 +56,14 @@ def run(
         float | None,
         typer.Option(metavar="SECONDS", min=0.0, help="Stop sending points there, as a host that hangs would."),
     ] = None,
+    driver_profile: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="The drivers that the emulated board really has, without telling planner or firmware: chip-100pf,"
+            " chip-330pf, chip-1000pf, 3a-module or slow-blue-board.",
+        ),
+    ] = None,
     kernel: Annotated[
         KernelChoice, typer.Option(help="Plain Python or compiled; auto takes the fastest.")
     ] = KernelChoice.AUTO,
@@ -73,7 +81,15 @@ def run(
     standing = None if stand_at is None else joint_values(stand_at.split(), loaded.joint_names, "--stand-at")
     folder = None if out is None else prepare_folder(out)
     with progress_bar(f"{loaded.name} {job}") as progress:
-        outcome = execute(planned, job, _kernel(kernel), stand_at=standing, cut_stream_s=cut_stream, progress=progress)
+        outcome = execute(
+            planned,
+            job,
+            _kernel(kernel),
+            stand_at=standing,
+            cut_stream_s=cut_stream,
+            driver_profile=driver_profile,
+            progress=progress,
+        )
     document = _document(outcome) | ({} if folder is None else {VERSION_KEY: FOLDER_VERSION})
     pictures = folder is not None and write_folder(folder, outcome, document)
     if as_json:
@@ -133,6 +149,7 @@ def progress_bar(title: str) -> "Iterator[Progress]":
 def _document(outcome: "Outcome") -> dict[str, Any]:
     """The contract's keys, and what a fault leaves."""
     document = outcome.report.to_dict()
+    document["driver_profile"] = outcome.driver_profile
     document["simulated"] = True
     if outcome.fault:
         document["passed"] = False

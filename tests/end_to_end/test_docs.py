@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from docs.generate.driver import DRIVER_PAGE, render_driver
 from docs.generate.page import PAGE, render_page
 from docs.generate.protocol import PROTOCOL_PAGE, render_protocol
 from docs.generate.results import SAMPLED
@@ -27,19 +28,24 @@ def test_the_protocol_page_is_up_to_date() -> None:
     assert render_protocol() == PROTOCOL_PAGE.read_text(encoding="utf-8")
 
 
+def test_the_driver_page_is_up_to_date() -> None:
+    assert render_driver() == DRIVER_PAGE.read_text(encoding="utf-8")
+
+
 def test_every_robot_is_described() -> None:
     assert set(ROBOTS) == set(robot_names())
 
 
 def test_links_lead_somewhere() -> None:
     targets = re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", TEXT)
+    targets += re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", DRIVER_PAGE.read_text(encoding="utf-8"))
     assert len(targets) > 30
     for target in targets:
         assert (PAGE.parent / target).exists(), target
 
 
 def test_pictures_are_small() -> None:
-    pictures = set(re.findall(r"\((pictures/[^)]+)\)", TEXT))
+    pictures = set(re.findall(r"\((pictures/[^)]+)\)", TEXT + DRIVER_PAGE.read_text(encoding="utf-8")))
     assert {path.name for path in (PAGE.parent / "pictures").iterdir()} == {Path(name).name for name in pictures}
     for name in pictures:
         assert (PAGE.parent / name).stat().st_size < PICTURE_BYTES_MAX, name
