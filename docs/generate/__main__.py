@@ -7,6 +7,7 @@ from docs.generate.page import PAGE, render_page
 from docs.generate.pictures import write_pictures
 from docs.generate.protocol import PROTOCOL_PAGE, render_protocol
 from docs.generate.runs import Runs
+from docs.generate.waveform_pictures import write_waveform_pictures
 
 
 def main() -> None:
@@ -17,6 +18,7 @@ def main() -> None:
     runs = Runs(fastest_kernel())
     PAGE.write_text(render_page(runs), encoding="utf-8")
     write_pictures(runs)
+    write_waveform_pictures(runs)
 
 
 if __name__ == "__main__":
