@@ -7,7 +7,7 @@ from importlib.util import find_spec
 from rich.console import Console
 from rich.table import Table
 
-from bench import cyclic, drawer_pull, driver, kernel, kinematics, timing
+from bench import cyclic, drawer_pull, driver, kernel, kinematics, timing, waveforms
 from bench.loads import AXES
 from controller.backend import KERNELS
 
