@@ -220,9 +220,7 @@ class BoardBench(BenchBoard):
     def __init__(self, kernel: Kernel, board: Board) -> None:
         super().__init__(kernel)
         self.board, self.firmware = board, board.firmware
-        self.sent.clear()
-        self.firmware.boot(0)
-        self._fetch()
+        board.boot(0)
         self.wait(1)
         self.enable(6)
         for subindex, steps_per_s in ((1, FAST_STEPS_PER_S), (2, SLOW_STEPS_PER_S)):
