@@ -199,8 +199,8 @@ class InputStage:
     def _not_lost(self, pulses: _Pulses) -> _Pulses:
         too_short = pulses.high_counts < self._limits[_CLK_HIGH].value
         too_soon = pulses.low_counts < self._limits[_CLK_LOW].value
-        self._log.note(_CLK_HIGH, pulses.edges[too_short], pulses.high_counts[too_short])
-        self._log.note(_CLK_LOW, pulses.edges[too_soon], pulses.low_counts[too_soon])
+        self._note(_CLK_HIGH, pulses.edges[too_short], pulses.high_counts[too_short])
+        self._note(_CLK_LOW, pulses.edges[too_soon], pulses.low_counts[too_soon])
         return pulses.where(~(too_short | too_soon))
 
     # --- direction
@@ -229,9 +229,13 @@ class InputStage:
         levels = self._dir_levels[turns[near]]
         for level in (0, 1):
             too_near = (levels == level) & (distances < self._limits[limit + level].value)
-            self._log.note(limit + level, edges[near][too_near], distances[too_near])
+            self._note(limit + level, edges[near][too_near], distances[too_near])
             broken[np.flatnonzero(near)[too_near]] = True
         return broken
+
+    def _note(self, limit: int, edges: Int64Array, values: Int64Array) -> None:
+        """At the time at which the chip's CLK rises, or would: so they are in order with what the chip notes."""
+        self._log.note(limit, edges + self._clk.to_high, values)
 
     # --- inputs that are held at a level
 
