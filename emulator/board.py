@@ -90,7 +90,9 @@ class Board:
         self._held_protects = [False] * config.axis_count
         """The Protect pins that somebody holds low."""
         self._heat_due_tick: int | None = None
-        """The tick at whose start the drivers' own Protect pins want to be looked at next; None: they stay high."""
+        """The tick at whose start the drivers' own Protect pins want to be looked at next; None: they stay as they are."""
+        self._hot = False
+        """Whether one of these is low."""
         self._power_up()
         self._heat_due_tick = self._next_heat_tick()
         self._pins: list[list[Pins]] = [[_pins(PinEdges([], []), [], 0)] for _ in self._drivers]
@@ -195,8 +197,7 @@ class Board:
         motion = self.firmware.motion
         self.drain()
         self._inputs.look(motion)
-        for axis in range(self.config.axis_count):
-            self._look_at_protect(axis)
+        self._hot = any([self._look_at_protect(axis) for axis in range(self.config.axis_count)])
         self._heat_due_tick = self._next_heat_tick()
         self._look_at_once = False
         levels = self._inputs.levels
@@ -206,11 +207,12 @@ class Board:
         self.firmware.set_inputs(levels, motion.tick * TICK_COUNTS)
         return True
 
-    def _look_at_protect(self, axis: int) -> None:
-        """As it is at the start of the tick to come."""
+    def _look_at_protect(self, axis: int) -> bool:
+        """See the pin as it is at the start of the tick to come; whether the driver itself holds it low."""
         tick_counts = self.firmware.motion.tick * TICK_COUNTS
         low = not self._drivers[axis].protect_level(tick_counts)
         self._inputs.protects[axis] = low or self._held_protects[axis]
+        return low
 
     def _next_heat_tick(self) -> int | None:
         """Up to the start of which tick no driver switches itself off, as far as that is known now."""
@@ -237,6 +239,8 @@ class Board:
         self.firmware.poll(now_counts)
         for frame in self.firmware.take_frames():
             self.can.send(frame, now_counts)
+        if self._hot:
+            self._take_pins()
 
     @property
     def next_due_counts(self) -> int | None:
@@ -285,7 +289,7 @@ class Board:
         self._pin_levels[change.axis, change.pin] = change.level
         if change.pin in WIRING:
             self._input_changes[change.axis].append(LevelChange(change.counts, WIRING[change.pin], change.level))
-            self._look_at_once |= self._inputs.protects[change.axis]  # RESET may end it
+            self._look_at_once |= self._hot  # RESET may end it
 
     def _supply(self, supplies: Iterable[Input], now_counts: int, level: int) -> None:
         for supply in supplies:

@@ -120,6 +120,18 @@ def size_of(thing: object, depth: int = 5) -> int:
     return sum(size_of(part, depth - 1) for part in vars(thing).values()) if depth and hasattr(thing, "__dict__") else 0
 
 
+def test_what_was_told_ahead_is_not_told_again() -> None:
+    """The outputs come on 3 us after ENABLE, which is known with ENABLE."""
+    driver = Driver(330, Module())
+    pieces = []
+    for piece in cut(pins(changes=POWER_UP, until=500), [1, 2]):
+        driver.feed(piece)
+        pieces.append(told(driver))
+        driver.forget()
+    assert pieces[0].outputs[:, 0].tolist() == [0, 216]
+    assert (np.diff(together(pieces).outputs[:, 0]) > 0).all()
+
+
 def test_a_change_that_comes_after_pulses_of_its_tick_is_told_with_the_next_piece() -> None:
     """The firmware has computed the tick already in which a frame makes it disable the driver."""
     driver = Driver(330, Module())
