@@ -90,7 +90,7 @@ class Board:
         self._held_protects = [False] * config.axis_count
         """The Protect pins that somebody holds low."""
         self._heat_due_tick: int | None = None
-        """The tick at whose start the drivers' own Protect pins want to be looked at next; None: they stay as they are."""
+        """The tick at whose start the drivers' own Protect pins want to be looked at next; None: they stay high."""
         self._hot = False
         """Whether one of these is low."""
         self._power_up()
@@ -176,8 +176,7 @@ class Board:
                 reached = self._advance_freely(due_counts - 1)  # what happens at the start of the tick comes after
                 if reached < due_counts - 1:
                     return reached
-            hot = self._heat_due_tick is not None and self._heat_due_tick <= motion.tick
-            if (self._look_at_once or hot or self._inputs.may_have_changed(motion)) and self._look():
+            if (self._look_at_once or self._heat_is_due or self._inputs.may_have_changed(motion)) and self._look():
                 return due_counts
         return self._advance_freely(until_counts)
 
@@ -197,8 +196,10 @@ class Board:
         motion = self.firmware.motion
         self.drain()
         self._inputs.look(motion)
-        self._hot = any([self._look_at_protect(axis) for axis in range(self.config.axis_count)])
-        self._heat_due_tick = self._next_heat_tick()
+        if self._hot or self._heat_is_due:
+            low = [self._look_at_protect(axis) for axis in range(self.config.axis_count)]
+            self._hot = any(low)
+            self._heat_due_tick = self._next_heat_tick()
         self._look_at_once = False
         levels = self._inputs.levels
         if levels == self._seen:
@@ -206,6 +207,10 @@ class Board:
         self._seen = levels
         self.firmware.set_inputs(levels, motion.tick * TICK_COUNTS)
         return True
+
+    @property
+    def _heat_is_due(self) -> bool:
+        return self._heat_due_tick is not None and self._heat_due_tick <= self.firmware.motion.tick
 
     def _look_at_protect(self, axis: int) -> bool:
         """See the pin as it is at the start of the tick to come; whether the driver itself holds it low."""
