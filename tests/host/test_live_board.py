@@ -8,6 +8,7 @@ import pytest
 
 from controller.backend import Kernel
 from emulator.board import Board
+from host.cli.app import run
 from host.live import LiveBoard
 from host.robots import load_robot
 from host.run_folder import read_edges, read_report
@@ -160,6 +161,14 @@ def test_the_bus_log_alone(fast_kernel: Kernel, tmp_path: Path) -> None:
     assert len(lines) == session.board.bus.frames == 7
     assert lines[-1].endswith("steptwin0 080#")
     assert [path.name for path in tmp_path.iterdir()] == ["run.log"]
+
+
+def test_where_nothing_moved_there_is_no_waveform(
+    fast_kernel: Kernel, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Session(fast_kernel, tmp_path).end()
+    assert run(["trace", str(tmp_path)]) == 2
+    assert "nothing has happened after power-up" in capsys.readouterr().err
 
 
 def test_the_report_is_a_document(fast_kernel: Kernel, tmp_path: Path) -> None:
