@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from emulator.driver_module import ClkEdge, Module
 from emulator.driver_profiles import PROFILES, DriverProfile, bare_chip
-from emulator.edges import COUNTS_PER_US, Int64Array
+from emulator.edges import COUNTS_PER_US, NO_COUNTS, NO_LEVELS, Int64Array
 from emulator.tb6560 import Outputs, Unit, Violations
 from host.errors import InputError
 from host.inputs import unknown
@@ -64,6 +64,8 @@ def violations_evidence(violations: Violations) -> DriverViolations:
 def phases_evidence(outputs: Outputs) -> Phases:
     """Sampled wherever something may change; instants at which nothing does are left out, but for the very first."""
     counts = outputs.instants()
+    if not counts.size:
+        return Phases(NO_COUNTS, NO_LEVELS, np.empty(0, np.int16), np.empty(0, np.int16))
     values, before = _phase_values(outputs, counts), _phase_values(outputs, counts[:1] - 1)
     changed = (values != np.concatenate((before, values[:-1]))).any(axis=1)
     changed[:1] |= outputs.from_counts == 0

@@ -127,12 +127,12 @@ class LiveBoard:
         traces = [self._board.take_trace(axis) for axis in range(len(self.robot.joints))]
         changes = self._board.take_pin_changes()
         for axis, (name, trace) in enumerate(zip(self.robot.joint_names, traces, strict=True)):
-            evidence = axis_evidence(name, self._start_steps[axis], trace, axis, changes)
             self._end_steps[axis] = self._start_steps[axis] + trace.position_steps
-            self._pulses[axis] += evidence.clk_rise_counts.size
-            self._violations[axis] += evidence.violations.counts.size
-            self._limits[axis] = evidence.violations.limits
+            self._pulses[axis] += trace.clk_rise_counts.size
+            self._violations[axis] += trace.violations.counts.size
             if self._spool:
+                evidence = axis_evidence(name, self._start_steps[axis], trace, axis, changes)
+                self._limits[axis] = evidence.violations.limits
                 self._spool.append(evidence)
         for log in self._logs:
             log.flush()

@@ -196,6 +196,8 @@ class Tb6560:
 
     def forget(self) -> None:
         """Keep the counts and forget their history: steps, violations and the outputs' instants begin anew."""
+        if not (self._steps or self._changes or self._before[0].size or self._junction.shutdowns(self._until_counts)):
+            return  # nothing has happened since the last time
         outputs, kept_counts = self.outputs, self._until_counts - _LATE_COUNTS
         told_counts = int(outputs.instants().max(initial=max(self._until_counts, outputs.from_counts) - 1)) + 1
         self._origin = outputs.at(kept_counts, told_counts)
