@@ -134,6 +134,7 @@ class Board:
         self.drain()
         self._power_up()
         self.firmware.advance(now_counts)
+        self._heat_due_tick = self._next_heat_tick()
         self.boot(now_counts)
         self._measure(self._measurements, now_counts)
 

@@ -399,17 +399,43 @@ class TestHeat:
         simulation.send(Frame(0x210, b"\x80\0\7"))
         assert states(board)[0] is (State.SWITCH_ON_DISABLED if over else State.FAULT)
 
-    def test_so_does_a_power_cycle(self, board: Board) -> None:
+    @pytest.mark.parametrize("late_counts", [0, 1, 9_000, 17_999])
+    def test_so_does_a_power_cycle(self, board: Board, late_counts: int) -> None:
         simulation = Simulation([board], Bus(1_000_000))
         switch_on(simulation, board)
-        simulation.run_until(100 * MS)
+        simulation.run_until(100 * MS + late_counts)
         assert board.firmware.nodes[0].dictionary.get(0x60FD) == DigitalInput.DRIVER_PROTECT
         simulation.power_cycle()
-        simulation.run_until(101 * MS)
+        seen = watched(board)
+        simulation.run_until(102 * MS)
+        assert seen == []
         assert board.firmware.nodes[0].dictionary.get(0x60FD) == 0
         switch_on(simulation, board)
         simulation.run_until(200 * MS)
         assert board.trace(0).violations.counts.size == 2
+
+    @pytest.mark.parametrize("late_counts", [0, 1, 9_000, 17_999])
+    def test_a_cold_one_stays_high_through_a_power_cycle(self, board: Board, late_counts: int) -> None:
+        """Also if the chip warms up so fast that it is looked at in every tick."""
+        simulation = Simulation([board], Bus(1_000_000))
+        seen = watched(board)
+        for cycle in range(1, 5):
+            simulation.run_until(cycle * 7 * MS + late_counts)
+            simulation.power_cycle()
+            seen += watched(board)
+        simulation.run_until(40 * MS)
+        assert seen == []
+
+    def test_on_two_boards_of_which_one_moves(self, board: Board, fast_kernel: Kernel) -> None:
+        """The one at rest gets hot, and says so in time."""
+        mover = Board(BoardConfig(1, (330.0,), first_node_id=0x20), fast_kernel)
+        simulation = Simulation([mover, board], Bus(1_000_000))
+        seen = watched(board)
+        switch_on(simulation, board)
+        run(simulation, {0x20: records_through([(300, 250)])}, 250)
+        (hot_counts,) = board.trace(0).violations.counts.tolist()
+        assert [counts for counts, _ in seen] == [-(-hot_counts // TICK_COUNTS) * TICK_COUNTS]
+        assert mover.trace(0).position_steps == 300
 
     def test_a_pin_that_somebody_holds_low_stays_low(self, board: Board) -> None:
         simulation = Simulation([board], Bus(1_000_000), [Scheduled(5 * MS, DriverProtect(1, active=True))])
