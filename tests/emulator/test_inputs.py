@@ -418,13 +418,13 @@ class TestHeat:
     def test_a_cold_one_stays_high_through_a_power_cycle(self, board: Board, late_counts: int) -> None:
         """Also if the chip warms up so fast that it is looked at in every tick."""
         simulation = Simulation([board], Bus(1_000_000))
-        seen = watched(board)
+        seen = [watched(board)]
         for cycle in range(1, 5):
             simulation.run_until(cycle * 7 * MS + late_counts)
             simulation.power_cycle()
-            seen += watched(board)
+            seen.append(watched(board))
         simulation.run_until(40 * MS)
-        assert seen == []
+        assert seen == [[]] * 5
 
     def test_on_two_boards_of_which_one_moves(self, board: Board, fast_kernel: Kernel) -> None:
         """The one at rest gets hot, and says so in time."""
