@@ -1,7 +1,7 @@
 """A live board of seven axes as a program of its own: `python -m bench.served_axes`. It ends with SIGTERM.
 
-What `steptwin serve` runs, for a machine with more axes than any robot of the collection has. Its first line on stdout is
-the port; its last one the report.
+What `steptwin serve` runs, for a machine with more axes than any robot of the collection has. Its first line on stdout
+is the port; its last one the report.
 """
 
 import gc

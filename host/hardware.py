@@ -11,18 +11,34 @@ from emulator.switches import Switch
 from host.robot import Joint, Robot
 from host.verify import AxisEvidence, LevelEdges
 from protocol.cia402 import DigitalInput
+from protocol.frame import FIRST_NODE_ID
 from protocol.objects import UNITS_PER_FULL_STEP
 
 
 def board_config(robot: Robot, joints: Sequence[float]) -> BoardConfig:
     """The board that drives a robot, an axis for each joint, in a machine that stands at `joints`, mm and degrees."""
-    axes = len(robot.joints)
-    return BoardConfig(
-        axis_count=axes,
-        osc_pf=(robot.board.osc_pf,) * axes,
-        switches=tuple(_switches(robot)),
-        start_steps=tuple(standing_steps(robot, joints)),
-    )
+    (config,) = board_configs(robot, joints, [len(robot.joints)])
+    return config
+
+
+def board_configs(robot: Robot, joints: Sequence[float], axes_per_board: Sequence[int]) -> list[BoardConfig]:
+    """The same for several boards on one bus, each with so many axes; node ids go on from board to board."""
+    if sum(axes_per_board) != len(robot.joints):
+        raise ValueError(f"{axes_per_board} are not the {len(robot.joints)} axes of the robot")
+    start_steps = standing_steps(robot, joints)
+    configs: list[BoardConfig] = []
+    for axes in axes_per_board:
+        first = sum(config.axis_count for config in configs)
+        configs.append(
+            BoardConfig(
+                axis_count=axes,
+                osc_pf=(robot.board.osc_pf,) * axes,
+                first_node_id=FIRST_NODE_ID + first,
+                switches=tuple(_switches(robot.joints[first : first + axes])),
+                start_steps=tuple(start_steps[first : first + axes]),
+            )
+        )
+    return configs
 
 
 def standing_steps(robot: Robot, joints: Sequence[float]) -> list[int]:
@@ -39,9 +55,9 @@ def _steps_at(joint: Joint, position: float) -> int:
     return (units * joint.transmission.microsteps + UNITS_PER_FULL_STEP // 2) // UNITS_PER_FULL_STEP
 
 
-def _switches(robot: Robot) -> Iterator[Switch]:
-    """The switches of the robot's file; the limit switches are closed to the ends of travel."""
-    for axis, joint in enumerate(robot.joints):
+def _switches(joints: Sequence[Joint]) -> Iterator[Switch]:
+    """The switches of a board's joints; the limit switches are closed to the ends of travel."""
+    for axis, joint in enumerate(joints):
         places = joint.switches
         if places.negative_limit is not None:
             yield Switch(axis, DigitalInput.NEGATIVE_LIMIT, to_steps=_steps_at(joint, places.negative_limit))

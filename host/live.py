@@ -1,6 +1,7 @@
-"""A robot's board in real time, with everything that is recorded and said about it."""
+"""A robot's board, or its boards, in real time, with everything that is recorded and said about them."""
 
 import time
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Final, TextIO
@@ -8,14 +9,15 @@ from typing import Any, Final, TextIO
 from controller.backend import Kernel
 from controller.kernel import TICK_COUNTS
 from controller.motion import COUNTS_PER_SECOND
-from emulator.board import Board
+from controller.pins import PinChange
+from emulator.board import AxisTrace, Board
 from emulator.bus import Bus
 from emulator.candump import candump_line
 from emulator.lateness import Lateness
 from emulator.live import LiveSimulation, warm_up
 from emulator.pacer import Pacer
 from emulator.simulation import Simulation
-from host.hardware import axis_evidence, board_config, standing_steps
+from host.hardware import axis_evidence, board_configs, standing_steps
 from host.robot import Robot
 from host.run_folder import (
     BUS_LOG,
@@ -28,14 +30,14 @@ from host.run_folder import (
     EdgeSpool,
     write_report,
 )
-from protocol.frame import COB_SYNC, Frame
+from protocol.frame import COB_SYNC, FIRST_NODE_ID, Frame
 
 RECORD_EVERY_S: Final = 0.5
 """How often `record` is to be called: the drivers' history is held in memory until then."""
 
 
 class LiveBoard:
-    """A robot's board on a bus of its own, for a `LiveLoop` to run. It records until it is closed.
+    """A robot's board, or several, on a bus of its own, for a `LiveLoop` to run. It records until it is closed.
 
     With all its files in `out`, or the bus log alone in `log`, or none: memory stays bounded either way.
     """
@@ -48,6 +50,7 @@ class LiveBoard:
         *,
         bitrate: int,
         speed: float,
+        axes_per_board: Sequence[int] | None = None,
         out: Path | None = None,
         log: Path | None = None,
     ) -> None:
@@ -59,6 +62,7 @@ class LiveBoard:
             kernel: which form of the firmware's kernel runs.
             bitrate: of the bus.
             speed: simulated seconds per second.
+            axes_per_board: in the order of the joints; None: all on one board.
             out: the folder for everything.
             log: the file for the bus log.
 
@@ -83,9 +87,10 @@ class LiveBoard:
         self._motion_start_counts: int | None = None
         """t = 0 of the last motion that a SYNC has started."""
         warm_up(kernel)
-        self._board = Board(board_config(robot, stand_at), kernel)
+        self.axes_per_board = tuple(axes_per_board or [len(robot.joints)])
+        self._boards = [Board(config, kernel) for config in board_configs(robot, stand_at, self.axes_per_board)]
         self.bus = Bus(bitrate, log=self._log)
-        simulation = Simulation([self._board], self.bus)
+        simulation = Simulation(self._boards, self.bus)
         self.live = LiveSimulation(simulation, Pacer(time.monotonic_ns(), speed))
 
     def _file(self, path: Path) -> TextIO:
@@ -109,23 +114,28 @@ class LiveBoard:
 
     @property
     def _in_motion(self) -> bool:
-        motion = self._board.firmware.motion
-        return any(motion.running(axis) for axis in range(motion.axis_count))
+        motions = (board.firmware.motion for board in self._boards)
+        return any(motion.running(axis) for motion in motions for axis in range(motion.axis_count))
 
     def record(self) -> None:
         """Take what has happened at the drivers since the last call, write it away and forget it."""
         self._judge_sync()
-        traces = [self._board.take_trace(axis) for axis in range(len(self.robot.joints))]
-        changes = self._board.take_pin_changes()
-        for axis, (name, trace) in enumerate(zip(self.robot.joint_names, traces, strict=True)):
-            evidence = axis_evidence(name, self._start_steps[axis], trace, axis, changes)
-            self._end_steps[axis] = self._start_steps[axis] + trace.position_steps
-            self._pulses[axis] += evidence.clk_rise_counts.size
-            self._violations[axis] += evidence.violations
-            if self._spool:
-                self._spool.append(evidence)
+        for board in self._boards:
+            traces = [board.take_trace(axis) for axis in range(board.config.axis_count)]
+            changes = board.take_pin_changes()
+            for axis, trace in enumerate(traces):
+                self._record_axis(board.config.first_node_id - FIRST_NODE_ID + axis, trace, axis, changes)
         for log in self._logs:
             log.flush()
+
+    def _record_axis(self, joint: int, trace: AxisTrace, axis: int, changes: Sequence[PinChange]) -> None:
+        """The joint's axis on its board, whose pin changes these are."""
+        evidence = axis_evidence(self.robot.joint_names[joint], self._start_steps[joint], trace, axis, changes)
+        self._end_steps[joint] = self._start_steps[joint] + trace.position_steps
+        self._pulses[joint] += evidence.clk_rise_counts.size
+        self._violations[joint] += evidence.violations
+        if self._spool:
+            self._spool.append(evidence)
 
     def close(self, document: dict[str, Any]) -> None:
         """Complete the files, after the last `record`; `document` becomes report.json."""
@@ -170,6 +180,7 @@ class LiveBoard:
             "passed": None,
             "started_s": None if started_counts is None else started_counts / COUNTS_PER_SECOND,
             "outputs": [],
+            "boards": list(self.axes_per_board),
             "axes": [
                 {
                     "name": name,
