@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from host.run_folder import Verdict
 
 RunDir = Annotated[
-    Path, typer.Argument(metavar="DIR", help="A folder that `steptwin run --out` or `steptwin serve --out` has written.")
+    Path,
+    typer.Argument(metavar="DIR", help="A folder that `steptwin run --out` or `steptwin serve --out` has written."),
 ]
 
 

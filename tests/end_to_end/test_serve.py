@@ -216,6 +216,7 @@ def test_a_port_that_is_taken(capsys: pytest.CaptureFixture[str]) -> None:
         (["--port", "80"], "--port 80: is neither 0 nor from 1024 to 65535"),
         (["--port", "65536"], "--port 65536: is neither 0 nor from 1024 to 65535"),
         (["--port", "-1"], "--port -1: is neither 0 nor from 1024 to 65535"),
+        (["--boards", "4,3"], "--boards 4,3: 7 axes, and the robot has 6; try 4,2"),
         (["--speed", "0"], "--speed 0: is not from 0.001 to 1000"),
         (["--speed", "nan"], "--speed nan: is not from 0.001 to 1000"),
         (["--bitrate", "100000"], "--bitrate 100000: is none of 125000, 250000, 500000, 1000000"),

@@ -22,9 +22,22 @@ ROBOT = load_robot("warehouse-scara")
 class Session:
     """Frames go in and time passes, as told; recorded is every 50 ms."""
 
-    def __init__(self, kernel: Kernel, out: Path | None = None, log: Path | None = None) -> None:
+    def __init__(
+        self,
+        kernel: Kernel,
+        out: Path | None = None,
+        log: Path | None = None,
+        axes_per_board: tuple[int, ...] | None = None,
+    ) -> None:
         self.board = LiveBoard(
-            ROBOT, list(ROBOT.home), kernel, bitrate=ROBOT.board.bitrate, speed=1.0, out=out, log=log
+            ROBOT,
+            list(ROBOT.home),
+            kernel,
+            bitrate=ROBOT.board.bitrate,
+            speed=1.0,
+            axes_per_board=axes_per_board,
+            out=out,
+            log=log,
         )
         self.board.live.start(0, 0)
         self.now_ns = 0
@@ -108,6 +121,28 @@ def test_nothing_is_held_in_memory(fast_kernel: Kernel, tmp_path: Path, recorded
     assert report["axes"][3]["pulses"] == 120
     assert report["joints"]["end"] == pytest.approx(list(ROBOT.home), abs=0.02)
     session.end()
+
+
+@pytest.mark.parametrize("axes_per_board", [(3, 3), (4, 2), (1,) * 6])
+def test_on_several_boards_it_is_the_same(axes_per_board: tuple[int, ...], fast_kernel: Kernel, tmp_path: Path) -> None:
+    """Each axis has its node id, its edges and its place in the folder, whichever board it is on."""
+    reports, evidence = [], []
+    for i, boards in enumerate((None, axes_per_board)):
+        folder = tmp_path / str(i)
+        folder.mkdir()
+        session = Session(fast_kernel, folder, axes_per_board=boards)
+        session.send(Frame(0x000, b"\x01\x00"))
+        session.move(0)
+        session.end()
+        reports.append(read_report(folder).document)
+        evidence.append(read_edges(folder))
+    assert reports[0]["boards"] == [6]
+    assert reports[1]["boards"] == list(axes_per_board)
+    assert reports[0]["axes"] == reports[1]["axes"]
+    assert reports[0]["started_s"] == reports[1]["started_s"]
+    assert [axis.name for axis in evidence[1].axes] == list(ROBOT.joint_names)
+    assert evidence[0].axes[3].step_counts.tolist() == evidence[1].axes[3].step_counts.tolist()
+    assert evidence[1].axes[3].pins["enable"].levels.tolist() == [1]
 
 
 def test_the_bus_log_alone(fast_kernel: Kernel, tmp_path: Path) -> None:

@@ -180,3 +180,33 @@ def test_a_run_that_failed_fails_again(stored_run: Path, tmp_path: Path, capsys:
     document["passed"] = False
     (folder / "report.json").write_text(json.dumps(document))
     assert verify(capsys, folder, 1)["reasons"] == ["th2: driver violations 2 (limit 0)"]
+
+
+def as_live(stored_run: Path, tmp_path: Path) -> Path:
+    """The folder as a served board would have left it: without plan and verdict."""
+    folder = tmp_path / "live"
+    shutil.copytree(stored_run, folder)
+    (folder / "trajectory.csv").unlink()
+    document = json.loads((folder / "report.json").read_text())
+    (folder / "report.json").write_text(json.dumps(document | {"passed": None, "outputs": []}))
+    return folder
+
+
+def test_a_live_boards_folder_takes_the_plan_of_another(
+    stored_run: Path, carry_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With what the plan says of outputs; from a folder of the same robot, and only if it has none itself."""
+    live = as_live(stored_run, tmp_path)
+    assert run(["verify", str(live)]) == 2
+    assert capsys.readouterr().err == (
+        f"steptwin: {live}/trajectory.csv: is missing: a board does not know its plan; "
+        "--plan DIR takes that of another run\n"
+    )
+    assert run(["verify", str(live), "--plan", str(stored_run)]) == 0
+    assert "outputs: " in capsys.readouterr().out
+    assert run(["verify", str(live), "--plan", str(carry_run)]) == 2
+    assert capsys.readouterr().err == f"steptwin: --plan {carry_run}: its robot.toml is not that of {live}\n"
+    assert run(["verify", str(stored_run), "--plan", str(stored_run)]) == 2
+    assert capsys.readouterr().err.endswith(" has a plan of its own, trajectory.csv\n")
+    assert run(["verify", str(live), "--plan", str(tmp_path / "nowhere")]) == 2
+    assert capsys.readouterr().err.endswith("nowhere: is no folder of a run\n")
