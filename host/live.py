@@ -1,8 +1,9 @@
 """A robot's board, or its boards, in real time, with everything that is recorded and said about them."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, TextIO
 
@@ -18,6 +19,7 @@ from emulator.live import LiveSimulation, warm_up
 from emulator.pacer import Pacer
 from emulator.simulation import Simulation
 from host.hardware import axis_evidence, board_configs, standing_steps
+from host.received_plan import HALTED, ReceivedPlan
 from host.robot import Robot
 from host.run_folder import (
     BUS_LOG,
@@ -30,7 +32,10 @@ from host.run_folder import (
     EdgeSpool,
     write_report,
 )
+from protocol.dictionary import ObjectDictionary
 from protocol.frame import COB_SYNC, FIRST_NODE_ID, Frame
+from protocol.objects import UNITS_PER_FULL_STEP, key_of
+from protocol.pvt import PvtRecord
 
 RECORD_EVERY_S: Final = 0.5
 """How often `record` is to be called: the drivers' history is held in memory until then."""
@@ -86,9 +91,20 @@ class LiveBoard:
         """A SYNC at rest, of which it is not known yet whether it starts a motion."""
         self._motion_start_counts: int | None = None
         """t = 0 of the last motion that a SYNC has started."""
+        self._plan = None if out is None else ReceivedPlan(out, robot)
+        self._rest_units: list[int] = []
+        self._queued: list[int] = []
+        """Where the axes stood at the SYNC, as the firmware counts, and how many records waited."""
+        self._offset_units = [0] * len(robot.joints)
+        """From the firmware's positions to those of the machine: whole steps."""
         warm_up(kernel)
         self.axes_per_board = tuple(axes_per_board or [len(robot.joints)])
         self._boards = [Board(config, kernel) for config in board_configs(robot, stand_at, self.axes_per_board)]
+        self._axes = [(board, axis) for board in self._boards for axis in range(board.config.axis_count)]
+        """Of each joint: its board, and its number there."""
+        if self._plan:
+            for joint, (board, axis) in enumerate(self._axes):
+                _tap_records(board.firmware.nodes[axis].dictionary, partial(self._plan.accept, joint))
         self.bus = Bus(bitrate, log=self._log)
         simulation = Simulation(self._boards, self.bus)
         self.live = LiveSimulation(simulation, Pacer(time.monotonic_ns(), speed))
@@ -100,26 +116,55 @@ class LiveBoard:
 
     def _log(self, frame: Frame, counts: int) -> None:
         """Every frame on the bus comes here, before its receivers have it."""
-        self._judge_sync()
+        self._judge_motion()
         if frame.cob_id == COB_SYNC and not self._in_motion:
             self._sync_counts = counts
+            if self._plan:
+                self._rest_units = self._demands_units()
+                self._queued = [board.firmware.motion.queued(axis) for board, axis in self._axes]
         for log in self._logs:
             log.write(candump_line(frame, counts))
 
-    def _judge_sync(self) -> None:
-        """What moves before any other frame has been received was set going by the SYNC."""
+    def _judge_motion(self) -> None:
+        """What moves before any other frame has been received was set going by the SYNC; and it may be over by now."""
         if self._sync_counts is not None and self._in_motion:
             self._motion_start_counts = -(-self._sync_counts // TICK_COUNTS) * TICK_COUNTS
+            if self._plan:
+                self._begin_plan(self._plan)
         self._sync_counts = None
+        if self._plan and self._plan.going:
+            self._follow_plan(self._plan)
+
+    def _begin_plan(self, plan: ReceivedPlan) -> None:
+        for joint, (board, axis) in enumerate(self._axes):
+            motion, microsteps = board.firmware.motion, self.robot.joints[joint].transmission.microsteps
+            off_steps = self._start_steps[joint] + board.trace(axis).position_steps - motion.counter_steps(axis)
+            self._offset_units[joint] = off_steps * UNITS_PER_FULL_STEP // microsteps
+        plan.begin(self._on_machine(self._rest_units), self._queued)
+        for joint, (board, axis) in enumerate(self._axes):
+            config, transmission = board.firmware.motion.config(axis), self.robot.joints[joint].transmission
+            if config.microsteps != transmission.microsteps or config.dir_inverted:
+                plan.fail(f"{self.robot.joint_names[joint]} is set up otherwise than in the robot's file")
+
+    def _follow_plan(self, plan: ReceivedPlan) -> None:
+        if any(board.firmware.motion.group.halted for board in self._boards):
+            plan.fail(HALTED)
+        if not self._in_motion:
+            plan.end(self._on_machine(self._demands_units()))
+
+    def _demands_units(self) -> list[int]:
+        return [board.firmware.motion.demand_units(axis) for board, axis in self._axes]
+
+    def _on_machine(self, units: list[int]) -> list[int]:
+        return [each + offset for each, offset in zip(units, self._offset_units, strict=True)]
 
     @property
     def _in_motion(self) -> bool:
-        motions = (board.firmware.motion for board in self._boards)
-        return any(motion.running(axis) for motion in motions for axis in range(motion.axis_count))
+        return any(board.firmware.motion.running(axis) for board, axis in self._axes)
 
     def record(self) -> None:
         """Take what has happened at the drivers since the last call, write it away and forget it."""
-        self._judge_sync()
+        self._judge_motion()
         for board in self._boards:
             traces = [board.take_trace(axis) for axis in range(board.config.axis_count)]
             changes = board.take_pin_changes()
@@ -140,6 +185,8 @@ class LiveBoard:
     def close(self, document: dict[str, Any]) -> None:
         """Complete the files, after the last `record`; `document` becomes report.json."""
         self._files.close()
+        if self._plan:
+            self._plan.finish()
         if self._spool and self._out:
             names, starts, violations = self.robot.joint_names, self._start_steps, self._violations
             axes = [AxisTotals(*axis) for axis in zip(names, starts, violations, strict=True)]
@@ -179,6 +226,7 @@ class LiveBoard:
             "simulated": True,
             "passed": None,
             "started_s": None if started_counts is None else started_counts / COUNTS_PER_SECOND,
+            "no_plan": self._plan.lacking if self._plan else None,
             "outputs": [],
             "boards": list(self.axes_per_board),
             "axes": [
@@ -205,6 +253,20 @@ class LiveBoard:
             "simulated_s": round(self.simulated_s, 6),
             "wall_s": round(self.wall_s, 6),
         }
+
+
+def _tap_records(dictionary: ObjectDictionary, accept: Callable[[PvtRecord], None]) -> None:
+    """Show each record that an axis' firmware takes into its queue."""
+    queue_it = dictionary.write_hooks[key_of(0x60C1, 4)]
+
+    def tapped(sequence: int) -> None:
+        before = dictionary.get(0x2012, 1)
+        queue_it(sequence)
+        if dictionary.get(0x2012, 1) != before:
+            displacement_units, end_velocity, duration_ms = (dictionary.get(0x60C1, field) for field in (1, 2, 3))
+            accept(PvtRecord(displacement_units, end_velocity, duration_ms, sequence))
+
+    dictionary.write_hooks[key_of(0x60C1, 4)] = tapped
 
 
 def _figures(lateness: Lateness) -> dict[str, float]:

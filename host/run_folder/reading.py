@@ -40,33 +40,33 @@ def read_run(folder: Path, plan: Path | None = None) -> StoredRun:
     Args:
         folder: of the run.
         plan: a folder of the same robot, whose trajectory and switching of outputs were planned for this one, too:
-            a board that was served does not know its plan.
+            a board that was served knows no more of its plan than the records that it has received.
 
     Raises:
         InputError: a file is missing or cannot be read; the message names file and key.
         ContradictionError: the files do not go together.
     """
     report, robot = read_report(folder), read_robot(folder)
-    motion = _motion(folder, robot, report) if plan is None else _motion_of_another(plan, folder, robot)
+    motion = _motion(folder, robot, report) if plan is None else _motion_of_another(plan, folder, report, robot)
     evidence = read_edges(folder)
     names = tuple(axis.name for axis in evidence.axes)
     if names != robot.joint_names:
         raise InputError(f"{folder / EDGES}: axes: {' '.join(names)}, but {ROBOT} has {' '.join(robot.joint_names)}")
-    evidence = replace(evidence, outputs=output_changes(robot, evidence.axes))
+    if plan is not None or report.passed is not None:  # records say nothing of outputs
+        evidence = replace(evidence, outputs=output_changes(robot, evidence.axes))
     return StoredRun(robot, report, compare(Plan.of(robot, motion), evidence))
 
 
 def _motion(folder: Path, robot: Robot, report: StoredReport) -> Trajectory:
     if report.passed is None and not (folder / TRAJECTORY).exists():
-        raise InputError(
-            f"{folder / TRAJECTORY}: is missing: a board does not know its plan; --plan DIR takes that of another run"
-        )
+        reason = report.document.get("no_plan") or "a board does not know its plan"
+        raise InputError(f"{folder / TRAJECTORY}: is missing: {reason}; --plan DIR takes that of another run")
     return read_motion(folder, robot, report.switchings)
 
 
-def _motion_of_another(plan: Path, folder: Path, robot: Robot) -> Trajectory:
-    if (folder / TRAJECTORY).exists():
-        raise InputError(f"--plan {plan}: {folder} has a plan of its own, {TRAJECTORY}")
+def _motion_of_another(plan: Path, folder: Path, report: StoredReport, robot: Robot) -> Trajectory:
+    if report.passed is not None:
+        raise InputError(f"--plan {plan}: {folder} has its own; another one is for a live board's folder")
     if read_robot(plan) != robot:
         raise InputError(f"--plan {plan}: its {ROBOT} is not that of {folder}")
     return read_motion(plan, robot, read_report(plan).switchings)
