@@ -96,7 +96,7 @@ class LiveBoard:
         self._queued: list[int] = []
         """Where the axes stood at the SYNC, as the firmware counts, and how many records waited."""
         self._offset_units = [0] * len(robot.joints)
-        """From the firmware's positions to those of the machine: whole steps."""
+        """From the firmware's positions to those of the machine."""
         warm_up(kernel)
         self.axes_per_board = tuple(axes_per_board or [len(robot.joints)])
         self._boards = [Board(config, kernel) for config in board_configs(robot, stand_at, self.axes_per_board)]
@@ -136,15 +136,22 @@ class LiveBoard:
             self._follow_plan(self._plan)
 
     def _begin_plan(self, plan: ReceivedPlan) -> None:
+        """Where the machine stands is known to a step; of an axis with records, the firmware says where within it."""
+        unusual = []
         for joint, (board, axis) in enumerate(self._axes):
             motion, microsteps = board.firmware.motion, self.robot.joints[joint].transmission.microsteps
-            off_steps = self._start_steps[joint] + board.trace(axis).position_steps - motion.counter_steps(axis)
-            self._offset_units[joint] = off_steps * UNITS_PER_FULL_STEP // microsteps
+            steps = self._start_steps[joint] + board.trace(axis).position_steps
+            if self._queued[joint]:
+                off_units = (steps - motion.counter_steps(axis)) * UNITS_PER_FULL_STEP // microsteps
+            else:
+                off_units = steps * UNITS_PER_FULL_STEP // microsteps - self._rest_units[joint]
+            self._offset_units[joint] = off_units
+            config = motion.config(axis)
+            if self._queued[joint] and (config.microsteps != microsteps or config.dir_inverted):
+                unusual.append(self.robot.joint_names[joint])
         plan.begin(self._on_machine(self._rest_units), self._queued)
-        for joint, (board, axis) in enumerate(self._axes):
-            config, transmission = board.firmware.motion.config(axis), self.robot.joints[joint].transmission
-            if config.microsteps != transmission.microsteps or config.dir_inverted:
-                plan.fail(f"{self.robot.joint_names[joint]} is set up otherwise than in the robot's file")
+        for name in unusual:
+            plan.fail(f"{name} is set up otherwise than in the robot's file")
 
     def _follow_plan(self, plan: ReceivedPlan) -> None:
         if any(board.firmware.motion.group.halted for board in self._boards):

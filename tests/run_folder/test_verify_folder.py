@@ -207,6 +207,6 @@ def test_a_live_boards_folder_takes_the_plan_of_another(
     assert run(["verify", str(live), "--plan", str(carry_run)]) == 2
     assert capsys.readouterr().err == f"steptwin: --plan {carry_run}: its robot.toml is not that of {live}\n"
     assert run(["verify", str(stored_run), "--plan", str(stored_run)]) == 2
-    assert capsys.readouterr().err.endswith(" has a plan of its own, trajectory.csv\n")
+    assert capsys.readouterr().err.endswith(" has its own; another one is for a live board's folder\n")
     assert run(["verify", str(live), "--plan", str(tmp_path / "nowhere")]) == 2
     assert capsys.readouterr().err.endswith("nowhere: is no folder of a run\n")
