@@ -1,9 +1,8 @@
 """A robot's board, or its boards, in real time, with everything that is recorded and said about them."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
-from functools import partial
 from pathlib import Path
 from typing import Any, Final, TextIO
 
@@ -19,7 +18,7 @@ from emulator.live import LiveSimulation, warm_up
 from emulator.pacer import Pacer
 from emulator.simulation import Simulation
 from host.hardware import axis_evidence, board_configs, standing_steps
-from host.received_plan import HALTED, ReceivedPlan
+from host.live_plan import LivePlan
 from host.robot import Robot
 from host.run_folder import (
     BUS_LOG,
@@ -32,10 +31,7 @@ from host.run_folder import (
     EdgeSpool,
     write_report,
 )
-from protocol.dictionary import ObjectDictionary
 from protocol.frame import COB_SYNC, FIRST_NODE_ID, Frame
-from protocol.objects import UNITS_PER_FULL_STEP, key_of
-from protocol.pvt import PvtRecord
 
 RECORD_EVERY_S: Final = 0.5
 """How often `record` is to be called: the drivers' history is held in memory until then."""
@@ -91,20 +87,12 @@ class LiveBoard:
         """A SYNC at rest, of which it is not known yet whether it starts a motion."""
         self._motion_start_counts: int | None = None
         """t = 0 of the last motion that a SYNC has started."""
-        self._plan = None if out is None else ReceivedPlan(out, robot)
-        self._rest_units: list[int] = []
-        self._queued: list[int] = []
-        """Where the axes stood at the SYNC, as the firmware counts, and how many records waited."""
-        self._offset_units = [0] * len(robot.joints)
-        """From the firmware's positions to those of the machine."""
         warm_up(kernel)
         self.axes_per_board = tuple(axes_per_board or [len(robot.joints)])
         self._boards = [Board(config, kernel) for config in board_configs(robot, stand_at, self.axes_per_board)]
         self._axes = [(board, axis) for board in self._boards for axis in range(board.config.axis_count)]
         """Of each joint: its board, and its number there."""
-        if self._plan:
-            for joint, (board, axis) in enumerate(self._axes):
-                _tap_records(board.firmware.nodes[axis].dictionary, partial(self._plan.accept, joint))
+        self._plan = None if out is None else LivePlan(out, robot, self._axes, self._start_steps)
         self.bus = Bus(bitrate, log=self._log)
         simulation = Simulation(self._boards, self.bus)
         self.live = LiveSimulation(simulation, Pacer(time.monotonic_ns(), speed))
@@ -120,8 +108,7 @@ class LiveBoard:
         if frame.cob_id == COB_SYNC and not self._in_motion:
             self._sync_counts = counts
             if self._plan:
-                self._rest_units = self._demands_units()
-                self._queued = [board.firmware.motion.queued(axis) for board, axis in self._axes]
+                self._plan.sync()
         for log in self._logs:
             log.write(candump_line(frame, counts))
 
@@ -130,40 +117,10 @@ class LiveBoard:
         if self._sync_counts is not None and self._in_motion:
             self._motion_start_counts = -(-self._sync_counts // TICK_COUNTS) * TICK_COUNTS
             if self._plan:
-                self._begin_plan(self._plan)
+                self._plan.begin()
         self._sync_counts = None
-        if self._plan and self._plan.going:
-            self._follow_plan(self._plan)
-
-    def _begin_plan(self, plan: ReceivedPlan) -> None:
-        """Where the machine stands is known to a step; of an axis with records, the firmware says where within it."""
-        unusual = []
-        for joint, (board, axis) in enumerate(self._axes):
-            motion, microsteps = board.firmware.motion, self.robot.joints[joint].transmission.microsteps
-            steps = self._start_steps[joint] + board.trace(axis).position_steps
-            if self._queued[joint]:
-                off_units = (steps - motion.counter_steps(axis)) * UNITS_PER_FULL_STEP // microsteps
-            else:
-                off_units = steps * UNITS_PER_FULL_STEP // microsteps - self._rest_units[joint]
-            self._offset_units[joint] = off_units
-            config = motion.config(axis)
-            if self._queued[joint] and (config.microsteps != microsteps or config.dir_inverted):
-                unusual.append(self.robot.joint_names[joint])
-        plan.begin(self._on_machine(self._rest_units), self._queued)
-        for name in unusual:
-            plan.fail(f"{name} is set up otherwise than in the robot's file")
-
-    def _follow_plan(self, plan: ReceivedPlan) -> None:
-        if any(board.firmware.motion.group.halted for board in self._boards):
-            plan.fail(HALTED)
-        if not self._in_motion:
-            plan.end(self._on_machine(self._demands_units()))
-
-    def _demands_units(self) -> list[int]:
-        return [board.firmware.motion.demand_units(axis) for board, axis in self._axes]
-
-    def _on_machine(self, units: list[int]) -> list[int]:
-        return [each + offset for each, offset in zip(units, self._offset_units, strict=True)]
+        if self._plan:
+            self._plan.follow(in_motion=self._in_motion)
 
     @property
     def _in_motion(self) -> bool:
@@ -260,20 +217,6 @@ class LiveBoard:
             "simulated_s": round(self.simulated_s, 6),
             "wall_s": round(self.wall_s, 6),
         }
-
-
-def _tap_records(dictionary: ObjectDictionary, accept: Callable[[PvtRecord], None]) -> None:
-    """Show each record that an axis' firmware takes into its queue."""
-    queue_it = dictionary.write_hooks[key_of(0x60C1, 4)]
-
-    def tapped(sequence: int) -> None:
-        before = dictionary.get(0x2012, 1)
-        queue_it(sequence)
-        if dictionary.get(0x2012, 1) != before:
-            displacement_units, end_velocity, duration_ms = (dictionary.get(0x60C1, field) for field in (1, 2, 3))
-            accept(PvtRecord(displacement_units, end_velocity, duration_ms, sequence))
-
-    dictionary.write_hooks[key_of(0x60C1, 4)] = tapped
 
 
 def _figures(lateness: Lateness) -> dict[str, float]:

@@ -71,7 +71,7 @@ def test_live_it_makes_the_same_edges_as_in_virtual_time(
     for plan in (
         [],
         ["--plan", str(virtual)],
-    ):  # the records that the board has received, and what the host has planned
+    ):  # the records received; what was planned
         assert run(["verify", str(live), *plan]) == 0
         assert capsys.readouterr().out.endswith(f"{ROBOT} live: PASSED\n")
 
