@@ -7,7 +7,7 @@ from importlib.util import find_spec
 from rich.console import Console
 from rich.table import Table
 
-from bench import cyclic, drawer_pull, driver, kernel, kinematics, live, timing, waveforms
+from bench import cyclic, drawer_pull, driver, kernel, kinematics, live_tables, timing, waveforms
 from bench.loads import AXES
 from controller.backend import KERNELS
 
@@ -102,22 +102,7 @@ def main() -> None:
         )
     console.print(table)
 
-    figures = live.measure()
-    table = Table(
-        "live board", "p50", "p99", "max", title="Real time: six axes at 1 Mbit/s, other processes as clients"
-    )
-    table.add_row("SDO round trip, us", f"{figures.round_trip_us_p50:.0f}", f"{figures.round_trip_us_p99:.0f}", "")
-    table.add_row("  x its time on the bus", *_ratios(figures), "")
-    for what, late in (("ticks", figures.ticks), ("frames", figures.frames)):
-        row = (f"{late[f'late_us_{key}']:.0f}" for key in ("p50", "p99", "max"))
-        table.add_row(f"lateness of {what}, us (of {late['count']})", *row)
-    console.print(table)
-    console.print(f"{figures.frames_per_s:.0f} frames/s from one client to another, where the bus is no limit")
-
-
-def _ratios(figures: live.LiveFigures) -> tuple[str, str]:
-    trips_us = figures.round_trip_us_p50, figures.round_trip_us_p99
-    return f"{trips_us[0] / figures.bus_us:.1f}", f"{trips_us[1] / figures.bus_us:.1f}"
+    live_tables.print_live(console, stream_s=10.0, flood_frames=100_000)
 
 
 _KERNEL_TITLE = f"Kernel: {AXES} axes, one core, driver limits lifted; ratio to copying the bytes that it writes"

@@ -1,34 +1,21 @@
-"""The live board, as other programs see it: round trips, throughput, lateness; server and client are two processes."""
+"""The live board, as other programs see it: round trips, lateness; server and client are two processes."""
 
-import json
 import logging
-import re
-import signal
-import subprocess
-import sys
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
 
 import can
 import numpy as np
 
+from bench.live_server import ROBOT, serving
 from emulator.can_timing import frame_bits
 from host.robots import load_robot
 from protocol.cia402 import Mode
 from protocol.frame import FIRST_NODE_ID, Frame
 
-ROBOT = "warehouse-scara"
 ROUND_TRIPS = 2000
-BURST = 200
-BURSTS = 100
-BURST_SPEED = 100.0
 MOTION_S = 4.0
 STEP_UNITS = 1024
-_SERVE = [sys.executable, "-c", "from host.cli import main; main()", "serve", ROBOT, "--port", "0", "--json"]
 _READ_TYPE = Frame(0x600 + FIRST_NODE_ID, bytes.fromhex("4000100000000000"))
 _TYPE = Frame(0x580 + FIRST_NODE_ID, bytes.fromhex("4300100092010400"))
 _TIMEOUT_S = 10.0
@@ -42,43 +29,10 @@ class LiveFigures:
     """How long question and answer take on the bus itself."""
     round_trip_us_p50: float
     round_trip_us_p99: float
-    frames_per_s: float
-    """With the bus so fast that it is no limit."""
+    round_trip_us_max: float
     ticks: dict[str, float]
     """Lateness while six axes move."""
     frames: dict[str, float]
-
-
-class _Server:
-    """A `steptwin serve` and a client of it."""
-
-    def __init__(self, speed: float) -> None:
-        self.process = subprocess.Popen(
-            [*_SERVE, "--speed", str(speed)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        )
-        assert self.process.stderr
-        banner = "".join(self.process.stderr.readline() for _ in range(3))
-        found = re.search(r"port=(\d+)", banner)
-        assert found, banner
-        self._port = int(found[1])
-
-    def client(self) -> can.BusABC:
-        return can.Bus("vcan0", interface="socketcand", host="127.0.0.1", port=self._port, tcp_tune=True)
-
-    def end(self) -> dict[str, Any]:
-        self.process.send_signal(signal.SIGTERM)
-        report: dict[str, Any] = json.loads(self.process.communicate()[0])
-        return report
-
-
-@contextmanager
-def _serving(speed: float = 1.0) -> Iterator[_Server]:
-    server = _Server(speed)
-    try:
-        yield server
-    finally:
-        server.process.kill()
-        server.process.communicate()
 
 
 def _send(bus: can.BusABC, frame: Frame) -> None:
@@ -122,34 +76,15 @@ def _move_all(bus: can.BusABC) -> None:
         _write(bus, axis, 0x60FF, 0)
 
 
-def _frames_per_s() -> float:
-    """One client sends as fast as it can, another one counts."""
-    with _serving(BURST_SPEED) as server, server.client() as sender, server.client() as receiver:
-        _send(sender, _READ_TYPE)
-        _await(receiver, _TYPE.cob_id)
-
-        def send_all() -> None:
-            for i in range(BURSTS * BURST):
-                _send(sender, Frame(0x123, i.to_bytes(8, "little")))
-
-        started = time.perf_counter()
-        thread = threading.Thread(target=send_all)
-        thread.start()
-        for _ in range(BURSTS * BURST):
-            _await(receiver, 0x123)
-        thread.join()
-        return BURSTS * BURST / (time.perf_counter() - started)
-
-
 def measure() -> LiveFigures:
-    """Round trips at rest, then a motion, then a flood."""
+    """Round trips at rest, then a motion."""
     logging.getLogger("can").addHandler(logging.NullHandler())  # it warns of every frame that comes in two pieces
-    with _serving() as server:
+    with serving() as server:
         with server.client() as bus:
             times_us = _round_trips_us(bus)
             _move_all(bus)
         late = server.end()["real_time"]
     bits = frame_bits(_READ_TYPE) + frame_bits(_TYPE)
-    p50, p99 = np.percentile(times_us, [50, 99]).tolist()
+    p50, p99, longest = np.percentile(times_us, [50, 99, 100]).tolist()
     bitrate = load_robot(ROBOT).board.bitrate
-    return LiveFigures(1e6 * bits / bitrate, p50, p99, _frames_per_s(), late["ticks"], late["frames"])
+    return LiveFigures(1e6 * bits / bitrate, p50, p99, longest, late["ticks"], late["frames"])

@@ -12,6 +12,7 @@ from host.drivers import driver_profile, fitted_modules, phases_evidence, violat
 from host.robot import Joint, Robot
 from host.verify import AxisEvidence, LevelEdges
 from protocol.cia402 import DigitalInput
+from protocol.frame import FIRST_NODE_ID
 from protocol.objects import UNITS_PER_FULL_STEP
 
 
@@ -23,15 +24,34 @@ def board_config(robot: Robot, joints: Sequence[float], driver_profile_name: str
     Raises:
         InputError: there are no such drivers, or they cannot be set as the robot needs them.
     """
-    axes = len(robot.joints)
+    (config,) = board_configs(robot, joints, [len(robot.joints)], driver_profile_name)
+    return config
+
+
+def board_configs(
+    robot: Robot, joints: Sequence[float], axes_per_board: Sequence[int], driver_profile_name: str | None = None
+) -> list[BoardConfig]:
+    """The same for several boards on one bus, each with so many axes; node ids go on from board to board."""
+    if sum(axes_per_board) != len(robot.joints):
+        raise ValueError(f"{axes_per_board} are not the {len(robot.joints)} axes of the robot")
     profile = driver_profile(robot.board, driver_profile_name)
-    return BoardConfig(
-        axis_count=axes,
-        osc_pf=(profile.osc_pf,) * axes,
-        switches=tuple(_switches(robot)),
-        start_steps=tuple(standing_steps(robot, joints)),
-        modules=fitted_modules(robot, profile, as_filed=driver_profile_name is None),
-    )
+    modules = fitted_modules(robot, profile, as_filed=driver_profile_name is None)
+    start_steps = standing_steps(robot, joints)
+    configs: list[BoardConfig] = []
+    for axes in axes_per_board:
+        first = sum(config.axis_count for config in configs)
+        own = slice(first, first + axes)
+        configs.append(
+            BoardConfig(
+                axis_count=axes,
+                osc_pf=(profile.osc_pf,) * axes,
+                first_node_id=FIRST_NODE_ID + first,
+                switches=tuple(_switches(robot.joints[own])),
+                start_steps=tuple(start_steps[own]),
+                modules=modules[own],
+            )
+        )
+    return configs
 
 
 def standing_steps(robot: Robot, joints: Sequence[float]) -> list[int]:
@@ -48,9 +68,9 @@ def _steps_at(joint: Joint, position: float) -> int:
     return (units * joint.transmission.microsteps + UNITS_PER_FULL_STEP // 2) // UNITS_PER_FULL_STEP
 
 
-def _switches(robot: Robot) -> Iterator[Switch]:
-    """The switches of the robot's file; the limit switches are closed to the ends of travel."""
-    for axis, joint in enumerate(robot.joints):
+def _switches(joints: Sequence[Joint]) -> Iterator[Switch]:
+    """The switches of a board's joints; the limit switches are closed to the ends of travel."""
+    for axis, joint in enumerate(joints):
         places = joint.switches
         if places.negative_limit is not None:
             yield Switch(axis, DigitalInput.NEGATIVE_LIMIT, to_steps=_steps_at(joint, places.negative_limit))

@@ -1,6 +1,7 @@
-"""A robot's board in real time, with everything that is recorded and said about it."""
+"""A robot's board, or its boards, in real time, with everything that is recorded and said about them."""
 
 import time
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Final, TextIO
@@ -8,7 +9,8 @@ from typing import Any, Final, TextIO
 from controller.backend import Kernel
 from controller.kernel import TICK_COUNTS
 from controller.motion import COUNTS_PER_SECOND
-from emulator.board import Board
+from controller.pins import PinChange
+from emulator.board import AxisTrace, Board
 from emulator.bus import Bus
 from emulator.candump import candump_line
 from emulator.lateness import Lateness
@@ -16,7 +18,8 @@ from emulator.live import LiveSimulation, warm_up
 from emulator.pacer import Pacer
 from emulator.simulation import Simulation
 from host.drivers import driver_profile
-from host.hardware import axis_evidence, board_config, standing_steps
+from host.hardware import axis_evidence, board_configs, standing_steps
+from host.live_plan import LivePlan
 from host.robot import Robot
 from host.run_folder import (
     BUS_LOG,
@@ -30,14 +33,14 @@ from host.run_folder import (
     write_report,
 )
 from host.verify import DriverLimit
-from protocol.frame import COB_SYNC, Frame
+from protocol.frame import COB_SYNC, FIRST_NODE_ID, Frame
 
 RECORD_EVERY_S: Final = 0.5
 """How often `record` is to be called: the drivers' history is held in memory until then."""
 
 
 class LiveBoard:
-    """A robot's board on a bus of its own, for a `LiveLoop` to run. It records until it is closed.
+    """A robot's board, or several, on a bus of its own, for a `LiveLoop` to run. It records until it is closed.
 
     With all its files in `out`, or the bus log alone in `log`, or none: memory stays bounded either way.
     """
@@ -50,6 +53,7 @@ class LiveBoard:
         *,
         bitrate: int,
         speed: float,
+        axes_per_board: Sequence[int] | None = None,
         out: Path | None = None,
         log: Path | None = None,
         driver_profile_name: str | None = None,
@@ -62,6 +66,7 @@ class LiveBoard:
             kernel: which form of the firmware's kernel runs.
             bitrate: of the bus.
             speed: simulated seconds per second.
+            axes_per_board: in the order of the joints; None: all on one board.
             out: the folder for everything.
             log: the file for the bus log.
             driver_profile_name: drivers that the board has instead of those in the robot's file.
@@ -71,7 +76,8 @@ class LiveBoard:
             OSError: a file cannot be written.
         """
         self.robot = robot
-        config = board_config(robot, stand_at, driver_profile_name)
+        self.axes_per_board = tuple(axes_per_board or [len(robot.joints)])
+        configs = board_configs(robot, stand_at, self.axes_per_board, driver_profile_name)
         self.driver_profile = driver_profile(robot.board, driver_profile_name)
         self._out = out
         self._files = ExitStack()
@@ -92,9 +98,12 @@ class LiveBoard:
         self._motion_start_counts: int | None = None
         """t = 0 of the last motion that a SYNC has started."""
         warm_up(kernel)
-        self._board = Board(config, kernel)
+        self._boards = [Board(config, kernel) for config in configs]
+        self._axes = [(board, axis) for board in self._boards for axis in range(board.config.axis_count)]
+        """Of each joint: its board, and its number there."""
+        self._plan = None if out is None else LivePlan(out, robot, self._axes, self._start_steps)
         self.bus = Bus(bitrate, log=self._log)
-        simulation = Simulation([self._board], self.bus)
+        simulation = Simulation(self._boards, self.bus)
         self.live = LiveSimulation(simulation, Pacer(time.monotonic_ns(), speed))
 
     def _file(self, path: Path) -> TextIO:
@@ -104,42 +113,55 @@ class LiveBoard:
 
     def _log(self, frame: Frame, counts: int) -> None:
         """Every frame on the bus comes here, before its receivers have it."""
-        self._judge_sync()
+        self._judge_motion()
         if frame.cob_id == COB_SYNC and not self._in_motion:
             self._sync_counts = counts
+            if self._plan:
+                self._plan.sync()
         for log in self._logs:
             log.write(candump_line(frame, counts))
 
-    def _judge_sync(self) -> None:
-        """What moves before any other frame has been received was set going by the SYNC."""
+    def _judge_motion(self) -> None:
+        """What moves before any other frame has been received was set going by the SYNC; and it may be over by now."""
         if self._sync_counts is not None and self._in_motion:
             self._motion_start_counts = -(-self._sync_counts // TICK_COUNTS) * TICK_COUNTS
+            if self._plan:
+                self._plan.begin()
         self._sync_counts = None
+        if self._plan:
+            self._plan.follow(in_motion=self._in_motion)
 
     @property
     def _in_motion(self) -> bool:
-        motion = self._board.firmware.motion
-        return any(motion.running(axis) for axis in range(motion.axis_count))
+        return any(board.firmware.motion.running(axis) for board, axis in self._axes)
 
     def record(self) -> None:
         """Take what has happened at the drivers since the last call, write it away and forget it."""
-        self._judge_sync()
-        traces = [self._board.take_trace(axis) for axis in range(len(self.robot.joints))]
-        changes = self._board.take_pin_changes()
-        for axis, (name, trace) in enumerate(zip(self.robot.joint_names, traces, strict=True)):
-            self._end_steps[axis] = self._start_steps[axis] + trace.position_steps
-            self._pulses[axis] += trace.clk_rise_counts.size
-            self._violations[axis] += trace.violations.counts.size
-            if self._spool:
-                evidence = axis_evidence(name, self._start_steps[axis], trace, axis, changes)
-                self._limits[axis] = evidence.violations.limits
-                self._spool.append(evidence)
+        self._judge_motion()
+        for board in self._boards:
+            traces = [board.take_trace(axis) for axis in range(board.config.axis_count)]
+            changes = board.take_pin_changes()
+            for axis, trace in enumerate(traces):
+                self._record_axis(board.config.first_node_id - FIRST_NODE_ID + axis, trace, axis, changes)
         for log in self._logs:
             log.flush()
+
+    def _record_axis(self, joint: int, trace: AxisTrace, axis: int, changes: Sequence[PinChange]) -> None:
+        """The joint's axis on its board, whose pin changes these are."""
+        self._end_steps[joint] = self._start_steps[joint] + trace.position_steps
+        self._pulses[joint] += trace.clk_rise_counts.size
+        self._violations[joint] += trace.violations.counts.size
+        if self._spool:
+            name = self.robot.joint_names[joint]
+            evidence = axis_evidence(name, self._start_steps[joint], trace, axis, changes)
+            self._limits[joint] = evidence.violations.limits
+            self._spool.append(evidence)
 
     def close(self, document: dict[str, Any]) -> None:
         """Complete the files, after the last `record`; `document` becomes report.json."""
         self._files.close()
+        if self._plan:
+            self._plan.finish()
         if self._spool and self._out:
             totals = zip(self.robot.joint_names, self._start_steps, self._limits, strict=True)
             axes = [AxisTotals(*axis) for axis in totals]
@@ -180,7 +202,9 @@ class LiveBoard:
             "simulated": True,
             "passed": None,
             "started_s": None if started_counts is None else started_counts / COUNTS_PER_SECOND,
+            "no_plan": self._plan.lacking if self._plan else None,
             "outputs": [],
+            "boards": list(self.axes_per_board),
             "axes": [
                 {
                     "name": name,

@@ -2,8 +2,9 @@
 
 import gc
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -46,6 +47,10 @@ def serve(
     bitrate: Annotated[
         int | None, typer.Option("--bitrate", "-b", metavar="BIT/S", help="By default as the robot's file says.")
     ] = None,
+    boards: Annotated[
+        str | None,
+        typer.Option(metavar="N,N,...", help="Axes of each board, in the order of the joints; by default one has all."),
+    ] = None,
     speed: Annotated[float, typer.Option(metavar="FACTOR", help="Simulated seconds per second.")] = 1.0,
     stand_at: Annotated[
         str | None, typer.Option(metavar="'Q1 Q2 ...'", help="Where the machine stands; by default at its home.")
@@ -57,12 +62,13 @@ def serve(
     log: Annotated[str | None, typer.Option(metavar="FILE", help="Record the bus log into this file.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Run a robot's board in real time, for every program that speaks CAN, until Ctrl-C.
+    """Run a robot's board, or several, in real time, for every program that speaks CAN, until Ctrl-C.
 
     The board is behind a socketcand server, to which any number of python-can programs connect; they see each other's
     frames. With -i it is on a bus of python-can instead: virtual, socketcan, socketcand, ...
     """
     from controller.backend import fastest_kernel
+    from host.boards import read_axes_per_board
     from host.live import LiveBoard
     from host.run_folder import prepare_folder
 
@@ -72,6 +78,7 @@ def serve(
         standing = joint_values(stand_at.split(), loaded.joint_names, "--stand-at")
     bits_per_s = _bitrate(loaded, bitrate)
     _check_speed(speed)
+    axes_per_board = None if boards is None else read_axes_per_board(boards, len(loaded.joints))
     folder = None if out is None else prepare_folder(out)
     with _endpoint(interface, channel, bits_per_s, host, port, allow_remote=allow_remote) as endpoint:
         board = LiveBoard(
@@ -80,6 +87,7 @@ def serve(
             fastest_kernel(),
             bitrate=bits_per_s,
             speed=speed,
+            axes_per_board=axes_per_board,
             out=folder,
             log=None if log is None else Path(log),
             driver_profile_name=driver_profile,
@@ -206,16 +214,22 @@ def _status(board: "LiveBoard", endpoint: "Endpoint") -> str:
 
 
 def _banner(board: "LiveBoard", endpoint: "Endpoint") -> str:
-    from protocol.frame import FIRST_NODE_ID
-
-    last_node_id = FIRST_NODE_ID + len(board.robot.joints) - 1
     name = board.driver_profile.name
     drivers = "" if name == USUAL_DRIVERS else f", drivers: {name}"
     return (
         f"SIMULATED {board.robot.name}: {' '.join(board.robot.joint_names)}, "
-        f"nodes 0x{FIRST_NODE_ID:02X} to 0x{last_node_id:02X}, {board.bus.bitrate // 1000} kbit/s, "
+        f"nodes {_nodes(board.axes_per_board)}, {board.bus.bitrate // 1000} kbit/s, "
         f"{board.live.pacer.speed:g} x real time{drivers}\n{endpoint.title}\nCtrl-C ends it"
     )
+
+
+def _nodes(axes_per_board: Sequence[int]) -> str:
+    """Each board's node ids."""
+    from protocol.frame import FIRST_NODE_ID
+
+    lasts = list(accumulate(axes_per_board, initial=FIRST_NODE_ID - 1))[1:]
+    ranges = [f"0x{last - axes + 1:02X} to 0x{last:02X}" for axes, last in zip(axes_per_board, lasts, strict=True)]
+    return ranges[0] if len(ranges) == 1 else f"{', '.join(ranges)} on {len(ranges)} boards"
 
 
 def _late(lateness: dict[str, Any]) -> dict[str, str]:

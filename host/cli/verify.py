@@ -14,16 +14,26 @@ from host.errors import DeviceFaultError, NotVerifiedError
 if TYPE_CHECKING:
     from host.run_folder import Verdict
 
-RunDir = Annotated[Path, typer.Argument(metavar="DIR", help="A folder that `steptwin run --out` has written.")]
+RunDir = Annotated[
+    Path,
+    typer.Argument(metavar="DIR", help="A folder that `steptwin run --out` or `steptwin serve --out` has written."),
+]
 
 
 @app.command()
-def verify(folder: RunDir, as_json: AsJson = False) -> None:
+def verify(
+    folder: RunDir,
+    plan: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="For a live board's folder: another run's, whose plan it was to follow."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
     """Verify a stored run again: same verdict, same exit code, or 1 if its files were changed."""
     from host.run_folder import ContradictionError, verify_folder
 
     try:
-        verdict = verify_folder(folder)
+        verdict = verify_folder(folder, plan)
     except ContradictionError as error:
         raise NotVerifiedError(str(error)) from error
     document = _document(verdict)

@@ -1,7 +1,17 @@
 """The folder that `--out DIR` leaves: writing it, reading it, and verifying a run again from its files alone."""
 
 from host.run_folder.edges import AxisTotals, read_edges
-from host.run_folder.layout import BUS_LOG, EDGES, FOLDER_VERSION, REPORT, ROBOT, VERSION_KEY, ContradictionError
+from host.run_folder.layout import (
+    BUS_LOG,
+    EDGES,
+    FOLDER_VERSION,
+    REPORT,
+    ROBOT,
+    TRAJECTORY,
+    VERSION_KEY,
+    ContradictionError,
+)
+from host.run_folder.motion import trajectory_head, trajectory_row
 from host.run_folder.reading import StoredRun, read_robot, read_run
 from host.run_folder.report import read_report, write_report
 from host.run_folder.spool import EdgeSpool
@@ -14,6 +24,7 @@ __all__ = [
     "FOLDER_VERSION",
     "REPORT",
     "ROBOT",
+    "TRAJECTORY",
     "VERSION_KEY",
     "AxisTotals",
     "ContradictionError",
@@ -25,6 +36,8 @@ __all__ = [
     "read_report",
     "read_robot",
     "read_run",
+    "trajectory_head",
+    "trajectory_row",
     "verify_folder",
     "write_folder",
     "write_report",

@@ -27,11 +27,22 @@ def write_motion(path: Path, plan: Plan) -> None:
     Numbers are written with all the digits that they have: they are read again as they were.
     """
     t_s = _stored_ms(plan) / 1000
-    motion, names = plan.trajectory, plan.robot.joint_names
-    rows = np.column_stack([t_s, motion.positions(t_s), motion.velocities(t_s)])
+    motion = plan.trajectory
+    rows = zip(t_s.tolist(), motion.positions(t_s).tolist(), motion.velocities(t_s).tolist(), strict=True)
     with path.open("w", encoding="utf-8") as file:
-        file.write(",".join(("t", *names, *(f"v_{name}" for name in names))) + "\n")
-        file.writelines(",".join(map(repr, row)) + "\n" for row in rows.tolist())
+        file.write(trajectory_head(plan.robot))
+        file.writelines(trajectory_row(*row) for row in rows)
+
+
+def trajectory_head(robot: Robot) -> str:
+    """The file's first line."""
+    names = robot.joint_names
+    return ",".join(("t", *names, *(f"v_{name}" for name in names))) + "\n"
+
+
+def trajectory_row(t_s: float, positions: Sequence[float], velocities: Sequence[float]) -> str:
+    """A point, in seconds, mm and degrees, and each per second."""
+    return ",".join(map(repr, (t_s, *positions, *velocities))) + "\n"
 
 
 def read_motion(folder: Path, robot: Robot, switchings: Sequence[Switching]) -> Trajectory:

@@ -46,14 +46,14 @@ class Verdict:
         return not self.reasons and self.fault is None
 
 
-def verify_folder(folder: Path) -> Verdict:
-    """Verify a stored run.
+def verify_folder(folder: Path, plan: Path | None = None) -> Verdict:
+    """Verify a stored run; against the plan of another folder, if there is one.
 
     Raises:
         InputError: a file is missing or cannot be read; the message names file and key.
         ContradictionError: the files do not go together.
     """
-    stored = read_run(folder)
+    stored = read_run(folder, plan)
     report = verify_comparison(stored.comparison, stored.report.run)
     inner = [line for axis in stored.comparison.evidence.axes for line in contradictions(axis)]
     return Verdict(report, stored.report.driver_profile, (*inner, *_differences(stored, report)), stored.report.fault)

@@ -205,3 +205,33 @@ def test_other_drivers_get_the_same_verdict(
     assert again["violations"] == first["violations"]
     reasons = [[line.split(" ", 2)[:2] for line in document["reasons"]] for document in (first, again)]
     assert reasons[0] == reasons[1]
+
+
+def as_live(stored_run: Path, tmp_path: Path) -> Path:
+    """The folder as a served board would have left it: without plan and verdict."""
+    folder = tmp_path / "live"
+    shutil.copytree(stored_run, folder)
+    (folder / "trajectory.csv").unlink()
+    document = json.loads((folder / "report.json").read_text())
+    (folder / "report.json").write_text(json.dumps(document | {"passed": None, "outputs": []}))
+    return folder
+
+
+def test_a_live_boards_folder_takes_the_plan_of_another(
+    stored_run: Path, carry_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With what the plan says of outputs; from a folder of the same robot, and only if it has none itself."""
+    live = as_live(stored_run, tmp_path)
+    assert run(["verify", str(live)]) == 2
+    assert capsys.readouterr().err == (
+        f"steptwin: {live}/trajectory.csv: is missing: a board does not know its plan; "
+        "--plan DIR takes that of another run\n"
+    )
+    assert run(["verify", str(live), "--plan", str(stored_run)]) == 0
+    assert "outputs: " in capsys.readouterr().out
+    assert run(["verify", str(live), "--plan", str(carry_run)]) == 2
+    assert capsys.readouterr().err == f"steptwin: --plan {carry_run}: its robot.toml is not that of {live}\n"
+    assert run(["verify", str(stored_run), "--plan", str(stored_run)]) == 2
+    assert capsys.readouterr().err.endswith(" has its own; another one is for a live board's folder\n")
+    assert run(["verify", str(live), "--plan", str(tmp_path / "nowhere")]) == 2
+    assert capsys.readouterr().err.endswith("nowhere: is no folder of a run\n")

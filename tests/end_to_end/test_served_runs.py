@@ -1,0 +1,126 @@
+"""The same run on a served board and in virtual time; and a host that is killed in the middle of one."""
+
+import json
+import re
+import signal
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from host.cli.app import run
+from host.run_folder import read_edges, writing
+from tests.emulator.live_rig import RawClient
+from tests.end_to_end.test_serve import PROGRAM, ROBOT, Server, serving
+
+POINTS = """\
+t,sx,sz,L1,th1,th2,th3
+0,0,0,100,0,60,30
+0.4,3,1,102,-8,65,24
+0.8,9,2,104,7,50,36
+1.2,4,3,103,12,57,21
+"""
+"""From the robot's home; all joints move, and some turn back."""
+HOME = "0 0 100 0 60 30"
+NODES = range(0x10, 0x16)
+SHOWN = re.compile(r"< frame (\w+) \S+ (\w*) >")
+
+
+def connected(server: Server, *words: str) -> list[str]:
+    return [*words, "--connect", f"127.0.0.1:{server.port}"]
+
+
+@pytest.fixture(scope="module")
+def points(tmp_path_factory: pytest.TempPathFactory) -> str:
+    path = tmp_path_factory.mktemp("points") / "points.csv"
+    path.write_text(POINTS)
+    return str(path)
+
+
+@pytest.fixture(scope="module")
+def virtual(points: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the run in virtual time, without pictures."""
+    folder = tmp_path_factory.mktemp("virtual")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(writing, "find_spec", lambda _: None)
+        assert run(["run", ROBOT, points, "--out", str(folder)]) == 0
+    return folder
+
+
+@pytest.mark.parametrize("boards", ["6", "4,2"])
+def test_live_it_makes_the_same_edges_as_in_virtual_time(
+    boards: str, points: str, virtual: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """To the count, from the servo tick in which it begins; and the verifier finds nothing wrong with them."""
+    live = tmp_path / "live"
+    with serving("--boards", boards, "--out", str(live)) as server:
+        assert run(connected(server, "home", ROBOT, "--here", HOME)) == 0
+        assert run(connected(server, "run", ROBOT, points)) == 0
+        assert server.end(signal.SIGTERM)[0] == 0
+    assert json.loads((live / "report.json").read_text())["boards"] == [int(axes) for axes in boards.split(",")]
+    ours, theirs = read_edges(live), read_edges(virtual)
+    for axis, other in zip(ours.axes, theirs.axes, strict=True):
+        assert axis.step_counts.size > 100
+        assert axis.start_steps == other.start_steps
+        assert axis.step_signs.sum() == other.step_signs.sum()
+        for key in ("clk_rise_counts", "clk_fall_counts", "dir_edge_counts", "step_counts"):
+            assert np.array_equal(getattr(axis, key) - ours.start_counts, getattr(other, key) - theirs.start_counts)
+        assert np.array_equal(axis.step_signs, other.step_signs)
+    capsys.readouterr()
+    for plan in (
+        [],
+        ["--plan", str(virtual)],
+    ):  # the records received; what was planned
+        assert run(["verify", str(live), *plan]) == 0
+        assert capsys.readouterr().out.endswith(f"{ROBOT} live: PASSED\n")
+
+
+class Witness:
+    """A client that sends nothing and keeps all that it is shown."""
+
+    def __init__(self, port: int) -> None:
+        self._client = RawClient(port)
+        self._seen = b""
+
+    def await_frame(self, identifier: str) -> None:
+        """Wait for the next frame with this identifier."""
+        text = f"< frame {identifier} ".encode()
+        self._seen += self._client.expect(text) + text
+
+    def await_end(self) -> list[str]:
+        """All frames until it is hung up on, as IDENTIFIER#DATA."""
+        self._seen += self._client.until_hung_up()
+        self._client.close()
+        return [f"{identifier}#{data}" for identifier, data in SHOWN.findall(self._seen.decode("ascii"))]
+
+
+def test_a_host_that_is_killed_in_the_middle(points: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """kill -9: its axes miss its heartbeat and stop; others have seen everything; after a reset it works as before."""
+    log = tmp_path / "run.log"
+    with serving("--log", str(log)) as server:
+        witness = Witness(server.port)
+        assert run(connected(server, "home", ROBOT, "--here", HOME)) == 0
+        host = subprocess.Popen([*PROGRAM, *connected(server, "run", ROBOT, points)], stderr=subprocess.DEVNULL)
+        witness.await_frame("080")  # the SYNC that sets it going
+        witness.await_frame("390")  # a report of the first axis' queue
+        host.kill()
+        host.wait()
+        for node in NODES:
+            witness.await_frame(f"{0x080 + node:03X}")  # EMCY
+        status = {"state": "FAULT", "error": "heartbeat lost", "moving": False, "position_known": True}
+        capsys.readouterr()
+        assert run(connected(server, "status", ROBOT, "--json")) == 3
+        axes = json.loads(capsys.readouterr().out)["axes"]
+        assert [{key: axis[key] for key in status} for axis in axes] == [status] * len(NODES)
+        here = " ".join(str(axis["position"]) for axis in axes)
+        assert run(connected(server, "reset", ROBOT)) == 0
+        assert run(connected(server, "home", ROBOT, "--here", here)) == 0
+        assert run(connected(server, "run", ROBOT, points, "--approach")) == 0
+        code, stdout, _ = server.end(signal.SIGTERM)
+        shown = witness.await_end()
+    logged = [line.split()[2] for line in log.read_text().splitlines()]
+    assert shown == logged[-len(shown) :]
+    assert {frame[:3] for frame in logged[: -len(shown)]} <= {f"{0x700 + node:03X}" for node in NODES}  # boot-up
+    assert code == 0
+    assert "SIMULATED" in stdout
