@@ -385,9 +385,7 @@ _DRIVE = [
     _variable(0x6083, "Profile acceleration", U32, RW, 5_000 * UNITS_PER_FULL_STEP, low=1, mapping=RX),
     _variable(0x6084, "Profile deceleration", U32, RW, 5_000 * UNITS_PER_FULL_STEP, low=1, mapping=RX),
     _variable(0x6085, "Quick stop deceleration", U32, RW, 20_000 * UNITS_PER_FULL_STEP, low=1),
-    _variable(
-        0x6086, "Motion profile type: 0 linear ramp, 3 jerk-limited ramp", I16, RW, LINEAR_RAMP, low=0, high=3
-    ),
+    _variable(0x6086, "Motion profile type: 0 linear ramp, 3 jerk-limited ramp", I16, RW, LINEAR_RAMP, low=0, high=3),
     _array(
         0x608F,
         "Position encoder resolution",
