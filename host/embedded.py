@@ -88,7 +88,7 @@ class EmbeddedBoard:
         bus_faults: FaultScript | None = None,
         schedule: Iterable[Scheduled] = (),
     ) -> None:
-        self._robot = robot
+        self.robot = robot
         self._start_steps = standing_steps(robot, start_joints)
         self._board = Board(board_config(robot, start_joints), kernel)
         self._simulation = Simulation([self._board], Bus(robot.board.bitrate, bus_faults), schedule)
@@ -130,11 +130,11 @@ class EmbeddedBoard:
         return any(frame.cob_id == COB_SYNC for frame in self._simulation.bus.log_frames)
 
     def evidence(self) -> Evidence:
-        """What the drivers saw; the motion's t = 0 is the first servo tick after the last SYNC."""
-        sync_counts = max(counts for counts, frame in self.bus_log if frame.cob_id == COB_SYNC)
+        """What the drivers saw; t = 0 is the first servo tick after the last SYNC, or power-up if there was none."""
+        sync_counts = max((counts for counts, frame in self.bus_log if frame.cob_id == COB_SYNC), default=0)
         traces = [self._board.trace(axis) for axis in range(len(self._start_steps))]
         axes = tuple(
             axis_evidence(joint.name, self._start_steps[i], traces[i], i, self._board.pin_changes)
-            for i, joint in enumerate(self._robot.joints)
+            for i, joint in enumerate(self.robot.joints)
         )
-        return Evidence(-(-sync_counts // TICK_COUNTS) * TICK_COUNTS, axes, output_changes(self._robot, axes))
+        return Evidence(-(-sync_counts // TICK_COUNTS) * TICK_COUNTS, axes, output_changes(self.robot, axes))
