@@ -1,7 +1,7 @@
 """A board in virtual time for somebody's tests: the embedded board, and what a test asks about its machine."""
 
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 from controller.backend import Kernel
@@ -21,16 +21,18 @@ class Violation(NamedTuple):
     Attributes:
         joint: whose driver.
         t_s: when the pulse rose, in seconds since power-up.
-        rule: which limit.
-        value_us: how long the pulse was, or the time since the one before.
-        limit_us: how long it had to be at least.
+        rule: which limit, such as `clk_high`.
+        value: what the pulse was.
+        limit: what it had to be at least.
+        unit: of both.
     """
 
     joint: str
     t_s: float
-    rule: Rule
-    value_us: float
-    limit_us: float
+    rule: str
+    value: float
+    limit: float
+    unit: str
 
 
 class BoardUnderTest(EmbeddedBoard):
@@ -74,21 +76,17 @@ class BoardUnderTest(EmbeddedBoard):
 
     def violations(self) -> list[Violation]:
         """Every pulse since power-up that broke a limit, in order of time."""
-        return sorted(
-            (
-                Violation(name, counts / COUNTS_PER_SECOND, Rule(rule), value / COUNTS_PER_US, limit / COUNTS_PER_US)
-                for axis, name in enumerate(self.robot.joint_names)
-                for found in [self._board.trace(axis).violations]
-                for counts, rule, value, limit in zip(
-                    found.counts.tolist(),
-                    found.rules.tolist(),
-                    found.values.tolist(),
-                    found.limits.tolist(),
-                    strict=True,
-                )
-            ),
-            key=lambda violation: violation.t_s,
-        )
+        found = [
+            violation for axis, name in enumerate(self.robot.joint_names) for violation in self._broken(axis, name)
+        ]
+        return sorted(found, key=lambda violation: violation.t_s)
+
+    def _broken(self, axis: int, name: str) -> Iterator[Violation]:
+        found = self._board.trace(axis).violations
+        columns = (found.counts, found.rules, found.values, found.limits)
+        for counts, rule, value, limit in zip(*(column.tolist() for column in columns), strict=True):
+            t_s = counts / COUNTS_PER_SECOND
+            yield Violation(name, t_s, Rule(rule).name.lower(), value / COUNTS_PER_US, limit / COUNTS_PER_US, "us")
 
     def verify(self, trajectory: Trajectory) -> Report:
         """Compare what the drivers counted with a plan whose t = 0 is the last SYNC, as `steptwin verify` does.

@@ -13,6 +13,7 @@ from docs.generate.results import SAMPLED
 from docs.generate.robot_file import Entry, read_robot_file
 from docs.generate.runs import ROBOTS, Runs
 from host.robots import robot_names
+from tests.end_to_end.test_readme import ROOT
 
 TEXT = PAGE.read_text(encoding="utf-8")
 PICTURE_BYTES_MAX = 120_000
@@ -74,3 +75,14 @@ def test_a_robot_file_is_read_with_its_notes() -> None:
     assert sections["joints.d1"].entries["upper"] == Entry("250.0", "[S]", "stroke")
     assert sections["joints.d1"].entries["unit"] == Entry("mm", "", "")
     assert sections["board"].entries["osc_pf"].value == "330"
+
+
+@pytest.mark.parametrize(
+    "name", ["README.md", *(f"docs/{page}.md" for page in ("ci", "hardware", "tools", "tutorial"))]
+)
+def test_links_of_other_pages_lead_somewhere(name: str) -> None:
+    page = ROOT / name
+    targets = re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8"))
+    assert targets
+    for target in targets:
+        assert (page.parent / target).exists(), target
