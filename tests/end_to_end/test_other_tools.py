@@ -195,10 +195,15 @@ def test_canopen_lens_finds_a_fault(cut_run: Path, folder: Path) -> None:
 
 
 @pytest.mark.skipif(TSHARK is None, reason="tshark is not installed (apt install tshark)")
-def test_tshark(cut_run: Path, folder: Path) -> None:
-    """Its CANopen dissector on every frame of a run; all SDO transfers in it are expedited."""
+@pytest.mark.parametrize("suffix", [".log", ".blf"])
+def test_tshark(suffix: str, cut_run: Path, folder: Path) -> None:
+    """Its CANopen dissector on every frame of a run, whose SDO transfers are all expedited; also after a conversion."""
     log = cut_run / BUS_LOG
-    _, *arguments = [word.replace("run.log", str(log)) for word in shown("tshark")]
+    given = log if suffix == ".log" else folder / "can.blf"
+    if given != log:
+        converted = done([word.replace("can.log", str(log)) for word in shown("can_logconvert")], folder)
+        assert converted.returncode == 0, converted.stderr
+    _, *arguments = [word.replace("run.log", str(given)) for word in shown("tshark")]
     fields = ("function_code", "node_id", "sdo.main_idx", "em.err_code")
     wanted = [word for field in fields for word in ("-e", f"canopen.{field}")]
     shown_by_it = subprocess.run(
