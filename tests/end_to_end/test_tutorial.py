@@ -1,25 +1,27 @@
 """docs/tutorial.md: its commands in its terminals, with what it says that they print."""
 
 import doctest
-import json
 import re
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
+import can
 import pytest
 
-from tests.emulator.live_rig import await_true
+from protocol.frame import COB_RPDO, FIRST_NODE_ID
 from tests.end_to_end.test_readme import ROOT, blocks_of
 
 PAGE = (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
 PORT_SHOWN = "29536"
 CONNECT = "--connect 127.0.0.1"
 STEPTWIN = [sys.executable, "-c", "from host.cli import main; main()"]
+COB_RECORDS = COB_RPDO[3] + FIRST_NODE_ID
 COMMAND_TIMEOUT_S = 120.0
 LIKE_SHOWN = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
@@ -92,12 +94,14 @@ class Terminals:
     def is_running(self, terminal: int) -> bool:
         return terminal in self._running
 
-    def streaming(self) -> bool:
-        """Whether a trajectory runs."""
-        words = [*STEPTWIN, "status", "teaching-scara", "--json", *CONNECT.split()]
-        words[-1] += f":{self._port}"
-        document = json.loads(subprocess.run(words, capture_output=True, text=True, check=True).stdout)
-        return bool(document["streaming"])
+    def await_records(self, terminal: int) -> None:
+        """Wait, without a word on the bus, until the command there sends PVT records to the first axis."""
+        step, process = self._running[terminal]
+        deadline_s = time.monotonic() + COMMAND_TIMEOUT_S
+        with can.Bus(interface="socketcand", channel="vcan0", host="127.0.0.1", port=int(self._port)) as bus:
+            while (message := bus.recv(timeout=1.0)) is None or message.arbitration_id != COB_RECORDS:
+                assert process.poll() is None, f"{step.terminal}$ {step.command}\n{process.communicate()[0]}"
+                assert time.monotonic() < deadline_s, step.command
 
     def close(self) -> None:
         for _, process in self._running.values():
@@ -125,7 +129,7 @@ def test_the_session(terminals: Terminals) -> None:
             terminals.start(step)
         if following.terminal > step.terminal:
             if step.terminal == 2:
-                await_true(terminals.streaming, f"{step.command} moves the machine")
+                terminals.await_records(step.terminal)
         else:
             terminals.finish(step.terminal)
 
