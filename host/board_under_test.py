@@ -5,10 +5,9 @@ from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 from controller.backend import Kernel
-from controller.motion import COUNTS_PER_SECOND, COUNTS_PER_US
+from controller.motion import COUNTS_PER_SECOND
 from emulator.bus_faults import FaultScript
 from emulator.operations import Scheduled
-from emulator.tb6560 import Rule
 from host.embedded import EmbeddedBoard
 from host.robot import Robot
 from host.trajectory import Trajectory
@@ -16,14 +15,14 @@ from host.verify import AxisEvidence, Plan, Report, RunInfo, verify
 
 
 class Violation(NamedTuple):
-    """A CLK pulse that broke a limit of its driver, which has not counted it.
+    """A limit of a driver that was broken.
 
     Attributes:
         joint: whose driver.
-        t_s: when the pulse rose, in seconds since power-up.
+        t_s: when, in seconds since power-up.
         rule: which limit, such as `clk_high`.
-        value: what the pulse was.
-        limit: what it had to be at least.
+        value: what there was.
+        limit: what the driver asks for.
         unit: of both.
     """
 
@@ -49,9 +48,10 @@ class BoardUnderTest(EmbeddedBoard):
         kernel: Kernel,
         bus_faults: FaultScript | None = None,
         schedule: Iterable[Scheduled] = (),
+        driver_profile_name: str | None = None,
     ) -> None:
         self._began_s = time.perf_counter()
-        super().__init__(robot, start_joints, kernel, bus_faults, schedule)
+        super().__init__(robot, start_joints, kernel, bus_faults, schedule, driver_profile_name)
 
     def steps(self) -> dict[str, int]:
         """Each motor's position as its driver has counted, in steps from the joint's zero."""
@@ -75,18 +75,9 @@ class BoardUnderTest(EmbeddedBoard):
         return self.evidence().axes[self.robot.joints.index(self.robot.joint(joint))]
 
     def violations(self) -> list[Violation]:
-        """Every pulse since power-up that broke a limit, in order of time."""
-        found = [
-            violation for axis, name in enumerate(self.robot.joint_names) for violation in self._broken(axis, name)
-        ]
+        """Every time since power-up that a limit of a driver was broken, in order of time."""
+        found = [violation for axis in self.evidence().axes for violation in _broken(axis)]
         return sorted(found, key=lambda violation: violation.t_s)
-
-    def _broken(self, axis: int, name: str) -> Iterator[Violation]:
-        found = self._board.trace(axis).violations
-        columns = (found.counts, found.rules, found.values, found.limits)
-        for counts, rule, value, limit in zip(*(column.tolist() for column in columns), strict=True):
-            t_s = counts / COUNTS_PER_SECOND
-            yield Violation(name, t_s, Rule(rule).name.lower(), value / COUNTS_PER_US, limit / COUNTS_PER_US, "us")
 
     def verify(self, trajectory: Trajectory) -> Report:
         """Compare what the drivers counted with a plan whose t = 0 is the last SYNC, as `steptwin verify` does.
@@ -103,3 +94,10 @@ class BoardUnderTest(EmbeddedBoard):
             wall_s=time.perf_counter() - self._began_s,
         )
         return verify(Plan.of(self.robot, trajectory), self.evidence(), run)
+
+
+def _broken(axis: AxisEvidence) -> Iterator[Violation]:
+    found = axis.violations
+    for counts, which, value in zip(found.counts.tolist(), found.which.tolist(), found.values.tolist(), strict=True):
+        limit = found.limits[which]
+        yield Violation(axis.name, counts / COUNTS_PER_SECOND, limit.rule, value, limit.limit, limit.unit)

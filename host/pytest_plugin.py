@@ -32,7 +32,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Make the marker known."""
     config.addinivalue_line(
-        "markers", f"{_MARKER}(robot, stand_at, schedule, bus_faults): which board `steptwin_board` is"
+        "markers", f"{_MARKER}(robot, stand_at, schedule, bus_faults, driver_profile): which board `steptwin_board` is"
     )
 
 
@@ -53,6 +53,7 @@ def steptwin_make_board(request: pytest.FixtureRequest, steptwin_kernel: "Kernel
         stand_at: where the machine stands, in mm and degrees: all joints, or some by name; else at the robot's home.
         schedule: what will happen to the machine beside its motion, and when.
         bus_faults: what the bus does to frames, a script of `Fault`s.
+        driver_profile: other drivers than the robot's file says, by name.
     """
     from emulator.bus_faults import FaultScript
     from host.board_under_test import BoardUnderTest
@@ -66,11 +67,13 @@ def steptwin_make_board(request: pytest.FixtureRequest, steptwin_kernel: "Kernel
         stand_at: "Standing | None" = None,
         schedule: "Iterable[Scheduled]" = (),
         bus_faults: "Sequence[Fault]" = (),
+        driver_profile: str | None = None,
     ) -> BoardUnderTest:
         try:
             loaded = _robot(robot or request.config.getini(_INI), request.config)
             at = _standing(loaded, stand_at)
-            board = BoardUnderTest(loaded, at, steptwin_kernel, FaultScript(bus_faults), schedule)
+            faults = FaultScript(bus_faults)
+            board = BoardUnderTest(loaded, at, steptwin_kernel, faults, schedule, driver_profile)
         except InputError as error:
             pytest.fail(f"steptwin: {error}", pytrace=False)
         boards.append(board)

@@ -1,21 +1,26 @@
 """The pages that `make docs` writes are up to date, pictures and links are there, and the Python does what it says."""
 
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from docs.generate.driver import DRIVER_PAGE, render_driver
 from docs.generate.page import PAGE, render_page
 from docs.generate.protocol import PROTOCOL_PAGE, render_protocol
 from docs.generate.results import SAMPLED
 from docs.generate.robot_file import Entry, read_robot_file
 from docs.generate.runs import ROBOTS, Runs
+from docs.generate.waveform_pictures import WAVEFORM_PAGE
+from host.cli.app import run
 from host.robots import robot_names
 from tests.end_to_end.test_readme import ROOT
 
 TEXT = PAGE.read_text(encoding="utf-8")
+ALL_TEXT = TEXT + DRIVER_PAGE.read_text(encoding="utf-8") + WAVEFORM_PAGE.read_text(encoding="utf-8")
 PICTURE_BYTES_MAX = 120_000
 
 
@@ -28,19 +33,23 @@ def test_the_protocol_page_is_up_to_date() -> None:
     assert render_protocol() == PROTOCOL_PAGE.read_text(encoding="utf-8")
 
 
+def test_the_driver_page_is_up_to_date() -> None:
+    assert render_driver() == DRIVER_PAGE.read_text(encoding="utf-8")
+
+
 def test_every_robot_is_described() -> None:
     assert set(ROBOTS) == set(robot_names())
 
 
 def test_links_lead_somewhere() -> None:
-    targets = re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", TEXT)
+    targets = re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", ALL_TEXT)
     assert len(targets) > 30
     for target in targets:
         assert (PAGE.parent / target).exists(), target
 
 
 def test_pictures_are_small() -> None:
-    pictures = set(re.findall(r"\((pictures/[^)]+)\)", TEXT))
+    pictures = set(re.findall(r"\((pictures/[^)]+)\)", ALL_TEXT))
     assert {path.name for path in (PAGE.parent / "pictures").iterdir()} == {Path(name).name for name in pictures}
     for name in pictures:
         assert (PAGE.parent / name).stat().st_size < PICTURE_BYTES_MAX, name
@@ -49,6 +58,21 @@ def test_pictures_are_small() -> None:
 def test_python() -> None:
     (code,) = re.findall(r"^```python\n(.*?)^```", TEXT, flags=re.MULTILINE | re.DOTALL)
     subprocess.run([sys.executable, "-W", "error", "-c", code], check=True, cwd="/")
+
+
+def test_the_commands_for_waveforms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One after the other; the run itself draws no pictures here."""
+    pytest.importorskip("matplotlib", reason="the extra `plot` (matplotlib) is not installed")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("host.run_folder.writing.find_spec", lambda _: None)
+    block = re.findall(r"^```\n(.*?)^```", WAVEFORM_PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)[0]
+    commands = [shlex.split(line, comments=True) for line in block.splitlines()]
+    assert len(commands) == 7
+    for words in commands:
+        assert run(words[1:]) == 0, words
+    left = {path.relative_to("out").as_posix() for path in Path("out").rglob("*.*")}
+    assert left >= {"helix/trace.vcd", "helix/trace-full.vcd", "helix/trace.csv", "helix/edges.png", "helix/phases.png"}
+    assert "paper/tool-path.pdf" in left
 
 
 @pytest.mark.parametrize(("robot", "job"), SAMPLED)
@@ -78,11 +102,8 @@ def test_a_robot_file_is_read_with_its_notes() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["README.md", *(f"docs/{page}.md" for page in ("ci", "hardware", "tools", "tutorial"))]
+    "page", [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))], ids=lambda page: page.name
 )
-def test_links_of_other_pages_lead_somewhere(name: str) -> None:
-    page = ROOT / name
-    targets = re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8"))
-    assert targets
-    for target in targets:
-        assert (page.parent / target).exists(), target
+def test_links_of_every_page_lead_somewhere(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
+        assert target.startswith("https://") or (page.parent / target).exists(), target

@@ -111,6 +111,7 @@ def test_several_boards(pytester: pytest.Pytester) -> None:
         ("", 'steptwin: which robot? @pytest.mark.steptwin("ROBOT") or steptwin_robot in the ini-file; there are'),
         ('("lab-skara")', "steptwin: robot 'lab-skara' is unknown: did you mean lab-scara?"),
         ('("no-such.toml")', "no-such.toml: No such file"),
+        ('("lab-scara", driver_profile="9a-module")', "steptwin: "),
         ('("lab-scara", stand_at=[0.0])', "steptwin: stand_at: 1 values for the 4 joints d1 th2 th3 th4"),
         ('("lab-scara", stand_at={"th9": 0.0})', "steptwin: stand_at: joint 'th9' is unknown: did you mean th"),
     ],
