@@ -95,7 +95,7 @@ class EmbeddedBoard:
         Raises:
             InputError: there are no such drivers, or they cannot be set as the robot needs them.
         """
-        self._robot = robot
+        self.robot = robot
         self.driver_profile = driver_profile(robot.board, driver_profile_name)
         self._start_steps = standing_steps(robot, start_joints)
         self._board = Board(board_config(robot, start_joints, driver_profile_name), kernel)
@@ -138,13 +138,13 @@ class EmbeddedBoard:
         return any(frame.cob_id == COB_SYNC for frame in self._simulation.bus.log_frames)
 
     def evidence(self) -> Evidence:
-        """What the drivers saw; the motion's t = 0 is the first servo tick after the last SYNC."""
+        """What the drivers saw; t = 0 is the first servo tick after the last SYNC, or power-up if there was none."""
         bus = self._simulation.bus
         log = zip(bus.log_counts, bus.log_frames, strict=True)
-        sync_counts = max(counts for counts, frame in log if frame.cob_id == COB_SYNC)
+        sync_counts = max((counts for counts, frame in log if frame.cob_id == COB_SYNC), default=0)
         traces = [self._board.trace(axis) for axis in range(len(self._start_steps))]
         axes = tuple(
             axis_evidence(joint.name, self._start_steps[i], traces[i], i, self._board.pin_changes)
-            for i, joint in enumerate(self._robot.joints)
+            for i, joint in enumerate(self.robot.joints)
         )
-        return Evidence(-(-sync_counts // TICK_COUNTS) * TICK_COUNTS, axes, output_changes(self._robot, axes))
+        return Evidence(-(-sync_counts // TICK_COUNTS) * TICK_COUNTS, axes, output_changes(self.robot, axes))

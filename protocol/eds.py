@@ -8,6 +8,7 @@ from protocol.objects import OBJECTS, PDO_COUNT, Entry, Kind, Mapping, Object
 
 _MANDATORY = (0x1000, 0x1001, 0x1018)
 _MANUFACTURER_FIRST, _MANUFACTURER_LAST = 0x2000, 0x5FFF
+_PDO_MAPPINGS = frozenset(first + i for first in (0x1600, 0x1A00) for i in range(PDO_COUNT))
 _RATES_KBIT = (10, 20, 50, 125, 250, 500, 800, 1000)
 _FILE_DATE = {"Time": "12:00AM", "Date": "01-01-2026"}
 """Fixed, so that the same table always gives the same bytes."""
@@ -100,6 +101,8 @@ def _add_object(eds: configparser.RawConfigParser, item: Object) -> None:
             "ObjectType": "0x7",
             **_entry(entry),
         }
+        if subindex and item.index in _PDO_MAPPINGS:  # index, subindex and bits: digits that belong apart
+            eds[f"{section}sub{subindex:X}"]["DefaultValue"] = f"0x{entry.default:08X}"
 
 
 def _entry(entry: Entry) -> dict[str, str]:

@@ -385,9 +385,7 @@ _DRIVE = [
     _variable(0x6083, "Profile acceleration", U32, RW, 5_000 * UNITS_PER_FULL_STEP, low=1, mapping=RX),
     _variable(0x6084, "Profile deceleration", U32, RW, 5_000 * UNITS_PER_FULL_STEP, low=1, mapping=RX),
     _variable(0x6085, "Quick stop deceleration", U32, RW, 20_000 * UNITS_PER_FULL_STEP, low=1),
-    _variable(
-        0x6086, "Motion profile type: 0 = linear ramp, 3 = jerk-limited ramp", I16, RW, LINEAR_RAMP, low=0, high=3
-    ),
+    _variable(0x6086, "Motion profile type: 0 linear ramp, 3 jerk-limited ramp", I16, RW, LINEAR_RAMP, low=0, high=3),
     _array(
         0x608F,
         "Position encoder resolution",
@@ -428,14 +426,14 @@ _DRIVE = [
         0x60C2,
         "Interpolation time period",
         Entry("Interpolation time period value", U8, RW, CYCLE_MS_MAX, 1, CYCLE_MS_MAX),
-        Entry("Interpolation time index: -3 = ms", I8, RW, MILLI, MILLI, MILLI),
+        Entry("Interpolation time index: -3 is ms", I8, RW, MILLI, MILLI, MILLI),
     ),
     _record(
         0x60C4,
         "Interpolation data configuration",
         Entry("Maximum buffer size in records", U32, RO, 64),
         Entry("Actual buffer size in records", U32, RO, 64),
-        Entry("Buffer organization: 0 = FIFO", U8, RO, 0),
+        Entry("Buffer organization: 0 is FIFO", U8, RO, 0),
         Entry("Buffer position in records", U16, RO, 0),
         Entry("Size of data record in bytes", U8, RO, 8),
         Entry("Buffer clear: 0 clears", U8, WO, 0, 0, 1),

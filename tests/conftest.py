@@ -1,5 +1,6 @@
 """Fixtures that every test may use."""
 
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -43,9 +44,18 @@ def carry_run(tmp_path_factory: pytest.TempPathFactory, fast_kernel: Kernel) -> 
     return _written(tmp_path_factory.mktemp("carry"), fast_kernel, "teaching-scara", "carry")
 
 
-def _written(folder: Path, kernel: Kernel, robot: str, job: str) -> Path:
+@pytest.fixture(scope="session")
+def cut_run(tmp_path_factory: pytest.TempPathFactory, fast_kernel: Kernel) -> Path:
+    """The same of a host that hangs after half of its points: a run that ends in fault."""
+    options = ["--cut-stream", "0.5"]
+    return _written(tmp_path_factory.mktemp("cut"), fast_kernel, "teaching-scara", "carry", options, exit_code=3)
+
+
+def _written(
+    folder: Path, kernel: Kernel, robot: str, job: str, options: Sequence[str] = (), exit_code: int = 0
+) -> Path:
     """Without pictures, which take longest."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(writing, "find_spec", lambda _: None)
-        assert run(["run", robot, job, "--kernel", kernel.name, "--out", str(folder)]) == 0
+        assert run(["run", robot, job, "--kernel", kernel.name, "--out", str(folder), *options]) == exit_code
     return folder

@@ -53,16 +53,19 @@ class Connection:
 
 def open_bus(connection: Connection) -> can.BusABC:
     """Open it; BusError if that fails, whatever the interface has to say."""
-    with _bus_errors(connection.title):
-        if connection.host is not None:
+    if connection.host is not None:
+        with _bus_errors(connection.title):
             assert connection.port is not None
             # python-can tries for ten seconds, without a pause, before it says that nobody is there
             socket.create_connection((connection.host, connection.port), _CONNECT_TIMEOUT_S).close()
             return _SocketcandBus(connection.channel or SOCKETCAND_CHANNEL, connection.host, connection.port)
-        more: dict[str, Any] = {"channel": connection.channel, "bitrate": connection.bitrate}
+    more: dict[str, Any] = {"channel": connection.channel, "bitrate": connection.bitrate}
+    try:
         return can.Bus(
             interface=connection.interface, **{key: value for key, value in more.items() if value is not None}
         )
+    except Exception as error:  # each driver has its own: kvaser's says NameError where there is no canlib
+        raise BusError(f"{connection.title}: {_reason(error)}") from error
 
 
 class _SocketcandBus(SocketCanDaemonBus):

@@ -17,6 +17,7 @@ from docs.generate.runs import ROBOTS, Runs
 from docs.generate.waveform_pictures import WAVEFORM_PAGE
 from host.cli.app import run
 from host.robots import robot_names
+from tests.end_to_end.test_readme import ROOT
 
 TEXT = PAGE.read_text(encoding="utf-8")
 ALL_TEXT = TEXT + DRIVER_PAGE.read_text(encoding="utf-8") + WAVEFORM_PAGE.read_text(encoding="utf-8")
@@ -98,3 +99,11 @@ def test_a_robot_file_is_read_with_its_notes() -> None:
     assert sections["joints.d1"].entries["upper"] == Entry("250.0", "[S]", "stroke")
     assert sections["joints.d1"].entries["unit"] == Entry("mm", "", "")
     assert sections["board"].entries["osc_pf"].value == "330"
+
+
+@pytest.mark.parametrize(
+    "page", [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))], ids=lambda page: page.name
+)
+def test_links_of_every_page_lead_somewhere(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
+        assert target.startswith("https://") or (page.parent / target).exists(), target

@@ -1,0 +1,74 @@
+"""Programs that want a terminal, in a pseudo terminal that remembers all they write."""
+
+import os
+import select
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+from tests.emulator.live_rig import TIMEOUT_S
+
+
+class Terminal:
+    """A program with a terminal of its own; a context manager, after which the program has ended.
+
+    Args:
+        words: the program and its arguments.
+        cwd: where it runs.
+        variables: of its environment, beside those that there are.
+    """
+
+    def __init__(self, words: list[str], cwd: Path, **variables: str) -> None:
+        self._terminal, slave = os.openpty()
+        self._process = subprocess.Popen(
+            words,
+            cwd=cwd,
+            stdin=slave,
+            stdout=slave,
+            stderr=slave,
+            start_new_session=True,
+            env={**os.environ, "TERM": "xterm", "COLUMNS": "120", "LINES": "40", **variables},
+        )
+        os.close(slave)
+        self.written = ""
+        """All so far."""
+
+    def __enter__(self) -> "Terminal":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.kill()
+        self._process.wait()
+        os.close(self._terminal)
+
+    def await_text(self, text: str) -> None:
+        """Read until this has been written."""
+        deadline_s = time.monotonic() + TIMEOUT_S
+        while text not in self.written:
+            assert time.monotonic() < deadline_s, f"not within {TIMEOUT_S:g} s: {text!r} in {self.written!r}"
+            self._read()
+
+    def type(self, keys: str) -> None:
+        """As a user would."""
+        os.write(self._terminal, keys.encode())
+
+    def interrupt(self) -> None:
+        """Ctrl-C."""
+        self._process.send_signal(signal.SIGINT)
+
+    def await_exit(self) -> int:
+        """Wait for the program's end, while it may still write; return its exit code."""
+        deadline_s = time.monotonic() + TIMEOUT_S
+        while self._process.poll() is None:
+            assert time.monotonic() < deadline_s, f"did not end after {self.written!r}"
+            self._read()
+        return self._process.returncode
+
+    def _read(self) -> None:
+        """What comes within a moment. Linux reports an error when the program has closed its end."""
+        if select.select([self._terminal], [], [], 0.05)[0]:
+            try:
+                self.written += os.read(self._terminal, 1 << 16).decode(errors="replace")
+            except OSError:
+                assert self._process.wait(TIMEOUT_S) is not None

@@ -1,0 +1,27 @@
+"""The example project of docs/ci.md: its own tests, with its own settings, pass."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.end_to_end.test_readme import ROOT, blocks_of
+
+PAGE = (ROOT / "docs" / "ci.md").read_text(encoding="utf-8")
+EXAMPLE = ROOT / "docs" / "examples" / "ci"
+
+
+def test_the_example_and_what_the_page_shows_pass(tmp_path: Path) -> None:
+    project = tmp_path / "project"
+    shutil.copytree(EXAMPLE, project, ignore=shutil.ignore_patterns("__pycache__"))
+    ((_, shown),) = [block for block in blocks_of(PAGE) if block[0] == "python"]
+    (project / "tests" / "test_shown.py").write_text(shown, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-W", "error", "-p", "no:cacheprovider"],
+        cwd=project,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout
+    assert done.stdout.splitlines()[-1].startswith("6 passed")

@@ -1,0 +1,48 @@
+"""docs/hardware.md: its commands are understood, and the objects that it asks of a board are those that are used."""
+
+import re
+import shlex
+
+import pytest
+
+from host.cli.app import run
+from host.errors import BusError
+from protocol.objects import OBJECTS
+from tests.end_to_end.test_readme import ROOT, blocks_of
+
+PAGE = (ROOT / "docs" / "hardware.md").read_text(encoding="utf-8")
+ADAPTERS = [
+    shlex.split(line, comments=True)
+    for language, block in blocks_of(PAGE)
+    if language == "sh"
+    for line in block.splitlines()
+    if " -i " in line
+]
+INDEX = re.compile(r"\b0x([0-9A-F]{4})\b")
+
+
+def test_there_are_adapters() -> None:
+    assert [words[words.index("-i") + 1] for words in ADAPTERS] == ["socketcan", "slcan", "pcan", "kvaser"]
+
+
+@pytest.mark.parametrize("words", ADAPTERS, ids=lambda words: words[words.index("-i") + 1])
+def test_an_adapter_that_is_not_there(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    """No usage error, but one line from the interface itself, and the exit code of a bus that does not work."""
+    words = ["no-such-device" if word in ("can0", "/dev/ttyACM0") else word for word in words]
+    assert run(words[1:]) == BusError.exit_code
+    captured = capsys.readouterr()
+    assert captured.out.startswith(f"[FAIL] bus: {words[words.index('-i') + 1]} ")
+    assert len(captured.out.splitlines()) == 1
+
+
+def test_every_object_that_commands_rely_on_is_named() -> None:
+    """As far as the modules that talk to the board write it as a number."""
+    sources = [*(ROOT / "host" / "client").glob("*.py"), *(ROOT / "host" / "operate").glob("*.py")]
+    known = {item.index for item in OBJECTS}
+    used = {int(text, 16) for path in sources for text in INDEX.findall(path.read_text(encoding="utf-8"))} & known
+    assert len(used) > 30
+    named = {int(text, 16) for text in INDEX.findall(PAGE)}
+    for first, last in re.findall(r"0x([0-9A-F]{4}) to 0x([0-9A-F]{4})", PAGE):
+        named |= set(range(int(first, 16), int(last, 16) + 1))
+    assert used <= named
+    assert named <= known
