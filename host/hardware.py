@@ -8,6 +8,7 @@ import numpy as np
 from controller.pins import Pin, PinChange
 from emulator.board import AxisTrace, BoardConfig
 from emulator.switches import Switch
+from host.drivers import driver_profile, fitted_modules, phases_evidence, violations_evidence
 from host.robot import Joint, Robot
 from host.verify import AxisEvidence, LevelEdges
 from protocol.cia402 import DigitalInput
@@ -15,27 +16,38 @@ from protocol.frame import FIRST_NODE_ID
 from protocol.objects import UNITS_PER_FULL_STEP
 
 
-def board_config(robot: Robot, joints: Sequence[float]) -> BoardConfig:
-    """The board that drives a robot, an axis for each joint, in a machine that stands at `joints`, mm and degrees."""
-    (config,) = board_configs(robot, joints, [len(robot.joints)])
+def board_config(robot: Robot, joints: Sequence[float], driver_profile_name: str | None = None) -> BoardConfig:
+    """The board that drives a robot, an axis for each joint, in a machine that stands at `joints`, mm and degrees.
+
+    By a name it has other drivers than the robot's file says.
+
+    Raises:
+        InputError: there are no such drivers, or they cannot be set as the robot needs them.
+    """
+    (config,) = board_configs(robot, joints, [len(robot.joints)], driver_profile_name)
     return config
 
 
-def board_configs(robot: Robot, joints: Sequence[float], axes_per_board: Sequence[int]) -> list[BoardConfig]:
+def board_configs(
+    robot: Robot, joints: Sequence[float], axes_per_board: Sequence[int], driver_profile_name: str | None = None
+) -> list[BoardConfig]:
     """The same for several boards on one bus, each with so many axes; node ids go on from board to board."""
     if sum(axes_per_board) != len(robot.joints):
         raise ValueError(f"{axes_per_board} are not the {len(robot.joints)} axes of the robot")
     start_steps = standing_steps(robot, joints)
+    profile = driver_profile(robot.board, driver_profile_name)
+    modules = fitted_modules(robot, profile, as_filed=driver_profile_name is None)
     configs: list[BoardConfig] = []
     for axes in axes_per_board:
         first = sum(config.axis_count for config in configs)
         configs.append(
             BoardConfig(
                 axis_count=axes,
-                osc_pf=(robot.board.osc_pf,) * axes,
+                osc_pf=(profile.osc_pf,) * axes,
                 first_node_id=FIRST_NODE_ID + first,
                 switches=tuple(_switches(robot.joints[first : first + axes])),
                 start_steps=tuple(start_steps[first : first + axes]),
+                modules=modules[first : first + axes],
             )
         )
     return configs
@@ -81,7 +93,8 @@ def axis_evidence(
         dir_levels=trace.dir_levels,
         step_counts=trace.step_counts,
         step_signs=trace.step_signs,
-        violations=len(trace.violations.counts),
+        violations=violations_evidence(trace.violations),
+        phases=phases_evidence(trace.outputs),
         pins=_level_edges(axis, changes),
     )
 

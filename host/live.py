@@ -17,6 +17,7 @@ from emulator.lateness import Lateness
 from emulator.live import LiveSimulation, warm_up
 from emulator.pacer import Pacer
 from emulator.simulation import Simulation
+from host.drivers import driver_profile
 from host.hardware import axis_evidence, board_configs, standing_steps
 from host.live_plan import LivePlan
 from host.robot import Robot
@@ -31,6 +32,7 @@ from host.run_folder import (
     EdgeSpool,
     write_report,
 )
+from host.verify import DriverLimit
 from protocol.frame import COB_SYNC, FIRST_NODE_ID, Frame
 
 RECORD_EVERY_S: Final = 0.5
@@ -54,6 +56,7 @@ class LiveBoard:
         axes_per_board: Sequence[int] | None = None,
         out: Path | None = None,
         log: Path | None = None,
+        driver_profile_name: str | None = None,
     ) -> None:
         """Set the board up.
 
@@ -66,11 +69,16 @@ class LiveBoard:
             axes_per_board: in the order of the joints; None: all on one board.
             out: the folder for everything.
             log: the file for the bus log.
+            driver_profile_name: drivers that the board has instead of those in the robot's file.
 
         Raises:
+            InputError: there are no such drivers, or they cannot be set as the robot needs them.
             OSError: a file cannot be written.
         """
         self.robot = robot
+        self.axes_per_board = tuple(axes_per_board or [len(robot.joints)])
+        configs = board_configs(robot, stand_at, self.axes_per_board, driver_profile_name)
+        self.driver_profile = driver_profile(robot.board, driver_profile_name)
         self._out = out
         self._files = ExitStack()
         self._logs: list[TextIO] = []
@@ -83,13 +91,14 @@ class LiveBoard:
         self._end_steps = list(self._start_steps)
         self._pulses = [0] * len(robot.joints)
         self._violations = [0] * len(robot.joints)
+        self._limits: list[tuple[DriverLimit, ...]] = [()] * len(robot.joints)
+        """What each driver asks for."""
         self._sync_counts: int | None = None
         """A SYNC at rest, of which it is not known yet whether it starts a motion."""
         self._motion_start_counts: int | None = None
         """t = 0 of the last motion that a SYNC has started."""
         warm_up(kernel)
-        self.axes_per_board = tuple(axes_per_board or [len(robot.joints)])
-        self._boards = [Board(config, kernel) for config in board_configs(robot, stand_at, self.axes_per_board)]
+        self._boards = [Board(config, kernel) for config in configs]
         self._axes = [(board, axis) for board in self._boards for axis in range(board.config.axis_count)]
         """Of each joint: its board, and its number there."""
         self._plan = None if out is None else LivePlan(out, robot, self._axes, self._start_steps)
@@ -139,11 +148,12 @@ class LiveBoard:
 
     def _record_axis(self, joint: int, trace: AxisTrace, axis: int, changes: Sequence[PinChange]) -> None:
         """The joint's axis on its board, whose pin changes these are."""
-        evidence = axis_evidence(self.robot.joint_names[joint], self._start_steps[joint], trace, axis, changes)
         self._end_steps[joint] = self._start_steps[joint] + trace.position_steps
-        self._pulses[joint] += evidence.clk_rise_counts.size
-        self._violations[joint] += evidence.violations
+        self._pulses[joint] += trace.clk_rise_counts.size
+        self._violations[joint] += trace.violations.counts.size
         if self._spool:
+            evidence = axis_evidence(self.robot.joint_names[joint], self._start_steps[joint], trace, axis, changes)
+            self._limits[joint] = evidence.violations.limits
             self._spool.append(evidence)
 
     def close(self, document: dict[str, Any]) -> None:
@@ -152,8 +162,8 @@ class LiveBoard:
         if self._plan:
             self._plan.finish()
         if self._spool and self._out:
-            names, starts, violations = self.robot.joint_names, self._start_steps, self._violations
-            axes = [AxisTotals(*axis) for axis in zip(names, starts, violations, strict=True)]
+            totals = zip(self.robot.joint_names, self._start_steps, self._limits, strict=True)
+            axes = [AxisTotals(*axis) for axis in totals]
             self._spool.finish(self._motion_start_counts or 0, axes)
             (self._out / ROBOT).write_text(self.robot.toml, encoding="utf-8")
             write_report(self._out / REPORT, document | {VERSION_KEY: FOLDER_VERSION})
@@ -186,6 +196,7 @@ class LiveBoard:
         return {
             "robot": self.robot.name,
             "job": "live",
+            "driver_profile": self.driver_profile.name,
             "duration_s": round(self.simulated_s, 6),
             "simulated": True,
             "passed": None,
