@@ -321,6 +321,11 @@ class Board:
         changes, self.pin_changes = self.pin_changes, []
         return changes
 
+    def position_steps(self, axis: int) -> int:
+        """Where an axis' driver has brought its motor since power-up."""
+        self.drain()
+        return self._drivers[axis].position_steps
+
     def take_trace(self, axis: int) -> AxisTrace:
         """As `trace`, and forget it: the next one begins here. So a board may run for ever."""
         trace = self.trace(axis)

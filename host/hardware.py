@@ -34,21 +34,20 @@ def board_configs(
     """The same for several boards on one bus, each with so many axes; node ids go on from board to board."""
     if sum(axes_per_board) != len(robot.joints):
         raise ValueError(f"{axes_per_board} are not the {len(robot.joints)} axes of the robot")
+    start_steps = standing_steps(robot, joints)
     profile = driver_profile(robot.board, driver_profile_name)
     modules = fitted_modules(robot, profile, as_filed=driver_profile_name is None)
-    start_steps = standing_steps(robot, joints)
     configs: list[BoardConfig] = []
     for axes in axes_per_board:
         first = sum(config.axis_count for config in configs)
-        own = slice(first, first + axes)
         configs.append(
             BoardConfig(
                 axis_count=axes,
                 osc_pf=(profile.osc_pf,) * axes,
                 first_node_id=FIRST_NODE_ID + first,
-                switches=tuple(_switches(robot.joints[own])),
-                start_steps=tuple(start_steps[own]),
-                modules=modules[own],
+                switches=tuple(_switches(robot.joints[first : first + axes])),
+                start_steps=tuple(start_steps[first : first + axes]),
+                modules=modules[first : first + axes],
             )
         )
     return configs

@@ -152,8 +152,7 @@ class LiveBoard:
         self._pulses[joint] += trace.clk_rise_counts.size
         self._violations[joint] += trace.violations.counts.size
         if self._spool:
-            name = self.robot.joint_names[joint]
-            evidence = axis_evidence(name, self._start_steps[joint], trace, axis, changes)
+            evidence = axis_evidence(self.robot.joint_names[joint], self._start_steps[joint], trace, axis, changes)
             self._limits[joint] = evidence.violations.limits
             self._spool.append(evidence)
 

@@ -37,7 +37,7 @@ class LivePlan:
         self._queued = [0] * len(axes)
         """Where the axes stood at the SYNC, as the firmware counts, and how many records waited."""
         self._offset_units = [0] * len(axes)
-        """From the firmware's positions to those of the machine."""
+        """From the firmware's positions to those of the machine, as of then."""
         for joint, (board, axis) in enumerate(axes):
             _tap_records(board.firmware.nodes[axis].dictionary, partial(self._received.accept, joint))
 
@@ -47,30 +47,29 @@ class LivePlan:
         return self._received.lacking
 
     def sync(self) -> None:
-        """A SYNC is about to reach axes that rest."""
-        self._rest_units = self._demands_units()
-        self._queued = [board.firmware.motion.queued(axis) for board, axis in self._axes]
-
-    def begin(self) -> None:
-        """It has set them going.
+        """A SYNC is about to reach axes that rest.
 
         Where the machine stands is known to a step; of an axis with records, the firmware says where within it.
         """
-        unusual = []
+        self._rest_units = self._demands_units()
+        self._queued = [board.firmware.motion.queued(axis) for board, axis in self._axes]
         for joint, (board, axis) in enumerate(self._axes):
-            motion, microsteps = board.firmware.motion, self._robot.joints[joint].transmission.microsteps
-            steps = self._start_steps[joint] + board.trace(axis).position_steps
+            microsteps = self._robot.joints[joint].transmission.microsteps
+            steps = self._start_steps[joint] + board.position_steps(axis)
             if self._queued[joint]:
-                offset_units = (steps - motion.counter_steps(axis)) * UNITS_PER_FULL_STEP // microsteps
-                config = motion.config(axis)
-                if config.microsteps != microsteps or config.dir_inverted:
-                    unusual.append(self._robot.joint_names[joint])
+                steps -= board.firmware.motion.counter_steps(axis)
+                self._offset_units[joint] = steps * UNITS_PER_FULL_STEP // microsteps
             else:
-                offset_units = steps * UNITS_PER_FULL_STEP // microsteps - self._rest_units[joint]
-            self._offset_units[joint] = offset_units
+                self._offset_units[joint] = steps * UNITS_PER_FULL_STEP // microsteps - self._rest_units[joint]
+
+    def begin(self) -> None:
+        """It has set them going."""
         self._received.begin(self._on_machine(self._rest_units), self._queued)
-        for name in unusual:
-            self._received.fail(f"{name} is set up otherwise than in the robot's file")
+        for joint, (board, axis) in enumerate(self._axes):
+            config, name = board.firmware.motion.config(axis), self._robot.joint_names[joint]
+            as_filed = config.microsteps == self._robot.joints[joint].transmission.microsteps
+            if self._queued[joint] and (config.dir_inverted or not as_filed):
+                self._received.fail(f"{name} is set up otherwise than in the robot's file")
 
     def follow(self, *, in_motion: bool) -> None:
         """See how the motion goes, if one has begun; before anything new reaches the axes."""

@@ -242,38 +242,6 @@ def test_nothing_is_held_in_memory(fast_kernel: Kernel, tmp_path: Path, recorded
     session.end()
 
 
-def test_other_drivers_break_their_limits(fast_kernel: Kernel, tmp_path: Path) -> None:
-    """Pulses of 33 us for drivers that ask for 150 us before the falling edge: none is counted."""
-    session = Session(fast_kernel, tmp_path, drivers="slow-blue-board")
-    session.send(Frame(0x000, b"\x01\x00"))
-    session.move(0)
-    session.move(2)
-    session.end()
-    report, axis = read_report(tmp_path), read_edges(tmp_path).axes[3]
-    assert report.driver_profile == "slow-blue-board"
-    assert [(figures["pulses"], figures["violations"]) for figures in report.axes][2:5] == [(0, 0), (80, 80), (0, 0)]
-    assert axis.clk_rise_counts.size == 80
-    assert axis.step_counts.size == 0
-    assert {axis.violations.limits[i].rule for i in axis.violations.which} == {"clk_low"}
-    assert axis.violations.values.tolist() == pytest.approx([33] * 80)
-
-
-def test_currents_are_recorded_as_they_are_of_the_whole(fast_kernel: Kernel, tmp_path: Path) -> None:
-    """One cycle of the field is 64 steps of 1/16: 20 steps up and down turn it by 20 and back."""
-    session = Session(fast_kernel, tmp_path)
-    session.send(Frame(0x000, b"\x01\x00"))
-    session.move(0)
-    session.end()
-    axis = read_edges(tmp_path).axes[3]
-    moved = np.isin(axis.phases.counts, axis.step_counts)
-    sixteenths = axis.phases.sixteenths[moved]
-    turn = 16 // ROBOT.joints[3].transmission.microsteps
-    expected = [-turn * steps % 64 for steps in (*range(1, 21), *range(19, -1, -1))]
-    assert sixteenths.tolist() == expected
-    peak_ma = max(abs(axis.phases.a_ma).max(), abs(axis.phases.b_ma).max())
-    assert peak_ma == 1500
-
-
 @pytest.mark.parametrize("axes_per_board", [(3, 3), (4, 2), (1,) * 6])
 def test_on_several_boards_it_is_the_same(axes_per_board: tuple[int, ...], fast_kernel: Kernel, tmp_path: Path) -> None:
     """Each axis has its node id, its edges and its place in the folder, whichever board it is on."""
@@ -294,6 +262,39 @@ def test_on_several_boards_it_is_the_same(axes_per_board: tuple[int, ...], fast_
     assert [axis.name for axis in evidence[1].axes] == list(ROBOT.joint_names)
     assert evidence[0].axes[3].step_counts.tolist() == evidence[1].axes[3].step_counts.tolist()
     assert evidence[1].axes[3].pins["enable"].levels.tolist() == [1]
+
+
+def test_other_drivers_break_their_limits(fast_kernel: Kernel, tmp_path: Path) -> None:
+    """Pulses of 33 us for drivers that ask for 150 us before the falling edge: none is counted."""
+    session = Session(fast_kernel, tmp_path, drivers="slow-blue-board")
+    session.send(Frame(0x000, b"\x01\x00"))
+    session.move(0)
+    session.move(2)
+    session.end()
+    report, axis = read_report(tmp_path), read_edges(tmp_path).axes[3]
+    assert report.driver_profile == "slow-blue-board"
+    assert [(figures["pulses"], figures["violations"]) for figures in report.axes][2:5] == [(0, 0), (80, 80), (0, 0)]
+    assert axis.clk_rise_counts.size == 80
+    assert axis.step_counts.size == 0
+    assert {axis.violations.limits[i].rule for i in axis.violations.which} == {"clk_low"}
+    assert axis.violations.values.tolist() == pytest.approx([33] * 80)
+    assert run(["verify", str(tmp_path)]) == 1  # the records are a plan, of which nothing was made
+
+
+def test_currents_are_recorded_as_they_are_of_the_whole(fast_kernel: Kernel, tmp_path: Path) -> None:
+    """One cycle of the field is 64 steps of 1/16: 20 steps up and down turn it by 20 and back."""
+    session = Session(fast_kernel, tmp_path)
+    session.send(Frame(0x000, b"\x01\x00"))
+    session.move(0)
+    session.end()
+    axis = read_edges(tmp_path).axes[3]
+    moved = np.isin(axis.phases.counts, axis.step_counts)
+    sixteenths = axis.phases.sixteenths[moved]
+    turn = 16 // ROBOT.joints[3].transmission.microsteps
+    expected = [-turn * steps % 64 for steps in (*range(1, 21), *range(19, -1, -1))]
+    assert sixteenths.tolist() == expected
+    peak_ma = max(abs(axis.phases.a_ma).max(), abs(axis.phases.b_ma).max())
+    assert peak_ma == 1500
 
 
 def test_the_bus_log_alone(fast_kernel: Kernel, tmp_path: Path) -> None:
