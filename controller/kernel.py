@@ -214,10 +214,13 @@ def place_steps(axes: Cells, clk: Cells, direction: Cells, base: int, tick_count
     the last rise is dirhold old, and at least a count: at the rise itself the driver reads DIR. All four are measured
     from the edges really placed.
     """
+    counter_q16 = axes[base + COUNTER] * STEP_Q16
+    if abs(p_to - counter_q16) < THRESHOLD_Q16:  # most ticks of a slow axis end here
+        return True
     up = 1 if p_to > p_from else 0
     sign = 2 * up - 1
     travel = (p_to - p_from) * sign
-    to_threshold = axes[base + COUNTER] * STEP_Q16 * sign + THRESHOLD_Q16 - p_from * sign
+    to_threshold = (counter_q16 - p_from) * sign + THRESHOLD_Q16
     if travel <= 0 or to_threshold > travel:  # less than 0 it never is, but so the compiler divides without signs
         return True
     earliest = axes[base + EARLIEST_RISE_COUNTS]
@@ -233,20 +236,18 @@ def place_steps(axes: Cells, clk: Cells, direction: Cells, base: int, tick_count
     due_q16 = (to_threshold * interval_q16) >> 16
     steplen = axes[base + STEPLEN_COUNTS]
     pulse = steplen + axes[base + STEPSPACE_COUNTS]
-    k = axes[base + CLK_EDGES]
-    last = k + 2 * steps
+    first = axes[base + CLK_EDGES] & I32_MAX  # never negative: told so, the compiler makes the loop one of vectors
+    last = first + 2 * steps
     axes[base + COUNTER] += sign * steps
     axes[base + CLK_EDGES] = last
     rise = tick_counts + (due_q16 >> 16)
     if earliest > rise or pulse > interval_q16 >> 16:
-        return place_waiting_steps(axes, clk, base, k, last, tick_counts, due_q16, interval_q16, earliest)
+        return place_waiting_steps(axes, clk, base, first, last, tick_counts, due_q16, interval_q16, earliest)
     # The first step need not wait and the others come no closer than a pulse: all are placed where they are due.
-    while k < last:
-        rise = tick_counts + (due_q16 >> 16)
-        clk[k] = rise
-        clk[k + 1] = rise + steplen
-        due_q16 += interval_q16
-        k += 2
+    for i in range(steps):
+        rise = tick_counts + ((due_q16 + i * interval_q16) >> 16)
+        clk[first + 2 * i] = rise
+        clk[first + 2 * i + 1] = rise + steplen
     axes[base + LAST_RISE_COUNTS] = rise
     axes[base + EARLIEST_RISE_COUNTS] = rise + pulse
     return True
