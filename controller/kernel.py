@@ -48,6 +48,9 @@ STEP_Q16 = 1 << 16
 THRESHOLD_Q16 = STEP_Q16 // 2 + STEP_Q16 // 16
 """H: how far the demand leaves the counter before a step is made; the sixteenth keeps noise from chattering."""
 
+ROUNDING_Q16 = 4
+"""More than three rounding shifts can change an evaluation by."""
+
 FULL_RATE_Q16 = 1 << 16
 """Trajectory time runs as fast as time: one tick a tick."""
 
@@ -306,13 +309,33 @@ def group_time_q16(group: Cells, tick: int) -> int:
 
 
 @kernel_function
+def demand_q16(start: int, a: int, b: int, c: int, s: int) -> int:
+    """Position at s of a segment, by Horner's rule; each product is rounded to the nearest."""
+    half = 1 << 29
+    q = ((c * s + half) >> 30) + b
+    q = ((q * s + half) >> 30) + a
+    return start + ((q * s + half) >> 30)
+
+
+@kernel_function
+def makes_no_step(start: int, a: int, b: int, c: int) -> bool:
+    """Whether a segment that starts this far from the counter surely comes to none of its thresholds.
+
+    A cubic stays within its Bernstein coefficients: start, start + a/3, end - e/3 and end, with e = a + 2b + 3c. They
+    are taken three times, and so is what evaluation may round by.
+    """
+    end = 3 * (start + a + b + c)
+    farthest = max(abs(3 * start), abs(3 * start + a), abs(end - a - 2 * b - 3 * c), abs(end))
+    return bool(farthest < 3 * (THRESHOLD_Q16 - ROUNDING_Q16))
+
+
+@kernel_function
 def run_ticks(axes: Cells, clk: Cells, direction: Cells, base: int, tick: int, until_tick: int, rate_q16: int) -> int:
     """Evaluate the segment at the end of each tick and place the steps, to `until_tick` or to a late step.
 
     Trajectory time advances by `rate_q16` a tick, so (i << 30) // n needs additions only. It is negative where the
     segment begins within the tick. Returns the tick reached; EVENT says if a step was late.
     """
-    half = 1 << 29
     start = axes[base + START_Q16]
     a = axes[base + COEFFICIENT_A]
     b = axes[base + COEFFICIENT_B]
@@ -324,19 +347,19 @@ def run_ticks(axes: Cells, clk: Cells, direction: Cells, base: int, tick: int, u
     s_per_tick = (rate_q16 << 14) // n
     s_remainder_per_tick = (rate_q16 << 14) % n
     on_time = True
-    if a == 0 and b == 0 and c == 0 and elapsed_q16 >= 0:  # at rest no edge can fall: all is one jump
-        tick = until_tick
     s = (elapsed_q16 << 14) // n
     s_remainder = (elapsed_q16 << 14) % n
+    if makes_no_step(start - axes[base + COUNTER] * STEP_Q16, a, b, c):  # all is one jump
+        tick = until_tick
+        s = ((elapsed_q16 + (until_tick - from_tick) * rate_q16) << 14) // n
+        p = demand_q16(start, a, b, c, s)
     while tick < until_tick and on_time:
         s += s_per_tick
         s_remainder += s_remainder_per_tick
         if s_remainder >= n:
             s_remainder -= n
             s += 1
-        q = ((c * s + half) >> 30) + b
-        q = ((q * s + half) >> 30) + a
-        q = start + ((q * s + half) >> 30)
+        q = demand_q16(start, a, b, c, s)
         on_time = place_steps(axes, clk, direction, base, tick * TICK_COUNTS, p, q)
         p = q
         tick += 1
