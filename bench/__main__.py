@@ -9,12 +9,16 @@ from rich.table import Table
 
 from bench import cyclic, drawer_pull, kernel, kinematics, live, timing
 from bench.loads import AXES
-from controller.backend import KERNELS
+from bench.pulses import scaling
+from bench.pulses.motions import JOBS, motion_of_job, stress
+from bench.pulses.table import COLUMNS, measured, table_rows
+from controller.backend import KERNELS, Kernel
+from host.robots import load_robot
 
 
 def main() -> None:
     """Measure with every kernel that is installed."""
-    console = Console(highlight=False, width=110)
+    console = Console(highlight=False, width=130)
     kernels = [KERNELS["python"]()] + ([KERNELS["numba"]()] if find_spec("numba") else [])
     console.print(
         f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}"
@@ -49,6 +53,13 @@ def main() -> None:
             f"{d.timing_us_p50:.2f}",
         )
     console.print(table)
+
+    motions = [*(motion_of_job(load_robot(name), job) for name, job in JOBS), stress()]
+    table = Table(*COLUMNS, title=_PULSES_TITLE)
+    for texts in table_rows(measured(motions, kernels[-1])):
+        table.add_row(*texts)
+    console.print(table)
+    _print_scaling(console, kernels[-1])
 
     table = Table("load", "steps", "delayed", "max error, steps", "rms, us", "p99, us", title=_TIMING_TITLE)
     for t in timing.figures(kernels[-1]):
@@ -98,6 +109,23 @@ def main() -> None:
     console.print(f"{figures.frames_per_s:.0f} frames/s from one client to another, where the bus is no limit")
 
 
+def _print_scaling(console: Console, kernel: Kernel) -> None:
+    for what, costs in (
+        ("axes, at 14 kHz", scaling.by_axes(kernel)),
+        ("steps/s, seven axes", scaling.by_rate(kernel)),
+        ("points/s and axis, seven axes, sine of 14 kHz peak", scaling.by_points(kernel)),
+    ):
+        table = Table(what, "ns per axis and tick", "M steps/s", "M steps/s, with feeding and draining")
+        for cost in costs:
+            figures = cost.ns_per_axis_tick, cost.steps_per_s / 1e6, cost.fed_steps_per_s / 1e6
+            table.add_row(f"{cost.x:g}", *(f"{figure:.1f}" for figure in figures))
+        console.print(table)
+    table = Table("steps", "simulated s", "s", "peak memory, MB", title="Length: a process each, all included")
+    for length in scaling.by_length():
+        table.add_row(f"{length.steps}", f"{length.simulated_s:g}", f"{length.wall_s:.2f}", f"{length.peak_mb:.0f}")
+    console.print(table)
+
+
 def _ratios(figures: live.LiveFigures) -> tuple[str, str]:
     trips_us = figures.round_trip_us_p50, figures.round_trip_us_p99
     return f"{trips_us[0] / figures.bus_us:.1f}", f"{trips_us[1] / figures.bus_us:.1f}"
@@ -105,6 +133,7 @@ def _ratios(figures: live.LiveFigures) -> tuple[str, str]:
 
 _KERNEL_TITLE = f"Kernel: {AXES} axes, one core, driver limits lifted; ratio to copying the bytes that it writes"
 _TIMING_TITLE = f"Timing error: sines of {timing.SINE_HZ:g} Hz, points every 10 ms, TB6560 pulse timing"
+_PULSES_TITLE = "Pulse timing: the kernel beside other methods, against the exact crossings of the planned motion"
 _CYCLIC_TITLE = f"Cyclic synchronous position: sines of {timing.SINE_HZ:g} Hz, set-points to the unit"
 _KINEMATICS_TITLE = f"Kinematics: batches of {kinematics.BATCH}, one core; ratio to the sines of all joint values"
 

@@ -38,9 +38,7 @@ def measure(kernel: Kernel, load: Load) -> KernelFigure:
     runs = [_once(kernel, load) for _ in range(REPEATS)]
     kernel_s, copy_s = min(run.kernel_s for run in runs), min(run.copy_s for run in runs)
     steps = runs[0].steps
-    return KernelFigure(
-        load.name, kernel.name, steps, steps / kernel_s, kernel_s / copy_s, load.duration_s / kernel_s
-    )
+    return KernelFigure(load.name, kernel.name, steps, steps / kernel_s, kernel_s / copy_s, load.duration_s / kernel_s)
 
 
 class _Run(NamedTuple):

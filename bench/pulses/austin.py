@@ -1,18 +1,19 @@
 """Austin's integer ramp, as in Atmel's AVR446: each interval from the one before it, c -= 2 c / (4 n + 1).
 
 Each record is a ramp of constant acceleration between its velocities, one with a reversal two. A ramp is set up with
-its first step solved exactly, as are its steps' number by the rule; the interval's recurrence then has one division
-a step and keeps the remainder, as AVR446 does. Ramps begin on time, so that errors do not add up from record to record
-and axes stay together; what one has not done by its end is made at its end.
+its first step solved exactly and with the steps that the rule gives it; the interval's recurrence then has one
+division a step and keeps the remainder, as AVR446 does. Better than the original: n is rounded to quarters of a step,
+which leaves 4 n + 1 whole, and the timer runs at 72 MHz. Ramps begin on time, so that errors do not add up from record
+to record and axes stay together; what one has not done by its end is made at its end.
 
 Source: D. Austin, "Generate stepper-motor speed profiles in real time", Embedded Systems Programming, January 2005;
-Atmel application note AVR446, "Linear speed control of stepper motor", 2006. Its timer is taken to run at 72 MHz.
+Atmel application note AVR446, "Linear speed control of stepper motor", 2006.
 """
 
-from math import sqrt
+from math import floor, sqrt
 
 from bench.loads import Int64Array
-from bench.pulses.buffers import DIRHOLD_COUNTS, DIRSETUP_COUNTS, PULSE_COUNTS, Buffers, place_with
+from bench.pulses.buffers import Buffers, PinTimes, place_with
 from bench.pulses.compiled import compiled
 from bench.pulses.motions import PlannedMotion
 from bench.pulses.pulses import Placed
@@ -23,15 +24,19 @@ from host.trajectory import FloatArray
 CONSTANT_FROM_STEPS = 1 << 30
 """A ramp so far from its standstill that an interval cannot change any more, in steps."""
 
+LAST_DIVISOR = -3
+"""4 n + 1 of the last interval before standstill, n = -1."""
+
 
 def austin(motion: PlannedMotion) -> Placed:
     """Place a motion as ramps of constant acceleration."""
     points_q16, velocities_hz = motion.points_q16, motion.velocities_hz
+    pins = PinTimes.of(motion.board)
 
     def place(buffers: Buffers) -> None:
         for axis, start in enumerate(motion.start_steps):
             buffers.counts[axis] = _run(
-                motion.times_ms, points_q16[axis], velocities_hz[axis], start,
+                motion.times_ms, points_q16[axis], velocities_hz[axis], start, pins,
                 buffers.rises[axis], buffers.direction[axis],
             )  # fmt: skip
 
@@ -46,6 +51,7 @@ def ramp(
     begin_counts: int,
     end_counts: int,
     earliest_counts: int,
+    pulse_counts: int,
     way: float,
     velocity_hz: float,
     acceleration: float,
@@ -58,32 +64,33 @@ def ramp(
     mean_hz = (velocity_hz + at_first_hz) / 2
     due = end_counts if mean_hz <= 0 else begin_counts + min(way / mean_hz * COUNTS_PER_SECOND, 1e15)
     due_counts = int(due)
-    interval, n = _first_interval(at_first_hz, acceleration, end_counts - begin_counts)
+    interval, divisor = _first_interval(at_first_hz, acceleration, end_counts - begin_counts)
     rest = 0
     for k in range(first, first + steps):
         rise = max(min(due_counts, end_counts), earliest_counts)
         rises[k] = rise
-        earliest_counts = rise + PULSE_COUNTS
+        earliest_counts = rise + pulse_counts
         due_counts += interval
-        if n not in (0, -1):  # the last step before standstill has no shorter interval than its own
-            n += 1
+        if divisor <= LAST_DIVISOR or divisor > 1:  # between them is the standstill
             numerator = 2 * interval + rest
-            interval -= numerator // (4 * n + 1)
-            rest = numerator % (4 * n + 1)
+            interval -= numerator // divisor
+            rest = numerator % divisor
+            divisor += 4
     return earliest_counts
 
 
 @compiled
 def _first_interval(rate_hz: float, acceleration: float, longest_counts: int) -> tuple[int, int]:
-    """The interval after a step at this rate, and its number on the ramp from standstill; 0 on a constant rate."""
+    """The interval after a step at this rate, and 4 n + 1 of the one that follows; 0 on a constant rate.
+
+    The steps' number n is counted from standstill, v^2 / 2a, negative before it.
+    """
     next_hz = sqrt(max(rate_hz**2 + 2 * acceleration, 0.0))
     mean_hz = (rate_hz + next_hz) / 2
     interval = longest_counts if mean_hz <= 0 else int(min(COUNTS_PER_SECOND / mean_hz, longest_counts))
     if acceleration == 0.0 or rate_hz**2 >= 2 * abs(acceleration) * CONSTANT_FROM_STEPS:
         return interval, 0
-    from_rest = rate_hz**2 / (2 * acceleration)
-    n = int(from_rest + 0.5) + 1 if acceleration > 0 else int(from_rest - 0.5)
-    return interval, n
+    return interval, floor(4 * rate_hz**2 / (2 * acceleration) + 0.5) + 5
 
 
 @compiled
@@ -92,6 +99,7 @@ def _run(
     points_q16: Int64Array,
     velocities_hz: FloatArray,
     counter: int,
+    pins: PinTimes,
     rises: Int64Array,
     direction: Int64Array,
 ) -> tuple[int, int]:
@@ -122,14 +130,14 @@ def _run(
                 sign = 2 * up - 1
                 if up != level:
                     level = up
-                    edge = max(begin, earliest - PULSE_COUNTS + DIRHOLD_COUNTS)
+                    edge = max(begin, earliest - pins.pulse + pins.dirhold)
                     direction[turns] = 2 * edge + up
                     turns += 1
-                    earliest = max(earliest, edge + DIRSETUP_COUNTS)
+                    earliest = max(earliest, edge + pins.dirsetup)
                 way = ((counter << 16) * sign + THRESHOLD_Q16 - begin_q16 * sign) / 65_536
                 steps = abs(goal - counter)
                 earliest = ramp(
-                    rises, made, steps, begin, until, earliest, max(way, 0.0), max(begin_hz * sign, 0.0),
+                    rises, made, steps, begin, until, earliest, pins.pulse, max(way, 0.0), max(begin_hz * sign, 0.0),
                     acceleration * sign,
                 )  # fmt: skip
                 made += steps

@@ -3,21 +3,35 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
-from bench.loads import TB6560_TIMING, Int64Array
+from bench.loads import Int64Array
 from bench.pulses.motions import PlannedMotion
 from bench.pulses.pulses import AxisPulses, Placed
 from controller.motion import counts_of_ns
-
-STEPLEN_COUNTS = counts_of_ns(TB6560_TIMING.steplen_ns)
-PULSE_COUNTS = STEPLEN_COUNTS + counts_of_ns(TB6560_TIMING.stepspace_ns)
-DIRSETUP_COUNTS = counts_of_ns(TB6560_TIMING.dirsetup_ns)
-DIRHOLD_COUNTS = counts_of_ns(TB6560_TIMING.dirhold_ns)
+from host.robot import Board
 
 REPEATS = 3
 """The best counts; the first one compiles and touches the pages."""
+
+
+class PinTimes(NamedTuple):
+    """What a driver needs, in timer counts: a pulse high, high and low, and DIR before and after a rise."""
+
+    steplen: int
+    pulse: int
+    dirsetup: int
+    dirhold: int
+
+    @classmethod
+    def of(cls, board: Board) -> "PinTimes":
+        """As a board is set; DIR is held for a count at least, since it is read at the rise itself."""
+        steplen, stepspace = counts_of_ns(board.steplen_ns), counts_of_ns(board.stepspace_ns)
+        return cls(
+            steplen, steplen + stepspace, counts_of_ns(board.dirsetup_ns), max(counts_of_ns(board.dirhold_ns), 1)
+        )
 
 
 @dataclass(slots=True, eq=False)
@@ -43,5 +57,6 @@ def place_with(place: Callable[[Buffers], None], motion: PlannedMotion) -> Place
         place(buffers)
         wall_s = min(wall_s, time.perf_counter() - started)
     rows = zip(buffers.rises, buffers.direction, buffers.counts.tolist(), strict=True)
-    axes = [AxisPulses.of(rises[:steps], edges[:turns], STEPLEN_COUNTS) for rises, edges, (steps, turns) in rows]
+    steplen = PinTimes.of(motion.board).steplen
+    axes = [AxisPulses.of(rises[:steps], edges[:turns], steplen) for rises, edges, (steps, turns) in rows]
     return Placed(axes, wall_s)

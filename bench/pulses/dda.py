@@ -12,7 +12,7 @@ Source: LinuxCNC, src/hal/components/stepgen.c and its manual page (position mod
 from math import floor
 
 from bench.loads import Int64Array
-from bench.pulses.buffers import DIRHOLD_COUNTS, DIRSETUP_COUNTS, Buffers, place_with
+from bench.pulses.buffers import Buffers, PinTimes, place_with
 from bench.pulses.compiled import compiled
 from bench.pulses.motions import PlannedMotion
 from bench.pulses.pulses import Placed
@@ -29,11 +29,12 @@ def dda(base_hz: int, motion: PlannedMotion) -> Placed:
     """Place a motion with a base thread of so many Hz, a divisor of 72 MHz."""
     period_counts = COUNTS_PER_SECOND // base_hz
     positions, velocities = motion.points_q16 / 65_536, motion.velocities_hz / 1000
+    pins = PinTimes.of(motion.board)
 
     def place(buffers: Buffers) -> None:
         for axis, start in enumerate(motion.start_steps):
             buffers.counts[axis] = _run(
-                motion.times_ms, positions[axis], velocities[axis], start, period_counts,
+                motion.times_ms, positions[axis], velocities[axis], start, period_counts, pins,
                 buffers.rises[axis], buffers.direction[axis],
             )  # fmt: skip
 
@@ -55,6 +56,7 @@ def _run(
     velocities: FloatArray,
     counter: int,
     period_counts: int,
+    pins: PinTimes,
     rises: Int64Array,
     direction: Int64Array,
 ) -> tuple[int, int]:
@@ -82,17 +84,16 @@ def _run(
             away = accumulator - counter * Q32
             if abs(away) >= THRESHOLD_Q32:
                 up = 1 if away > 0 else 0
-                if up != level:
-                    if counts >= hold_counts:
-                        level = up
-                        direction[turns] = 2 * counts + up
-                        turns += 1
-                        ready_counts = counts + DIRSETUP_COUNTS
+                if up != level and counts >= hold_counts:
+                    level = up
+                    direction[turns] = 2 * counts + up
+                    turns += 1
+                    ready_counts = counts + pins.dirsetup
                 if up == level and counts >= ready_counts:
                     rises[steps] = counts
                     steps += 1
                     counter += 2 * up - 1
-                    hold_counts = counts + max(DIRHOLD_COUNTS, 1)
+                    hold_counts = counts + pins.dirhold
             accumulator += velocity
             counts += period_counts
     return steps, turns

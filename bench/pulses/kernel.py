@@ -1,15 +1,18 @@
-"""The firmware's own motion kernel, with the TB6560's pulse timing."""
+"""The firmware's own motion kernel, with the pulse timing that the board is set to."""
 
 import time
+from math import ceil
 
 import numpy as np
 
-from bench.loads import POINTS_AHEAD, TB6560_TIMING, Int64Array
+from bench.loads import POINTS_AHEAD, Int64Array
 from bench.pulses.motions import PlannedMotion
 from bench.pulses.pulses import AxisPulses, Placed
 from controller.backend import Kernel
 from controller.kernel import TICKS_PER_MS
 from controller.motion import Motion, PinEdges, Refusal, StepConfig
+from host.robot import Board
+from protocol.objects import UNITS_PER_FULL_STEP
 
 REPEATS = 3
 """The best counts; the first one compiles."""
@@ -24,7 +27,7 @@ def kernel_method(kernel: Kernel, motion: PlannedMotion) -> Placed:
 def _once(kernel: Kernel, planned: PlannedMotion) -> Placed:
     motion = Motion(kernel, planned.axes)
     for axis, start_units in enumerate(planned.points_units[:, 0].tolist()):
-        motion.configure(axis, _timing(int(planned.microsteps[axis])))
+        motion.configure(axis, _timing(planned.board, int(planned.microsteps[axis])))
         motion.preset(axis, start_units)
     records = _records(planned)
     points = len(planned.times_ms) - 1
@@ -48,15 +51,14 @@ def _once(kernel: Kernel, planned: PlannedMotion) -> Placed:
     return Placed([_joined([edges[axis] for edges in drained]) for axis in range(planned.axes)], wall_s)
 
 
-def _timing(microsteps: int) -> StepConfig:
-    limit = TB6560_TIMING.velocity_max_units_per_s * TB6560_TIMING.microsteps // microsteps
+def _timing(board: Board, microsteps: int) -> StepConfig:
     return StepConfig(
         microsteps,
-        TB6560_TIMING.steplen_ns,
-        TB6560_TIMING.stepspace_ns,
-        TB6560_TIMING.dirsetup_ns,
-        TB6560_TIMING.dirhold_ns,
-        velocity_max_units_per_s=limit,
+        board.steplen_ns,
+        board.stepspace_ns,
+        board.dirsetup_ns,
+        board.dirhold_ns,
+        velocity_max_units_per_s=ceil(board.step_rate_max_hz * UNITS_PER_FULL_STEP / microsteps),
     )
 
 

@@ -12,7 +12,8 @@ import numpy as np
 from bench.loads import AXES, MICROSTEPS, POINT_MS, UNITS_PER_STEP, Int64Array
 from host.jobs import make_job
 from host.planner import plan
-from host.robot import Robot
+from host.robot import Board, Robot
+from host.robots import load_robot
 from host.trajectory import FloatArray, Switching, Trajectory
 from protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
@@ -38,6 +39,7 @@ class PlannedMotion:
         times_ms: shape (points,), from 0 to the end.
         points_units: shape (axes, points), positions in wire units.
         velocities: shape (axes, points), in 1/64 wire unit per ms.
+        board: what the drivers need, and are given.
     """
 
     name: str
@@ -47,6 +49,7 @@ class PlannedMotion:
     times_ms: Int64Array
     points_units: Int64Array
     velocities: Int64Array
+    board: Board
 
     @property
     def axes(self) -> int:
@@ -96,6 +99,7 @@ def motion_of_job(robot: Robot, job: str) -> PlannedMotion:
         made.times_ms,
         np.ascontiguousarray(made.points_units.T),
         np.ascontiguousarray(made.velocities.T),
+        robot.board,
     )
 
 
@@ -129,7 +133,7 @@ class Sines:
         return 2 * np.pi * np.array(self.cycles) / self.duration_s
 
 
-def sines(name: str, motion: Sines) -> PlannedMotion:
+def sines(name: str, motion: Sines, board: Board) -> PlannedMotion:
     """Sines with a point every 10 ms, converted as the planner does."""
     times_ms = np.arange(0, round(1000 * motion.duration_s) + 1, POINT_MS)
     t_s = times_ms / 1000
@@ -143,9 +147,11 @@ def sines(name: str, motion: Sines) -> PlannedMotion:
         times_ms,
         np.floor(motion.positions(t_s).T * UNITS_PER_STEP + 0.5).astype(np.int64),
         np.ascontiguousarray(velocities.T).astype(np.int64),
+        board,
     )
 
 
 def stress() -> PlannedMotion:
-    """Seven axes up to 14 kHz, 1 to 7 cycles in 8 s."""
-    return sines("seven axes, 14 kHz", Sines(tuple(range(1, AXES + 1)), STRESS_PEAK_HZ, STRESS_S))
+    """Seven axes up to 14 kHz, 1 to 7 cycles in 8 s, at the drivers of a robot."""
+    motion = Sines(tuple(range(1, AXES + 1)), STRESS_PEAK_HZ, STRESS_S)
+    return sines("seven axes, 14 kHz", motion, load_robot(JOBS[0][0]).board)

@@ -36,8 +36,7 @@ def pair(
         return Pairing(none, none, len(ideal_s), len(made_s))
     span_s = 4 * (max(ideal_s[-1], made_s[-1]) - min(ideal_s[0], made_s[0]) + 1)
     ideal_keys, made_keys = _passages(start_steps, ideal_signs), _passages(start_steps, made_signs)
-    names, keys = np.unique(np.concatenate((ideal_keys, made_keys)), return_inverse=True)
-    del names
+    keys = np.unique(np.concatenate((ideal_keys, made_keys)), return_inverse=True)[1]
     # Every passage gets a stretch of time of its own: then the nearest in time is looked for in all at once.
     ideal_at, made_at = keys[: len(ideal_s)] * span_s + ideal_s, keys[len(ideal_s) :] * span_s + made_s
     to_made, to_ideal = _nearest(ideal_at, made_at), _nearest(made_at, ideal_at)
@@ -49,7 +48,8 @@ def pair(
 def _passages(start_steps: int, signs: Int8Array) -> Int64Array:
     """For each step a number for the threshold that it passes and the way in which it does."""
     after = start_steps + np.cumsum(signs, dtype=np.int64)
-    return 2 * np.minimum(after, after - signs) + (signs > 0)
+    passages: Int64Array = 2 * np.minimum(after, after - signs) + (signs > 0)
+    return passages
 
 
 def _nearest(values: FloatArray, candidates: FloatArray) -> IndexArray:

@@ -4,14 +4,12 @@ import numpy as np
 
 from bench.pulses.pulses import AxisPulses
 from emulator.tb6560 import Pins, Tb6560
-
-OSC_PF = 330.0
-"""As on the robots' boards: CLK high for at least 30 us."""
+from host.robot import Board
 
 
-def violations(axis: AxisPulses) -> int:
-    """Limits broken at a TB6560 that is out of reset from the start."""
-    driver = Tb6560(OSC_PF)
+def violations(axis: AxisPulses, board: Board) -> int:
+    """Limits broken at a board's TB6560 that is out of reset from the start."""
+    driver = Tb6560(board.osc_pf)
     driver.feed(
         Pins(
             axis.rise_counts,
