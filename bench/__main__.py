@@ -10,10 +10,9 @@ from rich.table import Table
 from bench import cyclic, drawer_pull, kernel, kinematics, live, timing
 from bench.loads import AXES
 from bench.pulses import scaling
-from bench.pulses.motions import JOBS, motion_of_job, stress
+from bench.pulses.motions import all_motions
 from bench.pulses.table import COLUMNS, measured, table_rows
 from controller.backend import KERNELS, Kernel
-from host.robots import load_robot
 
 
 def main() -> None:
@@ -54,9 +53,8 @@ def main() -> None:
         )
     console.print(table)
 
-    motions = [*(motion_of_job(load_robot(name), job) for name, job in JOBS), stress()]
     table = Table(*COLUMNS, title=_PULSES_TITLE)
-    for texts in table_rows(measured(motions, kernels[-1])):
+    for texts in table_rows(measured(all_motions(), kernels[-1])):
         table.add_row(*texts)
     console.print(table)
     _print_scaling(console, kernels[-1])

@@ -155,3 +155,8 @@ def stress() -> PlannedMotion:
     """Seven axes up to 14 kHz, 1 to 7 cycles in 8 s, at the drivers of a robot."""
     motion = Sines(tuple(range(1, AXES + 1)), STRESS_PEAK_HZ, STRESS_S)
     return sines("seven axes, 14 kHz", motion, load_robot(JOBS[0][0]).board)
+
+
+def all_motions() -> list[PlannedMotion]:
+    """The four jobs and the stress."""
+    return [*(motion_of_job(load_robot(robot), job) for robot, job in JOBS), stress()]

@@ -22,6 +22,8 @@ RATE_HZ = 14_000
 AXIS_COUNTS = tuple(range(1, 9))
 RATES_HZ = (10, 30, 100, 300, 1_000, 3_000, 10_000, 14_000, 30_000, 60_000, 100_000)
 POINT_INTERVALS_MS = (1, 2, 5, 10, 20, 50, 100)
+MEMORY_MAX_MB = 500
+"""What a motion of any length may need."""
 LENGTHS_STEPS = (10**5, 10**6, 10**7, 10**8)
 
 

@@ -23,11 +23,10 @@ def bench(
     as_json: AsJson = False,
 ) -> None:
     """Compare the kernel's step timing with a DDA, Bresenham and Austin's ramp on the same motions."""
-    from bench.pulses.motions import JOBS, motion_of_job, stress
+    from bench.pulses.motions import all_motions, motion_of_job
     from bench.pulses.table import COLUMNS, document, measured, table_rows
     from controller.backend import fastest_kernel
     from host.jobs import job_names
-    from host.robots import load_robot
 
     if not find_spec("numba"):
         typer.echo("numba is not installed (pip install 'steptwin[fast]'): this takes minutes", err=True)
@@ -37,7 +36,7 @@ def bench(
             raise InputError(f"'{rest[1]}' is too much: give {ROBOT_AND_JOB}")
         motions = [motion_of_job(robot, job) for job in rest or job_names(robot)]
     else:
-        motions = [*(motion_of_job(load_robot(name), job) for name, job in JOBS), stress()]
+        motions = all_motions()
     kernel = fastest_kernel()
     figures = measured(motions, kernel)
     if as_json:
