@@ -13,11 +13,12 @@ from bench.pulses import scaling
 from bench.pulses.motions import all_motions
 from bench.pulses.table import COLUMNS, measured, table_rows
 from controller.backend import KERNELS, Kernel
+from host.cli.output import print_table
 
 
 def main() -> None:
     """Measure with every kernel that is installed."""
-    console = Console(highlight=False, width=130)
+    console = Console(highlight=False, width=110)
     kernels = [KERNELS["python"]()] + ([KERNELS["numba"]()] if find_spec("numba") else [])
     console.print(
         f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}"
@@ -53,10 +54,8 @@ def main() -> None:
         )
     console.print(table)
 
-    table = Table(*COLUMNS, title=_PULSES_TITLE)
-    for texts in table_rows(measured(all_motions(), kernels[-1])):
-        table.add_row(*texts)
-    console.print(table)
+    console.print(_PULSES_TITLE)
+    print_table(list(COLUMNS), table_rows(measured(all_motions(), kernels[-1])), text_columns=2)
     _print_scaling(console, kernels[-1])
 
     table = Table("load", "steps", "delayed", "max error, steps", "rms, us", "p99, us", title=_TIMING_TITLE)

@@ -9,7 +9,7 @@ import numpy as np
 from bench.loads import UNLIMITED, Load, constant, run, sine
 from controller.backend import Kernel
 
-REPEATS = 3
+REPEATS = 7
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from controller.backend import Kernel, fastest_kernel
 from controller.kernel import TICKS_PER_MS
 from controller.motion import Motion, Refusal
 
-REPEATS = 3
+REPEATS = 7
 RATE_HZ = 14_000
 AXIS_COUNTS = tuple(range(1, 9))
 RATES_HZ = (10, 30, 100, 300, 1_000, 3_000, 10_000, 14_000, 30_000, 60_000, 100_000)
