@@ -247,10 +247,11 @@ def place_steps(axes: Cells, clk: Cells, direction: Cells, base: int, tick_count
     if earliest > rise or pulse > interval_q16 >> 16:
         return place_waiting_steps(axes, clk, base, first, last, tick_counts, due_q16, interval_q16, earliest)
     # The first step need not wait and the others come no closer than a pulse: all are placed where they are due.
-    for i in range(steps):
-        rise = tick_counts + ((due_q16 + i * interval_q16) >> 16)
-        clk[first + 2 * i] = rise
-        clk[first + 2 * i + 1] = rise + steplen
+    for k in range(first, last, 2):
+        rise = tick_counts + (due_q16 >> 16)
+        clk[k] = rise
+        clk[k + 1] = rise + steplen
+        due_q16 += interval_q16
     axes[base + LAST_RISE_COUNTS] = rise
     axes[base + EARLIEST_RISE_COUNTS] = rise + pulse
     return True
@@ -309,15 +310,6 @@ def group_time_q16(group: Cells, tick: int) -> int:
 
 
 @kernel_function
-def demand_q16(start: int, a: int, b: int, c: int, s: int) -> int:
-    """Position at s of a segment, by Horner's rule; each product is rounded to the nearest."""
-    half = 1 << 29
-    q = ((c * s + half) >> 30) + b
-    q = ((q * s + half) >> 30) + a
-    return start + ((q * s + half) >> 30)
-
-
-@kernel_function
 def makes_no_step(start: int, a: int, b: int, c: int) -> bool:
     """Whether a segment that starts this far from the counter surely comes to none of its thresholds.
 
@@ -336,6 +328,7 @@ def run_ticks(axes: Cells, clk: Cells, direction: Cells, base: int, tick: int, u
     Trajectory time advances by `rate_q16` a tick, so (i << 30) // n needs additions only. It is negative where the
     segment begins within the tick. Returns the tick reached; EVENT says if a step was late.
     """
+    half = 1 << 29
     start = axes[base + START_Q16]
     a = axes[base + COEFFICIENT_A]
     b = axes[base + COEFFICIENT_B]
@@ -347,19 +340,20 @@ def run_ticks(axes: Cells, clk: Cells, direction: Cells, base: int, tick: int, u
     s_per_tick = (rate_q16 << 14) // n
     s_remainder_per_tick = (rate_q16 << 14) % n
     on_time = True
-    s = (elapsed_q16 << 14) // n
-    s_remainder = (elapsed_q16 << 14) % n
-    if makes_no_step(start - axes[base + COUNTER] * STEP_Q16, a, b, c):  # all is one jump
-        tick = until_tick
-        s = ((elapsed_q16 + (until_tick - from_tick) * rate_q16) << 14) // n
-        p = demand_q16(start, a, b, c, s)
+    if makes_no_step(start - axes[base + COUNTER] * STEP_Q16, a, b, c):  # where it comes to is all that matters
+        tick = max(tick, until_tick - 1)
+    since_q16 = elapsed_q16 + (tick - from_tick) * rate_q16
+    s = (since_q16 << 14) // n
+    s_remainder = (since_q16 << 14) % n
     while tick < until_tick and on_time:
         s += s_per_tick
         s_remainder += s_remainder_per_tick
         if s_remainder >= n:
             s_remainder -= n
             s += 1
-        q = demand_q16(start, a, b, c, s)
+        q = ((c * s + half) >> 30) + b
+        q = ((q * s + half) >> 30) + a
+        q = start + ((q * s + half) >> 30)
         on_time = place_steps(axes, clk, direction, base, tick * TICK_COUNTS, p, q)
         p = q
         tick += 1
