@@ -7,14 +7,18 @@ from pathlib import Path
 
 import pytest
 
+from bench.pulses.motions import motion_of_job
+from bench.pulses.table import COLUMNS, measured, table_rows
+from controller.backend import Kernel
 from docs.generate.page import PAGE, render_page
 from docs.generate.protocol import PROTOCOL_PAGE, render_protocol
 from docs.generate.results import SAMPLED
 from docs.generate.robot_file import Entry, read_robot_file
 from docs.generate.runs import ROBOTS, Runs
-from host.robots import robot_names
+from host.robots import load_robot, robot_names
 
 TEXT = PAGE.read_text(encoding="utf-8")
+BENCHMARKS = (PAGE.parent / "benchmarks.md").read_text(encoding="utf-8")
 PICTURE_BYTES_MAX = 120_000
 
 
@@ -39,10 +43,19 @@ def test_links_lead_somewhere() -> None:
 
 
 def test_pictures_are_small() -> None:
-    pictures = set(re.findall(r"\((pictures/[^)]+)\)", TEXT))
+    pictures = set(re.findall(r"\((pictures/[^)]+)\)", TEXT + BENCHMARKS))
     assert {path.name for path in (PAGE.parent / "pictures").iterdir()} == {Path(name).name for name in pictures}
     for name in pictures:
         assert (PAGE.parent / name).stat().st_size < PICTURE_BYTES_MAX, name
+
+
+def test_the_benchmarks_of_pulse_timing_are_up_to_date(fast_kernel: Kernel) -> None:
+    """One motion's rows, but for how fast this machine is."""
+    motion = motion_of_job(load_robot("teaching-scara"), "carry")
+    found = [line.strip("| ").split(" | ") for line in BENCHMARKS.splitlines() if line.startswith(f"| {motion.name} |")]
+    speed = COLUMNS.index("M steps/s")
+    made = table_rows(measured([motion], fast_kernel))
+    assert [row[:speed] + row[speed + 1 :] for row in found] == [row[:speed] + row[speed + 1 :] for row in made]
 
 
 def test_python() -> None:
