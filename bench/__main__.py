@@ -7,7 +7,7 @@ from importlib.util import find_spec
 from rich.console import Console
 from rich.table import Table
 
-from bench import cyclic, drawer_pull, kernel, kinematics, live, timing
+from bench import cyclic, drawer_pull, driver, kernel, kinematics, live, timing, waveforms
 from bench.loads import AXES
 from bench.pulses import scaling
 from bench.pulses.motions import all_motions
@@ -81,6 +81,23 @@ def main() -> None:
         )
     console.print(table)
 
+    table = Table("driver", "M edges/s", "x numpy copy", title=_DRIVER_TITLE)
+    for chip in driver.figures():
+        table.add_row(chip.profile, f"{chip.edges_per_s / 1e6:.0f}", f"{chip.copy_ratio:.1f}")
+    console.print(table)
+
+    table = Table("text", "edges", "M edges/s", "x numpy copy", "MB beside the edges", "a tenth", title=_WAVEFORM_TITLE)
+    for w in waveforms.figures():
+        table.add_row(
+            w.form,
+            f"{w.edges}",
+            f"{w.edges_per_s / 1e6:.1f}",
+            f"{w.copy_ratio:.0f}",
+            f"{w.peak_mb:.0f}",
+            f"{w.peak_mb_tenth:.0f}",
+        )
+    console.print(table)
+
     table = Table("robot", "way", "branches", "M poses/s", "ns a pose", "x numpy sin", title=_KINEMATICS_TITLE)
     for f in kinematics.figures():
         table.add_row(
@@ -132,6 +149,8 @@ _KERNEL_TITLE = f"Kernel: {AXES} axes, one core, driver limits lifted; ratio to 
 _TIMING_TITLE = f"Timing error: sines of {timing.SINE_HZ:g} Hz, points every 10 ms, TB6560 pulse timing"
 _PULSES_TITLE = "Pulse timing: the kernel beside other methods, against the exact crossings of the planned motion"
 _CYCLIC_TITLE = f"Cyclic synchronous position: sines of {timing.SINE_HZ:g} Hz, set-points to the unit"
+_DRIVER_TITLE = f"Drivers: CLK edges looked at, {driver.PULSES} pulses a look; ratio to copying them"
+_WAVEFORM_TITLE = f"Waveforms: {AXES} axes for {waveforms.DURATION_S} s at 14 kHz; ratio to copying the text once"
 _KINEMATICS_TITLE = f"Kinematics: batches of {kinematics.BATCH}, one core; ratio to the sines of all joint values"
 
 if __name__ == "__main__":

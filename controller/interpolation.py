@@ -16,8 +16,8 @@ from protocol.dictionary import ObjectDictionary
 from protocol.objects import key_of
 from protocol.pvt import QUEUE_DEPTH, SEQUENCE_MODULUS, PvtFlag, Verdict, judge
 
-_RECORD = 0x60C1
-_SEQUENCE_SUBINDEX = 4
+_DISPLACEMENT, _END_VELOCITY, _DURATION, _SEQUENCE = (key_of(0x60C1, subindex) for subindex in (1, 2, 3, 4))
+_LEAST_FILL = key_of(0x2013, 5)
 _STICKY = {Verdict.GAP: PvtFlag.GAP, Verdict.FULL: PvtFlag.OVERFLOW}
 
 
@@ -51,7 +51,7 @@ class Interpolation(Mode):
         self._install_hooks()
 
     def _install_hooks(self) -> None:
-        self._dictionary.write_hooks[key_of(_RECORD, _SEQUENCE_SUBINDEX)] = self._record_arrived
+        self._dictionary.write_hooks[_SEQUENCE] = self._record_arrived
         self._dictionary.write_hooks[key_of(0x60C4, 6)] = self._clear
         self._dictionary.read_hooks |= {
             key_of(0x2012, 1): lambda: self._next_sequence,
@@ -75,8 +75,8 @@ class Interpolation(Mode):
             return
         if self._running:
             self._note_fill(queued)
-        get = self._dictionary.get
-        refusal = self._push(get(_RECORD, 1), get(_RECORD, 2), get(_RECORD, 3))
+        value = self._dictionary.value
+        refusal = self._push(value(_DISPLACEMENT), value(_END_VELOCITY), value(_DURATION))
         if refusal is not Refusal.ACCEPTED:
             self._reject(sequence, refusal)
             return
@@ -218,5 +218,5 @@ class Interpolation(Mode):
             self._dictionary.set(0x2013, subindex, value + 1)
 
     def _note_fill(self, queued: int) -> None:
-        if queued < self._dictionary.get(0x2013, 5):
+        if queued < self._dictionary.value(_LEAST_FILL):
             self._dictionary.set(0x2013, 5, queued)

@@ -6,12 +6,15 @@ switches them off.
 
 from controller.kernel import I32_MAX
 from protocol.dictionary import ObjectDictionary
+from protocol.objects import key_of
 from protocol.pvt import VELOCITY_PER_UNIT_PER_MS
+
+_LOW, _HIGH = key_of(0x607D, 1), key_of(0x607D, 2)
 
 
 def soft_limits(dictionary: ObjectDictionary) -> tuple[int, int]:
     """Lowest and highest position that an axis may be sent to; the kernel's range is symmetric."""
-    return max(dictionary.get(0x607D, 1), -I32_MAX), dictionary.get(0x607D, 2)
+    return max(dictionary.value(_LOW), -I32_MAX), dictionary.value(_HIGH)
 
 
 def hull(

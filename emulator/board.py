@@ -1,5 +1,6 @@
 """The emulated board: the firmware, its TB6560s, the wires between them and a record of what went over these."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,13 +13,31 @@ from controller.measurements import DriverMonitor, Measurements
 from controller.motion import PinEdges
 from controller.pins import OUTPUT_PINS, Pin, PinChange
 from emulator.can_controller import CanController
+from emulator.driver import Driver
+from emulator.driver_module import Module
+from emulator.edges import Int8Array, Int64Array
 from emulator.inputs import BoardInputs
 from emulator.operations import BoardTemperature, DriverProtect, EmergencyStop, Operation, Supply
 from emulator.switches import Switch
-from emulator.tb6560 import Int8Array, Int64Array, Pins, Tb6560, Violations
+from emulator.tb6560 import Input, LevelChange, Outputs, Pins, Violations
 from protocol.cia402 import DigitalInput
 from protocol.dictionary import FlashPage
 from protocol.frame import FIRST_NODE_ID
+
+WIRING = {
+    Pin.RESET: Input.RESET,
+    Pin.ENABLE: Input.ENABLE,
+    Pin.M1: Input.M1,
+    Pin.M2: Input.M2,
+    Pin.TQ1: Input.TQ1,
+    Pin.TQ2: Input.TQ2,
+    Pin.DCY1: Input.DCY1,
+    Pin.DCY2: Input.DCY2,
+}
+"""From the firmware's pins to the driver's."""
+
+SUPPLIES = (Input.VDD, Input.VM)
+"""In the order in which the board switches them on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +53,8 @@ class BoardConfig:
     switches: tuple[Switch, ...] = ()
     start_steps: tuple[int, ...] = ()
     """Where each axis of the machine stands when the board is made, in steps from its true zero; none given: all 0."""
+    modules: tuple[Module, ...] = ()
+    """What is around each chip; none for chips on the board itself."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +68,8 @@ class AxisTrace:
     step_counts: Int64Array
     step_signs: Int8Array
     violations: Violations
+    outputs: Outputs
+    """Phase currents, electrical angle and MO at any instant since the trace's begin."""
     position_steps: int
 
 
@@ -59,12 +82,20 @@ class Board:
         self.flash: list[FlashPage] = [{} for _ in range(config.axis_count)] if flash is None else flash
         """What the firmware has stored, a page for each axis: all that outlives the power."""
         self._kernel = kernel
-        self._drivers = [Tb6560(osc_pf) for osc_pf in config.osc_pf]
+        modules = config.modules or (Module(),) * config.axis_count
+        self._drivers = [Driver(osc_pf, module) for osc_pf, module in zip(config.osc_pf, modules, strict=True)]
         self._inputs = BoardInputs(config.switches, config.start_steps or (0,) * config.axis_count)
         self._measurements = Measurements()
+        self._input_changes: list[list[LevelChange]] = [[] for _ in self._drivers]
+        self._held_protects = [False] * config.axis_count
+        """The Protect pins that somebody holds low."""
+        self._heat_due_tick: int | None = None
+        """The tick at whose start the drivers' own Protect pins want to be looked at next; None: they stay high."""
+        self._hot = False
+        """Whether one of these is low."""
         self._power_up()
-        self._reset_pins: list[list[PinChange]] = [[] for _ in self._drivers]
-        self._pins: list[list[Pins]] = [[_pins(PinEdges([], []), [])] for _ in self._drivers]
+        self._heat_due_tick = self._next_heat_tick()
+        self._pins: list[list[Pins]] = [[_pins(PinEdges([], []), [], 0)] for _ in self._drivers]
         self.pin_changes: list[PinChange] = []
         """Every change of the pins that the firmware holds at a level, as far as nobody has taken them."""
         self._pin_levels: dict[tuple[int, Pin], int] = {}
@@ -86,6 +117,7 @@ class Board:
 
     def boot(self, now_counts: int) -> None:
         """Switch the board on: its nodes announce themselves."""
+        self._supply(SUPPLIES, now_counts, 1)
         self.firmware.boot(now_counts)
         self.poll(now_counts)
 
@@ -95,12 +127,14 @@ class Board:
         `can` is another one afterwards, which nobody has attached to the bus yet.
         """
         self._take_pins()
+        self._supply(reversed(SUPPLIES), now_counts, 0)
         for (axis, pin), level in list(self._pin_levels.items()):
             if level:
                 self._note_pin(PinChange(now_counts, axis, pin, 0))
         self.drain()
         self._power_up()
         self.firmware.advance(now_counts)
+        self._heat_due_tick = self._next_heat_tick()
         self.boot(now_counts)
         self._measure(self._measurements, now_counts)
 
@@ -117,7 +151,8 @@ class Board:
             case EmergencyStop(pressed):
                 self._inputs.emergency_stop = pressed
             case DriverProtect(axis, active):
-                self._inputs.protects[axis] = active
+                self._held_protects[axis] = active
+                self._look_at_protect(axis)
             case Supply(supply_10mv):
                 self._measure(replace(self._measurements, supply_10mv=supply_10mv), now_counts)
             case BoardTemperature(temperature_decidegc):
@@ -142,7 +177,7 @@ class Board:
                 reached = self._advance_freely(due_counts - 1)  # what happens at the start of the tick comes after
                 if reached < due_counts - 1:
                     return reached
-            if (self._look_at_once or self._inputs.may_have_changed(motion)) and self._look():
+            if (self._look_at_once or self._heat_is_due or self._inputs.may_have_changed(motion)) and self._look():
                 return due_counts
         return self._advance_freely(until_counts)
 
@@ -150,13 +185,22 @@ class Board:
     def _due_tick(self) -> int | None:
         """The next tick at whose start the inputs are to be looked at."""
         motion = self.firmware.motion
-        return motion.tick if self._look_at_once else self._inputs.due_tick(motion)
+        if self._look_at_once:
+            return motion.tick
+        due_tick, heat_due_tick = self._inputs.due_tick(motion), self._heat_due_tick
+        if due_tick is None or (heat_due_tick is not None and heat_due_tick < due_tick):
+            due_tick = heat_due_tick
+        return due_tick
 
     def _look(self) -> bool:
         """Let the firmware see the inputs at the start of the tick to come; whether they have changed."""
         motion = self.firmware.motion
         self.drain()
         self._inputs.look(motion)
+        if self._hot or self._heat_is_due:
+            low = [self._look_at_protect(axis) for axis in range(self.config.axis_count)]
+            self._hot = any(low)
+            self._heat_due_tick = self._next_heat_tick()
         self._look_at_once = False
         levels = self._inputs.levels
         if levels == self._seen:
@@ -164,6 +208,24 @@ class Board:
         self._seen = levels
         self.firmware.set_inputs(levels, motion.tick * TICK_COUNTS)
         return True
+
+    @property
+    def _heat_is_due(self) -> bool:
+        return self._heat_due_tick is not None and self._heat_due_tick <= self.firmware.motion.tick
+
+    def _look_at_protect(self, axis: int) -> bool:
+        """See the pin as it is at the start of the tick to come; whether the driver itself holds it low."""
+        tick_counts = self.firmware.motion.tick * TICK_COUNTS
+        low = not self._drivers[axis].protect_level(tick_counts)
+        self._inputs.protects[axis] = low or self._held_protects[axis]
+        return low
+
+    def _next_heat_tick(self) -> int | None:
+        """Up to the start of which tick no driver switches itself off, as far as that is known now."""
+        tick = self.firmware.motion.tick
+        stays = (driver.protect_stays_until(tick * TICK_COUNTS) for driver in self._drivers)
+        ticks = [max(-(-counts // TICK_COUNTS), tick + 1) for counts in stays if counts is not None]
+        return min(ticks, default=None)
 
     def _advance_freely(self, until_counts: int) -> int:
         """Let time pass in which no input changes."""
@@ -183,6 +245,8 @@ class Board:
         self.firmware.poll(now_counts)
         for frame in self.firmware.take_frames():
             self.can.send(frame, now_counts)
+        if self._hot:
+            self._take_pins()
 
     @property
     def next_due_counts(self) -> int | None:
@@ -193,18 +257,24 @@ class Board:
         if self._look_at_once:
             tick_counts = self.firmware.motion.tick * TICK_COUNTS
             due_counts = tick_counts if due_counts is None else min(due_counts, tick_counts)
+        elif self._heat_due_tick is not None:
+            heat_counts = self._heat_due_tick * TICK_COUNTS
+            due_counts = heat_counts if due_counts is None else min(due_counts, heat_counts)
         return due_counts
 
     def drain(self) -> None:
         """Show the drivers all pulses placed so far."""
         self._take_pins()
+        until_counts = self.firmware.motion.tick * TICK_COUNTS
         for axis, edges in enumerate(self.firmware.motion.take_edges()):
-            if not (len(edges.clk_counts) or len(edges.direction) or self._reset_pins[axis]):
+            driver, moved = self._drivers[axis], len(edges.clk_counts) or len(edges.direction)
+            if not (moved or self._input_changes[axis] or driver.waiting):
                 continue
-            pins = _pins(edges, self._reset_pins[axis])
-            self._reset_pins[axis] = []
-            self._inputs.counted(axis, *self._drivers[axis].feed(pins))
-            self._pins[axis].append(pins)
+            pins = _pins(edges, self._input_changes[axis], until_counts)
+            self._input_changes[axis] = []
+            self._inputs.counted(axis, *driver.feed(pins), held_pulses=driver.held_pulses)
+            if moved:
+                self._pins[axis].append(pins)
 
     def _monitor(self, axis: int) -> DriverMonitor:
         """What has become of an axis' pulses since power-up, those of the tick in progress included."""
@@ -223,8 +293,22 @@ class Board:
     def _note_pin(self, change: PinChange) -> None:
         self.pin_changes.append(change)
         self._pin_levels[change.axis, change.pin] = change.level
-        if change.pin is Pin.RESET:
-            self._reset_pins[change.axis].append(change)
+        if change.pin in WIRING:
+            self._input_changes[change.axis].append(LevelChange(change.counts, WIRING[change.pin], change.level))
+            self._look_at_once |= self._hot  # RESET may end it
+
+    def _supply(self, supplies: Iterable[Input], now_counts: int, level: int) -> None:
+        for supply in supplies:
+            for changes in self._input_changes:
+                changes.append(LevelChange(now_counts, supply, level))
+
+    def _driver_by_now(self, axis: int) -> Driver:
+        """A driver that has also seen the time pass in which nothing came."""
+        self.drain()
+        nothing = _pins(PinEdges([], []), [], self.firmware.motion.tick * TICK_COUNTS)
+        driver = self._drivers[axis]
+        self._inputs.counted(axis, *driver.feed(nothing), held_pulses=driver.held_pulses)
+        return driver
 
     def output_changes(self) -> list[PinChange]:
         """Every change of a digital output so far, in order of time; all outputs are 0 before their first."""
@@ -240,14 +324,13 @@ class Board:
     def take_trace(self, axis: int) -> AxisTrace:
         """As `trace`, and forget it: the next one begins here. So a board may run for ever."""
         trace = self.trace(axis)
-        self._pins[axis] = [_pins(PinEdges([], []), [])]
+        self._pins[axis] = [_pins(PinEdges([], []), [], 0)]
         self._drivers[axis].forget()
         return trace
 
     def trace(self, axis: int) -> AxisTrace:
         """Everything that happened at an axis' driver so far, as far as nobody has taken it."""
-        self.drain()
-        driver = self._drivers[axis]
+        driver = self._driver_by_now(axis)
         pins = self._pins[axis]
         step_counts, step_signs = driver.steps
         return AxisTrace(
@@ -258,12 +341,13 @@ class Board:
             step_counts=step_counts,
             step_signs=step_signs,
             violations=driver.violations,
+            outputs=driver.outputs,
             position_steps=driver.position_steps,
         )
 
 
-def _pins(edges: PinEdges, resets: list[PinChange]) -> Pins:
-    """The wiring: the firmware's STEP goes to CLK, DIR to CW/CCW, RESET to RESET."""
+def _pins(edges: PinEdges, changes: list[LevelChange], until_counts: int) -> Pins:
+    """The wiring of what comes as edges: the firmware's STEP goes to CLK, DIR to CW/CCW."""
     clk = _array(edges.clk_counts)
     direction = _array(edges.direction)
     return Pins(
@@ -271,8 +355,8 @@ def _pins(edges: PinEdges, resets: list[PinChange]) -> Pins:
         clk_fall_counts=clk[1::2],
         dir_counts=direction >> 1,
         dir_levels=(direction & 1).astype(np.int8),
-        reset_counts=_array([change.counts for change in resets]),
-        reset_levels=_array([change.level for change in resets]).astype(np.int8),
+        changes=tuple(changes),
+        until_counts=until_counts,
     )
 
 

@@ -225,9 +225,10 @@ class Bus:
             self._deliver(transmission)
         else:
             self._fail(transmission)
-        for station in transmission.senders + transmission.outdone:
-            if station.state is ErrorState.PASSIVE:
-                station.silent_until_counts = self._free_counts + _SUSPEND_BITS * self.bit_counts
+        for stations in (transmission.senders, transmission.outdone):
+            for station in stations:
+                if station.state is ErrorState.PASSIVE:
+                    station.silent_until_counts = self._free_counts + _SUSPEND_BITS * self.bit_counts
         # Delimiter, end of frame and intermission, or error delimiter and intermission: 11 recessive bits.
         self._count_recessive(1)
         self._idle_since_counts = self._free_counts

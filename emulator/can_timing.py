@@ -6,6 +6,7 @@ CRC and stuffing go by the byte through tables, since every frame of a run passe
 """
 
 from functools import cache
+from typing import TypeAlias
 
 from protocol.frame import Frame
 
@@ -41,33 +42,50 @@ def _crc_of_byte(byte: int) -> int:
     return crc & 0x7FFF
 
 
-_STATES = range(2 * _RUNS_PER_LEVEL)
 _CRC_TABLE = tuple(_crc_of_byte(byte) for byte in range(256))
-_STUFF_8 = tuple(tuple(_stuff(state, byte, 8) for byte in range(256)) for state in _STATES)
-_STUFF_7 = tuple(tuple(_stuff(state, bits, 7) for bits in range(128)) for state in _STATES)
+
+_Row: TypeAlias = "list[tuple[_Row, int]]"
+"""Of one stuffing state, for each value that may follow: the row of the state after it, and the stuff bits.
+
+The values are those of 8 bits, then, from _SEVEN_BITS on, those of 7.
+"""
+_SEVEN_BITS = 256
+
+
+def _rows() -> list[_Row]:
+    rows: list[_Row] = [[] for _ in range(2 * _RUNS_PER_LEVEL)]
+    for state, row in enumerate(rows):
+        for width in (8, 7):
+            passed = (_stuff(state, value, width) for value in range(1 << width))
+            row += [(rows[after], stuffed) for after, stuffed in passed]
+    return rows
+
+
+_ROWS = _rows()
 
 
 @cache
-def _header(cob_id: int, length: int) -> tuple[int, int, int]:
-    """CRC, stuffing state and stuff bits after SOF .. DLC, which depend on identifier and length only."""
+def _header(cob_id: int, length: int) -> tuple[int, _Row, int]:
+    """CRC, stuffing state's row and stuff bits after SOF .. DLC, which depend on identifier and length only."""
     bits = cob_id << 7 | length
     crc = 0
     for byte in bits.to_bytes(3, "big"):  # leading zeros leave the CRC at zero
         crc = (crc << 8 & 0x7FFF) ^ _CRC_TABLE[crc >> 7 ^ byte]
     # SOF is a 0 that begins its own run: state 0 after it, then the other 18 bits.
     state, stuffed = _stuff(0, bits, _HEADER_BITS - 1)
-    return crc, state, stuffed
+    return crc, _ROWS[state], stuffed
 
 
 def frame_bits(frame: Frame) -> int:
     """Return the frame's length in bits from SOF to the end of the intermission: 47 + 8n + stuff bits."""
     data = frame.data
-    crc, state, stuffed = _header(frame.cob_id, len(data))
+    crc, row, stuffed = _header(frame.cob_id, len(data))
+    crc_table = _CRC_TABLE
     for byte in data:
-        crc = (crc << 8 & 0x7FFF) ^ _CRC_TABLE[crc >> 7 ^ byte]
-        state, more = _STUFF_8[state][byte]
+        crc = (crc << 8 & 0x7FFF) ^ crc_table[crc >> 7 ^ byte]
+        row, more = row[byte]
         stuffed += more
-    state, high = _STUFF_7[state][crc >> 8]
-    low = _STUFF_8[state][crc & 0xFF][1]
+    row, high = row[_SEVEN_BITS + (crc >> 8)]
+    low = row[crc & 0xFF][1]
     payload = _HEADER_BITS + 8 * len(data) + 15
     return payload + stuffed + high + low + UNSTUFFED_TAIL_BITS

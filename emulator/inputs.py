@@ -11,8 +11,9 @@ import numpy as np
 
 from controller.kernel import TICK_COUNTS
 from controller.motion import Motion
+from emulator.edges import Int8Array, Int64Array
 from emulator.switches import AxisSwitches, Switch
-from emulator.tb6560 import PERIOD_MIN_COUNTS, Int8Array, Int64Array
+from emulator.tb6560 import PERIOD_MIN_COUNTS
 from protocol.cia402 import DigitalInput
 
 
@@ -30,6 +31,8 @@ class BoardInputs:
         self._switched = [axis for axis, switches in enumerate(self._axes) if switches]
         self._ahead: list[list[tuple[Int64Array, Int8Array]]] = [[] for _ in self._axes]
         """Steps that are counted but not looked at yet, by axis: instants and signs."""
+        self._held_pulses = [0] * len(start_steps)
+        """Pulses whose fate a driver does not know yet, by axis."""
         self._due_ticks: dict[int, int] = {}
         """The tick at whose start the switches of an axis want to be looked at next; none while it stands."""
 
@@ -47,8 +50,9 @@ class BoardInputs:
         """Whether a switch may still change by what is computed already."""
         return bool(self._due_ticks)
 
-    def counted(self, axis: int, step_counts: Int64Array, step_signs: Int8Array) -> None:
-        """A driver has counted these steps."""
+    def counted(self, axis: int, step_counts: Int64Array, step_signs: Int8Array, *, held_pulses: int) -> None:
+        """A driver has counted these steps, and may count so many pulses yet."""
+        self._held_pulses[axis] = held_pulses
         if axis in self._switched and step_counts.size:
             self._ahead[axis].append((step_counts, step_signs))
 
@@ -67,7 +71,8 @@ class BoardInputs:
 
     def _put_off(self, axis: int, motion: Motion) -> bool:
         """While an axis has made less than half the steps to a switch, that need not be looked at."""
-        pulses = motion.undrained_pulses(axis) + sum(counts.size for counts, _ in self._ahead[axis])
+        pulses = motion.undrained_pulses(axis) + self._held_pulses[axis]
+        pulses += sum(counts.size for counts, _ in self._ahead[axis])
         distance = self._axes[axis].steps_to_change
         if not motion.running(axis) and pulses == 0:
             del self._due_ticks[axis]

@@ -15,7 +15,7 @@ class EmergencyStop:
 
 @dataclass(frozen=True, slots=True)
 class DriverProtect:
-    """A driver chip's Protect pin tells that it has switched itself off, or no longer."""
+    """Somebody holds a driver's Protect pin low, as a chip that is too hot does itself, or lets it go."""
 
     axis: int
     active: bool

@@ -13,6 +13,7 @@ from emulator.bus import Bus
 from emulator.bus_faults import FaultScript
 from emulator.operations import Operation, Scheduled
 from emulator.simulation import BusOverloadError, Simulation
+from host.drivers import driver_profile
 from host.errors import BusError
 from host.hardware import axis_evidence, board_config, standing_steps
 from host.repeated_frames import RepeatedFrames
@@ -87,10 +88,17 @@ class EmbeddedBoard:
         kernel: Kernel,
         bus_faults: FaultScript | None = None,
         schedule: Iterable[Scheduled] = (),
+        driver_profile_name: str | None = None,
     ) -> None:
+        """By a name it has other drivers than the robot's file says.
+
+        Raises:
+            InputError: there are no such drivers, or they cannot be set as the robot needs them.
+        """
         self._robot = robot
+        self.driver_profile = driver_profile(robot.board, driver_profile_name)
         self._start_steps = standing_steps(robot, start_joints)
-        self._board = Board(board_config(robot, start_joints), kernel)
+        self._board = Board(board_config(robot, start_joints, driver_profile_name), kernel)
         self._simulation = Simulation([self._board], Bus(robot.board.bitrate, bus_faults), schedule)
         self.network = EmbeddedNetwork(self._simulation)
         self.wait(_BOOT_S)
@@ -131,7 +139,9 @@ class EmbeddedBoard:
 
     def evidence(self) -> Evidence:
         """What the drivers saw; the motion's t = 0 is the first servo tick after the last SYNC."""
-        sync_counts = max(counts for counts, frame in self.bus_log if frame.cob_id == COB_SYNC)
+        bus = self._simulation.bus
+        log = zip(bus.log_counts, bus.log_frames, strict=True)
+        sync_counts = max(counts for counts, frame in log if frame.cob_id == COB_SYNC)
         traces = [self._board.trace(axis) for axis in range(len(self._start_steps))]
         axes = tuple(
             axis_evidence(joint.name, self._start_steps[i], traces[i], i, self._board.pin_changes)

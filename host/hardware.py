@@ -8,20 +8,29 @@ import numpy as np
 from controller.pins import Pin, PinChange
 from emulator.board import AxisTrace, BoardConfig
 from emulator.switches import Switch
+from host.drivers import driver_profile, fitted_modules, phases_evidence, violations_evidence
 from host.robot import Joint, Robot
 from host.verify import AxisEvidence, LevelEdges
 from protocol.cia402 import DigitalInput
 from protocol.objects import UNITS_PER_FULL_STEP
 
 
-def board_config(robot: Robot, joints: Sequence[float]) -> BoardConfig:
-    """The board that drives a robot, an axis for each joint, in a machine that stands at `joints`, mm and degrees."""
+def board_config(robot: Robot, joints: Sequence[float], driver_profile_name: str | None = None) -> BoardConfig:
+    """The board that drives a robot, an axis for each joint, in a machine that stands at `joints`, mm and degrees.
+
+    By a name it has other drivers than the robot's file says.
+
+    Raises:
+        InputError: there are no such drivers, or they cannot be set as the robot needs them.
+    """
     axes = len(robot.joints)
+    profile = driver_profile(robot.board, driver_profile_name)
     return BoardConfig(
         axis_count=axes,
-        osc_pf=(robot.board.osc_pf,) * axes,
+        osc_pf=(profile.osc_pf,) * axes,
         switches=tuple(_switches(robot)),
         start_steps=tuple(standing_steps(robot, joints)),
+        modules=fitted_modules(robot, profile, as_filed=driver_profile_name is None),
     )
 
 
@@ -65,7 +74,8 @@ def axis_evidence(
         dir_levels=trace.dir_levels,
         step_counts=trace.step_counts,
         step_signs=trace.step_signs,
-        violations=len(trace.violations.counts),
+        violations=violations_evidence(trace.violations),
+        phases=phases_evidence(trace.outputs),
         pins=_level_edges(axis, changes),
     )
 

@@ -15,6 +15,7 @@ from emulator.lateness import Lateness
 from emulator.live import LiveSimulation, warm_up
 from emulator.pacer import Pacer
 from emulator.simulation import Simulation
+from host.drivers import driver_profile
 from host.hardware import axis_evidence, board_config, standing_steps
 from host.robot import Robot
 from host.run_folder import (
@@ -28,6 +29,7 @@ from host.run_folder import (
     EdgeSpool,
     write_report,
 )
+from host.verify import DriverLimit
 from protocol.frame import COB_SYNC, Frame
 
 RECORD_EVERY_S: Final = 0.5
@@ -50,6 +52,7 @@ class LiveBoard:
         speed: float,
         out: Path | None = None,
         log: Path | None = None,
+        driver_profile_name: str | None = None,
     ) -> None:
         """Set the board up.
 
@@ -61,11 +64,15 @@ class LiveBoard:
             speed: simulated seconds per second.
             out: the folder for everything.
             log: the file for the bus log.
+            driver_profile_name: drivers that the board has instead of those in the robot's file.
 
         Raises:
+            InputError: there are no such drivers, or they cannot be set as the robot needs them.
             OSError: a file cannot be written.
         """
         self.robot = robot
+        config = board_config(robot, stand_at, driver_profile_name)
+        self.driver_profile = driver_profile(robot.board, driver_profile_name)
         self._out = out
         self._files = ExitStack()
         self._logs: list[TextIO] = []
@@ -78,12 +85,14 @@ class LiveBoard:
         self._end_steps = list(self._start_steps)
         self._pulses = [0] * len(robot.joints)
         self._violations = [0] * len(robot.joints)
+        self._limits: list[tuple[DriverLimit, ...]] = [()] * len(robot.joints)
+        """What each driver asks for."""
         self._sync_counts: int | None = None
         """A SYNC at rest, of which it is not known yet whether it starts a motion."""
         self._motion_start_counts: int | None = None
         """t = 0 of the last motion that a SYNC has started."""
         warm_up(kernel)
-        self._board = Board(board_config(robot, stand_at), kernel)
+        self._board = Board(config, kernel)
         self.bus = Bus(bitrate, log=self._log)
         simulation = Simulation([self._board], self.bus)
         self.live = LiveSimulation(simulation, Pacer(time.monotonic_ns(), speed))
@@ -118,11 +127,12 @@ class LiveBoard:
         traces = [self._board.take_trace(axis) for axis in range(len(self.robot.joints))]
         changes = self._board.take_pin_changes()
         for axis, (name, trace) in enumerate(zip(self.robot.joint_names, traces, strict=True)):
-            evidence = axis_evidence(name, self._start_steps[axis], trace, axis, changes)
             self._end_steps[axis] = self._start_steps[axis] + trace.position_steps
-            self._pulses[axis] += evidence.clk_rise_counts.size
-            self._violations[axis] += evidence.violations
+            self._pulses[axis] += trace.clk_rise_counts.size
+            self._violations[axis] += trace.violations.counts.size
             if self._spool:
+                evidence = axis_evidence(name, self._start_steps[axis], trace, axis, changes)
+                self._limits[axis] = evidence.violations.limits
                 self._spool.append(evidence)
         for log in self._logs:
             log.flush()
@@ -131,8 +141,8 @@ class LiveBoard:
         """Complete the files, after the last `record`; `document` becomes report.json."""
         self._files.close()
         if self._spool and self._out:
-            names, starts, violations = self.robot.joint_names, self._start_steps, self._violations
-            axes = [AxisTotals(*axis) for axis in zip(names, starts, violations, strict=True)]
+            totals = zip(self.robot.joint_names, self._start_steps, self._limits, strict=True)
+            axes = [AxisTotals(*axis) for axis in totals]
             self._spool.finish(self._motion_start_counts or 0, axes)
             (self._out / ROBOT).write_text(self.robot.toml, encoding="utf-8")
             write_report(self._out / REPORT, document | {VERSION_KEY: FOLDER_VERSION})
@@ -165,6 +175,7 @@ class LiveBoard:
         return {
             "robot": self.robot.name,
             "job": "live",
+            "driver_profile": self.driver_profile.name,
             "duration_s": round(self.simulated_s, 6),
             "simulated": True,
             "passed": None,

@@ -29,6 +29,11 @@ TIMER_HZ: Final = 72_000_000
 
 OUTPUTS_PER_AXIS: Final = len(DigitalOutput)
 
+DRIVER_PROFILES: Final = ("chip-100pf", "chip-330pf", "chip-1000pf", "3a-module", "slow-blue-board")
+"""The drivers that the emulated board can have."""
+
+PHASE_CURRENT_MAX_A: Final = 3.0
+"""A TB6560AHQ's operating range."""
 
 _TIMING_MIN_NS: Final = {
     "steplen_ns": PULSE_NS_MIN,
@@ -44,6 +49,13 @@ class Unit(StrEnum):
 
     MM = "mm"
     DEG = "deg"
+
+
+class ActiveEdge(StrEnum):
+    """Which edge of STEP makes a driver step."""
+
+    RISING = "rising"
+    FALLING = "falling"
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,31 +140,39 @@ class Joint:
 
 @dataclass(frozen=True, slots=True)
 class Board:
-    """How the board is set: the bus, the drivers' oscillator and the shape of the step pulses (LinuxCNC's names).
+    """How the board is set: the bus, the drivers and the shape of the step pulses (LinuxCNC's names).
 
     Attributes:
         bitrate: of the CAN bus, in bit/s.
-        osc_pf: capacitor at each TB6560's OSC pin, which sets the shortest CLK pulse that it accepts.
+        osc_pf: capacitor at each TB6560's OSC pin, which sets the shortest CLK pulse that it accepts; None with a
+            profile that says it.
         steplen_ns: how long CLK is high.
         stepspace_ns: how long it is low at least.
         dirsetup_ns: how long DIR is stable before CLK rises.
         dirhold_ns: how long it stays after CLK rose.
         step_rate_max_hz: the fastest CLK that a driver is given.
+        driver_profile: which drivers the board has; None for TB6560s on the board itself.
+        current_a: phase current at full torque; None for what is usual with the drivers.
+        active_edge: which edge of STEP is the step; None for what is usual with the drivers.
 
     Raises:
         InputError: a number out of range, or pulses too long for the step rate.
     """
 
     bitrate: int
-    osc_pf: int
+    osc_pf: int | None
     steplen_ns: int
     stepspace_ns: int
     dirsetup_ns: int
     dirhold_ns: int
     step_rate_max_hz: float
+    driver_profile: str | None = None
+    current_a: float | None = None
+    active_edge: ActiveEdge | None = None
 
     def __post_init__(self) -> None:
-        _require_positive(self, "osc_pf", "step_rate_max_hz")
+        self._check_drivers()
+        _require_positive(self, "step_rate_max_hz")
         if self.bitrate not in BITRATES:
             raise InputError(f"bitrate: {self.bitrate} is none of {', '.join(map(str, BITRATES))}")
         for name, least in _TIMING_MIN_NS.items():
@@ -165,6 +185,18 @@ class Board:
                 f"step_rate_max_hz: {self.step_rate_max_hz:g} Hz is more than the {1e9 / pulse_ns:.1f} Hz"
                 f" that steplen_ns + stepspace_ns = {pulse_ns} ns allow"
             )
+
+    def _check_drivers(self) -> None:
+        if self.driver_profile is None:
+            if self.osc_pf is None:
+                raise InputError("osc_pf: is missing; it or driver_profile says which drivers there are")
+            _require_positive(self, "osc_pf")
+        elif self.driver_profile not in DRIVER_PROFILES:
+            raise unknown("driver_profile:", self.driver_profile, DRIVER_PROFILES)
+        elif self.osc_pf is not None:
+            raise InputError(f"osc_pf: driver_profile {self.driver_profile} says already what is at OSC")
+        if self.current_a is not None and not 0 < self.current_a <= PHASE_CURRENT_MAX_A:
+            raise InputError(f"current_a: {self.current_a:g} A is not above 0 and up to {PHASE_CURRENT_MAX_A:g} A")
 
     @property
     def driver_rate_max_hz(self) -> float:

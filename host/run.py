@@ -45,6 +45,8 @@ class Outcome:
     report: Report
     bus_log: list[tuple[int, Frame]]
     fault: Fault | None
+    driver_profile: str
+    """Which drivers the board had."""
 
 
 def execute(
@@ -54,6 +56,7 @@ def execute(
     *,
     stand_at: list[float] | None = None,
     cut_stream_s: float | None = None,
+    driver_profile: str | None = None,
     bus_faults: FaultScript | None = None,
     progress: Progress = lambda _: None,
 ) -> Outcome:
@@ -65,18 +68,21 @@ def execute(
         kernel: which form of the firmware's kernel runs.
         stand_at: where the emulated machine stands, mm and degrees; by default where the plan starts.
         cut_stream_s: send only the points before this time of the motion, as a host that hangs would.
+        driver_profile: drivers that the emulated board has instead of those in the robot's file; neither the plan nor
+            the firmware is told.
         bus_faults: what the bus does to frames.
         progress: told which part of the stream has been sent.
 
     Raises:
-        InputError: the machine stands elsewhere than the plan starts.
+        InputError: the machine stands elsewhere than the plan starts, or there are no such drivers.
         DeviceFaultError, BusError: the board could not be set up; a fault in motion is part of the outcome instead.
     """
     if stand_at is not None:
         check_start(plan, stand_at)
     records = _records(plan, cut_stream_s)
     started_s = time.perf_counter()
-    board = EmbeddedBoard(plan.robot, plan.start_joints if stand_at is None else stand_at, kernel, bus_faults)
+    start_joints = plan.start_joints if stand_at is None else stand_at
+    board = EmbeddedBoard(plan.robot, start_joints, kernel, bus_faults, driver_profile_name=driver_profile)
     machine = Machine(board, plan.robot.joint_names)
     machine.connect()
     machine.configure(tuple(axis_settings(joint, plan.robot.board) for joint in plan.robot.joints))
@@ -101,7 +107,8 @@ def execute(
         wall_s=time.perf_counter() - started_s,
     )
     comparison = compare(VerifierPlan.of(plan.robot, plan.trajectory), board.evidence())
-    return Outcome(plan, comparison, verify_comparison(comparison, run), board.bus_log, fault)
+    report = verify_comparison(comparison, run)
+    return Outcome(plan, comparison, report, board.bus_log, fault, board.driver_profile.name)
 
 
 def _records(plan: Plan, cut_stream_s: float | None) -> tuple[AxisRecords, ...]:

@@ -42,14 +42,16 @@ class ObjectDictionary:
 
     def get(self, index: int, subindex: int = 0) -> int:
         """Return the present value of a numeric entry."""
-        key = index << 8 | subindex
-        if key in self.read_hooks:
-            return self.read_hooks[key]()
-        return self._values[key]
+        return self.value(index << 8 | subindex)
+
+    def value(self, key: int) -> int:
+        """Return the present value of a numeric entry by its key, as is done for every frame."""
+        hook = self.read_hooks.get(key)
+        return hook() if hook else self._values[key]
 
     def set(self, index: int, subindex: int, value: int) -> None:
         """Store a value as the firmware's own, without checks or hooks."""
-        self._values[key_of(index, subindex)] = value
+        self._values[index << 8 | subindex] = value
 
     def put(self, key: int, value: int) -> None:
         """Store a decoded value that came over the bus: range, write hook, then the store.
@@ -60,8 +62,9 @@ class ObjectDictionary:
         low, high = self._bounds[key]
         if not low <= value <= high:
             raise SdoAbortError(AbortCode.VALUE_TOO_HIGH if value > high else AbortCode.VALUE_TOO_LOW)
-        if key in self.write_hooks:
-            self.write_hooks[key](value)
+        hook = self.write_hooks.get(key)
+        if hook:
+            hook(value)
         self._values[key] = value
 
     def read(self, index: int, subindex: int) -> bytes:

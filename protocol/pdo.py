@@ -160,7 +160,7 @@ class TransmitPdo:
     def _frame(self) -> Frame:
         bits = 0
         for key, shift, mask, _ in self._fields:
-            bits |= (self._dictionary.get(key >> 8, key & 0xFF) & mask) << shift
+            bits |= (self._dictionary.value(key) & mask) << shift
         return Frame(self.cob_id & COB_ID_MASK, bits.to_bytes(self._length, "little"))
 
 

@@ -87,7 +87,7 @@ def figures_of(motion: PlannedMotion, ideal: tuple[IdealSteps, ...], method: Met
         p99,
         worst,
         _rms(np.concatenate([axis.jitter_us for axis in errors])),
-        sum(violations(pulses, motion.board) for pulses in placed.axes),
+        sum(violations(*axis, motion.board) for axis in zip(placed.axes, motion.microsteps.tolist(), strict=True)),
         len(steps) / placed.wall_s,
         _load(motion, placed, method),
     )

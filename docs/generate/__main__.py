@@ -1,18 +1,24 @@
-"""`python -m docs.generate`: write docs/protocol.md, docs/robots.md and its pictures anew."""
+"""`python -m docs.generate`: write docs/driver.md, docs/protocol.md, docs/robots.md and their pictures anew."""
 
 from controller.backend import fastest_kernel
+from docs.generate.driver import DRIVER_PAGE, render_driver
+from docs.generate.driver_pictures import write_driver_pictures
 from docs.generate.page import PAGE, render_page
 from docs.generate.pictures import write_pictures
 from docs.generate.protocol import PROTOCOL_PAGE, render_protocol
 from docs.generate.runs import Runs
+from docs.generate.waveform_pictures import write_waveform_pictures
 
 
 def main() -> None:
     """Texts first: it makes the runs that the pictures show."""
+    DRIVER_PAGE.write_text(render_driver(), encoding="utf-8")
+    write_driver_pictures()
     PROTOCOL_PAGE.write_text(render_protocol(), encoding="utf-8")
     runs = Runs(fastest_kernel())
     PAGE.write_text(render_page(runs), encoding="utf-8")
     write_pictures(runs)
+    write_waveform_pictures(runs)
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from PIL import Image
 from docs.generate.page import PICTURE_KINDS, picture
 from docs.generate.pieces import DOCS
 from docs.generate.runs import Runs
-from host.plots import PICTURES, Moment
+from host.plots import PICTURES, WHEREVER
 from host.plots.canvas import STYLE
 
 _DRAWN: Final = dict(zip(PICTURE_KINDS, ("tool-path", "joints", "error"), strict=True))
@@ -24,14 +24,14 @@ def write_pictures(runs: Runs) -> None:
     """Draw those of every run."""
     with mpl.rc_context(STYLE):
         for outcome in runs.all():
-            run, moment = outcome.report.run, Moment.of_fastest(outcome.comparison)
+            run = outcome.report.run
             for kind, name in _DRAWN.items():
                 path = DOCS / picture(run.robot, run.job, kind)
                 path.parent.mkdir(exist_ok=True)
-                _write(path, PICTURES[name](outcome.comparison, run, moment))
+                write_picture(path, PICTURES[name](outcome.comparison, run, WHEREVER))
 
 
-def _write(path: Path, figure: Figure) -> None:
+def write_picture(path: Path, figure: Figure) -> None:
     """With a palette: a third of the size of what matplotlib writes. An octree keeps colours that few pixels have."""
     figure.align_ylabels()
     drawn = BytesIO()

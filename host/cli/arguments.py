@@ -19,6 +19,15 @@ RobotFile = Annotated[
     str | None, typer.Option("--robot-file", metavar="FILE", help="A robot of your own, instead of ROBOT.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout, everything else on stderr.")]
+DriverProfileName = Annotated[
+    str | None,
+    typer.Option(
+        "--driver-profile",
+        metavar="NAME",
+        help="The drivers that the emulated board really has, without telling planner or firmware: chip-100pf,"
+        " chip-330pf, chip-1000pf, 3a-module or slow-blue-board.",
+    ),
+]
 
 _LARGEST = 1e9
 

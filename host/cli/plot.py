@@ -16,8 +16,7 @@ from host.errors import InputError
 from host.inputs import unknown
 
 if TYPE_CHECKING:
-    from host.plots import Moment
-    from host.verify import Comparison
+    from host.plots import View
 
 
 class PictureFormat(StrEnum):
@@ -35,13 +34,13 @@ def plot(
         str | None,
         typer.Option(
             metavar="NAME,...",
-            help="joints, step-rates, tool-path, error, timing, jitter, edges; by default all.",
+            help="joints, step-rates, tool-path, error, timing, jitter, widths, edges, phases; by default all.",
         ),
     ] = None,
     form: Annotated[PictureFormat, typer.Option("--format", help="png, or vectors: svg, pdf.")] = PictureFormat.PNG,
     at_s: Annotated[
         float | None,
-        typer.Option("--at", metavar="SECONDS", help="For edges: around this time; by default the fastest."),
+        typer.Option("--at", metavar="SECONDS", help="For edges and phases: around this time; by default the fastest."),
     ] = None,
     span_s: Annotated[
         float | None, typer.Option("--span", metavar="SECONDS", help="And so much of it; by default some steps.")
@@ -57,8 +56,8 @@ def plot(
 
     names = _names(what)
     stored = read_run(folder)
-    moment = _moment(stored.comparison, at_s, span_s)
-    paths = write_plots(out or folder, stored.comparison, stored.report.run, names, form, moment)
+    view = _view(stored.duration_s, at_s, span_s)
+    paths = write_plots(out or folder, stored.comparison, stored.report.run, names, form, view)
     if as_json:
         print_json({"files": [str(path) for path in paths]})
     else:
@@ -75,13 +74,11 @@ def _names(what: str | None) -> list[str]:
     return names
 
 
-def _moment(comparison: "Comparison", at_s: float | None, span_s: float | None) -> "Moment":
-    from host.plots import Moment
+def _view(duration_s: float, at_s: float | None, span_s: float | None) -> "View":
+    from host.plots import View
 
-    duration_s = comparison.plan.trajectory.duration_s
     if at_s is not None and not (isfinite(at_s) and 0.0 <= at_s <= duration_s):
         raise InputError(f"--at {at_s:g} s: the motion goes from 0 to {duration_s:g} s")
     if span_s is not None and not (isfinite(span_s) and 0.0 < span_s <= duration_s):
         raise InputError(f"--span {span_s:g} s: must be above 0 and at most {duration_s:g} s, the whole motion")
-    moment = Moment.of_fastest(comparison) if at_s is None else Moment.around(comparison, at_s)
-    return moment if span_s is None else Moment(moment.at_s, span_s)
+    return View(at_s, span_s)

@@ -9,6 +9,9 @@ from host.cli.output import print_table
 
 EXIT_NOT_VERIFIED: Final = 1
 
+USUAL_DRIVERS: Final = "chip-330pf"
+"""Need not be said."""
+
 
 def fault_line(fault: Mapping[str, Any]) -> str:
     """What ended a run, where the joints are then, and whether the drivers agree."""
@@ -19,6 +22,8 @@ def fault_line(fault: Mapping[str, Any]) -> str:
 
 def print_report(document: Mapping[str, Any]) -> None:
     """Everything that a report says, the verdict last."""
+    if document["driver_profile"] != USUAL_DRIVERS:
+        typer.echo(f"drivers: {document['driver_profile']}")
     print_table(list(_COLUMNS), [_row(axis) for axis in document["axes"]])
     moving = [axis for axis in document["axes"] if axis["pulses"]]
     if moving:
@@ -27,6 +32,7 @@ def print_report(document: Mapping[str, Any]) -> None:
     if changes:
         said = (f"{o['name']} {'on' if o['on'] else 'off'} {o['changed_s']:.3f} s" for o in changes)
         typer.echo(f"outputs: {', '.join(said)}")
+    _print_violations(document["violations"])
     tool, bus = document["tool"], document["bus"]
     typer.echo(
         f"tool: {tool['position_error_mm_max']:.4f} mm max, {tool['position_error_mm_rms']:.4f} mm rms, "
@@ -38,6 +44,18 @@ def print_report(document: Mapping[str, Any]) -> None:
         f"{document['simulated_s'] / document['wall_s']:.0f} x real time"
     )
     typer.echo(f"{document['robot']} {document['job']}: {_verdict(document)}")
+
+
+def _print_violations(violations: list[dict[str, Any]]) -> None:
+    """A table for each rule that was broken, with a row for each axis that broke it."""
+    for what, source in dict.fromkeys((v["broken"], v["source"]) for v in violations):
+        typer.echo(f"{what} ({source})")
+        same = [v for v in violations if (v["broken"], v["source"]) == (what, source)]
+        unit = same[0]["unit"]
+        rows = [
+            [v["axis"], str(v["count"]), f"{v['worst']:.2f}", f"{v['limit']:.2f}", f"{v['first_s']:.6f}"] for v in same
+        ]
+        print_table(["axis", "times", f"worst {unit}", f"limit {unit}", "first s"], rows)
 
 
 def _verdict(document: Mapping[str, Any]) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from host.cli.app import app
-from host.cli.arguments import AsJson, RobotFile, joint_values, name_value_pairs, robot_and_rest
+from host.cli.arguments import AsJson, DriverProfileName, RobotFile, joint_values, name_value_pairs, robot_and_rest
 from host.cli.connection import Bitrate, Channel, Connect, Interface, connection
 from host.cli.live_run import run_live
 from host.cli.output import print_json
@@ -56,6 +56,7 @@ def run(
         float | None,
         typer.Option(metavar="SECONDS", min=0.0, help="Stop sending points there, as a host that hangs would."),
     ] = None,
+    driver_profile: DriverProfileName = None,
     kernel: Annotated[
         KernelChoice, typer.Option(help="Plain Python or compiled; auto takes the fastest.")
     ] = KernelChoice.AUTO,
@@ -84,14 +85,28 @@ def run(
     planned = plan(loaded, _trajectory(loaded, job, options))
     live = connection(connect, interface, channel, bitrate, loaded)
     if live is not None:
-        _refuse({"--out": out, "--stand-at": stand_at, "--cut-stream": cut_stream}, "an emulated")
+        emulated = {
+            "--out": out,
+            "--stand-at": stand_at,
+            "--cut-stream": cut_stream,
+            "--driver-profile": driver_profile,
+        }
+        _refuse(emulated, "an emulated")
         run_live(live, planned, job, repeat=repeat, approach=approach, as_json=as_json)
         return
     _refuse({"--repeat": repeat if repeat != 1 else None, "--approach": approach or None}, "a live")
     standing = None if stand_at is None else joint_values(stand_at.split(), loaded.joint_names, "--stand-at")
     folder = None if out is None else prepare_folder(out)
     with progress_bar(f"{loaded.name} {job}") as progress:
-        outcome = execute(planned, job, _kernel(kernel), stand_at=standing, cut_stream_s=cut_stream, progress=progress)
+        outcome = execute(
+            planned,
+            job,
+            _kernel(kernel),
+            stand_at=standing,
+            cut_stream_s=cut_stream,
+            driver_profile=driver_profile,
+            progress=progress,
+        )
     document = _document(outcome) | ({} if folder is None else {VERSION_KEY: FOLDER_VERSION})
     pictures = folder is not None and write_folder(folder, outcome, document)
     if as_json:
@@ -144,6 +159,7 @@ def _kernel(choice: KernelChoice) -> "Kernel":
 def _document(outcome: "Outcome") -> dict[str, Any]:
     """The contract's keys, and what a fault leaves."""
     document = outcome.report.to_dict()
+    document["driver_profile"] = outcome.driver_profile
     document["simulated"] = True
     if outcome.fault:
         document["passed"] = False

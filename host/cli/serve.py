@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from host.cli.app import app
-from host.cli.arguments import AsJson, RobotFile, RobotName, joint_values, one_robot
+from host.cli.arguments import AsJson, DriverProfileName, RobotFile, RobotName, joint_values, one_robot
 from host.cli.output import print_json, print_table
+from host.cli.report import USUAL_DRIVERS
 from host.errors import BusError, InputError
 
 if TYPE_CHECKING:
@@ -49,6 +50,7 @@ def serve(
     stand_at: Annotated[
         str | None, typer.Option(metavar="'Q1 Q2 ...'", help="Where the machine stands; by default at its home.")
     ] = None,
+    driver_profile: DriverProfileName = None,
     out: Annotated[
         str | None, typer.Option(metavar="DIR", help="Record report, edges and bus log into this folder.")
     ] = None,
@@ -80,6 +82,7 @@ def serve(
             speed=speed,
             out=folder,
             log=None if log is None else Path(log),
+            driver_profile_name=driver_profile,
         )
         failure = _run(board, endpoint, lambda: typer.echo(_banner(board, endpoint), err=as_json))
     document = board.report() | {endpoint.kind: endpoint.figures()}
@@ -206,10 +209,12 @@ def _banner(board: "LiveBoard", endpoint: "Endpoint") -> str:
     from protocol.frame import FIRST_NODE_ID
 
     last_node_id = FIRST_NODE_ID + len(board.robot.joints) - 1
+    name = board.driver_profile.name
+    drivers = "" if name == USUAL_DRIVERS else f", drivers: {name}"
     return (
         f"SIMULATED {board.robot.name}: {' '.join(board.robot.joint_names)}, "
         f"nodes 0x{FIRST_NODE_ID:02X} to 0x{last_node_id:02X}, {board.bus.bitrate // 1000} kbit/s, "
-        f"{board.live.pacer.speed:g} x real time\n{endpoint.title}\nCtrl-C ends it"
+        f"{board.live.pacer.speed:g} x real time{drivers}\n{endpoint.title}\nCtrl-C ends it"
     )
 
 

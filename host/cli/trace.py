@@ -108,13 +108,16 @@ def _window(evidence: "Evidence", from_s: float | None, to_s: float | None) -> "
     from host.waveforms import whole_record
 
     whole = whole_record(evidence)
+    if whole.from_counts == whole.to_counts:
+        raise InputError("nothing has happened after power-up: there is no waveform")
     window = replace(
         whole,
         from_counts=whole.from_counts if from_s is None else _counts(whole, "--from", from_s),
         to_counts=whole.to_counts if to_s is None else _counts(whole, "--to", to_s),
     )
     if window.from_counts >= window.to_counts:
-        raise InputError(f"--from {from_s:g} s: is not before --to, {window.time_s(window.to_counts):g} s")
+        first_s, last_s = window.time_s(window.from_counts), window.time_s(window.to_counts)
+        raise InputError(f"--from {first_s:g} s: is not before --to, {last_s:g} s")
     return window
 
 

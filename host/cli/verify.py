@@ -40,7 +40,8 @@ def verify(folder: RunDir, as_json: AsJson = False) -> None:
 def _document(verdict: "Verdict") -> dict[str, Any]:
     """As `run --json` has it; a folder that was changed is no evidence of a fault either."""
     document = verdict.report.to_dict()
-    document |= {"passed": verdict.passed, "reasons": list(verdict.reasons), "simulated": True}
+    document |= {"passed": verdict.passed, "reasons": list(verdict.reasons)}
+    document |= {"driver_profile": verdict.driver_profile, "simulated": True}
     if verdict.fault is not None and not verdict.tampered:
         document["fault"] = dict(verdict.fault)
     return document

@@ -8,12 +8,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from host.plots.canvas import COUNTED, LIMIT, new_figure
-from host.plots.moment import Moment
+from host.plots.moment import Moment, View
 from host.trajectory import FloatArray
 from host.verify import COUNTS_PER_SECOND, Comparison, RunInfo
 from host.waveforms import Signal, Window, whole_record, wires
 
 LANE_INCHES: Final = 0.3
+INTERVALS: Final = 12
 _HIGH: Final = 0.6
 """How high a level is drawn, in lanes."""
 
@@ -22,8 +23,9 @@ _MARKED_MAX: Final = 200
 """With more steps in view their marks would be a band."""
 
 
-def draw_edges(comparison: Comparison, run: RunInfo, moment: Moment) -> Figure:
+def draw_edges(comparison: Comparison, run: RunInfo, view: View) -> Figure:
     """A lane for STEP and DIR of each axis and for every other pin that changes; marks where drivers counted a step."""
+    moment = view.moment(comparison, INTERVALS)
     window = _window(comparison, moment)
     lanes = _lanes(comparison, window)
     figure = new_figure(run, f"pins around t = {moment.at_s:.6f} s", LANE_INCHES * len(lanes) + 0.4)

@@ -1,15 +1,11 @@
 """The part of a run that a picture of single edges shows."""
 
 from dataclasses import dataclass
-from typing import Final, Self
 
 import numpy as np
 
 from host.trajectory import FloatArray
 from host.verify import Comparison
-
-_INTERVALS: Final = 12
-"""How many intervals of the fastest axis are shown, unless something else is asked for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,23 +14,6 @@ class Moment:
 
     at_s: float
     span_s: float
-
-    @classmethod
-    def of_fastest(cls, comparison: Comparison) -> Self:
-        """Around the shortest interval between two steps of an axis the same way; without one the whole motion."""
-        shortest = [found for i in range(len(comparison.joint_names)) if (found := _shortest(comparison, i))]
-        if not shortest:
-            duration_s = comparison.plan.trajectory.duration_s
-            return cls(duration_s / 2.0, duration_s)
-        interval_s, at_s = min(shortest)
-        return cls(at_s, _INTERVALS * interval_s)
-
-    @classmethod
-    def around(cls, comparison: Comparison, at_s: float) -> Self:
-        """Around an instant, with some intervals of the axis that is fastest there, but at most the whole motion."""
-        intervals_s = [_interval_s(counted.time_s, at_s) for counted in comparison.counted if counted.time_s.size > 1]
-        spans_s = [_INTERVALS * interval_s for interval_s in intervals_s]
-        return cls(at_s, min([*spans_s, comparison.plan.trajectory.duration_s]))
 
     @property
     def from_s(self) -> float:
@@ -45,6 +24,39 @@ class Moment:
     def to_s(self) -> float:
         """Where it ends."""
         return self.at_s + self.span_s / 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What of a run is asked for; None is left to the picture."""
+
+    at_s: float | None = None
+    span_s: float | None = None
+
+    def moment(self, comparison: Comparison, intervals: int) -> Moment:
+        """Where steps are fastest, with so many of their intervals, unless something else is asked for.
+
+        At an instant that is asked for the axis that is fastest there counts; it is never more than the whole motion.
+        """
+        duration_s = comparison.plan.trajectory.duration_s
+        if self.at_s is None:
+            interval_s, at_s = _fastest(comparison)
+        else:
+            interval_s, at_s = _shortest_at(comparison, self.at_s), self.at_s
+        return Moment(at_s, min(intervals * interval_s, duration_s) if self.span_s is None else self.span_s)
+
+
+def _fastest(comparison: Comparison) -> tuple[float, float]:
+    """The shortest interval of any axis and its middle; without one the whole motion."""
+    duration_s = comparison.plan.trajectory.duration_s
+    found = [_shortest(comparison, i) for i in range(len(comparison.joint_names))]
+    return min((one for one in found if one), default=(duration_s, duration_s / 2.0))
+
+
+def _shortest_at(comparison: Comparison, at_s: float) -> float:
+    """The shortest interval of all axes at an instant; without one the whole motion."""
+    times = [counted.time_s for counted in comparison.counted if counted.time_s.size > 1]
+    return min((_interval_s(time_s, at_s) for time_s in times), default=comparison.plan.trajectory.duration_s)
 
 
 def _shortest(comparison: Comparison, axis: int) -> tuple[float, float] | None:

@@ -12,18 +12,20 @@ from host.plots.edges import draw_edges
 from host.plots.error import draw_error
 from host.plots.jitter import draw_jitter
 from host.plots.joints import draw_joints
-from host.plots.moment import Moment
+from host.plots.moment import View
+from host.plots.phases import draw_phases
 from host.plots.step_rates import draw_step_rates
 from host.plots.timing import draw_timing
 from host.plots.tool_path import draw_tool_path
+from host.plots.widths import draw_widths
 from host.verify import Comparison, RunInfo
 
-Draw = Callable[[Comparison, RunInfo, Moment], Figure]
+Draw = Callable[[Comparison, RunInfo, View], Figure]
 
 
 def _whole(draw: Callable[[Comparison, RunInfo], Figure]) -> Draw:
-    """A picture of the whole run: the moment does not matter."""
-    return lambda comparison, run, _moment: draw(comparison, run)
+    """A picture of the whole run, whatever part of it is asked for."""
+    return lambda comparison, run, _view: draw(comparison, run)
 
 
 PICTURES: Final[dict[str, Draw]] = {
@@ -33,14 +35,17 @@ PICTURES: Final[dict[str, Draw]] = {
     "error": _whole(draw_error),
     "timing": _whole(draw_timing),
     "jitter": _whole(draw_jitter),
+    "widths": _whole(draw_widths),
     "edges": draw_edges,
+    "phases": draw_phases,
 }
 """By their names: of files, and on the command line."""
 
 OF_EVERY_RUN: Final = ("joints", "step-rates", "tool-path", "error", "timing")
 """What a run with `--out` draws."""
 
-FORMATS: Final = ("png", "svg", "pdf")
+WHEREVER: Final = View()
+"""Each picture shows what suits it."""
 
 _UNDATED: Final = {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
 """The same run gives the same bytes."""
@@ -52,19 +57,18 @@ def write_plots(
     run: RunInfo,
     names: Iterable[str] = OF_EVERY_RUN,
     form: str = "png",
-    moment: Moment | None = None,
+    view: View = WHEREVER,
 ) -> list[Path]:
     """Draw pictures of a run into a directory, which is made if it is missing, and return their paths.
 
-    `moment` is the part of the run that pictures of single edges show; by default where steps are fastest.
+    `view` is the part of the run that pictures of single edges show.
     """
     out_dir.mkdir(parents=True, exist_ok=True)
-    shown = moment or Moment.of_fastest(comparison)
     paths = []
     with mpl.rc_context(STYLE):
         for name in names:
             path = out_dir / f"{name}.{form}"
-            figure = PICTURES[name](comparison, run, shown)
+            figure = PICTURES[name](comparison, run, view)
             figure.align_ylabels()
             figure.savefig(path, dpi=DOTS_PER_INCH, metadata=_UNDATED[form])
             paths.append(path)

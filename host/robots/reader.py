@@ -12,7 +12,7 @@ from host.errors import InputError
 from host.homing import JointHoming, JointSwitches
 from host.inputs import apart, prefixed, unknown
 from host.kinematics import make_kinematics
-from host.robot import Board, Joint, Output, Robot, Transmission, Unit
+from host.robot import ActiveEdge, Board, Joint, Output, Robot, Transmission, Unit
 
 Choice = TypeVar("Choice", bound=StrEnum)
 
@@ -46,6 +46,11 @@ class _Table:
 
     def __iter__(self) -> Iterator[str]:
         return iter(tuple(self._values))
+
+    def has(self, key: str) -> bool:
+        """Whether a key that may be missing is there."""
+        self._known.append(key)
+        return key in self._values
 
     def text(self, key: str) -> str:
         value = self._take(key)
@@ -141,12 +146,15 @@ def _place(tables: _Table, name: str) -> dict[str, float]:
 def _board(table: _Table) -> Board:
     return Board(
         bitrate=table.integer("bitrate"),
-        osc_pf=table.integer("osc_pf"),
+        osc_pf=table.integer("osc_pf") if table.has("osc_pf") else None,
         steplen_ns=table.integer("steplen_ns"),
         stepspace_ns=table.integer("stepspace_ns"),
         dirsetup_ns=table.integer("dirsetup_ns"),
         dirhold_ns=table.integer("dirhold_ns"),
         step_rate_max_hz=table.number("step_rate_max_hz"),
+        driver_profile=table.text("driver_profile") if table.has("driver_profile") else None,
+        current_a=table.number("current_a") if table.has("current_a") else None,
+        active_edge=table.choice("active_edge", ActiveEdge) if table.has("active_edge") else None,
     )
 
 

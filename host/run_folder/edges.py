@@ -1,25 +1,33 @@
 """edges.npz: every edge of every pin and every accepted step, in counts of the board's timer since power-up."""
 
-import zlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
 from host.errors import InputError
 from host.inputs import prefixed
+from host.run_folder.arrays import UNREADABLE, Arrays
 from host.run_folder.layout import EDGES, FOLDER_VERSION, VERSION_KEY, ContradictionError, check_version, existing
-from host.verify import COUNTS_PER_SECOND, AxisEvidence, Evidence, LevelEdges
-from host.verify.evidence import Int8Array, Int64Array
+from host.verify import (
+    COUNTS_PER_SECOND,
+    AxisEvidence,
+    DriverLimit,
+    DriverViolations,
+    Evidence,
+    LevelEdges,
+    Phases,
+)
+from host.verify.evidence import Int64Array
 
 PINS: Final = ("reset", "enable", "m1", "m2", "tq1", "tq2", "dcy1", "dcy2", "out1", "out2")
 """An axis' pins that are held at a level."""
 
-_UNREADABLE: Final = (BadZipFile, EOFError, OSError, ValueError, zlib.error)
-"""What numpy raises for a file that is none of its own, or is damaged."""
+Array = NDArray[Any]
+
+_INT16: Final = (-(1 << 15), (1 << 15) - 1)
 
 
 class AxisTotals(NamedTuple):
@@ -27,21 +35,21 @@ class AxisTotals(NamedTuple):
 
     name: str
     start_steps: int
-    violations: int
+    limits: tuple[DriverLimit, ...]
 
 
 def write_edges(path: Path, evidence: Evidence) -> None:
     """Write the evidence; the outputs' names are the robot's business."""
-    totals = [AxisTotals(axis.name, axis.start_steps, axis.violations) for axis in evidence.axes]
+    totals = [AxisTotals(axis.name, axis.start_steps, axis.violations.limits) for axis in evidence.axes]
     arrays: dict[str, Any] = {**head(evidence.start_counts, totals)}
     for axis in evidence.axes:
         arrays |= edge_arrays(axis)
     np.savez_compressed(path, **arrays)
 
 
-def head(start_counts: int, axes: Sequence[AxisTotals]) -> dict[str, NDArray[Any] | np.int64]:
+def head(start_counts: int, axes: Sequence[AxisTotals]) -> dict[str, Array | np.int64]:
     """All keys but those of the edges."""
-    values: dict[str, NDArray[Any] | np.int64] = {
+    values: dict[str, Array | np.int64] = {
         VERSION_KEY: np.int64(FOLDER_VERSION),
         "counts_per_second": np.int64(COUNTS_PER_SECOND),
         "start_counts": np.int64(start_counts),
@@ -49,24 +57,43 @@ def head(start_counts: int, axes: Sequence[AxisTotals]) -> dict[str, NDArray[Any
     }
     for axis in axes:
         values[f"{axis.name}_start_steps"] = np.int64(axis.start_steps)
-        values[f"{axis.name}_violations"] = np.int64(axis.violations)
+        values |= _limit_arrays(axis.name, axis.limits)
     return values
 
 
-def edge_arrays(axis: AxisEvidence) -> dict[str, Int64Array | Int8Array]:
-    """An axis' edges, by key."""
-    arrays: dict[str, Int64Array | Int8Array] = {
-        f"{axis.name}_clk_rise_counts": axis.clk_rise_counts,
-        f"{axis.name}_clk_fall_counts": axis.clk_fall_counts,
-        f"{axis.name}_dir_edge_counts": axis.dir_edge_counts,
-        f"{axis.name}_dir_levels": axis.dir_levels,
-        f"{axis.name}_step_counts": axis.step_counts,
-        f"{axis.name}_step_signs": axis.step_signs,
+def edge_arrays(axis: AxisEvidence) -> dict[str, Array]:
+    """What grows with an axis' edges, by key."""
+    name, violations, phases = axis.name, axis.violations, axis.phases
+    arrays: dict[str, Array] = {
+        f"{name}_clk_rise_counts": axis.clk_rise_counts,
+        f"{name}_clk_fall_counts": axis.clk_fall_counts,
+        f"{name}_dir_edge_counts": axis.dir_edge_counts,
+        f"{name}_dir_levels": axis.dir_levels,
+        f"{name}_step_counts": axis.step_counts,
+        f"{name}_step_signs": axis.step_signs,
+        f"{name}_violation_counts": violations.counts,
+        f"{name}_violation_which": violations.which,
+        f"{name}_violation_values": violations.values,
+        f"{name}_phase_counts": phases.counts,
+        f"{name}_phase_sixteenths": phases.sixteenths,
+        f"{name}_phase_a_ma": phases.a_ma,
+        f"{name}_phase_b_ma": phases.b_ma,
     }
     for pin in PINS:
-        arrays[f"{axis.name}_{pin}_counts"] = axis.pins[pin].counts
-        arrays[f"{axis.name}_{pin}_levels"] = axis.pins[pin].levels
+        arrays[f"{name}_{pin}_counts"] = axis.pins[pin].counts
+        arrays[f"{name}_{pin}_levels"] = axis.pins[pin].levels
     return arrays
+
+
+def _limit_arrays(name: str, limits: tuple[DriverLimit, ...]) -> dict[str, Array]:
+    """A list for each column of the table of limits; violations are told by their index."""
+    return {
+        f"{name}_limit_rules": np.array([limit.rule for limit in limits], np.str_),
+        f"{name}_limit_broken": np.array([limit.broken for limit in limits], np.str_),
+        f"{name}_limit_values": np.array([limit.limit for limit in limits], np.float64),
+        f"{name}_limit_units": np.array([limit.unit for limit in limits], np.str_),
+        f"{name}_limit_sources": np.array([limit.source for limit in limits], np.str_),
+    }
 
 
 def read_edges(folder: Path) -> Evidence:
@@ -80,62 +107,12 @@ def read_edges(folder: Path) -> Evidence:
     with prefixed(f"{path}: "):
         try:
             with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-                return _evidence(_Arrays(stored))
-        except _UNREADABLE as error:
+                return _evidence(Arrays(stored))
+        except UNREADABLE as error:
             raise InputError(f"cannot be read: {error}") from error
 
 
-class _Arrays:
-    """The file's arrays by key, each checked for kind and shape; what is wrong is said with the key in front."""
-
-    def __init__(self, stored: Any) -> None:  # NpzFile, whose type numpy gives no name for its values
-        self._stored = stored
-
-    def integer(self, key: str) -> int:
-        value = self._array(key)
-        if value.ndim != 0 or value.dtype.kind != "i":
-            raise InputError(f"{key}: is not one whole number")
-        return int(value)
-
-    def names(self, key: str) -> tuple[str, ...]:
-        value = self._array(key)
-        if value.ndim != 1 or value.dtype.kind != "U":
-            raise InputError(f"{key}: is not a list of names")
-        return tuple(value.tolist())
-
-    def counts(self, key: str) -> Int64Array:
-        """Instants: sorted, none before power-up."""
-        values = self._integers(key).astype(np.int64, copy=False)
-        if values.size and (values[0] < 0 or (np.diff(values) < 0).any()):
-            raise ContradictionError(f"{key}: the instants are not in order of time")
-        return values
-
-    def signs(self, key: str, choices: tuple[int, int], like: str, length: int) -> Int8Array:
-        """One of two numbers for each element of another array."""
-        values = self._integers(key)
-        if values.size != length:
-            raise ContradictionError(f"{key}: {values.size} of them, but {length} {like}")
-        if not np.isin(values, choices).all():
-            raise ContradictionError(f"{key}: holds other numbers than {choices[0]} and {choices[1]}")
-        return values.astype(np.int8, copy=False)
-
-    def _integers(self, key: str) -> NDArray[Any]:
-        values = self._array(key)
-        if values.ndim != 1 or values.dtype.kind != "i":
-            raise InputError(f"{key}: is not a list of whole numbers")
-        return values
-
-    def _array(self, key: str) -> NDArray[Any]:
-        if key not in self._stored:
-            raise InputError(f"{key}: is missing")
-        with prefixed(f"{key}: "):
-            try:
-                return np.asarray(self._stored[key])
-            except _UNREADABLE as error:
-                raise InputError(f"cannot be read: {error}") from error
-
-
-def _evidence(arrays: _Arrays) -> Evidence:
+def _evidence(arrays: Arrays) -> Evidence:
     check_version(arrays.integer(VERSION_KEY))
     counts_per_second = arrays.integer("counts_per_second")
     if counts_per_second != COUNTS_PER_SECOND:
@@ -143,7 +120,7 @@ def _evidence(arrays: _Arrays) -> Evidence:
     return Evidence(arrays.integer("start_counts"), tuple(_axis(arrays, name) for name in arrays.names("axes")))
 
 
-def _axis(arrays: _Arrays, name: str) -> AxisEvidence:
+def _axis(arrays: Arrays, name: str) -> AxisEvidence:
     rises, falls = _pulses(arrays, name)
     turns = arrays.counts(f"{name}_dir_edge_counts")
     steps = arrays.counts(f"{name}_step_counts")
@@ -156,12 +133,13 @@ def _axis(arrays: _Arrays, name: str) -> AxisEvidence:
         dir_levels=arrays.signs(f"{name}_dir_levels", (0, 1), f"{name}_dir_edge_counts", turns.size),
         step_counts=steps,
         step_signs=arrays.signs(f"{name}_step_signs", (-1, 1), f"{name}_step_counts", steps.size),
-        violations=arrays.integer(f"{name}_violations"),
+        violations=_violations(arrays, name),
+        phases=_phases(arrays, name),
         pins={pin: _pin(arrays, f"{name}_{pin}") for pin in PINS},
     )
 
 
-def _pulses(arrays: _Arrays, name: str) -> tuple[Int64Array, Int64Array]:
+def _pulses(arrays: Arrays, name: str) -> tuple[Int64Array, Int64Array]:
     """Rises and falls, which must take turns."""
     rise_key, fall_key = f"{name}_clk_rise_counts", f"{name}_clk_fall_counts"
     rises, falls = arrays.counts(rise_key), arrays.counts(fall_key)
@@ -172,6 +150,35 @@ def _pulses(arrays: _Arrays, name: str) -> tuple[Int64Array, Int64Array]:
     return rises, falls
 
 
-def _pin(arrays: _Arrays, key: str) -> LevelEdges:
+def _pin(arrays: Arrays, key: str) -> LevelEdges:
     counts = arrays.counts(f"{key}_counts")
     return LevelEdges(counts, arrays.signs(f"{key}_levels", (0, 1), f"{key}_counts", counts.size))
+
+
+def _violations(arrays: Arrays, name: str) -> DriverViolations:
+    limits = _limits(arrays, name)
+    key = f"{name}_violation_counts"
+    counts = arrays.counts(key)
+    which = arrays.small(f"{name}_violation_which", (0, len(limits) - 1), key, counts.size).astype(np.int8)
+    return DriverViolations(limits, counts, which, arrays.numbers(f"{name}_violation_values", key, counts.size))
+
+
+def _limits(arrays: Arrays, name: str) -> tuple[DriverLimit, ...]:
+    rules, broken, units, sources = (
+        arrays.names(f"{name}_limit_{column}") for column in ("rules", "broken", "units", "sources")
+    )
+    values = arrays.numbers(f"{name}_limit_values", f"{name}_limit_rules", len(rules)).tolist()
+    if not len(rules) == len(broken) == len(units) == len(sources):
+        raise ContradictionError(f"{name}_limit_rules: {len(rules)} of them, but other numbers of texts and units")
+    return tuple(map(DriverLimit, rules, broken, values, units, sources))
+
+
+def _phases(arrays: Arrays, name: str) -> Phases:
+    key = f"{name}_phase_counts"
+    counts = arrays.counts(key)
+    return Phases(
+        counts,
+        arrays.small(f"{name}_phase_sixteenths", (0, 63), key, counts.size).astype(np.int8),
+        arrays.small(f"{name}_phase_a_ma", _INT16, key, counts.size),
+        arrays.small(f"{name}_phase_b_ma", _INT16, key, counts.size),
+    )

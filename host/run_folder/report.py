@@ -25,6 +25,7 @@ class StoredReport:
         run: what the verifier cannot know.
         switchings: the outputs that were to change, in order of time.
         passed: the verdict; None where the board did not know the plan.
+        driver_profile: which drivers the board had.
         axes: each axis' figures by name.
         fault: what ended the run, None if it came to its end.
         document: all of it.
@@ -33,6 +34,7 @@ class StoredReport:
     run: RunInfo
     switchings: tuple[Switching, ...]
     passed: bool | None
+    driver_profile: str
     axes: tuple[Mapping[str, Any], ...]
     fault: Mapping[str, Any] | None
     document: Mapping[str, Any]
@@ -121,6 +123,7 @@ def _report(table: _Table) -> StoredReport:
         run=_run(table),
         switchings=table.each("outputs", _switching),
         passed=None if table.says_none("passed") else table.truth("passed"),
+        driver_profile=table.text("driver_profile"),
         axes=table.each("axes", lambda axis: axis.values),
         fault=_fault(table),
         document=table.values,

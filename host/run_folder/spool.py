@@ -7,6 +7,7 @@ bounded, and whatever kills the board leaves them there.
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 import numpy as np
@@ -24,7 +25,7 @@ class EdgeSpool:
         """Begin; edges.npz comes to be at `path` in the end."""
         self._path = path
         self._parts = path.with_suffix(".part")
-        self._types: dict[str, np.dtype[np.int64] | np.dtype[np.int8]] = {}
+        self._types: dict[str, np.dtype[Any]] = {}
         """Of the values in each file, little-endian."""
         shutil.rmtree(self._parts, ignore_errors=True)
         path.unlink(missing_ok=True)

@@ -25,11 +25,13 @@ class Verdict:
 
     Attributes:
         report: computed anew.
+        driver_profile: which drivers the board had, as its report says.
         tampered: why the folder is not as a run left it, one line each.
         fault: what ended the run, as its report says; None if it came to its end.
     """
 
     report: Report
+    driver_profile: str
     tampered: tuple[str, ...]
     fault: Mapping[str, Any] | None
 
@@ -54,7 +56,7 @@ def verify_folder(folder: Path) -> Verdict:
     stored = read_run(folder)
     report = verify_comparison(stored.comparison, stored.report.run)
     inner = [line for axis in stored.comparison.evidence.axes for line in contradictions(axis)]
-    return Verdict(report, (*inner, *_differences(stored, report)), stored.report.fault)
+    return Verdict(report, stored.report.driver_profile, (*inner, *_differences(stored, report)), stored.report.fault)
 
 
 def _differences(stored: StoredRun, report: Report) -> list[str]:

@@ -2,12 +2,22 @@
 
 from host.verify.comparison import Comparison, compare
 from host.verify.consistency import contradictions
-from host.verify.evidence import COUNTS_PER_SECOND, AxisEvidence, Evidence, LevelEdges, OutputChange
+from host.verify.evidence import (
+    COUNTS_PER_SECOND,
+    AxisEvidence,
+    DriverLimit,
+    DriverViolations,
+    Evidence,
+    LevelEdges,
+    OutputChange,
+    Phases,
+)
 from host.verify.oracle import IdealSteps, ideal_steps
 from host.verify.outputs import OutputReport
 from host.verify.plan import Forward, Plan
 from host.verify.report import AxisReport, BusReport, JointsReport, Report, RunInfo, ToolReport
 from host.verify.verifier import POSITION_ERROR_LIMIT_STEPS, THRESHOLD_TOLERANCE_STEPS, verify, verify_comparison
+from host.verify.violations import ViolationReport
 
 __all__ = [
     "COUNTS_PER_SECOND",
@@ -17,6 +27,8 @@ __all__ = [
     "AxisReport",
     "BusReport",
     "Comparison",
+    "DriverLimit",
+    "DriverViolations",
     "Evidence",
     "Forward",
     "IdealSteps",
@@ -24,10 +36,12 @@ __all__ = [
     "LevelEdges",
     "OutputChange",
     "OutputReport",
+    "Phases",
     "Plan",
     "Report",
     "RunInfo",
     "ToolReport",
+    "ViolationReport",
     "compare",
     "contradictions",
     "ideal_steps",

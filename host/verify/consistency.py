@@ -13,7 +13,7 @@ def contradictions(axis: AxisEvidence) -> list[str]:
     """What does not fit together, one line each."""
     rises, steps = axis.clk_rise_counts, axis.step_counts
     checks = [(int(np.setdiff1d(steps, rises).size), "steps without a CLK rise")]
-    if axis.violations == 0:
+    if axis.violations.counts.size == 0:
         heard = rises[_levels_at(rises, axis.pins["reset"].counts, axis.pins["reset"].levels) == 1]
         against = 2 * _levels_at(steps, axis.dir_edge_counts, axis.dir_levels) - 1 != axis.step_signs
         checks += [

@@ -6,10 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from host.trajectory import FloatArray
+
 COUNTS_PER_SECOND = 72_000_000
 """The board's timer: every instant in the evidence is an int64 number of its counts since boot."""
 
 Int64Array = NDArray[np.int64]
+Int16Array = NDArray[np.int16]
 Int8Array = NDArray[np.int8]
 
 
@@ -27,6 +30,59 @@ class LevelEdges:
 
 
 @dataclass(frozen=True, slots=True)
+class DriverLimit:
+    """What a driver asks for.
+
+    Attributes:
+        rule: a short name, for machines.
+        broken: what is wrong where it is broken and what comes of that, for people.
+        limit: its figure.
+        unit: of the figure.
+        source: who says so.
+    """
+
+    rule: str
+    broken: str
+    limit: float
+    unit: str
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
+class DriverViolations:
+    """Each time that a limit of one driver was broken, in order of time.
+
+    Attributes:
+        limits: those that there are.
+        counts: shape (n,), when, in counts since boot.
+        which: shape (n,), the index of the limit.
+        values: shape (n,), what there was instead, in the limit's unit.
+    """
+
+    limits: tuple[DriverLimit, ...]
+    counts: Int64Array
+    which: Int8Array
+    values: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Phases:
+    """What one driver does with its motor: the values from each instant on, all of shape (n,).
+
+    Attributes:
+        counts: when they change, sorted.
+        sixteenths: the field's electrical angle, in sixteenths of a full step from 0 to 63; it grows with DIR low.
+        a_ma: the current that is regulated in phase A, in mA.
+        b_ma: that in phase B.
+    """
+
+    counts: Int64Array
+    sixteenths: Int8Array
+    a_ma: Int16Array
+    b_ma: Int16Array
+
+
+@dataclass(frozen=True, slots=True)
 class AxisEvidence:
     """One axis: its CLK and DIR pins and its driver's accepted steps, all times in counts since boot, sorted.
 
@@ -39,7 +95,8 @@ class AxisEvidence:
         dir_levels: shape (d,), the level after each of those changes, 0 or 1.
         step_counts: shape (steps,), the CLK rises that the driver accepted.
         step_signs: shape (steps,), +1 or -1, the way in which each of them moved the motor.
-        violations: how many pulses broke a limit of the driver.
+        violations: where limits of the driver were broken.
+        phases: electrical angle and currents.
         pins: the axis' other pins by their names in small letters: `reset`, `enable`, `m1`, ..., `out1`, `out2`.
     """
 
@@ -51,7 +108,8 @@ class AxisEvidence:
     dir_levels: Int8Array
     step_counts: Int64Array
     step_signs: Int8Array
-    violations: int
+    violations: DriverViolations
+    phases: Phases
     pins: Mapping[str, LevelEdges]
 
 

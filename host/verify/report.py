@@ -4,6 +4,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from host.verify.outputs import OutputReport
+from host.verify.violations import ViolationReport
 
 SIGNIFICANT_DIGITS = 9
 """To which floats are written: short enough to read, and an error of any size remains visible."""
@@ -47,7 +48,7 @@ class AxisReport:
         timing_error_us_max: its maximum.
         clk_high_us_min: the shortest pulse.
         clk_low_us_min: the shortest pause between two pulses.
-        violations: pulses that broke a limit of the driver.
+        violations: how often limits of the driver were broken, all together.
         unmatched_steps: ideal crossings without a step and steps without a crossing, together.
         grazing_steps: such steps where the motion turns around within the tolerance of a threshold, so that stepping
             and not stepping are both right; they are not counted as unmatched.
@@ -106,6 +107,7 @@ class Report:
         joints: where the joints started and ended.
         tool: how far the tool was off.
         outputs: the planned changes of digital outputs, and when each was made.
+        violations: the limits of the drivers that were broken.
     """
 
     run: RunInfo
@@ -114,6 +116,7 @@ class Report:
     joints: JointsReport
     tool: ToolReport
     outputs: tuple[OutputReport, ...]
+    violations: tuple[ViolationReport, ...]
 
     @property
     def passed(self) -> bool:
@@ -132,6 +135,7 @@ class Report:
             "joints": _plain(asdict(self.joints)),
             "tool": _plain(asdict(self.tool)),
             "outputs": [_plain(asdict(output)) for output in self.outputs],
+            "violations": [_plain(asdict(violation)) for violation in self.violations],
             "bus": _plain(asdict(self.run.bus)),
             "simulated_s": _plain(self.run.simulated_s),
             "wall_s": _plain(self.run.wall_s),

@@ -19,6 +19,7 @@ from host.verify.outputs import output_reasons, output_reports
 from host.verify.plan import Plan
 from host.verify.pulses import pulse_facts
 from host.verify.report import AxisReport, JointsReport, Report, RunInfo, ToolReport
+from host.verify.violations import violation_reports
 
 THRESHOLD_TOLERANCE_STEPS = 0.0075
 """How far from its threshold a step may be made: several times what the board's wire units, cubics and chords cost."""
@@ -72,7 +73,8 @@ def verify_comparison(comparison: Comparison, run: RunInfo) -> Report:
     reasons = [line for axis, end in zip(axes, ends, strict=True) for line in _reasons(axis, end)]
     outputs = output_reports(comparison.plan.trajectory.switchings, comparison.evidence)
     reasons += output_reasons(outputs, comparison.evidence)
-    return Report(run, tuple(reasons), axes, _joints_report(comparison), worst.tool_report(), outputs)
+    violations = violation_reports(comparison.evidence)
+    return Report(run, tuple(reasons), axes, _joints_report(comparison), worst.tool_report(), outputs, violations)
 
 
 def _worst(comparison: Comparison) -> _Worst:
@@ -106,7 +108,7 @@ def _axis_report(comparison: Comparison, axis: int, worst: _Worst) -> AxisReport
         timing_error_us_max=max_us,
         clk_high_us_min=facts.clk_high_us_min,
         clk_low_us_min=facts.clk_low_us_min,
-        violations=evidence.violations,
+        violations=evidence.violations.counts.size,
         unmatched_steps=0 if lawful else unmatched,
         grazing_steps=unmatched if lawful else 0,
         threshold_error_steps_max=threshold_steps,

@@ -72,7 +72,7 @@ class Steps:
         counts, values = self.counts[first:last], self.values[first:last]
         final = np.append(counts[1:] != counts[:-1], True) if counts.size else np.empty(0, np.bool_)
         counts, values = counts[final], values[final]
-        changed = np.diff(values, prepend=self._after(first)) != 0
+        changed = values != np.concatenate([[self._after(first)], values[:-1]])[: values.size]
         return counts[changed], values[changed]
 
     def marks(self, every: int) -> Int64Array:

@@ -20,7 +20,7 @@ def wires(evidence: Evidence) -> list[Signal]:
 
 
 def everything(evidence: Evidence, robot: Robot, states: Sequence[Steps]) -> list[Signal]:
-    """All pins of each axis, its driver's count, the joint's position and the drive's state."""
+    """All pins of each axis, its drive's state, its driver's count and phases, and the joint's position."""
     return [
         signal
         for axis, joint, state in zip(evidence.axes, robot.joints, states, strict=True)
@@ -28,6 +28,7 @@ def everything(evidence: Evidence, robot: Robot, states: Sequence[Steps]) -> lis
             *_wires(axis, _LOGIC_PINS + _MODE_PINS),
             Signal(axis.name, "drive_state", Kind.TEXT, state, STATES),
             *_positions(axis, joint),
+            *_phases(axis),
         )
     ]
 
@@ -56,3 +57,12 @@ def _positions(axis: AxisEvidence, joint: Joint) -> Iterator[Signal]:
     spu = joint.transmission.steps_per_unit
     yield Signal(axis.name, "steps", Kind.REAL, Steps(counts, steps, start))
     yield Signal(axis.name, f"position_{joint.unit}", Kind.REAL, Steps(counts, steps / spu, start / spu))
+
+
+def _phases(axis: AxisEvidence) -> Iterator[Signal]:
+    """The field's electrical angle, four full steps around, and what the driver regulates both currents to."""
+    phases = axis.phases
+    angle_deg = phases.sixteenths * (90.0 / 16.0)
+    yield Signal(axis.name, "angle_deg", Kind.REAL, Steps(phases.counts, angle_deg))
+    yield Signal(axis.name, "phase_a_ma", Kind.REAL, Steps(phases.counts, phases.a_ma))
+    yield Signal(axis.name, "phase_b_ma", Kind.REAL, Steps(phases.counts, phases.b_ma))

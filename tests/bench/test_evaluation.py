@@ -1,5 +1,7 @@
 """Errors put in by hand come out again, to the count."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -84,7 +86,13 @@ def test_figures_are_over_all_steps() -> None:
 
 @pytest.mark.parametrize(("interval_counts", "broken"), [(4800, 0), (4799, 1)])
 def test_violations_on_both_sides_of_15_khz(interval_counts: int, broken: int) -> None:
-    assert violations(upward(np.array([72_000, 72_000 + interval_counts])), BOARD) == broken
+    assert violations(upward(np.array([0, interval_counts])), 16, BOARD) == broken
+
+
+def test_violations_are_those_of_the_boards_drivers() -> None:
+    """The slow blue board wants CLK high for 150 us; 33 us are too short, twice."""
+    slow = replace(BOARD, osc_pf=None, driver_profile="slow-blue-board")
+    assert violations(upward(np.array([72_000, 144_000])), 16, slow) == 2
 
 
 def test_the_load_by_hand() -> None:

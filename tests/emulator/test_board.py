@@ -1,13 +1,17 @@
 """The emulated board on its bus: what it records of the pins that the firmware holds at a level."""
 
+import numpy as np
 import pytest
 
 from controller.backend import Kernel
 from controller.pins import Pin, PinChange
 from emulator.board import Board, BoardConfig
 from emulator.bus import Bus
+from emulator.driver_module import Module, Requirements
 from emulator.simulation import Simulation
-from protocol.cia402 import DigitalOutput
+from emulator.switches import Switch
+from emulator.tb6560 import Cooling, Rule
+from protocol.cia402 import DigitalInput, DigitalOutput
 from protocol.frame import Frame
 from protocol.pvt import PvtRecord
 
@@ -139,3 +143,90 @@ class TestPower:
             assert trace.position_steps == pytest.approx(10 * round_, abs=round_)
             assert not trace.violations.counts.size
             assert simulation.boards[0].firmware.motion.demand_units(0) == 0
+
+
+class TestDrivers:
+    def test_the_firmwares_pins_reach_the_chip(self, simulation: Simulation) -> None:
+        """Supplied in order, out of reset in the mode of 16 microsteps, off until the drive is switched on."""
+        wait(simulation, 1)
+        driven = simulation.boards[0].trace(0).outputs
+        now = np.array([simulation.now_counts])
+        assert driven.angle_deg(now).tolist() == [0]
+        assert driven.currents_a(now).tolist() == [[0, 0]]
+        enabled = switch_on(simulation)
+        wait(simulation, 1)
+        times = enabled + np.array([0, 3 * 72])
+        assert simulation.boards[0].trace(0).outputs.currents_a(times).tolist() == [
+            [0, 0],
+            [pytest.approx(0.5 / 0.33), 0],
+        ]
+        assert not simulation.boards[0].trace(0).violations.counts.size
+
+    def test_steps_turn_the_field(self, simulation: Simulation) -> None:
+        """Ten steps up, which are counterclockwise."""
+        switch_on(simulation)
+        simulation.send(Frame(0x510, PvtRecord(10 * 1024, 0, 100, 0).encode()))
+        simulation.send(Frame(0x310, bytes.fromhex("1f00")))
+        simulation.send(Frame(0x080, b""))
+        wait(simulation, 200)
+        outputs = simulation.boards[0].trace(0).outputs
+        steps = simulation.boards[0].trace(0).position_steps
+        assert steps == pytest.approx(10, abs=1)
+        assert outputs.sixteenths(np.array([simulation.now_counts])).tolist() == [64 - steps]
+
+    def test_protect_goes_low_with_the_heat(self, fast_kernel: Kernel) -> None:
+        """A chip as light as a crumb gets hot within some ms, once it is enabled; the other one stays cold."""
+        crumb = Module(cooling=Cooling(resistance_k_per_w=200, capacity_j_per_k=1e-4))
+        board = Board(BoardConfig(2, (330.0, 330.0), modules=(crumb, Module())), fast_kernel)
+        simulation = Simulation([board], Bus(1_000_000))
+        wait(simulation, 100)
+        nodes = board.firmware.nodes
+        assert [node.dictionary.get(0x60FD) for node in nodes] == [0, 0]
+        switch_on(simulation)
+        wait(simulation, 100)
+        assert [node.dictionary.get(0x60FD) for node in nodes] == [DigitalInput.DRIVER_PROTECT, 0]
+        assert board.trace(0).violations.rules() == [Rule.OVER_TEMPERATURE]
+
+    @pytest.mark.parametrize("module", [Module(), Module(requirements=Requirements(dirhold_ns=1_000_000))])
+    @pytest.mark.parametrize(("switch_steps", "closed"), [(11, True), (12, False)])
+    def test_the_last_step_of_a_motion_may_close_a_switch(
+        self, fast_kernel: Kernel, module: Module, switch_steps: int, closed: bool
+    ) -> None:
+        """Also where the driver knows only a millisecond later that it was one."""
+        switch = Switch(0, DigitalInput.HOME, from_steps=switch_steps)
+        board = Board(BoardConfig(1, (330.0,), switches=(switch,), modules=(module,)), fast_kernel)
+        simulation = Simulation([board], Bus(1_000_000))
+        switch_on(simulation)
+        simulation.send(Frame(0x510, PvtRecord(11 * 1024, 0, 100, 0).encode()))
+        simulation.send(Frame(0x310, bytes.fromhex("1f00")))
+        simulation.send(Frame(0x080, b""))
+        wait(simulation, 150)
+        assert board.trace(0).position_steps == 11
+        seen = DigitalInput(board.firmware.nodes[0].dictionary.get(0x60FD))
+        assert bool(seen & DigitalInput.HOME) == closed
+        assert not board.moving
+
+    def test_the_firmware_may_read_what_was_lost(self, fast_kernel: Kernel) -> None:
+        """Objects 2F00:01 to 03: ten steps of which the chip sees none, each a violation."""
+        deaf = Module(requirements=Requirements(steplen_ns=40_000))
+        board = Board(BoardConfig(1, (330.0,), modules=(deaf,)), fast_kernel)
+        simulation = Simulation([board], Bus(1_000_000))
+        switch_on(simulation)
+        simulation.send(Frame(0x510, PvtRecord(10 * 1024, 0, 100, 0).encode()))
+        simulation.send(Frame(0x310, bytes.fromhex("1f00")))
+        simulation.send(Frame(0x080, b""))
+        wait(simulation, 150)
+        read = [board.firmware.nodes[0].dictionary.get(0x2F00, subindex) for subindex in (1, 2, 3)]
+        assert read == [0, 10, 10]
+
+    def test_each_axis_may_have_another_module(self, fast_kernel: Kernel) -> None:
+        with pytest.raises(ValueError, match="zip"):
+            Board(BoardConfig(2, (330.0, 330.0), modules=(Module(),)), fast_kernel)
+
+
+def switch_on(simulation: Simulation) -> int:
+    """Axis 0 to OPERATION ENABLED for interpolation; return the instant in which ENABLE rose."""
+    for cob_id, data in ((0x000, "0110"), (0x210, "060007"), (0x210, "070007"), (0x210, "0f0007")):
+        simulation.send(Frame(cob_id, bytes.fromhex(data)))
+    simulation.boards[0].drain()
+    return [change.counts for change in simulation.boards[0].pin_changes if change.pin is Pin.ENABLE][-1]

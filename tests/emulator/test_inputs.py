@@ -1,6 +1,7 @@
 """The board's inputs: each switch is seen to change at the start of the tick after the driver's count has passed it."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -14,10 +15,11 @@ from controller.kernel import TICK_COUNTS
 from controller.motion import Motion
 from emulator.board import AxisTrace, Board, BoardConfig
 from emulator.bus import Bus
+from emulator.driver_module import Coupler, Module
 from emulator.operations import BoardTemperature, DriverProtect, EmergencyStop, Operation, Scheduled, Supply
 from emulator.simulation import Simulation
 from emulator.switches import Switch
-from emulator.tb6560 import PERIOD_MIN_COUNTS
+from emulator.tb6560 import PERIOD_MIN_COUNTS, Cooling, Rule
 from protocol.cia402 import DigitalInput, ErrorCode, State
 from protocol.frame import COB_SYNC, Frame
 from protocol.pvt import PvtRecord
@@ -220,9 +222,7 @@ class BoardBench(BenchBoard):
     def __init__(self, kernel: Kernel, board: Board) -> None:
         super().__init__(kernel)
         self.board, self.firmware = board, board.firmware
-        self.sent.clear()
-        self.firmware.boot(0)
-        self._fetch()
+        board.boot(0)
         self.wait(1)
         self.enable(6)
         for subindex, steps_per_s in ((1, FAST_STEPS_PER_S), (2, SLOW_STEPS_PER_S)):
@@ -246,10 +246,7 @@ class BoardBench(BenchBoard):
 def enabled(board: Board, *schedule: Scheduled) -> Simulation:
     """A simulation with all of the board's axes in OPERATION ENABLED at 10 ms."""
     simulation = Simulation([board], Bus(1_000_000), schedule)
-    simulation.send(Frame(0x000, b"\x01\x00"))
-    for node in board.firmware.nodes:
-        for word in (0x06, 0x07, 0x0F):
-            simulation.send(Frame(0x200 + node.node_id, bytes((word, 0, 7))))
+    switch_on(simulation, board)
     simulation.run_until(10 * MS)
     assert states(board) == [State.OPERATION_ENABLED] * board.config.axis_count
     return simulation
@@ -352,6 +349,117 @@ class TestOperations:
         simulation.operate(DriverProtect(0, active=True))
         simulation.run_until(7 * MS)
         assert seen == [[(6 * MS, [DigitalInput.DRIVER_PROTECT])], [(5 * MS, [DigitalInput.ESTOP])]]
+
+
+CRUMB = Module(cooling=Cooling(resistance_k_per_w=200, capacity_j_per_k=1e-4))
+"""A chip that goes to 300 degC with a time constant of 20 ms: 170 degC after 15 ms, down to 150 degC in 3 ms."""
+
+
+class TestHeat:
+    @pytest.fixture
+    def board(self, fast_kernel: Kernel) -> Board:
+        return Board(BoardConfig(2, (330.0, 330.0), modules=(CRUMB, Module())), fast_kernel)
+
+    @pytest.mark.parametrize("late_counts", [0, 1, 17_999])
+    @pytest.mark.parametrize("moving", [False, True])
+    def test_protect_is_seen_with_the_next_tick(self, board: Board, late_counts: int, moving: bool) -> None:
+        """Whether or not many ticks are computed at a time."""
+        seen = watched(board)
+        simulation = Simulation([board], Bus(1_000_000))
+        simulation.run_until(late_counts)
+        begun_counts = simulation.now_counts
+        if moving:
+            run(simulation, {0x10: records_through([(200, 250)]), 0x11: records_through([(200, 250)])}, 250)
+        else:
+            switch_on(simulation, board)
+            simulation.run_until(250 * MS)
+        (hot_counts,) = board.trace(0).violations.counts.tolist()
+        assert hot_counts == pytest.approx(begun_counts + 15 * MS, abs=2 * MS)
+        assert seen == [(-(-hot_counts // TICK_COUNTS) * TICK_COUNTS, [DigitalInput.DRIVER_PROTECT, NONE])]
+        assert (states(board)[0], errors(board)[0]) == (State.FAULT, ErrorCode.TEMPERATURE)
+        emcy_counts = [
+            counts
+            for counts, frame in zip(simulation.bus.log_counts, simulation.bus.log_frames, strict=True)
+            if frame.cob_id == 0x090 and frame.data.startswith(bytes.fromhex("1043"))
+        ]
+        assert [counts - seen[0][0] < MS for counts in emcy_counts] == [True]
+
+    @pytest.mark.parametrize(("cooling_ms", "over"), [(1, False), (10, True)])
+    def test_reset_ends_it_once_the_chip_is_cooler(self, board: Board, cooling_ms: int, over: bool) -> None:
+        """RESET goes low with another number of microsteps."""
+        simulation = Simulation([board], Bus(1_000_000))
+        switch_on(simulation, board)
+        simulation.run_until(14 * MS)
+        while states(board)[0] is not State.FAULT:
+            simulation.run_until(simulation.now_counts + MS // 10)
+        simulation.run_until(simulation.now_counts + cooling_ms * MS)
+        simulation.send(Frame(0x610, bytes.fromhex("2f00200108000000")))
+        simulation.run_until(simulation.now_counts + MS)
+        assert board.firmware.nodes[0].dictionary.get(0x60FD) == (0 if over else DigitalInput.DRIVER_PROTECT)
+        simulation.send(Frame(0x210, b"\x80\0\7"))
+        assert states(board)[0] is (State.SWITCH_ON_DISABLED if over else State.FAULT)
+
+    @pytest.mark.parametrize("late_counts", [0, 1, 9_000, 17_999])
+    def test_so_does_a_power_cycle(self, board: Board, late_counts: int) -> None:
+        simulation = Simulation([board], Bus(1_000_000))
+        switch_on(simulation, board)
+        simulation.run_until(100 * MS + late_counts)
+        assert board.firmware.nodes[0].dictionary.get(0x60FD) == DigitalInput.DRIVER_PROTECT
+        simulation.power_cycle()
+        seen = watched(board)
+        simulation.run_until(102 * MS)
+        assert seen == []
+        assert board.firmware.nodes[0].dictionary.get(0x60FD) == 0
+        switch_on(simulation, board)
+        simulation.run_until(200 * MS)
+        assert board.trace(0).violations.counts.size == 2
+
+    @pytest.mark.parametrize("late_counts", [0, 1, 9_000, 17_999])
+    def test_a_cold_one_stays_high_through_a_power_cycle(self, board: Board, late_counts: int) -> None:
+        """Also if the chip warms up so fast that it is looked at in every tick."""
+        simulation = Simulation([board], Bus(1_000_000))
+        seen = [watched(board)]
+        for cycle in range(1, 5):
+            simulation.run_until(cycle * 7 * MS + late_counts)
+            simulation.power_cycle()
+            seen.append(watched(board))
+        simulation.run_until(40 * MS)
+        assert seen == [[]] * 5
+
+    def test_on_two_boards_of_which_one_moves(self, board: Board, fast_kernel: Kernel) -> None:
+        """The one at rest gets hot, and says so in time."""
+        mover = Board(BoardConfig(1, (330.0,), first_node_id=0x20), fast_kernel)
+        simulation = Simulation([mover, board], Bus(1_000_000))
+        seen = watched(board)
+        switch_on(simulation, board)
+        run(simulation, {0x20: records_through([(300, 250)])}, 250)
+        (hot_counts,) = board.trace(0).violations.counts.tolist()
+        assert [counts for counts, _ in seen] == [-(-hot_counts // TICK_COUNTS) * TICK_COUNTS]
+        assert mover.trace(0).position_steps == 300
+
+    def test_a_pin_that_somebody_holds_low_stays_low(self, board: Board) -> None:
+        simulation = Simulation([board], Bus(1_000_000), [Scheduled(5 * MS, DriverProtect(1, active=True))])
+        switch_on(simulation, board)
+        simulation.run_until(100 * MS)
+        levels = [node.dictionary.get(0x60FD) for node in board.firmware.nodes]
+        assert levels == [DigitalInput.DRIVER_PROTECT] * 2
+
+    def test_modules_have_no_terminal_for_it(self, fast_kernel: Kernel) -> None:
+        coupled = replace(CRUMB, clk=Coupler(100, 100))
+        board = Board(BoardConfig(1, (330.0,), modules=(coupled,)), fast_kernel)
+        simulation = Simulation([board], Bus(1_000_000))
+        switch_on(simulation, board)
+        simulation.run_until(100 * MS)
+        assert board.trace(0).violations.rules() == [Rule.OVER_TEMPERATURE]
+        assert states(board) == [State.OPERATION_ENABLED]
+
+
+def switch_on(simulation: Simulation, board: Board) -> None:
+    """All axes to OPERATION ENABLED, at once."""
+    simulation.send(Frame(0x000, b"\x01\x00"))
+    for node in board.firmware.nodes:
+        for word in (0x06, 0x07, 0x0F):
+            simulation.send(Frame(0x200 + node.node_id, bytes((word, 0, 7))))
 
 
 def monitored(board: Board) -> list[int]:

@@ -1,32 +1,22 @@
-"""The driver's inputs: counting, direction, RESET, and each limit on both sides."""
+"""What the chip counts and notes: direction, RESET, ENABLE, supplies, and each limit on both sides."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emulator.tb6560 import Pins, Rule, Tb6560, clk_width_min_counts, oscillator_hz
+from emulator.tb6560 import PINS, Pins, Rule, Tb6560, Unit, chopping_hz, clk_width_min_counts, oscillator_hz
+from emulator.tb6560.pins import Input, Kind, LevelChange
+from tests.emulator.pins import PERIOD, POWER_UP, WIDTH, at, cut, pins
 
-WIDTH = 2160
-PERIOD = 4800
-
-
-def pins(
-    rises: list[int],
-    widths: int | list[int] = WIDTH,
-    directions: tuple[tuple[int, int], ...] = ((0, 1),),
-    resets: tuple[tuple[int, int], ...] = (),
-) -> Pins:
-    rise = np.array(rises, dtype=np.int64)
-    dirs = np.array(directions, dtype=np.int64).reshape(-1, 2)
-    reset = np.array(resets, dtype=np.int64).reshape(-1, 2)
-    return Pins(rise, rise + widths, dirs[:, 0], dirs[:, 1].astype(np.int8), reset[:, 0], reset[:, 1].astype(np.int8))
+UP = ((1, 1),)
+"""DIR is high from the start."""
 
 
 def powered(osc_pf: float = 330) -> Tb6560:
-    driver = Tb6560(osc_pf)
-    driver.feed(pins([], directions=(), resets=((0, 1),)))
-    return driver
+    chip = Tb6560(osc_pf)
+    chip.feed(pins(changes=POWER_UP, until=1))
+    return chip
 
 
 class TestDatasheet:
@@ -37,89 +27,225 @@ class TestDatasheet:
     @pytest.mark.parametrize(("osc_pf", "khz"), [(100, 400), (330, 130), (1000, 44)])
     def test_oscillator_formula(self, osc_pf: float, khz: float) -> None:
         assert oscillator_hz(osc_pf) / 1000 == pytest.approx(khz, rel=0.01)
+        assert chopping_hz(osc_pf) / 1000 == pytest.approx(khz / 4, rel=0.01)
 
     def test_other_capacitors_take_four_oscillator_periods(self) -> None:
         assert clk_width_min_counts(470) == pytest.approx(4 * 72e6 / oscillator_hz(470), abs=1)
 
-    @pytest.mark.parametrize("osc_pf", [0, -330])
+    @pytest.mark.parametrize("osc_pf", [0, -330, float("nan")])
     def test_a_capacitor_has_a_positive_value(self, osc_pf: float) -> None:
         with pytest.raises(ValueError, match="330"):
             clk_width_min_counts(osc_pf)
+        with pytest.raises(ValueError, match="330"):
+            oscillator_hz(osc_pf)
+
+    @pytest.mark.parametrize("sense_ohm", [0, -0.5])
+    def test_a_resistor_has_a_positive_value(self, sense_ohm: float) -> None:
+        with pytest.raises(ValueError, match=r"0\.33"):
+            Tb6560(330, sense_ohm)
+
+    def test_the_pins(self) -> None:
+        """HZIP25, page 3: the order along the package."""
+        assert [pin.number for pin in PINS] == list(range(1, 26))
+        assert " ".join(pin.name for pin in PINS) == (
+            "TQ2 TQ1 CLK ENABLE RESET SGND OSC VMB OUT_BM PGNDB NFB OUT_BP OUT_AM NFA PGNDA OUT_AP MO VMA Protect VDD"
+            " CW/CCW M2 M1 DCY2 DCY1"
+        )
+        inputs = {pin.name for pin in PINS if pin.kind is Kind.INPUT}
+        assert inputs == {pin.name for pin in Input} - {"VDD", "VM"} | {"CLK", "CW/CCW"}
+        assert [pin.name for pin in PINS if pin.kind is Kind.OPEN_DRAIN] == ["MO", "Protect"]
 
 
 @pytest.mark.parametrize("osc_pf", [100, 330, 1000])
 def test_clk_width_on_both_sides(osc_pf: float) -> None:
     limit = clk_width_min_counts(osc_pf)
-    driver = powered(osc_pf)
-    driver.feed(pins([10_000, 30_000], [limit, limit - 1]))
-    assert driver.position_steps == 1
-    found = driver.violations
-    assert (found.counts.tolist(), found.rules.tolist()) == ([30_000], [Rule.CLK_HIGH])
-    assert (found.values - found.limits).tolist() == [-1]
+    chip = powered(osc_pf)
+    chip.feed(pins([10_000, 30_000], [limit, limit - 1], UP))
+    assert chip.position_steps == 1
+    found = chip.violations
+    assert (found.counts.tolist(), found.rules()) == ([30_000], [Rule.CLK_HIGH])
+    assert (found.values.tolist(), found.margins().tolist()) == ([limit - 1], [-1])
 
 
 def test_clk_rate_on_both_sides() -> None:
-    driver = powered()
-    driver.feed(pins([10_000, 10_000 + PERIOD, 10_000 + 2 * PERIOD - 1]))
-    assert driver.position_steps == 2
-    found = driver.violations
-    assert (found.rules.tolist(), found.values.tolist(), found.limits.tolist()) == ([Rule.CLK_RATE], [4799], [4800])
+    chip = powered()
+    chip.feed(pins([10_000, 10_000 + PERIOD, 10_000 + 2 * PERIOD - 1], directions=UP))
+    assert chip.position_steps == 2
+    found = chip.violations
+    assert (found.rules(), found.values.tolist(), found.margins().tolist()) == ([Rule.CLK_PERIOD], [4799], [-1])
 
 
 def test_rate_is_watched_across_batches() -> None:
-    driver = powered()
-    driver.feed(pins([10_000]))
-    driver.feed(pins([14_799], directions=()))
-    assert driver.position_steps == 1
-    assert driver.violations.counts.tolist() == [14_799]
+    chip = powered()
+    chip.feed(pins([10_000], directions=UP))
+    chip.feed(pins([14_799]))
+    assert chip.position_steps == 1
+    assert chip.violations.counts.tolist() == [14_799]
+
+
+def test_a_pulse_may_break_two_limits() -> None:
+    chip = powered()
+    chip.feed(pins([10_000, 11_000], [WIDTH, 5]))
+    assert [rule.name for rule in chip.violations.rules()] == ["CLK_HIGH", "CLK_PERIOD"]
+    assert chip.violations.counts.tolist() == [11_000, 11_000]
+    assert {limit.unit for limit in chip.violations.limits[:2]} == {Unit.COUNTS}
 
 
 def test_direction_is_sampled_at_the_rise() -> None:
     """DIR high counts up; an edge at the very count of the rise is seen, one count later is not."""
-    driver = powered()
-    driver.feed(pins([10_000, 20_000, 30_000], directions=((0, 1), (20_000, 0), (30_001, 1))))
-    assert driver.steps[1].tolist() == [1, -1, -1]
-    driver.feed(pins([40_000], directions=()))
-    assert driver.position_steps == 0
+    chip = powered()
+    chip.feed(pins([10_000, 20_000, 30_000], directions=((0, 1), (20_000, 0), (30_001, 1))))
+    assert chip.steps[1].tolist() == [1, -1, -1]
+    chip.feed(pins([40_000]))
+    assert chip.position_steps == 0
 
 
 def test_reset_ignores_clk_without_a_violation() -> None:
-    driver = Tb6560(330)
-    driver.feed(pins([10_000, 20_000, 40_000], 5, resets=((30_000, 1),)))
-    assert driver.position_steps == 0
-    assert driver.violations.counts.tolist() == [40_000]
-    driver.feed(pins([50_000, 60_000], resets=((55_000, 0),), directions=()))
-    assert driver.position_steps == 1
+    chip = Tb6560(330)
+    chip.feed(pins([10_000, 20_000, 40_000], 5, UP, (*at(0, VDD=1, VM=1), *at(30_000, RESET=1))))
+    assert chip.position_steps == 0
+    assert chip.violations.counts.tolist() == [40_000]
+    chip.feed(pins([50_000, 60_000], changes=at(55_000, RESET=0)))
+    assert chip.position_steps == 1
+
+
+def test_reset_at_the_very_count_of_a_rise_is_seen() -> None:
+    chip = powered()
+    chip.feed(pins([10_000, 20_000, 30_000], directions=UP, changes=(*at(10_000, RESET=0), *at(30_000, RESET=1))))
+    assert chip.steps[0].tolist() == [30_000]
+
+
+def test_a_reset_within_one_count_loses_no_step() -> None:
+    chip = powered()
+    chip.feed(pins([10_000], directions=UP, changes=(*at(10_000, RESET=0), *at(10_000, RESET=1))))
+    assert chip.position_steps == 1
+
+
+def test_the_counter_follows_clk_while_the_outputs_are_off() -> None:
+    chip = powered()
+    chip.feed(pins([10_000, 20_000, 30_000], directions=UP, changes=(*at(15_000, ENABLE=0), *at(25_000, ENABLE=1))))
+    assert chip.position_steps == 3
+    assert not chip.violations.counts.size
+
+
+def test_without_its_supply_the_chip_counts_nothing() -> None:
+    chip = Tb6560(330)
+    chip.feed(pins([10_000, 20_000, 30_000], directions=UP, changes=(*POWER_UP, *at(15_000, VM=0, VDD=0))))
+    assert chip.position_steps == 1
+
+
+class TestPowerOrder:
+    """Page 28: VDD, VM, then the inputs; off in reverse. Each rule on both sides."""
+
+    def rules_and_margins(self, *changes: LevelChange) -> list[tuple[Rule, int]]:
+        chip = Tb6560(330)
+        chip.feed(pins(changes=changes))
+        found = chip.violations
+        return list(zip(found.rules(), found.margins().tolist(), strict=True))
+
+    def test_in_order(self) -> None:
+        supplies, released = [Input.VDD, Input.VM], [Input.RESET, Input.ENABLE]
+        order = [*supplies, *(pin for pin in Input if pin not in (*supplies, *released)), *released]
+        on = (LevelChange(i, pin, 1) for i, pin in enumerate(order))
+        off = (LevelChange(100 + i, pin, 0) for i, pin in enumerate(reversed(order)))
+        assert self.rules_and_margins(*on, *off) == []
+
+    def test_vm_before_vdd(self) -> None:
+        assert self.rules_and_margins(*at(0, VM=1), *at(1, VDD=1)) == [(Rule.POWER_ORDER, -1)]
+
+    def test_vdd_off_before_vm(self) -> None:
+        assert self.rules_and_margins(*at(0, VDD=1, VM=1), *at(1, VDD=0)) == [(Rule.POWER_ORDER, 1)]
+
+    @pytest.mark.parametrize("pin", ["RESET", "ENABLE", "M1", "TQ2", "DCY1"])
+    def test_an_input_before_vm(self, pin: str) -> None:
+        assert self.rules_and_margins(*at(0, VDD=1, **{pin: 1}), *at(1, VM=1)) == [(Rule.POWER_ORDER, -1)]
+
+
+class TestModeChange:
+    @pytest.mark.parametrize("pin", ["M1", "M2"])
+    @pytest.mark.parametrize("reset", [0, 1])
+    def test_only_in_reset(self, pin: str, reset: int) -> None:
+        chip = powered()
+        chip.feed(pins(changes=(*at(100, RESET=reset), *at(200, **{pin: 1}), *at(300, RESET=1))))
+        found = chip.violations
+        assert found.rules() == [Rule.MODE_CHANGE] * reset
+        assert found.margins().tolist() == [1] * reset
+
+    def test_the_same_level_again_is_no_change(self) -> None:
+        chip = powered()
+        chip.feed(pins(changes=at(200, M1=0)))
+        assert not chip.violations.counts.size
 
 
 def test_nothing_happens_without_pulses() -> None:
-    driver = powered()
-    driver.feed(pins([], directions=()))
-    assert driver.position_steps == 0
-    assert driver.steps[0].size == driver.violations.counts.size == 0
+    chip = powered()
+    chip.feed(pins())
+    assert chip.position_steps == 0
+    assert chip.steps[0].size == chip.violations.counts.size == 0
 
 
-@given(
-    gaps=st.lists(st.integers(1, 9000), min_size=1, max_size=60),
-    widths=st.lists(st.integers(1, 4000), min_size=60, max_size=60),
-    turns=st.lists(st.integers(0, 400_000), max_size=10, unique=True),
-    cut=st.integers(0, 60),
-)
-def test_against_a_chip_stepped_edge_by_edge(gaps: list[int], widths: list[int], turns: list[int], cut: int) -> None:
-    """The same rules, one pulse at a time; and feeding in two batches changes nothing."""
-    rises = np.cumsum([0, *(gap + width for gap, width in zip(gaps, widths, strict=False))])[:-1].tolist()
-    width = widths[: len(rises)]
-    directions = tuple((counts, i % 2) for i, counts in enumerate(sorted(turns), start=1))
+PULSES = st.lists(st.tuples(st.integers(1, 9000), st.integers(1, 4000)), min_size=1, max_size=60)
+TURNS = st.lists(st.integers(0, 400_000), max_size=10, unique=True)
+CHANGES = st.lists(st.tuples(st.integers(1, 400_000), st.sampled_from(list(Input)[1:]), st.integers(0, 1)), max_size=12)
 
-    position, previous = 0, -PERIOD
-    for rise, high in zip(rises, width, strict=True):
-        level = [0, *(level for counts, level in directions if counts <= rise)][-1]
-        if high >= WIDTH and rise - previous >= PERIOD:
-            position += 2 * level - 1
+
+def stream(pulses: list[tuple[int, int]], turns: list[int], changes: list[tuple[int, Input, int]]) -> Pins:
+    """Gaps and widths of pulses, where DIR turns, and what the other inputs do once the supply is up."""
+    gaps, widths = zip(*pulses, strict=True)
+    rises = np.cumsum(np.array(gaps) + np.concatenate(([0], widths[:-1]))).tolist()
+    directions = [(counts, (i + 1) % 2) for i, counts in enumerate(sorted(turns))]
+    later = sorted((LevelChange(*change) for change in changes), key=lambda change: change.counts)
+    return pins(rises, widths, directions, (*POWER_UP, *later))
+
+
+def levels_at_rises(whole: Pins) -> list[int]:
+    turned = np.searchsorted(whole.dir_counts, whole.clk_rise_counts, side="right").tolist()
+    return [int(whole.dir_levels[n - 1]) if n else 0 for n in turned]
+
+
+@given(pulses=PULSES, turns=TURNS, changes=CHANGES)
+def test_against_a_chip_stepped_edge_by_edge(
+    pulses: list[tuple[int, int]], turns: list[int], changes: list[tuple[int, Input, int]]
+) -> None:
+    """The same rules, one pulse at a time."""
+    whole = stream(pulses, turns, changes)
+    steps, previous = [], -PERIOD
+    for rise, fall in zip(whole.clk_rise_counts.tolist(), whole.clk_fall_counts.tolist(), strict=True):
+        reset = [change.level for change in whole.changes if change.pin is Input.RESET and change.counts <= rise][-1]
+        turned = np.searchsorted(whole.dir_counts, rise, side="right")
+        level = int(whole.dir_levels[turned - 1]) if turned else 0
+        if reset and fall - rise >= WIDTH and rise - previous >= PERIOD:
+            steps.append((rise, 2 * level - 1))
         previous = rise
+    chip = Tb6560(330)
+    chip.feed(whole)
+    assert list(zip(*(values.tolist() for values in chip.steps), strict=True)) == steps
+    assert chip.position_steps == sum(sign for _, sign in steps)
+    meant = [2 * int(level) - 1 for level in levels_at_rises(whole)]
+    assert chip.position_steps + chip.lost_steps == sum(meant)
+    assert chip.violation_count == chip.violations.counts.size
 
-    driver = powered()
-    edge = rises[cut] if cut < len(rises) else 10**9
-    driver.feed(pins(rises[:cut], width[:cut], tuple(d for d in directions if d[0] < edge)))
-    driver.feed(pins(rises[cut:], width[cut:], tuple(d for d in directions if d[0] >= edge)))
-    assert driver.position_steps == position == driver.steps[1].sum()
+
+@given(pulses=PULSES, turns=TURNS, changes=CHANGES, cuts=st.lists(st.integers(0, 450_000), max_size=6))
+def test_pieces_make_no_difference(
+    pulses: list[tuple[int, int]], turns: list[int], changes: list[tuple[int, Input, int]], cuts: list[int]
+) -> None:
+    """Nor do looks at the chip in between."""
+    whole = stream(pulses, turns, changes)
+    once, pieced = Tb6560(330), Tb6560(330)
+    once.feed(whole)
+    for piece in cut(whole, cuts):
+        pieced.feed(piece)
+        assert pieced.outputs.mo_levels(np.array([piece.until_counts])).size == 1
+    assert pieced.position_steps == once.position_steps
+    assert recorded(pieced) == recorded(once)
+    times = np.linspace(-100, 500_000, 300).astype(np.int64)
+    assert np.array_equal(pieced.outputs.currents_a(times), once.outputs.currents_a(times))
+
+
+def recorded(chip: Tb6560) -> list[list[int]]:
+    """Steps and violations; those of one instant in any order."""
+    found = chip.violations
+    order = np.lexsort((found.which, found.counts))
+    kept = (*chip.steps, found.counts[order], found.which[order], found.values[order])
+    return [[int(value) for value in values] for values in kept]

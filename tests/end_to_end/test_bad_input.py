@@ -48,6 +48,9 @@ def frames(monkeypatch: pytest.MonkeyPatch) -> list[object]:
         pytest.param([*RUN, "--stand-at", "0 0 100"], ["--stand-at", "3", "6"], id="too few joints"),
         pytest.param([*RUN, "--stand-at", "0 0 a 0 0 0"], ["--stand-at", "'a'"], id="joint that is no number"),
         pytest.param([*RUN, "--out", "/dev/null/x"], ["--out", "/dev/null"], id="folder that cannot be"),
+        pytest.param(
+            [*RUN, "--driver-profile", "slow-blue"], ["driver profile", "slow-blue", "slow-blue-board"], id="driver"
+        ),
         pytest.param([*RUN, "--out", ""], ["--out", "empty"], id="folder without a name"),
         pytest.param([*RUN, "--stand-at", "0 0 nan 0 60 30"], ["--stand-at", "nan", "finite"], id="nan"),
         pytest.param(["fk", "warehouse-scara", *["0", "0", "inf", "0", "60", "30"]], ["inf", "finite"], id="fk of inf"),

@@ -1,6 +1,7 @@
 """The pages that `make docs` writes are up to date, pictures and links are there, and the Python does what it says."""
 
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -10,15 +11,19 @@ import pytest
 from bench.pulses.motions import motion_of_job
 from bench.pulses.table import COLUMNS, measured, table_rows
 from controller.backend import Kernel
+from docs.generate.driver import DRIVER_PAGE, render_driver
 from docs.generate.page import PAGE, render_page
 from docs.generate.protocol import PROTOCOL_PAGE, render_protocol
 from docs.generate.results import SAMPLED
 from docs.generate.robot_file import Entry, read_robot_file
 from docs.generate.runs import ROBOTS, Runs
+from docs.generate.waveform_pictures import WAVEFORM_PAGE
+from host.cli.app import run
 from host.robots import load_robot, robot_names
 
 TEXT = PAGE.read_text(encoding="utf-8")
 BENCHMARKS = (PAGE.parent / "benchmarks.md").read_text(encoding="utf-8")
+ALL_TEXT = TEXT + BENCHMARKS + DRIVER_PAGE.read_text(encoding="utf-8") + WAVEFORM_PAGE.read_text(encoding="utf-8")
 PICTURE_BYTES_MAX = 120_000
 
 
@@ -31,19 +36,23 @@ def test_the_protocol_page_is_up_to_date() -> None:
     assert render_protocol() == PROTOCOL_PAGE.read_text(encoding="utf-8")
 
 
+def test_the_driver_page_is_up_to_date() -> None:
+    assert render_driver() == DRIVER_PAGE.read_text(encoding="utf-8")
+
+
 def test_every_robot_is_described() -> None:
     assert set(ROBOTS) == set(robot_names())
 
 
 def test_links_lead_somewhere() -> None:
-    targets = re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", TEXT)
+    targets = re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", ALL_TEXT)
     assert len(targets) > 30
     for target in targets:
         assert (PAGE.parent / target).exists(), target
 
 
 def test_pictures_are_small() -> None:
-    pictures = set(re.findall(r"\((pictures/[^)]+)\)", TEXT + BENCHMARKS))
+    pictures = set(re.findall(r"\((pictures/[^)]+)\)", ALL_TEXT))
     assert {path.name for path in (PAGE.parent / "pictures").iterdir()} == {Path(name).name for name in pictures}
     for name in pictures:
         assert (PAGE.parent / name).stat().st_size < PICTURE_BYTES_MAX, name
@@ -61,6 +70,21 @@ def test_the_benchmarks_of_pulse_timing_are_up_to_date(fast_kernel: Kernel) -> N
 def test_python() -> None:
     (code,) = re.findall(r"^```python\n(.*?)^```", TEXT, flags=re.MULTILINE | re.DOTALL)
     subprocess.run([sys.executable, "-W", "error", "-c", code], check=True, cwd="/")
+
+
+def test_the_commands_for_waveforms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One after the other; the run itself draws no pictures here."""
+    pytest.importorskip("matplotlib", reason="the extra `plot` (matplotlib) is not installed")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("host.run_folder.writing.find_spec", lambda _: None)
+    block = re.findall(r"^```\n(.*?)^```", WAVEFORM_PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)[0]
+    commands = [shlex.split(line, comments=True) for line in block.splitlines()]
+    assert len(commands) == 7
+    for words in commands:
+        assert run(words[1:]) == 0, words
+    left = {path.relative_to("out").as_posix() for path in Path("out").rglob("*.*")}
+    assert left >= {"helix/trace.vcd", "helix/trace-full.vcd", "helix/trace.csv", "helix/edges.png", "helix/phases.png"}
+    assert "paper/tool-path.pdf" in left
 
 
 @pytest.mark.parametrize(("robot", "job"), SAMPLED)

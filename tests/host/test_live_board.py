@@ -3,10 +3,12 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from controller.backend import Kernel
 from emulator.board import Board
+from host.cli.app import run
 from host.live import LiveBoard
 from host.robots import load_robot
 from host.run_folder import read_edges, read_report
@@ -22,9 +24,18 @@ ROBOT = load_robot("warehouse-scara")
 class Session:
     """Frames go in and time passes, as told; recorded is every 50 ms."""
 
-    def __init__(self, kernel: Kernel, out: Path | None = None, log: Path | None = None) -> None:
+    def __init__(
+        self, kernel: Kernel, out: Path | None = None, log: Path | None = None, drivers: str | None = None
+    ) -> None:
         self.board = LiveBoard(
-            ROBOT, list(ROBOT.home), kernel, bitrate=ROBOT.board.bitrate, speed=1.0, out=out, log=log
+            ROBOT,
+            list(ROBOT.home),
+            kernel,
+            bitrate=ROBOT.board.bitrate,
+            speed=1.0,
+            out=out,
+            log=log,
+            driver_profile_name=drivers,
         )
         self.board.live.start(0, 0)
         self.now_ns = 0
@@ -110,6 +121,38 @@ def test_nothing_is_held_in_memory(fast_kernel: Kernel, tmp_path: Path, recorded
     session.end()
 
 
+def test_other_drivers_break_their_limits(fast_kernel: Kernel, tmp_path: Path) -> None:
+    """Pulses of 33 us for drivers that ask for 150 us before the falling edge: none is counted."""
+    session = Session(fast_kernel, tmp_path, drivers="slow-blue-board")
+    session.send(Frame(0x000, b"\x01\x00"))
+    session.move(0)
+    session.move(2)
+    session.end()
+    report, axis = read_report(tmp_path), read_edges(tmp_path).axes[3]
+    assert report.driver_profile == "slow-blue-board"
+    assert [(figures["pulses"], figures["violations"]) for figures in report.axes][2:5] == [(0, 0), (80, 80), (0, 0)]
+    assert axis.clk_rise_counts.size == 80
+    assert axis.step_counts.size == 0
+    assert {axis.violations.limits[i].rule for i in axis.violations.which} == {"clk_low"}
+    assert axis.violations.values.tolist() == pytest.approx([33] * 80)
+
+
+def test_currents_are_recorded_as_they_are_of_the_whole(fast_kernel: Kernel, tmp_path: Path) -> None:
+    """One cycle of the field is 64 steps of 1/16: 20 steps up and down turn it by 20 and back."""
+    session = Session(fast_kernel, tmp_path)
+    session.send(Frame(0x000, b"\x01\x00"))
+    session.move(0)
+    session.end()
+    axis = read_edges(tmp_path).axes[3]
+    moved = np.isin(axis.phases.counts, axis.step_counts)
+    sixteenths = axis.phases.sixteenths[moved]
+    turn = 16 // ROBOT.joints[3].transmission.microsteps
+    expected = [-turn * steps % 64 for steps in (*range(1, 21), *range(19, -1, -1))]
+    assert sixteenths.tolist() == expected
+    peak_ma = max(abs(axis.phases.a_ma).max(), abs(axis.phases.b_ma).max())
+    assert peak_ma == 1500
+
+
 def test_the_bus_log_alone(fast_kernel: Kernel, tmp_path: Path) -> None:
     session = Session(fast_kernel, log=tmp_path / "run.log")
     session.send(SYNC)
@@ -118,6 +161,14 @@ def test_the_bus_log_alone(fast_kernel: Kernel, tmp_path: Path) -> None:
     assert len(lines) == session.board.bus.frames == 7
     assert lines[-1].endswith("steptwin0 080#")
     assert [path.name for path in tmp_path.iterdir()] == ["run.log"]
+
+
+def test_where_nothing_moved_there_is_no_waveform(
+    fast_kernel: Kernel, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Session(fast_kernel, tmp_path).end()
+    assert run(["trace", str(tmp_path)]) == 2
+    assert "nothing has happened after power-up" in capsys.readouterr().err
 
 
 def test_the_report_is_a_document(fast_kernel: Kernel, tmp_path: Path) -> None:

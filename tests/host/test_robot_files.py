@@ -9,9 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from emulator.driver_module import ClkEdge
+from emulator.driver_profiles import PROFILES
 from host.errors import InputError
 from host.kinematics import make_kinematics
-from host.robot import MICROSTEPS, Joint, Output, Robot, Transmission, Unit
+from host.robot import DRIVER_PROFILES, MICROSTEPS, ActiveEdge, Joint, Output, Robot, Transmission, Unit
 from host.robots import load_robot, load_robot_file, parse_robot, robot_names
 
 NAME = "warehouse-scara"
@@ -191,6 +193,41 @@ class TestMistakesInAFile:
                 id="acceleration",
             ),
             pytest.param("osc_pf = 330", "osc_pf = 0", "board.osc_pf: 0 is not above 0", id="board"),
+            pytest.param("osc_pf = 330", "", "board.osc_pf: is missing; it or driver_profile says", id="no driver"),
+            pytest.param(
+                "osc_pf = 330",
+                'driver_profile = "3a-modul"',
+                "board.driver_profile: '3a-modul' is unknown: did you mean 3a-module?",
+                id="driver profile",
+            ),
+            pytest.param(
+                "osc_pf = 330",
+                'driver_profile = "3a-module"\nosc_pf = 330',
+                "board.osc_pf: driver_profile 3a-module says already what is at OSC",
+                id="two drivers",
+            ),
+            pytest.param("osc_pf = 330", "driver_profile = 3", "board.driver_profile: 3 is not a text", id="no name"),
+            pytest.param(
+                "osc_pf = 330", "osc_pf = 330\ncurrent_a = 0", "board.current_a: 0 A is not above 0 and up", id="0 A"
+            ),
+            pytest.param(
+                "osc_pf = 330",
+                "osc_pf = 330\ncurrent_a = 3.1",
+                "board.current_a: 3.1 A is not above 0 and up to 3 A",
+                id="3.1 A",
+            ),
+            pytest.param(
+                "osc_pf = 330",
+                'osc_pf = 330\nactive_edge = "both"',
+                "board.active_edge: 'both' is none of rising, falling",
+                id="edge",
+            ),
+            pytest.param(
+                "osc_pf = 330",
+                'osc_pf = 330\ndriver_profil = "3a-module"',
+                "board.driver_profil: key 'driver_profil' is unknown: did you mean driver_profile?",
+                id="mistyped driver profile",
+            ),
             pytest.param("1_000_000", "800_000", "board.bitrate: 800000 is none of 125000, 250000", id="bit rate"),
             pytest.param("33_000", "3_999", "board.steplen_ns: 3999 ns is outside 4000..1000000 ns", id="steplen"),
             pytest.param("15_000", "1_000_001", "board.dirsetup_ns: 1000001 ns is outside 0..1000000", id="dirsetup"),
@@ -288,6 +325,23 @@ class TestMistakesInAFile:
         assert complaint(lead) == (
             "mine.toml: joints.sz.speed_max: 80 mm/s takes 16.0 kHz of steps, more than the driver's 15.0 kHz"
         )
+
+
+class TestDrivers:
+    def test_are_bare_chips_by_their_capacitor_unless_said_otherwise(self) -> None:
+        board = ROBOT.board
+        assert (board.osc_pf, board.driver_profile, board.current_a, board.active_edge) == (330, None, None, None)
+
+    @pytest.mark.parametrize("name", DRIVER_PROFILES)
+    def test_may_be_named(self, name: str) -> None:
+        text = changed("osc_pf = 330", f'driver_profile = "{name}"\ncurrent_a = 3\nactive_edge = "falling"')
+        board = parse_robot(text, "mine.toml").board
+        assert (board.osc_pf, board.driver_profile) == (None, name)
+        assert (board.current_a, board.active_edge) == (3, ActiveEdge.FALLING)
+
+    def test_are_those_that_the_emulator_has(self) -> None:
+        assert tuple(PROFILES) == DRIVER_PROFILES
+        assert [edge.value for edge in ClkEdge] == [edge.value for edge in ActiveEdge]
 
 
 LINES = TEXT.splitlines()

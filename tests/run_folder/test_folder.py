@@ -3,7 +3,6 @@
 import json
 import shutil
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +17,20 @@ from host.robots import load_robot
 from host.run_folder import ContradictionError, read_edges, read_run
 from host.run_folder.edges import write_edges
 from host.run_folder.motion import CUBICS_OFF_STEPS, read_motion, write_motion
-from host.verify import Evidence
-from tests.verify.motions import motion, perfect_evidence, plan_of, sines, still
+from host.verify import DriverLimit, DriverViolations, Phases
+from tests.verify.motions import altered, motion, perfect_evidence, plan_of, sines, still
 
-EVIDENCE = replace(
-    perfect_evidence(plan_of(motion(0.5, sines([(20.0, 3.0, 0.0)]), still(7.5)), 80.0, 10.0)), outputs=()
+EVIDENCE = altered(
+    perfect_evidence(plan_of(motion(0.5, sines([(20.0, 3.0, 0.0)]), still(7.5)), 80.0, 10.0)),
+    violations=DriverViolations(
+        (DriverLimit("clk_high", "CLK too short", 30.0, "us", "p. 8"), DriverLimit("hot", "", 170.0, "degC", "p. 9")),
+        np.array([500, 500]),
+        np.array([1, 0], np.int8),
+        np.array([171.5, 29.0]),
+    ),
+    phases=Phases(
+        np.array([100, 200]), np.array([0, 63], np.int8), np.array([0, -1515], np.int16), np.array([3000, 0], np.int16)
+    ),
 )
 
 
@@ -120,7 +128,9 @@ def said(error: InputError) -> str:
 @pytest.mark.parametrize("key", [*["folder_version", "counts_per_second", "start_counts", "axes"], *(
     f"b_{what}" for what in (
         "start_steps", "clk_rise_counts", "clk_fall_counts", "dir_edge_counts", "dir_levels", "step_counts",
-        "step_signs", "violations", "reset_counts", "reset_levels", "out2_counts", "out2_levels", "dcy1_levels",
+        "step_signs", "violation_counts", "violation_which", "violation_values", "limit_rules", "limit_broken",
+        "limit_values", "limit_units", "limit_sources", "phase_counts", "phase_sixteenths", "phase_a_ma", "phase_b_ma",
+        "reset_counts", "reset_levels", "out2_counts", "out2_levels", "dcy1_levels",
     )
 )])  # fmt: skip
 def test_a_key_that_is_missing(key: str, tmp_path: Path) -> None:
@@ -137,6 +147,8 @@ def test_a_key_that_is_missing(key: str, tmp_path: Path) -> None:
         ("axes", np.array([1, 2]), "axes: is not a list of names"),
         ("a_clk_rise_counts", np.array([1.0]), "a_clk_rise_counts: is not a list of whole numbers"),
         ("a_clk_rise_counts", np.array([[1], [2]]), "a_clk_rise_counts: is not a list of whole numbers"),
+        ("a_violation_values", np.array([1, 2]), "a_violation_values: is not a list of numbers"),
+        ("a_limit_units", np.array([1, 2]), "a_limit_units: is not a list of names"),
     ],
 )
 def test_a_value_of_another_kind(key: str, value: object, message: str, tmp_path: Path) -> None:
@@ -157,9 +169,16 @@ COUNT = EVIDENCE.axes[0].clk_rise_counts.size
         ("a_clk_fall_counts", lambda v: v + 200_000, "they do not take turns with a_clk_fall_counts"),
         ("a_step_counts", lambda v: v - v[0] - 1, "the instants are not in order of time"),
         ("a_step_signs", lambda v: v[1:], f"{COUNT - 1} of them, but {COUNT} a_step_counts"),
-        ("a_step_signs", lambda v: v * 2, "holds other numbers than -1 and 1"),
-        ("a_dir_levels", lambda v: v * 2, "holds other numbers than 0 and 1"),
+        ("a_step_signs", lambda v: v * 0, "holds other numbers than -1 and 1"),
+        ("a_dir_levels", lambda v: v * 2, "goes from 2 to 2, beyond 0..1"),
         ("a_enable_levels", lambda v: v[1:], "0 of them, but 1 a_enable_counts"),
+        ("a_violation_which", lambda v: v + 1, "goes from 1 to 2, beyond 0..1"),
+        ("a_violation_values", lambda v: v[1:], "1 of them, but 2 a_violation_counts"),
+        ("a_limit_values", lambda v: v[1:], "1 of them, but 2 a_limit_rules"),
+        ("a_limit_sources", lambda v: v[1:], "2 of them, but other numbers of texts and units"),
+        ("a_phase_sixteenths", lambda v: v + np.int8(1), "goes from 1 to 64, beyond 0..63"),
+        ("a_phase_a_ma", lambda v: v.astype(np.int64) * 100, "goes from -151500 to 0, beyond -32768..32767"),
+        ("a_phase_b_ma", lambda v: v[1:], "1 of them, but 2 a_phase_counts"),
     ],
 )
 def test_arrays_that_do_not_go_together(key: str, change: Callable[[Any], Any], message: str, tmp_path: Path) -> None:
@@ -252,6 +271,5 @@ def test_axes_of_another_robot(stored_run: Path, tmp_path: Path) -> None:
 
 
 def test_what_is_written_is_the_version_that_is_read(tmp_path: Path) -> None:
-    evidence: Evidence = EVIDENCE
-    write_edges(tmp_path / "edges.npz", evidence)
+    write_edges(tmp_path / "edges.npz", EVIDENCE)
     assert arrays_of(tmp_path / "edges.npz")["folder_version"] == 1

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from host.run_folder import AxisTotals, EdgeSpool, read_edges
 from host.run_folder.edges import PINS, write_edges
-from host.verify import AxisEvidence, Evidence, LevelEdges
+from host.verify import AxisEvidence, DriverViolations, Evidence, LevelEdges, Phases
 from tests.run_folder.test_folder import EVIDENCE, assert_same
 
 
@@ -24,6 +24,12 @@ def piece_of(axis: AxisEvidence, from_counts: int, until_counts: int) -> AxisEvi
     rises, falls = within(axis.clk_rise_counts, axis.clk_fall_counts)
     turns, levels = within(axis.dir_edge_counts, axis.dir_levels)
     steps, signs = within(axis.step_counts, axis.step_signs)
+    broken, which = within(axis.violations.counts, axis.violations.which)
+    _, values = within(axis.violations.counts, axis.violations.values)
+    violations = DriverViolations(axis.violations.limits, broken, which, values)
+    changes, sixteenths = within(axis.phases.counts, axis.phases.sixteenths)
+    currents_ma = [within(axis.phases.counts, values_ma)[1] for values_ma in (axis.phases.a_ma, axis.phases.b_ma)]
+    phases = Phases(changes, sixteenths, *currents_ma)
     pins = {pin: LevelEdges(*within(axis.pins[pin].counts, axis.pins[pin].levels)) for pin in PINS}
     return replace(
         axis,
@@ -34,6 +40,8 @@ def piece_of(axis: AxisEvidence, from_counts: int, until_counts: int) -> AxisEvi
         step_counts=steps,
         step_signs=signs,
         pins=pins,
+        violations=violations,
+        phases=phases,
     )
 
 
@@ -44,7 +52,7 @@ def spool(path: Path, evidence: Evidence, cuts: list[int]) -> None:
     for first, last in pairwise(bounds):
         for axis in evidence.axes:
             spool.append(piece_of(axis, first, last))
-    totals = [AxisTotals(axis.name, axis.start_steps, axis.violations) for axis in evidence.axes]
+    totals = [AxisTotals(axis.name, axis.start_steps, axis.violations.limits) for axis in evidence.axes]
     spool.finish(evidence.start_counts, totals)
 
 

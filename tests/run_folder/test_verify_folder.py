@@ -56,6 +56,13 @@ def moved(arrays: dict[str, Any], index: int, counts: int, *keys: str) -> None:
         arrays[key][index] += counts
 
 
+def complaining(arrays: dict[str, Any], times: int) -> None:
+    """Over its first limit."""
+    arrays["th2_violation_counts"] = arrays["th2_clk_rise_counts"][:times]
+    arrays["th2_violation_which"] = np.zeros(times, np.int8)
+    arrays["th2_violation_values"] = np.full(times, 29.0)
+
+
 CLK = ("th2_clk_rise_counts", "th2_clk_fall_counts")
 STEP = ("th2_step_counts", "th2_step_signs")
 
@@ -76,7 +83,7 @@ TAMPERED: dict[str, tuple[Change, str]] = {
     ),
     "it started elsewhere": (lambda a: a.update(th2_start_steps=a["th2_start_steps"] + 1), "th2: position error "),
     "the clock started elsewhere": (lambda a: a.update(start_counts=a["start_counts"] + 72_000), "threshold error "),
-    "the driver complained": (lambda a: a.update(th2_violations=np.int64(1)), "th2: driver violations 1 (limit 0)"),
+    "the driver complained": (lambda a: complaining(a, 1), "th2: driver violations 1 (limit 0)"),
     "an output did not switch": (lambda a: without(a, 0, "th3_out1_counts", "th3_out1_levels"), "switched on never"),
 }  # fmt: skip
 
@@ -173,10 +180,28 @@ def test_a_run_that_failed_fails_again(stored_run: Path, tmp_path: Path, capsys:
     """A folder of a run in which the driver complained, as it would be written."""
     folder = shutil.copytree(stored_run, tmp_path / "copy")
     arrays = arrays_of(folder / "edges.npz")
-    arrays["th2_violations"] = np.int64(2)
+    complaining(arrays, 2)
     np.savez_compressed(folder / "edges.npz", **arrays)
     document = json.loads((folder / "report.json").read_text())
     document["axes"][4]["violations"] = 2
     document["passed"] = False
     (folder / "report.json").write_text(json.dumps(document))
-    assert verify(capsys, folder, 1)["reasons"] == ["th2: driver violations 2 (limit 0)"]
+    again = verify(capsys, folder, 1)
+    assert again["reasons"] == ["th2: driver violations 2 (limit 0)"]
+    assert [(group["axis"], group["rule"], group["count"]) for group in again["violations"]] == [("th2", "clk_high", 2)]
+
+
+@pytest.mark.parametrize(("profile", "exit_code"), [("3a-module", 1), ("chip-1000pf", 1), ("chip-100pf", 0)])
+def test_other_drivers_get_the_same_verdict(
+    profile: str, exit_code: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Late directions and lost pulses are no contradictions: a limit was broken."""
+    command = ["run", "lab-scara", "spiral", "--driver-profile", profile, "--out", str(tmp_path), "--json"]
+    capsys.readouterr()
+    assert run(command) == exit_code
+    first = json.loads(capsys.readouterr().out)
+    again = verify(capsys, tmp_path, exit_code)
+    assert again["driver_profile"] == first["driver_profile"]
+    assert again["violations"] == first["violations"]
+    reasons = [[line.split(" ", 2)[:2] for line in document["reasons"]] for document in (first, again)]
+    assert reasons[0] == reasons[1]

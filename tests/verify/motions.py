@@ -11,9 +11,11 @@ from host.verify import (
     COUNTS_PER_SECOND,
     AxisEvidence,
     BusReport,
+    DriverViolations,
     Evidence,
     IdealSteps,
     LevelEdges,
+    Phases,
     Plan,
     RunInfo,
     ideal_steps,
@@ -27,6 +29,9 @@ ENABLE_COUNTS = 1_800_000
 
 CLK_HIGH_COUNTS = 2_376  # 33 us
 RUN = RunInfo("test-arm", "test", 1.0, BusReport(1_000_000, 0, 0.0), 1.05, 0.01)
+
+NO_VIOLATIONS = DriverViolations((), np.empty(0, np.int64), np.empty(0, np.int8), np.empty(0))
+NO_PHASES = Phases(np.empty(0, np.int64), np.empty(0, np.int8), np.empty(0, np.int16), np.empty(0, np.int16))
 
 Scalar = Callable[[FloatArray], FloatArray]
 
@@ -133,7 +138,8 @@ def _perfect_axis(name: str, ideal: IdealSteps) -> AxisEvidence:
         dir_levels=(ideal.signs[turns] > 0).astype(np.int8),
         step_counts=counts,
         step_signs=ideal.signs,
-        violations=0,
+        violations=NO_VIOLATIONS,
+        phases=NO_PHASES,
         pins={pin: switched_on if pin in {"reset", "enable"} else still_low for pin in PINS},
     )
 

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from host.verify.counted import counted_steps
 from host.verify.evidence import COUNTS_PER_SECOND, AxisEvidence
+from tests.verify.motions import NO_PHASES, NO_VIOLATIONS
 
 INSTANTS = st.integers(0, 40)
 """In counts and so few that steps, and instants, often fall together."""
@@ -32,7 +33,8 @@ def test_counts_just_before_and_just_after_an_instant(
         dir_levels=none.astype(np.int8),
         step_counts=np.array([counts for counts, _ in steps], dtype=np.int64),
         step_signs=np.array([sign for _, sign in steps], dtype=np.int8),
-        violations=0,
+        violations=NO_VIOLATIONS,
+        phases=NO_PHASES,
         pins={},
     )
     t_s = np.array(instants) / COUNTS_PER_SECOND

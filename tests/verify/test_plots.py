@@ -8,17 +8,29 @@ import numpy as np
 import pytest
 
 from host.trajectory import FloatArray
-from host.verify import Comparison, compare
-from tests.verify.motions import RUN, altered, line, motion, perfect_evidence, plan_of, sines, still, trapezoid
+from host.verify import Comparison, DriverLimit, Phases, compare
+from tests.verify.motions import (
+    NO_VIOLATIONS,
+    RUN,
+    START_COUNTS,
+    altered,
+    line,
+    motion,
+    perfect_evidence,
+    plan_of,
+    sines,
+    still,
+    trapezoid,
+)
 
 pytest.importorskip("matplotlib")
 
 from matplotlib.figure import Figure
 
-from host.plots import OF_EVERY_RUN, PICTURES, Moment, write_plots
+from host.plots import OF_EVERY_RUN, PICTURES, Moment, View, write_plots
 from host.plots.canvas import DOTS_PER_INCH, WIDTH_INCHES, thinned
 
-MOMENT = Moment(1.0, 0.05)
+VIEW = View(1.0, 0.05)
 
 PNG_HEADER = b"\x89PNG\r\n\x1a\n"
 
@@ -82,7 +94,8 @@ def pixels(path: Path) -> tuple[int, int]:
 def test_all_pictures_of_a_run_are_written(run: str, tmp_path: Path) -> None:
     paths = write_plots(tmp_path / "made" / "on demand", RUNS[run](), RUN, PICTURES)
     assert [path.name for path in paths] == [
-        "joints.png", "step-rates.png", "tool-path.png", "error.png", "timing.png", "jitter.png", "edges.png",
+        "joints.png", "step-rates.png", "tool-path.png", "error.png", "timing.png", "jitter.png", "widths.png",
+        "edges.png", "phases.png",
     ]  # fmt: skip
     for path in paths:
         width, height = pixels(path)
@@ -93,7 +106,7 @@ def test_all_pictures_of_a_run_are_written(run: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("picture", PICTURES)
 def test_a_picture_says_what_it_shows(picture: str) -> None:
-    figure = PICTURES[picture](swinging(), RUN, MOMENT)
+    figure = PICTURES[picture](swinging(), RUN, VIEW)
     assert figure.get_suptitle().startswith("test-arm · test · ")
     assert figure.get_suptitle().endswith("(SIMULATED)")
     for axes in figure.axes:
@@ -104,9 +117,9 @@ def test_a_picture_says_what_it_shows(picture: str) -> None:
         assert "[" in labels or labels.startswith("DIR") or beside or not axes.axison
 
 
-@pytest.mark.parametrize("picture", ["joints", "step-rates", "error", "timing", "jitter"])
+@pytest.mark.parametrize("picture", ["joints", "step-rates", "error", "timing", "jitter", "widths", "phases"])
 def test_joints_without_motion_are_a_note(picture: str) -> None:
-    figure = PICTURES[picture](swinging(), RUN, MOMENT)
+    figure = PICTURES[picture](swinging(), RUN, VIEW)
     assert figure.get_supxlabel() == "Not shown, because without motion: c at 7.5 deg"
     names = {axes.get_ylabel().split(" ")[0] for axes in figure.axes}
     assert {"a", "b"} <= names
@@ -115,9 +128,10 @@ def test_joints_without_motion_are_a_note(picture: str) -> None:
 
 def test_one_row_a_moving_joint() -> None:
     comparison = swinging()
-    rows = {name: len(draw(comparison, RUN, MOMENT).axes) for name, draw in PICTURES.items()}
+    rows = {name: len(draw(comparison, RUN, VIEW).axes) for name, draw in PICTURES.items()}
     assert rows == {
-        "joints": 4, "step-rates": 4, "tool-path": 3, "error": 8, "timing": 2, "jitter": 4, "edges": 1,
+        "joints": 4, "step-rates": 4, "tool-path": 3, "error": 8, "timing": 2, "jitter": 4, "widths": 2, "edges": 1,
+        "phases": 4,
     }  # fmt: skip
 
 
@@ -128,7 +142,7 @@ def test_the_third_coordinate_gets_a_view_if_it_moves() -> None:
         return np.column_stack([joints[:, 0], joints[:, 1], joints[:, 1] / 2.0, joints[:, 2]])
 
     plan = replace(comparison.plan, forward=lifted)
-    assert len(PICTURES["tool-path"](compare(plan, comparison.evidence), RUN, MOMENT).axes) == 6
+    assert len(PICTURES["tool-path"](compare(plan, comparison.evidence), RUN, VIEW).axes) == 6
 
 
 def test_a_run_draws_some_of_them_by_itself(tmp_path: Path) -> None:
@@ -143,26 +157,26 @@ def test_the_same_run_gives_the_same_picture(form: str, tmp_path: Path) -> None:
     assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
 
 
-class TestTheMoment:
+class TestTheView:
     def test_is_where_steps_are_fastest(self) -> None:
         """The sine's speed is greatest at its zeros: 60 mm/s at 80 steps/mm."""
-        comparison = swinging()
-        moment = Moment.of_fastest(comparison)
+        moment = View().moment(swinging(), 12)
         assert min(abs(moment.at_s - zero) for zero in (0.0, np.pi / 3)) < 0.01
         assert moment.span_s == pytest.approx(12 / 4800, rel=1e-2)
+        assert View(span_s=0.25).moment(swinging(), 12) == Moment(moment.at_s, 0.25)
 
     def test_is_the_whole_motion_without_steps(self) -> None:
-        assert Moment.of_fastest(standing()) == Moment(0.5, 1.0) == Moment.around(standing(), 0.5)
+        assert View().moment(standing(), 12) == View(0.5).moment(standing(), 160) == Moment(0.5, 1.0)
 
     def test_shows_some_steps_of_the_axis_that_is_fastest_there(self) -> None:
-        """At 1 s the trapezoid goes on at 33.3 mm/s and 40 steps/mm, the sine is nearly at rest."""
-        moment = Moment.around(swinging(), np.pi / 6)
+        """At 0.52 s the trapezoid goes on at 33.3 mm/s and 40 steps/mm, the sine is nearly at rest."""
+        moment = View(np.pi / 6).moment(swinging(), 12)
         assert moment.span_s == pytest.approx(12 * 1.5 / 50 / 40, rel=0.1)
         assert (moment.from_s + moment.to_s) / 2 == pytest.approx(np.pi / 6)
 
     @pytest.mark.parametrize("at_s", [0.0, 2.0])
-    def test_may_be_an_end(self, at_s: float) -> None:
-        assert 0 < Moment.around(swinging(), at_s).span_s <= 2.0
+    def test_may_be_at_an_end_and_is_never_longer_than_the_motion(self, at_s: float) -> None:
+        assert 0 < View(at_s).moment(swinging(), 12).span_s < View(at_s).moment(swinging(), 10**6).span_s == 2.0
 
 
 def drawn_marks(figure: Figure, marker: str) -> FloatArray:
@@ -172,20 +186,20 @@ def drawn_marks(figure: Figure, marker: str) -> FloatArray:
 
 class TestTheEdges:
     def test_a_lane_for_each_pin_that_matters(self) -> None:
-        (axes,) = PICTURES["edges"](swinging(), RUN, MOMENT).axes
+        (axes,) = PICTURES["edges"](swinging(), RUN, VIEW).axes
         lanes = [label.get_text() for label in axes.get_yticklabels()]
         assert lanes == ["a STEP", "a DIR", "b STEP", "b DIR", "c STEP", "c DIR"]
 
     def test_pins_that_change_there_get_one_too(self) -> None:
         """ENABLE and RESET go up 25 ms before the motion."""
-        (axes,) = PICTURES["edges"](swinging(), RUN, Moment(0.0, 0.06)).axes
+        (axes,) = PICTURES["edges"](swinging(), RUN, View(0.0, 0.06)).axes
         assert [label.get_text() for label in axes.get_yticklabels()][:4] == ["a STEP", "a DIR", "a ENABLE", "a RESET"]
 
     def test_a_lane_goes_up_and_down_with_its_pin(self) -> None:
         comparison = swinging()
-        figure = PICTURES["edges"](comparison, RUN, MOMENT)
+        figure = PICTURES["edges"](comparison, RUN, VIEW)
         counts = comparison.evidence.axes[0].clk_rise_counts
-        t_ms = 1e3 * ((counts - comparison.evidence.start_counts) / 72e6 - MOMENT.at_s)
+        t_ms = 1e3 * ((counts - comparison.evidence.start_counts) / 72e6 - 1.0)
         expected = t_ms[np.abs(t_ms) <= 25.0]
         times, levels = (np.asarray(data) for data in figure.axes[0].lines[0].get_data())
         np.testing.assert_allclose(times[1:-1][np.diff(levels)[:-1] > 0], expected, atol=1e-9)
@@ -193,9 +207,8 @@ class TestTheEdges:
     def test_steps_are_marked_by_their_direction(self) -> None:
         """Around 1.047 s the sine goes down; b steps down all the time."""
         comparison = swinging()
-        moment = Moment(np.pi / 3, 0.01)
-        figure = PICTURES["edges"](comparison, RUN, moment)
-        inside = [np.count_nonzero(np.abs(axis.time_s - moment.at_s) < 0.005) for axis in comparison.counted]
+        figure = PICTURES["edges"](comparison, RUN, View(np.pi / 3, 0.01))
+        inside = [np.count_nonzero(np.abs(axis.time_s - np.pi / 3) < 0.005) for axis in comparison.counted]
         assert len(drawn_marks(figure, "v")) == sum(inside) > 40
         assert len(drawn_marks(figure, "^")) == 0
 
@@ -206,7 +219,7 @@ def test_jitter_is_the_interval_beyond_the_ideal_one() -> None:
     late = comparison.evidence.axes[0].step_counts.copy()
     late[5000] += 360
     comparison = compare(comparison.plan, altered(comparison.evidence, step_counts=late))
-    left, right = PICTURES["jitter"](comparison, RUN, MOMENT).axes[:2]
+    left, right = PICTURES["jitter"](comparison, RUN, VIEW).axes[:2]
     jitter_us = np.asarray(left.lines[0].get_ydata())
     assert sorted(jitter_us[np.abs(jitter_us) > 1]) == pytest.approx([-5, 5], abs=0.03)
     assert "max 5" in left.get_title(loc="right")
@@ -228,3 +241,61 @@ def test_thinning_keeps_every_groups_extremes() -> None:
 def test_short_series_are_left_alone() -> None:
     t_s = np.linspace(0.0, 1.0, 100)
     assert thinned(t_s, t_s)[0] is t_s
+
+
+def test_widths_beside_the_limits() -> None:
+    """High for 33 us, 3 us more than is asked for; low 5 us less than is asked for at the sine's fastest."""
+    limits = (DriverLimit("clk_high", "", 30.0, "us", ""), DriverLimit("clk_low", "", 180.0, "us", ""))
+    evidence = altered(swinging().evidence, violations=replace(NO_VIOLATIONS, limits=limits))
+    first, second = PICTURES["widths"](compare(swinging().plan, evidence), RUN, VIEW).axes
+    rises = evidence.axes[0].clk_rise_counts
+    low_us = float(np.diff(rises).min()) / 72 - 33
+    assert first.get_title(loc="right") == (
+        f"high >= 33.00 us, 3.00 above its limit; low >= {low_us:.2f} us, {180 - low_us:.2f} below its limit;"
+        f" rise to rise >= {low_us + 33:.2f} us"
+    )
+    drawn = [float(np.asarray(line.get_xdata())[0]) for line in first.lines]
+    assert drawn == [30.0, 180.0]
+    assert not second.lines
+
+
+def test_limits_that_ask_for_nothing_are_not_drawn() -> None:
+    limits = (DriverLimit("clk_low", "", -4.0, "us", ""), DriverLimit("mode_change", "", 0.0, "level", ""))
+    evidence = altered(swinging().evidence, violations=replace(NO_VIOLATIONS, limits=limits))
+    first, _ = PICTURES["widths"](compare(swinging().plan, evidence), RUN, VIEW).axes
+    assert not first.lines
+
+
+class TestThePhases:
+    """A field that turns once a second in sixteen steps, from 1 s on."""
+
+    def figure(self, view: View) -> Figure:
+        sixteenths = np.arange(0, 64, 4)
+        angle = 2 * np.pi * sixteenths / 64
+        a_ma, b_ma = (np.rint(1500 * wave).astype(np.int16) for wave in (np.cos(angle), np.sin(angle)))
+        counts = START_COUNTS + 72_000_000 + np.arange(16) * 4_500_000
+        phases = Phases(counts, sixteenths.astype(np.int8), a_ma, b_ma)
+        comparison = swinging()
+        return PICTURES["phases"](compare(comparison.plan, altered(comparison.evidence, phases=phases)), RUN, view)
+
+    def test_are_a_circle(self) -> None:
+        field = self.figure(View()).axes[0]
+        a, b = (np.asarray(values, np.float64) for values in field.lines[0].get_data())
+        assert len(a) == 16
+        np.testing.assert_allclose(np.hypot(a, b), 1.5, atol=0.001)
+        assert field.get_xlim() == field.get_ylim() == (-1.15 * 1.5, 1.15 * 1.5)
+
+    def test_hold_from_step_to_step(self) -> None:
+        """From 1.48 to 1.52 s: one step, at 1.5 s, to the field's half turn; the value before it goes on from there."""
+        over_time = self.figure(View(1.5, 0.04)).axes[1]
+        a, b = over_time.lines[:2]
+        assert (a.get_label(), b.get_label()) == ("phase A", "phase B")
+        assert np.asarray(a.get_xdata()).tolist() == pytest.approx([-20.0, 0.0, 20.0], abs=1e-6)
+        assert np.asarray(a.get_ydata()).tolist() == [-1.386, -1.5, -1.5]
+        assert np.asarray(b.get_ydata()).tolist() == [0.574, 0.0, 0.0]
+
+    def test_of_a_driver_without_current_are_zero(self) -> None:
+        field, over_time = self.figure(View()).axes[2:4]
+        assert np.asarray(field.lines[0].get_xdata()).size == 0
+        assert field.get_ylabel() == "b [A]"
+        assert np.asarray(over_time.lines[0].get_ydata()).tolist() == [0.0]

@@ -14,8 +14,11 @@ from host.verify import (
     COUNTS_PER_SECOND,
     POSITION_ERROR_LIMIT_STEPS,
     THRESHOLD_TOLERANCE_STEPS,
+    DriverLimit,
+    DriverViolations,
     Evidence,
     Plan,
+    ViolationReport,
     compare,
     verify,
 )
@@ -40,6 +43,17 @@ RATE_HZ = 1000.0
 PERIOD_COUNTS = 72_000
 STEADY = plan_of(motion(1.0, line(0.0, 100.0)), 10.0)
 """One joint at 100 mm/s and 10 steps/mm: 1000 steps at 1 kHz, the first after 0.5625 ms."""
+
+THREE_VIOLATIONS = DriverViolations(
+    (
+        DriverLimit("clk_high", "too short", 30.0, "us", "page 8"),
+        DriverLimit("clk_low", "too soon", 20.0, "us", "page 9"),
+        DriverLimit("over_temperature", "too hot", 170.0, "degC", "page 7"),
+    ),
+    START_COUNTS + np.array([-720_000, 36_000_000, 40_000_000]),
+    np.array([2, 0, 0], np.int8),
+    np.array([171.0, 29.0, 3.0]),
+)
 
 SWINGING = plan_of(
     motion(3.0, sines([(20.0, 2.0, 0.0)]), trapezoid(3.0, -50.0, 3.0, 1.0), sines([(90.0, 3.0, 1.0)]), still(7.0)),
@@ -216,8 +230,20 @@ def test_an_offset_from_the_start_is_caught() -> None:
 
 
 def test_violations_fail_a_run_that_is_right_otherwise() -> None:
-    report = verify(STEADY, altered(perfect_evidence(STEADY), violations=3), RUN)
+    report = verify(STEADY, altered(perfect_evidence(STEADY), violations=THREE_VIOLATIONS), RUN)
     assert report.reasons == ("a: driver violations 3 (limit 0)",)
+    assert report.axes[0].violations == 3
+
+
+def test_violations_are_grouped_by_axis_and_limit() -> None:
+    """The worst is what is furthest from the limit, on whichever side; times are the trajectory's."""
+    evidence = altered(perfect_evidence(SWINGING), axis=2, violations=THREE_VIOLATIONS)
+    report = verify(SWINGING, evidence, RUN)
+    assert report.violations == (
+        ViolationReport("c", "clk_high", "too short", 2, 3.0, 30.0, "us", 0.5, "page 8"),
+        ViolationReport("c", "over_temperature", "too hot", 1, 171.0, 170.0, "degC", -0.01, "page 7"),
+    )
+    assert [group["count"] for group in report.to_dict()["violations"]] == [2, 1]
 
 
 def test_a_pulse_that_the_driver_did_not_accept_is_a_pulse_but_no_step() -> None:
@@ -337,7 +363,7 @@ def document() -> dict[str, Any]:
 
 def test_the_document_has_the_contract_keys(document: dict[str, Any]) -> None:
     assert list(document) == [
-        "robot", "job", "duration_s", "passed", "reasons", "axes", "joints", "tool", "outputs", "bus",
+        "robot", "job", "duration_s", "passed", "reasons", "axes", "joints", "tool", "outputs", "violations", "bus",
         "simulated_s", "wall_s",
     ]  # fmt: skip
     assert list(document["axes"][0]) == [

@@ -71,7 +71,7 @@ def test_everything_has_positions_in_steps_and_in_the_joints_unit(tmp_path: Path
     moves = [line(0.0, 10.0), line(5.0, -4.0), line(0.0, 0.0), line(1.0, 0.0)]
     evidence = perfect_evidence(plan_of(motion(1.0, *moves), *robot.steps_per_unit))
     signals = {signal.name: signal for signal in everything(evidence, robot, drive_states(log_file(tmp_path), 4))}
-    assert len(signals) == 4 * 15
+    assert len(signals) == 4 * 18
     assert signals["a_drive_state"].texts == STATES
     axis, spu = evidence.axes[1], robot.steps_per_unit[1]
     end = axis.start_steps + int(axis.step_signs.sum())

@@ -1,0 +1,64 @@
+"""How many CLK edges a second the drivers look at, beside a plain numpy copy of them."""
+
+import time
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from emulator.driver import Driver
+from emulator.driver_profiles import PROFILES
+from emulator.edges import Int64Array
+from emulator.tb6560 import Input, LevelChange, Pins
+
+PULSES: Final = 32_768
+"""As many as fit between two looks of the board."""
+REPEATS: Final = 30
+_PERIOD_COUNTS: Final = 36_000
+_WIDTH_COUNTS: Final = 11_000
+_TURNS: Final = 200
+_DRIVERS: Final = ("chip-330pf", "3a-module", "slow-blue-board")
+
+
+@dataclass(frozen=True)
+class DriverFigure:
+    """One line of the table: the best of some stretches."""
+
+    profile: str
+    edges_per_s: float
+    copy_ratio: float
+    """Time over that of copying the edges once."""
+
+
+def figures() -> list[DriverFigure]:
+    """Pulses at 2 kHz that break nothing, with a reversal now and then."""
+    return [_measure(name) for name in _DRIVERS]
+
+
+def _measure(name: str) -> DriverFigure:
+    profile = PROFILES[name]
+    driver = Driver(profile.osc_pf, profile.fitted(16))
+    driver.feed(_stretch(0))
+    best_s = copy_s = float("inf")
+    for index in range(1, REPEATS + 1):
+        stretch = _stretch(index)
+        clk = np.ravel(np.column_stack((stretch.clk_rise_counts, stretch.clk_fall_counts)))
+        copy = clk.copy()
+        started = time.perf_counter()
+        np.copyto(copy, clk)
+        copied = time.perf_counter()
+        driver.feed(stretch)
+        copy_s = min(copy_s, copied - started)
+        best_s = min(best_s, time.perf_counter() - copied)
+    assert not driver.violations.counts.size
+    return DriverFigure(name, 2 * PULSES / best_s, best_s / copy_s)
+
+
+def _stretch(index: int) -> Pins:
+    begin = index * (PULSES + 1) * _PERIOD_COUNTS
+    rises: Int64Array = begin + np.arange(1, PULSES + 1, dtype=np.int64) * _PERIOD_COUNTS
+    turns = rises[:: PULSES // _TURNS] - 2_500
+    levels = (np.arange(turns.size) % 2).astype(np.int8)
+    supply = (Input.VDD, Input.VM, Input.RESET, Input.ENABLE)
+    changes = () if index else tuple(LevelChange(0, pin, 1) for pin in supply)
+    return Pins(rises, rises + _WIDTH_COUNTS, turns, levels, changes, begin + (PULSES + 1) * _PERIOD_COUNTS)

@@ -1,0 +1,129 @@
+"""docs/driver.md: what the driver's tables and profiles say, and a run with other drivers than planned for."""
+
+from typing import Final
+
+from docs.generate.commands import session
+from docs.generate.markdown import table
+from docs.generate.pieces import DOCS, filled
+from emulator.dip_switches import CURRENT_SETTINGS, switches_for
+from emulator.driver_profiles import PROFILES, DriverProfile
+from emulator.edges import COUNTS_PER_US
+from emulator.tb6560 import PINS, Excitation, Rule, chopping_hz, clk_width_min_counts, oscillator_hz
+from emulator.tb6560.excitation import CYCLE_SIXTEENTHS, PHASE_PERCENT, VECTOR_PERCENT
+from emulator.tb6560.outputs import SENSE_VOLT
+from emulator.tb6560.pins import EXCITATIONS, FAST_DECAY_PERCENT, TORQUE_PERCENT
+
+DRIVER_PAGE: Final = DOCS / "driver.md"
+
+_NOTICE: Final = "<!-- Made by `make docs` from docs/driver/driver.md and the emulator's tables: change those. -->"
+_CAPACITORS_PF: Final = (100, 330, 1000)
+
+
+def render_driver() -> str:
+    """The whole page; it ends with a newline."""
+    page = filled(
+        DOCS / "driver" / "driver.md",
+        {
+            "pins": lambda _: _pins(),
+            "modes": lambda _: _modes(),
+            "vector": lambda _: _vector(),
+            "torque-and-decay": lambda _: _torque_and_decay(),
+            "oscillator": lambda _: _oscillator(),
+            "currents": lambda _: _currents(),
+            "profiles": lambda _: _profiles(),
+            "rules": lambda _: _rules(),
+            "failing": lambda arguments: session(arguments, expected_exit_code=1),
+        },
+    )
+    return f"{_NOTICE}\n\n{page}\n"
+
+
+def _pins() -> str:
+    rows = [[str(pin.number), pin.name, pin.kind.value, pin.function, str(pin.page)] for pin in PINS]
+    return table(["pin", "name", "", "function", "page"], rows, text_columns=4)
+
+
+def _modes() -> str:
+    rows = []
+    for (m2, m1), mode in EXCITATIONS.items():
+        a, b = PHASE_PERCENT[mode][mode.initial_sixteenths].tolist()
+        angle = mode.initial_sixteenths * 360 / CYCLE_SIXTEENTHS
+        rows.append([str(m2), str(m1), f"1/{mode}", f"{angle:g} deg", f"A {a} %, B {b} %", f"{4 * mode} steps"])
+    return table(["M2", "M1", "steps", "initial angle", "initial currents", "MO low every"], rows, text_columns=6)
+
+
+def _vector() -> str:
+    def used(sixteenths: int) -> str:
+        modes = [mode for mode in Excitation if mode > 1 and sixteenths % mode.step_sixteenths == 0]
+        return " ".join(f"1/{mode}" for mode in reversed(modes))
+
+    rows = [
+        [f"{i * 90 / 16:g}", str(percent), str(VECTOR_PERCENT[16 - i]), used(i)]
+        for i, percent in enumerate(VECTOR_PERCENT)
+    ]
+    return table(["angle, deg", "A, %", "B, %", "in modes"], rows, text_columns=0)
+
+
+def _torque_and_decay() -> str:
+    rows = [
+        [str(high), str(low), f"{TORQUE_PERCENT[high, low]} %", f"{FAST_DECAY_PERCENT[high, low]} %"]
+        for high, low in TORQUE_PERCENT
+    ]
+    return table(["TQ2, DCY2", "TQ1, DCY1", "current", "fast decay"], rows, text_columns=4)
+
+
+def _oscillator() -> str:
+    rows = [
+        [
+            f"{pf} pF",
+            f"{oscillator_hz(pf) / 1e3:.0f} kHz",
+            f"{chopping_hz(pf) / 1e3:.0f} kHz",
+            f"{clk_width_min_counts(pf) / COUNTS_PER_US:g} us",
+        ]
+        for pf in _CAPACITORS_PF
+    ]
+    return table(["at OSC", "oscillator", "chopping", "CLK high at least"], rows)
+
+
+def _currents() -> str:
+    rows = []
+    for setting in CURRENT_SETTINGS:
+        switches = switches_for(setting.printed_a, 1)
+        full_a = SENSE_VOLT / switches.sense_ohm * (0.75 if setting.s1 else 1)
+        on = ("ON" if switch else "-" for switch in (setting.sw1, setting.sw2, setting.sw3, setting.s1))
+        rows.append([f"{setting.printed_a:.1f} A", f"{full_a:.2f} A", *on])
+    return table(["printed", "computed", "SW1", "SW2", "SW3", "S1"], rows, text_columns=6)
+
+
+def _profiles() -> str:
+    rows = [[f"`{profile.name}`", profile.title, _delays(profile), _asked(profile)] for profile in PROFILES.values()]
+    return table(["profile", "", "late by", "asks for"], rows, text_columns=4)
+
+
+def _delays(profile: DriverProfile) -> str:
+    couplers = {"STEP": profile.module.clk, "DIR": profile.module.direction, "EN": profile.module.enable}
+    said = [
+        f"{name} {coupler.to_high_ns / 1e3:g} us to high, {coupler.to_low_ns / 1e3:g} us to low"
+        for name, coupler in couplers.items()
+        if coupler.to_high_ns or coupler.to_low_ns
+    ]
+    return "; ".join(said) or "-"
+
+
+def _asked(profile: DriverProfile) -> str:
+    asked = profile.module.requirements
+    width_us = clk_width_min_counts(profile.osc_pf) / COUNTS_PER_US
+    named = {
+        "steplen": asked.steplen_ns,
+        "stepspace": asked.stepspace_ns,
+        "dirsetup": asked.dirsetup_ns,
+        "dirhold": asked.dirhold_ns,
+    }
+    said = [f"{name} {ns / 1e3:g} us" for name, ns in named.items() if ns]
+    edge = f"; active edge {profile.module.active_edge}" if said else ""
+    return (", ".join(said) or f"CLK high {width_us:g} us") + edge
+
+
+def _rules() -> str:
+    rows = [[f"`{rule.name.lower()}`", *rule.value.split(": ")] for rule in Rule]
+    return table(["rule", "broken where", "what the model makes of it"], rows, text_columns=3)

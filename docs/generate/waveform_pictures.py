@@ -1,0 +1,25 @@
+"""The pictures of docs/waveforms.md: what `steptwin plot` draws of the hybrid arm's helix."""
+
+from typing import Final
+
+import matplotlib as mpl
+
+from docs.generate.pictures import write_picture
+from docs.generate.pieces import DOCS
+from docs.generate.runs import Runs
+from host.plots import PICTURES, WHEREVER, View
+from host.plots.canvas import STYLE
+
+WAVEFORM_PAGE: Final = DOCS / "waveforms.md"
+
+_VIEWS: Final = {"edges": View(1.94, 0.06), "phases": WHEREVER, "jitter": WHEREVER, "widths": WHEREVER}
+"""By picture: Z5 turns around at 1.94 s."""
+
+
+def write_waveform_pictures(runs: Runs) -> None:
+    """Draw them anew."""
+    outcome = runs.outcome("hybrid-arm", "helix")
+    with mpl.rc_context(STYLE):
+        for name, view in _VIEWS.items():
+            path = DOCS / "pictures" / f"waveform-{name}.png"
+            write_picture(path, PICTURES[name](outcome.comparison, outcome.report.run, view))

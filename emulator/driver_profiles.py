@@ -1,0 +1,89 @@
+"""Drivers that one meets, as data: the chip by its capacitor, the 3 A module, the slow blue board.
+
+Figures marked [A] are assumed: their source gives none, or only a range.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+from emulator.dip_switches import switches_for
+from emulator.driver_module import ClkEdge, Coupler, Module, Requirements
+from emulator.tb6560 import Cooling
+from emulator.tb6560.outputs import SENSE_VOLT
+
+
+@dataclass(frozen=True, slots=True)
+class DriverProfile:
+    """What is soldered where the board's axis connectors end.
+
+    Attributes:
+        name: as in a robot's file and on the command line.
+        title: one line for people.
+        osc_pf: the capacitor at the chip's OSC pin.
+        module: what is around the chip, but for the switches.
+        switched: whether the module has the switches of `dip_switches`.
+        current_a: phase current at full torque, unless something else is asked for.
+    """
+
+    name: str
+    title: str
+    osc_pf: int
+    module: Module
+    switched: bool = False
+    current_a: float = 1.5
+
+    def fitted(self, microsteps: int, current_a: float | None = None, active_edge: ClkEdge | None = None) -> Module:
+        """The module of one axis, set for its excitation mode and current.
+
+        Raises:
+            ValueError: the switches have no such setting.
+        """
+        current_a = self.current_a if current_a is None else current_a
+        return replace(
+            self.module,
+            switches=switches_for(current_a, microsteps) if self.switched else None,
+            sense_ohm=SENSE_VOLT / current_a,
+            active_edge=active_edge or self.module.active_edge,
+        )
+
+
+def bare_chip(osc_pf: int) -> DriverProfile:
+    """The chip on the board itself, without anything between."""
+    return DriverProfile(
+        f"chip-{osc_pf}pf", f"TB6560AHQ wired straight to the board, {osc_pf} pF at OSC", osc_pf, Module()
+    )
+
+
+THREE_AMP_MODULE: Final = DriverProfile(
+    name="3a-module",
+    title='single-axis "3 A" module: 6N137 on STEP, PC817 on DIR and EN, own switches',
+    osc_pf=330,
+    module=Module(
+        # 6N137: 75 ns at most. PC817: 4 us at 100 ohm (Sharp), tens of us with the kilohms of these boards: [A] 24 us
+        # to let go of its pull-up.
+        clk=Coupler(to_high_ns=75, to_low_ns=75),
+        direction=Coupler(to_high_ns=4_000, to_low_ns=24_000),
+        enable=Coupler(to_high_ns=24_000, to_low_ns=4_000),
+        cooling=Cooling(resistance_k_per_w=8.0, capacity_j_per_k=40.0),  # [A] the heat sink of such a board
+        source="3 A module: PC817 on DIR against 6N137 on STEP",
+    ),
+    switched=True,
+)
+
+SLOW_BLUE_BOARD: Final = DriverProfile(
+    name="slow-blue-board",
+    title="blue multi-axis board: 150 us for all four timings, steps with the falling edge",
+    osc_pf=330,
+    module=Module(
+        requirements=Requirements(150_000, 150_000, 150_000, 150_000),
+        active_edge=ClkEdge.FALLING,
+        cooling=Cooling(resistance_k_per_w=8.0, capacity_j_per_k=40.0),  # [A]
+        source="LinuxCNC settings passed on for blue TB6560 boards: 150 us, falling edge",
+    ),
+)
+
+PROFILES: Final = {
+    profile.name: profile
+    for profile in (bare_chip(100), bare_chip(330), bare_chip(1000), THREE_AMP_MODULE, SLOW_BLUE_BOARD)
+}
+"""By name."""

@@ -1,0 +1,247 @@
+"""A module at work: what its terminals see in, what arrives at its chip's pins out, and what the controller broke.
+
+To know what becomes of a pulse the stage needs to see what follows it: for so long as the module's requirements reach.
+So it holds everything back until its fate is certain, and cutting the input into other pieces changes nothing.
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emulator.driver_module import ClkEdge, Module
+from emulator.edges import NO_COUNTS, NO_LEVELS, Int8Array, Int64Array, counts_of_ns, joined, levels_at
+from emulator.module_switchboard import Switchboard
+from emulator.tb6560 import Input, LevelChange, Limit, Pins, Rule, Unit, ViolationLog, Violations
+
+_LONG_AGO: Final = -(1 << 60)
+
+_CLK_HIGH, _CLK_LOW, _SETUP, _HOLD = 0, 1, 2, 4
+"""Indices of the limits. DIR has two of each, for its levels 0 and 1: couplers are faster one way."""
+
+
+class _Pulses(NamedTuple):
+    """Pulses by their active edge, times at the terminals in counts, all arrays of one length."""
+
+    origins: Int64Array
+    """The rises at the STEP terminal that began them."""
+    edges: Int64Array
+    low_counts: Int64Array
+    """How long the chip's CLK is low before, if the couplers were wires."""
+    high_counts: Int64Array
+
+    def where(self, kept: NDArray[np.bool_] | slice) -> "_Pulses":
+        return _Pulses(*(values[kept] for values in self))
+
+
+class InputStage:
+    """From the terminals of one module to the pins of its chip, which needs CLK high for so long."""
+
+    def __init__(self, module: Module, clk_width_min_counts: int) -> None:
+        self._module = module
+        self._clk, self._dir, self._enable = module.clk.delay, module.direction.delay, module.enable.delay
+        self._setup_counts = counts_of_ns(module.requirements.dirsetup_ns)
+        self._hold_counts = max(counts_of_ns(module.requirements.dirhold_ns), 1)
+        self._limits = self._make_limits()
+        self._log = ViolationLog(self._limits)
+        self._foresight_counts = self._make_foresight(clk_width_min_counts)
+        self._memory_counts = 3 * sum(
+            (
+                *(max(limit.value, 0) for limit in self._limits),
+                *(delay.longest for delay in (self._clk, self._dir, self._enable)),
+                self._foresight_counts,
+            )
+        )
+        """Longer than anything that can happen to an edge."""
+        self.meant_steps = 0
+        """Pulses whose fate is certain, signed by DIR as they began."""
+        self._rises, self._falls = NO_COUNTS, NO_COUNTS
+        self._last_fall_counts = _LONG_AGO
+        self._dir_counts, self._dir_levels = NO_COUNTS, NO_LEVELS
+        self._dir_before = 0
+        """DIR's level before the first edge that is remembered."""
+        self._chip_dir_level = 0
+        self._changes: list[LevelChange] = []
+        self._enable_changes: list[LevelChange] = []
+        self._switchboard = Switchboard(module.switches, module.idle_ms) if module.switches else None
+        self._passed: list[Int64Array] = []
+        self._origins: list[Int64Array] = []
+
+    def _make_limits(self) -> tuple[Limit, ...]:
+        """What the module asks for, and what its couplers need so as not to lose a pulse, or DIR its race with CLK."""
+        asked, clk = self._module.requirements, self._clk
+        width_counts = max(counts_of_ns(asked.steplen_ns), clk.to_high - clk.to_low + 1)
+        space_counts = max(counts_of_ns(asked.stepspace_ns), clk.to_low - clk.to_high + 1)
+        behind_clk = [self._dir.of(level) - clk.to_high for level in (0, 1)]
+        figures = (
+            (Rule.CLK_HIGH, width_counts),
+            (Rule.CLK_LOW, space_counts),
+            *((Rule.DIR_SETUP, self._setup_counts + behind) for behind in behind_clk),
+            *((Rule.DIR_HOLD, self._hold_counts - behind) for behind in behind_clk),
+        )
+        return tuple(Limit(rule, counts, Unit.COUNTS, self._module.source) for rule, counts in figures)
+
+    def _make_foresight(self, clk_width_min_counts: int) -> int:
+        """How long after a rise of the chip's CLK its fate is certain: beyond DIR's hold time and, where the pulse ends
+        with the next one's begin, when it is long enough for the module and the chip.
+        """
+        after_edge = max(limit.value for limit in self._limits[_HOLD:])
+        if self._module.active_edge is ClkEdge.FALLING:
+            for_chip = clk_width_min_counts + self._clk.to_high - self._clk.to_low
+            after_edge = max(after_edge, self._limits[_CLK_HIGH].value, for_chip)
+        return max(after_edge - self._clk.to_high, 0)
+
+    @property
+    def held_pulses(self) -> int:
+        """Pulses whose fate is not certain yet."""
+        return self._rises.size
+
+    @property
+    def waiting(self) -> bool:
+        """Whether something is on its way to the chip although nothing more comes in."""
+        idle_to_come = self._switchboard is not None and self._switchboard.waiting
+        return bool(self._rises.size or self._changes or self._enable_changes or idle_to_come)
+
+    @property
+    def violation_count(self) -> int:
+        """How often the module did not get what it asks for, so far."""
+        return self._log.count
+
+    @property
+    def violations(self) -> Violations:
+        """What the controller did not give the module."""
+        return self._log.all()
+
+    def forget(self) -> None:
+        """What has passed, but for the counts."""
+        self._passed.clear()
+        self._origins.clear()
+        self._log.forget()
+
+    def origins(self, rises: Int64Array) -> Int64Array:
+        """The STEP rises at the terminals that rises at the chip's CLK come from."""
+        at = np.searchsorted(joined(self._passed, np.int64), rises)
+        found: Int64Array = joined(self._origins, np.int64)[at]
+        return found
+
+    def take(self, pins: Pins) -> Pins:
+        """Take the next stretch at the terminals; return the next stretch at the chip's pins."""
+        self._remember(pins)
+        arrived_counts = pins.until_counts - self._foresight_counts
+        settled = self._settled(pins.until_counts, arrived_counts)
+        meant = levels_at(settled.origins, self._dir_counts, self._dir_levels, self._dir_before)
+        self.meant_steps += 2 * int(meant.sum(dtype=np.int64)) - meant.size
+        pulses = self._not_lost(settled)
+        rises = pulses.edges + self._clk.to_high
+        levels = self._levels(pulses.edges, rises)
+        turned = np.diff(levels, prepend=np.int8(self._chip_dir_level)) != 0
+        self._chip_dir_level = int(levels[-1]) if levels.size else self._chip_dir_level
+        self._passed.append(rises)
+        self._origins.append(pulses.origins)
+        self._forget(settled.edges.size, arrived_counts)
+        return Pins(
+            clk_rise_counts=rises,
+            clk_fall_counts=rises + pulses.high_counts + (self._clk.to_low - self._clk.to_high),
+            dir_counts=rises[turned],
+            dir_levels=levels[turned],
+            changes=self._arrived_changes(rises, arrived_counts),
+            until_counts=arrived_counts,
+        )
+
+    # --- memory
+
+    def _remember(self, pins: Pins) -> None:
+        self._rises = np.concatenate((self._rises, pins.clk_rise_counts))
+        self._falls = np.concatenate((self._falls, pins.clk_fall_counts))
+        last = self._dir_levels[-1] if self._dir_levels.size else np.int8(self._dir_before)
+        turned = np.diff(pins.dir_levels, prepend=last) != 0
+        self._dir_counts = np.concatenate((self._dir_counts, pins.dir_counts[turned]))
+        self._dir_levels = np.concatenate((self._dir_levels, pins.dir_levels[turned]))
+        for change in pins.changes:
+            self._remember_change(change)
+
+    def _remember_change(self, change: LevelChange) -> None:
+        if change.pin is Input.ENABLE:
+            late = change._replace(counts=change.counts + self._enable.of(change.level))
+            while self._enable_changes and self._enable_changes[-1].counts >= late.counts:
+                self._enable_changes.pop()  # over before it got through
+            self._enable_changes.append(late)
+        else:
+            self._changes.append(change)
+
+    def _forget(self, pulses: int, arrived_counts: int) -> None:
+        """All pulses that were settled, and DIR edges that no later pulse has to do with."""
+        if pulses:
+            self._last_fall_counts = int(self._falls[pulses - 1])
+        self._rises, self._falls = self._rises[pulses:], self._falls[pulses:]
+        old = int(np.searchsorted(self._dir_counts, arrived_counts - self._memory_counts))
+        if old:
+            self._dir_before = int(self._dir_levels[old - 1])
+        self._dir_counts, self._dir_levels = self._dir_counts[old:], self._dir_levels[old:]
+
+    # --- pulses
+
+    def _settled(self, until_counts: int, arrived_counts: int) -> _Pulses:
+        """The pulses whose fate is certain.
+
+        With the falling edge active, the chip's CLK is high until the next pulse begins: the last one's has been high
+        until now at least.
+        """
+        rises, falls = self._rises, self._falls
+        if self._module.active_edge is ClkEdge.RISING:
+            falls_before = np.concatenate(([self._last_fall_counts], falls))[: rises.size]
+            pulses = _Pulses(rises, rises, rises - falls_before, falls - rises)
+        else:
+            rises_after = np.concatenate((rises, [until_counts]))[1:]
+            pulses = _Pulses(rises, falls, falls - rises, rises_after - falls)
+        return pulses.where(slice(int(np.searchsorted(pulses.edges + self._clk.to_high, arrived_counts))))
+
+    def _not_lost(self, pulses: _Pulses) -> _Pulses:
+        too_short = pulses.high_counts < self._limits[_CLK_HIGH].value
+        too_soon = pulses.low_counts < self._limits[_CLK_LOW].value
+        self._note(_CLK_HIGH, pulses.edges[too_short], pulses.high_counts[too_short])
+        self._note(_CLK_LOW, pulses.edges[too_soon], pulses.low_counts[too_soon])
+        return pulses.where(~(too_short | too_soon))
+
+    # --- direction
+
+    def _levels(self, edges: Int64Array, rises: Int64Array) -> Int8Array:
+        """What the chip reads at its CLK rises, which come from these active edges at the terminals.
+
+        DIR is what has arrived through its coupler. Where the module's requirements are broken it is read at the
+        earliest or latest instant that they leave open.
+        """
+        counts, levels = self._dir.passed(self._dir_counts, self._dir_levels)
+        read, late, early = (
+            levels_at(instants, counts, levels, self._dir_before)
+            for instants in (rises, rises - self._setup_counts, rises + (self._hold_counts - 1))
+        )
+        before = np.searchsorted(self._dir_counts, edges, side="right") - 1
+        unset = self._broken(_SETUP, edges, before)
+        unheld = self._broken(_HOLD, edges, before + 1)
+        return np.where(unset, late, np.where(unheld, early, read))
+
+    def _broken(self, limit: int, edges: Int64Array, turns: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Which active edges are too near to a DIR edge, given by its index, which may be out of range; noted."""
+        broken = np.zeros(edges.size, dtype=np.bool_)
+        near = (turns >= 0) & (turns < self._dir_counts.size)
+        distances = np.abs(self._dir_counts[turns[near]] - edges[near])
+        levels = self._dir_levels[turns[near]]
+        for level in (0, 1):
+            too_near = (levels == level) & (distances < self._limits[limit + level].value)
+            self._note(limit + level, edges[near][too_near], distances[too_near])
+            broken[np.flatnonzero(near)[too_near]] = True
+        return broken
+
+    def _note(self, limit: int, edges: Int64Array, values: Int64Array) -> None:
+        """At the time at which the chip's CLK rises, or would: so they are in order with what the chip notes."""
+        self._log.note(limit, edges + self._clk.to_high, values)
+
+    # --- inputs that are held at a level
+
+    def _arrived_changes(self, rises: Int64Array, arrived_counts: int) -> tuple[LevelChange, ...]:
+        waiting = sorted((*self._changes, *self._enable_changes), key=lambda change: change.counts)
+        self._changes = [change for change in self._changes if change.counts >= arrived_counts]
+        self._enable_changes = [change for change in self._enable_changes if change.counts >= arrived_counts]
+        arrived = tuple(change for change in waiting if change.counts < arrived_counts)
+        return self._switchboard.changes(arrived, rises, arrived_counts) if self._switchboard else arrived

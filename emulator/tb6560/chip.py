@@ -1,0 +1,258 @@
+"""The chip: which CLK pulses it counts, what it notes of those that drive it, and its outputs.
+
+It counts rising CLK edges; the level of CW/CCW at the edge gives the direction (page 10). RESET low forces the initial
+state and ignores CLK; ENABLE low switches only the outputs off while the counter follows CLK (page 11). Operating
+range: CLK up to 15 kHz (page 7), high for at least t_W(CLK) (page 8). M1 and M2 change only in reset (page 15). VDD
+comes first, then VM, then the inputs, RESET and ENABLE last; off in reverse (page 28). CW/CCW has no setup or hold
+time in the datasheet.
+
+Outside the operating range nothing is guaranteed. The model takes the worst case: a pulse that breaks a limit does
+not count.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emulator.edges import COUNTS_PER_MS, NO_COUNTS, NO_LEVELS, Int8Array, Int64Array, joined, levels_at
+from emulator.tb6560.excitation import Excitation
+from emulator.tb6560.limits import Limit, Rule, Unit, ViolationLog, Violations
+from emulator.tb6560.oscillator import clk_width_min_counts
+from emulator.tb6560.outputs import SENSE_VOLT, Origin, Outputs, initial_field
+from emulator.tb6560.pins import EXCITATIONS, TORQUE_PERCENT, Input, LevelChange
+from emulator.tb6560.thermal import ON_RESISTANCE_OHM, SHUTDOWN_CELSIUS, Cooling, Junction
+
+CLK_RATE_MAX_HZ: Final = 15_000
+PERIOD_MIN_COUNTS: Final = 72_000_000 // CLK_RATE_MAX_HZ
+
+SENSE_OHM: Final = 0.33
+"""Resistors at NFA and NFB, for 1.5 A, unless something else is said."""
+
+_DATASHEET: Final = "TB6560AHQ datasheet, page"
+_CLK_WIDTH, _CLK_PERIOD, _MODE, _VM_FIRST, _INPUT_FIRST, _VDD_LAST, _HOT = range(7)
+_LATE_COUNTS: Final = COUNTS_PER_MS
+"""So much later than pulses that it precedes a change of an input may come: the firmware computes a tick ahead."""
+
+_SUPPLIES: Final = (Input.VDD, Input.VM)
+_LIVE: Final = (Input.VDD, Input.RESET)
+"""What has to be high for CLK to be heard."""
+
+
+def _limits(clk_width_counts: int) -> tuple[Limit, ...]:
+    """In the order of the indices above."""
+    return (
+        Limit(Rule.CLK_HIGH, clk_width_counts, Unit.COUNTS, f"{_DATASHEET} 8"),
+        Limit(Rule.CLK_PERIOD, PERIOD_MIN_COUNTS, Unit.COUNTS, f"{_DATASHEET} 7"),
+        Limit(Rule.MODE_CHANGE, 0, Unit.LEVEL, f"{_DATASHEET} 15, level of RESET"),
+        Limit(Rule.POWER_ORDER, 1, Unit.LEVEL, f"{_DATASHEET} 28, level of VDD as VM rises"),
+        Limit(Rule.POWER_ORDER, 1, Unit.LEVEL, f"{_DATASHEET} 28, level of VM as an input rises"),
+        Limit(Rule.POWER_ORDER, 0, Unit.LEVEL, f"{_DATASHEET} 28, level of VM as VDD falls"),
+        Limit(Rule.OVER_TEMPERATURE, SHUTDOWN_CELSIUS, Unit.CELSIUS, "TB6560AHQ datasheet, pages 6 to 8"),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Pins:
+    """What happened at a driver's inputs since the last look: times in counts, sorted, levels after each edge.
+
+    Attributes:
+        clk_rise_counts: shape (pulses,).
+        clk_fall_counts: shape (pulses,), the fall that ends each of them.
+        dir_counts: shape (d,).
+        dir_levels: shape (d,).
+        changes: of the inputs that are held at a level.
+        until_counts: everything before this instant is in this look or in an earlier one.
+    """
+
+    clk_rise_counts: Int64Array
+    clk_fall_counts: Int64Array
+    dir_counts: Int64Array
+    dir_levels: Int8Array
+    changes: tuple[LevelChange, ...]
+    until_counts: int
+
+
+class Tb6560:
+    """One chip, at first without supply and with all inputs low: in reset, disabled, direction CW.
+
+    Raises:
+        ValueError: a capacitor or resistor that is none.
+    """
+
+    def __init__(self, osc_pf: float, sense_ohm: float = SENSE_OHM, cooling: Cooling | None = None) -> None:
+        if not sense_ohm > 0:
+            raise ValueError(f"the sense resistor is {sense_ohm} ohm; it must be positive, for example {SENSE_OHM}")
+        self.clk_width_min_counts = clk_width_min_counts(osc_pf)
+        self.position_steps = 0
+        """Steps counted since power-up, through every reset; DIR high counts up."""
+        self.lost_steps = 0
+        """Pulses seen less steps counted, both signed."""
+        self._sense_ohm = sense_ohm
+        self._junction = Junction(cooling or Cooling())
+        self._levels = dict.fromkeys(Input, 0)
+        self._origin = Origin(dict(self._levels), initial_field(self._levels), shut_down=0, from_counts=0)
+        self._before = (NO_COUNTS, NO_LEVELS)
+        """Steps that are forgotten, but for the outputs."""
+        self._hot_from_counts = 0
+        self._changes: list[LevelChange] = []
+        self._dir_level = 0
+        self._last_rise_counts = -PERIOD_MIN_COUNTS
+        self._until_counts = 0
+        self._steps: list[Int64Array] = []
+        self._signs: list[Int8Array] = []
+        self._limits = _limits(self.clk_width_min_counts)
+        self._log = ViolationLog(self._limits)
+
+    # --- inputs
+
+    def feed(self, pins: Pins) -> tuple[Int64Array, Int8Array]:
+        """Let the chip see the next stretch of its pins; every rise comes with its fall.
+
+        Returns:
+            When each step was counted and which way, +1 or -1, as in `steps`.
+        """
+        was_live = self._live
+        live_edges = [(change.counts, self._live) for change in pins.changes if self._take(change)]
+        steps = self._count(pins, was_live, live_edges) if pins.clk_rise_counts.size else (NO_COUNTS, NO_LEVELS)
+        if pins.dir_levels.size:
+            self._dir_level = int(pins.dir_levels[-1])
+        self._until_counts = max(self._until_counts, pins.until_counts)
+        return steps
+
+    @property
+    def _live(self) -> int:
+        return int(all(self._levels[pin] for pin in _LIVE))
+
+    def _count(self, pins: Pins, was_live: int, live_edges: list[tuple[int, int]]) -> tuple[Int64Array, Int8Array]:
+        """Tell which rises are steps: usually all of them, which is found out by their two minima."""
+        rises = pins.clk_rise_counts
+        high_counts = pins.clk_fall_counts - rises
+        period_counts = np.empty_like(rises)
+        period_counts[0] = rises[0] - self._last_rise_counts
+        np.subtract(rises[1:], rises[:-1], out=period_counts[1:])
+        self._last_rise_counts = int(rises[-1])
+        signs = 2 * levels_at(rises, pins.dir_counts, pins.dir_levels, self._dir_level) - 1
+        short = high_counts.min() < self.clk_width_min_counts or period_counts.min() < PERIOD_MIN_COUNTS
+        if short or live_edges or not was_live:
+            live = _levels_of(rises, live_edges, was_live)
+            too_short = live & (high_counts < self.clk_width_min_counts)
+            too_soon = live & (period_counts < PERIOD_MIN_COUNTS)
+            self._log.note(_CLK_WIDTH, rises[too_short], high_counts[too_short])
+            self._log.note(_CLK_PERIOD, rises[too_soon], period_counts[too_soon])
+            accepted = live & ~too_short & ~too_soon
+            self.lost_steps += int(signs[~accepted].sum(dtype=np.int64))
+            rises, signs = rises[accepted], signs[accepted]
+        self._steps.append(rises)
+        self._signs.append(signs)
+        self.position_steps += int(signs.sum(dtype=np.int64))
+        return rises, signs
+
+    def _take(self, change: LevelChange) -> bool:
+        """Take one input's new level; return whether it may decide on whether CLK is heard."""
+        counts, pin, level = change
+        if self._levels[pin] == level:
+            return False
+        self._check(change)
+        self._levels[pin] = level
+        self._changes.append(change)
+        self._junction.heat(counts, self._power_w())
+        if pin in _LIVE:
+            self._junction.release(counts)
+        return pin in _LIVE
+
+    def _check(self, change: LevelChange) -> None:
+        counts, pin, level = change
+        vdd, vm = (self._levels[supply] for supply in _SUPPLIES)
+        if pin in (Input.M1, Input.M2) and self._live:
+            self._log.note_one(_MODE, counts, self._levels[Input.RESET])
+        if pin is Input.VM and level > vdd:
+            self._log.note_one(_VM_FIRST, counts, vdd)
+        if pin is Input.VDD and level < vm:
+            self._log.note_one(_VDD_LAST, counts, vm)
+        if pin not in _SUPPLIES and level > vm:
+            self._log.note_one(_INPUT_FIRST, counts, vm)
+
+    def _power_w(self) -> float:
+        """What the outputs dissipate if they are on."""
+        level = self._levels
+        if not (level[Input.VDD] and level[Input.VM] and level[Input.ENABLE]):
+            return 0.0
+        phases = 2 if EXCITATIONS[level[Input.M2], level[Input.M1]] is Excitation.TWO_PHASE else 1
+        return self._dissipated_w(phases, TORQUE_PERCENT[level[Input.TQ2], level[Input.TQ1]])
+
+    def _dissipated_w(self, phases: int, torque_percent: int) -> float:
+        """With the full current in one phase, or in both."""
+        current_a = SENSE_VOLT / self._sense_ohm * torque_percent / 100
+        return phases * current_a**2 * ON_RESISTANCE_OHM
+
+    # --- what came of it
+
+    @property
+    def steps(self) -> tuple[Int64Array, Int8Array]:
+        """When each counted step was made and which way, +1 or -1."""
+        return joined(self._steps, np.int64), joined(self._signs, np.int8)
+
+    def forget(self) -> None:
+        """Keep the counts and forget their history: steps, violations and the outputs' instants begin anew."""
+        if not (self._steps or self._changes or self._before[0].size or self._junction.shutdowns(self._until_counts)):
+            return  # nothing has happened since the last time
+        outputs, kept_counts = self.outputs, self._until_counts - _LATE_COUNTS
+        told_counts = int(outputs.instants().max(initial=max(self._until_counts, outputs.from_counts) - 1)) + 1
+        self._origin = outputs.at(kept_counts, told_counts)
+        counts, signs = outputs.steps
+        kept = int(np.searchsorted(counts, kept_counts))
+        self._before = counts[kept:].copy(), signs[kept:].copy()
+        self._steps.clear()
+        self._signs.clear()
+        self._changes = [change for change in self._changes if change.counts >= kept_counts]
+        self._log.count += len(self._hot_counts())
+        self._log.forget()
+        self._hot_from_counts = self._until_counts + 1
+        self._junction.forget(kept_counts)
+
+    @property
+    def violation_count(self) -> int:
+        """How many limits were broken so far."""
+        return self._log.count + len(self._hot_counts())
+
+    @property
+    def violations(self) -> Violations:
+        """All broken limits so far, in order of time."""
+        hot_counts = np.array(self._hot_counts(), dtype=np.int64)
+        return self._log.with_more(_HOT, hot_counts, np.full_like(hot_counts, SHUTDOWN_CELSIUS))
+
+    def _hot_counts(self) -> list[int]:
+        """When it became too hot, each time that is not forgotten."""
+        changes = self._junction.shutdowns(self._until_counts)
+        return [counts for counts, shut_down in changes if shut_down and counts >= self._hot_from_counts]
+
+    @property
+    def outputs(self) -> Outputs:
+        """The bridges and MO, at any instant so far."""
+        (counts, signs), (counts_before, signs_before) = self.steps, self._before
+        steps = np.concatenate((counts_before, counts)), np.concatenate((signs_before, signs))
+        shutdowns = self._junction.shutdowns(self._until_counts)
+        return Outputs(self._origin, self._changes, steps, shutdowns, self._sense_ohm)
+
+    def junction_celsius(self, counts: int) -> float:
+        """The junction's temperature at an instant; beyond what was fed, if all inputs stay as they are."""
+        return self._junction.celsius(counts)
+
+    def protect_level(self, counts: int) -> int:
+        """The Protect pin with a pull-up at an instant, like `junction_celsius`: low while shut down."""
+        return 1 - int(self._junction.shut_down(counts))
+
+    def protect_stays_until(self, counts: int) -> int | None:
+        """Up to when Protect stays as it is at an instant, whatever CLK and inputs do but RESET and VDD; None: always.
+
+        As good as that is known: the nearer to it, the better.
+        """
+        return self._junction.shutdown_not_before(counts, self._dissipated_w(phases=2, torque_percent=100))
+
+
+def _levels_of(rises: Int64Array, edges: list[tuple[int, int]], before: int) -> NDArray[np.bool_]:
+    counts = np.array([edge[0] for edge in edges], dtype=np.int64)
+    levels = np.array([edge[1] for edge in edges], dtype=np.int8)
+    return levels_at(rises, counts, levels, before).astype(np.bool_)

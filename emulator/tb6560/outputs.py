@@ -1,0 +1,204 @@
+"""What the chip's outputs do at any instant, worked out from the steps it has counted and its inputs' history."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from emulator.edges import COUNTS_PER_US, NO_COUNTS, NO_LEVELS, Delay, FloatArray, Int8Array, Int64Array
+from emulator.tb6560.excitation import CYCLE_SIXTEENTHS, PHASE_PERCENT, Excitation
+from emulator.tb6560.pins import EXCITATIONS, TORQUE_PERCENT, Input, LevelChange
+
+SENSE_VOLT: Final = 0.5
+"""Charging stops where the sense resistor has this (V_NF, typical, pages 6 to 8)."""
+
+ENABLE_DELAY: Final = Delay(to_high=3 * COUNTS_PER_US, to_low=2 * COUNTS_PER_US)
+"""From ENABLE to the outputs (typical, pages 6 to 8)."""
+
+Levels = Mapping[Input, int]
+
+_NEVER: Final = int(np.iinfo(np.int64).min)
+
+
+class Field(NamedTuple):
+    """Where the field stands, in sixteenths of a full step, and the mode; initial while the chip is in reset."""
+
+    sixteenths: int
+    excitation: Excitation
+    initial: bool
+
+
+class Origin(NamedTuple):
+    """What the outputs' history begins with.
+
+    Attributes:
+        levels: of the inputs.
+        field: as the motor has it.
+        shut_down: 1 while the outputs are shut down.
+        from_counts: since when nobody has asked for `Outputs.instants`.
+    """
+
+    levels: Levels
+    field: Field
+    shut_down: int
+    from_counts: int
+
+
+class _Stretch(NamedTuple):
+    """From an instant on the field turns by the same angle each step."""
+
+    from_counts: int
+    steps_before: int
+    field: Field
+
+
+class Outputs:
+    """The bridges and MO of one chip, from what has happened to it since an origin.
+
+    Every query takes instants in counts, shape (n,), in any order. The chopper is not resolved: currents are those that
+    it regulates to. It takes a new target on with the next edge of the oscillator (page 20), within 7.7 us at 330 pF.
+    """
+
+    def __init__(
+        self,
+        origin: Origin,
+        changes: Sequence[LevelChange],
+        steps: tuple[Int64Array, Int8Array],
+        shutdowns: Sequence[tuple[int, int]],
+        sense_ohm: float,
+    ) -> None:
+        self._origin = origin
+        self._changes = tuple(changes)
+        self.steps = steps
+        """When the field was turned and which way, +1 or -1."""
+        self._step_counts = steps[0]
+        self._turned = np.concatenate(([0], np.cumsum(steps[1], dtype=np.int64)))
+        self._shutdowns = shutdowns
+        self._peak_a = SENSE_VOLT / sense_ohm
+        self._stretches = list(self._follow())
+        self._from_counts = np.array([stretch.from_counts for stretch in self._stretches], dtype=np.int64)
+
+    def _follow(self) -> Iterator[_Stretch]:
+        """The stretches between changes of RESET and mode."""
+        levels = dict(self._origin.levels)
+        stretch = _Stretch(_NEVER, 0, self._origin.field)
+        yield stretch
+        for change in self._changes:
+            levels[change.pin] = change.level
+            if change.pin not in (Input.RESET, Input.VDD, Input.M1, Input.M2):
+                continue
+            steps = int(self._turned[np.searchsorted(self._step_counts, change.counts, side="left")])
+            if levels[Input.RESET] and levels[Input.VDD]:
+                excitation = EXCITATIONS[levels[Input.M2], levels[Input.M1]]
+                state = excitation.nearest_state(_angle(stretch, steps))
+                field = Field(state, excitation, initial=False)
+            else:
+                field = initial_field(levels)
+            stretch = _Stretch(change.counts, steps, field)
+            yield stretch
+
+    def at(self, counts: int, from_counts: int) -> Origin:
+        """All that is before an instant as an origin, with the instants from another one on."""
+        levels = dict(self._origin.levels)
+        levels |= {change.pin: change.level for change in self._changes if change.counts < counts}
+        stretch = self._stretches[int(np.searchsorted(self._from_counts, counts)) - 1]
+        turned = int(self._turned[np.searchsorted(self._step_counts, counts)])
+        field = stretch.field._replace(sixteenths=_angle(stretch, turned))
+        shut_down = [level for at_counts, level in self._shutdowns if at_counts < counts]
+        return Origin(levels, field, (shut_down or [self._origin.shut_down])[-1], from_counts)
+
+    def instants(self) -> Int64Array:
+        """Sorted instants at which anything may change, between which nothing does.
+
+        What lies before the origin's begin of them, but has become known only now, counts as that.
+        """
+        changes = np.array([change.counts for change in self._changes], dtype=np.int64)
+        enabled, _ = ENABLE_DELAY.passed(*self._edges(Input.ENABLE))
+        shut_down, _ = _arrays(self._shutdowns)
+        instants = np.concatenate((self._step_counts, changes, enabled, shut_down))
+        return np.unique(np.maximum(instants, self.from_counts))
+
+    @property
+    def from_counts(self) -> int:
+        """Where `instants` begins: 0, or where it ended for an earlier origin."""
+        return self._origin.from_counts
+
+    def sixteenths(self, counts: Int64Array) -> Int64Array:
+        """The field's angle in sixteenths of a full step, 0 to 63; it grows clockwise, DIR low."""
+        at = np.searchsorted(self._from_counts, counts, side="right") - 1
+        turned = self._turned[np.searchsorted(self._step_counts, counts, side="right")]
+        begun = np.array([stretch.steps_before for stretch in self._stretches], dtype=np.int64)[at]
+        fields = [stretch.field for stretch in self._stretches]
+        angle = np.array([field.sixteenths for field in fields], dtype=np.int64)[at]
+        step = np.array([field.excitation.step_sixteenths for field in fields], dtype=np.int64)[at]
+        sixteenths: Int64Array = (angle - (turned - begun) * step) % CYCLE_SIXTEENTHS
+        return sixteenths
+
+    def angle_deg(self, counts: Int64Array) -> FloatArray:
+        """The field's electrical angle, 0 to below 360 degrees: a cycle is four full steps."""
+        return np.asarray(self.sixteenths(counts) * (360 / CYCLE_SIXTEENTHS), dtype=np.float64)
+
+    def mo_levels(self, counts: Int64Array) -> Int8Array:
+        """The MO pin with a pull-up: low in the initial state, which comes round once a cycle, and in reset."""
+        at = np.searchsorted(self._from_counts, counts, side="right") - 1
+        initial = np.array([stretch.field.initial for stretch in self._stretches])[at]
+        angles = np.array([stretch.field.excitation.initial_sixteenths for stretch in self._stretches])[at]
+        return np.where(initial | (self.sixteenths(counts) == angles), 0, 1).astype(np.int8)
+
+    def currents_a(self, counts: Int64Array) -> FloatArray:
+        """Shape (n, 2): the currents in phases A and B in ampere, positive from OUT_P to OUT_M."""
+        at = np.searchsorted(self._from_counts, counts, side="right") - 1
+        excitations = np.array([stretch.field.excitation for stretch in self._stretches])[at]
+        angles = self.sixteenths(counts)
+        percent = np.zeros((counts.size, 2))
+        for excitation, table in PHASE_PERCENT.items():
+            chosen = excitations == excitation
+            percent[chosen] = table[angles[chosen]]
+        scale = self._peak_a * self._torque_percent(counts) / 100 * self._on(counts)
+        currents: FloatArray = percent / 100 * scale[:, np.newaxis]
+        return currents
+
+    def _torque_percent(self, counts: Int64Array) -> Int64Array:
+        high, low = self._levels(Input.TQ2, counts), self._levels(Input.TQ1, counts)
+        table = np.array([[TORQUE_PERCENT[tq2, tq1] for tq1 in (0, 1)] for tq2 in (0, 1)], dtype=np.int64)
+        chosen: Int64Array = table[high, low]
+        return chosen
+
+    def _on(self, counts: Int64Array) -> Int8Array:
+        """Whether current flows at all: supplied, enabled and not shut down."""
+        before = self._origin.levels[Input.ENABLE]
+        enabled = _sampled(counts, *ENABLE_DELAY.passed(*self._edges(Input.ENABLE)), before)
+        shut_down = _sampled(counts, *_arrays(self._shutdowns), self._origin.shut_down)
+        supplied = self._levels(Input.VDD, counts) & self._levels(Input.VM, counts)
+        on: Int8Array = supplied & enabled & (1 - shut_down)
+        return on
+
+    def _levels(self, pin: Input, counts: Int64Array) -> Int8Array:
+        return _sampled(counts, *self._edges(pin), self._origin.levels[pin])
+
+    def _edges(self, pin: Input) -> tuple[Int64Array, Int8Array]:
+        return _arrays([(change.counts, change.level) for change in self._changes if change.pin is pin])
+
+
+def initial_field(levels: Levels) -> Field:
+    """The field in reset."""
+    excitation = EXCITATIONS[levels[Input.M2], levels[Input.M1]]
+    return Field(excitation.initial_sixteenths, excitation, initial=True)
+
+
+def _angle(stretch: _Stretch, steps: int) -> int:
+    turned = (steps - stretch.steps_before) * stretch.field.excitation.step_sixteenths
+    return (stretch.field.sixteenths - turned) % CYCLE_SIXTEENTHS
+
+
+def _arrays(edges: Sequence[tuple[int, int]]) -> tuple[Int64Array, Int8Array]:
+    if not edges:
+        return NO_COUNTS, NO_LEVELS
+    counts, levels = zip(*edges, strict=True)
+    return np.array(counts, dtype=np.int64), np.array(levels, dtype=np.int8)
+
+
+def _sampled(counts: Int64Array, edges: Int64Array, levels: Int8Array, before: int) -> Int8Array:
+    """A pin's level at instants in any order, and before its first edge."""
+    history = np.concatenate((np.array([before], dtype=np.int8), levels))
+    return history[np.searchsorted(edges, counts, side="right")]

@@ -1,0 +1,98 @@
+"""The chip's 25 pins and what the levels at its inputs select, as the datasheet's tables give them."""
+
+from enum import Enum
+from typing import Final, NamedTuple
+
+from emulator.tb6560.excitation import Excitation
+
+
+class Kind(Enum):
+    """What a pin is electrically."""
+
+    INPUT = "input"
+    """Logic input with a pull-down of 100 kOhm: low while nothing is connected."""
+    OPEN_DRAIN = "open drain"
+    """Low, or let go; high only by a pull-up outside. Sinks up to 1 mA."""
+    BRIDGE = "bridge"
+    """An end of a motor's phase."""
+    PASSIVE = "passive"
+    """A resistor or capacitor is connected to ground."""
+    SUPPLY = "supply"
+    GROUND = "ground"
+
+
+class PinRow(NamedTuple):
+    """One row of the pin table."""
+
+    number: int
+    name: str
+    kind: Kind
+    function: str
+    page: int
+
+
+PINS: Final = (
+    PinRow(1, "TQ2", Kind.INPUT, "torque, with TQ1", 3),
+    PinRow(2, "TQ1", Kind.INPUT, "torque, with TQ2", 3),
+    PinRow(3, "CLK", Kind.INPUT, "a rise is a step", 3),
+    PinRow(4, "ENABLE", Kind.INPUT, "low: all outputs off", 3),
+    PinRow(5, "RESET", Kind.INPUT, "low: initial state", 3),
+    PinRow(6, "SGND", Kind.GROUND, "of the logic", 3),
+    PinRow(7, "OSC", Kind.PASSIVE, "capacitor of the chopper's oscillator", 3),
+    PinRow(8, "VMB", Kind.SUPPLY, "of the motor, phase B", 3),
+    PinRow(9, "OUT_BM", Kind.BRIDGE, "phase B, minus", 3),
+    PinRow(10, "PGNDB", Kind.GROUND, "of phase B", 3),
+    PinRow(11, "NFB", Kind.PASSIVE, "resistor that senses phase B's current", 3),
+    PinRow(12, "OUT_BP", Kind.BRIDGE, "phase B, plus", 3),
+    PinRow(13, "OUT_AM", Kind.BRIDGE, "phase A, minus", 3),
+    PinRow(14, "NFA", Kind.PASSIVE, "resistor that senses phase A's current", 3),
+    PinRow(15, "PGNDA", Kind.GROUND, "of phase A", 3),
+    PinRow(16, "OUT_AP", Kind.BRIDGE, "phase A, plus", 3),
+    PinRow(17, "MO", Kind.OPEN_DRAIN, "low in the initial state", 3),
+    PinRow(18, "VMA", Kind.SUPPLY, "of the motor, phase A", 3),
+    PinRow(19, "Protect", Kind.OPEN_DRAIN, "low after thermal shutdown (page 10; page 3 says high)", 10),
+    PinRow(20, "VDD", Kind.SUPPLY, "of the logic, 5 V", 3),
+    PinRow(21, "CW/CCW", Kind.INPUT, "low: CW, high: CCW", 3),
+    PinRow(22, "M2", Kind.INPUT, "excitation, with M1", 3),
+    PinRow(23, "M1", Kind.INPUT, "excitation, with M2", 3),
+    PinRow(24, "DCY2", Kind.INPUT, "decay, with DCY1", 3),
+    PinRow(25, "DCY1", Kind.INPUT, "decay, with DCY2", 3),
+)
+
+
+class Input(Enum):
+    """The pins that are held at a level. VM stands for VMA and VMB together; a supply is high when it is up."""
+
+    VDD = "VDD"
+    VM = "VM"
+    RESET = "RESET"
+    ENABLE = "ENABLE"
+    M1 = "M1"
+    M2 = "M2"
+    TQ1 = "TQ1"
+    TQ2 = "TQ2"
+    DCY1 = "DCY1"
+    DCY2 = "DCY2"
+
+
+class LevelChange(NamedTuple):
+    """An input takes a level, 0 or 1."""
+
+    counts: int
+    pin: Input
+    level: int
+
+
+EXCITATIONS: Final = {
+    (0, 0): Excitation.TWO_PHASE,
+    (0, 1): Excitation.ONE_TWO_PHASE,
+    (1, 0): Excitation.FOUR_W_ONE_TWO_PHASE,
+    (1, 1): Excitation.TWO_W_ONE_TWO_PHASE,
+}
+"""By the levels of M2 and M1 (page 9)."""
+
+TORQUE_PERCENT: Final = {(0, 0): 100, (0, 1): 75, (1, 0): 50, (1, 1): 20}
+"""Part of the full current, by the levels of TQ2 and TQ1 (page 10)."""
+
+FAST_DECAY_PERCENT: Final = {(0, 0): 0, (0, 1): 25, (1, 0): 50, (1, 1): 100}
+"""Part of each chopping period, at its end, in which the current decays fast, by DCY2 and DCY1 (page 10)."""

@@ -1,0 +1,79 @@
+"""Which drivers the emulated board has, and what they have to say, in the words of robots and of the verifier."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emulator.driver_module import ClkEdge, Module
+from emulator.driver_profiles import PROFILES, DriverProfile, bare_chip
+from emulator.edges import COUNTS_PER_US, NO_COUNTS, NO_LEVELS, Int64Array
+from emulator.tb6560 import Outputs, Unit, Violations
+from host.errors import InputError
+from host.inputs import unknown
+from host.robot import Board, Robot
+from host.verify import DriverLimit, DriverViolations, Phases
+
+_SCALES = {Unit.COUNTS: ("us", 1 / COUNTS_PER_US), Unit.LEVEL: ("level", 1), Unit.CELSIUS: ("degC", 1)}
+"""How values are told, and by what they are multiplied for it."""
+
+
+def driver_profile(board: Board, instead: str | None = None) -> DriverProfile:
+    """The drivers that a robot's file names, or others instead.
+
+    Raises:
+        InputError: there are none of this name.
+    """
+    name = board.driver_profile if instead is None else instead
+    if name is None:
+        assert board.osc_pf is not None
+        return bare_chip(board.osc_pf)
+    if name not in PROFILES:
+        raise unknown("driver profile", name, PROFILES)
+    return PROFILES[name]
+
+
+def fitted_modules(robot: Robot, profile: DriverProfile, *, as_filed: bool) -> tuple[Module, ...]:
+    """A module for each joint; `as_filed` with the current and the active edge that the robot's file asks for.
+
+    Raises:
+        InputError: the module cannot be set so.
+    """
+    current_a = robot.board.current_a if as_filed else None
+    edge = robot.board.active_edge if as_filed else None
+    try:
+        return tuple(
+            profile.fitted(joint.transmission.microsteps, current_a, ClkEdge(edge) if edge else None)
+            for joint in robot.joints
+        )
+    except ValueError as error:
+        raise InputError(f"board.current_a: {error}") from error
+
+
+def violations_evidence(violations: Violations) -> DriverViolations:
+    """Counts become microseconds; all else stays."""
+    scales = np.array([_SCALES[limit.unit][1] for limit in violations.limits])
+    limits = tuple(
+        DriverLimit(
+            limit.rule.name.lower(), limit.rule.value, limit.value * scale, _SCALES[limit.unit][0], limit.source
+        )
+        for limit, scale in zip(violations.limits, scales.tolist(), strict=True)
+    )
+    values = violations.values * scales[violations.which]
+    return DriverViolations(limits, violations.counts, violations.which, values)
+
+
+def phases_evidence(outputs: Outputs) -> Phases:
+    """Sampled wherever something may change; instants at which nothing does are left out, but for the very first."""
+    counts = outputs.instants()
+    if not counts.size:
+        return Phases(NO_COUNTS, NO_LEVELS, np.empty(0, np.int16), np.empty(0, np.int16))
+    values, before = _phase_values(outputs, counts), _phase_values(outputs, counts[:1] - 1)
+    changed = (values != np.concatenate((before, values[:-1]))).any(axis=1)
+    changed[:1] |= outputs.from_counts == 0
+    angle, a_ma, b_ma = values[changed].T
+    return Phases(counts[changed], angle.astype(np.int8), a_ma.astype(np.int16), b_ma.astype(np.int16))
+
+
+def _phase_values(outputs: Outputs, counts: Int64Array) -> NDArray[np.int64]:
+    """Shape (n, 3): angle in sixteenths and both currents in mA."""
+    currents_ma = np.rint(1000 * outputs.currents_a(counts)).astype(np.int64)
+    return np.column_stack([outputs.sixteenths(counts), currents_ma])

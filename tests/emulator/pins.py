@@ -1,0 +1,54 @@
+"""Pin stretches for drivers, put together by hand."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from emulator.tb6560 import Input, LevelChange, Pins
+
+WIDTH = 2160
+"""30 us."""
+PERIOD = 4800
+"""1 / 15 kHz."""
+FOREVER = 10**12
+
+POWER_UP = tuple(LevelChange(0, pin, 1) for pin in (Input.VDD, Input.VM, Input.RESET, Input.ENABLE))
+"""As the datasheet asks for it."""
+
+
+def pins(
+    rises: Sequence[int] = (),
+    widths: int | Sequence[int] = WIDTH,
+    directions: Sequence[tuple[int, int]] = (),
+    changes: Iterable[LevelChange] = (),
+    until: int = FOREVER,
+) -> Pins:
+    """Pulses by rise and width, DIR edges and input changes as (counts, level)."""
+    rise = np.array(rises, dtype=np.int64)
+    dirs = np.array(directions, dtype=np.int64).reshape(-1, 2)
+    return Pins(rise, rise + np.array(widths), dirs[:, 0], dirs[:, 1].astype(np.int8), tuple(changes), until)
+
+
+def at(counts: int, **levels: int) -> tuple[LevelChange, ...]:
+    """Inputs by name take levels."""
+    return tuple(LevelChange(counts, Input[name], level) for name, level in levels.items())
+
+
+def cut(whole: Pins, instants: Iterable[int]) -> list[Pins]:
+    """The same in pieces, as somebody who looks at these instants would see it."""
+    pieces, first = [], -FOREVER
+    for until in (*sorted(instants), whole.until_counts):
+        pulses = (first <= whole.clk_rise_counts) & (whole.clk_rise_counts < until)
+        turns = (first <= whole.dir_counts) & (whole.dir_counts < until)
+        pieces.append(
+            Pins(
+                whole.clk_rise_counts[pulses],
+                whole.clk_fall_counts[pulses],
+                whole.dir_counts[turns],
+                whole.dir_levels[turns],
+                tuple(change for change in whole.changes if first <= change.counts < until),
+                until,
+            )
+        )
+        first = until
+    return pieces

@@ -1,0 +1,146 @@
+"""A driver whose history is taken piece by piece: the pieces together are the whole, and nothing stays in memory."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from emulator.driver import Driver
+from emulator.driver_module import Coupler, Module
+from emulator.driver_profiles import SLOW_BLUE_BOARD, THREE_AMP_MODULE
+from emulator.tb6560 import Cooling, Input, LevelChange, Outputs
+from tests.emulator.pins import POWER_UP, at, cut, pins
+
+MS = 72_000
+END = 2_000_000
+CRUMB = Cooling(resistance_k_per_w=300, capacity_j_per_k=1e-5)
+"""Too hot within some ms."""
+MODULES = [
+    Module(),
+    Module(cooling=CRUMB),
+    SLOW_BLUE_BOARD.fitted(16),
+    replace(THREE_AMP_MODULE.fitted(8), idle_ms=2),
+    Module(clk=Coupler(9_000, 60_000), direction=Coupler(5_000, 2_000), enable=Coupler(70_000, 100)),
+]
+
+PULSES = st.lists(st.tuples(st.integers(1, 60_000), st.integers(1, 12_000)), min_size=1, max_size=30)
+TURNS = st.lists(st.integers(0, END // 2), max_size=20, unique=True)
+CHANGES = st.lists(
+    st.builds(LevelChange, st.integers(1, END // 2), st.sampled_from(list(Input)), st.integers(0, 1)), max_size=10
+)
+CUTS = st.lists(st.integers(0, END), max_size=8)
+
+
+class History(NamedTuple):
+    """What a driver tells, times first: steps, violations, and the outputs from each instant on."""
+
+    steps: NDArray[np.int64]
+    violations: NDArray[np.int64]
+    outputs: NDArray[np.float64]
+
+    def outputs_at(self, times: NDArray[np.int64]) -> NDArray[np.float64]:
+        return self.outputs[np.searchsorted(self.outputs[:, 0], times, side="right") - 1, 1:]
+
+
+def told(driver: Driver) -> History:
+    found = driver.violations
+    return History(
+        np.column_stack(driver.steps),
+        np.column_stack((found.counts, found.which, found.values)),
+        sampled(driver.outputs),
+    )
+
+
+def sampled(outputs: Outputs) -> NDArray[np.float64]:
+    counts = outputs.instants()
+    return np.column_stack((counts, outputs.sixteenths(counts), outputs.mo_levels(counts), outputs.currents_a(counts)))
+
+
+def together(pieces: list[History]) -> History:
+    return History(*(np.concatenate(parts) for parts in zip(*pieces, strict=True)))
+
+
+@pytest.mark.parametrize("module", MODULES)
+@given(pulses=PULSES, turns=TURNS, changes=CHANGES, cuts=CUTS)
+def test_the_pieces_are_the_whole(
+    module: Module, pulses: list[tuple[int, int]], turns: list[int], changes: list[LevelChange], cuts: list[int]
+) -> None:
+    gaps, widths = zip(*pulses, strict=True)
+    rises = np.cumsum(np.array(gaps) + np.concatenate(([0], widths[:-1]))).tolist()
+    directions = [(counts, (i + 1) % 2) for i, counts in enumerate(sorted(turns))]
+    in_order = sorted(changes, key=lambda change: change.counts)
+    whole = pins(rises, widths, directions, (*POWER_UP, *in_order), until=2 * END)
+    once, forgetful = Driver(100, module), Driver(100, module)
+    once.feed(whole)
+    pieces = []
+    for piece in cut(whole, cuts):
+        forgetful.feed(piece)
+        pieces.append(told(forgetful))
+        forgetful.forget()
+    expected, history = told(once), together(pieces)
+    assert history.steps.tolist() == expected.steps.tolist()
+    assert sorted(history.violations.tolist()) == sorted(expected.violations.tolist())
+    for instants in (history.violations[:, 0], history.outputs[:, 0]):
+        assert (np.diff(instants) >= 0).all()
+    times = np.linspace(0, 2 * END, 500).astype(np.int64)
+    assert np.array_equal(history.outputs_at(times), expected.outputs_at(times))
+    assert (forgetful.position_steps, forgetful.lost_steps, forgetful.violation_count) == (
+        once.position_steps,
+        once.lost_steps,
+        once.violation_count,
+    )
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_nothing_stays_in_memory(module: Module) -> None:
+    """However often RESET, ENABLE and CLK change."""
+    driver = Driver(330, module)
+    driver.feed(pins(changes=POWER_UP, until=1))
+    sizes = []
+    for i in range(60):
+        begin = (2 * i + 1) * MS
+        changes = (*at(begin, RESET=0, ENABLE=0), *at(begin + 9, RESET=1, ENABLE=1))
+        rises = [begin + 10_000 + 9000 * k for k in range(12)]
+        driver.feed(pins(rises, 2160, changes=changes, until=begin + 2 * MS))
+        driver.forget()
+        sizes.append(size_of(driver))
+    assert max(sizes[30:]) <= max(sizes[:30])
+
+
+def size_of(thing: object, depth: int = 5) -> int:
+    """How many items its lists and arrays hold, and those of all that it is made of."""
+    if isinstance(thing, np.ndarray):
+        return thing.size
+    if isinstance(thing, (list, tuple)):
+        return len(thing) + sum(size_of(item, depth) for item in thing)
+    return sum(size_of(part, depth - 1) for part in vars(thing).values()) if depth and hasattr(thing, "__dict__") else 0
+
+
+def test_what_was_told_ahead_is_not_told_again() -> None:
+    """The outputs come on 3 us after ENABLE, which is known with ENABLE."""
+    driver = Driver(330, Module())
+    pieces = []
+    for piece in cut(pins(changes=POWER_UP, until=500), [1, 2]):
+        driver.feed(piece)
+        pieces.append(told(driver))
+        driver.forget()
+    assert pieces[0].outputs[:, 0].tolist() == [0, 216]
+    assert (np.diff(together(pieces).outputs[:, 0]) > 0).all()
+
+
+def test_a_change_that_comes_after_pulses_of_its_tick_is_told_with_the_next_piece() -> None:
+    """The firmware has computed the tick already in which a frame makes it disable the driver."""
+    driver = Driver(330, Module())
+    driver.feed(pins([1000, 11_000], changes=POWER_UP, until=18_000))
+    first = told(driver)
+    driver.forget()
+    driver.feed(pins(changes=at(12_000, ENABLE=0), until=36_000))
+    second = told(driver)
+    assert first.outputs[-1, 0] == 11_000
+    assert second.outputs[:, 0].tolist() == [18_000]
+    assert second.outputs[0, 3:].tolist() == [0, 0]
+    assert first.outputs[-1, 1] == second.outputs[0, 1]

@@ -1,0 +1,139 @@
+"""Heat: the junction against an integration in small steps, the shutdown on both sides, and what ends it."""
+
+from math import exp
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from emulator.tb6560 import Cooling, Rule, Tb6560
+from emulator.tb6560.thermal import Junction
+from tests.emulator.pins import POWER_UP, at, pins
+
+SECOND = 72_000_000
+BARE = Cooling()
+"""25 K/W, 100 s, 25 degC."""
+
+
+def hot_chip(sense_ohm: float = 0.5 / 3, cooling: Cooling = BARE) -> Tb6560:
+    """Two-phase mode at 3 A: 2 * 9 * 0.6 = 10.8 W, on the way to 295 degC."""
+    chip = Tb6560(330, sense_ohm, cooling)
+    chip.feed(pins(changes=POWER_UP, until=1))
+    return chip
+
+
+def shutdown_counts(chip: Tb6560) -> int:
+    """The first count at which Protect is low, by bisection."""
+    high, low = 0, 1000 * SECOND
+    while low - high > 1:
+        middle = (high + low) // 2
+        high, low = (middle, low) if chip.protect_level(middle) else (high, middle)
+    return low
+
+
+class TestJunction:
+    def test_follows_an_exponential(self) -> None:
+        junction = Junction(BARE)
+        junction.heat(0, 4.0)
+        for t_s in (0, 1, 10, 100, 1000):
+            assert junction.celsius(t_s * SECOND) == pytest.approx(25 + 100 * (1 - exp(-t_s / 100)))
+
+    @given(st.lists(st.tuples(st.integers(1, 60), st.floats(0, 12)), min_size=1, max_size=8))
+    def test_against_small_steps(self, stretches: list[tuple[int, float]]) -> None:
+        """Powers for some seconds each; the integration knows the shutdown too, and that nothing ends it."""
+        junction, celsius, shut_down, now_s = Junction(BARE), 25.0, False, 0
+        for duration_s, power_w in stretches:
+            junction.heat(now_s * SECOND, power_w)
+            for _ in range(duration_s * 100):
+                celsius += ((0.0 if shut_down else power_w) - (celsius - 25) / 25) / 4 * 0.01
+                shut_down = shut_down or celsius >= 170
+            now_s += duration_s
+            assert junction.celsius(now_s * SECOND) == pytest.approx(celsius, abs=0.1)
+            assert junction.shut_down(now_s * SECOND) == shut_down
+
+
+class TestShutdown:
+    def test_at_170_degrees_and_not_a_count_sooner(self) -> None:
+        """77.0 s: 100 s * ln(270 / 125)."""
+        chip = hot_chip()
+        trip = shutdown_counts(chip)
+        assert trip / SECOND == pytest.approx(77.01, abs=0.01)
+        assert (chip.protect_level(trip - 1), chip.protect_level(trip)) == (1, 0)
+        assert chip.junction_celsius(trip - 1) < 170 <= chip.junction_celsius(trip) + 1e-6
+        assert chip.junction_celsius(trip + 100 * SECOND) == pytest.approx(25 + 145 / 2.71828, abs=0.01)
+
+    def test_the_outputs_are_off_and_the_counter_counts(self) -> None:
+        chip = hot_chip()
+        trip = shutdown_counts(chip)
+        chip.feed(pins([trip - 20_000, trip + 20_000], until=trip + 40_000))
+        currents = chip.outputs.currents_a(pins([trip - 1, trip]).clk_rise_counts)
+        assert currents[0].tolist() == [pytest.approx(3), pytest.approx(3)]
+        assert currents[1].tolist() == [0, 0]
+        assert chip.position_steps == -2
+
+    def test_is_noted_when_it_has_come(self) -> None:
+        chip = hot_chip()
+        trip = shutdown_counts(chip)
+        chip.feed(pins(until=trip - 1))
+        assert not chip.violations.counts.size
+        chip.feed(pins(until=trip))
+        found = chip.violations
+        assert (found.counts.tolist(), found.rules(), found.values.tolist()) == ([trip], [Rule.OVER_TEMPERATURE], [170])
+
+    def test_does_not_come_where_the_outputs_go_off_before(self) -> None:
+        chip = hot_chip()
+        trip = shutdown_counts(chip)
+        chip.feed(pins(changes=at(trip - 1, ENABLE=0), until=2 * trip))
+        assert chip.protect_level(trip) == 1
+        assert not chip.violations.counts.size
+
+    @pytest.mark.parametrize(
+        ("changes", "trips"),
+        [
+            pytest.param({}, True, id="3 A in two-phase"),
+            pytest.param({"TQ1": 1}, True, id="75 %: 6.1 W, 177 degC"),
+            pytest.param({"TQ2": 1}, False, id="50 %"),
+        ],
+    )
+    def test_torque_decides(self, changes: dict[str, int], trips: bool) -> None:
+        chip = hot_chip()
+        chip.feed(pins(changes=at(1, **changes)))
+        assert chip.protect_level(1000 * SECOND) == (0 if trips else 1)
+
+    def test_microsteps_heat_half_as_much(self) -> None:
+        """5.4 W: 160 degC, just below."""
+        chip = Tb6560(330, 0.5 / 3, BARE)
+        chip.feed(pins(changes=(*POWER_UP[:2], *at(0, M2=1), *POWER_UP[2:])))
+        assert chip.junction_celsius(5000 * SECOND) == pytest.approx(160)
+        assert chip.protect_level(5000 * SECOND) == 1
+
+    def test_a_heat_sink_prevents_it(self) -> None:
+        assert hot_chip(cooling=Cooling(resistance_k_per_w=8)).protect_level(5000 * SECOND) == 1
+
+
+class TestRelease:
+    """The junction falls from 170 to 150 degC in 100 s * ln(145 / 125) = 14.84 s."""
+
+    @pytest.mark.parametrize(("after_s", "level"), [(14.8, 0), (14.9, 1)])
+    def test_reset_ends_a_shutdown_once_it_has_cooled(self, after_s: float, level: int) -> None:
+        chip = hot_chip()
+        reset = shutdown_counts(chip) + round(after_s * SECOND)
+        chip.feed(pins(changes=(*at(reset, RESET=0), *at(reset + 100, RESET=1))))
+        assert chip.protect_level(reset - 1) == 0
+        assert chip.protect_level(reset + 100) == level
+
+    def test_cooling_alone_does_not(self) -> None:
+        chip = hot_chip()
+        assert chip.protect_level(shutdown_counts(chip) + 1000 * SECOND) == 0
+
+    def test_nor_does_enable(self) -> None:
+        chip = hot_chip()
+        later = shutdown_counts(chip) + 100 * SECOND
+        chip.feed(pins(changes=(*at(later, ENABLE=0), *at(later + 100, ENABLE=1))))
+        assert chip.protect_level(later + 100) == 0
+
+    def test_then_it_may_come_again(self) -> None:
+        chip = hot_chip()
+        reset = shutdown_counts(chip) + 20 * SECOND
+        chip.feed(pins(changes=(*at(reset, RESET=0), *at(reset + 100, RESET=1)), until=reset + 100 * SECOND))
+        assert chip.violations.rules() == [Rule.OVER_TEMPERATURE] * 2

@@ -1,0 +1,151 @@
+"""Runs with other drivers than planner and firmware believe, and with those that a robot's file names."""
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from controller.backend import Kernel
+from host.cli.app import run
+from host.errors import InputError
+from host.jobs import make_job
+from host.planner import plan
+from host.robot import Robot
+from host.robots import load_robot
+from host.run import Outcome, execute
+
+DRAWER_PULL = ["run", "warehouse-scara", "drawer-pull"]
+SPIRAL = ["run", "lab-scara", "spiral"]
+
+
+def run_json(capsys: pytest.CaptureFixture[str], arguments: list[str], exit_code: int) -> dict[str, Any]:
+    assert run([*arguments, "--json"]) == exit_code
+    document = json.loads(capsys.readouterr().out)
+    assert isinstance(document, dict)
+    return document
+
+
+def with_board(name: str, **settings: object) -> Robot:
+    robot = load_robot(name)
+    return dataclasses.replace(robot, board=dataclasses.replace(robot.board, **settings))  # type: ignore[arg-type]
+
+
+def executed(robot: Robot, job: str, kernel: Kernel) -> Outcome:
+    return execute(plan(robot, make_job(robot, job, {})), job, kernel)
+
+
+def test_by_default_nothing_is_broken(capsys: pytest.CaptureFixture[str]) -> None:
+    document = run_json(capsys, DRAWER_PULL, 0)
+    assert document["driver_profile"] == "chip-330pf"
+    assert document["violations"] == []
+
+
+class TestSlowBlueBoard:
+    OPTIONS = ("--driver-profile", "slow-blue-board")
+
+    def test_misses_every_step(self, capsys: pytest.CaptureFixture[str]) -> None:
+        """STEP is high for 33 us before the edge that it steps with; the board wants 150 us."""
+        document = run_json(capsys, [*DRAWER_PULL, *self.OPTIONS], 1)
+        assert document["passed"] is False
+        assert document["driver_profile"] == "slow-blue-board"
+        moved = [axis for axis in document["axes"] if axis["pulses"]]
+        assert [axis["name"] for axis in moved] == ["th1", "th2", "th3"]
+        for axis, group in zip(moved, document["violations"], strict=True):
+            assert axis["violations"] == axis["pulses"] == group["count"]
+            assert axis["steps_end"] == axis["steps_start"]
+            assert axis["position_error_steps_max"] > 700
+            assert (group["axis"], group["rule"], group["unit"]) == (axis["name"], "clk_low", "us")
+            assert (group["worst"], group["limit"]) == (33, 150)
+            assert 0 < group["first_s"] < 10
+            assert "step missed" in group["broken"]
+            assert "LinuxCNC" in group["source"]
+        assert document["tool"]["position_error_mm_max"] > 100
+
+    def test_says_so(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert run([*DRAWER_PULL, *self.OPTIONS]) == 1
+        lines = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
+        (heading,) = [i for i, line in enumerate(lines) if line.startswith("CLK low too short before its rise")]
+        assert "drivers: slow-blue-board" in lines
+        assert lines[heading].endswith("(LinuxCNC settings passed on for blue TB6560 boards: 150 us, falling edge)")
+        assert lines[heading + 1].split() == ["axis", "times", "worst", "us", "limit", "us", "first", "s"]
+        assert lines[heading + 3].split()[:4] == ["th1", "1846", "33.00", "150.00"]
+        assert lines[heading + 4].split()[0] == "th2"
+        assert any("FAILED" in line for line in lines)
+
+    def test_leaves_its_violations_in_the_folder(self, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+        run_json(capsys, [*DRAWER_PULL, *self.OPTIONS, "--out", str(tmp_path)], 1)
+        edges = np.load(tmp_path / "edges.npz")
+        assert edges["th1_violation_counts"].size == edges["th1_clk_rise_counts"].size == 1846
+        assert np.array_equal(edges["th1_violation_counts"], edges["th1_clk_fall_counts"])
+        assert set(edges["th1_violation_values"]) == {33.0}
+        assert set(edges["th1_limit_values"][edges["th1_violation_which"]]) == {150.0}
+        assert edges["sx_violation_counts"].size == edges["sx_violation_which"].size == 0
+        assert json.loads((tmp_path / "report.json").read_text())["violations"][0]["count"] == 1846
+
+    def test_with_the_times_that_it_asks_for(self, fast_kernel: Kernel) -> None:
+        """The step is the fall, so that DIR has to hold 150 us beyond the pulse."""
+        robot = with_board(
+            "warehouse-scara",
+            osc_pf=None,
+            driver_profile="slow-blue-board",
+            steplen_ns=160_000,
+            stepspace_ns=160_000,
+            dirsetup_ns=150_000,
+            dirhold_ns=320_000,
+            step_rate_max_hz=3_000,
+        )
+        outcome = executed(robot, "drawer-pull", fast_kernel)
+        assert outcome.report.passed, outcome.report.reasons
+        assert outcome.driver_profile == "slow-blue-board"
+        assert outcome.report.axes[4].reversals == 1
+
+
+class TestThreeAmpModule:
+    """DIR takes 24 us to fall, STEP next to none: the robots' 15 us of setup are too short for some reversals."""
+
+    def test_a_late_dir_steps_the_wrong_way(self, capsys: pytest.CaptureFixture[str]) -> None:
+        document = run_json(capsys, [*SPIRAL, "--driver-profile", "3a-module"], 1)
+        (group,) = document["violations"]
+        assert (group["axis"], group["rule"], group["count"], group["worst"]) == ("th2", "dir_setup", 1, 15)
+        assert group["limit"] == pytest.approx(23.92, abs=0.01)
+        right = {axis["name"]: axis for axis in run_json(capsys, SPIRAL, 0)["axes"]}
+        wrong = {axis["name"]: axis for axis in document["axes"]}
+        assert wrong["th2"]["pulses"] == right["th2"]["pulses"]
+        assert abs(wrong["th2"]["steps_end"] - right["th2"]["steps_end"]) == 2
+        assert wrong["th3"] == right["th3"]
+
+    @pytest.mark.parametrize("name", ["lab-scara", "hybrid-arm"])
+    def test_passes_with_enough_setup(self, name: str, fast_kernel: Kernel) -> None:
+        job = {"lab-scara": "spiral", "hybrid-arm": "five-points"}[name]
+        robot = with_board(name, osc_pf=None, driver_profile="3a-module", dirsetup_ns=24_000)
+        outcome = executed(robot, job, fast_kernel)
+        assert outcome.report.passed, outcome.report.reasons
+        short = dataclasses.replace(robot, board=dataclasses.replace(robot.board, dirsetup_ns=15_000))
+        assert not executed(short, job, fast_kernel).report.passed
+
+    def test_has_no_other_currents_than_its_switches(self, fast_kernel: Kernel) -> None:
+        robot = with_board("teaching-scara", osc_pf=None, driver_profile="3a-module", current_a=1.3)
+        with pytest.raises(InputError, match=r"^board\.current_a: 1\.3 A is none .* 1\.2 A and 1\.4 A$"):
+            executed(robot, "carry", fast_kernel)
+
+    def test_the_file_does_not_say_how_other_drivers_are_set(self, fast_kernel: Kernel) -> None:
+        robot = with_board("teaching-scara", current_a=1.3)
+        planned = plan(robot, make_job(robot, "carry", {}))
+        outcome = execute(planned, "carry", fast_kernel, driver_profile="3a-module")
+        assert outcome.driver_profile == "3a-module"
+
+
+@pytest.mark.parametrize("pf", [100, 1000])
+def test_chips_by_their_capacitor(pf: int, capsys: pytest.CaptureFixture[str]) -> None:
+    """33 us are enough for 100 pF, which asks for 10, and too short for 1000 pF, which asks for 90."""
+    document = run_json(capsys, [*DRAWER_PULL, "--driver-profile", f"chip-{pf}pf"], 0 if pf == 100 else 1)
+    assert {group["limit"] for group in document["violations"]} == ({90.0} if pf == 1000 else set())
+
+
+def test_a_file_may_turn_the_active_edge(fast_kernel: Kernel) -> None:
+    """Then the bare chip counts falls, and the last one although nothing follows it."""
+    robot = with_board("warehouse-scara", active_edge="falling")
+    assert executed(robot, "drawer-pull", fast_kernel).report.passed
