@@ -9,7 +9,11 @@ from rich.table import Table
 
 from bench import cyclic, drawer_pull, driver, kernel, kinematics, live_tables, timing, waveforms
 from bench.loads import AXES
-from controller.backend import KERNELS
+from bench.pulses import scaling
+from bench.pulses.motions import all_motions
+from bench.pulses.table import COLUMNS, measured, table_rows
+from controller.backend import KERNELS, Kernel
+from host.cli.output import print_table
 
 
 def main() -> None:
@@ -49,6 +53,10 @@ def main() -> None:
             f"{d.timing_us_p50:.2f}",
         )
     console.print(table)
+
+    console.print(_PULSES_TITLE)
+    print_table(list(COLUMNS), table_rows(measured(all_motions(), kernels[-1])), text_columns=2)
+    _print_scaling(console, kernels[-1])
 
     table = Table("load", "steps", "delayed", "max error, steps", "rms, us", "p99, us", title=_TIMING_TITLE)
     for t in timing.figures(kernels[-1]):
@@ -105,8 +113,26 @@ def main() -> None:
     live_tables.print_live(console, stream_s=10.0, flood_frames=100_000)
 
 
+def _print_scaling(console: Console, kernel: Kernel) -> None:
+    for what, costs in (
+        ("axes, at 14 kHz", scaling.by_axes(kernel)),
+        ("steps/s, seven axes", scaling.by_rate(kernel)),
+        ("points/s and axis, seven axes, sine of 14 kHz peak", scaling.by_points(kernel)),
+    ):
+        table = Table(what, "ns per axis and tick", "M steps/s", "M steps/s, with feeding and draining")
+        for cost in costs:
+            figures = cost.ns_per_axis_tick, cost.steps_per_s / 1e6, cost.fed_steps_per_s / 1e6
+            table.add_row(f"{cost.x:g}", *(f"{figure:.1f}" for figure in figures))
+        console.print(table)
+    table = Table("steps", "simulated s", "s", "peak memory, MB", title="Length: a process each, all included")
+    for length in scaling.by_length():
+        table.add_row(f"{length.steps}", f"{length.simulated_s:g}", f"{length.wall_s:.2f}", f"{length.peak_mb:.0f}")
+    console.print(table)
+
+
 _KERNEL_TITLE = f"Kernel: {AXES} axes, one core, driver limits lifted; ratio to copying the bytes that it writes"
 _TIMING_TITLE = f"Timing error: sines of {timing.SINE_HZ:g} Hz, points every 10 ms, TB6560 pulse timing"
+_PULSES_TITLE = "Pulse timing: the kernel beside other methods, against the exact crossings of the planned motion"
 _CYCLIC_TITLE = f"Cyclic synchronous position: sines of {timing.SINE_HZ:g} Hz, set-points to the unit"
 _DRIVER_TITLE = f"Drivers: CLK edges looked at, {driver.PULSES} pulses a look; ratio to copying them"
 _WAVEFORM_TITLE = f"Waveforms: {AXES} axes for {waveforms.DURATION_S} s at 14 kHz; ratio to copying the text once"

@@ -2,13 +2,14 @@
 
 import time
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from bench.loads import UNLIMITED, Load, constant, run, sine
 from controller.backend import Kernel
 
-REPEATS = 3
+REPEATS = 7
 
 
 @dataclass(frozen=True)
@@ -34,21 +35,21 @@ def loads_for(kernel: Kernel) -> list[Load]:
 
 def measure(kernel: Kernel, load: Load) -> KernelFigure:
     """The best of some runs over seven axes; pushing records and handing out edges are not counted."""
-    best_s = float("inf")
-    steps = edges_bytes = 0
-    copy_s = float("inf")
-    for _ in range(REPEATS):
-        kernel_s, steps, edges_bytes, this_copy_s = _once(kernel, load)
-        best_s, copy_s = min(best_s, kernel_s), min(copy_s, this_copy_s)
-    simulated_s = len(load.records()) / 100
-    return KernelFigure(
-        load.name, kernel.name, steps, steps / best_s, best_s / copy_s if edges_bytes else 0.0, simulated_s / best_s
-    )
+    runs = [_once(kernel, load) for _ in range(REPEATS)]
+    kernel_s, copy_s = min(run.kernel_s for run in runs), min(run.copy_s for run in runs)
+    steps = runs[0].steps
+    return KernelFigure(load.name, kernel.name, steps, steps / kernel_s, kernel_s / copy_s, load.duration_s / kernel_s)
 
 
-def _once(kernel: Kernel, load: Load) -> tuple[float, int, int, float]:
+class _Run(NamedTuple):
+    steps: int
+    kernel_s: float
+    copy_s: float
+
+
+def _once(kernel: Kernel, load: Load) -> _Run:
     kernel_s = copy_s = 0.0
-    steps = copied = 0
+    steps = 0
     for motion, until_tick in run(kernel, load, UNLIMITED):
         while motion.tick < until_tick:
             started = time.perf_counter()
@@ -62,9 +63,8 @@ def _once(kernel: Kernel, load: Load) -> tuple[float, int, int, float]:
                 np.copyto(target, source)
                 copy_s += time.perf_counter() - started
                 steps += len(source) // 2
-                copied += source.nbytes
         motion.take_events()
-    return kernel_s, steps, copied, copy_s
+    return _Run(steps, kernel_s, copy_s)
 
 
 def figures(kernel: Kernel) -> list[KernelFigure]:

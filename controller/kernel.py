@@ -48,6 +48,9 @@ STEP_Q16 = 1 << 16
 THRESHOLD_Q16 = STEP_Q16 // 2 + STEP_Q16 // 16
 """H: how far the demand leaves the counter before a step is made; the sixteenth keeps noise from chattering."""
 
+ROUNDING_Q16 = 4
+"""More than three rounding shifts can change an evaluation by."""
+
 FULL_RATE_Q16 = 1 << 16
 """Trajectory time runs as fast as time: one tick a tick."""
 
@@ -214,10 +217,13 @@ def place_steps(axes: Cells, clk: Cells, direction: Cells, base: int, tick_count
     the last rise is dirhold old, and at least a count: at the rise itself the driver reads DIR. All four are measured
     from the edges really placed.
     """
+    counter_q16 = axes[base + COUNTER] * STEP_Q16
+    if abs(p_to - counter_q16) < THRESHOLD_Q16:  # most ticks of a slow axis end here
+        return True
     up = 1 if p_to > p_from else 0
     sign = 2 * up - 1
     travel = (p_to - p_from) * sign
-    to_threshold = axes[base + COUNTER] * STEP_Q16 * sign + THRESHOLD_Q16 - p_from * sign
+    to_threshold = (counter_q16 - p_from) * sign + THRESHOLD_Q16
     if travel <= 0 or to_threshold > travel:  # less than 0 it never is, but so the compiler divides without signs
         return True
     earliest = axes[base + EARLIEST_RISE_COUNTS]
@@ -233,20 +239,19 @@ def place_steps(axes: Cells, clk: Cells, direction: Cells, base: int, tick_count
     due_q16 = (to_threshold * interval_q16) >> 16
     steplen = axes[base + STEPLEN_COUNTS]
     pulse = steplen + axes[base + STEPSPACE_COUNTS]
-    k = axes[base + CLK_EDGES]
-    last = k + 2 * steps
+    first = axes[base + CLK_EDGES] & I32_MAX  # never negative: told so, the compiler makes the loop one of vectors
+    last = first + 2 * steps
     axes[base + COUNTER] += sign * steps
     axes[base + CLK_EDGES] = last
     rise = tick_counts + (due_q16 >> 16)
     if earliest > rise or pulse > interval_q16 >> 16:
-        return place_waiting_steps(axes, clk, base, k, last, tick_counts, due_q16, interval_q16, earliest)
+        return place_waiting_steps(axes, clk, base, first, last, tick_counts, due_q16, interval_q16, earliest)
     # The first step need not wait and the others come no closer than a pulse: all are placed where they are due.
-    while k < last:
+    for k in range(first, last, 2):
         rise = tick_counts + (due_q16 >> 16)
         clk[k] = rise
         clk[k + 1] = rise + steplen
         due_q16 += interval_q16
-        k += 2
     axes[base + LAST_RISE_COUNTS] = rise
     axes[base + EARLIEST_RISE_COUNTS] = rise + pulse
     return True
@@ -305,6 +310,18 @@ def group_time_q16(group: Cells, tick: int) -> int:
 
 
 @kernel_function
+def makes_no_step(start: int, a: int, b: int, c: int) -> bool:
+    """Whether a segment that starts this far from the counter surely comes to none of its thresholds.
+
+    A cubic stays within its Bernstein coefficients: start, start + a/3, end - e/3 and end, with e = a + 2b + 3c. They
+    are taken three times, and so is what evaluation may round by.
+    """
+    end = 3 * (start + a + b + c)
+    farthest = max(abs(3 * start), abs(3 * start + a), abs(end - a - 2 * b - 3 * c), abs(end))
+    return bool(farthest < 3 * (THRESHOLD_Q16 - ROUNDING_Q16))
+
+
+@kernel_function
 def run_ticks(axes: Cells, clk: Cells, direction: Cells, base: int, tick: int, until_tick: int, rate_q16: int) -> int:
     """Evaluate the segment at the end of each tick and place the steps, to `until_tick` or to a late step.
 
@@ -323,10 +340,11 @@ def run_ticks(axes: Cells, clk: Cells, direction: Cells, base: int, tick: int, u
     s_per_tick = (rate_q16 << 14) // n
     s_remainder_per_tick = (rate_q16 << 14) % n
     on_time = True
-    if a == 0 and b == 0 and c == 0 and elapsed_q16 >= 0:  # at rest no edge can fall: all is one jump
-        tick = until_tick
-    s = (elapsed_q16 << 14) // n
-    s_remainder = (elapsed_q16 << 14) % n
+    if makes_no_step(start - axes[base + COUNTER] * STEP_Q16, a, b, c):  # where it comes to is all that matters
+        tick = max(tick, until_tick - 1)
+    since_q16 = elapsed_q16 + (tick - from_tick) * rate_q16
+    s = (since_q16 << 14) // n
+    s_remainder = (since_q16 << 14) % n
     while tick < until_tick and on_time:
         s += s_per_tick
         s_remainder += s_remainder_per_tick

@@ -1,6 +1,7 @@
 """The command line `steptwin`: one file a command; heavy modules are imported when a command needs them."""
 
 from host.cli import (
+    bench,
     dbc,
     doctor,
     eds,
@@ -29,6 +30,7 @@ from host.cli import (
 from host.cli.app import main
 
 __all__ = [
+    "bench",
     "dbc",
     "doctor",
     "eds",

@@ -292,6 +292,30 @@ class TestIndependence:
             results.append((answers, started, rates, rig.snapshot()))
         assert results[0] == results[1]
 
+    @given(
+        segments=st.lists(
+            st.tuples(st.integers(-1500, 1500), st.integers(-5000, 5000), st.integers(1, 20)), min_size=1, max_size=8
+        ),
+        rate_q16=st.sampled_from([k.FULL_RATE_Q16, 50_000]),
+    )
+    def test_a_segment_without_a_step_is_one_jump_with_the_same_bits(
+        self, segments: list[tuple[int, int, int]], rate_q16: int
+    ) -> None:
+        def run() -> KernelRig:
+            rig = KernelRig(python_kernel())
+            rig.set(k.IN_GROUP, 1)
+            rig.ramp(rate_q16, 0)
+            for segment in segments:
+                assert rig.push(*segment) == k.ACCEPTED
+            rig.start()
+            rig.advance(800)
+            return rig
+
+        with pytest.MonkeyPatch.context() as patch:
+            jumping = run()
+            patch.setattr(k, "makes_no_step", lambda *_: False)
+            assert run().snapshot() == jumping.snapshot()
+
     @given(chunks=st.lists(st.integers(1, 50), min_size=1, max_size=40))
     def test_edges_do_not_depend_on_how_time_is_cut(self, chunks: list[int]) -> None:
         def run(steps: list[int]) -> KernelRig:

@@ -1,0 +1,69 @@
+"""Segments of 10 ms at constant rate with Bresenham's line, as streamed to Grbl and its kin.
+
+At the begin of each record the whole steps of every axis in it are known. The axis with the most of them, the dominant
+one, makes its steps evenly over the record; the others make theirs in the same interrupts, where Bresenham's
+algorithm has them. So the rate is a staircase, and an axis that is not dominant waits for up to a dominant interval.
+
+Source: Grbl 1.1, stepper.c (segment buffer at ACCELERATION_TICKS_PER_SECOND = 100, without AMASS).
+"""
+
+import numpy as np
+
+from bench.loads import Int64Array
+from bench.pulses.buffers import Buffers, place_with
+from bench.pulses.compiled import compiled
+from bench.pulses.motions import PlannedMotion
+from bench.pulses.pulses import Placed
+from bench.pulses.rule import counter_at
+from controller.motion import COUNTS_PER_SECOND
+
+COUNTS_PER_MS = COUNTS_PER_SECOND // 1000
+
+
+def bresenham(motion: PlannedMotion) -> Placed:
+    """Place a motion with one constant rate in each of its records."""
+
+    def place(buffers: Buffers) -> None:
+        counters = np.array(motion.start_steps)
+        _run(motion.times_ms, motion.points_q16, counters, buffers.rises, buffers.direction, buffers.counts)
+
+    return place_with(place, motion)
+
+
+@compiled
+def _run(
+    times_ms: Int64Array,
+    points_q16: Int64Array,
+    counters: Int64Array,
+    rises: Int64Array,
+    direction: Int64Array,
+    made: Int64Array,
+) -> None:
+    """All axes; `made` takes how many steps and DIR edges there are."""
+    axes = len(counters)
+    made[:] = 0
+    levels = np.zeros(axes, np.int64)
+    steps = np.zeros(axes, np.int64)
+    error = np.zeros(axes, np.int64)
+    for record in range(len(times_ms) - 1):
+        begin_counts = times_ms[record] * COUNTS_PER_MS
+        duration_counts = times_ms[record + 1] * COUNTS_PER_MS - begin_counts
+        for axis in range(axes):
+            counter = counter_at(counters[axis], points_q16[axis, record + 1])
+            steps[axis] = abs(counter - counters[axis])
+            up = 1 if counter > counters[axis] else 0
+            if steps[axis] > 0 and up != levels[axis]:
+                levels[axis] = up
+                direction[axis, made[axis, 1]] = 2 * begin_counts + up
+                made[axis, 1] += 1
+            counters[axis] = counter
+        dominant = steps.max()
+        error[:] = dominant // 2
+        for event in range(dominant):
+            at_counts = begin_counts + (2 * event + 1) * duration_counts // (2 * dominant)
+            for axis in range(axes):
+                error[axis] += steps[axis]
+                if error[axis] >= dominant:
+                    error[axis] -= dominant
+                    rises[axis, made[axis, 0]] = at_counts
+                    made[axis, 0] += 1

@@ -1,0 +1,62 @@
+"""Where the compiled methods write, and how they are timed."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from bench.loads import Int64Array
+from bench.pulses.motions import PlannedMotion
+from bench.pulses.pulses import AxisPulses, Placed
+from controller.motion import counts_of_ns
+from host.robot import Board
+
+REPEATS = 3
+"""The best counts; the first one compiles and touches the pages."""
+
+
+class PinTimes(NamedTuple):
+    """What a driver needs, in timer counts: a pulse high, high and low, and DIR before and after a rise."""
+
+    steplen: int
+    pulse: int
+    dirsetup: int
+    dirhold: int
+
+    @classmethod
+    def of(cls, board: Board) -> "PinTimes":
+        """As a board is set; DIR is held for a count at least, since it is read at the rise itself."""
+        steplen, stepspace = counts_of_ns(board.steplen_ns), counts_of_ns(board.stepspace_ns)
+        return cls(
+            steplen, steplen + stepspace, counts_of_ns(board.dirsetup_ns), max(counts_of_ns(board.dirhold_ns), 1)
+        )
+
+
+@dataclass(slots=True, eq=False)
+class Buffers:
+    """One row an axis: CLK rises, DIR edges as 2 * counts + level, and how many of both there are."""
+
+    rises: Int64Array
+    direction: Int64Array
+    counts: Int64Array = field(init=False)
+    """Shape (axes, 2)."""
+
+    def __post_init__(self) -> None:
+        self.counts = np.zeros((len(self.rises), 2), np.int64)
+
+
+def place_with(place: Callable[[Buffers], None], motion: PlannedMotion) -> Placed:
+    """Let a method fill buffers a few times; the fastest counts."""
+    shape = (motion.axes, motion.steps_max)
+    buffers = Buffers(np.zeros(shape, np.int64), np.zeros(shape, np.int64))
+    wall_s = float("inf")
+    for _ in range(REPEATS + 1):
+        started = time.perf_counter()
+        place(buffers)
+        wall_s = min(wall_s, time.perf_counter() - started)
+    rows = zip(buffers.rises, buffers.direction, buffers.counts.tolist(), strict=True)
+    steplen = PinTimes.of(motion.board).steplen
+    axes = [AxisPulses.of(rises[:steps], edges[:turns], steplen) for rises, edges, (steps, turns) in rows]
+    return Placed(axes, wall_s)

@@ -1,0 +1,128 @@
+"""One measure for all: a method's steps against the exact crossings of the planned motion, step by step.
+
+The error in steps of a made step is how far the planned motion is, at the time of its edge, from the threshold that
+the step stands for. Its error in time is to the crossing of that threshold; crossings slower than 1 % of the axis'
+fastest have none, since near a reversal time is ill-defined. Jitter is what two steps that follow each other at
+constant speed (planned to change by less than 1 % between them) differ by in their interval from the planned one.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.pulses.cortex_m3 import CYCLES, load_percent
+from bench.pulses.motions import PlannedMotion
+from bench.pulses.pairing import Pairing, pair
+from bench.pulses.pulses import AxisPulses, Method, Placed
+from bench.pulses.violations import violations
+from host.trajectory import FloatArray
+from host.verify.evidence import COUNTS_PER_SECOND
+from host.verify.matching import SLOW_CROSSING
+from host.verify.oracle import THRESHOLD_STEPS, IdealSteps, ideal_steps
+
+STEADY = 0.01
+"""A speed that changes by less than this part from one step to the next is constant."""
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """One line of the table: a method on a motion, all axes together; errors are sizes, without sign.
+
+    None stands for a figure that the motion gives no steps for.
+    """
+
+    motion: str
+    method: str
+    steps: int
+    missing: int
+    extra: int
+    error_steps_max: float
+    error_steps_rms: float
+    timing_us_p50: float | None
+    timing_us_p99: float | None
+    timing_us_max: float | None
+    jitter_us_rms: float | None
+    violations: int
+    steps_per_s: float
+    cortex_m3_percent: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AxisErrors:
+    """One axis' errors.
+
+    Attributes:
+        steps: shape (made steps,), signed.
+        timing_us: shape (pairs,) without the slow ones, positive is late.
+        jitter_us: shape (pairs that follow each other at constant speed,).
+    """
+
+    steps: FloatArray
+    timing_us: FloatArray
+    jitter_us: FloatArray
+    pairing: Pairing
+
+
+def ideal_of(motion: PlannedMotion) -> tuple[IdealSteps, ...]:
+    """The exact crossings of a motion, axis by axis."""
+    return ideal_steps(motion.trajectory, motion.steps_per_unit, motion.start_steps)
+
+
+def figures_of(motion: PlannedMotion, ideal: tuple[IdealSteps, ...], method: Method) -> Figures:
+    """Let a method place a motion and measure what it made."""
+    placed = method.place(motion)
+    errors = [axis_errors(motion, axis, ideal[axis], pulses) for axis, pulses in enumerate(placed.axes)]
+    steps = np.concatenate([axis.steps for axis in errors])
+    timing_us = np.abs(np.concatenate([axis.timing_us for axis in errors]))
+    p50, p99, worst = np.percentile(timing_us, [50, 99, 100]).tolist() if timing_us.size else [None] * 3
+    return Figures(
+        motion.name,
+        method.key,
+        len(steps),
+        sum(axis.pairing.missing for axis in errors),
+        sum(axis.pairing.extra for axis in errors),
+        float(np.abs(steps).max(initial=0.0)),
+        _rms(steps) or 0.0,
+        p50,
+        p99,
+        worst,
+        _rms(np.concatenate([axis.jitter_us for axis in errors])),
+        sum(violations(*axis, motion.board) for axis in zip(placed.axes, motion.microsteps.tolist(), strict=True)),
+        len(steps) / placed.wall_s,
+        _load(motion, placed, method),
+    )
+
+
+def axis_errors(motion: PlannedMotion, axis: int, ideal: IdealSteps, pulses: AxisPulses) -> AxisErrors:
+    """Measure one axis."""
+    made_s, signs = pulses.rise_counts / COUNTS_PER_SECOND, pulses.signs
+    pairing = pair(ideal.start_steps, ideal.time_s, ideal.signs, made_s, signs)
+    late_us = (made_s[pairing.made] - ideal.time_s[pairing.ideal]) * 1e6
+    speeds_hz = ideal.speeds_hz[pairing.ideal]
+    fast = speeds_hz >= SLOW_CROSSING * ideal.speeds_hz.max(initial=0.0)
+    neighbours = (np.diff(pairing.ideal) == 1) & (np.diff(pairing.made) == 1)
+    same_way = np.diff(ideal.signs[pairing.ideal]) == 0
+    steady = np.abs(np.diff(speeds_hz)) < STEADY * speeds_hz[1:]
+    thresholds = ideal.start_steps + np.cumsum(signs, dtype=np.int64) - signs + signs * THRESHOLD_STEPS
+    planned = _positions(motion, axis, made_s)
+    return AxisErrors(
+        planned - thresholds, late_us[fast], np.diff(late_us)[neighbours & same_way & steady & fast[1:]], pairing
+    )
+
+
+def _positions(motion: PlannedMotion, axis: int, t_s: FloatArray) -> FloatArray:
+    """The planned position of an axis in steps; after its end it stands where it ends."""
+    chunk = 16_384
+    parts = [np.empty(0)]
+    for first in range(0, len(t_s), chunk):
+        within = np.minimum(t_s[first : first + chunk], motion.trajectory.duration_s)
+        parts.append(motion.trajectory.positions(within)[:, axis] * motion.steps_per_unit[axis])
+    return np.concatenate(parts)
+
+
+def _rms(values: FloatArray) -> float | None:
+    return float(np.sqrt(np.mean(values**2))) if values.size else None
+
+
+def _load(motion: PlannedMotion, placed: Placed, method: Method) -> float:
+    return load_percent(CYCLES[method.key], motion, [axis.rise_counts for axis in placed.axes])

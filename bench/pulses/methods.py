@@ -1,0 +1,22 @@
+"""All methods, the kernel first."""
+
+from functools import partial
+
+from bench.pulses.austin import austin
+from bench.pulses.bresenham import bresenham
+from bench.pulses.dda import dda
+from bench.pulses.kernel import kernel_method
+from bench.pulses.pulses import Method
+from controller.backend import Kernel, fastest_kernel
+
+DDA_HZ = (20_000, 40_000, 100_000)
+
+
+def methods(kernel: Kernel | None = None) -> list[Method]:
+    """The firmware's kernel, by default the fastest there is, and what people use instead."""
+    return [
+        Method("kernel", "the kernel", partial(kernel_method, kernel or fastest_kernel())),
+        *(Method(f"dda-{hz // 1000}k", f"DDA at {hz // 1000} kHz", partial(dda, hz)) for hz in DDA_HZ),
+        Method("bresenham", "Bresenham, 10 ms", bresenham),
+        Method("austin", "Austin's ramp", austin),
+    ]

@@ -1,0 +1,61 @@
+"""The figures of all methods on all motions, as rows for people and as a document for programs."""
+
+import os
+import platform
+from collections.abc import Iterable
+from dataclasses import asdict
+from typing import Any
+
+from bench.pulses.evaluation import Figures, figures_of, ideal_of
+from bench.pulses.methods import methods
+from bench.pulses.motions import PlannedMotion
+from controller.backend import Kernel
+
+COLUMNS = (
+    "motion", "method", "steps", "-", "+", "err max", "err rms", "p50 us", "p99 us", "max us", "jitter us", "broken",
+    "M steps/s", "M3 %",
+)  # fmt: skip
+"""Steps made, missing and extra; position error in steps; timing error; jitter of intervals at constant speed, rms;
+driver limits broken; speed of the placing on this machine; estimated load of the board's processor."""
+
+
+def measured(motions: Iterable[PlannedMotion], kernel: Kernel) -> list[Figures]:
+    """Every method on every motion."""
+    found = []
+    for motion in motions:
+        ideal = ideal_of(motion)
+        found += [figures_of(motion, ideal, method) for method in methods(kernel)]
+    return found
+
+
+def document(figures: list[Figures], kernel: Kernel) -> dict[str, Any]:
+    """For `steptwin bench --json`: one row a method and motion, with the fields of `Figures`."""
+    machine = {
+        "processor": platform.processor() or platform.machine(),
+        "cores": os.cpu_count(),
+        "python": platform.python_version(),
+        "kernel": kernel.name,
+    }
+    return {"machine": machine, "rows": [asdict(row) for row in figures]}
+
+
+def table_rows(figures: list[Figures]) -> list[list[str]]:
+    """Under COLUMNS."""
+    return [
+        [
+            row.motion,
+            row.method,
+            *(str(count) for count in (row.steps, row.missing, row.extra)),
+            f"{row.error_steps_max:.4f}",
+            f"{row.error_steps_rms:.4f}",
+            *(_us(value) for value in (row.timing_us_p50, row.timing_us_p99, row.timing_us_max, row.jitter_us_rms)),
+            str(row.violations),
+            f"{row.steps_per_s / 1e6:.1f}",
+            f"{row.cortex_m3_percent:.1f}",
+        ]
+        for row in figures
+    ]
+
+
+def _us(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3f}" if value < 10 else f"{value:.1f}"

@@ -1,0 +1,45 @@
+"""`steptwin bench [ROBOT [JOB]]`: the kernel's pulse timing beside that of other ways to make step pulses."""
+
+from importlib.util import find_spec
+from typing import Annotated
+
+import typer
+
+from host.cli.app import app
+from host.cli.arguments import AsJson, RobotFile, robot_and_rest
+from host.cli.output import print_json, print_table
+from host.errors import InputError
+
+ROBOT_AND_JOB = "[ROBOT] [JOB]"
+
+
+@app.command()
+def bench(
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(metavar=ROBOT_AND_JOB, help="A job, or all of a robot; without both, five motions."),
+    ] = None,
+    robot_file: RobotFile = None,
+    as_json: AsJson = False,
+) -> None:
+    """Compare the kernel's step timing with a DDA, Bresenham and Austin's ramp on the same motions."""
+    from bench.pulses.motions import all_motions, motion_of_job
+    from bench.pulses.table import COLUMNS, document, measured, table_rows
+    from controller.backend import fastest_kernel
+    from host.jobs import job_names
+
+    if not find_spec("numba"):
+        typer.echo("numba is not installed (pip install 'steptwin[fast]'): this takes minutes", err=True)
+    if words or robot_file is not None:
+        robot, rest = robot_and_rest(words or [], robot_file)
+        if len(rest) > 1:
+            raise InputError(f"'{rest[1]}' is too much: give {ROBOT_AND_JOB}")
+        motions = [motion_of_job(robot, job) for job in rest or job_names(robot)]
+    else:
+        motions = all_motions()
+    kernel = fastest_kernel()
+    figures = measured(motions, kernel)
+    if as_json:
+        print_json(document(figures, kernel))
+    else:
+        print_table(list(COLUMNS), table_rows(figures), text_columns=2)
