@@ -41,9 +41,9 @@ class Served:
         document: dict[str, Any] = json.loads(out)
         return document
 
-    def await_streaming(self) -> None:
+    def await_streaming(self, running: subprocess.Popen[str]) -> None:
         while not self.json("status", ROBOT)["streaming"]:
-            pass
+            assert running.poll() is None, running.communicate()
 
 
 @contextmanager
@@ -76,7 +76,7 @@ def test_a_run_ends_where_planned(served: Served) -> None:
 def test_a_run_that_is_stopped(served: Served) -> None:
     """By another process, in the middle: exit code 3, and the machine knows where it is."""
     running = served.start("run", ROBOT, "drawer-pull", "--approach")
-    served.await_streaming()
+    served.await_streaming(running)
     stopped = served.json("stop", ROBOT)
     out, err = running.communicate(timeout=TIMEOUT_S)
     assert (running.returncode, out) == (3, "")

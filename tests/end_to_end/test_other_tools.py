@@ -125,18 +125,23 @@ def test_canopen(node: BaseNode402) -> None:
     assert "SIMULATED" in node.sdo[0x1008].raw
 
 
+def recorded(node: BaseNode402, log: Path) -> bool:
+    """Make some traffic; whether the log has some TPDO by now, and thereby what came before."""
+    assert "SIMULATED" in node.sdo[0x1008].raw
+    return log.exists() and " 190#" in log.read_text()
+
+
 def test_can_logger_and_cantools_decode(served: Served, node: BaseNode402) -> None:
     log = served.folder / "can.log"
     with started(served, shown("can_logger")) as logger:
         logger.await_text("Connected to SocketCanDaemonBus")
-        while not log.exists() or " 190#" not in log.read_text():  # it writes by pages
-            assert "SIMULATED" in node.sdo[0x1008].raw
+        await_true(lambda: recorded(node, log), "can_logger has written a page with SDOs and a TPDO")
         logger.interrupt()
         logger.await_exit()
-    recorded = log.read_text()
-    assert re.search(r" vcan0 610#4008100000000000 R$", recorded, flags=re.MULTILINE)
+    text = log.read_text()
+    assert re.search(r" vcan0 610#4008100000000000 R$", text, flags=re.MULTILINE)
     words = shown("cantools decode")
-    decoded = done([*words[: words.index("<")], "--single-line"], served.folder, recorded)
+    decoded = done([*words[: words.index("<")], "--single-line"], served.folder, text)
     assert decoded.returncode == 0, decoded.stderr
     assert re.search(
         r":: th1_SDO_Request\(Command: 64, Index: 4104, SubIndex: 0, Data: 0\)$", decoded.stdout, re.MULTILINE
