@@ -262,6 +262,11 @@ class Board:
             due_counts = heat_counts if due_counts is None else min(due_counts, heat_counts)
         return due_counts
 
+    def quiet_until(self, counts: int) -> bool:
+        """Whether it is known by now that nothing happens up to an instant: it is within a tick computed already."""
+        due_counts = self.next_due_counts
+        return counts < self.firmware.motion.tick * TICK_COUNTS and (due_counts is None or due_counts > counts)
+
     def drain(self) -> None:
         """Show the drivers all pulses placed so far."""
         self._take_pins()

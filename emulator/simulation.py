@@ -70,8 +70,10 @@ class Simulation:
         Raises:
             BusOverloadError: the bus does not fall silent, because the boards have more to say than fits on it.
         """
+        was_silent = not self.bus.busy
         self.host.send(frame, self.now_counts)
-        self.bus.step(self.now_counts)  # an idle bus takes it at once
+        if was_silent:
+            self._skip_intermission()
         give_up_counts = self.now_counts + _SILENCE_MAX_S * COUNTS_PER_SECOND
         while self.bus.busy or self._messages_wait:
             if self.now_counts > give_up_counts:
@@ -80,6 +82,19 @@ class Simulation:
                     f"no pause for {_SILENCE_MAX_S} s; longer heartbeat and event times or a higher bit rate help"
                 )
             self._advance_to(give_up_counts + 1)
+
+    def _skip_intermission(self) -> None:
+        """An idle bus takes a frame at once; just after another one, as soon as it may, if no board has a say before."""
+        begin_counts = self.bus.next_event_counts
+        if begin_counts is None:
+            return
+        scheduled_counts = self._schedule.next_counts
+        if begin_counts > self.now_counts and (scheduled_counts is None or scheduled_counts > begin_counts):
+            for board in self.boards:
+                if not board.quiet_until(begin_counts):
+                    return
+            self.now_counts = begin_counts
+        self.bus.step(self.now_counts)
 
     def run_until(self, until_counts: int) -> None:
         """Let time pass to an instant."""
