@@ -84,7 +84,7 @@ class Simulation:
             self._advance_to(give_up_counts + 1)
 
     def _skip_intermission(self) -> None:
-        """An idle bus takes a frame at once; just after another one, as soon as it may, if no board has a say before."""
+        """An idle bus takes a frame at once; after another one, as soon as it may, if no board has a say before."""
         begin_counts = self.bus.next_event_counts
         if begin_counts is None:
             return
