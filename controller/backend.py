@@ -16,11 +16,13 @@ class Kernel:
         name: "python" or "numba".
         cells: makes n zeroed integers.
         rows: makes a number of rows of n zeroed integers.
+        singly: the same storage as made by `cells`, for reading and writing one integer at a time.
     """
 
     name: str
     cells: Callable[[int], Cells]
     rows: Callable[[int, int], Rows]
+    singly: Callable[[Cells], Cells]
     push: Callable[[Cells, Cells, int, int, int, int], int]
     next_segment: Callable[[Cells, Cells, int], bool]
     advance: Callable[[Cells, Cells, Cells, Rows, Rows, int, int, int], int]
@@ -33,6 +35,7 @@ def python_kernel() -> Kernel:
         name="python",
         cells=lambda count: [0] * count,
         rows=lambda rows, count: [[0] * count for _ in range(rows)],
+        singly=lambda cells: cells,
         push=kernel.push,
         next_segment=kernel.next_segment,
         advance=kernel.advance,
@@ -51,6 +54,7 @@ def compiled_kernel() -> Kernel:
         name="numba",
         cells=lambda count: np.zeros(count, dtype=np.int64),
         rows=lambda rows, count: np.zeros((rows, count), dtype=np.int64),
+        singly=memoryview,  # an element of an array is an object of numpy's first, which takes twice as long
         push=compile_(kernel.push),
         next_segment=compile_(kernel.next_segment),
         advance=compile_(kernel.advance),

@@ -109,6 +109,7 @@ class Motion:
         self.tick = 0
         self._kernel = kernel
         self._axes = kernel.cells(count * k.AXIS_FIELDS)
+        self._cells = kernel.singly(self._axes)
         self._queue = kernel.cells(count * k.QUEUE_DEPTH * k.SEGMENT_FIELDS)
         self.group = GroupTime(kernel.cells(k.GROUP_FIELDS))
         self._clk = kernel.rows(count, EDGE_CAPACITY)
@@ -125,10 +126,11 @@ class Motion:
         self._edges_per_tick = _edges_per_tick(self._configs)
 
     def _get(self, axis: int, field: int) -> int:
-        return int(self._axes[axis * k.AXIS_FIELDS + field])
+        value: int = self._cells[axis * k.AXIS_FIELDS + field]
+        return value
 
     def _set(self, axis: int, field: int, value: int) -> None:
-        self._axes[axis * k.AXIS_FIELDS + field] = value
+        self._cells[axis * k.AXIS_FIELDS + field] = value
 
     # --- what the axes are and where they stand
 
@@ -361,7 +363,7 @@ class Motion:
         before = self._axes.copy()
         reached = self._run(until)
         if reached < until:  # axes run one after the other: take those that ran too far back to the common tick
-            self._axes = before
+            self._axes[:] = before
             self._run(reached)
         self._free_edges -= (reached - self.tick) * self._edges_per_tick
         comes_to_rest = self.tick < reached == rest_tick
@@ -385,8 +387,8 @@ class Motion:
         )
 
     def _note_events(self) -> None:
-        axes = self._axes
-        asking = [axis for axis in self._running if axes[axis * k.AXIS_FIELDS + k.EVENT]]
+        cells = self._cells
+        asking = [axis for axis in self._running if cells[axis * k.AXIS_FIELDS + k.EVENT]]
         for axis in sorted(asking):
             self._events[axis] = Event(self._get(axis, k.EVENT))
             self._set(axis, k.EVENT, k.EVENT_NONE)

@@ -90,6 +90,8 @@ class Bus:
         self._stations: list[CanController] = []
         self._off: list[CanController] = []
         """The stations in bus-off."""
+        self._on_bus = 0
+        """How many stations take part."""
         self._transmission: _Transmission | None = None
         self._free_counts = 0
         self._idle_since_counts = 0
@@ -99,6 +101,7 @@ class Bus:
         """Connect a station's controller to the wire."""
         self._stations.append(station)
         station.submitted = self._submitted
+        self._note_who_is_off()
 
     def _submitted(self, now_counts: int) -> None:
         """A station has a frame to send; it takes part in the next arbitration."""
@@ -191,7 +194,7 @@ class Bus:
             return _Outcome.DISTURBED
         if outdone and any(station.state is not ErrorState.PASSIVE for station in outdone):
             return _Outcome.DISTURBED
-        listening = len(self._stations) - len(self._off) - len(senders) - len(outdone)
+        listening = self._on_bus > len(senders) + len(outdone)
         return _Outcome.VALID if listening else _Outcome.UNACKNOWLEDGED
 
     def _begin(
@@ -230,7 +233,8 @@ class Bus:
                 if station.state is ErrorState.PASSIVE:
                     station.silent_until_counts = self._free_counts + _SUSPEND_BITS * self.bit_counts
         # Delimiter, end of frame and intermission, or error delimiter and intermission: 11 recessive bits.
-        self._count_recessive(1)
+        if self._off:
+            self._count_recessive(1)
         self._idle_since_counts = self._free_counts
 
     def _deliver(self, transmission: _Transmission) -> None:
@@ -338,6 +342,7 @@ class Bus:
 
     def _note_who_is_off(self) -> None:
         self._off = [station for station in self._stations if not station.on_bus]
+        self._on_bus = len(self._stations) - len(self._off)
 
 
 def _bits_in_order(frame: Frame) -> tuple[int, int, bytes]:

@@ -1,5 +1,7 @@
 """Real time without a clock: whatever the wall clock does, the board does the same."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
@@ -208,5 +210,5 @@ def test_warming_up_calls_every_function_of_the_kernel(kernel: Kernel) -> None:
         return call
 
     names = ("push", "next_segment", "advance", "demand_rate")
-    warm_up(Kernel(kernel.name, kernel.cells, kernel.rows, *[noting(name) for name in names]))  # type: ignore[arg-type]
+    warm_up(replace(kernel, **{name: noting(name) for name in names}))  # type: ignore[arg-type]
     assert called == set(names)
