@@ -11,6 +11,7 @@ from canopen.sdo.base import SdoVariable
 
 from host.client.drive_status import DriveStatus
 from host.client.link import Link
+from host.client.shared_node import SharedNode
 from host.errors import BusError, DeviceFaultError
 from protocol.cia402 import ENABLE_OPERATION, SHUTDOWN, SWITCH_ON, DigitalOutput, ErrorCode, Mode, State
 from protocol.frame import COB_RPDO, COB_TPDO
@@ -44,7 +45,7 @@ class AxisClient:
         self.pvt_status: PvtStatus | None = None
         """As last reported by TPDO3."""
         self._link = link
-        self._node: canopen.RemoteNode = link.network.add_node(canopen.RemoteNode(node_id, dictionary))
+        self._node: canopen.RemoteNode = link.network.add_node(SharedNode(node_id, dictionary))
         link.network.subscribe(COB_TPDO[0] + node_id, self._on_drive_status)
         link.network.subscribe(COB_TPDO[2] + node_id, self._on_pvt_status)
 

@@ -1,4 +1,4 @@
-"""Two programs ask the same node: each sees the other's answers, and asks again."""
+"""Two programs ask the same node: each sees the other's answers, and waits for its own or asks again."""
 
 from collections.abc import Callable
 
@@ -11,7 +11,9 @@ from host.errors import BusError, DeviceFaultError
 from tests.client.machines import ROBOT, START, ready
 
 IS_TWO_BYTES_OF_6064 = bytes.fromhex("4b64600034120000")
-WRITTEN = bytes.fromhex("6064600000000000")
+WRITTEN_6064 = bytes.fromhex("6064600000000000")
+NO_SUCH_OBJECT_5FFF = bytes.fromhex("80ff5f0000000206")
+WRITTEN_607F = bytes.fromhex("607f600000000000")
 
 
 @pytest.fixture
@@ -38,20 +40,27 @@ def axis(board: EmbeddedBoard) -> AxisClient:
     return ready(board).axes[0]
 
 
-@pytest.mark.parametrize("answer", [IS_TWO_BYTES_OF_6064, WRITTEN])
-def test_reading(board: EmbeddedBoard, axis: AxisClient, monkeypatch: pytest.MonkeyPatch, answer: bytes) -> None:
-    answers_first(board, monkeypatch, answer, times=4)
+@pytest.mark.parametrize("answer", [IS_TWO_BYTES_OF_6064, WRITTEN_6064, NO_SUCH_OBJECT_5FFF])
+def test_answers_about_other_objects(
+    board: EmbeddedBoard, axis: AxisClient, monkeypatch: pytest.MonkeyPatch, answer: bytes
+) -> None:
+    """However many."""
+    answers_first(board, monkeypatch, answer, times=1000)
     assert axis.read(0x607F) == 15_360_000
-
-
-def test_writing(board: EmbeddedBoard, axis: AxisClient, monkeypatch: pytest.MonkeyPatch) -> None:
-    answers_first(board, monkeypatch, IS_TWO_BYTES_OF_6064, times=4)
     axis.write(0x607A, 0, 4711)
     assert axis.read(0x607A) == 4711
 
 
+def test_another_dialogue_about_the_same_object(
+    board: EmbeddedBoard, axis: AxisClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The other program has written what this one reads: it asks again."""
+    answers_first(board, monkeypatch, WRITTEN_607F, times=4)
+    assert axis.read(0x607F) == 15_360_000
+
+
 def test_there_is_an_end(board: EmbeddedBoard, axis: AxisClient, monkeypatch: pytest.MonkeyPatch) -> None:
-    answers_first(board, monkeypatch, WRITTEN, times=5)
+    answers_first(board, monkeypatch, WRITTEN_607F, times=5)
     with pytest.raises(BusError, match=r"^sx: node 0x10 does not answer \(Unexpected response 0x60\)$"):
         axis.read(0x607F)
 
