@@ -20,6 +20,8 @@ def unknown(what: str, given: str, choices: Iterable[str]) -> InputError:
     if near:
         return InputError(f"{what} {given!r} is unknown: did you mean {' or '.join(near)}?")
     listed = ", ".join(names[:_CHOICES_LISTED]) or "none"
+    if len(names) > _CHOICES_LISTED:
+        listed += f" and {len(names) - _CHOICES_LISTED} more"
     return InputError(f"{what} {given!r} is unknown: there are {listed}")
 
 

@@ -41,5 +41,6 @@ def run(arguments: list[str]) -> int:
 
 def _complain(message: str, exit_code: int) -> int:
     if message:
+        message = message.replace("Value error, ", "")  # so the parser's library begins what our own types say
         typer.echo(f"steptwin: {' '.join(message.split())}", err=True)
     return exit_code

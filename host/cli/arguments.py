@@ -82,11 +82,14 @@ def finite_number(text: str, what: str) -> float:
 
 
 def name_value_pairs(texts: list[str]) -> dict[str, str]:
-    """NAME=VALUE texts as a mapping; the last one of a name counts."""
-    pairs = {}
+    """NAME=VALUE texts as a mapping; InputError for another form, or a name given twice."""
+    pairs: dict[str, str] = {}
     for text in texts:
         name, separator, value = text.partition("=")
         if not separator:
             raise InputError(f"'{text}' is not of the form NAME=VALUE")
-        pairs[name.strip()] = value.strip()
+        key, given = name.strip(), value.strip()
+        if key in pairs:
+            raise InputError(f"{key} is given twice: {pairs[key]} and {given}")
+        pairs[key] = given
     return pairs

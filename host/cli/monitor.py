@@ -13,6 +13,7 @@ from host.cli.connection import Bitrate, Channel, Connect, Interface, connection
 from host.cli.output import print_json
 from host.errors import BusError, InputError
 from host.inputs import unknown
+from protocol.frame import NODE_ID_MAX
 
 if TYPE_CHECKING:
     import can
@@ -103,9 +104,12 @@ def _node_id(text: str, names: dict[int, str]) -> int:
     if text in by_name:
         return by_name[text]
     try:
-        return int(text, 0)
+        node_id = int(text, 0)
     except ValueError:
         raise unknown("--node", text, [*by_name, "a number such as 0x10"]) from None
+    if not 1 <= node_id <= NODE_ID_MAX:
+        raise InputError(f"--node {text}: node ids are from 1 to {NODE_ID_MAX}")
+    return node_id
 
 
 def _check_positive(option: str, value: float | None) -> None:

@@ -68,6 +68,7 @@ def serve(
     frames. With -i it is on a bus of python-can instead: virtual, socketcan, socketcand, ...
     """
     from controller.backend import fastest_kernel
+    from host import drivers
     from host.boards import read_axes_per_board
     from host.live import LiveBoard
     from host.run_folder import prepare_folder
@@ -78,6 +79,7 @@ def serve(
         standing = joint_values(stand_at.split(), loaded.joint_names, "--stand-at")
     bits_per_s = _bitrate(loaded, bitrate)
     _check_speed(speed)
+    drivers.driver_profile(loaded.board, driver_profile)  # what is wrong with it is said before a port is opened
     axes_per_board = None if boards is None else read_axes_per_board(boards, len(loaded.joints))
     folder = None if out is None else prepare_folder(out)
     with _endpoint(interface, channel, bits_per_s, host, port, allow_remote=allow_remote) as endpoint:

@@ -81,7 +81,9 @@ def _health(axis: "AxisStatus") -> str:
     said = ["process data" if axis.operational else "no process data: the node is not OPERATIONAL"]
     queue = axis.queue
     if queue is not None:
-        said.append(f"queue {queue.free} free" + (f" ({', '.join(queue.flags)})" if queue.flags else ""))
+        closed = queue.free == 0 and "empty" in queue.flags  # after a stop or a profile, until the host clears it
+        places = "queue closed" if closed else f"queue {queue.free} free"
+        said.append(places + (f" ({', '.join(queue.flags)})" if queue.flags else ""))
     if queue is not None and queue.gaps is not None:
         said.append(f"{queue.gaps} gaps, {queue.overflows} overflows, {queue.underruns} underruns")
         said.append(f"{queue.delayed_steps} delayed steps")

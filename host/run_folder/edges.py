@@ -109,7 +109,9 @@ def read_edges(folder: Path) -> Evidence:
             with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
                 return _evidence(Arrays(stored))
         except UNREADABLE as error:
-            raise InputError(f"cannot be read: {error}") from error
+            # Numpy takes what is no archive for a pickle, and advises to load it as one.
+            reason = "it is no npz file" if "pickled" in str(error) else error
+            raise InputError(f"cannot be read: {reason}") from error
 
 
 def _evidence(arrays: Arrays) -> Evidence:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from host.run_folder.layout import REPORT
+from host.run_folder.layout import BUS_LOG, REPORT, existing
 from host.run_folder.reading import StoredRun, read_run
 from host.verify import Report, contradictions, verify_comparison
 
@@ -56,7 +56,16 @@ def verify_folder(folder: Path, plan: Path | None = None) -> Verdict:
     stored = read_run(folder, plan)
     report = verify_comparison(stored.comparison, stored.report.run)
     inner = [line for axis in stored.comparison.evidence.axes for line in contradictions(axis)]
-    return Verdict(report, stored.report.driver_profile, (*inner, *_differences(stored, report)), stored.report.fault)
+    tampered = (*inner, *_frames_missing(folder, stored), *_differences(stored, report))
+    return Verdict(report, stored.report.driver_profile, tampered, stored.report.fault)
+
+
+def _frames_missing(folder: Path, stored: StoredRun) -> list[str]:
+    """Whether the bus log has as many frames as the report says."""
+    with existing(folder, BUS_LOG).open("rb") as log:
+        frames = sum(1 for _ in log)
+    said = stored.report.run.bus.frames
+    return [] if frames == said else [f"{REPORT} says bus.frames = {said}, {BUS_LOG} has {frames}"]
 
 
 def _differences(stored: StoredRun, report: Report) -> list[str]:

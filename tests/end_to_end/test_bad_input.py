@@ -32,6 +32,8 @@ def frames(monkeypatch: pytest.MonkeyPatch) -> list[object]:
         pytest.param([*RUN, "-o", "elbo=left"], ["elbo", "elbow"], id="option of a job"),
         pytest.param([*RUN, "--elbow", "lft"], ["lft", "left"], id="elbow"),
         pytest.param([*RUN, "-o", "duration_s"], ["duration_s", "NAME=VALUE"], id="no value"),
+        pytest.param([*RUN, "-o", "ramp_s=1", "-o", "ramp_s=2"], ["ramp_s", "twice", "1", "2"], id="two values"),
+        pytest.param([*RUN, "--kernel", "c"], ["'--kernel': 'c' is not one of", "numba"], id="kernel"),
         pytest.param([*RUN, "-o", "duration_s=soon"], ["duration_s", "soon"], id="no number"),
         pytest.param([*RUN, "-o", "ramp_s=6"], ["ramp", "6", "5"], id="ramps longer than the motion"),
         pytest.param([*RUN, "-o", "L1_mm=250"], ["L1", "250", "200"], id="joint limit"),

@@ -189,9 +189,10 @@ def test_a_port_that_is_taken(capsys: pytest.CaptureFixture[str]) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         assert run(["serve", ROBOT, "--port", str(port)]) == 4
-    captured = capsys.readouterr()
-    assert captured.err == f"steptwin: 127.0.0.1:{port} is in use; --port 0 takes a free one\n"
-    assert captured.out == ""
+        told = f"steptwin: 127.0.0.1:{port} is in use; --port 0 takes a free one\n"
+        assert capsys.readouterr() == ("", told)
+        assert run(["serve", ROBOT, "--port", str(port), "--driver-profile", "4a"]) == 2
+        assert "4a" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

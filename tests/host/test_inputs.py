@@ -2,7 +2,9 @@
 
 import pytest
 
-from host.inputs import apart
+from host.cli.arguments import name_value_pairs
+from host.errors import InputError
+from host.inputs import apart, unknown
 
 
 @pytest.mark.parametrize(
@@ -16,3 +18,15 @@ from host.inputs import apart
 )
 def test_two_numbers_are_told_apart(value: float, limit: float, texts: tuple[str, str]) -> None:
     assert apart(value, limit) == texts
+
+
+def test_many_choices_are_counted() -> None:
+    names = [f"{number:02d}" for number in range(14)]
+    assert str(unknown("what", "x", names[:12])) == f"what 'x' is unknown: there are {', '.join(names[:12])}"
+    assert str(unknown("what", "x", names)) == f"what 'x' is unknown: there are {', '.join(names[:12])} and 2 more"
+
+
+def test_a_name_given_twice() -> None:
+    assert name_value_pairs(["a=1", " b = 2 "]) == {"a": "1", "b": "2"}
+    with pytest.raises(InputError, match=r"^a is given twice: 1 and 2$"):
+        name_value_pairs(["a=1", "b=2", "a=2"])

@@ -58,6 +58,12 @@ def test_a_machine_that_knows_where_it_is(steptwin: CommandLine, session: Sessio
     assert "tool: x " in out
 
 
+@pytest.mark.usefixtures("session")
+def test_a_queue_that_takes_nothing_is_closed(steptwin: CommandLine) -> None:
+    assert steptwin.run("move warehouse-scara th1=5")[0] == 0
+    assert "th1: process data; queue closed (empty); " in steptwin.run("status warehouse-scara")[1]
+
+
 def test_a_fault_is_the_exit_code(steptwin: CommandLine, session: Session) -> None:
     session.machine.disable()
     session.machine.axes[TH2].write(0x2002, 3, 5000)  # no supply has 50 V

@@ -138,6 +138,8 @@ def test_the_command(capsys: pytest.CaptureFixture[str]) -> None:
     [
         ("--service pdo", "--service 'pdo' is unknown: did you mean tpdo or rpdo"),
         ("warehouse-scara --node th9", "--node 'th9' is unknown: did you mean th"),
+        ("--node 0", "--node 0: node ids are from 1 to 127"),
+        ("--node 0x80", "--node 0x80: node ids are from 1 to 127"),
         ("--count 0", "--count 0: is not above 0 and finite"),
         ("--seconds -1", "--seconds -1: is not above 0 and finite"),
         ("", "which board? "),

@@ -142,6 +142,24 @@ def test_a_report_that_was_changed_fails(
     assert "fault" not in given
 
 
+def test_frames_that_are_missing_fail(stored_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = shutil.copytree(stored_run, tmp_path / "copy")
+    lines = (folder / "bus.log").read_text().splitlines(keepends=True)
+    (folder / "bus.log").write_text("".join(lines[:-1]))
+    told = f"report.json says bus.frames = {len(lines)}, bus.log has {len(lines) - 1}"
+    assert verify(capsys, folder, 1)["reasons"] == [told]
+    (folder / "bus.log").unlink()
+    assert run(["verify", str(folder)]) == 2
+    assert capsys.readouterr().err == f"steptwin: {folder}/bus.log: is missing\n"
+
+
+def test_what_is_no_archive_is_named_so(stored_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = shutil.copytree(stored_run, tmp_path / "copy")
+    (folder / "edges.npz").write_text("junk")
+    assert run(["verify", str(folder)]) == 2
+    assert capsys.readouterr().err == f"steptwin: {folder}/edges.npz: cannot be read: it is no npz file\n"
+
+
 def test_another_motion_fails(stored_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """One point of th3 by a hundredth of a degree: a quarter of a step."""
     folder = shutil.copytree(stored_run, tmp_path / "copy")
