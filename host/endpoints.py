@@ -1,7 +1,6 @@
 """Where a live board is to be reached: at a listening socket, or on a bus of python-can."""
 
 import errno
-import logging
 import socket
 from abc import ABC, abstractmethod
 from ipaddress import ip_address
@@ -9,16 +8,11 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from emulator.live_loop import LiveLoop
 from host.errors import BusError, InputError
-from host.inputs import unknown
 
 if TYPE_CHECKING:
-    import can
-
     from emulator.can_bridge import CanBridge
     from emulator.socketcand_server import SocketcandServer
 
-SOCKETCAND_PORT: Final = 29536
-"""socketcand's own."""
 _PORTS: Final = range(1024, 1 << 16)
 _BACKLOG: Final = 64
 _IN_THE_WAY: Final = {
@@ -133,9 +127,12 @@ class CanEndpoint(Endpoint):
             bitrate: for the interfaces that set it.
             more: further arguments of the interface.
         """
-        self._bus = _open_bus(interface, channel, bitrate, more)
-        self._bridge: CanBridge | None = None
+        from host.can_bus import check_interface, open_python_can_bus
+
+        check_interface("interface", interface)
         self._name = f"{interface} {channel}" if channel else interface
+        self._bus = open_python_can_bus(self._name, interface, channel=channel, bitrate=bitrate, **more)
+        self._bridge: CanBridge | None = None
         self.title = f"on python-can's interface {self._name}"
 
     def attach(self, loop: LiveLoop) -> None:
@@ -195,16 +192,3 @@ def _listen(host: str, port: int, *, allow_remote: bool) -> socket.socket:
 
 def _is_loopback(address: str) -> bool:
     return ip_address(address.partition("%")[0]).is_loopback
-
-
-def _open_bus(interface: str, channel: str | None, bitrate: int, more: dict[str, Any]) -> "can.BusABC":
-    import can
-    from can.interfaces import VALID_INTERFACES
-
-    logging.getLogger("can").addHandler(logging.NullHandler())  # what it has to say is said here, in one line
-    if interface not in VALID_INTERFACES:
-        raise unknown("interface", interface, sorted(VALID_INTERFACES))
-    try:
-        return can.Bus(channel=channel, interface=interface, bitrate=bitrate, **more)
-    except Exception as error:  # each driver has its own: kvaser's says NameError where there is no canlib
-        raise BusError(f"{interface} {channel or ''}: {error}") from error

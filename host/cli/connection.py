@@ -30,7 +30,7 @@ Bitrate = Annotated[
     int | None, typer.Option("--bitrate", "-b", metavar="BIT/S", help="By default as the robot's file says.")
 ]
 
-DEFAULT_PORT = 29536
+SOCKETCAND_PORT = 29536
 """socketcand's own."""
 
 
@@ -60,26 +60,19 @@ def connection(
             if value is not None:
                 raise InputError(f"{option} {value}: is for a live board: --connect HOST:PORT or --interface NAME")
         return None
-    _check_interface(interface)
+    from host.can_bus import check_interface
+
+    check_interface("--interface", interface)
     return Connection(interface, channel, bitrate or (robot.board.bitrate if robot else None))
 
 
 def _host_and_port(text: str) -> tuple[str, int]:
     host, colon, port = text.rpartition(":")
     if not colon:
-        host, port = text, str(DEFAULT_PORT)
+        host, port = text, str(SOCKETCAND_PORT)
     if not host or not port.isdecimal() or not 0 < int(port) < 1 << 16:
-        raise InputError(f"--connect {text}: is not of the form HOST:PORT, such as 127.0.0.1:{DEFAULT_PORT}")
+        raise InputError(f"--connect {text}: is not of the form HOST:PORT, such as 127.0.0.1:{SOCKETCAND_PORT}")
     return host, int(port)
-
-
-def _check_interface(name: str) -> None:
-    import can
-
-    from host.inputs import unknown
-
-    if name not in can.VALID_INTERFACES:
-        raise unknown("--interface", name, sorted(can.VALID_INTERFACES))
 
 
 def required(found: "Connection | None") -> "Connection":

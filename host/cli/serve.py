@@ -12,6 +12,7 @@ import typer
 
 from host.cli.app import app
 from host.cli.arguments import AsJson, DriverProfileName, RobotFile, RobotName, joint_values, one_robot
+from host.cli.connection import SOCKETCAND_PORT
 from host.cli.output import print_json, print_table
 from host.cli.report import USUAL_DRIVERS
 from host.errors import BusError, InputError
@@ -132,7 +133,7 @@ def _endpoint(
     *,
     allow_remote: bool,
 ) -> "Endpoint":
-    from host.endpoints import SOCKETCAND_PORT, CanEndpoint, SocketcandEndpoint
+    from host.endpoints import CanEndpoint, SocketcandEndpoint
 
     if interface is None:
         if channel is not None:

@@ -6,13 +6,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Any, Final
+from typing import Final
 
 import can
 import canopen
 from can.interfaces.socketcand import SocketCanDaemonBus
 from canopen.network import MessageListener
 
+from host.can_bus import open_python_can_bus, reason
 from host.errors import BusError
 
 SOCKETCAND_CHANNEL: Final = "vcan0"
@@ -59,13 +60,9 @@ def open_bus(connection: Connection) -> can.BusABC:
             # python-can tries for ten seconds, without a pause, before it says that nobody is there
             socket.create_connection((connection.host, connection.port), _CONNECT_TIMEOUT_S).close()
             return _SocketcandBus(connection.channel or SOCKETCAND_CHANNEL, connection.host, connection.port)
-    more: dict[str, Any] = {"channel": connection.channel, "bitrate": connection.bitrate}
-    try:
-        return can.Bus(
-            interface=connection.interface, **{key: value for key, value in more.items() if value is not None}
-        )
-    except Exception as error:  # each driver has its own: kvaser's says NameError where there is no canlib
-        raise BusError(f"{connection.title}: {_reason(error)}") from error
+    return open_python_can_bus(
+        connection.title, connection.interface, channel=connection.channel, bitrate=connection.bitrate
+    )
 
 
 class _SocketcandBus(SocketCanDaemonBus):
@@ -152,9 +149,4 @@ def _bus_errors(title: str) -> Iterator[None]:
     try:
         yield
     except (can.CanError, OSError, NotImplementedError, ValueError) as error:
-        raise BusError(f"{title}: {_reason(error)}") from error
-
-
-def _reason(error: BaseException) -> str:
-    text = str(getattr(error, "strerror", None) or error) or type(error).__name__
-    return text.splitlines()[0]
+        raise BusError(f"{title}: {reason(error)}") from error

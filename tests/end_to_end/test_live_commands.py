@@ -6,12 +6,9 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib.util import find_spec
 from typing import Any
 
 import pytest
-
-pytestmark = pytest.mark.skipif(not find_spec("host.cli.serve"), reason="there is no `steptwin serve`")
 
 PROGRAM = [sys.executable, "-c", "from host.cli import main; main()"]
 ROBOT = "warehouse-scara"
