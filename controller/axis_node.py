@@ -207,7 +207,12 @@ class AxisNode:
         self.now_us = now_us
         if self._heartbeat_consumer.receive(producer_id, data, now_us) and self.drive.state not in _FAULT_STATES:
             self._resolve(self._is_over)
-        self._settle()
+            self._settle()
+            return
+        deadline_us = self._heartbeat_consumer.due_us
+        # Most deadlines only move away: that is noticed when the one before would have been due.
+        if deadline_us is not None and (self.due_us is None or deadline_us < self.due_us):
+            self._schedule()
 
     # --- a lost host
 
