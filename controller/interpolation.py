@@ -17,7 +17,7 @@ from protocol.objects import key_of
 from protocol.pvt import QUEUE_DEPTH, SEQUENCE_MODULUS, PvtFlag, Verdict, judge
 
 _DISPLACEMENT, _END_VELOCITY, _DURATION, _SEQUENCE = (key_of(0x60C1, subindex) for subindex in (1, 2, 3, 4))
-_LEAST_FILL = key_of(0x2013, 5)
+_ACCEPTED, _GAPS, _OVERFLOWS, _UNDERRUNS, _LEAST_FILL = (key_of(0x2013, subindex) for subindex in (1, 2, 3, 4, 5))
 _STICKY = {Verdict.GAP: PvtFlag.GAP, Verdict.FULL: PvtFlag.OVERFLOW}
 
 
@@ -46,8 +46,6 @@ class Interpolation(Mode):
         self._closed = False
         self.ready = False
         """Whether the drive is enabled in this mode: a queue with records is then armed."""
-        counters = {subindex: dictionary.entries[key_of(0x2013, subindex)] for subindex in (1, 2, 3, 4)}
-        self._count_max = {subindex: entry.data_type.high for subindex, entry in counters.items()}
         self._install_hooks()
 
     def _install_hooks(self) -> None:
@@ -83,7 +81,7 @@ class Interpolation(Mode):
         self._next_sequence = (sequence + 1) % SEQUENCE_MODULUS
         if self._sticky:
             self._sticky &= ~(PvtFlag.GAP | PvtFlag.OVERFLOW)
-        self._count(1)
+        self._dictionary.count(_ACCEPTED)
 
     def _push(self, displacement_units: int, end_velocity: int, duration_ms: int) -> Refusal:
         """Queue a segment unless it leads out of the soft limits, or further out of them."""
@@ -98,7 +96,7 @@ class Interpolation(Mode):
     def _drop(self, verdict: Verdict) -> None:
         """Flag a gap or an overflow; only the first of a row is an event, so that junk cannot flood the bus."""
         flag = _STICKY[verdict]
-        self._count(2 if verdict is Verdict.GAP else 3)
+        self._dictionary.count(_GAPS if verdict is Verdict.GAP else _OVERFLOWS)
         if not self._sticky & flag:
             self._sticky |= flag
             self._status_changed()
@@ -178,7 +176,7 @@ class Interpolation(Mode):
     def underrun(self) -> None:
         """The queue ran out while moving."""
         self._sticky |= PvtFlag.UNDERRUN
-        self._count(4)
+        self._dictionary.count(_UNDERRUNS)
         self.stopped()
 
     @property
@@ -211,11 +209,6 @@ class Interpolation(Mode):
     def _executing(self) -> int:
         behind = self._motion.queued(self._axis) + 1
         return (self._next_sequence - behind) % SEQUENCE_MODULUS
-
-    def _count(self, subindex: int) -> None:
-        value = self._dictionary.get(0x2013, subindex)
-        if value < self._count_max[subindex]:
-            self._dictionary.set(0x2013, subindex, value + 1)
 
     def _note_fill(self, queued: int) -> None:
         if queued < self._dictionary.value(_LEAST_FILL):

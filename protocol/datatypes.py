@@ -4,49 +4,32 @@ from enum import IntEnum
 
 
 class DataType(IntEnum):
-    """Codes of CiA 301 table 44."""
+    """Codes of CiA 301 table 44, with the bytes on the wire (0 for a string, whose length is its own) and the sign."""
 
-    INTEGER8 = 0x02
-    INTEGER16 = 0x03
-    INTEGER32 = 0x04
-    UNSIGNED8 = 0x05
-    UNSIGNED16 = 0x06
-    UNSIGNED32 = 0x07
-    VISIBLE_STRING = 0x09
-    INTEGER24 = 0x10
+    INTEGER8 = 0x02, 1, True
+    INTEGER16 = 0x03, 2, True
+    INTEGER32 = 0x04, 4, True
+    UNSIGNED8 = 0x05, 1, False
+    UNSIGNED16 = 0x06, 2, False
+    UNSIGNED32 = 0x07, 4, False
+    VISIBLE_STRING = 0x09, 0, False
+    INTEGER24 = 0x10, 3, True
 
-    @property
-    def size(self) -> int:
-        """Bytes on the wire; 0 for a string, whose length is its own."""
-        return _SIZES[self]
+    size: int
+    signed: bool
+    low: int
+    """The least value."""
+    high: int
+    """The greatest value."""
 
-    @property
-    def signed(self) -> bool:
-        """Whether negative values exist."""
-        return self in _SIGNED
-
-    @property
-    def low(self) -> int:
-        """The least value."""
-        return -(1 << 8 * self.size - 1) if self.signed else 0
-
-    @property
-    def high(self) -> int:
-        """The greatest value."""
-        return (1 << 8 * self.size - (1 if self.signed else 0)) - 1
-
-
-_SIGNED = frozenset((DataType.INTEGER8, DataType.INTEGER16, DataType.INTEGER24, DataType.INTEGER32))
-_SIZES = {
-    DataType.INTEGER8: 1,
-    DataType.UNSIGNED8: 1,
-    DataType.INTEGER16: 2,
-    DataType.UNSIGNED16: 2,
-    DataType.INTEGER24: 3,
-    DataType.INTEGER32: 4,
-    DataType.UNSIGNED32: 4,
-    DataType.VISIBLE_STRING: 0,
-}
+    def __new__(cls, code: int, size: int, signed: bool) -> "DataType":  # noqa: FBT001  (an enumeration's way)
+        """A code of the standard's and its range: two's complement, or from 0."""
+        member = int.__new__(cls, code)
+        member._value_ = code
+        member.size, member.signed = size, signed
+        member.low = -(1 << 8 * size) // 2 if signed else 0
+        member.high = (1 << 8 * size) - 1 + member.low
+        return member
 
 
 def encode(data_type: DataType, value: int | str) -> bytes:

@@ -29,7 +29,12 @@ class ObjectDictionary:
         self._stored = {} if stored is None else stored
         self._values: dict[int, int] = {}
         """Of all but strings, which are constants."""
-        self._bounds = {key: _bounds(entry) for key, entry in self.entries.items()}
+        self._bounds = {
+            key: _bounds(entry)
+            for key, entry in self.entries.items()
+            if entry.low is not None or entry.high is not None
+        }
+        """Of the entries whose range is narrower than that of their type."""
         self.read_hooks: dict[int, ReadHook] = {}
         self.write_hooks: dict[int, WriteHook] = {}
         self.reset()
@@ -46,25 +51,31 @@ class ObjectDictionary:
 
     def value(self, key: int) -> int:
         """Return the present value of a numeric entry by its key, as is done for every frame."""
-        hook = self.read_hooks.get(key)
-        return hook() if hook else self._values[key]
+        if key in self.read_hooks:
+            return self.read_hooks[key]()
+        return self._values[key]
 
     def set(self, index: int, subindex: int, value: int) -> None:
         """Store a value as the firmware's own, without checks or hooks."""
         self._values[index << 8 | subindex] = value
 
+    def count(self, key: int) -> None:
+        """Add one to a counter, which stays at its greatest value."""
+        if self._values[key] < self.entries[key].data_type.high:
+            self._values[key] += 1
+
     def put(self, key: int, value: int) -> None:
-        """Store a decoded value that came over the bus: range, write hook, then the store.
+        """Store a value that came over the bus, decoded from its type: range, write hook, then the store.
 
         Raises:
             SdoAbortError: the value is out of range or the hook refuses it.
         """
-        low, high = self._bounds[key]
-        if not low <= value <= high:
-            raise SdoAbortError(AbortCode.VALUE_TOO_HIGH if value > high else AbortCode.VALUE_TOO_LOW)
-        hook = self.write_hooks.get(key)
-        if hook:
-            hook(value)
+        if key in self._bounds:
+            low, high = self._bounds[key]
+            if not low <= value <= high:
+                raise SdoAbortError(AbortCode.VALUE_TOO_HIGH if value > high else AbortCode.VALUE_TOO_LOW)
+        if key in self.write_hooks:
+            self.write_hooks[key](value)
         self._values[key] = value
 
     def read(self, index: int, subindex: int) -> bytes:
@@ -112,8 +123,6 @@ class ObjectDictionary:
 
 
 def _bounds(entry: Entry) -> tuple[int, int]:
-    if entry.data_type is DataType.VISIBLE_STRING:
-        return 0, 0
     low = entry.data_type.low if entry.low is None else entry.low
     high = entry.data_type.high if entry.high is None else entry.high
     return low, high

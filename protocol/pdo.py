@@ -80,11 +80,8 @@ class ReceivePdo:
         bits = int.from_bytes(data[: self._length], "little")
         put = self._dictionary.put
         for key, shift, mask, sign_bit in self._fields:
-            value = bits >> shift & mask
-            if value & sign_bit:
-                value -= mask + 1
             try:
-                put(key, value)
+                put(key, (bits >> shift & mask ^ sign_bit) - sign_bit)
             except SdoAbortError:
                 self.refused += 1
 
