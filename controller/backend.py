@@ -25,7 +25,7 @@ class Kernel:
     singly: Callable[[Cells], Cells]
     push: Callable[[Cells, Cells, int, int, int, int], int]
     next_segment: Callable[[Cells, Cells, int], bool]
-    advance: Callable[[Cells, Cells, Cells, Rows, Rows, int, int, int], int]
+    advance: Callable[[Cells, Cells, Cells, Cells, Rows, Rows, int, int, int], tuple[int, int]]
     demand_rate: Callable[[Cells, int], int]
 
 

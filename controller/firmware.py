@@ -90,7 +90,7 @@ class Firmware:
         self._routes: dict[int, list[tuple[AxisNode, Handler]]] = {}
         self._dues_us: list[int | None] = [None] * axis_count
         """When each node wants to be polled, as it was last collected, ..."""
-        self._due_us: int | None = None
+        self._due_counts: int | None = None
         """... and the first of them: time goes by in steps so small that the nodes are not asked at each."""
 
     def boot(self, now_counts: int) -> None:
@@ -192,10 +192,10 @@ class Firmware:
         (`motion.room_ticks` is 0).
         """
         motion = self.motion
-        if not motion.has_events and motion.tick * TICK_COUNTS < until_counts:
+        if not motion.events and motion.tick * TICK_COUNTS < until_counts:
             motion.advance(-(-until_counts // TICK_COUNTS))
         reached = motion.tick * TICK_COUNTS
-        if reached <= until_counts and motion.has_events:
+        if reached <= until_counts and motion.events:
             self._handle_events(reached)
             return reached
         if reached < until_counts and motion.room_ticks == 0:
@@ -204,9 +204,8 @@ class Firmware:
 
     def poll(self, now_counts: int) -> None:
         """Send whatever is due by now."""
-        now_us = now_counts // COUNTS_PER_US
-        if self._due_us is not None and self._due_us <= now_us:
-            self._poll_nodes(now_us, now_counts)
+        if self._due_counts is not None and self._due_counts <= now_counts:
+            self._poll_nodes(now_counts // COUNTS_PER_US, now_counts)
         if self._trips:
             self._conclude(now_counts)
 
@@ -223,8 +222,8 @@ class Firmware:
     @property
     def next_due_counts(self) -> int | None:
         """The next instant at which something happens on the board by itself, as far as it is known."""
-        due_counts = None if self._due_us is None else self._due_us * COUNTS_PER_US
-        if not self.motion.has_events:
+        due_counts = self._due_counts
+        if not self.motion.events:
             return due_counts
         event_counts = self.motion.tick * TICK_COUNTS
         return event_counts if due_counts is None else min(due_counts, event_counts)
@@ -295,7 +294,8 @@ class Firmware:
             self._route()
         if node.due_us != self._dues_us[node.axis]:
             self._dues_us[node.axis] = node.due_us
-            self._due_us = min((due_us for due_us in self._dues_us if due_us is not None), default=None)
+            dues_us = [due_us for due_us in self._dues_us if due_us is not None]
+            self._due_counts = min(dues_us) * COUNTS_PER_US if dues_us else None
         if node.outbox:
             self._frames += node.outbox
             node.outbox.clear()

@@ -415,18 +415,33 @@ def advance_axis(
 
 @kernel_function
 def advance(
-    axes: Cells, queue: Cells, group: Cells, clk: Rows, direction: Rows, axis_count: int, tick: int, until_tick: int
-) -> int:
+    axes: Cells,
+    before: Cells,
+    queue: Cells,
+    group: Cells,
+    clk: Rows,
+    direction: Rows,
+    axis_count: int,
+    tick: int,
+    until_tick: int,
+) -> tuple[int, int]:
     """Run all axes from `tick` to `until_tick` or to the first tick in which one of them asks for attention.
 
-    The group's ramp must not begin after `tick`. Returns the tick reached. If that is before `until_tick`, axes may
-    stand beyond it: restore a copy of `axes` taken before the call and advance to the tick returned, which then is
-    reached by all of them.
+    The group's ramp must not begin after `tick`. `before` is as long as `axes` and is written over. Returns the tick
+    reached, and how many axes ask there: EVENT says what for.
     """
+    before[:] = axes
     reached = until_tick
     for axis in range(axis_count):
         reached = advance_axis(axes, queue, group, clk[axis], direction[axis], axis, tick, reached)
-    return reached
+    if reached < until_tick:  # axes run one after the other: take those that ran too far back to the common tick
+        axes[:] = before
+        for axis in range(axis_count):
+            advance_axis(axes, queue, group, clk[axis], direction[axis], axis, tick, reached)
+    asking = 0
+    for axis in range(axis_count):
+        asking += axes[axis * AXIS_FIELDS + EVENT] != EVENT_NONE
+    return reached, asking
 
 
 @kernel_function

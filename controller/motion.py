@@ -109,14 +109,16 @@ class Motion:
         self.tick = 0
         self._kernel = kernel
         self._axes = kernel.cells(count * k.AXIS_FIELDS)
+        self._axes_before = kernel.cells(count * k.AXIS_FIELDS)
         self._cells = kernel.singly(self._axes)
         self._queue = kernel.cells(count * k.QUEUE_DEPTH * k.SEGMENT_FIELDS)
         self.group = GroupTime(kernel.cells(k.GROUP_FIELDS))
         self._clk = kernel.rows(count, EDGE_CAPACITY)
         self._direction = kernel.rows(count, EDGE_CAPACITY)
         self._running: set[int] = set()
-        self._events: dict[int, Event] = {}
-        """What axes ask attention for at the start of `tick`, which the board's clock may not have reached yet."""
+        self.events: dict[int, Event] = {}
+        """What axes ask attention for at the start of `tick`, which the board's clock may not have reached yet: see
+        `take_events`. A flush or a stop before then answers it."""
         self._configs = [UNCONFIGURED] * count
         for axis in range(count):
             self._set(axis, k.LAST_RISE_COUNTS, k.NEVER_COUNTS)
@@ -178,7 +180,8 @@ class Motion:
 
     def queued(self, axis: int) -> int:
         """Segments waiting behind the running one."""
-        return self._get(axis, k.QUEUE_COUNT)
+        count: int = self._cells[axis * k.AXIS_FIELDS + k.QUEUE_COUNT]  # asked for every record: see `_get`
+        return count
 
     def tail_units(self, axis: int) -> int:
         """Where the next segment that is pushed will begin."""
@@ -261,7 +264,7 @@ class Motion:
             self._set(axis, field, 0)
         self._running.discard(axis)
         self.group.members.discard(axis)
-        self._events.pop(axis, None)
+        self.events.pop(axis, None)
 
     def _rest_tail(self, axis: int, velocity: int) -> None:
         """Empty the queue and let it continue from the present demand, to the nearest unit, with this velocity."""
@@ -275,7 +278,7 @@ class Motion:
         The ramp is never refused for its speed. Only where it would leave the range of an i32 position does the axis
         stop dead instead: it is not running then.
         """
-        self._events.pop(axis, None)
+        self.events.pop(axis, None)
         velocity = self.velocity(axis)
         self.group.members.discard(axis)
         limit = self._get(axis, k.RATE_LIMIT_Q16_PER_MS)
@@ -292,7 +295,7 @@ class Motion:
 
     def halted(self, axis: int) -> bool:
         """Whether an axis rests within its segments because its group is halted; not before its event is taken."""
-        return axis in self.group.members and self.group.resting(self.tick) and axis not in self._events
+        return axis in self.group.members and self.group.resting(self.tick) and axis not in self.events
 
     def ramp_group(self, decelerations_units_per_s2: Sequence[int]) -> None:
         """Halt the group or let it go on, as is wanted, from the next tick on; the limits are those of all axes.
@@ -360,47 +363,37 @@ class Motion:
         rest_tick = self.group.rest_tick
         if rest_tick is not None and self.tick < rest_tick < until:
             until = rest_tick
-        before = self._axes.copy()
-        reached = self._run(until)
-        if reached < until:  # axes run one after the other: take those that ran too far back to the common tick
-            self._axes[:] = before
-            self._run(reached)
-        self._free_edges -= (reached - self.tick) * self._edges_per_tick
-        comes_to_rest = self.tick < reached == rest_tick
-        self.tick = reached
-        self._note_events()
-        if comes_to_rest:
-            for axis in sorted(self.group.members):
-                self._events.setdefault(axis, Event.HALTED)
-        return reached
-
-    def _run(self, until_tick: int) -> int:
-        return self._kernel.advance(
+        reached, asking = self._kernel.advance(
             self._axes,
+            self._axes_before,
             self._queue,
             self.group.cells,
             self._clk,
             self._direction,
             self.axis_count,
             self.tick,
-            until_tick,
+            until,
         )
+        self._free_edges -= (reached - self.tick) * self._edges_per_tick
+        comes_to_rest = self.tick < reached == rest_tick
+        self.tick = reached
+        if asking:
+            self._note_events()
+        if comes_to_rest:
+            for axis in sorted(self.group.members):
+                self.events.setdefault(axis, Event.HALTED)
+        return reached
 
     def _note_events(self) -> None:
-        cells = self._cells
-        asking = [axis for axis in self._running if cells[axis * k.AXIS_FIELDS + k.EVENT]]
-        for axis in sorted(asking):
-            self._events[axis] = Event(self._get(axis, k.EVENT))
-            self._set(axis, k.EVENT, k.EVENT_NONE)
-
-    @property
-    def has_events(self) -> bool:
-        """Whether an axis asks for attention at the start of `tick`; a flush or a stop before then answers it."""
-        return bool(self._events)
+        for axis in sorted(self._running):
+            event = self._get(axis, k.EVENT)
+            if event != k.EVENT_NONE:
+                self.events[axis] = Event(event)
+                self._set(axis, k.EVENT, k.EVENT_NONE)
 
     def take_events(self) -> list[tuple[int, Event]]:
         """Return what the axes ask attention for, each once; the axes named stand still or must be stopped."""
-        events, self._events = list(self._events.items()), {}
+        events, self.events = list(self.events.items()), {}
         ended = {axis for axis, event in events if event in (Event.FINISHED, Event.UNDERRUN)}
         self._running -= ended
         self.group.members -= ended

@@ -34,7 +34,10 @@ class KernelRig:
         self.kernel = kernel
         self.count = axes
         self.tick = 0
+        self.asking = 0
+        """How many axes asked for attention where the last advance ended."""
         self.axes = kernel.cells(axes * k.AXIS_FIELDS)
+        self.axes_before = kernel.cells(axes * k.AXIS_FIELDS)
         self.queue = kernel.cells(axes * k.QUEUE_DEPTH * k.SEGMENT_FIELDS)
         self.group = kernel.cells(k.GROUP_FIELDS)
         self.time = GroupTime(self.group)
@@ -73,20 +76,19 @@ class KernelRig:
         self.group[k.RAMP_TICKS] = ticks
 
     def advance(self, ticks: int) -> int:
-        """As the firmware does: go on, and take axes that ran too far back to the common tick."""
-        before = self.axes.copy()
-        until = self.tick + ticks
-        reached = self._run(until)
-        if reached < until:
-            self.axes = before
-            assert self._run(reached) == reached
-        self.tick = reached
-        return reached
-
-    def _run(self, until: int) -> int:
-        return self.kernel.advance(
-            self.axes, self.queue, self.group, self.clk, self.direction, self.count, self.tick, until
+        """Go on, all axes together; the tick reached."""
+        self.tick, self.asking = self.kernel.advance(
+            self.axes,
+            self.axes_before,
+            self.queue,
+            self.group,
+            self.clk,
+            self.direction,
+            self.count,
+            self.tick,
+            self.tick + ticks,
         )
+        return self.tick
 
     def rises(self, axis: int = 0) -> list[int]:
         return [int(t) for t in self.clk[axis][: self.get(k.CLK_EDGES, axis) : 2]]

@@ -154,6 +154,7 @@ class TestPulseTiming:
         rig.start()
         reached = rig.advance(400)
         assert 3 <= reached <= 6
+        assert rig.asking == 1
         assert rig.get(k.EVENT) == k.EVENT_LATE_STEP
         due = (len(rig.rises()) - 1 + 0.5625) / 20 * 72_000
         assert k.TICK_COUNTS < rig.rises()[-1] - due < 1.4 * k.TICK_COUNTS

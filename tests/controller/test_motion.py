@@ -100,10 +100,10 @@ def test_an_event_that_waits_for_its_tick_is_answered_by_flush_and_stop(
     motion.push(0, 4096, 800 * 64, 10)
     motion.start(0)
     assert motion.advance(100) == 40
-    assert motion.has_events
+    assert motion.events
     assert motion.running(0)
     answer(motion)
-    assert not motion.has_events
+    assert not motion.events
     assert motion.take_events() == []
 
 
