@@ -116,6 +116,8 @@ class Motion:
         self._clk = kernel.rows(count, EDGE_CAPACITY)
         self._direction = kernel.rows(count, EDGE_CAPACITY)
         self._running: set[int] = set()
+        self.starts = 0
+        """How many times an axis has been set going: whoever follows those that run need not ask before it changes."""
         self.events: dict[int, Event] = {}
         """What axes ask attention for at the start of `tick`, which the board's clock may not have reached yet: see
         `take_events`. A flush or a stop before then answers it."""
@@ -242,6 +244,7 @@ class Motion:
         if not self._kernel.next_segment(self._axes, self._queue, axis):
             return False
         self._running.add(axis)
+        self.starts += 1
         self._set(axis, k.IN_GROUP, int(in_group))
         if in_group:
             self.group.members.add(axis)

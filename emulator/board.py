@@ -109,6 +109,7 @@ class Board:
             self.firmware.receive, self.firmware.on_can_error, self.firmware.hears, self.config.read_latency_counts
         )
         """The CAN controller; what it says to the bus it says in `poll`."""
+        self._inputs.count_anew()
         self._seen = [DigitalInput(0)] * self.config.axis_count
         """The levels of the inputs that the firmware has seen."""
         self._look_at_once = self._inputs.levels != self._seen
@@ -238,12 +239,13 @@ class Board:
 
     def poll(self, now_counts: int) -> None:
         """Let the processor do what is due: look at its inputs, fetch messages, then send."""
-        if self._look_at_once and self.firmware.motion.tick * TICK_COUNTS == now_counts:
+        firmware = self.firmware
+        if self._look_at_once and firmware.motion.tick * TICK_COUNTS == now_counts:
             self._look()
         if self.can.next_due_counts is not None:
             self.can.poll(now_counts)
-        self.firmware.poll(now_counts)
-        for frame in self.firmware.take_frames():
+        firmware.poll(now_counts)
+        for frame in firmware.take_frames():
             self.can.send(frame, now_counts)
         if self._hot:
             self._take_pins()

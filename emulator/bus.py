@@ -132,7 +132,8 @@ class Bus:
         if self._transmission:
             self._end(self._transmission)
         else:
-            self._recover(now_counts)
+            if self._off:
+                self._recover(now_counts)
             self._arbitrate(now_counts)
         if self._transmission is None:
             self._schedule()
@@ -171,8 +172,7 @@ class Bus:
             for station in senders:
                 self.throw_off(station, now_counts)
         else:
-            outcome = self._outcome(senders, outdone, fault)
-            self._begin(frame, senders, outdone, outcome, self._missing(fault) if fault else [], now_counts)
+            self._begin(frame, senders, outdone, fault, now_counts)
 
     def _strike(self, frame: Frame, now_counts: int) -> Fault | None:
         """Ask the script; frames are told apart by identity, since a sender may send the same bytes again."""
@@ -194,21 +194,22 @@ class Bus:
             return _Outcome.DISTURBED
         if outdone and any(station.state is not ErrorState.PASSIVE for station in outdone):
             return _Outcome.DISTURBED
-        listening = self._on_bus > len(senders) + len(outdone)
-        return _Outcome.VALID if listening else _Outcome.UNACKNOWLEDGED
+        if self._on_bus == len(senders) + len(outdone):  # nobody listens
+            return _Outcome.UNACKNOWLEDGED
+        return _Outcome.VALID
 
     def _begin(
         self,
         frame: Frame,
         senders: list[CanController],
         outdone: list[CanController],
-        outcome: _Outcome,
-        missed_by: list[CanController],
+        fault: Fault | None,
         now_counts: int,
     ) -> None:
         """Put a frame on the wire. A disturbance is found at the end of the CRC, where it costs most."""
         bits = frame_bits(frame)
         decided_bits = bits - _VALID_BEFORE_END_BITS
+        outcome = self._outcome(senders, outdone, fault)
         if outcome is not _Outcome.VALID:
             if outcome is _Outcome.DISTURBED:
                 decided_bits = bits - UNSTUFFED_TAIL_BITS + _ECHOED_FLAG_BITS
@@ -220,6 +221,7 @@ class Bus:
         self.busy_bits += bits
         self._free_counts = now_counts + bits * self.bit_counts
         self.next_event_counts = now_counts + decided_bits * self.bit_counts
+        missed_by = self._missing(fault) if fault else []
         self._transmission = _Transmission(frame, senders, outdone, missed_by, outcome, self.next_event_counts)
 
     def _end(self, transmission: _Transmission) -> None:
@@ -228,10 +230,9 @@ class Bus:
             self._deliver(transmission)
         else:
             self._fail(transmission)
-        for stations in (transmission.senders, transmission.outdone):
-            for station in stations:
-                if station.state is ErrorState.PASSIVE:
-                    station.silent_until_counts = self._free_counts + _SUSPEND_BITS * self.bit_counts
+        for station in transmission.senders + transmission.outdone:
+            if station.state is ErrorState.PASSIVE:
+                station.silent_until_counts = self._free_counts + _SUSPEND_BITS * self.bit_counts
         # Delimiter, end of frame and intermission, or error delimiter and intermission: 11 recessive bits.
         if self._off:
             self._count_recessive(1)
@@ -326,8 +327,6 @@ class Bus:
         return self._idle_since_counts + bits * self.bit_counts
 
     def _recover(self, now_counts: int) -> None:
-        if not self._off:
-            return
         for station in self._off:
             if self._recovery_counts(station) <= now_counts:
                 station.recover(now_counts)

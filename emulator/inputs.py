@@ -35,6 +35,8 @@ class BoardInputs:
         """Pulses whose fate a driver does not know yet, by axis."""
         self._due_ticks: dict[int, int] = {}
         """The tick at whose start the switches of an axis want to be looked at next; none while it stands."""
+        self._starts_seen = 0
+        """Only after another start of an axis, by the motion's count, there may be another one to watch."""
 
     @property
     def levels(self) -> list[DigitalInput]:
@@ -44,6 +46,10 @@ class BoardInputs:
             axis.levels | common | (DigitalInput.DRIVER_PROTECT if protect else DigitalInput(0))
             for axis, protect in zip(self._axes, self.protects, strict=True)
         ]
+
+    def count_anew(self) -> None:
+        """The firmware has been started again, and with it the motion's count of starts."""
+        self._starts_seen = 0
 
     @property
     def unsettled(self) -> bool:
@@ -58,7 +64,8 @@ class BoardInputs:
 
     def due_tick(self, motion: Motion) -> int | None:
         """Up to the start of which tick no switch can change; None while nothing moves past switches."""
-        if len(self._due_ticks) < len(self._switched):
+        if motion.starts != self._starts_seen:
+            self._starts_seen = motion.starts
             for axis in self._switched:
                 if axis not in self._due_ticks and motion.running(axis):
                     self._due_ticks[axis] = motion.tick + self._quiet_ticks(self._axes[axis].steps_to_change)

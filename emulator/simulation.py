@@ -75,7 +75,7 @@ class Simulation:
         if was_silent:
             self._skip_intermission()
         give_up_counts = self.now_counts + _SILENCE_MAX_S * COUNTS_PER_SECOND
-        while self.bus.busy or self._messages_wait:
+        while self.bus.busy or (self._late_readers and self._messages_wait):
             if self.now_counts > give_up_counts:
                 raise BusOverloadError(
                     f"the nodes' own frames keep the bus busy at {self.bus.bitrate // 1000} kbit/s: "
@@ -110,7 +110,7 @@ class Simulation:
     @property
     def _messages_wait(self) -> bool:
         """Whether a board's processor has not yet fetched a message that has reached it."""
-        return bool(self._late_readers) and any(board.can.next_due_counts is not None for board in self._late_readers)
+        return any(board.can.next_due_counts is not None for board in self._late_readers)
 
     def next_event_counts(self, until_counts: int) -> int:
         """When something happens by itself, as far as it is known; the instant given if that comes first."""
@@ -128,15 +128,16 @@ class Simulation:
 
     def _advance_to(self, until_counts: int) -> None:
         """Go to the next event, but not beyond an instant, and do what is due there."""
-        goal = self.next_event_counts(until_counts)
+        goal_counts = self.next_event_counts(until_counts)
         # Even if no time passes: what a tick just computed has brought about may still have to be seen to.
-        self.now_counts = self._advance_boards(max(goal, self.now_counts))
-        self.bus.step(self.now_counts)
+        now_counts = self._advance_boards(max(goal_counts, self.now_counts))
+        self.now_counts = now_counts
+        self.bus.step(now_counts)
         if self._schedule.next_counts is not None:
-            for item in self._schedule.take_due(self.now_counts):
-                self.boards[item.board].operate(item.operation, self.now_counts)
+            for item in self._schedule.take_due(now_counts):
+                self.boards[item.board].operate(item.operation, now_counts)
         for board in self.boards:
-            board.poll(self.now_counts)
+            board.poll(now_counts)
 
     def _advance_boards(self, goal_counts: int) -> int:
         """Let the boards' time pass; return the instant that all of them have reached: no board is ahead of another.

@@ -503,6 +503,15 @@ class TestPowerCycle:
         simulation.run_until(302 * MS)
         assert dictionary.get(0x60FD) == HOME | DigitalInput.ESTOP
 
+    def test_the_next_motion_is_followed_past_the_switches(self, fast_kernel: Kernel) -> None:
+        """It is the new firmware's first one, as the one before the power cycle was the old one's."""
+        board = board_of(fast_kernel, 1, Switch(0, HOME, 70, 80))
+        simulation = Simulation([board], Bus(1_000_000))
+        run(simulation, {0x10: records_through([(50, 60)])}, 300)
+        simulation.power_cycle()
+        run(simulation, {0x10: records_through([(25, 60)])}, 600)
+        assert board.firmware.nodes[0].dictionary.get(0x60FD) == HOME
+
     def test_a_motion_cut_short_leaves_the_switches_where_the_axis_is(self, fast_kernel: Kernel) -> None:
         board = board_of(fast_kernel, 1, Switch(0, HOME, 20, 30))
         simulation = Simulation([board], Bus(1_000_000))
