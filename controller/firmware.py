@@ -107,22 +107,19 @@ class Firmware:
         self._conclude(now_counts)
 
     def _deliver(self, frame: Frame, now_counts: int) -> None:
-        now_us = now_counts // COUNTS_PER_US
-        if frame.cob_id == COB_NMT:
-            self._on_nmt(frame.data, now_counts)
-            return
-        if frame.cob_id == COB_SYNC:
-            for node in self.nodes:
-                node.on_sync(frame.data, now_us)
+        cob_id, data = frame
+        if cob_id in self._routes:
+            for node, handler in self._routes[cob_id]:
+                handler(data, now_counts // COUNTS_PER_US)
                 self._collect(node, now_counts)
-            return
-        listeners = self._routes.get(frame.cob_id)
-        if listeners is None:
+        elif cob_id == COB_NMT:
+            self._on_nmt(data, now_counts)
+        elif cob_id == COB_SYNC:
+            for node in self.nodes:
+                node.on_sync(data, now_counts // COUNTS_PER_US)
+                self._collect(node, now_counts)
+        else:
             self.dropped_frames += 1
-            return
-        for node, handler in listeners:
-            handler(frame.data, now_us)
-            self._collect(node, now_counts)
 
     def hears(self, cob_id: int) -> bool:
         """What the CAN controller's filters are set to: NMT, SYNC and what the nodes' communication parameters say.

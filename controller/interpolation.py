@@ -71,9 +71,9 @@ class Interpolation(Mode):
         if verdict is not Verdict.PUSH:
             self._drop(verdict)
             return
-        if self._running:
-            self._note_fill(queued)
         value = self._dictionary.value
+        if self._running and queued < value(_LEAST_FILL):
+            self._dictionary.set(0x2013, 5, queued)
         refusal = self._push(value(_DISPLACEMENT), value(_END_VELOCITY), value(_DURATION))
         if refusal is not Refusal.ACCEPTED:
             self._reject(sequence, refusal)
@@ -209,7 +209,3 @@ class Interpolation(Mode):
     def _executing(self) -> int:
         behind = self._motion.queued(self._axis) + 1
         return (self._next_sequence - behind) % SEQUENCE_MODULUS
-
-    def _note_fill(self, queued: int) -> None:
-        if queued < self._dictionary.value(_LEAST_FILL):
-            self._dictionary.set(0x2013, 5, queued)

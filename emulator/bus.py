@@ -209,7 +209,8 @@ class Bus:
         """Put a frame on the wire. A disturbance is found at the end of the CRC, where it costs most."""
         bits = frame_bits(frame)
         decided_bits = bits - _VALID_BEFORE_END_BITS
-        outcome = self._outcome(senders, outdone, fault)
+        troubled = fault or outdone or self._on_bus == len(senders)
+        outcome = self._outcome(senders, outdone, fault) if troubled else _Outcome.VALID
         if outcome is not _Outcome.VALID:
             if outcome is _Outcome.DISTURBED:
                 decided_bits = bits - UNSTUFFED_TAIL_BITS + _ECHOED_FLAG_BITS

@@ -1,6 +1,7 @@
 """The words of CiA 402 (IEC 61800-7-201) that drive and master share: states, modes, control, status and errors."""
 
 from enum import Enum, IntEnum, IntFlag
+from functools import cache
 
 
 class State(Enum):
@@ -21,6 +22,7 @@ class State(Enum):
         return self.value[1]
 
     @classmethod
+    @cache
     def of(cls, statusword: int) -> "State":
         """Read the state from a statusword; raise ValueError if its bits are no state's."""
         for state in cls:
