@@ -41,7 +41,8 @@ class Interpolation(Mode):
         self._status_changed = status_changed
         self._ramp_down = ramp_down
         self._next_sequence = 0
-        self._sticky = PvtFlag(0)
+        self._sticky = 0
+        """The flags that stay until they are cleared."""
         self._running = False
         self._closed = False
         self.ready = False
@@ -119,7 +120,7 @@ class Interpolation(Mode):
     def restart(self) -> None:
         """Begin again with sequence number 0 and no flags, open for records."""
         self._next_sequence = 0
-        self._sticky = PvtFlag(0)
+        self._sticky = 0
         self._resolved(ErrorCode.SEGMENT_REFUSED)
         self.finished()
         self._closed = False

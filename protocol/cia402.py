@@ -16,24 +16,24 @@ class State(Enum):
     FAULT_REACTION_ACTIVE = (0x4F, 0x0F)
     FAULT = (0x4F, 0x08)
 
-    @property
-    def bits(self) -> int:
+    def __init__(self, mask: int, bits: int) -> None:
+        self.mask = mask
+        """Which bits of the statusword tell the states apart."""
+        self.bits = bits
         """What the state contributes to the statusword."""
-        return self.value[1]
 
     @classmethod
     @cache
     def of(cls, statusword: int) -> "State":
         """Read the state from a statusword; raise ValueError if its bits are no state's."""
         for state in cls:
-            mask, bits = state.value
-            if statusword & mask == bits:
+            if statusword & state.mask == state.bits:
                 return state
         raise ValueError(f"statusword 0x{statusword:04X} shows no state of CiA 402")
 
 
-class Control(IntFlag):
-    """Bits of the controlword 0x6040."""
+class Control(IntEnum):
+    """Bits of the controlword 0x6040; combined they are plain integers."""
 
     SWITCH_ON = 1 << 0
     ENABLE_VOLTAGE = 1 << 1

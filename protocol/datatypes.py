@@ -22,7 +22,7 @@ class DataType(IntEnum):
     high: int
     """The greatest value."""
 
-    def __new__(cls, code: int, size: int, signed: bool) -> "DataType":  # noqa: FBT001  (an enumeration's way)
+    def __new__(cls, code: int, size: int, signed: bool) -> "DataType":
         """A code of the standard's and its range: two's complement, or from 0."""
         member = int.__new__(cls, code)
         member._value_ = code

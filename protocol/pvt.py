@@ -4,7 +4,7 @@ A record carries its sequence number. The device takes exactly the next one, ign
 what comes after a gap, so that a host may resend freely; the host counts credits against the free places reported.
 """
 
-from enum import Enum, IntFlag
+from enum import Enum, IntEnum
 from typing import NamedTuple
 
 QUEUE_DEPTH = 64
@@ -50,8 +50,8 @@ class PvtStatus(NamedTuple):
         return cls(data[0], data[1], data[2], data[3], int.from_bytes(data[4:8], "little"))
 
 
-class PvtFlag(IntFlag):
-    """Object 0x2012:03."""
+class PvtFlag(IntEnum):
+    """Bits of object 0x2012:03; combined they are plain integers."""
 
     GAP = 1
     OVERFLOW = 2

@@ -15,8 +15,6 @@ from protocol.pvt import QUEUE_DEPTH, SEQUENCE_MODULUS, PvtFlag, PvtRecord, PvtS
 _GAP_HOLD_S: Final = 0.025
 """Two round trips with the status report's inhibit time of 10 ms."""
 _RESEND_AFTER_S: Final = 0.25
-_RUNNING: Final = int(PvtFlag.RUNNING)
-"""A plain integer, since every axis is asked for it at every look."""
 _SILENCE_S: Final = 1.0
 """Ten times the status report's event timer: a board that says nothing for so long is gone."""
 
@@ -97,7 +95,7 @@ class AxisStream:
     def check_running(self) -> None:
         """Raise DeviceFaultError if the axis came to its end, at rest, before the stream did: it starved unnoticed."""
         status = self._axis.pvt_status
-        if status is not None and not status.flags & _RUNNING and not self.all_acknowledged:
+        if status is not None and not status.flags & PvtFlag.RUNNING and not self.all_acknowledged:
             raise DeviceFaultError(f"{self._axis.name}: ran out of records at rest before the end of its stream")
 
     def _rewind(self, now_s: float) -> None:

@@ -28,8 +28,8 @@ def pair(fast_kernel: Kernel) -> BenchBoard:
     return BenchBoard(fast_kernel, axes=2)
 
 
-def flags(board: BenchBoard, axis: int = 0) -> PvtFlag:
-    return PvtFlag(board.value(0x2012, 3, axis))
+def flags(board: BenchBoard, axis: int = 0) -> int:
+    return board.value(0x2012, 3, axis)
 
 
 def state(board: BenchBoard, axis: int = 0) -> State:

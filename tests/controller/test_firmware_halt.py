@@ -44,8 +44,8 @@ def position(board: BenchBoard, axis: int = 0) -> int:
     return board.value(0x6062, 0, axis)
 
 
-def flags(board: BenchBoard, axis: int = 0) -> PvtFlag:
-    return PvtFlag(board.value(0x2012, 3, axis))
+def flags(board: BenchBoard, axis: int = 0) -> int:
+    return board.value(0x2012, 3, axis)
 
 
 def status(board: BenchBoard, axis: int = 0) -> int:
