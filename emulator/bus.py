@@ -3,7 +3,7 @@
 from array import array
 from collections.abc import Callable
 from enum import Enum, auto
-from typing import Final, NamedTuple
+from typing import Final
 
 from controller.motion import COUNTS_PER_SECOND
 from emulator.bus_faults import Fault, FaultKind, FaultScript
@@ -36,20 +36,6 @@ class _Outcome(Enum):
     VALID = auto()
     DISTURBED = auto()
     UNACKNOWLEDGED = auto()
-
-
-class _Transmission(NamedTuple):
-    """A frame on the wire; `decided_counts` is when it is valid, or when its error flag is over.
-
-    `outdone` are the stations that began to send another frame with the same identifier.
-    """
-
-    frame: Frame
-    senders: list[CanController]
-    outdone: list[CanController]
-    missed_by: list[CanController]
-    outcome: _Outcome
-    decided_counts: int
 
 
 class Bus:
@@ -92,7 +78,15 @@ class Bus:
         """The stations in bus-off."""
         self._on_bus = 0
         """How many stations take part."""
-        self._transmission: _Transmission | None = None
+        self._frame: Frame | None = None
+        """What is on the wire."""
+        self._decided_counts = 0
+        """When it is valid, or when its error flag is over."""
+        self._outcome = _Outcome.VALID
+        self._senders: list[CanController] = []
+        self._outdone: list[CanController] = []
+        """The stations that began to send another frame with the same identifier."""
+        self._missed_by: list[CanController] = []
         self._free_counts = 0
         self._idle_since_counts = 0
         """Up to here recessive bits are counted for the stations in bus-off."""
@@ -105,7 +99,7 @@ class Bus:
 
     def _submitted(self, now_counts: int) -> None:
         """A station has a frame to send; it takes part in the next arbitration."""
-        if self._transmission is None and not (self.busy and self.next_event_counts == self._free_counts):
+        if self._frame is None and not (self.busy and self.next_event_counts == self._free_counts):
             self._free_counts = max(self._free_counts, now_counts)
             self._schedule()
 
@@ -129,13 +123,13 @@ class Bus:
         """Do what is due by now: end a transmission, or bring stations back from bus-off and hold an arbitration."""
         if self.next_event_counts is None or self.next_event_counts > now_counts:
             return
-        if self._transmission:
-            self._end(self._transmission)
+        if self._frame:
+            self._end(self._frame, self._decided_counts)
         else:
             if self._off:
                 self._recover(now_counts)
             self._arbitrate(now_counts)
-        if self._transmission is None:
+        if self._frame is None:
             self._schedule()
 
     # --- a transmission
@@ -189,7 +183,7 @@ class Bus:
             return []
         return self._stations if fault.receiver is None else self._stations[fault.receiver : fault.receiver + 1]
 
-    def _outcome(self, senders: list[CanController], outdone: list[CanController], fault: Fault | None) -> _Outcome:
+    def _judge(self, senders: list[CanController], outdone: list[CanController], fault: Fault | None) -> _Outcome:
         if fault and fault.kind is FaultKind.CORRUPTION:
             return _Outcome.DISTURBED
         if outdone and any(station.state is not ErrorState.PASSIVE for station in outdone):
@@ -209,10 +203,11 @@ class Bus:
         """Put a frame on the wire. A disturbance is found at the end of the CRC, where it costs most."""
         bits = frame_bits(frame)
         decided_bits = bits - _VALID_BEFORE_END_BITS
-        troubled = fault or outdone or self._on_bus == len(senders)
-        outcome = self._outcome(senders, outdone, fault) if troubled else _Outcome.VALID
-        if outcome is not _Outcome.VALID:
-            if outcome is _Outcome.DISTURBED:
+        self._outcome = _Outcome.VALID
+        if fault or outdone or self._on_bus == len(senders):
+            self._outcome = self._judge(senders, outdone, fault)
+        if self._outcome is not _Outcome.VALID:
+            if self._outcome is _Outcome.DISTURBED:
                 decided_bits = bits - UNSTUFFED_TAIL_BITS + _ECHOED_FLAG_BITS
             else:
                 decided_bits = bits - _ACK_SLOT_END_BITS + _FLAG_BITS
@@ -221,17 +216,18 @@ class Bus:
             self._count_idle(now_counts)
         self.busy_bits += bits
         self._free_counts = now_counts + bits * self.bit_counts
-        self.next_event_counts = now_counts + decided_bits * self.bit_counts
-        missed_by = self._missing(fault) if fault else []
-        self._transmission = _Transmission(frame, senders, outdone, missed_by, outcome, self.next_event_counts)
+        self.next_event_counts = self._decided_counts = now_counts + decided_bits * self.bit_counts
+        self._frame, self._senders, self._outdone = frame, senders, outdone
+        self._missed_by = self._missing(fault) if fault else []
 
-    def _end(self, transmission: _Transmission) -> None:
-        self._transmission = None
-        if transmission.outcome is _Outcome.VALID:
-            self._deliver(transmission)
+    def _end(self, frame: Frame, now_counts: int) -> None:
+        self._frame = None
+        senders, outdone = self._senders, self._outdone
+        if self._outcome is _Outcome.VALID:
+            self._deliver(frame, now_counts)
         else:
-            self._fail(transmission)
-        for station in transmission.senders + transmission.outdone:
+            self._fail(now_counts)
+        for station in senders + outdone:
             if station.state is ErrorState.PASSIVE:
                 station.silent_until_counts = self._free_counts + _SUSPEND_BITS * self.bit_counts
         # Delimiter, end of frame and intermission, or error delimiter and intermission: 11 recessive bits.
@@ -239,8 +235,8 @@ class Bus:
             self._count_recessive(1)
         self._idle_since_counts = self._free_counts
 
-    def _deliver(self, transmission: _Transmission) -> None:
-        frame, senders, outdone, missed_by, _, now_counts = transmission
+    def _deliver(self, frame: Frame, now_counts: int) -> None:
+        senders, outdone, missed_by = self._senders, self._outdone, self._missed_by
         if self._delayed:
             self._delayed = [delayed for delayed in self._delayed if delayed is not frame]
         self.frames += 1
@@ -259,12 +255,13 @@ class Bus:
         self.log_counts.append(now_counts)
         self.log_frames.append(frame)
 
-    def _fail(self, transmission: _Transmission) -> None:
-        _, senders, outdone, _, outcome, now_counts = transmission
+    def _fail(self, now_counts: int) -> None:
+        senders, outdone = self._senders, self._outdone
+        acknowledged = self._outcome is not _Outcome.UNACKNOWLEDGED
         self.error_frames += 1
         for station in self._stations:
             if station in senders:
-                station.sending_failed(now_counts, acknowledged=outcome is not _Outcome.UNACKNOWLEDGED)
+                station.sending_failed(now_counts, acknowledged=acknowledged)
             elif station in outdone:
                 station.sending_failed(now_counts)
             elif station.on_bus:
@@ -281,34 +278,30 @@ class Bus:
         self._stations[self._stations.index(gone)] = fresh
         fresh.submitted = self._submitted
         self._note_who_is_off()
-        if self._transmission:
-            self._transmission = self._without(self._transmission, gone, fresh, now_counts)
-            self.next_event_counts = self._transmission.decided_counts
+        if self._frame:
+            self._drop_out(gone, fresh, now_counts)
         else:
             self._free_counts = max(self._free_counts, now_counts)
             self._schedule()
 
-    def _without(
-        self, transmission: _Transmission, gone: CanController, fresh: CanController, now_counts: int
-    ) -> _Transmission:
+    def _drop_out(self, gone: CanController, fresh: CanController, now_counts: int) -> None:
         """What becomes of a transmission when a station drops out.
 
         Without its only sender the wire stays recessive: a stuff error, unless there are no stuffed bits any more.
         """
-        left = transmission._replace(
-            senders=[station for station in transmission.senders if station is not gone],
-            outdone=[station for station in transmission.outdone if station is not gone],
-            missed_by=[*transmission.missed_by, fresh],
-        )
+        self._senders = [station for station in self._senders if station is not gone]
+        self._outdone = [station for station in self._outdone if station is not gone]
+        self._missed_by = [*self._missed_by, fresh]
         tail_bits = UNSTUFFED_TAIL_BITS - _VALID_BEFORE_END_BITS
-        stuffed_until_counts = left.decided_counts - tail_bits * self.bit_counts
-        if left.senders or left.outcome is not _Outcome.VALID or now_counts >= stuffed_until_counts:
-            return left
+        stuffed_until_counts = self._decided_counts - tail_bits * self.bit_counts
+        if self._senders or self._outcome is not _Outcome.VALID or now_counts >= stuffed_until_counts:
+            return
         broken_counts = now_counts + (_STUFF_ERROR_BITS + _FLAG_BITS) * self.bit_counts
         free_counts = broken_counts + (_DELIMITER_BITS + INTERMISSION_BITS) * self.bit_counts
         self.busy_bits += (free_counts - self._free_counts) // self.bit_counts
         self._free_counts = free_counts
-        return left._replace(outcome=_Outcome.DISTURBED, decided_counts=broken_counts)
+        self._outcome = _Outcome.DISTURBED
+        self.next_event_counts = self._decided_counts = broken_counts
 
     # --- the way back from bus-off
 
