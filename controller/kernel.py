@@ -209,21 +209,16 @@ def next_segment(axes: Cells, queue: Cells, axis: int) -> bool:
 
 
 @kernel_function
-def place_steps(axes: Cells, clk: Cells, direction: Cells, base: int, tick_counts: int, p_from: int, p_to: int) -> bool:
-    """Place the steps of one tick on the chord from p_from to p_to (Q16); False if one is over a tick late.
+def place_steps(
+    axes: Cells, clk: Cells, direction: Cells, base: int, tick_counts: int, travel: int, to_threshold: int, up: int
+) -> bool:
+    """Place the steps of one tick, all of them up or down (1 or 0); False if one is over a tick late.
 
-    The crossings are evenly spaced: the first at (distance to the threshold) * interval, then one interval each. A
-    rise waits until the last CLK fall is stepspace old and the last DIR edge dirsetup old; a DIR edge waits until
-    the last rise is dirhold old, and at least a count: at the rise itself the driver reads DIR. All four are measured
-    from the edges really placed.
+    The chord is `travel` long and crosses the first threshold after `to_threshold` (Q16 steps). The crossings are
+    evenly spaced: the first at to_threshold * interval, then one interval each. A rise waits until the last CLK fall
+    is stepspace old and the last DIR edge dirsetup old; a DIR edge waits until the last rise is dirhold old, and at
+    least a count: at the rise itself the driver reads DIR. All four are measured from the edges really placed.
     """
-    counter_q16 = axes[base + COUNTER] * STEP_Q16
-    if abs(p_to - counter_q16) < THRESHOLD_Q16:  # most ticks of a slow axis end here
-        return True
-    up = 1 if p_to > p_from else 0
-    sign = 2 * up - 1
-    travel = (p_to - p_from) * sign
-    to_threshold = (counter_q16 - p_from) * sign + THRESHOLD_Q16
     if travel <= 0 or to_threshold > travel:  # less than 0 it never is, but so the compiler divides without signs
         return True
     earliest = axes[base + EARLIEST_RISE_COUNTS]
@@ -241,7 +236,7 @@ def place_steps(axes: Cells, clk: Cells, direction: Cells, base: int, tick_count
     pulse = steplen + axes[base + STEPSPACE_COUNTS]
     first = axes[base + CLK_EDGES] & I32_MAX  # never negative: told so, the compiler makes the loop one of vectors
     last = first + 2 * steps
-    axes[base + COUNTER] += sign * steps
+    axes[base + COUNTER] += steps if up else -steps
     axes[base + CLK_EDGES] = last
     rise = tick_counts + (due_q16 >> 16)
     if earliest > rise or pulse > interval_q16 >> 16:
@@ -354,7 +349,15 @@ def run_ticks(axes: Cells, clk: Cells, direction: Cells, base: int, tick: int, u
         q = ((c * s + half) >> 30) + b
         q = ((q * s + half) >> 30) + a
         q = start + ((q * s + half) >> 30)
-        on_time = place_steps(axes, clk, direction, base, tick * TICK_COUNTS, p, q)
+        # A call for each direction: the compiler makes a version of each, which is faster by a sixth.
+        counter_q16 = axes[base + COUNTER] * STEP_Q16
+        tick_counts = tick * TICK_COUNTS
+        if q - counter_q16 >= THRESHOLD_Q16:
+            to_threshold = counter_q16 + THRESHOLD_Q16 - p
+            on_time = place_steps(axes, clk, direction, base, tick_counts, q - p, to_threshold, 1)
+        elif counter_q16 - q >= THRESHOLD_Q16:
+            to_threshold = p + THRESHOLD_Q16 - counter_q16
+            on_time = place_steps(axes, clk, direction, base, tick_counts, p - q, to_threshold, 0)
         p = q
         tick += 1
     axes[base + POSITION_Q16] = p
