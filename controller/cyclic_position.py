@@ -30,7 +30,7 @@ from controller.cyclic_cubics import Cubic, highest_velocity, parabola, slowed
 from controller.kernel import TICKS_PER_MS
 from controller.modes import Mode, Trip
 from controller.motion import Motion, Refusal
-from controller.soft_limits import soft_limits
+from controller.soft_limits import SoftLimits
 from controller.sync_clock import TICK_US, Slot, SyncClock
 from protocol.abort import AbortCode, SdoAbortError
 from protocol.cia402 import Control, ErrorCode, Status
@@ -70,6 +70,7 @@ class CyclicPosition(Mode):
     ) -> None:
         super().__init__(axis, motion)
         self._dictionary = dictionary
+        self._limits = SoftLimits(dictionary)
         self._clock = clock
         self._now_us = now_us
         self._close_records = close_records
@@ -207,7 +208,7 @@ class CyclicPosition(Mode):
 
     def _range(self) -> tuple[int, int]:
         """Where the axis may go: an axis beyond a soft limit may stay there, and come back."""
-        low, high = soft_limits(self._dictionary)
+        low, high = self._limits.range()
         tail_units = self._motion.tail_units(self._axis)
         return min(low, tail_units), max(high, tail_units)
 

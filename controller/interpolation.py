@@ -9,7 +9,7 @@ from collections.abc import Callable
 from controller.kernel import I32_MAX
 from controller.modes import Mode, Report
 from controller.motion import Motion, Refusal
-from controller.soft_limits import hull, soft_limits
+from controller.soft_limits import SoftLimits, hull
 from protocol.abort import AbortCode, SdoAbortError
 from protocol.cia402 import Control, ErrorCode, Status
 from protocol.dictionary import ObjectDictionary
@@ -48,6 +48,11 @@ class Interpolation(Mode):
         self.ready = False
         """Whether the drive is enabled in this mode: a queue with records is then armed."""
         self._install_hooks()
+        self._limits = SoftLimits(dictionary)
+        self._displacement_units = dictionary.reader(_DISPLACEMENT)
+        self._end_velocity = dictionary.reader(_END_VELOCITY)
+        self._duration_ms = dictionary.reader(_DURATION)
+        self._least_fill = dictionary.reader(_LEAST_FILL)
 
     def _install_hooks(self) -> None:
         self._dictionary.write_hooks[_SEQUENCE] = self._record_arrived
@@ -72,10 +77,9 @@ class Interpolation(Mode):
         if verdict is not Verdict.PUSH:
             self._drop(verdict)
             return
-        value = self._dictionary.value
-        if self._running and queued < value(_LEAST_FILL):
+        if self._running and queued < self._least_fill():
             self._dictionary.set(0x2013, 5, queued)
-        refusal = self._push(value(_DISPLACEMENT), value(_END_VELOCITY), value(_DURATION))
+        refusal = self._push(self._displacement_units(), self._end_velocity(), self._duration_ms())
         if refusal is not Refusal.ACCEPTED:
             self._reject(sequence, refusal)
             return
@@ -86,7 +90,7 @@ class Interpolation(Mode):
 
     def _push(self, displacement_units: int, end_velocity: int, duration_ms: int) -> Refusal:
         """Queue a segment unless it leads out of the soft limits, or further out of them."""
-        low, high = soft_limits(self._dictionary)
+        low, high = self._limits.range()
         if low > -I32_MAX or high < I32_MAX:
             start, velocity = self._motion.tail_units(self._axis), self._motion.tail_velocity(self._axis)
             least, most = hull(start, velocity, displacement_units, end_velocity, duration_ms)

@@ -18,7 +18,7 @@ from controller.modes import Mode
 from controller.motion import Motion
 from controller.profile import Limits
 from controller.profile_feed import ProfileFeed
-from controller.soft_limits import clamped
+from controller.soft_limits import SoftLimits
 from protocol.cia402 import Control, Status
 from protocol.dictionary import ObjectDictionary
 from protocol.objects import WINDOW_OFF
@@ -44,6 +44,7 @@ class ProfilePosition(Mode):
     ) -> None:
         super().__init__(axis, motion)
         self._dictionary = dictionary
+        self._limits = SoftLimits(dictionary)
         self._feed = feed
         self._now_us = now_us
         self._active: _SetPoint | None = None
@@ -92,7 +93,7 @@ class ProfilePosition(Mode):
         if relative:
             last = self._last_target_units
             wanted += self._motion.demand_units(self._axis) if last is None else last
-        target = clamped(self._dictionary, wanted)
+        target = self._limits.clamped(wanted)
         velocity = self._dictionary.get(0x6081) * VELOCITY_PER_UNIT_PER_MS // 1000
         limits = self._feed.limits(velocity)
         return _SetPoint(target, limits, target != wanted or limits is None)

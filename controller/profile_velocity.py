@@ -8,7 +8,7 @@ A new target velocity or a new controlword takes the profile objects as they are
 from controller.modes import Mode
 from controller.motion import Motion
 from controller.profile_feed import ProfileFeed
-from controller.soft_limits import soft_limits
+from controller.soft_limits import SoftLimits
 from protocol.cia402 import Control, Status
 from protocol.dictionary import ObjectDictionary
 from protocol.pvt import VELOCITY_PER_UNIT_PER_MS
@@ -20,6 +20,7 @@ class ProfileVelocity(Mode):
     def __init__(self, axis: int, motion: Motion, dictionary: ObjectDictionary, feed: ProfileFeed) -> None:
         super().__init__(axis, motion)
         self._dictionary = dictionary
+        self._limits = SoftLimits(dictionary)
         self._feed = feed
         self._enabled = False
         """Whether the drive is in OPERATION ENABLED in this mode."""
@@ -50,7 +51,7 @@ class ProfileVelocity(Mode):
             return
         if speed and not self._halted:
             self._velocity = limits.velocity if units_per_s > 0 else -limits.velocity
-        low, high = soft_limits(self._dictionary)
+        low, high = self._limits.range()
         end = high if self._velocity > 0 else low
         if self._velocity and (end - self._feed.take_over()) * self._velocity > 0:
             self._feed.move_to(end, limits)

@@ -12,9 +12,20 @@ from protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 _LOW, _HIGH = key_of(0x607D, 1), key_of(0x607D, 2)
 
 
-def soft_limits(dictionary: ObjectDictionary) -> tuple[int, int]:
-    """Lowest and highest position that an axis may be sent to; the kernel's range is symmetric."""
-    return max(dictionary.value(_LOW), -I32_MAX), dictionary.value(_HIGH)
+class SoftLimits:
+    """One axis' limits, as the dictionary has them at each moment."""
+
+    def __init__(self, dictionary: ObjectDictionary) -> None:
+        self._read_low, self._read_high = dictionary.reader(_LOW), dictionary.reader(_HIGH)
+
+    def range(self) -> tuple[int, int]:
+        """Lowest and highest position that the axis may be sent to; the kernel's range is symmetric."""
+        return max(self._read_low(), -I32_MAX), self._read_high()
+
+    def clamped(self, position_units: int) -> int:
+        """The nearest position within the limits; where these contradict each other, the low one."""
+        low, high = self.range()
+        return max(low, min(position_units, high))
 
 
 def hull(
@@ -29,9 +40,3 @@ def hull(
     before_units = end_units - end_velocity * duration_ms // (3 * VELOCITY_PER_UNIT_PER_MS)
     corners = start_units, after_units, before_units, end_units
     return min(corners), max(corners)
-
-
-def clamped(dictionary: ObjectDictionary, position_units: int) -> int:
-    """The nearest position within the limits; where these contradict each other, the low one."""
-    low, high = soft_limits(dictionary)
-    return max(low, min(position_units, high))

@@ -1,6 +1,7 @@
 """The values behind the object table of one node, with the checks of CiA 301 and hooks for what lives elsewhere."""
 
 from collections.abc import Callable
+from functools import partial
 
 from protocol.abort import AbortCode, SdoAbortError
 from protocol.datatypes import DataType, decode, encode
@@ -27,8 +28,13 @@ class ObjectDictionary:
         self._indices = frozenset(o.index for o in objects)
         self._node_id = node_id
         self._stored = {} if stored is None else stored
-        self._values: dict[int, int] = {}
+        self._defaults = {
+            key: int(entry.default_for(node_id))
+            for key, entry in self.entries.items()
+            if entry.data_type is not DataType.VISIBLE_STRING
+        }
         """Of all but strings, which are constants."""
+        self._values: dict[int, int] = {}
         self._bounds = {
             key: _bounds(entry)
             for key, entry in self.entries.items()
@@ -41,19 +47,24 @@ class ObjectDictionary:
 
     def reset(self, first_index: int = 0x1000, last_index: int = 0xFFFF) -> None:
         """Give every entry in the index range its power-up value again, stored or default, without calling hooks."""
-        for key, entry in self.entries.items():
-            if first_index <= key >> 8 <= last_index and entry.data_type is not DataType.VISIBLE_STRING:
-                self._values[key] = self._stored.get(key, int(entry.default_for(self._node_id)))
+        stored = self._stored
+        self._values |= {
+            key: stored.get(key, default)
+            for key, default in self._defaults.items()
+            if first_index <= key >> 8 <= last_index
+        }
 
     def get(self, index: int, subindex: int = 0) -> int:
         """Return the present value of a numeric entry."""
-        return self.value(index << 8 | subindex)
+        key = index << 8 | subindex
+        return self.read_hooks[key]() if key in self.read_hooks else self._values[key]
 
-    def value(self, key: int) -> int:
-        """Return the present value of a numeric entry by its key, as is done for every frame."""
-        if key in self.read_hooks:
-            return self.read_hooks[key]()
-        return self._values[key]
+    def reader(self, key: int) -> ReadHook:
+        """What returns the present value of a numeric entry, for those who need it with every frame.
+
+        Like a writer it is to be asked for when all hooks are in place.
+        """
+        return self.read_hooks.get(key) or partial(self._values.__getitem__, key)
 
     def set(self, index: int, subindex: int, value: int) -> None:
         """Store a value as the firmware's own, without checks or hooks."""
@@ -63,6 +74,12 @@ class ObjectDictionary:
         """Add one to a counter, which stays at its greatest value."""
         if self._values[key] < self.entries[key].data_type.high:
             self._values[key] += 1
+
+    def writer(self, key: int) -> WriteHook:
+        """What stores a value of an entry as `put` does, for those who need it with every frame."""
+        if key in self._bounds or key in self.write_hooks:
+            return partial(self.put, key)
+        return partial(self._values.__setitem__, key)
 
     def put(self, key: int, value: int) -> None:
         """Store a value that came over the bus, decoded from its type: range, write hook, then the store.

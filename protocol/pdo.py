@@ -54,8 +54,8 @@ class ReceivePdo:
         self.exists = not self.cob_id & COB_ID_INVALID
         """Whether its COB-ID is valid."""
         self.synchronous = dictionary.get(communication, 2) <= _LAST_SYNCHRONOUS
-        self._dictionary = dictionary
-        self._fields, self._length = _fields(dictionary, _RPDO_MAPPING + number)
+        fields, self._length = _fields(dictionary, _RPDO_MAPPING + number)
+        self._writers = [(dictionary.writer(field.key), field.shift, field.mask, field.sign_bit) for field in fields]
         self._latched: bytes | None = None
         self.refused = 0
         """Mapped values that the dictionary did not take."""
@@ -78,10 +78,9 @@ class ReceivePdo:
 
     def _apply(self, data: bytes) -> None:
         bits = int.from_bytes(data[: self._length], "little")
-        put = self._dictionary.put
-        for key, shift, mask, sign_bit in self._fields:
+        for write, shift, mask, sign_bit in self._writers:
             try:
-                put(key, (bits >> shift & mask ^ sign_bit) - sign_bit)
+                write((bits >> shift & mask ^ sign_bit) - sign_bit)
             except SdoAbortError:
                 self.refused += 1
 
@@ -97,9 +96,9 @@ class TransmitPdo:
         self.transmission_type = dictionary.get(communication, 2)
         self._inhibit_us = dictionary.get(communication, 3) * _INHIBIT_UNIT_US
         self._event_timer_us = dictionary.get(communication, 5) * _MS_US
-        self._dictionary = dictionary
-        self._fields, self._length = _fields(dictionary, _TPDO_MAPPING + number)
-        self.keys = frozenset(field.key for field in self._fields)
+        fields, self._length = _fields(dictionary, _TPDO_MAPPING + number)
+        self._readers = [(dictionary.reader(field.key), field.shift, field.mask) for field in fields]
+        self.keys = frozenset(field.key for field in fields)
         self._wanted = False
         self._sent: bytes | None = None
         self._syncs = 0
@@ -156,8 +155,8 @@ class TransmitPdo:
 
     def _frame(self) -> Frame:
         bits = 0
-        for key, shift, mask, _ in self._fields:
-            bits |= (self._dictionary.value(key) & mask) << shift
+        for read, shift, mask in self._readers:
+            bits |= (read() & mask) << shift
         return Frame(self.cob_id & COB_ID_MASK, bits.to_bytes(self._length, "little"))
 
 
@@ -207,8 +206,8 @@ class ProcessData:
             hooks[key_of(communication, 5)] = lambda _: self._write_parameter()
             hooks[key_of(communication, 6)] = lambda _: self._write_while_invalid(communication)
         hooks[key_of(mapping, 0)] = lambda value: self._write_count(communication, mapping, value)
-        for subindex in range(1, PDO_ENTRIES_MAX + 1):
-            hooks[key_of(mapping, subindex)] = lambda word: self._write_entry(communication, mapping, access, word)
+        words = (key_of(mapping, subindex) for subindex in range(1, PDO_ENTRIES_MAX + 1))
+        hooks |= dict.fromkeys(words, lambda word: self._write_entry(communication, mapping, access, word))
 
     def _write_parameter(self) -> None:
         if not self.configurable:
