@@ -242,18 +242,16 @@ class Firmware:
 
     def _conclude(self, now_counts: int) -> None:
         """After all that one frame or instant has changed: stop what has tripped, halt the group or let it go on."""
-        now_us = now_counts // COUNTS_PER_US
         group = self.motion.group
-        tripped = bool(self._trips)
-        if tripped:
-            self._stop_tripped(now_us)
-        halting = group.halted != group.halt_wanted
-        if halting:
+        if not (self._trips or group.must_ramp):
+            return
+        now_us = now_counts // COUNTS_PER_US
+        self._stop_tripped(now_us)
+        if group.must_ramp:
             self.motion.ramp_group([node.drive.halt_deceleration() for node in self.nodes])
-        if tripped or halting:
-            for node in self.nodes:
-                node.review(now_us)
-                self._collect(node, now_counts)
+        for node in self.nodes:
+            node.review(now_us)
+            self._collect(node, now_counts)
 
     # --- faults
 

@@ -43,6 +43,11 @@ class GroupTime:
         """Whether the rate is 0 or on its way there."""
         return self.rest_tick is not None
 
+    @property
+    def must_ramp(self) -> bool:
+        """Whether the rate is not on its way to where it is wanted; asked after every frame."""
+        return (self.rest_tick is not None) != bool(self.members and self._holding)
+
     def rate_q16(self, tick: int) -> int:
         """The rate at the start of a tick."""
         since_ticks = tick - int(self.cells[k.RAMP_TICK])

@@ -86,8 +86,8 @@ class CanController:
         """In bus-off: how many times 11 recessive bits are still missing."""
         self.overruns = 0
         """Messages lost so far because their FIFO was full."""
-        self._receive = receive
-        self._on_sent = on_sent
+        self.receive = receive
+        self.on_sent = on_sent
         self._in_order = in_order
         self._on_error = on_error
         self._active: set[ErrorCode] = set()
@@ -124,7 +124,7 @@ class CanController:
     def sent(self, frame: Frame, now_counts: int) -> None:
         """A frame has gone out and was acknowledged."""
         self.mailboxes.remove(frame)
-        self._on_sent(frame, now_counts)
+        self.on_sent(frame, now_counts)
         if self._queue:
             self._fill_mailboxes()
         if self.errors.transmit_errors or self._active:
@@ -141,7 +141,7 @@ class CanController:
         if not self._passes(frame.cob_id):
             return
         if not self.read_latency_counts:
-            self._receive(frame, now_counts)
+            self.receive(frame, now_counts)
         else:
             self._store(frame, now_counts)
 
@@ -166,7 +166,7 @@ class CanController:
             self._note_error(ErrorCode.CAN_OVERRUN, now_counts, active=True)
         for fifo in self._fifos:
             while fifo:
-                self._receive(fifo.popleft(), now_counts)
+                self.receive(fifo.popleft(), now_counts)
         if not overrun:
             self._note_error(ErrorCode.CAN_OVERRUN, now_counts, active=False)
 

@@ -55,8 +55,8 @@ class LiveSimulation:
         """When what has been simulated since `settle` happened: frames."""
         self._ticks = range(0)
         """The servo ticks simulated since `settle`."""
-        simulation.on_frame = self._heard
-        simulation.on_sent = self._sent
+        simulation.host.receive = self._heard
+        simulation.host.on_sent = self._sent
 
     def send(self, frame: Frame, sender: Sender, now_ns: int) -> None:
         """Something has come in that is to be sent; not for an instant before one that was given earlier."""

@@ -4,7 +4,7 @@ The host stands outside: it sends frames, lets time pass and is handed the frame
 on together and count the same 72 MHz: real ones, each with a crystal of its own, would be apart by some 20 ppm.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 
 from controller.kernel import TICK_COUNTS
 from controller.motion import COUNTS_PER_SECOND
@@ -17,7 +17,9 @@ from protocol.frame import Frame
 _SILENCE_MAX_S = 1
 """How long a frame and its answers may take until the bus is silent: some 1000 frames at 125 kbit/s."""
 
-Listener = Callable[[Frame, int], None]
+
+def _unheard(_frame: Frame, _now_counts: int) -> None:
+    """While nobody listens as the host."""
 
 
 class BusOverloadError(Exception):
@@ -35,12 +37,10 @@ class Simulation:
         """The boards whose processors do not fetch a message as soon as it is there."""
         self.bus = bus
         self.now_counts = 0
-        self.on_frame: Listener = lambda _frame, _counts: None
-        """Called with every frame that reaches the host and when it did."""
-        self.on_sent: Listener = lambda _frame, _counts: None
-        """Called with every frame of the host that has gone out and when it had."""
-        self.host = CanController(self._host_receives, on_sent=self._host_has_sent, in_order=True)
-        """The host's interface: it takes every frame at once and sends in order, as SocketCAN's drivers do."""
+        self.host = CanController(_unheard, in_order=True)
+        """The host's interface: it takes every frame at once and sends in order, as SocketCAN's drivers do.
+
+        Who wants to hear of frames sets its `receive` and `on_sent`."""
         bus.attach(self.host)
         for board in self.boards:
             bus.attach(board.can)
@@ -100,12 +100,6 @@ class Simulation:
         """Let time pass to an instant."""
         while self.now_counts < until_counts:
             self._advance_to(until_counts)
-
-    def _host_receives(self, frame: Frame, now_counts: int) -> None:
-        self.on_frame(frame, now_counts)
-
-    def _host_has_sent(self, frame: Frame, now_counts: int) -> None:
-        self.on_sent(frame, now_counts)
 
     @property
     def _messages_wait(self) -> bool:

@@ -38,7 +38,7 @@ class EmbeddedNetwork(canopen.Network):
         super().__init__()
         self._simulation = simulation
         self._repeated = RepeatedFrames(simulation)
-        simulation.on_frame = self._frame_arrived
+        simulation.host.receive = self._frame_arrived
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
         """Send a data frame; remote frames do not exist on this bus.

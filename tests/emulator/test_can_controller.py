@@ -240,7 +240,7 @@ def test_an_overrun_is_reported_once_by_every_node_and_over_with_the_next_messag
 def test_an_answer_has_arrived_when_send_returns_however_late_the_processor(fast_kernel: Kernel) -> None:
     simulation = simulation_with(fast_kernel, read_latency_counts=LATENCY)
     heard: list[Frame] = []
-    simulation.on_frame = lambda frame, _: heard.append(frame)
+    simulation.host.receive = lambda frame, _: heard.append(frame)
     simulation.send(Frame(0x610, bytes.fromhex("4000100000000000")))
     assert heard[-1] == Frame(0x590, bytes.fromhex("4300100092010400"))
 

@@ -28,7 +28,7 @@ def send_all(simulation: Simulation, frames: list[Frame]) -> None:
 def test_answers_have_arrived_when_send_returns(fast_kernel: Kernel) -> None:
     simulation = simulation_of_eight(fast_kernel)
     heard: list[Frame] = []
-    simulation.on_frame = lambda frame, _: heard.append(frame)
+    simulation.host.receive = lambda frame, _: heard.append(frame)
     simulation.run_until(SECOND // 100)
     heard.clear()
     simulation.send(Frame(0x610, bytes.fromhex("4000100000000000")))

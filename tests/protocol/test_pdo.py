@@ -81,6 +81,8 @@ def test_values_that_the_dictionary_refuses_are_dropped_and_counted() -> None:
         raise SdoAbortError(AbortCode.VALUE_RANGE)
 
     dictionary.write_hooks[0x6060 << 8] = refuse
+    pdos.invalidate()
+    pdos.refresh(0)
     assert pdos.receive_pdos[0].receive(b"\x06\x00\x63") is ErrorCode.NONE
     assert (dictionary.get(0x6040), dictionary.get(0x6060)) == (6, 0)
     assert pdos.receive_pdos[0].refused == 1

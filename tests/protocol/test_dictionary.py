@@ -1,0 +1,73 @@
+"""The object dictionary as the firmware uses it: counters, and what is looked up once for use with every frame."""
+
+import pytest
+
+from protocol.abort import AbortCode, SdoAbortError
+from protocol.dictionary import ObjectDictionary
+from protocol.objects import key_of
+
+GAPS, MODE = key_of(0x2013, 2), key_of(0x6060)
+GAPS_MAX = 0xFFFF
+FOLLOWING_WINDOW, POSITION = key_of(0x6065), key_of(0x6064)
+
+
+def test_a_counter_stays_at_its_greatest_value() -> None:
+    dictionary = ObjectDictionary(0x10)
+    dictionary.set(0x2013, 2, GAPS_MAX - 1)
+    for counted in (GAPS_MAX, GAPS_MAX):
+        dictionary.count(GAPS)
+        assert dictionary.get(0x2013, 2) == counted
+
+
+def test_a_reader_follows_the_value_through_a_reset() -> None:
+    dictionary = ObjectDictionary(0x10)
+    read = dictionary.reader(FOLLOWING_WINDOW)
+    default = read()
+    dictionary.set(0x6065, 0, 5)
+    assert read() == 5
+    dictionary.reset()
+    assert read() == default != 5
+
+
+def test_a_reader_is_the_hook_where_the_value_lives_elsewhere() -> None:
+    dictionary = ObjectDictionary(0x10)
+    places = [7]
+    dictionary.read_hooks[POSITION] = lambda: places[0]
+    read = dictionary.reader(POSITION)
+    assert read() == 7
+    places[0] = -8
+    assert read() == dictionary.get(0x6064) == -8
+
+
+def test_a_writer_stores_where_there_is_nothing_to_check() -> None:
+    dictionary = ObjectDictionary(0x10)
+    write = dictionary.writer(FOLLOWING_WINDOW)
+    write(5)
+    assert dictionary.get(0x6065) == 5
+    dictionary.reset()
+    write(6)
+    assert dictionary.get(0x6065) == 6
+
+
+@pytest.mark.parametrize(("value", "code"), [(241, AbortCode.VALUE_TOO_HIGH), (240, None), (0, None)])
+def test_a_writer_keeps_the_range(value: int, code: AbortCode | None) -> None:
+    """The synchronous counter's overflow value goes up to 240 (CiA 301, object 1019)."""
+    dictionary = ObjectDictionary(0x10)
+    dictionary.set(0x1019, 0, 3)
+    write = dictionary.writer(key_of(0x1019))
+    if code is None:
+        write(value)
+        assert dictionary.get(0x1019) == value
+        return
+    with pytest.raises(SdoAbortError) as caught:
+        write(value)
+    assert caught.value.code is code
+    assert dictionary.get(0x1019) == 3
+
+
+def test_a_writer_tells_the_hook_before_it_stores() -> None:
+    dictionary = ObjectDictionary(0x10)
+    heard: list[tuple[int, int]] = []
+    dictionary.write_hooks[MODE] = lambda mode: heard.append((mode, dictionary.get(0x6060)))
+    dictionary.writer(MODE)(7)
+    assert (heard, dictionary.get(0x6060)) == ([(7, 0)], 7)
