@@ -11,7 +11,7 @@ from host.robots import load_robot
 from host.run import execute
 from host.verify import compare, verify_comparison
 
-REPEATS = 5
+REPEATS = 9
 
 
 @dataclass(frozen=True)
