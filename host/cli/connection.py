@@ -53,6 +53,8 @@ def connection(
     if bitrate is not None and bitrate <= 0:
         raise InputError(f"--bitrate {bitrate}: is not above 0 bit/s")
     if connect is not None:
+        if bitrate is not None:
+            raise InputError(f"--bitrate {bitrate}: is for --interface; the server at --connect has its own")
         host, port = _host_and_port(connect)
         return Connection("socketcand", channel, None, host, port)
     if interface is None:

@@ -55,6 +55,7 @@ def plot(
     from host.run_folder import read_run
 
     names = _names(what)
+    _check_use(names, {"--at": at_s, "--span": span_s})
     stored = read_run(folder)
     view = _view(stored.duration_s, at_s, span_s)
     paths = write_plots(out or folder, stored.comparison, stored.report.run, names, form, view)
@@ -72,6 +73,14 @@ def _names(what: str | None) -> list[str]:
         if name not in PICTURES:
             raise unknown("--what", name, PICTURES)
     return names
+
+
+def _check_use(names: list[str], options: dict[str, float | None]) -> None:
+    from host.plots import OF_AN_INSTANT
+
+    given = [option for option, value in options.items() if value is not None]
+    if given and not set(names) & set(OF_AN_INSTANT):
+        raise InputError(f"{given[0]}: is for the pictures {' and '.join(OF_AN_INSTANT)}, not for {', '.join(names)}")
 
 
 def _view(duration_s: float, at_s: float | None, span_s: float | None) -> "View":

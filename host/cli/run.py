@@ -90,6 +90,7 @@ def run(
             "--stand-at": stand_at,
             "--cut-stream": cut_stream,
             "--driver-profile": driver_profile,
+            "--kernel": None if kernel is KernelChoice.AUTO else kernel,
         }
         _refuse(emulated, "an emulated")
         run_live(live, planned, job, repeat=repeat, approach=approach, as_json=as_json)
@@ -136,9 +137,11 @@ def _only(words: list[str]) -> str:
 
 def _trajectory(robot: "Robot", job: str, options: dict[str, str]) -> "Trajectory":
     from host.jobs import make_job
-    from host.trajectory_file import is_trajectory_file, read_trajectory
+    from host.trajectory_file import SUFFIXES, is_trajectory_file, read_trajectory
 
     if not is_trajectory_file(job):
+        if Path(job).is_file():
+            raise InputError(f"{job}: a file with a trajectory ends in {' or '.join(SUFFIXES)}")
         return make_job(robot, job, options)
     if options:
         raise InputError(f"option {next(iter(options))}: a trajectory from a file has no options")

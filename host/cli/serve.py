@@ -78,6 +78,7 @@ def serve(
     standing = list(loaded.home)
     if stand_at is not None:
         standing = joint_values(stand_at.split(), loaded.joint_names, "--stand-at")
+        _warn_outside(loaded, standing)
     bits_per_s = _bitrate(loaded, bitrate)
     _check_speed(speed)
     drivers.driver_profile(loaded.board, driver_profile)  # what is wrong with it is said before a port is opened
@@ -107,6 +108,16 @@ def serve(
 
 
 # --- what was asked for
+
+
+def _warn_outside(robot: "Robot", standing: list[float]) -> None:
+    """A machine may stand on its limit switches, beyond what it is sent to; anything else is more likely a slip."""
+    from host.operate.moving import check_goal
+
+    try:
+        check_goal(robot, standing)
+    except InputError as error:
+        typer.echo(f"steptwin: warning: --stand-at: {error}", err=True)
 
 
 def _bitrate(robot: "Robot", bitrate: int | None) -> int:
@@ -144,10 +155,16 @@ def _endpoint(
         if endpoint.remote:
             typer.echo(f"steptwin: warning: {endpoint.title}: other machines can drive this board", err=True)
         return endpoint
-    more = {"host": host, "port": port}
+    more: dict[str, str | int] = {}
     if interface == "socketcand":
         more = {"host": host or _LOOPBACK, "port": port or SOCKETCAND_PORT}
-    return CanEndpoint(interface, channel, bitrate, {key: value for key, value in more.items() if value is not None})
+    else:
+        for option, value in (("--host", host), ("--port", port)):
+            if value is not None:
+                raise InputError(f"{option} {value}: is for a socketcand server, not for --interface {interface}")
+    if allow_remote:
+        raise InputError(f"--allow-remote: is for listening, not for --interface {interface}")
+    return CanEndpoint(interface, channel, bitrate, more)
 
 
 # --- while it runs

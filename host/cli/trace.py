@@ -31,6 +31,9 @@ class FormatChoice(StrEnum):
     MCAP = "mcap"
 
 
+_SCALED = (FormatChoice.VCD, FormatChoice.VCD_FULL)
+
+
 class ScaleChoice(StrEnum):
     """The time scales of VCD files."""
 
@@ -51,8 +54,9 @@ def trace(
         ),
     ] = FormatChoice.VCD,
     timescale: Annotated[
-        ScaleChoice, typer.Option(help="Unit of time in VCD files; the finer, the slower sigrok.")
-    ] = ScaleChoice.US,
+        ScaleChoice | None,
+        typer.Option(help="Unit of time in VCD files, 1us by default; the finer, the slower sigrok."),
+    ] = None,
     from_s: Annotated[
         float | None, typer.Option("--from", metavar="SECONDS", help="From this time of the motion; by default all.")
     ] = None,
@@ -69,11 +73,13 @@ def trace(
     from host.run_folder import read_edges, read_robot
     from host.waveforms import SCALES, Format, write_waveform
 
+    if timescale is not None and form not in _SCALED:
+        raise InputError(f"--timescale {timescale}: is for {' and '.join(_SCALED)}, not for {form}")
     evidence, robot = read_edges(folder), read_robot(folder)
     window = _window(evidence, from_s, to_s)
     signals = _chosen(_signals(folder, evidence, robot, Format(form)), evidence, axis)
     path = folder / Format(form).file_name if out is None else out
-    write_waveform(path, signals, window, Format(form), SCALES[timescale], robot.name)
+    write_waveform(path, signals, window, Format(form), SCALES[timescale or ScaleChoice.US], robot.name)
     ends_s = window.time_s(window.from_counts), window.time_s(window.to_counts)
     if as_json:
         names = [signal.name for signal in signals]

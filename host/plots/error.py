@@ -72,6 +72,7 @@ def _draw_close(axes: Axes, series: _Series) -> None:
     around = edges[max(near - CLOSE_EDGES, 0) : near + CLOSE_EDGES + 1]
     if around.size == 0:
         axes.set_axis_off()
+        axes.text(0.5, 0.5, "no step counted", transform=axes.transAxes, ha="center", va="center")
         return
     part = slice(max(min(int(around[0]), worst) - 1, 0), max(int(around[-1]), worst) + 2)
     t_ms = 1e3 * (series.t_s[part] - series.t_s[worst])

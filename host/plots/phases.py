@@ -41,7 +41,8 @@ def draw_phases(comparison: Comparison, run: RunInfo, view: View) -> Figure:
     rows[0, 0].set_title("B over A, the whole run", loc="left")
     rows[-1, 0].set_xlabel("A [A]")
     rows[-1, 1].set_xlabel(f"time from t = {moment.at_s:.6f} s [ms]")
-    rows[-1, 1].set_xlim(*_shown_ms(np.array([moment.from_s, moment.to_s]), moment))
+    power_up_s = -comparison.evidence.start_counts / COUNTS_PER_SECOND  # nothing is known of the time before
+    rows[-1, 1].set_xlim(*_shown_ms(np.array([max(moment.from_s, power_up_s), moment.to_s]), moment))
     if moving:
         figure.legend(*rows[0, 1].get_legend_handles_labels(), loc="outside upper right", ncols=2)
     note_still_axes(figure, comparison, moving)

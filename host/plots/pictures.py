@@ -44,6 +44,9 @@ PICTURES: Final[dict[str, Draw]] = {
 OF_EVERY_RUN: Final = ("joints", "step-rates", "tool-path", "error", "timing")
 """What a run with `--out` draws."""
 
+OF_AN_INSTANT: Final = ("edges", "phases")
+"""What shows a part of a run, as a View says."""
+
 WHEREVER: Final = View()
 """Each picture shows what suits it."""
 

@@ -210,6 +210,9 @@ def test_a_port_that_is_taken(capsys: pytest.CaptureFixture[str]) -> None:
         (["--bitrate", "100000"], "--bitrate 100000: is none of 125000, 250000, 500000, 1000000"),
         (["--channel", "vcan0"], "--channel vcan0: is for an --interface, and there is none"),
         (["--interface", "virtuel"], "interface 'virtuel' is unknown: did you mean virtual?"),
+        (["-i", "virtual", "--port", "5000"], "--port 5000: is for a socketcand server, not for --interface virtual"),
+        (["-i", "virtual", "--host", "::1"], "--host ::1: is for a socketcand server, not for --interface virtual"),
+        (["-i", "virtual", "--allow-remote"], "--allow-remote: is for listening, not for --interface virtual"),
         (["--stand-at", "0 0"], "--stand-at: 2 values for the 6 joints"),
         (["--out", ""], "--out: the name of the folder is empty"),
         (["--port", "0", "--log", "/no/such/folder/run.log"], "/no/such/folder/run.log: No such file or directory"),
@@ -221,6 +224,14 @@ def test_what_is_refused(options: list[str], complaint: str, capsys: pytest.Capt
     assert captured.out == ""
     assert captured.err.startswith(f"steptwin: {complaint}")
     assert len(captured.err.splitlines()) == 1
+
+
+def test_a_place_that_no_motion_leads_to_is_warned_of(capsys: pytest.CaptureFixture[str]) -> None:
+    """The machine may be pushed there by hand; before a port that cannot be is refused."""
+    assert run(["serve", ROBOT, "--stand-at", "0 0 100 0 155.5 30", "--port", "80"]) == 2
+    warning, refusal = capsys.readouterr().err.splitlines()
+    assert warning.startswith("steptwin: warning: --stand-at: th2: 155.5 deg is outside -150..150 deg")
+    assert refusal.startswith("steptwin: --port 80")
 
 
 def test_an_interface_that_is_not_there(capsys: pytest.CaptureFixture[str]) -> None:

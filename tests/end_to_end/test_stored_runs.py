@@ -105,6 +105,7 @@ class TestTrace:
             (["--from", "nan"], "--from nan s: the record goes from -0.0"),
             (["--format", "vdc"], "'vdc' is not one of"),
             (["--timescale", "1ms"], "'1ms' is not one of"),
+            (["--format", "csv", "--timescale", "1us"], "--timescale 1us: is for vcd and vcd-full, not for csv"),
         ],
     )
     def test_bad_input(
@@ -158,6 +159,10 @@ class TestPlot:
             (["--at", "nan"], "--at nan s: the motion goes from 0 to 1 s"),
             (["--span", "0"], "--span 0 s: must be above 0 and at most 1 s, the whole motion"),
             (["--span", "1.1"], "--span 1.1 s: must be above 0 and at most 1 s"),
+            (
+                ["--what", "joints,error", "--at", "0.5"],
+                "--at: is for the pictures edges and phases, not for joints, error",
+            ),
             (["--format", "jpg"], "'jpg' is not one of"),
         ],
     )

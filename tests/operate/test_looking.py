@@ -255,6 +255,10 @@ def test_telling_it_where_it_stands(steptwin: CommandLine, board: EmbeddedBoard)
         ("-i socketcam", "--interface 'socketcam' is unknown: did you mean socketcan or socketcand?"),
         ("-c can0", "--channel can0: is for a live board: --connect HOST:PORT or --interface NAME"),
         ("-b 500000", "--bitrate 500000: is for a live board: --connect HOST:PORT or --interface NAME"),
+        (
+            "--connect 127.0.0.1:29536 -b 500000",
+            "--bitrate 500000: is for --interface; the server at --connect has its own",
+        ),
         ("-i virtual -b 0", "--bitrate 0: is not above 0 bit/s"),
     ],
 )

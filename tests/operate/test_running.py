@@ -139,6 +139,7 @@ def test_the_command(steptwin: CommandLine) -> None:
         ("--out somewhere", "--out: is for an emulated board"),
         ("--stand-at '1 2'", "--stand-at: is for an emulated board"),
         ("--cut-stream 1", "--cut-stream: is for an emulated board"),
+        ("--kernel python", "--kernel: is for an emulated board"),
         ("--driver-profile 3a-module", "--driver-profile: is for an emulated board"),
     ):
         assert steptwin.run(f"run warehouse-scara drawer-pull {options}") == (2, "", f"steptwin: {message}\n")

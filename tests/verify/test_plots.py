@@ -294,6 +294,12 @@ class TestThePhases:
         assert np.asarray(a.get_ydata()).tolist() == [-1.386, -1.5, -1.5]
         assert np.asarray(b.get_ydata()).tolist() == [0.574, 0.0, 0.0]
 
+    def test_begin_at_power_up(self) -> None:
+        """Half of the span would be before the motion; the record goes back to count 0 only."""
+        assert self.figure(View(0.5, 1.0)).axes[1].get_xlim() == pytest.approx((-500.0, 500.0))
+        power_up_ms = -1e3 * START_COUNTS / 72e6
+        assert self.figure(View(0.0, 1.0)).axes[1].get_xlim() == pytest.approx((power_up_ms, 500.0))
+
     def test_of_a_driver_without_current_are_zero(self) -> None:
         field, over_time = self.figure(View()).axes[2:4]
         assert np.asarray(field.lines[0].get_xdata()).size == 0
