@@ -2,10 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from importlib.util import find_spec
+from typing import Any, cast
 
 from controller import kernel
-from controller.kernel import Cells, Rows
+from controller.kernel import Cells, Function, Rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,22 +45,29 @@ def python_kernel() -> Kernel:
     )
 
 
+@cache
 def compiled_kernel() -> Kernel:
     """The same functions compiled for int64 arrays; raises ModuleNotFoundError without the extra `fast`."""
     import numba
     import numpy as np
 
-    # The numpy error model leaves out checks for division by zero: every divisor in the kernel is positive.
-    compile_ = numba.njit(cache=True, error_model="numpy")
+    integer, cells, rows = numba.int64, numba.int64[::1], numba.int64[:, ::1]
+
+    def compiled(function: Function, *arguments: Any) -> Function:
+        """Compile now, or load what an earlier process has compiled: the first call takes no longer than the others."""
+        # The numpy error model leaves out checks for division by zero: every divisor in the kernel is positive.
+        dispatcher = numba.njit(arguments, cache=True, error_model="numpy")(function)
+        return cast("Function", dispatcher.get_overload(arguments))
+
     return Kernel(
         name="numba",
         cells=lambda count: np.zeros(count, dtype=np.int64),
         rows=lambda rows, count: np.zeros((rows, count), dtype=np.int64),
         singly=memoryview,  # an element of an array is an object of numpy's first, which takes twice as long
-        push=compile_(kernel.push),
-        next_segment=compile_(kernel.next_segment),
-        advance=compile_(kernel.advance),
-        demand_rate=compile_(kernel.demand_rate),
+        push=compiled(kernel.push, cells, cells, *4 * (integer,)),
+        next_segment=compiled(kernel.next_segment, cells, cells, integer),
+        advance=compiled(kernel.advance, *4 * (cells,), rows, rows, *3 * (integer,)),
+        demand_rate=compiled(kernel.demand_rate, cells, integer),
     )
 
 

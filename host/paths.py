@@ -6,13 +6,16 @@ lengths of shape (n,) in [0, length_mm]. The attitude turns in proportion to the
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol, Self
+from typing import TYPE_CHECKING, Protocol, Self
 
 import numpy as np
-from scipy.interpolate import Akima1DInterpolator, CubicSpline, PPoly
+import scipy
 
 from host.errors import InputError
 from host.trajectory import FloatArray
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
 
 Pose = tuple[float, float, float, float]
 
@@ -150,7 +153,7 @@ class SampledPath:
         curve: of the four pose coordinates.
     """
 
-    curve: PPoly
+    curve: "PPoly"
 
     @classmethod
     def through(cls, poses: FloatArray, smoothing: Smoothing) -> Self:
@@ -167,8 +170,8 @@ class SampledPath:
             raise InputError(f"poses {i + 1} and {i + 2} of the curve are at the same place")
         s_mm = np.concatenate(([0.0], np.cumsum(chords_mm)))
         if smoothing is Smoothing.AKIMA:
-            return cls(Akima1DInterpolator(s_mm, poses))
-        return cls(CubicSpline(s_mm, poses))
+            return cls(scipy.interpolate.Akima1DInterpolator(s_mm, poses))
+        return cls(scipy.interpolate.CubicSpline(s_mm, poses))
 
     @property
     def length_mm(self) -> float:

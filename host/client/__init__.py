@@ -3,7 +3,7 @@
 from host.client.axis import AxisClient
 from host.client.homing import HomingSettings
 from host.client.link import Link
-from host.client.machine import AxisSettings, Machine, Progress
+from host.client.machine import AxisSettings, Machine, Progress, object_dictionary
 from host.client.outputs import OutputCommand
 from host.client.run import Run
 from host.client.stream import AxisRecords
@@ -18,4 +18,5 @@ __all__ = [
     "OutputCommand",
     "Progress",
     "Run",
+    "object_dictionary",
 ]

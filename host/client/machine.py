@@ -75,7 +75,7 @@ class Machine:
 
     def __init__(self, link: Link, names: tuple[str, ...]) -> None:
         self._link = link
-        dictionary = _object_dictionary()
+        dictionary = object_dictionary()
         self.axes = tuple(AxisClient(link, name, FIRST_NODE_ID + i, dictionary) for i, name in enumerate(names))
         self._status_period_ms = _STATUS_PERIOD_MAX_MS
         self._heartbeat = Heartbeat(link.network)
@@ -355,8 +355,8 @@ class Machine:
 
 
 @cache
-def _object_dictionary() -> ObjectDictionary:
-    """The objects of every node as the canopen library wants them; nothing writes to it, and to make it takes 20 ms."""
+def object_dictionary() -> ObjectDictionary:
+    """The objects of every node as the canopen library wants them; nothing writes to it, and to make it takes 40 ms."""
     dictionary: ObjectDictionary = eds.import_eds(io.StringIO(render_eds()), FIRST_NODE_ID)  # type: ignore[no-untyped-call]
     return dictionary
 

@@ -8,14 +8,17 @@ J. ACM 17(4), 1970). Both begin and end at rest: a motion here always does.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
-from typing import Final, Self
+from typing import TYPE_CHECKING, Final, Self
 
 import numpy as np
-from scipy.interpolate import Akima1DInterpolator, CubicHermiteSpline, CubicSpline, PPoly
+import scipy
 
 from host.errors import InputError
 from host.inputs import whole_ms
 from host.trajectory import FloatArray, Switching
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
 
 AKIMA_POINTS_MIN: Final = 3
 
@@ -35,7 +38,7 @@ class Sampled:
     """
 
     joint_names: tuple[str, ...]
-    curve: PPoly
+    curve: "PPoly"
     breakpoints_s: tuple[float, ...]
     switchings: tuple[Switching, ...] = ()
 
@@ -47,7 +50,7 @@ class Sampled:
             InputError: times that do not begin at 0, do not increase, or do not end at a whole millisecond.
         """
         check_times(times_s)
-        return cls(joint_names, CubicSpline(times_s, positions, bc_type="clamped"), ())
+        return cls(joint_names, scipy.interpolate.CubicSpline(times_s, positions, bc_type="clamped"), ())
 
     @classmethod
     def akima(cls, joint_names: tuple[str, ...], times_s: FloatArray, positions: FloatArray) -> Self:
@@ -59,7 +62,7 @@ class Sampled:
         if len(times_s) < AKIMA_POINTS_MIN:
             raise InputError(f"{len(times_s)} points: Akima's spline takes at least {AKIMA_POINTS_MIN}")
         check_times(times_s)
-        slopes = np.asarray(Akima1DInterpolator(times_s, positions)(times_s, 1))
+        slopes = np.asarray(scipy.interpolate.Akima1DInterpolator(times_s, positions)(times_s, 1))
         slopes[[0, -1]] = 0.0
         return cls.hermite(joint_names, times_s, positions, slopes)
 
@@ -70,7 +73,7 @@ class Sampled:
         """Through points with given velocities of shape (points, joints); raises as `akima` does for times."""
         check_times(times_s, all_whole_ms=True)
         inner_s = tuple(round(1000 * t_s) / 1000 for t_s in times_s[1:-1].tolist())
-        return cls(joint_names, CubicHermiteSpline(times_s, positions, velocities), inner_s)
+        return cls(joint_names, scipy.interpolate.CubicHermiteSpline(times_s, positions, velocities), inner_s)
 
     @property
     def duration_s(self) -> float:

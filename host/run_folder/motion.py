@@ -6,16 +6,19 @@ So `steptwin run ROBOT trajectory.csv` makes the same motion again.
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
+import scipy
 
 from host.planner import Int64Array, Plan
 from host.robot import Robot
 from host.run_folder.layout import TRAJECTORY, existing
 from host.trajectory import FloatArray, Switching, Trajectory
 from host.trajectory_file import read_trajectory
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicHermiteSpline
 
 CUBICS_OFF_STEPS: Final = 1e-4
 """How far cubics through the stored points may be from the planned motion: a 75th of the verifier's tolerance."""
@@ -59,10 +62,10 @@ def _stored_ms(plan: Plan) -> Int64Array:
     every_ms = np.arange(plan.times_ms[-1] + 1)
     t_s, point_s = every_ms / 1000, plan.times_ms / 1000
     motion = plan.trajectory
-    cubics = CubicHermiteSpline(point_s, motion.positions(point_s), motion.velocities(point_s))
+    cubics = scipy.interpolate.CubicHermiteSpline(point_s, motion.positions(point_s), motion.velocities(point_s))
     off_steps = np.abs(_positions(cubics, t_s) - motion.positions(t_s)) * plan.robot.steps_per_unit
     return plan.times_ms if off_steps.max() <= CUBICS_OFF_STEPS else every_ms
 
 
-def _positions(cubics: CubicHermiteSpline, t_s: FloatArray) -> FloatArray:
+def _positions(cubics: "CubicHermiteSpline", t_s: FloatArray) -> FloatArray:
     return np.asarray(cubics(t_s))
