@@ -5,7 +5,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from emulator.edges import COUNTS_PER_US, NO_COUNTS, NO_LEVELS, Delay, FloatArray, Int8Array, Int64Array
+from emulator.edges import COUNTS_PER_US, NO_COUNTS, NO_LEVELS, Delay, FloatArray, Int8Array, Int64Array, merged
 from emulator.tb6560.excitation import CYCLE_SIXTEENTHS, PHASE_PERCENT, Excitation
 from emulator.tb6560.pins import EXCITATIONS, TORQUE_PERCENT, Input, LevelChange
 
@@ -116,7 +116,7 @@ class Outputs:
         enabled, _ = ENABLE_DELAY.passed(*self._edges(Input.ENABLE))
         shut_down, _ = _arrays(self._shutdowns)
         instants = np.concatenate((self._step_counts, changes, enabled, shut_down))
-        return np.unique(np.maximum(instants, self.from_counts))
+        return merged(np.maximum(instants, self.from_counts))
 
     @property
     def from_counts(self) -> int:

@@ -47,20 +47,6 @@ def test_final_counts(key: str, motion: PlannedMotion, fast_kernel: Kernel) -> N
         assert (axis.dir_levels == np.resize([1, 0], len(axis.dir_levels))).all()
 
 
-def test_no_method_comes_nearer_than_the_kernel(motion: PlannedMotion, fast_kernel: Kernel) -> None:
-    ideal = ideal_of(motion)
-    errors_us = {
-        key: [
-            np.abs(axis_errors(motion, i, ideal[i], pulses).timing_us)
-            for i, pulses in enumerate(method(fast_kernel, key).place(motion).axes)
-        ]
-        for key in KEYS
-    }
-    worst = {key: np.percentile(np.concatenate(errors), [50, 99, 100]) for key, errors in errors_us.items()}
-    for key in KEYS[1:]:
-        assert (worst["kernel"] < worst[key]).all(), key
-
-
 @pytest.mark.parametrize("base_hz", DDA_HZ)
 def test_a_dda_steps_in_its_grid_and_late_by_a_period_at_most(base_hz: int, fast_kernel: Kernel) -> None:
     """Where it is not slow: there records and servo thread round more, and at a reversal DIR takes more periods."""

@@ -8,9 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from bench.pulses.motions import motion_of_job
-from bench.pulses.table import COLUMNS, measured, table_rows
-from controller.backend import Kernel
 from docs.generate.driver import DRIVER_PAGE, render_driver
 from docs.generate.page import PAGE, render_page
 from docs.generate.protocol import PROTOCOL_PAGE, render_protocol
@@ -19,7 +16,7 @@ from docs.generate.robot_file import Entry, read_robot_file
 from docs.generate.runs import ROBOTS, Runs
 from docs.generate.waveform_pictures import WAVEFORM_PAGE
 from host.cli.app import run
-from host.robots import load_robot, robot_names
+from host.robots import robot_names
 from tests.end_to_end.test_readme import ROOT
 
 TEXT = PAGE.read_text(encoding="utf-8")
@@ -57,15 +54,6 @@ def test_pictures_are_small() -> None:
     assert {path.name for path in (PAGE.parent / "pictures").iterdir()} == {Path(name).name for name in pictures}
     for name in pictures:
         assert (PAGE.parent / name).stat().st_size < PICTURE_BYTES_MAX, name
-
-
-def test_the_benchmarks_of_pulse_timing_are_up_to_date(fast_kernel: Kernel) -> None:
-    """One motion's rows, but for how fast this machine is."""
-    motion = motion_of_job(load_robot("teaching-scara"), "carry")
-    found = [line.strip("| ").split(" | ") for line in BENCHMARKS.splitlines() if line.startswith(f"| {motion.name} |")]
-    speed = COLUMNS.index("M steps/s")
-    made = table_rows(measured([motion], fast_kernel))
-    assert [row[:speed] + row[speed + 1 :] for row in found] == [row[:speed] + row[speed + 1 :] for row in made]
 
 
 def test_python() -> None:

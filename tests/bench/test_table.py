@@ -1,0 +1,47 @@
+"""The table of docs/benchmarks.md: what it says is what comes out, and the kernel is the best in it."""
+
+from itertools import groupby
+
+import pytest
+
+from bench.pulses.evaluation import Figures
+from bench.pulses.motions import all_motions
+from bench.pulses.table import COLUMNS, measured, table_rows
+from controller.backend import Kernel
+from tests.end_to_end.test_readme import ROOT
+
+MOTIONS = [
+    "warehouse-scara drawer-pull", "lab-scara spiral", "hybrid-arm helix", "teaching-scara carry", "seven axes, 14 kHz",
+]  # fmt: skip
+SPEED = COLUMNS.index("M steps/s")
+
+
+@pytest.fixture(scope="module")
+def figures(fast_kernel: Kernel) -> list[Figures]:
+    return measured(all_motions(), fast_kernel)
+
+
+def test_the_page_says_the_same(figures: list[Figures]) -> None:
+    """But for how fast this machine is."""
+    page = (ROOT / "docs" / "benchmarks.md").read_text(encoding="utf-8")
+    rows = [line.strip("| ").split(" | ") for line in page.splitlines() if line.startswith("| ")]
+    found = [row for row in rows if row[0] in MOTIONS]
+    made = table_rows(figures)
+    assert [row[:SPEED] + row[SPEED + 1 :] for row in found] == [row[:SPEED] + row[SPEED + 1 :] for row in made]
+
+
+def test_no_method_comes_nearer_than_the_kernel(figures: list[Figures]) -> None:
+    """On any motion: in the timing's median, 99th percentile and largest error, and in the largest position error."""
+    by_motion = {motion: list(rows) for motion, rows in groupby(figures, key=lambda row: row.motion)}
+    assert list(by_motion) == MOTIONS
+    for kernel, *others in by_motion.values():
+        assert kernel.method == "kernel"
+        assert len(others) == 5
+        for other in others:
+            nearer = [mine < theirs for mine, theirs in zip(_errors(kernel), _errors(other), strict=True)]
+            assert nearer == [True] * 4, other
+
+
+def _errors(row: Figures) -> list[float]:
+    found = (row.timing_us_p50, row.timing_us_p99, row.timing_us_max, row.error_steps_max)
+    return [value for value in found if value is not None]
