@@ -16,7 +16,8 @@ _CHOICES_LISTED = 12
 def unknown(what: str, given: str, choices: Iterable[str]) -> InputError:
     """The error for a name that does not exist: it offers the nearest ones, or all when none is near."""
     names = list(choices)
-    near = get_close_matches(given, names, n=3)
+    by_lower_case = {name.lower(): name for name in names}
+    near = [by_lower_case[name] for name in get_close_matches(given.lower(), by_lower_case, n=3)]
     if near:
         return InputError(f"{what} {given!r} is unknown: did you mean {' or '.join(near)}?")
     listed = ", ".join(names[:_CHOICES_LISTED]) or "none"

@@ -134,7 +134,8 @@ def _lengths(panel: Axes, lengths: list[scaling.Length]) -> None:
 
 
 def main(folder: Path) -> None:
-    """Draw all of them."""
+    """Draw all of them into a folder, which is made if there is none."""
+    folder.mkdir(parents=True, exist_ok=True)
     kernel = fastest_kernel()
     pictures: dict[str, Callable[[], Figure]] = {
         "bench-timing": lambda: timing_errors(measured(all_motions(), kernel)),

@@ -26,6 +26,11 @@ def test_many_choices_are_counted() -> None:
     assert str(unknown("what", "x", names)) == f"what 'x' is unknown: there are {', '.join(names[:12])} and 2 more"
 
 
+def test_case_is_no_difference() -> None:
+    assert str(unknown("what", "SLOW-BORD", ["slow-board", "Fast"])).endswith("did you mean slow-board?")
+    assert str(unknown("what", "fasst", ["slow-board", "Fast"])).endswith("did you mean Fast?")
+
+
 def test_a_name_given_twice() -> None:
     assert name_value_pairs(["a=1", " b = 2 "]) == {"a": "1", "b": "2"}
     with pytest.raises(InputError, match=r"^a is given twice: 1 and 2$"):
