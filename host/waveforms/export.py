@@ -1,6 +1,6 @@
 """Writing a waveform's file in one of the formats that there are."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from host.waveforms.signal import Signal
 from host.waveforms.table import arrays, csv
 from host.waveforms.timebase import TimeScale, Window
 from host.waveforms.vcd import vcd
+from host.whole_file import whole_file
 
 
 class Format(StrEnum):
@@ -37,27 +38,20 @@ class Format(StrEnum):
 def write_waveform(
     path: Path, signals: Sequence[Signal], window: Window, form: Format, scale: TimeScale, title: str
 ) -> None:
-    """Write the file.
+    """Write the file under this very name; if anything is raised, an older one is there as it was.
 
     Raises:
-        InputError: a pulse is too short for the time scale of a VCD file, and nothing is left of the file then; or the
-            library for MCAP files is not installed.
+        InputError: a pulse is too short for the time scale of a VCD file; or the library for MCAP files is not
+            installed.
+        OSError: the file cannot be written.
     """
-    if form is Format.MCAP:
-        write_mcap(path, signals, window)
-    elif form is Format.NPZ:
-        made: dict[str, Any] = arrays(signals, window)
-        np.savez_compressed(path, **made)
-    elif form is Format.CSV:
-        _write(path, csv(signals, window))
-    else:
-        _write(path, vcd(signals, window, scale, title))
-
-
-def _write(path: Path, pieces: Iterator[bytes]) -> None:
-    try:
-        with path.open("wb") as file:
-            file.writelines(pieces)
-    except BaseException:
-        path.unlink(missing_ok=True)
-        raise
+    with whole_file(path) as file:
+        if form is Format.MCAP:
+            write_mcap(file, signals, window)
+        elif form is Format.NPZ:
+            made: dict[str, Any] = arrays(signals, window)
+            np.savez_compressed(file, **made)
+        elif form is Format.CSV:
+            file.writelines(csv(signals, window))
+        else:
+            file.writelines(vcd(signals, window, scale, title))

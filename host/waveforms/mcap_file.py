@@ -6,8 +6,7 @@ Times are nanoseconds since power-up. The same run gives the same bytes.
 import json
 from collections.abc import Sequence
 from itertools import chain
-from pathlib import Path
-from typing import Any, Final
+from typing import Any, BinaryIO, Final
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from host.waveforms.timebase import COUNTS, NANOSECONDS, Window
 _JSON_TYPES: Final = {Kind.WIRE: "integer", Kind.REAL: "number", Kind.TEXT: "string"}
 
 
-def write_mcap(path: Path, signals: Sequence[Signal], window: Window) -> None:
+def write_mcap(file: BinaryIO, signals: Sequence[Signal], window: Window) -> None:
     """Write the file; its first messages are the values that all signals have where the window begins.
 
     Raises:
@@ -32,13 +31,12 @@ def write_mcap(path: Path, signals: Sequence[Signal], window: Window) -> None:
         raise InputError("mcap: the library is not installed (pip install 'steptwin[mcap]')") from error
     every = np.arange(len(signals))
     begin = Merged(np.full(every.size, window.from_counts), every, initial_values(signals, window))
-    with path.open("wb") as file:
-        writer: Any = Writer(file)  # partly untyped
-        writer.start(library="steptwin, SIMULATED")
-        channels = _channels(writer, signals)
-        for part in chain([begin], merged(signals, window, COUNTS)):
-            _add(writer, signals, channels, part)
-        writer.finish()
+    writer: Any = Writer(file)  # partly untyped
+    writer.start(library="steptwin, SIMULATED")
+    channels = _channels(writer, signals)
+    for part in chain([begin], merged(signals, window, COUNTS)):
+        _add(writer, signals, channels, part)
+    writer.finish()
 
 
 def _channels(writer: Any, signals: Sequence[Signal]) -> list[int]:

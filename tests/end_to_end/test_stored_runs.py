@@ -1,6 +1,8 @@
 """`steptwin trace` and `steptwin plot` on what a run has left."""
 
+import errno
 import json
+import os
 import shutil
 from pathlib import Path
 
@@ -8,7 +10,11 @@ import numpy as np
 import pytest
 
 from host.cli.app import run
+from host.cli.trace import FormatChoice
 from host.run_folder import read_edges
+from host.verify.evidence import Int64Array
+from host.waveforms import Steps
+from host.waveforms.signal import Values
 from tests.waveforms.vcd_reader import read_vcd
 
 
@@ -19,6 +25,11 @@ def refusal(capsys: pytest.CaptureFixture[str], *words: str) -> str:
     assert captured.out == ""
     (line,) = captured.err.splitlines()
     return line.removeprefix("steptwin: ")
+
+
+def _with_the_library_of(form: str) -> None:
+    if form == FormatChoice.MCAP:
+        pytest.importorskip("mcap", reason="the extra `mcap` is not installed")
 
 
 class TestTrace:
@@ -94,6 +105,40 @@ class TestTrace:
         assert document["to_s"] == 0.25
         assert document["signals"][:3] == ["th1_step", "th1_dir", "th1_enable"]
         (carry_run / "trace.csv").unlink()
+
+    @pytest.mark.parametrize("form", FormatChoice)
+    @pytest.mark.parametrize("name", ["er", "er.vcd"])
+    def test_the_file_has_the_name_that_was_asked_for(
+        self, form: str, name: str, carry_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        _with_the_library_of(form)
+        capsys.readouterr()
+        out = str(tmp_path / name)
+        assert run(["trace", str(carry_run), "--format", form, "--from", "0.9", "--out", out, "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)["file"] == out
+        assert os.listdir(tmp_path) == [name]
+
+    @pytest.mark.parametrize("form", FormatChoice)
+    @pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(errno.ENOSPC, "No space left on device")])
+    def test_broken_off_leaves_the_older_file(
+        self, form: str, error: BaseException, carry_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Amid the writing, when some signals' changes have been read."""
+        _with_the_library_of(form)
+        out = tmp_path / "trace"
+        out.write_bytes(b"old")
+        asked = iter([False] * 3)
+        between = Steps.between
+
+        def broken_off(self: Steps, after: int, until: int) -> tuple[Int64Array, Values]:
+            if next(asked, True):
+                raise error
+            return between(self, after, until)
+
+        monkeypatch.setattr(Steps, "between", broken_off)
+        assert run(["trace", str(carry_run), "--format", form, "--out", str(out)]) in (2, 130)
+        assert os.listdir(tmp_path) == ["trace"]
+        assert out.read_bytes() == b"old"
 
     @pytest.mark.parametrize(
         ("words", "message"),
