@@ -26,8 +26,14 @@ class Format(StrEnum):
 
     @property
     def file_name(self) -> str:
-        """Of a file in a run's folder."""
+        """Of a file in a run's folder with the whole of it."""
         return "trace-full.vcd" if self is Format.VCD_FULL else f"trace.{self}"
+
+    @property
+    def part_file_name(self) -> str:
+        """Of a file beside it, with some axes or a window only."""
+        stem, suffix = self.file_name.split(".")
+        return f"{stem}-part.{suffix}"
 
     @property
     def wires_only(self) -> bool:

@@ -98,13 +98,35 @@ class TestTrace:
 
     def test_goes_into_the_folder_by_default(self, carry_run: Path, capsys: pytest.CaptureFixture[str]) -> None:
         capsys.readouterr()
-        assert run(["trace", str(carry_run), "--format", "csv", "--json", "--to", "0.25"]) == 0
+        assert run(["trace", str(carry_run), "--format", "csv", "--json"]) == 0
         document = json.loads(capsys.readouterr().out)
         assert document["file"] == str(carry_run / "trace.csv")
         assert (carry_run / "trace.csv").is_file()
-        assert document["to_s"] == 0.25
         assert document["signals"][:3] == ["th1_step", "th1_dir", "th1_enable"]
         (carry_run / "trace.csv").unlink()
+
+    @pytest.mark.parametrize("words", [["--from", "0.25"], ["--to", "0.25"], ["--axis", "d3"]])
+    @pytest.mark.parametrize(("form", "name"), [("vcd", "trace-part.vcd"), ("vcd-full", "trace-full-part.vcd")])
+    def test_a_part_leaves_the_file_of_the_whole(
+        self, words: list[str], form: str, name: str, carry_run: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        whole = (carry_run / "trace.vcd").read_bytes()
+        before = {*os.listdir(carry_run)}
+        capsys.readouterr()
+        assert run(["trace", str(carry_run), "--format", form, "--json", *words]) == 0
+        assert json.loads(capsys.readouterr().out)["file"] == str(carry_run / name)
+        assert {*os.listdir(carry_run)} - before == {name}
+        assert (carry_run / "trace.vcd").read_bytes() == whole
+        (carry_run / name).unlink()
+
+    @pytest.mark.parametrize("words", [["--axis", "d3,th2"], ["--axis", "d3", "--axis", " th2"]])
+    def test_axes_as_a_list_or_one_by_one(
+        self, words: list[str], carry_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        capsys.readouterr()
+        assert run(["trace", str(carry_run), "--out", str(tmp_path / "t.vcd"), "--json", *words]) == 0
+        signals = json.loads(capsys.readouterr().out)["signals"]
+        assert list(dict.fromkeys(name.split("_")[0] for name in signals)) == ["th2", "d3"]
 
     @pytest.mark.parametrize("form", FormatChoice)
     @pytest.mark.parametrize("name", ["er", "er.vcd"])
@@ -144,6 +166,7 @@ class TestTrace:
         ("words", "message"),
         [
             (["--axis", "th9"], "--axis 'th9' is unknown: did you mean th4 or th2 or th1?"),
+            (["--axis", "th2,d3", "--axis", "th2"], "--axis th2: is given twice"),
             (["--from", "0.5", "--to", "0.5"], "--from 0.5 s: is not before --to, 0.5 s"),
             (["--from", "2"], "--from 2 s: the record goes from -0.0"),
             (["--to", "-1"], "--to -1 s: the record goes from -0.0"),
