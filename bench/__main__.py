@@ -90,7 +90,7 @@ def main() -> None:
         table.add_row(chip.profile, f"{chip.edges_per_s / 1e6:.0f}", f"{chip.copy_ratio:.1f}")
     console.print(table)
 
-    table = Table("text", "edges", "M edges/s", "x numpy copy", "MB beside the edges", "a tenth", title=_WAVEFORM_TITLE)
+    table = Table("file", "edges", "M edges/s", "x numpy copy", "MB beside the edges", "a tenth", title=_WAVEFORM_TITLE)
     for w in waveforms.figures():
         table.add_row(
             w.form,
