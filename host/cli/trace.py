@@ -63,9 +63,17 @@ def trace(
     to_s: Annotated[
         float | None, typer.Option("--to", metavar="SECONDS", help="Up to this time of the motion.")
     ] = None,
-    axis: Annotated[str | None, typer.Option(metavar="AXIS,...", help="Only these axes.")] = None,
+    axes: Annotated[
+        list[str] | None,
+        typer.Option("--axis", metavar="AXIS,...", help="Only these axes; may be given several times."),
+    ] = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="By default trace.vcd, trace-full.vcd, ... in the folder.")
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="By default trace.vcd, trace-full.vcd, ... in the folder; trace-part.vcd, ... with --from, --to or"
+            " --axis.",
+        ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -77,8 +85,9 @@ def trace(
         raise InputError(f"--timescale {timescale}: is for {' and '.join(_SCALED)}, not for {form}")
     evidence, robot = read_edges(folder), read_robot(folder)
     window = _window(evidence, from_s, to_s)
-    signals = _chosen(_signals(folder, evidence, robot, Format(form)), evidence, axis)
-    path = folder / Format(form).file_name if out is None else out
+    signals = _chosen(_signals(folder, evidence, robot, Format(form)), evidence, axes)
+    whole = from_s is None and to_s is None and not axes
+    path = folder / (Format(form).file_name if whole else Format(form).part_file_name) if out is None else out
     write_waveform(path, signals, window, Format(form), SCALES[timescale or ScaleChoice.US], robot.name)
     ends_s = window.time_s(window.from_counts), window.time_s(window.to_counts)
     if as_json:
@@ -98,14 +107,17 @@ def _signals(folder: Path, evidence: "Evidence", robot: "Robot", form: "Format")
     return everything(evidence, robot, states)
 
 
-def _chosen(signals: "list[Signal]", evidence: "Evidence", axes: str | None) -> "list[Signal]":
-    if axes is None:
+def _chosen(signals: "list[Signal]", evidence: "Evidence", axes: list[str] | None) -> "list[Signal]":
+    """Those of some axes, in the order in which they are; of all where none is named."""
+    if not axes:
         return signals
     names = [axis.name for axis in evidence.axes]
-    chosen = [name.strip() for name in axes.split(",")]
-    for name in chosen:
+    chosen = [name.strip() for text in axes for name in text.split(",")]
+    for i, name in enumerate(chosen):
         if name not in names:
             raise unknown("--axis", name, names)
+        if name in chosen[:i]:
+            raise InputError(f"--axis {name}: is given twice")
     return [signal for signal in signals if signal.axis in chosen]
 
 

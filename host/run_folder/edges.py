@@ -21,6 +21,7 @@ from host.verify import (
     Phases,
 )
 from host.verify.evidence import Int64Array
+from host.whole_file import whole_file
 
 PINS: Final = ("reset", "enable", "m1", "m2", "tq1", "tq2", "dcy1", "dcy2", "out1", "out2")
 """An axis' pins that are held at a level."""
@@ -44,7 +45,8 @@ def write_edges(path: Path, evidence: Evidence) -> None:
     arrays: dict[str, Any] = {**head(evidence.start_counts, totals)}
     for axis in evidence.axes:
         arrays |= edge_arrays(axis)
-    np.savez_compressed(path, **arrays)
+    with whole_file(path) as file:
+        np.savez_compressed(file, **arrays)
 
 
 def head(start_counts: int, axes: Sequence[AxisTotals]) -> dict[str, Array | np.int64]:

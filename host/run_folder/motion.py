@@ -16,6 +16,7 @@ from host.robot import Robot
 from host.run_folder.layout import TRAJECTORY, existing
 from host.trajectory import FloatArray, Switching, Trajectory
 from host.trajectory_file import read_trajectory
+from host.whole_file import whole_file
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicHermiteSpline
@@ -32,9 +33,9 @@ def write_motion(path: Path, plan: Plan) -> None:
     t_s = _stored_ms(plan) / 1000
     motion = plan.trajectory
     rows = zip(t_s.tolist(), motion.positions(t_s).tolist(), motion.velocities(t_s).tolist(), strict=True)
-    with path.open("w", encoding="utf-8") as file:
-        file.write(trajectory_head(plan.robot))
-        file.writelines(trajectory_row(*row) for row in rows)
+    with whole_file(path) as file:
+        file.write(trajectory_head(plan.robot).encode())
+        file.writelines(trajectory_row(*row).encode() for row in rows)
 
 
 def trajectory_head(robot: Robot) -> str:

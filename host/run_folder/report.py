@@ -13,6 +13,7 @@ from host.inputs import prefixed
 from host.run_folder.layout import REPORT, VERSION_KEY, check_version, existing
 from host.trajectory import Switching
 from host.verify import BusReport, RunInfo
+from host.whole_file import whole_file
 
 Made = TypeVar("Made")
 
@@ -42,7 +43,8 @@ class StoredReport:
 
 def write_report(path: Path, document: Mapping[str, Any]) -> None:
     """Write a document as `run --json` prints it."""
-    path.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+    with whole_file(path) as file:
+        file.write((json.dumps(document, indent=2) + "\n").encode())
 
 
 def read_report(folder: Path) -> StoredReport:

@@ -14,6 +14,7 @@ import numpy as np
 
 from host.run_folder.edges import AxisTotals, edge_arrays, head
 from host.verify import AxisEvidence
+from host.whole_file import whole_file
 
 _CHUNK_BYTES = 1 << 20
 
@@ -43,7 +44,7 @@ class EdgeSpool:
 
     def finish(self, start_counts: int, axes: Sequence[AxisTotals]) -> None:
         """Make edges.npz, with the axes in this order."""
-        with ZipFile(self._path, "w") as archive:
+        with whole_file(self._path) as file, ZipFile(file, "w") as archive:
             for key, value in head(start_counts, axes).items():
                 with archive.open(_member(key), "w") as member:
                     np.lib.format.write_array(member, np.asarray(value))

@@ -12,6 +12,7 @@ from host.run_folder.layout import BUS_LOG, EDGES, REPORT, ROBOT, TRAJECTORY
 from host.run_folder.motion import write_motion
 from host.run_folder.report import write_report
 from host.waveforms import DEFAULT_SCALE, Format, whole_record, wires, write_waveform
+from host.whole_file import whole_file
 
 if TYPE_CHECKING:
     from host.run import Outcome
@@ -40,11 +41,12 @@ def write_folder(out: Path, outcome: "Outcome", document: Mapping[str, Any]) -> 
 
     evidence = outcome.comparison.evidence
     write_report(out / REPORT, document)
-    (out / ROBOT).write_text(outcome.plan.robot.toml, encoding="utf-8")
+    with whole_file(out / ROBOT) as file:
+        file.write(outcome.plan.robot.toml.encode())
     write_motion(out / TRAJECTORY, outcome.plan)
     write_edges(out / EDGES, evidence)
-    with (out / BUS_LOG).open("w", encoding="ascii") as log:
-        log.writelines(candump_lines(outcome.bus_log))
+    with whole_file(out / BUS_LOG) as file:
+        file.writelines(line.encode() for line in candump_lines(outcome.bus_log))
     run = outcome.report.run
     write_waveform(
         out / Format.VCD.file_name,

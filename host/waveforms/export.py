@@ -1,6 +1,6 @@
 """Writing a waveform's file in one of the formats that there are."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from host.waveforms.signal import Signal
 from host.waveforms.table import arrays, csv
 from host.waveforms.timebase import TimeScale, Window
 from host.waveforms.vcd import vcd
+from host.whole_file import whole_file
 
 
 class Format(StrEnum):
@@ -25,8 +26,14 @@ class Format(StrEnum):
 
     @property
     def file_name(self) -> str:
-        """Of a file in a run's folder."""
+        """Of a file in a run's folder with the whole of it."""
         return "trace-full.vcd" if self is Format.VCD_FULL else f"trace.{self}"
+
+    @property
+    def part_file_name(self) -> str:
+        """Of a file beside it, with some axes or a window only."""
+        stem, suffix = self.file_name.split(".")
+        return f"{stem}-part.{suffix}"
 
     @property
     def wires_only(self) -> bool:
@@ -37,27 +44,20 @@ class Format(StrEnum):
 def write_waveform(
     path: Path, signals: Sequence[Signal], window: Window, form: Format, scale: TimeScale, title: str
 ) -> None:
-    """Write the file.
+    """Write the file under this very name; if anything is raised, an older one is there as it was.
 
     Raises:
-        InputError: a pulse is too short for the time scale of a VCD file, and nothing is left of the file then; or the
-            library for MCAP files is not installed.
+        InputError: a pulse is too short for the time scale of a VCD file; or the library for MCAP files is not
+            installed.
+        OSError: the file cannot be written.
     """
-    if form is Format.MCAP:
-        write_mcap(path, signals, window)
-    elif form is Format.NPZ:
-        made: dict[str, Any] = arrays(signals, window)
-        np.savez_compressed(path, **made)
-    elif form is Format.CSV:
-        _write(path, csv(signals, window))
-    else:
-        _write(path, vcd(signals, window, scale, title))
-
-
-def _write(path: Path, pieces: Iterator[bytes]) -> None:
-    try:
-        with path.open("wb") as file:
-            file.writelines(pieces)
-    except BaseException:
-        path.unlink(missing_ok=True)
-        raise
+    with whole_file(path) as file:
+        if form is Format.MCAP:
+            write_mcap(file.write, signals, window)
+        elif form is Format.NPZ:
+            made: dict[str, Any] = arrays(signals, window)
+            np.savez_compressed(file, **made)
+        elif form is Format.CSV:
+            file.writelines(csv(signals, window))
+        else:
+            file.writelines(vcd(signals, window, scale, title))

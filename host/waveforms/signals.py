@@ -20,7 +20,7 @@ def wires(evidence: Evidence) -> list[Signal]:
 
 
 def everything(evidence: Evidence, robot: Robot, states: Sequence[Steps]) -> list[Signal]:
-    """All pins of each axis, its drive's state, its driver's count and phases, and the joint's position."""
+    """Each axis' pins that the board drives, its drive's state, its driver's count and phases, the joint's position."""
     return [
         signal
         for axis, joint, state in zip(evidence.axes, robot.joints, states, strict=True)

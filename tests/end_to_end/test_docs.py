@@ -72,7 +72,13 @@ def test_the_commands_for_waveforms(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     for words in commands:
         assert run(words[1:]) == 0, words
     left = {path.relative_to("out").as_posix() for path in Path("out").rglob("*.*")}
-    assert left >= {"helix/trace.vcd", "helix/trace-full.vcd", "helix/trace.csv", "helix/edges.png", "helix/phases.png"}
+    assert left >= {
+        "helix/trace.vcd",
+        "helix/trace-full.vcd",
+        "helix/trace-part.csv",
+        "helix/edges.png",
+        "helix/phases.png",
+    }
     assert "paper/tool-path.pdf" in left
 
 

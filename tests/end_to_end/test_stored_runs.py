@@ -1,6 +1,8 @@
 """`steptwin trace` and `steptwin plot` on what a run has left."""
 
+import errno
 import json
+import os
 import shutil
 from pathlib import Path
 
@@ -8,7 +10,11 @@ import numpy as np
 import pytest
 
 from host.cli.app import run
+from host.cli.trace import FormatChoice
 from host.run_folder import read_edges
+from host.verify.evidence import Int64Array
+from host.waveforms import Steps
+from host.waveforms.signal import Values
 from tests.waveforms.vcd_reader import read_vcd
 
 
@@ -19,6 +25,11 @@ def refusal(capsys: pytest.CaptureFixture[str], *words: str) -> str:
     assert captured.out == ""
     (line,) = captured.err.splitlines()
     return line.removeprefix("steptwin: ")
+
+
+def _with_the_library_of(form: str) -> None:
+    if form == FormatChoice.MCAP:
+        pytest.importorskip("zstandard", reason="the extra `mcap` is not installed")
 
 
 class TestTrace:
@@ -87,18 +98,75 @@ class TestTrace:
 
     def test_goes_into_the_folder_by_default(self, carry_run: Path, capsys: pytest.CaptureFixture[str]) -> None:
         capsys.readouterr()
-        assert run(["trace", str(carry_run), "--format", "csv", "--json", "--to", "0.25"]) == 0
+        assert run(["trace", str(carry_run), "--format", "csv", "--json"]) == 0
         document = json.loads(capsys.readouterr().out)
         assert document["file"] == str(carry_run / "trace.csv")
         assert (carry_run / "trace.csv").is_file()
-        assert document["to_s"] == 0.25
         assert document["signals"][:3] == ["th1_step", "th1_dir", "th1_enable"]
         (carry_run / "trace.csv").unlink()
+
+    @pytest.mark.parametrize("words", [["--from", "0.25"], ["--to", "0.25"], ["--axis", "d3"]])
+    @pytest.mark.parametrize(("form", "name"), [("vcd", "trace-part.vcd"), ("vcd-full", "trace-full-part.vcd")])
+    def test_a_part_leaves_the_file_of_the_whole(
+        self, words: list[str], form: str, name: str, carry_run: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        whole = (carry_run / "trace.vcd").read_bytes()
+        before = {*os.listdir(carry_run)}
+        capsys.readouterr()
+        assert run(["trace", str(carry_run), "--format", form, "--json", *words]) == 0
+        assert json.loads(capsys.readouterr().out)["file"] == str(carry_run / name)
+        assert {*os.listdir(carry_run)} - before == {name}
+        assert (carry_run / "trace.vcd").read_bytes() == whole
+        (carry_run / name).unlink()
+
+    @pytest.mark.parametrize("words", [["--axis", "d3,th2"], ["--axis", "d3", "--axis", " th2"]])
+    def test_axes_as_a_list_or_one_by_one(
+        self, words: list[str], carry_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        capsys.readouterr()
+        assert run(["trace", str(carry_run), "--out", str(tmp_path / "t.vcd"), "--json", *words]) == 0
+        signals = json.loads(capsys.readouterr().out)["signals"]
+        assert list(dict.fromkeys(name.split("_")[0] for name in signals)) == ["th2", "d3"]
+
+    @pytest.mark.parametrize("form", FormatChoice)
+    @pytest.mark.parametrize("name", ["er", "er.vcd"])
+    def test_the_file_has_the_name_that_was_asked_for(
+        self, form: str, name: str, carry_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        _with_the_library_of(form)
+        capsys.readouterr()
+        out = str(tmp_path / name)
+        assert run(["trace", str(carry_run), "--format", form, "--from", "0.9", "--out", out, "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)["file"] == out
+        assert os.listdir(tmp_path) == [name]
+
+    @pytest.mark.parametrize("form", FormatChoice)
+    @pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(errno.ENOSPC, "No space left on device")])
+    def test_broken_off_leaves_the_older_file(
+        self, form: str, error: BaseException, carry_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Amid the writing, when some signals' changes have been read."""
+        _with_the_library_of(form)
+        out = tmp_path / "trace"
+        out.write_bytes(b"old")
+        asked = iter([False] * 3)
+        between = Steps.between
+
+        def broken_off(self: Steps, after: int, until: int) -> tuple[Int64Array, Values]:
+            if next(asked, True):
+                raise error
+            return between(self, after, until)
+
+        monkeypatch.setattr(Steps, "between", broken_off)
+        assert run(["trace", str(carry_run), "--format", form, "--out", str(out)]) in (2, 130)
+        assert os.listdir(tmp_path) == ["trace"]
+        assert out.read_bytes() == b"old"
 
     @pytest.mark.parametrize(
         ("words", "message"),
         [
             (["--axis", "th9"], "--axis 'th9' is unknown: did you mean th4 or th2 or th1?"),
+            (["--axis", "th2,d3", "--axis", "th2"], "--axis th2: is given twice"),
             (["--from", "0.5", "--to", "0.5"], "--from 0.5 s: is not before --to, 0.5 s"),
             (["--from", "2"], "--from 2 s: the record goes from -0.0"),
             (["--to", "-1"], "--to -1 s: the record goes from -0.0"),

@@ -1,10 +1,12 @@
 """A folder read again: what was written comes back, and what cannot be read is said with file and key."""
 
+import errno
 import json
+import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import pytest
@@ -57,6 +59,35 @@ def assert_same(first: object, second: object) -> None:
 def test_evidence_comes_back(tmp_path: Path) -> None:
     write_edges(tmp_path / "edges.npz", EVIDENCE)
     assert_same(read_edges(tmp_path), EVIDENCE)
+
+
+class TestBrokenOff:
+    """What an earlier run has left stays as it was."""
+
+    @pytest.fixture(autouse=True)
+    def _older(self, tmp_path: Path) -> Iterator[None]:
+        path = tmp_path / "file"
+        path.write_bytes(b"old")
+        yield
+        assert {each.name: each.read_bytes() for each in tmp_path.iterdir()} == {"file": b"old"}
+
+    def test_edges(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        def full(file: BinaryIO, **_: object) -> None:
+            file.write(b"half")
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+        monkeypatch.setattr(np, "savez_compressed", full)
+        with pytest.raises(OSError, match="file"):
+            write_edges(tmp_path / "file", EVIDENCE)
+
+    def test_the_motion(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        def interrupted(*_: object) -> str:
+            raise KeyboardInterrupt
+
+        robot = load_robot("teaching-scara")
+        monkeypatch.setattr("host.run_folder.motion.trajectory_row", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            write_motion(tmp_path / "file", plan(robot, make_job(robot, "carry", {})))
 
 
 class TestTheMotion:
