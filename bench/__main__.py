@@ -139,7 +139,7 @@ _TIMING_TITLE = f"Timing error: sines of {timing.SINE_HZ:g} Hz, points every 10 
 _PULSES_TITLE = "Pulse timing: the kernel beside other methods, against the exact crossings of the planned motion"
 _CYCLIC_TITLE = f"Cyclic synchronous position: sines of {timing.SINE_HZ:g} Hz, set-points to the unit"
 _DRIVER_TITLE = f"Drivers: CLK edges looked at, {driver.PULSES} pulses a look; ratio to copying them"
-_WAVEFORM_TITLE = f"Waveforms: {AXES} axes for {waveforms.DURATION_S} s at 14 kHz; ratio to copying the bytes once"
+_WAVEFORM_TITLE = f"Waveforms: {AXES} axes for {waveforms.DURATION_S} s at 14 kHz; ratio to copying the text once"
 _KINEMATICS_TITLE = f"Kinematics: batches of {kinematics.BATCH}, one core; ratio to the sines of all joint values"
 
 if __name__ == "__main__":

@@ -53,7 +53,7 @@ def write_waveform(
     """
     with whole_file(path) as file:
         if form is Format.MCAP:
-            write_mcap(file.write, signals, window)
+            write_mcap(file, signals, window)
         elif form is Format.NPZ:
             made: dict[str, Any] = arrays(signals, window)
             np.savez_compressed(file, **made)

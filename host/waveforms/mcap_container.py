@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from struct import pack
-from typing import Final
+from typing import BinaryIO, Final
 from zlib import crc32
 
 import numpy as np
@@ -71,20 +71,11 @@ class Messages:
 
 
 class McapWriter:
-    """A file that grows: schemas, then channels, then chunks."""
+    """A file that grows: schemas, then channels, then chunks; it need not be one that can be sought in."""
 
-    def __init__(
-        self, write: Callable[[bytes], object], library: str, compression: str, compress: Callable[[bytes], bytes]
-    ) -> None:
-        """Begin a file.
-
-        Args:
-            write: takes its pieces, one behind the other.
-            library: who makes it.
-            compression: what `compress` does, as the specification's registry calls it.
-            compress: of a chunk's records.
-        """
-        self._write_piece = write
+    def __init__(self, file: BinaryIO, library: str, compression: str, compress: Callable[[bytes], bytes]) -> None:
+        """Begin a file of a library; `compression` is the name in the specification's registry of what is done."""
+        self._file = file
         self._compression = compression
         self._compress = compress
         self._written_bytes = 0
@@ -181,7 +172,7 @@ class McapWriter:
     def _write(self, data: bytes) -> int:
         """Return where in the file it begins."""
         begin = self._written_bytes
-        self._write_piece(data)
+        self._file.write(data)
         self._written_bytes += len(data)
         return begin
 

@@ -4,9 +4,9 @@ Times are nanoseconds since power-up. The same run gives the same bytes.
 """
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import chain
-from typing import Final
+from typing import BinaryIO, Final
 
 import numpy as np
 
@@ -27,8 +27,8 @@ _ZSTD_LEVEL: Final = 1
 """The quickest: two thirds of the file are the index of messages, which is not compressed."""
 
 
-def write_mcap(write: Callable[[bytes], object], signals: Sequence[Signal], window: Window) -> None:
-    """Write a file piece by piece; its first messages are the values that all signals have where the window begins.
+def write_mcap(file: BinaryIO, signals: Sequence[Signal], window: Window) -> None:
+    """Write the file; its first messages are the values that all signals have where the window begins.
 
     Raises:
         InputError: the library that compresses is not installed.
@@ -37,7 +37,7 @@ def write_mcap(write: Callable[[bytes], object], signals: Sequence[Signal], wind
         from zstandard import ZstdCompressor
     except ModuleNotFoundError as error:
         raise InputError("mcap: zstandard is not installed (pip install 'steptwin[mcap]')") from error
-    writer = McapWriter(write, "steptwin, SIMULATED", "zstd", ZstdCompressor(level=_ZSTD_LEVEL).compress)
+    writer = McapWriter(file, "steptwin, SIMULATED", "zstd", ZstdCompressor(level=_ZSTD_LEVEL).compress)
     schemas = {kind: writer.add_schema(f"steptwin.{kind.value}", "jsonschema", _schema(kind)) for kind in Kind}
     for signal in signals:
         writer.add_channel(f"/{signal.scope}/{signal.what}", "json", schemas[signal.kind])
