@@ -29,7 +29,7 @@ def refusal(capsys: pytest.CaptureFixture[str], *words: str) -> str:
 
 def _with_the_library_of(form: str) -> None:
     if form == FormatChoice.MCAP:
-        pytest.importorskip("zstandard", reason="the extra `mcap` is not installed")
+        pytest.importorskip("mcap", reason="the extra `mcap` is not installed")
 
 
 class TestTrace:
