@@ -35,6 +35,9 @@ DRIVER_PROFILES: Final = ("chip-100pf", "chip-330pf", "chip-1000pf", "3a-module"
 PHASE_CURRENT_MAX_A: Final = 3.0
 """A TB6560AHQ's operating range."""
 
+OSC_PF_MIN: Final = 64
+"""With less at its OSC pin its oscillator is faster than the 600 kHz of its operating range."""
+
 _TIMING_MIN_NS: Final = {
     "steplen_ns": PULSE_NS_MIN,
     "stepspace_ns": PULSE_NS_MIN,
@@ -191,6 +194,11 @@ class Board:
             if self.osc_pf is None:
                 raise InputError("osc_pf: is missing; it or driver_profile says which drivers there are")
             _require_positive(self, "osc_pf")
+            if self.osc_pf < OSC_PF_MIN:
+                raise InputError(
+                    f"osc_pf: {self.osc_pf} pF makes the TB6560's oscillator faster than its 600 kHz: at least"
+                    f" {OSC_PF_MIN} pF"
+                )
         elif self.driver_profile not in DRIVER_PROFILES:
             raise unknown("driver_profile:", self.driver_profile, DRIVER_PROFILES)
         elif self.osc_pf is not None:

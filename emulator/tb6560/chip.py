@@ -11,6 +11,7 @@ not count.
 """
 
 from dataclasses import dataclass
+from math import ceil
 from typing import Final
 
 import numpy as np
@@ -27,6 +28,9 @@ from emulator.tb6560.thermal import ON_RESISTANCE_OHM, SHUTDOWN_CELSIUS, Cooling
 CLK_RATE_MAX_HZ: Final = 15_000
 PERIOD_MIN_COUNTS: Final = 72_000_000 // CLK_RATE_MAX_HZ
 
+CURRENT_MAX_A: Final = 3.0
+"""Operating range of the AHQ's outputs (pages 6 to 8); 3.5 A, beyond which it is destroyed, are for moments."""
+
 SENSE_OHM: Final = 0.33
 """Resistors at NFA and NFB, for 1.5 A, unless something else is said."""
 
@@ -41,7 +45,10 @@ _LIVE: Final = (Input.VDD, Input.RESET)
 
 
 def _limits(clk_width_counts: int) -> tuple[Limit, ...]:
-    """In the order of the indices above."""
+    """In the order of the indices above.
+
+    OVER_TEMPERATURE is broken where the junction's temperature crosses the limit: its value is the limit.
+    """
     return (
         Limit(Rule.CLK_HIGH, clk_width_counts, Unit.COUNTS, f"{_DATASHEET} 8"),
         Limit(Rule.CLK_PERIOD, PERIOD_MIN_COUNTS, Unit.COUNTS, f"{_DATASHEET} 7"),
@@ -78,12 +85,18 @@ class Tb6560:
     """One chip, at first without supply and with all inputs low: in reset, disabled, direction CW.
 
     Raises:
-        ValueError: a capacitor or resistor that is none.
+        ValueError: a capacitor or resistor that is none, or outside the operating range: its oscillator too fast, its
+            peak current too high.
     """
 
     def __init__(self, osc_pf: float, sense_ohm: float = SENSE_OHM, cooling: Cooling | None = None) -> None:
         if not sense_ohm > 0:
             raise ValueError(f"the sense resistor is {sense_ohm} ohm; it must be positive, for example {SENSE_OHM}")
+        if sense_ohm < SENSE_VOLT / CURRENT_MAX_A:
+            raise ValueError(
+                f"the sense resistor is {sense_ohm:g} ohm, which makes {SENSE_VOLT / sense_ohm:.2f} A: at most"
+                f" {CURRENT_MAX_A:g} A are allowed, {ceil(1000 * SENSE_VOLT / CURRENT_MAX_A) / 1000:g} ohm or more"
+            )
         self.clk_width_min_counts = clk_width_min_counts(osc_pf)
         self.position_steps = 0
         """Steps counted since power-up, through every reset; DIR high counts up."""

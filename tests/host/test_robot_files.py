@@ -9,11 +9,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from emulator import tb6560
 from emulator.driver_module import ClkEdge
 from emulator.driver_profiles import PROFILES
 from host.errors import InputError
 from host.kinematics import make_kinematics
-from host.robot import DRIVER_PROFILES, MICROSTEPS, ActiveEdge, Joint, Output, Robot, Transmission, Unit
+from host.robot import (
+    DRIVER_PROFILES,
+    MICROSTEPS,
+    OSC_PF_MIN,
+    PHASE_CURRENT_MAX_A,
+    ActiveEdge,
+    Joint,
+    Output,
+    Robot,
+    Transmission,
+    Unit,
+)
 from host.robots import load_robot, load_robot_file, parse_robot, robot_names
 
 NAME = "warehouse-scara"
@@ -193,6 +205,12 @@ class TestMistakesInAFile:
                 id="acceleration",
             ),
             pytest.param("osc_pf = 330", "osc_pf = 0", "board.osc_pf: 0 is not above 0", id="board"),
+            pytest.param(
+                "osc_pf = 330",
+                "osc_pf = 63",
+                "board.osc_pf: 63 pF makes the TB6560's oscillator faster than its 600 kHz: at least 64 pF",
+                id="fast oscillator",
+            ),
             pytest.param("osc_pf = 330", "", "board.osc_pf: is missing; it or driver_profile says", id="no driver"),
             pytest.param(
                 "osc_pf = 330",
@@ -339,8 +357,12 @@ class TestDrivers:
         assert (board.osc_pf, board.driver_profile) == (None, name)
         assert (board.current_a, board.active_edge) == (3, ActiveEdge.FALLING)
 
+    def test_the_smallest_capacitor_is_a_choice(self) -> None:
+        assert parse_robot(changed("osc_pf = 330", "osc_pf = 64"), "mine.toml").board.osc_pf == 64
+
     def test_are_those_that_the_emulator_has(self) -> None:
         assert tuple(PROFILES) == DRIVER_PROFILES
+        assert (OSC_PF_MIN, PHASE_CURRENT_MAX_A) == (tb6560.OSC_PF_MIN, tb6560.CURRENT_MAX_A)
         assert [edge.value for edge in ClkEdge] == [edge.value for edge in ActiveEdge]
 
 
