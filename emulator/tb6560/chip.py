@@ -3,8 +3,8 @@
 It counts rising CLK edges; the level of CW/CCW at the edge gives the direction (page 10). RESET low forces the initial
 state and ignores CLK; ENABLE low switches only the outputs off while the counter follows CLK (page 11). Operating
 range: CLK up to 15 kHz (page 7), high for at least t_W(CLK) (page 8). M1 and M2 change only in reset (page 15). VDD
-comes first, then VM, then the inputs, RESET and ENABLE last; off in reverse (page 28). CW/CCW has no setup or hold
-time in the datasheet.
+comes first, then VM, then the inputs, RESET and ENABLE last; off in reverse (page 28). CLK and CW/CCW are inputs as
+well; CLK, which comes as pulses, is judged by its rises. CW/CCW has no setup or hold time in the datasheet.
 
 Outside the operating range nothing is guaranteed. The model takes the worst case: a pulse that breaks a limit does
 not count.
@@ -12,7 +12,7 @@ not count.
 
 from dataclasses import dataclass
 from math import ceil
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,13 +35,33 @@ SENSE_OHM: Final = 0.33
 """Resistors at NFA and NFB, for 1.5 A, unless something else is said."""
 
 _DATASHEET: Final = "TB6560AHQ datasheet, page"
-_CLK_WIDTH, _CLK_PERIOD, _MODE, _VM_FIRST, _INPUT_FIRST, _VDD_LAST, _HOT = range(7)
+_CLK_WIDTH, _CLK_PERIOD, _MODE, _VM_RISES, _INPUT_RISES, _VM_FALLS, _VDD_FALLS, _HOT = range(8)
 _LATE_COUNTS: Final = COUNTS_PER_MS
 """So much later than pulses that it precedes a change of an input may come: the firmware computes a tick ahead."""
 
 _SUPPLIES: Final = (Input.VDD, Input.VM)
 _LIVE: Final = (Input.VDD, Input.RESET)
 """What has to be high for CLK to be heard."""
+_INPUTS: Final = tuple(pin for pin in Input if pin not in _SUPPLIES)
+
+
+class _PowerStep(NamedTuple):
+    """A step of the power sequence: as one of `pins` takes `level`, all of `others` have to be at `needed`."""
+
+    pins: tuple[Input, ...]
+    level: int
+    others: tuple[Input, ...]
+    needed: int
+    said: str
+
+
+_POWER_STEPS: Final = {
+    _VM_RISES: _PowerStep((Input.VM,), 1, (Input.VDD,), 1, "level of VDD as VM rises"),
+    _INPUT_RISES: _PowerStep(_INPUTS, 1, (Input.VM,), 1, "level of VM as an input rises"),
+    _VM_FALLS: _PowerStep((Input.VM,), 0, _INPUTS, 0, "level of an input as VM falls"),
+    _VDD_FALLS: _PowerStep((Input.VDD,), 0, (Input.VM,), 0, "level of VM as VDD falls"),
+}
+"""Page 28, on and off. Of CLK and CW/CCW, which are no `Input`, `_check_edges` takes care."""
 
 
 def _limits(clk_width_counts: int) -> tuple[Limit, ...]:
@@ -53,9 +73,10 @@ def _limits(clk_width_counts: int) -> tuple[Limit, ...]:
         Limit(Rule.CLK_HIGH, clk_width_counts, Unit.COUNTS, f"{_DATASHEET} 8"),
         Limit(Rule.CLK_PERIOD, PERIOD_MIN_COUNTS, Unit.COUNTS, f"{_DATASHEET} 7"),
         Limit(Rule.MODE_CHANGE, 0, Unit.LEVEL, f"{_DATASHEET} 15, level of RESET"),
-        Limit(Rule.POWER_ORDER, 1, Unit.LEVEL, f"{_DATASHEET} 28, level of VDD as VM rises"),
-        Limit(Rule.POWER_ORDER, 1, Unit.LEVEL, f"{_DATASHEET} 28, level of VM as an input rises"),
-        Limit(Rule.POWER_ORDER, 0, Unit.LEVEL, f"{_DATASHEET} 28, level of VM as VDD falls"),
+        *(
+            Limit(Rule.POWER_ORDER, step.needed, Unit.LEVEL, f"{_DATASHEET} 28, {step.said}")
+            for step in _POWER_STEPS.values()
+        ),
         Limit(Rule.OVER_TEMPERATURE, SHUTDOWN_CELSIUS, Unit.CELSIUS, "TB6560AHQ datasheet, pages 6 to 8"),
     )
 
@@ -126,9 +147,17 @@ class Tb6560:
         Returns:
             When each step was counted and which way, +1 or -1, as in `steps`.
         """
-        was_live = self._live
-        live_edges = [(change.counts, self._live) for change in pins.changes if self._take(change)]
+        was_live, was_supplied = self._live, self._levels[Input.VM]
+        live_edges: list[tuple[int, int]] = []
+        vm_edges: list[tuple[int, int]] = []
+        for change in filter(self._take, pins.changes):
+            if change.pin in _LIVE:
+                live_edges.append((change.counts, self._live))
+            elif change.pin is Input.VM:
+                vm_edges.append((change.counts, change.level))
         steps = self._count(pins, was_live, live_edges) if pins.clk_rise_counts.size else (NO_COUNTS, NO_LEVELS)
+        if vm_edges or not was_supplied:
+            self._check_edges(pins, vm_edges, was_supplied)
         if pins.dir_levels.size:
             self._dir_level = int(pins.dir_levels[-1])
         self._until_counts = max(self._until_counts, pins.until_counts)
@@ -163,7 +192,7 @@ class Tb6560:
         return rises, signs
 
     def _take(self, change: LevelChange) -> bool:
-        """Take one input's new level; return whether it may decide on whether CLK is heard."""
+        """Take one input's level; return whether it is a new one."""
         counts, pin, level = change
         if self._levels[pin] == level:
             return False
@@ -173,19 +202,25 @@ class Tb6560:
         self._junction.heat(counts, self._power_w())
         if pin in _LIVE:
             self._junction.release(counts)
-        return pin in _LIVE
+        return True
 
     def _check(self, change: LevelChange) -> None:
         counts, pin, level = change
-        vdd, vm = (self._levels[supply] for supply in _SUPPLIES)
         if pin in (Input.M1, Input.M2) and self._live:
             self._log.note_one(_MODE, counts, self._levels[Input.RESET])
-        if pin is Input.VM and level > vdd:
-            self._log.note_one(_VM_FIRST, counts, vdd)
-        if pin is Input.VDD and level < vm:
-            self._log.note_one(_VDD_LAST, counts, vm)
-        if pin not in _SUPPLIES and level > vm:
-            self._log.note_one(_INPUT_FIRST, counts, vm)
+        for limit, step in _POWER_STEPS.items():
+            out_of_order = any(self._levels[other] != step.needed for other in step.others)
+            if pin in step.pins and level == step.level and out_of_order:
+                self._log.note_one(limit, counts, 1 - step.needed)
+
+    def _check_edges(self, pins: Pins, vm_edges: list[tuple[int, int]], was_supplied: int) -> None:
+        """CLK and CW/CCW in the power sequence: no rise without VM, and CW/CCW low as VM falls."""
+        for rises in (pins.clk_rise_counts, pins.dir_counts[pins.dir_levels == 1]):
+            unsupplied = rises[~_levels_of(rises, vm_edges, was_supplied)]
+            self._log.note(_INPUT_RISES, unsupplied, np.zeros_like(unsupplied))
+        falls = np.array([counts for counts, level in vm_edges if not level], dtype=np.int64)
+        high = falls[levels_at(falls, pins.dir_counts, pins.dir_levels, self._dir_level) == 1]
+        self._log.note(_VM_FALLS, high, np.ones_like(high))
 
     def _power_w(self) -> float:
         """What the outputs dissipate if they are on."""

@@ -84,6 +84,7 @@ class TestDatasheet:
             ("MODE_CHANGE", 0, "TB6560AHQ datasheet, page 15, level of RESET"),
             ("POWER_ORDER", 1, "TB6560AHQ datasheet, page 28, level of VDD as VM rises"),
             ("POWER_ORDER", 1, "TB6560AHQ datasheet, page 28, level of VM as an input rises"),
+            ("POWER_ORDER", 0, "TB6560AHQ datasheet, page 28, level of an input as VM falls"),
             ("POWER_ORDER", 0, "TB6560AHQ datasheet, page 28, level of VM as VDD falls"),
             ("OVER_TEMPERATURE", 170, "TB6560AHQ datasheet, pages 6 to 8"),
         ]
@@ -188,6 +189,47 @@ class TestPowerOrder:
 
     def test_vdd_off_before_vm(self) -> None:
         assert self.rules_and_margins(*at(0, VDD=1, VM=1), *at(1, VDD=0)) == [(Rule.POWER_ORDER, 1)]
+
+    @pytest.mark.parametrize("pin", ["RESET", "ENABLE", "M1", "TQ2", "DCY1"])
+    def test_vm_off_before_an_input(self, pin: str) -> None:
+        on = (*at(0, VDD=1, VM=1), *at(1, **{pin: 1}))
+        assert self.rules_and_margins(*on, *at(2, VM=0), *at(3, **{pin: 0}), *at(4, VDD=0)) == [(Rule.POWER_ORDER, 1)]
+        assert self.rules_and_margins(*on, *at(2, **{pin: 0}), *at(3, VM=0), *at(4, VDD=0)) == []
+
+    def test_both_supplies_off_before_all_inputs(self) -> None:
+        """Said once for VM's fall, however many inputs are high; VDD falls after VM."""
+        chip = Tb6560(330)
+        chip.feed(pins(changes=(*POWER_UP, *at(10, VM=0), *at(20, VDD=0))))
+        found = chip.violations
+        assert (found.counts.tolist(), found.values.tolist()) == ([10], [1])
+        assert "page 28, level of an input as VM falls" in found.limits[found.which[0]].source
+
+    @pytest.mark.parametrize(("dir_falls", "times"), [(10, 0), (11, 1)])
+    def test_vm_off_before_direction(self, dir_falls: int, times: int) -> None:
+        chip = Tb6560(330)
+        changes = (*POWER_UP, *at(10, ENABLE=0, RESET=0, VM=0), *at(20, VDD=0))
+        chip.feed(pins(directions=[(5, 1), (dir_falls, 0)], changes=changes))
+        assert chip.violations.rules() == [Rule.POWER_ORDER] * times
+        assert chip.violations.counts.tolist() == [10] * times
+
+    @pytest.mark.parametrize("pieces", [[], [9_000], [11_000, 25_000]])
+    @pytest.mark.parametrize("supplies", [(), ("VDD",)])
+    def test_clk_and_direction_before_vm(self, supplies: tuple[str, ...], pieces: list[int]) -> None:
+        """Two pulses and DIR's rise too soon, the third pulse at the very count of VM."""
+        chip = Tb6560(330)
+        up = (*at(0, **dict.fromkeys(supplies, 1)), *at(30_000, **dict.fromkeys(("VDD", "VM"), 1)))
+        for piece in cut(pins([10_000, 20_000, 30_000], directions=[(5_000, 1)], changes=up), pieces):
+            chip.feed(piece)
+        found = chip.violations
+        assert sorted(found.counts.tolist()) == [5_000, 10_000, 20_000]
+        assert set(zip(found.rules(), found.margins().tolist(), strict=True)) == {(Rule.POWER_ORDER, -1)}
+        assert chip.position_steps == 0
+
+    def test_clk_after_vm(self) -> None:
+        """Also where VDD is left, with which the counter counts on."""
+        chip = powered()
+        chip.feed(pins([10_000, 20_000, 30_000], changes=at(20_000, RESET=0, ENABLE=0, VM=0)))
+        assert chip.violations.counts.tolist() == [20_000, 30_000]
 
     @pytest.mark.parametrize("pin", ["RESET", "ENABLE", "M1", "TQ2", "DCY1"])
     def test_an_input_before_vm(self, pin: str) -> None:
