@@ -284,9 +284,8 @@ class Board:
         until_counts = self.firmware.motion.tick * TICK_COUNTS
         all_edges = self.firmware.motion.take_edges()
         if power_off_counts is not None:
-            all_edges = [
-                _cut_off(*of_axis, power_off_counts) for of_axis in zip(all_edges, self._dir_levels, strict=True)
-            ]
+            befores = zip(all_edges, self._dir_levels, strict=True)
+            all_edges = tuple(_cut_off(edges, dir_level, power_off_counts) for edges, dir_level in befores)
         for axis, edges in enumerate(all_edges):
             driver, moved = self._drivers[axis], len(edges.clk_counts) or len(edges.direction)
             if not (moved or self._input_changes[axis] or driver.waiting):

@@ -209,8 +209,9 @@ class Tb6560:
         if pin in (Input.M1, Input.M2) and self._live:
             self._log.note_one(_MODE, counts, self._levels[Input.RESET])
         for limit, step in _POWER_STEPS.items():
-            out_of_order = any(self._levels[other] != step.needed for other in step.others)
-            if pin in step.pins and level == step.level and out_of_order:
+            if level != step.level or pin not in step.pins:
+                continue
+            if any(self._levels[other] != step.needed for other in step.others):
                 self._log.note_one(limit, counts, 1 - step.needed)
 
     def _check_edges(self, pins: Pins, vm_edges: list[tuple[int, int]], was_supplied: int) -> None:
