@@ -201,7 +201,7 @@ class Tb6560:
         self._changes.append(change)
         self._junction.heat(counts, self._power_w())
         if pin in _LIVE:
-            self._junction.release(counts)
+            self._junction.reset(counts, low=not self._live)
         return True
 
     def _check(self, change: LevelChange) -> None:
@@ -296,7 +296,7 @@ class Tb6560:
     def protect_stays_until(self, counts: int) -> int | None:
         """Up to when Protect stays as it is at an instant, whatever CLK and inputs do but RESET and VDD; None: always.
 
-        As good as that is known: the nearer to it, the better.
+        As good as that is known: the nearer to it, the better. A shutdown's end is known exactly.
         """
         return self._junction.shutdown_not_before(counts, self._dissipated_w(phases=2, torque_percent=100))
 
