@@ -32,6 +32,9 @@ OUTPUTS_PER_AXIS: Final = len(DigitalOutput)
 DRIVER_PROFILES: Final = ("chip-100pf", "chip-330pf", "chip-1000pf", "3a-module", "slow-blue-board")
 """The drivers that the emulated board can have."""
 
+DRIVER_SETTINGS: Final = ("current_a", "active_edge")
+"""What a file may say about how its drivers are set."""
+
 PHASE_CURRENT_MAX_A: Final = 3.0
 """A TB6560AHQ's operating range."""
 
