@@ -41,7 +41,13 @@ def fitted_module(board: Board, profile: DriverProfile, microsteps: int) -> Modu
         return profile.fitted(microsteps)
     edge = board.active_edge
     try:
-        return profile.fitted(microsteps, board.current_a, ClkEdge(edge) if edge else None)
+        return profile.fitted(
+            microsteps,
+            board.current_a,
+            ClkEdge(edge) if edge else None,
+            idle_percent=board.idle_percent,
+            fast_decay_percent=board.fast_decay_percent,
+        )
     except ValueError as error:
         raise InputError(f"board.current_a: {error}") from error
 

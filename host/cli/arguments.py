@@ -26,7 +26,7 @@ DriverProfileName = Annotated[
         metavar="NAME",
         help="The drivers that the emulated board really has, without telling planner or firmware: chip-100pf,"
         " chip-330pf, chip-1000pf, 3a-module or slow-blue-board. Others than the robot's file names are set as is usual"
-        " with them, whatever it says of current_a and active_edge.",
+        " with them, whatever it says of current_a and the like.",
     ),
 ]
 

@@ -229,6 +229,13 @@ class TestSwitches:
         currents = np.abs(driver.outputs.currents_a(times)[:, 0]) / full_a
         assert currents.tolist() == pytest.approx([1, 1, expected, expected, 1, expected])
 
+    @pytest.mark.parametrize(("idle", "fast_decay"), [(20, None), (None, 25)])
+    def test_are_only_where_there_are_some(self, idle: int | None, fast_decay: int | None) -> None:
+        module = THREE_AMP_MODULE.fitted(16, idle_percent=idle, fast_decay_percent=fast_decay)
+        assert module.switches != THREE_AMP.switches
+        with pytest.raises(ValueError, match="slow-blue-board has no switches"):
+            SLOW_BLUE_BOARD.fitted(16, idle_percent=idle, fast_decay_percent=fast_decay)
+
     def test_idle_current_begins_after_power_up_without_a_step(self) -> None:
         driver = driven(THREE_AMP, pins(until=1000 * MS))
         full, less = np.abs(driver.outputs.currents_a(np.array([499 * MS, 501 * MS])))[:, 0].tolist()
