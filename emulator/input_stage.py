@@ -273,9 +273,7 @@ class InputStage:
     # --- inputs that are held at a level
 
     def _arrived_changes(self, rises: Int64Array, arrived_counts: int) -> tuple[LevelChange, ...]:
-        """In order of time; at one instant ENABLE falls before the supply does, and rises after it."""
-        off, on = ([change for change in self._enable_changes if change.level == level] for level in (0, 1))
-        waiting = sorted((*off, *self._changes, *on), key=lambda change: change.counts)
+        waiting = sorted((*self._changes, *self._enable_changes), key=lambda change: change.counts)
         self._changes = [change for change in self._changes if change.counts >= arrived_counts]
         self._enable_changes = [change for change in self._enable_changes if change.counts >= arrived_counts]
         arrived = tuple(change for change in waiting if change.counts < arrived_counts)
