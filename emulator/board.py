@@ -39,6 +39,9 @@ WIRING = {
 SUPPLIES = (Input.VDD, Input.VM)
 """In the order in which the board switches them on."""
 
+_FIRST_OFF = (Pin.ENABLE, Pin.RESET)
+"""The pins that fall before all others as the power goes: M1 and M2 change in reset only."""
+
 
 @dataclass(frozen=True, slots=True)
 class BoardConfig:
@@ -99,6 +102,7 @@ class Board:
         self.pin_changes: list[PinChange] = []
         """Every change of the pins that the firmware holds at a level, as far as nobody has taken them."""
         self._pin_levels: dict[tuple[int, Pin], int] = {}
+        self._dir_levels = [0] * config.axis_count
 
     def _power_up(self) -> None:
         """Firmware and CAN controller as they are with power."""
@@ -125,14 +129,15 @@ class Board:
     def power_cycle(self, now_counts: int) -> None:
         """Switch the supply off and on: all pins fall, the firmware begins anew. Motors and clock stay as they are.
 
-        `can` is another one afterwards, which nobody has attached to the bus yet.
+        `can` is another one afterwards, which nobody has attached to the bus yet. A pulse that has begun still ends,
+        since no supply is gone within microseconds; what would come after it does not.
         """
         self._take_pins()
+        high = (place for place, level in self._pin_levels.items() if level)
+        for axis, pin in sorted(high, key=lambda place: place[1] not in _FIRST_OFF):
+            self._note_pin(PinChange(now_counts, axis, pin, 0))
         self._supply(reversed(SUPPLIES), now_counts, 0)
-        for (axis, pin), level in list(self._pin_levels.items()):
-            if level:
-                self._note_pin(PinChange(now_counts, axis, pin, 0))
-        self.drain()
+        self._show(power_off_counts=now_counts)
         self._power_up()
         self.firmware.advance(now_counts)
         self._heat_due_tick = self._next_heat_tick()
@@ -272,8 +277,16 @@ class Board:
     def drain(self) -> None:
         """Show the drivers all pulses placed so far."""
         self._take_pins()
+        self._show()
+
+    def _show(self, power_off_counts: int | None = None) -> None:
+        """Show the drivers what is new at their terminals; of the pulses those up to an instant, if DIR falls there."""
         until_counts = self.firmware.motion.tick * TICK_COUNTS
-        for axis, edges in enumerate(self.firmware.motion.take_edges()):
+        all_edges = self.firmware.motion.take_edges()
+        if power_off_counts is not None:
+            befores = zip(all_edges, self._dir_levels, strict=True)
+            all_edges = tuple(_cut_off(edges, dir_level, power_off_counts) for edges, dir_level in befores)
+        for axis, edges in enumerate(all_edges):
             driver, moved = self._drivers[axis], len(edges.clk_counts) or len(edges.direction)
             if not (moved or self._input_changes[axis] or driver.waiting):
                 continue
@@ -282,6 +295,7 @@ class Board:
             self._inputs.counted(axis, *driver.feed(pins), held_pulses=driver.held_pulses)
             if moved:
                 self._pins[axis].append(pins)
+                self._dir_levels[axis] = int(pins.dir_levels[-1]) if pins.dir_levels.size else self._dir_levels[axis]
 
     def _monitor(self, axis: int) -> DriverMonitor:
         """What has become of an axis' pulses since power-up, those of the tick in progress included."""
@@ -370,6 +384,15 @@ def _pins(edges: PinEdges, changes: list[LevelChange], until_counts: int) -> Pin
         changes=tuple(changes),
         until_counts=until_counts,
     )
+
+
+def _cut_off(edges: PinEdges, dir_level: int, counts: int) -> PinEdges:
+    """The pulses that begin before an instant, in which DIR falls if it is high; before them all it was at a level."""
+    clk, direction = _array(edges.clk_counts), _array(edges.direction)
+    direction = direction[direction >> 1 < counts]
+    if direction[-1] & 1 if direction.size else dir_level:
+        direction = np.append(direction, counts << 1)
+    return PinEdges(clk[: 2 * int(np.searchsorted(clk[0::2], counts))], direction)
 
 
 def _array(values: list[int] | Int64Array) -> NDArray[np.int64]:

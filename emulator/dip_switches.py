@@ -40,6 +40,9 @@ CURRENT_SETTINGS: Final = (
     CurrentSetting(3.0, sw1=True, sw2=True, sw3=True, s1=False),
 )
 
+IDLE_PERCENT: Final = (20, 50)
+"""Current at standstill, in percent of the full one, by S2."""
+
 _SENSE_OHM: Final = {"sw1": 0.33, "sw2": 0.5, "sw3": 1.2}
 
 
@@ -99,7 +102,7 @@ def switches_for(current_a: float, microsteps: int, fast_decay_percent: int = 0,
         raise ValueError(f"{current_a:g} A is none of the module's settings: the nearest are {choices}")
     m2, m1 = _levels(EXCITATIONS, microsteps, "steps of a full step")
     dcy2, dcy1 = _levels(FAST_DECAY_PERCENT, fast_decay_percent, "% of fast decay")
-    if idle_percent not in (20, 50):
+    if idle_percent not in IDLE_PERCENT:
         raise ValueError(f"{idle_percent} % at standstill is neither 20 % nor 50 %")
     return DipSwitches(current, s2=idle_percent == 50, s3=bool(m1), s4=bool(m2), s5=bool(dcy1), s6=bool(dcy2))
 

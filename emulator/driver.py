@@ -10,7 +10,7 @@ class Driver:
     """Takes what the board puts on the driver's terminals, without supply and all low at first.
 
     Raises:
-        ValueError: a capacitor or resistor that is none.
+        ValueError: a capacitor or resistor with which the chip is outside its operating range.
     """
 
     def __init__(self, osc_pf: float, module: Module) -> None:

@@ -23,6 +23,8 @@ class DriverProfile:
         module: what is around the chip, but for the switches.
         switched: whether the module has the switches of `dip_switches`.
         current_a: phase current at full torque, unless something else is asked for.
+        idle_percent: with switches, part of it that is left at standstill, unless something else is asked for.
+        fast_decay_percent: with switches, part of each chopping period with fast decay, likewise.
     """
 
     name: str
@@ -31,17 +33,31 @@ class DriverProfile:
     module: Module
     switched: bool = False
     current_a: float = 1.5
+    idle_percent: int = 50
+    fast_decay_percent: int = 0
 
-    def fitted(self, microsteps: int, current_a: float | None = None, active_edge: ClkEdge | None = None) -> Module:
-        """The module of one axis, set for its excitation mode and current.
+    def fitted(
+        self,
+        microsteps: int,
+        current_a: float | None = None,
+        active_edge: ClkEdge | None = None,
+        *,
+        idle_percent: int | None = None,
+        fast_decay_percent: int | None = None,
+    ) -> Module:
+        """The module of one axis, set for its excitation mode; None is what is usual with it.
 
         Raises:
-            ValueError: the switches have no such setting.
+            ValueError: the switches have no such setting, or there are none for it.
         """
         current_a = self.current_a if current_a is None else current_a
+        idle = self.idle_percent if idle_percent is None else idle_percent
+        fast_decay = self.fast_decay_percent if fast_decay_percent is None else fast_decay_percent
+        if not self.switched and (idle_percent, fast_decay_percent) != (None, None):
+            raise ValueError(f"{self.name} has no switches for its current at standstill and for its decay")
         return replace(
             self.module,
-            switches=switches_for(current_a, microsteps) if self.switched else None,
+            switches=switches_for(current_a, microsteps, fast_decay, idle) if self.switched else None,
             sense_ohm=SENSE_VOLT / current_a,
             active_edge=active_edge or self.module.active_edge,
         )

@@ -2,6 +2,9 @@
 
 To know what becomes of a pulse the stage needs to see what follows it: for so long as the module's requirements reach.
 So it holds everything back until its fate is certain, and cutting the input into other pieces changes nothing.
+
+Its parts live from the supply of the chip: as VM falls, ENABLE and CW/CCW at the chip are low already, whatever the
+terminals have, and ENABLE gets there again only once VM is up.
 """
 
 from typing import Final, NamedTuple
@@ -63,6 +66,8 @@ class InputStage:
         self._chip_dir_level = 0
         self._changes: list[LevelChange] = []
         self._enable_changes: list[LevelChange] = []
+        self._enable_level = self._supplied = 0
+        """EN at the terminal, and VM."""
         self._switchboard = Switchboard(module.switches, module.idle_ms) if module.switches else None
         self._passed: list[Int64Array] = []
         self._origins: list[Int64Array] = []
@@ -134,17 +139,17 @@ class InputStage:
         pulses = self._not_lost(settled)
         rises = pulses.edges + self._clk.to_high
         levels = self._levels(pulses.edges, rises)
-        turned = np.diff(levels, prepend=np.int8(self._chip_dir_level)) != 0
-        self._chip_dir_level = int(levels[-1]) if levels.size else self._chip_dir_level
+        changes = self._arrived_changes(rises, arrived_counts)
+        dir_counts, dir_levels = self._chip_direction(rises, levels, changes)
         self._passed.append(rises)
         self._origins.append(pulses.origins)
         self._forget(settled.edges.size, arrived_counts)
         return Pins(
             clk_rise_counts=rises,
             clk_fall_counts=rises + pulses.high_counts + (self._clk.to_low - self._clk.to_high),
-            dir_counts=rises[turned],
-            dir_levels=levels[turned],
-            changes=self._arrived_changes(rises, arrived_counts),
+            dir_counts=dir_counts,
+            dir_levels=dir_levels,
+            changes=changes,
             until_counts=arrived_counts,
         )
 
@@ -162,12 +167,28 @@ class InputStage:
 
     def _remember_change(self, change: LevelChange) -> None:
         if change.pin is Input.ENABLE:
-            late = change._replace(counts=change.counts + self._enable.of(change.level))
-            while self._enable_changes and self._enable_changes[-1].counts >= late.counts:
-                self._enable_changes.pop()  # over before it got through
-            self._enable_changes.append(late)
-        else:
-            self._changes.append(change)
+            self._enable_level = change.level
+            if self._supplied:
+                self._remember_enable(change)
+            return
+        if change.pin is Input.VM and change.level != self._supplied:
+            self._supplied = change.level
+            if not change.level:
+                self._drop_enable(change.counts)
+                self._changes.append(LevelChange(change.counts, Input.ENABLE, 0))
+            elif self._enable_level:
+                self._remember_enable(LevelChange(change.counts, Input.ENABLE, 1))
+        self._changes.append(change)
+
+    def _remember_enable(self, change: LevelChange) -> None:
+        late = change._replace(counts=change.counts + self._enable.of(change.level))
+        self._drop_enable(late.counts)
+        self._enable_changes.append(late)
+
+    def _drop_enable(self, counts: int) -> None:
+        """Changes of ENABLE that were over before they got through."""
+        while self._enable_changes and self._enable_changes[-1].counts >= counts:
+            self._enable_changes.pop()
 
     def _forget(self, pulses: int, arrived_counts: int) -> None:
         """All pulses that were settled, and DIR edges that no later pulse has to do with."""
@@ -220,6 +241,18 @@ class InputStage:
         unset = self._broken(_SETUP, edges, before)
         unheld = self._broken(_HOLD, edges, before + 1)
         return np.where(unset, late, np.where(unheld, early, read))
+
+    def _chip_direction(
+        self, rises: Int64Array, levels: Int8Array, changes: tuple[LevelChange, ...]
+    ) -> tuple[Int64Array, Int8Array]:
+        """The edges of CW/CCW at the chip: as it is read with each rise of CLK, and low as VM falls."""
+        off = [change.counts for change in changes if change.pin is Input.VM and not change.level]
+        if off:
+            at = np.searchsorted(rises, off)
+            rises, levels = np.insert(rises, at, off), np.insert(levels, at, np.zeros(len(off), np.int8))
+        turned = np.diff(levels, prepend=np.int8(self._chip_dir_level)) != 0
+        self._chip_dir_level = int(levels[-1]) if levels.size else self._chip_dir_level
+        return rises[turned], levels[turned]
 
     def _broken(self, limit: int, edges: Int64Array, turns: NDArray[np.intp]) -> NDArray[np.bool_]:
         """Which active edges are too near to a DIR edge, given by its index, which may be out of range; noted."""

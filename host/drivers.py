@@ -9,7 +9,7 @@ from emulator.edges import COUNTS_PER_US, NO_COUNTS, NO_LEVELS, Int64Array
 from emulator.tb6560 import Outputs, Unit, Violations
 from host.errors import InputError
 from host.inputs import unknown
-from host.robot import Board, Robot
+from host.robot import DRIVER_SETTINGS, Board
 from host.verify import DriverLimit, DriverViolations, Phases
 
 _SCALES = {Unit.COUNTS: ("us", 1 / COUNTS_PER_US), Unit.LEVEL: ("level", 1), Unit.CELSIUS: ("degC", 1)}
@@ -31,21 +31,36 @@ def driver_profile(board: Board, instead: str | None = None) -> DriverProfile:
     return PROFILES[name]
 
 
-def fitted_modules(robot: Robot, profile: DriverProfile, *, as_filed: bool) -> tuple[Module, ...]:
-    """A module for each joint; `as_filed` with the current and the active edge that the robot's file asks for.
+def fitted_module(board: Board, profile: DriverProfile, microsteps: int) -> Module:
+    """The module of an axis, set as the robot's file says where these are its own drivers, else as usual with them.
 
     Raises:
         InputError: the module cannot be set so.
     """
-    current_a = robot.board.current_a if as_filed else None
-    edge = robot.board.active_edge if as_filed else None
+    if profile != driver_profile(board):
+        return profile.fitted(microsteps)
+    edge = board.active_edge
     try:
-        return tuple(
-            profile.fitted(joint.transmission.microsteps, current_a, ClkEdge(edge) if edge else None)
-            for joint in robot.joints
+        return profile.fitted(
+            microsteps,
+            board.current_a,
+            ClkEdge(edge) if edge else None,
+            idle_percent=board.idle_percent,
+            fast_decay_percent=board.fast_decay_percent,
         )
     except ValueError as error:
         raise InputError(f"board.current_a: {error}") from error
+
+
+def settings_left_out(board: Board, instead: str | None) -> tuple[str, ...]:
+    """The keys by which a robot's file sets its drivers, if it has others instead, which they say nothing about.
+
+    Raises:
+        InputError: there are none of this name.
+    """
+    if driver_profile(board, instead) == driver_profile(board):
+        return ()
+    return tuple(key for key in DRIVER_SETTINGS if getattr(board, key) is not None)
 
 
 def violations_evidence(violations: Violations) -> DriverViolations:

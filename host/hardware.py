@@ -8,7 +8,7 @@ import numpy as np
 from controller.pins import Pin, PinChange
 from emulator.board import AxisTrace, BoardConfig
 from emulator.switches import Switch
-from host.drivers import driver_profile, fitted_modules, phases_evidence, violations_evidence
+from host.drivers import driver_profile, fitted_module, phases_evidence, violations_evidence
 from host.robot import Joint, Robot
 from host.verify import AxisEvidence, LevelEdges
 from protocol.cia402 import DigitalInput
@@ -19,7 +19,7 @@ from protocol.objects import UNITS_PER_FULL_STEP
 def board_config(robot: Robot, joints: Sequence[float], driver_profile_name: str | None = None) -> BoardConfig:
     """The board that drives a robot, an axis for each joint, in a machine that stands at `joints`, mm and degrees.
 
-    By a name it has other drivers than the robot's file says.
+    By a name it has other drivers than the robot's file says; the file's settings of drivers are for its own alone.
 
     Raises:
         InputError: there are no such drivers, or they cannot be set as the robot needs them.
@@ -36,7 +36,7 @@ def board_configs(
         raise ValueError(f"{axes_per_board} are not the {len(robot.joints)} axes of the robot")
     start_steps = standing_steps(robot, joints)
     profile = driver_profile(robot.board, driver_profile_name)
-    modules = fitted_modules(robot, profile, as_filed=driver_profile_name is None)
+    modules = tuple(fitted_module(robot.board, profile, joint.transmission.microsteps) for joint in robot.joints)
     configs: list[BoardConfig] = []
     for axes in axes_per_board:
         first = sum(config.axis_count for config in configs)

@@ -32,8 +32,20 @@ OUTPUTS_PER_AXIS: Final = len(DigitalOutput)
 DRIVER_PROFILES: Final = ("chip-100pf", "chip-330pf", "chip-1000pf", "3a-module", "slow-blue-board")
 """The drivers that the emulated board can have."""
 
+SWITCHED_PROFILES: Final = ("3a-module",)
+"""The drivers with switches of their own."""
+
+SWITCH_CHOICES: Final = {"idle_percent": (20, 50), "fast_decay_percent": (0, 25, 50, 100)}
+"""What these can be set to, but for currents and microsteps."""
+
+DRIVER_SETTINGS: Final = ("current_a", "active_edge", *SWITCH_CHOICES)
+"""What a file may say about how its drivers are set."""
+
 PHASE_CURRENT_MAX_A: Final = 3.0
 """A TB6560AHQ's operating range."""
+
+OSC_PF_MIN: Final = 64
+"""With less at its OSC pin its oscillator is faster than the 600 kHz of its operating range."""
 
 _TIMING_MIN_NS: Final = {
     "steplen_ns": PULSE_NS_MIN,
@@ -154,6 +166,8 @@ class Board:
         driver_profile: which drivers the board has; None for TB6560s on the board itself.
         current_a: phase current at full torque; None for what is usual with the drivers.
         active_edge: which edge of STEP is the step; None for what is usual with the drivers.
+        idle_percent: part of the current that is left at standstill, for drivers with a switch for it; None: as usual.
+        fast_decay_percent: part of each chopping period in which the current decays fast, likewise.
 
     Raises:
         InputError: a number out of range, or pulses too long for the step rate.
@@ -169,6 +183,8 @@ class Board:
     driver_profile: str | None = None
     current_a: float | None = None
     active_edge: ActiveEdge | None = None
+    idle_percent: int | None = None
+    fast_decay_percent: int | None = None
 
     def __post_init__(self) -> None:
         self._check_drivers()
@@ -191,12 +207,29 @@ class Board:
             if self.osc_pf is None:
                 raise InputError("osc_pf: is missing; it or driver_profile says which drivers there are")
             _require_positive(self, "osc_pf")
+            if self.osc_pf < OSC_PF_MIN:
+                raise InputError(
+                    f"osc_pf: {self.osc_pf} pF makes the TB6560's oscillator faster than its 600 kHz: at least"
+                    f" {OSC_PF_MIN} pF"
+                )
         elif self.driver_profile not in DRIVER_PROFILES:
             raise unknown("driver_profile:", self.driver_profile, DRIVER_PROFILES)
         elif self.osc_pf is not None:
             raise InputError(f"osc_pf: driver_profile {self.driver_profile} says already what is at OSC")
         if self.current_a is not None and not 0 < self.current_a <= PHASE_CURRENT_MAX_A:
             raise InputError(f"current_a: {self.current_a:g} A is not above 0 and up to {PHASE_CURRENT_MAX_A:g} A")
+        for key, choices in SWITCH_CHOICES.items():
+            self._check_switch(key, choices)
+
+    def _check_switch(self, key: str, choices: tuple[int, ...]) -> None:
+        percent = getattr(self, key)
+        if percent is None:
+            return
+        if self.driver_profile not in SWITCHED_PROFILES:
+            drivers = self.driver_profile or "the chip alone"
+            raise InputError(f"{key}: {drivers} has no switch for it; driver_profile {SWITCHED_PROFILES[0]} has")
+        if percent not in choices:
+            raise InputError(f"{key}: {percent} % is none of {', '.join(map(str, choices))} %")
 
     @property
     def driver_rate_max_hz(self) -> float:

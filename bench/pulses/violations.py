@@ -8,7 +8,7 @@ from bench.pulses.pulses import AxisPulses
 from emulator.driver import Driver
 from emulator.edges import COUNTS_PER_MS, NO_COUNTS, NO_LEVELS
 from emulator.tb6560 import Input, LevelChange, Pins
-from host.drivers import driver_profile
+from host.drivers import driver_profile, fitted_module
 from host.robot import Board
 
 _POWERED: Final = tuple(LevelChange(0, pin, 1) for pin in (Input.VDD, Input.VM, Input.RESET, Input.ENABLE))
@@ -19,9 +19,9 @@ _SETTLED_COUNTS: Final = 1000 * COUNTS_PER_MS
 
 
 def violations(axis: AxisPulses, microsteps: int, board: Board) -> int:
-    """Limits broken at a driver such as the board has, in the module's usual setting."""
+    """Limits broken at a driver such as the board has."""
     profile = driver_profile(board)
-    driver = Driver(profile.osc_pf, profile.fitted(microsteps))
+    driver = Driver(profile.osc_pf, fitted_module(board, profile, microsteps))
     driver.feed(Pins(NO_COUNTS, NO_COUNTS, NO_COUNTS, NO_LEVELS, _POWERED, _BEGIN_COUNTS))
     rises, falls, turns = (counts + _BEGIN_COUNTS for counts in (axis.rise_counts, axis.fall_counts, axis.dir_counts))
     until_counts = int(np.max(falls, initial=_BEGIN_COUNTS)) + _SETTLED_COUNTS

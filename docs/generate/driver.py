@@ -8,7 +8,7 @@ from docs.generate.pieces import DOCS, filled
 from emulator.dip_switches import CURRENT_SETTINGS, switches_for
 from emulator.driver_profiles import PROFILES, DriverProfile
 from emulator.edges import COUNTS_PER_US
-from emulator.tb6560 import PINS, Excitation, Rule, chopping_hz, clk_width_min_counts, oscillator_hz
+from emulator.tb6560 import PINS, Excitation, Rule, Tb6560, chopping_hz, clk_width_min_counts, oscillator_hz
 from emulator.tb6560.excitation import CYCLE_SIXTEENTHS, PHASE_PERCENT, VECTOR_PERCENT
 from emulator.tb6560.outputs import SENSE_VOLT
 from emulator.tb6560.pins import EXCITATIONS, FAST_DECAY_PERCENT, TORQUE_PERCENT
@@ -29,6 +29,7 @@ def render_driver() -> str:
             "vector": lambda _: _vector(),
             "torque-and-decay": lambda _: _torque_and_decay(),
             "oscillator": lambda _: _oscillator(),
+            "power": lambda _: _power(),
             "currents": lambda _: _currents(),
             "profiles": lambda _: _profiles(),
             "rules": lambda _: _rules(),
@@ -83,6 +84,12 @@ def _oscillator() -> str:
         for pf in _CAPACITORS_PF
     ]
     return table(["at OSC", "oscillator", "chopping", "CLK high at least"], rows)
+
+
+def _power() -> str:
+    limits = [limit for limit in Tb6560(330).violations.limits if limit.rule is Rule.POWER_ORDER]
+    rows = [[limit.source.split(", ")[2], str(limit.value)] for limit in limits]
+    return table(["", "has to be"], rows)
 
 
 def _currents() -> str:

@@ -3,15 +3,16 @@
 It counts rising CLK edges; the level of CW/CCW at the edge gives the direction (page 10). RESET low forces the initial
 state and ignores CLK; ENABLE low switches only the outputs off while the counter follows CLK (page 11). Operating
 range: CLK up to 15 kHz (page 7), high for at least t_W(CLK) (page 8). M1 and M2 change only in reset (page 15). VDD
-comes first, then VM, then the inputs, RESET and ENABLE last; off in reverse (page 28). CW/CCW has no setup or hold
-time in the datasheet.
+comes first, then VM, then the inputs, RESET and ENABLE last; off in reverse (page 28). CLK and CW/CCW are inputs as
+well; CLK, which comes as pulses, is judged by its rises. CW/CCW has no setup or hold time in the datasheet.
 
 Outside the operating range nothing is guaranteed. The model takes the worst case: a pulse that breaks a limit does
 not count.
 """
 
 from dataclasses import dataclass
-from typing import Final
+from math import ceil
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,28 +28,55 @@ from emulator.tb6560.thermal import ON_RESISTANCE_OHM, SHUTDOWN_CELSIUS, Cooling
 CLK_RATE_MAX_HZ: Final = 15_000
 PERIOD_MIN_COUNTS: Final = 72_000_000 // CLK_RATE_MAX_HZ
 
+CURRENT_MAX_A: Final = 3.0
+"""Operating range of the AHQ's outputs (pages 6 to 8); 3.5 A, beyond which it is destroyed, are for moments."""
+
 SENSE_OHM: Final = 0.33
 """Resistors at NFA and NFB, for 1.5 A, unless something else is said."""
 
 _DATASHEET: Final = "TB6560AHQ datasheet, page"
-_CLK_WIDTH, _CLK_PERIOD, _MODE, _VM_FIRST, _INPUT_FIRST, _VDD_LAST, _HOT = range(7)
+_CLK_WIDTH, _CLK_PERIOD, _MODE, _VM_RISES, _INPUT_RISES, _VM_FALLS, _VDD_FALLS, _HOT = range(8)
 _LATE_COUNTS: Final = COUNTS_PER_MS
 """So much later than pulses that it precedes a change of an input may come: the firmware computes a tick ahead."""
 
 _SUPPLIES: Final = (Input.VDD, Input.VM)
 _LIVE: Final = (Input.VDD, Input.RESET)
 """What has to be high for CLK to be heard."""
+_INPUTS: Final = tuple(pin for pin in Input if pin not in _SUPPLIES)
+
+
+class _PowerStep(NamedTuple):
+    """A step of the power sequence: as one of `pins` takes `level`, all of `others` have to be at `needed`."""
+
+    pins: tuple[Input, ...]
+    level: int
+    others: tuple[Input, ...]
+    needed: int
+    said: str
+
+
+_POWER_STEPS: Final = {
+    _VM_RISES: _PowerStep((Input.VM,), 1, (Input.VDD,), 1, "level of VDD as VM rises"),
+    _INPUT_RISES: _PowerStep(_INPUTS, 1, (Input.VM,), 1, "level of VM as an input rises"),
+    _VM_FALLS: _PowerStep((Input.VM,), 0, _INPUTS, 0, "level of an input as VM falls"),
+    _VDD_FALLS: _PowerStep((Input.VDD,), 0, (Input.VM,), 0, "level of VM as VDD falls"),
+}
+"""Page 28, on and off. Of CLK and CW/CCW, which are no `Input`, `_check_edges` takes care."""
 
 
 def _limits(clk_width_counts: int) -> tuple[Limit, ...]:
-    """In the order of the indices above."""
+    """In the order of the indices above.
+
+    OVER_TEMPERATURE is broken where the junction's temperature crosses the limit: its value is the limit.
+    """
     return (
         Limit(Rule.CLK_HIGH, clk_width_counts, Unit.COUNTS, f"{_DATASHEET} 8"),
         Limit(Rule.CLK_PERIOD, PERIOD_MIN_COUNTS, Unit.COUNTS, f"{_DATASHEET} 7"),
         Limit(Rule.MODE_CHANGE, 0, Unit.LEVEL, f"{_DATASHEET} 15, level of RESET"),
-        Limit(Rule.POWER_ORDER, 1, Unit.LEVEL, f"{_DATASHEET} 28, level of VDD as VM rises"),
-        Limit(Rule.POWER_ORDER, 1, Unit.LEVEL, f"{_DATASHEET} 28, level of VM as an input rises"),
-        Limit(Rule.POWER_ORDER, 0, Unit.LEVEL, f"{_DATASHEET} 28, level of VM as VDD falls"),
+        *(
+            Limit(Rule.POWER_ORDER, step.needed, Unit.LEVEL, f"{_DATASHEET} 28, {step.said}")
+            for step in _POWER_STEPS.values()
+        ),
         Limit(Rule.OVER_TEMPERATURE, SHUTDOWN_CELSIUS, Unit.CELSIUS, "TB6560AHQ datasheet, pages 6 to 8"),
     )
 
@@ -78,12 +106,18 @@ class Tb6560:
     """One chip, at first without supply and with all inputs low: in reset, disabled, direction CW.
 
     Raises:
-        ValueError: a capacitor or resistor that is none.
+        ValueError: a capacitor or resistor that is none, or outside the operating range: its oscillator too fast, its
+            peak current too high.
     """
 
     def __init__(self, osc_pf: float, sense_ohm: float = SENSE_OHM, cooling: Cooling | None = None) -> None:
         if not sense_ohm > 0:
             raise ValueError(f"the sense resistor is {sense_ohm} ohm; it must be positive, for example {SENSE_OHM}")
+        if sense_ohm < SENSE_VOLT / CURRENT_MAX_A:
+            raise ValueError(
+                f"the sense resistor is {sense_ohm:g} ohm, which makes {SENSE_VOLT / sense_ohm:.2f} A: at most"
+                f" {CURRENT_MAX_A:g} A are allowed, {ceil(1000 * SENSE_VOLT / CURRENT_MAX_A) / 1000:g} ohm or more"
+            )
         self.clk_width_min_counts = clk_width_min_counts(osc_pf)
         self.position_steps = 0
         """Steps counted since power-up, through every reset; DIR high counts up."""
@@ -113,9 +147,17 @@ class Tb6560:
         Returns:
             When each step was counted and which way, +1 or -1, as in `steps`.
         """
-        was_live = self._live
-        live_edges = [(change.counts, self._live) for change in pins.changes if self._take(change)]
+        was_live, was_supplied = self._live, self._levels[Input.VM]
+        live_edges: list[tuple[int, int]] = []
+        vm_edges: list[tuple[int, int]] = []
+        for change in filter(self._take, pins.changes):
+            if change.pin in _LIVE:
+                live_edges.append((change.counts, self._live))
+            elif change.pin is Input.VM:
+                vm_edges.append((change.counts, change.level))
         steps = self._count(pins, was_live, live_edges) if pins.clk_rise_counts.size else (NO_COUNTS, NO_LEVELS)
+        if vm_edges or not was_supplied:
+            self._check_edges(pins, vm_edges, was_supplied)
         if pins.dir_levels.size:
             self._dir_level = int(pins.dir_levels[-1])
         self._until_counts = max(self._until_counts, pins.until_counts)
@@ -150,7 +192,7 @@ class Tb6560:
         return rises, signs
 
     def _take(self, change: LevelChange) -> bool:
-        """Take one input's new level; return whether it may decide on whether CLK is heard."""
+        """Take one input's level; return whether it is a new one."""
         counts, pin, level = change
         if self._levels[pin] == level:
             return False
@@ -159,20 +201,27 @@ class Tb6560:
         self._changes.append(change)
         self._junction.heat(counts, self._power_w())
         if pin in _LIVE:
-            self._junction.release(counts)
-        return pin in _LIVE
+            self._junction.reset(counts, low=not self._live)
+        return True
 
     def _check(self, change: LevelChange) -> None:
         counts, pin, level = change
-        vdd, vm = (self._levels[supply] for supply in _SUPPLIES)
         if pin in (Input.M1, Input.M2) and self._live:
             self._log.note_one(_MODE, counts, self._levels[Input.RESET])
-        if pin is Input.VM and level > vdd:
-            self._log.note_one(_VM_FIRST, counts, vdd)
-        if pin is Input.VDD and level < vm:
-            self._log.note_one(_VDD_LAST, counts, vm)
-        if pin not in _SUPPLIES and level > vm:
-            self._log.note_one(_INPUT_FIRST, counts, vm)
+        for limit, step in _POWER_STEPS.items():
+            if level != step.level or pin not in step.pins:
+                continue
+            if any(self._levels[other] != step.needed for other in step.others):
+                self._log.note_one(limit, counts, 1 - step.needed)
+
+    def _check_edges(self, pins: Pins, vm_edges: list[tuple[int, int]], was_supplied: int) -> None:
+        """CLK and CW/CCW in the power sequence: no rise without VM, and CW/CCW low as VM falls."""
+        for rises in (pins.clk_rise_counts, pins.dir_counts[pins.dir_levels == 1]):
+            unsupplied = rises[~_levels_of(rises, vm_edges, was_supplied)]
+            self._log.note(_INPUT_RISES, unsupplied, np.zeros_like(unsupplied))
+        falls = np.array([counts for counts, level in vm_edges if not level], dtype=np.int64)
+        high = falls[levels_at(falls, pins.dir_counts, pins.dir_levels, self._dir_level) == 1]
+        self._log.note(_VM_FALLS, high, np.ones_like(high))
 
     def _power_w(self) -> float:
         """What the outputs dissipate if they are on."""
@@ -247,7 +296,7 @@ class Tb6560:
     def protect_stays_until(self, counts: int) -> int | None:
         """Up to when Protect stays as it is at an instant, whatever CLK and inputs do but RESET and VDD; None: always.
 
-        As good as that is known: the nearer to it, the better.
+        As good as that is known: the nearer to it, the better. A shutdown's end is known exactly.
         """
         return self._junction.shutdown_not_before(counts, self._dissipated_w(phases=2, torque_percent=100))
 

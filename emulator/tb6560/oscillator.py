@@ -8,6 +8,12 @@ from emulator.edges import COUNTS_PER_US
 OSCILLATIONS_PER_CHOP: Final = 4
 """Pages 16 and 20."""
 
+OSCILLATOR_MAX_HZ: Final = 600_000
+"""Operating range (pages 6 to 8), which has no lower end."""
+
+OSC_PF_MIN: Final = 64
+"""The smallest whole capacitor with which the oscillator keeps to it, by the formula of `oscillator_hz`."""
+
 _CLK_WIDTH_MIN_US: Final = {100.0: 10.0, 330.0: 30.0, 1000.0: 90.0}
 """t_W(CLK) at the capacitors for which it is stated (page 8); only that at 330 pF is tested in production."""
 
@@ -16,10 +22,17 @@ def oscillator_hz(osc_pf: float) -> float:
     """Frequency at a capacitor, by the datasheet's approximation (page 25): 400 kHz at 100 pF.
 
     Raises:
-        ValueError: no such capacitor.
+        ValueError: no such capacitor, or one with which the oscillator is too fast.
     """
-    _require_capacitor(osc_pf)
-    return 1e6 / (osc_pf * 1.5 * (10 / osc_pf + 1) / 66)
+    if not osc_pf > 0:
+        raise ValueError(f"the OSC capacitor is {osc_pf} pF; it must be positive, for example 330")
+    hz = 1e6 / (osc_pf * 1.5 * (10 / osc_pf + 1) / 66)
+    if hz > OSCILLATOR_MAX_HZ:
+        raise ValueError(
+            f"the OSC capacitor is {osc_pf:g} pF, which makes {hz / 1000:.0f} kHz: at most"
+            f" {OSCILLATOR_MAX_HZ // 1000} kHz are allowed, {OSC_PF_MIN} pF or more"
+        )
+    return hz
 
 
 def chopping_hz(osc_pf: float) -> float:
@@ -31,13 +44,7 @@ def clk_width_min_counts(osc_pf: float) -> int:
     """Minimum CLK high time in timer counts: the datasheet's figure where it has one, else four oscillator periods.
 
     Raises:
-        ValueError: no such capacitor.
+        ValueError: as `oscillator_hz`.
     """
-    _require_capacitor(osc_pf)
     width_us = _CLK_WIDTH_MIN_US.get(osc_pf, 4e6 / oscillator_hz(osc_pf))
     return ceil(width_us * COUNTS_PER_US)
-
-
-def _require_capacitor(osc_pf: float) -> None:
-    if not osc_pf > 0:
-        raise ValueError(f"the OSC capacitor is {osc_pf} pF; it must be positive, for example 330")

@@ -10,7 +10,7 @@ to 8). The capacity is not in the datasheet: 4 J/K is assumed, 10 g of copper an
 
 At 170 degC (170 +- 20, pages 6 to 8) the outputs switch off and Protect goes low. The datasheet gives a hysteresis of
 20 K and names no latch; the model is the stricter reading: off until RESET is low with the junction at 150 degC or
-below.
+below, which may come about by an edge of RESET or, while it is low, by cooling down. RESET is a level (page 11).
 """
 
 from bisect import bisect_right
@@ -24,6 +24,7 @@ COUNTS_PER_SECOND: Final = 72_000_000
 
 SHUTDOWN_CELSIUS: Final = 170
 HYSTERESIS_K: Final = 20
+RELEASE_CELSIUS: Final = SHUTDOWN_CELSIUS - HYSTERESIS_K
 ON_RESISTANCE_OHM: Final = 0.6
 
 
@@ -42,12 +43,14 @@ class Cooling:
 
 
 class _Span(NamedTuple):
-    """From an instant on the junction goes from one temperature towards another."""
+    """From an instant on the junction goes from one temperature towards another, until a shutdown or its end."""
 
     from_counts: int
     start_celsius: float
     steady_celsius: float
     shut_down: bool
+    until_counts: int | None
+    """None: for good, if all stays as it is."""
 
 
 class Junction:
@@ -56,17 +59,19 @@ class Junction:
     def __init__(self, cooling: Cooling) -> None:
         self._cooling = cooling
         self._power_w = 0.0
-        self._spans = [_Span(0, cooling.ambient_celsius, cooling.ambient_celsius, False)]
+        self._in_reset = False
+        self._spans = [_Span(0, cooling.ambient_celsius, cooling.ambient_celsius, shut_down=False, until_counts=None)]
+        """As far as somebody has asked; while `_in_reset` shutdowns may come and go for ever."""
 
     def heat(self, counts: int, power_w: float) -> None:
         """From an instant on, the outputs would dissipate this power if they were not shut down."""
         self._power_w = power_w
-        self._begin(counts, self.shut_down(counts))
+        self._turn(counts)
 
-    def release(self, counts: int) -> None:
-        """RESET is low: end a shutdown, unless it is still too hot."""
-        if self.shut_down(counts) and self.celsius(counts) <= SHUTDOWN_CELSIUS - HYSTERESIS_K:
-            self._begin(counts, shut_down=False)
+    def reset(self, counts: int, *, low: bool) -> None:
+        """From an instant on RESET is low, which ends a shutdown as soon as it is cool enough, or no more."""
+        self._in_reset = low
+        self._turn(counts)
 
     def celsius(self, counts: int) -> float:
         """The temperature at an instant."""
@@ -81,10 +86,13 @@ class Junction:
     def shutdown_not_before(self, counts: int, power_max_w: float) -> int | None:
         """Before when the outputs cannot be shut down, seen from an instant, by no more than a power.
 
-        None: never; also while they are shut down.
+        While they are, when that ends; None: never.
         """
+        span = self._span(counts)
+        if span.shut_down:
+            return span.until_counts
         steady_celsius = self._cooling.ambient_celsius + power_max_w * self._cooling.resistance_k_per_w
-        if self.shut_down(counts) or steady_celsius <= SHUTDOWN_CELSIUS:
+        if steady_celsius <= SHUTDOWN_CELSIUS:
             return None
         part = log((steady_celsius - self.celsius(counts)) / (steady_celsius - SHUTDOWN_CELSIUS))
         return counts + floor(part * self._cooling.time_constant_counts)
@@ -95,6 +103,7 @@ class Junction:
 
     def shutdowns(self, until_counts: int) -> list[tuple[int, int]]:
         """As far as it is not forgotten: when the outputs were shut down, 1, and when they came back, 0."""
+        self._reach(until_counts)
         known = [span for span in self._spans if span.from_counts <= until_counts]
         return [
             (now.from_counts, int(now.shut_down)) for last, now in pairwise(known) if now.shut_down != last.shut_down
@@ -105,16 +114,32 @@ class Junction:
 
     def _at(self, counts: int) -> int:
         """The index of the span at an instant, -1 before the first."""
+        self._reach(counts)
         return bisect_right(self._spans, counts, key=attrgetter("from_counts")) - 1
 
-    def _begin(self, counts: int, shut_down: bool) -> None:
-        start_celsius = self.celsius(counts)
-        while self._spans[-1].from_counts > counts:  # a shutdown that was to come if all had stayed as it was
+    def _reach(self, counts: int) -> None:
+        """Follow the spans up to an instant: each one that ends turns a shutdown on or off."""
+        while (last := self._spans[-1]).until_counts is not None and last.until_counts <= counts:
+            self._begin(last.until_counts, RELEASE_CELSIUS if last.shut_down else SHUTDOWN_CELSIUS, not last.shut_down)
+
+    def _turn(self, counts: int) -> None:
+        """Something is another way from an instant on."""
+        start_celsius, shut_down = self.celsius(counts), self.shut_down(counts)
+        while self._spans[-1].from_counts > counts:  # what was to come if all had stayed as it was
             self._spans.pop()
+        self._begin(counts, start_celsius, shut_down and not (self._in_reset and start_celsius <= RELEASE_CELSIUS))
+
+    def _begin(self, counts: int, start_celsius: float, shut_down: bool) -> None:
         power_w = 0.0 if shut_down else self._power_w
         steady_celsius = self._cooling.ambient_celsius + power_w * self._cooling.resistance_k_per_w
-        self._spans.append(_Span(counts, start_celsius, steady_celsius, shut_down))
+        until_counts = None
         if steady_celsius > SHUTDOWN_CELSIUS:
-            part = log((steady_celsius - start_celsius) / (steady_celsius - SHUTDOWN_CELSIUS))
-            at_counts = counts + ceil(part * self._cooling.time_constant_counts)
-            self._spans.append(_Span(at_counts, SHUTDOWN_CELSIUS, self._cooling.ambient_celsius, True))
+            until_counts = counts + self._counts_to(SHUTDOWN_CELSIUS, start_celsius, steady_celsius)
+        elif shut_down and self._in_reset and steady_celsius < RELEASE_CELSIUS:
+            until_counts = counts + self._counts_to(RELEASE_CELSIUS, start_celsius, steady_celsius)
+        self._spans.append(_Span(counts, start_celsius, steady_celsius, shut_down, until_counts))
+
+    def _counts_to(self, celsius: float, start_celsius: float, steady_celsius: float) -> int:
+        """How long it takes to a temperature on the way from one to another."""
+        part = log((steady_celsius - start_celsius) / (steady_celsius - celsius))
+        return ceil(part * self._cooling.time_constant_counts)

@@ -25,7 +25,8 @@ DriverProfileName = Annotated[
         "--driver-profile",
         metavar="NAME",
         help="The drivers that the emulated board really has, without telling planner or firmware: chip-100pf,"
-        " chip-330pf, chip-1000pf, 3a-module or slow-blue-board.",
+        " chip-330pf, chip-1000pf, 3a-module or slow-blue-board. Others than the robot's file names are set as is usual"
+        " with them, whatever it says of current_a and the like.",
     ),
 ]
 
@@ -56,6 +57,19 @@ def one_robot(name: str | None, robot_file: str | None) -> "Robot":
     if rest:
         raise InputError(f"ROBOT '{rest[0]}' and --robot-file {robot_file}: give only one of them")
     return robot
+
+
+def warn_of_settings_left_out(robot: "Robot", driver_profile: str | None) -> None:
+    """Say which of the robot file's settings do not hold for the drivers that are there instead of its own.
+
+    Raises:
+        InputError: there are no such drivers.
+    """
+    from host.drivers import settings_left_out
+
+    if keys := settings_left_out(robot.board, driver_profile):
+        others = f"steptwin: warning: --driver-profile {driver_profile}: set as is usual with it"
+        typer.echo(f"{others}, not by the robot's {', '.join(keys)}", err=True)
 
 
 def joint_values(texts: list[str], names: tuple[str, ...], what: str) -> list[float]:

@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from host.cli.app import app
-from host.cli.arguments import AsJson, DriverProfileName, RobotFile, joint_values, name_value_pairs, robot_and_rest
+from host.cli.arguments import (
+    AsJson,
+    DriverProfileName,
+    RobotFile,
+    joint_values,
+    name_value_pairs,
+    robot_and_rest,
+    warn_of_settings_left_out,
+)
 from host.cli.connection import Bitrate, Channel, Connect, Interface, connection
 from host.cli.live_run import run_live
 from host.cli.output import print_json
@@ -96,6 +104,7 @@ def run(
         run_live(live, planned, job, repeat=repeat, approach=approach, as_json=as_json)
         return
     _refuse({"--repeat": repeat if repeat != 1 else None, "--approach": approach or None}, "a live")
+    warn_of_settings_left_out(loaded, driver_profile)
     standing = None if stand_at is None else joint_values(stand_at.split(), loaded.joint_names, "--stand-at")
     folder = None if out is None else prepare_folder(out)
     with progress_bar(f"{loaded.name} {job}") as progress:

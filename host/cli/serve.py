@@ -11,7 +11,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from host.cli.app import app
-from host.cli.arguments import AsJson, DriverProfileName, RobotFile, RobotName, joint_values, one_robot
+from host.cli.arguments import (
+    AsJson,
+    DriverProfileName,
+    RobotFile,
+    RobotName,
+    joint_values,
+    one_robot,
+    warn_of_settings_left_out,
+)
 from host.cli.connection import SOCKETCAND_PORT
 from host.cli.output import print_json, print_table
 from host.cli.report import USUAL_DRIVERS
@@ -71,7 +79,6 @@ def serve(
     frames. With -i it is on a bus of python-can instead: virtual, socketcan, socketcand, ...
     """
     from controller.backend import fastest_kernel
-    from host import drivers
     from host.boards import read_axes_per_board
     from host.live import LiveBoard
     from host.run_folder import prepare_folder
@@ -83,7 +90,7 @@ def serve(
         _warn_outside(loaded, standing)
     bits_per_s = _bitrate(loaded, bitrate)
     _check_speed(speed)
-    drivers.driver_profile(loaded.board, driver_profile)  # what is wrong with it is said before a port is opened
+    warn_of_settings_left_out(loaded, driver_profile)  # what is wrong with it is said before a port is opened
     axes_per_board = None if boards is None else read_axes_per_board(boards, len(loaded.joints))
     folder = None if out is None else prepare_folder(out)
     with _endpoint(interface, channel, bits_per_s, host, port, allow_remote=allow_remote) as endpoint:

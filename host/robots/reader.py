@@ -155,6 +155,8 @@ def _board(table: _Table) -> Board:
         driver_profile=table.text("driver_profile") if table.has("driver_profile") else None,
         current_a=table.number("current_a") if table.has("current_a") else None,
         active_edge=table.choice("active_edge", ActiveEdge) if table.has("active_edge") else None,
+        idle_percent=table.integer("idle_percent") if table.has("idle_percent") else None,
+        fast_decay_percent=table.integer("fast_decay_percent") if table.has("fast_decay_percent") else None,
     )
 
 

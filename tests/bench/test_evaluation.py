@@ -10,6 +10,7 @@ from bench.pulses.evaluation import AxisErrors, axis_errors, figures_of, ideal_o
 from bench.pulses.pairing import pair
 from bench.pulses.pulses import AxisPulses, Method, Placed
 from bench.pulses.violations import violations
+from host.robot import ActiveEdge
 from tests.bench.lines import BOARD, EXACT_COUNTS, LINE, STEPS, upward
 
 
@@ -93,6 +94,16 @@ def test_violations_are_those_of_the_boards_drivers() -> None:
     """The slow blue board wants CLK high for 150 us; 33 us are too short, twice."""
     slow = replace(BOARD, osc_pf=None, driver_profile="slow-blue-board")
     assert violations(upward(np.array([72_000, 144_000])), 16, slow) == 2
+
+
+@pytest.mark.parametrize(("active_edge", "broken"), [(None, 1), (ActiveEdge.FALLING, 1), (ActiveEdge.RISING, 0)])
+def test_violations_are_those_of_drivers_as_the_robots_file_sets_them(
+    active_edge: ActiveEdge | None, broken: int
+) -> None:
+    """DIR changes 267 us after the rise and 100 us after the fall; the slow blue board wants 150 us."""
+    pulse = AxisPulses(np.array([72_000]), np.array([84_000]), np.array([0, 91_200]), np.array([1, 0], np.int8))
+    blue = replace(BOARD, osc_pf=None, driver_profile="slow-blue-board", active_edge=active_edge)
+    assert violations(pulse, 16, blue) == broken
 
 
 def test_the_load_by_hand() -> None:

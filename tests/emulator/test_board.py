@@ -8,6 +8,7 @@ from controller.pins import Pin, PinChange
 from emulator.board import Board, BoardConfig
 from emulator.bus import Bus
 from emulator.driver_module import Module, Requirements
+from emulator.driver_profiles import PROFILES
 from emulator.simulation import Simulation
 from emulator.switches import Switch
 from emulator.tb6560 import Cooling, Rule
@@ -123,10 +124,10 @@ class TestPower:
         simulation.power_cycle()
         wait(simulation, 1)
         simulation.boards[0].drain()
-        fallen, risen = (
-            [PinChange(now, axis, pin, level) for axis in (0, 1) for pin in SIXTEENTHS] for level in (0, 1)
-        )
-        assert simulation.boards[0].pin_changes[before:] == [*fallen, PinChange(now, 0, Pin.OUT1, 0), *risen]
+        resets = [PinChange(now, axis, Pin.RESET, 0) for axis in (0, 1)]
+        others = [PinChange(now, *place, 0) for place in ((0, Pin.M2), (1, Pin.M2), (0, Pin.OUT1))]
+        risen = [PinChange(now, axis, pin, 1) for axis in (0, 1) for pin in SIXTEENTHS]
+        assert simulation.boards[0].pin_changes[before:] == [*resets, *others, *risen]
         assert simulation.bus.log_frames[frames:] == [Frame(0x710, b"\0"), Frame(0x711, b"\0")]
 
     def test_a_motion_ends_with_the_power_and_the_next_begins_from_zero(self, simulation: Simulation) -> None:
@@ -143,6 +144,42 @@ class TestPower:
             assert trace.position_steps == pytest.approx(10 * round_, abs=round_)
             assert not trace.violations.counts.size
             assert simulation.boards[0].firmware.motion.demand_units(0) == 0
+
+    @pytest.mark.parametrize("drivers", PROFILES)
+    @pytest.mark.parametrize("off_ms", [40, 50.3, 70.7])
+    def test_goes_in_order_in_the_middle_of_a_motion_too(
+        self, fast_kernel: Kernel, drivers: str, off_ms: float
+    ) -> None:
+        """DIR is high, ENABLE too. The next motion goes down, which DIR need not change for at the firmware."""
+        profile = PROFILES[drivers]
+        board = Board(BoardConfig(1, (profile.osc_pf,), modules=(profile.fitted(16),)), fast_kernel)
+        simulation = Simulation([board], Bus(1_000_000))
+        for units, until_ms in ((20 * 1024, off_ms), (-10 * 1024, 200)):
+            for subindex, ns in enumerate((160_000, 160_000, 150_000, 320_000), start=1):  # enough for all of them
+                write(simulation, 0x2001, ns, subindex)
+            switch_on(simulation)
+            simulation.send(Frame(0x510, PvtRecord(units, 0, 100, 0).encode()))
+            simulation.send(Frame(0x310, bytes.fromhex("1f00")))
+            simulation.send(Frame(0x080, b""))
+            wait(simulation, until_ms)
+            reached = board.position_steps(0)
+            if units > 0:
+                assert 0 < reached < 20
+                before = reached
+                simulation.power_cycle()
+        assert reached == pytest.approx(before - 10, abs=2)
+        trace = board.trace(0)
+        assert trace.violations.rules() == []
+        assert (np.diff(trace.dir_counts) > 0).all()
+        assert trace.dir_levels.tolist() == [1, 0]
+
+    def test_every_mode_is_left_in_reset(self, simulation: Simulation) -> None:
+        """M1, which rises long after RESET, falls after it."""
+        simulation.send(Frame(0x600 + NODE, bytes.fromhex("2f00200108000000")))
+        simulation.boards[0].drain()
+        assert [change.level for change in simulation.boards[0].pin_changes if change.pin is Pin.M1] == [1]
+        simulation.power_cycle()
+        assert simulation.boards[0].trace(0).violations.rules() == []
 
 
 class TestDrivers:

@@ -229,6 +229,13 @@ class TestSwitches:
         currents = np.abs(driver.outputs.currents_a(times)[:, 0]) / full_a
         assert currents.tolist() == pytest.approx([1, 1, expected, expected, 1, expected])
 
+    @pytest.mark.parametrize(("idle", "fast_decay"), [(20, None), (None, 25)])
+    def test_are_only_where_there_are_some(self, idle: int | None, fast_decay: int | None) -> None:
+        module = THREE_AMP_MODULE.fitted(16, idle_percent=idle, fast_decay_percent=fast_decay)
+        assert module.switches != THREE_AMP.switches
+        with pytest.raises(ValueError, match="slow-blue-board has no switches"):
+            SLOW_BLUE_BOARD.fitted(16, idle_percent=idle, fast_decay_percent=fast_decay)
+
     def test_idle_current_begins_after_power_up_without_a_step(self) -> None:
         driver = driven(THREE_AMP, pins(until=1000 * MS))
         full, less = np.abs(driver.outputs.currents_a(np.array([499 * MS, 501 * MS])))[:, 0].tolist()
@@ -243,6 +250,49 @@ class TestSwitches:
         assert currents[0] == pytest.approx(currents[2] / 0.75 / 2)
         assert driver.position_steps == -1
         assert not driver.violations.counts.size
+
+
+class TestSupply:
+    """What is between terminals and chip lives from the chip's supply."""
+
+    ON = at(1000 * US, VDD=1, VM=1)
+    OFF = at(2000 * US, VM=0, VDD=0)
+
+    def flowing(self, module: Module, changes: Sequence[LevelChange], times_us: Sequence[int]) -> list[bool]:
+        """Whether current flows at these times, from a module without supply; nothing is out of order at its chip."""
+        driver = Driver(330, module)
+        driver.feed(pins(changes=sorted(changes, key=lambda change: change.counts)))
+        assert driver.violations.rules() == []
+        currents = driver.outputs.currents_a(US * np.array(times_us))
+        return [bool(flows) for flows in (currents != 0).any(axis=1)]
+
+    @pytest.mark.parametrize(("enable_us", "from_us"), [(500, 1027), (990, 1027), (1200, 1227)])
+    def test_enable_is_seen_once_vm_is_up(self, enable_us: int, from_us: int) -> None:
+        """24 us through its coupler and 3 us in the chip."""
+        changes = (*self.ON, *at(enable_us * US, ENABLE=1))
+        assert self.flowing(THREE_AMP, changes, [from_us - 1, from_us]) == [False, True]
+
+    def test_an_enable_that_is_taken_back_before_vm_is_up_is_none(self) -> None:
+        changes = (*at(500 * US, ENABLE=1), *at(600 * US, ENABLE=0), *self.ON)
+        assert self.flowing(THREE_AMP, changes, [1100]) == [False]
+
+    def test_an_enable_on_its_way_as_vm_falls_does_not_arrive(self) -> None:
+        changes = (*self.ON, *at(1990 * US, ENABLE=1), *self.OFF, *at(2005 * US, ENABLE=0))
+        assert self.flowing(THREE_AMP, changes, [2020]) == [False]
+
+    @pytest.mark.parametrize("module", [THREE_AMP, Module(enable=Coupler(70_000, 100))])
+    def test_enable_may_stay_through_a_power_cycle(self, module: Module) -> None:
+        changes = (*at(0, ENABLE=1), *self.ON, *self.OFF, *at(3000 * US, VDD=1, VM=1))
+        resets = () if module.switches else (*at(1001 * US, RESET=1), *at(1999 * US, RESET=0), *at(3001 * US, RESET=1))
+        assert self.flowing(module, (*changes, *resets), [999, 1100, 2500, 3100]) == [False, True, False, True]
+
+    def test_direction_is_low_at_the_chip_as_vm_falls(self) -> None:
+        """It is high at the terminal all the time, so that the next step goes up as well."""
+        changes = (*self.ON, *at(2000 * US, VM=0), *at(2500 * US, VM=1))
+        driver = Driver(330, THREE_AMP)
+        driver.feed(pins([1500 * US, 3000 * US], WIDTH, [(1200 * US, 1)], changes))
+        assert driver.steps[1].tolist() == [1, 1]
+        assert driver.violations.rules() == []
 
 
 SHORT_IDLE = replace(THREE_AMP, idle_ms=1)

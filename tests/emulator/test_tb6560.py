@@ -44,6 +44,21 @@ class TestDatasheet:
         with pytest.raises(ValueError, match=r"0\.33"):
             Tb6560(330, sense_ohm)
 
+    def test_the_oscillator_is_600_khz_at_most(self) -> None:
+        """44e6 / (C + 10) by page 25's formula: 603 kHz at 63 pF, 595 kHz at 64 pF."""
+        assert oscillator_hz(64) == pytest.approx(44e6 / 74)
+        with pytest.raises(ValueError, match=r"63 pF, which makes 603 kHz: at most 600 kHz are allowed, 64 pF or more"):
+            oscillator_hz(63)
+        with pytest.raises(ValueError, match="64 pF or more"):
+            Tb6560(5)
+
+    def test_the_outputs_carry_3_amperes_at_most(self) -> None:
+        assert Tb6560(330, 0.5 / 3).violation_count == 0
+        with pytest.raises(ValueError, match=r"0\.166 ohm, which makes 3\.01 A: at most 3 A are allowed, 0\.167 ohm"):
+            Tb6560(330, 0.166)
+        with pytest.raises(ValueError, match=r"makes 10\.00 A"):
+            Tb6560(330, 0.05)
+
     def test_the_pins(self) -> None:
         """HZIP25, page 3: the order along the package."""
         assert [pin.number for pin in PINS] == list(range(1, 26))
@@ -54,6 +69,25 @@ class TestDatasheet:
         inputs = {pin.name for pin in PINS if pin.kind is Kind.INPUT}
         assert inputs == {pin.name for pin in Input} - {"VDD", "VM"} | {"CLK", "CW/CCW"}
         assert [pin.name for pin in PINS if pin.kind is Kind.OPEN_DRAIN] == ["MO", "Protect"]
+
+    def test_the_pages_of_the_pins(self) -> None:
+        """All are of the pin table, page 3, but Protect: page 3 says high after shutdown, text and table of 10 low."""
+        pages = [3] * 25
+        pages[19 - 1] = 10
+        assert [pin.page for pin in PINS] == pages
+
+    def test_where_the_limits_are_from(self) -> None:
+        """Typed from the datasheet: operating ranges and timing are on pages 6 to 8, M1 and M2 on 15, power on 28."""
+        assert [(limit.rule.name, limit.value, limit.source) for limit in Tb6560(330).violations.limits] == [
+            ("CLK_HIGH", 30 * 72, "TB6560AHQ datasheet, page 8"),
+            ("CLK_PERIOD", 72_000_000 // 15_000, "TB6560AHQ datasheet, page 7"),
+            ("MODE_CHANGE", 0, "TB6560AHQ datasheet, page 15, level of RESET"),
+            ("POWER_ORDER", 1, "TB6560AHQ datasheet, page 28, level of VDD as VM rises"),
+            ("POWER_ORDER", 1, "TB6560AHQ datasheet, page 28, level of VM as an input rises"),
+            ("POWER_ORDER", 0, "TB6560AHQ datasheet, page 28, level of an input as VM falls"),
+            ("POWER_ORDER", 0, "TB6560AHQ datasheet, page 28, level of VM as VDD falls"),
+            ("OVER_TEMPERATURE", 170, "TB6560AHQ datasheet, pages 6 to 8"),
+        ]
 
 
 @pytest.mark.parametrize("osc_pf", [100, 330, 1000])
@@ -155,6 +189,47 @@ class TestPowerOrder:
 
     def test_vdd_off_before_vm(self) -> None:
         assert self.rules_and_margins(*at(0, VDD=1, VM=1), *at(1, VDD=0)) == [(Rule.POWER_ORDER, 1)]
+
+    @pytest.mark.parametrize("pin", ["RESET", "ENABLE", "M1", "TQ2", "DCY1"])
+    def test_vm_off_before_an_input(self, pin: str) -> None:
+        on = (*at(0, VDD=1, VM=1), *at(1, **{pin: 1}))
+        assert self.rules_and_margins(*on, *at(2, VM=0), *at(3, **{pin: 0}), *at(4, VDD=0)) == [(Rule.POWER_ORDER, 1)]
+        assert self.rules_and_margins(*on, *at(2, **{pin: 0}), *at(3, VM=0), *at(4, VDD=0)) == []
+
+    def test_both_supplies_off_before_all_inputs(self) -> None:
+        """Said once for VM's fall, however many inputs are high; VDD falls after VM."""
+        chip = Tb6560(330)
+        chip.feed(pins(changes=(*POWER_UP, *at(10, VM=0), *at(20, VDD=0))))
+        found = chip.violations
+        assert (found.counts.tolist(), found.values.tolist()) == ([10], [1])
+        assert "page 28, level of an input as VM falls" in found.limits[found.which[0]].source
+
+    @pytest.mark.parametrize(("dir_falls", "times"), [(10, 0), (11, 1)])
+    def test_vm_off_before_direction(self, dir_falls: int, times: int) -> None:
+        chip = Tb6560(330)
+        changes = (*POWER_UP, *at(10, ENABLE=0, RESET=0, VM=0), *at(20, VDD=0))
+        chip.feed(pins(directions=[(5, 1), (dir_falls, 0)], changes=changes))
+        assert chip.violations.rules() == [Rule.POWER_ORDER] * times
+        assert chip.violations.counts.tolist() == [10] * times
+
+    @pytest.mark.parametrize("pieces", [[], [9_000], [11_000, 25_000]])
+    @pytest.mark.parametrize("supplies", [(), ("VDD",)])
+    def test_clk_and_direction_before_vm(self, supplies: tuple[str, ...], pieces: list[int]) -> None:
+        """Two pulses and DIR's rise too soon, the third pulse at the very count of VM."""
+        chip = Tb6560(330)
+        up = (*at(0, **dict.fromkeys(supplies, 1)), *at(30_000, **dict.fromkeys(("VDD", "VM"), 1)))
+        for piece in cut(pins([10_000, 20_000, 30_000], directions=[(5_000, 1)], changes=up), pieces):
+            chip.feed(piece)
+        found = chip.violations
+        assert sorted(found.counts.tolist()) == [5_000, 10_000, 20_000]
+        assert set(zip(found.rules(), found.margins().tolist(), strict=True)) == {(Rule.POWER_ORDER, -1)}
+        assert chip.position_steps == 0
+
+    def test_clk_after_vm(self) -> None:
+        """Also where VDD is left, with which the counter counts on."""
+        chip = powered()
+        chip.feed(pins([10_000, 20_000, 30_000], changes=at(20_000, RESET=0, ENABLE=0, VM=0)))
+        assert chip.violations.counts.tolist() == [20_000, 30_000]
 
     @pytest.mark.parametrize("pin", ["RESET", "ENABLE", "M1", "TQ2", "DCY1"])
     def test_an_input_before_vm(self, pin: str) -> None:

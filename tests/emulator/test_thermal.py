@@ -1,7 +1,8 @@
 """Heat: the junction against an integration in small steps, the shutdown on both sides, and what ends it."""
 
-from math import exp
+from math import ceil, exp, log
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -121,6 +122,34 @@ class TestRelease:
         chip.feed(pins(changes=(*at(reset, RESET=0), *at(reset + 100, RESET=1))))
         assert chip.protect_level(reset - 1) == 0
         assert chip.protect_level(reset + 100) == level
+
+    def test_cooling_ends_it_while_reset_is_low(self) -> None:
+        """Not RESET's edge, at 151 degC: 14.84 s after the shutdown; no count sooner, and RESET need not rise."""
+        chip = hot_chip()
+        trip = shutdown_counts(chip)
+        chip.feed(pins(changes=at(trip + 14 * SECOND, ENABLE=0, RESET=0), until=trip + 15 * SECOND))
+        cool = trip + ceil(100 * SECOND * log(145 / 125))
+        assert [chip.protect_level(counts) for counts in (trip, cool - 1, cool, 2 * cool)] == [0, 0, 1, 1]
+        assert chip.junction_celsius(cool) == pytest.approx(150)
+        assert chip.protect_stays_until(cool - 1) == cool
+        assert not chip.outputs.currents_a(pins([cool]).clk_rise_counts).any()
+        assert chip.violations.rules() == [Rule.OVER_TEMPERATURE]
+
+    def test_a_reset_that_is_over_before_it_has_cooled_does_not(self) -> None:
+        chip = hot_chip()
+        trip = shutdown_counts(chip)
+        chip.feed(pins(changes=(*at(trip + 5 * SECOND, RESET=0), *at(trip + 14 * SECOND, RESET=1))))
+        assert chip.protect_level(trip + 1000 * SECOND) == 0
+        assert chip.protect_stays_until(trip + 1000 * SECOND) is None
+
+    def test_enabled_in_reset_it_goes_back_and_forth(self) -> None:
+        """The outputs are driven at the initial currents, so 20 K are made up for in 100 s * ln(145 / 125) again."""
+        chip = hot_chip()
+        trip = shutdown_counts(chip)
+        chip.feed(pins(changes=at(trip + SECOND, RESET=0), until=trip + 60 * SECOND))
+        assert (np.diff(chip.violations.counts) / SECOND).tolist() == [pytest.approx(29.684, abs=0.001)] * 2
+        currents = chip.outputs.currents_a(trip + np.array([0, 14, 15, 29, 30]) * SECOND)
+        assert (currents[:, 0] > 0).tolist() == [False, False, True, True, False]
 
     def test_cooling_alone_does_not(self) -> None:
         chip = hot_chip()

@@ -11,6 +11,7 @@ import pytest
 from controller.backend import Kernel
 from host.cli.app import run
 from host.errors import InputError
+from host.hardware import board_config
 from host.jobs import make_job
 from host.planner import plan
 from host.robot import Robot
@@ -130,6 +131,38 @@ class TestThreeAmpModule:
         robot = with_board("teaching-scara", osc_pf=None, driver_profile="3a-module", current_a=1.3)
         with pytest.raises(InputError, match=r"^board\.current_a: 1\.3 A is none .* 1\.2 A and 1\.4 A$"):
             executed(robot, "carry", fast_kernel)
+
+    @pytest.mark.parametrize(
+        ("own", "named", "sense_a", "edge"),
+        [
+            pytest.param("3a-module", None, 2, "falling", id="the file's"),
+            pytest.param("3a-module", "3a-module", 2, "falling", id="the file's by name"),
+            pytest.param("3a-module", "slow-blue-board", 1.5, "falling", id="others"),
+            pytest.param("3a-module", "chip-330pf", 1.5, "rising", id="other chips"),
+            pytest.param(None, "chip-330pf", 2, "falling", id="the file's chips by name"),
+            pytest.param(None, "chip-100pf", 1.5, "rising", id="chips with another capacitor"),
+        ],
+    )
+    def test_settings_of_the_file_are_for_the_drivers_of_the_file(
+        self, own: str | None, named: str | None, sense_a: float, edge: str
+    ) -> None:
+        """2 A and steps with the falling edge, where the drivers are its own, however they are named."""
+        osc_pf = None if own else 330
+        robot = with_board("lab-scara", osc_pf=osc_pf, driver_profile=own, current_a=2.0, active_edge="falling")
+        for module in board_config(robot, robot.home, named).modules:
+            assert module.sense_ohm == 0.5 / sense_a
+            assert module.active_edge == edge
+            assert module.switches is None or module.switches.current.printed_a == sense_a
+
+    @pytest.mark.parametrize(("named", "left_out"), [("chip-330pf", False), ("chip-100pf", True)])
+    def test_what_is_left_out_is_said(
+        self, named: str, left_out: bool, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    ) -> None:
+        path = tmp_path / "mine.toml"
+        path.write_text(load_robot("lab-scara").toml.replace("osc_pf = 330", "osc_pf = 330\ncurrent_a = 2.0", 1))
+        assert run(["run", str(path), "spiral", "--driver-profile", named, "--json"]) == 0
+        warning = "--driver-profile chip-100pf: set as is usual with it, not by the robot's current_a"
+        assert (f"steptwin: warning: {warning}\n" in capsys.readouterr().err) == left_out
 
     def test_the_file_does_not_say_how_other_drivers_are_set(self, fast_kernel: Kernel) -> None:
         robot = with_board("teaching-scara", current_a=1.3)

@@ -9,12 +9,31 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from emulator import tb6560
+from emulator.dip_switches import IDLE_PERCENT
+from emulator.driver import Driver
 from emulator.driver_module import ClkEdge
 from emulator.driver_profiles import PROFILES
+from emulator.tb6560.pins import FAST_DECAY_PERCENT
 from host.errors import InputError
+from host.hardware import board_config
 from host.kinematics import make_kinematics
-from host.robot import DRIVER_PROFILES, MICROSTEPS, ActiveEdge, Joint, Output, Robot, Transmission, Unit
+from host.robot import (
+    DRIVER_PROFILES,
+    MICROSTEPS,
+    OSC_PF_MIN,
+    PHASE_CURRENT_MAX_A,
+    SWITCH_CHOICES,
+    SWITCHED_PROFILES,
+    ActiveEdge,
+    Joint,
+    Output,
+    Robot,
+    Transmission,
+    Unit,
+)
 from host.robots import load_robot, load_robot_file, parse_robot, robot_names
+from tests.emulator.pins import POWER_UP, pins
 
 NAME = "warehouse-scara"
 TEXT = (files("host.robots") / f"{NAME}.toml").read_text(encoding="utf-8")
@@ -193,6 +212,12 @@ class TestMistakesInAFile:
                 id="acceleration",
             ),
             pytest.param("osc_pf = 330", "osc_pf = 0", "board.osc_pf: 0 is not above 0", id="board"),
+            pytest.param(
+                "osc_pf = 330",
+                "osc_pf = 63",
+                "board.osc_pf: 63 pF makes the TB6560's oscillator faster than its 600 kHz: at least 64 pF",
+                id="fast oscillator",
+            ),
             pytest.param("osc_pf = 330", "", "board.osc_pf: is missing; it or driver_profile says", id="no driver"),
             pytest.param(
                 "osc_pf = 330",
@@ -215,6 +240,30 @@ class TestMistakesInAFile:
                 "osc_pf = 330\ncurrent_a = 3.1",
                 "board.current_a: 3.1 A is not above 0 and up to 3 A",
                 id="3.1 A",
+            ),
+            pytest.param(
+                "osc_pf = 330",
+                'driver_profile = "3a-module"\nidle_percent = 30',
+                "board.idle_percent: 30 % is none of 20, 50 %",
+                id="idle current",
+            ),
+            pytest.param(
+                "osc_pf = 330",
+                'driver_profile = "3a-module"\nfast_decay_percent = 75',
+                "board.fast_decay_percent: 75 % is none of 0, 25, 50, 100 %",
+                id="decay",
+            ),
+            pytest.param(
+                "osc_pf = 330",
+                "osc_pf = 330\nidle_percent = 20",
+                "board.idle_percent: the chip alone has no switch for it; driver_profile 3a-module has",
+                id="no switch for idle current",
+            ),
+            pytest.param(
+                "osc_pf = 330",
+                'driver_profile = "slow-blue-board"\nfast_decay_percent = 0',
+                "board.fast_decay_percent: slow-blue-board has no switch for it; driver_profile 3a-module has",
+                id="no switch for decay",
             ),
             pytest.param(
                 "osc_pf = 330",
@@ -339,8 +388,31 @@ class TestDrivers:
         assert (board.osc_pf, board.driver_profile) == (None, name)
         assert (board.current_a, board.active_edge) == (3, ActiveEdge.FALLING)
 
+    @pytest.mark.parametrize("idle_percent", [20, 50])
+    @pytest.mark.parametrize("fast_decay_percent", [0, 25, 50, 100])
+    def test_may_have_switches(self, idle_percent: int, fast_decay_percent: int) -> None:
+        """All that the module's have, down to the levels at the chip and to the current that is left at standstill."""
+        settings = f"idle_percent = {idle_percent}\nfast_decay_percent = {fast_decay_percent}"
+        text = changed("osc_pf = 330", f'driver_profile = "3a-module"\ncurrent_a = 2\n{settings}')
+        robot = parse_robot(text, "mine.toml")
+        config = board_config(robot, robot.home)
+        driver = Driver(config.osc_pf[0], config.modules[0])
+        driver.feed(pins(changes=POWER_UP, until=600 * 72_000))
+        currents = np.abs(driver.outputs.currents_a(np.array([499, 501]) * 72_000)).max(axis=1)
+        assert currents.tolist() == pytest.approx([0.5 * (1 / 0.33 + 1 / 1.2), currents[0] * idle_percent / 100])
+        switches = config.modules[0].switches
+        assert switches is not None
+        assert (switches.s6, switches.s5) == {0: (0, 0), 25: (0, 1), 50: (1, 0), 100: (1, 1)}[fast_decay_percent]
+
+    def test_the_smallest_capacitor_is_a_choice(self) -> None:
+        assert parse_robot(changed("osc_pf = 330", "osc_pf = 64"), "mine.toml").board.osc_pf == 64
+
     def test_are_those_that_the_emulator_has(self) -> None:
         assert tuple(PROFILES) == DRIVER_PROFILES
+        assert tuple(name for name, profile in PROFILES.items() if profile.switched) == SWITCHED_PROFILES
+        choices = {"idle_percent": IDLE_PERCENT, "fast_decay_percent": tuple(FAST_DECAY_PERCENT.values())}
+        assert choices == SWITCH_CHOICES
+        assert (OSC_PF_MIN, PHASE_CURRENT_MAX_A) == (tb6560.OSC_PF_MIN, tb6560.CURRENT_MAX_A)
         assert [edge.value for edge in ClkEdge] == [edge.value for edge in ActiveEdge]
 
 
