@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from host.robot import ActiveEdge
 from host.trajectory import FloatArray
 from host.verify import Comparison, DriverLimit, Phases, compare
 from tests.verify.motions import (
@@ -257,6 +258,44 @@ def test_widths_beside_the_limits() -> None:
     drawn = [float(np.asarray(line.get_xdata())[0]) for line in first.lines]
     assert drawn == [30.0, 180.0]
     assert not second.lines
+    assert second.get_xlabel() == "duration [us]; a driver's CLK rises where the board's STEP rises"
+
+
+def test_widths_are_those_that_the_limits_are_for() -> None:
+    """With the falling edge active CLK is low while STEP is high, for 33 us."""
+    limits = (DriverLimit("clk_high", "", 30.0, "us", ""), DriverLimit("clk_low", "", 150.0, "us", ""))
+    evidence = swinging().evidence
+    for axis in range(2):
+        evidence = altered(
+            evidence, axis, active_edge=ActiveEdge.FALLING, violations=replace(NO_VIOLATIONS, limits=limits)
+        )
+    first, second = PICTURES["widths"](compare(swinging().plan, evidence), RUN, VIEW).axes
+    pause_us = float(np.diff(evidence.axes[0].clk_rise_counts).min()) / 72 - 33
+    assert first.get_title(loc="right").startswith(
+        f"high >= {pause_us:.2f} us, {pause_us - 30:.2f} above its limit; low >= 33.00 us, 117.00 below its limit; "
+    )
+    assert second.get_xlabel() == "duration [us]; a driver's CLK rises where the board's STEP falls"
+
+
+def test_of_several_limits_the_strictest_counts() -> None:
+    """The module's and its chip's; every pulse lasts the count that a module without inner delays asks for."""
+    limits = [("clk_high", 1 / 72), ("clk_low", 1 / 72), ("clk_high", 30.0), ("clk_period", 66.0), ("clk_high", 20.0)]
+    violations = replace(NO_VIOLATIONS, limits=tuple(DriverLimit(rule, "", us, "us", "") for rule, us in limits))
+    evidence = altered(swinging().evidence, violations=violations)
+    first, _ = PICTURES["widths"](compare(swinging().plan, evidence), RUN, VIEW).axes
+    assert [float(np.asarray(line.get_xdata())[0]) for line in first.lines] == [30.0, 66.0]
+    assert [text.get_text() for text in first.texts] == ["high 30 ", "rise to rise 66 "]
+    assert first.get_title(loc="right").count("its limit") == 2
+    assert first.get_xlim()[0] > 20
+
+
+def test_limits_that_are_near_to_each_other_share_a_label() -> None:
+    limits = [("clk_high", 150.0), ("clk_low", 151.0), ("clk_period", 310.0)]
+    violations = replace(NO_VIOLATIONS, limits=tuple(DriverLimit(rule, "", us, "us", "") for rule, us in limits))
+    evidence = altered(swinging().evidence, violations=violations)
+    first, _ = PICTURES["widths"](compare(swinging().plan, evidence), RUN, VIEW).axes
+    assert [text.get_text() for text in first.texts] == ["high 150 \nlow 151 ", "rise to rise 310 "]
+    assert len(first.lines) == 3
 
 
 def test_limits_that_ask_for_nothing_are_not_drawn() -> None:
