@@ -85,9 +85,14 @@ def _check_use(names: list[str], options: dict[str, float | None]) -> None:
 
 def _view(duration_s: float, at_s: float | None, span_s: float | None) -> "View":
     from host.plots import View
+    from host.verify import COUNTS_PER_SECOND
 
     if at_s is not None and not (isfinite(at_s) and 0.0 <= at_s <= duration_s):
         raise InputError(f"--at {at_s:g} s: the motion goes from 0 to {duration_s:g} s")
-    if span_s is not None and not (isfinite(span_s) and 0.0 < span_s <= duration_s):
-        raise InputError(f"--span {span_s:g} s: must be above 0 and at most {duration_s:g} s, the whole motion")
+    count_s = 1 / COUNTS_PER_SECOND
+    if span_s is not None and not (isfinite(span_s) and count_s <= span_s <= duration_s):
+        raise InputError(
+            f"--span {span_s:g} s: must be at least {count_s:.3g} s, a count of the board's timer,"
+            f" and at most {duration_s:g} s, the whole motion"
+        )
     return View(at_s, span_s)

@@ -157,8 +157,9 @@ class TestPlot:
             (["--what", ""], "--what '' is unknown: there are joints, "),
             (["--at", "1.5"], "--at 1.5 s: the motion goes from 0 to 1 s"),
             (["--at", "nan"], "--at nan s: the motion goes from 0 to 1 s"),
-            (["--span", "0"], "--span 0 s: must be above 0 and at most 1 s, the whole motion"),
-            (["--span", "1.1"], "--span 1.1 s: must be above 0 and at most 1 s"),
+            (["--span", "0"], "--span 0 s: must be at least 1.39e-08 s, a count of the board's timer, and at most 1 s"),
+            (["--span", "1.3e-8"], "--span 1.3e-08 s: must be at least 1.39e-08 s"),
+            (["--span", "1.1"], "--span 1.1 s: must be at least 1.39e-08 s, a count of the board's timer, and at most"),
             (
                 ["--what", "joints,error", "--at", "0.5"],
                 "--at: is for the pictures edges and phases, not for joints, error",

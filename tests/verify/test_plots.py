@@ -73,13 +73,22 @@ def silent() -> Comparison:
     return compare(plan, evidence)
 
 
+def unheard() -> Comparison:
+    """Drivers that missed every pulse."""
+    plan = swinging().plan
+    evidence = perfect_evidence(plan)
+    for axis in range(2):
+        evidence = altered(evidence, axis, step_counts=np.empty(0, np.int64), step_signs=np.empty(0, np.int8))
+    return compare(plan, evidence)
+
+
 def dense() -> Comparison:
     """More steps than a picture has columns: drawn thinned."""
     plan = plan_of(motion(4.0, sines([(200.0, 2.0, 0.0)]), sines([(200.0, 2.0, 1.5)])), 80.0, 80.0)
     return compare(plan, perfect_evidence(plan))
 
 
-RUNS = {run.__name__: run for run in (swinging, standing, single_step, silent, dense)}
+RUNS = {run.__name__: run for run in (swinging, standing, single_step, silent, unheard, dense)}
 
 
 def pixels(path: Path) -> tuple[int, int]:
@@ -169,6 +178,10 @@ class TestTheView:
     def test_is_the_whole_motion_without_steps(self) -> None:
         assert View().moment(standing(), 12) == View(0.5).moment(standing(), 160) == Moment(0.5, 1.0)
 
+    @pytest.mark.parametrize("at_s", [None, 0.3, 1.0, 2.0])
+    def test_goes_by_pulses_even_if_no_driver_counts_them(self, at_s: float | None) -> None:
+        assert View(at_s).moment(unheard(), 12) == View(at_s).moment(swinging(), 12)
+
     def test_shows_some_steps_of_the_axis_that_is_fastest_there(self) -> None:
         """At 0.52 s the trapezoid goes on at 33.3 mm/s and 40 steps/mm, the sine is nearly at rest."""
         moment = View(np.pi / 6).moment(swinging(), 12)
@@ -212,6 +225,48 @@ class TestTheEdges:
         inside = [np.count_nonzero(np.abs(axis.time_s - np.pi / 3) < 0.005) for axis in comparison.counted]
         assert len(drawn_marks(figure, "v")) == sum(inside) > 40
         assert len(drawn_marks(figure, "^")) == 0
+        assert figure.axes[0].get_xlabel().endswith("; triangles: steps that the driver counted, up or down")
+
+    def test_steps_too_dense_for_marks_have_none(self) -> None:
+        """Where the sine turns around, b makes more than 200 steps and a does not."""
+        figure = PICTURES["edges"](swinging(), RUN, View(np.pi / 6, 0.18))
+        a, b = (np.count_nonzero(np.abs(axis.time_s - np.pi / 6) < 0.09) for axis in swinging().counted[:2])
+        assert len(drawn_marks(figure, "^")) + len(drawn_marks(figure, "v")) == a < 200 < b
+        (axes,) = figure.axes
+        assert axes.get_xlabel().endswith("; triangles: steps that the driver counted, up or down, where at most 200")
+
+    @pytest.mark.parametrize(
+        ("run", "view", "said"),
+        [
+            ("dense", View(1.0, 1.0), "steps are too many to be marked, above 200 an axis"),
+            ("unheard", View(1.0, 0.01), "no driver counted a step here"),
+        ],
+    )
+    def test_it_is_said_why_there_are_no_marks(self, run: str, view: View, said: str) -> None:
+        (axes,) = PICTURES["edges"](RUNS[run](), RUN, view).axes
+        assert axes.get_xlabel().endswith(f" [ms]; {said}")
+        assert not any(np.asarray(drawn.get_xdata()).size for drawn in axes.lines if drawn.get_marker() in ("^", "v"))
+
+    @pytest.mark.parametrize("run", ["swinging", "unheard"])
+    def test_intervals_are_those_of_the_pulses(self, run: str) -> None:
+        """At 1 s b goes at 33.3 mm/s and 40 steps/mm; c stands."""
+        (axes,) = PICTURES["edges"](RUNS[run](), RUN, View(1.0, 0.01)).axes
+        *said, heading = [text.get_text() for text in axes.texts]
+        assert heading == "STEP interval at 0"
+        assert len(said) == 2
+        assert float(said[1].removesuffix(" us")) == pytest.approx(750, abs=0.02)
+
+    @pytest.mark.parametrize(("run", "at_s"), [("swinging", 0.0), ("standing", 0.5)])
+    def test_without_intervals_there_is_no_heading_for_them(self, run: str, at_s: float) -> None:
+        (axes,) = PICTURES["edges"](RUNS[run](), RUN, View(at_s, 0.01)).axes
+        assert not axes.texts
+
+    def test_a_single_count_has_lanes_too(self) -> None:
+        (axes,) = PICTURES["edges"](swinging(), RUN, View(1.0, 1 / 72e6)).axes
+        first, last = axes.get_xlim()
+        for lane in axes.lines[:6]:
+            times = np.asarray(lane.get_xdata())
+            assert times[0] <= first < last <= times[-1]
 
 
 def test_jitter_is_the_interval_beyond_the_ideal_one() -> None:
