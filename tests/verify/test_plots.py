@@ -26,7 +26,9 @@ from tests.verify.motions import (
 
 pytest.importorskip("matplotlib")
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from host.plots import OF_EVERY_RUN, PICTURES, Moment, View, write_plots
 from host.plots.canvas import DOTS_PER_INCH, WIDTH_INCHES, thinned
@@ -267,6 +269,36 @@ class TestTheEdges:
         for lane in axes.lines[:6]:
             times = np.asarray(lane.get_xdata())
             assert times[0] <= first < last <= times[-1]
+
+
+class TestTheTiming:
+    def rows(self, late_us: float) -> list[Axes]:
+        """Axis a to the count of the timer; axis b up to so much late or early, evenly."""
+        comparison = swinging()
+        steps = comparison.evidence.axes[1].step_counts
+        spread = np.rint(72 * late_us * np.linspace(-1.0, 1.0, steps.size)).astype(np.int64)
+        evidence = altered(comparison.evidence, 1, step_counts=np.sort(steps + spread))
+        return PICTURES["timing"](compare(comparison.plan, evidence), RUN, VIEW).axes
+
+    @pytest.mark.parametrize("late_us", [0.0, 1.0, 150.0])
+    def test_fast_axes_keep_their_shape_beside_slow_ones(self, late_us: float) -> None:
+        """Errors of half a count at most are in the linear part, whatever the other axis does."""
+        first, second = self.rows(late_us)
+        full = [bar for bar in first.patches if isinstance(bar, Rectangle) and bar.get_height() > 0]
+        assert len(full) >= 8
+        assert all(abs(edge) <= 1 / 72 for bar in full for edge in (bar.get_x(), bar.get_x() + bar.get_width()))
+        assert first.get_xscale() == second.get_xscale() == "symlog"
+        assert first.get_xlim() == second.get_xlim()
+
+    @pytest.mark.parametrize("late_us", [0.0, 1.0, 150.0])
+    def test_every_edge_is_in_a_bar(self, late_us: float) -> None:
+        for row in self.rows(late_us):
+            bars = [bar.get_height() for bar in row.patches if isinstance(bar, Rectangle)]
+            assert sum(bars) == int(row.get_title(loc="right").split()[0]) > 1000
+
+    def test_the_label_says_what_the_axis_is(self) -> None:
+        label = self.rows(1.0)[-1].get_xlabel()
+        assert "linear within one count of the board's timer, +-0.014 us, logarithmic beyond" in label
 
 
 def test_jitter_is_the_interval_beyond_the_ideal_one() -> None:
