@@ -1,6 +1,7 @@
 """The pictures: that they are drawn for every kind of run, say what they show, and lose no peak."""
 
 import struct
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -155,6 +156,47 @@ def test_the_third_coordinate_gets_a_view_if_it_moves() -> None:
 
     plan = replace(comparison.plan, forward=lifted)
     assert len(PICTURES["tool-path"](compare(plan, comparison.evidence), RUN, VIEW).axes) == 6
+
+
+class TestAToolThatStands:
+    """With an x that is zero but for rounding, which differs from instant to instant."""
+
+    def comparison(self) -> Comparison:
+        comparison = standing()
+
+        def forward(joints: FloatArray) -> FloatArray:
+            x_mm = np.where(np.arange(len(joints)) % 2, 4.9e-14, 5.0e-14)
+            return np.column_stack([x_mm, np.full(len(joints), 800.0), np.zeros((len(joints), 2))])
+
+        return compare(replace(comparison.plan, forward=forward), comparison.evidence)
+
+    def test_has_pictures_without_a_warning(self, tmp_path: Path) -> None:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            assert len(write_plots(tmp_path, self.comparison(), RUN, PICTURES)) == len(PICTURES)
+
+    def test_is_seen_in_its_surroundings(self) -> None:
+        figure = PICTURES["tool-path"](self.comparison(), RUN, VIEW)
+        figure.draw_without_rendering()
+        whole, magnified, close = figure.axes
+        for first, last, middle in ((*whole.get_xlim(), 0.0), (*whole.get_ylim(), 800.0)):
+            assert last - first >= 1.0
+            assert (first + last) / 2 == pytest.approx(middle, abs=1e-9)
+        assert (whole.get_xlabel(), whole.get_ylabel()) == ("x [mm]", "y [mm]")
+        assert not magnified.axison
+        assert [text.get_text() for text in magnified.texts] == ["the tool does not move"]
+        assert close.axison
+
+    def test_has_no_limits_of_joints(self) -> None:
+        assert PICTURES["error"](self.comparison(), RUN, VIEW).axes[0].get_title(loc="left") == "whole motion"
+        of_joints = PICTURES["error"](swinging(), RUN, VIEW).axes[0]
+        assert of_joints.get_title(loc="left") == "whole motion; dashed: limit of 0.57 steps"
+
+
+def test_an_error_that_is_seen_already_is_not_magnified() -> None:
+    titles = {run: PICTURES["tool-path"](RUNS[run](), RUN, VIEW).axes[1].get_title(loc="left") for run in RUNS}
+    assert titles["silent"] == titles["unheard"] == "error not magnified"
+    assert titles["swinging"].startswith("error magnified ")
 
 
 def test_a_run_draws_some_of_them_by_itself(tmp_path: Path) -> None:
