@@ -11,7 +11,7 @@ import typer
 from host.cli.app import app
 from host.cli.arguments import AsJson
 from host.cli.output import print_json
-from host.cli.verify import RunDir
+from host.cli.verify import PlanDir, RunDir
 from host.errors import InputError
 from host.inputs import unknown
 
@@ -45,6 +45,7 @@ def plot(
     span_s: Annotated[
         float | None, typer.Option("--span", metavar="SECONDS", help="And so much of it; by default some steps.")
     ] = None,
+    plan: PlanDir = None,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="By default into the folder itself.")] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -56,7 +57,7 @@ def plot(
 
     names = _names(what)
     _check_use(names, {"--at": at_s, "--span": span_s})
-    stored = read_run(folder)
+    stored = read_run(folder, plan)
     view = _view(stored.duration_s, at_s, span_s)
     paths = write_plots(out or folder, stored.comparison, stored.report.run, names, form, view)
     if as_json:

@@ -150,6 +150,23 @@ class TestPlot:
         assert json.loads(capsys.readouterr().out) == {"files": [str(folder / f"{name}.png") for name in names]}
         assert {name: (folder / f"{name}.png").read_bytes() for name in names} == first
 
+    def test_a_live_boards_folder_takes_the_plan_of_another(
+        self, carry_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        """The folder as a served board leaves it that does not know what it was to do."""
+        live, words = tmp_path / "live", ["--what", "joints,timing", "--format", "svg"]
+        shutil.copytree(carry_run, live)
+        (live / "trajectory.csv").unlink()
+        document = json.loads((live / "report.json").read_text())
+        (live / "report.json").write_text(json.dumps(document | {"passed": None, "outputs": []}))
+        assert refusal(capsys, "plot", str(live)).endswith("--plan DIR takes that of another run")
+        assert run(["plot", str(live), *words, "--plan", str(carry_run)]) == 0
+        assert run(["plot", str(carry_run), *words, "--out", str(tmp_path)]) == 0
+        for name in ("joints.svg", "timing.svg"):
+            assert (live / name).read_bytes() == (tmp_path / name).read_bytes()
+        own = refusal(capsys, "plot", str(carry_run), "--plan", str(carry_run))
+        assert own.endswith(" has its own; another one is for a live board's folder")
+
     @pytest.mark.parametrize(
         ("words", "message"),
         [
