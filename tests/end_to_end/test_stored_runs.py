@@ -141,9 +141,10 @@ class TestPlot:
             assert path.read_text().startswith("<?xml")
 
     def test_a_stored_run_has_the_pictures_of_the_run(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        """To the byte, also those of errors: the cubics in the folder are not quite what the job has planned."""
         folder = tmp_path / "run"
         assert run(["run", "calibration-scara", "demo", "--out", str(folder)]) == 0
-        names = ["joints", "step-rates"]
+        names = ["joints", "step-rates", "tool-path", "error", "timing"]
         first = {name: (folder / f"{name}.png").read_bytes() for name in names}
         capsys.readouterr()
         assert run(["plot", str(folder), "--what", ",".join(names), "--json"]) == 0
