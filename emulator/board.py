@@ -14,7 +14,7 @@ from controller.motion import PinEdges
 from controller.pins import OUTPUT_PINS, Pin, PinChange
 from emulator.can_controller import CanController
 from emulator.driver import Driver
-from emulator.driver_module import Module
+from emulator.driver_module import ClkEdge, Module
 from emulator.edges import Int8Array, Int64Array
 from emulator.inputs import BoardInputs
 from emulator.operations import BoardTemperature, DriverProtect, EmergencyStop, Operation, Supply
@@ -66,6 +66,8 @@ class AxisTrace:
 
     clk_rise_counts: Int64Array
     clk_fall_counts: Int64Array
+    active_edge: ClkEdge
+    """Of these, which makes the chip's CLK rise."""
     dir_counts: Int64Array
     dir_levels: Int8Array
     step_counts: Int64Array
@@ -362,6 +364,7 @@ class Board:
         return AxisTrace(
             clk_rise_counts=np.concatenate([p.clk_rise_counts for p in pins]),
             clk_fall_counts=np.concatenate([p.clk_fall_counts for p in pins]),
+            active_edge=driver.active_edge,
             dir_counts=np.concatenate([p.dir_counts for p in pins]),
             dir_levels=np.concatenate([p.dir_levels for p in pins]),
             step_counts=step_counts,

@@ -1,6 +1,8 @@
 """One driver as the board sees it: a TB6560 and what is around it."""
 
-from emulator.driver_module import Module
+from typing import Final
+
+from emulator.driver_module import ClkEdge, Module
 from emulator.edges import Int8Array, Int64Array
 from emulator.input_stage import InputStage
 from emulator.tb6560 import Outputs, Pins, Tb6560, Violations, merged
@@ -15,6 +17,8 @@ class Driver:
 
     def __init__(self, osc_pf: float, module: Module) -> None:
         self.chip = Tb6560(osc_pf, module.chip_sense_ohm, module.cooling)
+        self.active_edge: Final[ClkEdge] = module.active_edge
+        """Of STEP: the chip's CLK rises with it."""
         self._stage = None if module.only_wires else InputStage(module, self.chip.clk_width_min_counts)
 
     def feed(self, pins: Pins) -> tuple[Int64Array, Int8Array]:

@@ -9,7 +9,7 @@ from controller.pins import Pin, PinChange
 from emulator.board import AxisTrace, BoardConfig
 from emulator.switches import Switch
 from host.drivers import driver_profile, fitted_module, phases_evidence, violations_evidence
-from host.robot import Joint, Robot
+from host.robot import ActiveEdge, Joint, Robot
 from host.verify import AxisEvidence, LevelEdges
 from protocol.cia402 import DigitalInput
 from protocol.frame import FIRST_NODE_ID
@@ -89,6 +89,7 @@ def axis_evidence(
         start_steps=start_steps,
         clk_rise_counts=trace.clk_rise_counts,
         clk_fall_counts=trace.clk_fall_counts,
+        active_edge=ActiveEdge(trace.active_edge),
         dir_edge_counts=trace.dir_counts,
         dir_levels=trace.dir_levels,
         step_counts=trace.step_counts,

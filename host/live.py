@@ -20,7 +20,7 @@ from emulator.simulation import Simulation
 from host.drivers import driver_profile
 from host.hardware import axis_evidence, board_configs, standing_steps
 from host.live_plan import LivePlan
-from host.robot import Robot
+from host.robot import ActiveEdge, Robot
 from host.run_folder import (
     BUS_LOG,
     EDGES,
@@ -98,6 +98,7 @@ class LiveBoard:
         self._motion_start_counts: int | None = None
         """t = 0 of the last motion that a SYNC has started."""
         warm_up(kernel)
+        self._active_edges = [ActiveEdge(module.active_edge) for config in configs for module in config.modules]
         self._boards = [Board(config, kernel) for config in configs]
         self._axes = [(board, axis) for board in self._boards for axis in range(board.config.axis_count)]
         """Of each joint: its board, and its number there."""
@@ -162,7 +163,7 @@ class LiveBoard:
         if self._plan:
             self._plan.finish()
         if self._spool and self._out:
-            totals = zip(self.robot.joint_names, self._start_steps, self._limits, strict=True)
+            totals = zip(self.robot.joint_names, self._start_steps, self._active_edges, self._limits, strict=True)
             axes = [AxisTotals(*axis) for axis in totals]
             self._spool.finish(self._motion_start_counts or 0, axes)
             (self._out / ROBOT).write_text(self.robot.toml, encoding="utf-8")

@@ -11,7 +11,7 @@ import typer
 from host.cli.app import app
 from host.cli.arguments import AsJson
 from host.cli.output import print_json
-from host.cli.verify import RunDir
+from host.cli.verify import PlanDir, RunDir
 from host.errors import InputError
 from host.inputs import unknown
 
@@ -45,6 +45,7 @@ def plot(
     span_s: Annotated[
         float | None, typer.Option("--span", metavar="SECONDS", help="And so much of it; by default some steps.")
     ] = None,
+    plan: PlanDir = None,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="By default into the folder itself.")] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -56,7 +57,7 @@ def plot(
 
     names = _names(what)
     _check_use(names, {"--at": at_s, "--span": span_s})
-    stored = read_run(folder)
+    stored = read_run(folder, plan)
     view = _view(stored.duration_s, at_s, span_s)
     paths = write_plots(out or folder, stored.comparison, stored.report.run, names, form, view)
     if as_json:
@@ -85,9 +86,14 @@ def _check_use(names: list[str], options: dict[str, float | None]) -> None:
 
 def _view(duration_s: float, at_s: float | None, span_s: float | None) -> "View":
     from host.plots import View
+    from host.verify import COUNTS_PER_SECOND
 
     if at_s is not None and not (isfinite(at_s) and 0.0 <= at_s <= duration_s):
         raise InputError(f"--at {at_s:g} s: the motion goes from 0 to {duration_s:g} s")
-    if span_s is not None and not (isfinite(span_s) and 0.0 < span_s <= duration_s):
-        raise InputError(f"--span {span_s:g} s: must be above 0 and at most {duration_s:g} s, the whole motion")
+    count_s = 1 / COUNTS_PER_SECOND
+    if span_s is not None and not (isfinite(span_s) and count_s <= span_s <= duration_s):
+        raise InputError(
+            f"--span {span_s:g} s: must be at least {count_s:.3g} s, a count of the board's timer,"
+            f" and at most {duration_s:g} s, the whole motion"
+        )
     return View(at_s, span_s)

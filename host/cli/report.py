@@ -27,7 +27,8 @@ def print_report(document: Mapping[str, Any]) -> None:
     print_table(list(_COLUMNS), [_row(axis) for axis in document["axes"]])
     moving = [axis for axis in document["axes"] if axis["pulses"]]
     if moving:
-        typer.echo(f"CLK: high {_least(moving, 'clk_high_us_min')}, low {_least(moving, 'clk_low_us_min')}")
+        inverted = ", low while STEP is high" if moving[0]["active_edge"] == "falling" else ""
+        typer.echo(f"CLK: high {_least(moving, 'clk_high_us_min')}, low {_least(moving, 'clk_low_us_min')}{inverted}")
     changes = [output for output in document["outputs"] if output["changed_s"] is not None]
     if changes:
         said = (f"{o['name']} {'on' if o['on'] else 'off'} {o['changed_s']:.3f} s" for o in changes)

@@ -19,14 +19,18 @@ RunDir = Annotated[
     typer.Argument(metavar="DIR", help="A folder that `steptwin run --out` or `steptwin serve --out` has written."),
 ]
 
+PlanDir = Annotated[
+    Path | None,
+    typer.Option(
+        "--plan", metavar="DIR", help="For a live board's folder: another run's, whose plan it was to follow."
+    ),
+]
+
 
 @app.command()
 def verify(
     folder: RunDir,
-    plan: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="For a live board's folder: another run's, whose plan it was to follow."),
-    ] = None,
+    plan: PlanDir = None,
     as_json: AsJson = False,
 ) -> None:
     """Verify a stored run again: same verdict, same exit code, or 1 if its files were changed."""

@@ -8,9 +8,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from host.plots.canvas import COUNTED, LIMIT, new_figure
-from host.plots.moment import Moment, View
+from host.plots.moment import Moment, View, interval_around, pulse_times
 from host.trajectory import FloatArray
 from host.verify import COUNTS_PER_SECOND, Comparison, RunInfo
+from host.verify.counted import CountedSteps
 from host.waveforms import Signal, Window, whole_record, wires
 
 LANE_INCHES: Final = 0.3
@@ -33,19 +34,19 @@ def draw_edges(comparison: Comparison, run: RunInfo, view: View) -> Figure:
     for lane, signal in enumerate(lanes):
         times_s, levels = _course(signal, window)
         axes.plot(_shown_ms(times_s, moment), levels * _HIGH - lane, color=COUNTED, drawstyle="steps-post")
-    for i, evidence in enumerate(comparison.evidence.axes):
-        lane = next(lane for lane, signal in enumerate(lanes) if signal.axis == evidence.name)
-        _mark_steps(axes, comparison, i, lane, moment)
+    firsts = [next(lane for lane, s in enumerate(lanes) if s.axis == name) for name in comparison.joint_names]
+    steps = [_mark_steps(axes, *each, moment) for each in zip(comparison.counted, firsts, strict=True)]
+    _say_intervals(axes, comparison, firsts, moment)
     _finish(axes, lanes, moment)
+    axes.set_xlabel(f"time from t = {moment.at_s:.6f} s [ms]; {_about_marks(steps)}")
     return figure
 
 
 def _window(comparison: Comparison, moment: Moment) -> Window:
-    """What there is of the part that is shown."""
+    """What there is of the part that is shown, to whole counts beyond it."""
     whole = whole_record(comparison.evidence)
-    return Window(
-        max(whole.counts(moment.from_s), whole.from_counts), whole.counts(moment.to_s), comparison.evidence.start_counts
-    )
+    first, last = whole.counts(moment.from_s) - 1, whole.counts(moment.to_s) + 1
+    return Window(max(first, whole.from_counts), last, comparison.evidence.start_counts)
 
 
 def _lanes(comparison: Comparison, window: Window) -> list[Signal]:
@@ -65,19 +66,36 @@ def _course(signal: Signal, window: Window) -> tuple[FloatArray, FloatArray]:
     return (counts - window.start_counts) / COUNTS_PER_SECOND, levels.astype(np.float64)
 
 
-def _mark_steps(axes: Axes, comparison: Comparison, i: int, lane: int, moment: Moment) -> None:
-    """A triangle up or down above each counted step, and at the right how long the interval in the middle is."""
-    counted = comparison.counted[i]
+def _mark_steps(axes: Axes, counted: CountedSteps, lane: int, moment: Moment) -> int:
+    """A triangle up or down above each counted step, if there are not too many; return how many there are."""
     first, last = np.searchsorted(counted.time_s, (moment.from_s, moment.to_s)).tolist()
     times_ms = _shown_ms(counted.time_s[first:last], moment)
     if last - first <= _MARKED_MAX:
         for sign, marker in ((1, "^"), (-1, "v")):
             chosen = times_ms[counted.signs[first:last] == sign]
             axes.plot(chosen, np.full(chosen.size, _HIGH + 0.15 - lane), marker, color=LIMIT, markersize=3.5)
-    middle = int(np.searchsorted(counted.time_s, moment.at_s))
-    if 0 < middle < counted.time_s.size:
-        interval_us = 1e6 * (counted.time_s[middle] - counted.time_s[middle - 1])
-        axes.text(1.01, _HIGH / 2 - lane, f"{interval_us:.2f} us", transform=axes.get_yaxis_transform(), va="center")
+    return int(last - first)
+
+
+def _about_marks(steps: list[int]) -> str:
+    """What the triangles are, and why there are none where there are steps, or none at all."""
+    if not any(steps):
+        return "no driver counted a step here"
+    if all(count == 0 or count > _MARKED_MAX for count in steps):
+        return f"steps are too many to be marked, above {_MARKED_MAX} an axis"
+    beyond = f", where at most {_MARKED_MAX}" if max(steps) > _MARKED_MAX else ""
+    return f"triangles: steps that the driver counted, up or down{beyond}"
+
+
+def _say_intervals(axes: Axes, comparison: Comparison, lanes: list[int], moment: Moment) -> None:
+    """At the right, how long each axis' interval in the middle is, between two pulses on STEP."""
+    intervals_s = [interval_around(pulse_times(comparison, i), moment.at_s) for i in range(len(lanes))]
+    said = [(lane, interval_s) for lane, interval_s in zip(lanes, intervals_s, strict=True) if interval_s is not None]
+    for lane, interval_s in said:
+        text = f"{1e6 * interval_s:.2f} us"
+        axes.text(1.01, _HIGH / 2 - lane, text, transform=axes.get_yaxis_transform(), va="center")
+    if said:
+        axes.text(1.01, 1.0, "STEP interval at 0", transform=axes.transAxes, va="center", size=8)
 
 
 def _finish(axes: Axes, lanes: list[Signal], moment: Moment) -> None:
@@ -93,8 +111,6 @@ def _finish(axes: Axes, lanes: list[Signal], moment: Moment) -> None:
         lane += count
     axes.axvline(0.0, color="0.4", linestyle=":", linewidth=0.8)
     axes.set_xlim(*_shown_ms(np.array([moment.from_s, moment.to_s]), moment))
-    axes.set_xlabel(f"time from t = {moment.at_s:.6f} s [ms]; triangles: steps that the driver counted, up or down")
-    axes.text(1.01, 1.0, "step interval at 0", transform=axes.transAxes, va="center", size=8)
 
 
 def _shown_ms(times_s: FloatArray, moment: Moment) -> FloatArray:

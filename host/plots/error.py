@@ -41,7 +41,8 @@ def draw_error(comparison: Comparison, run: RunInfo) -> Figure:
             if right.axison:
                 _draw_limits(right)
         left.tick_params(labelbottom=n == len(series) - 1)
-    rows[0][0].set_title(f"whole motion; dashed: limit of {POSITION_ERROR_LIMIT_STEPS:g} steps", loc="left")
+    dashed = f"; dashed: limit of {POSITION_ERROR_LIMIT_STEPS:g} steps" if moving else ""
+    rows[0][0].set_title(f"whole motion{dashed}", loc="left")
     rows[-1][0].set_xlabel("time [s]")
     note_still_axes(figure, comparison, moving)
     return figure

@@ -24,6 +24,12 @@ CLOSE_ERRORS = 4.0
 FLAT_PART = 0.01
 """A coordinate that moves by less than this part of the largest one gets no view of its own."""
 
+STILL_MM = 1e-6
+"""A coordinate that moves by no more stands: so far goes what rounding makes of it."""
+
+LEAST_VIEW_MM = 1.0
+"""What is seen around a tool that stands."""
+
 View = tuple[int, int]
 """The coordinates drawn across and up: 0 is x, 1 y, 2 z."""
 
@@ -34,6 +40,12 @@ class _Path:
 
     planned_mm: FloatArray
     errors_mm: FloatArray
+
+    @property
+    def extents_mm(self) -> FloatArray:
+        """How far each coordinate is planned to move, shape (3,)."""
+        extents_mm = np.ptp(self.planned_mm, axis=0)
+        return np.where(extents_mm > STILL_MM, extents_mm, 0.0)
 
     def counted_mm(self, gain: float = 1.0) -> FloatArray:
         return self.planned_mm + gain * self.errors_mm
@@ -50,8 +62,11 @@ def draw_tool_path(comparison: Comparison, run: RunInfo) -> Figure:
     rows = figure.subplots(len(views), 3, squeeze=False, height_ratios=heights_inches)
     for row, view in zip(rows, views, strict=True):
         _draw_whole(row[0], whole, view, 1.0, "true to scale")
-        gain = _gain(whole)
-        _draw_whole(row[1], whole, view, gain, f"error magnified {gain:g} times")
+        if whole.extents_mm.any():
+            _draw_magnified(row[1], whole, view)
+        else:
+            row[1].set_axis_off()
+            row[1].text(0.5, 0.5, "the tool does not move", transform=row[1].transAxes, ha="center", va="center")
         _draw_close(row[2], edges, view)
     figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside upper right", ncols=4)
     return figure
@@ -67,7 +82,7 @@ def _path(comparison: Comparison, t_s: FloatArray) -> _Path:
 
 
 def _views(path: _Path) -> list[View]:
-    extents_mm = np.ptp(path.planned_mm, axis=0)
+    extents_mm = path.extents_mm
     first, second, third = np.argsort(-extents_mm, kind="stable").tolist()
     main = (min(first, second), max(first, second))
     flat = extents_mm[third] <= FLAT_PART * extents_mm[first]
@@ -76,7 +91,7 @@ def _views(path: _Path) -> list[View]:
 
 def _gain(path: _Path) -> float:
     """1, 2 or 5 times a power of ten that makes the error visible, but small against the path."""
-    extent_mm, error_mm = np.ptp(path.planned_mm, axis=0).max(), np.abs(path.errors_mm).max()
+    extent_mm, error_mm = path.extents_mm.max(), np.abs(path.errors_mm).max()
     wanted = MAGNIFIED_PART * float(extent_mm / error_mm) if error_mm > 0.0 else 1.0
     if wanted <= 1.0:
         return 1.0
@@ -90,8 +105,15 @@ def _draw_whole(axes: Axes, path: _Path, view: View, gain: float, title: str) ->
     axes.plot(*counted.T, color=COUNTED, linewidth=0.6, label="counted")
     axes.plot(*planned[0], marker="o", color="black", linestyle="none", label="start")
     axes.plot(*planned[-1], marker="s", color="black", linestyle="none", label="end")
+    if not path.extents_mm.any():
+        axes.update_datalim(planned[:1] + LEAST_VIEW_MM / 2 * np.array([[-1.0, -1.0], [1.0, 1.0]]))
     _finish(axes, view, title)
     axes.set_aspect("equal", adjustable="datalim")
+
+
+def _draw_magnified(axes: Axes, path: _Path, view: View) -> None:
+    gain = _gain(path)
+    _draw_whole(axes, path, view, gain, f"error magnified {gain:g} times" if gain > 1.0 else "error not magnified")
 
 
 def _draw_close(axes: Axes, path: _Path, view: View) -> None:

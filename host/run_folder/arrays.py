@@ -1,7 +1,8 @@
 """The arrays of an .npz file by key, each checked for kind, shape and order before anybody uses it."""
 
 import zlib
-from typing import Any, Final
+from enum import StrEnum
+from typing import Any, Final, TypeVar
 from zipfile import BadZipFile
 
 import numpy as np
@@ -12,6 +13,8 @@ from host.inputs import prefixed
 from host.run_folder.layout import ContradictionError
 from host.trajectory import FloatArray
 from host.verify.evidence import Int8Array, Int16Array, Int64Array
+
+Choice = TypeVar("Choice", bound=StrEnum)
 
 UNREADABLE: Final = (BadZipFile, EOFError, OSError, ValueError, zlib.error)
 """What numpy raises for a file that is none of its own, or is damaged."""
@@ -34,6 +37,14 @@ class Arrays:
         if value.ndim != 1 or value.dtype.kind != "U":
             raise InputError(f"{key}: is not a list of names")
         return tuple(value.tolist())
+
+    def choice(self, key: str, choices: type[Choice]) -> Choice:
+        value = self._array(key)
+        if value.ndim != 0 or value.dtype.kind != "U":
+            raise InputError(f"{key}: is not one text")
+        if str(value) not in list(choices):
+            raise InputError(f"{key}: {str(value)!r} is none of {', '.join(choices)}")
+        return choices(str(value))
 
     def counts(self, key: str) -> Int64Array:
         """Instants: sorted, none before power-up."""

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from host.errors import InputError
 from host.inputs import prefixed
+from host.robot import ActiveEdge
 from host.run_folder.arrays import UNREADABLE, Arrays
 from host.run_folder.layout import EDGES, FOLDER_VERSION, VERSION_KEY, ContradictionError, check_version, existing
 from host.verify import (
@@ -36,12 +37,15 @@ class AxisTotals(NamedTuple):
 
     name: str
     start_steps: int
+    active_edge: ActiveEdge
     limits: tuple[DriverLimit, ...]
 
 
 def write_edges(path: Path, evidence: Evidence) -> None:
     """Write the evidence; the outputs' names are the robot's business."""
-    totals = [AxisTotals(axis.name, axis.start_steps, axis.violations.limits) for axis in evidence.axes]
+    totals = [
+        AxisTotals(axis.name, axis.start_steps, axis.active_edge, axis.violations.limits) for axis in evidence.axes
+    ]
     arrays: dict[str, Any] = {**head(evidence.start_counts, totals)}
     for axis in evidence.axes:
         arrays |= edge_arrays(axis)
@@ -59,6 +63,7 @@ def head(start_counts: int, axes: Sequence[AxisTotals]) -> dict[str, Array | np.
     }
     for axis in axes:
         values[f"{axis.name}_start_steps"] = np.int64(axis.start_steps)
+        values[f"{axis.name}_active_edge"] = np.array(axis.active_edge.value, np.str_)
         values |= _limit_arrays(axis.name, axis.limits)
     return values
 
@@ -133,6 +138,7 @@ def _axis(arrays: Arrays, name: str) -> AxisEvidence:
         start_steps=arrays.integer(f"{name}_start_steps"),
         clk_rise_counts=rises,
         clk_fall_counts=falls,
+        active_edge=arrays.choice(f"{name}_active_edge", ActiveEdge),
         dir_edge_counts=turns,
         dir_levels=arrays.signs(f"{name}_dir_levels", (0, 1), f"{name}_dir_edge_counts", turns.size),
         step_counts=steps,

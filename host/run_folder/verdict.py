@@ -11,7 +11,7 @@ from host.verify import Report, contradictions, verify_comparison
 
 _OF_THE_EDGES: Final = (
     "name", "steps_start", "steps_end", "pulses", "reversals", "peak_rate_hz", "clk_high_us_min", "clk_low_us_min",
-    "violations", "mean_step_interval_us",
+    "violations", "mean_step_interval_us", "active_edge",
 )  # fmt: skip
 """Figures that follow from the edges alone, so that they come out again to the last digit."""
 

@@ -10,6 +10,7 @@ from host.errors import InputError
 from host.run_folder.edges import write_edges
 from host.run_folder.layout import BUS_LOG, EDGES, REPORT, ROBOT, TRAJECTORY
 from host.run_folder.motion import write_motion
+from host.run_folder.reading import read_run
 from host.run_folder.report import write_report
 from host.waveforms import DEFAULT_SCALE, Format, whole_record, wires, write_waveform
 from host.whole_file import whole_file
@@ -35,7 +36,8 @@ def prepare_folder(out: str) -> Path:
 def write_folder(out: Path, outcome: "Outcome", document: Mapping[str, Any]) -> bool:
     """Write everything; return False if the pictures had to be left out because matplotlib is not installed.
 
-    The document is what `run --json` prints, with FOLDER_VERSION under VERSION_KEY.
+    The document is what `run --json` prints, with FOLDER_VERSION under VERSION_KEY. The pictures are drawn from the
+    folder, so that `plot` draws the same: the motion in it may be a little off the one that was planned.
     """
     from emulator.candump import candump_lines
 
@@ -47,18 +49,18 @@ def write_folder(out: Path, outcome: "Outcome", document: Mapping[str, Any]) -> 
     write_edges(out / EDGES, evidence)
     with whole_file(out / BUS_LOG) as file:
         file.writelines(line.encode() for line in candump_lines(outcome.bus_log))
-    run = outcome.report.run
     write_waveform(
         out / Format.VCD.file_name,
         wires(evidence),
         whole_record(evidence),
         Format.VCD,
         DEFAULT_SCALE,
-        run.robot,
+        outcome.plan.robot.name,
     )
     if not find_spec("matplotlib"):
         return False
     from host.plots import write_plots
 
-    write_plots(out, outcome.comparison, run)
+    stored = read_run(out)
+    write_plots(out, stored.comparison, stored.report.run)
     return True

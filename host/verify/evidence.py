@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from host.robot import ActiveEdge
 from host.trajectory import FloatArray
 
 COUNTS_PER_SECOND = 72_000_000
@@ -84,16 +85,19 @@ class Phases:
 
 @dataclass(frozen=True, slots=True)
 class AxisEvidence:
-    """One axis: its CLK and DIR pins and its driver's accepted steps, all times in counts since boot, sorted.
+    """One axis: its STEP and DIR pins and its driver's accepted steps, all times in counts since boot, sorted.
+
+    The board's STEP is the chip's CLK, or its inverse where the falling edge is active.
 
     Attributes:
         name: the joint.
         start_steps: where the motor stands at power-up, in steps from the joint's zero.
-        clk_rise_counts: shape (pulses,), every CLK rise, accepted or not.
+        clk_rise_counts: shape (pulses,), every rise of STEP, accepted or not.
         clk_fall_counts: shape (pulses,), the fall that ends each of those pulses.
+        active_edge: the edge of STEP with which the chip's CLK rises.
         dir_edge_counts: shape (d,), every change of the DIR pin.
         dir_levels: shape (d,), the level after each of those changes, 0 or 1.
-        step_counts: shape (steps,), the CLK rises that the driver accepted.
+        step_counts: shape (steps,), the rises of those pulses that the driver accepted.
         step_signs: shape (steps,), +1 or -1, the way in which each of them moved the motor.
         violations: where limits of the driver were broken.
         phases: electrical angle and currents.
@@ -104,6 +108,7 @@ class AxisEvidence:
     start_steps: int
     clk_rise_counts: Int64Array
     clk_fall_counts: Int64Array
+    active_edge: ActiveEdge
     dir_edge_counts: Int64Array
     dir_levels: Int8Array
     step_counts: Int64Array

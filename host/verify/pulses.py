@@ -1,12 +1,25 @@
 """What the pins and the driver alone say about one axis, without any plan."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from host.robot import ActiveEdge
 from host.verify.evidence import COUNTS_PER_SECOND, AxisEvidence, Int64Array
 
 COUNTS_PER_US = COUNTS_PER_SECOND / 1_000_000
+
+
+class ClkDurations(NamedTuple):
+    """How long the chip's CLK is high, is low, and takes from one rise to the next, in counts and in order of time.
+
+    As the drivers' limits have it: with the falling edge active, CLK is high while the board's STEP is low.
+    """
+
+    high_counts: Int64Array
+    low_counts: Int64Array
+    period_counts: Int64Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,13 +27,13 @@ class PulseFacts:
     """Figures of one axis' whole evidence.
 
     Attributes:
-        pulses: CLK rises, accepted or not.
+        pulses: on STEP, accepted or not.
         reversals: how often an accepted step goes against the one before it.
         peak_rate_hz: the inverse of the smallest interval between two accepted steps that follow each other the same
             way; 0.0 without such a pair. A step count per sample would overstate it by up to one over the sample time.
         mean_step_interval_us: from the first accepted step to the last, per step; None with fewer than two.
-        clk_high_us_min: the shortest pulse; None without one.
-        clk_low_us_min: the shortest pause between two pulses; None without one.
+        clk_high_us_min: how long the chip's CLK is high, at least; None where the record has not both ends of any.
+        clk_low_us_min: how long it is low, in the same way.
     """
 
     pulses: int
@@ -35,15 +48,25 @@ def pulse_facts(axis: AxisEvidence) -> PulseFacts:
     """Measure one axis."""
     same_way = axis.step_signs[1:] == axis.step_signs[:-1]
     intervals_counts = np.diff(axis.step_counts)
+    clk = clk_durations(axis)
     steady_us = _smallest_us(intervals_counts[same_way])
     return PulseFacts(
         pulses=len(axis.clk_rise_counts),
         reversals=int(np.count_nonzero(~same_way)),
         peak_rate_hz=1e6 / steady_us if steady_us else 0.0,
         mean_step_interval_us=float(intervals_counts.mean()) / COUNTS_PER_US if intervals_counts.size else None,
-        clk_high_us_min=_smallest_us(axis.clk_fall_counts - axis.clk_rise_counts),
-        clk_low_us_min=_smallest_us(axis.clk_rise_counts[1:] - axis.clk_fall_counts[:-1]),
+        clk_high_us_min=_smallest_us(clk.high_counts),
+        clk_low_us_min=_smallest_us(clk.low_counts),
     )
+
+
+def clk_durations(axis: AxisEvidence) -> ClkDurations:
+    """Those of which the record has both ends."""
+    rises, falls = axis.clk_rise_counts, axis.clk_fall_counts
+    pulses_counts, pauses_counts = falls - rises, rises[1:] - falls[:-1]
+    if axis.active_edge is ActiveEdge.FALLING:
+        return ClkDurations(pauses_counts, pulses_counts, np.diff(falls))
+    return ClkDurations(pulses_counts, pauses_counts, np.diff(rises))
 
 
 def _smallest_us(durations_counts: Int64Array) -> float | None:

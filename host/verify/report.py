@@ -39,21 +39,23 @@ class AxisReport:
         name: the joint.
         steps_start: the driver's count at t = 0, in steps from the joint's zero.
         steps_end: the driver's count after its last step.
-        pulses: CLK rises, accepted or not.
+        pulses: on STEP, accepted or not.
         reversals: how often an accepted step goes against the one before it.
         peak_rate_hz: the inverse of the smallest interval between accepted steps that follow each other the same way.
         position_error_steps_max: the largest |count - planned position| at any instant from the start of the motion.
         timing_error_us_p50: median of |accepted edge - ideal crossing|, crossings below 1 % of the peak rate left out.
         timing_error_us_p99: its 99th percentile.
         timing_error_us_max: its maximum.
-        clk_high_us_min: the shortest pulse.
-        clk_low_us_min: the shortest pause between two pulses.
+        clk_high_us_min: how long the driver chip's CLK is high, at least: a pulse on STEP, or a pause between two of
+            them where `active_edge` is falling.
+        clk_low_us_min: how long it is low, at least: the other one of these.
         violations: how often limits of the driver were broken, all together.
         unmatched_steps: ideal crossings without a step and steps without a crossing, together.
         grazing_steps: such steps where the motion turns around within the tolerance of a threshold, so that stepping
             and not stepping are both right; they are not counted as unmatched.
         threshold_error_steps_max: how far from its threshold the planned position was when a step was made, at most.
         mean_step_interval_us: from the first accepted step to the last, per step.
+        active_edge: "rising" or "falling", the edge of the board's STEP with which the chip's CLK rises.
     """
 
     name: str
@@ -73,6 +75,7 @@ class AxisReport:
     grazing_steps: int
     threshold_error_steps_max: float
     mean_step_interval_us: float | None
+    active_edge: str
 
 
 @dataclass(frozen=True, slots=True)

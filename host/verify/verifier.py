@@ -113,6 +113,7 @@ def _axis_report(comparison: Comparison, axis: int, worst: _Worst) -> AxisReport
         grazing_steps=unmatched if lawful else 0,
         threshold_error_steps_max=threshold_steps,
         mean_step_interval_us=facts.mean_step_interval_us,
+        active_edge=evidence.active_edge.value,
     )
 
 

@@ -63,6 +63,9 @@ class TestSlowBlueBoard:
             assert 0 < group["first_s"] < 10
             assert "step missed" in group["broken"]
             assert "LinuxCNC" in group["source"]
+            assert axis["active_edge"] == "falling"
+            assert axis["clk_low_us_min"] == group["worst"]
+            assert axis["clk_high_us_min"] > 3000
         assert document["tool"]["position_error_mm_max"] > 100
 
     def test_says_so(self, capsys: pytest.CaptureFixture[str]) -> None:
@@ -70,6 +73,7 @@ class TestSlowBlueBoard:
         lines = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
         (heading,) = [i for i, line in enumerate(lines) if line.startswith("CLK low too short before its rise")]
         assert "drivers: slow-blue-board" in lines
+        assert lines[heading - 1] == "CLK: high at least 3662.14 us, low at least 33.00 us, low while STEP is high"
         assert lines[heading].endswith("(LinuxCNC settings passed on for blue TB6560 boards: 150 us, falling edge)")
         assert lines[heading + 1].split() == ["axis", "times", "worst", "us", "limit", "us", "first", "s"]
         assert lines[heading + 3].split()[:4] == ["th1", "1846", "33.00", "150.00"]

@@ -209,14 +209,32 @@ class TestPlot:
             assert path.read_text().startswith("<?xml")
 
     def test_a_stored_run_has_the_pictures_of_the_run(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        """To the byte, also those of errors: the cubics in the folder are not quite what the job has planned."""
         folder = tmp_path / "run"
         assert run(["run", "calibration-scara", "demo", "--out", str(folder)]) == 0
-        names = ["joints", "step-rates"]
+        names = ["joints", "step-rates", "tool-path", "error", "timing"]
         first = {name: (folder / f"{name}.png").read_bytes() for name in names}
         capsys.readouterr()
         assert run(["plot", str(folder), "--what", ",".join(names), "--json"]) == 0
         assert json.loads(capsys.readouterr().out) == {"files": [str(folder / f"{name}.png") for name in names]}
         assert {name: (folder / f"{name}.png").read_bytes() for name in names} == first
+
+    def test_a_live_boards_folder_takes_the_plan_of_another(
+        self, carry_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        """The folder as a served board leaves it that does not know what it was to do."""
+        live, words = tmp_path / "live", ["--what", "joints,timing", "--format", "svg"]
+        shutil.copytree(carry_run, live)
+        (live / "trajectory.csv").unlink()
+        document = json.loads((live / "report.json").read_text())
+        (live / "report.json").write_text(json.dumps(document | {"passed": None, "outputs": []}))
+        assert refusal(capsys, "plot", str(live)).endswith("--plan DIR takes that of another run")
+        assert run(["plot", str(live), *words, "--plan", str(carry_run)]) == 0
+        assert run(["plot", str(carry_run), *words, "--out", str(tmp_path)]) == 0
+        for name in ("joints.svg", "timing.svg"):
+            assert (live / name).read_bytes() == (tmp_path / name).read_bytes()
+        own = refusal(capsys, "plot", str(carry_run), "--plan", str(carry_run))
+        assert own.endswith(" has its own; another one is for a live board's folder")
 
     @pytest.mark.parametrize(
         ("words", "message"),
@@ -225,8 +243,9 @@ class TestPlot:
             (["--what", ""], "--what '' is unknown: there are joints, "),
             (["--at", "1.5"], "--at 1.5 s: the motion goes from 0 to 1 s"),
             (["--at", "nan"], "--at nan s: the motion goes from 0 to 1 s"),
-            (["--span", "0"], "--span 0 s: must be above 0 and at most 1 s, the whole motion"),
-            (["--span", "1.1"], "--span 1.1 s: must be above 0 and at most 1 s"),
+            (["--span", "0"], "--span 0 s: must be at least 1.39e-08 s, a count of the board's timer, and at most 1 s"),
+            (["--span", "1.3e-8"], "--span 1.3e-08 s: must be at least 1.39e-08 s"),
+            (["--span", "1.1"], "--span 1.1 s: must be at least 1.39e-08 s, a count of the board's timer, and at most"),
             (
                 ["--what", "joints,error", "--at", "0.5"],
                 "--at: is for the pictures edges and phases, not for joints, error",

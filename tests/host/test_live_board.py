@@ -274,6 +274,7 @@ def test_other_drivers_break_their_limits(fast_kernel: Kernel, tmp_path: Path) -
     report, axis = read_report(tmp_path), read_edges(tmp_path).axes[3]
     assert report.driver_profile == "slow-blue-board"
     assert [(figures["pulses"], figures["violations"]) for figures in report.axes][2:5] == [(0, 0), (80, 80), (0, 0)]
+    assert axis.active_edge == "falling"
     assert axis.clk_rise_counts.size == 80
     assert axis.step_counts.size == 0
     assert {axis.violations.limits[i].rule for i in axis.violations.which} == {"clk_low"}

@@ -15,6 +15,7 @@ from host.errors import InputError
 from host.jobs import make_job
 from host.motions.sampled import Sampled
 from host.planner import plan
+from host.robot import ActiveEdge
 from host.robots import load_robot
 from host.run_folder import ContradictionError, read_edges, read_run
 from host.run_folder.edges import write_edges
@@ -30,6 +31,7 @@ EVIDENCE = altered(
         np.array([1, 0], np.int8),
         np.array([171.5, 29.0]),
     ),
+    active_edge=ActiveEdge.FALLING,
     phases=Phases(
         np.array([100, 200]), np.array([0, 63], np.int8), np.array([0, -1515], np.int16), np.array([3000, 0], np.int16)
     ),
@@ -158,10 +160,10 @@ def said(error: InputError) -> str:
 
 @pytest.mark.parametrize("key", [*["folder_version", "counts_per_second", "start_counts", "axes"], *(
     f"b_{what}" for what in (
-        "start_steps", "clk_rise_counts", "clk_fall_counts", "dir_edge_counts", "dir_levels", "step_counts",
-        "step_signs", "violation_counts", "violation_which", "violation_values", "limit_rules", "limit_broken",
-        "limit_values", "limit_units", "limit_sources", "phase_counts", "phase_sixteenths", "phase_a_ma", "phase_b_ma",
-        "reset_counts", "reset_levels", "out2_counts", "out2_levels", "dcy1_levels",
+        "start_steps", "active_edge", "clk_rise_counts", "clk_fall_counts", "dir_edge_counts", "dir_levels",
+        "step_counts", "step_signs", "violation_counts", "violation_which", "violation_values", "limit_rules",
+        "limit_broken", "limit_values", "limit_units", "limit_sources", "phase_counts", "phase_sixteenths",
+        "phase_a_ma", "phase_b_ma", "reset_counts", "reset_levels", "out2_counts", "out2_levels", "dcy1_levels",
     )
 )])  # fmt: skip
 def test_a_key_that_is_missing(key: str, tmp_path: Path) -> None:
@@ -176,6 +178,8 @@ def test_a_key_that_is_missing(key: str, tmp_path: Path) -> None:
         ("start_counts", np.float64(1.5), "start_counts: is not one whole number"),
         ("start_counts", np.array([1, 2]), "start_counts: is not one whole number"),
         ("axes", np.array([1, 2]), "axes: is not a list of names"),
+        ("a_active_edge", np.array(["rising"]), "a_active_edge: is not one text"),
+        ("a_active_edge", np.array("both"), "a_active_edge: 'both' is none of rising, falling"),
         ("a_clk_rise_counts", np.array([1.0]), "a_clk_rise_counts: is not a list of whole numbers"),
         ("a_clk_rise_counts", np.array([[1], [2]]), "a_clk_rise_counts: is not a list of whole numbers"),
         ("a_violation_values", np.array([1, 2]), "a_violation_values: is not a list of numbers"),

@@ -52,7 +52,9 @@ def spool(path: Path, evidence: Evidence, cuts: list[int]) -> None:
     for first, last in pairwise(bounds):
         for axis in evidence.axes:
             spool.append(piece_of(axis, first, last))
-    totals = [AxisTotals(axis.name, axis.start_steps, axis.violations.limits) for axis in evidence.axes]
+    totals = [
+        AxisTotals(axis.name, axis.start_steps, axis.active_edge, axis.violations.limits) for axis in evidence.axes
+    ]
     spool.finish(evidence.start_counts, totals)
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from host.robot import ActiveEdge
 from host.run_folder.edges import PINS
 from host.trajectory import FloatArray, Switching
 from host.verify import (
@@ -134,6 +135,7 @@ def _perfect_axis(name: str, ideal: IdealSteps) -> AxisEvidence:
         start_steps=ideal.start_steps,
         clk_rise_counts=counts,
         clk_fall_counts=counts + CLK_HIGH_COUNTS,
+        active_edge=ActiveEdge.RISING,
         dir_edge_counts=counts[turns] - 720,
         dir_levels=(ideal.signs[turns] > 0).astype(np.int8),
         step_counts=counts,

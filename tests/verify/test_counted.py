@@ -4,6 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from host.robot import ActiveEdge
 from host.verify.counted import counted_steps
 from host.verify.evidence import COUNTS_PER_SECOND, AxisEvidence
 from tests.verify.motions import NO_PHASES, NO_VIOLATIONS
@@ -29,6 +30,7 @@ def test_counts_just_before_and_just_after_an_instant(
         start_steps=100,
         clk_rise_counts=none,
         clk_fall_counts=none,
+        active_edge=ActiveEdge.RISING,
         dir_edge_counts=none,
         dir_levels=none.astype(np.int8),
         step_counts=np.array([counts for counts, _ in steps], dtype=np.int64),

@@ -1,12 +1,14 @@
 """The pictures: that they are drawn for every kind of run, say what they show, and lose no peak."""
 
 import struct
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from host.robot import ActiveEdge
 from host.trajectory import FloatArray
 from host.verify import Comparison, DriverLimit, Phases, compare
 from tests.verify.motions import (
@@ -25,7 +27,9 @@ from tests.verify.motions import (
 
 pytest.importorskip("matplotlib")
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from host.plots import OF_EVERY_RUN, PICTURES, Moment, View, write_plots
 from host.plots.canvas import DOTS_PER_INCH, WIDTH_INCHES, thinned
@@ -72,13 +76,22 @@ def silent() -> Comparison:
     return compare(plan, evidence)
 
 
+def unheard() -> Comparison:
+    """Drivers that missed every pulse."""
+    plan = swinging().plan
+    evidence = perfect_evidence(plan)
+    for axis in range(2):
+        evidence = altered(evidence, axis, step_counts=np.empty(0, np.int64), step_signs=np.empty(0, np.int8))
+    return compare(plan, evidence)
+
+
 def dense() -> Comparison:
     """More steps than a picture has columns: drawn thinned."""
     plan = plan_of(motion(4.0, sines([(200.0, 2.0, 0.0)]), sines([(200.0, 2.0, 1.5)])), 80.0, 80.0)
     return compare(plan, perfect_evidence(plan))
 
 
-RUNS = {run.__name__: run for run in (swinging, standing, single_step, silent, dense)}
+RUNS = {run.__name__: run for run in (swinging, standing, single_step, silent, unheard, dense)}
 
 
 def pixels(path: Path) -> tuple[int, int]:
@@ -145,6 +158,47 @@ def test_the_third_coordinate_gets_a_view_if_it_moves() -> None:
     assert len(PICTURES["tool-path"](compare(plan, comparison.evidence), RUN, VIEW).axes) == 6
 
 
+class TestAToolThatStands:
+    """With an x that is zero but for rounding, which differs from instant to instant."""
+
+    def comparison(self) -> Comparison:
+        comparison = standing()
+
+        def forward(joints: FloatArray) -> FloatArray:
+            x_mm = np.where(np.arange(len(joints)) % 2, 4.9e-14, 5.0e-14)
+            return np.column_stack([x_mm, np.full(len(joints), 800.0), np.zeros((len(joints), 2))])
+
+        return compare(replace(comparison.plan, forward=forward), comparison.evidence)
+
+    def test_has_pictures_without_a_warning(self, tmp_path: Path) -> None:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            assert len(write_plots(tmp_path, self.comparison(), RUN, PICTURES)) == len(PICTURES)
+
+    def test_is_seen_in_its_surroundings(self) -> None:
+        figure = PICTURES["tool-path"](self.comparison(), RUN, VIEW)
+        figure.draw_without_rendering()
+        whole, magnified, close = figure.axes
+        for first, last, middle in ((*whole.get_xlim(), 0.0), (*whole.get_ylim(), 800.0)):
+            assert last - first >= 1.0
+            assert (first + last) / 2 == pytest.approx(middle, abs=1e-9)
+        assert (whole.get_xlabel(), whole.get_ylabel()) == ("x [mm]", "y [mm]")
+        assert not magnified.axison
+        assert [text.get_text() for text in magnified.texts] == ["the tool does not move"]
+        assert close.axison
+
+    def test_has_no_limits_of_joints(self) -> None:
+        assert PICTURES["error"](self.comparison(), RUN, VIEW).axes[0].get_title(loc="left") == "whole motion"
+        of_joints = PICTURES["error"](swinging(), RUN, VIEW).axes[0]
+        assert of_joints.get_title(loc="left") == "whole motion; dashed: limit of 0.57 steps"
+
+
+def test_an_error_that_is_seen_already_is_not_magnified() -> None:
+    titles = {run: PICTURES["tool-path"](RUNS[run](), RUN, VIEW).axes[1].get_title(loc="left") for run in RUNS}
+    assert titles["silent"] == titles["unheard"] == "error not magnified"
+    assert titles["swinging"].startswith("error magnified ")
+
+
 def test_a_run_draws_some_of_them_by_itself(tmp_path: Path) -> None:
     assert [path.name for path in write_plots(tmp_path, single_step(), RUN)] == [f"{name}.png" for name in OF_EVERY_RUN]
 
@@ -167,6 +221,10 @@ class TestTheView:
 
     def test_is_the_whole_motion_without_steps(self) -> None:
         assert View().moment(standing(), 12) == View(0.5).moment(standing(), 160) == Moment(0.5, 1.0)
+
+    @pytest.mark.parametrize("at_s", [None, 0.3, 1.0, 2.0])
+    def test_goes_by_pulses_even_if_no_driver_counts_them(self, at_s: float | None) -> None:
+        assert View(at_s).moment(unheard(), 12) == View(at_s).moment(swinging(), 12)
 
     def test_shows_some_steps_of_the_axis_that_is_fastest_there(self) -> None:
         """At 0.52 s the trapezoid goes on at 33.3 mm/s and 40 steps/mm, the sine is nearly at rest."""
@@ -211,6 +269,78 @@ class TestTheEdges:
         inside = [np.count_nonzero(np.abs(axis.time_s - np.pi / 3) < 0.005) for axis in comparison.counted]
         assert len(drawn_marks(figure, "v")) == sum(inside) > 40
         assert len(drawn_marks(figure, "^")) == 0
+        assert figure.axes[0].get_xlabel().endswith("; triangles: steps that the driver counted, up or down")
+
+    def test_steps_too_dense_for_marks_have_none(self) -> None:
+        """Where the sine turns around, b makes more than 200 steps and a does not."""
+        figure = PICTURES["edges"](swinging(), RUN, View(np.pi / 6, 0.18))
+        a, b = (np.count_nonzero(np.abs(axis.time_s - np.pi / 6) < 0.09) for axis in swinging().counted[:2])
+        assert len(drawn_marks(figure, "^")) + len(drawn_marks(figure, "v")) == a < 200 < b
+        (axes,) = figure.axes
+        assert axes.get_xlabel().endswith("; triangles: steps that the driver counted, up or down, where at most 200")
+
+    @pytest.mark.parametrize(
+        ("run", "view", "said"),
+        [
+            ("dense", View(1.0, 1.0), "steps are too many to be marked, above 200 an axis"),
+            ("unheard", View(1.0, 0.01), "no driver counted a step here"),
+        ],
+    )
+    def test_it_is_said_why_there_are_no_marks(self, run: str, view: View, said: str) -> None:
+        (axes,) = PICTURES["edges"](RUNS[run](), RUN, view).axes
+        assert axes.get_xlabel().endswith(f" [ms]; {said}")
+        assert not any(np.asarray(drawn.get_xdata()).size for drawn in axes.lines if drawn.get_marker() in ("^", "v"))
+
+    @pytest.mark.parametrize("run", ["swinging", "unheard"])
+    def test_intervals_are_those_of_the_pulses(self, run: str) -> None:
+        """At 1 s b goes at 33.3 mm/s and 40 steps/mm; c stands."""
+        (axes,) = PICTURES["edges"](RUNS[run](), RUN, View(1.0, 0.01)).axes
+        *said, heading = [text.get_text() for text in axes.texts]
+        assert heading == "STEP interval at 0"
+        assert len(said) == 2
+        assert float(said[1].removesuffix(" us")) == pytest.approx(750, abs=0.02)
+
+    @pytest.mark.parametrize(("run", "at_s"), [("swinging", 0.0), ("standing", 0.5)])
+    def test_without_intervals_there_is_no_heading_for_them(self, run: str, at_s: float) -> None:
+        (axes,) = PICTURES["edges"](RUNS[run](), RUN, View(at_s, 0.01)).axes
+        assert not axes.texts
+
+    def test_a_single_count_has_lanes_too(self) -> None:
+        (axes,) = PICTURES["edges"](swinging(), RUN, View(1.0, 1 / 72e6)).axes
+        first, last = axes.get_xlim()
+        for lane in axes.lines[:6]:
+            times = np.asarray(lane.get_xdata())
+            assert times[0] <= first < last <= times[-1]
+
+
+class TestTheTiming:
+    def rows(self, late_us: float) -> list[Axes]:
+        """Axis a to the count of the timer; axis b up to so much late or early, evenly."""
+        comparison = swinging()
+        steps = comparison.evidence.axes[1].step_counts
+        spread = np.rint(72 * late_us * np.linspace(-1.0, 1.0, steps.size)).astype(np.int64)
+        evidence = altered(comparison.evidence, 1, step_counts=np.sort(steps + spread))
+        return PICTURES["timing"](compare(comparison.plan, evidence), RUN, VIEW).axes
+
+    @pytest.mark.parametrize("late_us", [0.0, 1.0, 150.0])
+    def test_fast_axes_keep_their_shape_beside_slow_ones(self, late_us: float) -> None:
+        """Errors of half a count at most are in the linear part, whatever the other axis does."""
+        first, second = self.rows(late_us)
+        full = [bar for bar in first.patches if isinstance(bar, Rectangle) and bar.get_height() > 0]
+        assert len(full) >= 8
+        assert all(abs(edge) <= 1 / 72 for bar in full for edge in (bar.get_x(), bar.get_x() + bar.get_width()))
+        assert first.get_xscale() == second.get_xscale() == "symlog"
+        assert first.get_xlim() == second.get_xlim()
+
+    @pytest.mark.parametrize("late_us", [0.0, 1.0, 150.0])
+    def test_every_edge_is_in_a_bar(self, late_us: float) -> None:
+        for row in self.rows(late_us):
+            bars = [bar.get_height() for bar in row.patches if isinstance(bar, Rectangle)]
+            assert sum(bars) == int(row.get_title(loc="right").split()[0]) > 1000
+
+    def test_the_label_says_what_the_axis_is(self) -> None:
+        label = self.rows(1.0)[-1].get_xlabel()
+        assert "linear within one count of the board's timer, +-0.014 us, logarithmic beyond" in label
 
 
 def test_jitter_is_the_interval_beyond_the_ideal_one() -> None:
@@ -257,6 +387,44 @@ def test_widths_beside_the_limits() -> None:
     drawn = [float(np.asarray(line.get_xdata())[0]) for line in first.lines]
     assert drawn == [30.0, 180.0]
     assert not second.lines
+    assert second.get_xlabel() == "duration [us]; a driver's CLK rises where the board's STEP rises"
+
+
+def test_widths_are_those_that_the_limits_are_for() -> None:
+    """With the falling edge active CLK is low while STEP is high, for 33 us."""
+    limits = (DriverLimit("clk_high", "", 30.0, "us", ""), DriverLimit("clk_low", "", 150.0, "us", ""))
+    evidence = swinging().evidence
+    for axis in range(2):
+        evidence = altered(
+            evidence, axis, active_edge=ActiveEdge.FALLING, violations=replace(NO_VIOLATIONS, limits=limits)
+        )
+    first, second = PICTURES["widths"](compare(swinging().plan, evidence), RUN, VIEW).axes
+    pause_us = float(np.diff(evidence.axes[0].clk_rise_counts).min()) / 72 - 33
+    assert first.get_title(loc="right").startswith(
+        f"high >= {pause_us:.2f} us, {pause_us - 30:.2f} above its limit; low >= 33.00 us, 117.00 below its limit; "
+    )
+    assert second.get_xlabel() == "duration [us]; a driver's CLK rises where the board's STEP falls"
+
+
+def test_of_several_limits_the_strictest_counts() -> None:
+    """The module's and its chip's; every pulse lasts the count that a module without inner delays asks for."""
+    limits = [("clk_high", 1 / 72), ("clk_low", 1 / 72), ("clk_high", 30.0), ("clk_period", 66.0), ("clk_high", 20.0)]
+    violations = replace(NO_VIOLATIONS, limits=tuple(DriverLimit(rule, "", us, "us", "") for rule, us in limits))
+    evidence = altered(swinging().evidence, violations=violations)
+    first, _ = PICTURES["widths"](compare(swinging().plan, evidence), RUN, VIEW).axes
+    assert [float(np.asarray(line.get_xdata())[0]) for line in first.lines] == [30.0, 66.0]
+    assert [text.get_text() for text in first.texts] == ["high 30 ", "rise to rise 66 "]
+    assert first.get_title(loc="right").count("its limit") == 2
+    assert first.get_xlim()[0] > 20
+
+
+def test_limits_that_are_near_to_each_other_share_a_label() -> None:
+    limits = [("clk_high", 150.0), ("clk_low", 151.0), ("clk_period", 310.0)]
+    violations = replace(NO_VIOLATIONS, limits=tuple(DriverLimit(rule, "", us, "us", "") for rule, us in limits))
+    evidence = altered(swinging().evidence, violations=violations)
+    first, _ = PICTURES["widths"](compare(swinging().plan, evidence), RUN, VIEW).axes
+    assert [text.get_text() for text in first.texts] == ["high 150 \nlow 151 ", "rise to rise 310 "]
+    assert len(first.lines) == 3
 
 
 def test_limits_that_ask_for_nothing_are_not_drawn() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from host.kinematics.angles import wrapped_deg
+from host.robot import ActiveEdge
 from host.trajectory import FloatArray
 from host.verify import (
     COUNTS_PER_SECOND,
@@ -23,6 +24,7 @@ from host.verify import (
     verify,
 )
 from host.verify.evidence import Int8Array, Int64Array
+from host.verify.pulses import clk_durations
 from tests.verify.motions import (
     CLK_HIGH_COUNTS,
     RUN,
@@ -129,6 +131,17 @@ def test_figures_of_a_steady_axis_by_hand() -> None:
     squares = 1000 * (0.05625**2 + 0.04375**2)  # and no error at the start and at the end, before and after
     assert report.tool.position_error_mm_rms == pytest.approx((squares / 2004) ** 0.5, abs=1e-7)
     assert report.tool.attitude_error_deg_max == 0.0
+
+
+def test_clk_is_low_while_step_is_high_where_the_falling_edge_is_active() -> None:
+    """Pulses of 33 us every 1000 us; but of the last pause there is no end."""
+    evidence = altered(perfect_evidence(STEADY), active_edge=ActiveEdge.FALLING)
+    (axis,) = verify(STEADY, evidence, RUN).axes
+    assert (axis.clk_high_us_min, axis.clk_low_us_min) == pytest.approx((967.0, 33.0))
+    assert axis.active_edge == "falling"
+    high, low, period = clk_durations(evidence.axes[0])
+    assert (high.size, low.size, period.size) == (999, 1000, 999)
+    np.testing.assert_array_equal(high + low[1:], period)
 
 
 def test_an_axis_without_steps_has_zeros_and_nulls() -> None:
@@ -370,6 +383,7 @@ def test_the_document_has_the_contract_keys(document: dict[str, Any]) -> None:
         "name", "steps_start", "steps_end", "pulses", "reversals", "peak_rate_hz", "position_error_steps_max",
         "timing_error_us_p50", "timing_error_us_p99", "timing_error_us_max", "clk_high_us_min", "clk_low_us_min",
         "violations", "unmatched_steps", "grazing_steps", "threshold_error_steps_max", "mean_step_interval_us",
+        "active_edge",
     ]  # fmt: skip
     assert list(document["joints"]) == ["names", "start", "end"]
     assert list(document["tool"]) == ["position_error_mm_max", "position_error_mm_rms", "attitude_error_deg_max"]
