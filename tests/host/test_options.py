@@ -71,7 +71,7 @@ def test_none_and_all() -> None:
     [
         ("side", "left", "option side: 'left' is unknown: did you mean far-left? (valid: right, far-left)"),
         ("side", "far_left", "option side: 'far_left' is unknown: did you mean far-left?"),
-        ("side", "RIGHT", "option side: 'RIGHT' is unknown: there are right, far-left (valid: "),
+        ("side", "RIGHT", "option side: 'RIGHT' is unknown: did you mean right? (valid: "),
         ("side", "", "option side: '' is unknown: there are right, far-left"),
         ("slot", "A3", "option slot: 'A3' is unknown: there are A1, A2, B1, B2"),
         ("slot", "hand-over", "option slot: 'hand-over' is unknown: there are A1, A2, B1, B2"),
