@@ -1,10 +1,12 @@
 """Arguments that several commands share."""
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from host.errors import InputError
+from host.inputs import unknown
 
 if TYPE_CHECKING:
     from host.robot import Robot
@@ -93,6 +95,22 @@ def finite_number(text: str, what: str) -> float:
     if not abs(value) <= _LARGEST:
         raise InputError(f"{what}: {text} is not a finite number up to {_LARGEST:g}")
     return value
+
+
+def chosen_names(option: str, texts: list[str], choices: Iterable[str]) -> list[str]:
+    """Names of an option that takes NAME,... and may be given several times, in the order given.
+
+    Raises:
+        InputError: there is no such name, or one is given twice.
+    """
+    names = list(choices)
+    chosen = [name.strip() for text in texts for name in text.split(",")]
+    for i, name in enumerate(chosen):
+        if name not in names:
+            raise unknown(option, name, names)
+        if name in chosen[:i]:
+            raise InputError(f"{option} {name}: is given twice")
+    return chosen
 
 
 def name_value_pairs(texts: list[str]) -> dict[str, str]:

@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from host.cli.app import app
-from host.cli.arguments import AsJson
+from host.cli.arguments import AsJson, chosen_names
 from host.cli.output import print_json
 from host.cli.verify import PlanDir, RunDir
 from host.errors import InputError
-from host.inputs import unknown
 
 if TYPE_CHECKING:
     from host.plots import View
@@ -31,10 +30,11 @@ class PictureFormat(StrEnum):
 def plot(
     folder: RunDir,
     what: Annotated[
-        str | None,
+        list[str] | None,
         typer.Option(
             metavar="NAME,...",
-            help="joints, step-rates, tool-path, error, timing, jitter, widths, edges, phases; by default all.",
+            help="joints, step-rates, tool-path, error, timing, jitter, widths, edges, phases; may be given several"
+            " times; by default all.",
         ),
     ] = None,
     form: Annotated[PictureFormat, typer.Option("--format", help="png, or vectors: svg, pdf.")] = PictureFormat.PNG,
@@ -66,14 +66,10 @@ def plot(
         typer.echo("\n".join(map(str, paths)))
 
 
-def _names(what: str | None) -> list[str]:
+def _names(what: list[str] | None) -> list[str]:
     from host.plots import PICTURES
 
-    names = list(PICTURES) if what is None else [name.strip() for name in what.split(",")]
-    for name in names:
-        if name not in PICTURES:
-            raise unknown("--what", name, PICTURES)
-    return names
+    return chosen_names("--what", what, PICTURES) if what else list(PICTURES)
 
 
 def _check_use(names: list[str], options: dict[str, float | None]) -> None:

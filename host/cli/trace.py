@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from host.cli.app import app
-from host.cli.arguments import AsJson
+from host.cli.arguments import AsJson, chosen_names
 from host.cli.output import print_json
 from host.cli.verify import RunDir
 from host.errors import InputError
-from host.inputs import unknown
 
 if TYPE_CHECKING:
     from host.robot import Robot
@@ -111,13 +110,7 @@ def _chosen(signals: "list[Signal]", evidence: "Evidence", axes: list[str] | Non
     """Those of some axes, in the order in which they are; of all where none is named."""
     if not axes:
         return signals
-    names = [axis.name for axis in evidence.axes]
-    chosen = [name.strip() for text in axes for name in text.split(",")]
-    for i, name in enumerate(chosen):
-        if name not in names:
-            raise unknown("--axis", name, names)
-        if name in chosen[:i]:
-            raise InputError(f"--axis {name}: is given twice")
+    chosen = chosen_names("--axis", axes, (axis.name for axis in evidence.axes))
     return [signal for signal in signals if signal.axis in chosen]
 
 

@@ -215,7 +215,7 @@ class TestPlot:
         names = ["joints", "step-rates", "tool-path", "error", "timing"]
         first = {name: (folder / f"{name}.png").read_bytes() for name in names}
         capsys.readouterr()
-        assert run(["plot", str(folder), "--what", ",".join(names), "--json"]) == 0
+        assert run(["plot", str(folder), "--what", ",".join(names[:3]), "--what", ",".join(names[3:]), "--json"]) == 0
         assert json.loads(capsys.readouterr().out) == {"files": [str(folder / f"{name}.png") for name in names]}
         assert {name: (folder / f"{name}.png").read_bytes() for name in names} == first
 
@@ -240,6 +240,7 @@ class TestPlot:
         ("words", "message"),
         [
             (["--what", "edgs"], "--what 'edgs' is unknown: did you mean edges?"),
+            (["--what", "joints", "--what", "error,joints"], "--what joints: is given twice"),
             (["--what", ""], "--what '' is unknown: there are joints, "),
             (["--at", "1.5"], "--at 1.5 s: the motion goes from 0 to 1 s"),
             (["--at", "nan"], "--at nan s: the motion goes from 0 to 1 s"),
