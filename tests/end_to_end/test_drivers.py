@@ -82,12 +82,12 @@ class TestSlowBlueBoard:
 
     def test_leaves_its_violations_in_the_folder(self, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
         run_json(capsys, [*DRAWER_PULL, *self.OPTIONS, "--out", str(tmp_path)], 1)
-        edges = np.load(tmp_path / "edges.npz")
-        assert edges["th1_violation_counts"].size == edges["th1_clk_rise_counts"].size == 1846
-        assert np.array_equal(edges["th1_violation_counts"], edges["th1_clk_fall_counts"])
-        assert set(edges["th1_violation_values"]) == {33.0}
-        assert set(edges["th1_limit_values"][edges["th1_violation_which"]]) == {150.0}
-        assert edges["sx_violation_counts"].size == edges["sx_violation_which"].size == 0
+        with np.load(tmp_path / "edges.npz") as edges:
+            assert edges["th1_violation_counts"].size == edges["th1_clk_rise_counts"].size == 1846
+            assert np.array_equal(edges["th1_violation_counts"], edges["th1_clk_fall_counts"])
+            assert set(edges["th1_violation_values"]) == {33.0}
+            assert set(edges["th1_limit_values"][edges["th1_violation_which"]]) == {150.0}
+            assert edges["sx_violation_counts"].size == edges["sx_violation_which"].size == 0
         assert json.loads((tmp_path / "report.json").read_text())["violations"][0]["count"] == 1846
 
     def test_with_the_times_that_it_asks_for(self, fast_kernel: Kernel) -> None:
