@@ -46,7 +46,7 @@ class GroupTime:
     @property
     def must_ramp(self) -> bool:
         """Whether the rate is not on its way to where it is wanted; asked after every frame."""
-        return (self.rest_tick is not None) != bool(self.members and self._holding)
+        return self.halted != self.halt_wanted
 
     def rate_q16(self, tick: int) -> int:
         """The rate at the start of a tick."""

@@ -32,8 +32,8 @@ class ErrorListener(Protocol):
     def __call__(self, code: ErrorCode, now_counts: int, /, *, active: bool) -> None: ...
 
 
-def _unheard(_frame: Frame, _now_counts: int) -> None:
-    """For a station that does not care when its frames have gone out."""
+def unheard(_frame: Frame, _now_counts: int) -> None:
+    """For a station that does not care what arrives, or when its frames have gone out."""
 
 
 def _everything(_cob_id: int) -> bool:
@@ -53,7 +53,7 @@ class CanController:
         on_error: ErrorListener = _nothing,
         passes: Filter = _everything,
         read_latency_counts: int = 0,
-        on_sent: Receiver = _unheard,
+        on_sent: Receiver = unheard,
         *,
         in_order: bool = False,
     ) -> None:

@@ -10,16 +10,12 @@ from controller.kernel import TICK_COUNTS
 from controller.motion import COUNTS_PER_SECOND
 from emulator.board import Board
 from emulator.bus import Bus
-from emulator.can_controller import CanController
+from emulator.can_controller import CanController, unheard
 from emulator.operations import Operation, Schedule, Scheduled
 from protocol.frame import Frame
 
 _SILENCE_MAX_S = 1
 """How long a frame and its answers may take until the bus is silent: some 1000 frames at 125 kbit/s."""
-
-
-def _unheard(_frame: Frame, _now_counts: int) -> None:
-    """While nobody listens as the host."""
 
 
 class BusOverloadError(Exception):
@@ -37,7 +33,7 @@ class Simulation:
         """The boards whose processors do not fetch a message as soon as it is there."""
         self.bus = bus
         self.now_counts = 0
-        self.host = CanController(_unheard, in_order=True)
+        self.host = CanController(unheard, in_order=True)
         """The host's interface: it takes every frame at once and sends in order, as SocketCAN's drivers do.
 
         Who wants to hear of frames sets its `receive` and `on_sent`."""

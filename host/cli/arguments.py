@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from host.cli.output import warn
 from host.errors import InputError
 from host.inputs import unknown
 
@@ -70,8 +71,7 @@ def warn_of_settings_left_out(robot: "Robot", driver_profile: str | None) -> Non
     from host.drivers import settings_left_out
 
     if keys := settings_left_out(robot.board, driver_profile):
-        others = f"steptwin: warning: --driver-profile {driver_profile}: set as is usual with it"
-        typer.echo(f"{others}, not by the robot's {', '.join(keys)}", err=True)
+        warn(f"--driver-profile {driver_profile}: set as is usual with it, not by the robot's {', '.join(keys)}")
 
 
 def joint_values(texts: list[str], names: tuple[str, ...], what: str) -> list[float]:

@@ -13,6 +13,11 @@ def print_json(document: dict[str, Any]) -> None:
     typer.echo(json.dumps(document, indent=2))
 
 
+def warn(text: str) -> None:
+    """A line on stderr about what is done nevertheless."""
+    typer.echo(f"steptwin: warning: {text}", err=True)
+
+
 def pose_text(pose: dict[str, float]) -> str:
     """The tool's pose in a line."""
     return "tool: x {x_mm:.4f} mm, y {y_mm:.4f} mm, z {z_mm:.4f} mm, {attitude_deg:.4f} deg".format(**pose)

@@ -21,7 +21,7 @@ from host.cli.arguments import (
     warn_of_settings_left_out,
 )
 from host.cli.connection import SOCKETCAND_PORT
-from host.cli.output import print_json, print_table
+from host.cli.output import print_json, print_table, warn
 from host.cli.report import USUAL_DRIVERS
 from host.errors import BusError, InputError
 
@@ -126,7 +126,7 @@ def _warn_outside(robot: "Robot", standing: list[float]) -> None:
     try:
         check_goal(robot, standing)
     except InputError as error:
-        typer.echo(f"steptwin: warning: --stand-at: {error}", err=True)
+        warn(f"--stand-at: {error}")
 
 
 def _bitrate(robot: "Robot", bitrate: int | None) -> int:
@@ -162,7 +162,7 @@ def _endpoint(
             host or _LOOPBACK, SOCKETCAND_PORT if port is None else port, allow_remote=allow_remote
         )
         if endpoint.remote:
-            typer.echo(f"steptwin: warning: {endpoint.title}: other machines can drive this board", err=True)
+            warn(f"{endpoint.title}: other machines can drive this board")
         return endpoint
     more: dict[str, str | int] = {}
     if interface == "socketcand":
