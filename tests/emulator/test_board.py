@@ -72,8 +72,7 @@ def test_an_output_switches_in_the_middle_of_a_motion(simulation: Simulation) ->
     simulation.send(Frame(0x000, b"\x01\x00"))
     for word in (0x06, 0x07, 0x0F):
         simulation.send(Frame(0x200 + NODE, bytes((word, 0, 7))))
-    for frame in (Frame(0x500 + NODE, record.encode()), Frame(0x300 + NODE, b"\x1f\x00"), Frame(0x080, b"")):
-        simulation.send(frame)
+    start(simulation, record)
     wait(simulation, 51.3)
     instant = switch(simulation, OUT2)
     wait(simulation, 100)
@@ -81,6 +80,12 @@ def test_an_output_switches_in_the_middle_of_a_motion(simulation: Simulation) ->
     assert simulation.boards[0].output_changes() == [PinChange(instant, 0, Pin.OUT2, 1)]
     assert trace.position_steps == len(trace.step_counts) == 50
     assert trace.step_counts[20] < instant < trace.step_counts[30]
+
+
+def start(simulation: Simulation, record: PvtRecord) -> None:
+    """Let the first axis, which is enabled, go through one record."""
+    for frame in (Frame(0x500 + NODE, record.encode()), Frame(0x300 + NODE, b"\x1f\x00"), Frame(0x080, b"")):
+        simulation.send(frame)
 
 
 def write(simulation: Simulation, index: int, value: int, subindex: int = 0) -> None:
@@ -134,9 +139,7 @@ class TestPower:
         for round_ in (1, 2):
             for cob_id, data in ((0x000, "0110"), (0x210, "060007"), (0x210, "070007"), (0x210, "0f0007")):
                 simulation.send(Frame(cob_id, bytes.fromhex(data)))
-            simulation.send(Frame(0x510, PvtRecord(20 * 1024, 0, 100, 0).encode()))
-            simulation.send(Frame(0x310, bytes.fromhex("1f00")))
-            simulation.send(Frame(0x080, b""))
+            start(simulation, PvtRecord(20 * 1024, 0, 100, 0))
             wait(simulation, 50)
             simulation.power_cycle()
             wait(simulation, 200)
@@ -158,9 +161,7 @@ class TestPower:
             for subindex, ns in enumerate((160_000, 160_000, 150_000, 320_000), start=1):  # enough for all of them
                 write(simulation, 0x2001, ns, subindex)
             switch_on(simulation)
-            simulation.send(Frame(0x510, PvtRecord(units, 0, 100, 0).encode()))
-            simulation.send(Frame(0x310, bytes.fromhex("1f00")))
-            simulation.send(Frame(0x080, b""))
+            start(simulation, PvtRecord(units, 0, 100, 0))
             wait(simulation, until_ms)
             reached = board.position_steps(0)
             if units > 0:
@@ -202,9 +203,7 @@ class TestDrivers:
     def test_steps_turn_the_field(self, simulation: Simulation) -> None:
         """Ten steps up, which are counterclockwise."""
         switch_on(simulation)
-        simulation.send(Frame(0x510, PvtRecord(10 * 1024, 0, 100, 0).encode()))
-        simulation.send(Frame(0x310, bytes.fromhex("1f00")))
-        simulation.send(Frame(0x080, b""))
+        start(simulation, PvtRecord(10 * 1024, 0, 100, 0))
         wait(simulation, 200)
         outputs = simulation.boards[0].trace(0).outputs
         steps = simulation.boards[0].trace(0).position_steps
@@ -234,9 +233,7 @@ class TestDrivers:
         board = Board(BoardConfig(1, (330.0,), switches=(switch,), modules=(module,)), fast_kernel)
         simulation = Simulation([board], Bus(1_000_000))
         switch_on(simulation)
-        simulation.send(Frame(0x510, PvtRecord(11 * 1024, 0, 100, 0).encode()))
-        simulation.send(Frame(0x310, bytes.fromhex("1f00")))
-        simulation.send(Frame(0x080, b""))
+        start(simulation, PvtRecord(11 * 1024, 0, 100, 0))
         wait(simulation, 150)
         assert board.trace(0).position_steps == 11
         seen = DigitalInput(board.firmware.nodes[0].dictionary.get(0x60FD))
@@ -249,9 +246,7 @@ class TestDrivers:
         board = Board(BoardConfig(1, (330.0,), modules=(deaf,)), fast_kernel)
         simulation = Simulation([board], Bus(1_000_000))
         switch_on(simulation)
-        simulation.send(Frame(0x510, PvtRecord(10 * 1024, 0, 100, 0).encode()))
-        simulation.send(Frame(0x310, bytes.fromhex("1f00")))
-        simulation.send(Frame(0x080, b""))
+        start(simulation, PvtRecord(10 * 1024, 0, 100, 0))
         wait(simulation, 150)
         read = [board.firmware.nodes[0].dictionary.get(0x2F00, subindex) for subindex in (1, 2, 3)]
         assert read == [0, 10, 10]
