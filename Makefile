@@ -23,11 +23,11 @@ lint: $(VENV)/.installed-dev
 
 # Lines and branches of firmware and protocol that the tests run; fails below 95 %.
 coverage: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest --numprocesses auto --dist worksteal tests/controller tests/protocol tests/client tests/emulator \
-		--cov=controller --cov=protocol --cov-branch --cov-fail-under=95 --cov-report=term-missing:skip-covered
+	$(BIN)/python -m pytest --numprocesses auto --dist worksteal tests/controller tests/protocol tests/host/client tests/emulator \
+		--cov=steptwin.controller --cov=steptwin.protocol --cov-branch --cov-fail-under=95 --cov-report=term-missing:skip-covered
 
 bench: $(VENV)/.installed-dev
-	$(BIN)/python -m bench
+	$(BIN)/python -m steptwin.bench
 
 # Writes docs/robots.md and its pictures anew: from docs/robots/*.md, the robots' files, and a run of every job.
 docs: $(VENV)/.installed

@@ -1,4 +1,4 @@
-"""Print all tables: `python -m bench`, or `make bench`."""
+"""Print all tables: `python -m steptwin.bench`, or `make bench`."""
 
 import os
 import platform
@@ -7,13 +7,13 @@ from importlib.util import find_spec
 from rich.console import Console
 from rich.table import Table
 
-from bench import cyclic, drawer_pull, driver, kernel, kinematics, live_tables, timing, waveforms
-from bench.loads import AXES
-from bench.pulses import scaling
-from bench.pulses.motions import all_motions
-from bench.pulses.table import COLUMNS, measured, table_rows
-from controller.backend import KERNELS, Kernel
-from host.cli.output import print_table
+from steptwin.bench import cyclic, drawer_pull, driver, kernel, kinematics, live_tables, timing, waveforms
+from steptwin.bench.loads import AXES
+from steptwin.bench.pulses import scaling
+from steptwin.bench.pulses.motions import all_motions
+from steptwin.bench.pulses.table import COLUMNS, measured, table_rows
+from steptwin.controller.backend import KERNELS, Kernel
+from steptwin.host.cli.output import print_table
 
 
 def main() -> None:

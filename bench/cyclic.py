@@ -5,15 +5,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.loads import MICROSTEPS, UNITS_PER_STEP
-from bench.timing import PEAKS_HZ, SINE_HZ, Float64Array, errors_steps, steps_of
-from controller.backend import Kernel
-from controller.firmware import Firmware
-from controller.kernel import TICK_COUNTS
-from controller.motion import COUNTS_PER_SECOND, PinEdges
-from protocol.cia402 import ENABLE_OPERATION, SHUTDOWN, Mode
-from protocol.frame import COB_RPDO, COB_SDO_REQUEST, COB_SYNC, FIRST_NODE_ID, Frame
-from protocol.nmt import NmtCommand
+from steptwin.bench.loads import MICROSTEPS, UNITS_PER_STEP
+from steptwin.bench.timing import PEAKS_HZ, SINE_HZ, Float64Array, errors_steps, steps_of
+from steptwin.controller.backend import Kernel
+from steptwin.controller.firmware import Firmware
+from steptwin.controller.kernel import TICK_COUNTS
+from steptwin.controller.motion import PinEdges
+from steptwin.protocol.cia402 import ENABLE_OPERATION, SHUTDOWN, Mode
+from steptwin.protocol.frame import COB_RPDO, COB_SDO_REQUEST, COB_SYNC, FIRST_NODE_ID, Frame
+from steptwin.protocol.nmt import NmtCommand
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 PERIODS_MS = (1, 2, 5, 10)
 _MS_COUNTS = COUNTS_PER_SECOND // 1000

@@ -4,12 +4,12 @@ import time
 from dataclasses import dataclass
 from statistics import median
 
-from controller.backend import Kernel
-from host.jobs import make_job
-from host.planner import plan
-from host.robots import load_robot
-from host.run import execute
-from host.verify import compare, verify_comparison
+from steptwin.controller.backend import Kernel
+from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.planner import plan
+from steptwin.host.robots import load_robot
+from steptwin.host.twin.execution import execute
+from steptwin.host.verify import compare, verify_comparison
 
 REPEATS = 9
 

@@ -6,10 +6,10 @@ from typing import Final
 
 import numpy as np
 
-from emulator.driver import Driver
-from emulator.driver_profiles import PROFILES
-from emulator.edges import Int64Array
-from emulator.tb6560 import Input, LevelChange, Pins
+from steptwin.emulator.driver import Driver
+from steptwin.emulator.driver_profiles import PROFILES
+from steptwin.emulator.edges import Int64Array
+from steptwin.emulator.tb6560 import Input, LevelChange, Pins
 
 PULSES: Final = 32_768
 """As many as fit between two looks of the board."""

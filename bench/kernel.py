@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bench.loads import AXES, UNLIMITED, Int64Array, Load, constant, run, sine
-from controller.backend import Kernel
+from steptwin.bench.loads import AXES, UNLIMITED, Int64Array, Load, constant, run, sine
+from steptwin.controller.backend import Kernel
 
 REPEATS = 5
 STEPS = 5_000_000

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from host.kinematics import make_kinematics
-from host.robot import Robot
-from host.robots import load_robot, robot_names
-from host.trajectory import FloatArray
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.robots import load_robot, robot_names
+from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.robot import Robot
 
 BATCH = 8192
 REPEATS = 50

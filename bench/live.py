@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import can
 import numpy as np
 
-from bench.live_server import ROBOT, serving
-from emulator.can_timing import frame_bits
-from host.robots import load_robot
-from protocol.cia402 import Mode
-from protocol.frame import FIRST_NODE_ID, Frame
+from steptwin.bench.live_server import ROBOT, serving
+from steptwin.emulator.can_timing import frame_bits
+from steptwin.host.robots import load_robot
+from steptwin.protocol.cia402 import Mode
+from steptwin.protocol.frame import FIRST_NODE_ID, Frame
 
 ROUND_TRIPS = 2000
 MOTION_S = 4.0

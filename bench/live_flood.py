@@ -11,7 +11,7 @@ from pathlib import Path
 from selectors import EVENT_READ, EVENT_WRITE, DefaultSelector
 from typing import Final
 
-from bench.live_server import serving
+from steptwin.bench.live_server import serving
 
 SPEED: Final = 100.0
 """Times real time: a bus of 1 Mbit/s takes 800 000 frames/s then."""

@@ -12,7 +12,16 @@ from typing import Any, Final
 import can
 
 ROBOT: Final = "warehouse-scara"
-_SERVE: Final = [sys.executable, "-c", "from host.cli import main; main()", "serve", ROBOT, "--port", "0", "--json"]
+_SERVE: Final = [
+    sys.executable,
+    "-c",
+    "from steptwin.host.cli import main; main()",
+    "serve",
+    ROBOT,
+    "--port",
+    "0",
+    "--json",
+]
 
 
 class Server:

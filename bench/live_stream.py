@@ -15,11 +15,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from bench.loads import AXES
-from host.client import AxisRecords, AxisSettings, Machine
-from host.client.bus_link import BusLink, Connection, open_bus
-from host.client.run import POLL_S
-from protocol.pvt import QUEUE_DEPTH
+from steptwin.bench.loads import AXES
+from steptwin.host.client import AxisRecords, AxisSettings, Machine
+from steptwin.host.client.bus_link import BusLink, Connection, open_bus
+from steptwin.host.client.run import POLL_S
+from steptwin.protocol.pvt import QUEUE_DEPTH
 
 POINT_MS: Final = 4
 PEAK_HZ: Final = 2000.0
@@ -27,7 +27,7 @@ SINE_HZ: Final = 0.5
 _MICROSTEPS: Final = 16
 _UNITS_PER_STEP: Final = 1024
 _SETTINGS: Final = AxisSettings(_MICROSTEPS, 33_000, 33_666, 15_000, 15_000, 15_360_000, 10_000_000)
-_SERVE: Final = [sys.executable, "-m", "bench.served_axes"]
+_SERVE: Final = [sys.executable, "-m", "steptwin.bench.served_axes"]
 _HYSTERESIS_STEPS: Final = 0.5 + 1 / 16
 _CPU_TICKS_PER_S: Final = os.sysconf("SC_CLK_TCK")
 

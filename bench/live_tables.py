@@ -1,10 +1,10 @@
-"""The live board's table: `python -m bench.live_tables` streams for a minute and passes a million frames."""
+"""The live board's table: `python -m steptwin.bench.live_tables` streams for a minute and passes a million frames."""
 
 from rich.console import Console
 from rich.table import Table
 
-from bench import live, live_flood, live_stream
-from bench.loads import AXES
+from steptwin.bench import live, live_flood, live_stream
+from steptwin.bench.loads import AXES
 
 
 def print_live(console: Console, *, stream_s: float, flood_frames: int) -> None:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.backend import Kernel
-from controller.motion import Motion, Refusal, StepConfig
+from steptwin.controller.backend import Kernel
+from steptwin.controller.motion import Motion, Refusal, StepConfig
 
 POINT_MS = 10
 POINTS_AHEAD = 60

@@ -1,4 +1,4 @@
-"""A live board of seven axes as a program of its own: `python -m bench.served_axes`. It ends with SIGTERM.
+"""A live board of seven axes as a program of its own: `python -m steptwin.bench.served_axes`. It ends with SIGTERM.
 
 What `steptwin serve` runs, for a machine with more axes than any robot of the collection has. Its first line on stdout
 is the port; its last one the report.
@@ -9,14 +9,14 @@ import json
 import signal
 from dataclasses import replace
 
-from bench.loads import AXES
-from controller.backend import fastest_kernel
-from emulator.live_loop import LiveLoop
-from host.endpoints import SocketcandEndpoint
-from host.homing import JointSwitches
-from host.live import RECORD_EVERY_S, LiveBoard
-from host.robot import Robot
-from host.robots import load_robot
+from steptwin.bench.loads import AXES
+from steptwin.controller.backend import fastest_kernel
+from steptwin.emulator.live_loop import LiveLoop
+from steptwin.host.robots import load_robot
+from steptwin.host.robots.homing import JointSwitches
+from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.endpoints import SocketcandEndpoint
+from steptwin.host.twin.live_board import RECORD_EVERY_S, LiveBoard
 
 
 def seven_axes() -> Robot:

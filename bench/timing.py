@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.loads import TB6560_TIMING, Int64Array, run, sine
-from controller.backend import Kernel
-from controller.motion import COUNTS_PER_SECOND, PinEdges
+from steptwin.bench.loads import TB6560_TIMING, Int64Array, run, sine
+from steptwin.controller.backend import Kernel
+from steptwin.controller.motion import PinEdges
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 PEAKS_HZ = (300.0, 2_000.0, 14_000.0)
 SINE_HZ = 0.5

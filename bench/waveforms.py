@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.loads import AXES
-from host.waveforms import SCALES, Kind, Pulses, Signal, Steps, Window
-from host.waveforms.table import csv
-from host.waveforms.vcd import vcd
+from steptwin.bench.loads import AXES
+from steptwin.host.record.waveforms import SCALES, Kind, Pulses, Signal, Steps, Window
+from steptwin.host.record.waveforms.table import csv
+from steptwin.host.record.waveforms.vcd import vcd
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 RATE_HZ = 14_000
 DURATION_S = 30
@@ -50,12 +51,12 @@ def _record(duration_s: int) -> tuple[list[Signal], Window]:
     """Axes whose rates differ a little, so that their edges do not coincide; each turns around now and then."""
     signals = []
     for axis in range(AXES):
-        rises = np.arange(0, duration_s * 72_000_000, 72_000_000 // RATE_HZ + 7 * axis)
+        rises = np.arange(0, duration_s * COUNTS_PER_SECOND, COUNTS_PER_SECOND // RATE_HZ + 7 * axis)
         turns = rises[500::1000] - 1_200
         levels = (np.arange(turns.size) % 2).astype(np.int8)
         signals.append(Signal(f"axis{axis}", "step", Kind.WIRE, Pulses(rises, rises + _CLK_HIGH_COUNTS)))
         signals.append(Signal(f"axis{axis}", "dir", Kind.WIRE, Steps(turns, levels, 1)))
-    return signals, Window(0, duration_s * 72_000_000, 0)
+    return signals, Window(0, duration_s * COUNTS_PER_SECOND, 0)
 
 
 def _changes(signal: Signal) -> int:

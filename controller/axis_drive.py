@@ -3,27 +3,27 @@
 from collections.abc import Iterator
 from typing import Protocol
 
-from controller.cyclic_position import CyclicPosition
-from controller.drive import ENERGISED, next_state
-from controller.driver_settings import DriverSettings
-from controller.homing import Homing
-from controller.interpolation import Interpolation
-from controller.measurements import Measurements, Monitor
-from controller.modes import Mode, Trip
-from controller.motion import STOP_MAX_MS, Motion
-from controller.pins import Pin
-from controller.profile_feed import ProfileFeed
-from controller.profile_position import ProfilePosition
-from controller.profile_velocity import ProfileVelocity
-from controller.stops import DISABLES, HALTS, OPTIONS, QUICK_STOPS, SHUTDOWNS, Ramp, fault_ramp
-from controller.supervision import Supervision
-from controller.sync_clock import SyncClock
-from protocol import cia402
-from protocol.abort import AbortCode, SdoAbortError
-from protocol.cia402 import AbortConnection, Control, DigitalInput, ErrorCode, State, Status
-from protocol.dictionary import ObjectDictionary, WriteHook
-from protocol.objects import key_of
-from protocol.pvt import VELOCITY_PER_UNIT_PER_MS
+from steptwin.controller.cyclic_position import CyclicPosition
+from steptwin.controller.drive import ENERGISED, next_state
+from steptwin.controller.driver_settings import DriverSettings
+from steptwin.controller.homing import Homing
+from steptwin.controller.interpolation import Interpolation
+from steptwin.controller.measurements import Measurements, Monitor
+from steptwin.controller.modes import Mode, Trip
+from steptwin.controller.motion import STOP_MAX_MS, Motion
+from steptwin.controller.pins import Pin
+from steptwin.controller.profile_feed import ProfileFeed
+from steptwin.controller.profile_position import ProfilePosition
+from steptwin.controller.profile_velocity import ProfileVelocity
+from steptwin.controller.stops import DISABLES, HALTS, OPTIONS, QUICK_STOPS, SHUTDOWNS, Ramp, fault_ramp
+from steptwin.controller.supervision import Supervision
+from steptwin.controller.sync_clock import SyncClock
+from steptwin.protocol import cia402
+from steptwin.protocol.abort import AbortCode, SdoAbortError
+from steptwin.protocol.cia402 import AbortConnection, Control, DigitalInput, ErrorCode, State, Status
+from steptwin.protocol.dictionary import ObjectDictionary, WriteHook
+from steptwin.protocol.objects import key_of
+from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 _ABORT_CONTROLWORDS = {
     AbortConnection.DISABLE_VOLTAGE: cia402.DISABLE_VOLTAGE,

@@ -4,28 +4,28 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 
-from controller.axis_drive import AxisDrive
-from controller.measurements import Measurements, Monitor
-from controller.modes import Trip
-from controller.motion import INVERT_DIR, REVERSED, Motion, StepConfig
-from controller.pins import MODE_LEVELS, OUTPUT_PINS, Pin
-from controller.sync_clock import SyncClock
-from protocol import cia402
-from protocol.abort import AbortCode, SdoAbortError
-from protocol.cia402 import AbortConnection, ErrorCode, State, Status
-from protocol.cob_id import check_cob_id
-from protocol.datatypes import DataType
-from protocol.dictionary import FlashPage, ObjectDictionary
-from protocol.emergency import EmergencyProducer
-from protocol.frame import COB_HEARTBEAT, COB_ID_INVALID, COB_SDO_RESPONSE, Frame
-from protocol.heartbeat_consumer import HeartbeatConsumer
-from protocol.nmt import HeartbeatProducer, NmtCommand, NmtState, after_error, target_of
-from protocol.objects import HISTORY_DEPTH, key_of
-from protocol.pdo import ProcessData
-from protocol.pvt import VELOCITY_PER_UNIT_PER_MS
-from protocol.sdo_server import SdoServer
-from protocol.storage import ParameterStorage
-from protocol.sync import SyncConsumer
+from steptwin.controller.axis_drive import AxisDrive
+from steptwin.controller.measurements import Measurements, Monitor
+from steptwin.controller.modes import Trip
+from steptwin.controller.motion import INVERT_DIR, REVERSED, Motion, StepConfig
+from steptwin.controller.pins import MODE_LEVELS, OUTPUT_PINS, Pin
+from steptwin.controller.sync_clock import SyncClock
+from steptwin.protocol import cia402
+from steptwin.protocol.abort import AbortCode, SdoAbortError
+from steptwin.protocol.cia402 import AbortConnection, ErrorCode, State, Status
+from steptwin.protocol.cob_id import check_cob_id
+from steptwin.protocol.datatypes import DataType
+from steptwin.protocol.dictionary import FlashPage, ObjectDictionary
+from steptwin.protocol.emergency import EmergencyProducer
+from steptwin.protocol.frame import COB_HEARTBEAT, COB_ID_INVALID, COB_SDO_RESPONSE, Frame
+from steptwin.protocol.heartbeat_consumer import HeartbeatConsumer
+from steptwin.protocol.nmt import HeartbeatProducer, NmtCommand, NmtState, after_error, target_of
+from steptwin.protocol.objects import HISTORY_DEPTH, key_of
+from steptwin.protocol.pdo import ProcessData
+from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
+from steptwin.protocol.sdo_server import SdoServer
+from steptwin.protocol.storage import ParameterStorage
+from steptwin.protocol.sync import SyncConsumer
 
 _FAULT_STATES = (State.FAULT_REACTION_ACTIVE, State.FAULT)
 _PDO_LENGTH_ERRORS = (ErrorCode.PDO_TOO_SHORT, ErrorCode.PDO_TOO_LONG)

@@ -6,8 +6,8 @@ from functools import cache
 from importlib.util import find_spec
 from typing import Any, cast
 
-from controller import kernel
-from controller.kernel import Cells, Function, Rows
+from steptwin.controller import kernel
+from steptwin.controller.kernel import Cells, Function, Rows
 
 
 @dataclass(frozen=True, slots=True)

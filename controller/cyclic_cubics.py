@@ -5,8 +5,8 @@ Positions are units, velocities 1/64 unit per ms, as on the wire. Nothing here k
 
 from typing import NamedTuple
 
-from controller.kernel import way_q16
-from protocol.pvt import VELOCITY_PER_UNIT_PER_MS
+from steptwin.controller.kernel import way_q16
+from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 _PER_UNIT_PER_US = 1000 * VELOCITY_PER_UNIT_PER_MS
 

@@ -26,17 +26,17 @@ as at the beginning the host has to start from 0x6062.
 from collections.abc import Callable
 from typing import NamedTuple
 
-from controller.cyclic_cubics import Cubic, highest_velocity, parabola, slowed
-from controller.kernel import TICKS_PER_MS
-from controller.modes import Mode, Trip
-from controller.motion import Motion, Refusal
-from controller.soft_limits import SoftLimits
-from controller.sync_clock import TICK_US, Slot, SyncClock
-from protocol.abort import AbortCode, SdoAbortError
-from protocol.cia402 import Control, ErrorCode, Status
-from protocol.dictionary import ObjectDictionary
-from protocol.objects import key_of
-from protocol.pvt import VELOCITY_PER_UNIT_PER_MS
+from steptwin.controller.cyclic_cubics import Cubic, highest_velocity, parabola, slowed
+from steptwin.controller.kernel import TICKS_PER_MS
+from steptwin.controller.modes import Mode, Trip
+from steptwin.controller.motion import Motion, Refusal
+from steptwin.controller.soft_limits import SoftLimits
+from steptwin.controller.sync_clock import TICK_US, Slot, SyncClock
+from steptwin.protocol.abort import AbortCode, SdoAbortError
+from steptwin.protocol.cia402 import Control, ErrorCode, Status
+from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.objects import key_of
+from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 _LOST, _GOOD, _LOST_MAX = 3, 1, 9
 """What a lost slot costs, what a good one gives back, and how much may be lost: three slots in a row."""

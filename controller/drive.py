@@ -5,7 +5,7 @@ Everything that decides a drive's state lives here. What a transition does to mo
 
 from enum import Enum
 
-from protocol.cia402 import Control, State
+from steptwin.protocol.cia402 import Control, State
 
 
 class Command(Enum):

@@ -3,10 +3,10 @@
 from collections.abc import Callable
 from functools import partial
 
-from controller.pins import DECAY_LEVELS, MODE_LEVELS, TORQUE_LEVELS, Pin
-from protocol.abort import AbortCode, SdoAbortError
-from protocol.dictionary import ObjectDictionary
-from protocol.objects import key_of
+from steptwin.controller.pins import DECAY_LEVELS, MODE_LEVELS, TORQUE_LEVELS, Pin
+from steptwin.protocol.abort import AbortCode, SdoAbortError
+from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.objects import key_of
 
 IDLE_AFTER_US = 500_000
 """How long an axis must have stood before its torque goes down to 0x2000:04."""

@@ -8,16 +8,16 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple
 
-from controller.axis_node import AxisNode
-from controller.backend import Kernel
-from controller.kernel import TICK_COUNTS
-from controller.measurements import Measurements, Monitor, no_monitor
-from controller.motion import COUNTS_PER_US, Event, Motion
-from controller.pins import OUTPUT_PINS, PinChange
-from controller.sync_clock import SyncClock
-from protocol.cia402 import DigitalInput, ErrorCode
-from protocol.dictionary import FlashPage
-from protocol.frame import (
+from steptwin.controller.axis_node import AxisNode
+from steptwin.controller.backend import Kernel
+from steptwin.controller.kernel import TICK_COUNTS
+from steptwin.controller.measurements import Measurements, Monitor, no_monitor
+from steptwin.controller.motion import Event, Motion
+from steptwin.controller.pins import OUTPUT_PINS, PinChange
+from steptwin.controller.sync_clock import SyncClock
+from steptwin.protocol.cia402 import DigitalInput, ErrorCode
+from steptwin.protocol.dictionary import FlashPage
+from steptwin.protocol.frame import (
     COB_HEARTBEAT,
     COB_ID_MASK,
     COB_NMT,
@@ -27,7 +27,8 @@ from protocol.frame import (
     NODE_ID_MAX,
     Frame,
 )
-from protocol.nmt import command_for
+from steptwin.protocol.nmt import command_for
+from steptwin.protocol.timer import COUNTS_PER_US
 
 AXES_MAX = 8
 """Two 16-bit timers with four compare channels each, on an STM32F103 with CAN in use."""

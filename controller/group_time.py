@@ -10,8 +10,8 @@ the maximum over the T/2 of trajectory time that the ramp covers: T = max|v| / D
 its D beyond what the plan asks for. A ramp that begins at another rate, or ends at one, has the same slope.
 """
 
-from controller import kernel as k
-from controller.kernel import Cells
+from steptwin.controller import kernel as k
+from steptwin.controller.kernel import Cells
 
 HALTED_Q16 = 0
 

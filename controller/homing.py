@@ -16,15 +16,15 @@ at bit 12 would find the axis still moving, in coordinates that are about to cha
 from collections.abc import Callable
 from enum import Enum, auto
 
-from controller.homing_methods import METHODS, HomingMethod
-from controller.modes import Mode, Report
-from controller.motion import Motion
-from controller.profile import Limits
-from controller.profile_feed import ProfileFeed
-from controller.switch_search import Phase, SwitchSearch
-from protocol.cia402 import Control, DigitalInput, ErrorCode, HomingError, Status
-from protocol.dictionary import ObjectDictionary
-from protocol.pvt import VELOCITY_PER_UNIT_PER_MS
+from steptwin.controller.homing_methods import METHODS, HomingMethod
+from steptwin.controller.modes import Mode, Report
+from steptwin.controller.motion import Motion
+from steptwin.controller.profile import Limits
+from steptwin.controller.profile_feed import ProfileFeed
+from steptwin.controller.switch_search import Phase, SwitchSearch
+from steptwin.protocol.cia402 import Control, DigitalInput, ErrorCode, HomingError, Status
+from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 
 class _State(Enum):

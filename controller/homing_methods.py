@@ -7,7 +7,7 @@ to the negative end; that of 23 to 30 is closed over a stretch of the travel and
 
 from dataclasses import dataclass
 
-from protocol.cia402 import HOME_HERE, HOME_HERE_OBSOLETE, DigitalInput
+from steptwin.protocol.cia402 import HOME_HERE, HOME_HERE_OBSOLETE, DigitalInput
 
 POSITIVE, NEGATIVE = 1, -1
 

@@ -6,15 +6,15 @@ so that a stream still under way cannot set an axis moving again.
 
 from collections.abc import Callable
 
-from controller.kernel import I32_MAX
-from controller.modes import Mode, Report
-from controller.motion import Motion, Refusal
-from controller.soft_limits import SoftLimits, hull
-from protocol.abort import AbortCode, SdoAbortError
-from protocol.cia402 import Control, ErrorCode, Status
-from protocol.dictionary import ObjectDictionary
-from protocol.objects import key_of
-from protocol.pvt import QUEUE_DEPTH, SEQUENCE_MODULUS, PvtFlag, Verdict, judge
+from steptwin.controller.kernel import I32_MAX
+from steptwin.controller.modes import Mode, Report
+from steptwin.controller.motion import Motion, Refusal
+from steptwin.controller.soft_limits import SoftLimits, hull
+from steptwin.protocol.abort import AbortCode, SdoAbortError
+from steptwin.protocol.cia402 import Control, ErrorCode, Status
+from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.objects import key_of
+from steptwin.protocol.pvt import QUEUE_DEPTH, SEQUENCE_MODULUS, PvtFlag, Verdict, judge
 
 _DISPLACEMENT, _END_VELOCITY, _DURATION, _SEQUENCE = (key_of(0x60C1, subindex) for subindex in (1, 2, 3, 4))
 _ACCEPTED, _GAPS, _OVERFLOWS, _UNDERRUNS, _LEAST_FILL = (key_of(0x2013, subindex) for subindex in (1, 2, 3, 4, 5))

@@ -2,8 +2,8 @@
 
 from typing import Protocol
 
-from controller.motion import Motion
-from protocol.cia402 import DigitalInput, ErrorCode
+from steptwin.controller.motion import Motion
+from steptwin.protocol.cia402 import DigitalInput, ErrorCode
 
 
 class Report(Protocol):

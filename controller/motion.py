@@ -4,16 +4,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
-from controller import kernel as k
-from controller.backend import Kernel
-from controller.group_time import GroupTime
-from controller.kernel import Cells
-from protocol.objects import UNITS_PER_FULL_STEP
-from protocol.pvt import VELOCITY_PER_UNIT_PER_MS
+from steptwin.controller import kernel as k
+from steptwin.controller.backend import Kernel
+from steptwin.controller.group_time import GroupTime
+from steptwin.controller.kernel import Cells
+from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 NS_PER_SECOND = 1_000_000_000
-COUNTS_PER_SECOND = 72_000_000
-COUNTS_PER_US = 72
 TICKS_PER_SECOND = COUNTS_PER_SECOND // k.TICK_COUNTS
 REVERSED = 0xC0
 """Polarity (CiA 402, object 0x607E): bit 7 reverses positions, bit 6 velocities."""

@@ -3,7 +3,7 @@
 from enum import Enum
 from typing import NamedTuple
 
-from protocol.cia402 import DigitalOutput
+from steptwin.protocol.cia402 import DigitalOutput
 
 
 class Pin(Enum):

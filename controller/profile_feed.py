@@ -8,13 +8,13 @@ from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
-from controller.kernel import STEP_Q16
-from controller.motion import Motion, Refusal
-from controller.profile import GRAIN_MS, Limits, Profile, Segment, move, stop
-from controller.stops import HALTS, Ramp
-from protocol.dictionary import ObjectDictionary
-from protocol.objects import UNITS_PER_FULL_STEP
-from protocol.pvt import VELOCITY_PER_UNIT_PER_MS
+from steptwin.controller.kernel import STEP_Q16
+from steptwin.controller.motion import Motion, Refusal
+from steptwin.controller.profile import GRAIN_MS, Limits, Profile, Segment, move, stop
+from steptwin.controller.stops import HALTS, Ramp
+from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 AHEAD_MS = 48
 """How much motion waits behind the segment in execution, at least."""

@@ -14,15 +14,15 @@ release goes on.
 from collections.abc import Callable
 from typing import NamedTuple
 
-from controller.modes import Mode
-from controller.motion import Motion
-from controller.profile import Limits
-from controller.profile_feed import ProfileFeed
-from controller.soft_limits import SoftLimits
-from protocol.cia402 import Control, Status
-from protocol.dictionary import ObjectDictionary
-from protocol.objects import WINDOW_OFF
-from protocol.pvt import VELOCITY_PER_UNIT_PER_MS
+from steptwin.controller.modes import Mode
+from steptwin.controller.motion import Motion
+from steptwin.controller.profile import Limits
+from steptwin.controller.profile_feed import ProfileFeed
+from steptwin.controller.soft_limits import SoftLimits
+from steptwin.protocol.cia402 import Control, Status
+from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.objects import WINDOW_OFF
+from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 
 class _SetPoint(NamedTuple):

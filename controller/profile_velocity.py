@@ -5,13 +5,13 @@ the end of the range of a position, just as it would at a target. There bit 11 o
 A new target velocity or a new controlword takes the profile objects as they are then.
 """
 
-from controller.modes import Mode
-from controller.motion import Motion
-from controller.profile_feed import ProfileFeed
-from controller.soft_limits import SoftLimits
-from protocol.cia402 import Control, Status
-from protocol.dictionary import ObjectDictionary
-from protocol.pvt import VELOCITY_PER_UNIT_PER_MS
+from steptwin.controller.modes import Mode
+from steptwin.controller.motion import Motion
+from steptwin.controller.profile_feed import ProfileFeed
+from steptwin.controller.soft_limits import SoftLimits
+from steptwin.protocol.cia402 import Control, Status
+from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 
 class ProfileVelocity(Mode):

@@ -4,10 +4,10 @@ They are positions as 0x6064 shows them, home offset included. After power-up th
 switches them off.
 """
 
-from controller.kernel import I32_MAX
-from protocol.dictionary import ObjectDictionary
-from protocol.objects import key_of
-from protocol.pvt import VELOCITY_PER_UNIT_PER_MS
+from steptwin.controller.kernel import I32_MAX
+from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.objects import key_of
+from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 _LOW, _HIGH = key_of(0x607D, 1), key_of(0x607D, 2)
 

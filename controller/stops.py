@@ -3,7 +3,7 @@
 from enum import Enum
 from typing import NamedTuple
 
-from protocol.cia402 import ErrorCode, State
+from steptwin.protocol.cia402 import ErrorCode, State
 
 
 class Ramp(Enum):

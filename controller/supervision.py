@@ -7,12 +7,12 @@ towards it, so that it can be moved away; the following error once it has lasted
 
 from collections.abc import Iterator
 
-from controller.measurements import Measurements, Monitor
-from controller.modes import Trip
-from controller.motion import Motion
-from protocol.cia402 import DigitalInput, ErrorCode
-from protocol.dictionary import ObjectDictionary
-from protocol.objects import UNITS_PER_FULL_STEP, WINDOW_OFF
+from steptwin.controller.measurements import Measurements, Monitor
+from steptwin.controller.modes import Trip
+from steptwin.controller.motion import Motion
+from steptwin.protocol.cia402 import DigitalInput, ErrorCode
+from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.objects import UNITS_PER_FULL_STEP, WINDOW_OFF
 
 LIMIT_PERIOD_US = 1_000
 FOLLOWING_PERIOD_US = 10_000

@@ -8,8 +8,8 @@ is followed. The slots then grow or shrink by a little each until they are in pl
 
 from typing import NamedTuple
 
-from controller.kernel import TICK_COUNTS
-from controller.motion import COUNTS_PER_US
+from steptwin.controller.kernel import TICK_COUNTS
+from steptwin.protocol.timer import COUNTS_PER_US
 
 TICK_US = TICK_COUNTS // COUNTS_PER_US
 WINDOW = 128

@@ -6,23 +6,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.backend import Kernel
-from controller.firmware import Firmware
-from controller.kernel import TICK_COUNTS
-from controller.measurements import DriverMonitor, Measurements
-from controller.motion import PinEdges
-from controller.pins import OUTPUT_PINS, Pin, PinChange
-from emulator.can_controller import CanController
-from emulator.driver import Driver
-from emulator.driver_module import ClkEdge, Module
-from emulator.edges import Int8Array, Int64Array
-from emulator.inputs import BoardInputs
-from emulator.operations import BoardTemperature, DriverProtect, EmergencyStop, Operation, Supply
-from emulator.switches import Switch
-from emulator.tb6560 import Input, LevelChange, Outputs, Pins, Violations
-from protocol.cia402 import DigitalInput
-from protocol.dictionary import FlashPage
-from protocol.frame import FIRST_NODE_ID
+from steptwin.controller.backend import Kernel
+from steptwin.controller.firmware import Firmware
+from steptwin.controller.kernel import TICK_COUNTS
+from steptwin.controller.measurements import DriverMonitor, Measurements
+from steptwin.controller.motion import PinEdges
+from steptwin.controller.pins import OUTPUT_PINS, Pin, PinChange
+from steptwin.emulator.can_controller import CanController
+from steptwin.emulator.driver import Driver
+from steptwin.emulator.driver_module import ClkEdge, Module
+from steptwin.emulator.edges import Int8Array, Int64Array
+from steptwin.emulator.inputs import BoardInputs
+from steptwin.emulator.operations import BoardTemperature, DriverProtect, EmergencyStop, Operation, Supply
+from steptwin.emulator.switches import Switch
+from steptwin.emulator.tb6560 import Input, LevelChange, Outputs, Pins, Violations
+from steptwin.protocol.cia402 import DigitalInput
+from steptwin.protocol.dictionary import FlashPage
+from steptwin.protocol.frame import FIRST_NODE_ID
 
 WIRING = {
     Pin.RESET: Input.RESET,

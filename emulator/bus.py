@@ -5,12 +5,12 @@ from collections.abc import Callable
 from enum import Enum, auto
 from typing import Final
 
-from controller.motion import COUNTS_PER_SECOND
-from emulator.bus_faults import Fault, FaultKind, FaultScript
-from emulator.can_controller import CanController
-from emulator.can_timing import INTERMISSION_BITS, UNSTUFFED_TAIL_BITS, frame_bits
-from emulator.fault_confinement import ErrorState
-from protocol.frame import BITRATES, Frame
+from steptwin.emulator.bus_faults import Fault, FaultKind, FaultScript
+from steptwin.emulator.can_controller import CanController
+from steptwin.emulator.can_timing import INTERMISSION_BITS, UNSTUFFED_TAIL_BITS, frame_bits
+from steptwin.emulator.fault_confinement import ErrorState
+from steptwin.protocol.frame import BITRATES, Frame
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 _VALID_BEFORE_END_BITS: Final = INTERMISSION_BITS + 1
 """A receiver takes a frame as valid at the last but one bit of EOF (ISO 11898-1)."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import Enum
 from random import Random
 
-from protocol.frame import COB_ID_MASK, Frame
+from steptwin.protocol.frame import COB_ID_MASK, Frame
 
 
 class FaultKind(Enum):

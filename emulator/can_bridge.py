@@ -10,9 +10,9 @@ from typing import Final, NamedTuple
 
 import can
 
-from emulator.live import LiveSimulation, Sender
-from emulator.live_loop import LiveLoop
-from protocol.frame import COB_ID_MASK, Frame
+from steptwin.emulator.live import LiveSimulation, Sender
+from steptwin.emulator.live_loop import LiveLoop
+from steptwin.protocol.frame import COB_ID_MASK, Frame
 
 WINDOW_FRAMES: Final = 16
 """Frames from the real bus that wait for the simulated one at most; they are of one bit rate, so it is rarely two."""

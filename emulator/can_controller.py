@@ -11,9 +11,9 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final, Protocol
 
-from emulator.fault_confinement import ErrorState, FaultConfinement
-from protocol.cia402 import ErrorCode
-from protocol.frame import COB_SDO_REQUEST, NODE_ID_MAX, Frame
+from steptwin.emulator.fault_confinement import ErrorState, FaultConfinement
+from steptwin.protocol.cia402 import ErrorCode
+from steptwin.protocol.frame import COB_SDO_REQUEST, NODE_ID_MAX, Frame
 
 MAILBOXES: Final = 3
 FIFO_DEPTH: Final = 3

@@ -9,7 +9,7 @@ adds what it would come to with zeros around it.
 from functools import cache
 from typing import TypeAlias
 
-from protocol.frame import Frame
+from steptwin.protocol.frame import Frame
 
 UNSTUFFED_TAIL_BITS = 13
 """From the end of the CRC to the end of the intermission."""

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from emulator.tb6560.pins import EXCITATIONS, FAST_DECAY_PERCENT, Input
+from steptwin.emulator.tb6560.pins import EXCITATIONS, FAST_DECAY_PERCENT, Input
 
 
 class CurrentSetting(NamedTuple):

@@ -2,10 +2,10 @@
 
 from typing import Final
 
-from emulator.driver_module import ClkEdge, Module
-from emulator.edges import Int8Array, Int64Array
-from emulator.input_stage import InputStage
-from emulator.tb6560 import Outputs, Pins, Tb6560, Violations, merged
+from steptwin.emulator.driver_module import ClkEdge, Module
+from steptwin.emulator.edges import Int8Array, Int64Array
+from steptwin.emulator.input_stage import InputStage
+from steptwin.emulator.tb6560 import Outputs, Pins, Tb6560, Violations, merged
 
 
 class Driver:

@@ -10,9 +10,9 @@ may be. `input_stage` does all that.
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from emulator.dip_switches import DipSwitches
-from emulator.edges import Delay, counts_of_ns
-from emulator.tb6560 import SENSE_OHM, Cooling
+from steptwin.emulator.dip_switches import DipSwitches
+from steptwin.emulator.edges import Delay, counts_of_ns
+from steptwin.emulator.tb6560 import SENSE_OHM, Cooling
 
 
 class ClkEdge(StrEnum):

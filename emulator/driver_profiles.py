@@ -6,10 +6,10 @@ Figures marked [A] are assumed: their source gives none, or only a range.
 from dataclasses import dataclass, replace
 from typing import Final
 
-from emulator.dip_switches import switches_for
-from emulator.driver_module import ClkEdge, Coupler, Module, Requirements
-from emulator.tb6560 import Cooling
-from emulator.tb6560.outputs import SENSE_VOLT
+from steptwin.emulator.dip_switches import switches_for
+from steptwin.emulator.driver_module import ClkEdge, Coupler, Module, Requirements
+from steptwin.emulator.tb6560 import Cooling
+from steptwin.emulator.tb6560.outputs import SENSE_VOLT
 
 
 @dataclass(frozen=True, slots=True)

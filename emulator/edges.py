@@ -6,7 +6,6 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-COUNTS_PER_US = 72
 """The board's timer, 72 MHz, in which all instants are counted."""
 NS_PER_MS = 1_000_000
 COUNTS_PER_MS = 72_000

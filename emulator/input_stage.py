@@ -12,10 +12,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from emulator.driver_module import ClkEdge, Module
-from emulator.edges import NO_COUNTS, NO_LEVELS, Int8Array, Int64Array, counts_of_ns, joined, levels_at
-from emulator.module_switchboard import Switchboard
-from emulator.tb6560 import Input, LevelChange, Limit, Pins, Rule, Unit, ViolationLog, Violations
+from steptwin.emulator.driver_module import ClkEdge, Module
+from steptwin.emulator.edges import NO_COUNTS, NO_LEVELS, Int8Array, Int64Array, counts_of_ns, joined, levels_at
+from steptwin.emulator.module_switchboard import Switchboard
+from steptwin.emulator.tb6560 import Input, LevelChange, Limit, Pins, Rule, Unit, ViolationLog, Violations
 
 _LONG_AGO: Final = -(1 << 60)
 

@@ -9,12 +9,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from controller.kernel import TICK_COUNTS
-from controller.motion import Motion
-from emulator.edges import Int8Array, Int64Array
-from emulator.switches import AxisSwitches, Switch
-from emulator.tb6560 import PERIOD_MIN_COUNTS
-from protocol.cia402 import DigitalInput
+from steptwin.controller.kernel import TICK_COUNTS
+from steptwin.controller.motion import Motion
+from steptwin.emulator.edges import Int8Array, Int64Array
+from steptwin.emulator.switches import AxisSwitches, Switch
+from steptwin.emulator.tb6560 import PERIOD_MIN_COUNTS
+from steptwin.protocol.cia402 import DigitalInput
 
 
 class BoardInputs:

@@ -10,13 +10,14 @@ from collections import deque
 from collections.abc import Callable, Hashable
 from typing import Final, NamedTuple
 
-from controller.backend import Kernel
-from controller.kernel import TICK_COUNTS
-from controller.motion import COUNTS_PER_SECOND, Motion, StepConfig
-from emulator.lateness import Lateness
-from emulator.pacer import Pacer
-from emulator.simulation import Simulation
-from protocol.frame import Frame
+from steptwin.controller.backend import Kernel
+from steptwin.controller.kernel import TICK_COUNTS
+from steptwin.controller.motion import Motion, StepConfig
+from steptwin.emulator.lateness import Lateness
+from steptwin.emulator.pacer import Pacer
+from steptwin.emulator.simulation import Simulation
+from steptwin.protocol.frame import Frame
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 SLICE_COUNTS: Final = COUNTS_PER_SECOND // 100
 """So much is simulated at most before others have their turn, when there is something to catch up with."""

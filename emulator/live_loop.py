@@ -13,7 +13,7 @@ from heapq import heappop, heappush
 from itertools import count
 from typing import Final
 
-from emulator.live import LiveSimulation
+from steptwin.emulator.live import LiveSimulation
 
 LOOK_NS: Final = 200_000
 """What is due so soon while the bus is busy is waited for with open eyes: 8 bytes at 1 Mbit/s last 135 us at most."""

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from emulator.dip_switches import DipSwitches
-from emulator.edges import COUNTS_PER_MS, Int64Array
-from emulator.tb6560 import Input, LevelChange
+from steptwin.emulator.dip_switches import DipSwitches
+from steptwin.emulator.edges import COUNTS_PER_MS, Int64Array
+from steptwin.emulator.tb6560 import Input, LevelChange
 
 
 class Switchboard:

@@ -3,7 +3,7 @@
 from fractions import Fraction
 from typing import Final
 
-from controller.motion import COUNTS_PER_SECOND
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 SPEED_MIN: Final = 0.001
 SPEED_MAX: Final = 1000.0

@@ -6,13 +6,13 @@ on together and count the same 72 MHz: real ones, each with a crystal of its own
 
 from collections.abc import Iterable, Sequence
 
-from controller.kernel import TICK_COUNTS
-from controller.motion import COUNTS_PER_SECOND
-from emulator.board import Board
-from emulator.bus import Bus
-from emulator.can_controller import CanController, unheard
-from emulator.operations import Operation, Schedule, Scheduled
-from protocol.frame import Frame
+from steptwin.controller.kernel import TICK_COUNTS
+from steptwin.emulator.board import Board
+from steptwin.emulator.bus import Bus
+from steptwin.emulator.can_controller import CanController, unheard
+from steptwin.emulator.operations import Operation, Schedule, Scheduled
+from steptwin.protocol.frame import Frame
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 _SILENCE_MAX_S = 1
 """How long a frame and its answers may take until the bus is silent: some 1000 frames at 125 kbit/s."""

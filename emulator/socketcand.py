@@ -17,7 +17,7 @@ import re
 from enum import Enum, auto
 from typing import Final
 
-from protocol.frame import COB_ID_MASK, Frame
+from steptwin.protocol.frame import COB_ID_MASK, Frame
 
 COMMAND_MAX: Final = 512
 """Bytes from < to >; the longest command that anybody means, an FD frame, has 220."""

@@ -11,11 +11,11 @@ from functools import partial
 from selectors import EVENT_READ, EVENT_WRITE
 from typing import Final
 
-from controller.motion import COUNTS_PER_US
-from emulator.live import LiveSimulation, Sender
-from emulator.live_loop import LiveLoop
-from emulator.socketcand import Mode, SocketcandSession, frame_text
-from protocol.frame import Frame
+from steptwin.emulator.live import LiveSimulation, Sender
+from steptwin.emulator.live_loop import LiveLoop
+from steptwin.emulator.socketcand import Mode, SocketcandSession, frame_text
+from steptwin.protocol.frame import Frame
+from steptwin.protocol.timer import COUNTS_PER_US
 
 CLIENTS_MAX: Final = 250
 """The loop's `select` takes a thousand files at most; each client has one."""

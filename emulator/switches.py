@@ -7,7 +7,7 @@ not know these; homing is how it learns them.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from protocol.cia402 import DigitalInput
+from steptwin.protocol.cia402 import DigitalInput
 
 _KINDS = (DigitalInput.NEGATIVE_LIMIT, DigitalInput.POSITIVE_LIMIT, DigitalInput.HOME)
 

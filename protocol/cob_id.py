@@ -1,7 +1,7 @@
 """The rules for COB-ID entries that may be written: PDOs' and EMCY's (CiA 301, sections 7.3.5 and 7.5.2)."""
 
-from protocol.abort import AbortCode, SdoAbortError
-from protocol.frame import COB_ID_INVALID, COB_ID_MASK
+from steptwin.protocol.abort import AbortCode, SdoAbortError
+from steptwin.protocol.frame import COB_ID_INVALID, COB_ID_MASK
 
 _RESTRICTED = ((0x000, 0x080), (0x101, 0x180), (0x581, 0x5FF), (0x601, 0x67F), (0x6E0, 0x7FF))
 """COB-IDs that CiA 301 keeps for other services (table 40): NMT, SYNC, SDO, heartbeat and others."""

@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from protocol.frame import (
+from steptwin.protocol.frame import (
     COB_EMCY,
     COB_HEARTBEAT,
     COB_ID_INVALID,
@@ -21,9 +21,9 @@ from protocol.frame import (
     FIRST_NODE_ID,
     HOST_NODE_ID,
 )
-from protocol.nmt import NmtCommand, NmtState
-from protocol.objects import OBJECTS, RPDO_DEFAULTS, TPDO_DEFAULTS, Entry
-from protocol.pvt import VELOCITY_PER_UNIT_PER_MS
+from steptwin.protocol.nmt import NmtCommand, NmtState
+from steptwin.protocol.objects import OBJECTS, RPDO_DEFAULTS, TPDO_DEFAULTS, Entry
+from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 MASTER = "Master"
 _WIRE_UNIT = "1/16384 full step"

@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from functools import partial
 
-from protocol.abort import AbortCode, SdoAbortError
-from protocol.datatypes import DataType, decode, encode
-from protocol.objects import OBJECTS, Access, Entry, Object, key_of
+from steptwin.protocol.abort import AbortCode, SdoAbortError
+from steptwin.protocol.datatypes import DataType, decode, encode
+from steptwin.protocol.objects import OBJECTS, Access, Entry, Object, key_of
 
 ReadHook = Callable[[], int]
 WriteHook = Callable[[int], None]

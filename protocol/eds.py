@@ -3,8 +3,8 @@
 import configparser
 import io
 
-from protocol.frame import BITRATES
-from protocol.objects import OBJECTS, PDO_COUNT, Entry, Kind, Mapping, Object
+from steptwin.protocol.frame import BITRATES
+from steptwin.protocol.objects import OBJECTS, PDO_COUNT, Entry, Kind, Mapping, Object
 
 _MANDATORY = (0x1000, 0x1001, 0x1018)
 _MANUFACTURER_FIRST, _MANUFACTURER_LAST = 0x2000, 0x5FFF

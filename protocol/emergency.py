@@ -8,8 +8,8 @@ left (CiA 301 figure 51, transitions 3 and 4), so that a listener sees the bits 
 from collections import deque
 from collections.abc import Callable
 
-from protocol.cia402 import ErrorCode
-from protocol.objects import HISTORY_DEPTH
+from steptwin.protocol.cia402 import ErrorCode
+from steptwin.protocol.objects import HISTORY_DEPTH
 
 _UNIT_US = 100
 """Object 0x1015 counts in 100 us."""

@@ -8,10 +8,10 @@ from its next heartbeat on. A boot-up message is no heartbeat: who says it has j
 from dataclasses import dataclass
 from functools import partial
 
-from protocol.abort import AbortCode, SdoAbortError
-from protocol.dictionary import ObjectDictionary
-from protocol.nmt import NmtState
-from protocol.objects import HEARTBEAT_PRODUCERS_MAX, key_of
+from steptwin.protocol.abort import AbortCode, SdoAbortError
+from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.nmt import NmtState
+from steptwin.protocol.objects import HEARTBEAT_PRODUCERS_MAX, key_of
 
 _OBJECT = 0x1016
 _MS_US = 1000

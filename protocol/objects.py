@@ -8,7 +8,7 @@ second squared; the PVT record has its own, finer velocity.
 from dataclasses import dataclass, field
 from enum import Enum
 
-from protocol.cia402 import (
+from steptwin.protocol.cia402 import (
     HOME_HERE,
     HOMING_METHODS,
     LINEAR_RAMP,
@@ -17,9 +17,9 @@ from protocol.cia402 import (
     DigitalOutput,
     Mode,
 )
-from protocol.datatypes import DataType
-from protocol.frame import COB_EMCY, COB_ID_INVALID, COB_ID_NO_RTR, COB_RPDO, COB_SYNC, COB_TPDO
-from protocol.nmt import ErrorBehaviour
+from steptwin.protocol.datatypes import DataType
+from steptwin.protocol.frame import COB_EMCY, COB_ID_INVALID, COB_ID_NO_RTR, COB_RPDO, COB_SYNC, COB_TPDO
+from steptwin.protocol.nmt import ErrorBehaviour
 
 I8, I16, I24, I32 = DataType.INTEGER8, DataType.INTEGER16, DataType.INTEGER24, DataType.INTEGER32
 U8, U16, U32 = DataType.UNSIGNED8, DataType.UNSIGNED16, DataType.UNSIGNED32

@@ -9,12 +9,12 @@ is decoded and encoded by shifting one integer, so a mapping of any widths costs
 
 from typing import NamedTuple
 
-from protocol.abort import AbortCode, SdoAbortError
-from protocol.cia402 import ErrorCode
-from protocol.cob_id import check_cob_id
-from protocol.dictionary import ObjectDictionary
-from protocol.frame import COB_ID_INVALID, COB_ID_MASK, COB_ID_NO_RTR, Frame
-from protocol.objects import PDO_COUNT, PDO_ENTRIES_MAX, Access, Entry, Mapping, key_of
+from steptwin.protocol.abort import AbortCode, SdoAbortError
+from steptwin.protocol.cia402 import ErrorCode
+from steptwin.protocol.cob_id import check_cob_id
+from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.frame import COB_ID_INVALID, COB_ID_MASK, COB_ID_NO_RTR, Frame
+from steptwin.protocol.objects import PDO_COUNT, PDO_ENTRIES_MAX, Access, Entry, Mapping, key_of
 
 _RPDO_COMMUNICATION, _RPDO_MAPPING = 0x1400, 0x1600
 _TPDO_COMMUNICATION, _TPDO_MAPPING = 0x1800, 0x1A00

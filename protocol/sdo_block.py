@@ -8,7 +8,7 @@ initiates a transfer: a client that begins anew in the middle of a block is unde
 
 from binascii import crc_hqx
 
-from protocol.abort import AbortCode, SdoAbortError
+from steptwin.protocol.abort import AbortCode, SdoAbortError
 
 SEGMENT_BYTES = 7
 BLOCK_SIZE_MAX = 127

@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-from protocol.abort import AbortCode, SdoAbortError
-from protocol.dictionary import ObjectDictionary
-from protocol.sdo_block import DOWNLOAD_BLOCK_SIZE, BlockDownload, BlockUpload, is_segment
+from steptwin.protocol.abort import AbortCode, SdoAbortError
+from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.sdo_block import DOWNLOAD_BLOCK_SIZE, BlockDownload, BlockUpload, is_segment
 
 # Client command specifiers, bits 7..5 of the first byte.
 _DOWNLOAD_SEGMENT = 0

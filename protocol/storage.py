@@ -8,9 +8,9 @@ that no axis begins to move, and no output to switch, because power came back; t
 from collections.abc import Callable
 from functools import partial
 
-from protocol.abort import AbortCode, SdoAbortError
-from protocol.dictionary import FlashPage, ObjectDictionary
-from protocol.objects import PARAMETER_GROUPS, Access, Entry, Mapping, key_of
+from steptwin.protocol.abort import AbortCode, SdoAbortError
+from steptwin.protocol.dictionary import FlashPage, ObjectDictionary
+from steptwin.protocol.objects import PARAMETER_GROUPS, Access, Entry, Mapping, key_of
 
 _STORE, _RESTORE = 0x1010, 0x1011
 _SAVE, _LOAD = (int.from_bytes(word, "little") for word in (b"save", b"load"))

@@ -4,9 +4,9 @@ Object 0x1019 says whether SYNC carries a counter, and up to where it counts. Th
 producer keeps; CiA 301 asks nothing of a consumer by it, so it is stored and, while it is not 0, holds 0x1019 fixed.
 """
 
-from protocol.abort import AbortCode, SdoAbortError
-from protocol.dictionary import ObjectDictionary
-from protocol.objects import key_of
+from steptwin.protocol.abort import AbortCode, SdoAbortError
+from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.objects import key_of
 
 _PERIOD, _OVERFLOW = 0x1006, 0x1019
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from controller.backend import KERNELS, Kernel
-from host.cli.app import run
-from host.run_folder import writing
+from steptwin.controller.backend import KERNELS, Kernel
+from steptwin.host.cli.app import run
+from steptwin.host.record.folder import writing
 
 # No timing is asserted in a test, not even by the framework; and every run draws the same examples, so that a change
 # is judged by what it changed. `pytest --hypothesis-profile=explore` draws new ones.

@@ -9,13 +9,13 @@ Source: Grbl 1.1, stepper.c (segment buffer at ACCELERATION_TICKS_PER_SECOND = 1
 
 import numpy as np
 
-from bench.loads import Int64Array
-from bench.pulses.buffers import Buffers, place_with
-from bench.pulses.compiled import compiled
-from bench.pulses.motions import PlannedMotion
-from bench.pulses.pulses import Placed
-from bench.pulses.rule import counter_at
-from controller.motion import COUNTS_PER_SECOND
+from steptwin.bench.loads import Int64Array
+from steptwin.bench.pulses.buffers import Buffers, place_with
+from steptwin.bench.pulses.compiled import compiled
+from steptwin.bench.pulses.motions import PlannedMotion
+from steptwin.bench.pulses.pulses import Placed
+from steptwin.bench.pulses.rule import counter_at
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 COUNTS_PER_MS = COUNTS_PER_SECOND // 1000
 

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bench.loads import Int64Array
-from bench.pulses.motions import PlannedMotion
-from bench.pulses.pulses import AxisPulses, Placed
-from controller.motion import counts_of_ns
-from host.robot import Board
+from steptwin.bench.loads import Int64Array
+from steptwin.bench.pulses.motions import PlannedMotion
+from steptwin.bench.pulses.pulses import AxisPulses, Placed
+from steptwin.controller.motion import counts_of_ns
+from steptwin.host.robots.robot import Board
 
 REPEATS = 3
 """The best counts; the first one compiles and touches the pages."""

@@ -9,9 +9,10 @@ from typing import Final
 
 import numpy as np
 
-from bench.loads import Int64Array
-from bench.pulses.motions import PlannedMotion
-from controller.motion import COUNTS_PER_SECOND, TICKS_PER_SECOND
+from steptwin.bench.loads import Int64Array
+from steptwin.bench.pulses.motions import PlannedMotion
+from steptwin.controller.motion import TICKS_PER_SECOND
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 CYCLES_PER_SECOND: Final = 72_000_000
 WINDOW_COUNTS: Final = COUNTS_PER_SECOND // 100

@@ -11,14 +11,14 @@ Source: LinuxCNC, src/hal/components/stepgen.c and its manual page (position mod
 
 from math import floor
 
-from bench.loads import Int64Array
-from bench.pulses.buffers import Buffers, PinTimes, place_with
-from bench.pulses.compiled import compiled
-from bench.pulses.motions import PlannedMotion
-from bench.pulses.pulses import Placed
-from bench.pulses.rule import THRESHOLD_Q16
-from controller.motion import COUNTS_PER_SECOND
-from host.trajectory import FloatArray
+from steptwin.bench.loads import Int64Array
+from steptwin.bench.pulses.buffers import Buffers, PinTimes, place_with
+from steptwin.bench.pulses.compiled import compiled
+from steptwin.bench.pulses.motions import PlannedMotion
+from steptwin.bench.pulses.pulses import Placed
+from steptwin.bench.pulses.rule import THRESHOLD_Q16
+from steptwin.host.common.arrays import FloatArray
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 COUNTS_PER_MS = COUNTS_PER_SECOND // 1000
 Q32 = 1 << 32

@@ -10,15 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.pulses.cortex_m3 import CYCLES, load_percent
-from bench.pulses.motions import PlannedMotion
-from bench.pulses.pairing import Pairing, pair
-from bench.pulses.pulses import AxisPulses, Method, Placed
-from bench.pulses.violations import violations
-from host.trajectory import FloatArray
-from host.verify.evidence import COUNTS_PER_SECOND
-from host.verify.matching import SLOW_CROSSING
-from host.verify.oracle import THRESHOLD_STEPS, IdealSteps, ideal_steps
+from steptwin.bench.pulses.cortex_m3 import CYCLES, load_percent
+from steptwin.bench.pulses.motions import PlannedMotion
+from steptwin.bench.pulses.pairing import Pairing, pair
+from steptwin.bench.pulses.pulses import AxisPulses, Method, Placed
+from steptwin.bench.pulses.violations import violations
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.verify.matching import SLOW_CROSSING
+from steptwin.host.verify.oracle import THRESHOLD_STEPS, IdealSteps, ideal_steps
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 STEADY = 0.01
 """A speed that changes by less than this part from one step to the next is constant."""

@@ -5,14 +5,14 @@ from math import ceil
 
 import numpy as np
 
-from bench.loads import POINTS_AHEAD, Int64Array
-from bench.pulses.motions import PlannedMotion
-from bench.pulses.pulses import AxisPulses, Placed
-from controller.backend import Kernel
-from controller.kernel import TICKS_PER_MS
-from controller.motion import Motion, PinEdges, Refusal, StepConfig
-from host.robot import Board
-from protocol.objects import UNITS_PER_FULL_STEP
+from steptwin.bench.loads import POINTS_AHEAD, Int64Array
+from steptwin.bench.pulses.motions import PlannedMotion
+from steptwin.bench.pulses.pulses import AxisPulses, Placed
+from steptwin.controller.backend import Kernel
+from steptwin.controller.kernel import TICKS_PER_MS
+from steptwin.controller.motion import Motion, PinEdges, Refusal, StepConfig
+from steptwin.host.robots.robot import Board
+from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 
 REPEATS = 3
 """The best counts; the first one compiles."""

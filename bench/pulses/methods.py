@@ -2,12 +2,12 @@
 
 from functools import partial
 
-from bench.pulses.austin import austin
-from bench.pulses.bresenham import bresenham
-from bench.pulses.dda import dda
-from bench.pulses.kernel import kernel_method
-from bench.pulses.pulses import Method
-from controller.backend import Kernel, fastest_kernel
+from steptwin.bench.pulses.austin import austin
+from steptwin.bench.pulses.bresenham import bresenham
+from steptwin.bench.pulses.dda import dda
+from steptwin.bench.pulses.kernel import kernel_method
+from steptwin.bench.pulses.pulses import Method
+from steptwin.controller.backend import Kernel, fastest_kernel
 
 DDA_HZ = (20_000, 40_000, 100_000)
 

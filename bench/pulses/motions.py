@@ -9,13 +9,14 @@ from typing import Final
 
 import numpy as np
 
-from bench.loads import AXES, MICROSTEPS, POINT_MS, UNITS_PER_STEP, Int64Array
-from host.jobs import make_job
-from host.planner import plan
-from host.robot import Board, Robot
-from host.robots import load_robot
-from host.trajectory import FloatArray, Switching, Trajectory
-from protocol.pvt import VELOCITY_PER_UNIT_PER_MS
+from steptwin.bench.loads import AXES, MICROSTEPS, POINT_MS, UNITS_PER_STEP, Int64Array
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.planner import plan
+from steptwin.host.planning.trajectory import Switching, Trajectory
+from steptwin.host.robots import load_robot
+from steptwin.host.robots.robot import Board, Robot
+from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 JOBS: Final = (
     ("warehouse-scara", "drawer-pull"),

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.loads import Int64Array
-from bench.pulses.pulses import Int8Array
-from host.trajectory import FloatArray
-from host.verify.roots import IndexArray
+from steptwin.bench.loads import Int64Array
+from steptwin.bench.pulses.pulses import Int8Array
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.verify.roots import IndexArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)

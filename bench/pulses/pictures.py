@@ -1,4 +1,4 @@
-"""The pictures of docs/benchmarks.md: `python -m bench.pulses.pictures [DIR]` measures and draws them."""
+"""The pictures of docs/benchmarks.md: `python -m steptwin.bench.pulses.pictures [DIR]` measures and draws them."""
 
 import sys
 from collections.abc import Callable
@@ -10,14 +10,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from bench.pulses import scaling
-from bench.pulses.evaluation import Figures, ideal_of
-from bench.pulses.methods import methods
-from bench.pulses.motions import PlannedMotion, all_motions, stress
-from bench.pulses.table import measured
-from controller.backend import Kernel, fastest_kernel
-from host.plots.canvas import COUNTED, PLANNED, STYLE, WIDTH_INCHES
-from host.verify.evidence import COUNTS_PER_SECOND
+from steptwin.bench.pulses import scaling
+from steptwin.bench.pulses.evaluation import Figures, ideal_of
+from steptwin.bench.pulses.methods import methods
+from steptwin.bench.pulses.motions import PlannedMotion, all_motions, stress
+from steptwin.bench.pulses.table import measured
+from steptwin.controller.backend import Kernel, fastest_kernel
+from steptwin.host.record.plots.canvas import COUNTED, PLANNED, STYLE, WIDTH_INCHES
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 DOTS_PER_INCH: Final = 90
 GREY: Final = "0.55"

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.loads import Int64Array
-from bench.pulses.motions import PlannedMotion
+from steptwin.bench.loads import Int64Array
+from steptwin.bench.pulses.motions import PlannedMotion
 
 Int8Array = NDArray[np.int8]
 

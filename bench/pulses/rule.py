@@ -1,6 +1,6 @@
 """The step rule that all methods keep, so that only their timing differs: up at counter + H, down at counter - H."""
 
-from bench.pulses.compiled import compiled
+from steptwin.bench.pulses.compiled import compiled
 
 THRESHOLD_Q16 = 9 << 12
 """H = 9/16 step."""

@@ -1,7 +1,8 @@
 """How the kernel's cost grows: with axes, step rate, density of points and length of the motion.
 
 A motion of any length needs the same memory: edges are handed out and forgotten, records made as they are asked for.
-Memory is therefore measured in a process of its own: `python -m bench.pulses.scaling STEPS` runs one length there.
+Memory is therefore measured in a process of its own: `python -m
+steptwin.bench.pulses.scaling STEPS` runs one length there.
 """
 
 import json
@@ -12,10 +13,10 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from bench.loads import AXES, POINT_MS, POINTS_AHEAD, UNLIMITED, Load, constant, run, sine
-from controller.backend import Kernel, fastest_kernel
-from controller.kernel import TICKS_PER_MS
-from controller.motion import Motion, Refusal
+from steptwin.bench.loads import AXES, POINT_MS, POINTS_AHEAD, UNLIMITED, Load, constant, run, sine
+from steptwin.controller.backend import Kernel, fastest_kernel
+from steptwin.controller.kernel import TICKS_PER_MS
+from steptwin.controller.motion import Motion, Refusal
 
 REPEATS = 7
 RATE_HZ = 14_000
@@ -98,7 +99,7 @@ def by_length() -> list[Length]:
 
 
 def _in_own_process(steps: int) -> Length:
-    command = [sys.executable, "-m", "bench.pulses.scaling", str(steps)]
+    command = [sys.executable, "-m", "steptwin.bench.pulses.scaling", str(steps)]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     return Length(**json.loads(done.stdout))
 

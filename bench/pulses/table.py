@@ -6,10 +6,10 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Any
 
-from bench.pulses.evaluation import Figures, figures_of, ideal_of
-from bench.pulses.methods import methods
-from bench.pulses.motions import PlannedMotion
-from controller.backend import Kernel
+from steptwin.bench.pulses.evaluation import Figures, figures_of, ideal_of
+from steptwin.bench.pulses.methods import methods
+from steptwin.bench.pulses.motions import PlannedMotion
+from steptwin.controller.backend import Kernel
 
 COLUMNS = (
     "motion", "method", "steps", "-", "+", "err max", "err rms", "p50 us", "p99 us", "max us", "jitter us", "broken",

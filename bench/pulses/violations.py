@@ -4,12 +4,12 @@ from typing import Final
 
 import numpy as np
 
-from bench.pulses.pulses import AxisPulses
-from emulator.driver import Driver
-from emulator.edges import COUNTS_PER_MS, NO_COUNTS, NO_LEVELS
-from emulator.tb6560 import Input, LevelChange, Pins
-from host.drivers import driver_profile, fitted_module
-from host.robot import Board
+from steptwin.bench.pulses.pulses import AxisPulses
+from steptwin.emulator.driver import Driver
+from steptwin.emulator.edges import COUNTS_PER_MS, NO_COUNTS, NO_LEVELS
+from steptwin.emulator.tb6560 import Input, LevelChange, Pins
+from steptwin.host.robots.robot import Board
+from steptwin.host.twin.drivers import driver_profile, fitted_module
 
 _POWERED: Final = tuple(LevelChange(0, pin, 1) for pin in (Input.VDD, Input.VM, Input.RESET, Input.ENABLE))
 _BEGIN_COUNTS: Final = COUNTS_PER_MS

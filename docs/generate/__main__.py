@@ -1,6 +1,5 @@
 """`python -m docs.generate`: write docs/driver.md, docs/protocol.md, docs/robots.md and their pictures anew."""
 
-from controller.backend import fastest_kernel
 from docs.generate.driver import DRIVER_PAGE, render_driver
 from docs.generate.driver_pictures import write_driver_pictures
 from docs.generate.page import PAGE, render_page
@@ -8,6 +7,7 @@ from docs.generate.pictures import write_pictures
 from docs.generate.protocol import PROTOCOL_PAGE, render_protocol
 from docs.generate.runs import Runs
 from docs.generate.waveform_pictures import write_waveform_pictures
+from steptwin.controller.backend import fastest_kernel
 
 
 def main() -> None:

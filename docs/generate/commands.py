@@ -7,7 +7,7 @@ from io import StringIO
 from typing import Final
 
 from docs.generate.markdown import code
-from host.cli.app import run
+from steptwin.host.cli.app import run
 
 _STYLE: Final = re.compile(r"\x1b\[[0-9;]*m")
 """Bold type, where the environment forces it upon what is no terminal."""

@@ -5,13 +5,13 @@ from typing import Final
 from docs.generate.commands import session
 from docs.generate.markdown import table
 from docs.generate.pieces import DOCS, filled
-from emulator.dip_switches import CURRENT_SETTINGS, switches_for
-from emulator.driver_profiles import PROFILES, DriverProfile
-from emulator.edges import COUNTS_PER_US
-from emulator.tb6560 import PINS, Excitation, Rule, Tb6560, chopping_hz, clk_width_min_counts, oscillator_hz
-from emulator.tb6560.excitation import CYCLE_SIXTEENTHS, PHASE_PERCENT, VECTOR_PERCENT
-from emulator.tb6560.outputs import SENSE_VOLT
-from emulator.tb6560.pins import EXCITATIONS, FAST_DECAY_PERCENT, TORQUE_PERCENT
+from steptwin.emulator.dip_switches import CURRENT_SETTINGS, switches_for
+from steptwin.emulator.driver_profiles import PROFILES, DriverProfile
+from steptwin.emulator.tb6560 import PINS, Excitation, Rule, Tb6560, chopping_hz, clk_width_min_counts, oscillator_hz
+from steptwin.emulator.tb6560.excitation import CYCLE_SIXTEENTHS, PHASE_PERCENT, VECTOR_PERCENT
+from steptwin.emulator.tb6560.outputs import SENSE_VOLT
+from steptwin.emulator.tb6560.pins import EXCITATIONS, FAST_DECAY_PERCENT, TORQUE_PERCENT
+from steptwin.protocol.timer import COUNTS_PER_US
 
 DRIVER_PAGE: Final = DOCS / "driver.md"
 

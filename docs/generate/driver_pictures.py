@@ -9,12 +9,13 @@ from matplotlib.figure import Figure
 
 from docs.generate.pictures import write_picture
 from docs.generate.pieces import DOCS
-from emulator.driver import Driver
-from emulator.driver_module import Module
-from emulator.driver_profiles import THREE_AMP_MODULE
-from emulator.edges import COUNTS_PER_US, Int8Array, Int64Array
-from emulator.tb6560 import Input, LevelChange, Pins
-from host.plots.canvas import COUNTED, LIMIT, STYLE
+from steptwin.emulator.driver import Driver
+from steptwin.emulator.driver_module import Module
+from steptwin.emulator.driver_profiles import THREE_AMP_MODULE
+from steptwin.emulator.edges import Int8Array, Int64Array
+from steptwin.emulator.tb6560 import Input, LevelChange, Pins
+from steptwin.host.record.plots.canvas import COUNTED, LIMIT, STYLE
+from steptwin.protocol.timer import COUNTS_PER_US
 
 LATE_DIR: Final = DOCS / "pictures" / "driver-late-dir.png"
 

@@ -7,7 +7,7 @@ from docs.generate.commands import session
 from docs.generate.pieces import DOCS, filled
 from docs.generate.results import results
 from docs.generate.runs import ROBOTS, Runs
-from host.robots import load_robot
+from steptwin.host.robots import load_robot
 
 PAGE: Final = DOCS / "robots.md"
 PICTURE_KINDS: Final = ("path", "joints", "error")

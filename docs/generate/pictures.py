@@ -11,11 +11,11 @@ from PIL import Image
 from docs.generate.page import PICTURE_KINDS, picture
 from docs.generate.pieces import DOCS
 from docs.generate.runs import Runs
-from host.plots import PICTURES, WHEREVER
-from host.plots.canvas import STYLE
+from steptwin.host.record.plots import PICTURES, WHEREVER
+from steptwin.host.record.plots.canvas import STYLE
 
 _DRAWN: Final = dict(zip(PICTURE_KINDS, ("tool-path", "joints", "error"), strict=True))
-"""By the page's kinds, the pictures as `host.plots` calls them."""
+"""By the page's kinds, the pictures as `steptwin.host.record.plots` calls them."""
 
 _DOTS_PER_INCH: Final = 100
 

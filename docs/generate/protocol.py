@@ -2,11 +2,11 @@
 
 from typing import Final
 
-from controller.drive import next_state
 from docs.generate.markdown import table
 from docs.generate.pieces import DOCS, filled
 from docs.generate.wire_session import session
-from protocol.cia402 import (
+from steptwin.controller.drive import next_state
+from steptwin.protocol.cia402 import (
     DISABLE_VOLTAGE,
     ENABLE_OPERATION,
     QUICK_STOP,
@@ -15,7 +15,7 @@ from protocol.cia402 import (
     ErrorCode,
     State,
 )
-from protocol.frame import (
+from steptwin.protocol.frame import (
     COB_EMCY,
     COB_HEARTBEAT,
     COB_NMT,
@@ -25,7 +25,7 @@ from protocol.frame import (
     COB_SYNC,
     COB_TPDO,
 )
-from protocol.objects import OBJECTS, RPDO_DEFAULTS, TPDO_DEFAULTS, Entry, Mapping, Object
+from steptwin.protocol.objects import OBJECTS, RPDO_DEFAULTS, TPDO_DEFAULTS, Entry, Mapping, Object
 
 PROTOCOL_PAGE: Final = DOCS / "protocol.md"
 

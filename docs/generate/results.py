@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from docs.generate.markdown import table
-from host.run import Outcome
-from host.verify.report import AxisReport, Report
+from steptwin.host.twin.outcome import Outcome
+from steptwin.host.verify.report import AxisReport, Report
 
 
 @dataclass(frozen=True, slots=True)

@@ -34,7 +34,7 @@ def read_robot_file(robot: str) -> dict[str, Section]:
     """The sections of a robot that comes along, by their names as in `joints.th1`, in the file's order."""
     sections = {"": Section("", {})}
     last = ""
-    for line in (files("host.robots") / f"{robot}.toml").read_text(encoding="utf-8").splitlines():
+    for line in (files("steptwin.host.robots") / f"{robot}.toml").read_text(encoding="utf-8").splitlines():
         if header := _SECTION.fullmatch(line):
             last = header[1]
             sections[last] = Section(header[2] or "", {})

@@ -3,11 +3,12 @@
 from collections.abc import Iterator
 from typing import Final
 
-from controller.backend import Kernel
-from host.jobs import job_names, make_job
-from host.planner import plan
-from host.robots import load_robot
-from host.run import Outcome, execute
+from steptwin.controller.backend import Kernel
+from steptwin.host.planning.jobs import job_names, make_job
+from steptwin.host.planning.planner import plan
+from steptwin.host.robots import load_robot
+from steptwin.host.twin.execution import execute
+from steptwin.host.twin.outcome import Outcome
 
 ROBOTS: Final = ("lab-scara", "warehouse-scara", "teaching-scara", "calibration-scara", "hybrid-arm")
 """In the order of the page."""

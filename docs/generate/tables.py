@@ -3,10 +3,10 @@
 from docs.generate.markdown import table
 from docs.generate.robot_file import Section, read_robot_file
 from docs.generate.runs import ROBOTS
-from host.jobs import job_options
-from host.kinematics import make_kinematics
-from host.kinematics.dh import Convention
-from host.robot import Robot
+from steptwin.host.planning.jobs import job_options
+from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.kinematics.dh import Convention
+from steptwin.host.robots.robot import Robot
 
 _DH_COLUMNS = {
     Convention.STANDARD: ("i", "theta_i deg", "d_i mm", "a_i mm", "alpha_i deg"),

@@ -7,8 +7,8 @@ import matplotlib as mpl
 from docs.generate.pictures import write_picture
 from docs.generate.pieces import DOCS
 from docs.generate.runs import Runs
-from host.plots import PICTURES, WHEREVER, View
-from host.plots.canvas import STYLE
+from steptwin.host.record.plots import PICTURES, WHEREVER, View
+from steptwin.host.record.plots.canvas import STYLE
 
 WAVEFORM_PAGE: Final = DOCS / "waveforms.md"
 

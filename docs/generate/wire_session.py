@@ -3,12 +3,12 @@
 from dataclasses import replace
 from typing import Final
 
-from controller.backend import fastest_kernel
 from docs.generate.markdown import code
-from host.client import AxisRecords, AxisSettings, Machine
-from host.embedded import EmbeddedBoard
-from host.robots import load_robot
-from protocol.frame import (
+from steptwin.controller.backend import fastest_kernel
+from steptwin.host.client import AxisRecords, AxisSettings, Machine
+from steptwin.host.robots import load_robot
+from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.protocol.frame import (
     COB_EMCY,
     COB_HEARTBEAT,
     COB_NMT,
@@ -21,7 +21,7 @@ from protocol.frame import (
     HOST_NODE_ID,
     Frame,
 )
-from protocol.pvt import PvtStatus
+from steptwin.protocol.pvt import PvtStatus
 
 _SETTINGS: Final = AxisSettings(16, 33_000, 33_666, 15_000, 15_000, 15_360_000, 32_768_000)
 _RECORDS: Final = AxisRecords([4_096, 8_192, 4_096], [26_214, 26_214, 0], [20, 20, 20])

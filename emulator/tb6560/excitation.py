@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from emulator.edges import Int8Array, Int64Array
+from steptwin.emulator.edges import Int8Array, Int64Array
 
 CYCLE_SIXTEENTHS: Final = 64
 _QUARTER: Final = CYCLE_SIXTEENTHS // 4

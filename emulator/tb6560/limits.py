@@ -5,7 +5,7 @@ from enum import Enum
 
 import numpy as np
 
-from emulator.edges import NO_COUNTS, NO_LEVELS, Int8Array, Int64Array
+from steptwin.emulator.edges import NO_COUNTS, NO_LEVELS, Int8Array, Int64Array
 
 
 class Rule(Enum):

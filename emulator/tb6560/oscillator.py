@@ -3,7 +3,7 @@
 from math import ceil
 from typing import Final
 
-from emulator.edges import COUNTS_PER_US
+from steptwin.protocol.timer import COUNTS_PER_US
 
 OSCILLATIONS_PER_CHOP: Final = 4
 """Pages 16 and 20."""

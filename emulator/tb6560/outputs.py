@@ -5,9 +5,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from emulator.edges import COUNTS_PER_US, NO_COUNTS, NO_LEVELS, Delay, FloatArray, Int8Array, Int64Array, merged
-from emulator.tb6560.excitation import CYCLE_SIXTEENTHS, PHASE_PERCENT, Excitation
-from emulator.tb6560.pins import EXCITATIONS, TORQUE_PERCENT, Input, LevelChange
+from steptwin.emulator.edges import NO_COUNTS, NO_LEVELS, Delay, FloatArray, Int8Array, Int64Array, merged
+from steptwin.emulator.tb6560.excitation import CYCLE_SIXTEENTHS, PHASE_PERCENT, Excitation
+from steptwin.emulator.tb6560.pins import EXCITATIONS, TORQUE_PERCENT, Input, LevelChange
+from steptwin.protocol.timer import COUNTS_PER_US
 
 SENSE_VOLT: Final = 0.5
 """Charging stops where the sense resistor has this (V_NF, typical, pages 6 to 8)."""

@@ -3,7 +3,7 @@
 from enum import Enum
 from typing import Final, NamedTuple
 
-from emulator.tb6560.excitation import Excitation
+from steptwin.emulator.tb6560.excitation import Excitation
 
 
 class Kind(Enum):

@@ -20,7 +20,7 @@ from math import ceil, exp, floor, log
 from operator import attrgetter
 from typing import Final, NamedTuple
 
-COUNTS_PER_SECOND: Final = 72_000_000
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 SHUTDOWN_CELSIUS: Final = 170
 HYSTERESIS_K: Final = 20

@@ -1,6 +1,6 @@
 """The command line `steptwin`: one file a command; heavy modules are imported when a command needs them."""
 
-from host.cli import (
+from steptwin.host.cli import (
     bench,
     dbc,
     doctor,
@@ -27,7 +27,7 @@ from host.cli import (
     verify,
     workspace,
 )
-from host.cli.app import main
+from steptwin.host.cli.app import main
 
 __all__ = [
     "bench",

@@ -8,7 +8,7 @@ from typing import Final
 import typer
 from typer.exceptions import TyperException
 
-from host.errors import InputError, StepTwinError
+from steptwin.host.common.errors import InputError, StepTwinError
 
 app = typer.Typer(
     name="steptwin",

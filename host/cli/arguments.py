@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from host.cli.output import warn
-from host.errors import InputError
-from host.inputs import unknown
+from steptwin.host.cli.output import warn
+from steptwin.host.common.bad_input import unknown
+from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
-    from host.robot import Robot
+    from steptwin.host.robots.robot import Robot
 
 RobotName = Annotated[
     str | None,
@@ -45,7 +45,7 @@ def robot_and_rest(words: list[str], robot_file: str | None) -> "tuple[Robot, li
     Raises:
         InputError: there is no robot, or it is not right.
     """
-    from host.robots import load_robot, load_robot_file
+    from steptwin.host.robots import load_robot, load_robot_file
 
     if robot_file is not None:
         return load_robot_file(robot_file), words
@@ -68,7 +68,7 @@ def warn_of_settings_left_out(robot: "Robot", driver_profile: str | None) -> Non
     Raises:
         InputError: there are no such drivers.
     """
-    from host.drivers import settings_left_out
+    from steptwin.host.twin.drivers import settings_left_out
 
     if keys := settings_left_out(robot.board, driver_profile):
         warn(f"--driver-profile {driver_profile}: set as is usual with it, not by the robot's {', '.join(keys)}")

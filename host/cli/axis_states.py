@@ -3,11 +3,11 @@
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from host.cli.output import print_json, print_table
+from steptwin.host.cli.output import print_json, print_table
 
 if TYPE_CHECKING:
-    from host.operate.recovering import AxisState
-    from host.robot import Robot
+    from steptwin.host.operate.recovering import AxisState
+    from steptwin.host.robots.robot import Robot
 
 
 def print_axis_states(robot: "Robot", states: "list[AxisState]", *, as_json: bool) -> None:

@@ -5,10 +5,10 @@ from typing import Annotated
 
 import typer
 
-from host.cli.app import app
-from host.cli.arguments import AsJson, RobotFile, robot_and_rest
-from host.cli.output import print_json, print_table
-from host.errors import InputError
+from steptwin.host.cli.app import app
+from steptwin.host.cli.arguments import AsJson, RobotFile, robot_and_rest
+from steptwin.host.cli.output import print_json, print_table
+from steptwin.host.common.errors import InputError
 
 ROBOT_AND_JOB = "[ROBOT] [JOB]"
 
@@ -23,10 +23,10 @@ def bench(
     as_json: AsJson = False,
 ) -> None:
     """Compare the kernel's step timing with a DDA, Bresenham and Austin's ramp on the same motions."""
-    from bench.pulses.motions import all_motions, motion_of_job
-    from bench.pulses.table import COLUMNS, document, measured, table_rows
-    from controller.backend import fastest_kernel
-    from host.jobs import job_names
+    from steptwin.bench.pulses.motions import all_motions, motion_of_job
+    from steptwin.bench.pulses.table import COLUMNS, document, measured, table_rows
+    from steptwin.host.planning.jobs import job_names
+    from steptwin.host.twin.kernels import fastest_kernel
 
     if not find_spec("numba"):
         typer.echo("numba is not installed (pip install 'steptwin[fast]'): this takes minutes", err=True)

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from host.errors import InputError
+from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
-    from host.client import Link
-    from host.client.bus_link import Connection
-    from host.operate.session import Session
-    from host.robot import Robot
+    from steptwin.host.client import Link
+    from steptwin.host.client.bus_link import Connection
+    from steptwin.host.operate.session import Session
+    from steptwin.host.robots.robot import Robot
 
 Connect = Annotated[
     str | None,
@@ -46,7 +46,7 @@ def connection(
     Raises:
         InputError: they contradict each other, or there is no such interface or bit rate.
     """
-    from host.client.bus_link import Connection
+    from steptwin.host.client.bus_link import Connection
 
     if connect is not None and interface is not None:
         raise InputError(f"--connect {connect} and --interface {interface}: give only one of them")
@@ -62,7 +62,7 @@ def connection(
             if value is not None:
                 raise InputError(f"{option} {value}: is for a live board: --connect HOST:PORT or --interface NAME")
         return None
-    from host.can_bus import check_interface
+    from steptwin.host.client.can_bus import check_interface
 
     check_interface("--interface", interface)
     return Connection(interface, channel, bitrate or (robot.board.bitrate if robot else None))
@@ -87,7 +87,7 @@ def required(found: "Connection | None") -> "Connection":
 @contextmanager
 def opened_link(found: "Connection") -> "Iterator[Link]":
     """A link for as long as the block lasts; BusError if it cannot be opened."""
-    from host.client.bus_link import BusLink, open_bus
+    from steptwin.host.client.bus_link import BusLink, open_bus
 
     with BusLink(open_bus(found), found.title) as link:
         yield link
@@ -98,7 +98,7 @@ def opened_session(
     robot: "Robot", connect: str | None, interface: str | None, channel: str | None, bitrate: int | None
 ) -> "Iterator[Session]":
     """A robot's session for as long as the block lasts."""
-    from host.operate.session import Session
+    from steptwin.host.operate.session import Session
 
     with opened_link(required(connection(connect, interface, channel, bitrate, robot))) as link:
         yield Session(link, robot)

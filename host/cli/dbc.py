@@ -2,15 +2,15 @@
 
 import typer
 
-from host.cli.app import app
-from host.cli.arguments import RobotFile, RobotName, one_robot
+from steptwin.host.cli.app import app
+from steptwin.host.cli.arguments import RobotFile, RobotName, one_robot
 
 
 @app.command()
 def dbc(robot: RobotName = None, robot_file: RobotFile = None) -> None:
     """Print a CAN database (DBC): of a robot's axes in mm and degrees, or of eight axes in wire units."""
-    from host.robot import AXES_MAX
-    from protocol.dbc import AxisNames, render_dbc
+    from steptwin.host.robots.robot import AXES_MAX
+    from steptwin.protocol.dbc import AxisNames, render_dbc
 
     if robot is None and robot_file is None:
         axes = tuple(AxisNames(f"Axis{i}") for i in range(AXES_MAX))

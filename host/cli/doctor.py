@@ -4,16 +4,16 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from host.cli.app import app
-from host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
-from host.cli.connection import Bitrate, Channel, Connect, Interface, connection, opened_link, required
-from host.cli.output import print_json
-from host.errors import BusError
+from steptwin.host.cli.app import app
+from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
+from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, connection, opened_link, required
+from steptwin.host.cli.output import print_json
+from steptwin.host.common.errors import BusError
 
 if TYPE_CHECKING:
-    from host.client.bus_link import Connection
-    from host.operate.doctor import Check
-    from host.robot import Robot
+    from steptwin.host.client.bus_link import Connection
+    from steptwin.host.operate.doctor import Check
+    from steptwin.host.robots.robot import Robot
 
 
 @app.command()
@@ -41,8 +41,8 @@ def doctor(
 
 
 def _checks(robot: "Robot", found: "Connection", *, show: bool) -> "list[Check]":
-    from host.operate.doctor import Check, examine
-    from host.operate.session import Session
+    from steptwin.host.operate.doctor import Check, examine
+    from steptwin.host.operate.session import Session
 
     checks: list[Check] = []
 

@@ -2,12 +2,12 @@
 
 import typer
 
-from host.cli.app import app
+from steptwin.host.cli.app import app
 
 
 @app.command()
 def eds() -> None:
     """Print the axis nodes' electronic data sheet (CiA 306)."""
-    from protocol.eds import render_eds
+    from steptwin.protocol.eds import render_eds
 
     typer.echo(render_eds(), nl=False)

@@ -4,10 +4,10 @@ from typing import Annotated
 
 import typer
 
-from host.cli.app import app
-from host.cli.arguments import NEGATIVE_NUMBERS, AsJson, RobotFile, joint_values, robot_and_rest
-from host.cli.output import print_json
-from host.errors import InputError
+from steptwin.host.cli.app import app
+from steptwin.host.cli.arguments import NEGATIVE_NUMBERS, AsJson, RobotFile, joint_values, robot_and_rest
+from steptwin.host.cli.output import print_json
+from steptwin.host.common.errors import InputError
 
 POSE_KEYS = ("x_mm", "y_mm", "z_mm", "attitude_deg")
 
@@ -24,7 +24,7 @@ def fk(
     """Forward kinematics: where the tool is."""
     import numpy as np
 
-    from host.kinematics import make_kinematics
+    from steptwin.host.robots.kinematics import make_kinematics
 
     loaded, joints = robot_and_rest(words or [], robot_file)
     values = joint_values(joints, loaded.joint_names, f"joints of {loaded.name}")

@@ -4,12 +4,12 @@ from typing import Annotated
 
 import typer
 
-from host.cli.app import app
-from host.cli.arguments import AsJson, RobotFile, RobotName, joint_values, one_robot
-from host.cli.axis_states import print_axis_states
-from host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
-from host.cli.progress import progress_bar
-from host.errors import InputError
+from steptwin.host.cli.app import app
+from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, joint_values, one_robot
+from steptwin.host.cli.axis_states import print_axis_states
+from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
+from steptwin.host.cli.progress import progress_bar
+from steptwin.host.common.errors import InputError
 
 
 @app.command()
@@ -33,7 +33,7 @@ def home(
     as_json: AsJson = False,
 ) -> None:
     """Home a live machine by its switches, as the robot's file says, and move it to its home position."""
-    from host.operate.homing import declare, home
+    from steptwin.host.operate.homing import declare, home
 
     loaded = one_robot(robot, robot_file)
     if here is not None and (together or stay):

@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from host.cli.app import app
-from host.cli.arguments import AsJson, RobotFile, RobotName, finite_number, joint_values, one_robot
-from host.cli.output import print_json, print_table
+from steptwin.host.cli.app import app
+from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, finite_number, joint_values, one_robot
+from steptwin.host.cli.output import print_json, print_table
 
 if TYPE_CHECKING:
-    from host.kinematics import Branch
+    from steptwin.host.robots.kinematics import Branch
 
 
 @app.command()
@@ -32,7 +32,7 @@ def ik(
     """Inverse kinematics: every branch, reachable or why not."""
     import numpy as np
 
-    from host.kinematics import make_kinematics
+    from steptwin.host.robots.kinematics import make_kinematics
 
     loaded = one_robot(robot, robot_file)
     pose = [finite_number(text, what) for text, what in ((x, "--x"), (y, "--y"), (z, "--z"), (phi, "--phi"))]

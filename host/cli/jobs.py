@@ -2,15 +2,15 @@
 
 import typer
 
-from host.cli.app import app
-from host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
-from host.cli.output import print_json, print_table
+from steptwin.host.cli.app import app
+from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
+from steptwin.host.cli.output import print_json, print_table
 
 
 @app.command()
 def jobs(robot: RobotName = None, robot_file: RobotFile = None, as_json: AsJson = False) -> None:
     """List a robot's jobs with their options."""
-    from host.jobs import job_names, job_options, job_summary
+    from steptwin.host.planning.jobs import job_names, job_options, job_summary
 
     loaded = one_robot(robot, robot_file)
     found = {name: job_options(loaded, name) for name in job_names(loaded)}

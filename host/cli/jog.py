@@ -5,11 +5,11 @@ from typing import Annotated
 
 import typer
 
-from host.cli.app import app
-from host.cli.arguments import NEGATIVE_NUMBERS, AsJson, RobotFile, finite_number, robot_and_rest
-from host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
-from host.cli.output import print_json
-from host.errors import InputError
+from steptwin.host.cli.app import app
+from steptwin.host.cli.arguments import NEGATIVE_NUMBERS, AsJson, RobotFile, finite_number, robot_and_rest
+from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
+from steptwin.host.cli.output import print_json
+from steptwin.host.common.errors import InputError
 
 
 @app.command(context_settings=NEGATIVE_NUMBERS)
@@ -31,7 +31,7 @@ def jog(
     as_json: AsJson = False,
 ) -> None:
     """Move one joint of a live board at a speed. It stops at the joint's limits if it knows where it is."""
-    from host.operate.jogging import check_jog, jog
+    from steptwin.host.operate.jogging import check_jog, jog
 
     loaded, rest = robot_and_rest(words or [], robot_file)
     if len(rest) != 2:

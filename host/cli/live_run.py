@@ -4,14 +4,14 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from host.cli.connection import opened_link
-from host.cli.output import print_json, print_table
-from host.cli.progress import progress_bar
+from steptwin.host.cli.connection import opened_link
+from steptwin.host.cli.output import print_json, print_table
+from steptwin.host.cli.progress import progress_bar
 
 if TYPE_CHECKING:
-    from host.client.bus_link import Connection
-    from host.operate.running import LiveOutcome
-    from host.planner import Plan
+    from steptwin.host.client.bus_link import Connection
+    from steptwin.host.operate.running import LiveOutcome
+    from steptwin.host.planning.planner import Plan
 
 EXIT_ELSEWHERE = 1
 """The run came to its end, but not where the plan ends: as a run that is not verified."""
@@ -19,8 +19,8 @@ EXIT_ELSEWHERE = 1
 
 def run_live(found: "Connection", plan: "Plan", job: str, *, repeat: int, approach: bool, as_json: bool) -> None:
     """Run a plan on the board behind a connection and say how it ended; raises as `execute_live` does."""
-    from host.operate.running import check_repeatable, execute_live
-    from host.operate.session import Session
+    from steptwin.host.operate.running import check_repeatable, execute_live
+    from steptwin.host.operate.session import Session
 
     check_repeatable(plan, repeat)
     with opened_link(found) as link, progress_bar(f"{plan.robot.name} {job}") as progress:

@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from host.cli.app import app
-from host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
-from host.cli.connection import Bitrate, Channel, Connect, Interface, connection, required
-from host.cli.output import print_json
-from host.errors import BusError, InputError
-from host.inputs import unknown
-from protocol.frame import NODE_ID_MAX
+from steptwin.host.cli.app import app
+from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
+from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, connection, required
+from steptwin.host.cli.output import print_json
+from steptwin.host.common.bad_input import unknown
+from steptwin.host.common.errors import BusError, InputError
+from steptwin.protocol.frame import NODE_ID_MAX
 
 if TYPE_CHECKING:
     import can
 
-    from host.monitor import Decoded
-    from host.robot import Robot
+    from steptwin.host.client.monitor import Decoded
+    from steptwin.host.robots.robot import Robot
 
 _POLL_S = 0.1
 
@@ -45,8 +45,8 @@ def monitor(
     as_json: AsJson = False,
 ) -> None:
     """Show a bus' traffic in CANopen's words, without sending anything. With ROBOT, nodes have their joints' names."""
-    from host.client.bus_link import open_bus
-    from host.monitor import SERVICES, Decoder
+    from steptwin.host.client.bus_link import open_bus
+    from steptwin.host.client.monitor import SERVICES, Decoder
 
     loaded = None if robot is None and robot_file is None else one_robot(robot, robot_file)
     for name in service or []:
@@ -94,7 +94,7 @@ def _messages(bus: "can.BusABC", title: str, seconds: float | None) -> "Iterator
 
 
 def _node_names(robot: "Robot | None") -> dict[int, str]:
-    from protocol.frame import FIRST_NODE_ID
+    from steptwin.protocol.frame import FIRST_NODE_ID
 
     return dict(enumerate(robot.joint_names, start=FIRST_NODE_ID)) if robot else {}
 

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from host.cli.app import app
-from host.cli.arguments import (
+from steptwin.host.cli.app import app
+from steptwin.host.cli.arguments import (
     NEGATIVE_NUMBERS,
     AsJson,
     RobotFile,
@@ -15,15 +15,15 @@ from host.cli.arguments import (
     name_value_pairs,
     robot_and_rest,
 )
-from host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
-from host.cli.output import pose_text, print_json
-from host.cli.progress import progress_bar
-from host.errors import InputError
-from host.inputs import unknown
+from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
+from steptwin.host.cli.output import pose_text, print_json
+from steptwin.host.cli.progress import progress_bar
+from steptwin.host.common.bad_input import unknown
+from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
-    from host.operate.session import Session
-    from host.robot import Robot
+    from steptwin.host.operate.session import Session
+    from steptwin.host.robots.robot import Robot
 
 
 @app.command(context_settings=NEGATIVE_NUMBERS)
@@ -53,7 +53,7 @@ def move(
 
     The way is straight in joint space, not for the tool. Ctrl-C stops all axes.
     """
-    from host.operate.moving import check_goal, move, nearest_joints, standing_joints
+    from steptwin.host.operate.moving import check_goal, move, nearest_joints, standing_joints
 
     loaded, rest = robot_and_rest(words or [], robot_file)
     pose = {

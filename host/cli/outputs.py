@@ -4,11 +4,11 @@ from typing import Annotated
 
 import typer
 
-from host.cli.app import app
-from host.cli.arguments import AsJson, RobotFile, robot_and_rest
-from host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
-from host.cli.output import print_json, print_table
-from host.errors import InputError
+from steptwin.host.cli.app import app
+from steptwin.host.cli.arguments import AsJson, RobotFile, robot_and_rest
+from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
+from steptwin.host.cli.output import print_json, print_table
+from steptwin.host.common.errors import InputError
 
 _LEVELS = {"on": True, "off": False}
 
@@ -27,7 +27,7 @@ def outputs(
     as_json: AsJson = False,
 ) -> None:
     """List a live board's digital outputs by their names in the robot's file, or switch one."""
-    from host.operate.outputs import no_such_output, read_outputs, switch_output
+    from steptwin.host.operate.outputs import no_such_output, read_outputs, switch_output
 
     loaded, rest = robot_and_rest(words or [], robot_file)
     if rest and (len(rest) != 2 or rest[1] not in _LEVELS):

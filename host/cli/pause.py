@@ -2,10 +2,10 @@
 
 import typer
 
-from host.cli.app import app
-from host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
-from host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
-from host.cli.output import print_json
+from steptwin.host.cli.app import app
+from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
+from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
+from steptwin.host.cli.output import print_json
 
 
 @app.command()

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from host.cli.app import app
-from host.cli.arguments import AsJson, chosen_names
-from host.cli.output import print_json
-from host.cli.verify import PlanDir, RunDir
-from host.errors import InputError
+from steptwin.host.cli.app import app
+from steptwin.host.cli.arguments import AsJson, chosen_names
+from steptwin.host.cli.output import print_json
+from steptwin.host.cli.verify import PlanDir, RunDir
+from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
-    from host.plots import View
+    from steptwin.host.record.plots import View
 
 
 class PictureFormat(StrEnum):
@@ -52,8 +52,8 @@ def plot(
     """Draw pictures of a stored run."""
     if not find_spec("matplotlib"):
         raise InputError("plot: matplotlib is not installed (pip install 'steptwin[plot]')")
-    from host.plots import write_plots
-    from host.run_folder import read_run
+    from steptwin.host.record.folder import read_run
+    from steptwin.host.record.plots import write_plots
 
     names = _names(what)
     _check_use(names, {"--at": at_s, "--span": span_s})
@@ -67,13 +67,13 @@ def plot(
 
 
 def _names(what: list[str] | None) -> list[str]:
-    from host.plots import PICTURES
+    from steptwin.host.record.plots import PICTURES
 
     return chosen_names("--what", what, PICTURES) if what else list(PICTURES)
 
 
 def _check_use(names: list[str], options: dict[str, float | None]) -> None:
-    from host.plots import OF_AN_INSTANT
+    from steptwin.host.record.plots import OF_AN_INSTANT
 
     given = [option for option, value in options.items() if value is not None]
     if given and not set(names) & set(OF_AN_INSTANT):
@@ -81,8 +81,8 @@ def _check_use(names: list[str], options: dict[str, float | None]) -> None:
 
 
 def _view(duration_s: float, at_s: float | None, span_s: float | None) -> "View":
-    from host.plots import View
-    from host.verify import COUNTS_PER_SECOND
+    from steptwin.host.record.plots import View
+    from steptwin.protocol.timer import COUNTS_PER_SECOND
 
     if at_s is not None and not (isfinite(at_s) and 0.0 <= at_s <= duration_s):
         raise InputError(f"--at {at_s:g} s: the motion goes from 0 to {duration_s:g} s")

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from host.client import Progress
+    from steptwin.host.client import Progress
 
 
 @contextmanager

@@ -5,7 +5,7 @@ from typing import Any, Final
 
 import typer
 
-from host.cli.output import print_table
+from steptwin.host.cli.output import print_table
 
 EXIT_NOT_VERIFIED: Final = 1
 

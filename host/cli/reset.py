@@ -1,9 +1,9 @@
 """`steptwin reset ROBOT --connect ...`: faults of a live board."""
 
-from host.cli.app import app
-from host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
-from host.cli.axis_states import print_axis_states
-from host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
+from steptwin.host.cli.app import app
+from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
+from steptwin.host.cli.axis_states import print_axis_states
+from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
 
 
 @app.command()
@@ -17,7 +17,7 @@ def reset(
     as_json: AsJson = False,
 ) -> None:
     """Reset the faults of a live board's drives; exit code 3 if a cause lasts. The drives are off afterwards."""
-    from host.operate.recovering import reset
+    from steptwin.host.operate.recovering import reset
 
     loaded = one_robot(robot, robot_file)
     with opened_session(loaded, connect, interface, channel, bitrate) as session:

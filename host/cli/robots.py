@@ -1,14 +1,14 @@
 """`steptwin robots`: which robots there are."""
 
-from host.cli.app import app
-from host.cli.arguments import AsJson
-from host.cli.output import print_json, print_table
+from steptwin.host.cli.app import app
+from steptwin.host.cli.arguments import AsJson
+from steptwin.host.cli.output import print_json, print_table
 
 
 @app.command()
 def robots(as_json: AsJson = False) -> None:
     """List the robots."""
-    from host.robots import load_robot, robot_names
+    from steptwin.host.robots import load_robot, robot_names
 
     found = [load_robot(name) for name in robot_names()]
     if as_json:

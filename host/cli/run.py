@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from host.cli.app import app
-from host.cli.arguments import (
+from steptwin.host.cli.app import app
+from steptwin.host.cli.arguments import (
     AsJson,
     DriverProfileName,
     RobotFile,
@@ -16,18 +16,17 @@ from host.cli.arguments import (
     robot_and_rest,
     warn_of_settings_left_out,
 )
-from host.cli.connection import Bitrate, Channel, Connect, Interface, connection
-from host.cli.live_run import run_live
-from host.cli.output import print_json
-from host.cli.progress import progress_bar
-from host.cli.report import EXIT_NOT_VERIFIED, fault_line, print_report
-from host.errors import DeviceFaultError, InputError
+from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, connection
+from steptwin.host.cli.live_run import run_live
+from steptwin.host.cli.output import print_json
+from steptwin.host.cli.progress import progress_bar
+from steptwin.host.cli.report import EXIT_NOT_VERIFIED, fault_line, print_report
+from steptwin.host.common.errors import DeviceFaultError, InputError
 
 if TYPE_CHECKING:
-    from controller.backend import Kernel
-    from host.robot import Robot
-    from host.run import Outcome
-    from host.trajectory import Trajectory
+    from steptwin.host.planning.trajectory import Trajectory
+    from steptwin.host.robots.robot import Robot
+    from steptwin.host.twin.kernels import Kernel
 
 
 class KernelChoice(StrEnum):
@@ -83,9 +82,9 @@ def run(
     With --connect or -i it runs on a live board instead, which must stand at its start; where the axes end is compared
     with the plan then.
     """
-    from host.planner import plan
-    from host.run import execute
-    from host.run_folder import FOLDER_VERSION, VERSION_KEY, prepare_folder, write_folder
+    from steptwin.host.planning.planner import plan
+    from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY, prepare_folder
+    from steptwin.host.twin.execution import execute
 
     loaded, rest = robot_and_rest(words or [], robot_file)
     job = _only(rest)
@@ -117,8 +116,8 @@ def run(
             driver_profile=driver_profile,
             progress=progress,
         )
-    document = _document(outcome) | ({} if folder is None else {VERSION_KEY: FOLDER_VERSION})
-    pictures = folder is not None and write_folder(folder, outcome, document)
+    document = outcome.to_dict() | ({} if folder is None else {VERSION_KEY: FOLDER_VERSION})
+    pictures = folder is not None and outcome.save(folder)
     if as_json:
         print_json(document)
     else:
@@ -145,8 +144,8 @@ def _only(words: list[str]) -> str:
 
 
 def _trajectory(robot: "Robot", job: str, options: dict[str, str]) -> "Trajectory":
-    from host.jobs import make_job
-    from host.trajectory_file import SUFFIXES, is_trajectory_file, read_trajectory
+    from steptwin.host.planning.jobs import make_job
+    from steptwin.host.planning.trajectory_file import SUFFIXES, is_trajectory_file, read_trajectory
 
     if not is_trajectory_file(job):
         if Path(job).is_file():
@@ -158,7 +157,7 @@ def _trajectory(robot: "Robot", job: str, options: dict[str, str]) -> "Trajector
 
 
 def _kernel(choice: KernelChoice) -> "Kernel":
-    from controller.backend import KERNELS, fastest_kernel
+    from steptwin.host.twin.kernels import KERNELS, fastest_kernel
 
     if choice is KernelChoice.AUTO:
         return fastest_kernel()
@@ -166,22 +165,6 @@ def _kernel(choice: KernelChoice) -> "Kernel":
         return KERNELS[choice]()
     except ModuleNotFoundError as error:
         raise InputError("--kernel numba: numba is not installed (pip install 'steptwin[fast]')") from error
-
-
-def _document(outcome: "Outcome") -> dict[str, Any]:
-    """The contract's keys, and what a fault leaves."""
-    document = outcome.report.to_dict()
-    document["driver_profile"] = outcome.driver_profile
-    document["simulated"] = True
-    if outcome.fault:
-        document["passed"] = False
-        document["fault"] = {
-            "message": outcome.fault.message,
-            "codes": {name: [f"0x{code:04X}" for code in codes] for name, codes in outcome.fault.codes.items()},
-            "joints": outcome.fault.joints,
-            "positions_agree": outcome.fault.positions_agree,
-        }
-    return document
 
 
 def _say_where(folder: Path, *, pictures: bool, to_stderr: bool) -> None:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from host.cli.app import app
-from host.cli.arguments import (
+from steptwin.host.cli.app import app
+from steptwin.host.cli.arguments import (
     AsJson,
     DriverProfileName,
     RobotFile,
@@ -20,16 +20,16 @@ from host.cli.arguments import (
     one_robot,
     warn_of_settings_left_out,
 )
-from host.cli.connection import SOCKETCAND_PORT
-from host.cli.output import print_json, print_table, warn
-from host.cli.report import USUAL_DRIVERS
-from host.errors import BusError, InputError
+from steptwin.host.cli.connection import SOCKETCAND_PORT
+from steptwin.host.cli.output import print_json, print_table, warn
+from steptwin.host.cli.report import USUAL_DRIVERS
+from steptwin.host.common.errors import BusError, InputError
 
 if TYPE_CHECKING:
-    from emulator.live_loop import LiveLoop
-    from host.endpoints import Endpoint
-    from host.live import LiveBoard
-    from host.robot import Robot
+    from steptwin.emulator.live_loop import LiveLoop
+    from steptwin.host.robots.robot import Robot
+    from steptwin.host.twin.endpoints import Endpoint
+    from steptwin.host.twin.live_board import LiveBoard
 
 _LOOPBACK = "127.0.0.1"
 _STATUS_EVERY_S = 0.5
@@ -78,10 +78,10 @@ def serve(
     The board is behind a socketcand server, to which any number of python-can programs connect; they see each other's
     frames. With -i it is on a bus of python-can instead: virtual, socketcan, socketcand, ...
     """
-    from controller.backend import fastest_kernel
-    from host.boards import read_axes_per_board
-    from host.live import LiveBoard
-    from host.run_folder import prepare_folder
+    from steptwin.host.record.folder import prepare_folder
+    from steptwin.host.twin.axes_per_board import read_axes_per_board
+    from steptwin.host.twin.kernels import fastest_kernel
+    from steptwin.host.twin.live_board import LiveBoard
 
     loaded = one_robot(robot, robot_file)
     standing = list(loaded.home)
@@ -121,7 +121,7 @@ def serve(
 
 def _warn_outside(robot: "Robot", standing: list[float]) -> None:
     """A machine may stand on its limit switches, beyond what it is sent to; anything else is more likely a slip."""
-    from host.operate.moving import check_goal
+    from steptwin.host.operate.moving import check_goal
 
     try:
         check_goal(robot, standing)
@@ -130,7 +130,7 @@ def _warn_outside(robot: "Robot", standing: list[float]) -> None:
 
 
 def _bitrate(robot: "Robot", bitrate: int | None) -> int:
-    from protocol.frame import BITRATES
+    from steptwin.protocol.frame import BITRATES
 
     if bitrate is not None and bitrate not in BITRATES:
         raise InputError(f"--bitrate {bitrate}: is none of {', '.join(map(str, BITRATES))}")
@@ -138,7 +138,7 @@ def _bitrate(robot: "Robot", bitrate: int | None) -> int:
 
 
 def _check_speed(speed: float) -> None:
-    from emulator.pacer import SPEED_MAX, SPEED_MIN
+    from steptwin.emulator.pacer import SPEED_MAX, SPEED_MIN
 
     if not SPEED_MIN <= speed <= SPEED_MAX:
         raise InputError(f"--speed {speed:g}: is not from {SPEED_MIN:g} to {SPEED_MAX:g}")
@@ -153,7 +153,7 @@ def _endpoint(
     *,
     allow_remote: bool,
 ) -> "Endpoint":
-    from host.endpoints import CanEndpoint, SocketcandEndpoint
+    from steptwin.host.twin.endpoints import CanEndpoint, SocketcandEndpoint
 
     if interface is None:
         if channel is not None:
@@ -181,8 +181,8 @@ def _endpoint(
 
 def _run(board: "LiveBoard", endpoint: "Endpoint", announce: Callable[[], None]) -> str | None:
     """Announce the board and let it live until a signal, or until the endpoint fails; return why it did."""
-    from emulator.live_loop import LiveLoop
-    from host.live import RECORD_EVERY_S
+    from steptwin.emulator.live_loop import LiveLoop
+    from steptwin.host.twin.live_board import RECORD_EVERY_S
 
     with LiveLoop(board.live) as loop, _until_a_signal(loop):
         endpoint.attach(loop)
@@ -256,7 +256,7 @@ def _banner(board: "LiveBoard", endpoint: "Endpoint") -> str:
 
 def _nodes(axes_per_board: Sequence[int]) -> str:
     """Each board's node ids."""
-    from protocol.frame import FIRST_NODE_ID
+    from steptwin.protocol.frame import FIRST_NODE_ID
 
     lasts = list(accumulate(axes_per_board, initial=FIRST_NODE_ID - 1))[1:]
     ranges = [f"0x{last - axes + 1:02X} to 0x{last:02X}" for axes, last in zip(axes_per_board, lasts, strict=True)]

@@ -4,14 +4,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from host.cli.app import app
-from host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
-from host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
-from host.cli.output import print_json, print_table
-from host.errors import DeviceFaultError, InputError
+from steptwin.host.cli.app import app
+from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
+from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
+from steptwin.host.cli.output import print_json, print_table
+from steptwin.host.common.errors import DeviceFaultError, InputError
 
 if TYPE_CHECKING:
-    from host.operate.status import AxisStatus, MachineStatus
+    from steptwin.host.operate.status import AxisStatus, MachineStatus
 
 _WATCH_EVERY_S = 0.5
 
@@ -28,7 +28,7 @@ def status(
     as_json: AsJson = False,
 ) -> None:
     """Tell how a live board is: drives, positions, errors, queues. Exit code 3 if a drive is in fault."""
-    from host.operate.status import read_status
+    from steptwin.host.operate.status import read_status
 
     if watch and as_json:
         raise InputError("--watch and --json: give only one of them; `steptwin monitor` shows what happens")

@@ -1,9 +1,9 @@
 """`steptwin stop ROBOT --connect ...`: stop all axes of a live board at once."""
 
-from host.cli.app import app
-from host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
-from host.cli.axis_states import print_axis_states
-from host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
+from steptwin.host.cli.app import app
+from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
+from steptwin.host.cli.axis_states import print_axis_states
+from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
 
 
 @app.command()
@@ -17,7 +17,7 @@ def stop(
     as_json: AsJson = False,
 ) -> None:
     """Stop all axes of a live board at once, by their quick stop; they go on holding their positions."""
-    from host.operate.recovering import stop
+    from steptwin.host.operate.recovering import stop
 
     loaded = one_robot(robot, robot_file)
     with opened_session(loaded, connect, interface, channel, bitrate) as session:

@@ -8,20 +8,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from host.cli.app import app
-from host.cli.arguments import AsJson, chosen_names
-from host.cli.output import print_json
-from host.cli.verify import RunDir
-from host.errors import InputError
+from steptwin.host.cli.app import app
+from steptwin.host.cli.arguments import AsJson, chosen_names
+from steptwin.host.cli.output import print_json
+from steptwin.host.cli.verify import RunDir
+from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
-    from host.robot import Robot
-    from host.verify import Evidence
-    from host.waveforms import Format, Signal, Window
+    from steptwin.host.record.waveforms import Format, Signal, Window
+    from steptwin.host.robots.robot import Robot
+    from steptwin.host.verify import Evidence
 
 
 class FormatChoice(StrEnum):
-    """The formats of `host.waveforms`, which is too heavy to be imported for a list of options."""
+    """The formats of `steptwin.host.record.waveforms`, which is too heavy to be imported for a list of options."""
 
     VCD = "vcd"
     VCD_FULL = "vcd-full"
@@ -77,8 +77,8 @@ def trace(
     as_json: AsJson = False,
 ) -> None:
     """Write the waveform of a stored run: every edge of every pin, or a part of it."""
-    from host.run_folder import read_edges, read_robot
-    from host.waveforms import SCALES, Format, write_waveform
+    from steptwin.host.record.folder import read_edges, read_robot
+    from steptwin.host.record.waveforms import SCALES, Format, write_waveform
 
     if timescale is not None and form not in _SCALED:
         raise InputError(f"--timescale {timescale}: is for {' and '.join(_SCALED)}, not for {form}")
@@ -97,8 +97,8 @@ def trace(
 
 
 def _signals(folder: Path, evidence: "Evidence", robot: "Robot", form: "Format") -> "list[Signal]":
-    from host.run_folder.layout import BUS_LOG, existing
-    from host.waveforms import drive_states, everything, wires
+    from steptwin.host.record.folder.layout import BUS_LOG, existing
+    from steptwin.host.record.waveforms import drive_states, everything, wires
 
     if form.wires_only:
         return wires(evidence)
@@ -116,7 +116,7 @@ def _chosen(signals: "list[Signal]", evidence: "Evidence", axes: list[str] | Non
 
 def _window(evidence: "Evidence", from_s: float | None, to_s: float | None) -> "Window":
     """The part of the record between two times of the motion."""
-    from host.waveforms import whole_record
+    from steptwin.host.record.waveforms import whole_record
 
     whole = whole_record(evidence)
     if whole.from_counts == whole.to_counts:

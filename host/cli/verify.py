@@ -5,14 +5,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from host.cli.app import app
-from host.cli.arguments import AsJson
-from host.cli.output import print_json
-from host.cli.report import EXIT_NOT_VERIFIED, fault_line, print_report
-from host.errors import DeviceFaultError, NotVerifiedError
+from steptwin.host.cli.app import app
+from steptwin.host.cli.arguments import AsJson
+from steptwin.host.cli.output import print_json
+from steptwin.host.cli.report import EXIT_NOT_VERIFIED, fault_line, print_report
+from steptwin.host.common.errors import DeviceFaultError, NotVerifiedError
 
 if TYPE_CHECKING:
-    from host.run_folder import Verdict
+    from steptwin.host.record.folder import Verdict
 
 RunDir = Annotated[
     Path,
@@ -34,7 +34,7 @@ def verify(
     as_json: AsJson = False,
 ) -> None:
     """Verify a stored run again: same verdict, same exit code, or 1 if its files were changed."""
-    from host.run_folder import ContradictionError, verify_folder
+    from steptwin.host.record.folder import ContradictionError, verify_folder
 
     try:
         verdict = verify_folder(folder, plan)

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from host.cli.app import app
-from host.cli.arguments import AsJson, RobotFile, RobotName, finite_number, one_robot
-from host.cli.output import print_json, print_table
+from steptwin.host.cli.app import app
+from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, finite_number, one_robot
+from steptwin.host.cli.output import print_json, print_table
 
 if TYPE_CHECKING:
-    from host.workspace import MonteCarlo, Scan
+    from steptwin.host.robots.workspace import MonteCarlo, Scan
 
 
 @app.command()
@@ -31,8 +31,8 @@ def workspace(
     as_json: AsJson = False,
 ) -> None:
     """Workspace: a Monte Carlo cloud of all joints, and exact sections with the slides at home."""
-    from host.run_folder import prepare_folder
-    from host.workspace import monte_carlo, scan
+    from steptwin.host.record.folder import prepare_folder
+    from steptwin.host.robots.workspace import monte_carlo, scan
 
     loaded = one_robot(robot, robot_file)
     attitude_deg = None if phi is None else finite_number(phi, "--phi")
@@ -86,7 +86,7 @@ def _write(folder: Path, document: dict[str, Any], cloud: "MonteCarlo", scanned:
     (folder / "workspace.json").write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
     if not find_spec("matplotlib"):
         return False
-    from host.plots.workspace import write_workspace
+    from steptwin.host.record.plots.workspace import write_workspace
 
     write_workspace(folder / "workspace.png", document["robot"], cloud, scanned)
     return True

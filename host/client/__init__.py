@@ -1,12 +1,12 @@
 """The CANopen master: the same client drives the embedded board, a served one and a real one."""
 
-from host.client.axis import AxisClient
-from host.client.homing import HomingSettings
-from host.client.link import Link
-from host.client.machine import AxisSettings, Machine, Progress, object_dictionary
-from host.client.outputs import OutputCommand
-from host.client.run import Run
-from host.client.stream import AxisRecords
+from steptwin.host.client.axis import AxisClient
+from steptwin.host.client.homing import HomingSettings
+from steptwin.host.client.link import Link
+from steptwin.host.client.machine import AxisSettings, Machine, Progress, object_dictionary
+from steptwin.host.client.outputs import OutputCommand
+from steptwin.host.client.run import Run
+from steptwin.host.client.stream import AxisRecords
 
 __all__ = [
     "AxisClient",

@@ -9,13 +9,13 @@ import canopen
 from canopen.objectdictionary import ObjectDictionary
 from canopen.sdo.base import SdoVariable
 
-from host.client.drive_status import DriveStatus
-from host.client.link import Link
-from host.client.shared_node import SharedNode
-from host.errors import BusError, DeviceFaultError
-from protocol.cia402 import ENABLE_OPERATION, SHUTDOWN, SWITCH_ON, DigitalOutput, ErrorCode, Mode, State
-from protocol.frame import COB_RPDO, COB_TPDO
-from protocol.pvt import PvtFlag, PvtRecord, PvtStatus
+from steptwin.host.client.drive_status import DriveStatus
+from steptwin.host.client.link import Link
+from steptwin.host.client.shared_node import SharedNode
+from steptwin.host.common.errors import BusError, DeviceFaultError
+from steptwin.protocol.cia402 import ENABLE_OPERATION, SHUTDOWN, SWITCH_ON, DigitalOutput, ErrorCode, Mode, State
+from steptwin.protocol.frame import COB_RPDO, COB_TPDO
+from steptwin.protocol.pvt import PvtFlag, PvtRecord, PvtStatus
 
 _STATUS_WAIT_S: Final = 0.001
 _STATE_TIMEOUT_S: Final = 2.0

@@ -13,8 +13,8 @@ import canopen
 from can.interfaces.socketcand import SocketCanDaemonBus
 from canopen.network import MessageListener
 
-from host.can_bus import open_python_can_bus, reason
-from host.errors import BusError
+from steptwin.host.client.can_bus import open_python_can_bus, reason
+from steptwin.host.common.errors import BusError
 
 SOCKETCAND_CHANNEL: Final = "vcan0"
 """What a served board calls its bus; a real socketcand has the names of its interfaces, to be given as channel."""

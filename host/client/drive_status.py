@@ -3,7 +3,7 @@
 import struct
 from typing import Final, NamedTuple
 
-from protocol.cia402 import Mode, State, Status
+from steptwin.protocol.cia402 import Mode, State, Status
 
 _LAYOUT: Final = struct.Struct("<Hbi")
 

@@ -10,8 +10,8 @@ from typing import Final
 import canopen
 from canopen.network import PeriodicMessageTask
 
-from protocol.frame import COB_HEARTBEAT, HOST_NODE_ID
-from protocol.nmt import NmtState
+from steptwin.protocol.frame import COB_HEARTBEAT, HOST_NODE_ID
+from steptwin.protocol.nmt import NmtState
 
 PERIOD_S: Final = 0.1
 TIMEOUT_MS: Final = 350

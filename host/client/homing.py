@@ -5,10 +5,10 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from host.client.axis import AxisClient
-from host.client.link import Link
-from host.errors import BusError, DeviceFaultError, StepTwinError
-from protocol.cia402 import ENABLE_OPERATION, Control, ErrorCode, HomingError, Mode, State, Status
+from steptwin.host.client.axis import AxisClient
+from steptwin.host.client.link import Link
+from steptwin.host.common.errors import BusError, DeviceFaultError, StepTwinError
+from steptwin.protocol.cia402 import ENABLE_OPERATION, Control, ErrorCode, HomingError, Mode, State, Status
 
 _POLL_S: Final = 0.010
 _STOP_TIMEOUT_S: Final = 20.0

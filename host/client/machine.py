@@ -9,19 +9,19 @@ from typing import Final
 
 from canopen.objectdictionary import ObjectDictionary, eds
 
-from host.client.axis import AxisClient
-from host.client.heartbeat import WATCH_HOST, Heartbeat
-from host.client.homing import AxisHoming, HomingSettings, home
-from host.client.link import Link
-from host.client.outputs import OutputCommand
-from host.client.run import POLL_S, Run, check_faults
-from host.client.stream import AxisRecords, AxisStream, fill
-from host.errors import BusError, DeviceFaultError, InputError
-from protocol.cia402 import ENABLE_OPERATION, HOME_HERE, PVT_SUBMODE, AbortConnection, Control, Mode, Status
-from protocol.eds import render_eds
-from protocol.frame import COB_SYNC, FIRST_NODE_ID
-from protocol.objects import IDENTITY_DEVICE_TYPE, TPDO_DEFAULTS
-from protocol.pvt import PvtFlag
+from steptwin.host.client.axis import AxisClient
+from steptwin.host.client.heartbeat import WATCH_HOST, Heartbeat
+from steptwin.host.client.homing import AxisHoming, HomingSettings, home
+from steptwin.host.client.link import Link
+from steptwin.host.client.outputs import OutputCommand
+from steptwin.host.client.run import POLL_S, Run, check_faults
+from steptwin.host.client.stream import AxisRecords, AxisStream, fill
+from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
+from steptwin.protocol.cia402 import ENABLE_OPERATION, HOME_HERE, PVT_SUBMODE, AbortConnection, Control, Mode, Status
+from steptwin.protocol.eds import render_eds
+from steptwin.protocol.frame import COB_SYNC, FIRST_NODE_ID
+from steptwin.protocol.objects import IDENTITY_DEVICE_TYPE, TPDO_DEFAULTS
+from steptwin.protocol.pvt import PvtFlag
 
 PRELOAD_RECORDS: Final = 32
 _START: Final = ENABLE_OPERATION | Control.START
@@ -151,7 +151,8 @@ class Machine:
         """Home the enabled axes by their switches, one after the other or all together; None leaves an axis as it is.
 
         Afterwards an axis stands a little beyond its home, which has the position `offset_units`. `progress` is told
-        which part of the axes is homed. Raises as `host.client.homing.home` does, with the axes after it untouched.
+        which part of the axes is homed. Raises as
+        `client.homing.home` does, with the axes after it untouched.
         """
         homings = [AxisHoming(axis, how) for axis, how in zip(self.axes, settings, strict=True) if how]
         homed = 0

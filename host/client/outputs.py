@@ -8,9 +8,9 @@ can be so: its own reports come ten times a second only.
 from collections import deque
 from typing import NamedTuple
 
-from host.client.axis import AxisClient
-from host.client.trajectory_time import TrajectoryTime
-from protocol.cia402 import DigitalOutput
+from steptwin.host.client.axis import AxisClient
+from steptwin.host.client.trajectory_time import TrajectoryTime
+from steptwin.protocol.cia402 import DigitalOutput
 
 
 class OutputCommand(NamedTuple):

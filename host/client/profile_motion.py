@@ -7,13 +7,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from host.client.axis import AxisClient
-from host.client.drive_status import DriveStatus
-from host.client.link import Link
-from host.client.run import POLL_S, check_enabled, check_faults
-from host.errors import BusError
-from protocol.cia402 import ENABLE_OPERATION, Control, Mode, Status
-from protocol.frame import COB_SYNC
+from steptwin.host.client.axis import AxisClient
+from steptwin.host.client.drive_status import DriveStatus
+from steptwin.host.client.link import Link
+from steptwin.host.client.run import POLL_S, check_enabled, check_faults
+from steptwin.host.common.errors import BusError
+from steptwin.protocol.cia402 import ENABLE_OPERATION, Control, Mode, Status
+from steptwin.protocol.frame import COB_SYNC
 
 _SILENCE_S: Final = 1.0
 """Ten times the status report's event timer: a board that says nothing for so long is gone."""

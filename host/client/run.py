@@ -2,13 +2,13 @@
 
 from typing import Final
 
-from host.client.axis import AxisClient, state_text
-from host.client.link import Link
-from host.client.outputs import OutputCommand, OutputSchedule
-from host.client.stream import AxisStream, fill
-from host.client.trajectory_time import TrajectoryTime
-from host.errors import BusError, DeviceFaultError
-from protocol.cia402 import ErrorCode, State
+from steptwin.host.client.axis import AxisClient, state_text
+from steptwin.host.client.link import Link
+from steptwin.host.client.outputs import OutputCommand, OutputSchedule
+from steptwin.host.client.stream import AxisStream, fill
+from steptwin.host.client.trajectory_time import TrajectoryTime
+from steptwin.host.common.errors import BusError, DeviceFaultError
+from steptwin.protocol.cia402 import ErrorCode, State
 
 POLL_S: Final = 0.010
 """How often the client looks; the inhibit time of the status reports."""

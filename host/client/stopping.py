@@ -8,11 +8,11 @@ drive's own matter, by 0x605A: it holds its position (QUICK STOP ACTIVE) or swit
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from host.client.axis import AxisClient, state_text
-from host.client.link import Link
-from host.errors import BusError, DeviceFaultError, StepTwinError
-from protocol.cia402 import QUICK_STOP, State, Status
-from protocol.frame import COB_SYNC
+from steptwin.host.client.axis import AxisClient, state_text
+from steptwin.host.client.link import Link
+from steptwin.host.common.errors import BusError, DeviceFaultError, StepTwinError
+from steptwin.protocol.cia402 import QUICK_STOP, State, Status
+from steptwin.protocol.frame import COB_SYNC
 
 _POLL_S: Final = 0.010
 _REACTION_S: Final = 0.05

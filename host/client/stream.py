@@ -7,10 +7,10 @@ progress for a while everything not acknowledged is sent again.
 
 from typing import Final, NamedTuple
 
-from host.client.axis import AxisClient
-from host.errors import BusError, DeviceFaultError
-from protocol.cia402 import ErrorCode
-from protocol.pvt import QUEUE_DEPTH, SEQUENCE_MODULUS, PvtFlag, PvtRecord, PvtStatus
+from steptwin.host.client.axis import AxisClient
+from steptwin.host.common.errors import BusError, DeviceFaultError
+from steptwin.protocol.cia402 import ErrorCode
+from steptwin.protocol.pvt import QUEUE_DEPTH, SEQUENCE_MODULUS, PvtFlag, PvtRecord, PvtStatus
 
 _GAP_HOLD_S: Final = 0.025
 """Two round trips with the status report's inhibit time of 10 ms."""

@@ -7,7 +7,7 @@ record's end plus the time since the report.
 from itertools import accumulate
 from typing import Final
 
-from protocol.pvt import SEQUENCE_MODULUS
+from steptwin.protocol.pvt import SEQUENCE_MODULUS
 
 _BEHIND: Final = SEQUENCE_MODULUS // 2
 

@@ -3,13 +3,13 @@
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from host.axis_settings import axis_settings
-from host.client.axis import AxisClient, error_text, state_text
-from host.errors import BusError, DeviceFaultError
-from host.operate.session import Session
-from host.operate.status import active_inputs, error_history
-from protocol.cia402 import DigitalInput, State, Status
-from protocol.objects import IDENTITY_DEVICE_TYPE
+from steptwin.host.client.axis import AxisClient, error_text, state_text
+from steptwin.host.common.errors import BusError, DeviceFaultError
+from steptwin.host.operate.axis_settings import axis_settings
+from steptwin.host.operate.session import Session
+from steptwin.host.operate.status import active_inputs, error_history
+from steptwin.protocol.cia402 import DigitalInput, State, Status
+from steptwin.protocol.objects import IDENTITY_DEVICE_TYPE
 
 
 class Check(NamedTuple):

@@ -1,11 +1,11 @@
 """Homing a live machine by its switches, or telling it where it stands."""
 
-from host.client import Progress
-from host.errors import InputError
-from host.homing_settings import homing_settings
-from host.operate.moving import check_goal, move_within
-from host.operate.recovering import AxisState, axis_states
-from host.operate.session import Session
+from steptwin.host.client import Progress
+from steptwin.host.common.errors import InputError
+from steptwin.host.operate.homing_settings import homing_settings
+from steptwin.host.operate.moving import check_goal, move_within
+from steptwin.host.operate.recovering import AxisState, axis_states
+from steptwin.host.operate.session import Session
 
 
 def home(

@@ -3,14 +3,14 @@
 from dataclasses import dataclass
 from math import ceil, inf
 
-from host.client.axis import AxisClient
-from host.client.profile_motion import drive_at, follow, halt_axis, stands
-from host.errors import InputError
-from host.inputs import unknown
-from host.operate.session import Session
-from host.robot import Joint, Robot
-from protocol.cia402 import Status
-from protocol.datatypes import DataType
+from steptwin.host.client.axis import AxisClient
+from steptwin.host.client.profile_motion import drive_at, follow, halt_axis, stands
+from steptwin.host.common.bad_input import unknown
+from steptwin.host.common.errors import InputError
+from steptwin.host.operate.session import Session
+from steptwin.host.robots.robot import Joint, Robot
+from steptwin.protocol.cia402 import Status
+from steptwin.protocol.datatypes import DataType
 
 
 @dataclass(frozen=True, slots=True)

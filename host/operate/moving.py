@@ -5,15 +5,15 @@ from math import ceil
 
 import numpy as np
 
-from host.client import Progress
-from host.client.profile_motion import ProfileMove, move_together
-from host.errors import InputError
-from host.inputs import apart
-from host.kinematics import make_kinematics
-from host.laws import Trapezoid
-from host.motions.joint_move import limits_along
-from host.operate.session import Session
-from host.robot import Robot
+from steptwin.host.client import Progress
+from steptwin.host.client.profile_motion import ProfileMove, move_together
+from steptwin.host.common.bad_input import apart
+from steptwin.host.common.errors import InputError
+from steptwin.host.operate.session import Session
+from steptwin.host.planning.laws import Trapezoid
+from steptwin.host.planning.motions.joint_move import limits_along
+from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.robot import Robot
 
 _VELOCITY_MIN_UNITS_PER_S = 16
 """The firmware counts velocities in 1/64 unit per ms: slower would be none."""

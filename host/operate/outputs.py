@@ -1,9 +1,9 @@
 """The digital outputs of a live board by the names in the robot's file."""
 
-from host.errors import InputError
-from host.inputs import unknown
-from host.operate.session import Session
-from host.output_commands import wired_outputs
+from steptwin.host.common.bad_input import unknown
+from steptwin.host.common.errors import InputError
+from steptwin.host.operate.output_commands import wired_outputs
+from steptwin.host.operate.session import Session
 
 
 def read_outputs(session: Session) -> dict[str, bool]:

@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 
-from host.client.axis import AxisClient, error_text, state_text
-from host.client.stopping import power_off, quick_stop
-from host.errors import DeviceFaultError
-from host.operate.session import Session
-from protocol.cia402 import Control, State, Status
+from steptwin.host.client.axis import AxisClient, error_text, state_text
+from steptwin.host.client.stopping import power_off, quick_stop
+from steptwin.host.common.errors import DeviceFaultError
+from steptwin.host.operate.session import Session
+from steptwin.protocol.cia402 import Control, State, Status
 
 _POLL_S = 0.010
 _RESET_TIMEOUT_S = 1.0
@@ -23,13 +23,13 @@ class AxisState:
 
 
 def stop(session: Session) -> list[AxisState]:
-    """Stop all axes at once, by their quick stop; raises as `host.client.stopping.quick_stop`."""
+    """Stop all axes at once, by their quick stop; raises as `steptwin.host.client.stopping.quick_stop`."""
     quick_stop(session.link, session.machine.axes)
     return axis_states(session)
 
 
 def emergency_stop(session: Session) -> list[AxisState]:
-    """Stop all axes at once, then take their power away; raises as `host.client.stopping.power_off`."""
+    """Stop all axes at once, then take their power away; raises as `steptwin.host.client.stopping.power_off`."""
     power_off(session.link, session.machine.axes)
     return axis_states(session)
 

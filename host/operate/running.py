@@ -4,14 +4,14 @@ import time
 from dataclasses import dataclass
 from typing import Any, Final
 
-from host.client import AxisRecords, Machine, Progress
-from host.client.run import check_enabled, check_faults
-from host.errors import InputError
-from host.operate.moving import move_within
-from host.operate.session import Session
-from host.output_commands import output_commands
-from host.planner import Plan, check_start
-from protocol.objects import UNITS_PER_FULL_STEP
+from steptwin.host.client import AxisRecords, Machine, Progress
+from steptwin.host.client.run import check_enabled, check_faults
+from steptwin.host.common.errors import InputError
+from steptwin.host.operate.moving import move_within
+from steptwin.host.operate.output_commands import output_commands
+from steptwin.host.operate.session import Session
+from steptwin.host.planning.planner import Plan, check_start
+from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 
 END_ERROR_STEPS_MAX: Final = 0.5 + 1 / 16
 """The firmware's hysteresis: how far the step counter may be from the position demanded."""

@@ -7,15 +7,15 @@ from typing import Final
 
 import numpy as np
 
-from host.axis_settings import axis_settings
-from host.client import Link, Machine
-from host.client.axis import AxisClient, error_text, state_text
-from host.client.drive_status import stands
-from host.client.stopping import quick_stop
-from host.errors import DeviceFaultError, InputError, StepTwinError
-from host.kinematics import make_kinematics
-from host.robot import Joint, Robot
-from protocol.cia402 import State, Status
+from steptwin.host.client import Link, Machine
+from steptwin.host.client.axis import AxisClient, error_text, state_text
+from steptwin.host.client.drive_status import stands
+from steptwin.host.client.stopping import quick_stop
+from steptwin.host.common.errors import DeviceFaultError, InputError, StepTwinError
+from steptwin.host.operate.axis_settings import axis_settings
+from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.robot import Joint, Robot
+from steptwin.protocol.cia402 import State, Status
 
 POSE_KEYS: Final = ("x_mm", "y_mm", "z_mm", "attitude_deg")
 _LISTEN_S: Final = 0.3

@@ -7,14 +7,14 @@ None then.
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from host.client.axis import AxisClient, error_text, state_text
-from host.client.drive_status import stands
-from host.errors import BusError
-from host.operate.session import Session
-from host.robot import Joint
-from protocol.cia402 import DigitalInput, Mode, State, Status
-from protocol.objects import HISTORY_DEPTH
-from protocol.pvt import PvtFlag
+from steptwin.host.client.axis import AxisClient, error_text, state_text
+from steptwin.host.client.drive_status import stands
+from steptwin.host.common.errors import BusError
+from steptwin.host.operate.session import Session
+from steptwin.host.robots.robot import Joint
+from steptwin.protocol.cia402 import DigitalInput, Mode, State, Status
+from steptwin.protocol.objects import HISTORY_DEPTH
+from steptwin.protocol.pvt import PvtFlag
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,10 +3,10 @@
 from importlib.resources import files
 from pathlib import Path
 
-from host.errors import InputError
-from host.inputs import unknown
-from host.robot import Robot
-from host.robots.reader import parse_robot
+from steptwin.host.common.bad_input import unknown
+from steptwin.host.common.errors import InputError
+from steptwin.host.robots.reader import parse_robot
+from steptwin.host.robots.robot import Robot
 
 __all__ = ["load_robot", "load_robot_file", "parse_robot", "robot_names"]
 

@@ -8,11 +8,11 @@ from enum import StrEnum
 from reprlib import repr as short
 from typing import Final, TypeVar
 
-from host.errors import InputError
-from host.homing import JointHoming, JointSwitches
-from host.inputs import apart, prefixed, unknown
-from host.kinematics import make_kinematics
-from host.robot import ActiveEdge, Board, Joint, Output, Robot, Transmission, Unit
+from steptwin.host.common.bad_input import apart, prefixed, unknown
+from steptwin.host.common.errors import InputError
+from steptwin.host.robots.homing import JointHoming, JointSwitches
+from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.robot import ActiveEdge, Board, Joint, Output, Robot, Transmission, Unit
 
 Choice = TypeVar("Choice", bound=StrEnum)
 

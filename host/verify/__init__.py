@@ -1,9 +1,8 @@
 """Verification: is what the drivers counted what was planned? Shares no code with the firmware that it judges."""
 
-from host.verify.comparison import Comparison, compare
-from host.verify.consistency import contradictions
-from host.verify.evidence import (
-    COUNTS_PER_SECOND,
+from steptwin.host.verify.comparison import Comparison, compare
+from steptwin.host.verify.consistency import contradictions
+from steptwin.host.verify.evidence import (
     AxisEvidence,
     DriverLimit,
     DriverViolations,
@@ -12,12 +11,18 @@ from host.verify.evidence import (
     OutputChange,
     Phases,
 )
-from host.verify.oracle import IdealSteps, ideal_steps
-from host.verify.outputs import OutputReport
-from host.verify.plan import Forward, Plan
-from host.verify.report import AxisReport, BusReport, JointsReport, Report, RunInfo, ToolReport
-from host.verify.verifier import POSITION_ERROR_LIMIT_STEPS, THRESHOLD_TOLERANCE_STEPS, verify, verify_comparison
-from host.verify.violations import ViolationReport
+from steptwin.host.verify.oracle import IdealSteps, ideal_steps
+from steptwin.host.verify.outputs import OutputReport
+from steptwin.host.verify.plan import Forward, Plan
+from steptwin.host.verify.report import AxisReport, BusReport, JointsReport, Report, RunInfo, ToolReport
+from steptwin.host.verify.verifier import (
+    POSITION_ERROR_LIMIT_STEPS,
+    THRESHOLD_TOLERANCE_STEPS,
+    verify,
+    verify_comparison,
+)
+from steptwin.host.verify.violations import ViolationReport
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 __all__ = [
     "COUNTS_PER_SECOND",

@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass
 
-from host.trajectory import FloatArray
-from host.verify.counted import CountedSteps, counted_steps
-from host.verify.evidence import Evidence
-from host.verify.matching import Matching, match_steps, timing_errors_us
-from host.verify.oracle import IdealSteps, ideal_steps
-from host.verify.plan import Plan
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.verify.counted import CountedSteps, counted_steps
+from steptwin.host.verify.evidence import Evidence
+from steptwin.host.verify.matching import Matching, match_steps, timing_errors_us
+from steptwin.host.verify.oracle import IdealSteps, ideal_steps
+from steptwin.host.verify.plan import Plan
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ says which way. After a violation the driver's model has the say, and the run ha
 
 import numpy as np
 
-from host.verify.evidence import AxisEvidence, Int8Array, Int64Array
+from steptwin.host.verify.evidence import AxisEvidence, Int8Array, Int64Array
 
 
 def contradictions(axis: AxisEvidence) -> list[str]:

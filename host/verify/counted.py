@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from host.trajectory import FloatArray
-from host.verify.evidence import COUNTS_PER_SECOND, AxisEvidence, Int8Array, Int64Array
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.verify.evidence import AxisEvidence, Int8Array, Int64Array
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 
 @dataclass(frozen=True, slots=True)

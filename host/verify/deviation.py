@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from host.kinematics.angles import wrapped_deg
-from host.trajectory import FloatArray
-from host.verify.counted import CountedSteps
-from host.verify.oracle import IdealSteps
-from host.verify.plan import Plan
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.robots.kinematics.angles import wrapped_deg
+from steptwin.host.verify.counted import CountedSteps
+from steptwin.host.verify.oracle import IdealSteps
+from steptwin.host.verify.plan import Plan
 
 INSTANTS_PER_CHUNK = 16_384
 """Instants evaluated at once: bounds the memory, whatever the number of steps."""

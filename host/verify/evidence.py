@@ -6,10 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from host.robot import ActiveEdge
-from host.trajectory import FloatArray
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.robots.robot import ActiveEdge
 
-COUNTS_PER_SECOND = 72_000_000
 """The board's timer: every instant in the evidence is an int64 number of its counts since boot."""
 
 Int64Array = NDArray[np.int64]

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from host.trajectory import FloatArray
-from host.verify.counted import CountedSteps
-from host.verify.oracle import IdealSteps
-from host.verify.roots import IndexArray
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.verify.counted import CountedSteps
+from steptwin.host.verify.oracle import IdealSteps
+from steptwin.host.verify.roots import IndexArray
 
 SLOW_CROSSING = 0.01
 """Crossings slower than this part of the axis' fastest have no timing error: near a reversal time is ill-defined."""

@@ -15,9 +15,10 @@ from math import ceil, floor
 
 import numpy as np
 
-from host.trajectory import FloatArray, Trajectory
-from host.verify.evidence import Int8Array
-from host.verify.roots import IndexArray, bracketed_roots
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.verify.evidence import Int8Array
+from steptwin.host.verify.roots import IndexArray, bracketed_roots
 
 HYSTERESIS_STEPS = 1 / 16
 """How far beyond the middle between two steps a motion must go, so that noise at the middle makes no steps."""

@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 from itertools import zip_longest
 
-from host.trajectory import Switching
-from host.verify.evidence import COUNTS_PER_SECOND, Evidence, OutputChange
+from steptwin.host.planning.trajectory import Switching
+from steptwin.host.verify.evidence import Evidence, OutputChange
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 
 @dataclass(frozen=True, slots=True)

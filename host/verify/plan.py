@@ -4,9 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Self
 
-from host.kinematics import make_kinematics
-from host.robot import Robot
-from host.trajectory import FloatArray, Trajectory
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.robot import Robot
 
 Forward = Callable[[FloatArray], FloatArray]
 """Forward kinematics: joints of shape (n, joints) to poses of shape (n, 4): x_mm, y_mm, z_mm, attitude_deg."""

@@ -5,10 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from host.robot import ActiveEdge
-from host.verify.evidence import COUNTS_PER_SECOND, AxisEvidence, Int64Array
-
-COUNTS_PER_US = COUNTS_PER_SECOND / 1_000_000
+from steptwin.host.robots.robot import ActiveEdge
+from steptwin.host.verify.evidence import AxisEvidence, Int64Array
+from steptwin.protocol.timer import COUNTS_PER_US
 
 
 class ClkDurations(NamedTuple):

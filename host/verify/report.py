@@ -3,8 +3,8 @@
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from host.verify.outputs import OutputReport
-from host.verify.violations import ViolationReport
+from steptwin.host.verify.outputs import OutputReport
+from steptwin.host.verify.violations import ViolationReport
 
 SIGNIFICANT_DIGITS = 9
 """To which floats are written: short enough to read, and an error of any size remains visible."""

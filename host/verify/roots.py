@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from host.trajectory import FloatArray
+from steptwin.host.common.arrays import FloatArray
 
 IndexArray = NDArray[np.intp]
 

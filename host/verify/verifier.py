@@ -10,16 +10,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from host.trajectory import FloatArray
-from host.verify.comparison import Comparison, compare
-from host.verify.deviation import Deviation, critical_instants, deviations
-from host.verify.evidence import Evidence
-from host.verify.oracle import THRESHOLD_STEPS
-from host.verify.outputs import output_reasons, output_reports
-from host.verify.plan import Plan
-from host.verify.pulses import pulse_facts
-from host.verify.report import AxisReport, JointsReport, Report, RunInfo, ToolReport
-from host.verify.violations import violation_reports
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.verify.comparison import Comparison, compare
+from steptwin.host.verify.deviation import Deviation, critical_instants, deviations
+from steptwin.host.verify.evidence import Evidence
+from steptwin.host.verify.oracle import THRESHOLD_STEPS
+from steptwin.host.verify.outputs import output_reasons, output_reports
+from steptwin.host.verify.plan import Plan
+from steptwin.host.verify.pulses import pulse_facts
+from steptwin.host.verify.report import AxisReport, JointsReport, Report, RunInfo, ToolReport
+from steptwin.host.verify.violations import violation_reports
 
 THRESHOLD_TOLERANCE_STEPS = 0.0075
 """How far from its threshold a step may be made: several times what the board's wire units, cubics and chords cost."""

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from host.verify.evidence import COUNTS_PER_SECOND, AxisEvidence, Evidence
+from steptwin.host.verify.evidence import AxisEvidence, Evidence
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,11 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.loads import UNITS_PER_STEP
-from bench.pulses.motions import PlannedMotion
-from bench.pulses.pulses import AxisPulses
-from host.robots import load_robot
-from host.trajectory import FloatArray, Switching
+from steptwin.bench.loads import UNITS_PER_STEP
+from steptwin.bench.pulses.motions import PlannedMotion
+from steptwin.bench.pulses.pulses import AxisPulses
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.planning.trajectory import Switching
+from steptwin.host.robots import load_robot
 
 STEPS = 100
 BOARD = load_robot("warehouse-scara").board

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.pulses.cortex_m3 import Cycles, load_percent
-from bench.pulses.evaluation import AxisErrors, axis_errors, figures_of, ideal_of
-from bench.pulses.pairing import pair
-from bench.pulses.pulses import AxisPulses, Method, Placed
-from bench.pulses.violations import violations
-from host.robot import ActiveEdge
+from steptwin.bench.pulses.cortex_m3 import Cycles, load_percent
+from steptwin.bench.pulses.evaluation import AxisErrors, axis_errors, figures_of, ideal_of
+from steptwin.bench.pulses.pairing import pair
+from steptwin.bench.pulses.pulses import AxisPulses, Method, Placed
+from steptwin.bench.pulses.violations import violations
+from steptwin.host.robots.robot import ActiveEdge
 from tests.bench.lines import BOARD, EXACT_COUNTS, LINE, STEPS, upward
 
 

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from bench.pulses.austin import ramp
-from bench.pulses.evaluation import axis_errors, ideal_of
-from bench.pulses.methods import DDA_HZ, methods
-from bench.pulses.motions import PlannedMotion, Sines, motion_of_job, sines
-from bench.pulses.pulses import Method
-from bench.pulses.scaling import run_length
-from controller.backend import Kernel
-from host.robots import load_robot
+from steptwin.bench.pulses.austin import ramp
+from steptwin.bench.pulses.evaluation import axis_errors, ideal_of
+from steptwin.bench.pulses.methods import DDA_HZ, methods
+from steptwin.bench.pulses.motions import PlannedMotion, Sines, motion_of_job, sines
+from steptwin.bench.pulses.pulses import Method
+from steptwin.bench.pulses.scaling import run_length
+from steptwin.controller.backend import Kernel
+from steptwin.host.robots import load_robot
 from tests.bench.lines import BOARD
 
 KEYS = ["kernel", *(f"dda-{hz // 1000}k" for hz in DDA_HZ), "bresenham", "austin"]

@@ -4,10 +4,10 @@ from itertools import groupby
 
 import pytest
 
-from bench.pulses.evaluation import Figures
-from bench.pulses.motions import all_motions
-from bench.pulses.table import COLUMNS, measured, table_rows
-from controller.backend import Kernel
+from steptwin.bench.pulses.evaluation import Figures
+from steptwin.bench.pulses.motions import all_motions
+from steptwin.bench.pulses.table import COLUMNS, measured, table_rows
+from steptwin.controller.backend import Kernel
 from tests.end_to_end.test_readme import ROOT
 
 MOTIONS = [

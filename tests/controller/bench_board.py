@@ -2,10 +2,10 @@
 
 import struct
 
-from controller.backend import Kernel
-from controller.firmware import Firmware
-from protocol.cia402 import DigitalInput, State, Status
-from protocol.frame import Frame
+from steptwin.controller.backend import Kernel
+from steptwin.controller.firmware import Firmware
+from steptwin.protocol.cia402 import DigitalInput, State, Status
+from steptwin.protocol.frame import Frame
 
 MS = 72_000
 """A millisecond in timer counts."""

@@ -4,8 +4,8 @@ import struct
 from collections.abc import Sequence
 from itertools import accumulate
 
-from controller.backend import Kernel
-from protocol.cia402 import Mode
+from steptwin.controller.backend import Kernel
+from steptwin.protocol.cia402 import Mode
 from tests.controller.bench_board import MS, BenchBoard
 
 STEP = 1024

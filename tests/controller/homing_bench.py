@@ -6,9 +6,9 @@ What the switches do is said here once more, without the emulator: its switches 
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from controller.backend import Kernel
-from controller.kernel import TICK_COUNTS
-from protocol.cia402 import DigitalInput, HomingError, Mode, Status
+from steptwin.controller.backend import Kernel
+from steptwin.controller.kernel import TICK_COUNTS
+from steptwin.protocol.cia402 import DigitalInput, HomingError, Mode, Status
 from tests.controller.bench_board import BenchBoard
 
 STEP = 1024

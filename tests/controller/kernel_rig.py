@@ -3,9 +3,9 @@
 from bisect import bisect_left
 from dataclasses import dataclass
 
-from controller import kernel as k
-from controller.backend import Kernel
-from controller.group_time import GroupTime
+from steptwin.controller import kernel as k
+from steptwin.controller.backend import Kernel
+from steptwin.controller.group_time import GroupTime
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,10 @@ from fractions import Fraction
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller import kernel as k
-from controller.backend import python_kernel
-from controller.cyclic_cubics import Cubic, highest_velocity, parabola, slowed
-from controller.soft_limits import hull
+from steptwin.controller import kernel as k
+from steptwin.controller.backend import python_kernel
+from steptwin.controller.cyclic_cubics import Cubic, highest_velocity, parabola, slowed
+from steptwin.controller.soft_limits import hull
 from tests.controller.kernel_rig import KernelRig
 
 points = st.integers(-(2**31), 2**31)

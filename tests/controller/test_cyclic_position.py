@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controller.backend import Kernel
-from controller.cyclic_position import NO_SET_POINT, NO_SYNC
-from protocol.abort import AbortCode
-from protocol.cia402 import DigitalInput, ErrorCode, Mode, State, Status
+from steptwin.controller.backend import Kernel
+from steptwin.controller.cyclic_position import NO_SET_POINT, NO_SYNC
+from steptwin.protocol.abort import AbortCode
+from steptwin.protocol.cia402 import DigitalInput, ErrorCode, Mode, State, Status
 from tests.controller.bench_board import MS, BenchBoard
 from tests.controller.cyclic_bench import FIRST_SYNC_COUNTS, STEP, CyclicBench, first_tick, ramped
 from tests.controller.kernel_rig import Timing, pin_timing_faults

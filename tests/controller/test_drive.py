@@ -3,8 +3,8 @@
 import pytest
 from canopen.profiles.p402 import State402
 
-from controller.drive import next_state
-from protocol.cia402 import State
+from steptwin.controller.drive import next_state
+from steptwin.protocol.cia402 import State
 
 RTSO, SO, OE = State.READY_TO_SWITCH_ON, State.SWITCHED_ON, State.OPERATION_ENABLED
 SOD, QSA = State.SWITCH_ON_DISABLED, State.QUICK_STOP_ACTIVE

@@ -4,14 +4,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.backend import Kernel, python_kernel
-from controller.firmware import Firmware
-from controller.pins import OUTPUT_PINS, Pin, PinChange
-from protocol.abort import AbortCode
-from protocol.cia402 import DigitalOutput, ErrorCode, State
-from protocol.frame import Frame
-from protocol.nmt import NmtState
-from protocol.pvt import PvtFlag
+from steptwin.controller.backend import Kernel, python_kernel
+from steptwin.controller.firmware import Firmware
+from steptwin.controller.pins import OUTPUT_PINS, Pin, PinChange
+from steptwin.protocol.abort import AbortCode
+from steptwin.protocol.cia402 import DigitalOutput, ErrorCode, State
+from steptwin.protocol.frame import Frame
+from steptwin.protocol.nmt import NmtState
+from steptwin.protocol.pvt import PvtFlag
 from tests.controller.bench_board import MS, BenchBoard
 
 STEP = 1024

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controller.backend import Kernel
-from controller.pins import OUTPUT_PINS, Pin
+from steptwin.controller.backend import Kernel
+from steptwin.controller.pins import OUTPUT_PINS, Pin
 from tests.controller.bench_board import BenchBoard
 from tests.controller.kernel_rig import Timing, pin_timing_faults
 

@@ -2,9 +2,9 @@
 
 import pytest
 
-from controller.backend import KERNELS, Kernel
-from protocol.cia402 import State, Status
-from protocol.pvt import PvtFlag
+from steptwin.controller.backend import KERNELS, Kernel
+from steptwin.protocol.cia402 import State, Status
+from steptwin.protocol.pvt import PvtFlag
 from tests.controller.bench_board import MS, BenchBoard
 
 STEP = 1024

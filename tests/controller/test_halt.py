@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from controller import kernel as k
-from controller.backend import Kernel, compiled_kernel, python_kernel
-from controller.motion import STOP_MAX_MS, TICKS_PER_SECOND, Event, Motion, Refusal, StepConfig
+from steptwin.controller import kernel as k
+from steptwin.controller.backend import Kernel, compiled_kernel, python_kernel
+from steptwin.controller.motion import STOP_MAX_MS, TICKS_PER_SECOND, Event, Motion, Refusal, StepConfig
 from tests.controller.kernel_rig import KernelRig, Timing, pin_timing_faults
 
 FULL = k.FULL_RATE_Q16

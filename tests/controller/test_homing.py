@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controller.backend import Kernel
-from controller.homing_methods import METHODS
-from protocol.abort import AbortCode
-from protocol.cia402 import HOMING_METHODS, DigitalInput, ErrorCode, HomingError, Mode, State, Status
+from steptwin.controller.backend import Kernel
+from steptwin.controller.homing_methods import METHODS
+from steptwin.protocol.abort import AbortCode
+from steptwin.protocol.cia402 import HOMING_METHODS, DigitalInput, ErrorCode, HomingError, Mode, State, Status
 from tests.controller.homing_bench import (
     ACCELERATION_STEPS_PER_S2,
     FAST_STEPS_PER_S,

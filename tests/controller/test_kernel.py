@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from controller import kernel as k
-from controller.backend import KERNELS, Kernel, compiled_kernel, python_kernel
+from steptwin.controller import kernel as k
+from steptwin.controller.backend import KERNELS, Kernel, compiled_kernel, python_kernel
 from tests.controller.kernel_rig import KernelRig, Timing, timing_faults
 
 UNITS_PER_STEP = 1024

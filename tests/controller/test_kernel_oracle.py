@@ -5,8 +5,8 @@ from fractions import Fraction
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from controller import kernel as k
-from controller.backend import python_kernel
+from steptwin.controller import kernel as k
+from steptwin.controller.backend import python_kernel
 from tests.controller.kernel_rig import KernelRig, Timing
 
 TICKS_PER_MS = 4

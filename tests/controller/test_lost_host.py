@@ -2,9 +2,9 @@
 
 import pytest
 
-from controller.backend import Kernel
-from protocol.cia402 import AbortConnection, ErrorCode, State
-from protocol.nmt import ErrorBehaviour, NmtState
+from steptwin.controller.backend import Kernel
+from steptwin.protocol.cia402 import AbortConnection, ErrorCode, State
+from steptwin.protocol.nmt import ErrorBehaviour, NmtState
 from tests.controller.bench_board import BenchBoard
 
 HOST = 0x7F

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from controller.backend import Kernel, python_kernel
-from controller.kernel import TICK_COUNTS
-from controller.motion import STOP_MAX_MS, Event, Motion, Refusal, StepConfig, counts_of_ns, stop_segments
+from steptwin.controller.backend import Kernel, python_kernel
+from steptwin.controller.kernel import TICK_COUNTS
+from steptwin.controller.motion import STOP_MAX_MS, Event, Motion, Refusal, StepConfig, counts_of_ns, stop_segments
 
 CONFIG = StepConfig(16, 33_000, 33_666, 15_000, 15_000, velocity_max_units_per_s=20_000 * 1024)
 

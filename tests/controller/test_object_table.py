@@ -4,12 +4,12 @@ from collections.abc import Iterator
 
 import pytest
 
-from controller.backend import Kernel
-from protocol.abort import AbortCode
-from protocol.datatypes import DataType, encode
-from protocol.dictionary import ObjectDictionary
-from protocol.objects import OBJECTS, Access, Entry, Object
-from protocol.sdo_server import SdoServer
+from steptwin.controller.backend import Kernel
+from steptwin.protocol.abort import AbortCode
+from steptwin.protocol.datatypes import DataType, encode
+from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.objects import OBJECTS, Access, Entry, Object
+from steptwin.protocol.sdo_server import SdoServer
 from tests.controller.bench_board import BenchBoard
 
 TABLE = [(item.index, subindex, entry) for item in OBJECTS for subindex, entry in item.entries.items()]

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from controller.profile import GRAIN_MS, PIECE_MS, Limits, Profile, Segment, move, stop
+from steptwin.controller.profile import GRAIN_MS, PIECE_MS, Limits, Profile, Segment, move, stop
 
 PER_S2 = 64 / 1_000_000
 """1/64 unit per ms^2 in a unit per s^2."""

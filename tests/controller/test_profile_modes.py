@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.backend import Kernel, python_kernel
-from protocol.abort import AbortCode
-from protocol.cia402 import ErrorCode, Mode, State, Status
+from steptwin.controller.backend import Kernel, python_kernel
+from steptwin.protocol.abort import AbortCode
+from steptwin.protocol.cia402 import ErrorCode, Mode, State, Status
 from tests.controller.bench_board import BenchBoard
 
 STEP = 1024

@@ -12,9 +12,9 @@ from hypothesis import Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
-from controller.backend import KERNELS, Kernel
-from controller.pins import Pin
-from protocol.cia402 import DigitalInput, Mode, State, Status
+from steptwin.controller.backend import KERNELS, Kernel
+from steptwin.controller.pins import Pin
+from steptwin.protocol.cia402 import DigitalInput, Mode, State, Status
 from tests.controller.bench_board import MS, BenchBoard
 from tests.controller.kernel_rig import Timing, pin_timing_faults
 

@@ -2,10 +2,10 @@
 
 import pytest
 
-from controller.backend import Kernel
-from controller.pins import Pin
-from protocol.abort import AbortCode
-from protocol.cia402 import Mode, State, Status
+from steptwin.controller.backend import Kernel
+from steptwin.controller.pins import Pin
+from steptwin.protocol.abort import AbortCode
+from steptwin.protocol.cia402 import Mode, State, Status
 from tests.controller.bench_board import BenchBoard
 
 STEP = 1024

@@ -2,11 +2,11 @@
 
 import pytest
 
-from controller.backend import Kernel
-from controller.pins import Pin
-from protocol.abort import AbortCode
-from protocol.cia402 import State
-from protocol.frame import COB_ID_INVALID
+from steptwin.controller.backend import Kernel
+from steptwin.controller.pins import Pin
+from steptwin.protocol.abort import AbortCode
+from steptwin.protocol.cia402 import State
+from steptwin.protocol.frame import COB_ID_INVALID
 from tests.controller.bench_board import BenchBoard
 
 SAVE = int.from_bytes(b"save", "little")

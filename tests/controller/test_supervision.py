@@ -4,11 +4,11 @@ from collections.abc import Callable
 
 import pytest
 
-from controller.backend import Kernel
-from controller.firmware import Firmware
-from controller.measurements import DriverMonitor
-from protocol.cia402 import DigitalInput, ErrorCode, Mode, State, Status
-from protocol.frame import Frame
+from steptwin.controller.backend import Kernel
+from steptwin.controller.firmware import Firmware
+from steptwin.controller.measurements import DriverMonitor
+from steptwin.protocol.cia402 import DigitalInput, ErrorCode, Mode, State, Status
+from steptwin.protocol.frame import Frame
 from tests.controller.bench_board import BenchBoard
 
 STEP = 1024

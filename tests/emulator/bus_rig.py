@@ -1,10 +1,10 @@
 """A bus with stations of which nobody but the test knows what they do."""
 
-from emulator.bus import Bus
-from emulator.bus_faults import FaultScript
-from emulator.can_controller import CanController
-from protocol.cia402 import ErrorCode
-from protocol.frame import Frame
+from steptwin.emulator.bus import Bus
+from steptwin.emulator.bus_faults import FaultScript
+from steptwin.emulator.can_controller import CanController
+from steptwin.protocol.cia402 import ErrorCode
+from steptwin.protocol.frame import Frame
 
 
 class BusRig:

@@ -7,14 +7,14 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 
-from controller.backend import fastest_kernel
-from emulator.board import Board, BoardConfig
-from emulator.bus import Bus
-from emulator.live import LiveSimulation, warm_up
-from emulator.live_loop import LiveLoop
-from emulator.pacer import Pacer
-from emulator.simulation import Simulation
-from emulator.socketcand_server import SocketcandServer
+from steptwin.controller.backend import fastest_kernel
+from steptwin.emulator.board import Board, BoardConfig
+from steptwin.emulator.bus import Bus
+from steptwin.emulator.live import LiveSimulation, warm_up
+from steptwin.emulator.live_loop import LiveLoop
+from steptwin.emulator.pacer import Pacer
+from steptwin.emulator.simulation import Simulation
+from steptwin.emulator.socketcand_server import SocketcandServer
 
 TIMEOUT_S = 20.0
 """For whatever must happen; nothing waits for so long unless it fails."""

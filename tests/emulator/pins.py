@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from emulator.tb6560 import Input, LevelChange, Pins
+from steptwin.emulator.tb6560 import Input, LevelChange, Pins
 
 WIDTH = 2160
 """30 us."""

@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 
-from controller.backend import Kernel
-from controller.pins import Pin, PinChange
-from emulator.board import Board, BoardConfig
-from emulator.bus import Bus
-from emulator.driver_module import Module, Requirements
-from emulator.driver_profiles import PROFILES
-from emulator.simulation import Simulation
-from emulator.switches import Switch
-from emulator.tb6560 import Cooling, Rule
-from protocol.cia402 import DigitalInput, DigitalOutput
-from protocol.frame import Frame
-from protocol.pvt import PvtRecord
+from steptwin.controller.backend import Kernel
+from steptwin.controller.pins import Pin, PinChange
+from steptwin.emulator.board import Board, BoardConfig
+from steptwin.emulator.bus import Bus
+from steptwin.emulator.driver_module import Module, Requirements
+from steptwin.emulator.driver_profiles import PROFILES
+from steptwin.emulator.simulation import Simulation
+from steptwin.emulator.switches import Switch
+from steptwin.emulator.tb6560 import Cooling, Rule
+from steptwin.protocol.cia402 import DigitalInput, DigitalOutput
+from steptwin.protocol.frame import Frame
+from steptwin.protocol.pvt import PvtRecord
 
 MS = 72_000
 NODE = 0x10

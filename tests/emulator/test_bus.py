@@ -4,12 +4,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emulator.bus import Bus
-from emulator.can_controller import CanController
-from emulator.can_timing import frame_bits
-from emulator.fault_confinement import ErrorState
-from protocol.cia402 import ErrorCode
-from protocol.frame import BITRATES, Frame
+from steptwin.emulator.bus import Bus
+from steptwin.emulator.can_controller import CanController
+from steptwin.emulator.can_timing import frame_bits
+from steptwin.emulator.fault_confinement import ErrorState
+from steptwin.protocol.cia402 import ErrorCode
+from steptwin.protocol.frame import BITRATES, Frame
 from tests.emulator.bus_rig import BusRig
 
 FRAMES = st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8) | st.sampled_from([bytes(8), b"\xff" * 8]))

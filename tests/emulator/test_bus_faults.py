@@ -2,11 +2,11 @@
 
 import pytest
 
-from emulator.bus_faults import Fault, FaultKind, FaultScript
-from emulator.can_timing import frame_bits
-from emulator.fault_confinement import ErrorState
-from protocol.cia402 import ErrorCode
-from protocol.frame import Frame
+from steptwin.emulator.bus_faults import Fault, FaultKind, FaultScript
+from steptwin.emulator.can_timing import frame_bits
+from steptwin.emulator.fault_confinement import ErrorState
+from steptwin.protocol.cia402 import ErrorCode
+from steptwin.protocol.frame import Frame
 from tests.emulator.bus_rig import BusRig
 
 FRAME = Frame(0x200, b"\x55")

@@ -2,15 +2,15 @@
 
 import pytest
 
-from controller.backend import Kernel
-from emulator.board import Board, BoardConfig
-from emulator.bus import Bus
-from emulator.bus_faults import Fault, FaultKind, FaultScript
-from emulator.can_controller import CanController
-from emulator.fault_confinement import ErrorState, FaultConfinement
-from emulator.simulation import Simulation
-from protocol.cia402 import ErrorCode
-from protocol.frame import Frame
+from steptwin.controller.backend import Kernel
+from steptwin.emulator.board import Board, BoardConfig
+from steptwin.emulator.bus import Bus
+from steptwin.emulator.bus_faults import Fault, FaultKind, FaultScript
+from steptwin.emulator.can_controller import CanController
+from steptwin.emulator.fault_confinement import ErrorState, FaultConfinement
+from steptwin.emulator.simulation import Simulation
+from steptwin.protocol.cia402 import ErrorCode
+from steptwin.protocol.frame import Frame
 
 MS = 72_000
 LATENCY = 5 * MS

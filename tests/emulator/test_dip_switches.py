@@ -2,9 +2,9 @@
 
 import pytest
 
-from emulator.dip_switches import CURRENT_SETTINGS, CurrentSetting, switches_for
-from emulator.tb6560 import Input
-from emulator.tb6560.pins import EXCITATIONS, FAST_DECAY_PERCENT, TORQUE_PERCENT
+from steptwin.emulator.dip_switches import CURRENT_SETTINGS, CurrentSetting, switches_for
+from steptwin.emulator.tb6560 import Input
+from steptwin.emulator.tb6560.pins import EXCITATIONS, FAST_DECAY_PERCENT, TORQUE_PERCENT
 
 
 @pytest.mark.parametrize("setting", CURRENT_SETTINGS, ids=str)

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emulator.dip_switches import switches_for
-from emulator.driver import Driver
-from emulator.driver_module import ClkEdge, Coupler, Module, Requirements
-from emulator.driver_profiles import SLOW_BLUE_BOARD, THREE_AMP_MODULE
-from emulator.tb6560 import Input, LevelChange, Pins, Rule, Tb6560
+from steptwin.emulator.dip_switches import switches_for
+from steptwin.emulator.driver import Driver
+from steptwin.emulator.driver_module import ClkEdge, Coupler, Module, Requirements
+from steptwin.emulator.driver_profiles import SLOW_BLUE_BOARD, THREE_AMP_MODULE
+from steptwin.emulator.tb6560 import Input, LevelChange, Pins, Rule, Tb6560
 from tests.emulator.pins import POWER_UP, WIDTH, at, cut, pins
 
 US = 72

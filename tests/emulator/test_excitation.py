@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from emulator.tb6560 import Excitation, Input, LevelChange, Rule, Tb6560
-from emulator.tb6560.excitation import PHASE_PERCENT, states
-from emulator.tb6560.pins import EXCITATIONS, FAST_DECAY_PERCENT, TORQUE_PERCENT
+from steptwin.emulator.tb6560 import Excitation, Input, LevelChange, Rule, Tb6560
+from steptwin.emulator.tb6560.excitation import PHASE_PERCENT, states
+from steptwin.emulator.tb6560.pins import EXCITATIONS, FAST_DECAY_PERCENT, TORQUE_PERCENT
 from tests.emulator.pins import POWER_UP, at, pins
 
 # Pages 12 to 14, clockwise from the initial state.

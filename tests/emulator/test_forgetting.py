@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from emulator.driver import Driver
-from emulator.driver_module import Coupler, Module
-from emulator.driver_profiles import SLOW_BLUE_BOARD, THREE_AMP_MODULE
-from emulator.tb6560 import Cooling, Input, LevelChange, Outputs
+from steptwin.emulator.driver import Driver
+from steptwin.emulator.driver_module import Coupler, Module
+from steptwin.emulator.driver_profiles import SLOW_BLUE_BOARD, THREE_AMP_MODULE
+from steptwin.emulator.tb6560 import Cooling, Input, LevelChange, Outputs
 from tests.emulator.pins import POWER_UP, at, cut, pins
 
 MS = 72_000

@@ -10,19 +10,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from controller.backend import Kernel
-from controller.kernel import TICK_COUNTS
-from controller.motion import Motion
-from emulator.board import AxisTrace, Board, BoardConfig
-from emulator.bus import Bus
-from emulator.driver_module import Coupler, Module
-from emulator.operations import BoardTemperature, DriverProtect, EmergencyStop, Operation, Scheduled, Supply
-from emulator.simulation import Simulation
-from emulator.switches import Switch
-from emulator.tb6560 import PERIOD_MIN_COUNTS, Cooling, Rule
-from protocol.cia402 import DigitalInput, ErrorCode, State
-from protocol.frame import COB_SYNC, Frame
-from protocol.pvt import PvtRecord
+from steptwin.controller.backend import Kernel
+from steptwin.controller.kernel import TICK_COUNTS
+from steptwin.controller.motion import Motion
+from steptwin.emulator.board import AxisTrace, Board, BoardConfig
+from steptwin.emulator.bus import Bus
+from steptwin.emulator.driver_module import Coupler, Module
+from steptwin.emulator.operations import BoardTemperature, DriverProtect, EmergencyStop, Operation, Scheduled, Supply
+from steptwin.emulator.simulation import Simulation
+from steptwin.emulator.switches import Switch
+from steptwin.emulator.tb6560 import PERIOD_MIN_COUNTS, Cooling, Rule
+from steptwin.protocol.cia402 import DigitalInput, ErrorCode, State
+from steptwin.protocol.frame import COB_SYNC, Frame
+from steptwin.protocol.pvt import PvtRecord
 from tests.controller.bench_board import BenchBoard
 from tests.controller.homing_bench import ACCELERATION_STEPS_PER_S2, FAST_STEPS_PER_S, SLOW_STEPS_PER_S, HomingBench
 from tests.controller.homing_bench import Machine as Slider

@@ -7,14 +7,14 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from controller.backend import Kernel, fastest_kernel
-from emulator.board import Board, BoardConfig
-from emulator.bus import Bus
-from emulator.live import SLICE_COUNTS, LiveSimulation, Sender, warm_up
-from emulator.pacer import Pacer
-from emulator.simulation import Simulation
-from protocol.frame import Frame
-from protocol.pvt import PvtRecord
+from steptwin.controller.backend import Kernel, fastest_kernel
+from steptwin.emulator.board import Board, BoardConfig
+from steptwin.emulator.bus import Bus
+from steptwin.emulator.live import SLICE_COUNTS, LiveSimulation, Sender, warm_up
+from steptwin.emulator.pacer import Pacer
+from steptwin.emulator.simulation import Simulation
+from steptwin.protocol.frame import Frame
+from steptwin.protocol.pvt import PvtRecord
 
 MS = 1_000_000
 """In nanoseconds."""

@@ -2,11 +2,11 @@
 
 import pytest
 
-from controller.backend import Kernel
-from emulator.board import Board, BoardConfig
-from emulator.bus import Bus
-from emulator.simulation import BusOverloadError, Simulation
-from protocol.frame import Frame
+from steptwin.controller.backend import Kernel
+from steptwin.emulator.board import Board, BoardConfig
+from steptwin.emulator.bus import Bus
+from steptwin.emulator.simulation import BusOverloadError, Simulation
+from steptwin.protocol.frame import Frame
 
 SECOND = 72_000_000
 

@@ -9,8 +9,8 @@ from can.interfaces.socketcand.socketcand import (
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emulator.socketcand import COMMAND_MAX, Mode, SocketcandSession, frame_text
-from protocol.frame import Frame
+from steptwin.emulator.socketcand import COMMAND_MAX, Mode, SocketcandSession, frame_text
+from steptwin.protocol.frame import Frame
 
 OPENED = b"< open vcan0 >< rawmode >"
 FRAMES = st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8))

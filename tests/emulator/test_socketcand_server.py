@@ -7,7 +7,7 @@ from contextlib import suppress
 
 import pytest
 
-from emulator.socketcand_server import BACKLOG_MAX_BYTES, WINDOW_FRAMES
+from steptwin.emulator.socketcand_server import BACKLOG_MAX_BYTES, WINDOW_FRAMES
 from tests.emulator.live_rig import TIMEOUT_S, LiveRig, RawClient, await_true
 
 READ_TYPE = b"< send 610 8 40 0 10 0 0 0 0 0 >"
@@ -123,7 +123,7 @@ def test_fifty_clients(rig: LiveRig) -> None:
 
 
 def test_one_more_than_there_may_be(rig: LiveRig, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("emulator.socketcand_server.CLIENTS_MAX", 2)
+    monkeypatch.setattr("steptwin.emulator.socketcand_server.CLIENTS_MAX", 2)
     first, _ = rig.client(), rig.client()
     with socket.create_connection(("127.0.0.1", rig.port), timeout=TIMEOUT_S) as third:
         assert third.recv(100) == b""

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emulator.switches import AxisSwitches, Switch
-from protocol.cia402 import DigitalInput
+from steptwin.emulator.switches import AxisSwitches, Switch
+from steptwin.protocol.cia402 import DigitalInput
 
 NEGATIVE, POSITIVE, HOME = DigitalInput.NEGATIVE_LIMIT, DigitalInput.POSITIVE_LIMIT, DigitalInput.HOME
 

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emulator.tb6560 import PINS, Pins, Rule, Tb6560, Unit, chopping_hz, clk_width_min_counts, oscillator_hz
-from emulator.tb6560.pins import Input, Kind, LevelChange
+from steptwin.emulator.tb6560 import PINS, Pins, Rule, Tb6560, Unit, chopping_hz, clk_width_min_counts, oscillator_hz
+from steptwin.emulator.tb6560.pins import Input, Kind, LevelChange
 from tests.emulator.pins import PERIOD, POWER_UP, WIDTH, at, cut, pins
 
 UP = ((1, 1),)

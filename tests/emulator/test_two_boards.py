@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from controller.backend import Kernel
-from controller.kernel import TICK_COUNTS
-from emulator.board import Board, BoardConfig
-from emulator.bus import Bus
-from emulator.simulation import Simulation
-from protocol.frame import COB_SYNC, Frame
-from protocol.pvt import PvtRecord
+from steptwin.controller.backend import Kernel
+from steptwin.controller.kernel import TICK_COUNTS
+from steptwin.emulator.board import Board, BoardConfig
+from steptwin.emulator.bus import Bus
+from steptwin.emulator.simulation import Simulation
+from steptwin.protocol.frame import COB_SYNC, Frame
+from steptwin.protocol.pvt import PvtRecord
 
 MS = 72_000
 FIRST, SECOND = 0x10, 0x12

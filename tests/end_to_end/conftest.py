@@ -2,8 +2,8 @@
 
 import pytest
 
-from controller.backend import Kernel
 from docs.generate.runs import Runs
+from steptwin.controller.backend import Kernel
 
 
 @pytest.fixture(scope="session")

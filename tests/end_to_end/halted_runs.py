@@ -7,16 +7,17 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from controller import kernel as k
-from controller.backend import Kernel
-from controller.group_time import GroupTime
-from host.client import AxisRecords, Machine, OutputCommand, Progress
-from host.jobs import make_job
-from host.planner import plan
-from host.robots import load_robot
-from host.run import Outcome, execute
-from host.verify import AxisEvidence, Evidence, Report, verify
-from host.verify.evidence import Int64Array
+from steptwin.controller import kernel as k
+from steptwin.controller.backend import Kernel
+from steptwin.controller.group_time import GroupTime
+from steptwin.host.client import AxisRecords, Machine, OutputCommand, Progress
+from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.planner import plan
+from steptwin.host.robots import load_robot
+from steptwin.host.twin.execution import execute
+from steptwin.host.twin.outcome import Outcome
+from steptwin.host.verify import AxisEvidence, Evidence, Report, verify
+from steptwin.host.verify.evidence import Int64Array
 
 _POLL_S = 0.01
 
@@ -121,7 +122,7 @@ def run_with(kernel: Kernel, job: str, breaks: Sequence[Break], options: dict[st
         ramps.append(Ramp(tick, from_q16 / k.FULL_RATE_Q16, to_q16 / k.FULL_RATE_Q16, int(group.cells[k.RAMP_TICKS])))
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("host.run.Machine", BreakingMachine)
+        patch.setattr("steptwin.host.twin.execution.Machine", BreakingMachine)
         patch.setattr(GroupTime, "ramp", ramp)
         robot = load_robot("warehouse-scara")
         outcome = execute(plan(robot, make_job(robot, job, options or {})), job, kernel)

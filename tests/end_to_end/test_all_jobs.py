@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from host.cli.app import run
+from steptwin.host.cli.app import run
 
 
 @dataclass(frozen=True)

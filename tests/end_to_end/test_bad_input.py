@@ -4,14 +4,14 @@ import dataclasses
 
 import pytest
 
-from controller.backend import Kernel
-from emulator.can_controller import CanController
-from host.cli.app import run
-from host.errors import InputError
-from host.jobs import make_job
-from host.planner import plan
-from host.robots import load_robot
-from host.run import execute
+from steptwin.controller.backend import Kernel
+from steptwin.emulator.can_controller import CanController
+from steptwin.host.cli.app import run
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.planner import plan
+from steptwin.host.robots import load_robot
+from steptwin.host.twin.execution import execute
 
 RUN = ["run", "warehouse-scara", "drawer-pull"]
 

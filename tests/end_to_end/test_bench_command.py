@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from host.cli.app import run
+from steptwin.host.cli.app import run
 
 CARRY = ["bench", "teaching-scara", "carry"]
 METHODS = ["kernel", "dda-20k", "dda-40k", "dda-100k", "bresenham", "austin"]

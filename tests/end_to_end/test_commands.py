@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from host.cli.app import run
+from steptwin.host.cli.app import run
 
 
 def test_robots(capsys: pytest.CaptureFixture[str]) -> None:
@@ -91,7 +91,7 @@ def test_an_interrupt_ends_with_130(monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("host.run.execute", interrupted)
+    monkeypatch.setattr("steptwin.host.twin.execution.execute", interrupted)
     assert run(["run", "warehouse-scara", "drawer-pull"]) == 130
 
 
@@ -113,6 +113,6 @@ HEAVY = {"numpy", "scipy", "can", "canopen", "numba", "matplotlib"}
 
 def test_help_does_not_import_what_is_heavy() -> None:
     """Start-up time is measured elsewhere; this keeps its causes out."""
-    code = "import sys, host.cli; print(*sorted(HEAVY & set(sys.modules)))".replace("HEAVY", str(HEAVY))
+    code = "import sys, steptwin.host.cli; print(*sorted(HEAVY & set(sys.modules)))".replace("HEAVY", str(HEAVY))
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert shown.stdout.strip() == ""

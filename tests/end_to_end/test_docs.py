@@ -15,8 +15,8 @@ from docs.generate.results import SAMPLED
 from docs.generate.robot_file import Entry, read_robot_file
 from docs.generate.runs import ROBOTS, Runs
 from docs.generate.waveform_pictures import WAVEFORM_PAGE
-from host.cli.app import run
-from host.robots import robot_names
+from steptwin.host.cli.app import run
+from steptwin.host.robots import robot_names
 from tests.end_to_end.test_readme import ROOT
 
 TEXT = PAGE.read_text(encoding="utf-8")
@@ -65,7 +65,7 @@ def test_the_commands_for_waveforms(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     """One after the other; the run itself draws no pictures here."""
     pytest.importorskip("matplotlib", reason="the extra `plot` (matplotlib) is not installed")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("host.run_folder.writing.find_spec", lambda _: None)
+    monkeypatch.setattr("steptwin.host.record.folder.writing.find_spec", lambda _: None)
     block = re.findall(r"^```\n(.*?)^```", WAVEFORM_PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)[0]
     commands = [shlex.split(line, comments=True) for line in block.splitlines()]
     assert len(commands) == 7

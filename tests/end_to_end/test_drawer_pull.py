@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from host.cli.app import run
+from steptwin.host.cli.app import run
 
 COMMAND = ["run", "warehouse-scara", "drawer-pull", "--json"]
 

@@ -8,15 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controller.backend import Kernel
-from host.cli.app import run
-from host.errors import InputError
-from host.hardware import board_config
-from host.jobs import make_job
-from host.planner import plan
-from host.robot import Robot
-from host.robots import load_robot
-from host.run import Outcome, execute
+from steptwin.controller.backend import Kernel
+from steptwin.host.cli.app import run
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.planner import plan
+from steptwin.host.robots import load_robot
+from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.execution import execute
+from steptwin.host.twin.hardware import board_config
+from steptwin.host.twin.outcome import Outcome
 
 DRAWER_PULL = ["run", "warehouse-scara", "drawer-pull"]
 SPIRAL = ["run", "lab-scara", "spiral"]

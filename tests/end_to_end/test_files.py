@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from emulator.can_controller import CanController
-from host.cli.app import run
-from host.robots import load_robot
+from steptwin.emulator.can_controller import CanController
+from steptwin.host.cli.app import run
+from steptwin.host.robots import load_robot
 
 ROBOT = "teaching-scara"
 CSV = """t,th1,th2,d3,th4
@@ -90,7 +90,7 @@ class TestATrajectoryFile:
         self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
     ) -> None:
         """`--out` leaves trajectory.csv behind: run again it goes the same way."""
-        monkeypatch.setattr("host.run_folder.writing.find_spec", lambda _: None)  # no pictures
+        monkeypatch.setattr("steptwin.host.record.folder.writing.find_spec", lambda _: None)  # no pictures
         first = report_of(capsys, ROBOT, "carry", "--out", str(tmp_path))
         again = report_of(capsys, ROBOT, str(tmp_path / "trajectory.csv"))
         for before, after in zip(first["axes"], again["axes"], strict=True):
@@ -188,7 +188,7 @@ def test_run_takes_one_job(words: list[str], line: str, capsys: pytest.CaptureFi
 
 def own_robot(folder: Path, name: str, changes: dict[str, str], file: str = "mine.toml") -> str:
     """A copy of a robot that comes along, called `mine`, some texts of it changed wherever they are."""
-    text = (files("host.robots") / f"{name}.toml").read_text(encoding="utf-8")
+    text = (files("steptwin.host.robots") / f"{name}.toml").read_text(encoding="utf-8")
     for old, new in {f'name = "{name}"': 'name = "mine"', **changes}.items():
         assert old in text
         text = text.replace(old, new)

@@ -5,9 +5,9 @@ import shlex
 
 import pytest
 
-from host.cli.app import run
-from host.errors import BusError
-from protocol.objects import OBJECTS
+from steptwin.host.cli.app import run
+from steptwin.host.common.errors import BusError
+from steptwin.protocol.objects import OBJECTS
 from tests.end_to_end.test_readme import ROOT, blocks_of
 
 PAGE = (ROOT / "docs" / "hardware.md").read_text(encoding="utf-8")

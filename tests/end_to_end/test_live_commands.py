@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-PROGRAM = [sys.executable, "-c", "from host.cli import main; main()"]
+PROGRAM = [sys.executable, "-c", "from steptwin.host.cli import main; main()"]
 ROBOT = "warehouse-scara"
 TIMEOUT_S = 120.0
 END_ERROR_STEPS_MAX = 0.5 + 1 / 16

@@ -2,14 +2,15 @@
 
 import pytest
 
-from controller.backend import Kernel
-from emulator.bus_faults import Fault, FaultKind, FaultScript
-from host.errors import BusError
-from host.jobs import make_job
-from host.planner import plan
-from host.robots import load_robot
-from host.run import Outcome, execute
-from protocol.frame import COB_SYNC
+from steptwin.controller.backend import Kernel
+from steptwin.emulator.bus_faults import Fault, FaultKind, FaultScript
+from steptwin.host.common.errors import BusError
+from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.planner import plan
+from steptwin.host.robots import load_robot
+from steptwin.host.twin.execution import execute
+from steptwin.host.twin.outcome import Outcome
+from steptwin.protocol.frame import COB_SYNC
 
 RPDO4 = range(0x510, 0x518)
 MS = 72_000

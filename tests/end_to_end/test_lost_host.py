@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from controller.backend import Kernel
-from emulator.bus_faults import Fault, FaultKind, FaultScript
-from host.jobs import make_job
-from host.planner import plan
-from host.robots import load_robot
-from host.run import Outcome, execute
+from steptwin.controller.backend import Kernel
+from steptwin.emulator.bus_faults import Fault, FaultKind, FaultScript
+from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.planner import plan
+from steptwin.host.robots import load_robot
+from steptwin.host.twin.execution import execute
+from steptwin.host.twin.outcome import Outcome
 
 HEARTBEAT = 0x77F
 SILENT_COUNTS = 3 * 72_000_000

@@ -14,15 +14,15 @@ import canopen
 import pytest
 from canopen.profiles.p402 import BaseNode402
 
-from host.run_folder import BUS_LOG
-from protocol.cia402 import ErrorCode, Status
+from steptwin.host.record.folder import BUS_LOG
+from steptwin.protocol.cia402 import ErrorCode, Status
 from tests.emulator.live_rig import TIMEOUT_S, await_true
 from tests.end_to_end.terminal import Terminal
 from tests.end_to_end.test_readme import ROOT, blocks_of
 
 PAGE = (ROOT / "docs" / "tools.md").read_text(encoding="utf-8")
 PORT_SHOWN = "29536"
-STEPTWIN = [sys.executable, "-c", "from host.cli import main; main()"]
+STEPTWIN = [sys.executable, "-c", "from steptwin.host.cli import main; main()"]
 ROBOT = "teaching-scara"
 NODE = 0x10
 TARGET_STEPS = 100

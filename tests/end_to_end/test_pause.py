@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from controller.backend import Kernel
-from host.verify import AxisEvidence
+from steptwin.controller.backend import Kernel
+from steptwin.host.verify import AxisEvidence
 from tests.end_to_end.halted_runs import Break, HaltedRun, run_with
 
 TH1 = 3

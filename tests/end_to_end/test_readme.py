@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from host.cli.app import run
+from steptwin.host.cli.app import run
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

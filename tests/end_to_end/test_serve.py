@@ -15,21 +15,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from controller.backend import fastest_kernel
-from emulator.board import Board
-from emulator.bus import Bus
-from emulator.simulation import Simulation
-from host.cli.app import run
-from host.hardware import board_config, standing_steps
-from host.robots import load_robot
-from host.run_folder import read_edges
-from protocol.frame import Frame
-from protocol.pvt import PvtRecord
+from steptwin.controller.backend import fastest_kernel
+from steptwin.emulator.board import Board
+from steptwin.emulator.bus import Bus
+from steptwin.emulator.simulation import Simulation
+from steptwin.host.cli.app import run
+from steptwin.host.record.folder import read_edges
+from steptwin.host.robots import load_robot
+from steptwin.host.twin.hardware import board_config, standing_steps
+from steptwin.protocol.frame import Frame
+from steptwin.protocol.pvt import PvtRecord
 from tests.emulator.live_rig import TIMEOUT_S, RawClient
 from tests.end_to_end.test_readme import ROOT, blocks_of
 
 LIVE = ROOT / "docs" / "live.md"
-PROGRAM = [sys.executable, "-c", "from host.cli import main; main()"]
+PROGRAM = [sys.executable, "-c", "from steptwin.host.cli import main; main()"]
 ROBOT = "warehouse-scara"
 STEPS_AT_MS = {0: 0, 10: 0, 70: 40, 110: 25}
 """Where the fourth axis is at rest: a cubic leads from one to the next."""

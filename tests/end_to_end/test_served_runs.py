@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from host.cli.app import run
-from host.run_folder import read_edges, writing
+from steptwin.host.cli.app import run
+from steptwin.host.record.folder import read_edges, writing
 from tests.emulator.live_rig import RawClient
 from tests.end_to_end.test_serve import PROGRAM, ROBOT, Server, serving
 

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from host.cli.app import run
-from host.cli.trace import FormatChoice
-from host.run_folder import read_edges
-from host.verify.evidence import Int64Array
-from host.waveforms import Steps
-from host.waveforms.signal import Values
-from tests.waveforms.vcd_reader import read_vcd
+from steptwin.host.cli.app import run
+from steptwin.host.cli.trace import FormatChoice
+from steptwin.host.record.folder import read_edges
+from steptwin.host.record.waveforms import Steps
+from steptwin.host.record.waveforms.signal import Values
+from steptwin.host.verify.evidence import Int64Array
+from tests.host.record.waveforms.vcd_reader import read_vcd
 
 
 def refusal(capsys: pytest.CaptureFixture[str], *words: str) -> str:
@@ -262,6 +262,6 @@ class TestPlot:
     def test_without_matplotlib(
         self, carry_run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
     ) -> None:
-        monkeypatch.setattr("host.cli.plot.find_spec", lambda _: None)
+        monkeypatch.setattr("steptwin.host.cli.plot.find_spec", lambda _: None)
         line = refusal(capsys, "plot", str(carry_run))
         assert line == "plot: matplotlib is not installed (pip install 'steptwin[plot]')"

@@ -14,13 +14,13 @@ from typing import NamedTuple
 import can
 import pytest
 
-from protocol.frame import COB_RPDO, FIRST_NODE_ID
+from steptwin.protocol.frame import COB_RPDO, FIRST_NODE_ID
 from tests.end_to_end.test_readme import ROOT, blocks_of
 
 PAGE = (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
 PORT_SHOWN = "29536"
 CONNECT = "--connect 127.0.0.1"
-STEPTWIN = [sys.executable, "-c", "from host.cli import main; main()"]
+STEPTWIN = [sys.executable, "-c", "from steptwin.host.cli import main; main()"]
 COB_RECORDS = COB_RPDO[3] + FIRST_NODE_ID
 COMMAND_TIMEOUT_S = 120.0
 LIKE_SHOWN = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from host.cli import workspace as command
-from host.cli.app import run
+from steptwin.host.cli import workspace as command
+from steptwin.host.cli.app import run
 
 LAB = ["workspace", "lab-scara"]
 

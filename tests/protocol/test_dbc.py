@@ -6,10 +6,10 @@ import cantools
 import pytest
 from cantools.database.can import Database
 
-from protocol.dbc import AxisNames, render_dbc
-from protocol.frame import COB_EMCY, COB_TPDO
-from protocol.objects import OBJECTS, RPDO_DEFAULTS, TPDO_DEFAULTS
-from protocol.pvt import PvtRecord
+from steptwin.protocol.dbc import AxisNames, render_dbc
+from steptwin.protocol.frame import COB_EMCY, COB_TPDO
+from steptwin.protocol.objects import OBJECTS, RPDO_DEFAULTS, TPDO_DEFAULTS
+from steptwin.protocol.pvt import PvtRecord
 
 SLIDE = AxisNames("sx", "mm", 655_360.0 / 16)
 PLAIN = AxisNames("Axis1")

@@ -2,9 +2,9 @@
 
 import pytest
 
-from protocol.abort import AbortCode, SdoAbortError
-from protocol.dictionary import ObjectDictionary
-from protocol.objects import key_of
+from steptwin.protocol.abort import AbortCode, SdoAbortError
+from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.objects import key_of
 
 GAPS, MODE = key_of(0x2013, 2), key_of(0x6060)
 GAPS_MAX = 0xFFFF

@@ -2,9 +2,9 @@
 
 import pytest
 
-from protocol.abort import AbortCode, SdoAbortError
-from protocol.dictionary import ObjectDictionary
-from protocol.heartbeat_consumer import HeartbeatConsumer
+from steptwin.protocol.abort import AbortCode, SdoAbortError
+from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.heartbeat_consumer import HeartbeatConsumer
 
 ALIVE = bytes((5,))
 

@@ -4,12 +4,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.abort import AbortCode, SdoAbortError
-from protocol.cia402 import ErrorCode
-from protocol.dictionary import ObjectDictionary
-from protocol.frame import COB_ID_INVALID, COB_ID_NO_RTR
-from protocol.pdo import ProcessData
-from protocol.pvt import PvtRecord
+from steptwin.protocol.abort import AbortCode, SdoAbortError
+from steptwin.protocol.cia402 import ErrorCode
+from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.frame import COB_ID_INVALID, COB_ID_NO_RTR
+from steptwin.protocol.pdo import ProcessData
+from steptwin.protocol.pvt import PvtRecord
 
 NODE = 0x10
 INVALID = COB_ID_INVALID

@@ -9,8 +9,8 @@ from canopen.sdo.client import SdoClient
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.dictionary import ObjectDictionary
-from protocol.sdo_server import SdoServer
+from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.sdo_server import SdoServer
 
 NODE = 0x10
 NAME = b"StepTwin TB6560 axis (SIMULATED)"

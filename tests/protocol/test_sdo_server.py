@@ -2,11 +2,11 @@
 
 import pytest
 
-from protocol.abort import AbortCode
-from protocol.datatypes import DataType, encode
-from protocol.dictionary import ObjectDictionary
-from protocol.objects import OBJECTS, Access, Entry, Object
-from protocol.sdo_server import SdoServer
+from steptwin.protocol.abort import AbortCode
+from steptwin.protocol.datatypes import DataType, encode
+from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.objects import OBJECTS, Access, Entry, Object
+from steptwin.protocol.sdo_server import SdoServer
 
 NODE = 0x12
 ENTRIES = [(item, subindex, entry) for item in OBJECTS for subindex, entry in item.entries.items()]

@@ -8,13 +8,13 @@ from canopen.objectdictionary import eds as canopen_eds
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.cia402 import ErrorCode
-from protocol.datatypes import DataType, decode, encode
-from protocol.eds import render_eds
-from protocol.emergency import EmergencyProducer
-from protocol.nmt import HeartbeatProducer, NmtCommand, NmtState, command_for, target_of
-from protocol.objects import OBJECTS, Kind
-from protocol.pvt import PvtRecord, PvtStatus, Verdict, judge
+from steptwin.protocol.cia402 import ErrorCode
+from steptwin.protocol.datatypes import DataType, decode, encode
+from steptwin.protocol.eds import render_eds
+from steptwin.protocol.emergency import EmergencyProducer
+from steptwin.protocol.nmt import HeartbeatProducer, NmtCommand, NmtState, command_for, target_of
+from steptwin.protocol.objects import OBJECTS, Kind
+from steptwin.protocol.pvt import PvtRecord, PvtStatus, Verdict, judge
 
 
 class TestNmt:

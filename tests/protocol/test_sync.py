@@ -2,9 +2,9 @@
 
 import pytest
 
-from protocol.abort import AbortCode, SdoAbortError
-from protocol.dictionary import ObjectDictionary
-from protocol.sync import SyncConsumer
+from steptwin.protocol.abort import AbortCode, SdoAbortError
+from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.sync import SyncConsumer
 
 
 @pytest.mark.parametrize(

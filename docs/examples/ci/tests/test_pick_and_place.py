@@ -5,10 +5,10 @@ import pytest
 from pick_and_place.arm import Arm, ArmError
 from pick_and_place.planner import Point, plan_move
 
-from emulator.bus_faults import Fault, FaultKind
-from emulator.operations import EmergencyStop, Scheduled
-from host.board_under_test import BoardUnderTest
-from host.motions.sampled import Sampled
+from steptwin.emulator.bus_faults import Fault, FaultKind
+from steptwin.emulator.operations import EmergencyStop, Scheduled
+from steptwin.host.planning.motions.sampled import Sampled
+from steptwin.host.twin.board_under_test import BoardUnderTest
 
 COUNTS_PER_S = 72_000_000
 HALF_A_STEP = 0.02

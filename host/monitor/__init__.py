@@ -1,5 +1,0 @@
-"""CAN frames in CANopen's words: what `steptwin monitor` shows."""
-
-from host.monitor.decoder import SERVICES, Decoded, Decoder
-
-__all__ = ["SERVICES", "Decoded", "Decoder"]

@@ -1,0 +1,66 @@
+"""Jobs: the named motions of each kind of robot, the experiments of the papers among them."""
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from steptwin.host.common.bad_input import unknown
+from steptwin.host.planning.jobs.calibration_demo import DEMO
+from steptwin.host.planning.jobs.carry import CARRY
+from steptwin.host.planning.jobs.drawer_pull import DRAWER_PULL
+from steptwin.host.planning.jobs.five_points import FIVE_POINTS
+from steptwin.host.planning.jobs.helix import HELIX
+from steptwin.host.planning.jobs.job import Job
+from steptwin.host.planning.jobs.shelf import FETCH, STORE
+from steptwin.host.planning.jobs.spiral import SPIRAL
+from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.robots.robot import Robot
+
+__all__ = ["Job", "job_names", "job_options", "job_summary", "make_job"]
+
+_JOBS: Final[dict[str, tuple[Job[Any], ...]]] = {
+    "lab-scara": (SPIRAL,),
+    "warehouse-scara": (DRAWER_PULL, STORE, FETCH),
+    "teaching-scara": (CARRY,),
+    "calibration-scara": (DEMO,),
+    "hybrid-arm": (FIVE_POINTS, HELIX),
+}
+"""By the kind of kinematics, so that a user's own file of the same mechanism has the same jobs."""
+
+
+def job_names(robot: Robot) -> tuple[str, ...]:
+    """What the robot can be asked to do."""
+    return tuple(_jobs(robot))
+
+
+def job_summary(robot: Robot, job_name: str) -> str:
+    """One line that says what a job does; InputError if there is no such job."""
+    return _job(robot, job_name).summary
+
+
+def job_options(robot: Robot, job_name: str) -> dict[str, str]:
+    """A job's options, each with its default and valid values as text.
+
+    Raises:
+        InputError: no such job.
+    """
+    return _job(robot, job_name).described_options(robot)
+
+
+def make_job(robot: Robot, job_name: str, options: Mapping[str, str]) -> Trajectory:
+    """A job's trajectory; options are texts as on the command line, those not given take their defaults.
+
+    Raises:
+        InputError: no such job or option, a value out of range, or a motion that the robot cannot make.
+    """
+    return _job(robot, job_name).make(robot, options)
+
+
+def _jobs(robot: Robot) -> dict[str, Job[Any]]:
+    return {job.name: job for job in _JOBS.get(robot.kinematics, ())}
+
+
+def _job(robot: Robot, job_name: str) -> Job[Any]:
+    jobs = _jobs(robot)
+    if job_name not in jobs:
+        raise unknown("job", job_name, jobs)
+    return jobs[job_name]

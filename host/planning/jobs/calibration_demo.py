@@ -1,0 +1,33 @@
+"""The calibration robot moves all of its joints at once by a cubic of time.
+
+Its paper (ICMEMTC 2016, Atlantis Press, from p. 918) has no experiment: the move is assumed.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+from steptwin.host.planning.jobs.job import Job
+from steptwin.host.planning.jobs.options import number
+from steptwin.host.planning.laws import Cubic
+from steptwin.host.planning.motions.joint_move import JointMove
+from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.robots.robot import Robot
+
+START: Final = (0.0, 0.0, 0.0, 0.0)
+GOAL: Final = (60.0, -45.0, 100.0, 90.0)
+"""th1, th2 in degrees, d3 in mm, th4 in degrees."""
+
+
+@dataclass(frozen=True, slots=True)
+class DemoOptions:
+    """How long it takes."""
+
+    duration_s: float = number(2.0, 0.01, 60.0, "s")
+
+
+def demo(robot: Robot, options: DemoOptions) -> Trajectory:
+    """The move; InputError for a duration that is not a whole number of milliseconds."""
+    return JointMove(robot.joint_names, START, GOAL, Cubic(1.0, options.duration_s))
+
+
+DEMO: Final = Job("demo", "all joints at once by a cubic of time", DemoOptions, demo)

@@ -1,0 +1,78 @@
+"""The classroom robot carries something from one taught point to another, all joints by one polynomial of time.
+
+Source: X. Yao, Y. Pan, Y. Gao, "Research and Implementation of SCARA Manipulator Control Algorithm in Experimental
+Teaching", 2017, DOI 10.3969/j.issn.1000-386x.2017.06.019: the points and the duration. Its text has the cubic, its
+figures probably the quintic.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final
+
+import numpy as np
+
+from steptwin.host.planning.jobs.job import Job
+from steptwin.host.planning.jobs.options import joint_position, number, whole_number
+from steptwin.host.planning.laws import Cubic, Law, Quintic
+from steptwin.host.planning.motions.composer import Composer
+from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.robots.robot import Robot
+
+START_RAD: Final = (-0.000062, 0.000178, 0.0, -0.000117)
+GOAL_RAD: Final = (-0.522315, 1.504080, 0.0, -0.981765)
+"""qa and qb of the paper: th1, th2, d3, th4, where d3 is 0."""
+
+
+class Polynomial(Enum):
+    """The time law."""
+
+    CUBIC = "cubic"
+    QUINTIC = "quintic"
+
+    def lasting(self, duration_s: float) -> Law:
+        """From 0 to 1."""
+        return Cubic(1.0, duration_s) if self is Polynomial.CUBIC else Quintic(1.0, duration_s)
+
+
+@dataclass(frozen=True, slots=True)
+class CarryOptions:
+    """The time law, how far down things are picked up and put down, and how often.
+
+    With a depth of 0 the arm only goes from point to point, as in the paper's experiment; else it lowers the gripper
+    at the start, closes it, and opens it at the goal.
+    """
+
+    law: Polynomial = Polynomial.CUBIC
+    duration_s: float = number(1.0, 0.01, 60.0, "s")
+    depth_mm: float = joint_position(0.0, "d3")
+    repetitions: int = whole_number(1, 1, 1000, "times")
+
+
+def carry(robot: Robot, options: CarryOptions) -> Trajectory:
+    """From qa to qb; before each repetition the arm goes back.
+
+    Raises:
+        InputError: a duration that is not a whole number of milliseconds, or a robot without a gripper that shall pick.
+    """
+    start, goal = np.rad2deg(START_RAD), np.rad2deg(GOAL_RAD)
+    law = options.law.lasting(options.duration_s)
+    moves = Composer(robot, start)
+    for repetition in range(options.repetitions):
+        if repetition:
+            moves.go_by(law, start)
+        _grip(moves, options.depth_mm, close=True)
+        moves.go_by(law, goal)
+        _grip(moves, options.depth_mm, close=False)
+    return moves.sequence()
+
+
+def _grip(moves: Composer, depth_mm: float, *, close: bool) -> None:
+    if depth_mm:
+        moves.go_some({"d3": depth_mm})
+        moves.switch("gripper", on=close)
+        moves.go_some({"d3": 0.0})
+
+
+CARRY: Final = Job(
+    "carry", "from one taught point to another, picking and placing if depth_mm is not 0", CarryOptions, carry
+)

@@ -1,0 +1,54 @@
+"""The warehouse robot pulls a drawer 180 mm out of its shelf: straight, at constant attitude, against y.
+
+Source: A. Jiang, L. Guo, X. Tan, "Development of Prototype of a New Intelligent Warehouse Robot", 2019,
+DOI 10.3969/j.issn.1009-9492.2019.05.018: start, distance and 10 s are the paper's, the ramps of 2 s are assumed.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from steptwin.host.planning.jobs.elbows import with_elbow
+from steptwin.host.planning.jobs.job import Job
+from steptwin.host.planning.jobs.options import joint_position, number
+from steptwin.host.planning.laws import Trapezoid
+from steptwin.host.planning.motions.tool_move import ToolMove
+from steptwin.host.planning.paths import StraightLine
+from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.robots.kinematics import Elbow, make_kinematics
+from steptwin.host.robots.robot import Robot
+
+LOCKED_DEG: Final = (0.0, 60.0, 30.0)
+"""th1, th2, th3 with the elbow to the right when the hand has locked onto a drawer."""
+
+TRAVEL_MM: Final = 180.0
+
+
+@dataclass(frozen=True, slots=True)
+class DrawerPullOptions:
+    """The elbow's side, the time law, and where slides and lift stand meanwhile."""
+
+    elbow: Elbow = Elbow.RIGHT
+    duration_s: float = number(10.0, 0.002, 600.0, "s")
+    ramp_s: float = number(2.0, 0.001, 300.0, "s")
+    sx_mm: float = joint_position(0.0, "sx")
+    sz_mm: float = joint_position(0.0, "sz")
+    L1_mm: float = joint_position(100.0, "L1")
+
+
+def drawer_pull(robot: Robot, options: DrawerPullOptions) -> Trajectory:
+    """The pull with either elbow: both start at the same tool pose.
+
+    Raises:
+        InputError: times that make no trapezoid.
+    """
+    law = Trapezoid(TRAVEL_MM, options.duration_s, options.ramp_s)
+    right = np.array([options.sx_mm, options.sz_mm, options.L1_mm, *LOCKED_DEG])
+    start = with_elbow(robot, right, options.elbow)
+    x_mm, y_mm, z_mm, attitude_deg = make_kinematics(robot).forward(right[np.newaxis])[0].tolist()
+    path = StraightLine((x_mm, y_mm, z_mm, attitude_deg), (x_mm, y_mm - TRAVEL_MM, z_mm, attitude_deg))
+    return ToolMove.along(robot, path, law, options.elbow.value, start)
+
+
+DRAWER_PULL: Final = Job("drawer-pull", "pull a drawer 180 mm out, straight", DrawerPullOptions, drawer_pull)

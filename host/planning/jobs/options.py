@@ -1,0 +1,128 @@
+"""From texts on the command line to a job's options: a frozen dataclass of enums, places and ranged numbers."""
+
+from collections.abc import Mapping
+from dataclasses import Field, dataclass, field, fields
+from enum import Enum
+from typing import Any, TypeVar
+
+from steptwin.host.common.bad_input import unknown
+from steptwin.host.common.errors import InputError
+from steptwin.host.robots.robot import Robot
+
+Options = TypeVar("Options")
+Choice = TypeVar("Choice")
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """The values that a number may take, ends included."""
+
+    lower: float
+    upper: float
+    unit: str
+
+    def __str__(self) -> str:
+        return f"{self.lower:g}..{self.upper:g} {self.unit}"
+
+
+def number(default: float, lower: float, upper: float, unit: str) -> Any:
+    """A dataclass field for a number with a range. (Any, as `dataclasses.field` pretends to be its default.)"""
+    return field(default=default, metadata={"range": Range(lower, upper, unit)})
+
+
+def whole_number(default: int, lower: int, upper: int, unit: str) -> Any:
+    """A dataclass field for a count with a range."""
+    return field(default=default, metadata={"range": Range(lower, upper, unit)})
+
+
+def place(default: str, other_than: str) -> Any:
+    """A dataclass field for a place, whose choices are those in the robot's file but for one."""
+    return field(default=default, metadata={"other_than": other_than})
+
+
+def joint_position(default: float, joint: str) -> Any:
+    """A dataclass field for a joint's position, whose range is the robot's."""
+    return field(default=default, metadata={"joint": joint})
+
+
+def parse_options(options: type[Options], texts: Mapping[str, str], robot: Robot) -> Options:
+    """The dataclass from its fields' texts; a field's default says whether it is an enum, a place or a number.
+
+    A default place is looked up like a given one: a robot's file need not have it.
+
+    Raises:
+        InputError: an unknown name, with the nearest ones, or a bad value, with the choices or the range.
+    """
+    known = _fields(options)
+    texts = {name.replace("-", "_"): text for name, text in texts.items()}
+    for name in texts:
+        if name not in known:
+            raise unknown("option", name, known)
+    places = {name: str(option.default) for name, option in known.items() if "other_than" in option.metadata}
+    return options(**{name: _value(known[name], text, robot) for name, text in (places | texts).items()})
+
+
+def describe_options(options: type[Any], robot: Robot) -> dict[str, str]:
+    """Each option's default and what else it may be, for people."""
+    return {name: _description(option, robot) for name, option in _fields(options).items()}
+
+
+def _fields(options: type[Any]) -> dict[str, Field[Any]]:
+    return {option.name: option for option in fields(options)}
+
+
+def _description(option: Field[Any], robot: Robot) -> str:
+    if isinstance(option.default, Enum):
+        return f"{option.default.value} ({', '.join(_choices(option.default))})"
+    if isinstance(option.default, str):
+        return f"{option.default} ({', '.join(_places(option, robot))})"
+    return f"{option.default:g} ({_range(option, robot)})"
+
+
+def _value(option: Field[Any], text: str, robot: Robot) -> Enum | str | float:
+    if isinstance(option.default, Enum):
+        return _choice(option.name, text, _choices(option.default))
+    if isinstance(option.default, str):
+        return _choice(option.name, text, _places(option, robot))
+    value = _number(option.name, text, _range(option, robot))
+    if isinstance(option.default, int):
+        return _whole(option.name, value)
+    return value
+
+
+def _places(option: Field[Any], robot: Robot) -> dict[str, str]:
+    return {name: name for name in robot.places if name != option.metadata["other_than"]}
+
+
+def _choice(name: str, text: str, choices: Mapping[str, Choice]) -> Choice:
+    if text not in choices:
+        raise InputError(f"{unknown(f'option {name}:', text, choices)} (valid: {', '.join(choices)})")
+    return choices[text]
+
+
+def _whole(name: str, value: float) -> int:
+    if value != int(value):
+        raise InputError(f"option {name}: {value:.9g} is not a whole number")
+    return int(value)
+
+
+def _choices(default: Enum) -> dict[str, Enum]:
+    return {str(choice.value): choice for choice in type(default)}
+
+
+def _number(name: str, text: str, allowed: Range) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise InputError(f"option {name}: {text!r} is not a number (valid: {allowed})") from None
+    if not allowed.lower <= value <= allowed.upper:
+        raise InputError(f"option {name}: {value:.9g} {allowed.unit} is outside {allowed}")
+    return value
+
+
+def _range(option: Field[Any], robot: Robot) -> Range:
+    if "joint" not in option.metadata:
+        allowed: Range = option.metadata["range"]
+        return allowed
+    joint = robot.joint(option.metadata["joint"])
+    return Range(joint.lower, joint.upper, joint.unit)

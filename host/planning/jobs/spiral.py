@@ -1,0 +1,80 @@
+"""The laboratory robot draws an Archimedean spiral of three turns about a vertical axis, rising, in 377 points.
+
+    u_k = 0.05 k, k = 0..376        x = x0 + 5 u cos u        y = y0 + 5 u sin u        z = z0 + rise(u)
+
+Source: H. Wang, B. Yin, R. Luo, X. Wang, "Mechanism design and kinematics analysis of 4-dof SCARA robot system",
+J. Mechanical & Electrical Engineering 36(12), 2019, 1320-1324. It gives the rise as "pitch pi" without a unit: law A
+takes pi mm a turn, u/2, law B pi mm a radian, pi u. Its z0 and its time per point are missing and assumed.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.bad_input import whole_ms
+from steptwin.host.planning.jobs.job import Job
+from steptwin.host.planning.jobs.options import number
+from steptwin.host.planning.motions.following import follow
+from steptwin.host.planning.motions.sampled import Sampled
+from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.robots.kinematics import Elbow
+from steptwin.host.robots.robot import Robot
+
+POINTS: Final = 377
+STEP_RAD: Final = 0.05
+MM_PER_RAD: Final = 5.0
+
+
+class ZLaw(Enum):
+    """How the spiral rises."""
+
+    A = "A"
+    B = "B"
+
+    @property
+    def mm_per_rad(self) -> float:
+        """Along u."""
+        return 0.5 if self is ZLaw.A else np.pi
+
+
+@dataclass(frozen=True, slots=True)
+class SpiralOptions:
+    """The rise, the tool's direction, the elbow's side, the time from point to point, and where the spiral begins."""
+
+    z_law: ZLaw = ZLaw.A
+    psi_deg: float = number(0.0, -180.0, 180.0, "deg")
+    elbow: Elbow = Elbow.RIGHT
+    point_s: float = number(0.05, 0.001, 10.0, "s")
+    x_mm: float = number(-300.0, -2000.0, 2000.0, "mm")
+    y_mm: float = number(400.0, -2000.0, 2000.0, "mm")
+    z_mm: float = number(0.0, -2000.0, 2000.0, "mm")
+
+
+def spiral(robot: Robot, options: SpiralOptions) -> Trajectory:
+    """A C2 spline in the joints through the points, from rest to rest.
+
+    Raises:
+        InputError: a time that is not a whole number of milliseconds, or a spiral that the arm does not reach.
+    """
+    t_s = np.arange(POINTS) * whole_ms("point_s", options.point_s) / 1000
+    joints = follow(robot, spiral_poses(options), t_s, options.elbow.value, np.array(robot.home))
+    return Sampled.c2_spline(robot.joint_names, t_s, joints)
+
+
+def spiral_poses(options: SpiralOptions) -> FloatArray:
+    """The points, shape (377, 4)."""
+    u = STEP_RAD * np.arange(POINTS)
+    return np.column_stack(
+        [
+            options.x_mm + MM_PER_RAD * u * np.cos(u),
+            options.y_mm + MM_PER_RAD * u * np.sin(u),
+            options.z_mm + options.z_law.mm_per_rad * u,
+            np.full(POINTS, options.psi_deg),
+        ]
+    )
+
+
+SPIRAL: Final = Job("spiral", "an Archimedean spiral of three turns through 377 points", SpiralOptions, spiral)

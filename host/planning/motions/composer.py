@@ -1,0 +1,98 @@
+"""Composing a sequence move by move, as a person at a teach box would: go there, along that line, switch this."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.bad_input import unknown, whole_ms
+from steptwin.host.planning.laws import Law, SCurve
+from steptwin.host.planning.laws.times import check_duration
+from steptwin.host.planning.motions.joint_move import JointMove, limits_along
+from steptwin.host.planning.motions.sequence import Pause, Sequence
+from steptwin.host.planning.motions.tool_move import ToolMove
+from steptwin.host.planning.paths import StraightLine
+from steptwin.host.planning.trajectory import Switching, Trajectory
+from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.robot import Robot
+
+SWITCHING_S: Final = 0.3
+"""How long the machine waits for a gripper, a magnet or a lock to do its work."""
+
+PACE: Final = 0.8
+"""The part of the joints' speed and acceleration limits that joint moves use."""
+
+JERK_TIME_S: Final = 0.1
+"""How long a joint move's acceleration takes to rise."""
+
+_THERE: Final = 1e-9
+"""In mm or degrees: what rounding may leave of a way at its end."""
+
+
+@dataclass(slots=True)
+class Composer:
+    """Knows where the joints are, shape (joints,), and at what time; `sequence` returns what has been composed.
+
+    Raises:
+        InputError: from each move, when the robot cannot make it; times in the messages are those of the sequence.
+    """
+
+    robot: Robot
+    joints: FloatArray
+    _parts: list[Trajectory] = field(default_factory=list)
+    _starts_ms: list[int] = field(default_factory=lambda: [0])
+    _switchings: list[Switching] = field(default_factory=list)
+
+    def go(self, goal: FloatArray) -> None:
+        """All joints to a position of shape (joints,), together and jerk-limited; nothing if they are there already."""
+        way = goal - self.joints
+        if np.abs(way).max() < _THERE:
+            return
+        speed, acceleration = limits_along(self.robot, way)
+        law = SCurve.fastest(1.0, PACE * speed, PACE * acceleration, PACE * acceleration / JERK_TIME_S)
+        self.go_by(law, goal)
+
+    def go_some(self, positions: Mapping[str, float]) -> None:
+        """Some joints, by name, in the same way; the others stay."""
+        goal = self.joints.copy()
+        for name, position in positions.items():
+            if name not in self.robot.joint_names:
+                raise unknown("joint", name, self.robot.joint_names)
+            goal[self.robot.joint_names.index(name)] = position
+        self.go(goal)
+
+    def go_by(self, law: Law, goal: FloatArray) -> None:
+        """All joints to a position of shape (joints,), by a law with a distance of 1."""
+        start, end = (tuple(joints.tolist()) for joints in (self.joints, goal))
+        self._append(JointMove(self.robot.joint_names, start, end, law))
+
+    def line(self, branch: str, way_mm: tuple[float, float, float], law: Law) -> None:
+        """The tool straight on by a vector in the world frame, its attitude constant, by a law of that distance."""
+        x_mm, y_mm, z_mm, attitude_deg = make_kinematics(self.robot).forward(self.joints[np.newaxis])[0].tolist()
+        dx_mm, dy_mm, dz_mm = way_mm
+        path = StraightLine((x_mm, y_mm, z_mm, attitude_deg), (x_mm + dx_mm, y_mm + dy_mm, z_mm + dz_mm, attitude_deg))
+        self._append(ToolMove.along(self.robot, path, law, branch, self.joints, self._starts_ms[-1] / 1000))
+
+    def switch(self, output: str, *, on: bool) -> None:
+        """Stand still while a digital output of the robot changes."""
+        if output not in self.robot.outputs:
+            raise unknown("outputs:", output, self.robot.outputs)
+        from_s = self._starts_ms[-1] / 1000
+        self.pause(SWITCHING_S)
+        self._switchings.append(Switching(output, on, from_s, self._starts_ms[-1] / 1000))
+
+    def pause(self, duration_s: float) -> None:
+        """Stand still for whole milliseconds, at least one."""
+        check_duration(duration_s)
+        self._append(Pause(self.robot.joint_names, tuple(self.joints.tolist()), duration_s))
+
+    def sequence(self) -> Sequence:
+        """Everything so far."""
+        return Sequence(self.robot.joint_names, tuple(self._parts), tuple(self._starts_ms), tuple(self._switchings))
+
+    def _append(self, part: Trajectory) -> None:
+        self._parts.append(part)
+        self._starts_ms.append(self._starts_ms[-1] + whole_ms("the duration", part.duration_s))
+        self.joints = part.positions(np.array([part.duration_s]))[0]

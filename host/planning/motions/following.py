@@ -1,0 +1,45 @@
+"""Joints that follow the tool: inverse kinematics along a path, checked and without jumps."""
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.bad_input import unknown
+from steptwin.host.common.errors import InputError
+from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.kinematics.base import LIMIT_TOLERANCE, Constraint
+from steptwin.host.robots.robot import Robot, Unit
+
+
+def follow(robot: Robot, poses: FloatArray, t_s: FloatArray, branch: str, near: FloatArray) -> FloatArray:
+    """Joints, shape (n, joints), for tool poses of shape (n, 4) along a path, at times of shape (n,).
+
+    They begin at the turns nearest to `near`, of shape (joints,), and go on without jumps of a whole turn. Joints'
+    limits are not asked: the planner checks them.
+
+    Raises:
+        InputError: the path leaves the mechanism's reach or comes near a singularity; the message says when.
+    """
+    kinematics = make_kinematics(robot)
+    if branch not in kinematics.branches:
+        raise unknown("branch", branch, kinematics.branches)
+    solved = kinematics.solve(poses, branch, near)
+    _check(solved.mechanism, t_s)
+    _check(kinematics.singularities(solved.joints), t_s)
+    joints = solved.joints
+    for axis, joint in enumerate(robot.joints):
+        if joint.unit is Unit.DEG:
+            joints[:, axis] = np.unwrap(joints[:, axis], period=360.0) + _turns_deg(joints[0, axis], near[axis])
+    return joints
+
+
+def _turns_deg(first_deg: float, near_deg: float) -> float:
+    """The full turns from a joint that stands there already: -180 and 180 are one place, but not one position."""
+    turns_deg = 360.0 * round((near_deg - first_deg) / 360.0)
+    return turns_deg if abs(first_deg + turns_deg - near_deg) < LIMIT_TOLERANCE else 0.0
+
+
+def _check(constraints: tuple[Constraint, ...], t_s: FloatArray) -> None:
+    for constraint in constraints:
+        if not constraint.kept.all():
+            i = int(np.argmin(constraint.kept))
+            raise InputError(f"at t = {t_s[i]:.3f} s the tool's path breaks off: {constraint.complaint(i)}")

@@ -1,0 +1,129 @@
+"""Motions through given points: the clamped C2 spline, Akima's spline, and cubics through given velocities.
+
+The C2 spline has continuous acceleration, but rings beside sudden changes; Akima's does not ring, but its acceleration
+jumps at the points (H. Akima, "A new method of interpolation and smooth curve fitting based on local procedures",
+J. ACM 17(4), 1970). Both begin and end at rest: a motion here always does.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import TYPE_CHECKING, Final, Self
+
+import numpy as np
+import scipy
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.bad_input import whole_ms
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.trajectory import Switching
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
+
+AKIMA_POINTS_MIN: Final = 3
+
+_GAP_MIN_S: Final = 1e-6
+"""The least time between two points: slopes over shorter ones leave the range of numbers."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sampled:
+    """All joints along a piecewise cubic curve; fulfils Trajectory.
+
+    Attributes:
+        joint_names: the robot's joints.
+        curve: from seconds to joint positions, mm and degrees, shape (joints,).
+        breakpoints_s: the points at which the acceleration jumps.
+        switchings: the outputs that change on the way.
+    """
+
+    joint_names: tuple[str, ...]
+    curve: "PPoly"
+    breakpoints_s: tuple[float, ...]
+    switchings: tuple[Switching, ...] = ()
+
+    @classmethod
+    def c2_spline(cls, joint_names: tuple[str, ...], times_s: FloatArray, positions: FloatArray) -> Self:
+        """Through positions of shape (points, joints) at times of shape (points,), the acceleration continuous.
+
+        Raises:
+            InputError: times that do not begin at 0, do not increase, or do not end at a whole millisecond.
+        """
+        check_times(times_s)
+        return cls(joint_names, scipy.interpolate.CubicSpline(times_s, positions, bc_type="clamped"), ())
+
+    @classmethod
+    def akima(cls, joint_names: tuple[str, ...], times_s: FloatArray, positions: FloatArray) -> Self:
+        """Through at least 3 points with Akima's slopes, but 0 at both ends; arguments as for `c2_spline`.
+
+        Raises:
+            InputError: as for `c2_spline`, and if a time in between is not a whole millisecond.
+        """
+        if len(times_s) < AKIMA_POINTS_MIN:
+            raise InputError(f"{len(times_s)} points: Akima's spline takes at least {AKIMA_POINTS_MIN}")
+        check_times(times_s)
+        slopes = np.asarray(scipy.interpolate.Akima1DInterpolator(times_s, positions)(times_s, 1))
+        slopes[[0, -1]] = 0.0
+        return cls.hermite(joint_names, times_s, positions, slopes)
+
+    @classmethod
+    def hermite(
+        cls, joint_names: tuple[str, ...], times_s: FloatArray, positions: FloatArray, velocities: FloatArray
+    ) -> Self:
+        """Through points with given velocities of shape (points, joints); raises as `akima` does for times."""
+        check_times(times_s, all_whole_ms=True)
+        inner_s = tuple(round(1000 * t_s) / 1000 for t_s in times_s[1:-1].tolist())
+        return cls(joint_names, scipy.interpolate.CubicHermiteSpline(times_s, positions, velocities), inner_s)
+
+    @property
+    def duration_s(self) -> float:
+        """The last point's time."""
+        return float(self.curve.x[-1])
+
+    def positions(self, t_s: FloatArray) -> FloatArray:
+        """Joint positions, shape (n, joints)."""
+        return np.asarray(self.curve(t_s))
+
+    def velocities(self, t_s: FloatArray) -> FloatArray:
+        """Joint velocities, shape (n, joints)."""
+        return np.asarray(self.curve(t_s, 1))
+
+    def accelerations(self, t_s: FloatArray) -> FloatArray:
+        """Joint accelerations, shape (n, joints)."""
+        return np.asarray(self.curve(t_s, 2))
+
+
+def check_times(times_s: FloatArray, places: Sequence[str] = (), *, all_whole_ms: bool = False) -> None:
+    """Refuse times of points that make no motion; `places` says for messages where each of them stands.
+
+    Raises:
+        InputError: fewer than 2 points, or a time that is not finite, not 0 at the first point, not after the time
+            before, or no whole millisecond: the last one must be, with `all_whole_ms` each.
+    """
+    if len(times_s) < 2:
+        raise InputError(f"{len(times_s)} points: a motion takes at least 2")
+    places = places or [f"the time of point {i}" for i in range(1, len(times_s) + 1)]
+    points = list(zip(places, times_s.tolist(), strict=True))
+    for place, t_s in points:
+        if not isfinite(t_s):
+            raise InputError(f"{place}: {t_s:g} s is not finite")
+    if times_s[0] != 0.0:
+        raise InputError(f"{places[0]}: {times_s[0]:.9g} s, but the first point is at 0 s")
+    increasing = np.diff(times_s) >= _GAP_MIN_S
+    if not increasing.all():
+        i = int(np.argmin(increasing))
+        raise InputError(
+            f"{places[i + 1]}: {times_s[i + 1]:.9g} s is not at least 1 us after"
+            f" the {times_s[i]:.9g} s of the point before"
+        )
+    for place, t_s in points if all_whole_ms else points[-1:]:
+        check_whole_ms(place, t_s)
+
+
+def check_whole_ms(place: str, t_s: float) -> None:
+    """InputError, with the nearest whole millisecond, for a time that is none."""
+    try:
+        whole_ms(place, t_s)
+    except InputError as error:
+        raise InputError(f"{error}: the nearest is {max(round(1000 * t_s), 1) / 1000:.9g} s") from error

@@ -1,0 +1,83 @@
+"""Motions one after another, with pauses in between."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.planning.trajectory import Switching, Trajectory
+
+
+@dataclass(frozen=True, slots=True)
+class Pause:
+    """All joints stand still; fulfils Trajectory."""
+
+    joint_names: tuple[str, ...]
+    at: tuple[float, ...]
+    duration_s: float
+
+    @property
+    def breakpoints_s(self) -> tuple[float, ...]:
+        """None."""
+        return ()
+
+    @property
+    def switchings(self) -> tuple[Switching, ...]:
+        """None of its own."""
+        return ()
+
+    def positions(self, t_s: FloatArray) -> FloatArray:
+        """Shape (n, joints)."""
+        return np.tile(np.array(self.at), (len(t_s), 1))
+
+    def velocities(self, t_s: FloatArray) -> FloatArray:
+        """Shape (n, joints), 0."""
+        return np.zeros((len(t_s), len(self.joint_names)))
+
+
+@dataclass(frozen=True, slots=True)
+class Sequence:
+    """Motions, each of which begins where the one before ended; fulfils Trajectory.
+
+    Attributes:
+        joint_names: the robot's joints.
+        parts: at least one.
+        starts_ms: when each part begins, and at last when the last one ends.
+        switchings: the outputs that change on the way.
+    """
+
+    joint_names: tuple[str, ...]
+    parts: tuple[Trajectory, ...]
+    starts_ms: tuple[int, ...]
+    switchings: tuple[Switching, ...]
+
+    @property
+    def duration_s(self) -> float:
+        """Of all parts together."""
+        return self.starts_ms[-1] / 1000
+
+    @property
+    def breakpoints_s(self) -> tuple[float, ...]:
+        """Those of the parts, and where one follows another."""
+        breakpoints_ms = set(self.starts_ms[1:-1])
+        for start_ms, part in zip(self.starts_ms, self.parts, strict=False):
+            breakpoints_ms |= {start_ms + round(1000 * t_s) for t_s in part.breakpoints_s}
+        return tuple(ms / 1000 for ms in sorted(breakpoints_ms))
+
+    def positions(self, t_s: FloatArray) -> FloatArray:
+        """Joint positions, shape (n, joints)."""
+        return self._pieced(t_s, lambda part, own_s: part.positions(own_s))
+
+    def velocities(self, t_s: FloatArray) -> FloatArray:
+        """Joint velocities, shape (n, joints)."""
+        return self._pieced(t_s, lambda part, own_s: part.velocities(own_s))
+
+    def _pieced(self, t_s: FloatArray, of: Callable[[Trajectory, FloatArray], FloatArray]) -> FloatArray:
+        starts_s = np.array(self.starts_ms) / 1000
+        which = np.clip(np.searchsorted(starts_s, t_s, side="right") - 1, 0, len(self.parts) - 1)
+        values = np.empty((len(t_s), len(self.joint_names)))
+        for i in np.flatnonzero(np.bincount(which)):
+            part, own = self.parts[i], which == i
+            values[own] = of(part, np.clip(t_s[own] - starts_s[i], 0.0, part.duration_s))
+        return values

@@ -1,0 +1,40 @@
+"""Motion through points without velocities: splines from rest to rest, and pauses where points repeat."""
+
+from collections.abc import Sequence as Texts
+from itertools import groupby
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.planning.motions.sampled import Sampled, check_whole_ms
+from steptwin.host.planning.motions.sequence import Pause, Sequence
+from steptwin.host.planning.trajectory import Trajectory
+
+
+def through_points(
+    joint_names: tuple[str, ...], times_s: FloatArray, positions: FloatArray, places: Texts[str]
+) -> Sampled | Sequence:
+    """C2 splines through positions of shape (points, joints) at times of shape (points,).
+
+    A point that repeats the one before is a pause, as whoever wrote it means: a spline through both would swing there.
+    `places` name the points' times in messages.
+
+    Raises:
+        InputError: a pause begins or ends between two milliseconds; and as `Sampled.c2_spline` does.
+    """
+    stands = (np.diff(positions, axis=0) == 0.0).all(axis=1).tolist()
+    if not any(stands):
+        return Sampled.c2_spline(joint_names, times_s, positions)
+    parts: list[Trajectory] = []
+    starts_ms = [0]
+    for standing, group in groupby(range(len(stands)), key=stands.__getitem__):
+        segments = list(group)
+        first, last = segments[0], segments[-1] + 1
+        check_whole_ms(places[last], float(times_s[last]))
+        own_s = times_s[first : last + 1] - times_s[first]
+        if standing:
+            parts.append(Pause(joint_names, tuple(positions[first].tolist()), float(own_s[-1])))
+        else:
+            parts.append(Sampled.c2_spline(joint_names, own_s, positions[first : last + 1]))
+        starts_ms.append(round(1000 * float(times_s[last])))
+    return Sequence(joint_names, tuple(parts), tuple(starts_ms), ())

@@ -1,0 +1,115 @@
+"""The tool along a path in space: a time law along it, joints by inverse kinematics at every instant."""
+
+from dataclasses import dataclass
+from math import isclose
+from typing import Final, Self
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.laws import Law
+from steptwin.host.planning.motions.following import follow
+from steptwin.host.planning.paths import ToolPath
+from steptwin.host.planning.trajectory import Switching
+from steptwin.host.robots.kinematics import Kinematics, make_kinematics
+from steptwin.host.robots.robot import Robot, Unit
+
+_CHECK_MS: Final = 1
+"""Reach and singularities are checked on a grid as fine as this."""
+_STEP_MS: Final = 10
+"""The joints are followed from turn to turn on a grid as fine as this: no joint turns half a circle within it."""
+
+_LENGTH_TOLERANCE: Final = 1e-9
+"""The part of a path's length by which a law may miss it: rounding."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ToolMove:
+    """The tool follows a path on one branch of the inverse kinematics; fulfils Trajectory. Made by `along`.
+
+    Positions and velocities are exact at every instant: nothing is interpolated between solutions.
+
+    Attributes:
+        joint_names: the robot's joints.
+        kinematics: the mechanism.
+        branch: which solution of its inverse kinematics to keep to.
+        path: where the tool goes.
+        law: the length travelled, from 0 to the path's.
+        guide_s: shape (m,), times for which the joints' turns are known.
+        guide_joints: shape (m, joints), the joints there, without jumps of a whole turn.
+        rotary: the columns of the joints that turn.
+    """
+
+    joint_names: tuple[str, ...]
+    kinematics: Kinematics
+    branch: str
+    path: ToolPath
+    law: Law
+    guide_s: FloatArray
+    guide_joints: FloatArray
+    rotary: tuple[int, ...]
+
+    @classmethod
+    def along(cls, robot: Robot, path: ToolPath, law: Law, branch: str, start: FloatArray, from_s: float = 0.0) -> Self:
+        """A move that begins where the joints, of shape (joints,), stand; those that the pose leaves free stay there.
+
+        Raises:
+            InputError: the law does not cover the path's length; the path leaves the mechanism's reach, or comes near
+                a singularity; or the joints do not stand at its beginning, on this branch. Times in the messages count
+                from `from_s` before the move's start.
+        """
+        if not isclose(law.distance, path.length_mm, rel_tol=_LENGTH_TOLERANCE):
+            raise InputError(f"the law covers {law.distance:.9g} mm, the tool's path is {path.length_mm:.9g} mm long")
+        end_ms = round(1000 * law.duration_s)
+        t_s = np.union1d(np.arange(0, end_ms, _CHECK_MS), [end_ms]) / 1000
+        joints = follow(robot, path.poses(law.position(t_s)), from_s + t_s, branch, start)
+        _check_start(robot, branch, start, joints[0], from_s)
+        guide = np.union1d(np.arange(0, len(t_s), _STEP_MS), [len(t_s) - 1])
+        rotary = tuple(axis for axis, joint in enumerate(robot.joints) if joint.unit is Unit.DEG)
+        return cls(robot.joint_names, make_kinematics(robot), branch, path, law, t_s[guide], joints[guide], rotary)
+
+    @property
+    def duration_s(self) -> float:
+        """The law's duration."""
+        return self.law.duration_s
+
+    @property
+    def breakpoints_s(self) -> tuple[float, ...]:
+        """The law's breakpoints."""
+        return self.law.breakpoints_s
+
+    @property
+    def switchings(self) -> tuple[Switching, ...]:
+        """None."""
+        return ()
+
+    def poses(self, t_s: FloatArray) -> FloatArray:
+        """Planned tool poses, shape (n, 4)."""
+        return self.path.poses(self.law.position(t_s))
+
+    def positions(self, t_s: FloatArray) -> FloatArray:
+        """Joint positions, shape (n, joints)."""
+        solved = self.kinematics.solve(self.poses(t_s), self.branch, self.guide_joints[0]).joints
+        for axis in self.rotary:  # the turn that the guide is in
+            guide = np.interp(t_s, self.guide_s, self.guide_joints[:, axis])
+            solved[:, axis] += 360.0 * np.round((guide - solved[:, axis]) / 360.0)
+        return solved
+
+    def velocities(self, t_s: FloatArray) -> FloatArray:
+        """Joint velocities, shape (n, joints), through the Jacobian."""
+        s_mm = self.law.position(t_s)
+        tool = self.law.velocity(t_s)[:, np.newaxis] * self.path.derivatives(s_mm)
+        joints = self.kinematics.solve(self.path.poses(s_mm), self.branch, self.guide_joints[0]).joints
+        return self.kinematics.joint_velocities(joints, tool)
+
+
+def _check_start(robot: Robot, branch: str, start: FloatArray, begins: FloatArray, from_s: float) -> None:
+    """A path that begins on another branch than the machine is in would make the joints jump."""
+    for i, joint in enumerate(robot.joints):
+        half_step = 0.5 / joint.transmission.steps_per_unit
+        if abs(begins[i] - start[i]) > half_step:
+            raise InputError(
+                f"{joint.name}: at t = {from_s:.3f} s the tool's path on the branch {branch!r} begins at"
+                f" {begins[i]:.4f} {joint.unit}, the joint is at {start[i]:.4f} {joint.unit}"
+            )

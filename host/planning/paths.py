@@ -1,0 +1,187 @@
+"""Paths of the tool in space: straight lines, arcs and curves through sampled poses, by the length travelled.
+
+A path gives poses of shape (n, 4), x_mm, y_mm, z_mm and attitude_deg, and their derivatives by the length s in mm, for
+lengths of shape (n,) in [0, length_mm]. The attitude turns in proportion to the length.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING, Protocol, Self
+
+import numpy as np
+import scipy
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.errors import InputError
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
+
+Pose = tuple[float, float, float, float]
+
+
+class ToolPath(Protocol):
+    """A curve that the tool follows."""
+
+    @property
+    def length_mm(self) -> float:
+        """Where the path ends."""
+        ...
+
+    def poses(self, s_mm: FloatArray) -> FloatArray:
+        """Poses of shape (n, 4)."""
+        ...
+
+    def derivatives(self, s_mm: FloatArray) -> FloatArray:
+        """Their derivatives by s, shape (n, 4), in mm/mm and deg/mm."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class StraightLine:
+    """From one pose to another.
+
+    Raises:
+        InputError: the two are at the same place.
+    """
+
+    start: Pose
+    goal: Pose
+
+    def __post_init__(self) -> None:
+        if not self.length_mm > 0:
+            raise InputError(f"a straight line of {self.length_mm:g} mm leads nowhere: its ends are at one place")
+
+    @property
+    def length_mm(self) -> float:
+        """The distance of its ends."""
+        return float(np.linalg.norm(self._way[:3]))
+
+    def poses(self, s_mm: FloatArray) -> FloatArray:
+        """Shape (n, 4)."""
+        return np.array(self.start) + s_mm[:, np.newaxis] * (self._way / self.length_mm)
+
+    def derivatives(self, s_mm: FloatArray) -> FloatArray:
+        """Shape (n, 4), constant."""
+        return np.tile(self._way / self.length_mm, (len(s_mm), 1))
+
+    @property
+    def _way(self) -> FloatArray:
+        return np.subtract(self.goal, self.start)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Arc:
+    """Part of a circle anywhere in space; made by `Arc.through`.
+
+    Attributes:
+        centre_mm: shape (3,).
+        outward: unit vector from the centre to the start, shape (3,).
+        onward: unit vector of the motion at the start, shape (3,).
+        radius_mm: of the circle.
+        sweep_rad: the angle from start to goal, above 0 and below 2 pi.
+        attitudes_deg: at start and goal.
+    """
+
+    centre_mm: FloatArray
+    outward: FloatArray
+    onward: FloatArray
+    radius_mm: float
+    sweep_rad: float
+    attitudes_deg: tuple[float, float]
+
+    @classmethod
+    def through(cls, start: Pose, via_mm: tuple[float, float, float], goal: Pose) -> Self:
+        """The arc from a pose by way of a point to a pose.
+
+        Raises:
+            InputError: the three lie on a line, which makes no circle.
+        """
+        a, b, c = np.array(start[:3]), np.array(via_mm), np.array(goal[:3])
+        normal = np.cross(b - a, c - a)
+        area = float(np.linalg.norm(normal))
+        longest_mm = max(float(np.linalg.norm(p - q)) for p, q in ((a, b), (b, c), (a, c)))
+        if not area > 1e-9 * longest_mm**2:
+            raise InputError(f"an arc through {start[:3]}, {via_mm} and {goal[:3]} mm: they lie on a line")
+        centre = _centre(a, b, c, normal)
+        radius_mm = float(np.linalg.norm(a - centre))
+        outward = (a - centre) / radius_mm
+        onward = np.cross(normal / area, outward)
+        end = c - centre
+        sweep_rad = float(np.arctan2(end @ onward, end @ outward)) % (2.0 * np.pi)
+        return cls(centre, outward, onward, radius_mm, sweep_rad, (start[3], goal[3]))
+
+    @property
+    def length_mm(self) -> float:
+        """The arc's length."""
+        return self.radius_mm * self.sweep_rad
+
+    def poses(self, s_mm: FloatArray) -> FloatArray:
+        """Shape (n, 4)."""
+        angle = s_mm[:, np.newaxis] / self.radius_mm
+        points = self.centre_mm + self.radius_mm * (np.cos(angle) * self.outward + np.sin(angle) * self.onward)
+        start_deg, goal_deg = self.attitudes_deg
+        return np.column_stack([points, start_deg + (goal_deg - start_deg) * s_mm / self.length_mm])
+
+    def derivatives(self, s_mm: FloatArray) -> FloatArray:
+        """Shape (n, 4)."""
+        angle = s_mm[:, np.newaxis] / self.radius_mm
+        tangents = np.cos(angle) * self.onward - np.sin(angle) * self.outward
+        start_deg, goal_deg = self.attitudes_deg
+        return np.column_stack([tangents, np.full(len(s_mm), (goal_deg - start_deg) / self.length_mm)])
+
+
+def _centre(a: FloatArray, b: FloatArray, c: FloatArray, normal: FloatArray) -> FloatArray:
+    """The centre of the circle through three points, from the vectors of its triangle."""
+    ab, ac = b - a, c - a
+    offset = float(ac @ ac) * np.cross(normal, ab) + float(ab @ ab) * np.cross(ac, normal)
+    return np.asarray(a + offset / (2.0 * float(normal @ normal)))
+
+
+class Smoothing(Enum):
+    """How a curve goes through its points: with continuous curvature, or without overshoot beside corners."""
+
+    C2_SPLINE = "c2-spline"
+    AKIMA = "akima"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SampledPath:
+    """A curve through poses; its parameter is the length of the polygon through them, in mm. Made by `through`.
+
+    Attributes:
+        curve: of the four pose coordinates.
+    """
+
+    curve: "PPoly"
+
+    @classmethod
+    def through(cls, poses: FloatArray, smoothing: Smoothing) -> Self:
+        """The curve through poses of shape (n, 4); attitudes are taken as they are, without wrapping.
+
+        Raises:
+            InputError: fewer than three poses, or two in a row at the same place.
+        """
+        if len(poses) < 3:
+            raise InputError(f"a curve through {len(poses)} poses: it takes at least 3")
+        chords_mm = np.linalg.norm(np.diff(poses[:, :3], axis=0), axis=1)
+        if not chords_mm.min() > 0:
+            i = int(np.argmin(chords_mm))
+            raise InputError(f"poses {i + 1} and {i + 2} of the curve are at the same place")
+        s_mm = np.concatenate(([0.0], np.cumsum(chords_mm)))
+        if smoothing is Smoothing.AKIMA:
+            return cls(scipy.interpolate.Akima1DInterpolator(s_mm, poses))
+        return cls(scipy.interpolate.CubicSpline(s_mm, poses))
+
+    @property
+    def length_mm(self) -> float:
+        """Of the polygon."""
+        return float(self.curve.x[-1])
+
+    def poses(self, s_mm: FloatArray) -> FloatArray:
+        """Shape (n, 4)."""
+        return np.asarray(self.curve(s_mm))
+
+    def derivatives(self, s_mm: FloatArray) -> FloatArray:
+        """Shape (n, 4)."""
+        return np.asarray(self.curve(s_mm, 1))

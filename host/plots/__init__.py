@@ -1,6 +1,0 @@
-"""Pictures of a run: made from a comparison of plan and evidence, never from the firmware's own view."""
-
-from host.plots.moment import Moment, View
-from host.plots.pictures import OF_AN_INSTANT, OF_EVERY_RUN, PICTURES, WHEREVER, write_plots
-
-__all__ = ["OF_AN_INSTANT", "OF_EVERY_RUN", "PICTURES", "WHEREVER", "Moment", "View", "write_plots"]

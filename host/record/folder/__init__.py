@@ -1,0 +1,44 @@
+"""The folder that `--out DIR` leaves: writing it, reading it, and verifying a run again from its files alone."""
+
+from steptwin.host.record.folder.edges import AxisTotals, read_edges
+from steptwin.host.record.folder.layout import (
+    BUS_LOG,
+    EDGES,
+    FOLDER_VERSION,
+    REPORT,
+    ROBOT,
+    TRAJECTORY,
+    VERSION_KEY,
+    ContradictionError,
+)
+from steptwin.host.record.folder.motion import trajectory_head, trajectory_row
+from steptwin.host.record.folder.reading import StoredRun, read_robot, read_run
+from steptwin.host.record.folder.report import read_report, write_report
+from steptwin.host.record.folder.spool import EdgeSpool
+from steptwin.host.record.folder.verdict import Verdict, verify_folder
+from steptwin.host.record.folder.writing import prepare_folder, write_folder
+
+__all__ = [
+    "BUS_LOG",
+    "EDGES",
+    "FOLDER_VERSION",
+    "REPORT",
+    "ROBOT",
+    "TRAJECTORY",
+    "VERSION_KEY",
+    "AxisTotals",
+    "ContradictionError",
+    "EdgeSpool",
+    "StoredRun",
+    "Verdict",
+    "prepare_folder",
+    "read_edges",
+    "read_report",
+    "read_robot",
+    "read_run",
+    "trajectory_head",
+    "trajectory_row",
+    "verify_folder",
+    "write_folder",
+    "write_report",
+]

@@ -1,0 +1,194 @@
+"""edges.npz: every edge of every pin and every accepted step, in counts of the board's timer since power-up."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steptwin.host.common.bad_input import prefixed
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.whole_file import whole_file
+from steptwin.host.record.folder.arrays import UNREADABLE, Arrays
+from steptwin.host.record.folder.layout import (
+    EDGES,
+    FOLDER_VERSION,
+    VERSION_KEY,
+    ContradictionError,
+    check_version,
+    existing,
+)
+from steptwin.host.robots.robot import ActiveEdge
+from steptwin.host.verify import AxisEvidence, DriverLimit, DriverViolations, Evidence, LevelEdges, Phases
+from steptwin.host.verify.evidence import Int64Array
+from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+PINS: Final = ("reset", "enable", "m1", "m2", "tq1", "tq2", "dcy1", "dcy2", "out1", "out2")
+"""An axis' pins that are held at a level."""
+
+Array = NDArray[Any]
+
+_INT16: Final = (-(1 << 15), (1 << 15) - 1)
+
+
+class AxisTotals(NamedTuple):
+    """What there is to say of an axis beside its edges."""
+
+    name: str
+    start_steps: int
+    active_edge: ActiveEdge
+    limits: tuple[DriverLimit, ...]
+
+
+def write_edges(path: Path, evidence: Evidence) -> None:
+    """Write the evidence; the outputs' names are the robot's business."""
+    totals = [
+        AxisTotals(axis.name, axis.start_steps, axis.active_edge, axis.violations.limits) for axis in evidence.axes
+    ]
+    arrays: dict[str, Any] = {**head(evidence.start_counts, totals)}
+    for axis in evidence.axes:
+        arrays |= edge_arrays(axis)
+    with whole_file(path) as file:
+        np.savez_compressed(file, **arrays)
+
+
+def head(start_counts: int, axes: Sequence[AxisTotals]) -> dict[str, Array | np.int64]:
+    """All keys but those of the edges."""
+    values: dict[str, Array | np.int64] = {
+        VERSION_KEY: np.int64(FOLDER_VERSION),
+        "counts_per_second": np.int64(COUNTS_PER_SECOND),
+        "start_counts": np.int64(start_counts),
+        "axes": np.array([axis.name for axis in axes], dtype=np.str_),
+    }
+    for axis in axes:
+        values[f"{axis.name}_start_steps"] = np.int64(axis.start_steps)
+        values[f"{axis.name}_active_edge"] = np.array(axis.active_edge.value, np.str_)
+        values |= _limit_arrays(axis.name, axis.limits)
+    return values
+
+
+def edge_arrays(axis: AxisEvidence) -> dict[str, Array]:
+    """What grows with an axis' edges, by key."""
+    name, violations, phases = axis.name, axis.violations, axis.phases
+    arrays: dict[str, Array] = {
+        f"{name}_clk_rise_counts": axis.clk_rise_counts,
+        f"{name}_clk_fall_counts": axis.clk_fall_counts,
+        f"{name}_dir_edge_counts": axis.dir_edge_counts,
+        f"{name}_dir_levels": axis.dir_levels,
+        f"{name}_step_counts": axis.step_counts,
+        f"{name}_step_signs": axis.step_signs,
+        f"{name}_violation_counts": violations.counts,
+        f"{name}_violation_which": violations.which,
+        f"{name}_violation_values": violations.values,
+        f"{name}_phase_counts": phases.counts,
+        f"{name}_phase_sixteenths": phases.sixteenths,
+        f"{name}_phase_a_ma": phases.a_ma,
+        f"{name}_phase_b_ma": phases.b_ma,
+    }
+    for pin in PINS:
+        arrays[f"{name}_{pin}_counts"] = axis.pins[pin].counts
+        arrays[f"{name}_{pin}_levels"] = axis.pins[pin].levels
+    return arrays
+
+
+def _limit_arrays(name: str, limits: tuple[DriverLimit, ...]) -> dict[str, Array]:
+    """A list for each column of the table of limits; violations are told by their index."""
+    return {
+        f"{name}_limit_rules": np.array([limit.rule for limit in limits], np.str_),
+        f"{name}_limit_broken": np.array([limit.broken for limit in limits], np.str_),
+        f"{name}_limit_values": np.array([limit.limit for limit in limits], np.float64),
+        f"{name}_limit_units": np.array([limit.unit for limit in limits], np.str_),
+        f"{name}_limit_sources": np.array([limit.source for limit in limits], np.str_),
+    }
+
+
+def read_edges(folder: Path) -> Evidence:
+    """A folder's evidence, without the outputs' names.
+
+    Raises:
+        InputError: no such file, a key that is missing or of the wrong kind, another version.
+        ContradictionError: arrays that do not go together.
+    """
+    path = existing(folder, EDGES)
+    with prefixed(f"{path}: "):
+        try:
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+                return _evidence(Arrays(stored))
+        except UNREADABLE as error:
+            # Numpy takes what is no archive for a pickle, and advises to load it as one.
+            reason = "it is no npz file" if "pickled" in str(error) else error
+            raise InputError(f"cannot be read: {reason}") from error
+
+
+def _evidence(arrays: Arrays) -> Evidence:
+    check_version(arrays.integer(VERSION_KEY))
+    counts_per_second = arrays.integer("counts_per_second")
+    if counts_per_second != COUNTS_PER_SECOND:
+        raise InputError(f"counts_per_second: {counts_per_second} is not {COUNTS_PER_SECOND}")
+    return Evidence(arrays.integer("start_counts"), tuple(_axis(arrays, name) for name in arrays.names("axes")))
+
+
+def _axis(arrays: Arrays, name: str) -> AxisEvidence:
+    rises, falls = _pulses(arrays, name)
+    turns = arrays.counts(f"{name}_dir_edge_counts")
+    steps = arrays.counts(f"{name}_step_counts")
+    return AxisEvidence(
+        name=name,
+        start_steps=arrays.integer(f"{name}_start_steps"),
+        clk_rise_counts=rises,
+        clk_fall_counts=falls,
+        active_edge=arrays.choice(f"{name}_active_edge", ActiveEdge),
+        dir_edge_counts=turns,
+        dir_levels=arrays.signs(f"{name}_dir_levels", (0, 1), f"{name}_dir_edge_counts", turns.size),
+        step_counts=steps,
+        step_signs=arrays.signs(f"{name}_step_signs", (-1, 1), f"{name}_step_counts", steps.size),
+        violations=_violations(arrays, name),
+        phases=_phases(arrays, name),
+        pins={pin: _pin(arrays, f"{name}_{pin}") for pin in PINS},
+    )
+
+
+def _pulses(arrays: Arrays, name: str) -> tuple[Int64Array, Int64Array]:
+    """Rises and falls, which must take turns."""
+    rise_key, fall_key = f"{name}_clk_rise_counts", f"{name}_clk_fall_counts"
+    rises, falls = arrays.counts(rise_key), arrays.counts(fall_key)
+    if rises.size != falls.size:
+        raise ContradictionError(f"{rise_key}: {rises.size} of them, but {falls.size} {fall_key}")
+    if (falls <= rises).any() or (rises[1:] <= falls[:-1]).any():
+        raise ContradictionError(f"{rise_key}: they do not take turns with {fall_key}")
+    return rises, falls
+
+
+def _pin(arrays: Arrays, key: str) -> LevelEdges:
+    counts = arrays.counts(f"{key}_counts")
+    return LevelEdges(counts, arrays.signs(f"{key}_levels", (0, 1), f"{key}_counts", counts.size))
+
+
+def _violations(arrays: Arrays, name: str) -> DriverViolations:
+    limits = _limits(arrays, name)
+    key = f"{name}_violation_counts"
+    counts = arrays.counts(key)
+    which = arrays.small(f"{name}_violation_which", (0, len(limits) - 1), key, counts.size).astype(np.int8)
+    return DriverViolations(limits, counts, which, arrays.numbers(f"{name}_violation_values", key, counts.size))
+
+
+def _limits(arrays: Arrays, name: str) -> tuple[DriverLimit, ...]:
+    rules, broken, units, sources = (
+        arrays.names(f"{name}_limit_{column}") for column in ("rules", "broken", "units", "sources")
+    )
+    values = arrays.numbers(f"{name}_limit_values", f"{name}_limit_rules", len(rules)).tolist()
+    if not len(rules) == len(broken) == len(units) == len(sources):
+        raise ContradictionError(f"{name}_limit_rules: {len(rules)} of them, but other numbers of texts and units")
+    return tuple(map(DriverLimit, rules, broken, values, units, sources))
+
+
+def _phases(arrays: Arrays, name: str) -> Phases:
+    key = f"{name}_phase_counts"
+    counts = arrays.counts(key)
+    return Phases(
+        counts,
+        arrays.small(f"{name}_phase_sixteenths", (0, 63), key, counts.size).astype(np.int8),
+        arrays.small(f"{name}_phase_a_ma", _INT16, key, counts.size),
+        arrays.small(f"{name}_phase_b_ma", _INT16, key, counts.size),
+    )

@@ -1,0 +1,73 @@
+"""trajectory.csv: the planned motion as points with velocities, between which it is cubic.
+
+So `steptwin run ROBOT trajectory.csv` makes the same motion again.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import scipy
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.whole_file import whole_file
+from steptwin.host.planning.planner import Int64Array, Plan
+from steptwin.host.planning.trajectory import Switching, Trajectory
+from steptwin.host.planning.trajectory_file import read_trajectory
+from steptwin.host.record.folder.layout import TRAJECTORY, existing
+from steptwin.host.robots.robot import Robot
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicHermiteSpline
+
+CUBICS_OFF_STEPS: Final = 1e-4
+"""How far cubics through the stored points may be from the planned motion: a 75th of the verifier's tolerance."""
+
+
+def write_motion(path: Path, plan: Plan) -> None:
+    """Its PVT points; or every millisecond, where the cubics between those are not close enough to the motion.
+
+    Numbers are written with all the digits that they have: they are read again as they were.
+    """
+    t_s = _stored_ms(plan) / 1000
+    motion = plan.trajectory
+    rows = zip(t_s.tolist(), motion.positions(t_s).tolist(), motion.velocities(t_s).tolist(), strict=True)
+    with whole_file(path) as file:
+        file.write(trajectory_head(plan.robot).encode())
+        file.writelines(trajectory_row(*row).encode() for row in rows)
+
+
+def trajectory_head(robot: Robot) -> str:
+    """The file's first line."""
+    names = robot.joint_names
+    return ",".join(("t", *names, *(f"v_{name}" for name in names))) + "\n"
+
+
+def trajectory_row(t_s: float, positions: Sequence[float], velocities: Sequence[float]) -> str:
+    """A point, in seconds, mm and degrees, and each per second."""
+    return ",".join(map(repr, (t_s, *positions, *velocities))) + "\n"
+
+
+def read_motion(folder: Path, robot: Robot, switchings: Sequence[Switching]) -> Trajectory:
+    """The stored motion, with the switching of outputs that was planned for it.
+
+    Raises:
+        InputError: no such file, or what `read_trajectory` finds wrong with it.
+    """
+    path = existing(folder, TRAJECTORY)
+    return replace(read_trajectory(str(path), robot), switchings=tuple(switchings))
+
+
+def _stored_ms(plan: Plan) -> Int64Array:
+    every_ms = np.arange(plan.times_ms[-1] + 1)
+    t_s, point_s = every_ms / 1000, plan.times_ms / 1000
+    motion = plan.trajectory
+    cubics = scipy.interpolate.CubicHermiteSpline(point_s, motion.positions(point_s), motion.velocities(point_s))
+    off_steps = np.abs(_positions(cubics, t_s) - motion.positions(t_s)) * plan.robot.steps_per_unit
+    return plan.times_ms if off_steps.max() <= CUBICS_OFF_STEPS else every_ms
+
+
+def _positions(cubics: "CubicHermiteSpline", t_s: FloatArray) -> FloatArray:
+    return np.asarray(cubics(t_s))

@@ -1,0 +1,72 @@
+"""A run from its folder: everything that the verifier and the pictures ask for, from the files alone."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.record.folder.edges import read_edges
+from steptwin.host.record.folder.layout import EDGES, ROBOT, TRAJECTORY, existing
+from steptwin.host.record.folder.motion import read_motion
+from steptwin.host.record.folder.report import StoredReport, read_report
+from steptwin.host.robots import load_robot_file
+from steptwin.host.robots.robot import Robot
+from steptwin.host.verify import Comparison, Plan, compare
+from steptwin.host.verify.wiring import output_changes
+
+
+@dataclass(frozen=True, slots=True)
+class StoredRun:
+    """A run as its folder has it: what was said of it, and plan and evidence compared anew."""
+
+    robot: Robot
+    report: StoredReport
+    comparison: Comparison
+
+    @property
+    def duration_s(self) -> float:
+        """How long the planned motion lasts."""
+        return self.comparison.plan.trajectory.duration_s
+
+
+def read_robot(folder: Path) -> Robot:
+    """A folder's robot; InputError if its file is missing or wrong."""
+    return load_robot_file(str(existing(folder, ROBOT)))
+
+
+def read_run(folder: Path, plan: Path | None = None) -> StoredRun:
+    """Read a folder and compare its evidence with its plan, or with that of another folder.
+
+    Args:
+        folder: of the run.
+        plan: a folder of the same robot, whose trajectory and switching of outputs were planned for this one, too:
+            a board that was served knows no more of its plan than the records that it has received.
+
+    Raises:
+        InputError: a file is missing or cannot be read; the message names file and key.
+        ContradictionError: the files do not go together.
+    """
+    report, robot = read_report(folder), read_robot(folder)
+    motion = _motion(folder, robot, report) if plan is None else _motion_of_another(plan, folder, report, robot)
+    evidence = read_edges(folder)
+    names = tuple(axis.name for axis in evidence.axes)
+    if names != robot.joint_names:
+        raise InputError(f"{folder / EDGES}: axes: {' '.join(names)}, but {ROBOT} has {' '.join(robot.joint_names)}")
+    if plan is not None or report.passed is not None:  # records say nothing of outputs
+        evidence = replace(evidence, outputs=output_changes(robot, evidence.axes))
+    return StoredRun(robot, report, compare(Plan.of(robot, motion), evidence))
+
+
+def _motion(folder: Path, robot: Robot, report: StoredReport) -> Trajectory:
+    if report.passed is None and not (folder / TRAJECTORY).exists():
+        reason = report.document.get("no_plan") or "a board does not know its plan"
+        raise InputError(f"{folder / TRAJECTORY}: is missing: {reason}; --plan DIR takes that of another run")
+    return read_motion(folder, robot, report.switchings)
+
+
+def _motion_of_another(plan: Path, folder: Path, report: StoredReport, robot: Robot) -> Trajectory:
+    if report.passed is not None:
+        raise InputError(f"--plan {plan}: {folder} has its own; another one is for a live board's folder")
+    if read_robot(plan) != robot:
+        raise InputError(f"--plan {plan}: its {ROBOT} is not that of {folder}")
+    return read_motion(plan, robot, read_report(plan).switchings)

@@ -1,0 +1,66 @@
+"""What `--out DIR` leaves: the report, the robot, the plan, every edge, the bus, a waveform, and pictures."""
+
+import os
+from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.whole_file import whole_file
+from steptwin.host.planning.planner import Plan
+from steptwin.host.record.folder.candump import candump_lines
+from steptwin.host.record.folder.edges import write_edges
+from steptwin.host.record.folder.layout import BUS_LOG, EDGES, REPORT, ROBOT, TRAJECTORY
+from steptwin.host.record.folder.motion import write_motion
+from steptwin.host.record.folder.reading import read_run
+from steptwin.host.record.folder.report import write_report
+from steptwin.host.record.waveforms import DEFAULT_SCALE, Format, whole_record, wires, write_waveform
+from steptwin.host.verify import Evidence
+from steptwin.protocol.frame import Frame
+
+
+def prepare_folder(out: Path | str) -> Path:
+    """Make the folder before anything runs; InputError if that cannot be."""
+    if not str(out).strip():
+        raise InputError("--out: the name of the folder is empty")
+    folder = Path(out)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--out {out}: {error.strerror}") from error
+    if not os.access(folder, os.W_OK):
+        raise InputError(f"--out {out}: is not writable")
+    return folder
+
+
+def write_folder(
+    out: Path, document: Mapping[str, Any], plan: Plan, evidence: Evidence, bus_log: Sequence[tuple[int, Frame]]
+) -> bool:
+    """Write everything; return False if the pictures had to be left out because matplotlib is not installed.
+
+    The document is what `run --json` prints, with FOLDER_VERSION under VERSION_KEY. The pictures are drawn from the
+    folder, so that `plot` draws the same: the motion in it may be a little off the one that was planned.
+    """
+    write_report(out / REPORT, document)
+    with whole_file(out / ROBOT) as file:
+        file.write(plan.robot.toml.encode())
+    write_motion(out / TRAJECTORY, plan)
+    write_edges(out / EDGES, evidence)
+    with whole_file(out / BUS_LOG) as file:
+        file.writelines(line.encode() for line in candump_lines(bus_log))
+    write_waveform(
+        out / Format.VCD.file_name,
+        wires(evidence),
+        whole_record(evidence),
+        Format.VCD,
+        DEFAULT_SCALE,
+        plan.robot.name,
+    )
+    if not find_spec("matplotlib"):
+        return False
+    from steptwin.host.record.plots import write_plots
+
+    stored = read_run(out)
+    write_plots(out, stored.comparison, stored.report.run)
+    return True

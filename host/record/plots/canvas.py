@@ -1,0 +1,119 @@
+"""What all pictures share: the look, the headings, which axes are worth a row, and thinning long series.
+
+Figures are made without pyplot: no window system, no global state.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.verify import Comparison, RunInfo
+from steptwin.host.verify.deviation import critical_instants
+
+DOTS_PER_INCH = 120
+WIDTH_INCHES = 10.0
+HEADING_INCHES = 0.9
+SAMPLES = 2001
+"""Instants at which planned curves are drawn."""
+COLUMNS = 700
+"""About as many as a wide picture's pixels across."""
+
+PLANNED = "0.72"
+"""Planned curves: light grey and broad, so that the counted ones remain visible on them in print."""
+COUNTED = "#0b3c6f"
+"""Counted curves: dark blue, nearly black in greyscale."""
+LIMIT = "#a02010"
+
+STYLE: Any = {  # Any: matplotlib spells out every key as a literal type in some versions and none in others
+    "axes.axisbelow": True,
+    "axes.grid": True,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlesize": 10,
+    "axes.labelsize": 9,
+    "figure.titlesize": 12,
+    "font.family": "DejaVu Sans",
+    "font.size": 9,
+    "grid.color": "0.9",
+    "legend.fontsize": 8,
+    "legend.frameon": False,
+    "lines.linewidth": 1.0,
+    "svg.hashsalt": "steptwin",  # else its identifiers differ each time
+}
+
+
+def new_figure(run: RunInfo, what: str, height_inches: float) -> Figure:
+    """An empty figure whose heading says what is shown, of which run, and that it is simulated."""
+    figure = Figure(figsize=(WIDTH_INCHES, height_inches + HEADING_INCHES), layout="constrained")
+    figure.suptitle(f"{run.robot} · {run.job} · {what} (SIMULATED)", x=0.01, ha="left", weight="bold")
+    return figure
+
+
+def rows_of_axes(figure: Figure, rows: int, columns: int = 1, **options: Any) -> list[list[Axes]]:
+    """A grid of axes with a common x axis; at least one row, so that a run without motion has a picture too."""
+    grid = figure.subplots(max(rows, 1), columns, squeeze=False, sharex=True, **options)
+    if rows == 0:
+        grid[0, 0].text(0.5, 0.5, "no joint moves", transform=grid[0, 0].transAxes, ha="center", va="center")
+    return [list(row) for row in grid]
+
+
+def moving_axes(comparison: Comparison) -> list[int]:
+    """The axes that should have made or did make a pulse."""
+    return [
+        i
+        for i, evidence in enumerate(comparison.evidence.axes)
+        if len(comparison.ideal[i].signs) or len(evidence.clk_rise_counts)
+    ]
+
+
+def note_still_axes(figure: Figure, comparison: Comparison, moving: Sequence[int]) -> None:
+    """Say below the picture which joints it leaves out and where they stand."""
+    positions = comparison.plan.trajectory.positions(np.zeros(1))[0]
+    still = [
+        f"{name} at {positions[i]:g} {comparison.plan.joint_units[i]}"
+        for i, name in enumerate(comparison.joint_names)
+        if i not in moving
+    ]
+    if still:
+        figure.supxlabel(f"Not shown, because without motion: {', '.join(still)}", size=8, x=0.01, ha="left")
+
+
+def planned_instants(comparison: Comparison) -> FloatArray:
+    """Evenly spaced instants over the whole motion."""
+    return np.linspace(0.0, comparison.plan.trajectory.duration_s, SAMPLES)
+
+
+def drawn_instants(comparison: Comparison) -> FloatArray:
+    """Every instant at which an error may be largest, and enough others to draw what lies between."""
+    critical_s = critical_instants(comparison.plan, comparison.ideal, comparison.counted)
+    return np.union1d(critical_s, planned_instants(comparison))
+
+
+def envelope(t_s: FloatArray, values: FloatArray, end_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """A dense series for drawing, as instants, least and greatest values: one of each for every column of a picture.
+
+    A line through thousands of edges would show patterns of the picture's own raster instead. Each column takes in the
+    neighbours on both sides, so that what lies between two instants is drawn too.
+    """
+    borders_s = np.linspace(0.0, end_s, COLUMNS + 1)
+    first = np.maximum(np.searchsorted(t_s, borders_s[:-1]) - 1, 0)
+    last = np.minimum(np.searchsorted(t_s, borders_s[1:], side="right"), len(t_s) - 1)
+    parts = [values[..., a : b + 1] for a, b in zip(first, last, strict=True)]
+    lows, highs = (np.array([extreme(part) for part in parts]) for extreme in (np.min, np.max))
+    return (borders_s[:-1] + borders_s[1:]) / 2.0, lows, highs
+
+
+def thinned(t_s: FloatArray, values: FloatArray, groups: int = 4000) -> tuple[FloatArray, FloatArray]:
+    """A series for drawing: of each group of neighbours only the smallest and the largest, so that no peak is lost."""
+    size = len(values) // groups
+    if size < 4:
+        return t_s, values
+    whole = values[: size * groups].reshape(groups, size)
+    extremes = np.sort([whole.argmin(axis=1), whole.argmax(axis=1)], axis=0).T
+    index = (extremes + size * np.arange(groups)[:, None]).ravel()
+    index = np.concatenate([index, np.arange(size * groups, len(values))])
+    return t_s[index], values[index]

@@ -1,0 +1,119 @@
+"""The pins of all axes around an instant, as a logic analyser shows them."""
+
+from itertools import groupby
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.record.plots.canvas import COUNTED, LIMIT, new_figure
+from steptwin.host.record.plots.moment import Moment, View, interval_around, pulse_times
+from steptwin.host.record.waveforms import Signal, Window, whole_record, wires
+from steptwin.host.verify import Comparison, RunInfo
+from steptwin.host.verify.counted import CountedSteps
+from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+LANE_INCHES: Final = 0.3
+INTERVALS: Final = 12
+_HIGH: Final = 0.6
+"""How high a level is drawn, in lanes."""
+
+_ALWAYS: Final = ("step", "dir")
+_MARKED_MAX: Final = 200
+"""With more steps in view their marks would be a band."""
+
+
+def draw_edges(comparison: Comparison, run: RunInfo, view: View) -> Figure:
+    """A lane for STEP and DIR of each axis and for every other pin that changes; marks where drivers counted a step."""
+    moment = view.moment(comparison, INTERVALS)
+    window = _window(comparison, moment)
+    lanes = _lanes(comparison, window)
+    figure = new_figure(run, f"pins around t = {moment.at_s:.6f} s", LANE_INCHES * len(lanes) + 0.4)
+    axes = figure.subplots()
+    for lane, signal in enumerate(lanes):
+        times_s, levels = _course(signal, window)
+        axes.plot(_shown_ms(times_s, moment), levels * _HIGH - lane, color=COUNTED, drawstyle="steps-post")
+    firsts = [next(lane for lane, s in enumerate(lanes) if s.axis == name) for name in comparison.joint_names]
+    steps = [_mark_steps(axes, *each, moment) for each in zip(comparison.counted, firsts, strict=True)]
+    _say_intervals(axes, comparison, firsts, moment)
+    _finish(axes, lanes, moment)
+    axes.set_xlabel(f"time from t = {moment.at_s:.6f} s [ms]; {_about_marks(steps)}")
+    return figure
+
+
+def _window(comparison: Comparison, moment: Moment) -> Window:
+    """What there is of the part that is shown, to whole counts beyond it."""
+    whole = whole_record(comparison.evidence)
+    first, last = whole.counts(moment.from_s) - 1, whole.counts(moment.to_s) + 1
+    return Window(max(first, whole.from_counts), last, comparison.evidence.start_counts)
+
+
+def _lanes(comparison: Comparison, window: Window) -> list[Signal]:
+    return [
+        signal
+        for signal in wires(comparison.evidence)
+        if signal.what in _ALWAYS or signal.changes.between(window.from_counts, window.to_counts)[0].size
+    ]
+
+
+def _course(signal: Signal, window: Window) -> tuple[FloatArray, FloatArray]:
+    """Times of the motion and levels from each of them on, from one end of the window to the other."""
+    counts, levels = signal.changes.between(window.from_counts, window.to_counts)
+    first = signal.changes.at(window.from_counts)
+    counts = np.concatenate([[window.from_counts], counts, [window.to_counts]])
+    levels = np.concatenate([[first], levels, levels[-1:] if levels.size else [first]])
+    return (counts - window.start_counts) / COUNTS_PER_SECOND, levels.astype(np.float64)
+
+
+def _mark_steps(axes: Axes, counted: CountedSteps, lane: int, moment: Moment) -> int:
+    """A triangle up or down above each counted step, if there are not too many; return how many there are."""
+    first, last = np.searchsorted(counted.time_s, (moment.from_s, moment.to_s)).tolist()
+    times_ms = _shown_ms(counted.time_s[first:last], moment)
+    if last - first <= _MARKED_MAX:
+        for sign, marker in ((1, "^"), (-1, "v")):
+            chosen = times_ms[counted.signs[first:last] == sign]
+            axes.plot(chosen, np.full(chosen.size, _HIGH + 0.15 - lane), marker, color=LIMIT, markersize=3.5)
+    return int(last - first)
+
+
+def _about_marks(steps: list[int]) -> str:
+    """What the triangles are, and why there are none where there are steps, or none at all."""
+    if not any(steps):
+        return "no driver counted a step here"
+    if all(count == 0 or count > _MARKED_MAX for count in steps):
+        return f"steps are too many to be marked, above {_MARKED_MAX} an axis"
+    beyond = f", where at most {_MARKED_MAX}" if max(steps) > _MARKED_MAX else ""
+    return f"triangles: steps that the driver counted, up or down{beyond}"
+
+
+def _say_intervals(axes: Axes, comparison: Comparison, lanes: list[int], moment: Moment) -> None:
+    """At the right, how long each axis' interval in the middle is, between two pulses on STEP."""
+    intervals_s = [interval_around(pulse_times(comparison, i), moment.at_s) for i in range(len(lanes))]
+    said = [(lane, interval_s) for lane, interval_s in zip(lanes, intervals_s, strict=True) if interval_s is not None]
+    for lane, interval_s in said:
+        text = f"{1e6 * interval_s:.2f} us"
+        axes.text(1.01, _HIGH / 2 - lane, text, transform=axes.get_yaxis_transform(), va="center")
+    if said:
+        axes.text(1.01, 1.0, "STEP interval at 0", transform=axes.transAxes, va="center", size=8)
+
+
+def _finish(axes: Axes, lanes: list[Signal], moment: Moment) -> None:
+    axes.set_yticks([_HIGH / 2 - lane for lane in range(len(lanes))], [f"{s.axis} {s.what.upper()}" for s in lanes])
+    axes.tick_params(axis="y", length=0)
+    axes.set_ylim(-len(lanes) + 0.8, 1.0)
+    axes.grid(visible=False, axis="y")
+    lane = 0
+    for n, (_, group) in enumerate(groupby(lanes, key=lambda signal: signal.axis)):
+        count = len(list(group))
+        if n % 2:
+            axes.axhspan(0.85 - lane, 0.85 - lane - count, color="0.95", zorder=0)
+        lane += count
+    axes.axvline(0.0, color="0.4", linestyle=":", linewidth=0.8)
+    axes.set_xlim(*_shown_ms(np.array([moment.from_s, moment.to_s]), moment))
+
+
+def _shown_ms(times_s: FloatArray, moment: Moment) -> FloatArray:
+    shown: FloatArray = 1e3 * (times_s - moment.at_s)
+    return shown

@@ -1,0 +1,95 @@
+"""Counted minus planned over time: every moving axis in steps, the tool in millimetres and degrees."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.record.plots.canvas import (
+    COUNTED,
+    LIMIT,
+    drawn_instants,
+    envelope,
+    moving_axes,
+    new_figure,
+    note_still_axes,
+)
+from steptwin.host.verify import POSITION_ERROR_LIMIT_STEPS, Comparison, RunInfo
+from steptwin.host.verify.deviation import deviations
+
+ROW_INCHES = 1.45
+WIDTH_RATIOS = (3.0, 1.0)
+CLOSE_EDGES = 5
+"""How many edges the close view shows on each side of the largest error."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Series:
+    """An error with its name and unit: t_s of shape (n,), values of shape (2, n) just before and just after."""
+
+    label: str
+    t_s: FloatArray
+    values: FloatArray
+
+
+def draw_error(comparison: Comparison, run: RunInfo) -> Figure:
+    """One row an axis with the limit drawn in, then the tool's; at the right, close to where it is largest."""
+    moving = moving_axes(comparison)
+    series = _all_series(comparison, moving)
+    figure = new_figure(run, "counted minus planned", ROW_INCHES * len(series))
+    rows = figure.subplots(len(series), 2, squeeze=False, width_ratios=WIDTH_RATIOS)
+    end_s = comparison.plan.trajectory.duration_s
+    for n, ((left, right), one) in enumerate(zip(rows, series, strict=True)):
+        _draw_whole(left, one, end_s)
+        _draw_close(right, one)
+        if n < len(moving):
+            _draw_limits(left)
+            if right.axison:
+                _draw_limits(right)
+        left.tick_params(labelbottom=n == len(series) - 1)
+    dashed = f"; dashed: limit of {POSITION_ERROR_LIMIT_STEPS:g} steps" if moving else ""
+    rows[0][0].set_title(f"whole motion{dashed}", loc="left")
+    rows[-1][0].set_xlabel("time [s]")
+    note_still_axes(figure, comparison, moving)
+    return figure
+
+
+def _all_series(comparison: Comparison, moving: list[int]) -> list[_Series]:
+    t_s = drawn_instants(comparison)
+    parts = list(deviations(comparison.plan, comparison.counted, t_s))
+    steps = np.concatenate([part.steps for part in parts], axis=1)
+    distance_mm = np.concatenate([part.distance_mm for part in parts], axis=1)
+    attitude_deg = np.concatenate([part.attitude_deg for part in parts], axis=1)
+    axes = [_Series(f"{comparison.joint_names[i]} [steps]", t_s, steps[..., i]) for i in moving]
+    return [*axes, _Series("tool [mm]", t_s, distance_mm), _Series("attitude [deg]", t_s, attitude_deg)]
+
+
+def _draw_whole(axes: Axes, series: _Series, end_s: float) -> None:
+    end_s = max(end_s, series.t_s[-1])
+    axes.fill_between(*envelope(series.t_s, series.values, end_s), color=COUNTED, linewidth=0.5)
+    axes.set_xlim(0.0, end_s)
+    axes.set_ylabel(series.label)
+
+
+def _draw_close(axes: Axes, series: _Series) -> None:
+    """The few edges around the largest error, where single steps can be told apart."""
+    worst = int(np.abs(series.values).max(axis=0).argmax())
+    edges = np.flatnonzero(series.values[0] != series.values[1])
+    near = int(np.searchsorted(edges, worst))
+    around = edges[max(near - CLOSE_EDGES, 0) : near + CLOSE_EDGES + 1]
+    if around.size == 0:
+        axes.set_axis_off()
+        axes.text(0.5, 0.5, "no step counted", transform=axes.transAxes, ha="center", va="center")
+        return
+    part = slice(max(min(int(around[0]), worst) - 1, 0), max(int(around[-1]), worst) + 2)
+    t_ms = 1e3 * (series.t_s[part] - series.t_s[worst])
+    axes.plot(np.repeat(t_ms, 2), series.values[:, part].T.ravel(), color=COUNTED, linewidth=0.9)
+    axes.locator_params(axis="x", nbins=5)
+    axes.set_title(f"ms around {series.t_s[worst]:.4f} s, the largest", loc="left", size=8)
+
+
+def _draw_limits(axes: Axes) -> None:
+    for limit in (-POSITION_ERROR_LIMIT_STEPS, POSITION_ERROR_LIMIT_STEPS):
+        axes.axhline(limit, color=LIMIT, linestyle="--", linewidth=0.8)

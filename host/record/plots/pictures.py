@@ -1,0 +1,78 @@
+"""Which pictures there are, and writing them."""
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Final
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+
+from steptwin.host.record.plots.canvas import DOTS_PER_INCH, STYLE
+from steptwin.host.record.plots.edges import draw_edges
+from steptwin.host.record.plots.error import draw_error
+from steptwin.host.record.plots.jitter import draw_jitter
+from steptwin.host.record.plots.joints import draw_joints
+from steptwin.host.record.plots.moment import View
+from steptwin.host.record.plots.phases import draw_phases
+from steptwin.host.record.plots.step_rates import draw_step_rates
+from steptwin.host.record.plots.timing import draw_timing
+from steptwin.host.record.plots.tool_path import draw_tool_path
+from steptwin.host.record.plots.widths import draw_widths
+from steptwin.host.verify import Comparison, RunInfo
+
+Draw = Callable[[Comparison, RunInfo, View], Figure]
+
+
+def _whole(draw: Callable[[Comparison, RunInfo], Figure]) -> Draw:
+    """A picture of the whole run, whatever part of it is asked for."""
+    return lambda comparison, run, _view: draw(comparison, run)
+
+
+PICTURES: Final[dict[str, Draw]] = {
+    "joints": _whole(draw_joints),
+    "step-rates": _whole(draw_step_rates),
+    "tool-path": _whole(draw_tool_path),
+    "error": _whole(draw_error),
+    "timing": _whole(draw_timing),
+    "jitter": _whole(draw_jitter),
+    "widths": _whole(draw_widths),
+    "edges": draw_edges,
+    "phases": draw_phases,
+}
+"""By their names: of files, and on the command line."""
+
+OF_EVERY_RUN: Final = ("joints", "step-rates", "tool-path", "error", "timing")
+"""What a run with `--out` draws."""
+
+OF_AN_INSTANT: Final = ("edges", "phases")
+"""What shows a part of a run, as a View says."""
+
+WHEREVER: Final = View()
+"""Each picture shows what suits it."""
+
+_UNDATED: Final = {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
+"""The same run gives the same bytes."""
+
+
+def write_plots(
+    out_dir: Path,
+    comparison: Comparison,
+    run: RunInfo,
+    names: Iterable[str] = OF_EVERY_RUN,
+    form: str = "png",
+    view: View = WHEREVER,
+) -> list[Path]:
+    """Draw pictures of a run into a directory, which is made if it is missing, and return their paths.
+
+    `view` is the part of the run that pictures of single edges show.
+    """
+    out_dir.mkdir(parents=True, exist_ok=True)
+    paths = []
+    with mpl.rc_context(STYLE):
+        for name in names:
+            path = out_dir / f"{name}.{form}"
+            figure = PICTURES[name](comparison, run, view)
+            figure.align_ylabels()
+            figure.savefig(path, dpi=DOTS_PER_INCH, metadata=_UNDATED[form])
+            paths.append(path)
+    return paths

@@ -1,0 +1,64 @@
+"""How late the accepted edges came, against the ideal crossings: a histogram for every moving axis."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.record.plots.canvas import COUNTED, moving_axes, new_figure, note_still_axes, rows_of_axes
+from steptwin.host.verify import Comparison, RunInfo
+from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+ROW_INCHES = 1.45
+BINS_PER_DECADE = 16
+LINEAR_US = 1e6 / COUNTS_PER_SECOND
+"""One count of the board's timer: nothing finer is real. Up to there the time axis is linear, beyond it logarithmic,
+so that fast axes and slow ones have a shape on the same one, and the few edges near a reversal do not spoil it.
+"""
+LINEAR_DECADES = 0.5
+"""How much of the axis that takes on each side."""
+
+
+def draw_timing(comparison: Comparison, run: RunInfo) -> Figure:
+    """One row an axis, all with the same bins, each as wide as the others on a symmetric logarithmic axis."""
+    moving = moving_axes(comparison)
+    figure = new_figure(run, "edge timing against the ideal crossings", ROW_INCHES * max(len(moving), 1))
+    rows = [row[0] for row in rows_of_axes(figure, len(moving))]
+    late_us = [comparison.timing_errors_us(i) for i in moving]
+    bins_us = _bins_us(max([0.0, *(float(np.abs(late).max()) for late in late_us if late.size)]))
+    for axes, i, late in zip(rows, moving, late_us, strict=False):
+        _draw(axes, late, bins_us)
+        axes.set_ylabel(f"{comparison.joint_names[i]} [edges]")
+    rows[-1].set_xscale("symlog", linthresh=LINEAR_US, linscale=LINEAR_DECADES)
+    rows[-1].set_xlim(bins_us[0], bins_us[-1])
+    rows[-1].set_xlabel(
+        "accepted edge minus ideal crossing [us], positive is late; linear within one count of the board's timer,"
+        f" +-{LINEAR_US:.3f} us, logarithmic beyond"
+    )
+    note_still_axes(figure, comparison, moving)
+    return figure
+
+
+def _bins_us(widest_us: float) -> FloatArray:
+    """Borders of bins to both sides of zero that reach so far at least, and beyond the linear part in any case."""
+    decades = np.log10(max(widest_us / LINEAR_US, 1.0))
+    bins = int(decades * BINS_PER_DECADE) + 1
+    beyond_us = LINEAR_US * 10.0 ** (np.arange(1, bins + 1) / BINS_PER_DECADE)
+    linear = int(LINEAR_DECADES * BINS_PER_DECADE)
+    positive_us = np.concatenate([LINEAR_US / linear * np.arange(1, linear + 1), beyond_us])
+    return np.concatenate([-positive_us[::-1], [0.0], positive_us])
+
+
+def _draw(axes: Axes, late_us: FloatArray, bins_us: FloatArray) -> None:
+    axes.set_title(_summary(late_us), loc="right", size=8)
+    if late_us.size:
+        axes.hist(late_us, bins=bins_us.tolist(), color=COUNTED)
+        axes.set_yscale("log")
+        axes.set_ylim(bottom=0.7)
+
+
+def _summary(late_us: FloatArray) -> str:
+    if late_us.size == 0:
+        return "no edge to judge"
+    p50, p99, worst = np.percentile(np.abs(late_us), [50, 99, 100])
+    return f"{late_us.size} edges, |error|: median {p50:.3g}, 99 % {p99:.3g}, max {worst:.3g} us"

@@ -1,0 +1,147 @@
+"""The tool's path, planned and counted: true to scale, with the error magnified, and close to where it is largest."""
+
+from dataclasses import dataclass
+from math import floor, log10
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.record.plots.canvas import COUNTED, LIMIT, PLANNED, drawn_instants, new_figure
+from steptwin.host.verify import Comparison, RunInfo
+from steptwin.host.verify.deviation import deviations
+
+PANEL_INCHES = 3.9
+SIDE_PANEL_INCHES = 2.6
+INSTANTS = 20_001
+MAGNIFIED_PART = 0.04
+"""How large the magnified error may look, as a part of the path's extent."""
+
+CLOSE_ERRORS = 4.0
+"""Half the width of the close view, in largest errors."""
+
+FLAT_PART = 0.01
+"""A coordinate that moves by less than this part of the largest one gets no view of its own."""
+
+STILL_MM = 1e-6
+"""A coordinate that moves by no more stands: so far goes what rounding makes of it."""
+
+LEAST_VIEW_MM = 1.0
+"""What is seen around a tool that stands."""
+
+View = tuple[int, int]
+"""The coordinates drawn across and up: 0 is x, 1 y, 2 z."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Path:
+    """Planned tool positions and their errors in mm, each of shape (n, 3), in order of time."""
+
+    planned_mm: FloatArray
+    errors_mm: FloatArray
+
+    @property
+    def extents_mm(self) -> FloatArray:
+        """How far each coordinate is planned to move, shape (3,)."""
+        extents_mm = np.ptp(self.planned_mm, axis=0)
+        return np.where(extents_mm > STILL_MM, extents_mm, 0.0)
+
+    def counted_mm(self, gain: float = 1.0) -> FloatArray:
+        return self.planned_mm + gain * self.errors_mm
+
+
+def draw_tool_path(comparison: Comparison, run: RunInfo) -> Figure:
+    """One row a view: the plane of the two coordinates that move most, then the third one if it moves."""
+    end_s = comparison.plan.trajectory.duration_s
+    whole = _path(comparison, np.linspace(0.0, end_s, INSTANTS))
+    edges = _path(comparison, drawn_instants(comparison))
+    views = _views(whole)
+    heights_inches = [PANEL_INCHES, SIDE_PANEL_INCHES][: len(views)]
+    figure = new_figure(run, "tool path", sum(heights_inches))
+    rows = figure.subplots(len(views), 3, squeeze=False, height_ratios=heights_inches)
+    for row, view in zip(rows, views, strict=True):
+        _draw_whole(row[0], whole, view, 1.0, "true to scale")
+        if whole.extents_mm.any():
+            _draw_magnified(row[1], whole, view)
+        else:
+            row[1].set_axis_off()
+            row[1].text(0.5, 0.5, "the tool does not move", transform=row[1].transAxes, ha="center", va="center")
+        _draw_close(row[2], edges, view)
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside upper right", ncols=4)
+    return figure
+
+
+def _path(comparison: Comparison, t_s: FloatArray) -> _Path:
+    """The path just before and just after each of the instants."""
+    end_s = comparison.plan.trajectory.duration_s
+    parts = deviations(comparison.plan, comparison.counted, t_s)
+    errors_mm = np.concatenate([part.tool_mm.swapaxes(0, 1).reshape(-1, 3) for part in parts])
+    poses = comparison.plan.forward(comparison.plan.trajectory.positions(np.minimum(t_s, end_s)))
+    return _Path(np.repeat(poses[:, :3], 2, axis=0), errors_mm)
+
+
+def _views(path: _Path) -> list[View]:
+    extents_mm = path.extents_mm
+    first, second, third = np.argsort(-extents_mm, kind="stable").tolist()
+    main = (min(first, second), max(first, second))
+    flat = extents_mm[third] <= FLAT_PART * extents_mm[first]
+    return [main] if flat else [main, (min(first, third), max(first, third))]
+
+
+def _gain(path: _Path) -> float:
+    """1, 2 or 5 times a power of ten that makes the error visible, but small against the path."""
+    extent_mm, error_mm = path.extents_mm.max(), np.abs(path.errors_mm).max()
+    wanted = MAGNIFIED_PART * float(extent_mm / error_mm) if error_mm > 0.0 else 1.0
+    if wanted <= 1.0:
+        return 1.0
+    decade = 10.0 ** floor(log10(wanted))
+    return decade * max(step for step in (1.0, 2.0, 5.0) if step * decade <= wanted)
+
+
+def _draw_whole(axes: Axes, path: _Path, view: View, gain: float, title: str) -> None:
+    planned, counted = path.planned_mm[:, view], path.counted_mm(gain)[:, view]
+    axes.plot(*planned.T, color=PLANNED, linewidth=5, label="planned")
+    axes.plot(*counted.T, color=COUNTED, linewidth=0.6, label="counted")
+    axes.plot(*planned[0], marker="o", color="black", linestyle="none", label="start")
+    axes.plot(*planned[-1], marker="s", color="black", linestyle="none", label="end")
+    if not path.extents_mm.any():
+        axes.update_datalim(planned[:1] + LEAST_VIEW_MM / 2 * np.array([[-1.0, -1.0], [1.0, 1.0]]))
+    _finish(axes, view, title)
+    axes.set_aspect("equal", adjustable="datalim")
+
+
+def _draw_magnified(axes: Axes, path: _Path, view: View) -> None:
+    gain = _gain(path)
+    _draw_whole(axes, path, view, gain, f"error magnified {gain:g} times" if gain > 1.0 else "error not magnified")
+
+
+def _draw_close(axes: Axes, path: _Path, view: View) -> None:
+    """A window around the largest error of all, where single steps can be told apart."""
+    distances_mm = np.linalg.norm(path.errors_mm, axis=1)
+    worst = int(distances_mm.argmax())
+    half_mm = CLOSE_ERRORS * float(distances_mm[worst]) or 1.0
+    offsets_mm = path.planned_mm - path.planned_mm[worst]
+    inside = (np.abs(offsets_mm) < 2.0 * half_mm).all(axis=1)
+    counted_mm = offsets_mm + path.errors_mm
+    axes.plot(*_gapped(offsets_mm, inside)[:, view].T, color=PLANNED, linewidth=5)
+    axes.plot(*_gapped(counted_mm, inside)[:, view].T, color=COUNTED, linewidth=0.9, marker=".", markersize=3)
+    axes.plot(*np.stack([offsets_mm[worst], counted_mm[worst]])[:, view].T, color=LIMIT, linestyle=":", linewidth=3)
+    axes.set_xlim(-half_mm, half_mm)
+    axes.set_ylim(-half_mm, half_mm)
+    axes.locator_params(nbins=5)
+    axes.set_aspect("equal")
+    _finish(axes, view, f"largest error, {distances_mm[worst]:.3g} mm (dotted)", " from there")
+
+
+def _gapped(points: FloatArray, inside: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> FloatArray:
+    """The points inside, with a gap wherever the path has left in between."""
+    kept: FloatArray = np.where(inside[:, None], points, np.nan)
+    return kept[inside | np.roll(inside, 1)]
+
+
+def _finish(axes: Axes, view: View, title: str, origin: str = "") -> None:
+    across, up = view
+    axes.set_xlabel(f"{'xyz'[across]}{origin} [mm]")
+    axes.set_ylabel(f"{'xyz'[up]}{origin} [mm]")
+    axes.set_title(title, loc="left")

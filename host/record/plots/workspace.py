@@ -1,0 +1,83 @@
+"""A workspace from above and from the side: the cloud of random joint positions, the scanned boundaries over it."""
+
+from pathlib import Path
+from typing import Final
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.record.plots.canvas import COUNTED, DOTS_PER_INCH, HEADING_INCHES, STYLE, WIDTH_INCHES
+from steptwin.host.robots.workspace import MonteCarlo, Scan
+
+CLOUD: Final = "0.6"
+"""Samples: small grey dots, so that the boundary stands out from them in print too."""
+
+BOUNDARY: Final = COUNTED
+"""Boundary: dark dots as close as a line."""
+
+_WIDE: Final = 2.0
+"""A view from above that is wider than this many heights has the other one below it, else beside it."""
+
+_PANEL_INCHES: Final = 4.4
+_DRAWN_INCHES: Final = 9.0
+_LABELS_INCHES: Final = 0.7
+
+
+def write_workspace(path: Path, robot: str, cloud: MonteCarlo, scanned: Scan) -> None:
+    """Draw the picture into a PNG file."""
+    with mpl.rc_context(STYLE):
+        draw_workspace(robot, cloud, scanned).savefig(path, dpi=DOTS_PER_INCH)
+
+
+def draw_workspace(robot: str, cloud: MonteCarlo, scanned: Scan) -> Figure:
+    """Both views, true to scale."""
+    radius_mm = np.hypot(cloud.cloud_mm[:, 0] - scanned.axis_x_mm, cloud.cloud_mm[:, 1])
+    views = (cloud.cloud_mm[:, :2], np.column_stack([radius_mm, cloud.cloud_mm[:, 2]]))
+    boundaries = (scanned.plan.boundary_mm, scanned.profile.boundary_mm)
+    aspects = [_aspect(np.vstack(points)) for points in zip(views, boundaries, strict=True)]
+    figure, (above, beside) = _panels(aspects)
+    figure.suptitle(f"{robot} · workspace (COMPUTED)", x=0.01, ha="left", weight="bold")
+    for axes, view, boundary in zip((above, beside), views, boundaries, strict=True):
+        _draw(axes, view, boundary)
+    above.set(xlabel="x [mm]", ylabel="y [mm]")
+    above.set_title(f"from above; boundary at z = {scanned.plan.z_mm:.6g} mm", loc="left")
+    beside.set(xlabel="radius about the arm's axis at home [mm]", ylabel="z [mm]")
+    beside.set_title(f"from the side; boundary at azimuth {scanned.profile.azimuth_deg:.4g} deg", loc="left")
+    labels = [
+        f"positions of random joints, {len(cloud.cloud_mm)} of {cloud.counted}",
+        f"scanned boundary{_held(scanned)}",
+    ]
+    figure.legend(above.get_lines(), labels, loc="outside lower left", ncols=2, markerscale=3)
+    return figure
+
+
+def _aspect(points_mm: FloatArray) -> float:
+    """Height over width, at most 1, as for no points."""
+    width_mm, height_mm = np.ptp(points_mm, axis=0) if len(points_mm) else (1.0, 1.0)
+    return float(height_mm / width_mm) if width_mm > height_mm else 1.0
+
+
+def _panels(aspects: list[float]) -> tuple[Figure, list[Axes]]:
+    """One below the other, as high as their contents, where the first is wide; else beside each other."""
+    stacked = aspects[0] * _WIDE < 1.0
+    heights_inches = [_DRAWN_INCHES * aspect + _LABELS_INCHES for aspect in aspects] if stacked else [_PANEL_INCHES]
+    figure = Figure(figsize=(WIDTH_INCHES, sum(heights_inches) + HEADING_INCHES), layout="constrained")
+    grid = figure.subplots(len(heights_inches), 1 if stacked else 2, squeeze=False, height_ratios=heights_inches)
+    return figure, list(grid.flat)
+
+
+def _draw(axes: Axes, positions_mm: FloatArray, boundary_mm: FloatArray) -> None:
+    axes.plot(*positions_mm.T, "o", markeredgewidth=0, markersize=1.1, color=CLOUD)
+    axes.plot(*boundary_mm.T, "o", markeredgewidth=0, markersize=2.4, color=BOUNDARY)
+    axes.set_aspect("equal")
+    if not len(boundary_mm):
+        axes.text(0.5, 0.5, "nothing within reach", transform=axes.transAxes, ha="center", va="center")
+
+
+def _held(scanned: Scan) -> str:
+    """Which attitude the tool has in the sections and where the slides stand, as the end of a label."""
+    attitude = "" if scanned.attitude_deg is None else f", attitude {scanned.attitude_deg:g} deg"
+    return attitude + "".join(f", {name} = {position_mm:g} mm" for name, position_mm in scanned.slides.items())

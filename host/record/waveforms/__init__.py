@@ -1,0 +1,24 @@
+"""Waveforms of a run's evidence: pins and what follows from them over time, for logic analysers and for tables."""
+
+from steptwin.host.record.waveforms.bus_states import drive_states
+from steptwin.host.record.waveforms.export import Format, write_waveform
+from steptwin.host.record.waveforms.signal import Kind, Pulses, Signal, Steps
+from steptwin.host.record.waveforms.signals import everything, whole_record, wires
+from steptwin.host.record.waveforms.timebase import DEFAULT_SCALE, SCALES, TimeScale, Window
+
+__all__ = [
+    "DEFAULT_SCALE",
+    "SCALES",
+    "Format",
+    "Kind",
+    "Pulses",
+    "Signal",
+    "Steps",
+    "TimeScale",
+    "Window",
+    "drive_states",
+    "everything",
+    "whole_record",
+    "wires",
+    "write_waveform",
+]

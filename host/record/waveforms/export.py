@@ -1,0 +1,63 @@
+"""Writing a waveform's file in one of the formats that there are."""
+
+from collections.abc import Sequence
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from steptwin.host.common.whole_file import whole_file
+from steptwin.host.record.waveforms.mcap_file import write_mcap
+from steptwin.host.record.waveforms.signal import Signal
+from steptwin.host.record.waveforms.table import arrays, csv
+from steptwin.host.record.waveforms.timebase import TimeScale, Window
+from steptwin.host.record.waveforms.vcd import vcd
+
+
+class Format(StrEnum):
+    """What a waveform can be written as."""
+
+    VCD = "vcd"
+    VCD_FULL = "vcd-full"
+    CSV = "csv"
+    NPZ = "npz"
+    MCAP = "mcap"
+
+    @property
+    def file_name(self) -> str:
+        """Of a file in a run's folder with the whole of it."""
+        return "trace-full.vcd" if self is Format.VCD_FULL else f"trace.{self}"
+
+    @property
+    def part_file_name(self) -> str:
+        """Of a file beside it, with some axes or a window only."""
+        stem, suffix = self.file_name.split(".")
+        return f"{stem}-part.{suffix}"
+
+    @property
+    def wires_only(self) -> bool:
+        """Whether it has STEP, DIR, ENABLE, RESET and outputs only; the others have all that there is."""
+        return self not in (Format.VCD_FULL, Format.MCAP)
+
+
+def write_waveform(
+    path: Path, signals: Sequence[Signal], window: Window, form: Format, scale: TimeScale, title: str
+) -> None:
+    """Write the file under this very name; if anything is raised, an older one is there as it was.
+
+    Raises:
+        InputError: a pulse is too short for the time scale of a VCD file; or the library for MCAP files is not
+            installed.
+        OSError: the file cannot be written.
+    """
+    with whole_file(path) as file:
+        if form is Format.MCAP:
+            write_mcap(file, signals, window)
+        elif form is Format.NPZ:
+            made: dict[str, Any] = arrays(signals, window)
+            np.savez_compressed(file, **made)
+        elif form is Format.CSV:
+            file.writelines(csv(signals, window))
+        else:
+            file.writelines(vcd(signals, window, scale, title))

@@ -1,0 +1,76 @@
+"""The changes of all signals in one order of time, stretch by stretch."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steptwin.host.common.errors import InputError
+from steptwin.host.record.waveforms.signal import Kind, Signal, Values, stretches
+from steptwin.host.record.waveforms.text import Text, chosen, spelt, stacked
+from steptwin.host.record.waveforms.timebase import TimeScale, Window
+from steptwin.host.verify.evidence import Int64Array
+from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+
+@dataclass(frozen=True, slots=True)
+class Merged:
+    """Changes in order of time; those at one instant in the order of the signals.
+
+    Attributes:
+        instants: shape (n,), when, in units of the scale.
+        which: shape (n,), the index of the signal.
+        values: shape (n, width), the text of each new value.
+    """
+
+    instants: Int64Array
+    which: NDArray[np.intp]
+    values: Text
+
+
+def merged(signals: Sequence[Signal], window: Window, scale: TimeScale) -> Iterator[Merged]:
+    """All changes after the window's beginning, up to and with its end. Stretches without any are left out.
+
+    Raises:
+        InputError: a wire's pulse or pause is so short that both its ends are at the same instant of the scale.
+    """
+    for after, until in stretches(signals, window, scale):
+        parts = [_part(signal, window, scale, after, until) for signal in signals]
+        if any(instants.size for instants, _ in parts):
+            yield _merged(parts)
+
+
+def initial_values(signals: Sequence[Signal], window: Window) -> Text:
+    """The values that all signals have where the window begins, a row for each."""
+    return stacked([_text(signal, np.array([signal.changes.at(window.from_counts)])) for signal in signals])
+
+
+def _text(signal: Signal, values: Values) -> Text:
+    """Values of one signal: 0 and 1, numbers that read back as they were, or texts."""
+    if signal.kind is Kind.WIRE:
+        return chosen(("0", "1"), values)
+    if signal.kind is Kind.TEXT:
+        return chosen(signal.texts, values)
+    return spelt(values, repr)
+
+
+def _part(signal: Signal, window: Window, scale: TimeScale, after: int, until: int) -> tuple[Int64Array, Text]:
+    """One signal's changes; of several at one instant the last one, but a wire may not have several."""
+    counts, values = signal.changes.between(after, until)
+    instants = scale.rounded(counts)
+    again = np.flatnonzero(instants[1:] == instants[:-1])
+    if again.size and signal.kind is Kind.WIRE:
+        first, second = counts[again[0] : again[0] + 2].tolist()
+        raise InputError(
+            f"{signal.name}: changes twice within {(second - first) / COUNTS_PER_SECOND * 1e6:.3g} us at"
+            f" t = {window.time_s(first):.6f} s, which {scale.vcd} does not show: take a finer time scale"
+        )
+    return np.delete(instants, again), _text(signal, np.delete(values, again))
+
+
+def _merged(parts: list[tuple[Int64Array, Text]]) -> Merged:
+    instants = np.concatenate([instants for instants, _ in parts])
+    which = np.repeat(np.arange(len(parts)), [instants.size for instants, _ in parts])
+    order = np.argsort(instants, kind="stable")
+    return Merged(instants[order], which[order], stacked([text for _, text in parts])[order])

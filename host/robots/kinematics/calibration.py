@@ -1,0 +1,63 @@
+"""The SCARA that a calibration model was made for: R-R-P-R in standard DH parameters, tool down, or up with alpha3 = 0.
+
+Source: "Kinematic modeling and verification for a SCARA robot", ICMEMTC 2016, Atlantis Press, from p. 918.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+from steptwin.host.common.errors import InputError
+from steptwin.host.robots.kinematics.base import read_geometry, require_joints
+from steptwin.host.robots.kinematics.dh import Convention, DhRow, DhTable, Parameter
+from steptwin.host.robots.kinematics.planar2r import Planar2R
+from steptwin.host.robots.kinematics.scara import Scara
+from steptwin.host.robots.kinematics.teaching import JOINTS
+from steptwin.host.robots.robot import Robot
+
+_WRIST_SIGNS: Final = {0.0: 1, 180.0: -1}
+"""By alpha3: a tool that points down turns the other way."""
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationGeometry:
+    """The dimensions in a robot's file: the two links, the column's height, the twist that turns the tool down.
+
+    Raises:
+        InputError: a twist that is neither up nor down.
+    """
+
+    L1_mm: float
+    L2_mm: float
+    d1_mm: float
+    alpha3_deg: float
+
+    def __post_init__(self) -> None:
+        if self.alpha3_deg not in _WRIST_SIGNS:
+            raise InputError(
+                f"kinematics.alpha3_deg: {self.alpha3_deg:g} deg is neither 180 (tool down) nor 0 (tool up)"
+            )
+
+
+def calibration_scara(robot: Robot) -> Scara:
+    """From a robot's file; InputError if its dimensions or joints are not this mechanism's."""
+    require_joints(robot, JOINTS)
+    geometry = read_geometry(CalibrationGeometry, robot)
+    rows = (
+        DhRow(0.0, geometry.L1_mm, Parameter(geometry.d1_mm), Parameter(variable="th1")),
+        DhRow(0.0, geometry.L2_mm, Parameter(), Parameter(variable="th2")),
+        DhRow(geometry.alpha3_deg, 0.0, Parameter(variable="d3", sign=-1), Parameter()),
+        DhRow(0.0, 0.0, Parameter(), Parameter(variable="th4")),
+    )
+    return Scara(
+        limits=robot.joints,
+        dh=DhTable(Convention.STANDARD, rows),
+        arm=Planar2R(geometry.L1_mm, geometry.L2_mm),
+        lift=2,
+        shoulder=0,
+        elbow=1,
+        wrist=3,
+        heading_deg=0.0,
+        height_mm=geometry.d1_mm,
+        lift_sign=-1,
+        wrist_sign=_WRIST_SIGNS[geometry.alpha3_deg],
+    )

@@ -1,0 +1,196 @@
+"""The hybrid arm: a waist carries a planar mechanism of two sliders, which carries an arm with a turning gripper.
+
+The sliders' mechanism (`slider_pair`) moves its platform radially by z2 and vertically by z3:
+
+    rho = l2 + l3 + z2       X = rho cos th1       Y = rho sin th1       Z = l1 + z3 - l4       phi = th1 + th4
+
+Source: H. Zhou, four-DOF hybrid handling robot. Its display equations and all of its numbers are lost; the radial
+layout is an assumption (docs/robots.md).
+"""
+
+from dataclasses import dataclass
+from typing import Final, Self
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.errors import InputError
+from steptwin.host.robots.kinematics.angles import wrapped_deg
+from steptwin.host.robots.kinematics.base import (
+    LIMIT_TOLERANCE,
+    Branch,
+    Constraint,
+    joint_constraints,
+    nearest_turns,
+    read_geometry,
+    require_joints,
+)
+from steptwin.host.robots.kinematics.dh import Convention, DhRow, DhTable, Parameter
+from steptwin.host.robots.kinematics.slider_pair import AssemblyMode, SliderPair, WorkingMode
+from steptwin.host.robots.robot import Joint, Robot, Unit
+
+_JOINTS: Final = {"th1": Unit.DEG, "Z5": Unit.MM, "Z6": Unit.MM, "th4": Unit.DEG}
+TH1, Z5, Z6, TH4 = range(4)
+"""The joints' columns."""
+
+SINGULAR: Final = 0.005
+"""Sines below this, 0.29 degrees from a level link or from links in line, are no place for a straight path."""
+
+
+@dataclass(frozen=True, slots=True)
+class HybridGeometry:
+    """The dimensions in a robot's file.
+
+    Half the distance of the screws, the links' length, the height of the mechanism's frame, the radial offsets from
+    waist to frame and from platform to tool, the tool's drop, and how far the platform may go sideways.
+    """
+
+    h_mm: float
+    L_mm: float
+    l1_mm: float
+    l2_mm: float
+    l3_mm: float
+    l4_mm: float
+    z2_max_mm: float
+
+
+@dataclass(frozen=True, slots=True)
+class HybridArm:
+    """The mechanism; fulfils Kinematics.
+
+    Attributes:
+        limits: the joints th1, Z5, Z6, th4, asked only to say whether a pose is reachable.
+        sliders: the parallel mechanism.
+        radius_mm: rho where z2 is 0.
+        height_mm: the tool's height where z3 is 0.
+        z2_max_mm: the largest |z2| allowed.
+        dh: the equivalent serial chain R-P-P-R, with th1, z2, z3, th4 as variables.
+    """
+
+    limits: tuple[Joint, ...]
+    sliders: SliderPair
+    radius_mm: float
+    height_mm: float
+    z2_max_mm: float
+    dh: DhTable
+
+    @classmethod
+    def of(cls, robot: Robot) -> Self:
+        """From a robot's file; InputError if its dimensions or joints are not this mechanism's."""
+        require_joints(robot, _JOINTS)
+        geometry = read_geometry(HybridGeometry, robot)
+        sliders = SliderPair(geometry.h_mm, geometry.L_mm)
+        if not 0 < geometry.z2_max_mm <= sliders.reach_mm:
+            raise InputError(
+                f"kinematics.z2_max_mm: {geometry.z2_max_mm:g} mm is not above 0"
+                f" and up to L_mm - h_mm, {sliders.reach_mm:g} mm"
+            )
+        if not geometry.l2_mm + geometry.l3_mm > geometry.z2_max_mm:
+            raise InputError(
+                f"kinematics.z2_max_mm: {geometry.z2_max_mm:g} mm takes the tool through the waist's axis,"
+                f" l2_mm + l3_mm = {geometry.l2_mm + geometry.l3_mm:g} mm away"
+            )
+        rows = (
+            DhRow(0.0, 0.0, Parameter(geometry.l1_mm), Parameter(90.0, "th1")),
+            DhRow(90.0, 0.0, Parameter(geometry.l2_mm, "z2"), Parameter()),
+            DhRow(-90.0, 0.0, Parameter(variable="z3"), Parameter(-90.0)),
+            DhRow(0.0, geometry.l3_mm, Parameter(-geometry.l4_mm), Parameter(variable="th4")),
+        )
+        return cls(
+            limits=robot.joints,
+            sliders=sliders,
+            radius_mm=geometry.l2_mm + geometry.l3_mm,
+            height_mm=geometry.l1_mm - geometry.l4_mm,
+            z2_max_mm=geometry.z2_max_mm,
+            dh=DhTable(Convention.MODIFIED, rows),
+        )
+
+    @property
+    def branches(self) -> tuple[str, ...]:
+        """The working modes, `(+,+)` first: signs of slider 5 and slider 6, + for below the platform."""
+        return tuple(mode.value for mode in WorkingMode)
+
+    def dh_variables(self, joints: FloatArray) -> dict[str, FloatArray]:
+        """th1, z2, z3, th4."""
+        z2_mm, z3_mm = self.sliders.forward(joints[:, Z5], joints[:, Z6], AssemblyMode.ABOVE)
+        return {"th1": joints[:, TH1], "z2": z2_mm, "z3": z3_mm, "th4": joints[:, TH4]}
+
+    def forward(self, joints: FloatArray) -> FloatArray:
+        """Poses of shape (n, 4) from joints of shape (n, 4), of a machine assembled with its platform above."""
+        return self.forward_as(joints, AssemblyMode.ABOVE)
+
+    def forward_as(self, joints: FloatArray, assembly: AssemblyMode) -> FloatArray:
+        """The same in either assembly mode; NaN where the sliders are further apart than the links allow."""
+        z2_mm, z3_mm = self.sliders.forward(joints[:, Z5], joints[:, Z6], assembly)
+        th1_rad = np.deg2rad(joints[:, TH1])
+        rho_mm = self.radius_mm + z2_mm
+        return np.column_stack(
+            [
+                rho_mm * np.cos(th1_rad),
+                rho_mm * np.sin(th1_rad),
+                self.height_mm + z3_mm,
+                wrapped_deg(joints[:, TH1] + joints[:, TH4]),
+            ]
+        )
+
+    def inverse(self, poses: FloatArray, near: FloatArray | None = None) -> tuple[Branch, ...]:
+        """The four working modes for poses of shape (n, 4).
+
+        Those that belong to the other assembly mode are solved, but not reachable: this machine cannot get there.
+        """
+        return tuple(self.solve(poses, branch, near) for branch in self.branches)
+
+    def solve(self, poses: FloatArray, branch: str, near: FloatArray | None = None) -> Branch:
+        """One working mode; th4 takes the turn within its limits that is nearest to `near`."""
+        mode = WorkingMode(branch)
+        z2_mm = np.hypot(poses[:, 0], poses[:, 1]) - self.radius_mm
+        joints = np.empty((len(poses), 4))
+        joints[:, TH1] = np.rad2deg(np.arctan2(poses[:, 1], poses[:, 0]))
+        joints[:, Z5], joints[:, Z6] = self.sliders.inverse(z2_mm, poses[:, 2] - self.height_mm, mode)
+        joints[:, TH4] = wrapped_deg(poses[:, 3] - joints[:, TH1])
+        nearest_turns(self.limits, joints, near)
+        mechanism = (self._reach(z2_mm), self._assembly(z2_mm, mode))
+        return Branch(branch, joints, mechanism, joint_constraints(self.limits, joints))
+
+    def singularities(self, joints: FloatArray) -> tuple[Constraint, ...]:
+        """The sines of the links' slopes, 0 where a link is level, and of the angle between them, 0 in line."""
+        z2_mm, z3_mm = self.sliders.forward(joints[:, Z5], joints[:, Z6], AssemblyMode.ABOVE)
+        sines = self.sliders.sines(joints[:, Z5], joints[:, Z6], z2_mm, z3_mm)
+        names = ("Z5: near singular, |sin| of its link's slope", "Z6: near singular, |sin| of its link's slope")
+        between = "Z5: near singular, |sin| of the angle between its link and Z6's"
+        return tuple(
+            Constraint(name, "", sine, SINGULAR, 1.0, sine >= SINGULAR)
+            for name, sine in zip((*names, between), sines, strict=True)
+        )
+
+    def joint_velocities(self, joints: FloatArray, tool_velocities: FloatArray) -> FloatArray:
+        """Shape (n, 4) from joints of shape (n, 4) and pose derivatives of shape (n, 4)."""
+        z2_mm, z3_mm = self.sliders.forward(joints[:, Z5], joints[:, Z6], AssemblyMode.ABOVE)
+        th1_rad = np.deg2rad(joints[:, TH1])
+        outward_mm_s = np.cos(th1_rad) * tool_velocities[:, 0] + np.sin(th1_rad) * tool_velocities[:, 1]
+        around_mm_s = np.cos(th1_rad) * tool_velocities[:, 1] - np.sin(th1_rad) * tool_velocities[:, 0]
+        velocities = np.empty_like(joints)
+        velocities[:, TH1] = np.rad2deg(around_mm_s / (self.radius_mm + z2_mm))
+        velocities[:, Z5], velocities[:, Z6] = self.sliders.slider_velocities(
+            joints[:, Z5], joints[:, Z6], z2_mm, z3_mm, outward_mm_s, tool_velocities[:, 2]
+        )
+        velocities[:, TH4] = tool_velocities[:, 3] - velocities[:, TH1]
+        return velocities
+
+    def _reach(self, z2_mm: FloatArray) -> Constraint:
+        kept = np.abs(z2_mm) <= self.z2_max_mm + LIMIT_TOLERANCE
+        return Constraint(
+            "out of reach: waist to tool",
+            "mm",
+            self.radius_mm + z2_mm,
+            self.radius_mm - self.z2_max_mm,
+            self.radius_mm + self.z2_max_mm,
+            kept,
+        )
+
+    def _assembly(self, z2_mm: FloatArray, mode: WorkingMode) -> Constraint:
+        assembly = self.sliders.assembly_of(z2_mm, mode)
+        complaint = (
+            "the machine is assembled with its platform above its sliders' line; this takes it to the other side"
+        )
+        return Constraint("assembly mode", "", assembly, 1.0, 1.0, assembly == 1.0, complaint)

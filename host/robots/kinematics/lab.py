@@ -1,0 +1,51 @@
+"""The laboratory SCARA: a ball screw lifts the whole arm, then three parallel rotary joints (P-R-R-R), tool down.
+
+Source: H. Wang, B. Yin, R. Luo, X. Wang, "Mechanism design and kinematics analysis of 4-dof SCARA robot system",
+J. Mechanical & Electrical Engineering 36(12), 2019, 1320-1324, its equations corrected (docs/robots.md).
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+from steptwin.host.robots.kinematics.base import read_geometry, require_joints
+from steptwin.host.robots.kinematics.dh import Convention, DhRow, DhTable, Parameter
+from steptwin.host.robots.kinematics.planar2r import Planar2R
+from steptwin.host.robots.kinematics.scara import Scara
+from steptwin.host.robots.robot import Robot, Unit
+
+_JOINTS: Final = {"d1": Unit.MM, "th2": Unit.DEG, "th3": Unit.DEG, "th4": Unit.DEG}
+
+
+@dataclass(frozen=True, slots=True)
+class LabGeometry:
+    """The dimensions in a robot's file: first link, second link, tool downwards."""
+
+    a2_mm: float
+    a3_mm: float
+    d5_mm: float
+
+
+def lab_scara(robot: Robot) -> Scara:
+    """From a robot's file; InputError if its dimensions or joints are not this mechanism's."""
+    require_joints(robot, _JOINTS)
+    geometry = read_geometry(LabGeometry, robot)
+    rows = (
+        DhRow(0.0, 0.0, Parameter(variable="d1"), Parameter(90.0)),
+        DhRow(0.0, 0.0, Parameter(), Parameter(variable="th2")),
+        DhRow(0.0, geometry.a2_mm, Parameter(), Parameter(variable="th3")),
+        DhRow(180.0, geometry.a3_mm, Parameter(), Parameter(variable="th4")),
+        DhRow(0.0, 0.0, Parameter(geometry.d5_mm), Parameter()),
+    )
+    return Scara(
+        limits=robot.joints,
+        dh=DhTable(Convention.MODIFIED, rows),
+        arm=Planar2R(geometry.a2_mm, geometry.a3_mm),
+        lift=0,
+        shoulder=1,
+        elbow=2,
+        wrist=3,
+        heading_deg=90.0,
+        height_mm=-geometry.d5_mm,
+        lift_sign=1,
+        wrist_sign=-1,
+    )

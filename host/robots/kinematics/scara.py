@@ -1,0 +1,145 @@
+"""The SCARA family: a planar arm of two links, a wrist about the vertical, a lift, perhaps slides below it all.
+
+With h the direction of the arm when shoulder and elbow are at 0, and w = -1 where the tool points down, because
+Rx(180) Rz(t) = Rz(-t) Rx(180), else +1:
+
+    attitude = h + shoulder + elbow + w wrist
+    x = l1 cos(h + shoulder) + l2 cos(h + shoulder + elbow) + l_tool cos(attitude) + slide        y with sin
+    z = z0 + lift, or z0 - lift where the lift pushes downwards, + slide
+
+Where the joints are in the chain and which way they count is data; the mechanisms' own modules hold it.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.robots.kinematics.angles import wrapped_deg
+from steptwin.host.robots.kinematics.base import BoolArray, Branch, Constraint, joint_constraints, nearest_turns
+from steptwin.host.robots.kinematics.dh import DhTable
+from steptwin.host.robots.kinematics.planar2r import Elbow, Planar2R
+from steptwin.host.robots.robot import Joint
+
+SINGULAR: Final = 0.005
+"""|sin(elbow)| below this, 0.29 degrees from stretched or folded, is no place for a straight path."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scara:
+    """One mechanism of the family; fulfils Kinematics.
+
+    Attributes:
+        limits: the joints in axis order, their limits asked only to say whether a pose is reachable.
+        dh: the same mechanism as a DH table, with the joints' names as variables.
+        arm: the two links.
+        lift: the column of the lift; likewise shoulder, elbow and wrist.
+        heading_deg: h, the arm's direction at shoulder = elbow = 0.
+        height_mm: z0, the tool's height with the lift at 0.
+        lift_sign: -1 if the lift pushes the tool down.
+        wrist_sign: w, -1 if the tool points down.
+        tool_mm: l_tool, how far the tool is from the wrist's axis, in the direction of the attitude.
+        slides: pairs of a joint's column and the coordinate of the pose, 0 for x or 2 for z, that it shifts.
+    """
+
+    limits: tuple[Joint, ...]
+    dh: DhTable
+    arm: Planar2R
+    lift: int
+    shoulder: int
+    elbow: int
+    wrist: int
+    heading_deg: float
+    height_mm: float
+    lift_sign: int
+    wrist_sign: int
+    tool_mm: float = 0.0
+    slides: tuple[tuple[int, int], ...] = ()
+
+    @property
+    def branches(self) -> tuple[str, ...]:
+        """`right` and `left`."""
+        return tuple(elbow.value for elbow in Elbow)
+
+    def dh_variables(self, joints: FloatArray) -> dict[str, FloatArray]:
+        """The joints by their names."""
+        return {joint.name: joints[:, axis] for axis, joint in enumerate(self.limits)}
+
+    def forward(self, joints: FloatArray) -> FloatArray:
+        """Poses of shape (n, 4) from joints of shape (n, joints)."""
+        shoulder_deg = joints[:, self.shoulder] + self.heading_deg
+        attitude_deg = shoulder_deg + joints[:, self.elbow] + self.wrist_sign * joints[:, self.wrist]
+        poses = np.empty((len(joints), 4))
+        poses[:, 0], poses[:, 1] = self.arm.forward(np.deg2rad(shoulder_deg), np.deg2rad(joints[:, self.elbow]))
+        poses[:, 2] = self.height_mm + self.lift_sign * joints[:, self.lift]
+        poses[:, 3] = wrapped_deg(attitude_deg)
+        if self.tool_mm:
+            poses[:, 0] += self.tool_mm * np.cos(np.deg2rad(attitude_deg))
+            poses[:, 1] += self.tool_mm * np.sin(np.deg2rad(attitude_deg))
+        for column, coordinate in self.slides:
+            poses[:, coordinate] += joints[:, column]
+        return poses
+
+    def inverse(self, poses: FloatArray, near: FloatArray | None = None) -> tuple[Branch, ...]:
+        """The branches `right` and `left` for poses of shape (n, 4); the slides stay where `near` has them, or at 0."""
+        return tuple(self.solve(poses, branch, near) for branch in self.branches)
+
+    def solve(self, poses: FloatArray, branch: str, near: FloatArray | None = None) -> Branch:
+        """One branch; angles in (-180, 180], or the turn within the joint's limits that is nearest to `near`."""
+        joints = np.zeros((len(poses), len(self.limits)))
+        for column, _ in self.slides:
+            joints[:, column] = 0.0 if near is None else near[..., column]
+        x_mm, y_mm = self._wrist(poses, joints)
+        shoulder_rad, elbow_rad = self.arm.inverse(x_mm, y_mm, Elbow(branch))
+        slid_mm = sum((joints[:, column] for column, coordinate in self.slides if coordinate == 2), np.zeros(()))
+        joints[:, self.lift] = self.lift_sign * (poses[:, 2] - slid_mm - self.height_mm)
+        joints[:, self.shoulder] = wrapped_deg(np.rad2deg(shoulder_rad) - self.heading_deg)
+        joints[:, self.elbow] = np.rad2deg(elbow_rad)
+        arm_deg = self.heading_deg + joints[:, self.shoulder] + joints[:, self.elbow]
+        joints[:, self.wrist] = wrapped_deg(self.wrist_sign * (poses[:, 3] - arm_deg))
+        nearest_turns(self.limits, joints, near)
+        reach = self._reach(np.hypot(x_mm, y_mm), kept=~np.isnan(elbow_rad))
+        return Branch(branch, joints, (reach,), joint_constraints(self.limits, joints))
+
+    def singularities(self, joints: FloatArray) -> tuple[Constraint, ...]:
+        """|sin(elbow)|, which is |det J| / (l1 l2): 0 where the arm is stretched or folded."""
+        values = np.abs(np.sin(np.deg2rad(joints[:, self.elbow])))
+        name = self.limits[self.elbow].name
+        return (Constraint(f"{name}: near singular, |sin {name}|", "", values, SINGULAR, 1.0, values >= SINGULAR),)
+
+    def joint_velocities(self, joints: FloatArray, tool_velocities: FloatArray) -> FloatArray:
+        """Shape (n, joints) from joints of that shape and pose derivatives of shape (n, 4); the slides stand still."""
+        shoulder_rad = np.deg2rad(joints[:, self.shoulder] + self.heading_deg)
+        elbow_rad = np.deg2rad(joints[:, self.elbow])
+        attitude_rad = shoulder_rad + elbow_rad + self.wrist_sign * np.deg2rad(joints[:, self.wrist])
+        turning_mm_s = self.tool_mm * np.deg2rad(tool_velocities[:, 3])
+        shoulder_rad_s, elbow_rad_s = self.arm.joint_velocities(
+            shoulder_rad,
+            elbow_rad,
+            tool_velocities[:, 0] + turning_mm_s * np.sin(attitude_rad),
+            tool_velocities[:, 1] - turning_mm_s * np.cos(attitude_rad),
+        )
+        velocities = np.zeros_like(joints)
+        velocities[:, self.lift] = self.lift_sign * tool_velocities[:, 2]
+        velocities[:, self.shoulder] = np.rad2deg(shoulder_rad_s)
+        velocities[:, self.elbow] = np.rad2deg(elbow_rad_s)
+        with np.errstate(invalid="ignore"):  # opposite infinities
+            arm_deg_s = velocities[:, self.shoulder] + velocities[:, self.elbow]
+        velocities[:, self.wrist] = self.wrist_sign * (tool_velocities[:, 3] - arm_deg_s)
+        return velocities
+
+    def _wrist(self, poses: FloatArray, joints: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The wrist's x and y in mm as seen from the shoulder, wherever the slides have it."""
+        x_mm, y_mm = poses[:, 0], poses[:, 1]
+        if self.tool_mm:
+            attitude_rad = np.deg2rad(poses[:, 3])
+            x_mm, y_mm = x_mm - self.tool_mm * np.cos(attitude_rad), y_mm - self.tool_mm * np.sin(attitude_rad)
+        for column, coordinate in self.slides:
+            if coordinate == 0:
+                x_mm = x_mm - joints[:, column]
+        return x_mm, y_mm
+
+    def _reach(self, wrist_mm: FloatArray, kept: BoolArray) -> Constraint:
+        nearest_mm, farthest_mm = self.arm.reach_mm
+        return Constraint("out of reach: shoulder to wrist", "mm", wrist_mm, nearest_mm, farthest_mm, kept)

@@ -1,0 +1,51 @@
+"""The classroom SCARA: two rotary joints for the plane, then a lift that pushes down and a rotation (R-R-P-R), tool up.
+
+Source: X. Yao, Y. Pan, Y. Gao, "Research and Implementation of SCARA Manipulator Control Algorithm in Experimental
+Teaching", 2017, DOI 10.3969/j.issn.1000-386x.2017.06.019. Its text and its code disagree about the sign of d3; here
+d3 >= 0 pushes downwards, which is the text's, and agrees with the code in the paper's experiment, where d3 = 0.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+from steptwin.host.robots.kinematics.base import read_geometry, require_joints
+from steptwin.host.robots.kinematics.dh import Convention, DhRow, DhTable, Parameter
+from steptwin.host.robots.kinematics.planar2r import Planar2R
+from steptwin.host.robots.kinematics.scara import Scara
+from steptwin.host.robots.robot import Robot, Unit
+
+JOINTS: Final = {"th1": Unit.DEG, "th2": Unit.DEG, "d3": Unit.MM, "th4": Unit.DEG}
+
+
+@dataclass(frozen=True, slots=True)
+class TeachingGeometry:
+    """The dimensions in a robot's file: the two links, and the tool's offset along z, negative downwards."""
+
+    l1_mm: float
+    l2_mm: float
+    d4_mm: float
+
+
+def teaching_scara(robot: Robot) -> Scara:
+    """From a robot's file; InputError if its dimensions or joints are not this mechanism's."""
+    require_joints(robot, JOINTS)
+    geometry = read_geometry(TeachingGeometry, robot)
+    rows = (
+        DhRow(0.0, 0.0, Parameter(), Parameter(variable="th1")),
+        DhRow(0.0, geometry.l1_mm, Parameter(), Parameter(variable="th2")),
+        DhRow(0.0, geometry.l2_mm, Parameter(variable="d3", sign=-1), Parameter()),
+        DhRow(0.0, 0.0, Parameter(geometry.d4_mm), Parameter(variable="th4")),
+    )
+    return Scara(
+        limits=robot.joints,
+        dh=DhTable(Convention.MODIFIED, rows),
+        arm=Planar2R(geometry.l1_mm, geometry.l2_mm),
+        lift=2,
+        shoulder=0,
+        elbow=1,
+        wrist=3,
+        heading_deg=0.0,
+        height_mm=geometry.d4_mm,
+        lift_sign=-1,
+        wrist_sign=1,
+    )

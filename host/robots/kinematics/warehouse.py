@@ -1,0 +1,65 @@
+"""The warehouse robot: two slides carry an arm with its lift first, then three parallel rotary joints, tool up.
+
+The slides are parallel to the arm's base axes: sx shifts it along x, sz along z.
+
+Source: A. Jiang, L. Guo, X. Tan, "Development of Prototype of a New Intelligent Warehouse Robot", 2019,
+DOI 10.3969/j.issn.1009-9492.2019.05.018, with its inverse corrected: it takes the wrist's direction from an arc
+cosine, which loses the sign of y, and gives one elbow only.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+from steptwin.host.robots.kinematics.base import read_geometry, require_joints
+from steptwin.host.robots.kinematics.dh import Convention, DhRow, DhTable, Parameter
+from steptwin.host.robots.kinematics.planar2r import Planar2R
+from steptwin.host.robots.kinematics.scara import Scara
+from steptwin.host.robots.robot import Robot, Unit
+
+_JOINTS: Final = {
+    "sx": Unit.MM,
+    "sz": Unit.MM,
+    "L1": Unit.MM,
+    "th1": Unit.DEG,
+    "th2": Unit.DEG,
+    "th3": Unit.DEG,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class WarehouseGeometry:
+    """The dimensions in a robot's file: shoulder to elbow, elbow to wrist, arm down to tool, wrist to tool."""
+
+    L2_mm: float
+    L3_mm: float
+    L4_mm: float
+    L5_mm: float
+
+
+def warehouse_scara(robot: Robot) -> Scara:
+    """From a robot's file; InputError if its dimensions or joints are not this mechanism's."""
+    require_joints(robot, _JOINTS)
+    geometry = read_geometry(WarehouseGeometry, robot)
+    rows = (
+        DhRow(0.0, 0.0, Parameter(variable="sz"), Parameter(90.0)),
+        DhRow(90.0, 0.0, Parameter(variable="sx"), Parameter()),  # z of this frame lies along the aisle
+        DhRow(-90.0, 0.0, Parameter(variable="L1"), Parameter(-90.0, "th1")),
+        DhRow(0.0, geometry.L2_mm, Parameter(), Parameter(variable="th2")),
+        DhRow(0.0, geometry.L3_mm, Parameter(), Parameter(variable="th3")),
+        DhRow(0.0, geometry.L5_mm, Parameter(-geometry.L4_mm), Parameter()),
+    )
+    return Scara(
+        limits=robot.joints,
+        dh=DhTable(Convention.MODIFIED, rows),
+        arm=Planar2R(geometry.L2_mm, geometry.L3_mm),
+        lift=2,
+        shoulder=3,
+        elbow=4,
+        wrist=5,
+        heading_deg=0.0,
+        height_mm=-geometry.L4_mm,
+        lift_sign=1,
+        wrist_sign=1,
+        tool_mm=geometry.L5_mm,
+        slides=((0, 0), (1, 2)),
+    )

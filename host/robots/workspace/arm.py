@@ -1,0 +1,120 @@
+"""An arm whose slides stand still: which positions its tool reaches, in one attitude or in any."""
+
+from dataclasses import dataclass
+from typing import Final, Self
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.robots.kinematics import Kinematics, Scara, make_kinematics
+from steptwin.host.robots.kinematics.base import BoolArray
+from steptwin.host.robots.robot import Robot
+
+ATTITUDES: Final = 36
+"""Attitudes tried where any will do, evenly spaced.
+
+Between two of them a tool that sticks out by l from the wrist's axis misses at most l (1 - cos 5 deg), 0.4 % of l.
+"""
+
+_CHUNK: Final = 1 << 12
+"""Poses solved at once: as many as a processor's cache holds."""
+
+_PROBES: Final = 4096
+_MARGIN: Final = 0.1
+"""By this part the box that random joint positions reach is widened, so that it holds all that can be reached."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Arm:
+    """A robot with its slides where home has them.
+
+    Attributes:
+        robot: the whole machine.
+        kinematics: of the whole machine.
+        home: shape (joints,), where the slides stand.
+        axis_x_mm: where the arm's own axis stands, at y = 0.
+        attitude_deg: of the tool; None if any will do.
+    """
+
+    robot: Robot
+    kinematics: Kinematics
+    home: FloatArray
+    axis_x_mm: float
+    attitude_deg: float | None
+
+    @classmethod
+    def of(cls, robot: Robot, attitude_deg: float | None) -> Self:
+        """From a robot; InputError if its dimensions or joints are not its mechanism's."""
+        kinematics = make_kinematics(robot)
+        shifts = _shifts(kinematics)
+        axis_x_mm = sum((robot.home[column] for column, coordinate in shifts if coordinate == 0), 0.0)
+        return cls(robot, kinematics, np.array(robot.home), axis_x_mm, attitude_deg)
+
+    @property
+    def slides(self) -> dict[str, float]:
+        """Where the joints that shift the whole arm stand, by name, in mm."""
+        return {self.robot.joint_names[column]: self.robot.home[column] for column, _ in _shifts(self.kinematics)}
+
+    @property
+    def home_azimuth_deg(self) -> float:
+        """The direction from the arm's axis to the tool at home."""
+        x_mm, y_mm, _, _ = self._home_pose
+        return float(np.rad2deg(np.arctan2(y_mm, x_mm - self.axis_x_mm)))
+
+    @property
+    def home_z_mm(self) -> float:
+        """The tool's height at home."""
+        return float(self._home_pose[2])
+
+    def reachable(self, radius_mm: FloatArray, azimuth_deg: FloatArray, z_mm: FloatArray) -> BoolArray:
+        """Shape (n,): whether some branch reaches the positions, cylindrical about the arm's axis, of shape (n,)."""
+        azimuth_rad = np.deg2rad(azimuth_deg)
+        x_mm, y_mm = self.axis_x_mm + radius_mm * np.cos(azimuth_rad), radius_mm * np.sin(azimuth_rad)
+        if self.attitude_deg is not None:
+            return self._reached(np.column_stack([x_mm, y_mm, z_mm, np.full(len(x_mm), self.attitude_deg)]))
+        outwards = np.column_stack([x_mm, y_mm, z_mm, azimuth_deg])
+        found = self._reached(outwards)
+        for begin in range(0, len(found), _CHUNK):
+            part = slice(begin, begin + _CHUNK)
+            found[part][~found[part]] = self._reached_turned(outwards[part][~found[part]])
+        return found
+
+    def box_mm(self) -> tuple[float, float, float]:
+        """The greatest radius, the least and the greatest height of a box that holds the workspace."""
+        lower, upper = ([getattr(joint, bound) for joint in self.robot.joints] for bound in ("lower", "upper"))
+        joints = np.random.default_rng(0).uniform(lower, upper, (_PROBES, len(lower)))
+        for column, _ in _shifts(self.kinematics):
+            joints[:, column] = self.home[column]
+        poses = self.kinematics.forward(np.vstack([self.home, joints]))
+        radius_mm = np.nanmax(np.hypot(poses[:, 0] - self.axis_x_mm, poses[:, 1]))
+        lowest_mm, highest_mm = np.nanmin(poses[:, 2]), np.nanmax(poses[:, 2])
+        margin_mm = _MARGIN * (highest_mm - lowest_mm)
+        return float((1.0 + _MARGIN) * radius_mm), float(lowest_mm - margin_mm), float(highest_mm + margin_mm)
+
+    @property
+    def _home_pose(self) -> FloatArray:
+        pose: FloatArray = self.kinematics.forward(self.home[None])[0]
+        return pose
+
+    def _reached_turned(self, outwards: FloatArray) -> BoolArray:
+        """Shape (n,): whether poses of shape (n, 4) are reached with the tool turned from there by some other angle."""
+        others_deg = np.arange(1, ATTITUDES) * 360.0 / ATTITUDES
+        poses = np.repeat(outwards, len(others_deg), axis=0)
+        poses[:, 3] += np.tile(others_deg, len(outwards))
+        reached = self._reached(poses).reshape(len(outwards), len(others_deg))
+        some: BoolArray = np.logical_or.reduce(reached, axis=1)
+        return some
+
+    def _reached(self, poses: FloatArray) -> BoolArray:
+        """Shape (n,): whether some branch reaches poses of shape (n, 4)."""
+        reached = np.empty(len(poses), np.bool_)
+        for begin in range(0, len(poses), _CHUNK):
+            part = slice(begin, begin + _CHUNK)
+            branches = self.kinematics.inverse(poses[part], self.home)
+            reached[part] = np.logical_or.reduce([branch.reachable for branch in branches])
+        return reached
+
+
+def _shifts(kinematics: Kinematics) -> tuple[tuple[int, int], ...]:
+    """The slides: the column of each, and the pose's coordinate that it shifts, 0 for x or 2 for z."""
+    return kinematics.slides if isinstance(kinematics, Scara) else ()

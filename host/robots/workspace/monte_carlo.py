@@ -1,0 +1,99 @@
+"""The cloud of tool positions that uniformly random joint positions make."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.errors import InputError
+from steptwin.host.robots.kinematics import Kinematics, make_kinematics
+from steptwin.host.robots.robot import Robot
+
+SAMPLES_MAX: Final = 10_000_000
+
+CLOUD_MAX: Final = 20_000
+"""Positions kept for a picture: more of them only make it solid."""
+
+_CHUNK: Final = 1 << 16
+
+_NOTHING: Final = np.array([np.inf, -np.inf])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MonteCarlo:
+    """What random joint positions within their limits, slides included, give.
+
+    Attributes:
+        samples: how many were drawn.
+        seed: of the generator.
+        counted: how many of them the mechanism can take; the others are left out of all that follows.
+        radius_mm: the least and the greatest distance from the base's axis x = y = 0; None if none counted.
+        z_mm: the least and the greatest height; None if none counted.
+        cloud_mm: shape (n, 3), the first positions counted, at most `CLOUD_MAX`.
+    """
+
+    samples: int
+    seed: int
+    counted: int
+    radius_mm: tuple[float, float] | None
+    z_mm: tuple[float, float] | None
+    cloud_mm: FloatArray
+
+    @property
+    def left_out(self) -> int:
+        """How many samples the mechanism cannot take."""
+        return self.samples - self.counted
+
+
+def monte_carlo(robot: Robot, samples: int, seed: int) -> MonteCarlo:
+    """Draw joint positions and see where they take the tool.
+
+    The same samples come from `default_rng(seed)` asked for all positions of the first joint, then of the second one.
+
+    Raises:
+        InputError: samples or seed out of range.
+    """
+    if not 1 <= samples <= SAMPLES_MAX:
+        raise InputError(f"samples: {samples} is outside 1..{SAMPLES_MAX}")
+    if seed < 0:
+        raise InputError(f"seed: {seed} is below 0")
+    kinematics = make_kinematics(robot)
+    counted, clouds = 0, [np.empty((0, 3))]
+    radius_mm, z_mm = _NOTHING, _NOTHING
+    for joints in _drawn(robot, samples, seed):
+        positions_mm = _positions(kinematics, joints)
+        radius_mm = _widened(radius_mm, np.hypot(positions_mm[:, 0], positions_mm[:, 1]))
+        z_mm = _widened(z_mm, positions_mm[:, 2])
+        clouds.append(positions_mm[: max(CLOUD_MAX - counted, 0)])
+        counted += len(positions_mm)
+    return MonteCarlo(samples, seed, counted, _span(radius_mm), _span(z_mm), np.concatenate(clouds))
+
+
+def _drawn(robot: Robot, samples: int, seed: int) -> Iterator[FloatArray]:
+    """Joint positions in chunks of shape (n, joints): one generator a joint, each where its share begins."""
+    generators = [
+        np.random.Generator(np.random.PCG64(seed).advance(axis * samples)) for axis in range(len(robot.joints))
+    ]
+    for begin in range(0, samples, _CHUNK):
+        count = min(_CHUNK, samples - begin)
+        drawn = zip(robot.joints, generators, strict=True)
+        yield np.column_stack([generator.uniform(joint.lower, joint.upper, count) for joint, generator in drawn])
+
+
+def _positions(kinematics: Kinematics, joints: FloatArray) -> FloatArray:
+    """Tool positions, shape (n, 3), of those joint positions that the mechanism can take in its usual branch."""
+    poses = kinematics.forward(joints)
+    branch = kinematics.solve(poses, kinematics.branches[0], near=joints)
+    kept = np.logical_and.reduce([constraint.kept for constraint in branch.mechanism])
+    return poses[kept, :3]
+
+
+def _widened(span: FloatArray, values: FloatArray) -> FloatArray:
+    return np.array([values.min(initial=span[0]), values.max(initial=span[1])])
+
+
+def _span(span: FloatArray) -> tuple[float, float] | None:
+    least, greatest = span.tolist()
+    return (least, greatest) if least <= greatest else None

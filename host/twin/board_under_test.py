@@ -1,0 +1,103 @@
+"""A board in virtual time for somebody's tests: the embedded board, and what a test asks about its machine."""
+
+import time
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+from steptwin.controller.backend import Kernel
+from steptwin.emulator.bus_faults import FaultScript
+from steptwin.emulator.operations import Scheduled
+from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.verify import AxisEvidence, Plan, Report, RunInfo, verify
+from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+
+class Violation(NamedTuple):
+    """A limit of a driver that was broken.
+
+    Attributes:
+        joint: whose driver.
+        t_s: when, in seconds since power-up.
+        rule: which limit, such as `clk_high`.
+        value: what there was.
+        limit: what the driver asks for.
+        unit: of both.
+    """
+
+    joint: str
+    t_s: float
+    rule: str
+    value: float
+    limit: float
+    unit: str
+
+
+class BoardUnderTest(EmbeddedBoard):
+    """What the fixture `steptwin_board` is. Joints go by the names in the robot's file, in mm and degrees.
+
+    `network` is the canopen library's, connected to the board. Simulated time passes while frames are on the bus and
+    with `wait`.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        start_joints: list[float],
+        kernel: Kernel,
+        bus_faults: FaultScript | None = None,
+        schedule: Iterable[Scheduled] = (),
+        driver_profile_name: str | None = None,
+    ) -> None:
+        self._began_s = time.perf_counter()
+        super().__init__(robot, start_joints, kernel, bus_faults, schedule, driver_profile_name)
+
+    def steps(self) -> dict[str, int]:
+        """Each motor's position as its driver has counted, in steps from the joint's zero."""
+        return dict(zip(self.robot.joint_names, self.driver_positions(), strict=True))
+
+    def joints(self) -> dict[str, float]:
+        """Each joint's position as its driver has counted, in mm or degrees."""
+        return {
+            name: steps / self.robot.joint(name).transmission.steps_per_unit for name, steps in self.steps().items()
+        }
+
+    def outputs(self) -> dict[str, bool]:
+        """The digital outputs that the robot's file names."""
+        levels = dict.fromkeys(self.robot.outputs, False)
+        for change in self.evidence().outputs:
+            levels[change.name] = bool(change.level)
+        return levels
+
+    def pins(self, joint: str) -> AxisEvidence:
+        """Every edge of a joint's pins since power-up, and the steps that its driver counted; KeyError if none such."""
+        return self.evidence().axes[self.robot.joints.index(self.robot.joint(joint))]
+
+    def violations(self) -> list[Violation]:
+        """Every time since power-up that a limit of a driver was broken, in order of time."""
+        found = [violation for axis in self.evidence().axes for violation in _broken(axis)]
+        return sorted(found, key=lambda violation: violation.t_s)
+
+    def verify(self, trajectory: Trajectory) -> Report:
+        """Compare what the drivers counted with a plan whose t = 0 is the last SYNC, as `steptwin verify` does.
+
+        Raises:
+            ValueError: the trajectory's joints are not the robot's.
+        """
+        run = RunInfo(
+            robot=self.robot.name,
+            job="test",
+            duration_s=trajectory.duration_s,
+            bus=self.bus_report(),
+            simulated_s=self.now_s(),
+            wall_s=time.perf_counter() - self._began_s,
+        )
+        return verify(Plan.of(self.robot, trajectory), self.evidence(), run)
+
+
+def _broken(axis: AxisEvidence) -> Iterator[Violation]:
+    found = axis.violations
+    for counts, which, value in zip(found.counts.tolist(), found.which.tolist(), found.values.tolist(), strict=True):
+        limit = found.limits[which]
+        yield Violation(axis.name, counts / COUNTS_PER_SECOND, limit.rule, value, limit.limit, limit.unit)

@@ -1,0 +1,150 @@
+"""The default board: emulated in this process, in virtual time, with the client's network wired straight to it."""
+
+from collections.abc import Iterable
+
+import canopen
+from canopen.network import PeriodicMessageTask
+
+from steptwin.controller.backend import Kernel
+from steptwin.controller.kernel import TICK_COUNTS
+from steptwin.emulator.board import Board
+from steptwin.emulator.bus import Bus
+from steptwin.emulator.bus_faults import FaultScript
+from steptwin.emulator.operations import Operation, Scheduled
+from steptwin.emulator.simulation import BusOverloadError, Simulation
+from steptwin.host.common.errors import BusError
+from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.drivers import driver_profile
+from steptwin.host.twin.hardware import axis_evidence, board_config, standing_steps
+from steptwin.host.twin.repeated_frames import RepeatedFrames
+from steptwin.host.verify import BusReport, Evidence
+from steptwin.host.verify.wiring import output_changes
+from steptwin.protocol.frame import COB_SYNC, Frame
+from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+_BOOT_S = 0.01
+"""The host comes after the nodes' boot-up messages."""
+
+
+class EmbeddedNetwork(canopen.Network):
+    """The canopen library's network on a simulated bus.
+
+    `send_message` returns when the bus has fallen silent again, so that the library's blocking calls find their
+    answers already there; nothing waits and no thread is needed. Periodic frames go out when simulated time has come
+    to their turn: while the client waits, or before the next frame that it sends.
+    """
+
+    def __init__(self, simulation: Simulation) -> None:
+        super().__init__()
+        self._simulation = simulation
+        self._repeated = RepeatedFrames(simulation)
+        simulation.host.receive = self._frame_arrived
+
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
+        """Send a data frame; remote frames do not exist on this bus.
+
+        Raises:
+            BusError: the nodes' own frames leave the bus no pause.
+        """
+        if remote:
+            raise ValueError("the simulated board answers no remote frames; CiA 301 advises against them")
+        self._send_due()
+        try:
+            self._simulation.send(Frame(can_id, bytes(data)))
+        except BusOverloadError as error:
+            raise BusError(str(error)) from error
+
+    def send_periodic(self, can_id: int, data: bytes, period: float, remote: bool = False) -> PeriodicMessageTask:
+        """Repeat a data frame every `period` seconds of simulated time, from now on."""
+        task = PeriodicMessageTask(can_id, data, period, self._repeated, remote)
+        self._send_due()
+        return task
+
+    def _send_due(self) -> None:
+        for frame in self._repeated.take_due():
+            self.send_message(frame.cob_id, frame.data)
+
+    def run_until(self, until_counts: int) -> None:
+        """Let simulated time pass to an instant, or to the end of the periodic frame that is on the bus then."""
+        while (due_counts := self._repeated.due_counts) is not None and due_counts < until_counts:
+            self._simulation.run_until(due_counts)
+            self._send_due()
+        self._simulation.run_until(until_counts)
+
+    def _frame_arrived(self, frame: Frame, counts: int) -> None:
+        self.notify(frame.cob_id, bytearray(frame.data), counts / COUNTS_PER_SECOND)
+
+
+class EmbeddedBoard:
+    """A robot's board on a bus of its own; fulfils the client's Link. The machine stands at the given joints.
+
+    `schedule` says what will happen to the machine beside its motion, and when.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        start_joints: list[float],
+        kernel: Kernel,
+        bus_faults: FaultScript | None = None,
+        schedule: Iterable[Scheduled] = (),
+        driver_profile_name: str | None = None,
+    ) -> None:
+        """By a name it has other drivers than the robot's file says.
+
+        Raises:
+            InputError: there are no such drivers, or they cannot be set as the robot needs them.
+        """
+        self.robot = robot
+        self.driver_profile = driver_profile(robot.board, driver_profile_name)
+        self._start_steps = standing_steps(robot, start_joints)
+        self._board = Board(board_config(robot, start_joints, driver_profile_name), kernel)
+        self._simulation = Simulation([self._board], Bus(robot.board.bitrate, bus_faults), schedule)
+        self.network = EmbeddedNetwork(self._simulation)
+        self.wait(_BOOT_S)
+
+    def now_s(self) -> float:
+        """Simulated seconds since the board was switched on."""
+        return self._simulation.now_s
+
+    def wait(self, dt_s: float) -> None:
+        """Let simulated time pass; more than asked for if a frame is on the bus at its end."""
+        self.network.run_until(self._simulation.now_counts + round(dt_s * COUNTS_PER_SECOND))
+
+    def operate(self, operation: Operation) -> None:
+        """Do something to the machine, now: press its e-stop, let its supply break down."""
+        self._simulation.operate(operation)
+
+    @property
+    def bus_log(self) -> list[tuple[int, Frame]]:
+        """Every frame with the instant, in counts, at which it became valid."""
+        bus = self._simulation.bus
+        return list(zip(bus.log_counts, bus.log_frames, strict=True))
+
+    def bus_report(self) -> BusReport:
+        """The traffic so far."""
+        bus = self._simulation.bus
+        load_percent = 100 * bus.busy_bits / (bus.bitrate * self._simulation.now_s)
+        return BusReport(bus.bitrate, bus.frames, load_percent)
+
+    def driver_positions(self) -> list[int]:
+        """Where each driver's own counter says the motor is, in steps from the joint's zero."""
+        traces = (self._board.trace(axis) for axis in range(len(self._start_steps)))
+        return [start + trace.position_steps for start, trace in zip(self._start_steps, traces, strict=True)]
+
+    @property
+    def started(self) -> bool:
+        """Whether a SYNC has set the axes going."""
+        return any(frame.cob_id == COB_SYNC for frame in self._simulation.bus.log_frames)
+
+    def evidence(self) -> Evidence:
+        """What the drivers saw; t = 0 is the first servo tick after the last SYNC, or power-up if there was none."""
+        bus = self._simulation.bus
+        log = zip(bus.log_counts, bus.log_frames, strict=True)
+        sync_counts = max((counts for counts, frame in log if frame.cob_id == COB_SYNC), default=0)
+        traces = [self._board.trace(axis) for axis in range(len(self._start_steps))]
+        axes = tuple(
+            axis_evidence(joint.name, self._start_steps[i], traces[i], i, self._board.pin_changes)
+            for i, joint in enumerate(self.robot.joints)
+        )
+        return Evidence(-(-sync_counts // TICK_COUNTS) * TICK_COUNTS, axes, output_changes(self.robot, axes))

@@ -1,0 +1,109 @@
+"""One run from plan to verdict: check the start, switch the board on, stream, wait for the end, verify."""
+
+import time
+
+import numpy as np
+
+from steptwin.controller.backend import Kernel
+from steptwin.emulator.bus_faults import FaultScript
+from steptwin.host.client import AxisRecords, Machine, Progress, object_dictionary
+from steptwin.host.common.errors import DeviceFaultError, InputError
+from steptwin.host.operate.axis_settings import axis_settings
+from steptwin.host.operate.output_commands import output_commands
+from steptwin.host.planning.planner import Plan, check_start
+from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.outcome import Fault, Outcome
+from steptwin.host.verify import Plan as VerifierPlan
+from steptwin.host.verify import RunInfo, compare, verify_comparison
+from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+
+
+def execute(
+    plan: Plan,
+    job: str,
+    kernel: Kernel,
+    *,
+    stand_at: list[float] | None = None,
+    cut_stream_s: float | None = None,
+    driver_profile: str | None = None,
+    bus_faults: FaultScript | None = None,
+    progress: Progress = lambda _: None,
+) -> Outcome:
+    """Run a plan on an embedded board in virtual time.
+
+    Args:
+        plan: what to do.
+        job: how reports call it.
+        kernel: which form of the firmware's kernel runs.
+        stand_at: where the emulated machine stands, mm and degrees; by default where the plan starts.
+        cut_stream_s: send only the points before this time of the motion, as a host that hangs would.
+        driver_profile: drivers that the emulated board has instead of those in the robot's file; neither the plan nor
+            the firmware is told.
+        bus_faults: what the bus does to frames.
+        progress: told which part of the stream has been sent.
+
+    Raises:
+        InputError: the machine stands elsewhere than the plan starts, or there are no such drivers.
+        DeviceFaultError, BusError: the board could not be set up; a fault in motion is part of the outcome instead.
+    """
+    if stand_at is not None:
+        check_start(plan, stand_at)
+    records = _records(plan, cut_stream_s)
+    object_dictionary()  # made once in a process: no part of what the emulation takes
+    started_s = time.perf_counter()
+    start_joints = plan.start_joints if stand_at is None else stand_at
+    board = EmbeddedBoard(plan.robot, start_joints, kernel, bus_faults, driver_profile_name=driver_profile)
+    machine = Machine(board, plan.robot.joint_names)
+    machine.connect()
+    machine.configure(tuple(axis_settings(joint, plan.robot.board) for joint in plan.robot.joints))
+    machine.enable()
+    machine.preset(plan.start_units)
+    fault = None
+    try:
+        machine.run(records, plan.start_units, progress, output_commands(plan.robot, plan.trajectory))
+        machine.disable()
+    except DeviceFaultError as error:
+        if not board.started:
+            raise
+        machine.await_standstill()
+        fault = _fault(error, machine, board, plan)
+    machine.disconnect()
+    run = RunInfo(
+        robot=plan.robot.name,
+        job=job,
+        duration_s=plan.trajectory.duration_s,
+        bus=board.bus_report(),
+        simulated_s=board.now_s(),
+        wall_s=time.perf_counter() - started_s,
+    )
+    comparison = compare(VerifierPlan.of(plan.robot, plan.trajectory), board.evidence())
+    report = verify_comparison(comparison, run)
+    return Outcome(plan, comparison, report, board.bus_log, fault, board.driver_profile.name)
+
+
+def _records(plan: Plan, cut_stream_s: float | None) -> tuple[AxisRecords, ...]:
+    durations_ms = plan.durations_ms()
+    count = len(durations_ms)
+    if cut_stream_s is not None:
+        count = int(np.searchsorted(plan.times_ms[1:], cut_stream_s * 1000, side="right"))
+        if not 0 < count < len(durations_ms):
+            first_s, end_s = plan.times_ms[1] / 1000, plan.times_ms[-1] / 1000
+            raise InputError(f"--cut-stream {cut_stream_s:g}: must be from {first_s:g} s to below {end_s:g} s")
+    return tuple(
+        AxisRecords(plan.displacements_units(axis)[:count], plan.end_velocities(axis)[:count], durations_ms[:count])
+        for axis in range(len(plan.robot.joints))
+    )
+
+
+def _fault(error: DeviceFaultError, machine: Machine, board: EmbeddedBoard, plan: Plan) -> Fault:
+    reported = machine.positions_units()
+    counted = [
+        steps * UNITS_PER_FULL_STEP // joint.transmission.microsteps
+        for steps, joint in zip(board.driver_positions(), plan.robot.joints, strict=True)
+    ]
+    joints = {
+        joint.name: units / joint.transmission.wire_units_per_unit
+        for units, joint in zip(reported, plan.robot.joints, strict=True)
+    }
+    codes = {axis.name: axis.error_codes for axis in machine.axes}
+    return Fault(str(error), codes, joints, positions_agree=reported == counted)

@@ -1,0 +1,105 @@
+"""The plan of a live board's last motion: what its axes were sent, in the machine's positions.
+
+The firmware counts from wherever it was told to; the machine stands where its drivers have brought it.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+
+from steptwin.emulator.board import Board
+from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.received_plan import HALTED, ReceivedPlan
+from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.objects import UNITS_PER_FULL_STEP, key_of
+from steptwin.protocol.pvt import PvtRecord
+
+
+class LivePlan:
+    """Follows the axes of a robot; told of every SYNC at rest and what came of it."""
+
+    def __init__(
+        self, folder: Path, robot: Robot, axes: Sequence[tuple[Board, int]], start_steps: Sequence[int]
+    ) -> None:
+        """Begin to listen.
+
+        Args:
+            folder: where trajectory.csv is to be.
+            robot: the machine.
+            axes: of each joint its board, and its number there.
+            start_steps: where the joints stood at power-up.
+        """
+        self._received = ReceivedPlan(folder, robot)
+        self._robot = robot
+        self._axes = axes
+        self._start_steps = start_steps
+        self._rest_units = self._demands_units()
+        self._queued = [0] * len(axes)
+        """Where the axes stood at the SYNC, as the firmware counts, and how many records waited."""
+        self._offset_units = [0] * len(axes)
+        """From the firmware's positions to those of the machine, as of then."""
+        for joint, (board, axis) in enumerate(axes):
+            _tap_records(board.firmware.nodes[axis].dictionary, partial(self._received.accept, joint))
+
+    @property
+    def lacking(self) -> str | None:
+        """Why there is no plan just now; None: there is one."""
+        return self._received.lacking
+
+    def sync(self) -> None:
+        """A SYNC is about to reach axes that rest.
+
+        Where the machine stands is known to a step; of an axis with records, the firmware says where within it.
+        """
+        self._rest_units = self._demands_units()
+        self._queued = [board.firmware.motion.queued(axis) for board, axis in self._axes]
+        for joint, (board, axis) in enumerate(self._axes):
+            microsteps = self._robot.joints[joint].transmission.microsteps
+            steps = self._start_steps[joint] + board.position_steps(axis)
+            if self._queued[joint]:
+                steps -= board.firmware.motion.counter_steps(axis)
+                self._offset_units[joint] = steps * UNITS_PER_FULL_STEP // microsteps
+            else:
+                self._offset_units[joint] = steps * UNITS_PER_FULL_STEP // microsteps - self._rest_units[joint]
+
+    def begin(self) -> None:
+        """It has set them going."""
+        self._received.begin(self._on_machine(self._rest_units), self._queued)
+        for joint, (board, axis) in enumerate(self._axes):
+            config, name = board.firmware.motion.config(axis), self._robot.joint_names[joint]
+            as_filed = config.microsteps == self._robot.joints[joint].transmission.microsteps
+            if self._queued[joint] and (config.dir_inverted or not as_filed):
+                self._received.fail(f"{name} is set up otherwise than in the robot's file")
+
+    def follow(self, *, in_motion: bool) -> None:
+        """See how the motion goes, if one has begun; before anything new reaches the axes."""
+        if not self._received.going:
+            return
+        if any(board.firmware.motion.group.halted for board, _ in self._axes):
+            self._received.fail(HALTED)
+        if not in_motion:
+            self._received.end(self._on_machine(self._demands_units()))
+
+    def finish(self) -> None:
+        """The session is over: leave the plan, if there is one."""
+        self._received.finish()
+
+    def _demands_units(self) -> list[int]:
+        return [board.firmware.motion.demand_units(axis) for board, axis in self._axes]
+
+    def _on_machine(self, units: list[int]) -> list[int]:
+        return [each + offset for each, offset in zip(units, self._offset_units, strict=True)]
+
+
+def _tap_records(dictionary: ObjectDictionary, accept: Callable[[PvtRecord], None]) -> None:
+    """Show each record that an axis' firmware takes into its queue."""
+    queue_it = dictionary.write_hooks[key_of(0x60C1, 4)]
+
+    def tapped(sequence: int) -> None:
+        before = dictionary.get(0x2012, 1)
+        queue_it(sequence)
+        if dictionary.get(0x2012, 1) != before:
+            displacement_units, end_velocity, duration_ms = (dictionary.get(0x60C1, field) for field in (1, 2, 3))
+            accept(PvtRecord(displacement_units, end_velocity, duration_ms, sequence))
+
+    dictionary.write_hooks[key_of(0x60C1, 4)] = tapped

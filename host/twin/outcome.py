@@ -1,0 +1,83 @@
+"""What a run on an embedded board leaves: verdict, evidence, bus log, and the fault that ended it, if one did."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from steptwin.host.planning.planner import Plan
+from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY, prepare_folder, write_folder
+from steptwin.host.verify import Comparison, Report
+from steptwin.protocol.frame import Frame
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """The fault of a drive that ended a run.
+
+    Attributes:
+        message: which axis, which error.
+        codes: every axis' EMCY error codes, oldest first.
+        joints: where the drives say that the joints are, in mm and degrees.
+        positions_agree: whether that is exactly what the drivers have counted.
+    """
+
+    message: str
+    codes: dict[str, list[int]]
+    joints: dict[str, float]
+    positions_agree: bool
+
+    def to_dict(self) -> dict[str, Any]:
+        """The fault under the keys of report.json."""
+        return {
+            "message": self.message,
+            "codes": {name: [f"0x{code:04X}" for code in codes] for name, codes in self.codes.items()},
+            "joints": self.joints,
+            "positions_agree": self.positions_agree,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """The result of a run.
+
+    Attributes:
+        plan: what was to be done.
+        comparison: what the drivers counted beside the plan.
+        report: the figures and the verdict.
+        bus_log: every frame with the instant, in counts since power-up, at which it became valid.
+        fault: what ended the run; None if it came to its end.
+        driver_profile: which drivers the board had.
+    """
+
+    plan: Plan
+    comparison: Comparison
+    report: Report
+    bus_log: list[tuple[int, Frame]]
+    fault: Fault | None
+    driver_profile: str
+
+    @property
+    def passed(self) -> bool:
+        """Whether the run came to its end and every pulse is where the plan wants it."""
+        return self.fault is None and self.report.passed
+
+    def to_dict(self) -> dict[str, Any]:
+        """The document that `run --json` prints."""
+        document = self.report.to_dict() | {"driver_profile": self.driver_profile, "simulated": True}
+        if self.fault:
+            document |= {"passed": False, "fault": self.fault.to_dict()}
+        return document
+
+    def save(self, folder: Path | str) -> bool:
+        """Write the run into a folder: report, plan, every edge, bus log, waveform, pictures; docs/run-folder.md.
+
+        Returns:
+            False if the pictures were left out because matplotlib is not installed.
+
+        Raises:
+            InputError: the folder cannot be made or written to.
+            OSError: a file cannot be written.
+        """
+        path = prepare_folder(folder)
+        document = self.to_dict() | {VERSION_KEY: FOLDER_VERSION}
+        return write_folder(path, document, self.plan, self.comparison.evidence, self.bus_log)

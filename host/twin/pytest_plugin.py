@@ -1,0 +1,135 @@
+"""The pytest plugin: an emulated board in virtual time for the tests of other projects. docs/ci.md.
+
+pytest imports this module at each start, wherever StepTwin is installed: so everything else is imported when a test
+asks for a board.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from steptwin.controller.backend import Kernel
+    from steptwin.emulator.bus_faults import Fault
+    from steptwin.emulator.operations import Scheduled
+    from steptwin.host.robots.robot import Robot
+    from steptwin.host.twin.board_under_test import BoardUnderTest
+
+    MakeBoard = Callable[..., BoardUnderTest]
+    Standing = Sequence[float] | Mapping[str, float]
+
+_MARKER = "steptwin"
+_INI = "steptwin_robot"
+_FRAMES_SHOWN = 20
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """The robot of tests that name none."""
+    parser.addini(_INI, "StepTwin: the robot of `steptwin_board`, a name or the path of a robot file", default="")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Make the marker known."""
+    config.addinivalue_line(
+        "markers", f"{_MARKER}(robot, stand_at, schedule, bus_faults, driver_profile): which board `steptwin_board` is"
+    )
+
+
+@pytest.fixture(scope="session")
+def steptwin_kernel() -> "Kernel":
+    """The firmware's kernel in its fastest form, loaded once."""
+    from steptwin.controller.backend import fastest_kernel
+
+    return fastest_kernel()
+
+
+@pytest.fixture
+def steptwin_make_board(request: pytest.FixtureRequest, steptwin_kernel: "Kernel") -> "Iterator[MakeBoard]":
+    """A function that switches boards on, for tests that need several; each is on a bus of its own.
+
+    Its arguments, all optional:
+        robot: the robot's name, or the path of a robot file from pytest's root directory; else the ini-file's.
+        stand_at: where the machine stands, in mm and degrees: all joints, or some by name; else at the robot's home.
+        schedule: what will happen to the machine beside its motion, and when.
+        bus_faults: what the bus does to frames, a script of `Fault`s.
+        driver_profile: other drivers than the robot's file says, by name.
+    """
+    from steptwin.emulator.bus_faults import FaultScript
+    from steptwin.host.common.errors import InputError
+    from steptwin.host.twin.board_under_test import BoardUnderTest
+
+    boards: list[BoardUnderTest] = []
+
+    def make(
+        robot: str = "",
+        *,
+        stand_at: "Standing | None" = None,
+        schedule: "Iterable[Scheduled]" = (),
+        bus_faults: "Sequence[Fault]" = (),
+        driver_profile: str | None = None,
+    ) -> BoardUnderTest:
+        try:
+            loaded = _robot(robot or request.config.getini(_INI), request.config)
+            at = _standing(loaded, stand_at)
+            faults = FaultScript(bus_faults)
+            board = BoardUnderTest(loaded, at, steptwin_kernel, faults, schedule, driver_profile)
+        except InputError as error:
+            pytest.fail(f"steptwin: {error}", pytrace=False)
+        boards.append(board)
+        return board
+
+    yield make
+    for board in boards:
+        request.node.add_report_section("teardown", "steptwin bus (SIMULATED)", _last_frames(board))
+
+
+@pytest.fixture
+def steptwin_board(request: pytest.FixtureRequest, steptwin_make_board: "MakeBoard") -> "BoardUnderTest":
+    """An emulated board in virtual time, as the test's, its class' and its module's marker `steptwin` say."""
+    settings: dict[str, Any] = {}
+    for marker in request.node.iter_markers(_MARKER):  # the closest comes first
+        settings = dict(zip(("robot",), marker.args, strict=False)) | marker.kwargs | settings
+    return steptwin_make_board(**settings)
+
+
+def _robot(name: str, config: pytest.Config) -> "Robot":
+    from steptwin.host.common.errors import InputError
+    from steptwin.host.robots import load_robot, robot_names
+
+    if not name:
+        names = ", ".join(robot_names())
+        raise InputError(f'which robot? @pytest.mark.{_MARKER}("ROBOT") or {_INI} in the ini-file; there are {names}')
+    return load_robot(str(config.rootpath / name) if name.endswith(".toml") else name)
+
+
+def _standing(robot: "Robot", stand_at: "Standing | None") -> list[float]:
+    from steptwin.host.common.bad_input import unknown
+    from steptwin.host.common.errors import InputError
+
+    at = dict(zip(robot.joint_names, robot.home, strict=True))
+    if stand_at is None:
+        return list(at.values())
+    if not isinstance(stand_at, Mapping):
+        if len(stand_at) != len(at):
+            raise InputError(f"stand_at: {len(stand_at)} values for the {len(at)} joints {' '.join(at)}")
+        return list(stand_at)
+    for name, position in stand_at.items():
+        if name not in at:
+            raise unknown("stand_at: joint", name, at)
+        at[name] = position
+    return list(at.values())
+
+
+def _last_frames(board: "BoardUnderTest") -> str:
+    """What the bus said last: shown beside a test's failure."""
+    from steptwin.host.client.monitor import Decoder
+    from steptwin.protocol.frame import FIRST_NODE_ID
+    from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+    decoder = Decoder(dict(enumerate(board.robot.joint_names, start=FIRST_NODE_ID)))
+    lines = []
+    for counts, frame in board.bus_log[-_FRAMES_SHOWN:]:
+        decoded = decoder.decode(frame.cob_id, frame.data)
+        lines.append(f"{counts / COUNTS_PER_SECOND:10.6f} {decoded.title:9} {decoded.node:8} {decoded.text}")
+    return "\n".join(lines)

@@ -1,0 +1,125 @@
+"""What a live board was told to do: the PVT records of the last motion that a SYNC has started, as trajectory.csv.
+
+So the pulses of any host's motion can be verified against what it has sent, to the wire unit. A row is written as soon
+as every axis that moves has the record for it; memory stays bounded.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final, TextIO
+
+from steptwin.host.record.folder import TRAJECTORY, trajectory_head, trajectory_row
+from steptwin.host.robots.robot import Robot
+from steptwin.protocol.pvt import QUEUE_DEPTH, VELOCITY_PER_UNIT_PER_MS, PvtRecord
+
+NO_MOTION: Final = "no SYNC has started a motion"
+NO_RECORDS: Final = "it was moved by other means than records"
+HALTED: Final = "it was halted on its way"
+ENDED_ELSEWHERE: Final = "it has not come to the end of its records"
+_APART: Final = "the axes' records do not last equally long"
+_AHEAD_MAX: Final = 2 * QUEUE_DEPTH
+"""One axis' records that wait for another's; a queue holds half as many."""
+
+
+class ReceivedPlan:
+    """Takes in records as the board accepts them; in the end there is a plan, or a reason why not."""
+
+    def __init__(self, folder: Path, robot: Robot) -> None:
+        """No plan yet; one that an earlier session has left in the folder is none of this one's."""
+        self._lacking: str | None = NO_MOTION
+        self.going = False
+        """Whether its motion is under way."""
+        self._path = folder / TRAJECTORY
+        self._path.unlink(missing_ok=True)
+        self._part = self._path.with_suffix(".part")
+        self._file: TextIO | None = None
+        self._robot = robot
+        self._recent = [deque[PvtRecord](maxlen=QUEUE_DEPTH) for _ in robot.joints]
+        """What may wait in the queues when a motion begins."""
+        self._pending = [deque[PvtRecord]() for _ in robot.joints]
+        """Of the motion, and not in a row yet."""
+        self._moving: list[int] = []
+        """The joints with records."""
+        self._time_ms = 0
+        self._units = [0] * len(robot.joints)
+        """Where the last row is, in the machine's wire units."""
+
+    @property
+    def lacking(self) -> str | None:
+        """Why there is no plan just now; None: there is one."""
+        return ENDED_ELSEWHERE if self.going and not self._lacking else self._lacking
+
+    def accept(self, joint: int, record: PvtRecord) -> None:
+        """The board has queued a record."""
+        self._recent[joint].append(record)
+        if self.going and self._lacking is None:
+            self._pending[joint].append(record)
+            self._write_rows()
+
+    def begin(self, start_units: Sequence[int], queued: Sequence[int]) -> None:
+        """A SYNC has started a motion, with so many records in each joint's queue."""
+        self._moving = [joint for joint, count in enumerate(queued) if count]
+        self._lacking = None if self._moving else NO_RECORDS
+        self.going = True
+        if not self._moving:
+            return
+        self._time_ms = 0
+        self._units = list(start_units)
+        for pending, recent, count in zip(self._pending, self._recent, queued, strict=True):
+            pending.clear()
+            pending.extend(list(recent)[len(recent) - count :])
+        self._close()
+        self._file = self._part.open("w", encoding="utf-8")
+        self._file.write(trajectory_head(self._robot))
+        self._write_row([0] * len(self._units))
+        self._write_rows()
+
+    def fail(self, reason: str) -> None:
+        """What happens is not what the records say."""
+        if self._lacking is None:
+            self._lacking = reason
+
+    def end(self, end_units: Sequence[int]) -> None:
+        """The motion is over and the machine stands there."""
+        self.going = False
+        if any(self._pending):
+            self.fail(_APART)
+        if list(end_units) != self._units:
+            self.fail(ENDED_ELSEWHERE)
+
+    def finish(self) -> None:
+        """The session is over: leave the plan, if there is one."""
+        self._close()
+        if self.lacking is None:
+            self._part.replace(self._path)
+        else:
+            self._part.unlink(missing_ok=True)
+
+    def _write_rows(self) -> None:
+        while self._lacking is None and all(self._pending[joint] for joint in self._moving):
+            records = {joint: self._pending[joint].popleft() for joint in self._moving}
+            durations_ms = {record.duration_ms for record in records.values()}
+            if len(durations_ms) > 1:
+                self.fail(_APART)
+                return
+            self._time_ms += durations_ms.pop()
+            velocities = [0] * len(self._units)
+            for joint, record in records.items():
+                self._units[joint] += record.displacement_units
+                velocities[joint] = record.end_velocity
+            self._write_row(velocities)
+        if any(len(pending) > _AHEAD_MAX for pending in self._pending):
+            self.fail(_APART)
+
+    def _write_row(self, velocities: Sequence[int]) -> None:
+        assert self._file
+        per_unit = self._robot.wire_units_per_unit.tolist()
+        positions = [units / each for units, each in zip(self._units, per_unit, strict=True)]
+        speeds = [1000 * v / VELOCITY_PER_UNIT_PER_MS / each for v, each in zip(velocities, per_unit, strict=True)]
+        self._file.write(trajectory_row(self._time_ms / 1000, positions, speeds))
+
+    def _close(self) -> None:
+        if self._file:
+            self._file.close()
+            self._file = None

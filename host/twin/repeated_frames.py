@@ -1,0 +1,53 @@
+"""Frames that the embedded host sends again and again, as the timer of a bus interface would, in simulated time."""
+
+from dataclasses import dataclass
+
+import can
+
+from steptwin.emulator.simulation import Simulation
+from steptwin.protocol.frame import Frame
+from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+
+@dataclass(slots=True)
+class _Repeated:
+    """One frame, until it is stopped."""
+
+    frame: Frame
+    period_counts: int
+    due_counts: int
+    stopped: bool = False
+
+    def stop(self) -> None:
+        self.stopped = True
+
+
+class RepeatedFrames:
+    """Knows which frame is due when; to the canopen library's periodic tasks it is the bus interface."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+        self._repeated: list[_Repeated] = []
+        self.due_counts: int | None = None
+        """When the next frame is due, or was before it was stopped."""
+
+    def send_periodic(self, message: can.Message, period_s: float) -> _Repeated:
+        """Repeat a frame from now on until its `stop` is called."""
+        frame = Frame(message.arbitration_id, bytes(message.data))
+        repeated = _Repeated(frame, round(period_s * COUNTS_PER_SECOND), self._simulation.now_counts)
+        self._repeated.append(repeated)
+        self.due_counts = repeated.due_counts
+        return repeated
+
+    def take_due(self) -> list[Frame]:
+        """The frames that are due by now, each once: times that were missed are not made good."""
+        now_counts = self._simulation.now_counts
+        if self.due_counts is None or self.due_counts > now_counts:
+            return []
+        self._repeated = [repeated for repeated in self._repeated if not repeated.stopped]
+        due = [repeated for repeated in self._repeated if repeated.due_counts <= now_counts]
+        for repeated in due:
+            passed = (now_counts - repeated.due_counts) // repeated.period_counts
+            repeated.due_counts += (passed + 1) * repeated.period_counts
+        self.due_counts = min((repeated.due_counts for repeated in self._repeated), default=None)
+        return [repeated.frame for repeated in due]

@@ -1,0 +1,104 @@
+"""The client when a node refuses, is silent, or reports what it should not."""
+
+import pytest
+
+from steptwin.controller.backend import Kernel
+from steptwin.host.client import AxisSettings, Machine
+from steptwin.host.client.axis import error_text
+from steptwin.host.common.errors import BusError, DeviceFaultError
+from steptwin.host.robots import load_robot
+from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.protocol.frame import Frame
+
+START = [0.0, 0.0, 100.0, 0.0, 60.0, 30.0]
+SETTINGS = AxisSettings(16, 33_000, 33_666, 15_000, 15_000, 15_360_000, 10_000_000)
+
+
+@pytest.fixture
+def board(fast_kernel: Kernel) -> EmbeddedBoard:
+    return EmbeddedBoard(load_robot("warehouse-scara"), START, fast_kernel)
+
+
+@pytest.fixture
+def machine(board: EmbeddedBoard) -> Machine:
+    made = Machine(board, ("sx", "sz", "L1", "th1", "th2", "th3"))
+    made.connect()
+    return made
+
+
+def test_objects_are_read_and_written(machine: Machine) -> None:
+    th1 = machine.axes[3]
+    th1.write(0x2001, 2, 40_000)
+    assert th1.read(0x2001, 2) == 40_000
+    assert th1.read(0x6502) == 0b1110_0101
+
+
+@pytest.mark.parametrize(
+    ("index", "subindex", "value", "words"),
+    [(0x2000, 1, 3, "writing 3 to 0x2000:01"), (0x1000, 0, 1, "writing 1 to 0x1000:00"), (0x6060, 0, 4, "0x6060:00")],
+)
+def test_a_refusal_names_axis_object_and_value(
+    machine: Machine, index: int, subindex: int, value: int, words: str
+) -> None:
+    with pytest.raises(DeviceFaultError, match=f"th2: .*{words}"):
+        machine.axes[4].write(index, subindex, value)
+    assert DeviceFaultError.exit_code == 3
+
+
+def test_reading_what_is_write_only_is_refused(machine: Machine) -> None:
+    with pytest.raises(DeviceFaultError, match="sx: reading 0x60C4:06 was refused"):
+        machine.axes[0].read(0x60C4, 6)
+
+
+def test_a_node_that_is_not_there(board: EmbeddedBoard) -> None:
+    with pytest.raises(BusError, match="seventh: node 0x16 does not answer"):
+        Machine(board, ("sx", "sz", "L1", "th1", "th2", "th3", "seventh")).connect()
+    with pytest.raises(BusError, match="seventh"):
+        Machine(board, ("sx", "sz", "L1", "th1", "th2", "th3", "seventh")).axes[6].write(0x6040, 0, 0)
+
+
+def test_a_drive_that_cannot_be_enabled(machine: Machine, board: EmbeddedBoard) -> None:
+    """A drive in QUICK STOP ACTIVE is no step on the way; a fault does not go away by enabling."""
+    machine.configure((SETTINGS,) * 6)
+    machine.enable()
+    th1 = machine.axes[3]
+    th1.write(0x6060, 0, 7)
+    for sequence in range(5):  # 4 kHz and no end: an underrun
+        velocity = 4 * 1024 * 64
+        displacement = 40 * 1024 if sequence == 0 else 80 * 1024
+        data = displacement.to_bytes(3, "little") + velocity.to_bytes(3, "little") + bytes((20, sequence))
+        board.network.send_message(0x513, data)
+    th1.write(0x6040, 0, 0x1F)
+    board.wait(2.0)
+    assert th1.in_fault
+    assert th1.error_codes == [0xFF01]
+    assert th1.fault_text() == "th1: pvt underrun (EMCY 0xFF01)"
+    with pytest.raises(DeviceFaultError, match="th1: cannot be enabled, the drive is in FAULT"):
+        th1.enable()
+
+
+def test_unknown_codes_are_said_to_be_so() -> None:
+    assert error_text(0xFF01) == "pvt underrun"
+    assert error_text(0x1234) == "unknown error"
+
+
+def test_remote_frames_do_not_exist_here(board: EmbeddedBoard) -> None:
+    with pytest.raises(ValueError, match="remote"):
+        board.network.send_message(0x181, b"", remote=True)
+
+
+def test_malformed_reports_are_ignored(machine: Machine, board: EmbeddedBoard) -> None:
+    th1 = machine.axes[3]
+    board.network.notify(0x193, bytearray(b"\x08"), 0.0)
+    board.network.notify(0x393, bytearray(7), 0.0)
+    assert not th1.in_fault
+    assert th1.pvt_status is None
+
+
+def test_the_bus_log_holds_every_frame_once(machine: Machine, board: EmbeddedBoard) -> None:
+    before = len(board.bus_log)
+    machine.axes[0].read(0x1000)
+    request, response = board.bus_log[before:]
+    assert request[1] == Frame(0x610, bytes.fromhex("4000100000000000"))
+    assert response[1] == Frame(0x590, bytes.fromhex("4300100092010400"))
+    assert request[0] < response[0]

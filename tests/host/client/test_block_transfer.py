@@ -1,0 +1,22 @@
+"""SDO block transfer over the whole emulated board: the library's blocking client, its frames on the simulated bus."""
+
+import canopen
+from canopen.sdo.client import SdoClient
+
+from steptwin.controller.backend import Kernel
+from steptwin.host.robots import load_robot
+from steptwin.host.twin.embedded_board import EmbeddedBoard
+
+START = [0.0, 0.0, 100.0, 0.0, 60.0, 30.0]
+
+
+def test_a_block_goes_up_and_down(fast_kernel: Kernel) -> None:
+    board = EmbeddedBoard(load_robot("warehouse-scara"), START, fast_kernel)
+    node = canopen.RemoteNode(0x12, canopen.ObjectDictionary())  # type: ignore[no-untyped-call]
+    board.network.add_node(node)
+    sdo: SdoClient = node.sdo
+    with sdo.open(0x1008, 0, "rb", block_transfer=True) as stream:  # type: ignore[no-untyped-call]
+        assert stream.read() == b"StepTwin TB6560 axis (SIMULATED)"
+    with sdo.open(0x607C, 0, "wb", size=4, block_transfer=True) as stream:  # type: ignore[no-untyped-call]
+        stream.write((-5).to_bytes(4, "little", signed=True))
+    assert sdo.upload(0x607C, 0) == (-5).to_bytes(4, "little", signed=True)

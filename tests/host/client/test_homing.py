@@ -1,0 +1,186 @@
+"""The client homes whole machines on the embedded board: from anywhere, by their files; what it says when it fails."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from steptwin.controller.backend import Kernel
+from steptwin.emulator.operations import EmergencyStop, Scheduled
+from steptwin.host.client import AxisSettings, HomingSettings, Machine
+from steptwin.host.common.errors import BusError, DeviceFaultError
+from steptwin.host.operate.homing_settings import homing_settings
+from steptwin.host.robots import load_robot, robot_names
+from steptwin.host.robots.homing import JointSwitches
+from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.protocol.cia402 import ENABLE_OPERATION, Control, ErrorCode, Mode, State
+from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+
+WAREHOUSE = load_robot("warehouse-scara")
+SETTINGS = AxisSettings(16, 33_000, 33_666, 15_000, 15_000, 1, 10_000_000)
+L1, TH1, TH3 = 2, 3, 5
+
+
+def machine_of(
+    robot: Robot, start: list[float], kernel: Kernel, schedule: Iterable[Scheduled] = ()
+) -> tuple[EmbeddedBoard, Machine]:
+    """An enabled machine that does not know where it is."""
+    board = EmbeddedBoard(robot, start, kernel, schedule=schedule)
+    machine = Machine(board, robot.joint_names)
+    machine.connect()
+    machine.configure(
+        tuple(
+            replace(
+                SETTINGS,
+                microsteps=joint.transmission.microsteps,
+                velocity_max_units_per_s=15_000 * UNITS_PER_FULL_STEP // joint.transmission.microsteps,
+            )
+            for joint in robot.joints
+        )
+    )
+    machine.enable()
+    return board, machine
+
+
+def how(robot: Robot, *joints: str) -> tuple[HomingSettings | None, ...]:
+    """How a robot's joints are homed, all of them or some."""
+    names = joints or robot.joint_names
+    return tuple(homing_settings(joint) if joint.name in names else None for joint in robot.joints)
+
+
+def steps_said(robot: Robot, machine: Machine) -> list[float]:
+    """Where the firmware says that the axes are, in steps."""
+    return [
+        units * joint.transmission.microsteps / UNITS_PER_FULL_STEP
+        for units, joint in zip(machine.positions_units(), robot.joints, strict=True)
+    ]
+
+
+@pytest.mark.parametrize("together", [False, True])
+@pytest.mark.parametrize("name", robot_names())
+def test_every_robot_by_its_file(fast_kernel: Kernel, name: str, together: bool) -> None:
+    """Afterwards the firmware knows to the step where the machine is."""
+    robot = load_robot(name)
+    board, machine = machine_of(robot, list(robot.home), fast_kernel)
+    told: list[float] = []
+    machine.home(how(robot), told.append, together=together)
+    assert steps_said(robot, machine) == board.driver_positions()
+    assert told == [(i + 1) / len(robot.joints) for i in range(len(robot.joints))]
+    assert [axis.state() for axis in machine.axes] == [State.OPERATION_ENABLED] * len(robot.joints)
+
+
+@settings(max_examples=10)
+@given(data=st.data())
+def test_from_anywhere(fast_kernel: Kernel, data: st.DataObject) -> None:
+    """Within the limits or on their switches; twice, and the second time it is where it was."""
+    joints = WAREHOUSE.joints
+    start = [data.draw(st.floats(joint.lower - 8, joint.upper + 8), label=joint.name) for joint in joints]
+    start[0], start[1] = min(start[0], 60.0), min(start[1], 40.0)  # the slides are long and slow
+    board, machine = machine_of(WAREHOUSE, start, fast_kernel)
+    for _ in range(2):
+        machine.home(how(WAREHOUSE), together=True)
+        assert steps_said(WAREHOUSE, machine) == board.driver_positions()
+
+
+def test_one_by_one_the_others_stand(fast_kernel: Kernel) -> None:
+    board, machine = machine_of(WAREHOUSE, list(WAREHOUSE.home), fast_kernel)
+    before = board.driver_positions()
+    machine.home(how(WAREHOUSE, "L1"))
+    moved = [now != then for now, then in zip(board.driver_positions(), before, strict=True)]
+    assert moved == [False, False, True, False, False, False]
+
+
+def test_a_homed_axis_goes_where_it_is_sent(fast_kernel: Kernel) -> None:
+    """A profile move to 100 mm ends at 100 mm of the machine."""
+    board, machine = machine_of(WAREHOUSE, list(WAREHOUSE.home), fast_kernel)
+    machine.home(how(WAREHOUSE, "L1"))
+    axis, joint = machine.axes[L1], WAREHOUSE.joints[L1]
+    axis.write(0x6060, 0, Mode.PROFILE_POSITION)
+    axis.write(0x607A, 0, round(100 * joint.transmission.wire_units_per_unit))
+    axis.write(0x6040, 0, ENABLE_OPERATION | Control.START)
+    board.wait(10.0)
+    assert board.driver_positions()[L1] == 100 * 320
+
+
+def without_home_switch() -> Robot:
+    """The machine as somebody has built it: the wrist's switch is not plugged in."""
+    wrist = replace(WAREHOUSE.joints[TH3], switches=JointSwitches(-190.0, 190.0), homing=None)
+    return replace(WAREHOUSE, joints=(*WAREHOUSE.joints[:TH3], wrist))
+
+
+class TestFailures:
+    def test_a_switch_that_is_not_there(self, fast_kernel: Kernel) -> None:
+        _, machine = machine_of(without_home_switch(), list(WAREHOUSE.home), fast_kernel)
+        words = r"^th3: homing failed: the switch was not found on the whole way \(EMCY 0xFF05\)$"
+        with pytest.raises(DeviceFaultError, match=words):
+            machine.home(how(WAREHOUSE, "th3"))
+        assert machine.axes[TH3].error_codes == [ErrorCode.HOMING_FAILED]
+
+    def test_one_that_fails_stops_the_others(self, fast_kernel: Kernel) -> None:
+        """th3 fails early, sx would have taken long."""
+        board, machine = machine_of(without_home_switch(), [500.0, *WAREHOUSE.home[1:5], 185.0], fast_kernel)
+        told: list[float] = []
+        with pytest.raises(DeviceFaultError, match=r"^th3: homing failed"):
+            machine.home(how(WAREHOUSE, "sx", "th3"), told.append, together=True)
+        assert told == []
+        at_rest = board.driver_positions()
+        board.wait(1.0)
+        assert board.driver_positions() == at_rest
+        assert 0 < at_rest[0] < 500 * 40
+
+    def test_one_that_fails_leaves_those_after_it_alone(self, fast_kernel: Kernel) -> None:
+        board, machine = machine_of(WAREHOUSE, list(WAREHOUSE.home), fast_kernel)
+        settings = list(how(WAREHOUSE, "th1", "th2"))
+        settings[TH1] = replace(settings[TH1], timeout_ms=50)  # type: ignore[type-var]
+        before = board.driver_positions()
+        with pytest.raises(DeviceFaultError, match=r"^th1: homing failed: it took longer than allowed"):
+            machine.home(tuple(settings))
+        assert board.driver_positions()[TH1 + 1] == before[TH1 + 1]
+
+    def test_exchanged_limit_switches(self, fast_kernel: Kernel) -> None:
+        robot = replace(WAREHOUSE, joints=tuple(replace(joint, homing=None) for joint in WAREHOUSE.joints))
+        board, machine = machine_of(robot, list(WAREHOUSE.home), fast_kernel)
+        settings = list(how(WAREHOUSE, "th1"))
+        machine.axes[TH1].disable()
+        machine.axes[TH1].write(0x607E, 0, 0xC0)  # the axis runs the other way: each end has the other's switch
+        machine.axes[TH1].enable()
+        with pytest.raises(DeviceFaultError, match=r"^th1: homing failed: a limit switch closed that should not"):
+            machine.home(tuple(settings))
+        assert board.driver_positions()[TH1] >= 125 * 44
+
+    def test_an_emergency_stop(self, fast_kernel: Kernel) -> None:
+        schedule = [Scheduled(72_000_000, EmergencyStop(pressed=True))]
+        board, machine = machine_of(WAREHOUSE, list(WAREHOUSE.home), fast_kernel, schedule)
+        with pytest.raises(DeviceFaultError, match=r"^th1: estop \(EMCY 0x9000\)$"):
+            machine.home(how(WAREHOUSE, "th1"))
+        assert 1.0 <= board.now_s() < 1.3  # noticed at once, and waited for until all axes stand
+
+    @pytest.mark.parametrize(
+        ("word", "words"),
+        [
+            (0x07, "th1: homing was cut short, the drive is in SWITCHED ON"),
+            (ENABLE_OPERATION | Control.START | Control.HALT, "th1: homing was interrupted"),
+            (ENABLE_OPERATION, "th1: homing was interrupted"),
+        ],
+    )
+    def test_somebody_interferes(self, fast_kernel: Kernel, word: int, words: str) -> None:
+        _, machine = machine_of(WAREHOUSE, [-4.0, *WAREHOUSE.home[1:]], fast_kernel)
+
+        def interfere(_: float) -> None:
+            machine.axes[TH1].write(0x6040, 0, word)
+
+        with pytest.raises(DeviceFaultError, match=rf"^{words}$"):
+            machine.home(how(WAREHOUSE, "sx", "th1"), interfere, together=True)
+
+    def test_an_axis_that_never_says_how_it_went(self, fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch) -> None:
+        board, machine = machine_of(WAREHOUSE, list(WAREHOUSE.home), fast_kernel)
+        monkeypatch.setattr(machine.axes[TH1], "read", lambda *_: 0x0237)
+        begun_s = board.now_s()
+        with pytest.raises(BusError, match=r"^th1: homing neither ends nor fails$"):
+            machine.home(how(WAREHOUSE, "th1"))
+        settings = how(WAREHOUSE)[TH1]
+        assert settings is not None
+        assert board.now_s() - begun_s > settings.timeout_ms / 1000

@@ -1,0 +1,195 @@
+"""Other people's programs, unmodified, on a live board: python-can's socketcand interface, canopen's 402 node."""
+
+import io
+import time
+from collections.abc import Callable, Iterator
+
+import can
+import canopen
+import pytest
+from canopen.objectdictionary import eds
+from canopen.profiles.p402 import BaseNode402
+
+from steptwin.emulator.can_bridge import INBOX_MAX, CanBridge
+from steptwin.protocol.cia402 import Status
+from steptwin.protocol.eds import render_eds
+from tests.emulator.live_rig import TIMEOUT_S, LiveRig, await_true
+
+NODE = 0x11
+STEP = 1024
+"""Units of a step at 16 microsteps."""
+
+MakeNetwork = Callable[[], canopen.Network]
+
+
+@pytest.fixture
+def rig() -> Iterator[LiveRig]:
+    with LiveRig() as rig:
+        yield rig
+
+
+@pytest.fixture
+def connect(rig: LiveRig) -> Iterator[MakeNetwork]:
+    """Makes networks, as many as one likes."""
+    networks = []
+
+    def make() -> canopen.Network:
+        network = canopen.Network()
+        network.connect(interface="socketcand", channel="vcan0", host="127.0.0.1", port=rig.port)
+        networks.append(network)
+        return network
+
+    yield make
+    for network in networks:
+        network.disconnect()
+
+
+def add_node(network: canopen.Network) -> BaseNode402:
+    dictionary = eds.import_eds(io.StringIO(render_eds()), NODE)  # type: ignore[no-untyped-call]
+    node = BaseNode402(NODE, dictionary)  # type: ignore[no-untyped-call]
+    node.sdo.RESPONSE_TIMEOUT = TIMEOUT_S
+    node.TIMEOUT_SWITCH_OP_MODE = node.TIMEOUT_SWITCH_STATE_FINAL = TIMEOUT_S
+    network.add_node(node)
+    return node
+
+
+def test_the_device_says_that_it_is_simulated(connect: MakeNetwork) -> None:
+    node = add_node(connect())
+    assert "SIMULATED" in node.sdo[0x1008].raw
+
+
+def test_a_402_node_makes_a_profile_move(rig: LiveRig, connect: MakeNetwork) -> None:
+    """By its own means: load_configuration, setup_402_state_machine, TPDOs, states, operation modes."""
+    node = add_node(connect())
+    node.nmt.state = "PRE-OPERATIONAL"
+    node.load_configuration()
+    node.setup_402_state_machine()  # type: ignore[no-untyped-call]
+    node.nmt.state = "OPERATIONAL"
+    node.state = "READY TO SWITCH ON"
+    node.state = "SWITCHED ON"
+    node.op_mode = "PROFILED POSITION"
+    node.state = "OPERATION ENABLED"
+    node.sdo[0x607A].raw = 300 * STEP
+    node.controlword = 0x1F
+    await_true(lambda: bool(node.sdo[0x6041].raw & Status.SETPOINT_ACKNOWLEDGED), "the set-point is taken")
+    node.controlword = 0x0F
+    await_true(lambda: node.sdo[0x6064].raw == 300 * STEP, "the axis is there")
+    await_true(lambda: bool(node.sdo[0x6041].raw & Status.TARGET_REACHED), "it says so")
+    assert rig.board.trace(1).position_steps == 300
+    assert rig.live.ticks.count > 100
+
+
+def test_two_masters_at_once(connect: MakeNetwork) -> None:
+    """Both read, many times; the answers to one are seen by the other, of another node."""
+    first, second = add_node(connect()), connect()
+    other = canopen.RemoteNode(NODE - 1, eds.import_eds(io.StringIO(render_eds()), NODE - 1))  # type: ignore[no-untyped-call]
+    other.sdo.RESPONSE_TIMEOUT = TIMEOUT_S
+    second.add_node(other)
+    for _ in range(50):
+        assert first.sdo[0x1000].raw == other.sdo[0x1000].raw == 0x00040192
+
+
+def bridge_to(bus: can.BusABC) -> tuple[LiveRig, CanBridge]:
+    """The same board on a bus of python-can instead."""
+    rig = LiveRig(speed=20)
+    rig.server.close()
+    return rig, CanBridge(rig.loop, bus)
+
+
+@pytest.fixture
+def bridged() -> Iterator[tuple[LiveRig, CanBridge]]:
+    rig, bridge = bridge_to(can.Bus("a board of this test", interface="virtual"))
+    with rig:
+        yield rig, bridge
+        bridge.close()
+
+
+@pytest.fixture
+def virtual() -> Iterator[can.BusABC]:
+    with can.Bus("a board of this test", interface="virtual") as bus:
+        yield bus
+
+
+READ_TYPE = can.Message(arbitration_id=0x610, data=bytes.fromhex("4000100000000000"), is_extended_id=False)
+
+
+def receive(bus: can.BusABC, cob_id: int) -> can.Message:
+    """The next one with this identifier."""
+    deadline_s = time.monotonic() + TIMEOUT_S
+    while time.monotonic() < deadline_s:
+        message = bus.recv(TIMEOUT_S)
+        if message and message.arbitration_id == cob_id:
+            return message
+    raise AssertionError(f"no {cob_id:03X}")
+
+
+@pytest.mark.usefixtures("bridged")
+def test_on_a_bus_of_python_can(virtual: can.BusABC) -> None:
+    for _ in range(20):
+        virtual.send(READ_TYPE)
+        answer = receive(virtual, 0x590)
+        assert bytes(answer.data) == bytes.fromhex("4300100092010400")
+        assert not answer.is_extended_id
+
+
+def test_what_is_no_classical_data_frame_stays_outside(bridged: tuple[LiveRig, CanBridge], virtual: can.BusABC) -> None:
+    for foreign in (
+        can.Message(arbitration_id=0x610, is_extended_id=True),
+        can.Message(arbitration_id=0x610, is_extended_id=False, is_remote_frame=True),
+        can.Message(arbitration_id=0x610, is_extended_id=False, is_fd=True, data=bytes(12)),
+        can.Message(is_error_frame=True),
+    ):
+        virtual.send(foreign)
+    virtual.send(READ_TYPE)
+    receive(virtual, 0x590)
+    assert bridged[1].foreign_frames == 4
+
+
+def test_a_flood_is_cut_and_counted(bridged: tuple[LiveRig, CanBridge], virtual: can.BusABC) -> None:
+    """Far more than the simulated bus takes; whatever has not been cut passes, and so do two boot-up messages."""
+    rig, bridge = bridged
+    count = 4 * INBOX_MAX
+    for _ in range(count):
+        virtual.send(can.Message(arbitration_id=0x123, is_extended_id=False))
+    await_true(lambda: rig.bus.frames + bridge.overruns == count + 2, "all have passed or been cut")
+    virtual.send(READ_TYPE)
+    receive(virtual, 0x590)
+
+
+class BrokenBus(can.BusABC):
+    """An interface whose cable is pulled."""
+
+    def __init__(self, error: Exception, *, sending: bool) -> None:
+        super().__init__("broken")
+        self._error = error
+        self._sending = sending
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:  # noqa: ARG002
+        if not self._sending:
+            raise self._error
+        time.sleep(0.01)
+        return None, True
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002
+        if self._sending:
+            raise self._error
+
+
+@pytest.mark.parametrize(
+    ("error", "sending"),
+    [(can.CanOperationError("cable pulled"), False), (OSError("cable pulled"), False), (OSError("cable pulled"), True)],
+)
+def test_a_bus_that_fails_ends_the_loop_with_its_reason(error: Exception, sending: bool) -> None:
+    rig, bridge = bridge_to(BrokenBus(error, sending=sending))
+    with rig:
+        await_true(lambda: bridge.failure is not None, "the failure is noticed")
+        bridge.close()
+    assert bridge.failure == "cable pulled"
+
+
+def test_frames_that_a_bus_does_not_take_are_counted() -> None:
+    rig, bridge = bridge_to(BrokenBus(can.CanOperationError("no room"), sending=True))
+    with rig:
+        await_true(lambda: bridge.unsent_frames == 2, "both boot-up messages were refused")
+        bridge.close()
+    assert bridge.failure is None

@@ -1,0 +1,61 @@
+"""One machine of sixteen axes on two boards: one start, one halt, one end."""
+
+import pytest
+
+from steptwin.controller.backend import Kernel
+from steptwin.emulator.board import Board, BoardConfig
+from steptwin.emulator.bus import Bus
+from steptwin.emulator.simulation import Simulation
+from steptwin.host.client import Machine
+from steptwin.host.twin.embedded_board import EmbeddedNetwork
+from tests.host.client.machines import SETTINGS, still, travelling
+
+AXES = 8
+MOVING = (3, 13)
+
+
+class TwoBoards:
+    """Fulfils Link."""
+
+    def __init__(self, kernel: Kernel) -> None:
+        boards = [Board(BoardConfig(AXES, (330.0,) * AXES, first_node_id=node), kernel) for node in (0x10, 0x18)]
+        self.simulation = Simulation(boards, Bus(1_000_000))
+        self.network = EmbeddedNetwork(self.simulation)
+        self.wait(0.01)
+
+    def now_s(self) -> float:
+        return self.simulation.now_s
+
+    def wait(self, dt_s: float) -> None:
+        self.network.run_until(self.simulation.now_counts + round(dt_s * 72e6))
+
+
+@pytest.fixture
+def link(fast_kernel: Kernel) -> TwoBoards:
+    return TwoBoards(fast_kernel)
+
+
+def test_it_starts_halts_and_ends_together(link: TwoBoards) -> None:
+    """Every board ramps down by itself: here in the same time, because the same axes move on both."""
+    machine = Machine(link, tuple(f"axis {i}" for i in range(2 * AXES)))
+    machine.connect()
+    machine.configure((SETTINGS,) * (2 * AXES))
+    machine.enable()
+    machine.preset([0] * (2 * AXES))
+    records = list(still(101, 20)[:1] * (2 * AXES))
+    for axis in MOVING:
+        records[axis] = travelling(101)[3]
+    run = machine.start(tuple(records), [0] * (2 * AXES))
+    machine.wait(0.5)
+    assert machine.pause()
+    rest_units = machine.positions_units()
+    assert rest_units[3] == pytest.approx(rest_units[13], abs=3 * 4 * 1024)
+    machine.wait(10.0)
+    assert machine.positions_units() == rest_units
+    machine.resume()
+    machine.wait(3.0)
+    assert run.ended
+    end_units = [100 * 80 * 1024 if axis in MOVING else 0 for axis in range(2 * AXES)]
+    assert machine.positions_units() == end_units
+    machine.disable()
+    machine.disconnect()

@@ -1,0 +1,78 @@
+"""Digital outputs through the client: switched one by one, at their times, and not waited for."""
+
+import pytest
+
+from steptwin.controller.backend import Kernel
+from steptwin.host.client import Machine, OutputCommand
+from steptwin.host.robots import load_robot
+from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.verify import OutputChange
+from steptwin.protocol.cia402 import DigitalOutput
+from steptwin.protocol.frame import COB_SYNC
+from tests.host.client.machines import AXES, frames_to, ready, still
+
+MAGNET, LOCK = DigitalOutput.OUT1, DigitalOutput.OUT2
+TH3 = 5
+
+
+@pytest.fixture
+def board(fast_kernel: Kernel) -> EmbeddedBoard:
+    return EmbeddedBoard(load_robot("warehouse-scara"), [0.0, 0.0, 100.0, 0.0, 60.0, 30.0], fast_kernel)
+
+
+@pytest.fixture
+def machine(board: EmbeddedBoard) -> Machine:
+    made = Machine(board, ("sx", "sz", "L1", "th1", "th2", "th3"))
+    made.connect()
+    return made
+
+
+def changes(board: EmbeddedBoard) -> list[OutputChange]:
+    board.network.send_message(COB_SYNC, b"")  # evidence counts from a SYNC
+    return list(board.evidence().outputs)
+
+
+def test_one_output_leaves_the_others_alone(machine: Machine, board: EmbeddedBoard) -> None:
+    th3 = machine.axes[TH3]
+    for output, on in ((MAGNET, True), (LOCK, True), (MAGNET, True), (MAGNET, False)):
+        th3.switch_output(output, on=on)
+    assert [(change.name, change.level) for change in changes(board)] == [("magnet", 1), ("lock", 1), ("magnet", 0)]
+    assert th3.read(0x60FE, 1) == LOCK
+
+
+def test_what_nothing_is_wired_to_is_no_evidence(machine: Machine, board: EmbeddedBoard) -> None:
+    machine.axes[0].switch_output(MAGNET, on=True)
+    assert changes(board) == []
+
+
+def test_outputs_are_switched_at_their_times(board: EmbeddedBoard) -> None:
+    """Not before the record that begins then, nor much later; the one at the end when that is reached."""
+    machine = ready(board)
+    commands = (
+        OutputCommand(TH3, LOCK, on=True, from_s=0.5),
+        OutputCommand(TH3, MAGNET, on=True, from_s=0.21),
+        OutputCommand(TH3, MAGNET, on=False, from_s=1.0),
+    )
+    run = machine.start(still(100, 10), [0] * AXES, commands)
+    while not run.ended:
+        machine.wait(0.01)
+    evidence = board.evidence()
+    assert [(change.name, change.level) for change in evidence.outputs] == [("magnet", 1), ("lock", 1), ("magnet", 0)]
+    at_s = [(change.counts - evidence.start_counts) / 72e6 for change in evidence.outputs]
+    for changed_s, from_s in zip(at_s, (0.21, 0.5, 1.0), strict=True):
+        assert from_s <= changed_s < from_s + 0.025
+
+
+def test_an_output_amid_a_record_waits_for_the_next(board: EmbeddedBoard) -> None:
+    machine = ready(board)
+    machine.run(still(10, 200), [0] * AXES, lambda _: None, (OutputCommand(TH3, MAGNET, on=True, from_s=0.5),))
+    evidence = board.evidence()
+    assert (evidence.outputs[0].counts - evidence.start_counts) / 72e6 == pytest.approx(0.6, abs=0.02)
+
+
+def test_the_board_is_asked_only_when_it_matters(board: EmbeddedBoard) -> None:
+    """A few times an output, not with every look at the clock."""
+    machine = ready(board)
+    commands = tuple(OutputCommand(TH3, MAGNET, on=bool(i % 2), from_s=0.3 * i) for i in range(1, 10))
+    machine.run(still(300, 10), [0] * AXES, lambda _: None, commands)
+    assert len(frames_to(board, 0x610, bytes.fromhex("40122004"))) <= 3 * len(commands)

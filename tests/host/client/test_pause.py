@@ -1,0 +1,213 @@
+"""Halting a trajectory and letting it go on: who may do it, when there is nothing to halt, and how it ends."""
+
+from collections.abc import Callable
+
+import canopen
+import pytest
+
+from steptwin.controller.backend import Kernel
+from steptwin.host.client import Machine, OutputCommand
+from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
+from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.protocol.cia402 import ENABLE_OPERATION, Control, DigitalOutput
+from steptwin.protocol.frame import Frame
+from tests.host.client.machines import AXES, ROBOT, START, frames_to, ready, silence_heartbeat, still, travelling
+
+TH1, TH2, TH3 = 3, 4, 5
+RUN = ENABLE_OPERATION | Control.START
+FAR = 100 * 80 * 1024
+"""Units that 101 records of `travelling` cover."""
+
+
+@pytest.fixture
+def board(fast_kernel: Kernel) -> EmbeddedBoard:
+    return EmbeddedBoard(ROBOT, START, fast_kernel)
+
+
+@pytest.fixture
+def machine(board: EmbeddedBoard) -> Machine:
+    return ready(board)
+
+
+def controlwords(board: EmbeddedBoard, axis: int) -> list[Frame]:
+    return frames_to(board, 0x210 + axis)
+
+
+class NextDoor(canopen.Network):
+    """The network of another process on the same bus; while it waits, the first one may do its work."""
+
+    def __init__(self, board: EmbeddedBoard, wait: Callable[[float], None], patch: pytest.MonkeyPatch) -> None:
+        super().__init__()
+        self._board = board
+        self.wait = wait
+        self._hear_first = board.network.notify
+        patch.setattr(board.network, "notify", self._hear)
+
+    def _hear(self, can_id: int, data: bytearray, timestamp: float) -> None:
+        self._hear_first(can_id, data, timestamp)
+        self.notify(can_id, data, timestamp)
+
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
+        self._board.network.send_message(can_id, data, remote)
+
+    @property
+    def network(self) -> canopen.Network:
+        return self
+
+    def now_s(self) -> float:
+        return self._board.now_s()
+
+
+def test_it_rests_and_goes_on_to_its_end(board: EmbeddedBoard, machine: Machine) -> None:
+    """From 4 kHz at 9766 steps/s^2 the ramp takes 0.41 s."""
+    run = machine.start(travelling(101), [0] * AXES)
+    machine.wait(0.5)
+    assert not run.halted
+    asked_s = board.now_s()
+    assert machine.pause()
+    assert run.halted
+    assert board.now_s() - asked_s == pytest.approx(0.42, abs=0.02)
+    rest_units = machine.positions_units()
+    machine.wait(60.0)
+    assert machine.positions_units() == rest_units
+    machine.resume()
+    assert not run.halted
+    machine.wait(3.0)
+    assert run.ended
+    assert machine.positions_units() == [0, 0, 0, FAR, 0, 0]
+
+
+def test_saying_it_twice_changes_nothing(machine: Machine) -> None:
+    run = machine.start(travelling(101), [0] * AXES)
+    machine.resume()
+    machine.wait(0.5)
+    assert machine.pause()
+    rest_units = machine.positions_units()
+    assert machine.pause()
+    assert machine.positions_units() == rest_units
+    machine.resume()
+    machine.resume()
+    machine.wait(3.0)
+    assert run.ended
+
+
+def test_a_trajectory_that_ends_while_it_is_halted(board: EmbeddedBoard, machine: Machine) -> None:
+    """0.1 s before its end there is no room to halt: it ends, and the next one is not held by what was asked for."""
+    run = machine.start(travelling(20), [0] * AXES)
+    machine.wait(0.3)
+    assert machine.pause() is False
+    machine.wait(0.05)
+    assert run.ended
+    assert machine.positions_units() == [0, 0, 0, 19 * 80 * 1024, 0, 0]
+    assert [frame.data[:2] for frame in controlwords(board, TH1)] == [b"\x1f\x01", b"\x1f\x00"]
+    machine.preset([0] * AXES)
+    machine.run(travelling(20), [0] * AXES, lambda _: None)
+
+
+@pytest.mark.parametrize("what", ["pause", "resume"])
+def test_there_is_nothing_to_halt(board: EmbeddedBoard, what: str) -> None:
+    def nothing(machine: Machine) -> None:
+        with pytest.raises(InputError, match=f"^nothing to {what}: no axis runs a trajectory$") as caught:
+            getattr(machine, what)()
+        assert caught.value.exit_code == 2
+
+    nothing(Machine(board, ROBOT.joint_names))
+    machine = ready(board)
+    nothing(machine)
+    machine.run(still(20, 10), [0] * AXES, lambda _: None)
+    nothing(machine)
+    machine.disable()
+    nothing(machine)
+    assert [controlwords(board, axis) for axis in range(AXES)] == [[]] * AXES
+
+
+def test_another_host_may_do_it(board: EmbeddedBoard, machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It sends no SDO, of which a node serves one at a time, and the host that streams waits as long as it takes."""
+    other = Machine(NextDoor(board, machine.wait, monkeypatch), ROBOT.joint_names)
+    run = machine.start(travelling(101), [0] * AXES)
+    machine.wait(1.0)
+    begin = len(board.bus_log)
+    assert other.pause()
+    assert run.halted
+    machine.wait(60.0)
+    assert not run.ended
+    other.resume()
+    machine.wait(2.0)
+    assert run.ended
+    assert not [frame for _, frame in board.bus_log[begin:] if frame.cob_id in range(0x600, 0x680)]
+    with pytest.raises(InputError, match="nothing to pause"):
+        other.pause()
+
+
+def test_another_host_hears_of_a_fault(board: EmbeddedBoard, machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The host that streams dies while the axes slow down: that is no end of the trajectory."""
+    other = Machine(NextDoor(board, board.wait, monkeypatch), ROBOT.joint_names)
+    machine.start(travelling(101), [0] * AXES)
+    machine.wait(1.0)
+    silence_heartbeat(monkeypatch)
+    with pytest.raises(DeviceFaultError, match=r"^sx: heartbeat lost \(EMCY 0x8130\)$"):
+        other.pause()
+
+
+def test_the_halt_bit_of_one_axis_is_enough(machine: Machine) -> None:
+    """Whoever has set it: `resume` clears it."""
+    run = machine.start(travelling(101), [0] * AXES)
+    machine.axes[TH2].write(0x6040, 0, RUN | Control.HALT)
+    machine.wait(30.0)
+    assert run.halted
+    machine.resume()
+    machine.wait(3.0)
+    assert run.ended
+
+
+def test_records_that_do_not_go_on_without_a_halt_are_an_error(board: EmbeddedBoard, machine: Machine) -> None:
+    """A board that does not say that it is halted."""
+    machine.start(travelling(101), [0] * AXES)
+    for axis in machine.axes:
+        board.network.unsubscribe(0x180 + axis.node_id)
+    machine.axes[TH2].write(0x6040, 0, RUN | Control.HALT)
+    machine.wait(4.9)
+    with pytest.raises(BusError, match=r"^the motion has not gone on for 5 s at 0\.\d+ s of its time$"):
+        machine.wait(1.0)
+
+
+def test_the_longest_record_and_the_slowest_ramp_are_no_error(board: EmbeddedBoard, machine: Machine) -> None:
+    """A deceleration so low that the ramp takes 16 s: the last records of 255 ms take seconds each."""
+    for axis in machine.axes:
+        axis.write(0x6084, 0, 1)
+    run = machine.start(travelling(60, 255), [0] * AXES)
+    machine.wait(1.0)
+    asked_s = board.now_s()
+    assert machine.pause()
+    assert board.now_s() - asked_s == pytest.approx(16.33, abs=0.02)
+    machine.resume()
+    machine.wait(30.0)
+    assert run.ended
+
+
+def test_a_fault_ends_the_waiting(board: EmbeddedBoard, machine: Machine) -> None:
+    machine.start(travelling(101), [0] * AXES)
+    machine.wait(0.5)
+    machine.pause()
+    machine.axes[TH1].write(0x1016, 1, 0x7E << 16 | 50)
+    board.network.send_message(0x77E, b"\x05")
+    with pytest.raises(DeviceFaultError, match=r"^th1: heartbeat lost \(EMCY 0x8130\)$"):
+        machine.wait(1.0)
+    machine.wait(0.1)  # what has failed is not tended any more
+
+
+def test_an_output_waits_for_the_trajectory(board: EmbeddedBoard, machine: Machine) -> None:
+    """Its time has come, but before the host could see that, the machine was halted."""
+    th3 = machine.axes[TH3]
+    run = machine.start(still(100, 20), [0] * AXES, (OutputCommand(TH3, DigitalOutput.OUT1, on=True, from_s=0.5),))
+    started_s = board.now_s()
+    machine.wait(0.48)
+    board.wait(started_s + 0.5 - board.now_s())
+    machine.pause()
+    machine.wait(5.0)
+    assert th3.read(0x60FE, 1) == 0
+    machine.resume()
+    machine.wait(0.03)
+    assert th3.read(0x60FE, 1) == DigitalOutput.OUT1
+    machine.wait(2.0)
+    assert run.ended

@@ -1,0 +1,143 @@
+"""Streaming on the embedded board: refused records, long and short segments, what goes over the bus for them."""
+
+from dataclasses import replace
+from math import floor
+
+import numpy as np
+import pytest
+
+from steptwin.controller.backend import Kernel
+from steptwin.host.client import AxisRecords, Machine
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
+from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.planner import plan
+from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.execution import execute
+from steptwin.protocol.cia402 import DISABLE_VOLTAGE
+from tests.host.client.machines import AXES, ROBOT, START, frames_to, ready, still, travelling
+
+
+def run(machine: Machine, records: tuple[AxisRecords, ...]) -> None:
+    machine.run(records, [0] * AXES, lambda _: None)
+
+
+@pytest.fixture
+def board(fast_kernel: Kernel) -> EmbeddedBoard:
+    return EmbeddedBoard(ROBOT, START, fast_kernel)
+
+
+@pytest.mark.parametrize("refused", [5, 100], ids=["before the start", "on the way"])
+def test_a_refused_record_ends_the_run_with_its_number(board: EmbeddedBoard, refused: int) -> None:
+    """200 000 units in 10 ms are 19.5 kHz of steps."""
+    records = list(still(200, 10))
+    displacements = [0] * 200
+    displacements[refused] = 200_000
+    records[3] = records[3]._replace(displacements_units=displacements)
+    machine = ready(board)
+    with pytest.raises(DeviceFaultError, match=rf"^th1: the board has refused record {refused + 1} of 200 \(EMCY 0x"):
+        run(machine, tuple(records))
+    assert machine.axes[3].error_codes == [0xFF03]
+
+
+def test_records_that_wait_for_a_place_in_a_full_queue_are_sent_once(board: EmbeddedBoard) -> None:
+    """Segments of 255 ms free a place four times a second; that is no reason to think that records are lost."""
+    run(ready(board), still(100, 255))
+    assert [len(frames_to(board, 0x510 + axis)) for axis in range(AXES)] == [100] * AXES
+
+
+@pytest.mark.parametrize("point_ms", [1, 2, 3])
+def test_short_segments_do_not_starve(fast_kernel: Kernel, point_ms: int) -> None:
+    """64 records of 1 ms are gone in 64 ms: the places that they leave must be heard of sooner."""
+    planned = plan(ROBOT, make_job(ROBOT, "drawer-pull", {"duration_s": "2", "ramp_s": "0.5"}), point_ms)
+    outcome = execute(planned, "drawer-pull", fast_kernel)
+    assert outcome.fault is None
+    assert outcome.report.passed, outcome.report.reasons
+
+
+def test_status_reports_follow_the_shortest_segment(board: EmbeddedBoard) -> None:
+    """Long segments leave the nodes' timer alone, and it comes back after short ones."""
+    machine = ready(board)
+    write_timer = bytes.fromhex("2b021805")
+    run(machine, still(40, 10))
+    assert frames_to(board, 0x610, write_timer) == []
+    for duration_ms, timer_ms in ((1, 20), (3, 60), (5, 100), (255, 100)):
+        machine.preset([0] * AXES)
+        run(machine, still(20, duration_ms))
+        assert [axis.read(0x1802, 5) for axis in machine.axes] == [timer_ms] * AXES
+    assert len(frames_to(board, 0x610, write_timer)) == 3
+
+
+@pytest.mark.parametrize("off_units", [-0.6, -0.4, 0.0, 0.4])
+@pytest.mark.parametrize("half_step", [400.5, -400.5])
+def test_the_machine_stands_where_the_firmware_puts_it(fast_kernel: Kernel, off_units: float, half_step: float) -> None:
+    """The firmware rounds positions to wire units and these to steps: 0.4 units below half a step is half a step."""
+    sx = ROBOT.joints[0].transmission
+    units_per_step = 16_384 // sx.microsteps
+    units = half_step * units_per_step + off_units
+    board = EmbeddedBoard(ROBOT, [units / sx.wire_units_per_unit, *START[1:]], fast_kernel)
+    machine = ready(board)
+    machine.preset([floor(units + 0.5), *[0] * (AXES - 1)])
+    assert machine.positions_units()[0] == board.driver_positions()[0] * units_per_step
+
+
+class AtFullSpeed:
+    """sx as fast as its driver can, between two ramps of constant acceleration; fulfils Trajectory."""
+
+    joint_names = ROBOT.joint_names
+    duration_s = 1.0
+    breakpoints_s = (0.2, 0.8)
+    switchings = ()
+
+    def __init__(self, step_rate_hz: float) -> None:
+        self._speed = step_rate_hz / ROBOT.joints[0].transmission.steps_per_unit
+
+    def positions(self, t_s: FloatArray) -> FloatArray:
+        ramps = (np.minimum(t_s, 0.2) ** 2 - np.maximum(t_s - 0.8, 0) ** 2) / 0.4
+        return np.outer(self._speed * (ramps + np.maximum(t_s - 0.2, 0)), np.eye(AXES)[0]) + START
+
+    def velocities(self, t_s: FloatArray) -> FloatArray:
+        return np.outer(self._speed * np.clip(np.minimum(t_s, 1 - t_s) / 0.2, 0, 1), np.eye(AXES)[0])
+
+
+def without_reserve() -> Robot:
+    """CLK for 15 kHz to a hair: 33 000 ns are 2376 counts, 33 667 ns are 2424.02, that is 2425."""
+    board = replace(ROBOT.board, stepspace_ns=33_667, step_rate_max_hz=14_999)
+    fast = replace(ROBOT.joints[0], speed_max=1e3, acceleration_max=1e4)
+    return replace(ROBOT, board=board, joints=(fast, *ROBOT.joints[1:]))
+
+
+def test_the_planner_refuses_what_the_firmware_would(fast_kernel: Kernel) -> None:
+    """72 MHz / 4801 counts are 14 996.9 Hz; where the planner says yes, so does the board."""
+    robot = without_reserve()
+    assert robot.board.driver_rate_max_hz == 72e6 / 4801
+    assert ROBOT.board.driver_rate_max_hz == 15_000
+    with pytest.raises(InputError, match=r"^sx: 14\.99\d kHz of steps"):
+        plan(robot, AtFullSpeed(14_998.0))
+    outcome = execute(plan(robot, AtFullSpeed(14_996.0)), "full speed", fast_kernel)
+    assert outcome.fault is None
+
+
+def set_heartbeats(machine: Machine, period_ms: int) -> None:
+    for axis in machine.axes:
+        axis.write(0x1017, 0, period_ms)
+
+
+def test_a_bus_that_the_nodes_fill_is_a_bus_error(fast_kernel: Kernel) -> None:
+    slow = replace(ROBOT, board=replace(ROBOT.board, bitrate=125_000))
+    machine = Machine(EmbeddedBoard(slow, START, fast_kernel), ROBOT.joint_names)
+    machine.connect()
+    with pytest.raises(BusError, match="keep the bus busy at 125 kbit/s") as caught:
+        set_heartbeats(machine, period_ms=1)
+    assert caught.value.exit_code == 4
+
+
+def test_an_axis_that_was_cut_off_in_motion_must_be_homed_first(board: EmbeddedBoard) -> None:
+    machine = ready(board)
+    machine.start(travelling(20), [0] * AXES)
+    machine.wait(0.1)
+    machine.axes[3].write(0x6040, 0, DISABLE_VOLTAGE)
+    machine.axes[3].enable()
+    with pytest.raises(DeviceFaultError, match="th1: does not know where it is"):
+        machine.start(still(5, 20), [0] * AXES)

@@ -1,0 +1,45 @@
+"""Bounds of trajectory time from the numbers of executed records."""
+
+import pytest
+
+from steptwin.host.client.trajectory_time import TrajectoryTime
+
+
+def test_between_begin_and_end_of_the_record() -> None:
+    reached = TrajectoryTime([10, 20, 30], now_s=100.0)
+    assert reached.least_s == 0.0
+    assert reached.most_s(100.005) == pytest.approx(0.015)
+    reached.report(1, now_s=100.02)
+    assert reached.least_s == 0.01
+    assert reached.most_s(100.02) == pytest.approx(0.03)
+    assert reached.most_s(107.0) == pytest.approx(7.01)
+    reached.report(2, now_s=110.0)
+    assert reached.least_s == 0.03
+    assert reached.most_s(110.0) == pytest.approx(0.06)
+    reached.end()
+    assert reached.least_s == 0.06
+    assert reached.most_s(110.0) == pytest.approx(0.06)
+
+
+@pytest.mark.parametrize("stride", [1, 100, 127])
+def test_numbers_wrap(stride: int) -> None:
+    reached = TrajectoryTime([10] * 1000, now_s=0.0)
+    for executing in range(0, 1000, stride):
+        reached.report(executing % 256, now_s=0.0)
+        assert reached.least_s == executing / 100
+
+
+def test_a_number_from_before_is_no_news() -> None:
+    reached = TrajectoryTime([10] * 1000, now_s=0.0)
+    reached.report(255, now_s=1.0)  # nothing is executed yet
+    assert reached.least_s == 0.0
+    reached.report(40, now_s=2.0)
+    reached.report(39, now_s=3.0)
+    assert reached.least_s == 0.4
+    assert reached.most_s(3.0) == pytest.approx(1.41)
+
+
+def test_no_number_leads_beyond_the_last_record() -> None:
+    reached = TrajectoryTime([10, 20, 30], now_s=0.0)
+    reached.report(7, now_s=0.0)
+    assert reached.least_s == 0.03

@@ -1,0 +1,24 @@
+"""What the tests of commands for a live board share."""
+
+import pytest
+
+from steptwin.controller.backend import Kernel
+from steptwin.host.operate.session import Session
+from steptwin.host.twin.embedded_board import EmbeddedBoard
+from tests.host.operate.sessions import HOME, CommandLine, board_at, preset
+
+
+@pytest.fixture
+def board(fast_kernel: Kernel) -> EmbeddedBoard:
+    return board_at(HOME, fast_kernel)
+
+
+@pytest.fixture
+def session(board: EmbeddedBoard) -> Session:
+    """Of a machine that knows where it is."""
+    return preset(board, HOME)
+
+
+@pytest.fixture
+def steptwin(board: EmbeddedBoard, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> CommandLine:
+    return CommandLine(board, monkeypatch, capsys)

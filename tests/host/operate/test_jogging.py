@@ -1,0 +1,99 @@
+"""Jogging: for a time, to the end of travel, until Ctrl-C."""
+
+import pytest
+
+from steptwin.controller.backend import Kernel
+from steptwin.host.client import AxisClient, profile_motion, run
+from steptwin.host.common.errors import DeviceFaultError, InputError
+from steptwin.host.operate.jogging import check_jog, jog
+from steptwin.host.operate.recovering import axis_states
+from steptwin.host.operate.session import Session
+from steptwin.host.twin.embedded_board import EmbeddedBoard
+from tests.host.operate.sessions import HALF_STEPS, HOME, ROBOT, SX, TH1, CommandLine, board_at
+
+
+@pytest.mark.parametrize("speed", [20.0, -20.0])
+def test_it_stops_by_time(board: EmbeddedBoard, session: Session, speed: float) -> None:
+    """Up and down by the same ramp: the way is the speed times the time, to what looking every 10 ms leaves."""
+    jogged = jog(session, "th1", speed, 1.5)
+    assert jogged.end - jogged.start == pytest.approx(1.5 * speed, abs=0.05 * 20)
+    assert not jogged.at_limit
+    standing = board.driver_positions()
+    board.wait(1.0)
+    assert board.driver_positions() == standing
+    assert [state.state for state in axis_states(session)] == ["OPERATION ENABLED"] * 6
+
+
+def test_the_end_of_travel_stops_it(board: EmbeddedBoard, session: Session) -> None:
+    joint = ROBOT.joints[TH1]
+    jogged = jog(session, "th1", -joint.speed_max, 1000.0)
+    assert jogged.at_limit
+    assert joint.lower - HALF_STEPS[TH1] <= jogged.end <= joint.lower + HALF_STEPS[TH1]
+    assert board.now_s() < 100
+    assert session.machine.axes[TH1].read(0x607D, 1) == -(1 << 31)
+
+
+def test_an_axis_that_does_not_know_where_it_is_goes_anywhere(fast_kernel: Kernel) -> None:
+    """The slide stands at 300 mm but counts from 0, its lower limit."""
+    session = Session(board_at([300.0, *HOME[1:]], fast_kernel), ROBOT)
+    assert jog(session, "sx", -10.0, 2.0).end == pytest.approx(-20.0, abs=0.5)
+
+
+def test_a_limit_switch_stops_it_with_a_fault(board: EmbeddedBoard) -> None:
+    with pytest.raises(DeviceFaultError, match=r"^sx: limit switch \(EMCY 0x8612\)$"):
+        jog(Session(board, ROBOT), "sx", -10.0, 2.0)
+
+
+def interrupted_after(looks: int, patch: pytest.MonkeyPatch) -> None:
+    check = run.check_enabled
+    left = [looks]
+
+    def check_or_interrupt(axes: tuple[AxisClient, ...]) -> None:
+        left[0] -= 1
+        if left[0] == 0:
+            raise KeyboardInterrupt
+        check(axes)
+
+    patch.setattr(profile_motion, "check_enabled", check_or_interrupt)
+
+
+def test_ctrl_c_is_how_it_ends(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    interrupted_after(100, monkeypatch)
+    jogged = jog(session, "th1", 20.0, None)
+    assert jogged.end - jogged.start == pytest.approx(20.0, abs=1.5)
+    assert [state.state for state in axis_states(session)] == ["OPERATION ENABLED"] * 6
+
+
+def test_ctrl_c_before_the_time_is_over_stops_all_axes(
+    steptwin: CommandLine, session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    interrupted_after(100, monkeypatch)
+    assert steptwin.run("jog warehouse-scara th1 20 --seconds 10")[:2] == (130, "")
+    assert [state.state for state in axis_states(session)] == ["QUICK STOP ACTIVE"] * 6
+
+
+def test_speeds_have_limits() -> None:
+    joint = ROBOT.joints[SX]
+    for speed in (joint.speed_max, -joint.speed_max):
+        assert check_jog(ROBOT, "sx", speed) is joint
+    for speed in (0.0, joint.speed_max * 1.001, -joint.speed_max * 1.001):
+        with pytest.raises(
+            InputError, match=rf"^sx: a speed of \S+ mm/s is not above 0 and up to {joint.speed_max:g} "
+        ):
+            check_jog(ROBOT, "sx", speed)
+    with pytest.raises(InputError, match=r"^joint 'sy' is unknown: there are sx, "):
+        check_jog(ROBOT, "sy", 1.0)
+
+
+@pytest.mark.usefixtures("session")
+def test_the_command(steptwin: CommandLine) -> None:
+    document = steptwin.json("jog warehouse-scara th1 -20 --seconds 0.5")
+    assert document["joint"] == "th1"
+    assert document["start"] == pytest.approx(HOME[TH1], abs=1e-4)
+    assert document["end"] < document["start"] - 8
+    for arguments, message in (
+        ("th1", "JOINT and SPEED are needed after the robot, not th1"),
+        ("th1 fast", "SPEED: 'fast' is not a number"),
+        ("th1 20 --seconds 0", "--seconds 0: is not above 0 and finite"),
+    ):
+        assert steptwin.run(f"jog warehouse-scara {arguments}") == (2, "", f"steptwin: {message}\n")

@@ -1,0 +1,190 @@
+"""Moves: all axes arrive together and within a step, limits are kept, and nobody is disturbed."""
+
+import numpy as np
+import pytest
+
+from steptwin.host.common.errors import DeviceFaultError, InputError
+from steptwin.host.operate.moving import move, nearest_joints, synchronised
+from steptwin.host.operate.recovering import stop
+from steptwin.host.operate.session import Session
+from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.protocol.timer import COUNTS_PER_SECOND
+from tests.host.operate.sessions import HALF_STEPS, HOME, ROBOT, TH2, TH3, CommandLine, Neighbour, preset
+
+GOAL = [400.0, 0.0, 120.0, 30.0, 40.0, -60.0]
+
+
+def test_it_arrives_within_a_step_as_the_drivers_count(board: EmbeddedBoard, session: Session) -> None:
+    moved = move(session, GOAL)
+    assert moved.start == pytest.approx(HOME, abs=1e-4)
+    assert np.all(np.abs(np.subtract(moved.end, GOAL)) <= HALF_STEPS)
+    counted = np.array(board.driver_positions()) / ROBOT.steps_per_unit
+    assert np.all(np.abs(counted - GOAL) <= HALF_STEPS)
+    assert session.demanded_units() == session.units(GOAL)
+
+
+def test_all_axes_start_and_arrive_together(board: EmbeddedBoard, session: Session) -> None:
+    """They leave in one tick; whole milliseconds and the last steps' slowness leave some ms at the end."""
+    begun_s = board.now_s()
+    planned_s = move(session, GOAL).planned_s
+    evidence = board.evidence()
+    start_s = evidence.start_counts / COUNTS_PER_SECOND
+    ends_s = [axis.step_counts[-1] / COUNTS_PER_SECOND - start_s for axis in evidence.axes if len(axis.step_counts)]
+    assert len(ends_s) == 5  # sz stays
+    assert begun_s < start_s
+    assert max(ends_s) == pytest.approx(planned_s, abs=0.02)
+    assert min(ends_s) > 0.98 * planned_s
+
+
+def test_one_trapezoid_for_all() -> None:
+    """Speed and acceleration are in proportion to the ways, and the tightest joint is at its limit, within a ms."""
+    start, goal = [0] * 6, [1_000_000, 0, -300_000, 2_000_000, 40_000, 7]
+    moves, planned_s = synchronised(ROBOT, start, goal, 100.0)
+    per_unit = ROBOT.wire_units_per_unit
+    for joint, wire, one in zip(ROBOT.joints, per_unit, moves, strict=True):
+        assert one.velocity_units_per_s / wire <= joint.speed_max + 2 * 16 / wire
+        assert one.acceleration_units_per_s2 / wire <= joint.acceleration_max * 1.001 + 1000 / wire
+    for way, one in zip(goal, moves, strict=True):
+        if abs(way) > 1000:
+            ramp_s = one.velocity_units_per_s / one.acceleration_units_per_s2
+            assert abs(way) / one.velocity_units_per_s + ramp_s == pytest.approx(planned_s, abs=0.002)
+    assert synchronised(ROBOT, start, goal, 50.0)[1] > planned_s
+
+
+def test_standing_there_already_moves_nothing(board: EmbeddedBoard, session: Session) -> None:
+    move(session, GOAL)
+    before = board.driver_positions()
+    assert move(session, GOAL).planned_s == 0.0
+    assert board.driver_positions() == before
+
+
+def test_the_nearest_branch() -> None:
+    """Both elbows reach it; the machine takes the one that it has."""
+    for near in ([0.0, 0.0, 100.0, 0.0, 60.0, 30.0], [0.0, 0.0, 100.0, 60.0, -60.0, 30.0]):
+        pose = [float(value) for value in make_kinematics(ROBOT).forward(np.array([near]))[0]]
+        assert nearest_joints(ROBOT, pose, near) == pytest.approx(near, abs=1e-6)
+
+
+def test_a_pose_out_of_reach_says_why() -> None:
+    with pytest.raises(InputError, match=r"^no branch reaches x 9000, y 0, z 0 mm, 0 deg: right: .*; left: "):
+        nearest_joints(ROBOT, [9000.0, 0.0, 0.0, 0.0], HOME)
+
+
+def test_beyond_a_limit_nothing_is_sent(board: EmbeddedBoard, session: Session) -> None:
+    joint = ROBOT.joints[TH2]
+    sent = len(board.bus_log)
+    with pytest.raises(InputError, match=rf"^th2: .* deg is outside {joint.lower:g}\.\.{joint.upper:g} deg$"):
+        move(session, [*HOME[:TH2], joint.upper + 1e-6, *HOME[TH3:]])
+    assert len(board.bus_log) == sent
+    move(session, [*HOME[:TH2], joint.upper, *HOME[TH3:]])
+
+
+def test_an_axis_that_does_not_know_where_it_is(board: EmbeddedBoard) -> None:
+    with pytest.raises(DeviceFaultError, match=r"^sx: does not know where it is: .*`steptwin home`$"):
+        move(Session(board, ROBOT), GOAL)
+
+
+def test_it_is_stopped_by_another_program(
+    board: EmbeddedBoard, session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = Session(Neighbour(board, monkeypatch), ROBOT)
+
+    def halfway(fraction: float) -> None:
+        if fraction > 0.5:
+            stop(other)
+
+    with pytest.raises(DeviceFaultError, match=r"^sx: was stopped, the drive is in QUICK STOP ACTIVE$"):
+        move(session, GOAL, progress=halfway)
+    assert np.all(np.abs(np.subtract(session.positions(session.demanded_units()), GOAL))[0] > 1)
+    move(session, GOAL)
+
+
+def test_ctrl_c_stops_all_axes(board: EmbeddedBoard, session: Session) -> None:
+    def interrupt(fraction: float) -> None:
+        if fraction > 0.5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        move(session, GOAL, progress=interrupt)
+    standing = board.driver_positions()
+    board.wait(1.0)
+    assert board.driver_positions() == standing
+    preset_again = preset(board, session.positions(session.demanded_units()))
+    move(preset_again, GOAL)
+
+
+def test_a_fault_is_named(session: Session) -> None:
+    session.machine.disable()
+    session.machine.axes[TH2].write(0x2002, 3, 5000)  # no supply has 50 V
+    with pytest.raises(DeviceFaultError, match=r"^th2: cannot be enabled, the drive is in FAULT$"):
+        move(session, GOAL)
+    with pytest.raises(DeviceFaultError, match=r"^th2: the drive is in FAULT: undervoltage \(0x3220\); .*reset`$"):
+        move(session, GOAL)
+
+
+def test_somebody_else_moves_it(session: Session, board: EmbeddedBoard, monkeypatch: pytest.MonkeyPatch) -> None:
+    other = Session(Neighbour(board, monkeypatch), ROBOT)
+    seen: list[object] = []
+
+    def halfway(fraction: float) -> None:
+        if fraction > 0.5 and not seen:
+            with pytest.raises(InputError, match=r"^sx: is moving; ") as caught:
+                move(other, HOME)
+            seen.append(caught)
+
+    move(session, GOAL, progress=halfway)
+    assert seen
+
+
+def test_only_what_differs_is_written(board: EmbeddedBoard, session: Session) -> None:
+    """Step timing cannot be written while the drives are on, and they are: left so by the host before."""
+    begin = len(board.bus_log)
+    move(session, GOAL)
+    written = {
+        frame.data[1:4]
+        for _, frame in board.bus_log[begin:]
+        if 0x600 < frame.cob_id < 0x680 and frame.data[0] >> 5 == 1
+    }
+    assert not {bytes(key) for key in written} & {b"\x00\x20\x01", b"\x01\x20\x01", b"\x7f\x60\x00"}
+    assert not [frame for _, frame in board.bus_log[begin:] if frame.cob_id == 0]
+
+
+@pytest.mark.usefixtures("session")
+def test_the_command(steptwin: CommandLine) -> None:
+    document = steptwin.json("move warehouse-scara sx=50 th3=-10")
+    assert document["goal"] == pytest.approx(dict(zip(ROBOT.joint_names, [50, *HOME[1:5], -10], strict=True)), abs=1e-4)
+    assert list(document) == ["robot", "start", "goal", "end", "planned_s", "pose"]
+    pose = document["pose"]
+    document = steptwin.json(f"move warehouse-scara --x {pose['x_mm'] + 20} --speed 40")
+    assert document["pose"] == pytest.approx(pose | {"x_mm": pose["x_mm"] + 20}, abs=0.1)
+    exit_code, out, err = steptwin.run("move warehouse-scara 0 0 100 0 60 30")
+    assert (exit_code, err) == (0, "")
+    assert "tool: x " in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("warehouse-scara", "where to? either joints, or a tool pose"),
+        ("warehouse-scara 1 2", "joints of warehouse-scara: 2 values for the 6 joints"),
+        ("warehouse-scara th9=1", "joint 'th9' is unknown: did you mean th"),
+        ("warehouse-scara sx=far", "sx: 'far' is not a number"),
+        ("warehouse-scara sx=1 --x 3", "where to? either joints, or a tool pose"),
+        ("warehouse-scara sx=1 --speed 0", "--speed 0: is not above 0 and up to 100 percent"),
+        ("warehouse-scara sx=1 --speed 101", "--speed 101: is not above 0 and up to 100 percent"),
+        ("warehouse-scara sx=99999", "sx: 99999.0 mm is outside"),
+        ("warehouse-scara --x 9000", "no branch reaches x 9000"),
+    ],
+)
+@pytest.mark.usefixtures("session")
+def test_bad_input(steptwin: CommandLine, arguments: str, message: str) -> None:
+    exit_code, out, err = steptwin.run(f"move {arguments}")
+    assert (exit_code, out) == (2, "")
+    assert err.startswith(f"steptwin: {message}")
+    assert err.count("\n") == 1
+
+
+def test_drives_that_are_off_are_switched_on(session: Session) -> None:
+    session.machine.disable()
+    move(session, GOAL)

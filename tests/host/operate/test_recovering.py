@@ -1,0 +1,121 @@
+"""Stop, power off, fault reset: from every state, with and without process data."""
+
+import pytest
+
+from steptwin.host.common.errors import BusError, DeviceFaultError
+from steptwin.host.operate.moving import move
+from steptwin.host.operate.recovering import emergency_stop, reset, stop
+from steptwin.host.operate.session import Session
+from steptwin.host.twin.embedded_board import EmbeddedBoard
+from tests.host.client.machines import silence_heartbeat
+from tests.host.operate.sessions import HOME, ROBOT, TH2, CommandLine, Neighbour
+
+GOAL = [400.0, 0.0, 120.0, 30.0, 40.0, -60.0]
+
+
+def states(steptwin: CommandLine, command: str) -> list[tuple[str, bool]]:
+    document = steptwin.json(f"{command} warehouse-scara")
+    return [(axis["state"], axis["position_known"]) for axis in document["axes"]]
+
+
+def test_all_axes_stop_in_the_same_tick(
+    board: EmbeddedBoard, session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One SYNC after the latched controlwords; nothing by SDO, and no axis has to be told twice."""
+    other = Session(Neighbour(board, monkeypatch), ROBOT)
+    begin: list[int] = []
+
+    def halfway(fraction: float) -> None:
+        if fraction > 0.5 and not begin:
+            begin.append(len(board.bus_log))
+            stop(other)
+
+    with pytest.raises(DeviceFaultError, match="was stopped"):
+        move(session, GOAL, progress=halfway)
+    sent = [frame for _, frame in board.bus_log[begin[0] :]]
+    assert [frame.cob_id for frame in sent if 0x300 < frame.cob_id < 0x380][:6] == [0x310 + i for i in range(6)]
+    stopped = next(i for i, frame in enumerate(sent) if frame.cob_id == 0x080)
+    told = [frame for frame in sent[:stopped] if 0x600 < frame.cob_id < 0x680]
+    assert not told
+
+
+def test_a_stop_holds_and_an_emergency_stop_lets_go(steptwin: CommandLine, session: Session) -> None:
+    assert states(steptwin, "stop") == [("QUICK STOP ACTIVE", True)] * 6
+    assert states(steptwin, "stop") == [("QUICK STOP ACTIVE", True)] * 6
+    assert states(steptwin, "estop") == [("SWITCH ON DISABLED", True)] * 6
+    assert states(steptwin, "stop") == [("SWITCH ON DISABLED", True)] * 6
+    move(session, GOAL)
+
+
+def test_an_emergency_stop_in_motion_keeps_the_position(
+    board: EmbeddedBoard, session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = Session(Neighbour(board, monkeypatch), ROBOT)
+
+    def halfway(fraction: float) -> None:
+        if fraction > 0.5:
+            left = emergency_stop(other)
+            assert [(state.state, state.position_known) for state in left] == [("SWITCH ON DISABLED", True)] * 6
+
+    with pytest.raises(DeviceFaultError, match=r"^sx: was stopped, the drive is in SWITCH ON DISABLED$"):
+        move(session, GOAL, progress=halfway)
+    counted = [
+        steps * 16384 // joint.transmission.microsteps
+        for steps, joint in zip(board.driver_positions(), ROBOT.joints, strict=True)
+    ]
+    assert session.machine.positions_units() == counted
+
+
+def test_nodes_without_process_data_are_told_by_sdo(board: EmbeddedBoard, session: Session) -> None:
+    board.network.nmt.state = "PRE-OPERATIONAL"
+    begin = len(board.bus_log)
+    assert [state.state for state in stop(session)] == ["QUICK STOP ACTIVE"] * 6
+    assert not [frame for _, frame in board.bus_log[begin:] if frame.cob_id == 0]
+
+
+def test_nobody_answers(monkeypatch: pytest.MonkeyPatch, board: EmbeddedBoard) -> None:
+    monkeypatch.setattr(board.network, "send_message", lambda *_: None)
+    session = Session(board, ROBOT)
+    for do in (stop, emergency_stop, reset):
+        with pytest.raises(BusError, match=r"^sx: node 0x10 does not answer"):
+            do(session)
+
+
+def test_a_reset_needs_the_cause_to_be_gone(steptwin: CommandLine, session: Session) -> None:
+    axis = session.machine.axes[TH2]
+    session.machine.disable()
+    axis.write(0x2002, 3, 5000)  # no supply has 50 V
+    with pytest.raises(DeviceFaultError, match="FAULT"):
+        move(session, GOAL)
+    exit_code, out, err = steptwin.run("reset warehouse-scara")
+    assert (exit_code, out) == (3, "")
+    assert err == "steptwin: th2: stays in FAULT, for the cause lasts: undervoltage (0x3220)\n"
+    axis.write(0x2002, 3, 1000)
+    assert states(steptwin, "reset")[TH2] == ("SWITCH ON DISABLED", True)
+    move(session, GOAL)
+
+
+def test_a_lost_host_is_a_fault_that_can_be_reset(
+    board: EmbeddedBoard, session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The axes watch the host while it moves them, not after it has taken leave."""
+    board.wait(5.0)
+    move(session, GOAL)
+
+    def hang(fraction: float) -> None:
+        if fraction > 0.2:
+            silence_heartbeat(monkeypatch)
+
+    with pytest.raises(DeviceFaultError, match=r"^sx: heartbeat lost \(EMCY 0x8130\)$"):
+        move(session, HOME, progress=hang)
+    monkeypatch.undo()
+    other = Session(Neighbour(board, monkeypatch), ROBOT)
+    assert [state.state for state in reset(other)] == ["SWITCH ON DISABLED"] * 6
+    move(other, HOME)
+
+
+@pytest.mark.usefixtures("session")
+def test_there_is_nothing_to_pause(steptwin: CommandLine) -> None:
+    for command in ("pause", "resume"):
+        message = f"steptwin: nothing to {command}: no axis runs a trajectory\n"
+        assert steptwin.run(f"{command} warehouse-scara") == (2, "", message)

@@ -1,0 +1,163 @@
+"""Runs on a live board: where they start, how they end, who may interfere, how often."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from steptwin.host.common.errors import DeviceFaultError, InputError
+from steptwin.host.operate.moving import move
+from steptwin.host.operate.recovering import axis_states, emergency_stop, stop
+from steptwin.host.operate.running import check_repeatable, execute_live
+from steptwin.host.operate.session import Session
+from steptwin.host.operate.status import MachineStatus, read_status
+from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.planner import Plan, plan
+from steptwin.host.planning.trajectory_file import read_trajectory
+from steptwin.host.twin.embedded_board import EmbeddedBoard
+from tests.host.operate.sessions import HALF_STEPS, ROBOT, SX, CommandLine, Neighbour
+
+
+@pytest.fixture(scope="module")
+def pull() -> Plan:
+    return plan(ROBOT, make_job(ROBOT, "drawer-pull", {}))
+
+
+def test_it_ends_where_planned(board: EmbeddedBoard, session: Session, pull: Plan) -> None:
+    heard: list[float] = []
+    outcome = execute_live(session, pull, "drawer-pull", approach=True, progress=heard.append)
+    assert outcome.passed
+    end = pull.points_units[-1] / ROBOT.wire_units_per_unit
+    counted = np.array(board.driver_positions()) / ROBOT.steps_per_unit
+    assert np.all(np.abs(counted - end) <= HALF_STEPS)
+    assert outcome.end == pytest.approx(counted.tolist(), abs=1e-9)
+    assert heard[-1] == 1.0
+    assert [state.state for state in axis_states(session)] == ["OPERATION ENABLED"] * 6
+
+
+def test_without_approach_the_machine_must_stand_at_the_start(session: Session, pull: Plan) -> None:
+    move(session, [5.0, *ROBOT.home[1:]])
+    with pytest.raises(InputError, match=r"^\w+: the trajectory starts at .*, the board stands at "):
+        execute_live(session, pull, "drawer-pull")
+    move(session, pull.start_joints)
+    assert execute_live(session, pull, "drawer-pull").passed
+
+
+def test_an_axis_that_ends_elsewhere_is_seen(session: Session, pull: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+    positions = session.machine.positions_units
+    one_step = 16384 // ROBOT.joints[SX].transmission.microsteps
+
+    def shifted() -> list[int]:
+        return [position + (one_step if i == SX else 0) for i, position in enumerate(positions())]
+
+    monkeypatch.setattr(session.machine, "positions_units", shifted)
+    outcome = execute_live(session, pull, "drawer-pull", approach=True)
+    assert not outcome.passed
+    assert [axis.passed for axis in outcome.axes] == [False, *[True] * 5]
+
+
+@pytest.mark.parametrize(("interfere", "state"), [(stop, "QUICK STOP ACTIVE"), (emergency_stop, "SWITCH ON DISABLED")])
+def test_a_stop_by_another_program_ends_it(
+    board: EmbeddedBoard,
+    session: Session,
+    pull: Plan,
+    monkeypatch: pytest.MonkeyPatch,
+    interfere: object,
+    state: str,
+) -> None:
+    other = Session(Neighbour(board, monkeypatch), ROBOT)
+    move(session, pull.start_joints)
+
+    def halfway(fraction: float) -> None:
+        if fraction > 0.5:
+            assert callable(interfere)
+            interfere(other)
+
+    with pytest.raises(DeviceFaultError, match=rf"^sx: was stopped, the drive is in {state}$") as caught:
+        execute_live(session, pull, "drawer-pull", progress=halfway)
+    assert caught.value.exit_code == 3
+    assert all(axis.position_known for axis in axis_states(session))
+    assert execute_live(session, pull, "drawer-pull", approach=True).passed
+
+
+def test_others_may_look_on(
+    board: EmbeddedBoard, session: Session, pull: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without a question by SDO: the host that streams has the nodes for itself."""
+    other = Session(Neighbour(board, monkeypatch), ROBOT)
+    move(session, pull.start_joints)
+    seen: list[MachineStatus] = []
+
+    def halfway(fraction: float) -> None:
+        if fraction > 0.5 and not seen:
+            begin = len(board.bus_log)
+            seen.append(read_status(other))
+            assert not [frame for _, frame in board.bus_log[begin:] if 0x600 < frame.cob_id < 0x680]
+            with pytest.raises(InputError, match=r"^move: a trajectory is running; "):
+                move(other, pull.start_joints)
+
+    assert execute_live(session, pull, "drawer-pull", progress=halfway).passed
+    status = seen[0]
+    assert status.streaming
+    assert status.pose is not None
+    assert {axis.state for axis in status.axes} == {"OPERATION ENABLED"}
+    assert {axis.mode for axis in status.axes} == {"interpolated position"}
+    assert all(axis.moving and axis.supply_v is None and axis.queue and axis.queue.free < 64 for axis in status.axes)
+
+
+def test_again_and_again(session: Session, tmp_path: Path) -> None:
+    """A file that ends where it starts, at home."""
+    home = ",".join(map(str, ROBOT.home))
+    away = ",".join(map(str, [50.0, *ROBOT.home[1:]]))
+    file = tmp_path / "there-and-back.csv"
+    file.write_text(f"t,{','.join(ROBOT.joint_names)}\n0,{home}\n1.5,{away}\n3,{home}\n")
+    path = plan(ROBOT, read_trajectory(str(file), ROBOT))
+    outcome = execute_live(session, path, "there-and-back", repeat=3, approach=True)
+    assert (outcome.repetitions, outcome.passed) == (3, True)
+    assert outcome.to_dict()["repetitions"] == 3
+
+
+def test_what_does_not_end_where_it_starts_is_not_repeated(pull: Plan) -> None:
+    check_repeatable(pull, 1)
+    with pytest.raises(InputError, match=r"^--repeat 2: \w+ starts at .* and ends at "):
+        check_repeatable(pull, 2)
+    with pytest.raises(InputError, match=r"^--repeat 0: is not at least 1$"):
+        check_repeatable(pull, 0)
+
+
+@pytest.mark.usefixtures("session")
+def test_the_command(steptwin: CommandLine) -> None:
+    document = steptwin.json("run warehouse-scara drawer-pull --approach")
+    assert document["passed"]
+    assert [axis["name"] for axis in document["axes"]] == list(ROBOT.joint_names)
+    assert all(abs(axis["error_steps"]) <= 0.5625 for axis in document["axes"])
+    exit_code, out, err = steptwin.run("run warehouse-scara drawer-pull")
+    assert (exit_code, out) == (2, "")
+    assert "the board stands at" in err
+    for options, message in (
+        ("--out somewhere", "--out: is for an emulated board"),
+        ("--stand-at '1 2'", "--stand-at: is for an emulated board"),
+        ("--cut-stream 1", "--cut-stream: is for an emulated board"),
+        ("--kernel python", "--kernel: is for an emulated board"),
+        ("--driver-profile 3a-module", "--driver-profile: is for an emulated board"),
+    ):
+        assert steptwin.run(f"run warehouse-scara drawer-pull {options}") == (2, "", f"steptwin: {message}\n")
+
+
+def test_pause_and_resume_by_another_program(
+    board: EmbeddedBoard, session: Session, steptwin: CommandLine, pull: Plan
+) -> None:
+    """The commands in the middle of a run: it takes that much longer, and ends where planned."""
+    seen: list[dict[str, Any]] = []
+
+    def halfway(fraction: float) -> None:
+        if fraction > 0.5 and not seen:
+            seen.append(steptwin.json("pause warehouse-scara"))
+            begun_s = board.now_s()
+            session.link.wait(10.0)
+            seen.append(steptwin.json("resume warehouse-scara"))
+            assert board.now_s() - begun_s > 10.0
+
+    assert execute_live(session, pull, "drawer-pull", progress=halfway).passed
+    assert seen == [{"robot": "warehouse-scara", "halted": True}, {"robot": "warehouse-scara", "halted": False}]

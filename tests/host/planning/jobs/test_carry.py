@@ -1,0 +1,110 @@
+"""The classroom robot's carrying: the paper's cubic and quintic, and picking with repetitions."""
+
+import numpy as np
+import pytest
+
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.planner import plan
+from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.robots import load_robot
+from steptwin.host.robots.kinematics import make_kinematics
+
+ROBOT = load_robot("teaching-scara")
+SCARA = make_kinematics(ROBOT)
+
+GOLDEN_CUBIC = """
+0.000   -0.003552338   0.010198649   -0.006703606  194.999999145   0.005710000
+0.150   -1.821368072   5.244858321   -3.423544064  194.773546708   2.952128885
+0.300   -6.466897170  18.622321927  -12.155469678  192.153524466  10.356662029
+0.495  -14.740584493  42.447584611  -27.707029196  180.407020377  22.322933819
+0.750  -25.250993086  72.713805206  -47.462821072  153.529396001  33.158349349
+0.900  -29.088604080  83.764753403  -54.676150927  140.837279949  35.404347126
+0.990  -29.917528054  86.151758213  -56.234230176  137.920606143  35.750139461
+1.000  -29.926445076  86.177436050  -56.250990974  137.888910092  35.753580548
+"""
+"""t, th1, th2, th4, x, y."""
+
+GOLDEN_QUINTIC = {
+    10: (-0.822151427, 2.367471477, -1.545375779),
+    33: (-14.964998707, 43.093817349, -28.128847290),
+    50: (-27.063198215, 77.932308340, -50.869115608),
+}
+"""th1, th2, th4 at k of 66 in 0.99 s."""
+
+
+def carry(**options: str) -> Trajectory:
+    return make_job(ROBOT, "carry", options)
+
+
+@pytest.mark.parametrize("line", GOLDEN_CUBIC.split("\n")[1:-1])
+def test_golden_points_of_the_cubic(line: str) -> None:
+    t_s, th1, th2, th4, x_mm, y_mm = map(float, line.split())
+    joints = carry().positions(np.array([t_s]))
+    assert joints[0] == pytest.approx([th1, th2, 0.0, th4], abs=1e-6)
+    assert SCARA.forward(joints)[0, :2] == pytest.approx([x_mm, y_mm], abs=1e-6)
+
+
+def test_golden_points_of_the_quintic() -> None:
+    joints = carry(law="quintic", duration_s="0.99").positions(np.arange(67.0) * 0.99 / 66)
+    for k, expected in GOLDEN_QUINTIC.items():
+        assert joints[k, [0, 1, 3]] == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("options", "peaks_deg_s"),
+    [
+        ({}, (44.884339, 129.250856, 84.366431)),
+        ({"law": "quintic", "duration_s": "0.99"}, (56.672145, 163.195525, 106.523272)),
+    ],
+)
+def test_peak_speeds_are_half_way(options: dict[str, str], peaks_deg_s: tuple[float, ...]) -> None:
+    trajectory = carry(**options)
+    speeds = np.abs(trajectory.velocities(np.linspace(0.0, trajectory.duration_s, 2001)))
+    assert speeds.max(axis=0)[[0, 1, 3]] == pytest.approx(peaks_deg_s, abs=1e-6)
+    assert np.argmax(speeds[:, 1]) == 1000
+
+
+def test_the_attitude_stays() -> None:
+    """qa and qb both have th1 + th2 + th4 = 0 to a millionth of a radian."""
+    poses = SCARA.forward(carry().positions(np.linspace(0.0, 1.0, 101)))
+    assert np.abs(poses[:, 3]).max() < np.rad2deg(1.1e-6)
+
+
+def test_the_goals_triangle_is_of_another_arm() -> None:
+    """The paper's goal fits links in the ratio 5 : 3, not 95 : 100: cos th1, th2, th4 are 13/15, 1/15, 5/9."""
+    goal_rad = np.deg2rad(carry().positions(np.array([1.0]))[0])
+    assert np.cos(goal_rad[[0, 1, 3]]) == pytest.approx([13 / 15, 1 / 15, 5 / 9], abs=4e-7)
+
+
+def test_repetitions_go_there_and_back() -> None:
+    trajectory = carry(repetitions="3")
+    assert trajectory.duration_s == 5.0
+    ends = trajectory.positions(np.arange(6.0))
+    assert ends[::2] == pytest.approx(np.tile(ends[0], (3, 1)))
+    assert ends[1::2] == pytest.approx(np.tile(ends[1], (3, 1)))
+    assert trajectory.switchings == ()
+
+
+def test_picking_grips_down_there_and_nowhere_else() -> None:
+    trajectory = carry(depth_mm="20", repetitions="2")
+    assert [(s.output, s.on) for s in trajectory.switchings] == [("gripper", True), ("gripper", False)] * 2
+    for switching in trajectory.switchings:
+        t_s = np.linspace(switching.from_s, switching.until_s, 50)
+        assert trajectory.positions(t_s)[:, 2] == pytest.approx(np.full(50, 20.0))
+        assert np.abs(trajectory.velocities(t_s)).max() < 1e-9
+    carried_s = np.linspace(trajectory.switchings[0].until_s, trajectory.switchings[1].from_s, 1000)
+    turning = np.abs(trajectory.velocities(carried_s)[:, 0]) > 1e-6
+    assert np.abs(trajectory.positions(carried_s)[turning, 2]).max() < 1e-9  # carried at the top
+    plan(ROBOT, trajectory)
+
+
+def test_too_fast_is_refused() -> None:
+    """The cubic's th2 needs 129.25 deg/s at 1 s, and 517 deg/s^2: at 0.72 s a tiny bit less than its 180 deg/s."""
+    plan(ROBOT, carry(duration_s="0.72"))
+    with pytest.raises(InputError, match=r"^th2: a speed of 182\.0\d* deg/s at t = 0\.355 s is more than 180"):
+        plan(ROBOT, carry(duration_s="0.71"))
+    with pytest.raises(InputError, match=r"option repetitions: 1\.5 is not a whole number"):
+        carry(repetitions="1.5")
+    with pytest.raises(InputError, match=r"option depth_mm: 61 mm is outside 0\.\.60 mm"):
+        carry(depth_mm="61")

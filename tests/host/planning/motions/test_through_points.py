@@ -1,0 +1,50 @@
+"""Points without velocities: splines, and pauses where a point repeats."""
+
+import numpy as np
+import pytest
+
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.motions.sampled import Sampled
+from steptwin.host.planning.motions.sequence import Sequence
+from steptwin.host.planning.motions.through_points import through_points
+
+NAMES = ("a", "b")
+PLACES = [f"line {i}" for i in range(2, 12)]
+
+
+def test_without_repeats_it_is_one_spline() -> None:
+    motion = through_points(NAMES, np.array([0.0, 0.5, 1.0]), np.array([[0.0, 0], [1, 2], [3, 2]]), PLACES[:3])
+    assert isinstance(motion, Sampled)
+
+
+def test_it_stands_where_points_repeat() -> None:
+    times_s = np.array([0.0, 0.3, 1.0, 1.5, 2.0, 2.5])
+    positions = np.array([[0.0, 0.0], [0.0, 0.0], [10.0, 5.0], [10.0, 5.0], [10.0, 5.0], [0.0, 1.0]])
+    motion = through_points(NAMES, times_s, positions, PLACES[:6])
+    assert isinstance(motion, Sequence)
+    assert motion.duration_s == 2.5
+    assert motion.breakpoints_s == (0.3, 1.0, 2.0)
+    assert motion.positions(times_s) == pytest.approx(positions)
+    for first_s, last_s in ((0.0, 0.3), (1.0, 2.0)):
+        t_s = np.linspace(first_s, last_s, 50)
+        assert np.ptp(motion.positions(t_s), axis=0).max() < 1e-12
+        assert np.abs(motion.velocities(t_s)).max() < 1e-9
+
+
+def test_one_joint_may_stand_while_another_moves() -> None:
+    """Only a point that repeats altogether is a pause."""
+    motion = through_points(NAMES, np.array([0.0, 0.5, 1.0]), np.array([[0.0, 0], [1, 0], [2, 0]]), PLACES[:3])
+    assert isinstance(motion, Sampled)
+
+
+def test_a_file_that_only_stands() -> None:
+    motion = through_points(NAMES, np.array([0.0, 1.0]), np.array([[4.0, 5.0], [4.0, 5.0]]), PLACES[:2])
+    assert motion.positions(np.array([0.5])) == pytest.approx(np.array([[4.0, 5.0]]))
+
+
+def test_a_pause_begins_and_ends_at_whole_milliseconds() -> None:
+    positions = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.0], [2.0, 0.0]])
+    with pytest.raises(
+        InputError, match=r"^line 3: 0\.5004 s is not a whole number of milliseconds: the nearest is 0\.5 s"
+    ):
+        through_points(NAMES, np.array([0.0, 0.5004, 1.0, 2.0]), positions, PLACES[:4])

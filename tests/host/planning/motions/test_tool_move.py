@@ -1,0 +1,241 @@
+"""The tool along a path: the joints keep it there at every instant, turn without jumps, and what is refused."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.laws import Cubic, Quintic, SCurve, Trapezoid
+from steptwin.host.planning.motions.following import follow
+from steptwin.host.planning.motions.tool_move import ToolMove
+from steptwin.host.planning.paths import Arc, Pose, SampledPath, Smoothing, StraightLine, ToolPath
+from steptwin.host.planning.planner import plan
+from steptwin.host.robots import load_robot
+from steptwin.host.robots.kinematics import make_kinematics
+
+ROBOT = load_robot("lab-scara")
+SCARA = make_kinematics(ROBOT)
+HYBRID = load_robot("hybrid-arm")
+TH4 = 3
+
+START: Pose = (-300.0, 400.0, 0.0, 0.0)
+"""In the middle of the reach, with th4 at 178 deg."""
+
+
+def standing(branch: str, pose: Pose = START) -> FloatArray:
+    """The joints that take a pose."""
+    joints: FloatArray = SCARA.solve(np.array([pose]), branch).joints[0]
+    return joints
+
+
+def turning(attitudes_deg: list[float]) -> SampledPath:
+    """Four poses on a bend, with these attitudes."""
+    places = np.array([[-300.0, 400.0, 0.0], [-200.0, 420.0, 0.0], [-100.0, 500.0, 0.0], [50.0, 600.0, 0.0]])
+    return SampledPath.through(np.column_stack([places, attitudes_deg]), Smoothing.C2_SPLINE)
+
+
+LINE = StraightLine(START, (-100.0, 500.0, 40.0, 60.0))
+ARC = Arc.through(START, (-350.0, 450.0, 10.0), (-400.0, 400.0, 20.0, -45.0))
+
+
+@cache
+def moves() -> dict[str, ToolMove]:
+    return {
+        "line, right": ToolMove.along(ROBOT, LINE, Trapezoid(LINE.length_mm, 3.0, 0.5), "right", standing("right")),
+        "line, left": ToolMove.along(ROBOT, LINE, SCurve(LINE.length_mm, 3.0, 1.0, 0.3), "left", standing("left")),
+        "arc": ToolMove.along(ROBOT, ARC, Quintic(ARC.length_mm, 4.0), "right", standing("right")),
+        "turns": along(turning([0.0, -60.0, -120.0, -170.0])),
+    }
+
+
+def along(path: ToolPath, duration_s: float = 4.0, from_s: float = 0.0, start: FloatArray | None = None) -> ToolMove:
+    """With the elbow to the right, by a cubic, from where the path begins if from nowhere else."""
+    start = SCARA.solve(path.poses(np.zeros(1)), "right").joints[0] if start is None else start
+    return ToolMove.along(ROBOT, path, Cubic(path.length_mm, duration_s), "right", start, from_s)
+
+
+def instants_s(move: ToolMove) -> FloatArray:
+    """No whole milliseconds, on which everything was checked, but for the ends."""
+    return np.linspace(0.0, move.duration_s, 1237)
+
+
+@pytest.mark.parametrize("name", ["line, right", "line, left", "arc", "turns"])
+class TestEveryMove:
+    def test_the_tool_is_where_the_path_is(self, name: str) -> None:
+        move = moves()[name]
+        t_s = instants_s(move)
+        off = SCARA.forward(move.positions(t_s)) - move.path.poses(move.law.position(t_s))
+        off[:, 3] = (off[:, 3] + 180.0) % 360.0 - 180.0
+        assert np.abs(off).max() < 1e-9
+        assert move.poses(t_s).tolist() == move.path.poses(move.law.position(t_s)).tolist()
+
+    def test_velocities_are_the_derivatives(self, name: str) -> None:
+        move, h_s = moves()[name], 1e-5
+        t_s = np.setdiff1d(np.round(instants_s(move)[1:-1], 4), move.breakpoints_s)
+        differences = (move.positions(t_s + h_s) - move.positions(t_s - h_s)) / (2 * h_s)
+        assert move.velocities(t_s) == pytest.approx(differences, abs=2e-4)
+
+    def test_it_begins_and_ends_at_rest(self, name: str) -> None:
+        move = moves()[name]
+        assert np.abs(move.velocities(np.array([0.0, move.duration_s]))).max() == 0.0
+        assert (move.duration_s, move.breakpoints_s) == (move.law.duration_s, move.law.breakpoints_s)
+        assert move.switchings == ()
+        plan(ROBOT, move)
+
+
+@pytest.mark.parametrize("branch", ["right", "left"])
+def test_the_straight_line_is_straight(branch: str) -> None:
+    """The distance of every place from the line through both ends."""
+    poses = SCARA.forward(moves()[f"line, {branch}"].positions(np.linspace(0.0, 3.0, 501)))
+    away = poses[:, :3] - LINE.start[:3]
+    direction = np.subtract(LINE.goal, LINE.start)[:3] / LINE.length_mm
+    assert np.linalg.norm(np.cross(away, direction), axis=1).max() < 1e-9
+    assert np.linalg.norm(away[-1]) == pytest.approx(LINE.length_mm, abs=1e-9)
+
+
+def test_the_arc_is_round() -> None:
+    poses = SCARA.forward(moves()["arc"].positions(np.linspace(0.0, 4.0, 501)))
+    from_centre = poses[:, :3] - ARC.centre_mm
+    assert np.abs(np.linalg.norm(from_centre, axis=1) - ARC.radius_mm).max() < 1e-9
+    assert np.abs(from_centre @ np.cross(ARC.outward, ARC.onward)).max() < 1e-9
+
+
+class TestTurns:
+    """th4 = 90 deg + th2 + th3 - attitude, from 178 deg on, within +-360 deg."""
+
+    def test_th4_goes_on_beyond_half_a_turn(self) -> None:
+        th4 = moves()["turns"].positions(np.linspace(0.0, 4.0, 4001))[:, TH4]
+        assert th4[0] == pytest.approx(178.187710192)
+        assert th4[-1] > 270.0
+        assert np.abs(np.diff(th4)).max() < 0.2
+
+    def test_th4_makes_more_than_a_full_turn(self) -> None:
+        move = along(turning([0.0, 160.0, 320.0, 480.0]), 10.0)
+        th4 = move.positions(instants_s(move))[:, TH4]
+        assert th4[0] - th4[-1] > 480.0
+        assert np.abs(np.diff(th4)).max() < 2.0
+        plan(ROBOT, move)
+
+    def test_th4_may_begin_on_another_turn(self) -> None:
+        path = turning([0.0, -100.0, -200.0, -300.0])
+        start = standing("right") - [0.0, 0.0, 0.0, 360.0]
+        move = along(path, 10.0, start=start)
+        assert move.positions(np.zeros(1))[0] == pytest.approx(start)
+        plan(ROBOT, move)
+        with pytest.raises(InputError, match=r"^th4: 360\.\d+ deg at t = \d\.\d{3} s is outside -360\.\.360 deg$"):
+            plan(ROBOT, along(path, 10.0))
+
+    def test_the_order_of_instants_does_not_matter(self) -> None:
+        move = along(turning([0.0, 160.0, 320.0, 480.0]), 10.0)
+        t_s = instants_s(move)
+        backwards = move.positions(t_s[::-1])[::-1]
+        assert backwards.tolist() == move.positions(t_s).tolist()
+        assert move.positions(t_s[700:701])[0] == pytest.approx(backwards[700], abs=0.0)
+
+
+RADIAL = StraightLine((0.0, 700.0, 0.0, 0.0), (0.0, 850.0, 0.0, 0.0))
+INWARD = StraightLine((0.0, 300.0, 0.0, 0.0), (0.0, -300.0, 0.0, 0.0))
+STRETCHED = Arc.through((-100.0, 780.0, 0.0, 0.0), (0.0, 799.999, 0.0), (100.0, 780.0, 0.0, 0.0))
+
+
+class TestRefusals:
+    @pytest.mark.parametrize(("from_s", "t_s"), [(0.0, "2.501"), (10.0, "12.501"), (3599.5, "3602.001")])
+    def test_out_of_reach(self, from_s: float, t_s: str) -> None:
+        """50 mm/s (t - 0.5 s) are 100 mm after 2.5 s."""
+        start = standing("right", RADIAL.start)
+        with pytest.raises(InputError) as caught:
+            ToolMove.along(ROBOT, RADIAL, Trapezoid(150.0, 4.0, 1.0), "right", start, from_s)
+        assert str(caught.value) == (
+            f"at t = {t_s} s the tool's path breaks off: out of reach: shoulder to wrist 800.05 mm is outside 0..800 mm"
+        )
+
+    @pytest.mark.parametrize(("path", "t_s"), [(STRETCHED, "1.9"), (INWARD, "1.9")])
+    def test_singular(self, path: ToolPath, t_s: str) -> None:
+        """Stretched at 799.9975 mm from the base, folded at 2 mm."""
+        pattern = r"s the tool's path breaks off: th3: near singular, \|sin th3\| 0\.00\d* is outside 0\.005\.\.1$"
+        with pytest.raises(InputError, match=rf"^at t = {t_s}\d\d {pattern}"):
+            along(path)
+        with pytest.raises(InputError, match=rf"^at t = 6{t_s[1:]}\d\d {pattern}"):
+            along(path, from_s=5.0)
+
+    def test_nearly_singular_is_allowed(self) -> None:
+        """799.99 mm from the base |sin th3| is 0.01."""
+        nearly = Arc.through((-100.0, 780.0, 0.0, 0.0), (0.0, 799.99, 0.0), (100.0, 780.0, 0.0, 0.0))
+        move = along(nearly)
+        th3 = move.positions(np.array([2.0]))[0, 2]
+        assert np.sin(np.deg2rad(th3)) == pytest.approx(0.01, abs=1e-6)
+
+    @pytest.mark.parametrize("distance_mm", [223.0, -LINE.length_mm, LINE.length_mm + 1e-6, np.nan])
+    def test_a_law_that_would_end_elsewhere(self, distance_mm: float) -> None:
+        with pytest.raises(InputError, match=r"^the law covers \S+ mm, the tool's path is 227\.156334 mm long$"):
+            ToolMove.along(ROBOT, LINE, Cubic(distance_mm, 2.0), "right", standing("right"))
+
+    def test_the_other_branch(self) -> None:
+        with pytest.raises(
+            InputError,
+            match=r"^th2: at t = 7\.000 s the tool's path on the branch 'right' begins at -14\.4479 deg,"
+            r" the joint is at 88\.1877 deg$",
+        ):
+            along(LINE, from_s=7.0, start=standing("left"))
+
+    @pytest.mark.parametrize(("axis", "half_step"), [(0, 0.00625), (1, 0.01125), (2, 0.01125), (3, 0.05625)])
+    @pytest.mark.parametrize("side", [-1.0, 1.0])
+    def test_more_than_half_a_step_beside_the_path(self, axis: int, half_step: float, side: float) -> None:
+        joint = ROBOT.joints[axis]
+        off = np.eye(4)[axis] * side * half_step
+        assert along(LINE, start=standing("right") + 0.999 * off).positions(np.zeros(1)) == pytest.approx(
+            standing("right")[np.newaxis], abs=1e-9
+        )
+        with pytest.raises(InputError, match=rf"^{joint.name}: at t = 0\.000 s .* {joint.unit}, the joint is at .*"):
+            along(LINE, start=standing("right") + 1.01 * off)
+
+
+class TestFollowing:
+    def test_the_turns_begin_near_the_machine_and_go_on(self) -> None:
+        """A circle of poses whose attitude makes two turns; limits are not asked."""
+        w = np.linspace(0.0, 2.0 * np.pi, 201)
+        poses = np.column_stack([-300 + 20 * np.cos(w), 400 + 20 * np.sin(w), 0 * w, -np.rad2deg(2.0 * w)])
+        for th4 in (-190.0, 190.0):
+            joints = follow(ROBOT, poses, w, "right", np.array([0.0, 0.0, 0.0, th4]))
+            assert abs(joints[0, TH4] - th4) < 20.0
+            assert joints[-1] - joints[0] == pytest.approx([0.0, 0.0, 0.0, 720.0], abs=1e-9)
+            assert np.abs(np.diff(joints, axis=0)).max() < 10.0
+
+    def test_a_waist_and_a_gripper_turn_on(self) -> None:
+        """The hybrid arm's tool around its base, its attitude constant: th1 goes forth and th4 back."""
+        w = np.linspace(0.0, 4.0 * np.pi, 401)
+        poses = np.column_stack([400 * np.cos(w), 400 * np.sin(w), 0 * w + 500, 0 * w])
+        joints = follow(HYBRID, poses, w, "(+,+)", np.array(HYBRID.home))
+        assert joints[:, 0] == pytest.approx(np.rad2deg(w), abs=1e-9)
+        assert joints[:, 3] == pytest.approx(-np.rad2deg(w), abs=1e-9)
+
+    @pytest.mark.parametrize(
+        ("pose", "branch", "words"),
+        [
+            ((551.0, 0.0, 500.0, 0.0), "(+,+)", "out of reach: waist to tool 551.0 mm is outside 250..550 mm"),
+            ((249.0, 0.0, 500.0, 0.0), "(+,+)", "out of reach: waist to tool 249.0 mm is outside 250..550 mm"),
+            ((400.0, 0.0, 500.0, 0.0), "(-,-)", "the machine is assembled with its platform above"),
+        ],
+    )
+    def test_where_the_path_breaks_off(self, pose: Pose, branch: str, words: str) -> None:
+        """The first of the poses that cannot be taken."""
+        good = (400.0, 0.0, 500.0, 0.0)
+        poses = np.array([pose, pose] if branch == "(-,-)" else [good, good, pose, pose])
+        t_s = np.array([1.5, 1.75, 2.0, 2.25])[-len(poses) :]
+        with pytest.raises(InputError) as caught:
+            follow(HYBRID, poses, t_s, branch, np.array(HYBRID.home))
+        assert str(caught.value).startswith(f"at t = 2.000 s the tool's path breaks off: {words}")
+
+
+@pytest.mark.parametrize("th3_deg", [-180.0, 180.0])
+def test_half_a_turn_is_begun_where_the_joint_stands(th3_deg: float) -> None:
+    """-180 and 180 deg are one pose, of which the inverse gives the latter."""
+    robot = load_robot("warehouse-scara")
+    start = np.array([0.0, 0.0, 100.0, 20.0, 60.0, th3_deg])
+    x_mm, y_mm, z_mm, attitude_deg = make_kinematics(robot).forward(start[np.newaxis])[0].tolist()
+    path = StraightLine((x_mm, y_mm, z_mm, attitude_deg), (x_mm, y_mm, z_mm + 50.0, attitude_deg))
+    move = ToolMove.along(robot, path, Cubic(path.length_mm, 3.0), "right", start)
+    assert move.positions(np.array([0.0, 1.5, 3.0]))[:, 5] == pytest.approx(np.full(3, th3_deg))
+    plan(robot, move)

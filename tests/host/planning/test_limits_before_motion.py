@@ -1,0 +1,128 @@
+"""What robots cannot do is refused before anything moves: each message has joint or reach, time, value and limit."""
+
+import re
+from dataclasses import replace
+from importlib.resources import files
+
+import numpy as np
+import pytest
+
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.laws import Trapezoid
+from steptwin.host.planning.motions.joint_move import JointMove
+from steptwin.host.planning.planner import Plan, plan
+from steptwin.host.robots import load_robot, parse_robot
+from steptwin.host.robots.robot import Robot
+
+LAB = load_robot("lab-scara")
+HYBRID = load_robot("hybrid-arm")
+TIME = r"t = \d+\.\d{3} s"
+
+
+def refusal(robot: Robot, job: str, **options: str) -> str:
+    with pytest.raises(InputError) as caught:
+        plan(robot, make_job(robot, job, options))
+    return str(caught.value)
+
+
+class TestScrewOf10Mm:
+    """The laboratory robot's lift with half its lead: 160 steps per mm."""
+
+    TEXT = (files("steptwin.host.robots") / "lab-scara.toml").read_text(encoding="utf-8")
+    LEADS = ("travel_per_turn = 20.0", "travel_per_turn = 10.0")
+
+    def lifted(self, robot: Robot, speed_mm_s: float) -> Plan:
+        """d1 up 200 mm at a speed and 400 mm/s^2."""
+        law = Trapezoid.fastest(1.0, speed_mm_s / 200.0, 400.0 / 200.0)
+        return plan(robot, JointMove(robot.joint_names, (0.0, 0.0, 30.0, 0.0), (200.0, 0.0, 30.0, 0.0), law))
+
+    def test_its_file_may_not_promise_140_mm_per_s(self) -> None:
+        with pytest.raises(InputError) as caught:
+            parse_robot(self.TEXT.replace(*self.LEADS), "mine.toml")
+        assert str(caught.value) == (
+            "mine.toml: joints.d1.speed_max: 140 mm/s takes 22.4 kHz of steps, more than the driver's 15.0 kHz"
+        )
+
+    def test_a_motion_of_140_mm_per_s_is_refused(self) -> None:
+        slower = self.TEXT.replace(*self.LEADS).replace("speed_max = 140.0 ", "speed_max = 93.75 ")
+        robot = parse_robot(slower, "mine.toml")
+        self.lifted(LAB, 140.0)
+        self.lifted(robot, 93.0)
+        with pytest.raises(
+            InputError, match=rf"^d1: 22\.4 kHz of steps at {TIME} is more than the driver's 15\.0 kHz$"
+        ):
+            self.lifted(robot, 140.0)
+
+
+OUT_OF_REACH = rf"at {TIME} the tool's path breaks off: out of reach: shoulder to wrist"
+TOO_BENT = rf"th3: 13\d\.\d+ deg at {TIME} is outside -130\.\.130 deg$"
+
+
+@pytest.mark.parametrize(
+    ("x_mm", "y_mm", "pattern"),
+    [
+        (-600, 500, rf"{OUT_OF_REACH} 80\d\.\d mm is outside 0\.\.800 mm$"),  # 781 mm and up to 94 mm more
+        (0, 900, rf"{OUT_OF_REACH} 900\.0 mm is outside 0\.\.800 mm$"),
+        (0, 338.09, r"th3: 130\.001 deg at t = 0\.000 s is outside -130\.\.130 deg$"),
+        (0, 330, TOO_BENT),
+        (0, 424, TOO_BENT),
+        (300, -400, rf"th2: 1\d\d\.\d+ deg at {TIME} is outside -150\.\.150 deg$"),
+    ],
+)
+def test_a_spiral_beyond_the_arm(x_mm: float, y_mm: float, pattern: str) -> None:
+    """Farther than 800 mm nothing reaches; nearer than 338.095 mm th3 would bend by more than 130 deg."""
+    assert re.match(pattern, refusal(LAB, "spiral", x_mm=str(x_mm), y_mm=str(y_mm)))
+
+
+def test_a_spiral_as_near_as_it_may_be() -> None:
+    """Around (0, 425) it comes within 338.49 mm of the base, which th3 says, too: r = 800 mm cos(th3 / 2)."""
+    trajectory = plan(LAB, make_job(LAB, "spiral", {"x_mm": "0", "y_mm": "425"})).trajectory
+    th3 = trajectory.positions(np.arange(18_801) / 1000)[:, 2]
+    u = np.linspace(0.0, 18.8, 18_801)
+    nearest_mm = np.hypot(5.0 * u * np.cos(u), 425.0 + 5.0 * u * np.sin(u)).min()
+    assert nearest_mm == pytest.approx(338.49, abs=0.01)
+    assert 800.0 * np.cos(np.deg2rad(th3.max() / 2.0)) == pytest.approx(nearest_mm, abs=0.01)
+
+
+def test_th3_beyond_130_deg() -> None:
+    def move(goal_deg: float) -> JointMove:
+        return JointMove(LAB.joint_names, LAB.home, (150.0, 0.0, goal_deg, 0.0), Trapezoid(1.0, 2.0, 0.5))
+
+    plan(LAB, move(130.0))
+    with pytest.raises(InputError, match=rf"^th3: 130\.0\d+ deg at {TIME} is outside -130\.\.130 deg$"):
+        plan(LAB, move(130.001))
+
+
+STRONG = replace(LAB, joints=tuple(replace(joint, acceleration_max=1e6) for joint in LAB.joints))
+"""Its motors have any acceleration, so that speeds are left to refuse."""
+
+
+@pytest.mark.parametrize(
+    ("robot", "job", "options", "pattern"),
+    [
+        (
+            LAB,
+            "spiral",
+            {"point_s": "0.005"},
+            rf"d1: a mean acc.* 3024\.9 mm/s\^2 at {TIME} is more than 500\.0 mm/s\^2$",
+        ),
+        (STRONG, "spiral", {"point_s": "0.005"}, rf"th2: a speed of 141\.1 deg/s at {TIME} is more than 130\.0 deg/s$"),
+        (STRONG, "spiral", {"point_s": "0.006"}, rf"th3: a speed of 149\.6 deg/s at {TIME} is more than 130\.0 deg/s$"),
+        (
+            HYBRID,
+            "helix",
+            {"duration_s": "10"},
+            rf"Z5: 18\.7 kHz of steps at {TIME} is more than the driver's 15\.0 kHz$",
+        ),
+        (
+            HYBRID,
+            "helix",
+            {"duration_s": "20"},
+            rf"th1: a mean acc.* 573\.6 deg/s\^2 at {TIME} is more than 500\.0 deg/s\^2$",
+        ),
+    ],
+)
+def test_jobs_too_fast(robot: Robot, job: str, options: dict[str, str], pattern: str) -> None:
+    """The spiral's lift would have to start with six times its acceleration; its joints' speeds come after that."""
+    assert re.match(pattern, refusal(robot, job, **options))

@@ -1,0 +1,356 @@
+"""The planner: points on the wire, and every check on both sides of its limit."""
+
+import dataclasses
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.laws import Trapezoid
+from steptwin.host.planning.planner import Plan, check_start, plan
+from steptwin.host.planning.trajectory import Switching
+from steptwin.host.robots import load_robot
+from steptwin.host.robots.robot import Robot, Transmission
+
+ROBOT = load_robot("warehouse-scara")
+HOME = np.array(ROBOT.home)
+TH1 = 3
+SPU_TH1 = ROBOT.joint("th1").transmission.steps_per_unit
+
+Scalar = Callable[[FloatArray], FloatArray]
+
+
+@dataclass(frozen=True)
+class OneJoint:
+    """The machine stands at home while one joint moves as told; fulfils Trajectory."""
+
+    position: Scalar
+    velocity: Scalar
+    duration_s: float = 1.0
+    breakpoints_s: tuple[float, ...] = ()
+    axis: int = TH1
+    switchings: tuple[Switching, ...] = ()
+    joint_names: tuple[str, ...] = ROBOT.joint_names
+
+    def positions(self, t_s: FloatArray) -> FloatArray:
+        positions = np.tile(HOME, (len(t_s), 1))
+        positions[:, self.axis] += self.position(t_s)
+        return positions
+
+    def velocities(self, t_s: FloatArray) -> FloatArray:
+        velocities = np.zeros((len(t_s), len(HOME)))
+        velocities[:, self.axis] = self.velocity(t_s)
+        return velocities
+
+
+def moved_by(law: Trapezoid, axis: int = TH1) -> OneJoint:
+    return OneJoint(law.position, law.velocity, law.duration_s, law.breakpoints_s, axis)
+
+
+def law_of(speed: float) -> Trapezoid:
+    """About 40 deg at this top speed, which is reached in 0.2 s."""
+    steady_and_ramp_ms = round(40_000 / abs(speed)) + 200
+    return Trapezoid(speed * steady_and_ramp_ms / 1000, (steady_and_ramp_ms + 200) / 1000, 0.2)
+
+
+def zero(t_s: FloatArray) -> FloatArray:
+    return np.zeros_like(t_s)
+
+
+def swing(amplitude: float, period_s: float = 1.0, **changes: float) -> OneJoint:
+    """There and back: a (1 - cos wt)."""
+    w = 2 * np.pi / period_s
+    motion = OneJoint(lambda t: amplitude * (1 - np.cos(w * t)), lambda t: amplitude * w * np.sin(w * t), period_s)
+    return dataclasses.replace(motion, **changes)  # type: ignore[arg-type]
+
+
+def complaint(trajectory: OneJoint, robot: Robot = ROBOT, point_ms: int = 10) -> str:
+    with pytest.raises(InputError) as caught:
+        plan(robot, trajectory, point_ms)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def with_joint(name: str, **changes: object) -> Robot:
+    joints = tuple(
+        dataclasses.replace(joint, **changes) if joint.name == name else joint  # type: ignore[arg-type]
+        for joint in ROBOT.joints
+    )
+    return dataclasses.replace(ROBOT, joints=joints)
+
+
+def endless(name: str) -> Robot:
+    """A joint that may go as fast and accelerate as hard as it likes: only wire and driver limit it."""
+    return with_joint(name, speed_max=1e9, acceleration_max=1e12)
+
+
+@pytest.fixture(scope="module")
+def drawer() -> Plan:
+    return plan(ROBOT, make_job(ROBOT, "drawer-pull", {}))
+
+
+class TestPoints:
+    def test_of_the_drawer_pull(self, drawer: Plan) -> None:
+        assert drawer.times_ms.tolist() == list(range(0, 10_001, 10))
+        assert drawer.durations_ms() == [10] * 1000
+        t_s = drawer.times_ms / 1000
+        units = drawer.trajectory.positions(t_s) * [81920, 327680, 655360, *[200 * 16384 / 72] * 2, 200 * 16384 / 120]
+        assert np.abs(drawer.points_units - units).max() <= 0.5 + 1e-6
+        assert drawer.start_units == [0, 0, 65_536_000, 0, 2_730_667, 819_200]
+        assert drawer.start_joints == pytest.approx([0, 0, 100, 0, 60, 30])
+        per_ms = drawer.trajectory.velocities(t_s) * ROBOT.wire_units_per_unit * 64 / 1000
+        assert np.abs(drawer.velocities - per_ms).max() <= 0.5 + 1e-6
+        assert not drawer.velocities[[0, -1]].any()
+
+    def test_displacements_are_differences_of_rounded_positions(self, drawer: Plan) -> None:
+        for axis in range(6):
+            displacements = drawer.displacements_units(axis)
+            assert len(displacements) == len(drawer.end_velocities(axis)) == 1000
+            assert sum(displacements) == drawer.points_units[-1, axis] - drawer.points_units[0, axis]
+            assert drawer.end_velocities(axis) == drawer.velocities[1:, axis].tolist()
+
+    def test_breakpoints_and_the_end_are_points(self) -> None:
+        planned = plan(ROBOT, moved_by(Trapezoid(1.0, 0.107, 0.033)), 25)
+        assert planned.times_ms.tolist() == [0, 25, 33, 50, 74, 75, 100, 107]
+        assert planned.durations_ms() == [25, 8, 17, 24, 1, 25, 7]
+
+    @pytest.mark.parametrize("point_ms", [1, 255])
+    def test_the_widest_choice_of_durations(self, point_ms: int) -> None:
+        durations = plan(ROBOT, swing(5.0), point_ms).durations_ms()
+        assert max(durations) == point_ms
+        assert sum(durations) == 1000
+
+    @pytest.mark.parametrize("point_ms", [0, 256, -1])
+    def test_no_other_durations(self, point_ms: int) -> None:
+        assert complaint(swing(5.0), point_ms=point_ms) == f"{point_ms} ms between points is not from 1 to 255 ms"
+
+    def test_halves_are_rounded_up(self) -> None:
+        """On absolute positions: -0.5, 0.5 and 1.5 units become 0, 1 and 2."""
+        unit = 1 / ROBOT.wire_units_per_unit[0]
+        for units, rounded in ((0.5, 1), (1.5, 2), (2.4999, 2)):
+            still = OneJoint(lambda t, units=units: np.full_like(t, units * unit), zero, axis=0)  # type: ignore[misc]
+            assert plan(ROBOT, still).points_units[:, 0].tolist() == [rounded] * 101
+
+    def test_they_are_read_only(self, drawer: Plan) -> None:
+        for array in (drawer.times_ms, drawer.points_units, drawer.velocities):
+            with pytest.raises(ValueError, match="read-only"):
+                array[0] = 1
+
+    @settings(max_examples=40, deadline=None)
+    @given(
+        distance=st.floats(-100.0, 100.0),
+        ramp_ms=st.integers(400, 900),
+        steady_ms=st.integers(0, 900),
+        point_ms=st.integers(1, 255),
+    )
+    def test_nothing_drifts(self, distance: float, ramp_ms: int, steady_ms: int, point_ms: int) -> None:
+        law = Trapezoid(distance, (2 * ramp_ms + steady_ms) / 1000, ramp_ms / 1000)
+        planned = plan(endless("th1"), moved_by(law), point_ms)
+        assert np.all(np.diff(planned.times_ms) >= 1)
+        assert np.all(np.diff(planned.times_ms) <= point_ms)
+        assert sum(planned.durations_ms()) == 2 * ramp_ms + steady_ms
+        running = planned.start_units[TH1] + np.cumsum(planned.displacements_units(TH1))
+        exact = moved_by(law).positions(planned.times_ms[1:] / 1000)[:, TH1] * ROBOT.wire_units_per_unit[TH1]
+        assert np.abs(running - exact).max() <= 0.5 + 1e-6
+        assert planned.velocities[0, TH1] == planned.velocities[-1, TH1] == 0
+
+
+class TestJointLimits:
+    """th1 within +-120 deg, home at 0."""
+
+    def test_both_sides_of_the_limit(self) -> None:
+        assert plan(ROBOT, swing(60.0, 4.0)).points_units[:, TH1].max() == 120 * 200 * 16384 // 72
+        told = complaint(swing(60.5, 4.0))
+        assert told.startswith("th1: 120.0")
+        assert told.endswith("is outside -120..120 deg")
+
+    def test_the_lower_one(self) -> None:
+        assert plan(ROBOT, swing(-60.0, 4.0)).times_ms[-1] == 4000
+        assert complaint(swing(-60.001, 4.0)).startswith("th1: -120.0")
+
+    def test_between_two_points(self) -> None:
+        """Points every 250 ms see 0, 50 and 100 %; the bump in between is seen on the grid of 1 ms."""
+        bump = OneJoint(lambda t: 121 * np.exp(-(((t - 0.125) / 0.01) ** 2)) * (t > 0), zero)
+        assert complaint(bump, point_ms=250).endswith("s is outside -120..120 deg")
+
+    def test_a_hair_over_is_not_shown_as_the_limit(self) -> None:
+        assert complaint(swing(60.0000001, 4.0)).startswith("th1: 120.0000002 deg at t = 2.000 s")
+
+
+class TestSpeed:
+    def test_both_sides(self) -> None:
+        """120 deg/s in both cases, once from the trajectory's own velocity alone."""
+        assert plan(ROBOT, moved_by(Trapezoid(96.0, 1.0, 0.2))).times_ms[-1] == 1000
+        told = complaint(moved_by(Trapezoid(96.1, 1.0, 0.2)))
+        assert told == "th1: a speed of 120.1 deg/s at t = 0.200 s is more than 120.0 deg/s"
+
+    def test_backwards(self) -> None:
+        assert complaint(moved_by(Trapezoid(-96.1, 1.0, 0.2))).startswith("th1: a speed of 120.1 deg/s")
+
+    def test_a_linear_joint(self) -> None:
+        told = complaint(moved_by(Trapezoid(40.04, 2.0, 1.0), axis=2))
+        assert told == "L1: a speed of 40.04 mm/s at t = 1.000 s is more than 40.00 mm/s"
+
+
+class TestAcceleration:
+    """720 deg/s^2 at th1, as the mean over each millisecond."""
+
+    def test_at_the_limit_and_beyond(self) -> None:
+        """S / ((T - t1) t1) = 720: rounding does not push a law made for the limit over it."""
+        at_limit = Trapezoid(720 * 0.5 * 0.1, 0.6, 0.1)
+        assert plan(ROBOT, moved_by(at_limit)).times_ms[-1] == 600
+        told = complaint(moved_by(Trapezoid(36.01, 0.6, 0.1)))
+        assert told.startswith("th1: a mean acceleration over 1 ms of 720.2 deg/s^2 at t = 0.0")
+        assert told.endswith("s is more than 720.0 deg/s^2")
+
+    def test_a_jump_of_speed(self) -> None:
+        """100 deg/s from one millisecond to the next: 100 000 deg/s^2."""
+        jump = OneJoint(lambda t: 100 * np.clip(t - 0.5, 0, 0.1), lambda t: np.where((t > 0.5) & (t < 0.6), 100.0, 0.0))
+        assert complaint(jump).startswith("th1: a mean acceleration over 1 ms of 100000.0 deg/s^2 at t = 0.")
+
+
+class TestStepRate:
+    """15 kHz at th1 are 337.5 deg/s."""
+
+    @pytest.mark.parametrize("side", [-1, 1])
+    def test_both_sides(self, side: int) -> None:
+        """At constant acceleration the cubics are exact and the hull is the speed itself."""
+        fastest = plan(endless("th1"), moved_by(law_of(side * 337.4))).velocities[:, TH1]
+        assert np.abs(fastest).max() == pytest.approx(337.4 * SPU_TH1 * 1024 * 64 / 1000, abs=1)
+        told = complaint(moved_by(law_of(side * 338.0)), endless("th1"))
+        assert told.startswith("th1: 15.02 kHz of steps at t = 0.2")
+        assert told.endswith(" s is more than the driver's 15.00 kHz")
+
+    def test_it_is_the_drivers_own_limit(self) -> None:
+        slow = dataclasses.replace(ROBOT, board=dataclasses.replace(ROBOT.board, step_rate_max_hz=4000))
+        assert complaint(moved_by(law_of(100.0)), slow).endswith("is more than the driver's 4.0 kHz")
+        assert plan(slow, moved_by(law_of(89.9))).velocities.any()
+
+    def test_long_segments_are_judged_as_the_firmware_judges_them(self) -> None:
+        """By the control points of the cubic's velocity: a sine of 14.04 kHz with a point every 200 ms has 15.9 kHz."""
+        sine = swing(316 / (2 * np.pi), 1.0)
+        assert plan(endless("th1"), sine, 10).velocities.any()
+        assert complaint(sine, endless("th1"), 200).startswith("th1: 15.9 kHz of steps at t = 0.200 s")
+
+    def test_the_firmware_agrees_to_the_last_bit(self) -> None:
+        """What the kernel's `push` computes in Q16 steps, written down anew, is within its limit for a plan."""
+        planned = plan(endless("th1"), moved_by(law_of(337.49)), 7)
+        tail = 0
+        for d, end, dt in zip(
+            planned.displacements_units(3), planned.end_velocities(3), planned.durations_ms(), strict=True
+        ):
+            distance, a, e = d * 16 << 2, (tail * dt * 16 + 8) >> 4, (end * dt * 16 + 8) >> 4
+            assert max(abs(a), abs(3 * distance - a - e), abs(e)) <= 983_040 * dt  # 15 steps/ms
+            tail = end
+
+
+class TestWire:
+    """Full steps make the wire's i24 matter: 512 full steps a segment, 8 full steps a millisecond."""
+
+    def robot(self) -> Robot:
+        """A slide with 10 full steps per mm whose driver takes anything."""
+        board = dataclasses.replace(ROBOT.board, step_rate_max_hz=125e3, steplen_ns=4000, stepspace_ns=4000)
+        slide = with_joint("sx", transmission=Transmission(200, 1, 20.0), speed_max=1e9, acceleration_max=1e12)
+        return dataclasses.replace(slide, board=board)
+
+    @pytest.mark.parametrize(("speed_mm_s", "fits"), [(799.9, True), (800.1, False)])
+    def test_velocity(self, speed_mm_s: float, fits: bool) -> None:
+        trajectory = moved_by(Trapezoid(speed_mm_s * 0.8, 1.0, 0.2), axis=0)
+        if fits:
+            assert plan(self.robot(), trajectory).velocities.max() < 1 << 23
+        else:
+            told = complaint(trajectory, self.robot())
+            assert told.startswith("sx: a velocity of 8389657 1/64 unit per ms at t = 0.200 s does not fit")
+            assert told.endswith("-8388608..8388607")
+
+    @pytest.mark.parametrize(("speed_mm_s", "fits"), [(200.0, True), (201.0, False)])
+    def test_displacement(self, speed_mm_s: float, fits: bool) -> None:
+        """51.2 mm a segment: 200 mm/s for 255 ms are 51 mm, 201 mm/s are 51.255 mm."""
+        trajectory = moved_by(Trapezoid(speed_mm_s * 1.755, 2.04, 0.285), axis=0)
+        if fits:
+            assert max(plan(self.robot(), trajectory, 255).displacements_units(0)) < 1 << 23
+        else:
+            told = complaint(trajectory, self.robot(), point_ms=255)
+            assert told.startswith("sx: a displacement of 8397619 units at t = 0.510 s does not fit")
+
+    def test_a_velocity_beyond_every_integer(self) -> None:
+        """Near a singular pose speeds can be anything finite; they must not wrap on their way into an integer."""
+        absurd = OneJoint(zero, lambda t: np.where((t > 0) & (t < 1), 1e300, 0.0))
+        assert "does not fit a PVT record" in complaint(absurd)
+
+
+class TestShape:
+    @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+    def test_every_value_is_finite(self, bad: float) -> None:
+        position = OneJoint(lambda t: np.where(t == 0.123, bad, 0.0), zero)
+        assert complaint(position).startswith("th1: at t = 0.123 s the position is ")
+        velocity = OneJoint(zero, lambda t: np.where(t == 0.5, bad, 0.0))
+        assert "must be finite" in complaint(velocity)
+
+    @pytest.mark.parametrize(("when", "t_s"), [("starts at t = 0.000 s", 0.0), ("ends at t = 1.000 s", 1.0)])
+    def test_it_starts_and_ends_at_rest(self, when: str, t_s: float) -> None:
+        moving = OneJoint(zero, lambda t: np.where(t == t_s, 0.25, 0.0))
+        assert complaint(moving) == f"th1: the motion {when} with 0.25 deg/s instead of 0 deg/s, at rest"
+        nearly = OneJoint(zero, lambda t: np.where(t == t_s, 1e-10, 0.0))
+        assert not plan(ROBOT, nearly).velocities.any()
+
+    @pytest.mark.parametrize("names", [("sx",), ROBOT.joint_names[::-1]])
+    def test_it_moves_the_robots_joints(self, names: tuple[str, ...]) -> None:
+        told = complaint(swing(5.0, joint_names=names))  # type: ignore[arg-type]
+        assert told.startswith(f"the trajectory moves the joints {' '.join(names)}, but warehouse-scara has sx sz L1")
+
+    @pytest.mark.parametrize(
+        ("duration_s", "breakpoints_s", "words"),
+        [
+            (1.0005, (), "the duration: 1.0005 s is not a whole number of milliseconds"),
+            (0.0, (), "the duration: 0 ms is not from 1 ms"),
+            (-1.0, (), "the duration: -1000 ms is not from 1 ms"),
+            (float("inf"), (), "the duration: inf s is not a whole number"),
+            (1.0, (0.5, 0.1234), "a breakpoint: 0.1234 s is not a whole number of milliseconds"),
+            (1.0, (1.001,), "a breakpoint: 1001 ms is not from 1 ms to the end at 1000 ms"),
+        ],
+    )
+    def test_its_times_are_whole_milliseconds(
+        self, duration_s: float, breakpoints_s: Sequence[float], words: str
+    ) -> None:
+        assert complaint(OneJoint(zero, zero, duration_s, tuple(breakpoints_s))).startswith(words)
+
+    def test_the_shortest_motion(self) -> None:
+        assert plan(ROBOT, OneJoint(zero, zero, 0.001)).durations_ms() == [1]
+
+
+class TestStart:
+    """Half a step at th1 is 0.01125 deg, at th3 0.01875 deg."""
+
+    @pytest.mark.parametrize(("axis", "half_step"), [(0, 0.0125), (2, 0.0015625), (3, 0.01125), (5, 0.01875)])
+    @pytest.mark.parametrize("side", [-1, 1])
+    def test_both_sides(self, drawer: Plan, axis: int, half_step: float, side: int) -> None:
+        board = list(drawer.start_joints)
+        start = board[axis]
+        board[axis] = start + side * 0.999 * half_step
+        check_start(drawer, board)
+        board[axis] = start + side * 1.01 * half_step
+        joint = ROBOT.joints[axis]
+        with pytest.raises(InputError) as caught:
+            check_start(drawer, board)
+        told = str(caught.value)
+        assert told.startswith(f"{joint.name}: the trajectory starts at {start:.4f} {joint.unit}, the board stands at ")
+        assert f"{board[axis]:.4f} {joint.unit}" in told
+
+
+def test_planning_the_drawer_pull_takes_no_time() -> None:
+    """Measured 11 ms on the developers' machine; the limit leaves room for slow ones."""
+    trajectory = make_job(ROBOT, "drawer-pull", {})
+    took_s = []
+    for _ in range(5):
+        started_s = time.perf_counter()
+        plan(ROBOT, trajectory)
+        took_s.append(time.perf_counter() - started_s)
+    assert min(took_s) < 0.1

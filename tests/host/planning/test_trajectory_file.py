@@ -1,0 +1,442 @@
+"""Trajectory files: all accepted shapes give one motion, and what each kind of mistake is told."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.planning.trajectory_file import LONGEST_S, is_trajectory_file, read_trajectory
+from steptwin.host.robots import load_robot
+
+ROBOT = load_robot("teaching-scara")
+NAMES = ROBOT.joint_names
+HEADER = "t,th1,th2,d3,th4"
+TIMES_S = [0.0, 0.5, 1.25]
+POSITIONS = [[0.0, 0.0, 0.0, 0.0], [10.0, -5.0, 20.0, 1.5], [20.0, 0.0, 60.0, -3.0]]
+VELOCITIES = [[0.0, 0.0, 0.0, 0.0], [20.0, 0.0, 40.0, -2.5], [0.0, 0.0, 0.0, 0.0]]
+
+ROWS = ["0,0,0,0,0", "0.5,10,-5,20,1.5", "1.25,20,0,60,-3"]
+CSV = "\n".join([HEADER, *ROWS, ""])
+MOVING_CSV = (
+    f"{HEADER},v_th1,v_th2,v_d3,v_th4\n0,0,0,0,0,0,0,0,0\n0.5,10,-5,20,1.5,20,0,40,-2.5\n1.25,20,0,60,-3,0,0,0,0\n"
+)
+
+
+def document(*, moving: bool = False, seconds: Callable[[float], Any] = float) -> dict[str, Any]:
+    """The same motion as JSON will have it."""
+    points: list[dict[str, Any]] = [
+        {"positions": list(row), "time_from_start": seconds(t_s)} for t_s, row in zip(TIMES_S, POSITIONS, strict=True)
+    ]
+    if moving:
+        for point, row in zip(points, VELOCITIES, strict=True):
+            point["velocities"] = list(row)
+    return {"joint_names": list(NAMES), "points": points}
+
+
+def in_parts(whole: str, billionths: str) -> Callable[[float], dict[str, int]]:
+    return lambda t_s: {whole: int(t_s), billionths: round(t_s % 1 * 1e9)}
+
+
+def reordered(made: dict[str, Any]) -> dict[str, Any]:
+    made["joint_names"].reverse()
+    for point in made["points"]:
+        point["positions"].reverse()
+        point.get("velocities", []).reverse()
+    return made
+
+
+def with_points(made: dict[str, Any], **entries: Any) -> dict[str, Any]:
+    for point in made["points"]:
+        point.update(entries)
+    return made
+
+
+def read(folder: Path, content: str | bytes, suffix: str = ".csv") -> Trajectory:
+    file = folder / f"motion{suffix}"
+    file.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8"))
+    return read_trajectory(str(file), ROBOT)
+
+
+def complaint(folder: Path, content: str | bytes, suffix: str = ".csv") -> str:
+    """What a refused file is told, after its name."""
+    with pytest.raises(InputError) as caught:
+        read(folder, content, suffix)
+    message = str(caught.value)
+    assert len(message.splitlines()) == 1
+    file, separator, rest = message.partition(f"motion{suffix}: ")
+    assert (file, bool(separator)) == (f"{folder}/", True)
+    return rest
+
+
+def assert_passes_through(trajectory: Trajectory) -> None:
+    assert trajectory.joint_names == NAMES
+    assert trajectory.duration_s == 1.25
+    assert trajectory.positions(np.array(TIMES_S)) == pytest.approx(np.array(POSITIONS), abs=1e-12)
+    assert trajectory.velocities(np.array([0.0, 1.25])) == pytest.approx(np.zeros((2, 4)), abs=1e-12)
+
+
+POSITIONS_ONLY = [
+    pytest.param(".csv", CSV, id="plain"),
+    pytest.param(".CSV", CSV, id="capital suffix"),
+    pytest.param(".csv", CSV.rstrip(), id="no newline at the end"),
+    pytest.param(".csv", b"\xef\xbb\xbf" + CSV.encode(), id="BOM"),
+    pytest.param(".csv", CSV.replace("\n", "\r\n"), id="CRLF"),
+    pytest.param(".csv", CSV.replace("\n", "\r"), id="CR"),
+    pytest.param(".csv", CSV.replace(",", " ,\t"), id="spaces"),
+    pytest.param(".csv", CSV.replace("0.5,10,", '"5e-1","+1e1",'), id="quotes and exponents"),
+    pytest.param(".csv", "# mm, deg\n\n" + CSV.replace("\n", "\n \n  # next\n"), id="comments and blank lines"),
+    pytest.param(
+        ".csv", CSV.replace("\n", "\n# one line\u2028still\x0cthe same\n"), id="other separators in a comment"
+    ),
+    pytest.param(".csv", "t,d3,th4,th1,th2\n0,0,0,0,0\n.5,20,1.5,10,-5\n1.25,60,-3,20,0", id="joints in another order"),
+    pytest.param(".json", json.dumps(document()), id="JSON"),
+    pytest.param(".Json", json.dumps(document(), indent=1).replace("\n", "\r\n"), id="JSON with CRLF"),
+    pytest.param(".json", b"\xef\xbb\xbf" + json.dumps(document()).encode(), id="JSON with BOM"),
+    pytest.param(".json", json.dumps(document(seconds=in_parts("sec", "nanosec"))), id="ROS 2 times"),
+    pytest.param(".json", json.dumps(document(seconds=in_parts("secs", "nsecs"))), id="ROS 1 times"),
+    pytest.param(".json", json.dumps(reordered(document())), id="JSON with joints in another order"),
+    pytest.param(".json", json.dumps({"header": {"frame_id": ""}, **document()}), id="JSON with a header"),
+    pytest.param(
+        ".json",
+        json.dumps(with_points(document(), velocities=[], accelerations=[], effort=[])),
+        id="JSON with ROS' empty lists",
+    ),
+]
+
+
+@pytest.mark.parametrize(("suffix", "content"), POSITIONS_ONLY)
+def test_positions_only(suffix: str, content: str | bytes, tmp_path: Path) -> None:
+    """A C2 spline from rest to rest: its acceleration does not jump at the middle point."""
+    trajectory = read(tmp_path, content, suffix)
+    assert_passes_through(trajectory)
+    assert trajectory.breakpoints_s == ()
+    velocities = trajectory.velocities(np.array([0.5 - 1e-6, 0.5, 0.5 + 1e-6]))
+    assert np.diff(velocities, 2, axis=0) == pytest.approx(np.zeros((1, 4)), abs=1e-8)
+    t_s = np.linspace(0.0, 1.25, 101)
+    assert np.array_equal(trajectory.positions(t_s), read(tmp_path, CSV).positions(t_s))
+
+
+@pytest.mark.parametrize(
+    ("suffix", "content"),
+    [
+        pytest.param(".csv", MOVING_CSV, id="CSV"),
+        pytest.param(
+            ".csv",
+            "t,v_d3,th1,th2,d3,th4,v_th1,v_th2,v_th4\n0,0,0,0,0,0,0,0,0\n"
+            ".5,40,10,-5,20,1.5,20,0,-2.5\n1.25,0,20,0,60,-3,0,0,0",
+            id="CSV in another order",
+        ),
+        pytest.param(".json", json.dumps(document(moving=True)), id="JSON"),
+        pytest.param(".json", json.dumps(reordered(document(moving=True))), id="JSON in another order"),
+    ],
+)
+def test_with_velocities(suffix: str, content: str, tmp_path: Path) -> None:
+    trajectory = read(tmp_path, content, suffix)
+    assert_passes_through(trajectory)
+    assert trajectory.velocities(np.array(TIMES_S)) == pytest.approx(np.array(VELOCITIES), abs=1e-12)
+    assert trajectory.breakpoints_s == (0.5,)
+
+
+def test_positions_only_may_come_at_any_time(tmp_path: Path) -> None:
+    """Only the end must be a whole millisecond."""
+    trajectory = read(tmp_path, CSV.replace("0.5,", "0.50004,"))
+    assert trajectory.positions(np.array([0.50004]))[0] == pytest.approx(POSITIONS[1])
+
+
+def test_the_longest(tmp_path: Path) -> None:
+    assert read(tmp_path, CSV.replace("1.25,", f"{LONGEST_S},")).duration_s == LONGEST_S
+
+
+@pytest.mark.parametrize(
+    ("name", "is_file"),
+    [("a.csv", True), ("dir/a.JSON", True), ("carry", False), ("a.csv.gz", False), ("csv", False), ("a.toml", False)],
+)
+def test_what_is_a_file(name: str, is_file: bool) -> None:
+    assert is_trajectory_file(name) is is_file
+
+
+class TestMistakesInACsv:
+    @pytest.mark.parametrize(
+        ("content", "words"),
+        [
+            pytest.param("", "is empty: a header t,<joint>,... was expected", id="empty"),
+            pytest.param("\n# nothing\n \n", "is empty: ", id="comments only"),
+            pytest.param(b"t,th1\n0,\xe4\n", "is not UTF-8 text", id="Latin-1"),
+            pytest.param(CSV.encode("utf-16"), "is not UTF-8 text", id="UTF-16"),
+            pytest.param(CSV.replace("t,", "time,", 1), "line 1: the header begins with 'time' instead of", id="time"),
+            pytest.param("\n".join(ROWS), "line 1: the header begins with '0' instead of 't'", id="no header"),
+            pytest.param(CSV.replace(",", ";"), "line 1: the header begins with 't;th1;th2;d3;th4'", id="semicolons"),
+            pytest.param(CSV.replace("d3", "th1"), "line 1: column 'th1' is there 2 times", id="twice"),
+            pytest.param(CSV.replace("th1", "t"), "line 1: column 't' is there 2 times", id="t twice"),
+            pytest.param(CSV.replace("th4", "th"), "joint 'th' is unknown: did you mean ", id="unknown"),
+            pytest.param(
+                CSV.replace("d3", "z"), "joint 'z' is unknown: there are th1, th2, d3, th4", id="like no other"
+            ),
+            pytest.param(
+                "t,th1,d3,th4\n0,0,0,0\n", "joint 'th2' is missing: teaching-scara has th1 th2 d3 th4", id="missing"
+            ),
+            pytest.param(f"{HEADER},\n0,0,0,0,0,\n", "line 2, : '' is not a number", id="comma too many"),
+            pytest.param(CSV.replace(",-5", ""), "line 3: 4 fields, the header has 5", id="ragged"),
+            pytest.param(f"#\n\n{CSV}9,9", "line 7: 2 fields, the header has 5", id="ragged after a comment"),
+            pytest.param(CSV.replace("-5", "five"), "line 3, th2: 'five' is not a number", id="no number"),
+            pytest.param(CSV.replace("-5", ""), "line 3, th2: '' is not a number", id="nothing"),
+            pytest.param(CSV.replace("-5", "true"), "line 3, th2: 'true' is not a number", id="boolean"),
+            pytest.param(CSV.replace("-5", "nan"), "line 3, th2: 'nan' is not a finite number up to 1e+09", id="nan"),
+            pytest.param(CSV.replace("-5", "-inf"), "line 3, th2: '-inf' is not a finite number", id="inf"),
+            pytest.param(CSV.replace("-5", "1e400"), "line 3, th2: '1e400' is not a finite number", id="1e400"),
+            pytest.param(CSV.replace("0.5", "1e10"), "line 3, t: '1e10' is not a finite number", id="time too large"),
+            pytest.param(CSV.replace("-5", '"5\n6"'), "line 3: is not CSV: ", id="a quoted field in two lines"),
+            pytest.param(
+                f"{CSV}2,0,0,0,{'9' * 200_000}", "line 5: is not CSV: field larger than", id="a very long field"
+            ),
+            pytest.param(
+                MOVING_CSV.replace(",v_th4", "").replace(",-2.5", ""),
+                "line 1: column 'v_th4' is missing: velocities are given for all joints or for none",
+                id="velocities of some joints",
+            ),
+            pytest.param(
+                MOVING_CSV.replace("v_th4", "v_th5"),
+                "line 1: column 'v_th5' is unknown: did you mean v_th4 or v_th2 or v_th1?",
+                id="velocity of nobody",
+            ),
+            pytest.param(MOVING_CSV.replace(",-2.5", ","), "line 3, v_th4: '' is not a number", id="of some points"),
+        ],
+    )
+    def test_are_told_with_their_line(self, content: str | bytes, words: str, tmp_path: Path) -> None:
+        assert complaint(tmp_path, content).startswith(words)
+
+
+class TestTimes:
+    """CSV says the line, JSON the point; the first point is in line 2."""
+
+    @pytest.mark.parametrize(
+        ("times", "point", "words"),
+        [
+            pytest.param(["0.1", "0.5"], 1, "0.1 s, but the first point is at 0 s", id="late"),
+            pytest.param(["-0.1", "0.5"], 1, "-0.1 s, but the first point is at 0 s", id="early"),
+            pytest.param(
+                ["0", "1", "0.5"], 3, "0.5 s is not at least 1 us after the 1 s of the point before", id="back"
+            ),
+            pytest.param(["0", "0.5", "0.5"], 3, "0.5 s is not at least 1 us after the 0.5 s of", id="equal"),
+            pytest.param(["0", "1e-300", "1"], 2, "1e-300 s is not at least 1 us after the 0 s of", id="almost equal"),
+            pytest.param(["0", "100.0015"], 2, "100.0015 s is not a whole number of milliseconds", id="end"),
+            pytest.param(["0", "3600.001"], 2, "3600.001 s is more than 3600 s", id="too long"),
+            pytest.param(["0", "1e9"], 2, "1e+09 s is more than 3600 s", id="nanoseconds"),
+        ],
+    )
+    @pytest.mark.parametrize("suffix", [".csv", ".json"])
+    def test_that_are_none(self, times: list[str], point: int, words: str, suffix: str, tmp_path: Path) -> None:
+        place = f"line {point + 1}, t" if suffix == ".csv" else f"point {point}, time_from_start"
+        assert complaint(tmp_path, standing(times, suffix), suffix).startswith(f"{place}: {words}")
+
+    @pytest.mark.parametrize(("times", "words"), [([], "0 points"), (["0"], "1 points")])
+    @pytest.mark.parametrize("suffix", [".csv", ".json"])
+    def test_too_few(self, times: list[str], words: str, suffix: str, tmp_path: Path) -> None:
+        assert complaint(tmp_path, standing(times, suffix), suffix) == f"{words}: a motion takes at least 2"
+
+    def test_with_velocities_they_are_whole_ms(self, tmp_path: Path) -> None:
+        words = "0.5001 s is not a whole number of milliseconds: the nearest is 0.5 s"
+        assert complaint(tmp_path, MOVING_CSV.replace("0.5,", "0.5001,")) == f"line 3, t: {words}"
+        made = json.dumps(at(document(moving=True), 1, time_from_start=0.5001))
+        assert complaint(tmp_path, made, ".json") == f"point 2, time_from_start: {words}"
+
+
+def standing(times: list[str], suffix: str) -> str:
+    """A file of a robot that stands still."""
+    if suffix == ".csv":
+        return "\n".join([HEADER, *(f"{t},0,0,0,0" for t in times)])
+    points = [{"positions": [0, 0, 0, 0], "time_from_start": float(t)} for t in times]
+    return json.dumps({"joint_names": NAMES, "points": points})
+
+
+def at(made: dict[str, Any], point: int, **entries: Any) -> dict[str, Any]:
+    """The document with entries of one point changed; None removes one."""
+    made["points"][point] |= entries
+    made["points"][point] = {key: value for key, value in made["points"][point].items() if value is not None}
+    return made
+
+
+TEXT = json.dumps(document())
+
+
+class TestMistakesInAJson:
+    @pytest.mark.parametrize(
+        ("content", "words"),
+        [
+            pytest.param("", "is not JSON: Expecting value: line 1 column 1", id="empty"),
+            pytest.param(b"\xff\xfe", "is not UTF-8 text", id="no UTF-8"),
+            pytest.param(TEXT[:-1], "is not JSON: Expecting ',' delimiter", id="cut"),
+            pytest.param("[" * 100_000, "is not JSON: maximum recursion depth", id="depth bomb"),
+            pytest.param("9" * 5000, "is not JSON: Exceeds the limit", id="integer bomb"),
+            pytest.param("[]", "the document: is not a JSON object", id="a list"),
+            pytest.param("{}", "the document, joint_names: is missing or not a list", id="nothing"),
+            pytest.param('{"joint_names": []}', "the document, points: is missing or not a list", id="no points"),
+            pytest.param('{"points": {}, "joint_names": []}', "the document, points: is missing or", id="points"),
+            pytest.param('{"joint_names": [1], "points": []}', "joint_names: 1 is not a name", id="name"),
+            pytest.param('{"joint_names": [], "points": []}', "joint 'th1' is missing: teaching-scara", id="no names"),
+            pytest.param(TEXT.replace("th4", "th5"), "joint 'th5' is unknown: did you mean th4 or ", id="unknown"),
+            pytest.param(TEXT.replace("th4", "th1"), "joint 'th1' is there 2 times", id="twice"),
+            pytest.param(
+                TEXT.replace("joint_names", "names"),
+                "the document: key 'names' is unknown: did you mean joint_names?",
+                id="key",
+            ),
+            pytest.param(
+                TEXT.replace("positions", "position"),
+                "point 1: key 'position' is unknown: did you mean positions?",
+                id="key of a point",
+            ),
+            pytest.param('{"joint_names": [], "points": [3]}', "point 1: is not a JSON object", id="point"),
+            pytest.param(TEXT.replace("-5.0", "NaN"), "point 2, positions, th2: nan is not a finite", id="NaN"),
+            pytest.param(TEXT.replace("-5.0", "-Infinity"), "point 2, positions, th2: -inf is not a", id="infinity"),
+            pytest.param(TEXT.replace("-5.0", "1e400"), "point 2, positions, th2: inf is not a finite", id="1e400"),
+            pytest.param(
+                TEXT.replace("-5.0", "1" * 4000), "point 2, positions, th2: 111111111111111111...", id="4000 digits"
+            ),
+            pytest.param(TEXT.replace("-5.0", "true"), "point 2, positions, th2: True is not a number", id="boolean"),
+            pytest.param(TEXT.replace("-5.0", '"5"'), "point 2, positions, th2: '5' is not a number", id="string"),
+            pytest.param(TEXT.replace("-5.0", "null"), "point 2, positions, th2: None is not a number", id="null"),
+            pytest.param(TEXT.replace("-5.0, ", ""), "point 2, positions: 3 of them for 4 joints", id="ragged"),
+        ],
+    )
+    def test_are_told_with_their_point(self, content: str | bytes, words: str, tmp_path: Path) -> None:
+        assert complaint(tmp_path, content, ".json").startswith(words)
+
+    @pytest.mark.parametrize(
+        ("made", "words"),
+        [
+            pytest.param(at(document(), 1, positions=None), "point 2, positions: is missing or not a", id="positions"),
+            pytest.param(at(document(), 2, time_from_start=None), "point 3, time_from_start: is missing", id="time"),
+            pytest.param(
+                at(document(), 2, time_from_start="1"), "point 3, time_from_start: '1' is not a number", id="time text"
+            ),
+            pytest.param(
+                at(document(), 2, time_from_start={"sec": 1, "nsec\n": 0}),
+                r"point 3, time_from_start: has the keys ['sec', 'nsec\n'] instead of sec and nanosec",
+                id="keys of a time",
+            ),
+            pytest.param(
+                at(document(), 2, time_from_start={"sec": 1, "nanosec": True}),
+                "point 3, time_from_start: True is not a number",
+                id="nanoseconds",
+            ),
+            pytest.param(
+                at(document(), 2, accelerations=[0, 0, 0, 0]),
+                "point 3, accelerations: would not be obeyed; leave it out",
+                id="accelerations",
+            ),
+            pytest.param(at(document(), 0, effort=[1]), "point 1, effort: would not be obeyed; leave", id="effort"),
+            pytest.param(
+                at(document(moving=True), 1, velocities=None),
+                "point 2: has no velocities, other points have some",
+                id="velocities of some points",
+            ),
+            pytest.param(
+                at(document(moving=True), 1, velocities=[1, 2, 3]),
+                "point 2, velocities: 3 of them for 4 joints",
+                id="velocities of some joints",
+            ),
+            pytest.param(
+                at(document(moving=True), 1, velocities=[1, 2, 3, False]),
+                "point 2, velocities, th4: False is not a number",
+                id="velocity",
+            ),
+        ],
+    )
+    def test_of_one_point(self, made: dict[str, Any], words: str, tmp_path: Path) -> None:
+        assert complaint(tmp_path, json.dumps(made), ".json").startswith(words)
+
+    def test_no_depth_is_too_deep_to_be_shown(self, tmp_path: Path) -> None:
+        """What the parser just reads must not be too deep for the message."""
+        for depth in range(880, 1000):
+            nested = f'{{"joint_names": [{"[" * depth}{"]" * depth}], "points": []}}'
+            assert complaint(tmp_path, nested, ".json").startswith(("joint_names: [[[[[[", "is not JSON: maximum"))
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("none.csv", "No such file or directory"), ("", "Is a directory"), ("a\0b.csv", "is no name of a file: embedded")],
+)
+def test_a_file_that_cannot_be_read(name: str, words: str, tmp_path: Path) -> None:
+    path = f"{tmp_path}/{name}"
+    with pytest.raises(InputError) as caught:
+        read_trajectory(path, ROBOT)
+    assert str(caught.value).startswith(f"{path}: {words}")
+
+
+def read_or_refuse(content: bytes, suffix: str) -> None:
+    with TemporaryDirectory() as folder:
+        try:
+            trajectory = read(Path(folder), content, suffix)
+        except InputError as error:
+            message = str(error)
+            assert message.startswith(folder)
+            assert len(message.splitlines()) == 1
+            message.encode("utf-8")  # can be printed
+        else:
+            assert np.isfinite(trajectory.positions(np.linspace(0.0, trajectory.duration_s))).all()
+
+
+@given(content=st.binary() | st.text().map(lambda text: text.encode("utf-8", "replace")))
+@pytest.mark.parametrize("suffix", [".csv", ".json"])
+def test_any_bytes_are_a_motion_or_refused(suffix: str, content: bytes) -> None:
+    read_or_refuse(content, suffix)
+
+
+FIELDS = st.sampled_from(["0", "0.5", "1", "-3", "1e-300", "1e9", "nan", "", '"', "#", "x", *HEADER.split(",")])
+
+
+@given(
+    header=st.just(HEADER) | st.lists(FIELDS | st.text(max_size=3), max_size=6).map(",".join),
+    rows=st.lists(st.lists(FIELDS, min_size=5, max_size=5) | st.lists(FIELDS, max_size=6), max_size=5),
+)
+def test_what_almost_is_csv(header: str, rows: list[list[str]]) -> None:
+    read_or_refuse("\n".join([header, *map(",".join, rows)]).encode(), ".csv")
+
+
+@given(
+    times_s=st.lists(st.floats(0.0, 2.0) | st.sampled_from([0.001, 1.0, 1e9]), max_size=4).map(sorted),
+    position=st.floats(-1e9, 1e9),
+    velocity=st.none() | st.floats(-1e9, 1e9),
+)
+def test_whatever_numbers_make_a_finite_motion_or_none(
+    times_s: list[float], position: float, velocity: float | None
+) -> None:
+    points = [
+        {
+            "time_from_start": t_s,
+            "positions": [position * (-1) ** i] * 4,
+            "velocities": [] if velocity is None else [velocity] * 4,
+        }
+        for i, t_s in enumerate([0.0, *times_s])
+    ]
+    read_or_refuse(json.dumps({"joint_names": NAMES, "points": points}).encode(), ".json")
+
+
+LEAVES = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5) | st.sampled_from(NAMES)
+KEYS = st.sampled_from(["joint_names", "points", "positions", "velocities", "time_from_start", "sec", "nanosec"])
+VALUES = st.recursive(LEAVES, lambda inner: st.lists(inner, max_size=4) | st.dictionaries(KEYS | st.text(), inner))
+
+
+@given(
+    entries=st.dictionaries(KEYS, VALUES, max_size=3),
+    where=st.sampled_from(["document", "point", "position"]),
+    value=VALUES,
+)
+def test_what_almost_is_a_joint_trajectory(entries: dict[str, Any], where: str, value: object) -> None:
+    made = document()
+    if where == "document":
+        made |= entries
+    elif where == "point":
+        made["points"][1] |= entries
+    else:
+        made["points"][1]["positions"][2] = value
+    read_or_refuse(json.dumps(made).encode(), ".json")

@@ -1,0 +1,310 @@
+"""A folder read again: what was written comes back, and what cannot be read is said with file and key."""
+
+import errno
+import json
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+import pytest
+
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.motions.sampled import Sampled
+from steptwin.host.planning.planner import plan
+from steptwin.host.record.folder import ContradictionError, read_edges, read_run
+from steptwin.host.record.folder.edges import write_edges
+from steptwin.host.record.folder.motion import CUBICS_OFF_STEPS, read_motion, write_motion
+from steptwin.host.robots import load_robot
+from steptwin.host.robots.robot import ActiveEdge
+from steptwin.host.verify import DriverLimit, DriverViolations, Phases
+from tests.host.verify.motions import altered, motion, perfect_evidence, plan_of, sines, still
+
+EVIDENCE = altered(
+    perfect_evidence(plan_of(motion(0.5, sines([(20.0, 3.0, 0.0)]), still(7.5)), 80.0, 10.0)),
+    violations=DriverViolations(
+        (DriverLimit("clk_high", "CLK too short", 30.0, "us", "p. 8"), DriverLimit("hot", "", 170.0, "degC", "p. 9")),
+        np.array([500, 500]),
+        np.array([1, 0], np.int8),
+        np.array([171.5, 29.0]),
+    ),
+    active_edge=ActiveEdge.FALLING,
+    phases=Phases(
+        np.array([100, 200]), np.array([0, 63], np.int8), np.array([0, -1515], np.int16), np.array([3000, 0], np.int16)
+    ),
+)
+
+
+def assert_same(first: object, second: object) -> None:
+    """Dataclasses of numbers and arrays, field by field."""
+    if isinstance(first, np.ndarray):
+        np.testing.assert_array_equal(first, second)
+    elif hasattr(first, "__slots__"):
+        assert type(first) is type(second)
+        for name in first.__slots__:
+            assert_same(getattr(first, name), getattr(second, name))
+    elif isinstance(first, dict):
+        assert isinstance(second, dict)
+        assert list(first) == list(second)
+        assert_same(tuple(first.values()), tuple(second.values()))
+    elif isinstance(first, tuple):
+        assert isinstance(second, tuple)
+        for one, other in zip(first, second, strict=True):
+            assert_same(one, other)
+    else:
+        assert first == second
+
+
+def test_evidence_comes_back(tmp_path: Path) -> None:
+    write_edges(tmp_path / "edges.npz", EVIDENCE)
+    assert_same(read_edges(tmp_path), EVIDENCE)
+
+
+class TestBrokenOff:
+    """What an earlier run has left stays as it was."""
+
+    @pytest.fixture(autouse=True)
+    def _older(self, tmp_path: Path) -> Iterator[None]:
+        path = tmp_path / "file"
+        path.write_bytes(b"old")
+        yield
+        assert {each.name: each.read_bytes() for each in tmp_path.iterdir()} == {"file": b"old"}
+
+    def test_edges(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        def full(file: BinaryIO, **_: object) -> None:
+            file.write(b"half")
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+        monkeypatch.setattr(np, "savez_compressed", full)
+        with pytest.raises(OSError, match="file"):
+            write_edges(tmp_path / "file", EVIDENCE)
+
+    def test_the_motion(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        def interrupted(*_: object) -> str:
+            raise KeyboardInterrupt
+
+        robot = load_robot("teaching-scara")
+        monkeypatch.setattr("steptwin.host.record.folder.motion.trajectory_row", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            write_motion(tmp_path / "file", plan(robot, make_job(robot, "carry", {})))
+
+
+class TestTheMotion:
+    @pytest.mark.parametrize(
+        ("name", "job"), [("warehouse-scara", "store"), ("hybrid-arm", "five-points"), ("lab-scara", "spiral")]
+    )
+    def test_comes_back_to_the_tenth_of_a_thousandth_of_a_step(self, name: str, job: str, tmp_path: Path) -> None:
+        robot = load_robot(name)
+        made = plan(robot, make_job(robot, job, {}))
+        write_motion(tmp_path / "trajectory.csv", made)
+        again = read_motion(tmp_path, robot, made.trajectory.switchings)
+        assert again.duration_s == made.trajectory.duration_s
+        assert again.switchings == made.trajectory.switchings
+        t_s = np.linspace(0.0, again.duration_s, 20_001)
+        off = np.abs(again.positions(t_s) - made.trajectory.positions(t_s)) * robot.steps_per_unit
+        assert off.max() <= CUBICS_OFF_STEPS
+        assert len((tmp_path / "trajectory.csv").read_text().splitlines()) == 1 + len(made.times_ms)
+
+    def test_has_a_row_for_every_millisecond_where_points_are_too_far_apart(self, tmp_path: Path) -> None:
+        """A spline through points that are 3 ms apart in its middle: cubics of 10 ms miss it."""
+        robot = load_robot("teaching-scara")
+        times_s = np.array([0.0, 0.2, 0.203, 0.206, 0.4])
+        positions = np.zeros((5, 4))
+        positions[2, 0] = 0.003
+        made = plan(robot, Sampled.c2_spline(robot.joint_names, times_s, positions))
+        write_motion(tmp_path / "trajectory.csv", made)
+        assert len((tmp_path / "trajectory.csv").read_text().splitlines()) == 1 + 401
+        t_s = np.linspace(0.0, 0.4, 4001)
+        again = read_motion(tmp_path, robot, ())
+        off = np.abs(again.positions(t_s) - made.trajectory.positions(t_s)) * robot.steps_per_unit
+        assert off.max() <= CUBICS_OFF_STEPS
+
+
+def test_a_run_comes_back(stored_run: Path) -> None:
+    stored = read_run(stored_run)
+    document = json.loads((stored_run / "report.json").read_text())
+    assert (stored.robot.name, stored.report.run.job) == ("warehouse-scara", "store")
+    assert stored.robot == load_robot("warehouse-scara")
+    assert stored.report.document == document
+    assert [switching.output for switching in stored.report.switchings] == [o["name"] for o in document["outputs"]]
+    start_s = stored.comparison.evidence.start_counts / 72e6
+    changed_s = [change.counts / 72e6 - start_s for change in stored.comparison.evidence.outputs]
+    assert changed_s == pytest.approx([o["changed_s"] for o in document["outputs"]])
+
+
+# --- what cannot be read
+
+
+def arrays_of(path: Path) -> dict[str, Any]:
+    with np.load(path) as stored:
+        return dict(stored)
+
+
+def refusal_of_edges(tmp_path: Path, change: Callable[[dict[str, Any]], object]) -> InputError:
+    write_edges(tmp_path / "edges.npz", EVIDENCE)
+    arrays = arrays_of(tmp_path / "edges.npz")
+    change(arrays)
+    np.savez_compressed(tmp_path / "edges.npz", **arrays)
+    with pytest.raises(InputError) as caught:
+        read_edges(tmp_path)
+    assert str(caught.value).startswith(f"{tmp_path / 'edges.npz'}: ")
+    return caught.value
+
+
+def said(error: InputError) -> str:
+    return str(error).split("edges.npz: ", maxsplit=1)[1]
+
+
+@pytest.mark.parametrize("key", [*["folder_version", "counts_per_second", "start_counts", "axes"], *(
+    f"b_{what}" for what in (
+        "start_steps", "active_edge", "clk_rise_counts", "clk_fall_counts", "dir_edge_counts", "dir_levels",
+        "step_counts", "step_signs", "violation_counts", "violation_which", "violation_values", "limit_rules",
+        "limit_broken", "limit_values", "limit_units", "limit_sources", "phase_counts", "phase_sixteenths",
+        "phase_a_ma", "phase_b_ma", "reset_counts", "reset_levels", "out2_counts", "out2_levels", "dcy1_levels",
+    )
+)])  # fmt: skip
+def test_a_key_that_is_missing(key: str, tmp_path: Path) -> None:
+    assert said(refusal_of_edges(tmp_path, lambda arrays: arrays.pop(key))) == f"{key}: is missing"
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("folder_version", np.int64(2), "folder_version: is 2; this steptwin reads 1"),
+        ("counts_per_second", np.int64(1_000_000), "counts_per_second: 1000000 is not 72000000"),
+        ("start_counts", np.float64(1.5), "start_counts: is not one whole number"),
+        ("start_counts", np.array([1, 2]), "start_counts: is not one whole number"),
+        ("axes", np.array([1, 2]), "axes: is not a list of names"),
+        ("a_active_edge", np.array(["rising"]), "a_active_edge: is not one text"),
+        ("a_active_edge", np.array("both"), "a_active_edge: 'both' is none of rising, falling"),
+        ("a_clk_rise_counts", np.array([1.0]), "a_clk_rise_counts: is not a list of whole numbers"),
+        ("a_clk_rise_counts", np.array([[1], [2]]), "a_clk_rise_counts: is not a list of whole numbers"),
+        ("a_violation_values", np.array([1, 2]), "a_violation_values: is not a list of numbers"),
+        ("a_limit_units", np.array([1, 2]), "a_limit_units: is not a list of names"),
+    ],
+)
+def test_a_value_of_another_kind(key: str, value: object, message: str, tmp_path: Path) -> None:
+    error = refusal_of_edges(tmp_path, lambda arrays: arrays.update({key: value}))
+    assert said(error) == message
+    assert not isinstance(error, ContradictionError)
+
+
+COUNT = EVIDENCE.axes[0].clk_rise_counts.size
+
+
+@pytest.mark.parametrize(
+    ("key", "change", "message"),
+    [
+        ("a_clk_rise_counts", lambda v: v[1:], f"{COUNT - 1} of them, but {COUNT} a_clk_fall_counts"),
+        ("a_clk_rise_counts", lambda v: np.roll(v, 1), "the instants are not in order of time"),
+        ("a_clk_rise_counts", lambda v: v + 5_000, "they do not take turns with a_clk_fall_counts"),
+        ("a_clk_fall_counts", lambda v: v + 200_000, "they do not take turns with a_clk_fall_counts"),
+        ("a_step_counts", lambda v: v - v[0] - 1, "the instants are not in order of time"),
+        ("a_step_signs", lambda v: v[1:], f"{COUNT - 1} of them, but {COUNT} a_step_counts"),
+        ("a_step_signs", lambda v: v * 0, "holds other numbers than -1 and 1"),
+        ("a_dir_levels", lambda v: v * 2, "goes from 2 to 2, beyond 0..1"),
+        ("a_enable_levels", lambda v: v[1:], "0 of them, but 1 a_enable_counts"),
+        ("a_violation_which", lambda v: v + 1, "goes from 1 to 2, beyond 0..1"),
+        ("a_violation_values", lambda v: v[1:], "1 of them, but 2 a_violation_counts"),
+        ("a_limit_values", lambda v: v[1:], "1 of them, but 2 a_limit_rules"),
+        ("a_limit_sources", lambda v: v[1:], "2 of them, but other numbers of texts and units"),
+        ("a_phase_sixteenths", lambda v: v + np.int8(1), "goes from 1 to 64, beyond 0..63"),
+        ("a_phase_a_ma", lambda v: v.astype(np.int64) * 100, "goes from -151500 to 0, beyond -32768..32767"),
+        ("a_phase_b_ma", lambda v: v[1:], "1 of them, but 2 a_phase_counts"),
+    ],
+)
+def test_arrays_that_do_not_go_together(key: str, change: Callable[[Any], Any], message: str, tmp_path: Path) -> None:
+    error = refusal_of_edges(tmp_path, lambda arrays: arrays.update({key: change(arrays[key])}))
+    assert said(error).endswith(message)
+    assert isinstance(error, ContradictionError)
+
+
+@pytest.mark.parametrize("content", [b"", b"junk", b"PK\x03\x04", b"\x93NUMPY\x01\x00"])
+def test_a_file_of_another_kind(content: bytes, tmp_path: Path) -> None:
+    (tmp_path / "edges.npz").write_bytes(content)
+    with pytest.raises(InputError, match=r"edges\.npz: cannot be read: "):
+        read_edges(tmp_path)
+
+
+def test_a_file_that_is_damaged(tmp_path: Path) -> None:
+    write_edges(tmp_path / "edges.npz", EVIDENCE)
+    content = bytearray((tmp_path / "edges.npz").read_bytes())
+    middle = content.index(b"a_clk_rise_counts.npy") + 60
+    content[middle : middle + 40] = bytes(40)
+    (tmp_path / "edges.npz").write_bytes(content)
+    with pytest.raises(InputError, match=r"edges\.npz: a_clk_rise_counts: cannot be read: "):
+        read_edges(tmp_path)
+
+
+def test_objects_are_not_unpickled(tmp_path: Path) -> None:
+    error = refusal_of_edges(tmp_path, lambda arrays: arrays.update(axes=np.array([{}, None], dtype=object)))
+    assert "axes: cannot be read: Object arrays cannot be loaded" in str(error)
+
+
+def test_a_folder_that_is_none(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="nowhere: is no folder of a run"):
+        read_run(tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize("name", ["report.json", "robot.toml", "trajectory.csv", "edges.npz"])
+def test_a_file_that_is_missing(name: str, stored_run: Path, tmp_path: Path) -> None:
+    shutil.copytree(stored_run, tmp_path / "copy")
+    (tmp_path / "copy" / name).unlink()
+    with pytest.raises(InputError) as caught:
+        read_run(tmp_path / "copy")
+    assert str(caught.value) == f"{tmp_path / 'copy' / name}: is missing"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda d: d.pop("folder_version"), "folder_version: is None; this steptwin reads 1"),
+        (lambda d: d.update(folder_version="1"), "folder_version: is '1'; this steptwin reads 1"),
+        (lambda d: d.pop("job"), "job: is missing"),
+        (lambda d: d.update(job=3), "job: 3 is not a text"),
+        (lambda d: d.update(wall_s="long"), "wall_s: 'long' is not a number"),
+        (lambda d: d.update(wall_s=True), "wall_s: True is not a number"),
+        (lambda d: d["bus"].pop("frames"), "bus.frames: is missing"),
+        (lambda d: d["bus"].update(bitrate=1.5), "bus.bitrate: 1.5 is not a whole number"),
+        (lambda d: d.update(bus=[]), "bus: [] is not a JSON object"),
+        (lambda d: d.update(passed=1), "passed: 1 is neither true nor false"),
+        (lambda d: d.update(outputs={}), "outputs: {} is not a list"),
+        (lambda d: d["outputs"][1].pop("until_s"), "outputs[1]: until_s: is missing"),
+        (lambda d: d.update(axes=[1]), "axes[0]: 1 is not a JSON object"),
+        (lambda d: d.update(fault={"message": "", "positions_agree": True}), "fault.joints: is missing"),
+    ],
+)
+def test_a_report_of_another_form(
+    change: Callable[[dict[str, Any]], object], message: str, stored_run: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(stored_run, tmp_path / "copy")
+    path = tmp_path / "copy" / "report.json"
+    document = json.loads(path.read_text())
+    change(document)
+    path.write_text(json.dumps(document))
+    with pytest.raises(InputError) as caught:
+        read_run(tmp_path / "copy")
+    assert str(caught.value) == f"{path}: {message}"
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "\xff"])
+def test_a_report_that_is_no_json_object(text: str, stored_run: Path, tmp_path: Path) -> None:
+    shutil.copytree(stored_run, tmp_path / "copy")
+    (tmp_path / "copy" / "report.json").write_text(text, encoding="latin-1")
+    with pytest.raises(InputError, match=r"report\.json: "):
+        read_run(tmp_path / "copy")
+
+
+def test_axes_of_another_robot(stored_run: Path, tmp_path: Path) -> None:
+    shutil.copytree(stored_run, tmp_path / "copy")
+    write_edges(tmp_path / "copy" / "edges.npz", EVIDENCE)
+    with pytest.raises(InputError, match=r"edges\.npz: axes: a b, but robot\.toml has sx sz L1 th1 th2 th3"):
+        read_run(tmp_path / "copy")
+
+
+def test_what_is_written_is_the_version_that_is_read(tmp_path: Path) -> None:
+    write_edges(tmp_path / "edges.npz", EVIDENCE)
+    assert arrays_of(tmp_path / "edges.npz")["folder_version"] == 1

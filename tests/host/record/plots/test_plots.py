@@ -1,0 +1,475 @@
+"""The pictures: that they are drawn for every kind of run, say what they show, and lose no peak."""
+
+import struct
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.robots.robot import ActiveEdge
+from steptwin.host.verify import Comparison, DriverLimit, Phases, compare
+from tests.host.verify.motions import (
+    NO_VIOLATIONS,
+    RUN,
+    START_COUNTS,
+    altered,
+    line,
+    motion,
+    perfect_evidence,
+    plan_of,
+    sines,
+    still,
+    trapezoid,
+)
+
+pytest.importorskip("matplotlib")
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from steptwin.host.record.plots import OF_EVERY_RUN, PICTURES, Moment, View, write_plots
+from steptwin.host.record.plots.canvas import DOTS_PER_INCH, WIDTH_INCHES, thinned
+
+VIEW = View(1.0, 0.05)
+
+PNG_HEADER = b"\x89PNG\r\n\x1a\n"
+
+
+def swinging() -> Comparison:
+    """Two axes that move, one of them to and fro, and one that stands."""
+    plan = plan_of(
+        motion(2.0, sines([(20.0, 3.0, 0.0)]), trapezoid(3.0, -50.0, 2.0, 0.5), still(7.5)), 80.0, 40.0, 10.0
+    )
+    return compare(plan, perfect_evidence(plan))
+
+
+def standing() -> Comparison:
+    plan = plan_of(motion(1.0, still(1.0), still(2.0)), 10.0, 10.0)
+    return compare(plan, perfect_evidence(plan))
+
+
+def single_step() -> Comparison:
+    plan = plan_of(motion(1.0, line(0.0, 0.7)), 1.0)
+    return compare(plan, perfect_evidence(plan))
+
+
+def silent() -> Comparison:
+    """A board that made nothing of its plan."""
+    plan = swinging().plan
+    none, no_signs = np.empty(0, np.int64), np.empty(0, np.int8)
+    evidence = perfect_evidence(plan)
+    for axis in range(2):
+        evidence = altered(
+            evidence,
+            axis,
+            clk_rise_counts=none,
+            clk_fall_counts=none,
+            dir_edge_counts=none,
+            dir_levels=no_signs,
+            step_counts=none,
+            step_signs=no_signs,
+        )
+    return compare(plan, evidence)
+
+
+def unheard() -> Comparison:
+    """Drivers that missed every pulse."""
+    plan = swinging().plan
+    evidence = perfect_evidence(plan)
+    for axis in range(2):
+        evidence = altered(evidence, axis, step_counts=np.empty(0, np.int64), step_signs=np.empty(0, np.int8))
+    return compare(plan, evidence)
+
+
+def dense() -> Comparison:
+    """More steps than a picture has columns: drawn thinned."""
+    plan = plan_of(motion(4.0, sines([(200.0, 2.0, 0.0)]), sines([(200.0, 2.0, 1.5)])), 80.0, 80.0)
+    return compare(plan, perfect_evidence(plan))
+
+
+RUNS = {run.__name__: run for run in (swinging, standing, single_step, silent, unheard, dense)}
+
+
+def pixels(path: Path) -> tuple[int, int]:
+    """Width and height from a PNG's first chunk."""
+    data = path.read_bytes()
+    assert data[:8] == PNG_HEADER
+    assert data[12:16] == b"IHDR"
+    width, height = struct.unpack(">II", data[16:24])
+    return width, height
+
+
+@pytest.mark.parametrize("run", RUNS)
+def test_all_pictures_of_a_run_are_written(run: str, tmp_path: Path) -> None:
+    paths = write_plots(tmp_path / "made" / "on demand", RUNS[run](), RUN, PICTURES)
+    assert [path.name for path in paths] == [
+        "joints.png", "step-rates.png", "tool-path.png", "error.png", "timing.png", "jitter.png", "widths.png",
+        "edges.png", "phases.png",
+    ]  # fmt: skip
+    for path in paths:
+        width, height = pixels(path)
+        assert width == WIDTH_INCHES * DOTS_PER_INCH
+        assert 200 <= height <= 4 * width
+        assert path.stat().st_size > 5_000
+
+
+@pytest.mark.parametrize("picture", PICTURES)
+def test_a_picture_says_what_it_shows(picture: str) -> None:
+    figure = PICTURES[picture](swinging(), RUN, VIEW)
+    assert figure.get_suptitle().startswith("test-arm · test · ")
+    assert figure.get_suptitle().endswith("(SIMULATED)")
+    for axes in figure.axes:
+        labels = axes.get_ylabel() + axes.get_xlabel()
+        place = axes.get_subplotspec()
+        assert place is not None
+        beside = not place.is_first_col()  # with the unit of its neighbour
+        assert "[" in labels or labels.startswith("DIR") or beside or not axes.axison
+
+
+@pytest.mark.parametrize("picture", ["joints", "step-rates", "error", "timing", "jitter", "widths", "phases"])
+def test_joints_without_motion_are_a_note(picture: str) -> None:
+    figure = PICTURES[picture](swinging(), RUN, VIEW)
+    assert figure.get_supxlabel() == "Not shown, because without motion: c at 7.5 deg"
+    names = {axes.get_ylabel().split(" ")[0] for axes in figure.axes}
+    assert {"a", "b"} <= names
+    assert "c" not in names
+
+
+def test_one_row_a_moving_joint() -> None:
+    comparison = swinging()
+    rows = {name: len(draw(comparison, RUN, VIEW).axes) for name, draw in PICTURES.items()}
+    assert rows == {
+        "joints": 4, "step-rates": 4, "tool-path": 3, "error": 8, "timing": 2, "jitter": 4, "widths": 2, "edges": 1,
+        "phases": 4,
+    }  # fmt: skip
+
+
+def test_the_third_coordinate_gets_a_view_if_it_moves() -> None:
+    comparison = swinging()
+
+    def lifted(joints: FloatArray) -> FloatArray:
+        return np.column_stack([joints[:, 0], joints[:, 1], joints[:, 1] / 2.0, joints[:, 2]])
+
+    plan = replace(comparison.plan, forward=lifted)
+    assert len(PICTURES["tool-path"](compare(plan, comparison.evidence), RUN, VIEW).axes) == 6
+
+
+class TestAToolThatStands:
+    """With an x that is zero but for rounding, which differs from instant to instant."""
+
+    def comparison(self) -> Comparison:
+        comparison = standing()
+
+        def forward(joints: FloatArray) -> FloatArray:
+            x_mm = np.where(np.arange(len(joints)) % 2, 4.9e-14, 5.0e-14)
+            return np.column_stack([x_mm, np.full(len(joints), 800.0), np.zeros((len(joints), 2))])
+
+        return compare(replace(comparison.plan, forward=forward), comparison.evidence)
+
+    def test_has_pictures_without_a_warning(self, tmp_path: Path) -> None:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            assert len(write_plots(tmp_path, self.comparison(), RUN, PICTURES)) == len(PICTURES)
+
+    def test_is_seen_in_its_surroundings(self) -> None:
+        figure = PICTURES["tool-path"](self.comparison(), RUN, VIEW)
+        figure.draw_without_rendering()
+        whole, magnified, close = figure.axes
+        for first, last, middle in ((*whole.get_xlim(), 0.0), (*whole.get_ylim(), 800.0)):
+            assert last - first >= 1.0
+            assert (first + last) / 2 == pytest.approx(middle, abs=1e-9)
+        assert (whole.get_xlabel(), whole.get_ylabel()) == ("x [mm]", "y [mm]")
+        assert not magnified.axison
+        assert [text.get_text() for text in magnified.texts] == ["the tool does not move"]
+        assert close.axison
+
+    def test_has_no_limits_of_joints(self) -> None:
+        assert PICTURES["error"](self.comparison(), RUN, VIEW).axes[0].get_title(loc="left") == "whole motion"
+        of_joints = PICTURES["error"](swinging(), RUN, VIEW).axes[0]
+        assert of_joints.get_title(loc="left") == "whole motion; dashed: limit of 0.57 steps"
+
+
+def test_an_error_that_is_seen_already_is_not_magnified() -> None:
+    titles = {run: PICTURES["tool-path"](RUNS[run](), RUN, VIEW).axes[1].get_title(loc="left") for run in RUNS}
+    assert titles["silent"] == titles["unheard"] == "error not magnified"
+    assert titles["swinging"].startswith("error magnified ")
+
+
+def test_a_run_draws_some_of_them_by_itself(tmp_path: Path) -> None:
+    assert [path.name for path in write_plots(tmp_path, single_step(), RUN)] == [f"{name}.png" for name in OF_EVERY_RUN]
+
+
+@pytest.mark.parametrize("form", ["png", "svg", "pdf"])
+def test_the_same_run_gives_the_same_picture(form: str, tmp_path: Path) -> None:
+    first = write_plots(tmp_path / "first", swinging(), RUN, ["edges", "jitter"], form)
+    second = write_plots(tmp_path / "second", swinging(), RUN, ["edges", "jitter"], form)
+    assert [path.name for path in first] == [f"edges.{form}", f"jitter.{form}"]
+    assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
+
+
+class TestTheView:
+    def test_is_where_steps_are_fastest(self) -> None:
+        """The sine's speed is greatest at its zeros: 60 mm/s at 80 steps/mm."""
+        moment = View().moment(swinging(), 12)
+        assert min(abs(moment.at_s - zero) for zero in (0.0, np.pi / 3)) < 0.01
+        assert moment.span_s == pytest.approx(12 / 4800, rel=1e-2)
+        assert View(span_s=0.25).moment(swinging(), 12) == Moment(moment.at_s, 0.25)
+
+    def test_is_the_whole_motion_without_steps(self) -> None:
+        assert View().moment(standing(), 12) == View(0.5).moment(standing(), 160) == Moment(0.5, 1.0)
+
+    @pytest.mark.parametrize("at_s", [None, 0.3, 1.0, 2.0])
+    def test_goes_by_pulses_even_if_no_driver_counts_them(self, at_s: float | None) -> None:
+        assert View(at_s).moment(unheard(), 12) == View(at_s).moment(swinging(), 12)
+
+    def test_shows_some_steps_of_the_axis_that_is_fastest_there(self) -> None:
+        """At 0.52 s the trapezoid goes on at 33.3 mm/s and 40 steps/mm, the sine is nearly at rest."""
+        moment = View(np.pi / 6).moment(swinging(), 12)
+        assert moment.span_s == pytest.approx(12 * 1.5 / 50 / 40, rel=0.1)
+        assert (moment.from_s + moment.to_s) / 2 == pytest.approx(np.pi / 6)
+
+    @pytest.mark.parametrize("at_s", [0.0, 2.0])
+    def test_may_be_at_an_end_and_is_never_longer_than_the_motion(self, at_s: float) -> None:
+        assert 0 < View(at_s).moment(swinging(), 12).span_s < View(at_s).moment(swinging(), 10**6).span_s == 2.0
+
+
+def drawn_marks(figure: Figure, marker: str) -> FloatArray:
+    (axes,) = figure.axes
+    return np.concatenate([np.asarray(line.get_xdata()) for line in axes.lines if line.get_marker() == marker])
+
+
+class TestTheEdges:
+    def test_a_lane_for_each_pin_that_matters(self) -> None:
+        (axes,) = PICTURES["edges"](swinging(), RUN, VIEW).axes
+        lanes = [label.get_text() for label in axes.get_yticklabels()]
+        assert lanes == ["a STEP", "a DIR", "b STEP", "b DIR", "c STEP", "c DIR"]
+
+    def test_pins_that_change_there_get_one_too(self) -> None:
+        """ENABLE and RESET go up 25 ms before the motion."""
+        (axes,) = PICTURES["edges"](swinging(), RUN, View(0.0, 0.06)).axes
+        assert [label.get_text() for label in axes.get_yticklabels()][:4] == ["a STEP", "a DIR", "a ENABLE", "a RESET"]
+
+    def test_a_lane_goes_up_and_down_with_its_pin(self) -> None:
+        comparison = swinging()
+        figure = PICTURES["edges"](comparison, RUN, VIEW)
+        counts = comparison.evidence.axes[0].clk_rise_counts
+        t_ms = 1e3 * ((counts - comparison.evidence.start_counts) / 72e6 - 1.0)
+        expected = t_ms[np.abs(t_ms) <= 25.0]
+        times, levels = (np.asarray(data) for data in figure.axes[0].lines[0].get_data())
+        np.testing.assert_allclose(times[1:-1][np.diff(levels)[:-1] > 0], expected, atol=1e-9)
+
+    def test_steps_are_marked_by_their_direction(self) -> None:
+        """Around 1.047 s the sine goes down; b steps down all the time."""
+        comparison = swinging()
+        figure = PICTURES["edges"](comparison, RUN, View(np.pi / 3, 0.01))
+        inside = [np.count_nonzero(np.abs(axis.time_s - np.pi / 3) < 0.005) for axis in comparison.counted]
+        assert len(drawn_marks(figure, "v")) == sum(inside) > 40
+        assert len(drawn_marks(figure, "^")) == 0
+        assert figure.axes[0].get_xlabel().endswith("; triangles: steps that the driver counted, up or down")
+
+    def test_steps_too_dense_for_marks_have_none(self) -> None:
+        """Where the sine turns around, b makes more than 200 steps and a does not."""
+        figure = PICTURES["edges"](swinging(), RUN, View(np.pi / 6, 0.18))
+        a, b = (np.count_nonzero(np.abs(axis.time_s - np.pi / 6) < 0.09) for axis in swinging().counted[:2])
+        assert len(drawn_marks(figure, "^")) + len(drawn_marks(figure, "v")) == a < 200 < b
+        (axes,) = figure.axes
+        assert axes.get_xlabel().endswith("; triangles: steps that the driver counted, up or down, where at most 200")
+
+    @pytest.mark.parametrize(
+        ("run", "view", "said"),
+        [
+            ("dense", View(1.0, 1.0), "steps are too many to be marked, above 200 an axis"),
+            ("unheard", View(1.0, 0.01), "no driver counted a step here"),
+        ],
+    )
+    def test_it_is_said_why_there_are_no_marks(self, run: str, view: View, said: str) -> None:
+        (axes,) = PICTURES["edges"](RUNS[run](), RUN, view).axes
+        assert axes.get_xlabel().endswith(f" [ms]; {said}")
+        assert not any(np.asarray(drawn.get_xdata()).size for drawn in axes.lines if drawn.get_marker() in ("^", "v"))
+
+    @pytest.mark.parametrize("run", ["swinging", "unheard"])
+    def test_intervals_are_those_of_the_pulses(self, run: str) -> None:
+        """At 1 s b goes at 33.3 mm/s and 40 steps/mm; c stands."""
+        (axes,) = PICTURES["edges"](RUNS[run](), RUN, View(1.0, 0.01)).axes
+        *said, heading = [text.get_text() for text in axes.texts]
+        assert heading == "STEP interval at 0"
+        assert len(said) == 2
+        assert float(said[1].removesuffix(" us")) == pytest.approx(750, abs=0.02)
+
+    @pytest.mark.parametrize(("run", "at_s"), [("swinging", 0.0), ("standing", 0.5)])
+    def test_without_intervals_there_is_no_heading_for_them(self, run: str, at_s: float) -> None:
+        (axes,) = PICTURES["edges"](RUNS[run](), RUN, View(at_s, 0.01)).axes
+        assert not axes.texts
+
+    def test_a_single_count_has_lanes_too(self) -> None:
+        (axes,) = PICTURES["edges"](swinging(), RUN, View(1.0, 1 / 72e6)).axes
+        first, last = axes.get_xlim()
+        for lane in axes.lines[:6]:
+            times = np.asarray(lane.get_xdata())
+            assert times[0] <= first < last <= times[-1]
+
+
+class TestTheTiming:
+    def rows(self, late_us: float) -> list[Axes]:
+        """Axis a to the count of the timer; axis b up to so much late or early, evenly."""
+        comparison = swinging()
+        steps = comparison.evidence.axes[1].step_counts
+        spread = np.rint(72 * late_us * np.linspace(-1.0, 1.0, steps.size)).astype(np.int64)
+        evidence = altered(comparison.evidence, 1, step_counts=np.sort(steps + spread))
+        return PICTURES["timing"](compare(comparison.plan, evidence), RUN, VIEW).axes
+
+    @pytest.mark.parametrize("late_us", [0.0, 1.0, 150.0])
+    def test_fast_axes_keep_their_shape_beside_slow_ones(self, late_us: float) -> None:
+        """Errors of half a count at most are in the linear part, whatever the other axis does."""
+        first, second = self.rows(late_us)
+        full = [bar for bar in first.patches if isinstance(bar, Rectangle) and bar.get_height() > 0]
+        assert len(full) >= 8
+        assert all(abs(edge) <= 1 / 72 for bar in full for edge in (bar.get_x(), bar.get_x() + bar.get_width()))
+        assert first.get_xscale() == second.get_xscale() == "symlog"
+        assert first.get_xlim() == second.get_xlim()
+
+    @pytest.mark.parametrize("late_us", [0.0, 1.0, 150.0])
+    def test_every_edge_is_in_a_bar(self, late_us: float) -> None:
+        for row in self.rows(late_us):
+            bars = [bar.get_height() for bar in row.patches if isinstance(bar, Rectangle)]
+            assert sum(bars) == int(row.get_title(loc="right").split()[0]) > 1000
+
+    def test_the_label_says_what_the_axis_is(self) -> None:
+        label = self.rows(1.0)[-1].get_xlabel()
+        assert "linear within one count of the board's timer, +-0.014 us, logarithmic beyond" in label
+
+
+def test_jitter_is_the_interval_beyond_the_ideal_one() -> None:
+    """One step 5 us late makes its interval 5 us longer and the next one 5 us shorter."""
+    comparison = dense()
+    late = comparison.evidence.axes[0].step_counts.copy()
+    late[5000] += 360
+    comparison = compare(comparison.plan, altered(comparison.evidence, step_counts=late))
+    left, right = PICTURES["jitter"](comparison, RUN, VIEW).axes[:2]
+    jitter_us = np.asarray(left.lines[0].get_ydata())
+    assert sorted(jitter_us[np.abs(jitter_us) > 1]) == pytest.approx([-5, 5], abs=0.03)
+    assert "max 5" in left.get_title(loc="right")
+    assert right.get_ylim() == left.get_ylim()
+
+
+def test_thinning_keeps_every_groups_extremes() -> None:
+    t_s = np.arange(100_003, dtype=np.float64)
+    values = np.random.default_rng(2).normal(size=t_s.size)
+    values[12_345] = 50.0
+    values[-1] = -50.0
+    thin_s, thin = thinned(t_s, values, groups=500)
+    assert len(thin) <= 2 * 500 + 500
+    assert (thin.max(), thin.min()) == (50.0, -50.0)
+    assert (np.diff(thin_s) > 0).all()
+    np.testing.assert_array_equal(values[thin_s.astype(int)], thin)
+
+
+def test_short_series_are_left_alone() -> None:
+    t_s = np.linspace(0.0, 1.0, 100)
+    assert thinned(t_s, t_s)[0] is t_s
+
+
+def test_widths_beside_the_limits() -> None:
+    """High for 33 us, 3 us more than is asked for; low 5 us less than is asked for at the sine's fastest."""
+    limits = (DriverLimit("clk_high", "", 30.0, "us", ""), DriverLimit("clk_low", "", 180.0, "us", ""))
+    evidence = altered(swinging().evidence, violations=replace(NO_VIOLATIONS, limits=limits))
+    first, second = PICTURES["widths"](compare(swinging().plan, evidence), RUN, VIEW).axes
+    rises = evidence.axes[0].clk_rise_counts
+    low_us = float(np.diff(rises).min()) / 72 - 33
+    assert first.get_title(loc="right") == (
+        f"high >= 33.00 us, 3.00 above its limit; low >= {low_us:.2f} us, {180 - low_us:.2f} below its limit;"
+        f" rise to rise >= {low_us + 33:.2f} us"
+    )
+    drawn = [float(np.asarray(line.get_xdata())[0]) for line in first.lines]
+    assert drawn == [30.0, 180.0]
+    assert not second.lines
+    assert second.get_xlabel() == "duration [us]; a driver's CLK rises where the board's STEP rises"
+
+
+def test_widths_are_those_that_the_limits_are_for() -> None:
+    """With the falling edge active CLK is low while STEP is high, for 33 us."""
+    limits = (DriverLimit("clk_high", "", 30.0, "us", ""), DriverLimit("clk_low", "", 150.0, "us", ""))
+    evidence = swinging().evidence
+    for axis in range(2):
+        evidence = altered(
+            evidence, axis, active_edge=ActiveEdge.FALLING, violations=replace(NO_VIOLATIONS, limits=limits)
+        )
+    first, second = PICTURES["widths"](compare(swinging().plan, evidence), RUN, VIEW).axes
+    pause_us = float(np.diff(evidence.axes[0].clk_rise_counts).min()) / 72 - 33
+    assert first.get_title(loc="right").startswith(
+        f"high >= {pause_us:.2f} us, {pause_us - 30:.2f} above its limit; low >= 33.00 us, 117.00 below its limit; "
+    )
+    assert second.get_xlabel() == "duration [us]; a driver's CLK rises where the board's STEP falls"
+
+
+def test_of_several_limits_the_strictest_counts() -> None:
+    """The module's and its chip's; every pulse lasts the count that a module without inner delays asks for."""
+    limits = [("clk_high", 1 / 72), ("clk_low", 1 / 72), ("clk_high", 30.0), ("clk_period", 66.0), ("clk_high", 20.0)]
+    violations = replace(NO_VIOLATIONS, limits=tuple(DriverLimit(rule, "", us, "us", "") for rule, us in limits))
+    evidence = altered(swinging().evidence, violations=violations)
+    first, _ = PICTURES["widths"](compare(swinging().plan, evidence), RUN, VIEW).axes
+    assert [float(np.asarray(line.get_xdata())[0]) for line in first.lines] == [30.0, 66.0]
+    assert [text.get_text() for text in first.texts] == ["high 30 ", "rise to rise 66 "]
+    assert first.get_title(loc="right").count("its limit") == 2
+    assert first.get_xlim()[0] > 20
+
+
+def test_limits_that_are_near_to_each_other_share_a_label() -> None:
+    limits = [("clk_high", 150.0), ("clk_low", 151.0), ("clk_period", 310.0)]
+    violations = replace(NO_VIOLATIONS, limits=tuple(DriverLimit(rule, "", us, "us", "") for rule, us in limits))
+    evidence = altered(swinging().evidence, violations=violations)
+    first, _ = PICTURES["widths"](compare(swinging().plan, evidence), RUN, VIEW).axes
+    assert [text.get_text() for text in first.texts] == ["high 150 \nlow 151 ", "rise to rise 310 "]
+    assert len(first.lines) == 3
+
+
+def test_limits_that_ask_for_nothing_are_not_drawn() -> None:
+    limits = (DriverLimit("clk_low", "", -4.0, "us", ""), DriverLimit("mode_change", "", 0.0, "level", ""))
+    evidence = altered(swinging().evidence, violations=replace(NO_VIOLATIONS, limits=limits))
+    first, _ = PICTURES["widths"](compare(swinging().plan, evidence), RUN, VIEW).axes
+    assert not first.lines
+
+
+class TestThePhases:
+    """A field that turns once a second in sixteen steps, from 1 s on."""
+
+    def figure(self, view: View) -> Figure:
+        sixteenths = np.arange(0, 64, 4)
+        angle = 2 * np.pi * sixteenths / 64
+        a_ma, b_ma = (np.rint(1500 * wave).astype(np.int16) for wave in (np.cos(angle), np.sin(angle)))
+        counts = START_COUNTS + 72_000_000 + np.arange(16) * 4_500_000
+        phases = Phases(counts, sixteenths.astype(np.int8), a_ma, b_ma)
+        comparison = swinging()
+        return PICTURES["phases"](compare(comparison.plan, altered(comparison.evidence, phases=phases)), RUN, view)
+
+    def test_are_a_circle(self) -> None:
+        field = self.figure(View()).axes[0]
+        a, b = (np.asarray(values, np.float64) for values in field.lines[0].get_data())
+        assert len(a) == 16
+        np.testing.assert_allclose(np.hypot(a, b), 1.5, atol=0.001)
+        assert field.get_xlim() == field.get_ylim() == (-1.15 * 1.5, 1.15 * 1.5)
+
+    def test_hold_from_step_to_step(self) -> None:
+        """From 1.48 to 1.52 s: one step, at 1.5 s, to the field's half turn; the value before it goes on from there."""
+        over_time = self.figure(View(1.5, 0.04)).axes[1]
+        a, b = over_time.lines[:2]
+        assert (a.get_label(), b.get_label()) == ("phase A", "phase B")
+        assert np.asarray(a.get_xdata()).tolist() == pytest.approx([-20.0, 0.0, 20.0], abs=1e-6)
+        assert np.asarray(a.get_ydata()).tolist() == [-1.386, -1.5, -1.5]
+        assert np.asarray(b.get_ydata()).tolist() == [0.574, 0.0, 0.0]
+
+    def test_begin_at_power_up(self) -> None:
+        """Half of the span would be before the motion; the record goes back to count 0 only."""
+        assert self.figure(View(0.5, 1.0)).axes[1].get_xlim() == pytest.approx((-500.0, 500.0))
+        power_up_ms = -1e3 * START_COUNTS / 72e6
+        assert self.figure(View(0.0, 1.0)).axes[1].get_xlim() == pytest.approx((power_up_ms, 500.0))
+
+    def test_of_a_driver_without_current_are_zero(self) -> None:
+        field, over_time = self.figure(View()).axes[2:4]
+        assert np.asarray(field.lines[0].get_xdata()).size == 0
+        assert field.get_ylabel() == "b [A]"
+        assert np.asarray(over_time.lines[0].get_ydata()).tolist() == [0.0]

@@ -1,0 +1,121 @@
+"""The mechanisms as the generic tests take them: the five robots, and the calibration robot with its tool up."""
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import pytest
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.robots import load_robot
+from steptwin.host.robots.kinematics import HybridArm, Kinematics, Scara, make_kinematics
+from steptwin.host.robots.kinematics.base import BoolArray
+from steptwin.host.robots.robot import Robot
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanism:
+    """A robot with its kinematics.
+
+    Attributes:
+        name: for people.
+        robot: its file.
+        kinematics: what is tested.
+        tool_down: whether its attitude is psi, of R = Rz(psi) Rx(180), and not phi, of R = Rz(phi).
+        posture: joints far from every limit and every singularity, of the usual branch.
+    """
+
+    name: str
+    robot: Robot
+    kinematics: Kinematics
+    tool_down: bool
+    posture: tuple[float, ...]
+
+    @property
+    def scara(self) -> Scara:
+        """The kinematics of one that is a SCARA."""
+        if not isinstance(self.kinematics, Scara):
+            raise TypeError(self.name)
+        return self.kinematics
+
+    def random_joints(self, count: int, seed: int) -> FloatArray:
+        """Uniform within the limits, where the mechanism gets: the hybrid arm's tool 250 to 550 mm from its waist."""
+        lower = [joint.lower for joint in self.robot.joints]
+        upper = [joint.upper for joint in self.robot.joints]
+        joints = np.random.default_rng(seed).uniform(lower, upper, (3 * count, len(lower)))
+        if isinstance(self.kinematics, HybridArm):
+            poses = self.kinematics.forward(joints)
+            joints = joints[np.abs(np.hypot(poses[:, 0], poses[:, 1]) - 400.0) < 150.0]
+        return joints[:count]
+
+    def placed(self, axis: int, position: float) -> FloatArray:
+        """The posture with one joint elsewhere, shape (1, joints); the two sliders travel together."""
+        joints = np.array([self.posture])
+        if isinstance(self.kinematics, HybridArm) and axis in (1, 2):
+            joints[:, 1:3] = 0.8 * position
+        joints[0, axis] = position
+        return joints
+
+    def own_branch(self, joints: FloatArray) -> str:
+        """The one that a single row of joints is in."""
+        if isinstance(self.kinematics, Scara):
+            return "right" if joints[0, self.kinematics.elbow] >= 0 else "left"
+        return "(+,+)"
+
+
+def mechanism(name: str, tool_down: bool, *posture: float) -> Mechanism:
+    """One of the robots that come along."""
+    robot = load_robot(name)
+    return Mechanism(name, robot, make_kinematics(robot), tool_down, posture)
+
+
+def with_geometry(robot: Robot, **dimensions: float) -> Robot:
+    """The same robot but for some dimensions."""
+    return dataclasses.replace(robot, geometry={**robot.geometry, **dimensions})
+
+
+def tool_up(calibration: Mechanism) -> Mechanism:
+    """The calibration robot with its other twist."""
+    robot = with_geometry(calibration.robot, alpha3_deg=0.0)
+    return Mechanism(f"{calibration.name}-up", robot, make_kinematics(robot), False, calibration.posture)
+
+
+LAB: Final = mechanism("lab-scara", True, 100.0, 20.0, 60.0, 10.0)
+WAREHOUSE: Final = mechanism("warehouse-scara", False, 500.0, 300.0, 100.0, 10.0, 90.0, 20.0)
+TEACHING: Final = mechanism("teaching-scara", False, 10.0, 60.0, 20.0, 15.0)
+CALIBRATION: Final = mechanism("calibration-scara", True, 10.0, 60.0, 50.0, 15.0)
+CALIBRATION_UP: Final = tool_up(CALIBRATION)
+HYBRID: Final = mechanism("hybrid-arm", False, 20.0, 30.0, -10.0, 15.0)
+
+SCARAS: Final = (LAB, WAREHOUSE, TEACHING, CALIBRATION, CALIBRATION_UP)
+ALL: Final = (*SCARAS, HYBRID)
+BY_NAME: Final = {each.name: each for each in ALL}
+
+each_mechanism = pytest.mark.parametrize("mechanism", ALL, ids=lambda each: each.name)
+each_scara = pytest.mark.parametrize("mechanism", SCARAS, ids=lambda each: each.name)
+
+
+def hybrid_arm() -> HybridArm:
+    """With what only this kind of kinematics has."""
+    arm = HYBRID.kinematics
+    if not isinstance(arm, HybridArm):
+        raise TypeError(HYBRID.name)
+    return arm
+
+
+def pose_errors(found: FloatArray, poses: FloatArray) -> FloatArray:
+    """How far apart two arrays of poses are, in mm and degrees; full turns do not count."""
+    errors = found - poses
+    errors[:, 3] = (errors[:, 3] + 180.0) % 360.0 - 180.0
+    return np.abs(errors)
+
+
+def own_solutions(mechanism: Mechanism, joints: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """The joints of the poses that joints take, found by the branch of each, and whether it says reachable."""
+    kinematics = mechanism.kinematics
+    branches = kinematics.inverse(kinematics.forward(joints), joints)
+    which = np.where(joints[:, kinematics.elbow] >= 0, 0, 1) if isinstance(kinematics, Scara) else 0
+    rows = np.arange(len(joints))
+    found = np.stack([branch.joints for branch in branches])[which, rows]
+    return found, np.stack([branch.reachable for branch in branches])[which, rows]

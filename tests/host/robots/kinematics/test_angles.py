@@ -1,0 +1,19 @@
+"""Angles in one circle."""
+
+import numpy as np
+import pytest
+
+from steptwin.host.robots.kinematics.angles import wrapped_deg
+
+
+@pytest.mark.parametrize(
+    ("angle_deg", "wrapped"),
+    [(0, 0), (180, 180), (-180, 180), (181, -179), (-181, 179), (360, 0), (540, 180), (-540, 180), (725, 5)],
+)
+def test_turns_are_taken_away(angle_deg: float, wrapped: float) -> None:
+    assert wrapped_deg(np.array([angle_deg], dtype=np.float64)).tolist() == [wrapped]
+
+
+def test_what_is_in_the_circle_stays_to_the_last_bit() -> None:
+    angles_deg = np.random.default_rng(1).uniform(-180.0, 180.0, 10_000)
+    assert wrapped_deg(angles_deg).tolist() == angles_deg.tolist()

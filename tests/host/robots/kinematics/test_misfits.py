@@ -1,0 +1,120 @@
+"""Robots that do not fit their kinematics: each is refused in one line that begins with the key."""
+
+import dataclasses
+
+import pytest
+
+from steptwin.host.common.errors import InputError
+from steptwin.host.robots.kinematics import SliderPair, make_kinematics
+from steptwin.host.robots.robot import Robot
+from tests.host.robots.kinematics.mechanisms import (
+    CALIBRATION,
+    HYBRID,
+    LAB,
+    TEACHING,
+    WAREHOUSE,
+    Mechanism,
+    each_mechanism,
+    with_geometry,
+)
+
+
+def complaint(robot: Robot) -> str:
+    with pytest.raises(InputError) as caught:
+        make_kinematics(robot)
+    return str(caught.value)
+
+
+def test_an_unknown_kind() -> None:
+    robot = dataclasses.replace(WAREHOUSE.robot, kinematics="warehouse")
+    assert complaint(robot) == "kinematics.kind: 'warehouse' is unknown: did you mean warehouse-scara?"
+
+
+@each_mechanism
+def test_a_missing_dimension(mechanism: Mechanism) -> None:
+    for name in mechanism.robot.geometry:
+        geometry = {key: value for key, value in mechanism.robot.geometry.items() if key != name}
+        robot = dataclasses.replace(mechanism.robot, geometry=geometry)
+        assert complaint(robot) == f"kinematics.{name}: is missing"
+
+
+@each_mechanism
+def test_an_unknown_dimension(mechanism: Mechanism) -> None:
+    robot = with_geometry(mechanism.robot, zzz_mm=1.0)
+    assert complaint(robot).startswith("kinematics: dimension 'zzz_mm' is unknown: ")
+
+
+@each_mechanism
+def test_other_joints(mechanism: Mechanism) -> None:
+    joints, home = mechanism.robot.joints[::-1], mechanism.robot.home[::-1]
+    turned = dataclasses.replace(mechanism.robot, joints=joints, home=home)
+    given, right = (" ".join(f"{joint.name}[{joint.unit}]" for joint in some) for some in (joints, joints[::-1]))
+    assert complaint(turned) == f"joints: {given}: the kinematics {turned.kinematics!r} has {right}"
+
+
+@pytest.mark.parametrize(
+    ("mechanism", "dimensions", "words"),
+    [
+        pytest.param(LAB, {"a2_mm": 0.0}, "kinematics: links of 0 and 400 mm make no arm", id="lab"),
+        pytest.param(WAREHOUSE, {"L3_mm": -1.0}, "kinematics: links of 200 and -1 mm make no arm", id="warehouse"),
+        pytest.param(TEACHING, {"l1_mm": 0.0}, "kinematics: links of 0 and 100 mm make no arm", id="teaching"),
+        pytest.param(CALIBRATION, {"L2_mm": 0.0}, "kinematics: links of 250 and 0 mm make no arm", id="calibration"),
+        pytest.param(
+            CALIBRATION,
+            {"alpha3_deg": 90.0},
+            "kinematics.alpha3_deg: 90 deg is neither 180 (tool down) nor 0 (tool up)",
+            id="a tool that points sideways",
+        ),
+        pytest.param(
+            HYBRID,
+            {"h_mm": 350.0},
+            "kinematics.h_mm: 350 mm is not above 0 and below the links' L_mm, 350 mm",
+            id="links that just do not reach across",
+        ),
+        pytest.param(
+            HYBRID,
+            {"h_mm": 0.0},
+            "kinematics.h_mm: 0 mm is not above 0 and below the links' L_mm, 350 mm",
+            id="both screws in one place",
+        ),
+        pytest.param(
+            HYBRID,
+            {"z2_max_mm": 200.1},
+            "kinematics.z2_max_mm: 200.1 mm is not above 0 and up to L_mm - h_mm, 200 mm",
+            id="beyond the links",
+        ),
+        pytest.param(
+            HYBRID,
+            {"z2_max_mm": 0.0},
+            "kinematics.z2_max_mm: 0 mm is not above 0 and up to L_mm - h_mm, 200 mm",
+            id="no way sideways",
+        ),
+        pytest.param(
+            HYBRID,
+            {"l2_mm": 50.0, "l3_mm": 100.0},
+            "kinematics.z2_max_mm: 150 mm takes the tool through the waist's axis, l2_mm + l3_mm = 150 mm away",
+            id="through the waist",
+        ),
+    ],
+)
+def test_dimensions_of_no_mechanism(mechanism: Mechanism, dimensions: dict[str, float], words: str) -> None:
+    assert complaint(with_geometry(mechanism.robot, **dimensions)) == words
+
+
+@pytest.mark.parametrize(
+    ("mechanism", "dimensions"),
+    [
+        (HYBRID, {"h_mm": 199.9}),
+        (HYBRID, {"z2_max_mm": 200.0}),
+        (HYBRID, {"l2_mm": 50.0, "l3_mm": 100.1}),
+        (CALIBRATION, {"alpha3_deg": 0.0}),
+    ],
+)
+def test_dimensions_that_just_fit(mechanism: Mechanism, dimensions: dict[str, float]) -> None:
+    make_kinematics(with_geometry(mechanism.robot, **dimensions))
+
+
+@pytest.mark.parametrize("dimensions", [(float("nan"), 350.0), (150.0, float("nan")), (-1.0, 350.0)])
+def test_sliders_of_no_mechanism(dimensions: tuple[float, float]) -> None:
+    with pytest.raises(InputError, match="is not above 0 and below the links'"):
+        SliderPair(*dimensions)

@@ -1,0 +1,124 @@
+"""What a robot's file says of switches and homing: its mistakes, and what the axis is told."""
+
+from dataclasses import replace
+from importlib.resources import files
+
+import pytest
+
+from steptwin.controller.homing_methods import METHODS
+from steptwin.host.common.errors import InputError
+from steptwin.host.operate.homing_settings import homing_settings
+from steptwin.host.robots import load_robot, parse_robot, robot_names
+from steptwin.host.robots.homing import JointHoming, JointSwitches
+from steptwin.protocol.cia402 import DigitalInput
+
+TEXT = (files("steptwin.host.robots") / "warehouse-scara.toml").read_text(encoding="utf-8")
+SX = load_robot("warehouse-scara").joint("sx")
+ALL = JointSwitches(-5.0, 2005.0, -2.0, 3.0)
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_every_joint_of_every_robot_can_be_homed(name: str) -> None:
+    for joint in load_robot(name).joints:
+        assert joint.switches.negative_limit is not None
+        assert joint.switches.positive_limit is not None
+        assert homing_settings(joint) is not None
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            "negative_limit = -5.0",
+            "negative_limit = 0",
+            "joints.sx.switches.negative_limit: 0 mm is not below lower",
+        ),
+        ("negative_limit = -5.0", "negative_limit = []", "joints.sx.switches.negative_limit: [] is not a finite"),
+        ("positive_limit = 2005.0", "positive_limit = 2000", "joints.sx.switches.positive_limit: 2000 mm is not above"),
+        (
+            "negative_limit = -5.0",
+            "negative_limits = 0",
+            "joints.sx.switches.negative_limits: key 'negative_limits'",
+        ),
+        ("negative_limit = -5.0", "", "joints.sx.homing.method: 17 needs switches.negative_limit"),
+        ("method = 17", "method = 18", None),
+        ("method = 17", "method = 33", "joints.sx.homing.method: 33 is none of 17 to 30, 35, 37"),
+        ("method = 17", "method = 19", "joints.sx.homing.method: 19 needs switches.home_from"),
+        ("method = 17", "method = 37", None),
+        ("method = 17", "", "joints.sx.homing.method: is missing"),
+        ("search_speed = 50.0", "search_speed = 0", "joints.sx.homing.search_speed: 0 is not above 0"),
+        ("search_speed = 50.0", "search_speed = 301", "joints.sx.homing.search_speed: 301 is above speed_max, 300"),
+        ("search_speed = 50.0", "search_speed = 4", "joints.sx.homing.zero_speed: 5 is above search_speed, 4"),
+        ("zero_speed = 5.0", "zero_speed = -1", "joints.sx.homing.zero_speed: -1 is not above 0"),
+        ("zero_speed = 5.0", "", "joints.sx.homing.zero_speed: is missing"),
+        ("acceleration = 500.0", "acceleration = 501", "joints.sx.homing.acceleration: 501 is above acceleration_max"),
+        ("acceleration = 500.0", "colour = 1", "joints.sx.homing.acceleration: is missing"),
+        ("home_from = 182.0", "", "joints.th3.homing.method: 24 needs switches.home_from"),
+        ("home_to = 186.0", "", "joints.th3.homing.method: 24 needs switches.home_to"),
+        ("home_to = 186.0", "home_to = 182", "joints.th3.switches.home_to: 182 is not above home_from, 182"),
+        ("home_to = 186.0", "home_to = -190", "joints.th3.switches.home_to: -190 is not above home_from, 182"),
+        ("method = 24", "method = 20", "joints.th3.homing.method: 20 is for a home switch without home_to; 23 to 30"),
+        ("method = 24", "method = 21", "joints.th3.homing.method: 21 is for a home switch without home_from"),
+        ("positive_limit = 190.0", "", "joints.th3.homing.method: 24 needs switches.positive_limit"),
+    ],
+)
+def test_mistakes_are_told_with_their_key(old: str, new: str, words: str | None) -> None:
+    assert old in TEXT
+    text = TEXT.replace(old, new, 1)
+    if words is None:
+        parse_robot(text, "mine.toml")
+        return
+    with pytest.raises(InputError) as caught:
+        parse_robot(text, "mine.toml")
+    assert str(caught.value).startswith(f"mine.toml: {words}")
+    assert "\n" not in str(caught.value)
+
+
+def test_switches_and_homing_may_be_left_out() -> None:
+    text = TEXT
+    for joint in ("sx", "sz", "L1", "th1", "th2", "th3"):
+        begin = text.index(f"[joints.{joint}.switches]")
+        text = text[:begin] + text[text.index("\n[", text.index(f"[joints.{joint}.homing]")) + 1 :]
+    robot = parse_robot(text, "mine.toml")
+    assert all(joint.switches == JointSwitches() for joint in robot.joints)
+    assert [homing_settings(joint) for joint in robot.joints] == [None] * 6
+
+
+class TestSettings:
+    """sx: 8 microsteps, 40 steps and 81 920 units a mm."""
+
+    def test_in_the_objects_units(self) -> None:
+        joint = replace(SX, switches=ALL, homing=JointHoming(24, 100.0, 5.0, 400.0))
+        settings = homing_settings(joint)
+        assert settings is not None
+        assert settings.objects()[:5] == [
+            (0x6098, 0, 24),
+            (0x6099, 1, 8_192_000),
+            (0x6099, 2, 409_600),
+            (0x609A, 0, 32_768_000),
+            (0x607C, 0, -163_840),
+        ]
+
+    @pytest.mark.parametrize("method", sorted(set(METHODS) - {35, 37}))
+    def test_the_offset_is_the_step_at_which_the_edge_is_seen(self, method: int) -> None:
+        """By the firmware's own table of methods: on which edge, in which direction, closing or opening."""
+        switches = ALL
+        if method in (19, 20, 21, 22):
+            switches = replace(ALL, **{"home_to" if method in (19, 20) else "home_from": None})
+        settings = homing_settings(replace(SX, switches=switches, homing=JointHoming(method, 100.0, 5.0, 400.0)))
+        how = METHODS[method]
+        assert settings is not None
+        assert how is not None
+        low, high = {
+            DigitalInput.NEGATIVE_LIMIT: (None, ALL.negative_limit),
+            DigitalInput.POSITIVE_LIMIT: (ALL.positive_limit, None),
+        }.get(how.switch, (switches.home_from, switches.home_to))
+        edge = low if (how.edge_direction > 0) is how.closes else high
+        assert edge is not None
+        beyond = 0 if how.closes else how.edge_direction
+        assert settings.offset_units == round(edge * 81_920) + beyond * 2_048
+
+    def test_here_needs_no_switch_and_is_zero(self) -> None:
+        settings = homing_settings(replace(SX, switches=JointSwitches(), homing=JointHoming(37, 100.0, 5.0, 400.0)))
+        assert settings is not None
+        assert settings.offset_units == 0

@@ -1,0 +1,498 @@
+"""Robot files: the figures of those that come along, and what each kind of mistake in a file is told."""
+
+import re
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from steptwin.emulator import tb6560
+from steptwin.emulator.dip_switches import IDLE_PERCENT
+from steptwin.emulator.driver import Driver
+from steptwin.emulator.driver_module import ClkEdge
+from steptwin.emulator.driver_profiles import PROFILES
+from steptwin.emulator.tb6560.pins import FAST_DECAY_PERCENT
+from steptwin.host.common.errors import InputError
+from steptwin.host.robots import load_robot, load_robot_file, parse_robot, robot_names
+from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.robot import (
+    DRIVER_PROFILES,
+    MICROSTEPS,
+    OSC_PF_MIN,
+    PHASE_CURRENT_MAX_A,
+    SWITCH_CHOICES,
+    SWITCHED_PROFILES,
+    ActiveEdge,
+    Joint,
+    Output,
+    Robot,
+    Transmission,
+    Unit,
+)
+from steptwin.host.twin.hardware import board_config
+from tests.emulator.pins import POWER_UP, pins
+
+NAME = "warehouse-scara"
+TEXT = (files("steptwin.host.robots") / f"{NAME}.toml").read_text(encoding="utf-8")
+ROBOT = load_robot(NAME)
+
+
+def complaint(text: str) -> str:
+    with pytest.raises(InputError) as caught:
+        parse_robot(text, "mine.toml")
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def changed(old: str, new: str) -> str:
+    """The file with the first occurrence of a line's beginning replaced."""
+    assert old in TEXT
+    return TEXT.replace(old, new, 1)
+
+
+def test_the_robot_that_comes_along() -> None:
+    assert NAME in robot_names()
+    assert ROBOT.name == NAME
+    assert ROBOT.joint_names == ("sx", "sz", "L1", "th1", "th2", "th3")
+    assert ROBOT.geometry == {"L2_mm": 200, "L3_mm": 150, "L4_mm": 40, "L5_mm": 40}
+    assert ROBOT.home == (0, 0, 100, 0, 60, 30)
+
+
+FIGURES = """
+    robot             joint unit  spu         per_pulse  v_max  clk_hz   rpm    lower  upper  a_max
+    lab-scara         d1    mm    80          0.0125     140    11200.0  420    0      250    500
+    lab-scara         th2   deg   44.444444   0.0225     130    5777.8   108.3  -150   150    1500
+    lab-scara         th3   deg   44.444444   0.0225     130    5777.8   108.3  -130   130    1500
+    lab-scara         th4   deg   8.888889    0.1125     130    1155.6   21.7   -360   360    1500
+    warehouse-scara   sx    mm    40          0.025      300    12000.0  450    0      2000   500
+    warehouse-scara   sz    mm    160         0.00625    80     12800.0  480    0      1000   300
+    warehouse-scara   L1    mm    320         0.003125   40     12800.0  480    50     200    200
+    warehouse-scara   th1   deg   44.444444   0.0225     120    5333.3   100    -120   120    720
+    warehouse-scara   th2   deg   44.444444   0.0225     120    5333.3   100    -150   150    720
+    warehouse-scara   th3   deg   26.666667   0.0375     120    3200.0   60     -180   180    720
+    teaching-scara    th1   deg   35.555556   0.028125   180    6400.0   120    -130   130    1000
+    teaching-scara    th2   deg   35.555556   0.028125   180    6400.0   120    -150   150    1000
+    teaching-scara    d3    mm    320         0.003125   40     12800.0  480    0      60     200
+    teaching-scara    th4   deg   17.777778   0.05625    360    6400.0   120    -360   360    2000
+    calibration-scara th1   deg   44.444444   0.0225     180    8000.0   150    -130   130    1000
+    calibration-scara th2   deg   44.444444   0.0225     180    8000.0   150    -145   145    1000
+    calibration-scara d3    mm    160         0.00625    80     12800.0  480    0      200    300
+    calibration-scara th4   deg   17.777778   0.05625    360    6400.0   120    -360   360    2000
+    hybrid-arm        th1   deg   44.444444   0.0225     90     4000.0   75     -170   170    500
+    hybrid-arm        Z5    mm    160         0.00625    80     12800.0  480    -250   250    400
+    hybrid-arm        Z6    mm    160         0.00625    80     12800.0  480    -250   250    400
+    hybrid-arm        th4   deg   8.888889    0.1125     180    1600.0   30     -360   360    1000
+"""
+"""Steps per mm or degree, mm or degrees a pulse, top speed with its CLK and motor speed, range, acceleration."""
+
+ROWS = [line.split() for line in FIGURES.splitlines()[2:]]
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row[0]} {row[1]}")
+def test_figures(row: list[str]) -> None:
+    robot, name, unit, *texts = row
+    spu, per_pulse, speed, clk_hz, rpm, lower, upper, acceleration = map(float, texts)
+    joint = load_robot(robot).joint(name)
+    transmission = joint.transmission
+    assert joint.unit == unit
+    assert (joint.lower, joint.upper, joint.speed_max, joint.acceleration_max) == (lower, upper, speed, acceleration)
+    assert transmission.steps_per_unit == pytest.approx(spu, abs=5e-7)
+    assert 1 / transmission.steps_per_unit == pytest.approx(per_pulse, rel=1e-15)
+    assert joint.step_rate_max_hz == pytest.approx(clk_hz, abs=0.05)
+    assert 60 * speed / transmission.travel_per_rev == pytest.approx(rpm, abs=0.05)
+    assert transmission.full_steps_per_rev == 200
+
+
+def test_steps_per_unit_are_right_to_the_last_bit() -> None:
+    assert [*ROBOT.steps_per_unit] == [40, 160, 320, 400 / 9, 400 / 9, 80 / 3]
+
+
+class TestEachRobotThatComesAlong:
+    @pytest.fixture(params=robot_names())
+    def robot(self, request: pytest.FixtureRequest) -> Robot:
+        return load_robot(request.param)
+
+    def test_is_in_the_table(self, robot: Robot) -> None:
+        assert [joint for name, joint, *_ in ROWS if name == robot.name] == [*robot.joint_names]
+        assert robot.kinematics == robot.name
+        assert robot.title
+
+    def test_makes_pulses_of_exactly_15_khz(self, robot: Robot) -> None:
+        """Each time is rounded up to counts of 72 MHz."""
+        board = robot.board
+        counts = [-(-ns * 72 // 1000) for ns in (board.steplen_ns, board.stepspace_ns)]
+        assert sum(counts) == 4800
+        assert 72_000_000 / sum(counts) == board.step_rate_max_hz == board.driver_rate_max_hz == 15_000
+        assert board.steplen_ns == 1.1 * 30_000  # 10 % above what the chip asks for at 330 pF
+        assert (board.osc_pf, board.bitrate) == (330, 1_000_000)
+        assert (board.dirsetup_ns, board.dirhold_ns) == (15_000, 15_000)
+
+    def test_has_its_home_within_limits(self, robot: Robot) -> None:
+        home = np.array(robot.home)
+        assert np.all(home >= [joint.lower for joint in robot.joints])
+        assert np.all(home <= [joint.upper for joint in robot.joints])
+
+    def test_is_at_home_where_its_kinematics_take_it_back(self, robot: Robot) -> None:
+        """Some branch of the home pose is home itself."""
+        kinematics, home = make_kinematics(robot), np.array(robot.home)
+        branches = kinematics.inverse(kinematics.forward(home[np.newaxis]), home)
+        assert any(branch.reachable[0] and np.allclose(branch.joints[0], home, atol=1e-4) for branch in branches)
+
+    def test_says_of_each_number_where_it_is_from(self, robot: Robot) -> None:
+        """Stated, derived or assumed; a place is marked as a whole."""
+        text = (files("steptwin.host.robots") / f"{robot.name}.toml").read_text(encoding="utf-8")
+        section = ""
+        for line in text.splitlines():
+            section = line if line.startswith("[") else section
+            if re.match(r"\S+ = [-\d{]", line):
+                assert re.search(r"# \[[SDA]\]", section + line), line
+
+
+class TestTransmissions:
+    @pytest.mark.parametrize("microsteps", MICROSTEPS)
+    def test_wire_units_do_not_depend_on_microsteps(self, microsteps: int) -> None:
+        transmission = Transmission(200, microsteps, 360.0, 5.0)
+        assert transmission.wire_units_per_unit == 200 * 5 * 16384 / 360
+        assert transmission.steps_per_unit == 200 * microsteps * 5 / 360
+        assert transmission.travel_per_rev == 72.0
+
+    @pytest.mark.parametrize("microsteps", [0, 3, 4, 32, -1])
+    def test_the_driver_has_no_other_microsteps(self, microsteps: int) -> None:
+        with pytest.raises(InputError, match=rf"microsteps: {microsteps} is none of the TB6560's \(1, 2, 8, 16\)"):
+            Transmission(200, microsteps, 10.0)
+
+    def test_the_wire_ends_at_131_072_full_steps(self) -> None:
+        """655.36 turns of 200 full steps, less one unit: 6553.6 mm with a lead of 10 mm."""
+        screw = Transmission(200, 8, 10.0)
+        assert Joint("z", Unit.MM, -6553.5, 6553.5, 80, 300, screw).upper == 6553.5
+        with pytest.raises(InputError, match=r"upper: 6553.7 mm from zero is beyond the wire's 6553.6 mm"):
+            Joint("z", Unit.MM, 0, 6553.7, 80, 300, screw)
+        with pytest.raises(InputError, match=r"lower: 6553.7 mm from zero"):
+            Joint("z", Unit.MM, -6553.7, 0, 80, 300, screw)
+
+
+class TestMistakesInAFile:
+    @pytest.mark.parametrize(
+        ("old", "new", "words"),
+        [
+            pytest.param("microsteps = 16", "microsteps = 4", "joints.th1.microsteps: 4 is none of", id="microsteps"),
+            pytest.param("ratio = 5.0", "", "joints.th1.ratio: is missing", id="missing"),
+            pytest.param("ratio = 5.0", "ratio = 0", "joints.th1.ratio: 0 is not above 0", id="zero"),
+            pytest.param("ratio = 5.0", "ratio = nan", "joints.th1.ratio: nan is not a finite", id="nan"),
+            pytest.param("ratio = 5.0", "ratio = 1e10", "joints.th1.ratio: 10000000000.0 is not a finite", id="huge"),
+            pytest.param("ratio = 5.0", f"ratio = {'9' * 400}", "joints.th1.ratio: 9999", id="huge integer"),
+            pytest.param("_rev = 200", f"_rev = {'9' * 400}", "joints.sx.full_steps_per_rev: 9999", id="huge count"),
+            pytest.param("ratio = 5.0", f"ratio = {'9' * 5000}", "is not TOML: Exceeds", id="integer bomb"),
+            pytest.param("ratio = 5.0", f"ratio = {'[' * 9999}", "is not TOML: maximum recursion", id="depth bomb"),
+            pytest.param("ratio = 5.0", "ratio = true", "joints.th1.ratio: True is not a finite", id="boolean"),
+            pytest.param("ratio = 5.0", 'ratio = "5"', "joints.th1.ratio: '5' is not a finite number", id="text"),
+            pytest.param("ratio = 5.0", "ratoi = 5.0", "joints.th1.ratio: is missing", id="mistyped"),
+            pytest.param(
+                "ratio = 5.0",
+                "ratio = 5.0\nmicrostep = 8",
+                "joints.th1.microstep: key 'microstep' is unknown: did you mean microsteps?",
+                id="unknown",
+            ),
+            pytest.param("microsteps = 8", "microsteps = 8.0", "joints.sx.microsteps: 8.0 is not a whole", id="float"),
+            pytest.param(
+                "travel_per_turn = 10.0", "travel_per_turn = -1", "joints.sz.travel_per_turn: -1 is", id="lead"
+            ),
+            pytest.param('unit = "deg"', 'unit = "rad"', "joints.th1.unit: 'rad' is none of mm, deg", id="unit"),
+            pytest.param(
+                "upper = 2000.0", "upper = 0.0", "joints.sx.upper: 0 mm is not above lower, 0 mm", id="limits"
+            ),
+            pytest.param("speed_max = 80.0", "speed_max = 0", "joints.sz.speed_max: 0 is not above 0", id="speed"),
+            pytest.param(
+                "acceleration_max = 720.0",
+                "acceleration_max = -1",
+                "joints.th1.acceleration_max: -1 is not above 0",
+                id="acceleration",
+            ),
+            pytest.param("osc_pf = 330", "osc_pf = 0", "board.osc_pf: 0 is not above 0", id="board"),
+            pytest.param(
+                "osc_pf = 330",
+                "osc_pf = 63",
+                "board.osc_pf: 63 pF makes the TB6560's oscillator faster than its 600 kHz: at least 64 pF",
+                id="fast oscillator",
+            ),
+            pytest.param("osc_pf = 330", "", "board.osc_pf: is missing; it or driver_profile says", id="no driver"),
+            pytest.param(
+                "osc_pf = 330",
+                'driver_profile = "3a-modul"',
+                "board.driver_profile: '3a-modul' is unknown: did you mean 3a-module?",
+                id="driver profile",
+            ),
+            pytest.param(
+                "osc_pf = 330",
+                'driver_profile = "3a-module"\nosc_pf = 330',
+                "board.osc_pf: driver_profile 3a-module says already what is at OSC",
+                id="two drivers",
+            ),
+            pytest.param("osc_pf = 330", "driver_profile = 3", "board.driver_profile: 3 is not a text", id="no name"),
+            pytest.param(
+                "osc_pf = 330", "osc_pf = 330\ncurrent_a = 0", "board.current_a: 0 A is not above 0 and up", id="0 A"
+            ),
+            pytest.param(
+                "osc_pf = 330",
+                "osc_pf = 330\ncurrent_a = 3.1",
+                "board.current_a: 3.1 A is not above 0 and up to 3 A",
+                id="3.1 A",
+            ),
+            pytest.param(
+                "osc_pf = 330",
+                'driver_profile = "3a-module"\nidle_percent = 30',
+                "board.idle_percent: 30 % is none of 20, 50 %",
+                id="idle current",
+            ),
+            pytest.param(
+                "osc_pf = 330",
+                'driver_profile = "3a-module"\nfast_decay_percent = 75',
+                "board.fast_decay_percent: 75 % is none of 0, 25, 50, 100 %",
+                id="decay",
+            ),
+            pytest.param(
+                "osc_pf = 330",
+                "osc_pf = 330\nidle_percent = 20",
+                "board.idle_percent: the chip alone has no switch for it; driver_profile 3a-module has",
+                id="no switch for idle current",
+            ),
+            pytest.param(
+                "osc_pf = 330",
+                'driver_profile = "slow-blue-board"\nfast_decay_percent = 0',
+                "board.fast_decay_percent: slow-blue-board has no switch for it; driver_profile 3a-module has",
+                id="no switch for decay",
+            ),
+            pytest.param(
+                "osc_pf = 330",
+                'osc_pf = 330\nactive_edge = "both"',
+                "board.active_edge: 'both' is none of rising, falling",
+                id="edge",
+            ),
+            pytest.param(
+                "osc_pf = 330",
+                'osc_pf = 330\ndriver_profil = "3a-module"',
+                "board.driver_profil: key 'driver_profil' is unknown: did you mean driver_profile?",
+                id="mistyped driver profile",
+            ),
+            pytest.param("1_000_000", "800_000", "board.bitrate: 800000 is none of 125000, 250000", id="bit rate"),
+            pytest.param("33_000", "3_999", "board.steplen_ns: 3999 ns is outside 4000..1000000 ns", id="steplen"),
+            pytest.param("15_000", "1_000_001", "board.dirsetup_ns: 1000001 ns is outside 0..1000000", id="dirsetup"),
+            pytest.param(
+                "bitrate = 1_000_000", "bitrate = 1e6", "board.bitrate: 1000000.0 is not a whole", id="bitrate"
+            ),
+            pytest.param(
+                "steplen_ns = 33_000",
+                "steplen_ns = 33_002",
+                "board.step_rate_max_hz: 15000 Hz is more than the 14999.7 Hz that",
+                id="pulses too long",
+            ),
+            pytest.param("L2_mm = 200.0", "L2_mm = []", "kinematics.L2_mm: [] is not a finite", id="dimension"),
+            pytest.param("L2_mm = 200.0", "", "kinematics.L2_mm: is missing", id="missing dimension"),
+            pytest.param(
+                'kind = "warehouse-scara"',
+                'kind = "warehouse"',
+                "kinematics.kind: 'warehouse' is unknown: did you mean warehouse-scara?",
+                id="kind",
+            ),
+            pytest.param('name = "warehouse-scara"', "name = 1", "name: 1 is not a text", id="name"),
+            pytest.param("th2 = 60.0", "th2 = 151", "home.th2: 151 deg is outside -150..150 deg", id="home"),
+            pytest.param("th2 = 60.0", "", "home.th2: is missing", id="missing home"),
+            pytest.param("th2 = 60.0", "th2 = 60.0\nth4 = 0", "home.th4: key 'th4' is unknown", id="home of nobody"),
+            pytest.param("[board]", "[bord]", "board: is missing", id="section"),
+            pytest.param("[joints.th3]", "[joints.th4]", "home.th3: key 'th3' is unknown", id="other joint"),
+            pytest.param("[kinematics]", "[kinematics", "is not TOML: ", id="no TOML"),
+            pytest.param('name = "warehouse-scara"', 'colour = 1\nname = "x"', "colour: key 'colour' is", id="top"),
+        ],
+    )
+    def test_is_told_with_its_key(self, old: str, new: str, words: str) -> None:
+        text = changed(old, new)
+        if words == "home.th3: key 'th3' is unknown":
+            text = text.replace("th3 = 30.0 # [S]\n", "th3 = 30.0 # [S]\nth4 = 0.0\n")
+            text = text.replace("[joints.th3.", "[joints.th4.")
+        assert complaint(text).startswith(f"mine.toml: {words}")
+
+    @pytest.mark.parametrize(
+        ("old", "new", "words"),
+        [
+            pytest.param(
+                'joint = "th3", out = 1',
+                'joint = "th4", out = 1',
+                "outputs.magnet.joint: 'th4' is unknown: did you mean th3 or th2 or th1?",
+                id="joint",
+            ),
+            pytest.param("out = 1", "out = 0", "outputs.magnet.out: 0 is not from 1 to 2", id="out 0"),
+            pytest.param("out = 1", "out = 3", "outputs.magnet.out: 3 is not from 1 to 2", id="out 3"),
+            pytest.param("out = 1", "out = true", "outputs.magnet.out: True is not a whole number", id="boolean"),
+            pytest.param("out = 1", "out = 1.0", "outputs.magnet.out: 1.0 is not a whole number", id="float"),
+            pytest.param(", out = 1", "", "outputs.magnet.out: is missing", id="no out"),
+            pytest.param('joint = "th3", ', "", "outputs.magnet.joint: is missing", id="no joint"),
+            pytest.param(
+                "out = 1",
+                "out = 1, pin = 3",
+                "outputs.magnet.pin: key 'pin' is unknown: there are joint, out",
+                id="key",
+            ),
+            pytest.param("out = 2", "out = 1", "outputs.lock: output 1 of th3 is magnet already", id="taken"),
+            pytest.param(
+                'lock = { joint = "th3", out = 2 }', "lock = 2", "outputs.lock: 2 is not a table", id="no table"
+            ),
+            pytest.param("sx = 400.0", "sx = 2000.1", "places.A1.sx: 2000.1 mm is outside 0..2000 mm", id="outside"),
+            pytest.param("sz = 50.0", "sz = -0.1", "places.hand-over.sz: -0.1 mm is outside 0..1000 mm", id="below"),
+            pytest.param(
+                "sx = 400.0", "sy = 1", "places.A1: joint 'sy' is unknown: there are sx, sz, L1", id="no such joint"
+            ),
+            pytest.param("sx = 400.0", 'sx = "left"', "places.A1.sx: 'left' is not a finite number", id="text"),
+            pytest.param("sx = 400.0", "sx = inf", "places.A1.sx: inf is not a finite number", id="inf"),
+            pytest.param("[places.A1]", "[places.A0]\n[places.A1]", "places.A0: names no joint", id="empty place"),
+            pytest.param("[places.hand-over]", "[places]\nA0 = 3\n[places.hand-over]", "places.A0: 3 is", id="number"),
+        ],
+    )
+    def test_of_outputs_and_places(self, old: str, new: str, words: str) -> None:
+        assert complaint(changed(old, new)).startswith(f"mine.toml: {words}")
+
+    def test_outputs_and_places_that_are_no_tables(self) -> None:
+        text = TEXT[: TEXT.index("[outputs]")]
+        for key in ("outputs", "places"):
+            assert complaint(f"{key} = 3\n{text}") == f"mine.toml: {key}: 3 is not a table"
+
+    def test_a_table_that_is_none(self) -> None:
+        head = TEXT[: TEXT.index("[kinematics]")]
+        assert complaint(f"{head}kinematics = 3\n").startswith("mine.toml: kinematics: 3 is not a table")
+        rest = TEXT[TEXT.index("[board]") : TEXT.index("[joints.sx]")]
+        robot = f'{head}[kinematics]\nkind = "warehouse-scara"\n{rest}'
+        assert complaint(f"{robot}[joints]\nsx = 1\n").startswith("mine.toml: joints.sx: 1 is not a table")
+        assert complaint(f"{robot}[joints]\n[home]\n") == "mine.toml: joints: 0 of them, a board drives 1 to 8"
+
+    def test_a_speed_that_the_driver_cannot_follow(self) -> None:
+        """75 mm/s at a lead of 8 mm and 1/8 step is exactly 15 kHz."""
+        lead = changed("travel_per_turn = 10.0", "travel_per_turn = 8.0")
+        fast = parse_robot(lead.replace("speed_max = 80.0", "speed_max = 75.0"), "mine.toml")
+        assert fast.joint("sz").step_rate_max_hz == 15_000
+        assert complaint(lead) == (
+            "mine.toml: joints.sz.speed_max: 80 mm/s takes 16.0 kHz of steps, more than the driver's 15.0 kHz"
+        )
+
+
+class TestDrivers:
+    def test_are_bare_chips_by_their_capacitor_unless_said_otherwise(self) -> None:
+        board = ROBOT.board
+        assert (board.osc_pf, board.driver_profile, board.current_a, board.active_edge) == (330, None, None, None)
+
+    @pytest.mark.parametrize("name", DRIVER_PROFILES)
+    def test_may_be_named(self, name: str) -> None:
+        text = changed("osc_pf = 330", f'driver_profile = "{name}"\ncurrent_a = 3\nactive_edge = "falling"')
+        board = parse_robot(text, "mine.toml").board
+        assert (board.osc_pf, board.driver_profile) == (None, name)
+        assert (board.current_a, board.active_edge) == (3, ActiveEdge.FALLING)
+
+    @pytest.mark.parametrize("idle_percent", [20, 50])
+    @pytest.mark.parametrize("fast_decay_percent", [0, 25, 50, 100])
+    def test_may_have_switches(self, idle_percent: int, fast_decay_percent: int) -> None:
+        """All that the module's have, down to the levels at the chip and to the current that is left at standstill."""
+        settings = f"idle_percent = {idle_percent}\nfast_decay_percent = {fast_decay_percent}"
+        text = changed("osc_pf = 330", f'driver_profile = "3a-module"\ncurrent_a = 2\n{settings}')
+        robot = parse_robot(text, "mine.toml")
+        config = board_config(robot, robot.home)
+        driver = Driver(config.osc_pf[0], config.modules[0])
+        driver.feed(pins(changes=POWER_UP, until=600 * 72_000))
+        currents = np.abs(driver.outputs.currents_a(np.array([499, 501]) * 72_000)).max(axis=1)
+        assert currents.tolist() == pytest.approx([0.5 * (1 / 0.33 + 1 / 1.2), currents[0] * idle_percent / 100])
+        switches = config.modules[0].switches
+        assert switches is not None
+        assert (switches.s6, switches.s5) == {0: (0, 0), 25: (0, 1), 50: (1, 0), 100: (1, 1)}[fast_decay_percent]
+
+    def test_the_smallest_capacitor_is_a_choice(self) -> None:
+        assert parse_robot(changed("osc_pf = 330", "osc_pf = 64"), "mine.toml").board.osc_pf == 64
+
+    def test_are_those_that_the_emulator_has(self) -> None:
+        assert tuple(PROFILES) == DRIVER_PROFILES
+        assert tuple(name for name, profile in PROFILES.items() if profile.switched) == SWITCHED_PROFILES
+        choices = {"idle_percent": IDLE_PERCENT, "fast_decay_percent": tuple(FAST_DECAY_PERCENT.values())}
+        assert choices == SWITCH_CHOICES
+        assert (OSC_PF_MIN, PHASE_CURRENT_MAX_A) == (tb6560.OSC_PF_MIN, tb6560.CURRENT_MAX_A)
+        assert [edge.value for edge in ClkEdge] == [edge.value for edge in ActiveEdge]
+
+
+LINES = TEXT.splitlines()
+VALUES = st.one_of(
+    st.sampled_from(["[]", "{}", "inf", "nan", "true", "2020-01-01", "12:00:00", "5e-324", "-0.0", "9" * 400, "0x10"]),
+    st.sampled_from(['"mm"', '"deg"', '"th1"', '"lab-scara"', '""', "''", "'\u2028'", '"""\n"""', "[[1]", ""]),
+    st.integers().map(str),
+    st.floats(allow_nan=False, allow_infinity=False).map(repr),
+    st.text(max_size=5),
+)
+
+
+@given(place=st.sampled_from([i for i, line in enumerate(LINES) if re.match(r"\w+ = ", line)]), value=VALUES)
+def test_any_value_anywhere_makes_a_robot_or_a_complaint(place: int, value: str) -> None:
+    key = LINES[place].partition(" = ")[0]
+    text = "\n".join([*LINES[:place], f"{key} = {value}", *LINES[place + 1 :]])
+    try:
+        robot = parse_robot(text, "mine.toml")
+    except InputError as error:
+        message = str(error)
+        assert message.startswith("mine.toml: ")
+        assert len(message.splitlines()) == 1
+    else:
+        assert np.isfinite(robot.wire_units_per_unit).all()
+
+
+@given(st.binary().map(lambda content: content.decode("utf-8", "replace")) | st.text())
+def test_any_text_makes_a_complaint(text: str) -> None:
+    assert complaint(text).startswith("mine.toml: ")
+
+
+class TestOutputsAndPlaces:
+    def test_of_the_robot_that_comes_along(self) -> None:
+        assert ROBOT.outputs == {"magnet": Output("th3", 1), "lock": Output("th3", 2)}
+        assert set(ROBOT.places) == {"hand-over", "A1", "A2", "B1", "B2"}
+        assert ROBOT.places["B2"] == {"sx": 800, "sz": 300}
+        assert set(ROBOT.places["hand-over"]) == set(ROBOT.joint_names)
+
+    def test_may_be_missing_or_empty(self) -> None:
+        text = TEXT[: TEXT.index("[outputs]")]
+        for tables in ("", "[outputs]\n[places]\n"):
+            robot = parse_robot(text + tables, "mine.toml")
+            assert (robot.outputs, robot.places) == ({}, {})
+
+    def test_a_place_may_be_at_the_limits(self) -> None:
+        robot = parse_robot(changed("sx = 400.0", "sx = 2000\nL1 = 50.0"), "mine.toml")
+        assert robot.places["A1"] == {"sx": 2000, "L1": 50, "sz": 100}
+
+    def test_both_outputs_of_several_axes(self) -> None:
+        more = changed("lock = {", 'lamp = { joint = "sx", out = 1 }\nlock = {')
+        assert parse_robot(more, "mine.toml").outputs["lamp"] == Output("sx", 1)
+
+
+class TestLoading:
+    def test_an_unknown_name_offers_the_nearest(self) -> None:
+        with pytest.raises(InputError, match=r"^robot 'warehouse-skara' is unknown: did you mean warehouse-scara\?$"):
+            load_robot("warehouse-skara")
+
+    def test_a_name_like_none_offers_all(self) -> None:
+        with pytest.raises(InputError, match=r"^robot 'zzz' is unknown: there are .*warehouse-scara"):
+            load_robot("zzz")
+
+    def test_a_file_of_ones_own(self, tmp_path: Path) -> None:
+        file = tmp_path / "mine.toml"
+        file.write_text(changed('name = "warehouse-scara"', 'name = "mine"'), encoding="utf-8")
+        assert load_robot(str(file)).name == "mine"
+
+    def test_a_file_of_any_name(self, tmp_path: Path) -> None:
+        file = tmp_path / "mine.conf"
+        file.write_text(TEXT, encoding="utf-8")
+        assert load_robot_file(str(file)) == ROBOT
+
+    def test_a_file_that_cannot_be_read(self, tmp_path: Path) -> None:
+        with pytest.raises(InputError, match=r"none.toml: No such file"):
+            load_robot(str(tmp_path / "none.toml"))
+        (tmp_path / "latin.toml").write_bytes(b"# \xe4\n")
+        with pytest.raises(InputError, match=r"latin.toml: is not UTF-8"):
+            load_robot(str(tmp_path / "latin.toml"))
+        with pytest.raises(InputError, match=rf"^{tmp_path}: Is a directory$"):
+            load_robot_file(str(tmp_path))
+        with pytest.raises(InputError, match=r"is no name of a file: embedded null"):
+            load_robot_file("a\0b")

@@ -1,0 +1,65 @@
+"""Axes on several boards: what may be asked for, and what is offered instead of the rest."""
+
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from steptwin.host.common.errors import InputError
+from steptwin.host.robots import load_robot
+from steptwin.host.twin.axes_per_board import read_axes_per_board
+from steptwin.host.twin.hardware import board_configs
+
+
+@pytest.mark.parametrize(
+    ("text", "axes", "counts"),
+    [("6", 6, (6,)), ("4,2", 6, (4, 2)), (" 1, 1 ,4", 6, (1, 1, 4)), ("8", 8, (8,)), ("8,1", 9, (8, 1))],
+)
+def test_what_may_be(text: str, axes: int, counts: tuple[int, ...]) -> None:
+    assert read_axes_per_board(text, axes) == counts
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("4,3", "7 axes, and the robot has 6; try 4,2"),
+        ("4,1", "5 axes, and the robot has 6; try 4,1,1"),
+        ("9", "a board of 9 axes, it drives 1 to 8; try 6"),
+        ("0,6", "a board of 0 axes, it drives 1 to 8; try 1,5"),
+        ("", "is no list of each board's axes, as in 4,2"),
+        ("4,", "is no list of each board's axes, as in 4,2"),
+        ("-1,7", "is no list of each board's axes, as in 4,2"),
+        ("9" * 5000, "is no list of each board's axes, as in 4,2"),
+    ],
+)
+def test_what_may_not(text: str, complaint: str) -> None:
+    with pytest.raises(InputError, match=re.escape(f"--boards {text}: {complaint}")):
+        read_axes_per_board(text, 6)
+
+
+@given(st.lists(st.integers(0, 20), min_size=1, max_size=6), st.integers(1, 8))
+def test_what_is_offered_may_be(counts: list[int], axes: int) -> None:
+    text = ",".join(map(str, counts))
+    try:
+        taken = read_axes_per_board(text, axes)
+    except InputError as error:
+        taken = read_axes_per_board(str(error).rpartition("try ")[2], axes)
+    assert sum(taken) == axes
+    assert set(taken) <= set(range(1, 9))
+
+
+def test_switches_and_positions_go_to_their_boards() -> None:
+    """The axes are numbered anew on each board; node ids go on."""
+    robot = load_robot("warehouse-scara")
+    (whole,) = board_configs(robot, robot.home, [6])
+    first, second = board_configs(robot, robot.home, [4, 2])
+    assert (first.axis_count, first.first_node_id) == (4, 0x10)
+    assert (second.axis_count, second.first_node_id) == (2, 0x14)
+    assert first.start_steps + second.start_steps == whole.start_steps
+    of_both = [*((switch.axis, switch) for switch in first.switches), *((s.axis + 4, s) for s in second.switches)]
+    assert [(axis, switch.input, switch.from_steps, switch.to_steps) for axis, switch in of_both] == [
+        (switch.axis, switch.input, switch.from_steps, switch.to_steps) for switch in whole.switches
+    ]
+    with pytest.raises(ValueError, match="are not the 6 axes"):
+        board_configs(robot, robot.home, [4, 3])

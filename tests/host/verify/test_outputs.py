@@ -1,0 +1,64 @@
+"""Digital outputs against their plan: each change in its window, in order, and no other."""
+
+from dataclasses import replace
+
+import pytest
+
+from steptwin.host.planning.trajectory import Switching
+from steptwin.host.verify import OutputChange, Plan, verify
+from steptwin.protocol.timer import COUNTS_PER_SECOND
+from tests.host.verify.motions import RUN, START_COUNTS, line, motion, perfect_evidence, plan_of
+
+STEADY = motion(1.0, line(0.0, 100.0))
+GRIP = Switching("gripper", on=True, from_s=0.2, until_s=0.3)
+LET_GO = Switching("gripper", on=False, from_s=0.7, until_s=0.8)
+
+
+def switching_plan(*switchings: Switching) -> Plan:
+    return plan_of(replace(STEADY, switchings=switchings), 10.0)
+
+
+def change(t_s: float, level: int, name: str = "gripper") -> OutputChange:
+    return OutputChange(name, START_COUNTS + round(t_s * COUNTS_PER_SECOND), level)
+
+
+def reasons(planned: tuple[Switching, ...], *made: OutputChange) -> tuple[str, ...]:
+    plan = switching_plan(*planned)
+    return verify(plan, replace(perfect_evidence(plan), outputs=made), RUN).reasons
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.05, 0.1])
+def test_in_time(late_s: float) -> None:
+    plan = switching_plan(GRIP, LET_GO)
+    evidence = replace(perfect_evidence(plan), outputs=(change(0.2 + late_s, 1), change(0.7 + late_s, 0)))
+    report = verify(plan, evidence, RUN)
+    assert report.passed
+    assert [output.changed_s for output in report.outputs] == pytest.approx([0.2 + late_s, 0.7 + late_s])
+    assert report.to_dict()["outputs"][0] == {
+        "name": "gripper", "on": True, "from_s": 0.2, "until_s": 0.3, "changed_s": pytest.approx(0.2 + late_s),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("made", "words"),
+    [
+        ((change(0.199, 1), change(0.75, 0)), "gripper: switched on at 0.199000 s (planned from 0.200 to 0.300 s)"),
+        ((change(0.25, 1), change(0.801, 0)), "gripper: switched off at 0.801000 s (planned from 0.700 to 0.800 s)"),
+        ((change(0.25, 1),), "gripper: switched off never (planned from 0.700 to 0.800 s)"),
+        ((change(0.25, 1), change(0.75, 1)), "gripper: switched off never (planned from 0.700 to 0.800 s)"),
+        ((change(0.25, 1, "lock"), change(0.75, 0)), "gripper: switched on never (planned from 0.200 to 0.300 s)"),
+        ((change(0.25, 1), change(0.75, 0), change(0.9, 1)), "outputs: 1 changes that were not planned (limit 0)"),
+    ],
+)
+def test_what_fails(made: tuple[OutputChange, ...], words: str) -> None:
+    assert words in reasons((GRIP, LET_GO), *made)
+
+
+def test_a_change_nobody_planned() -> None:
+    assert reasons((), change(0.5, 1)) == ("outputs: 1 changes that were not planned (limit 0)",)
+    assert reasons(()) == ()
+
+
+def test_a_document_of_a_run_without_outputs() -> None:
+    plan = switching_plan()
+    assert verify(plan, perfect_evidence(plan), RUN).to_dict()["outputs"] == []
