@@ -37,7 +37,7 @@ def measure(kernel: Kernel) -> DrawerPullFigure:
         outcome = execute(planned, "drawer-pull", kernel)
         assert outcome.report.passed, outcome.report.reasons
         started = time.perf_counter()
-        verify_comparison(compare(outcome.comparison.plan, outcome.comparison.evidence), outcome.report.run)
+        verify_comparison(compare(outcome.comparison.expected, outcome.comparison.evidence), outcome.report.run)
         if repeat:  # the first one warms up
             emulation.append(outcome.report.run.wall_s)
             verification.append(time.perf_counter() - started)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from steptwin.bench.loads import AXES
-from steptwin.host.record.waveforms import SCALES, Kind, Pulses, Signal, Steps, Window
+from steptwin.host.record.waveforms import SCALES, HeldValues, Pulses, Signal, SignalKind, Window
 from steptwin.host.record.waveforms.table import csv
 from steptwin.host.record.waveforms.vcd import vcd
 from steptwin.protocol.timer import COUNTS_PER_SECOND
@@ -54,8 +54,8 @@ def _record(duration_s: int) -> tuple[list[Signal], Window]:
         rises = np.arange(0, duration_s * COUNTS_PER_SECOND, COUNTS_PER_SECOND // RATE_HZ + 7 * axis)
         turns = rises[500::1000] - 1_200
         levels = (np.arange(turns.size) % 2).astype(np.int8)
-        signals.append(Signal(f"axis{axis}", "step", Kind.WIRE, Pulses(rises, rises + _CLK_HIGH_COUNTS)))
-        signals.append(Signal(f"axis{axis}", "dir", Kind.WIRE, Steps(turns, levels, 1)))
+        signals.append(Signal(f"axis{axis}", "step", SignalKind.WIRE, Pulses(rises, rises + _CLK_HIGH_COUNTS)))
+        signals.append(Signal(f"axis{axis}", "dir", SignalKind.WIRE, HeldValues(turns, levels, 1)))
     return signals, Window(0, duration_s * COUNTS_PER_SECOND, 0)
 
 

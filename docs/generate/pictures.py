@@ -11,7 +11,7 @@ from PIL import Image
 from docs.generate.page import PICTURE_KINDS, picture
 from docs.generate.pieces import DOCS
 from docs.generate.runs import Runs
-from steptwin.host.record.plots import PICTURES, WHEREVER
+from steptwin.host.record.plots import DEFAULT_VIEW, PICTURES
 from steptwin.host.record.plots.canvas import STYLE
 
 _DRAWN: Final = dict(zip(PICTURE_KINDS, ("tool-path", "joints", "error"), strict=True))
@@ -28,7 +28,7 @@ def write_pictures(runs: Runs) -> None:
             for kind, name in _DRAWN.items():
                 path = DOCS / picture(run.robot, run.job, kind)
                 path.parent.mkdir(exist_ok=True)
-                write_picture(path, PICTURES[name](outcome.comparison, run, WHEREVER))
+                write_picture(path, PICTURES[name](outcome.comparison, run, DEFAULT_VIEW))
 
 
 def write_picture(path: Path, figure: Figure) -> None:

@@ -7,12 +7,12 @@ import matplotlib as mpl
 from docs.generate.pictures import write_picture
 from docs.generate.pieces import DOCS
 from docs.generate.runs import Runs
-from steptwin.host.record.plots import PICTURES, WHEREVER, View
+from steptwin.host.record.plots import DEFAULT_VIEW, PICTURES, View
 from steptwin.host.record.plots.canvas import STYLE
 
 WAVEFORM_PAGE: Final = DOCS / "waveforms.md"
 
-_VIEWS: Final = {"edges": View(1.94, 0.06), "phases": WHEREVER, "jitter": WHEREVER, "widths": WHEREVER}
+_VIEWS: Final = {"edges": View(1.94, 0.06), "phases": DEFAULT_VIEW, "jitter": DEFAULT_VIEW, "widths": DEFAULT_VIEW}
 """By picture: Z5 turns around at 1.94 s."""
 
 

@@ -73,11 +73,11 @@ def _names(what: list[str] | None) -> list[str]:
 
 
 def _check_use(names: list[str], options: dict[str, float | None]) -> None:
-    from steptwin.host.record.plots import OF_AN_INSTANT
+    from steptwin.host.record.plots import CLOSE_UPS
 
     given = [option for option, value in options.items() if value is not None]
-    if given and not set(names) & set(OF_AN_INSTANT):
-        raise InputError(f"{given[0]}: is for the pictures {' and '.join(OF_AN_INSTANT)}, not for {', '.join(names)}")
+    if given and not set(names) & set(CLOSE_UPS):
+        raise InputError(f"{given[0]}: is for the pictures {' and '.join(CLOSE_UPS)}, not for {', '.join(names)}")
 
 
 def _view(duration_s: float, at_s: float | None, span_s: float | None) -> "View":

@@ -12,7 +12,7 @@ from steptwin.host.cli.report import EXIT_NOT_VERIFIED, fault_line, print_report
 from steptwin.host.common.errors import DeviceFaultError, NotVerifiedError
 
 if TYPE_CHECKING:
-    from steptwin.host.record.folder import Verdict
+    from steptwin.host.record.folder import FolderVerdict
 
 RunDir = Annotated[
     Path,
@@ -51,7 +51,7 @@ def verify(
         raise typer.Exit(EXIT_NOT_VERIFIED)
 
 
-def _document(verdict: "Verdict") -> dict[str, Any]:
+def _document(verdict: "FolderVerdict") -> dict[str, Any]:
     """As `run --json` has it; a folder that was changed is no evidence of a fault either."""
     document = verdict.report.to_dict()
     document |= {"passed": verdict.passed, "reasons": list(verdict.reasons)}

@@ -10,7 +10,7 @@ from steptwin.emulator.operations import Scheduled
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded_board import EmbeddedBoard
-from steptwin.host.verify import AxisEvidence, Plan, Report, RunInfo, verify
+from steptwin.host.verify import AxisEvidence, Expectation, Report, RunInfo, verify
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 
@@ -93,7 +93,7 @@ class BoardUnderTest(EmbeddedBoard):
             simulated_s=self.now_s(),
             wall_s=time.perf_counter() - self._began_s,
         )
-        return verify(Plan.of(self.robot, trajectory), self.evidence(), run)
+        return verify(Expectation.of(self.robot, trajectory), self.evidence(), run)
 
 
 def _broken(axis: AxisEvidence) -> Iterator[Violation]:

@@ -13,8 +13,7 @@ from steptwin.host.operate.output_commands import output_commands
 from steptwin.host.planning.planner import Plan, check_start
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.host.twin.outcome import Fault, Outcome
-from steptwin.host.verify import Plan as VerifierPlan
-from steptwin.host.verify import RunInfo, compare, verify_comparison
+from steptwin.host.verify import Expectation, RunInfo, compare, verify_comparison
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 
 
@@ -76,7 +75,7 @@ def execute(
         simulated_s=board.now_s(),
         wall_s=time.perf_counter() - started_s,
     )
-    comparison = compare(VerifierPlan.of(plan.robot, plan.trajectory), board.evidence())
+    comparison = compare(Expectation.of(plan.robot, plan.trajectory), board.evidence())
     report = verify_comparison(comparison, run)
     return Outcome(plan, comparison, report, board.bus_log, fault, board.driver_profile.name)
 

@@ -11,10 +11,10 @@ from steptwin.host.verify.evidence import (
     OutputChange,
     Phases,
 )
+from steptwin.host.verify.expectation import Expectation, Forward
 from steptwin.host.verify.oracle import IdealSteps, ideal_steps
-from steptwin.host.verify.outputs import OutputReport
-from steptwin.host.verify.plan import Forward, Plan
 from steptwin.host.verify.report import AxisReport, BusReport, JointsReport, Report, RunInfo, ToolReport
+from steptwin.host.verify.switching import OutputReport
 from steptwin.host.verify.verifier import (
     POSITION_ERROR_LIMIT_STEPS,
     THRESHOLD_TOLERANCE_STEPS,
@@ -35,6 +35,7 @@ __all__ = [
     "DriverLimit",
     "DriverViolations",
     "Evidence",
+    "Expectation",
     "Forward",
     "IdealSteps",
     "JointsReport",
@@ -42,7 +43,6 @@ __all__ = [
     "OutputChange",
     "OutputReport",
     "Phases",
-    "Plan",
     "Report",
     "RunInfo",
     "ToolReport",

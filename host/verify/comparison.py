@@ -1,20 +1,20 @@
-"""Plan and evidence side by side, axis by axis: what the report and the pictures are made from."""
+"""Expectation and evidence side by side, axis by axis: what the report and the pictures are made from."""
 
 from dataclasses import dataclass
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.verify.counted import CountedSteps, counted_steps
 from steptwin.host.verify.evidence import Evidence
+from steptwin.host.verify.expectation import Expectation
 from steptwin.host.verify.matching import Matching, match_steps, timing_errors_us
 from steptwin.host.verify.oracle import IdealSteps, ideal_steps
-from steptwin.host.verify.plan import Plan
 
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
     """One run: what was asked for, what happened, and which step answers which crossing, per axis in joint order."""
 
-    plan: Plan
+    expected: Expectation
     evidence: Evidence
     ideal: tuple[IdealSteps, ...]
     counted: tuple[CountedSteps, ...]
@@ -23,24 +23,24 @@ class Comparison:
     @property
     def joint_names(self) -> tuple[str, ...]:
         """The axes' names, in the order of all else."""
-        return self.plan.trajectory.joint_names
+        return self.expected.trajectory.joint_names
 
     def timing_errors_us(self, axis: int) -> FloatArray:
         """How late each step of an axis came, in microseconds, without those at slow crossings."""
         return timing_errors_us(self.ideal[axis], self.counted[axis], self.matchings[axis])
 
 
-def compare(plan: Plan, evidence: Evidence) -> Comparison:
+def compare(expected: Expectation, evidence: Evidence) -> Comparison:
     """Compute the ideal steps from where the drivers' counters stood at t = 0 and match the accepted ones to them.
 
     Raises:
         ValueError: when the evidence's axes are not the plan's joints in their order.
     """
     names = tuple(axis.name for axis in evidence.axes)
-    if names != plan.trajectory.joint_names:
-        raise ValueError(f"evidence of axes {names}, but a plan of joints {plan.trajectory.joint_names}")
+    if names != expected.trajectory.joint_names:
+        raise ValueError(f"evidence of axes {names}, but a plan of joints {expected.trajectory.joint_names}")
     counted = tuple(counted_steps(axis, evidence.start_counts) for axis in evidence.axes)
     starts = tuple(axis.start_steps for axis in counted)
-    ideal = ideal_steps(plan.trajectory, plan.steps_per_unit, starts)
+    ideal = ideal_steps(expected.trajectory, expected.steps_per_unit, starts)
     matchings = tuple(match_steps(*pair) for pair in zip(ideal, counted, strict=True))
-    return Comparison(plan, evidence, ideal, counted, matchings)
+    return Comparison(expected, evidence, ideal, counted, matchings)

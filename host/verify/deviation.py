@@ -12,8 +12,8 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.kinematics.angles import wrapped_deg
 from steptwin.host.verify.counted import CountedSteps
+from steptwin.host.verify.expectation import Expectation
 from steptwin.host.verify.oracle import IdealSteps
-from steptwin.host.verify.plan import Plan
 
 INSTANTS_PER_CHUNK = 16_384
 """Instants evaluated at once: bounds the memory, whatever the number of steps."""
@@ -43,28 +43,30 @@ class Deviation:
         return distance
 
 
-def critical_instants(plan: Plan, ideal: tuple[IdealSteps, ...], counted: tuple[CountedSteps, ...]) -> FloatArray:
+def critical_instants(
+    expected: Expectation, ideal: tuple[IdealSteps, ...], counted: tuple[CountedSteps, ...]
+) -> FloatArray:
     """Every accepted edge of every axis, every turning point of the plan, its start and its end."""
     times = [axis.time_s for axis in counted] + [axis.turning_s for axis in ideal]
-    return np.unique(np.concatenate([*times, [0.0, plan.trajectory.duration_s]]))
+    return np.unique(np.concatenate([*times, [0.0, expected.trajectory.duration_s]]))
 
 
-def deviations(plan: Plan, counted: tuple[CountedSteps, ...], t_s: FloatArray) -> Iterator[Deviation]:
+def deviations(expected: Expectation, counted: tuple[CountedSteps, ...], t_s: FloatArray) -> Iterator[Deviation]:
     """The deviations at sorted instants, in chunks; after its end the plan stands where it ends."""
     for first in range(0, len(t_s), INSTANTS_PER_CHUNK):
-        yield _deviation(plan, counted, t_s[first : first + INSTANTS_PER_CHUNK])
+        yield _deviation(expected, counted, t_s[first : first + INSTANTS_PER_CHUNK])
 
 
-def _deviation(plan: Plan, counted: tuple[CountedSteps, ...], t_s: FloatArray) -> Deviation:
+def _deviation(expected: Expectation, counted: tuple[CountedSteps, ...], t_s: FloatArray) -> Deviation:
     """Joints are kept in columns, each in one piece: so they are filled, converted and compared most quickly."""
-    planned = np.asfortranarray(plan.trajectory.positions(np.minimum(t_s, plan.trajectory.duration_s)))
-    planned_pose = plan.forward(planned)
+    planned = np.asfortranarray(expected.trajectory.positions(np.minimum(t_s, expected.trajectory.duration_s)))
+    planned_pose = expected.forward(planned)
     counts = np.stack([axis.around(t_s) for axis in counted]).transpose(1, 2, 0)
-    poses = np.stack([plan.forward(side / plan.steps_per_unit) for side in counts])
+    poses = np.stack([expected.forward(side / expected.steps_per_unit) for side in counts])
     pose_errors = poses - planned_pose
     return Deviation(
         t_s,
-        counts - planned * plan.steps_per_unit,
+        counts - planned * expected.steps_per_unit,
         pose_errors[..., :3],
         wrapped_deg(pose_errors[..., 3]),
     )

@@ -3,7 +3,7 @@
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from steptwin.host.verify.outputs import OutputReport
+from steptwin.host.verify.switching import OutputReport
 from steptwin.host.verify.violations import ViolationReport
 
 SIGNIFICANT_DIGITS = 9

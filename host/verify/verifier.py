@@ -14,11 +14,11 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.verify.comparison import Comparison, compare
 from steptwin.host.verify.deviation import Deviation, critical_instants, deviations
 from steptwin.host.verify.evidence import Evidence
+from steptwin.host.verify.expectation import Expectation
 from steptwin.host.verify.oracle import THRESHOLD_STEPS
-from steptwin.host.verify.outputs import output_reasons, output_reports
-from steptwin.host.verify.plan import Plan
 from steptwin.host.verify.pulses import pulse_facts
 from steptwin.host.verify.report import AxisReport, JointsReport, Report, RunInfo, ToolReport
+from steptwin.host.verify.switching import output_reasons, output_reports
 from steptwin.host.verify.violations import violation_reports
 
 THRESHOLD_TOLERANCE_STEPS = 0.0075
@@ -56,13 +56,13 @@ class _Worst:
         return ToolReport(self.tool_mm, float(np.sqrt(self.tool_mm_squares / self.poses)), self.attitude_deg)
 
 
-def verify(plan: Plan, evidence: Evidence, run: RunInfo) -> Report:
+def verify(expected: Expectation, evidence: Evidence, run: RunInfo) -> Report:
     """Compare what the drivers counted with what was planned.
 
     Raises:
         ValueError: when the evidence's axes are not the plan's joints in their order.
     """
-    return verify_comparison(compare(plan, evidence), run)
+    return verify_comparison(compare(expected, evidence), run)
 
 
 def verify_comparison(comparison: Comparison, run: RunInfo) -> Report:
@@ -71,7 +71,7 @@ def verify_comparison(comparison: Comparison, run: RunInfo) -> Report:
     axes = tuple(_axis_report(comparison, i, worst) for i in range(len(comparison.joint_names)))
     ends = [ideal.end_steps for ideal in comparison.ideal]
     reasons = [line for axis, end in zip(axes, ends, strict=True) for line in _reasons(axis, end)]
-    outputs = output_reports(comparison.plan.trajectory.switchings, comparison.evidence)
+    outputs = output_reports(comparison.expected.trajectory.switchings, comparison.evidence)
     reasons += output_reasons(outputs, comparison.evidence)
     violations = violation_reports(comparison.evidence)
     return Report(run, tuple(reasons), axes, _joints_report(comparison), worst.tool_report(), outputs, violations)
@@ -80,8 +80,8 @@ def verify_comparison(comparison: Comparison, run: RunInfo) -> Report:
 def _worst(comparison: Comparison) -> _Worst:
     axes = len(comparison.joint_names)
     worst = _Worst(np.zeros(axes), np.zeros(axes))
-    instants_s = critical_instants(comparison.plan, comparison.ideal, comparison.counted)
-    for deviation in deviations(comparison.plan, comparison.counted, instants_s):
+    instants_s = critical_instants(comparison.expected, comparison.ideal, comparison.counted)
+    for deviation in deviations(comparison.expected, comparison.counted, instants_s):
         worst.take(deviation)
     return worst
 
@@ -143,7 +143,7 @@ def _reasons(axis: AxisReport, planned_end_steps: int) -> list[str]:
 
 
 def _joints_report(comparison: Comparison) -> JointsReport:
-    spu = comparison.plan.steps_per_unit
+    spu = comparison.expected.steps_per_unit
     start = np.array([axis.start_steps for axis in comparison.counted]) / spu
     end = np.array([axis.end_steps for axis in comparison.counted]) / spu
     return JointsReport(comparison.joint_names, tuple(start.tolist()), tuple(end.tolist()))

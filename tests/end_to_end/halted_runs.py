@@ -53,7 +53,7 @@ class HaltedRun:
 
     def verify(self) -> Report:
         """The verifier's word on the evidence in trajectory time."""
-        return verify(self.outcome.comparison.plan, self.in_trajectory_time(), self.outcome.report.run)
+        return verify(self.outcome.comparison.expected, self.in_trajectory_time(), self.outcome.report.run)
 
     def in_trajectory_time(self) -> Evidence:
         """All instants as if the clock had gone with the group."""

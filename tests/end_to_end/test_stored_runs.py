@@ -12,7 +12,7 @@ import pytest
 from steptwin.host.cli.app import run
 from steptwin.host.cli.trace import FormatChoice
 from steptwin.host.record.folder import read_edges
-from steptwin.host.record.waveforms import Steps
+from steptwin.host.record.waveforms import HeldValues
 from steptwin.host.record.waveforms.signal import Values
 from steptwin.host.verify.evidence import Int64Array
 from tests.host.record.waveforms.vcd_reader import read_vcd
@@ -150,14 +150,14 @@ class TestTrace:
         out = tmp_path / "trace"
         out.write_bytes(b"old")
         asked = iter([False] * 3)
-        between = Steps.between
+        between = HeldValues.between
 
-        def broken_off(self: Steps, after: int, until: int) -> tuple[Int64Array, Values]:
+        def broken_off(self: HeldValues, after: int, until: int) -> tuple[Int64Array, Values]:
             if next(asked, True):
                 raise error
             return between(self, after, until)
 
-        monkeypatch.setattr(Steps, "between", broken_off)
+        monkeypatch.setattr(HeldValues, "between", broken_off)
         assert run(["trace", str(carry_run), "--format", form, "--out", str(out)]) in (2, 130)
         assert os.listdir(tmp_path) == ["trace"]
         assert out.read_bytes() == b"old"

@@ -15,7 +15,7 @@ from steptwin.host.record.folder.motion import trajectory_head, trajectory_row
 from steptwin.host.record.folder.reading import StoredRun, read_robot, read_run
 from steptwin.host.record.folder.report import read_report, write_report
 from steptwin.host.record.folder.spool import EdgeSpool
-from steptwin.host.record.folder.verdict import Verdict, verify_folder
+from steptwin.host.record.folder.verdict import FolderVerdict, verify_folder
 from steptwin.host.record.folder.writing import prepare_folder, write_folder
 
 __all__ = [
@@ -29,8 +29,8 @@ __all__ = [
     "AxisTotals",
     "ContradictionError",
     "EdgeSpool",
+    "FolderVerdict",
     "StoredRun",
-    "Verdict",
     "prepare_folder",
     "read_edges",
     "read_report",

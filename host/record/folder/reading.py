@@ -11,7 +11,7 @@ from steptwin.host.record.folder.motion import read_motion
 from steptwin.host.record.folder.report import StoredReport, read_report
 from steptwin.host.robots import load_robot_file
 from steptwin.host.robots.robot import Robot
-from steptwin.host.verify import Comparison, Plan, compare
+from steptwin.host.verify import Comparison, Expectation, compare
 from steptwin.host.verify.wiring import output_changes
 
 
@@ -26,7 +26,7 @@ class StoredRun:
     @property
     def duration_s(self) -> float:
         """How long the planned motion lasts."""
-        return self.comparison.plan.trajectory.duration_s
+        return self.comparison.expected.trajectory.duration_s
 
 
 def read_robot(folder: Path) -> Robot:
@@ -54,7 +54,7 @@ def read_run(folder: Path, plan: Path | None = None) -> StoredRun:
         raise InputError(f"{folder / EDGES}: axes: {' '.join(names)}, but {ROBOT} has {' '.join(robot.joint_names)}")
     if plan is not None or report.passed is not None:  # records say nothing of outputs
         evidence = replace(evidence, outputs=output_changes(robot, evidence.axes))
-    return StoredRun(robot, report, compare(Plan.of(robot, motion), evidence))
+    return StoredRun(robot, report, compare(Expectation.of(robot, motion), evidence))
 
 
 def _motion(folder: Path, robot: Robot, report: StoredReport) -> Trajectory:

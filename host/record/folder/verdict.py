@@ -20,7 +20,7 @@ _MS: Final = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class FolderVerdict:
     """What verifying a folder gives.
 
     Attributes:
@@ -46,7 +46,7 @@ class Verdict:
         return not self.reasons and self.fault is None
 
 
-def verify_folder(folder: Path, plan: Path | None = None) -> Verdict:
+def verify_folder(folder: Path, plan: Path | None = None) -> FolderVerdict:
     """Verify a stored run; against the plan of another folder, if there is one.
 
     Raises:
@@ -57,7 +57,7 @@ def verify_folder(folder: Path, plan: Path | None = None) -> Verdict:
     report = verify_comparison(stored.comparison, stored.report.run)
     inner = [line for axis in stored.comparison.evidence.axes for line in contradictions(axis)]
     tampered = (*inner, *_frames_missing(folder, stored), *_differences(stored, report))
-    return Verdict(report, stored.report.driver_profile, tampered, stored.report.fault)
+    return FolderVerdict(report, stored.report.driver_profile, tampered, stored.report.fault)
 
 
 def _frames_missing(folder: Path, stored: StoredRun) -> list[str]:

@@ -72,9 +72,9 @@ def moving_axes(comparison: Comparison) -> list[int]:
 
 def note_still_axes(figure: Figure, comparison: Comparison, moving: Sequence[int]) -> None:
     """Say below the picture which joints it leaves out and where they stand."""
-    positions = comparison.plan.trajectory.positions(np.zeros(1))[0]
+    positions = comparison.expected.trajectory.positions(np.zeros(1))[0]
     still = [
-        f"{name} at {positions[i]:g} {comparison.plan.joint_units[i]}"
+        f"{name} at {positions[i]:g} {comparison.expected.joint_units[i]}"
         for i, name in enumerate(comparison.joint_names)
         if i not in moving
     ]
@@ -84,12 +84,12 @@ def note_still_axes(figure: Figure, comparison: Comparison, moving: Sequence[int
 
 def planned_instants(comparison: Comparison) -> FloatArray:
     """Evenly spaced instants over the whole motion."""
-    return np.linspace(0.0, comparison.plan.trajectory.duration_s, SAMPLES)
+    return np.linspace(0.0, comparison.expected.trajectory.duration_s, SAMPLES)
 
 
 def drawn_instants(comparison: Comparison) -> FloatArray:
     """Every instant at which an error may be largest, and enough others to draw what lies between."""
-    critical_s = critical_instants(comparison.plan, comparison.ideal, comparison.counted)
+    critical_s = critical_instants(comparison.expected, comparison.ideal, comparison.counted)
     return np.union1d(critical_s, planned_instants(comparison))
 
 

@@ -40,7 +40,7 @@ def draw_error(comparison: Comparison, run: RunInfo) -> Figure:
     series = _all_series(comparison, moving)
     figure = new_figure(run, "counted minus planned", ROW_INCHES * len(series))
     rows = figure.subplots(len(series), 2, squeeze=False, width_ratios=WIDTH_RATIOS)
-    end_s = comparison.plan.trajectory.duration_s
+    end_s = comparison.expected.trajectory.duration_s
     for n, ((left, right), one) in enumerate(zip(rows, series, strict=True)):
         _draw_whole(left, one, end_s)
         _draw_close(right, one)
@@ -58,7 +58,7 @@ def draw_error(comparison: Comparison, run: RunInfo) -> Figure:
 
 def _all_series(comparison: Comparison, moving: list[int]) -> list[_Series]:
     t_s = drawn_instants(comparison)
-    parts = list(deviations(comparison.plan, comparison.counted, t_s))
+    parts = list(deviations(comparison.expected, comparison.counted, t_s))
     steps = np.concatenate([part.steps for part in parts], axis=1)
     distance_mm = np.concatenate([part.distance_mm for part in parts], axis=1)
     attitude_deg = np.concatenate([part.attitude_deg for part in parts], axis=1)

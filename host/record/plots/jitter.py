@@ -28,7 +28,7 @@ def draw_jitter(comparison: Comparison, run: RunInfo) -> Figure:
         left.set_ylabel(f"{comparison.joint_names[i]} [us]")
         _draw(left, right, *_jitter(comparison, i))
     rows[-1, 0].set_xlabel("time [s]")
-    rows[-1, 0].set_xlim(0.0, comparison.plan.trajectory.duration_s)
+    rows[-1, 0].set_xlim(0.0, comparison.expected.trajectory.duration_s)
     rows[-1, 1].set_xlabel("intervals")
     note_still_axes(figure, comparison, moving)
     return figure

@@ -21,10 +21,10 @@ def draw_joints(comparison: Comparison, run: RunInfo) -> Figure:
     figure = new_figure(run, "planned joint motion", ROW_INCHES * max(len(moving), 1))
     rows = rows_of_axes(figure, len(moving), 2)
     t_s = planned_instants(comparison)
-    positions = comparison.plan.trajectory.positions(t_s)
-    velocities = comparison.plan.trajectory.velocities(t_s)
+    positions = comparison.expected.trajectory.positions(t_s)
+    velocities = comparison.expected.trajectory.velocities(t_s)
     for (left, right), i in zip(rows, moving, strict=False):
-        unit = comparison.plan.joint_units[i]
+        unit = comparison.expected.joint_units[i]
         left.plot(t_s, positions[:, i], color=COUNTED)
         left.set_ylabel(f"{comparison.joint_names[i]} [{unit}]")
         right.plot(t_s, velocities[:, i], color=COUNTED)

@@ -40,7 +40,7 @@ class View:
         Whether a driver makes steps of them does not matter. At an instant that is asked for the axis that is fastest
         there counts; it is never more than the whole motion.
         """
-        duration_s = comparison.plan.trajectory.duration_s
+        duration_s = comparison.expected.trajectory.duration_s
         if self.at_s is None:
             interval_s, at_s = _fastest(comparison)
         else:
@@ -63,7 +63,7 @@ def pulse_times(comparison: Comparison, axis: int) -> FloatArray:
 
 def _fastest(comparison: Comparison) -> tuple[float, float]:
     """The shortest interval of any axis and its middle; without one the whole motion."""
-    duration_s = comparison.plan.trajectory.duration_s
+    duration_s = comparison.expected.trajectory.duration_s
     found = [_shortest(comparison, i) for i in range(len(comparison.joint_names))]
     return min((one for one in found if one), default=(duration_s, duration_s / 2.0))
 
@@ -72,7 +72,7 @@ def _shortest_at(comparison: Comparison, at_s: float) -> float:
     """The shortest interval of all axes at an instant; without one the whole motion."""
     times = [pulse_times(comparison, i) for i in range(len(comparison.joint_names))]
     intervals_s = [_interval_s(time_s, at_s) for time_s in times if time_s.size > 1]
-    return min(intervals_s, default=comparison.plan.trajectory.duration_s)
+    return min(intervals_s, default=comparison.expected.trajectory.duration_s)
 
 
 def _shortest(comparison: Comparison, axis: int) -> tuple[float, float] | None:

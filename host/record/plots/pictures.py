@@ -41,13 +41,13 @@ PICTURES: Final[dict[str, Draw]] = {
 }
 """By their names: of files, and on the command line."""
 
-OF_EVERY_RUN: Final = ("joints", "step-rates", "tool-path", "error", "timing")
+DEFAULT_PICTURES: Final = ("joints", "step-rates", "tool-path", "error", "timing")
 """What a run with `--out` draws."""
 
-OF_AN_INSTANT: Final = ("edges", "phases")
+CLOSE_UPS: Final = ("edges", "phases")
 """What shows a part of a run, as a View says."""
 
-WHEREVER: Final = View()
+DEFAULT_VIEW: Final = View()
 """Each picture shows what suits it."""
 
 _UNDATED: Final = {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
@@ -58,9 +58,9 @@ def write_plots(
     out_dir: Path,
     comparison: Comparison,
     run: RunInfo,
-    names: Iterable[str] = OF_EVERY_RUN,
+    names: Iterable[str] = DEFAULT_PICTURES,
     form: str = "png",
-    view: View = WHEREVER,
+    view: View = DEFAULT_VIEW,
 ) -> list[Path]:
     """Draw pictures of a run into a directory, which is made if it is missing, and return their paths.
 

@@ -41,8 +41,10 @@ def draw_step_rates(comparison: Comparison, run: RunInfo) -> Figure:
 
 def _draw_rate(axes: Axes, comparison: Comparison, i: int) -> None:
     t_s = planned_instants(comparison)
-    velocity = comparison.plan.trajectory.velocities(t_s)[:, i]
-    axes.plot(t_s, np.abs(velocity * comparison.plan.steps_per_unit[i]), color=PLANNED, linewidth=4, label="planned")
+    velocity = comparison.expected.trajectory.velocities(t_s)[:, i]
+    axes.plot(
+        t_s, np.abs(velocity * comparison.expected.steps_per_unit[i]), color=PLANNED, linewidth=4, label="planned"
+    )
     axes.plot(
         *thinned(*_accepted_rates(comparison, i)),
         color=COUNTED,
@@ -71,7 +73,7 @@ def _draw_dir(axes: Axes, comparison: Comparison, i: int) -> None:
     if len(evidence.dir_levels) == 0:
         axes.text(0.5, 0.5, "no change", transform=axes.transAxes, ha="center", va="center", color="0.4")
         return
-    end_s = comparison.plan.trajectory.duration_s
+    end_s = comparison.expected.trajectory.duration_s
     edges_s = (evidence.dir_edge_counts - comparison.evidence.start_counts) / COUNTS_PER_SECOND
     levels = np.concatenate(([1 - evidence.dir_levels[0]], evidence.dir_levels, evidence.dir_levels[-1:]))
     t_s = np.concatenate(([min(0.0, edges_s[0])], edges_s, [max(end_s, edges_s[-1])]))

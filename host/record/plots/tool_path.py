@@ -30,7 +30,7 @@ STILL_MM = 1e-6
 LEAST_VIEW_MM = 1.0
 """What is seen around a tool that stands."""
 
-View = tuple[int, int]
+Plane = tuple[int, int]
 """The coordinates drawn across and up: 0 is x, 1 y, 2 z."""
 
 
@@ -53,7 +53,7 @@ class _Path:
 
 def draw_tool_path(comparison: Comparison, run: RunInfo) -> Figure:
     """One row a view: the plane of the two coordinates that move most, then the third one if it moves."""
-    end_s = comparison.plan.trajectory.duration_s
+    end_s = comparison.expected.trajectory.duration_s
     whole = _path(comparison, np.linspace(0.0, end_s, INSTANTS))
     edges = _path(comparison, drawn_instants(comparison))
     views = _views(whole)
@@ -74,14 +74,14 @@ def draw_tool_path(comparison: Comparison, run: RunInfo) -> Figure:
 
 def _path(comparison: Comparison, t_s: FloatArray) -> _Path:
     """The path just before and just after each of the instants."""
-    end_s = comparison.plan.trajectory.duration_s
-    parts = deviations(comparison.plan, comparison.counted, t_s)
+    end_s = comparison.expected.trajectory.duration_s
+    parts = deviations(comparison.expected, comparison.counted, t_s)
     errors_mm = np.concatenate([part.tool_mm.swapaxes(0, 1).reshape(-1, 3) for part in parts])
-    poses = comparison.plan.forward(comparison.plan.trajectory.positions(np.minimum(t_s, end_s)))
+    poses = comparison.expected.forward(comparison.expected.trajectory.positions(np.minimum(t_s, end_s)))
     return _Path(np.repeat(poses[:, :3], 2, axis=0), errors_mm)
 
 
-def _views(path: _Path) -> list[View]:
+def _views(path: _Path) -> list[Plane]:
     extents_mm = path.extents_mm
     first, second, third = np.argsort(-extents_mm, kind="stable").tolist()
     main = (min(first, second), max(first, second))
@@ -99,7 +99,7 @@ def _gain(path: _Path) -> float:
     return decade * max(step for step in (1.0, 2.0, 5.0) if step * decade <= wanted)
 
 
-def _draw_whole(axes: Axes, path: _Path, view: View, gain: float, title: str) -> None:
+def _draw_whole(axes: Axes, path: _Path, view: Plane, gain: float, title: str) -> None:
     planned, counted = path.planned_mm[:, view], path.counted_mm(gain)[:, view]
     axes.plot(*planned.T, color=PLANNED, linewidth=5, label="planned")
     axes.plot(*counted.T, color=COUNTED, linewidth=0.6, label="counted")
@@ -111,12 +111,12 @@ def _draw_whole(axes: Axes, path: _Path, view: View, gain: float, title: str) ->
     axes.set_aspect("equal", adjustable="datalim")
 
 
-def _draw_magnified(axes: Axes, path: _Path, view: View) -> None:
+def _draw_magnified(axes: Axes, path: _Path, view: Plane) -> None:
     gain = _gain(path)
     _draw_whole(axes, path, view, gain, f"error magnified {gain:g} times" if gain > 1.0 else "error not magnified")
 
 
-def _draw_close(axes: Axes, path: _Path, view: View) -> None:
+def _draw_close(axes: Axes, path: _Path, view: Plane) -> None:
     """A window around the largest error of all, where single steps can be told apart."""
     distances_mm = np.linalg.norm(path.errors_mm, axis=1)
     worst = int(distances_mm.argmax())
@@ -140,7 +140,7 @@ def _gapped(points: FloatArray, inside: np.ndarray[tuple[int], np.dtype[np.bool_
     return kept[inside | np.roll(inside, 1)]
 
 
-def _finish(axes: Axes, view: View, title: str, origin: str = "") -> None:
+def _finish(axes: Axes, view: Plane, title: str, origin: str = "") -> None:
     across, up = view
     axes.set_xlabel(f"{'xyz'[across]}{origin} [mm]")
     axes.set_ylabel(f"{'xyz'[up]}{origin} [mm]")

@@ -2,7 +2,7 @@
 
 from steptwin.host.record.waveforms.bus_states import drive_states
 from steptwin.host.record.waveforms.export import Format, write_waveform
-from steptwin.host.record.waveforms.signal import Kind, Pulses, Signal, Steps
+from steptwin.host.record.waveforms.signal import HeldValues, Pulses, Signal, SignalKind
 from steptwin.host.record.waveforms.signals import everything, whole_record, wires
 from steptwin.host.record.waveforms.timebase import DEFAULT_SCALE, SCALES, TimeScale, Window
 
@@ -10,10 +10,10 @@ __all__ = [
     "DEFAULT_SCALE",
     "SCALES",
     "Format",
-    "Kind",
+    "HeldValues",
     "Pulses",
     "Signal",
-    "Steps",
+    "SignalKind",
     "TimeScale",
     "Window",
     "drive_states",

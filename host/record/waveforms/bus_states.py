@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from steptwin.host.common.errors import InputError
-from steptwin.host.record.waveforms.signal import Steps
+from steptwin.host.record.waveforms.signal import HeldValues
 from steptwin.protocol.cia402 import State
 from steptwin.protocol.frame import COB_TPDO, FIRST_NODE_ID
 from steptwin.protocol.objects import TPDO_DEFAULTS
@@ -21,7 +21,7 @@ _LINE: Final = re.compile(r"\((\d+)\.(\d{6})\) \S+ ([0-9A-F]{3})#([0-9A-F]*)\n?"
 _PDO_BYTES: Final = sum(bits for _, _, bits in TPDO_DEFAULTS[0][4]) // 8
 
 
-def drive_states(log: Path, axes: int) -> tuple[Steps, ...]:
+def drive_states(log: Path, axes: int) -> tuple[HeldValues, ...]:
     """The state of each axis' drive over time, to the microsecond of the log.
 
     Raises:
@@ -53,6 +53,6 @@ def _frames(log: Path) -> Iterator[tuple[int, int, bytes]]:
             yield us * COUNTS_PER_US, int(match[3], 16), bytes.fromhex(match[4])
 
 
-def _steps(changes: Sequence[tuple[int, int]]) -> Steps:
+def _steps(changes: Sequence[tuple[int, int]]) -> HeldValues:
     counts, states = zip(*changes, strict=True) if changes else ((), ())
-    return Steps(np.array(counts, np.int64), np.array(states, np.int8))
+    return HeldValues(np.array(counts, np.int64), np.array(states, np.int8))

@@ -12,11 +12,11 @@ import numpy as np
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.record.waveforms.merging import Merged, initial_values, merged
-from steptwin.host.record.waveforms.signal import Kind, Signal
+from steptwin.host.record.waveforms.signal import Signal, SignalKind
 from steptwin.host.record.waveforms.timebase import COUNTS, NANOSECONDS, Window
 from steptwin.host.verify.evidence import Int64Array
 
-_JSON_TYPES: Final = {Kind.WIRE: "integer", Kind.REAL: "number", Kind.TEXT: "string"}
+_JSON_TYPES: Final = {SignalKind.WIRE: "integer", SignalKind.REAL: "number", SignalKind.TEXT: "string"}
 
 
 def write_mcap(file: BinaryIO, signals: Sequence[Signal], window: Window) -> None:
@@ -41,13 +41,13 @@ def write_mcap(file: BinaryIO, signals: Sequence[Signal], window: Window) -> Non
 
 def _channels(writer: Any, signals: Sequence[Signal]) -> list[int]:
     """A channel for each signal, a schema for each kind of value."""
-    schemas = {kind: writer.register_schema(*_schema(kind)) for kind in Kind}
+    schemas = {kind: writer.register_schema(*_schema(kind)) for kind in SignalKind}
     return [
         writer.register_channel(f"/{signal.scope}/{signal.what}", "json", schemas[signal.kind]) for signal in signals
     ]
 
 
-def _schema(kind: Kind) -> tuple[str, str, bytes]:
+def _schema(kind: SignalKind) -> tuple[str, str, bytes]:
     shape = {"type": "object", "properties": {"value": {"type": _JSON_TYPES[kind]}}}
     return f"steptwin.{kind.value}", "jsonschema", json.dumps(shape).encode()
 
@@ -55,7 +55,7 @@ def _schema(kind: Kind) -> tuple[str, str, bytes]:
 def _add(writer: Any, signals: Sequence[Signal], channels: list[int], part: Merged) -> None:
     instants_ns = _nanoseconds(part.instants)
     texts = np.ascontiguousarray(part.values).view(f"S{part.values.shape[1]}").ravel().tolist()
-    quotes = [b'"' if signal.kind is Kind.TEXT else b"" for signal in signals]
+    quotes = [b'"' if signal.kind is SignalKind.TEXT else b"" for signal in signals]
     for t_ns, which, text in zip(instants_ns, part.which.tolist(), texts, strict=True):
         quote = quotes[which]
         writer.add_message(channels[which], t_ns, b'{"value": ' + quote + text + quote + b"}", t_ns)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steptwin.host.common.errors import InputError
-from steptwin.host.record.waveforms.signal import Kind, Signal, Values, stretches
+from steptwin.host.record.waveforms.signal import Signal, SignalKind, Values, stretches
 from steptwin.host.record.waveforms.text import Text, chosen, spelt, stacked
 from steptwin.host.record.waveforms.timebase import TimeScale, Window
 from steptwin.host.verify.evidence import Int64Array
@@ -48,9 +48,9 @@ def initial_values(signals: Sequence[Signal], window: Window) -> Text:
 
 def _text(signal: Signal, values: Values) -> Text:
     """Values of one signal: 0 and 1, numbers that read back as they were, or texts."""
-    if signal.kind is Kind.WIRE:
+    if signal.kind is SignalKind.WIRE:
         return chosen(("0", "1"), values)
-    if signal.kind is Kind.TEXT:
+    if signal.kind is SignalKind.TEXT:
         return chosen(signal.texts, values)
     return spelt(values, repr)
 
@@ -60,7 +60,7 @@ def _part(signal: Signal, window: Window, scale: TimeScale, after: int, until: i
     counts, values = signal.changes.between(after, until)
     instants = scale.rounded(counts)
     again = np.flatnonzero(instants[1:] == instants[:-1])
-    if again.size and signal.kind is Kind.WIRE:
+    if again.size and signal.kind is SignalKind.WIRE:
         first, second = counts[again[0] : again[0] + 2].tolist()
         raise InputError(
             f"{signal.name}: changes twice within {(second - first) / COUNTS_PER_SECOND * 1e6:.3g} us at"

@@ -21,7 +21,7 @@ CHANGES_PER_STRETCH = 1 << 16
 """How many changes of one signal are held as text at once."""
 
 
-class Kind(Enum):
+class SignalKind(Enum):
     """What a signal's values are."""
 
     WIRE = "wire"
@@ -49,7 +49,7 @@ class Changes(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Steps:
+class HeldValues:
     """Values that hold from an instant on; fulfils Changes.
 
     Attributes:
@@ -125,7 +125,7 @@ class Signal:
 
     axis: str
     what: str
-    kind: Kind
+    kind: SignalKind
     changes: Changes
     texts: tuple[str, ...] = ()
 

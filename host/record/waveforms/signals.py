@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from steptwin.host.record.waveforms.bus_states import STATES
-from steptwin.host.record.waveforms.signal import Kind, Pulses, Signal, Steps
+from steptwin.host.record.waveforms.signal import HeldValues, Pulses, Signal, SignalKind
 from steptwin.host.record.waveforms.timebase import Window
 from steptwin.host.robots.robot import Joint, Robot
 from steptwin.host.verify import AxisEvidence, Evidence
@@ -19,14 +19,14 @@ def wires(evidence: Evidence) -> list[Signal]:
     return [signal for axis in evidence.axes for signal in _wires(axis, _LOGIC_PINS)]
 
 
-def everything(evidence: Evidence, robot: Robot, states: Sequence[Steps]) -> list[Signal]:
+def everything(evidence: Evidence, robot: Robot, states: Sequence[HeldValues]) -> list[Signal]:
     """Each axis' pins that the board drives, its drive's state, its driver's count and phases, the joint's position."""
     return [
         signal
         for axis, joint, state in zip(evidence.axes, robot.joints, states, strict=True)
         for signal in (
             *_wires(axis, _LOGIC_PINS + _MODE_PINS),
-            Signal(axis.name, "drive_state", Kind.TEXT, state, STATES),
+            Signal(axis.name, "drive_state", SignalKind.TEXT, state, STATES),
             *_positions(axis, joint),
             *_phases(axis),
         )
@@ -43,11 +43,11 @@ def whole_record(evidence: Evidence) -> Window:
 
 
 def _wires(axis: AxisEvidence, pins: Sequence[str]) -> Iterator[Signal]:
-    yield Signal(axis.name, "step", Kind.WIRE, Pulses(axis.clk_rise_counts, axis.clk_fall_counts))
-    yield Signal(axis.name, "dir", Kind.WIRE, Steps(axis.dir_edge_counts, axis.dir_levels))
+    yield Signal(axis.name, "step", SignalKind.WIRE, Pulses(axis.clk_rise_counts, axis.clk_fall_counts))
+    yield Signal(axis.name, "dir", SignalKind.WIRE, HeldValues(axis.dir_edge_counts, axis.dir_levels))
     for pin in pins:
         edges = axis.pins[pin]
-        yield Signal(axis.name, pin, Kind.WIRE, Steps(edges.counts, edges.levels))
+        yield Signal(axis.name, pin, SignalKind.WIRE, HeldValues(edges.counts, edges.levels))
 
 
 def _positions(axis: AxisEvidence, joint: Joint) -> Iterator[Signal]:
@@ -55,14 +55,14 @@ def _positions(axis: AxisEvidence, joint: Joint) -> Iterator[Signal]:
     start, counts = axis.start_steps, axis.step_counts
     steps = start + np.cumsum(axis.step_signs, dtype=np.int64)
     spu = joint.transmission.steps_per_unit
-    yield Signal(axis.name, "steps", Kind.REAL, Steps(counts, steps, start))
-    yield Signal(axis.name, f"position_{joint.unit}", Kind.REAL, Steps(counts, steps / spu, start / spu))
+    yield Signal(axis.name, "steps", SignalKind.REAL, HeldValues(counts, steps, start))
+    yield Signal(axis.name, f"position_{joint.unit}", SignalKind.REAL, HeldValues(counts, steps / spu, start / spu))
 
 
 def _phases(axis: AxisEvidence) -> Iterator[Signal]:
     """The field's electrical angle, four full steps around, and what the driver regulates both currents to."""
     phases = axis.phases
     angle_deg = phases.sixteenths * (90.0 / 16.0)
-    yield Signal(axis.name, "angle_deg", Kind.REAL, Steps(phases.counts, angle_deg))
-    yield Signal(axis.name, "phase_a_ma", Kind.REAL, Steps(phases.counts, phases.a_ma))
-    yield Signal(axis.name, "phase_b_ma", Kind.REAL, Steps(phases.counts, phases.b_ma))
+    yield Signal(axis.name, "angle_deg", SignalKind.REAL, HeldValues(phases.counts, angle_deg))
+    yield Signal(axis.name, "phase_a_ma", SignalKind.REAL, HeldValues(phases.counts, phases.a_ma))
+    yield Signal(axis.name, "phase_b_ma", SignalKind.REAL, HeldValues(phases.counts, phases.b_ma))

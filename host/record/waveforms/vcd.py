@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steptwin.host.record.waveforms.merging import Merged, initial_values, merged
-from steptwin.host.record.waveforms.signal import Kind, Signal
+from steptwin.host.record.waveforms.signal import Signal, SignalKind
 from steptwin.host.record.waveforms.text import Text, constant, decimals, lines, matrix
 from steptwin.host.record.waveforms.timebase import TimeScale, Window
 
-_TYPES: Final = {Kind.WIRE: "wire 1", Kind.REAL: "real 64", Kind.TEXT: "string 1"}
-_BEFORE: Final = {Kind.WIRE: "", Kind.REAL: "r", Kind.TEXT: "s"}
-_BEHIND: Final = {Kind.WIRE: "", Kind.REAL: " ", Kind.TEXT: " "}
+_TYPES: Final = {SignalKind.WIRE: "wire 1", SignalKind.REAL: "real 64", SignalKind.TEXT: "string 1"}
+_BEFORE: Final = {SignalKind.WIRE: "", SignalKind.REAL: "r", SignalKind.TEXT: "s"}
+_BEHIND: Final = {SignalKind.WIRE: "", SignalKind.REAL: " ", SignalKind.TEXT: " "}
 """What stands around a value, in front of the signal's code."""
 
 _FIRST_CODE: Final = ord("!")

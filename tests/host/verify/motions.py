@@ -14,10 +14,10 @@ from steptwin.host.verify import (
     BusReport,
     DriverViolations,
     Evidence,
+    Expectation,
     IdealSteps,
     LevelEdges,
     Phases,
-    Plan,
     RunInfo,
     ideal_steps,
 )
@@ -106,23 +106,23 @@ def planar_forward(joints: FloatArray) -> FloatArray:
     return np.column_stack([columns[:, 0], columns[:, 1], np.zeros(len(joints)), columns[:, 2]])
 
 
-def plan_of(trajectory: Motion, *steps_per_unit: float) -> Plan:
+def expect(trajectory: Motion, *steps_per_unit: float) -> Expectation:
     """A plan for the stage."""
     units = ("mm", "mm", "deg", *("deg",) * 5)[: len(steps_per_unit)]
-    return Plan(trajectory, np.array(steps_per_unit), units, planar_forward)
+    return Expectation(trajectory, np.array(steps_per_unit), units, planar_forward)
 
 
-def nearest_steps(plan: Plan) -> tuple[int, ...]:
+def nearest_steps(expected: Expectation) -> tuple[int, ...]:
     """The counters of a board that stands at the plan's start."""
-    start = plan.trajectory.positions(np.zeros(1))[0] * plan.steps_per_unit
+    start = expected.trajectory.positions(np.zeros(1))[0] * expected.steps_per_unit
     return tuple(int(n) for n in np.floor(start + 0.5))
 
 
-def perfect_evidence(plan: Plan) -> Evidence:
+def perfect_evidence(expected: Expectation) -> Evidence:
     """What a board would leave that makes every ideal step in the nearest count of its timer."""
-    starts = nearest_steps(plan)
-    ideal = ideal_steps(plan.trajectory, plan.steps_per_unit, starts)
-    names = plan.trajectory.joint_names
+    starts = nearest_steps(expected)
+    ideal = ideal_steps(expected.trajectory, expected.steps_per_unit, starts)
+    names = expected.trajectory.joint_names
     return Evidence(START_COUNTS, tuple(map(_perfect_axis, names, ideal)))
 
 

@@ -17,7 +17,7 @@ from steptwin.host.verify import (
     DriverLimit,
     DriverViolations,
     Evidence,
-    Plan,
+    Expectation,
     ViolationReport,
     compare,
     verify,
@@ -30,11 +30,11 @@ from tests.host.verify.motions import (
     RUN,
     START_COUNTS,
     altered,
+    expect,
     line,
     motion,
     nearest_steps,
     perfect_evidence,
-    plan_of,
     planar_forward,
     sines,
     still,
@@ -43,7 +43,7 @@ from tests.host.verify.motions import (
 
 RATE_HZ = 1000.0
 PERIOD_COUNTS = 72_000
-STEADY = plan_of(motion(1.0, line(0.0, 100.0)), 10.0)
+STEADY = expect(motion(1.0, line(0.0, 100.0)), 10.0)
 """One joint at 100 mm/s and 10 steps/mm: 1000 steps at 1 kHz, the first after 0.5625 ms."""
 
 THREE_VIOLATIONS = DriverViolations(
@@ -57,7 +57,7 @@ THREE_VIOLATIONS = DriverViolations(
     np.array([171.0, 29.0, 3.0]),
 )
 
-SWINGING = plan_of(
+SWINGING = expect(
     motion(3.0, sines([(20.0, 2.0, 0.0)]), trapezoid(3.0, -50.0, 3.0, 1.0), sines([(90.0, 3.0, 1.0)]), still(7.0)),
     80.0,
     40.0,
@@ -282,45 +282,45 @@ def test_where_the_motion_grazes_a_threshold_both_answers_are_right(
     peak: float, made: bool, grazing: int, unmatched: int
 ) -> None:
     """From 0 to the peak and back to 0 within a second: a step up at the peak and one down on the way back, or none."""
-    plan = plan_of(motion(1.0, sines([(-peak / 2.0, 2.0 * np.pi, np.pi / 2.0)], peak / 2.0)), 1.0)
+    expected = expect(motion(1.0, sines([(-peak / 2.0, 2.0 * np.pi, np.pi / 2.0)], peak / 2.0)), 1.0)
     back_s = 1.0 - np.arccos(1.0 - 2.0 * 0.4375 / peak) / (2.0 * np.pi)
     times_s = np.array([0.5, back_s] if made else [])
     counts = START_COUNTS + np.rint(times_s * COUNTS_PER_SECOND).astype(np.int64)
-    evidence = with_steps(perfect_evidence(plan), counts, np.array([1, -1] if made else [], np.int8))
-    report = verify(plan, evidence, RUN)
+    evidence = with_steps(perfect_evidence(expected), counts, np.array([1, -1] if made else [], np.int8))
+    report = verify(expected, evidence, RUN)
     assert (report.axes[0].grazing_steps, report.axes[0].unmatched_steps) == (grazing, unmatched)
     assert report.passed == (unmatched == 0)
 
 
 def test_a_turning_point_without_its_steps_is_seen_between_the_edges() -> None:
     """Edges alone would not show it: no edge is near the peak that should have stepped up and back."""
-    plan = plan_of(motion(1.0, sines([(-0.4, 2.0 * np.pi, np.pi / 2.0)], 0.4)), 1.0)
-    evidence = with_steps(perfect_evidence(plan), np.empty(0, np.int64), np.empty(0, np.int8))
-    (axis,) = verify(plan, evidence, RUN).axes
+    expected = expect(motion(1.0, sines([(-0.4, 2.0 * np.pi, np.pi / 2.0)], 0.4)), 1.0)
+    evidence = with_steps(perfect_evidence(expected), np.empty(0, np.int64), np.empty(0, np.int8))
+    (axis,) = verify(expected, evidence, RUN).axes
     assert axis.position_error_steps_max == pytest.approx(0.8)
     assert axis.unmatched_steps == 2
 
 
 def test_slow_crossings_have_no_timing_error() -> None:
     """A reversal in the middle: the steps beside it come 10 us late, which at their speed is next to nothing."""
-    plan = plan_of(motion(2.0, sines([(10.0, np.pi / 2.0, 0.0)])), 2000.0)
-    evidence = perfect_evidence(plan)
-    comparison = compare(plan, evidence)
+    expected = expect(motion(2.0, sines([(10.0, np.pi / 2.0, 0.0)])), 2000.0)
+    evidence = perfect_evidence(expected)
+    comparison = compare(expected, evidence)
     slow = comparison.ideal[0].speeds_hz < 0.01 * comparison.ideal[0].speeds_hz.max()
     assert np.count_nonzero(slow) == 2
     counts = evidence.axes[0].step_counts + np.where(slow, COUNTS_PER_SECOND // 100_000, 0)
-    (axis,) = verify(plan, with_steps(evidence, counts, evidence.axes[0].step_signs), RUN).axes
+    (axis,) = verify(expected, with_steps(evidence, counts, evidence.axes[0].step_signs), RUN).axes
     assert axis.timing_error_us_max < 0.01
     assert axis.threshold_error_steps_max > 1e-3
 
 
 def test_steps_before_the_start_only_set_where_it_is() -> None:
-    plan = plan_of(motion(1.0, line(0.2, 100.0)), 10.0)
-    evidence = perfect_evidence(plan)
+    expected = expect(motion(1.0, line(0.2, 100.0)), 10.0)
+    evidence = perfect_evidence(expected)
     first = evidence.axes[0]
     counts = np.concatenate([START_COUNTS - np.arange(5, 0, -1) * PERIOD_COUNTS, first.step_counts])
     signs = np.concatenate([np.ones(5, np.int8), first.step_signs])
-    report = verify(plan, altered(with_steps(evidence, counts, signs), start_steps=-3), RUN)
+    report = verify(expected, altered(with_steps(evidence, counts, signs), start_steps=-3), RUN)
     assert report.passed
     assert (report.axes[0].steps_start, report.axes[0].pulses) == (2, 1005)
 
@@ -341,9 +341,9 @@ def test_the_attitude_error_does_not_jump_at_half_a_turn() -> None:
         poses[:, 3] = wrapped_deg(poses[:, 3])
         return poses
 
-    plan = plan_of(motion(1.0, still(0.0), still(0.0), line(150.0, 60.0)), 10.0, 10.0, 10.0)
-    plan = replace(plan, forward=forward)
-    report = verify(plan, perfect_evidence(plan), RUN)
+    expected = expect(motion(1.0, still(0.0), still(0.0), line(150.0, 60.0)), 10.0, 10.0, 10.0)
+    expected = replace(expected, forward=forward)
+    report = verify(expected, perfect_evidence(expected), RUN)
     assert report.tool.attitude_error_deg_max == pytest.approx(0.05625, abs=1e-6)
 
 
@@ -353,8 +353,8 @@ def test_angles_wrap_into_a_half_open_turn() -> None:
 
 
 def test_a_plan_that_is_not_finite_is_refused() -> None:
-    broken = plan_of(motion(1.0, still(0.0), (lambda t: np.where(t > 0.5, np.nan, 0.0), lambda t: 0.0 * t)), 1.0, 1.0)
-    standing = plan_of(motion(1.0, still(0.0), still(0.0)), 1.0, 1.0)
+    broken = expect(motion(1.0, still(0.0), (lambda t: np.where(t > 0.5, np.nan, 0.0), lambda t: 0.0 * t)), 1.0, 1.0)
+    standing = expect(motion(1.0, still(0.0), still(0.0)), 1.0, 1.0)
     with pytest.raises(ValueError, match=r"planned position of b is nan at 0\.501 s"):
         verify(broken, perfect_evidence(standing), RUN)
 
@@ -366,7 +366,7 @@ def test_other_axes_than_planned_are_refused() -> None:
 
 def test_a_plan_needs_one_conversion_per_joint() -> None:
     with pytest.raises(ValueError, match="1 joints, but steps_per_unit"):
-        Plan(STEADY.trajectory, np.array([1.0, 2.0]), ("mm",), planar_forward)
+        Expectation(STEADY.trajectory, np.array([1.0, 2.0]), ("mm",), planar_forward)
 
 
 @pytest.fixture(scope="module")

@@ -21,10 +21,10 @@ from steptwin.host.record.folder.motion import CUBICS_OFF_STEPS, read_motion, wr
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.robot import ActiveEdge
 from steptwin.host.verify import DriverLimit, DriverViolations, Phases
-from tests.host.verify.motions import altered, motion, perfect_evidence, plan_of, sines, still
+from tests.host.verify.motions import altered, expect, motion, perfect_evidence, sines, still
 
 EVIDENCE = altered(
-    perfect_evidence(plan_of(motion(0.5, sines([(20.0, 3.0, 0.0)]), still(7.5)), 80.0, 10.0)),
+    perfect_evidence(expect(motion(0.5, sines([(20.0, 3.0, 0.0)]), still(7.5)), 80.0, 10.0)),
     violations=DriverViolations(
         (DriverLimit("clk_high", "CLK too short", 30.0, "us", "p. 8"), DriverLimit("hot", "", 170.0, "degC", "p. 9")),
         np.array([500, 500]),

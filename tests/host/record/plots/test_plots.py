@@ -16,10 +16,10 @@ from tests.host.verify.motions import (
     RUN,
     START_COUNTS,
     altered,
+    expect,
     line,
     motion,
     perfect_evidence,
-    plan_of,
     sines,
     still,
     trapezoid,
@@ -31,7 +31,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from steptwin.host.record.plots import OF_EVERY_RUN, PICTURES, Moment, View, write_plots
+from steptwin.host.record.plots import DEFAULT_PICTURES, PICTURES, Moment, View, write_plots
 from steptwin.host.record.plots.canvas import DOTS_PER_INCH, WIDTH_INCHES, thinned
 
 VIEW = View(1.0, 0.05)
@@ -41,27 +41,27 @@ PNG_HEADER = b"\x89PNG\r\n\x1a\n"
 
 def swinging() -> Comparison:
     """Two axes that move, one of them to and fro, and one that stands."""
-    plan = plan_of(
+    expected = expect(
         motion(2.0, sines([(20.0, 3.0, 0.0)]), trapezoid(3.0, -50.0, 2.0, 0.5), still(7.5)), 80.0, 40.0, 10.0
     )
-    return compare(plan, perfect_evidence(plan))
+    return compare(expected, perfect_evidence(expected))
 
 
 def standing() -> Comparison:
-    plan = plan_of(motion(1.0, still(1.0), still(2.0)), 10.0, 10.0)
-    return compare(plan, perfect_evidence(plan))
+    expected = expect(motion(1.0, still(1.0), still(2.0)), 10.0, 10.0)
+    return compare(expected, perfect_evidence(expected))
 
 
 def single_step() -> Comparison:
-    plan = plan_of(motion(1.0, line(0.0, 0.7)), 1.0)
-    return compare(plan, perfect_evidence(plan))
+    expected = expect(motion(1.0, line(0.0, 0.7)), 1.0)
+    return compare(expected, perfect_evidence(expected))
 
 
 def silent() -> Comparison:
     """A board that made nothing of its plan."""
-    plan = swinging().plan
+    expected = swinging().expected
     none, no_signs = np.empty(0, np.int64), np.empty(0, np.int8)
-    evidence = perfect_evidence(plan)
+    evidence = perfect_evidence(expected)
     for axis in range(2):
         evidence = altered(
             evidence,
@@ -73,22 +73,22 @@ def silent() -> Comparison:
             step_counts=none,
             step_signs=no_signs,
         )
-    return compare(plan, evidence)
+    return compare(expected, evidence)
 
 
 def unheard() -> Comparison:
     """Drivers that missed every pulse."""
-    plan = swinging().plan
-    evidence = perfect_evidence(plan)
+    expected = swinging().expected
+    evidence = perfect_evidence(expected)
     for axis in range(2):
         evidence = altered(evidence, axis, step_counts=np.empty(0, np.int64), step_signs=np.empty(0, np.int8))
-    return compare(plan, evidence)
+    return compare(expected, evidence)
 
 
 def dense() -> Comparison:
     """More steps than a picture has columns: drawn thinned."""
-    plan = plan_of(motion(4.0, sines([(200.0, 2.0, 0.0)]), sines([(200.0, 2.0, 1.5)])), 80.0, 80.0)
-    return compare(plan, perfect_evidence(plan))
+    expected = expect(motion(4.0, sines([(200.0, 2.0, 0.0)]), sines([(200.0, 2.0, 1.5)])), 80.0, 80.0)
+    return compare(expected, perfect_evidence(expected))
 
 
 RUNS = {run.__name__: run for run in (swinging, standing, single_step, silent, unheard, dense)}
@@ -154,8 +154,8 @@ def test_the_third_coordinate_gets_a_view_if_it_moves() -> None:
     def lifted(joints: FloatArray) -> FloatArray:
         return np.column_stack([joints[:, 0], joints[:, 1], joints[:, 1] / 2.0, joints[:, 2]])
 
-    plan = replace(comparison.plan, forward=lifted)
-    assert len(PICTURES["tool-path"](compare(plan, comparison.evidence), RUN, VIEW).axes) == 6
+    expected = replace(comparison.expected, forward=lifted)
+    assert len(PICTURES["tool-path"](compare(expected, comparison.evidence), RUN, VIEW).axes) == 6
 
 
 class TestAToolThatStands:
@@ -168,7 +168,7 @@ class TestAToolThatStands:
             x_mm = np.where(np.arange(len(joints)) % 2, 4.9e-14, 5.0e-14)
             return np.column_stack([x_mm, np.full(len(joints), 800.0), np.zeros((len(joints), 2))])
 
-        return compare(replace(comparison.plan, forward=forward), comparison.evidence)
+        return compare(replace(comparison.expected, forward=forward), comparison.evidence)
 
     def test_has_pictures_without_a_warning(self, tmp_path: Path) -> None:
         with warnings.catch_warnings():
@@ -200,7 +200,9 @@ def test_an_error_that_is_seen_already_is_not_magnified() -> None:
 
 
 def test_a_run_draws_some_of_them_by_itself(tmp_path: Path) -> None:
-    assert [path.name for path in write_plots(tmp_path, single_step(), RUN)] == [f"{name}.png" for name in OF_EVERY_RUN]
+    assert [path.name for path in write_plots(tmp_path, single_step(), RUN)] == [
+        f"{name}.png" for name in DEFAULT_PICTURES
+    ]
 
 
 @pytest.mark.parametrize("form", ["png", "svg", "pdf"])
@@ -320,7 +322,7 @@ class TestTheTiming:
         steps = comparison.evidence.axes[1].step_counts
         spread = np.rint(72 * late_us * np.linspace(-1.0, 1.0, steps.size)).astype(np.int64)
         evidence = altered(comparison.evidence, 1, step_counts=np.sort(steps + spread))
-        return PICTURES["timing"](compare(comparison.plan, evidence), RUN, VIEW).axes
+        return PICTURES["timing"](compare(comparison.expected, evidence), RUN, VIEW).axes
 
     @pytest.mark.parametrize("late_us", [0.0, 1.0, 150.0])
     def test_fast_axes_keep_their_shape_beside_slow_ones(self, late_us: float) -> None:
@@ -348,7 +350,7 @@ def test_jitter_is_the_interval_beyond_the_ideal_one() -> None:
     comparison = dense()
     late = comparison.evidence.axes[0].step_counts.copy()
     late[5000] += 360
-    comparison = compare(comparison.plan, altered(comparison.evidence, step_counts=late))
+    comparison = compare(comparison.expected, altered(comparison.evidence, step_counts=late))
     left, right = PICTURES["jitter"](comparison, RUN, VIEW).axes[:2]
     jitter_us = np.asarray(left.lines[0].get_ydata())
     assert sorted(jitter_us[np.abs(jitter_us) > 1]) == pytest.approx([-5, 5], abs=0.03)
@@ -377,7 +379,7 @@ def test_widths_beside_the_limits() -> None:
     """High for 33 us, 3 us more than is asked for; low 5 us less than is asked for at the sine's fastest."""
     limits = (DriverLimit("clk_high", "", 30.0, "us", ""), DriverLimit("clk_low", "", 180.0, "us", ""))
     evidence = altered(swinging().evidence, violations=replace(NO_VIOLATIONS, limits=limits))
-    first, second = PICTURES["widths"](compare(swinging().plan, evidence), RUN, VIEW).axes
+    first, second = PICTURES["widths"](compare(swinging().expected, evidence), RUN, VIEW).axes
     rises = evidence.axes[0].clk_rise_counts
     low_us = float(np.diff(rises).min()) / 72 - 33
     assert first.get_title(loc="right") == (
@@ -398,7 +400,7 @@ def test_widths_are_those_that_the_limits_are_for() -> None:
         evidence = altered(
             evidence, axis, active_edge=ActiveEdge.FALLING, violations=replace(NO_VIOLATIONS, limits=limits)
         )
-    first, second = PICTURES["widths"](compare(swinging().plan, evidence), RUN, VIEW).axes
+    first, second = PICTURES["widths"](compare(swinging().expected, evidence), RUN, VIEW).axes
     pause_us = float(np.diff(evidence.axes[0].clk_rise_counts).min()) / 72 - 33
     assert first.get_title(loc="right").startswith(
         f"high >= {pause_us:.2f} us, {pause_us - 30:.2f} above its limit; low >= 33.00 us, 117.00 below its limit; "
@@ -411,7 +413,7 @@ def test_of_several_limits_the_strictest_counts() -> None:
     limits = [("clk_high", 1 / 72), ("clk_low", 1 / 72), ("clk_high", 30.0), ("clk_period", 66.0), ("clk_high", 20.0)]
     violations = replace(NO_VIOLATIONS, limits=tuple(DriverLimit(rule, "", us, "us", "") for rule, us in limits))
     evidence = altered(swinging().evidence, violations=violations)
-    first, _ = PICTURES["widths"](compare(swinging().plan, evidence), RUN, VIEW).axes
+    first, _ = PICTURES["widths"](compare(swinging().expected, evidence), RUN, VIEW).axes
     assert [float(np.asarray(line.get_xdata())[0]) for line in first.lines] == [30.0, 66.0]
     assert [text.get_text() for text in first.texts] == ["high 30 ", "rise to rise 66 "]
     assert first.get_title(loc="right").count("its limit") == 2
@@ -422,7 +424,7 @@ def test_limits_that_are_near_to_each_other_share_a_label() -> None:
     limits = [("clk_high", 150.0), ("clk_low", 151.0), ("clk_period", 310.0)]
     violations = replace(NO_VIOLATIONS, limits=tuple(DriverLimit(rule, "", us, "us", "") for rule, us in limits))
     evidence = altered(swinging().evidence, violations=violations)
-    first, _ = PICTURES["widths"](compare(swinging().plan, evidence), RUN, VIEW).axes
+    first, _ = PICTURES["widths"](compare(swinging().expected, evidence), RUN, VIEW).axes
     assert [text.get_text() for text in first.texts] == ["high 150 \nlow 151 ", "rise to rise 310 "]
     assert len(first.lines) == 3
 
@@ -430,7 +432,7 @@ def test_limits_that_are_near_to_each_other_share_a_label() -> None:
 def test_limits_that_ask_for_nothing_are_not_drawn() -> None:
     limits = (DriverLimit("clk_low", "", -4.0, "us", ""), DriverLimit("mode_change", "", 0.0, "level", ""))
     evidence = altered(swinging().evidence, violations=replace(NO_VIOLATIONS, limits=limits))
-    first, _ = PICTURES["widths"](compare(swinging().plan, evidence), RUN, VIEW).axes
+    first, _ = PICTURES["widths"](compare(swinging().expected, evidence), RUN, VIEW).axes
     assert not first.lines
 
 
@@ -444,7 +446,7 @@ class TestThePhases:
         counts = START_COUNTS + 72_000_000 + np.arange(16) * 4_500_000
         phases = Phases(counts, sixteenths.astype(np.int8), a_ma, b_ma)
         comparison = swinging()
-        return PICTURES["phases"](compare(comparison.plan, altered(comparison.evidence, phases=phases)), RUN, view)
+        return PICTURES["phases"](compare(comparison.expected, altered(comparison.evidence, phases=phases)), RUN, view)
 
     def test_are_a_circle(self) -> None:
         field = self.figure(View()).axes[0]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from hypothesis import strategies as st
 
-from steptwin.host.record.waveforms import Kind, Pulses, Signal, Steps
+from steptwin.host.record.waveforms import HeldValues, Pulses, Signal, SignalKind
 
 LAST_COUNTS = 40_000
 
@@ -40,7 +40,7 @@ def pulses(draw: st.DrawFn, axis: str, apart: int = 1) -> Made:
     edges = draw(instants(apart))
     edges = edges[: len(edges) // 2 * 2]
     changes = Pulses(np.array(edges[0::2], np.int64), np.array(edges[1::2], np.int64))
-    return Made(Signal(axis, "step", Kind.WIRE, changes), 0, [(edge, 1 - i % 2) for i, edge in enumerate(edges)])
+    return Made(Signal(axis, "step", SignalKind.WIRE, changes), 0, [(edge, 1 - i % 2) for i, edge in enumerate(edges)])
 
 
 @st.composite
@@ -48,8 +48,8 @@ def levels(draw: st.DrawFn, axis: str, what: str, apart: int = 0) -> Made:
     """A pin that is held at a level; levels may repeat, and change several times at one instant."""
     counts = draw(instants(apart))
     values = draw(st.lists(st.integers(0, 1), min_size=len(counts), max_size=len(counts)))
-    changes = Steps(np.array(counts, np.int64), np.array(values, np.int8))
-    return Made(Signal(axis, what, Kind.WIRE, changes), 0, list(zip(counts, values, strict=True)))
+    changes = HeldValues(np.array(counts, np.int64), np.array(values, np.int8))
+    return Made(Signal(axis, what, SignalKind.WIRE, changes), 0, list(zip(counts, values, strict=True)))
 
 
 @st.composite
@@ -58,8 +58,8 @@ def numbers(draw: st.DrawFn, axis: str) -> Made:
     finite = st.floats(allow_nan=False, allow_infinity=False)
     values = draw(st.lists(finite, min_size=len(counts), max_size=len(counts)))
     before = draw(finite)
-    changes = Steps(np.array(counts, np.int64), np.array(values, np.float64), before)
-    return Made(Signal(axis, "position_mm", Kind.REAL, changes), before, list(zip(counts, values, strict=True)))
+    changes = HeldValues(np.array(counts, np.int64), np.array(values, np.float64), before)
+    return Made(Signal(axis, "position_mm", SignalKind.REAL, changes), before, list(zip(counts, values, strict=True)))
 
 
 TEXTS = ("UNKNOWN", "READY", "FAULT")
@@ -69,5 +69,5 @@ TEXTS = ("UNKNOWN", "READY", "FAULT")
 def texts(draw: st.DrawFn, axis: str) -> Made:
     counts = draw(instants())
     values = draw(st.lists(st.integers(0, 2), min_size=len(counts), max_size=len(counts)))
-    changes = Steps(np.array(counts, np.int64), np.array(values, np.int8))
-    return Made(Signal(axis, "drive_state", Kind.TEXT, changes, TEXTS), 0, list(zip(counts, values, strict=True)))
+    changes = HeldValues(np.array(counts, np.int64), np.array(values, np.int8))
+    return Made(Signal(axis, "drive_state", SignalKind.TEXT, changes, TEXTS), 0, list(zip(counts, values, strict=True)))

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.host.record.waveforms import SCALES, Kind, Pulses, Signal, Steps, TimeScale, Window
+from steptwin.host.record.waveforms import SCALES, HeldValues, Pulses, Signal, SignalKind, TimeScale, Window
 from steptwin.host.record.waveforms.signal import CHANGES_PER_STRETCH, stretches
 from steptwin.host.record.waveforms.timebase import COUNTS
 from tests.host.record.waveforms.made import LAST_COUNTS, Made, levels, numbers, pulses, texts
@@ -37,8 +37,10 @@ def test_between_marks_there_are_at_most_so_many_changes(made: Made, every: int)
 @pytest.mark.parametrize("scale", [*SCALES.values(), COUNTS], ids=[*SCALES, "counts"])
 def test_stretches_cover_the_window_without_dividing_a_unit(scale: TimeScale) -> None:
     rises = 100 + 150 * np.arange(4 * CHANGES_PER_STRETCH)
-    signals = [Signal("a", "step", Kind.WIRE, Pulses(rises, rises + 75))]
-    signals += [Signal("a", "dir", Kind.WIRE, Steps(rises[::3] - 17, np.arange(len(rises[::3]), dtype=np.int8) % 2))]
+    signals = [Signal("a", "step", SignalKind.WIRE, Pulses(rises, rises + 75))]
+    signals += [
+        Signal("a", "dir", SignalKind.WIRE, HeldValues(rises[::3] - 17, np.arange(len(rises[::3]), dtype=np.int8) % 2))
+    ]
     window = Window(5, int(rises[-1]) + 30, 0)
     parts = list(stretches(signals, window, scale))
     assert parts[0][0] == window.from_counts
@@ -50,5 +52,5 @@ def test_stretches_cover_the_window_without_dividing_a_unit(scale: TimeScale) ->
 
 
 def test_names_have_letters_digits_and_underscores_only() -> None:
-    signal = Signal("ä 1.$end", "step", Kind.WIRE, Pulses(np.empty(0, np.int64), np.empty(0, np.int64)))
+    signal = Signal("ä 1.$end", "step", SignalKind.WIRE, Pulses(np.empty(0, np.int64), np.empty(0, np.int64)))
     assert (signal.scope, signal.name) == ("__1__end", "__1__end_step")

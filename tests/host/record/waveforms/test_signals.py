@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.errors import InputError
-from steptwin.host.record.waveforms import Kind, drive_states, everything, whole_record, wires
+from steptwin.host.record.waveforms import SignalKind, drive_states, everything, whole_record, wires
 from steptwin.host.record.waveforms.bus_states import STATES
 from steptwin.host.robots import load_robot
 from steptwin.protocol.cia402 import State
-from tests.host.verify.motions import ENABLE_COUNTS, START_COUNTS, line, motion, perfect_evidence, plan_of
+from tests.host.verify.motions import ENABLE_COUNTS, START_COUNTS, expect, line, motion, perfect_evidence
 
-PLAN = plan_of(motion(1.0, line(0.0, 100.0), line(5.0, -40.0)), 10.0, 10.0)
+PLAN = expect(motion(1.0, line(0.0, 100.0), line(5.0, -40.0)), 10.0, 10.0)
 EVIDENCE = perfect_evidence(PLAN)
 
 LOG = """\
@@ -31,7 +31,7 @@ def test_wires_of_an_axis() -> None:
     names = [signal.name for signal in wires(EVIDENCE)]
     assert names[:6] == ["a_step", "a_dir", "a_enable", "a_reset", "a_out1", "a_out2"]
     assert len(names) == 12
-    assert all(signal.kind is Kind.WIRE for signal in wires(EVIDENCE))
+    assert all(signal.kind is SignalKind.WIRE for signal in wires(EVIDENCE))
 
 
 def test_the_record_goes_from_power_up_to_the_last_edge() -> None:
@@ -69,7 +69,7 @@ def test_a_log_of_another_form_is_refused(line: str, tmp_path: Path) -> None:
 def test_everything_has_positions_in_steps_and_in_the_joints_unit(tmp_path: Path) -> None:
     robot = load_robot("hybrid-arm")
     moves = [line(0.0, 10.0), line(5.0, -4.0), line(0.0, 0.0), line(1.0, 0.0)]
-    evidence = perfect_evidence(plan_of(motion(1.0, *moves), *robot.steps_per_unit))
+    evidence = perfect_evidence(expect(motion(1.0, *moves), *robot.steps_per_unit))
     signals = {signal.name: signal for signal in everything(evidence, robot, drive_states(log_file(tmp_path), 4))}
     assert len(signals) == 4 * 18
     assert signals["a_drive_state"].texts == STATES

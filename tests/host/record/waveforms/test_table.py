@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.host.record.waveforms import Kind, Signal, Steps, Window
+from steptwin.host.record.waveforms import HeldValues, Signal, SignalKind, Window
 from steptwin.host.record.waveforms.table import arrays, csv
 from tests.host.record.waveforms.made import Made, levels, numbers, pulses
 
@@ -32,7 +32,9 @@ def test_csv_reads_back_as_it_was(made: tuple[Made, ...], window: Window) -> Non
 
 
 def test_times_have_nine_decimals_and_a_sign() -> None:
-    pin = Signal("a", "dir", Kind.WIRE, Steps(np.array([7_199, 7_201, 72_007_200 + 36]), np.array([1, 0, 1], np.int8)))
+    pin = Signal(
+        "a", "dir", SignalKind.WIRE, HeldValues(np.array([7_199, 7_201, 72_007_200 + 36]), np.array([1, 0, 1], np.int8))
+    )
     text = b"".join(csv([pin], Window(0, 10**8, 7_200))).decode()
     assert text.splitlines()[1:] == [
         "0,-0.000100000,a_dir,0",

@@ -8,7 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from steptwin.host.common.errors import InputError
-from steptwin.host.record.waveforms import SCALES, Format, Kind, Pulses, Signal, Steps, Window, write_waveform
+from steptwin.host.record.waveforms import (
+    SCALES,
+    Format,
+    HeldValues,
+    Pulses,
+    Signal,
+    SignalKind,
+    Window,
+    write_waveform,
+)
 from steptwin.host.record.waveforms.signal import CHANGES_PER_STRETCH
 from steptwin.host.record.waveforms.vcd import vcd
 from tests.host.record.waveforms.made import LAST_COUNTS, TEXTS, Made, levels, numbers, pulses, texts
@@ -60,7 +69,7 @@ def test_many_edges_in_many_stretches() -> None:
     rng = np.random.default_rng(1)
     rises = [np.cumsum(rng.integers(5_000, 9_000, 2 * CHANGES_PER_STRETCH // 3)) for _ in range(3)]
     rises[1] = rises[1][(rises[1] < 10**8) | (rises[1] > 2 * 10**8)]
-    signals = [Signal(f"a{i}", "step", Kind.WIRE, Pulses(own, own + 2_376)) for i, own in enumerate(rises)]
+    signals = [Signal(f"a{i}", "step", SignalKind.WIRE, Pulses(own, own + 2_376)) for i, own in enumerate(rises)]
     dump = dump_of(signals, Window(0, 10**9, 0), "10ns")
     for own, name in zip(rises, ("a0_step", "a1_step", "a2_step"), strict=True):
         edges = np.column_stack([own, own + 2_376]).ravel()
@@ -70,7 +79,7 @@ def test_many_edges_in_many_stretches() -> None:
 
 
 def test_a_change_at_the_very_beginning_is_an_initial_value_and_one_at_the_very_end_is_shown() -> None:
-    pin = Signal("a", "dir", Kind.WIRE, Steps(np.array([720, 7_200, 14_400]), np.array([1, 0, 1], np.int8)))
+    pin = Signal("a", "dir", SignalKind.WIRE, HeldValues(np.array([720, 7_200, 14_400]), np.array([1, 0, 1], np.int8)))
     dump = dump_of([pin], Window(720, 14_400, 0))
     assert dump.initial["a_dir"] == "1"
     assert dump.changes["a_dir"] == [(100, "0"), (200, "1")]
@@ -81,7 +90,7 @@ def test_a_change_at_the_very_beginning_is_an_initial_value_and_one_at_the_very_
 
 class TestAPulseTooShortForTheScale:
     def pin(self, width_counts: int) -> list[Signal]:
-        return [Signal("th1", "step", Kind.WIRE, Pulses(np.array([36]), np.array([36 + width_counts])))]
+        return [Signal("th1", "step", SignalKind.WIRE, Pulses(np.array([36]), np.array([36 + width_counts])))]
 
     def test_is_refused(self) -> None:
         with pytest.raises(InputError) as caught:
@@ -106,12 +115,12 @@ class TestAPulseTooShortForTheScale:
 
 def test_a_pulse_of_no_length_is_nothing() -> None:
     """The firmware resets a driver within one count."""
-    pin = Signal("a", "reset", Kind.WIRE, Steps(np.array([100, 900, 900]), np.array([1, 0, 1], np.int8)))
+    pin = Signal("a", "reset", SignalKind.WIRE, HeldValues(np.array([100, 900, 900]), np.array([1, 0, 1], np.int8)))
     assert dump_of([pin], Window(0, LAST_COUNTS, 0)).changes["a_reset"] == [(1, "1")]
 
 
 def test_the_header_says_whose_and_where_zero_is() -> None:
-    pin = Signal("th 1", "dir", Kind.WIRE, Steps(np.array([720]), np.array([1], np.int8)))
+    pin = Signal("th 1", "dir", SignalKind.WIRE, HeldValues(np.array([720]), np.array([1], np.int8)))
     text = b"".join(vcd([pin], Window(0, 72_000, 36_000), SCALES["1us"], "arm $end job")).decode()
     dump = read_vcd(text)
     assert dump.texts == ["StepTwin, SIMULATED: arm end job", "#0 is power-up, #500 the motion's t = 0"]
@@ -120,7 +129,8 @@ def test_the_header_says_whose_and_where_zero_is() -> None:
 
 def test_codes_of_many_signals_are_different_and_printable() -> None:
     signals = [
-        Signal(f"a{i}", "dir", Kind.WIRE, Steps(np.array([720 + i]), np.array([1], np.int8))) for i in range(200)
+        Signal(f"a{i}", "dir", SignalKind.WIRE, HeldValues(np.array([720 + i]), np.array([1], np.int8)))
+        for i in range(200)
     ]
     dump = dump_of(signals, Window(0, 7_200, 0))
     assert len(dump.types) == 200
@@ -128,5 +138,7 @@ def test_codes_of_many_signals_are_different_and_printable() -> None:
 
 
 def test_a_window_without_changes_has_a_beginning_and_an_end() -> None:
-    dump = dump_of([Signal("a", "dir", Kind.WIRE, Steps(np.array([5]), np.array([1], np.int8)))], Window(720, 7_200, 0))
+    dump = dump_of(
+        [Signal("a", "dir", SignalKind.WIRE, HeldValues(np.array([5]), np.array([1], np.int8)))], Window(720, 7_200, 0)
+    )
     assert (dump.initial, dump.instants) == ({"a_dir": "1"}, [10, 100])

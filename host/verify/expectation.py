@@ -14,7 +14,7 @@ Forward = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class Expectation:
     """A trajectory with the robot's conversions; everything per joint is in the trajectory's joint order.
 
     Attributes:

@@ -5,17 +5,17 @@ from dataclasses import replace
 import pytest
 
 from steptwin.host.planning.trajectory import Switching
-from steptwin.host.verify import OutputChange, Plan, verify
+from steptwin.host.verify import Expectation, OutputChange, verify
 from steptwin.protocol.timer import COUNTS_PER_SECOND
-from tests.host.verify.motions import RUN, START_COUNTS, line, motion, perfect_evidence, plan_of
+from tests.host.verify.motions import RUN, START_COUNTS, expect, line, motion, perfect_evidence
 
 STEADY = motion(1.0, line(0.0, 100.0))
 GRIP = Switching("gripper", on=True, from_s=0.2, until_s=0.3)
 LET_GO = Switching("gripper", on=False, from_s=0.7, until_s=0.8)
 
 
-def switching_plan(*switchings: Switching) -> Plan:
-    return plan_of(replace(STEADY, switchings=switchings), 10.0)
+def expect_switchings(*switchings: Switching) -> Expectation:
+    return expect(replace(STEADY, switchings=switchings), 10.0)
 
 
 def change(t_s: float, level: int, name: str = "gripper") -> OutputChange:
@@ -23,15 +23,15 @@ def change(t_s: float, level: int, name: str = "gripper") -> OutputChange:
 
 
 def reasons(planned: tuple[Switching, ...], *made: OutputChange) -> tuple[str, ...]:
-    plan = switching_plan(*planned)
-    return verify(plan, replace(perfect_evidence(plan), outputs=made), RUN).reasons
+    expected = expect_switchings(*planned)
+    return verify(expected, replace(perfect_evidence(expected), outputs=made), RUN).reasons
 
 
 @pytest.mark.parametrize("late_s", [0.0, 0.05, 0.1])
 def test_in_time(late_s: float) -> None:
-    plan = switching_plan(GRIP, LET_GO)
-    evidence = replace(perfect_evidence(plan), outputs=(change(0.2 + late_s, 1), change(0.7 + late_s, 0)))
-    report = verify(plan, evidence, RUN)
+    expected = expect_switchings(GRIP, LET_GO)
+    evidence = replace(perfect_evidence(expected), outputs=(change(0.2 + late_s, 1), change(0.7 + late_s, 0)))
+    report = verify(expected, evidence, RUN)
     assert report.passed
     assert [output.changed_s for output in report.outputs] == pytest.approx([0.2 + late_s, 0.7 + late_s])
     assert report.to_dict()["outputs"][0] == {
@@ -60,5 +60,5 @@ def test_a_change_nobody_planned() -> None:
 
 
 def test_a_document_of_a_run_without_outputs() -> None:
-    plan = switching_plan()
-    assert verify(plan, perfect_evidence(plan), RUN).to_dict()["outputs"] == []
+    expected = expect_switchings()
+    assert verify(expected, perfect_evidence(expected), RUN).to_dict()["outputs"] == []
