@@ -1,10 +1,9 @@
 """The robots that come along, one TOML file each; a user's own file of the same form works the same."""
 
 from importlib.resources import files
-from pathlib import Path
 
-from steptwin.host.common.bad_input import unknown
-from steptwin.host.common.errors import InputError
+from steptwin.host.common.bad_input import prefixed, unknown
+from steptwin.host.common.text_file import read_text
 from steptwin.host.robots.reader import parse_robot
 from steptwin.host.robots.robot import Robot
 
@@ -35,15 +34,6 @@ def load_robot(name: str) -> Robot:
 
 def load_robot_file(path: str) -> Robot:
     """A robot of one's own from a file of any name; raises InputError as `load_robot` does."""
-    return parse_robot(_read(Path(path)), path)
-
-
-def _read(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: is not UTF-8 text") from error
-    except ValueError as error:  # a NUL
-        raise InputError(f"{path}: is no name of a file: {error}") from error
+    with prefixed(f"{path}: "):
+        text = read_text(path)
+    return parse_robot(text, path)

@@ -1,22 +1,15 @@
 """Reading a robot's TOML file. Every complaint begins with the file and the key, as in `joints.th1.microsteps: ...`."""
 
-import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from enum import StrEnum
-from reprlib import repr as short
-from typing import Final, TypeVar
 
-from steptwin.host.common.bad_input import apart, prefixed, unknown
+from steptwin.host.common.bad_input import apart, prefixed
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.tables import Table, toml_table
 from steptwin.host.robots.homing import JointHoming, JointSwitches
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import ActiveEdge, Board, Joint, Output, Robot, Transmission, Unit
-
-Choice = TypeVar("Choice", bound=StrEnum)
-
-_LARGEST: Final = 1e9
 
 
 def parse_robot(text: str, source: str) -> Robot:
@@ -26,10 +19,7 @@ def parse_robot(text: str, source: str) -> Robot:
         InputError: no TOML, a key that is missing, unknown or of the wrong kind, or a value out of range.
     """
     with prefixed(f"{source}: "):
-        try:
-            table = _Table(tomllib.loads(text))
-        except (ValueError, RecursionError) as error:  # also an integer of thousands of digits, arrays within arrays
-            raise InputError(f"is not TOML: {error}") from error
+        table = toml_table(text)
         robot = replace(_robot(table), toml=text)
         table.finish()
         make_kinematics(robot)  # for its complaints about kind and dimensions
@@ -37,131 +27,64 @@ def parse_robot(text: str, source: str) -> Robot:
         return robot
 
 
-class _Table:
-    """A TOML table of which each value is taken once, in its type; whatever is left over then is an error."""
-
-    def __init__(self, values: dict[str, object]) -> None:
-        self._values = dict(values)
-        self._known: list[str] = []
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(tuple(self._values))
-
-    def has(self, key: str) -> bool:
-        """Whether a key that may be missing is there."""
-        self._known.append(key)
-        return key in self._values
-
-    def text(self, key: str) -> str:
-        value = self._take(key)
-        if not isinstance(value, str) or not value:
-            raise InputError(f"{key}: {short(value)} is not a text")
-        return value
-
-    def number(self, key: str) -> float:
-        value = self._take(key)
-        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= _LARGEST:
-            raise InputError(f"{key}: {short(value)} is not a finite number up to {_LARGEST:g}")
-        return float(value)
-
-    def optional_number(self, key: str) -> float | None:
-        """None if the key is not there."""
-        return self.number(key) if key in self else None
-
-    def integer(self, key: str) -> int:
-        value = self._take(key)
-        if isinstance(value, bool) or not isinstance(value, int) or abs(value) > _LARGEST:
-            raise InputError(f"{key}: {short(value)} is not a whole number up to {_LARGEST:g}")
-        return value
-
-    def choice(self, key: str, choices: type[Choice]) -> Choice:
-        value = self.text(key)
-        if value not in list(choices):
-            raise InputError(f"{key}: {value!r} is none of {', '.join(choices)}")
-        return choices(value)
-
-    @contextmanager
-    def section(self, key: str) -> Iterator["_Table"]:
-        """The table under a key; what goes wrong while it is read is said with the key in front."""
-        value = self._take(key)
-        if not isinstance(value, dict):
-            raise InputError(f"{key}: {short(value)} is not a table")
-        with prefixed(f"{key}."):
-            table = _Table(value)
-            yield table
-            table.finish()
-
-    @contextmanager
-    def optional_section(self, key: str) -> Iterator["_Table"]:
-        """Like `section`, empty if the key is not there."""
-        self._values.setdefault(key, {})
-        with self.section(key) as table:
-            yield table
-
-    def __contains__(self, key: str) -> bool:
-        """Whether a key is there; it is known from now on."""
-        self._known.append(key)
-        return key in self._values
-
-    def finish(self) -> None:
-        """Complain about the first key that nobody asked for."""
-        for key in self._values:
-            raise InputError(f"{key}: {unknown('key', key, self._known)}")
-
-    def _take(self, key: str) -> object:
-        self._known.append(key)
-        if key not in self._values:
-            raise InputError(f"{key}: is missing")
-        return self._values.pop(key)
+@contextmanager
+def _section(table: Table, key: str, *, optional: bool = False) -> Iterator[Table]:
+    """Enter the table under a key, every key of which must be read; a missing optional one is empty."""
+    if optional and key not in table:
+        yield Table({}, "table")
+        return
+    with table.section(key) as section:
+        yield section
+        section.finish()
 
 
-def _robot(table: _Table) -> Robot:
-    name, title = table.text("name"), table.text("title")
-    with table.section("kinematics") as mechanism:
+def _robot(table: Table) -> Robot:
+    name, title = table.text("name", empty=False), table.text("title", empty=False)
+    with _section(table, "kinematics") as mechanism:
         kind = mechanism.text("kind")
-        geometry = {key: mechanism.number(key) for key in mechanism}
-    with table.section("board") as settings:
+        geometry = {key: mechanism.number(key) for key in mechanism if key != "kind"}
+    with _section(table, "board") as settings:
         board = _board(settings)
-    with table.section("joints") as tables:
+    with _section(table, "joints") as tables:
         joints = tuple(_joint(tables, key) for key in tables)
-    with table.section("home") as positions:
+    with _section(table, "home") as positions:
         home = tuple(positions.number(joint.name) for joint in joints)
-    with table.optional_section("outputs") as wiring:
+    with _section(table, "outputs", optional=True) as wiring:
         outputs = {key: _output(wiring, key) for key in wiring}
-    with table.optional_section("places") as tables:
+    with _section(table, "places", optional=True) as tables:
         places = {key: _place(tables, key) for key in tables}
     return Robot(name, title, kind, geometry, joints, home, board, outputs, places)
 
 
-def _output(wiring: _Table, name: str) -> Output:
-    with wiring.section(name) as table:
+def _output(wiring: Table, name: str) -> Output:
+    with _section(wiring, name) as table:
         return Output(joint=table.text("joint"), out=table.integer("out"))
 
 
-def _place(tables: _Table, name: str) -> dict[str, float]:
-    with tables.section(name) as table:
+def _place(tables: Table, name: str) -> dict[str, float]:
+    with _section(tables, name) as table:
         return {joint: table.number(joint) for joint in table}
 
 
-def _board(table: _Table) -> Board:
+def _board(table: Table) -> Board:
     return Board(
         bitrate=table.integer("bitrate"),
-        osc_pf=table.integer("osc_pf") if table.has("osc_pf") else None,
+        osc_pf=table.optional("osc_pf", table.integer),
         steplen_ns=table.integer("steplen_ns"),
         stepspace_ns=table.integer("stepspace_ns"),
         dirsetup_ns=table.integer("dirsetup_ns"),
         dirhold_ns=table.integer("dirhold_ns"),
         step_rate_max_hz=table.number("step_rate_max_hz"),
-        driver_profile=table.text("driver_profile") if table.has("driver_profile") else None,
-        current_a=table.number("current_a") if table.has("current_a") else None,
-        active_edge=table.choice("active_edge", ActiveEdge) if table.has("active_edge") else None,
-        idle_percent=table.integer("idle_percent") if table.has("idle_percent") else None,
-        fast_decay_percent=table.integer("fast_decay_percent") if table.has("fast_decay_percent") else None,
+        driver_profile=table.optional("driver_profile", table.text),
+        current_a=table.optional("current_a", table.number),
+        active_edge=table.choice("active_edge", ActiveEdge) if "active_edge" in table else None,
+        idle_percent=table.optional("idle_percent", table.integer),
+        fast_decay_percent=table.optional("fast_decay_percent", table.integer),
     )
 
 
-def _joint(tables: _Table, name: str) -> Joint:
-    with tables.section(name) as table:
+def _joint(tables: Table, name: str) -> Joint:
+    with _section(tables, name) as table:
         unit = table.choice("unit", Unit)
         return Joint(
             name=name,
@@ -176,18 +99,18 @@ def _joint(tables: _Table, name: str) -> Joint:
         )
 
 
-def _switches(joint: _Table) -> JointSwitches:
-    with joint.optional_section("switches") as table:
+def _switches(joint: Table) -> JointSwitches:
+    with _section(joint, "switches", optional=True) as table:
         return JointSwitches(
-            negative_limit=table.optional_number("negative_limit"),
-            positive_limit=table.optional_number("positive_limit"),
-            home_from=table.optional_number("home_from"),
-            home_to=table.optional_number("home_to"),
+            negative_limit=table.optional("negative_limit", table.number),
+            positive_limit=table.optional("positive_limit", table.number),
+            home_from=table.optional("home_from", table.number),
+            home_to=table.optional("home_to", table.number),
         )
 
 
-def _homing(joint: _Table) -> JointHoming:
-    with joint.section("homing") as table:
+def _homing(joint: Table) -> JointHoming:
+    with _section(joint, "homing") as table:
         return JointHoming(
             method=table.integer("method"),
             search_speed=table.number("search_speed"),
@@ -196,7 +119,7 @@ def _homing(joint: _Table) -> JointHoming:
         )
 
 
-def _transmission(table: _Table, unit: Unit) -> Transmission:
+def _transmission(table: Table, unit: Unit) -> Transmission:
     full_steps_per_rev, microsteps = table.integer("full_steps_per_rev"), table.integer("microsteps")
     if unit is Unit.MM:
         return Transmission(full_steps_per_rev, microsteps, travel_per_turn=table.number("travel_per_turn"))

@@ -174,8 +174,8 @@ class TestMistakesInACsv:
             pytest.param(CSV.replace("t,", "time,", 1), "line 1: the header begins with 'time' instead of", id="time"),
             pytest.param("\n".join(ROWS), "line 1: the header begins with '0' instead of 't'", id="no header"),
             pytest.param(CSV.replace(",", ";"), "line 1: the header begins with 't;th1;th2;d3;th4'", id="semicolons"),
-            pytest.param(CSV.replace("d3", "th1"), "line 1: column 'th1' is there 2 times", id="twice"),
-            pytest.param(CSV.replace("th1", "t"), "line 1: column 't' is there 2 times", id="t twice"),
+            pytest.param(CSV.replace("d3", "th1"), "line 1: column 'th1' appears 2 times", id="twice"),
+            pytest.param(CSV.replace("th1", "t"), "line 1: column 't' appears 2 times", id="t twice"),
             pytest.param(CSV.replace("th4", "th"), "joint 'th' is unknown: did you mean ", id="unknown"),
             pytest.param(
                 CSV.replace("d3", "z"), "joint 'z' is unknown: there are th1, th2, d3, th4", id="like no other"
@@ -276,25 +276,25 @@ class TestMistakesInAJson:
             pytest.param(TEXT[:-1], "is not JSON: Expecting ',' delimiter", id="cut"),
             pytest.param("[" * 100_000, "is not JSON: maximum recursion depth", id="depth bomb"),
             pytest.param("9" * 5000, "is not JSON: Exceeds the limit", id="integer bomb"),
-            pytest.param("[]", "the document: is not a JSON object", id="a list"),
-            pytest.param("{}", "the document, joint_names: is missing or not a list", id="nothing"),
-            pytest.param('{"joint_names": []}', "the document, points: is missing or not a list", id="no points"),
-            pytest.param('{"points": {}, "joint_names": []}', "the document, points: is missing or", id="points"),
+            pytest.param("[]", "[] is not a JSON object", id="a list"),
+            pytest.param("{}", "joint_names: is missing", id="nothing"),
+            pytest.param('{"joint_names": []}', "points: is missing", id="no points"),
+            pytest.param('{"points": {}, "joint_names": []}', "points: {} is not a list", id="points"),
             pytest.param('{"joint_names": [1], "points": []}', "joint_names: 1 is not a name", id="name"),
             pytest.param('{"joint_names": [], "points": []}', "joint 'th1' is missing: teaching-scara", id="no names"),
             pytest.param(TEXT.replace("th4", "th5"), "joint 'th5' is unknown: did you mean th4 or ", id="unknown"),
-            pytest.param(TEXT.replace("th4", "th1"), "joint 'th1' is there 2 times", id="twice"),
+            pytest.param(TEXT.replace("th4", "th1"), "joint 'th1' appears 2 times", id="twice"),
             pytest.param(
                 TEXT.replace("joint_names", "names"),
-                "the document: key 'names' is unknown: did you mean joint_names?",
+                "names: key 'names' is unknown: did you mean joint_names?",
                 id="key",
             ),
             pytest.param(
                 TEXT.replace("positions", "position"),
-                "point 1: key 'position' is unknown: did you mean positions?",
+                "point 1, position: key 'position' is unknown: did you mean positions?",
                 id="key of a point",
             ),
-            pytest.param('{"joint_names": [], "points": [3]}', "point 1: is not a JSON object", id="point"),
+            pytest.param('{"joint_names": [], "points": [3]}', "point 1: 3 is not a JSON object", id="point"),
             pytest.param(TEXT.replace("-5.0", "NaN"), "point 2, positions, th2: nan is not a finite", id="NaN"),
             pytest.param(TEXT.replace("-5.0", "-Infinity"), "point 2, positions, th2: -inf is not a", id="infinity"),
             pytest.param(TEXT.replace("-5.0", "1e400"), "point 2, positions, th2: inf is not a finite", id="1e400"),
@@ -313,7 +313,7 @@ class TestMistakesInAJson:
     @pytest.mark.parametrize(
         ("made", "words"),
         [
-            pytest.param(at(document(), 1, positions=None), "point 2, positions: is missing or not a", id="positions"),
+            pytest.param(at(document(), 1, positions=None), "point 2, positions: is missing", id="positions"),
             pytest.param(at(document(), 2, time_from_start=None), "point 3, time_from_start: is missing", id="time"),
             pytest.param(
                 at(document(), 2, time_from_start="1"), "point 3, time_from_start: '1' is not a number", id="time text"
@@ -363,7 +363,7 @@ class TestMistakesInAJson:
 
 @pytest.mark.parametrize(
     ("name", "words"),
-    [("none.csv", "No such file or directory"), ("", "Is a directory"), ("a\0b.csv", "is no name of a file: embedded")],
+    [("none.csv", "No such file or directory"), ("", "Is a directory"), ("a\0b.csv", "is not a file name: embedded")],
 )
 def test_a_file_that_cannot_be_read(name: str, words: str, tmp_path: Path) -> None:
     path = f"{tmp_path}/{name}"

@@ -33,7 +33,7 @@ def test_every_joint_of_every_robot_can_be_homed(name: str) -> None:
             "negative_limit = 0",
             "joints.sx.switches.negative_limit: 0 mm is not below lower",
         ),
-        ("negative_limit = -5.0", "negative_limit = []", "joints.sx.switches.negative_limit: [] is not a finite"),
+        ("negative_limit = -5.0", "negative_limit = []", "joints.sx.switches.negative_limit: [] is not a number"),
         ("positive_limit = 2005.0", "positive_limit = 2000", "joints.sx.switches.positive_limit: 2000 mm is not above"),
         (
             "negative_limit = -5.0",

@@ -1,0 +1,155 @@
+"""Read the tables of TOML and JSON documents that nobody has checked yet.
+
+A reader asks for each value by its key and type. The InputError for a wrong value begins with the key, as in
+`joints.th1.microsteps: 8.5 is not a whole number`.
+"""
+
+import json
+import tomllib
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from enum import StrEnum
+from reprlib import repr as short
+from typing import Final, TypeVar
+
+from steptwin.host.common.bad_input import prefixed, unknown
+from steptwin.host.common.errors import InputError
+
+Choice = TypeVar("Choice", bound=StrEnum)
+Made = TypeVar("Made")
+
+LARGEST: Final = 1e9
+"""Bound on the size of numbers in files: no length, time, count or rate of a machine is larger."""
+
+
+def toml_table(text: str) -> "Table":
+    """Return the table of a TOML text, in which `Table.finish` takes a key that nobody asked for as an error."""
+    try:
+        return Table(tomllib.loads(text), "table")
+    except (ValueError, RecursionError) as error:  # also an integer of thousands of digits, arrays within arrays
+        raise InputError(f"is not TOML: {error}") from error
+
+
+def json_table(text: str) -> "Table":
+    """Return the object that a JSON text is; raise InputError for any other text."""
+    try:
+        document = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"is not JSON: {error}") from error
+    return Table(document, "JSON object")
+
+
+def number_at(place: str, value: object) -> float:
+    """Return a number from a document; raise InputError, with its place in front, unless it is finite and small."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"{place}: {short(value)} is not a number")
+    if not abs(value) <= LARGEST:
+        raise InputError(f"{place}: {short(value)} is not a finite number up to {LARGEST:g}")
+    return float(value)
+
+
+class Table:
+    """A table of a document, whose values are read by key and type.
+
+    Every reading method raises InputError, with the key in front, if the key is missing or its value is of another
+    type or out of range.
+    """
+
+    def __init__(self, values: object, kind: str) -> None:
+        """Raise InputError unless `values` is a mapping; `kind` names tables in that message."""
+        if not isinstance(values, dict):
+            raise InputError(f"{short(values)} is not a {kind}")
+        self.values: Mapping[str, object] = values
+        self._kind = kind
+        self._asked: list[str] = []
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.values)
+
+    def __contains__(self, key: str) -> bool:
+        """Return whether an optional key is there; the key counts as asked for."""
+        self._asked.append(key)
+        return key in self.values
+
+    def text(self, key: str, *, empty: bool = True) -> str:
+        """Return a text; unless `empty`, it must have a character."""
+        value = self._take(key)
+        if not isinstance(value, str) or not (value or empty):
+            raise InputError(f"{key}: {short(value)} is not a text")
+        return value
+
+    def number(self, key: str) -> float:
+        """Return a finite number of at most LARGEST in size."""
+        return number_at(key, self._take(key))
+
+    def integer(self, key: str, largest: float = LARGEST) -> int:
+        """Return a whole number of at most `largest` in size."""
+        value = self._take(key)
+        if isinstance(value, bool) or not isinstance(value, int):
+            raise InputError(f"{key}: {short(value)} is not a whole number")
+        if abs(value) > largest:
+            raise InputError(f"{key}: {short(value)} is not a whole number up to {largest:g}")
+        return value
+
+    def truth(self, key: str) -> bool:
+        """Return true or false."""
+        value = self._take(key)
+        if not isinstance(value, bool):
+            raise InputError(f"{key}: {short(value)} is neither true nor false")
+        return value
+
+    def is_null(self, key: str) -> bool:
+        """Return whether a JSON value is null."""
+        return self._take(key) is None
+
+    def choice(self, key: str, choices: type[Choice]) -> Choice:
+        """Return the member of an enumeration whose value the text is."""
+        value = self.text(key)
+        if value not in list(choices):
+            raise InputError(f"{key}: {value!r} is none of {', '.join(choices)}")
+        return choices(value)
+
+    def optional(self, key: str, read: Callable[[str], Made]) -> Made | None:
+        """Return what one of this table's methods reads, or None if the key is not there."""
+        return read(key) if key in self else None
+
+    def elements(self, key: str) -> list[object]:
+        """Return the values of a list, unchecked."""
+        value = self._take(key)
+        if not isinstance(value, list):
+            raise InputError(f"{key}: {short(value)} is not a list")
+        return value
+
+    def each(self, key: str, make: Callable[["Table"], Made]) -> tuple[Made, ...]:
+        """Return what `make` makes of every table in a list."""
+        made = []
+        for i, value in enumerate(self.elements(key)):
+            with prefixed(f"{key}[{i}]: "):
+                made.append(make(Table(value, self._kind)))
+        return tuple(made)
+
+    @contextmanager
+    def section(self, key: str) -> Iterator["Table"]:
+        """Enter the table under a key; errors inside get the key in front."""
+        value = self._take(key)
+        with prefixed(f"{key}: "):
+            table = Table(value, self._kind)
+        with prefixed(f"{key}."):
+            yield table
+
+    def check_keys(self, allowed: Iterable[str]) -> None:
+        """Raise InputError if there is another key than these, with the nearest of them."""
+        allowed = list(allowed)
+        for key in self.values:
+            if key not in allowed:
+                raise InputError(f"{key}: {unknown('key', key, allowed)}")
+
+    def finish(self) -> None:
+        """Raise InputError if there is a key that has not been asked for."""
+        self.check_keys(self._asked)
+
+    def _take(self, key: str) -> object:
+        self._asked.append(key)
+        if key not in self.values:
+            raise InputError(f"{key}: is missing")
+        return self.values[key]

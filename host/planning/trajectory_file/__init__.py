@@ -1,0 +1,40 @@
+"""Read trajectories from files: CSV, or JSON in the shape of ROS trajectory_msgs/JointTrajectory.
+
+Positions are in mm and degrees, times in seconds from 0. Without velocities the motion is a C2 spline through the
+points, from rest to rest, which stands still where points repeat. With velocities it is a cubic from point to point,
+and the times are whole milliseconds.
+
+CSV has a header `t,<joint>,...` with the joints in any order, and for velocities a column `v_<joint>` for each. JSON
+has `joint_names`, and `points` with `positions`, `time_from_start` and optional `velocities`.
+"""
+
+from typing import Final
+
+from steptwin.host.common.bad_input import prefixed
+from steptwin.host.common.text_file import read_text
+from steptwin.host.planning.motions.sampled import Sampled
+from steptwin.host.planning.motions.sequence import Sequence
+from steptwin.host.planning.trajectory_file.csv_points import read_csv
+from steptwin.host.planning.trajectory_file.json_points import read_json
+from steptwin.host.planning.trajectory_file.points import LONGEST_S
+from steptwin.host.robots.robot import Robot
+
+__all__ = ["LONGEST_S", "SUFFIXES", "is_trajectory_file", "read_trajectory"]
+
+SUFFIXES: Final = (".csv", ".json")
+
+
+def is_trajectory_file(name: str) -> bool:
+    """Return whether a job's name is the name of a file."""
+    return name.lower().endswith(SUFFIXES)
+
+
+def read_trajectory(path: str, robot: Robot) -> Sampled | Sequence:
+    """Return the trajectory in a file whose name ends in .csv or .json.
+
+    Raises:
+        InputError: the file cannot be read or a value in it is wrong; the message names the file and the place in it.
+    """
+    with prefixed(f"{path}: "):
+        text = read_text(path, "utf-8-sig")
+        return (read_json(text) if path.lower().endswith(".json") else read_csv(text)).motion(robot)

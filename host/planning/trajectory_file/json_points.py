@@ -1,0 +1,72 @@
+"""Read the points of a JSON trajectory, in the shape of ROS trajectory_msgs/JointTrajectory."""
+
+from reprlib import repr as short
+from typing import Final
+
+from steptwin.host.common.bad_input import prefixed
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.tables import Table, json_table, number_at
+from steptwin.host.planning.trajectory_file.points import Points
+
+_DOCUMENT_KEYS: Final = ("header", "joint_names", "points")
+_POINT_KEYS: Final = ("positions", "velocities", "accelerations", "effort", "time_from_start")
+_IGNORED: Final = ("accelerations", "effort")
+"""Keys of a point that ROS knows and StepTwin cannot obey; they may be empty."""
+_TIME_PARTS: Final = (("sec", "nanosec"), ("secs", "nsecs"))
+"""The two keys of a time in ROS 2 and in ROS 1."""
+
+
+def read_json(text: str) -> Points:
+    """Return the points. InputErrors begin with the point's number, counted from 1, and the key."""
+    document = json_table(text)
+    document.check_keys(_DOCUMENT_KEYS)
+    names = [_name(name) for name in document.elements("joint_names")]
+    points = [_point(value, i) for i, value in enumerate(document.elements("points"), start=1)]
+    moving = [bool(point.values.get("velocities")) for point in points]
+    if any(moving) and not all(moving):
+        raise InputError(f"point {moving.index(False) + 1}: has no velocities, other points have some")
+    return Points(
+        names,
+        [f"point {i}, time_from_start" for i in range(1, len(points) + 1)],
+        [_seconds(point, i) for i, point in enumerate(points, start=1)],
+        [_numbers(point, "positions", names, i) for i, point in enumerate(points, start=1)],
+        [_numbers(point, "velocities", names, i) for i, point in enumerate(points, start=1)] if any(moving) else None,
+    )
+
+
+def _name(value: object) -> str:
+    if not isinstance(value, str):
+        raise InputError(f"joint_names: {short(value)} is not a name")
+    return value
+
+
+def _point(value: object, i: int) -> Table:
+    with prefixed(f"point {i}: "):
+        point = Table(value, "JSON object")
+    with prefixed(f"point {i}, "):
+        point.check_keys(_POINT_KEYS)
+        for key in _IGNORED:
+            if point.values.get(key):
+                raise InputError(f"{key}: would not be obeyed; leave it out")
+    return point
+
+
+def _numbers(point: Table, key: str, names: list[str], i: int) -> list[float]:
+    with prefixed(f"point {i}, "):
+        values = point.elements(key)
+        if len(values) != len(names):
+            raise InputError(f"{key}: {len(values)} of them for {len(names)} joints")
+        return [number_at(f"{key}, {name}", value) for value, name in zip(values, names, strict=True)]
+
+
+def _seconds(point: Table, i: int) -> float:
+    """Return a point's time, written as a number of seconds or as ROS writes a duration."""
+    key = "time_from_start"
+    time = point.values.get(key)
+    with prefixed(f"point {i}, "):
+        if not isinstance(time, dict):
+            return point.number(key)
+        for whole, billionths in _TIME_PARTS:
+            if set(time) == {whole, billionths}:
+                return number_at(key, time[whole]) + number_at(key, time[billionths]) / 1e9
+        raise InputError(f"{key}: has the keys {short(list(time))} instead of sec and nanosec")

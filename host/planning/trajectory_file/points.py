@@ -1,0 +1,63 @@
+"""The points of a trajectory file, whatever its format, and the motion through them."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from steptwin.host.common.bad_input import unknown
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.motions.sampled import Sampled, check_times
+from steptwin.host.planning.motions.sequence import Sequence
+from steptwin.host.planning.motions.through_points import through_points
+from steptwin.host.robots.robot import Robot
+
+LONGEST_S: Final = 3600.0
+"""Longest motion that a file may hold; a longer one probably has times in other units, and would not fit in memory."""
+
+
+@dataclass(frozen=True, slots=True)
+class Points:
+    """What a file says, in the order of its columns.
+
+    Attributes:
+        joint_names: one for each column.
+        places: where each point's time stands in the file, for messages.
+        times_s: one for each point.
+        positions: one row for each point, in mm and degrees.
+        velocities: likewise, in mm/s and deg/s; None if the file gives none.
+    """
+
+    joint_names: list[str]
+    places: list[str]
+    times_s: list[float]
+    positions: list[list[float]]
+    velocities: list[list[float]] | None
+
+    def motion(self, robot: Robot) -> Sampled | Sequence:
+        """Return the motion through the points; raise InputError if the joints or times are not a robot's motion."""
+        columns = self._columns(robot)
+        shape = len(self.times_s), len(columns)  # numpy cannot tell the shape of an empty list
+        times_s = np.array(self.times_s)
+        positions = np.array(self.positions).reshape(shape)[:, columns]
+        for place, t_s in zip(self.places, self.times_s, strict=True):
+            if t_s > LONGEST_S:
+                raise InputError(f"{place}: {t_s:.9g} s is more than {LONGEST_S:g} s")
+        check_times(times_s, self.places, all_whole_ms=self.velocities is not None)
+        if self.velocities is None:
+            return through_points(robot.joint_names, times_s, positions, self.places)
+        velocities = np.array(self.velocities).reshape(shape)[:, columns]
+        return Sampled.hermite(robot.joint_names, times_s, positions, velocities)
+
+    def _columns(self, robot: Robot) -> list[int]:
+        """Return the column of each of the robot's joints."""
+        names = self.joint_names
+        for name in names:
+            if name not in robot.joint_names:
+                raise unknown("joint", name, robot.joint_names)
+            if names.count(name) > 1:
+                raise InputError(f"joint {name!r} appears {names.count(name)} times")
+        for name in robot.joint_names:
+            if name not in names:
+                raise InputError(f"joint {name!r} is missing: {robot.name} has {' '.join(robot.joint_names)}")
+        return [names.index(name) for name in robot.joint_names]
