@@ -1,1 +1,1 @@
-"""Benchmarks: speed and timing error, as ratios measured in one run. `make bench` prints the tables."""
+"""Measure speed and timing error as ratios within one run; `python -m steptwin.bench` (`make bench`) prints all."""

@@ -1,4 +1,4 @@
-"""Cyclic synchronous position: how far the edges are from the host's curve, by the period of its set-points."""
+"""Measure cyclic synchronous position: how far the edges are from the host's curve, for each set-point period."""
 
 import struct
 from dataclasses import dataclass
@@ -6,11 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from steptwin.bench.loads import MICROSTEPS, UNITS_PER_STEP
-from steptwin.bench.timing import PEAKS_HZ, SINE_HZ, Float64Array, errors_steps, steps_of
+from steptwin.bench.timing import PEAKS_HZ, SINE_HZ, errors_steps, steps_of
 from steptwin.controller.backend import Kernel
 from steptwin.controller.firmware import Firmware
 from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.controller.motion import PinEdges
+from steptwin.host.common.arrays import FloatArray
 from steptwin.protocol.cia402 import ENABLE_OPERATION, SHUTDOWN, Mode
 from steptwin.protocol.frame import COB_RPDO, COB_SDO_REQUEST, COB_SYNC, FIRST_NODE_ID, Frame
 from steptwin.protocol.nmt import NmtCommand
@@ -24,23 +25,23 @@ _SETTINGS = (
     (0x6040, 0, 2, ENABLE_OPERATION),
     (0x6060, 0, 1, Mode.CYCLIC_SYNCHRONOUS_POSITION),
 )
-"""Object, sub-index, bytes and value."""
+"""For each object: index, sub-index, size in bytes, value."""
 
 
 @dataclass(frozen=True)
 class CyclicFigure:
-    """One line of the table; the start is the first two periods."""
+    """One row of the table; the start is the first two periods."""
 
     peak_hz: float
     period_ms: int
     error_steps_max: float
     error_steps_rms: float
     start_error_steps_max: float | None
-    """None if no step falls there."""
+    """None if no step falls in the first two periods."""
 
 
 def figures(kernel: Kernel) -> list[CyclicFigure]:
-    """One period of sines of some peak rates."""
+    """Measure one sine period for each peak rate and set-point period."""
     return [measure(kernel, peak_hz, period_ms) for peak_hz in PEAKS_HZ for period_ms in PERIODS_MS]
 
 
@@ -63,15 +64,15 @@ def measure(kernel: Kernel, peak_hz: float, period_ms: int) -> CyclicFigure:
     )
 
 
-def _sine_units(peak_hz: float, period_ms: int) -> Float64Array:
-    """A period of the curve, to the unit."""
+def _sine_units(peak_hz: float, period_ms: int) -> FloatArray:
+    """Return one period of the curve at the set-points, rounded to whole units."""
     omega = 2 * np.pi * SINE_HZ
     t_s = np.arange(round(1000 / SINE_HZ) // period_ms + 1) * period_ms / 1000
     return np.round(peak_hz / omega * (1 - np.cos(omega * t_s)) * UNITS_PER_STEP)
 
 
 class _Host:
-    """A firmware without bus or driver whose one axis is enabled in the mode."""
+    """A firmware without bus or driver; its single axis is enabled in cyclic synchronous position."""
 
     def __init__(self, kernel: Kernel, period_ms: int) -> None:
         self.now_counts = 0
@@ -87,8 +88,8 @@ class _Host:
         self._firmware.receive(Frame(cob_id, data), self.now_counts)
         self._firmware.poll(self.now_counts)
 
-    def stream(self, points_units: Float64Array) -> list[PinEdges]:
-        """Send a set-point and a SYNC each period; return all edges."""
+    def stream(self, points_units: FloatArray) -> list[PinEdges]:
+        """Send a set-point and a SYNC each period, the last point four more times; return all edges."""
         drained: list[PinEdges] = []
         for point_units in [*points_units, *points_units[-1:].repeat(4)]:
             self._send(COB_RPDO[2] + FIRST_NODE_ID, struct.pack("<i", int(point_units)))

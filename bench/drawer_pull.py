@@ -1,4 +1,4 @@
-"""The whole drawer pull: six axes over CAN at 100 points a second, in simulated seconds per wall second."""
+"""Measure the whole drawer pull: six axes over CAN at 100 points a second, in simulated seconds per wall second."""
 
 import time
 from dataclasses import dataclass
@@ -16,20 +16,20 @@ REPEATS = 9
 
 @dataclass(frozen=True)
 class DrawerPullFigure:
-    """One line of the table: medians of some runs after a warm-up."""
+    """One row of the table: medians over REPEATS runs after a warm-up."""
 
     kernel: str
     frames: int
     emulation_s: float
     verification_s: float
     simulated_per_wall: float
-    """Simulated time over the time from switching the board on to switching the drives off."""
+    """Simulated time divided by the wall time from switching the board on to switching the drives off."""
     error_steps_max: float
     timing_us_p50: float
 
 
 def measure(kernel: Kernel) -> DrawerPullFigure:
-    """Run it a few times and check each time that it passed."""
+    """Run the job REPEATS times after a warm-up; raise AssertionError if a run fails its verification."""
     robot = load_robot("warehouse-scara")
     planned = plan(robot, make_job(robot, "drawer-pull", {}))
     emulation, verification = [], []
@@ -38,7 +38,7 @@ def measure(kernel: Kernel) -> DrawerPullFigure:
         assert outcome.report.passed, outcome.report.reasons
         started = time.perf_counter()
         verify_comparison(compare(outcome.comparison.expected, outcome.comparison.evidence), outcome.report.run)
-        if repeat:  # the first one warms up
+        if repeat:  # run 0 warms up
             emulation.append(outcome.report.run.wall_s)
             verification.append(time.perf_counter() - started)
     report = outcome.report

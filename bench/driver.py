@@ -1,4 +1,4 @@
-"""How many CLK edges a second the drivers look at, beside a plain numpy copy of them."""
+"""Measure how many CLK edges a second a driver processes, beside a plain numpy copy of the edges."""
 
 import time
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from steptwin.emulator.edges import Int64Array
 from steptwin.emulator.tb6560 import Input, LevelChange, Pins
 
 PULSES: Final = 32_768
-"""As many as fit between two looks of the board."""
+"""Number of pulses fed at a time: as many as the board's edge buffer holds."""
 REPEATS: Final = 30
 _PERIOD_COUNTS: Final = 36_000
 _WIDTH_COUNTS: Final = 11_000
@@ -22,16 +22,16 @@ _DRIVERS: Final = ("chip-330pf", "3a-module", "slow-blue-board")
 
 @dataclass(frozen=True)
 class DriverFigure:
-    """One line of the table: the best of some stretches."""
+    """One row of the table: the best of REPEATS stretches."""
 
     profile: str
     edges_per_s: float
     copy_ratio: float
-    """Time over that of copying the edges once."""
+    """Driver's time divided by the time of copying the edges once."""
 
 
 def figures() -> list[DriverFigure]:
-    """Pulses at 2 kHz that break nothing, with a reversal now and then."""
+    """Measure each driver with pulses at 2 kHz that break no limit, with about 200 reversals in each stretch."""
     return [_measure(name) for name in _DRIVERS]
 
 

@@ -1,7 +1,7 @@
-"""How many steps a second the kernel places, beside plain numpy copies of as many bytes as it writes.
+"""Measure how many steps a second the kernel places, beside plain numpy copies of as many bytes as it writes.
 
-One copy is of all edges of the motion at once, from memory to memory, as a trace is that somebody keeps. The other one
-is of a drained buffer at a time, from and to the caches, where the kernel's buffers are.
+The first copy takes all edges of the motion at once, from memory to memory, as keeping a trace does. The second takes
+one drained buffer at a time, within the processor's caches, where the kernel's buffers are.
 """
 
 import time
@@ -15,26 +15,26 @@ from steptwin.controller.backend import Kernel
 
 REPEATS = 5
 STEPS = 5_000_000
-"""Of a load for a compiled kernel: 80 MB of edges, more than caches hold."""
+"""Number of steps in a load for a compiled kernel: 80 MB of edges, more than caches hold."""
 
 
 @dataclass(frozen=True)
 class KernelFigure:
-    """One line of the kernel's table."""
+    """One row of the kernel's table."""
 
     load: str
     kernel: str
     steps: int
     steps_per_s: float
     memory_copy_ratio: float
-    """Time of the kernel over the time of copying all edges at once: from memory to memory, if they are STEPS."""
+    """Kernel's time divided by the time of copying all edges at once; from memory to memory if there are STEPS."""
     cached_copy_ratio: float
-    """Over the time of copying them a buffer at a time, from cache to cache."""
+    """Kernel's time divided by the time of copying the edges one buffer at a time, from cache to cache."""
     simulated_per_wall: float
 
 
 def loads_for(kernel: Kernel) -> list[Load]:
-    """Enough to measure, little enough to wait for: plain Python is a hundred times slower."""
+    """Return loads that take seconds with this kernel: plain Python is a hundred times slower than numba."""
     if kernel.name == "python":
         return [sine(14_000, 1.0, 1), constant(14_000, 1.0)]
     peak_hz, rates = 14_000, (10_000, 14_000, 30_000, 60_000, 100_000)
@@ -43,7 +43,7 @@ def loads_for(kernel: Kernel) -> list[Load]:
 
 
 def measure(kernel: Kernel, load: Load) -> KernelFigure:
-    """The best of some runs over seven axes; pushing records and handing out edges are not counted."""
+    """Take the best of REPEATS runs of seven axes; pushing records and handing out edges are not timed."""
     runs = [_once(kernel, load) for _ in range(REPEATS)]
     kernel_s, cached_s = min(run.kernel_s for run in runs), min(run.cached_copy_s for run in runs)
     steps = runs[0].steps
@@ -88,7 +88,7 @@ def _once(kernel: Kernel, load: Load) -> _Run:
             for edges in motion.take_edges():
                 source = np.asarray(edges.clk_counts, dtype=np.int64)
                 target = np.empty_like(source)
-                _copy_s(source, target)  # once to touch the pages, as the kernel's buffers are
+                _copy_s(source, target)  # not timed: it touches the pages, as the kernel has touched its buffers
                 copy_s += _copy_s(source, target)
                 steps += len(source) // 2
         motion.take_events()
@@ -96,7 +96,7 @@ def _once(kernel: Kernel, load: Load) -> _Run:
 
 
 def figures(kernel: Kernel) -> list[KernelFigure]:
-    """The whole table for one kernel; the first load warms it up and is measured again."""
+    """Measure all loads with one kernel, after an untimed run of the first load that compiles it."""
     loads = loads_for(kernel)
     _once(kernel, loads[0])
     return [measure(kernel, load) for load in loads]

@@ -1,4 +1,4 @@
-"""How many poses a second the kinematics take, beside numpy's sines of as many values."""
+"""Measure how many poses a second the kinematics compute, beside numpy's sine of as many values."""
 
 import time
 from collections.abc import Callable
@@ -17,24 +17,24 @@ REPEATS = 50
 
 @dataclass(frozen=True)
 class KinematicsFigure:
-    """One line of the table: the best of some runs."""
+    """One row of the table: the best of REPEATS runs."""
 
     robot: str
     way: str
     branches: int
-    """How many solutions each pose is given; 1 for forward."""
+    """Number of solutions for each pose; 1 for forward kinematics."""
     poses_per_s: float
     sin_ratio: float
-    """Time over that of as many sines as joint values are read or, by all branches, written."""
+    """Time divided by that of as many sines as joint values are read or, over all branches, written."""
 
 
 def figures() -> list[KinematicsFigure]:
-    """Forward and inverse of every robot."""
+    """Measure forward and inverse kinematics of every robot."""
     return [figure for name in robot_names() for figure in measure(load_robot(name))]
 
 
 def measure(robot: Robot) -> list[KinematicsFigure]:
-    """With poses that the robot reaches."""
+    """Measure one robot with poses that it reaches."""
     kinematics = make_kinematics(robot)
     joints = _reached(robot)
     poses = kinematics.forward(joints)
@@ -46,7 +46,7 @@ def measure(robot: Robot) -> list[KinematicsFigure]:
 
 
 def _reached(robot: Robot) -> FloatArray:
-    """Random joints within their limits, whose poses the usual branch gets to."""
+    """Return random joint positions within the limits whose poses the first branch reaches."""
     kinematics = make_kinematics(robot)
     lower, upper = [joint.lower for joint in robot.joints], [joint.upper for joint in robot.joints]
     joints = np.random.default_rng(1).uniform(lower, upper, (4 * BATCH, len(lower)))
@@ -64,7 +64,7 @@ def _figure(
 
 
 def _best_s(*calculations: Callable[[], object]) -> list[float]:
-    """Each one's shortest time, taken in turn so that a slow moment of the machine meets all."""
+    """Return each calculation's shortest time; they take turns, so that a slow moment of the machine meets all."""
     best_s = [float("inf")] * len(calculations)
     for _ in range(REPEATS):
         for which, calculate in enumerate(calculations):

@@ -1,4 +1,4 @@
-"""The live board, as other programs see it: round trips, lateness; server and client are two processes."""
+"""Measure the live board as other programs see it: round trips and lateness, server and client as two processes."""
 
 import logging
 import time
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import can
 import numpy as np
 
-from steptwin.bench.live_server import ROBOT, serving
+from steptwin.bench.live_server import ROBOT, SERVE, serving
 from steptwin.emulator.can_timing import frame_bits
 from steptwin.host.robots import load_robot
 from steptwin.protocol.cia402 import Mode
@@ -23,15 +23,15 @@ _TIMEOUT_S = 10.0
 
 @dataclass(frozen=True)
 class LiveFigures:
-    """All of the table, times in microseconds."""
+    """All figures of the table; times are in microseconds."""
 
     bus_us: float
-    """How long question and answer take on the bus itself."""
+    """Time that request and answer take on the bus itself."""
     round_trip_us_p50: float
     round_trip_us_p99: float
     round_trip_us_max: float
     ticks: dict[str, float]
-    """Lateness while six axes move."""
+    """Lateness of the ticks while six axes move, with the keys of report.json."""
     frames: dict[str, float]
 
 
@@ -63,7 +63,7 @@ def _write(bus: can.BusABC, axis: int, index: int, value: int) -> None:
 
 
 def _move_all(bus: can.BusABC) -> None:
-    """All axes with 1000 steps/s for a while, by profile velocity, reporting ten times a second."""
+    """Move all axes at 1000 steps/s for MOTION_S in profile velocity; their TPDOs report ten times a second."""
     axes = range(len(load_robot(ROBOT).joints))
     for axis in axes:
         _write(bus, axis, 0x6060, Mode.PROFILE_VELOCITY)
@@ -77,9 +77,11 @@ def _move_all(bus: can.BusABC) -> None:
 
 
 def measure() -> LiveFigures:
-    """Round trips at rest, then a motion."""
-    logging.getLogger("can").addHandler(logging.NullHandler())  # it warns of every frame that comes in two pieces
-    with serving() as server:
+    """Measure round trips at rest, then lateness during a motion."""
+    logging.getLogger("can").addHandler(
+        logging.NullHandler()
+    )  # python-can warns of each frame that TCP delivers in two pieces
+    with serving(*SERVE) as server:
         with server.client() as bus:
             times_us = _round_trips_us(bus)
             _move_all(bus)

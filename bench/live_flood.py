@@ -1,7 +1,7 @@
-"""Frames from one client to another as fast as the server passes them, and what it needs of memory meanwhile.
+"""Pass frames from one client to another as fast as the server can, and watch how much memory it uses.
 
-The simulated bus is so fast that it is no limit, and both clients are plain sockets, so that the server is measured and
-not python-can.
+The simulated bus is too fast to limit the rate, and both clients are plain sockets: the server is measured, not
+python-can.
 """
 
 import socket
@@ -11,10 +11,10 @@ from pathlib import Path
 from selectors import EVENT_READ, EVENT_WRITE, DefaultSelector
 from typing import Final
 
-from steptwin.bench.live_server import serving
+from steptwin.bench.live_server import SERVE, serving
 
 SPEED: Final = 100.0
-"""Times real time: a bus of 1 Mbit/s takes 800 000 frames/s then."""
+"""Simulated seconds per second: at 100 a bus of 1 Mbit/s takes 800 000 frames/s."""
 _COMMAND: Final = b"< send 123 8 1 2 3 4 5 6 7 8 >"
 _CHUNK: Final = 1000
 _READ_BYTES: Final = 1 << 18
@@ -22,7 +22,7 @@ _READ_BYTES: Final = 1 << 18
 
 @dataclass(frozen=True)
 class FloodFigures:
-    """Of all frames; memory is the server's resident set after a tenth of them and after all."""
+    """Figures over all frames; memory is the server's resident set after a tenth of the frames and after all."""
 
     frames: int
     frames_per_s: float
@@ -31,9 +31,9 @@ class FloodFigures:
 
 
 def measure(frames: int) -> FloodFigures:
-    """Send and count; raises AssertionError if frames are lost."""
+    """Send and count `frames` frames; raise AssertionError if some are lost."""
     early, memory_mb_early = frames // 10, 0.0
-    with serving("--speed", str(SPEED)) as server, _raw(server.port) as sender, _raw(server.port) as receiver:
+    with serving(*SERVE, "--speed", str(SPEED)) as server, _raw(server.port) as sender, _raw(server.port) as receiver:
         with DefaultSelector() as selector:
             selector.register(sender, EVENT_WRITE)
             selector.register(receiver, EVENT_READ)
@@ -58,13 +58,13 @@ def measure(frames: int) -> FloodFigures:
 
 
 def _rest(left_bytes: int) -> bytes:
-    """The next commands, of which so many bytes are left altogether: it may begin within one."""
+    """Return the next bytes to send when `left_bytes` of all commands are left; they may begin within a command."""
     whole = min(_CHUNK, -(-left_bytes // len(_COMMAND)))
     return (_COMMAND * whole)[-left_bytes % len(_COMMAND) :]
 
 
 def _raw(port: int) -> socket.socket:
-    """A client in raw mode that is shown frames already."""
+    """Connect a client in raw mode; it returns when the server has begun to show it frames."""
     sock = socket.create_connection(("127.0.0.1", port))
     text = b""
     for command, answer in ((b"", b"< hi >"), (b"< open vcan0 >", b"< ok >"), (b"< rawmode >", b"< ok >")):
@@ -77,6 +77,6 @@ def _raw(port: int) -> socket.socket:
 
 
 def _memory_mb(pid: int) -> float:
-    """The resident set of a process, Linux: VmRSS of proc(5), which counts in KiB."""
+    """Return the resident set of a process (Linux: VmRSS of proc(5), in KiB)."""
     status = Path(f"/proc/{pid}/status").read_text(encoding="ascii")
     return int(status.partition("VmRSS:")[2].split()[0]) * 1024 / 1e6

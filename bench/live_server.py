@@ -1,4 +1,4 @@
-"""A `steptwin serve` for a benchmark, as a process of its own."""
+"""Start a live board in a process of its own, so that a benchmark measures it as its clients see it."""
 
 import json
 import re
@@ -12,44 +12,39 @@ from typing import Any, Final
 import can
 
 ROBOT: Final = "warehouse-scara"
-_SERVE: Final = [
-    sys.executable,
-    "-c",
-    "from steptwin.host.cli import main; main()",
-    "serve",
-    ROBOT,
-    "--port",
-    "0",
-    "--json",
-]
+SERVE: Final = ("steptwin", "serve", ROBOT, "--port", "0", "--json")
 
 
 class Server:
-    """It serves at `port` until `end`."""
+    """A process that serves a board at `port` until `end`."""
 
-    def __init__(self, *options: str) -> None:
-        self.process = subprocess.Popen([*_SERVE, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    def __init__(self, module: str, *arguments: str) -> None:
+        """Start `python -m MODULE ARGUMENTS`, which names its port on stderr and prints its report on stdout."""
+        command = [sys.executable, "-m", module, *arguments]
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         assert self.process.stderr
-        banner = "".join(self.process.stderr.readline() for _ in range(3))
-        found = re.search(r"port=(\d+)", banner)
-        assert found, banner
+        banner = ""
+        while not (found := re.search(r"port=(\d+)", banner)):
+            line = self.process.stderr.readline()
+            assert line, f"the server ended: {banner}"
+            banner += line
         self.port = int(found[1])
 
     def client(self) -> can.BusABC:
-        """A new connection of python-can."""
+        """Open a new connection with python-can."""
         return can.Bus("vcan0", interface="socketcand", host="127.0.0.1", port=self.port, tcp_tune=True)
 
     def end(self) -> dict[str, Any]:
-        """Its report."""
+        """Stop the server and return its report."""
         self.process.send_signal(signal.SIGTERM)
         report: dict[str, Any] = json.loads(self.process.communicate()[0])
         return report
 
 
 @contextmanager
-def serving(*options: str) -> Iterator[Server]:
-    """A server that is gone afterwards, whatever happens."""
-    server = Server(*options)
+def serving(module: str, *arguments: str) -> Iterator[Server]:
+    """Run a server within the block; kill it afterwards if it is still running."""
+    server = Server(module, *arguments)
     try:
         yield server
     finally:

@@ -1,13 +1,9 @@
-"""Seven axes streaming 250 points a second to a live board.
+"""Stream 250 points a second to each of seven axes of a live board; an underrun would be a fault and end the run.
 
-The server is one process, the client another. An underrun would be a fault and end the run.
+The server is one process, the client another.
 """
 
-import json
 import os
-import signal
-import subprocess
-import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,58 +11,61 @@ from typing import Any, Final
 
 import numpy as np
 
-from steptwin.bench.loads import AXES
+from steptwin.bench.live_server import serving
+from steptwin.bench.loads import AXES, MICROSTEPS, UNITS_PER_STEP
 from steptwin.host.client import AxisRecords, AxisSettings, Machine
 from steptwin.host.client.bus_link import BusLink, Connection, open_bus
-from steptwin.host.client.run import POLL_S
+from steptwin.host.client.run import POLL_S, Run
 from steptwin.protocol.pvt import QUEUE_DEPTH
 
 POINT_MS: Final = 4
 PEAK_HZ: Final = 2000.0
 SINE_HZ: Final = 0.5
-_MICROSTEPS: Final = 16
-_UNITS_PER_STEP: Final = 1024
-_SETTINGS: Final = AxisSettings(_MICROSTEPS, 33_000, 33_666, 15_000, 15_000, 15_360_000, 10_000_000)
-_SERVE: Final = [sys.executable, "-m", "steptwin.bench.served_axes"]
+_SETTINGS: Final = AxisSettings(MICROSTEPS, 33_000, 33_666, 15_000, 15_000, 15_360_000, 10_000_000)
 _HYSTERESIS_STEPS: Final = 0.5 + 1 / 16
 _CPU_TICKS_PER_S: Final = os.sysconf("SC_CLK_TCK")
 
 
 @dataclass(frozen=True)
 class StreamFigures:
-    """One run; processor time in seconds of one core per second."""
+    """Figures of one stream."""
 
     seconds: float
     points: int
+    """Number of points sent to all axes together."""
     server_cores: float
+    """Processor seconds that the server used per second."""
     client_cores: float
     queue_least: int
-    """The fewest records that an axis' queue was ever reported to hold before the end of its stream was sent."""
+    """Fewest records that any axis reported in its queue before the end of its stream was sent."""
     frames: int
     load_percent: float
     ticks: dict[str, float]
-    """Lateness, as report.json has it."""
+    """Lateness of the ticks, with the keys of report.json."""
     frames_late: dict[str, float]
 
 
 def sine_records(axis: int, seconds: float) -> AxisRecords:
-    """A (1 - cos wt) from rest to rest at the far end; each axis with another peak rate."""
+    """Make A (1 - cos wt) from rest to rest at the far end; each axis has its own peak rate."""
     t_s = np.arange(round(seconds * 1000 / POINT_MS) + 1) * POINT_MS / 1000
     half_periods = 2 * round(seconds * SINE_HZ) + 1
     omega, peak_hz = np.pi * half_periods / t_s[-1], PEAK_HZ * (axis + 1) / AXES
-    units = np.floor(peak_hz / omega * (1 - np.cos(omega * t_s)) * _UNITS_PER_STEP + 0.5).astype(np.int64)
-    velocities = np.round(peak_hz * np.sin(omega * t_s) * _UNITS_PER_STEP * 64 / 1000).astype(np.int64)
+    units = np.floor(peak_hz / omega * (1 - np.cos(omega * t_s)) * UNITS_PER_STEP + 0.5).astype(np.int64)
+    velocities = np.round(peak_hz * np.sin(omega * t_s) * UNITS_PER_STEP * 64 / 1000).astype(np.int64)
     velocities[-1] = 0
     return AxisRecords(np.diff(units).tolist(), velocities[1:].tolist(), [POINT_MS] * (len(t_s) - 1))
 
 
 def measure(seconds: float) -> StreamFigures:
-    """Stream for so long; raises DeviceFaultError if a queue runs dry, AssertionError if a driver counts else."""
+    """Stream for `seconds`.
+
+    Raises:
+        DeviceFaultError: a queue ran dry.
+        AssertionError: a driver counted other steps than were sent, or a limit was broken.
+    """
     records = tuple(sine_records(axis, seconds) for axis in range(AXES))
-    server = subprocess.Popen(_SERVE, stdout=subprocess.PIPE, text=True)
-    try:
-        assert server.stdout
-        connection = Connection("socketcand", host="127.0.0.1", port=int(server.stdout.readline()))
+    with serving("steptwin.bench.served_axes") as server:
+        connection = Connection("socketcand", host="127.0.0.1", port=server.port)
         with BusLink(open_bus(connection), connection.title) as link:
             machine = Machine(link, tuple(f"axis {axis}" for axis in range(AXES)))
             machine.connect()
@@ -74,26 +73,14 @@ def measure(seconds: float) -> StreamFigures:
             machine.enable()
             machine.preset([0] * AXES)
             run = machine.start(records, [0] * AXES)
-            began_s, server_s, client_s = time.perf_counter(), _cpu_s(server.pid), time.process_time()
-            queue_least = QUEUE_DEPTH
-            while not run.ended:
-                machine.wait(POLL_S)
-                if run.fraction < 1:
-                    free = [axis.pvt_status.free for axis in machine.axes if axis.pvt_status]
-                    queue_least = min(queue_least, QUEUE_DEPTH - max(free))
+            began_s, server_s, client_s = time.perf_counter(), _cpu_s(server.process.pid), time.process_time()
+            queue_least = _stream(machine, run)
             wall_s = time.perf_counter() - began_s
-            server_s, client_s = _cpu_s(server.pid) - server_s, time.process_time() - client_s
+            server_s, client_s = _cpu_s(server.process.pid) - server_s, time.process_time() - client_s
             machine.disable()
             machine.disconnect()
-        server.send_signal(signal.SIGTERM)
-        report: dict[str, Any] = json.loads(server.communicate()[0])
-    finally:
-        server.kill()
-        server.wait()
-    for axis, record in zip(report["axes"], records, strict=True):
-        off_steps = axis["steps_end"] - axis["steps_start"] - sum(record.displacements_units) / _UNITS_PER_STEP
-        assert abs(off_steps) <= _HYSTERESIS_STEPS, f"{axis['name']} ends {off_steps} steps off"
-        assert not axis["violations"]
+        report = server.end()
+    _check(report, records)
     return StreamFigures(
         seconds,
         len(records[0].durations_ms) * AXES,
@@ -107,7 +94,26 @@ def measure(seconds: float) -> StreamFigures:
     )
 
 
+def _stream(machine: Machine, run: Run) -> int:
+    """Feed the run until it has ended; return the fewest records that any queue was reported to hold."""
+    queue_least = QUEUE_DEPTH
+    while not run.ended:
+        machine.wait(POLL_S)
+        if run.fraction < 1:
+            free = [axis.pvt_status.free for axis in machine.axes if axis.pvt_status]
+            queue_least = min(queue_least, QUEUE_DEPTH - max(free))
+    return queue_least
+
+
+def _check(report: dict[str, Any], records: tuple[AxisRecords, ...]) -> None:
+    """Compare the drivers' counts with the records: they differ by the step rule's hysteresis at most."""
+    for axis, record in zip(report["axes"], records, strict=True):
+        off_steps = axis["steps_end"] - axis["steps_start"] - sum(record.displacements_units) / UNITS_PER_STEP
+        assert abs(off_steps) <= _HYSTERESIS_STEPS, f"{axis['name']} ends {off_steps} steps off"
+        assert not axis["violations"]
+
+
 def _cpu_s(pid: int) -> float:
-    """Processor time of a process so far, Linux: utime and stime of proc(5)."""
+    """Return the processor time that a process has used (Linux: utime and stime of proc(5))."""
     fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / _CPU_TICKS_PER_S

@@ -1,12 +1,14 @@
-"""Motions to measure with: sines and constant speeds as PVT records for all axes of a board."""
+"""Make motions to measure with: sines and constant speeds, as PVT records for all axes of a board."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain, islice, repeat
 
 import numpy as np
 from numpy.typing import NDArray
 
 from steptwin.controller.backend import Kernel
+from steptwin.controller.kernel import TICKS_PER_MS
 from steptwin.controller.motion import Motion, Refusal, StepConfig
 
 POINT_MS = 10
@@ -16,11 +18,13 @@ UNITS_PER_STEP = 1024
 AXES = 7
 
 Int64Array = NDArray[np.int64]
+Record = tuple[int, int, int]
+"""A PVT record: displacement in units, end velocity in 1/64 unit per ms, duration in ms."""
 
 
 @dataclass(frozen=True)
 class Load:
-    """Rest-to-rest motion of one axis: where it is and how fast, in steps, at evenly spaced points."""
+    """A motion of one axis from rest to rest: positions and velocities at evenly spaced points."""
 
     name: str
     positions_steps: NDArray[np.float64]
@@ -29,18 +33,18 @@ class Load:
 
     @property
     def duration_s(self) -> float:
-        """How long it lasts."""
+        """Duration of the motion."""
         return (len(self.positions_steps) - 1) * self.point_ms / 1000
 
-    def records(self) -> list[tuple[int, int, int]]:
-        """As PVT fields: displacement and end velocity in wire units, duration in ms."""
+    def records(self) -> list[Record]:
+        """Round the motion to PVT records."""
         units = np.floor(self.positions_steps * UNITS_PER_STEP + 0.5).astype(np.int64)
         velocities = np.round(self.velocities_hz * UNITS_PER_STEP * 64 / 1000).astype(np.int64)
         return [(int(d), int(v), self.point_ms) for d, v in zip(np.diff(units), velocities[1:], strict=True)]
 
 
 def sine(peak_hz: float, sine_hz: float, periods: int, point_ms: int = POINT_MS) -> Load:
-    """A (1 - cos wt): step rates up to `peak_hz`."""
+    """Make A (1 - cos wt), whose step rate reaches `peak_hz`."""
     t_s = np.arange(round(periods * 1000 / point_ms / sine_hz) + 1) * point_ms / 1000
     omega = 2 * np.pi * sine_hz
     amplitude = peak_hz / omega
@@ -53,7 +57,7 @@ def sine(peak_hz: float, sine_hz: float, periods: int, point_ms: int = POINT_MS)
 
 
 def constant(rate_hz: float, duration_s: float, point_ms: int = POINT_MS) -> Load:
-    """Constant speed between ramps of 100 ms."""
+    """Make a constant step rate between two ramps of 100 ms."""
     t_s = np.arange(round(duration_s * 1000 / point_ms) + 1) * point_ms / 1000
     ramp_s = 0.1
     velocities = rate_hz * np.clip(np.minimum(t_s, t_s[-1] - t_s) / ramp_s, 0, 1)
@@ -61,26 +65,39 @@ def constant(rate_hz: float, duration_s: float, point_ms: int = POINT_MS) -> Loa
     return Load(f"constant {rate_hz / 1000:g} kHz", positions, velocities, point_ms)
 
 
-def run(kernel: Kernel, load: Load, timing: StepConfig, axes: int = AXES) -> Iterator[tuple[Motion, int]]:
-    """Feed a load to all axes; yield the motion and the tick to advance it to, again and again until it is done."""
+def run(
+    kernel: Kernel, load: Load, timing: StepConfig, axes: int = AXES, repeats: int = 1
+) -> Iterator[tuple[Motion, int]]:
+    """Feed a load to all axes, `repeats` times in a row; yield the motion and each tick to advance it to."""
     motion = Motion(kernel, axes)
     for axis in range(axes):
         motion.configure(axis, timing)
     records = load.records()
-    ticks_per_point = 4 * load.point_ms
-    for first in range(0, len(records), POINTS_AHEAD):
-        batch = records[first : first + POINTS_AHEAD]
-        for axis in range(axes):
+    for until_tick in feed(motion, [chain.from_iterable(repeat(records, repeats)) for _ in range(axes)]):
+        yield motion, until_tick
+
+
+def feed(motion: Motion, records: Sequence[Iterable[Record]]) -> Iterator[int]:
+    """Queue the axes' records POINTS_AHEAD at a time and start all axes; yield each tick to advance the motion to.
+
+    All axes have records of the same durations. Every tick but the last is one before the queues are empty: an empty
+    queue in motion is an underrun.
+    """
+    sources = [iter(own) for own in records]
+    batches = [list(islice(source, POINTS_AHEAD)) for source in sources]
+    until_tick = 0
+    while batches[0]:
+        for axis, batch in enumerate(batches):
             for record in batch:
                 assert motion.push(axis, *record) is Refusal.ACCEPTED
-            if first == 0:
+            if not until_tick:
                 motion.start(axis)
-        done = first + len(batch)
-        # One tick short of running dry: a queue that empties while moving is an underrun.
-        yield motion, ticks_per_point * done - (0 if done == len(records) else 1)
+        until_tick += TICKS_PER_MS * sum(duration_ms for _, _, duration_ms in batches[0])
+        batches = [list(islice(source, POINTS_AHEAD)) for source in sources]
+        yield until_tick - 1 if batches[0] else until_tick
 
 
 UNLIMITED = StepConfig(MICROSTEPS, 3_000, 1_000, 0, 0, velocity_max_units_per_s=250_000 * UNITS_PER_STEP)
-"""Pulse timing that lets 250 kHz pass, to measure the kernel and not the driver."""
+"""Pulse timing that allows 250 kHz, so that the kernel is measured and not the driver's limits."""
 
 TB6560_TIMING = StepConfig(MICROSTEPS, 33_000, 33_666, 15_000, 15_000, velocity_max_units_per_s=15_000 * UNITS_PER_STEP)

@@ -1,12 +1,13 @@
-"""A live board of seven axes as a program of its own: `python -m steptwin.bench.served_axes`. It ends with SIGTERM.
+"""Serve a live board of seven axes until SIGTERM: `python -m steptwin.bench.served_axes`.
 
-What `steptwin serve` runs, for a machine with more axes than any robot of the collection has. Its first line on stdout
-is the port; its last one the report.
+No robot of the collection has seven axes for `steptwin serve`. As with that command, stderr names the port and stdout
+gets the report.
 """
 
 import gc
 import json
 import signal
+import sys
 from dataclasses import replace
 
 from steptwin.bench.loads import AXES
@@ -20,7 +21,7 @@ from steptwin.host.twin.live_board import RECORD_EVERY_S, LiveBoard
 
 
 def seven_axes() -> Robot:
-    """The warehouse robot without its switches, its last joint there as often as it takes."""
+    """Return the warehouse robot without switches, its last joint repeated until there are seven."""
     robot = load_robot("warehouse-scara")
     joints = [replace(joint, switches=JointSwitches(), homing=None) for joint in robot.joints]
     more = [replace(joints[-1], name=f"more{i}") for i in range(AXES - len(joints))]
@@ -28,7 +29,7 @@ def seven_axes() -> Robot:
 
 
 def main() -> None:
-    """Serve until the signal."""
+    """Serve on a free port; print the report when the signal has come."""
     robot = seven_axes()
     endpoint = SocketcandEndpoint("127.0.0.1", 0, allow_remote=False)
     board = LiveBoard(robot, list(robot.home), fastest_kernel(), bitrate=robot.board.bitrate, speed=1.0)
@@ -36,7 +37,7 @@ def main() -> None:
         signal.signal(signal.SIGTERM, lambda _number, _frame: loop.stop())
         endpoint.attach(loop)
         loop.call_every(RECORD_EVERY_S, board.record)
-        print(endpoint.port, flush=True)
+        print(f"port={endpoint.port}", file=sys.stderr, flush=True)
         gc.freeze()
         loop.run()
         endpoint.close()

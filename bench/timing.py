@@ -1,25 +1,23 @@
-"""How far the kernel's edges are from the ideal motion, and what the TB6560's pulse timing adds to that."""
+"""Measure how far the kernel's edges are from the ideal motion, with the TB6560's pulse timing."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from steptwin.bench.loads import TB6560_TIMING, Int64Array, run, sine
 from steptwin.controller.backend import Kernel
 from steptwin.controller.motion import PinEdges
+from steptwin.host.common.arrays import FloatArray
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 PEAKS_HZ = (300.0, 2_000.0, 14_000.0)
 SINE_HZ = 0.5
 THRESHOLD_STEPS = 9 / 16
 
-Float64Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class TimingFigure:
-    """One line of the timing table."""
+    """One row of the timing table."""
 
     load: str
     steps: int
@@ -30,19 +28,19 @@ class TimingFigure:
 
 
 def figures(kernel: Kernel) -> list[TimingFigure]:
-    """One period of sines of some peak rates, points every 10 ms, with the TB6560's pulse timing."""
+    """Measure one sine period for each peak rate: points every 10 ms, the TB6560's pulse timing."""
     return [measure(kernel, peak_hz) for peak_hz in PEAKS_HZ]
 
 
 def measure(kernel: Kernel, peak_hz: float) -> TimingFigure:
-    """Compare every edge with A (1 - cos wt): in steps at the edge's time, in time by the speed there."""
+    """Compare every edge with A (1 - cos wt): in steps at the edge's time, and in time by the speed there."""
     load = sine(peak_hz, SINE_HZ, 1)
     drained, delayed = _edges(kernel, peak_hz)
     rises, signs = steps_of(drained)
     t_s = rises / COUNTS_PER_SECOND
     error_steps = errors_steps(t_s, signs, peak_hz)
     speed_hz = peak_hz * np.abs(np.sin(2 * np.pi * SINE_HZ * t_s))
-    fast = speed_hz > 0.01 * peak_hz  # slower than that, time is ill-defined
+    fast = speed_hz > 0.01 * peak_hz  # at lower speeds the time of a crossing is ill-defined
     error_us = np.abs(error_steps[fast]) / speed_hz[fast] * 1e6
     return TimingFigure(
         load.name,
@@ -54,15 +52,15 @@ def measure(kernel: Kernel, peak_hz: float) -> TimingFigure:
     )
 
 
-def errors_steps(t_s: Float64Array, signs: Int64Array, peak_hz: float) -> Float64Array:
-    """The ideal position at the time of each step, less the threshold that it crosses."""
+def errors_steps(t_s: FloatArray, signs: Int64Array, peak_hz: float) -> FloatArray:
+    """Return the ideal position at the time of each step minus the threshold that the step stands for, in steps."""
     omega = 2 * np.pi * SINE_HZ
     thresholds = np.cumsum(signs) - signs + signs * THRESHOLD_STEPS
     return np.asarray(peak_hz / omega * (1 - np.cos(omega * t_s)) - thresholds, dtype=np.float64)
 
 
 def steps_of(drained: list[PinEdges]) -> tuple[Int64Array, Int64Array]:
-    """CLK rises of one axis in timer counts, and which way each steps; DIR is low at first."""
+    """Return the CLK rises of one axis in timer counts and the sign of each step; DIR is low at first."""
     rises = np.concatenate([np.asarray(edges.clk_counts, dtype=np.int64)[0::2] for edges in drained])
     words = np.concatenate([np.asarray(edges.direction, dtype=np.int64) for edges in drained])
     levels = np.concatenate(([0], words & 1))[np.searchsorted(words >> 1, rises, side="right")]
@@ -70,7 +68,7 @@ def steps_of(drained: list[PinEdges]) -> tuple[Int64Array, Int64Array]:
 
 
 def _edges(kernel: Kernel, peak_hz: float) -> tuple[list[PinEdges], int]:
-    """One axis' edges, and how many steps had to wait."""
+    """Run the sine on one axis; return its edges and the number of delayed steps."""
     drained: list[PinEdges] = []
     delayed = 0
     for motion, until_tick in run(kernel, sine(peak_hz, SINE_HZ, 1), TB6560_TIMING, axes=1):

@@ -1,4 +1,4 @@
-"""How fast edges become text, and how much memory that takes beside the edges themselves."""
+"""Measure how fast edges become text, and how much memory that takes beside the edges themselves."""
 
 import time
 import tracemalloc
@@ -21,21 +21,21 @@ _CLK_HIGH_COUNTS = 2_376
 
 @dataclass(frozen=True)
 class WaveformFigure:
-    """One line of the table."""
+    """One row of the table."""
 
     form: str
     edges: int
     edges_per_s: float
     copy_ratio: float
-    """Time of making the text over the time of copying it."""
+    """Time of making the text divided by the time of copying it."""
     peak_mb: float
-    """Memory beside the edges, at most."""
+    """Largest memory use beside the edges."""
     peak_mb_tenth: float
-    """The same for a tenth of the edges."""
+    """Largest memory use for a tenth of the edges."""
 
 
 def figures() -> list[WaveformFigure]:
-    """STEP and DIR of all axes at their drivers' highest rate; text made in pieces and thrown away."""
+    """Measure STEP and DIR of all axes near the drivers' highest rate; the text is made in pieces and dropped."""
     return [_figure(form) for form in ("vcd 1us", "vcd 100ns", "csv")]
 
 
@@ -48,7 +48,7 @@ def _figure(form: str) -> WaveformFigure:
 
 
 def _record(duration_s: int) -> tuple[list[Signal], Window]:
-    """Axes whose rates differ a little, so that their edges do not coincide; each turns around now and then."""
+    """Make axes with slightly different rates, so that edges do not coincide, and a reversal every 1000 steps."""
     signals = []
     for axis in range(AXES):
         rises = np.arange(0, duration_s * COUNTS_PER_SECOND, COUNTS_PER_SECOND // RATE_HZ + 7 * axis)

@@ -1,4 +1,5 @@
-"""Pulse timing: the kernel beside what else makes step pulses of the same motions, all measured against the ideal ones.
+"""Compare the pulse timing of the kernel with that of other step methods, on the same motions.
 
-`motions` has what all methods are given, one file each has a method, `evaluation` measures what they made.
+`motions` makes the planned motions that every method is given, `methods` lists the methods, each of which has a file of
+its own, and `evaluation` measures their pulses against the ideal crossings.
 """

@@ -1,10 +1,11 @@
-"""Austin's integer ramp, as in Atmel's AVR446: each interval from the one before it, c -= 2 c / (4 n + 1).
+"""Place steps by Austin's integer ramp, as in Atmel's AVR446: each interval from the last one, c -= 2 c / (4 n + 1).
 
-Each record is a ramp of constant acceleration between its velocities, one with a reversal two. A ramp is set up with
-its first step solved exactly and with the steps that the rule gives it; the interval's recurrence then has one
-division a step and keeps the remainder, as AVR446 does. Better than the original: n is rounded to quarters of a step,
-which leaves 4 n + 1 whole, and the timer runs at 72 MHz. Ramps begin on time, so that errors do not add up from record
-to record and axes stay together; what one has not done by its end is made at its end.
+Each record is a ramp of constant acceleration between its two velocities; a record with a reversal is two ramps. A ramp
+begins with its first step solved exactly and makes the number of steps that the step rule gives it. The recurrence then
+needs one division a step and keeps the remainder, as AVR446 does. Two things are better than in the original: n is
+rounded to quarters of a step, which keeps 4 n + 1 whole, and the timer runs at 72 MHz. Each ramp begins on time, so
+that errors do not add up from record to record and axes stay together; steps that are left at a ramp's end are made
+there.
 
 Source: D. Austin, "Generate stepper-motor speed profiles in real time", Embedded Systems Programming, January 2005;
 Atmel application note AVR446, "Linear speed control of stepper motor", 2006.
@@ -22,10 +23,10 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 CONSTANT_FROM_STEPS = 1 << 30
-"""A ramp so far from its standstill that an interval cannot change any more, in steps."""
+"""Distance from standstill, in steps, beyond which an interval no longer changes."""
 
 LAST_DIVISOR = -3
-"""4 n + 1 of the last interval before standstill, n = -1."""
+"""4 n + 1 for the last interval before standstill, n = -1."""
 
 
 def austin(motion: PlannedMotion) -> Placed:
@@ -56,9 +57,9 @@ def ramp(
     velocity_hz: float,
     acceleration: float,
 ) -> int:
-    """Place the steps of one ramp, the first of which is `way` steps ahead; return when the next may rise at earliest.
+    """Place the steps of one ramp, the first `way` steps ahead; return the earliest instant of the next rise.
 
-    Velocity and acceleration are along the motion, in steps/s and steps/s^2.
+    Velocity and acceleration count along the motion, in steps/s and steps/s^2.
     """
     at_first_hz = sqrt(max(velocity_hz**2 + 2 * acceleration * way, 0.0))
     mean_hz = (velocity_hz + at_first_hz) / 2
@@ -71,7 +72,9 @@ def ramp(
         rises[k] = rise
         earliest_counts = rise + pulse_counts
         due_counts += interval
-        if divisor <= LAST_DIVISOR or divisor > 1:  # between them is the standstill
+        if (
+            divisor <= LAST_DIVISOR or divisor > 1
+        ):  # between the two n passes through standstill, where the recurrence does not hold
             numerator = 2 * interval + rest
             interval -= numerator // divisor
             rest = numerator % divisor
@@ -81,9 +84,9 @@ def ramp(
 
 @compiled
 def _first_interval(rate_hz: float, acceleration: float, longest_counts: int) -> tuple[int, int]:
-    """The interval after a step at this rate, and 4 n + 1 of the one that follows; 0 on a constant rate.
+    """Return the interval after a step at this rate, and 4 n + 1 for the interval after that; 0 at constant rate.
 
-    The steps' number n is counted from standstill, v^2 / 2a, negative before it.
+    The step number n counts from standstill, n = v^2 / 2a; it is negative while the motion slows down.
     """
     next_hz = sqrt(max(rate_hz**2 + 2 * acceleration, 0.0))
     mean_hz = (rate_hz + next_hz) / 2
@@ -103,7 +106,7 @@ def _run(
     rises: Int64Array,
     direction: Int64Array,
 ) -> tuple[int, int]:
-    """One axis; returns how many steps and DIR edges there are."""
+    """Place one axis; return its number of steps and of DIR edges."""
     made = turns = level = 0
     earliest = 0
     for record in range(len(times_ms) - 1):

@@ -1,8 +1,8 @@
-"""Segments of 10 ms at constant rate with Bresenham's line, as streamed to Grbl and its kin.
+"""Place steps in segments of 10 ms at constant rate by Bresenham's line, as Grbl does.
 
-At the begin of each record the whole steps of every axis in it are known. The axis with the most of them, the dominant
-one, makes its steps evenly over the record; the others make theirs in the same interrupts, where Bresenham's
-algorithm has them. So the rate is a staircase, and an axis that is not dominant waits for up to a dominant interval.
+At the beginning of each record the number of whole steps of every axis in it is known. The axis with the most steps,
+the dominant axis, makes them evenly over the record; the others make theirs in the same interrupts, where Bresenham's
+algorithm puts them. So the rate is a staircase, and a step of another axis waits for up to one dominant interval.
 
 Source: Grbl 1.1, stepper.c (segment buffer at ACCELERATION_TICKS_PER_SECOND = 100, without AMASS).
 """
@@ -39,7 +39,7 @@ def _run(
     direction: Int64Array,
     made: Int64Array,
 ) -> None:
-    """All axes; `made` takes how many steps and DIR edges there are."""
+    """Place all axes; write the number of steps and of DIR edges of each into `made`."""
     axes = len(counters)
     made[:] = 0
     levels = np.zeros(axes, np.int64)

@@ -1,4 +1,4 @@
-"""Where the compiled methods write, and how they are timed."""
+"""Give the compiled methods buffers to write into, and time them."""
 
 import time
 from collections.abc import Callable
@@ -14,11 +14,11 @@ from steptwin.controller.motion import counts_of_ns
 from steptwin.host.robots.robot import Board
 
 REPEATS = 3
-"""The best counts; the first one compiles and touches the pages."""
+"""Number of timed runs, of which the fastest counts; one run before them compiles and touches the pages."""
 
 
 class PinTimes(NamedTuple):
-    """What a driver needs, in timer counts: a pulse high, high and low, and DIR before and after a rise."""
+    """Pulse timing in timer counts: CLK high, CLK high and low together, DIR stable before and after a rise."""
 
     steplen: int
     pulse: int
@@ -27,7 +27,7 @@ class PinTimes(NamedTuple):
 
     @classmethod
     def of(cls, board: Board) -> "PinTimes":
-        """As a board is set; DIR is held for a count at least, since it is read at the rise itself."""
+        """Convert a board's settings; DIR is held for at least one count, since the driver reads it at the rise."""
         steplen, stepspace = counts_of_ns(board.steplen_ns), counts_of_ns(board.stepspace_ns)
         return cls(
             steplen, steplen + stepspace, counts_of_ns(board.dirsetup_ns), max(counts_of_ns(board.dirhold_ns), 1)
@@ -36,7 +36,7 @@ class PinTimes(NamedTuple):
 
 @dataclass(slots=True, eq=False)
 class Buffers:
-    """One row an axis: CLK rises, DIR edges as 2 * counts + level, and how many of both there are."""
+    """One row for each axis: CLK rises, DIR edges as 2 * counts + level, and the number of both."""
 
     rises: Int64Array
     direction: Int64Array
@@ -48,7 +48,7 @@ class Buffers:
 
 
 def place_with(place: Callable[[Buffers], None], motion: PlannedMotion) -> Placed:
-    """Let a method fill buffers a few times; the fastest counts."""
+    """Let a method fill the buffers REPEATS + 1 times; return its pulses and the shortest time."""
     shape = (motion.axes, motion.steps_max)
     buffers = Buffers(np.zeros(shape, np.int64), np.zeros(shape, np.int64))
     wall_s = float("inf")

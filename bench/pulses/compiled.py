@@ -1,4 +1,4 @@
-"""Compile what is measured in the same way as the kernel: by numba where it is installed."""
+"""Compile the other methods in the same way as the kernel: by numba where it is installed."""
 
 from collections.abc import Callable
 from importlib.util import find_spec
@@ -8,7 +8,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 def compiled(function: Function) -> Function:
-    """The function compiled by numba, or itself without the extra `fast`: the same figures, a hundred times slower."""
+    """Return the function compiled by numba, or unchanged without the extra `fast`: same results, 100 times slower."""
     if not find_spec("numba"):
         return function
     import numba

@@ -1,7 +1,7 @@
-"""What each method would cost the board's Cortex-M3 at 72 MHz: an estimate from counted work, not a measurement.
+"""Estimate what each method would cost the board's Cortex-M3 at 72 MHz, from counted work; it is not measured.
 
-Interrupt entry and exit take 12 cycles each (ARM, Cortex-M3 Technical Reference Manual), SMULL 3 to 5, a division of
-32 bits 2 to 12; there is no division of 64 bits and no floating-point unit, so that these are library calls.
+Interrupt entry and exit take 12 cycles each (ARM, Cortex-M3 Technical Reference Manual), SMULL 3 to 5, a 32-bit
+division 2 to 12. The processor has neither a 64-bit division nor a floating-point unit, so that both are library calls.
 """
 
 from dataclasses import dataclass
@@ -16,57 +16,60 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 CYCLES_PER_SECOND: Final = 72_000_000
 WINDOW_COUNTS: Final = COUNTS_PER_SECOND // 100
-"""Loads are those of the busiest 10 ms: a mean over a whole motion would hide where it does not fit."""
+"""Length of the window whose load counts, 10 ms: a mean over a whole motion would hide an overload."""
 
 _INTERRUPT: Final = 24
 _COMPARE_EVENT: Final = 88
-"""A timer event that toggles one pin: Klipper's benchmark takes 264 cycles for a step of each of three steppers."""
+"""Cycles of a timer event that toggles one pin: Klipper's benchmark steps three steppers in 264 cycles."""
 _SOFT_FLOAT: Final = 60
-"""One operation in floating point of 32 bits, done in software."""
+"""Cycles of one 32-bit floating-point operation in software."""
 
 
 @dataclass(frozen=True, slots=True)
 class Cycles:
-    """Cycles of the events that a method consists of, with how often its timer interrupts."""
+    """Cycles of each event of a method, and the frequency of its timer interrupt."""
 
     timer_hz: int
     per_interrupt: int
-    """Of that timer."""
+    """Cycles of one interrupt of that timer, without the axes."""
     per_axis_and_interrupt: int
     per_step: int
     per_common_step: int
-    """For each step of the axis with the most of them, in whose interrupt all axes are looked at ..."""
+    """Cycles for each step of the axis that steps most, in whose interrupt every axis is examined."""
     per_axis_and_common_step: int
-    """... and for each axis then."""
+    """Cycles for each axis in that interrupt."""
     per_record: int
-    """For each axis, 100 times a second."""
+    """Cycles for each axis, 100 times a second."""
 
 
 def _dda(base_hz: int) -> Cycles:
-    """Per axis and period: load, add and store an accumulator of 64 bits, compare, branch. Per step: set a pin, arm
-    the timer that clears it, its interrupt. A record is interpolated ten times, ten operations each."""
+    """Count the work of a DDA.
+
+    Per axis and period: load, add and store a 64-bit accumulator, compare, branch. Per step: set a pin, arm the timer
+    that clears it, take its interrupt. A record is interpolated ten times with ten operations each.
+    """
     return Cycles(base_hz, _INTERRUPT, 20, 20 + _COMPARE_EVENT, 0, 0, 10 * 10 * _SOFT_FLOAT)
 
 
 CYCLES: Final = {
-    # Per axis and tick: three SMULL with rounding, one division of 64 by 32 bits, the rest comparisons and stores, some
-    # 200 instructions at 1.3 cycles. Per step: a compare match each for the rise and the fall.
+    # Per axis and tick: three SMULL with rounding, one division of 64 by 32 bits, comparisons and stores; about 200
+    # instructions of 1.3 cycles. Per step: one compare match for the rise and one for the fall.
     "kernel": Cycles(TICKS_PER_SECOND, _INTERRUPT, 260, 2 * _COMPARE_EVENT, 0, 0, 300),
     "dda-20k": _dda(20_000),
     "dda-40k": _dda(40_000),
     "dda-100k": _dda(100_000),
-    # One interrupt for all axes and one that ends their pulses; per axis an addition and a comparison. A record: two
+    # One interrupt for all axes and one that ends their pulses; per axis an addition and a comparison. Per record: two
     # divisions.
     "bresenham": Cycles(0, 0, 0, 10, _INTERRUPT + 40 + _COMPARE_EVENT, 20, 100),
-    # A timer event with the recurrence's division, and the pulse's end. A record: two roots, five divisions and
-    # as many products in floating point.
+    # Per step: a timer event with the recurrence's division, and one that ends the pulse. Per record: two roots, five
+    # divisions and five products in floating point.
     "austin": Cycles(0, 0, 0, _COMPARE_EVENT + 35 + _COMPARE_EVENT, 0, 0, 20 * _SOFT_FLOAT),
 }
-"""By the methods' keys."""
+"""The cost of each method, by its key."""
 
 
 def load_percent(cycles: Cycles, motion: PlannedMotion, rises: list[Int64Array]) -> float:
-    """The part of the processor's time that the busiest 10 ms of a motion need."""
+    """Return the processor load in the busiest 10 ms of a motion."""
     end_counts = max([int(axis[-1]) for axis in rises if axis.size], default=0)
     windows = np.arange(0, end_counts + 2 * WINDOW_COUNTS, WINDOW_COUNTS)
     per_axis = np.array([np.histogram(axis, windows)[0] for axis in rises])

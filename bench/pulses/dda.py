@@ -1,10 +1,10 @@
-"""A fixed-rate digital differential analyser, as LinuxCNC's software stepgen and its kin.
+"""Place steps by a fixed-rate digital differential analyser (DDA), as LinuxCNC's software stepgen does.
 
-A servo thread of 1 ms interpolates the records and sets a velocity that leads to the position of the next millisecond;
-a base thread adds it to an accumulator in every period and makes a step where the accumulator has passed the
-threshold. An edge can only fall on the base thread's grid: it comes up to one period late. A pulse's end is timed by
-itself, so that a step can be made in each period; a change of direction costs the periods that dirsetup and dirhold
-need. More generous than the original: the position is known a servo period ahead, so that nothing lags behind.
+A servo thread of 1 ms interpolates the records and sets the velocity that leads to the position of the next
+millisecond. A base thread adds this velocity to an accumulator in every period and makes a step when the accumulator
+has passed the threshold. So an edge can only fall on the base thread's grid and comes up to one period late. A timer of
+its own ends each pulse, so that every period can have a step; a change of direction costs the periods that dirsetup and
+dirhold need. One thing is in the DDA's favour: it knows the position a servo period ahead, so that it does not lag.
 
 Source: LinuxCNC, src/hal/components/stepgen.c and its manual page (position mode).
 """
@@ -26,7 +26,7 @@ THRESHOLD_Q32 = THRESHOLD_Q16 << 16
 
 
 def dda(base_hz: int, motion: PlannedMotion) -> Placed:
-    """Place a motion with a base thread of so many Hz, a divisor of 72 MHz."""
+    """Place a motion with a base thread of `base_hz`, which must divide 72 MHz."""
     period_counts = COUNTS_PER_SECOND // base_hz
     positions, velocities = motion.points_q16 / 65_536, motion.velocities_hz / 1000
     pins = PinTimes.of(motion.board)
@@ -43,7 +43,7 @@ def dda(base_hz: int, motion: PlannedMotion) -> Placed:
 
 @compiled
 def hermite(p0: float, v0: float, p1: float, v1: float, duration_ms: float, t_ms: float) -> float:
-    """Position within a record; velocities in steps per ms."""
+    """Return the position within a record: the cubic Hermite polynomial; velocities are in steps per ms."""
     s = t_ms / duration_ms
     a, e, d = v0 * duration_ms, v1 * duration_ms, p1 - p0
     return p0 + s * (a + s * (3 * d - 2 * a - e + s * (a + e - 2 * d)))
@@ -60,7 +60,7 @@ def _run(
     rises: Int64Array,
     direction: Int64Array,
 ) -> tuple[int, int]:
-    """One axis; returns how many steps and DIR edges there are."""
+    """Place one axis; return its number of steps and of DIR edges."""
     steps = turns = level = 0
     periods = COUNTS_PER_MS // period_counts
     accumulator = floor(positions[0] * Q32)

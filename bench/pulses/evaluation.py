@@ -1,9 +1,9 @@
-"""One measure for all: a method's steps against the exact crossings of the planned motion, step by step.
+"""Measure every method in the same way: its steps against the exact crossings of the planned motion, step by step.
 
-The error in steps of a made step is how far the planned motion is, at the time of its edge, from the threshold that
-the step stands for. Its error in time is to the crossing of that threshold; crossings slower than 1 % of the axis'
-fastest have none, since near a reversal time is ill-defined. Jitter is what two steps that follow each other at
-constant speed (planned to change by less than 1 % between them) differ by in their interval from the planned one.
+The position error of a step is the distance of the planned motion, at the time of the step's edge, from the threshold
+that the step stands for. Its timing error is the time from the crossing of that threshold to the edge; crossings slower
+than 1 % of the axis' fastest are left out, since near a reversal time is ill-defined. Jitter is the error of the
+interval between two successive steps at constant speed (planned to change by less than 1 % between them).
 """
 
 from dataclasses import dataclass
@@ -21,14 +21,14 @@ from steptwin.host.verify.oracle import THRESHOLD_STEPS, IdealSteps, ideal_steps
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 STEADY = 0.01
-"""A speed that changes by less than this part from one step to the next is constant."""
+"""Largest relative change of speed from one step to the next that counts as constant speed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """One line of the table: a method on a motion, all axes together; errors are sizes, without sign.
+    """One row of the table: a method on a motion, all axes together; errors are magnitudes.
 
-    None stands for a figure that the motion gives no steps for.
+    A figure is None if no step of the motion qualifies for it.
     """
 
     motion: str
@@ -49,12 +49,12 @@ class Figures:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AxisErrors:
-    """One axis' errors.
+    """Errors of one axis.
 
     Attributes:
-        steps: shape (made steps,), signed.
-        timing_us: shape (pairs,) without the slow ones, positive is late.
-        jitter_us: shape (pairs that follow each other at constant speed,).
+        steps: position error of each step made, signed, shape (steps,).
+        timing_us: timing error of each pair but the slow ones, positive if late, shape (fast pairs,).
+        jitter_us: interval error of successive pairs at constant speed, shape (intervals,).
     """
 
     steps: FloatArray
@@ -64,12 +64,12 @@ class AxisErrors:
 
 
 def ideal_of(motion: PlannedMotion) -> tuple[IdealSteps, ...]:
-    """The exact crossings of a motion, axis by axis."""
+    """Return the exact crossings of a motion for each axis."""
     return ideal_steps(motion.trajectory, motion.steps_per_unit, motion.start_steps)
 
 
 def figures_of(motion: PlannedMotion, ideal: tuple[IdealSteps, ...], method: Method) -> Figures:
-    """Let a method place a motion and measure what it made."""
+    """Let a method place a motion and measure the result."""
     placed = method.place(motion)
     errors = [axis_errors(motion, axis, ideal[axis], pulses) for axis, pulses in enumerate(placed.axes)]
     steps = np.concatenate([axis.steps for axis in errors])
@@ -94,7 +94,7 @@ def figures_of(motion: PlannedMotion, ideal: tuple[IdealSteps, ...], method: Met
 
 
 def axis_errors(motion: PlannedMotion, axis: int, ideal: IdealSteps, pulses: AxisPulses) -> AxisErrors:
-    """Measure one axis."""
+    """Measure the pulses of one axis."""
     made_s, signs = pulses.rise_counts / COUNTS_PER_SECOND, pulses.signs
     pairing = pair(ideal.start_steps, ideal.time_s, ideal.signs, made_s, signs)
     late_us = (made_s[pairing.made] - ideal.time_s[pairing.ideal]) * 1e6
@@ -111,7 +111,7 @@ def axis_errors(motion: PlannedMotion, axis: int, ideal: IdealSteps, pulses: Axi
 
 
 def _positions(motion: PlannedMotion, axis: int, t_s: FloatArray) -> FloatArray:
-    """The planned position of an axis in steps; after its end it stands where it ends."""
+    """Return the planned position of an axis in steps; after its end the motion stands at its last position."""
     chunk = 16_384
     parts = [np.empty(0)]
     for first in range(0, len(t_s), chunk):

@@ -1,25 +1,24 @@
-"""The firmware's own motion kernel, with the pulse timing that the board is set to."""
+"""Place steps by the firmware's own motion kernel, with the pulse timing of the board's settings."""
 
 import time
 from math import ceil
 
 import numpy as np
 
-from steptwin.bench.loads import POINTS_AHEAD, Int64Array
+from steptwin.bench.loads import Int64Array, Record, feed
 from steptwin.bench.pulses.motions import PlannedMotion
 from steptwin.bench.pulses.pulses import AxisPulses, Placed
 from steptwin.controller.backend import Kernel
-from steptwin.controller.kernel import TICKS_PER_MS
-from steptwin.controller.motion import Motion, PinEdges, Refusal, StepConfig
+from steptwin.controller.motion import Motion, PinEdges, StepConfig
 from steptwin.host.robots.robot import Board
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 
 REPEATS = 3
-"""The best counts; the first one compiles."""
+"""Number of timed runs, of which the fastest counts; one run before them compiles."""
 
 
 def kernel_method(kernel: Kernel, motion: PlannedMotion) -> Placed:
-    """Place a motion, fed 60 points ahead; only `Motion.advance` is timed, not what feeds and drains it."""
+    """Place a motion, fed 60 points ahead; only `Motion.advance` is timed, not feeding and draining."""
     once = [_once(kernel, motion) for _ in range(REPEATS + 1)]
     return Placed(once[0].axes, min(placed.wall_s for placed in once))
 
@@ -29,19 +28,9 @@ def _once(kernel: Kernel, planned: PlannedMotion) -> Placed:
     for axis, start_units in enumerate(planned.points_units[:, 0].tolist()):
         motion.configure(axis, _timing(planned.board, int(planned.microsteps[axis])))
         motion.preset(axis, start_units)
-    records = _records(planned)
-    points = len(planned.times_ms) - 1
     wall_s = 0.0
     drained: list[tuple[PinEdges, ...]] = []
-    for first in range(0, points, POINTS_AHEAD):
-        last = min(first + POINTS_AHEAD, points)
-        for axis, own in enumerate(records):
-            for record in own[first:last]:
-                assert motion.push(axis, *record) is Refusal.ACCEPTED
-            if first == 0:
-                motion.start(axis)
-        # One tick short of running dry: a queue that empties while moving is an underrun.
-        until_tick = TICKS_PER_MS * int(planned.times_ms[last]) - (0 if last == points else 1)
+    for until_tick in feed(motion, _records(planned)):
         while motion.tick < until_tick:
             started = time.perf_counter()
             motion.advance(until_tick)
@@ -62,7 +51,7 @@ def _timing(board: Board, microsteps: int) -> StepConfig:
     )
 
 
-def _records(planned: PlannedMotion) -> list[list[tuple[int, int, int]]]:
+def _records(planned: PlannedMotion) -> list[list[Record]]:
     durations_ms = np.diff(planned.times_ms).tolist()
     return [
         list(zip(np.diff(units).tolist(), velocities[1:].tolist(), durations_ms, strict=True))

@@ -1,4 +1,4 @@
-"""All methods, the kernel first."""
+"""List all methods, the kernel first."""
 
 from functools import partial
 
@@ -13,7 +13,7 @@ DDA_HZ = (20_000, 40_000, 100_000)
 
 
 def methods(kernel: Kernel | None = None) -> list[Method]:
-    """The firmware's kernel, by default the fastest there is, and what people use instead."""
+    """Return the firmware's kernel (by default the fastest one installed) and the methods in common use."""
     return [
         Method("kernel", "the kernel", partial(kernel_method, kernel or fastest_kernel())),
         *(Method(f"dda-{hz // 1000}k", f"DDA at {hz // 1000} kHz", partial(dda, hz)) for hz in DDA_HZ),

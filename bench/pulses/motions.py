@@ -1,6 +1,6 @@
-"""The motions that every method is given, as the very records that go over the wire, with what they were planned from.
+"""Make the motions that every method is given: the records as sent over the wire, and the trajectory behind them.
 
-Four are jobs of the robots. The fifth is a stress: seven axes on sines of different frequencies, which all go up to
+Four are jobs of the robots. The fifth is a stress test: seven axes on sines of different frequencies, which all reach
 14 kHz and accelerate with up to 77 000 steps/s^2.
 """
 
@@ -33,14 +33,14 @@ class PlannedMotion:
     """A motion of some axes from rest to rest.
 
     Attributes:
-        name: what it is called in the tables.
-        trajectory: the motion itself; the ideal steps are its own.
-        steps_per_unit: shape (axes,), steps per unit of the trajectory.
-        microsteps: shape (axes,).
-        times_ms: shape (points,), from 0 to the end.
-        points_units: shape (axes, points), positions in wire units.
-        velocities: shape (axes, points), in 1/64 wire unit per ms.
-        board: what the drivers need, and are given.
+        name: its name in the tables.
+        trajectory: the exact motion, from which the ideal steps are computed.
+        steps_per_unit: steps per unit of the trajectory, shape (axes,).
+        microsteps: microsteps per full step, shape (axes,).
+        times_ms: times of the points from 0 to the end, shape (points,).
+        points_units: positions in wire units, shape (axes, points).
+        velocities: velocities in 1/64 wire unit per ms, shape (axes, points).
+        board: the board's settings: pulse timing and drivers.
     """
 
     name: str
@@ -54,17 +54,12 @@ class PlannedMotion:
 
     @property
     def axes(self) -> int:
-        """How many axes it has."""
+        """Number of axes."""
         return len(self.microsteps)
 
     @property
-    def duration_s(self) -> float:
-        """How long it lasts."""
-        return float(self.times_ms[-1]) / 1000
-
-    @property
     def points_q16(self) -> Int64Array:
-        """Positions in Q16 steps, exactly: shape (axes, points)."""
+        """Positions in Q16 steps, without rounding, shape (axes, points)."""
         return self.points_units * (self.microsteps[:, None] << 2)
 
     @property
@@ -76,12 +71,12 @@ class PlannedMotion:
 
     @property
     def start_steps(self) -> tuple[int, ...]:
-        """Each counter before the motion: the step nearest to where the axis stands."""
+        """Each axis' counter before the motion: the step nearest to its position."""
         return tuple(int(q16 + (1 << 15)) >> 16 for q16 in self.points_q16[:, 0])
 
     @property
     def steps_max(self) -> int:
-        """No axis makes more steps: the sum of what the velocity hulls of its records allow, and one for each."""
+        """Upper bound of any axis' steps: what the velocity hulls of its records allow, and two for each record."""
         travel = np.abs(np.diff(self.points_q16, axis=1)) / 65_536
         way = np.abs(self.velocities_hz) * 0.001
         hull = np.diff(self.times_ms) * np.maximum(way[:, 1:], way[:, :-1])
@@ -89,7 +84,7 @@ class PlannedMotion:
 
 
 def motion_of_job(robot: Robot, job: str) -> PlannedMotion:
-    """A robot's job with its default options; InputError if there is none of that name."""
+    """Plan a robot's job with its default options; raise InputError if the robot has no such job."""
     made = plan(robot, make_job(robot, job, {}))
     microsteps = np.array([joint.transmission.microsteps for joint in robot.joints])
     return PlannedMotion(
@@ -106,7 +101,7 @@ def motion_of_job(robot: Robot, job: str) -> PlannedMotion:
 
 @dataclass(frozen=True, slots=True)
 class Sines:
-    """One axis for each number of cycles: A (1 - cos wt) in steps, all with the same peak rate; fulfils Trajectory."""
+    """A `Trajectory` of A (1 - cos wt) in steps: one axis for each number of cycles, all with the same peak rate."""
 
     cycles: tuple[int, ...]
     peak_hz: float
@@ -116,17 +111,17 @@ class Sines:
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """The axes by their numbers."""
+        """Names of the axes, by number."""
         return tuple(f"axis {i}" for i in range(1, len(self.cycles) + 1))
 
     def positions(self, t_s: FloatArray) -> FloatArray:
-        """In steps."""
+        """Return positions in steps."""
         omega = self._omega()
         moved: FloatArray = self.peak_hz / omega * (1 - np.cos(omega * t_s[:, None]))
         return moved
 
     def velocities(self, t_s: FloatArray) -> FloatArray:
-        """In steps per second."""
+        """Return velocities in steps per second."""
         rates: FloatArray = self.peak_hz * np.sin(self._omega() * t_s[:, None])
         return rates
 
@@ -135,7 +130,7 @@ class Sines:
 
 
 def sines(name: str, motion: Sines, board: Board) -> PlannedMotion:
-    """Sines with a point every 10 ms, converted as the planner does."""
+    """Plan sines with a point every 10 ms, rounded as the planner does."""
     times_ms = np.arange(0, round(1000 * motion.duration_s) + 1, POINT_MS)
     t_s = times_ms / 1000
     velocities = np.round(motion.velocities(t_s) * UNITS_PER_STEP * VELOCITY_PER_UNIT_PER_MS / 1000)
@@ -153,11 +148,11 @@ def sines(name: str, motion: Sines, board: Board) -> PlannedMotion:
 
 
 def stress() -> PlannedMotion:
-    """Seven axes up to 14 kHz, 1 to 7 cycles in 8 s, at the drivers of a robot."""
+    """Return the stress test: seven axes up to 14 kHz, 1 to 7 cycles in 8 s, with the first robot's board."""
     motion = Sines(tuple(range(1, AXES + 1)), STRESS_PEAK_HZ, STRESS_S)
     return sines("seven axes, 14 kHz", motion, load_robot(JOBS[0][0]).board)
 
 
 def all_motions() -> list[PlannedMotion]:
-    """The four jobs and the stress."""
+    """Return the four jobs and the stress test."""
     return [*(motion_of_job(load_robot(robot), job) for robot, job in JOBS), stress()]

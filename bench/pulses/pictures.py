@@ -1,4 +1,4 @@
-"""The pictures of docs/benchmarks.md: `python -m steptwin.bench.pulses.pictures [DIR]` measures and draws them."""
+"""Draw the pictures of docs/benchmarks.md: `python -m steptwin.bench.pulses.pictures [DIR]` measures anew."""
 
 import sys
 from collections.abc import Callable
@@ -23,14 +23,14 @@ DOTS_PER_INCH: Final = 90
 GREY: Final = "0.55"
 DOCS: Final = Path(__file__).resolve().parents[2] / "docs" / "pictures"
 _HEADROOM: Final = 1.08
-"""So that the highest mark is seen whole."""
+"""Axis limit over the largest value, so that the highest marker is not cut off."""
 _CLOSE_UP_AXIS: Final = 6
 _CLOSE_UP_S: Final = (1.0, 1.0015)
-"""Of the stress, whose last axis runs at 9.8 kHz there."""
+"""Window of the stress test in which its last axis runs at 9.8 kHz."""
 
 
 def timing_errors(figures: list[Figures]) -> Figure:
-    """One panel a motion, one row a method: median, 99 % and largest timing error."""
+    """Draw one panel for each motion, one row for each method: median, 99 % and largest timing error."""
     names = list(dict.fromkeys(row.motion for row in figures))
     keys = list(dict.fromkeys(row.method for row in figures))
     figure = Figure(figsize=(WIDTH_INCHES, 1.45 * len(names) + 0.9), layout="constrained")
@@ -58,7 +58,7 @@ def _errors_of(panel: Axes, name: str, keys: list[str], rows: list[Figures]) -> 
 
 
 def close_up(motion: PlannedMotion, kernel: Kernel) -> Figure:
-    """CLK of one fast axis as each method makes it, over the ideal crossings."""
+    """Draw CLK of one fast axis as each method makes it, over the ideal crossings."""
     begin_s, end_s = _CLOSE_UP_S
     ideal_s = ideal_of(motion)[_CLOSE_UP_AXIS].time_s
     ideal_us = (ideal_s[(ideal_s >= begin_s) & (ideal_s < end_s)] - begin_s) * 1e6
@@ -89,7 +89,7 @@ def close_up(motion: PlannedMotion, kernel: Kernel) -> Figure:
 
 
 def growth(kernel: Kernel) -> Figure:
-    """The kernel's cost against axes, step rate, density of points and length."""
+    """Draw the kernel's cost against axes, step rate, density of points and length."""
     figure = Figure(figsize=(WIDTH_INCHES, 7.6), layout="constrained")
     figure.suptitle("What the kernel's cost grows with (one core)", x=0.01, ha="left", weight="bold")
     (by_axes, by_rate), (by_points, by_length) = figure.subplots(2, 2)
@@ -102,11 +102,11 @@ def growth(kernel: Kernel) -> Figure:
     return figure
 
 
-def _costs(panel: Axes, what: str, costs: list[scaling.Cost]) -> None:
+def _costs(panel: Axes, label: str, costs: list[scaling.Cost]) -> None:
     x = [cost.x for cost in costs]
     tick_ns = [cost.ns_per_axis_tick for cost in costs]
     panel.plot(x, tick_ns, "o-", color=COUNTED)
-    panel.set_xlabel(what)
+    panel.set_xlabel(label)
     panel.set_ylabel("ns per axis and tick (dots)")
     panel.set_ylim(0, _HEADROOM * max(tick_ns))
     beside = panel.twinx()
@@ -134,7 +134,7 @@ def _lengths(panel: Axes, lengths: list[scaling.Length]) -> None:
 
 
 def main(folder: Path) -> None:
-    """Draw all of them into a folder, which is made if there is none."""
+    """Draw all pictures into a folder, which is created if it does not exist."""
     folder.mkdir(parents=True, exist_ok=True)
     kernel = fastest_kernel()
     pictures: dict[str, Callable[[], Figure]] = {

@@ -1,4 +1,4 @@
-"""What every method makes: the edges of one axis' CLK and DIR pins, in counts of the board's 72 MHz timer."""
+"""Describe what every method makes: CLK and DIR edges of each axis, in counts of the board's 72 MHz timer."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,13 +15,13 @@ Int8Array = NDArray[np.int8]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AxisPulses:
-    """One axis' edges; t = 0 is count 0, and DIR is low before its first edge.
+    """Edges of one axis; t = 0 is count 0, and DIR is low before its first edge.
 
     Attributes:
-        rise_counts: shape (steps,), sorted: each CLK rise.
-        fall_counts: shape (steps,): the fall that ends each pulse.
-        dir_counts: shape (d,), sorted: each change of DIR.
-        dir_levels: shape (d,): the level after it; high counts up.
+        rise_counts: CLK rises, sorted, shape (steps,).
+        fall_counts: the fall that ends each pulse, shape (steps,).
+        dir_counts: changes of DIR, sorted, shape (d,).
+        dir_levels: level after each change, shape (d,); high counts up.
     """
 
     rise_counts: Int64Array
@@ -31,21 +31,21 @@ class AxisPulses:
 
     @classmethod
     def of(cls, rises: Int64Array, direction: Int64Array, steplen_counts: int) -> "AxisPulses":
-        """From rises, and DIR edges as 2 * counts + level; pulses of one length, cut short only by the next rise."""
+        """Make pulses of one length, shortened only by the next rise; `direction` holds 2 * counts + level."""
         falls = rises + steplen_counts
         falls[:-1] = np.minimum(falls[:-1], rises[1:])
         return cls(rises, falls, direction >> 1, (direction & 1).astype(np.int8))
 
     @property
     def signs(self) -> Int8Array:
-        """Shape (steps,): +1 or -1, by the level of DIR at each rise."""
+        """+1 or -1 for each step, by the level of DIR at its rise, shape (steps,)."""
         levels = np.concatenate((np.zeros(1, np.int8), self.dir_levels))
         at_rise = levels[np.searchsorted(self.dir_counts, self.rise_counts, side="right")]
         return (2 * at_rise - 1).astype(np.int8)
 
 
 class Placed(NamedTuple):
-    """What a method made of a motion, axis by axis, and how long the placing took on this machine."""
+    """Pulses of each axis that a method made of a motion, and the time that placing them took on this machine."""
 
     axes: list[AxisPulses]
     wall_s: float
@@ -53,7 +53,7 @@ class Placed(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """One way to make step pulses."""
+    """One way of making step pulses."""
 
     key: str
     """A short name without spaces."""

@@ -1,4 +1,4 @@
-"""The step rule that all methods keep, so that only their timing differs: up at counter + H, down at counter - H."""
+"""Apply one step rule in all methods, so that only timing differs: up at counter + H, down at counter - H."""
 
 from steptwin.bench.pulses.compiled import compiled
 
@@ -8,7 +8,7 @@ THRESHOLD_Q16 = 9 << 12
 
 @compiled
 def counter_at(counter: int, position_q16: int) -> int:
-    """The counter after a monotone motion to a position."""
+    """Return the counter after a monotone motion from `counter` to a position."""
     away_q16 = position_q16 - (counter << 16)
     if away_q16 >= THRESHOLD_Q16:
         return counter + ((away_q16 - THRESHOLD_Q16) >> 16) + 1

@@ -1,4 +1,4 @@
-"""The figures of all methods on all motions, as rows for people and as a document for programs."""
+"""Measure all methods on all motions; format the figures as a table or as a JSON document."""
 
 import os
 import platform
@@ -15,12 +15,12 @@ COLUMNS = (
     "motion", "method", "steps", "-", "+", "err max", "err rms", "p50 us", "p99 us", "max us", "jitter us", "broken",
     "M steps/s", "M3 %",
 )  # fmt: skip
-"""Steps made, missing and extra; position error in steps; timing error; jitter of intervals at constant speed, rms;
-driver limits broken; speed of the placing on this machine; estimated load of the board's processor."""
+"""Steps made, missing and extra; position error in steps; timing error; rms jitter of intervals at constant speed;
+driver limits broken; steps placed per second on this machine; estimated load of the board's processor."""
 
 
 def measured(motions: Iterable[PlannedMotion], kernel: Kernel) -> list[Figures]:
-    """Every method on every motion."""
+    """Measure every method on every motion."""
     found = []
     for motion in motions:
         ideal = ideal_of(motion)
@@ -29,7 +29,7 @@ def measured(motions: Iterable[PlannedMotion], kernel: Kernel) -> list[Figures]:
 
 
 def document(figures: list[Figures], kernel: Kernel) -> dict[str, Any]:
-    """For `steptwin bench --json`: one row a method and motion, with the fields of `Figures`."""
+    """Return the document of `steptwin bench --json`: a row of `Figures` for each method and motion."""
     machine = {
         "processor": platform.processor() or platform.machine(),
         "cores": os.cpu_count(),
@@ -40,7 +40,7 @@ def document(figures: list[Figures], kernel: Kernel) -> dict[str, Any]:
 
 
 def table_rows(figures: list[Figures]) -> list[list[str]]:
-    """Under COLUMNS."""
+    """Return the figures as texts, one row each, in the order of COLUMNS."""
     return [
         [
             row.motion,

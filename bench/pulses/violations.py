@@ -1,4 +1,4 @@
-"""How many limits of its driver a method's pulses break: the one place that knows what a driver is."""
+"""Count the driver limits that a method's pulses break; no other module here knows the drivers."""
 
 from typing import Final
 
@@ -13,13 +13,13 @@ from steptwin.host.twin.drivers import driver_profile, fitted_module
 
 _POWERED: Final = tuple(LevelChange(0, pin, 1) for pin in (Input.VDD, Input.VM, Input.RESET, Input.ENABLE))
 _BEGIN_COUNTS: Final = COUNTS_PER_MS
-"""The motion's t = 0, so long after power-up."""
+"""The motion's t = 0, in counts after power-up."""
 _SETTLED_COUNTS: Final = 1000 * COUNTS_PER_MS
-"""Longer than anything that a driver waits for."""
+"""Time after the last pulse, longer than any delay within a driver."""
 
 
 def violations(axis: AxisPulses, microsteps: int, board: Board) -> int:
-    """Limits broken at a driver such as the board has."""
+    """Feed the pulses to a driver of the board's profile; return the number of broken limits."""
     profile = driver_profile(board)
     driver = Driver(profile.osc_pf, fitted_module(board, profile, microsteps))
     driver.feed(Pins(NO_COUNTS, NO_COUNTS, NO_COUNTS, NO_LEVELS, _POWERED, _BEGIN_COUNTS))
