@@ -11,13 +11,10 @@ import sys
 from dataclasses import replace
 
 from steptwin.bench.loads import AXES
-from steptwin.controller.backend import fastest_kernel
-from steptwin.emulator.live_loop import LiveLoop
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.homing import JointSwitches
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.endpoints import SocketcandEndpoint
-from steptwin.host.twin.live_board import RECORD_EVERY_S, LiveBoard
+from steptwin.host.twin.served_board import ServedBoard
 
 
 def seven_axes() -> Robot:
@@ -30,19 +27,12 @@ def seven_axes() -> Robot:
 
 def main() -> None:
     """Serve on a free port; print the report when the signal has come."""
-    robot = seven_axes()
-    endpoint = SocketcandEndpoint("127.0.0.1", 0, allow_remote=False)
-    board = LiveBoard(robot, list(robot.home), fastest_kernel(), bitrate=robot.board.bitrate, speed=1.0)
-    with LiveLoop(board.live) as loop:
-        signal.signal(signal.SIGTERM, lambda _number, _frame: loop.stop())
-        endpoint.attach(loop)
-        loop.call_every(RECORD_EVERY_S, board.record)
-        print(f"port={endpoint.port}", file=sys.stderr, flush=True)
-        gc.freeze()
-        loop.run()
-        endpoint.close()
-    board.record()
-    print(json.dumps(board.report() | {endpoint.kind: endpoint.figures()}))
+    served = ServedBoard(seven_axes(), port=0)
+    signal.signal(signal.SIGTERM, lambda _number, _frame: served.stop())
+    print(f"port={served.port}", file=sys.stderr, flush=True)
+    gc.freeze()
+    served.serve_forever()
+    print(json.dumps(served.report()))
 
 
 if __name__ == "__main__":

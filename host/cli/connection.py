@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from steptwin.host.common import socketcand
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
@@ -29,9 +30,6 @@ Channel = Annotated[
 Bitrate = Annotated[
     int | None, typer.Option("--bitrate", "-b", metavar="BIT/S", help="By default as the robot's file says.")
 ]
-
-SOCKETCAND_PORT = 29536
-"""socketcand's own."""
 
 
 def connection(
@@ -71,9 +69,9 @@ def connection(
 def _host_and_port(text: str) -> tuple[str, int]:
     host, colon, port = text.rpartition(":")
     if not colon:
-        host, port = text, str(SOCKETCAND_PORT)
+        host, port = text, str(socketcand.PORT)
     if not host or not port.isdecimal() or not 0 < int(port) < 1 << 16:
-        raise InputError(f"--connect {text}: is not of the form HOST:PORT, such as 127.0.0.1:{SOCKETCAND_PORT}")
+        raise InputError(f"--connect {text}: is not of the form HOST:PORT, such as 127.0.0.1:{socketcand.PORT}")
     return host, int(port)
 
 

@@ -20,21 +20,19 @@ from steptwin.host.cli.arguments import (
     one_robot,
     warn_of_settings_left_out,
 )
-from steptwin.host.cli.connection import SOCKETCAND_PORT
+from steptwin.host.cli.option_names import naming_options
 from steptwin.host.cli.output import print_json, print_table, warn
 from steptwin.host.cli.report import USUAL_DRIVERS
+from steptwin.host.common import socketcand
 from steptwin.host.common.errors import BusError, InputError
 
 if TYPE_CHECKING:
-    from steptwin.emulator.live_loop import LiveLoop
     from steptwin.host.robots.robot import Robot
-    from steptwin.host.twin.endpoints import Endpoint
-    from steptwin.host.twin.live_board import LiveBoard
+    from steptwin.host.twin.served_board import ServedBoard
 
-_LOOPBACK = "127.0.0.1"
 _STATUS_EVERY_S = 0.5
 _YOUNG_OBJECTS = 700
-"""Between two looks for garbage; Python's own choice, and short ones."""
+"""Objects made between two collections of garbage; Python's own choice, which keeps each collection short."""
 
 
 @app.command()
@@ -42,10 +40,11 @@ def serve(
     robot: RobotName = None,
     robot_file: RobotFile = None,
     host: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help=f"Where to listen; {_LOOPBACK} by default.")
+        str | None, typer.Option(metavar="ADDRESS", help=f"Where to listen; {socketcand.LOOPBACK} by default.")
     ] = None,
     port: Annotated[
-        int | None, typer.Option(metavar="PORT", help="29536 by default, which is socketcand's; 0 takes a free one.")
+        int | None,
+        typer.Option(metavar="PORT", help=f"{socketcand.PORT} by default, which is socketcand's; 0 takes a free one."),
     ] = None,
     allow_remote: Annotated[
         bool, typer.Option("--allow-remote", help="Listen at an address that other machines reach.")
@@ -78,45 +77,42 @@ def serve(
     The board is behind a socketcand server, to which any number of python-can programs connect; they see each other's
     frames. With -i it is on a bus of python-can instead: virtual, socketcan, socketcand, ...
     """
-    from steptwin.host.record.folder import prepare_folder
     from steptwin.host.twin.axes_per_board import read_axes_per_board
-    from steptwin.host.twin.kernels import fastest_kernel
-    from steptwin.host.twin.live_board import LiveBoard
+    from steptwin.host.twin.served_board import ServedBoard
 
     loaded = one_robot(robot, robot_file)
-    standing = list(loaded.home)
+    standing = None
     if stand_at is not None:
         standing = joint_values(stand_at.split(), loaded.joint_names, "--stand-at")
         _warn_outside(loaded, standing)
-    bits_per_s = _bitrate(loaded, bitrate)
-    _check_speed(speed)
-    warn_of_settings_left_out(loaded, driver_profile)  # what is wrong with it is said before a port is opened
-    axes_per_board = None if boards is None else read_axes_per_board(boards, len(loaded.joints))
-    folder = None if out is None else prepare_folder(out)
-    with _endpoint(interface, channel, bits_per_s, host, port, allow_remote=allow_remote) as endpoint:
-        board = LiveBoard(
+    warn_of_settings_left_out(loaded, driver_profile)  # bad input is reported before a port is opened
+    parameters = ("host", "port", "allow_remote", "interface", "channel", "bitrate", "speed")
+    with naming_options(*parameters, axes_per_board="--boards"):
+        served = ServedBoard(
             loaded,
-            standing,
-            fastest_kernel(),
-            bitrate=bits_per_s,
+            stand_at=standing,
+            host=host,
+            port=port,
+            allow_remote=allow_remote,
+            interface=interface,
+            channel=channel,
+            bitrate=bitrate,
+            axes_per_board=None if boards is None else read_axes_per_board(boards, len(loaded.joints)),
             speed=speed,
-            axes_per_board=axes_per_board,
-            out=folder,
-            log=None if log is None else Path(log),
-            driver_profile_name=driver_profile,
+            driver_profile=driver_profile,
+            out=out,
+            log=log,
         )
-        failure = _run(board, endpoint, lambda: typer.echo(_banner(board, endpoint), err=as_json))
-    document = board.report() | {endpoint.kind: endpoint.figures()}
-    board.close(document)
+    if served.endpoint.remote:
+        warn(f"{served.title}: other machines can drive this board")
+    failure = _run(served, lambda: typer.echo(_banner(served), err=as_json))
+    document = served.report()
     if as_json:
         print_json(document)
     else:
-        _print_report(document, folder)
+        _print_report(document, None if out is None else Path(out))
     if failure:
-        raise BusError(failure)
-
-
-# --- what was asked for
+        raise failure
 
 
 def _warn_outside(robot: "Robot", standing: list[float]) -> None:
@@ -129,84 +125,29 @@ def _warn_outside(robot: "Robot", standing: list[float]) -> None:
         warn(f"--stand-at: {error}")
 
 
-def _bitrate(robot: "Robot", bitrate: int | None) -> int:
-    from steptwin.protocol.frame import BITRATES
-
-    if bitrate is not None and bitrate not in BITRATES:
-        raise InputError(f"--bitrate {bitrate}: is none of {', '.join(map(str, BITRATES))}")
-    return bitrate or robot.board.bitrate
-
-
-def _check_speed(speed: float) -> None:
-    from steptwin.emulator.pacer import SPEED_MAX, SPEED_MIN
-
-    if not SPEED_MIN <= speed <= SPEED_MAX:
-        raise InputError(f"--speed {speed:g}: is not from {SPEED_MIN:g} to {SPEED_MAX:g}")
-
-
-def _endpoint(
-    interface: str | None,
-    channel: str | None,
-    bitrate: int,
-    host: str | None,
-    port: int | None,
-    *,
-    allow_remote: bool,
-) -> "Endpoint":
-    from steptwin.host.twin.endpoints import CanEndpoint, SocketcandEndpoint
-
-    if interface is None:
-        if channel is not None:
-            raise InputError(f"--channel {channel}: is for an --interface, and there is none")
-        endpoint = SocketcandEndpoint(
-            host or _LOOPBACK, SOCKETCAND_PORT if port is None else port, allow_remote=allow_remote
-        )
-        if endpoint.remote:
-            warn(f"{endpoint.title}: other machines can drive this board")
-        return endpoint
-    more: dict[str, str | int] = {}
-    if interface == "socketcand":
-        more = {"host": host or _LOOPBACK, "port": port or SOCKETCAND_PORT}
-    else:
-        for option, value in (("--host", host), ("--port", port)):
-            if value is not None:
-                raise InputError(f"{option} {value}: is for a socketcand server, not for --interface {interface}")
-    if allow_remote:
-        raise InputError(f"--allow-remote: is for listening, not for --interface {interface}")
-    return CanEndpoint(interface, channel, bitrate, more)
-
-
 # --- while it runs
 
 
-def _run(board: "LiveBoard", endpoint: "Endpoint", announce: Callable[[], None]) -> str | None:
-    """Announce the board and let it live until a signal, or until the endpoint fails; return why it did."""
-    from steptwin.emulator.live_loop import LiveLoop
-    from steptwin.host.twin.live_board import RECORD_EVERY_S
-
-    with LiveLoop(board.live) as loop, _until_a_signal(loop):
-        endpoint.attach(loop)
+def _run(served: "ServedBoard", announce: Callable[[], None]) -> BusError | None:
+    """Announce the board and run it until a signal, or until its bus fails; return that failure."""
+    with _until_a_signal(served), _status_line(served) as update:
+        announce()
+        served.call_every(_STATUS_EVERY_S, update)
+        gc.freeze()  # numba leaves so many objects that one collection of them all lasts several ticks
+        gc.set_threshold(_YOUNG_OBJECTS)
         try:
-            announce()
-            loop.call_every(RECORD_EVERY_S, board.record)
-            with _status_line(board, endpoint) as update:
-                loop.call_every(_STATUS_EVERY_S, update)
-                # Numba's objects are many: looking through them again and again takes many ticks. So may young ones.
-                gc.freeze()
-                gc.set_threshold(_YOUNG_OBJECTS)
-                loop.run()
-        finally:
-            endpoint.close()
-    board.record()
-    return endpoint.failure
+            served.serve_forever()
+        except BusError as error:
+            return error
+    return None
 
 
 @contextmanager
-def _until_a_signal(loop: "LiveLoop") -> Iterator[None]:
+def _until_a_signal(served: "ServedBoard") -> Iterator[None]:
     """Ctrl-C and SIGTERM end the loop in order; a second one interrupts whatever is going on."""
 
     def stop(_number: int, _frame: object) -> None:
-        loop.stop()
+        served.stop()
 
     before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
@@ -217,7 +158,7 @@ def _until_a_signal(loop: "LiveLoop") -> Iterator[None]:
 
 
 @contextmanager
-def _status_line(board: "LiveBoard", endpoint: "Endpoint") -> Iterator[Callable[[], None]]:
+def _status_line(served: "ServedBoard") -> Iterator[Callable[[], None]]:
     """A line on stderr, if that is a terminal, which says how it goes as often as the callback is called."""
     from rich.console import Console
     from rich.live import Live
@@ -228,15 +169,16 @@ def _status_line(board: "LiveBoard", endpoint: "Endpoint") -> Iterator[Callable[
         yield lambda: None
         return
     with Live(console=console, auto_refresh=False, transient=True) as line:
-        yield lambda: line.update(Text(_status(board, endpoint), no_wrap=True, overflow="ellipsis"), refresh=True)
+        yield lambda: line.update(Text(_status(served), no_wrap=True, overflow="ellipsis"), refresh=True)
 
 
-def _status(board: "LiveBoard", endpoint: "Endpoint") -> str:
-    """In two lines of 80 characters."""
+def _status(served: "ServedBoard") -> str:
+    """Return two lines of 80 characters."""
+    board = served.board
     minutes, seconds = divmod(round(board.wall_s), 60)
     late = ", ".join(f"{what} {text}" for what, text in _late(board.lateness()).items())
     return (
-        f"SIMULATED {board.robot.name} {minutes}:{seconds:02d}, {endpoint.status()}, "
+        f"SIMULATED {board.robot.name} {minutes}:{seconds:02d}, {served.endpoint.status()}, "
         f"{board.bus.frames} frames, {board.bus_load_percent:.1f} % load\nlate, ms (p50 p99 max): {late}"
     )
 
@@ -244,13 +186,14 @@ def _status(board: "LiveBoard", endpoint: "Endpoint") -> str:
 # --- what is said
 
 
-def _banner(board: "LiveBoard", endpoint: "Endpoint") -> str:
+def _banner(served: "ServedBoard") -> str:
+    board = served.board
     name = board.driver_profile.name
     drivers = "" if name == USUAL_DRIVERS else f", drivers: {name}"
     return (
         f"SIMULATED {board.robot.name}: {' '.join(board.robot.joint_names)}, "
         f"nodes {_nodes(board.axes_per_board)}, {board.bus.bitrate // 1000} kbit/s, "
-        f"{board.live.pacer.speed:g} x real time{drivers}\n{endpoint.title}\nCtrl-C ends it"
+        f"{board.live.pacer.speed:g} x real time{drivers}\n{served.title}\nCtrl-C ends it"
     )
 
 

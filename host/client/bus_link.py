@@ -14,10 +14,9 @@ from can.interfaces.socketcand import SocketCanDaemonBus
 from canopen.network import MessageListener
 
 from steptwin.host.client.can_bus import open_python_can_bus, reason
+from steptwin.host.common import socketcand
 from steptwin.host.common.errors import BusError
 
-SOCKETCAND_CHANNEL: Final = "vcan0"
-"""What a served board calls its bus; a real socketcand has the names of its interfaces, to be given as channel."""
 _CONNECT_TIMEOUT_S: Final = 2.0
 _RECEIVE_CYCLE_S: Final = 0.05
 """How long taking leave waits for the receiving thread, at most."""
@@ -59,7 +58,7 @@ def open_bus(connection: Connection) -> can.BusABC:
             assert connection.port is not None
             # python-can tries for ten seconds, without a pause, before it says that nobody is there
             socket.create_connection((connection.host, connection.port), _CONNECT_TIMEOUT_S).close()
-            return _SocketcandBus(connection.channel or SOCKETCAND_CHANNEL, connection.host, connection.port)
+            return _SocketcandBus(connection.channel or socketcand.CHANNEL, connection.host, connection.port)
     return open_python_can_bus(
         connection.title, connection.interface, channel=connection.channel, bitrate=connection.bitrate
     )

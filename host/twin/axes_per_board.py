@@ -1,9 +1,10 @@
-"""How a robot's axes are spread over boards on one bus: so many on each, in the order of the joints.
+"""Spread a robot's axes over several boards on one bus, in the order of the joints.
 
-Node ids go on from board to board, so that whoever talks to the axes need not know where one board ends.
+Node ids continue from board to board, so a program that talks to the axes need not know where one board ends.
 """
 
 import re
+from collections.abc import Sequence
 from typing import Final
 
 from steptwin.host.common.errors import InputError
@@ -12,23 +13,27 @@ from steptwin.host.robots.robot import AXES_MAX
 _COUNT: Final = re.compile(r"\s*[0-9]{1,4}\s*")
 
 
-def read_axes_per_board(text: str, axes: int) -> tuple[int, ...]:
-    """Axes of each board, as in `4,2`; InputError unless each board drives them and together they are the robot's."""
+def read_axes_per_board(text: str, axes: int) -> list[int]:
+    """Return the number of axes of each board from a text such as `4,2`; raise InputError if it has another form."""
     words = text.split(",")
     if not all(map(_COUNT.fullmatch, words)):
-        raise InputError(f"--boards {text}: is no list of each board's axes, as in {_listed(_spread([4], axes))}")
-    counts = [int(word) for word in words]
-    nearest = _listed(_spread(counts, axes))
+        raise InputError(f"axes_per_board={text}: is no list of each board's axes, as in {_listed(_spread([4], axes))}")
+    return [int(word) for word in words]
+
+
+def check_axes_per_board(counts: Sequence[int], axes: int) -> None:
+    """Raise InputError unless each board can drive its number of axes and together they are the robot's."""
+    given, nearest = _listed(counts), _listed(_spread(counts, axes))
     for count in counts:
         if not 1 <= count <= AXES_MAX:
-            raise InputError(f"--boards {text}: a board of {count} axes, it drives 1 to {AXES_MAX}; try {nearest}")
+            limits = f"a board of {count} axes, it drives 1 to {AXES_MAX}"
+            raise InputError(f"axes_per_board={given}: {limits}; try {nearest}")
     if sum(counts) != axes:
-        raise InputError(f"--boards {text}: {sum(counts)} axes, and the robot has {axes}; try {nearest}")
-    return tuple(counts)
+        raise InputError(f"axes_per_board={given}: {sum(counts)} axes, and the robot has {axes}; try {nearest}")
 
 
-def _spread(counts: list[int], axes: int) -> list[int]:
-    """The nearest that there may be: cut to what a board drives, and in the end to what the robot has."""
+def _spread(counts: Sequence[int], axes: int) -> list[int]:
+    """Return the nearest valid numbers: each cut to what a board drives, their sum to the robot's axes."""
     nearest: list[int] = []
     for count in [*counts, *[AXES_MAX] * axes]:
         left = axes - sum(nearest)
@@ -37,5 +42,5 @@ def _spread(counts: list[int], axes: int) -> list[int]:
     return nearest
 
 
-def _listed(counts: list[int]) -> str:
+def _listed(counts: Sequence[int]) -> str:
     return ",".join(map(str, counts))

@@ -4,7 +4,7 @@ pytest imports this module at each start, wherever StepTwin is installed: so eve
 asks for a board.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from steptwin.emulator.operations import Scheduled
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.board_under_test import BoardUnderTest
+    from steptwin.host.twin.standing import Standing
 
     MakeBoard = Callable[..., BoardUnderTest]
-    Standing = Sequence[float] | Mapping[str, float]
 
 _MARKER = "steptwin"
 _INI = "steptwin_robot"
@@ -58,6 +58,7 @@ def steptwin_make_board(request: pytest.FixtureRequest, steptwin_kernel: "Kernel
     from steptwin.emulator.bus_faults import FaultScript
     from steptwin.host.common.errors import InputError
     from steptwin.host.twin.board_under_test import BoardUnderTest
+    from steptwin.host.twin.standing import standing_joints
 
     boards: list[BoardUnderTest] = []
 
@@ -71,7 +72,7 @@ def steptwin_make_board(request: pytest.FixtureRequest, steptwin_kernel: "Kernel
     ) -> BoardUnderTest:
         try:
             loaded = _robot(robot or request.config.getini(_INI), request.config)
-            at = _standing(loaded, stand_at)
+            at = standing_joints(loaded, stand_at)
             faults = FaultScript(bus_faults)
             board = BoardUnderTest(loaded, at, steptwin_kernel, faults, schedule, driver_profile)
         except InputError as error:
@@ -101,24 +102,6 @@ def _robot(name: str, config: pytest.Config) -> "Robot":
         names = ", ".join(robot_names())
         raise InputError(f'which robot? @pytest.mark.{_MARKER}("ROBOT") or {_INI} in the ini-file; there are {names}')
     return load_robot(str(config.rootpath / name) if name.endswith(".toml") else name)
-
-
-def _standing(robot: "Robot", stand_at: "Standing | None") -> list[float]:
-    from steptwin.host.common.bad_input import unknown
-    from steptwin.host.common.errors import InputError
-
-    at = dict(zip(robot.joint_names, robot.home, strict=True))
-    if stand_at is None:
-        return list(at.values())
-    if not isinstance(stand_at, Mapping):
-        if len(stand_at) != len(at):
-            raise InputError(f"stand_at: {len(stand_at)} values for the {len(at)} joints {' '.join(at)}")
-        return list(stand_at)
-    for name, position in stand_at.items():
-        if name not in at:
-            raise unknown("stand_at: joint", name, at)
-        at[name] = position
-    return list(at.values())
 
 
 def _last_frames(board: "BoardUnderTest") -> str:

@@ -198,7 +198,10 @@ def test_a_port_that_is_taken(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     ("options", "complaint"),
     [
-        (["--host", "0.0.0.0"], "--host 0.0.0.0: other machines could drive this board"),
+        (
+            ["--host", "0.0.0.0"],
+            "--host 0.0.0.0: other machines could drive this board; --allow-remote permits it\n",
+        ),
         (["--host", "::"], "--host ::: other machines could drive this board"),
         (["--host", "no.such.host.invalid"], "--host no.such.host.invalid: is no address"),
         (["--port", "80"], "--port 80: is neither 0 nor from 1024 to 65535"),
@@ -208,7 +211,7 @@ def test_a_port_that_is_taken(capsys: pytest.CaptureFixture[str]) -> None:
         (["--speed", "0"], "--speed 0: is not from 0.001 to 1000"),
         (["--speed", "nan"], "--speed nan: is not from 0.001 to 1000"),
         (["--bitrate", "100000"], "--bitrate 100000: is none of 125000, 250000, 500000, 1000000"),
-        (["--channel", "vcan0"], "--channel vcan0: is for an --interface, and there is none"),
+        (["--channel", "vcan0"], "--channel vcan0: needs --interface NAME"),
         (["--interface", "virtuel"], "interface 'virtuel' is unknown: did you mean virtual?"),
         (["-i", "virtual", "--port", "5000"], "--port 5000: is for a socketcand server, not for --interface virtual"),
         (["-i", "virtual", "--host", "::1"], "--host ::1: is for a socketcand server, not for --interface virtual"),

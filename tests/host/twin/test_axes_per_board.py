@@ -1,4 +1,4 @@
-"""Axes on several boards: what may be asked for, and what is offered instead of the rest."""
+"""Axes on several boards: which numbers are valid, and which ones an error message offers instead of the others."""
 
 import re
 
@@ -8,16 +8,23 @@ from hypothesis import strategies as st
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots import load_robot
-from steptwin.host.twin.axes_per_board import read_axes_per_board
+from steptwin.host.twin.axes_per_board import check_axes_per_board, read_axes_per_board
 from steptwin.host.twin.hardware import board_configs
+
+
+def checked(text: str, axes: int) -> tuple[int, ...]:
+    """The text's numbers; InputError if they are not valid."""
+    counts = read_axes_per_board(text, axes)
+    check_axes_per_board(counts, axes)
+    return tuple(counts)
 
 
 @pytest.mark.parametrize(
     ("text", "axes", "counts"),
     [("6", 6, (6,)), ("4,2", 6, (4, 2)), (" 1, 1 ,4", 6, (1, 1, 4)), ("8", 8, (8,)), ("8,1", 9, (8, 1))],
 )
-def test_what_may_be(text: str, axes: int, counts: tuple[int, ...]) -> None:
-    assert read_axes_per_board(text, axes) == counts
+def test_valid_numbers(text: str, axes: int, counts: tuple[int, ...]) -> None:
+    assert checked(text, axes) == counts
 
 
 @pytest.mark.parametrize(
@@ -33,24 +40,24 @@ def test_what_may_be(text: str, axes: int, counts: tuple[int, ...]) -> None:
         ("9" * 5000, "is no list of each board's axes, as in 4,2"),
     ],
 )
-def test_what_may_not(text: str, complaint: str) -> None:
-    with pytest.raises(InputError, match=re.escape(f"--boards {text}: {complaint}")):
-        read_axes_per_board(text, 6)
+def test_invalid_numbers(text: str, complaint: str) -> None:
+    with pytest.raises(InputError, match=re.escape(f"axes_per_board={text}: {complaint}")):
+        checked(text, 6)
 
 
 @given(st.lists(st.integers(0, 20), min_size=1, max_size=6), st.integers(1, 8))
-def test_what_is_offered_may_be(counts: list[int], axes: int) -> None:
+def test_the_numbers_offered_are_valid(counts: list[int], axes: int) -> None:
     text = ",".join(map(str, counts))
     try:
-        taken = read_axes_per_board(text, axes)
+        taken = checked(text, axes)
     except InputError as error:
-        taken = read_axes_per_board(str(error).rpartition("try ")[2], axes)
+        taken = checked(str(error).rpartition("try ")[2], axes)
     assert sum(taken) == axes
     assert set(taken) <= set(range(1, 9))
 
 
 def test_switches_and_positions_go_to_their_boards() -> None:
-    """The axes are numbered anew on each board; node ids go on."""
+    """Axis numbers begin at 0 on each board; node ids continue from board to board."""
     robot = load_robot("warehouse-scara")
     (whole,) = board_configs(robot, robot.home, [6])
     first, second = board_configs(robot, robot.home, [4, 2])

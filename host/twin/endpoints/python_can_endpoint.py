@@ -1,0 +1,72 @@
+"""Put a live board on a bus of python-can: virtual, SocketCAN, socketcand or an adapter."""
+
+from typing import TYPE_CHECKING, Any
+
+from steptwin.emulator.live_loop import LiveLoop
+from steptwin.host.client.can_bus import check_interface, open_python_can_bus
+from steptwin.host.twin.endpoints.endpoint import Endpoint
+
+if TYPE_CHECKING:
+    from steptwin.emulator.can_bridge import CanBridge
+
+
+class PythonCanEndpoint(Endpoint):
+    """A bus of python-can.
+
+    Raises:
+        InputError: python-can does not know the interface.
+        BusError: the bus cannot be opened.
+    """
+
+    kind = "interface"
+
+    def __init__(self, interface: str, channel: str | None, bitrate: int, more: dict[str, Any]) -> None:
+        """Open the bus.
+
+        Args:
+            interface: python-can's name of the interface.
+            channel: of the interface; None: its default.
+            bitrate: in bit/s, for the interfaces that set it.
+            more: further arguments of the interface.
+        """
+        check_interface("interface", interface)
+        self._name = f"{interface} {channel}" if channel else interface
+        self._bus = open_python_can_bus(self._name, interface, channel=channel, bitrate=bitrate, **more)
+        self._bridge: CanBridge | None = None
+        self.title = f"on python-can's interface {self._name}"
+
+    def attach(self, loop: LiveLoop) -> None:
+        """Pass frames between the bus and the board."""
+        from steptwin.emulator.can_bridge import CanBridge
+
+        self._bridge = CanBridge(loop, self._bus)
+
+    def close(self) -> None:
+        """Disconnect from the bus."""
+        if self._bridge:
+            self._bridge.close()
+        else:
+            self._bus.shutdown()
+
+    def status(self) -> str:
+        """Return the bus' name and, if there are any, the number of frames that it did not take."""
+        unsent = self._bridge.unsent_frames if self._bridge else 0
+        return f"{self._name}, {unsent} frames not sent" if unsent else self._name
+
+    def figures(self) -> dict[str, Any]:
+        """Return the bus' name, the frames left out because CANopen has none like them, and those lost each way."""
+        bridge = self._bridge
+        if not bridge:
+            return {"name": self._name}
+        return {
+            "name": self._name,
+            "foreign_frames": bridge.foreign_frames,
+            "overruns": bridge.overruns,
+            "unsent_frames": bridge.unsent_frames,
+        }
+
+    @property
+    def failure(self) -> str | None:
+        """The interface's error message after it has failed; None while it works."""
+        failure = self._bridge.failure if self._bridge else None
+        return f"{self._name}: {failure}" if failure else None

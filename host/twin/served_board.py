@@ -1,0 +1,161 @@
+"""Serve a robot's board in real time to every program that speaks CAN, in a thread or until a signal."""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from steptwin.controller.backend import Kernel, fastest_kernel
+from steptwin.emulator.live_loop import LiveLoop
+from steptwin.emulator.pacer import SPEED_MAX, SPEED_MIN
+from steptwin.host.common.errors import BusError, InputError
+from steptwin.host.record.folder import prepare_folder
+from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.axes_per_board import check_axes_per_board
+from steptwin.host.twin.endpoints import open_endpoint
+from steptwin.host.twin.live_board import RECORD_EVERY_S, LiveBoard
+from steptwin.host.twin.standing import Standing, standing_joints
+from steptwin.protocol.frame import BITRATES
+
+
+class ServedBoard:
+    """A robot's board, or several, in real time behind a socketcand server or on a bus of python-can.
+
+    As a context manager it runs in a thread of its own until the block ends; `serve_forever` runs it in the caller's
+    thread. Its files are complete when it has ended, and it can be run once.
+
+    Attributes:
+        board: the board with its bus and everything recorded about it.
+        endpoint: the server or bus at which programs reach the board.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        *,
+        stand_at: Standing | None = None,
+        host: str | None = None,
+        port: int | None = None,
+        allow_remote: bool = False,
+        interface: str | None = None,
+        channel: str | None = None,
+        bitrate: int | None = None,
+        axes_per_board: Sequence[int] | None = None,
+        speed: float = 1.0,
+        driver_profile: str | None = None,
+        kernel: Kernel | None = None,
+        out: Path | str | None = None,
+        log: Path | str | None = None,
+    ) -> None:
+        """Set the board up and open its endpoint.
+
+        Args:
+            robot: the machine.
+            stand_at: joint positions at which it stands, mm and degrees: all, or some by name; else the robot's home.
+            host: address at which the socketcand server listens; by default 127.0.0.1.
+            port: TCP port of the server; by default 29536, socketcand's own; 0 takes a free one.
+            allow_remote: allow an address that other machines reach.
+            interface: python-can's name of an interface on which the board is put instead.
+            channel: of that interface.
+            bitrate: of the bus, in bit/s; by default as in the robot's file.
+            axes_per_board: number of axes on each board, in the order of the joints; by default one board has all.
+            speed: simulated seconds per second.
+            driver_profile: name of the drivers that the board has instead of those in the robot's file.
+            kernel: form of the firmware's kernel; by default the fastest one that is installed.
+            out: folder that receives report, edges and bus log.
+            log: file that receives the bus log alone.
+
+        Raises:
+            InputError: an argument is out of its range, or contradicts another one.
+            BusError: the port is in use, or the bus cannot be opened.
+            OSError: a file cannot be written.
+        """
+        if bitrate is not None and bitrate not in BITRATES:
+            raise InputError(f"bitrate={bitrate}: is none of {', '.join(map(str, BITRATES))}")
+        if not SPEED_MIN <= speed <= SPEED_MAX:
+            raise InputError(f"speed={speed:g}: is not from {SPEED_MIN:g} to {SPEED_MAX:g}")
+        bits_per_s = bitrate or robot.board.bitrate
+        standing = standing_joints(robot, stand_at)
+        if axes_per_board is not None:
+            check_axes_per_board(axes_per_board, len(robot.joints))
+        folder = None if out is None else prepare_folder(out)
+        with ExitStack() as on_error:
+            self.endpoint = on_error.enter_context(
+                open_endpoint(
+                    host=host,
+                    port=port,
+                    allow_remote=allow_remote,
+                    interface=interface,
+                    channel=channel,
+                    bitrate=bits_per_s,
+                )
+            )
+            self.board = LiveBoard(
+                robot,
+                standing,
+                kernel or fastest_kernel(),
+                bitrate=bits_per_s,
+                speed=speed,
+                axes_per_board=axes_per_board,
+                out=folder,
+                log=None if log is None else Path(log),
+                driver_profile_name=driver_profile,
+            )
+            on_error.pop_all()
+        self._loop = LiveLoop(self.board.live)
+        self._thread = ThreadPoolExecutor(1, "served board")
+        self._final: dict[str, Any] = {}
+        """The report when the board has ended."""
+
+    @property
+    def port(self) -> int | None:
+        """TCP port of the socketcand server; None on a bus of python-can."""
+        return self.endpoint.port
+
+    @property
+    def title(self) -> str:
+        """Where the board is, and how to connect to it, in one line."""
+        return self.endpoint.title
+
+    def report(self) -> dict[str, Any]:
+        """Return the figures under the keys of report.json (docs/live.md); final when the board has ended."""
+        return self._final or self.board.report() | {self.endpoint.kind: self.endpoint.figures()}
+
+    def __enter__(self) -> "ServedBoard":
+        """Run the board in a thread of its own."""
+        self._ended = self._thread.submit(self.serve_forever)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End the board and complete its files; raise what `serve_forever` raises."""
+        self.stop()
+        self._thread.shutdown()
+        self._ended.result()
+
+    def serve_forever(self) -> None:
+        """Run the board in this thread until `stop` is called, then complete its files.
+
+        Raises:
+            BusError: the bus of python-can has failed, which ends the board too.
+        """
+        with self._loop:
+            try:
+                self.endpoint.attach(self._loop)
+                self.call_every(RECORD_EVERY_S, self.board.record)
+                self._loop.run()
+            finally:
+                self.endpoint.close()
+        self.board.record()
+        self._final = self.report()
+        self.board.close(self._final)
+        if self.endpoint.failure:
+            raise BusError(self.endpoint.failure)
+
+    def stop(self) -> None:
+        """Let the board end; may be called from any thread and from signal handlers."""
+        self._loop.stop()
+
+    def call_every(self, dt_s: float, callback: Callable[[], None]) -> None:
+        """Call back every `dt_s` seconds of wall time while the board runs; to be set up before it runs."""
+        self._loop.call_every(dt_s, callback)

@@ -1,0 +1,73 @@
+"""A served board as a library: in a thread of its own, for programs in the same process."""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import can
+import pytest
+
+from steptwin.controller.backend import Kernel
+from steptwin.host.common.errors import InputError
+from steptwin.host.robots import load_robot
+from steptwin.host.twin.served_board import ServedBoard
+
+ROBOT = load_robot("lab-scara")
+TIMEOUT_S = 60.0
+NMT_START_ALL = can.Message(arbitration_id=0x000, data=[1, 0], is_extended_id=False)
+
+
+def answer(bus: can.BusABC, cob_id: int) -> can.Message:
+    """The next frame with this identifier."""
+    while (message := bus.recv(TIMEOUT_S)) is not None:
+        if message.arbitration_id == cob_id:
+            return message
+    raise AssertionError(f"no frame 0x{cob_id:03X} within {TIMEOUT_S:g} s")
+
+
+def test_it_runs_while_the_block_lasts(fast_kernel: Kernel, tmp_path: Path) -> None:
+    with ServedBoard(ROBOT, port=0, stand_at={"th2": 10.0}, kernel=fast_kernel, out=tmp_path / "out") as served:
+        assert f"127.0.0.1:{served.port}" in served.title
+        with can.Bus("vcan0", interface="socketcand", host="127.0.0.1", port=served.port) as bus:
+            bus.send(NMT_START_ALL)
+            answer(bus, 0x190)
+        assert served.report()["axes"][1]["name"] == "th2"
+    report = served.report()
+    assert report["clients"]["served"] == 1
+    assert report["joints"]["start"][1] == pytest.approx(10.0, abs=0.03)
+    assert report["bus"]["frames"] > 4
+    assert json.loads((tmp_path / "out" / "report.json").read_text()) == report | {"folder_version": 1}
+
+
+def test_on_a_bus_of_python_can(fast_kernel: Kernel) -> None:
+    with can.Bus("served", interface="virtual") as bus:
+        with ServedBoard(ROBOT, interface="virtual", channel="served", kernel=fast_kernel) as served:
+            assert served.port is None
+            bus.send(NMT_START_ALL)
+            answer(bus, 0x190)
+        assert served.report()["interface"]["name"] == "virtual served"
+
+
+def test_errors_in_the_block_end_the_board_and_pass_on(fast_kernel: Kernel) -> None:
+    with pytest.raises(KeyError, match="of the block"), ServedBoard(ROBOT, port=0, kernel=fast_kernel) as served:
+        raise KeyError("of the block")
+    assert served.report()["clients"]["served"] == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        ({"port": 80}, "port=80: is neither 0 nor from 1024 to 65535"),
+        ({"host": "0.0.0.0"}, "host=0.0.0.0: other machines could drive this board; allow_remote=True permits it"),
+        ({"speed": 0.0}, "speed=0: is not from 0.001 to 1000"),
+        ({"bitrate": 1}, "bitrate=1: is none of 125000, 250000, 500000, 1000000"),
+        ({"channel": "can0"}, "channel=can0: needs interface=NAME"),
+        ({"interface": "virtual", "port": 5000}, "port=5000: is for a socketcand server, not for interface=virtual"),
+        ({"axes_per_board": [3, 2]}, "axes_per_board=3,2: 5 axes, and the robot has 4; try 3,1"),
+        ({"stand_at": [0.0]}, "stand_at: 1 values for the 4 joints d1 th2 th3 th4"),
+    ],
+)
+def test_errors_name_the_parameter(arguments: dict[str, Any], complaint: str) -> None:
+    with pytest.raises(InputError, match=f"^{re.escape(complaint)}$"):
+        ServedBoard(ROBOT, **({"port": 0} | arguments))
