@@ -1,1 +1,1 @@
-"""Documentation; `docs.generate` makes the parts that are measured."""
+"""The documentation; `docs.generate` writes the pages that follow from code, robot files and runs."""

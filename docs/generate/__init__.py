@@ -1,4 +1,4 @@
-"""docs/robots.md, made by `make docs`: hand-written pieces, and what robots, kinematics and runs say about themselves.
+"""Write docs/robots.md, docs/protocol.md and docs/driver.md: hand-written pieces with generated tables (`make docs`).
 
-The text depends on the sources alone, not on the machine or the time, so that a test can hold the file against it.
+The text depends on the sources alone, not on the machine or the time, so that a test can compare the pages with it.
 """

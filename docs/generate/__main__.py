@@ -1,4 +1,4 @@
-"""`python -m docs.generate`: write docs/driver.md, docs/protocol.md, docs/robots.md and their pictures anew."""
+"""Write docs/driver.md, docs/protocol.md, docs/robots.md and their pictures anew: `python -m docs.generate`."""
 
 from docs.generate.driver import DRIVER_PAGE, render_driver
 from docs.generate.driver_pictures import write_driver_pictures
@@ -11,7 +11,7 @@ from steptwin.controller.backend import fastest_kernel
 
 
 def main() -> None:
-    """Texts first: it makes the runs that the pictures show."""
+    """Write each page before its pictures: rendering docs/robots.md makes the runs that they show."""
     DRIVER_PAGE.write_text(render_driver(), encoding="utf-8")
     write_driver_pictures()
     PROTOCOL_PAGE.write_text(render_protocol(), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Commands of `steptwin` with what they print."""
+"""Show commands of `steptwin` with their output."""
 
 import re
 import shlex
@@ -10,14 +10,14 @@ from docs.generate.markdown import code
 from steptwin.host.cli.app import run
 
 _STYLE: Final = re.compile(r"\x1b\[[0-9;]*m")
-"""Bold type, where the environment forces it upon what is no terminal."""
+"""Terminal colours and bold type, which the environment may force even without a terminal."""
 
 
 def session(arguments: str, expected_exit_code: int = 0) -> str:
-    """The command line and its output, but for what the clock on the wall says, as one block.
+    """Run a command; return the command line and its output as one block, without the line about wall time.
 
     Raises:
-        ValueError: it does not end as expected.
+        ValueError: the command ends with another exit code than expected.
     """
     printed = StringIO()
     with redirect_stdout(printed):

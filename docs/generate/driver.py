@@ -1,4 +1,4 @@
-"""docs/driver.md: what the driver's tables and profiles say, and a run with other drivers than planned for."""
+"""Render docs/driver.md: the driver's tables and profiles, and a run with other drivers than it was planned for."""
 
 from typing import Final
 
@@ -20,7 +20,7 @@ _CAPACITORS_PF: Final = (100, 330, 1000)
 
 
 def render_driver() -> str:
-    """The whole page; it ends with a newline."""
+    """Return the whole page; it ends with a newline."""
     page = filled(
         DOCS / "driver" / "driver.md",
         {

@@ -1,4 +1,4 @@
-"""The picture of docs/driver.md: a DIR that comes late through its optocoupler."""
+"""Draw the picture of docs/driver.md: DIR comes late through its optocoupler."""
 
 from typing import Final
 
@@ -27,13 +27,13 @@ _END: Final = 700 * _US
 
 
 def write_driver_pictures() -> None:
-    """Draw it anew."""
+    """Draw the picture anew."""
     with mpl.rc_context(STYLE):
         write_picture(LATE_DIR, _late_dir())
 
 
 def _late_dir() -> Figure:
-    """Three steps up, three down, 15 us from DIR to STEP: at the terminals, at the chip, and what it counts."""
+    """Draw three steps up and three down, 15 us from DIR to STEP: at the terminals, at the chip, and as counted."""
     module = THREE_AMP_MODULE.fitted(16)
     stretch = Pins(
         _RISES,

@@ -1,16 +1,16 @@
-"""Pieces of Markdown."""
+"""Format Markdown tables and code blocks."""
 
 from collections.abc import Sequence
 
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[str]], *, text_columns: int = 1) -> str:
-    """A table; the first columns are texts, the others numbers."""
+    """Return a table whose first `text_columns` columns are texts and the others numbers."""
     rule = ["---"] * text_columns + ["--:"] * (len(columns) - text_columns)
     return "\n".join(_line(cells) for cells in (columns, rule, *rows))
 
 
 def code(text: str) -> str:
-    """A block of literal text."""
+    """Return a block of literal text."""
     return f"```\n{text}\n```"
 
 

@@ -1,4 +1,4 @@
-"""docs/robots.md: hand-written pieces from docs/robots/, with what the robots' files and runs say."""
+"""Render docs/robots.md: the hand-written pieces in docs/robots/, filled from the robots' files and runs."""
 
 from typing import Final
 
@@ -16,12 +16,12 @@ _NOTICE: Final = "<!-- Made by `make docs` from the pieces in docs/robots/: chan
 
 
 def picture(robot: str, job: str, kind: str) -> str:
-    """Where a picture of a run is, seen from the page."""
+    """Return the path of a run's picture, relative to the page."""
     return f"pictures/{robot}-{job}-{kind}.png"
 
 
 def render_page(runs: Runs) -> str:
-    """The whole page; it ends with a newline."""
+    """Return the whole page; it ends with a newline."""
     pieces = [_NOTICE, _introduction(), *(_robot(name, runs) for name in ROBOTS)]
     return "\n\n".join(pieces) + "\n"
 
@@ -49,7 +49,7 @@ def _robot(name: str, runs: Runs) -> str:
 
 
 def _pictures(robot: str, job: str) -> str:
-    """The tool's path on the page, the others behind links."""
+    """Show the tool's path on the page and link the other pictures."""
     path, joints, error = (picture(robot, job, kind) for kind in PICTURE_KINDS)
     return (
         f"![Tool path of {robot} {job}, planned and counted]({path})\n\n"

@@ -1,4 +1,4 @@
-"""The page's pictures: three of each run, small enough for a repository."""
+"""Draw the pictures of docs/robots.md: three for each run, small enough for a repository."""
 
 from io import BytesIO
 from pathlib import Path
@@ -15,13 +15,13 @@ from steptwin.host.record.plots import DEFAULT_VIEW, PICTURES
 from steptwin.host.record.plots.canvas import STYLE
 
 _DRAWN: Final = dict(zip(PICTURE_KINDS, ("tool-path", "joints", "error"), strict=True))
-"""By the page's kinds, the pictures as `steptwin.host.record.plots` calls them."""
+"""For each kind of picture on the page, its name in `steptwin.host.record.plots`."""
 
 _DOTS_PER_INCH: Final = 100
 
 
 def write_pictures(runs: Runs) -> None:
-    """Draw those of every run."""
+    """Draw the pictures of every run."""
     with mpl.rc_context(STYLE):
         for outcome in runs.all():
             run = outcome.report.run
@@ -32,7 +32,7 @@ def write_pictures(runs: Runs) -> None:
 
 
 def write_picture(path: Path, figure: Figure) -> None:
-    """With a palette: a third of the size of what matplotlib writes. An octree keeps colours that few pixels have."""
+    """Write a PNG with a palette, a third of matplotlib's size; the octree method keeps colours of few pixels."""
     figure.align_ylabels()
     drawn = BytesIO()
     figure.savefig(drawn, dpi=_DOTS_PER_INCH)

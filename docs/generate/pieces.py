@@ -1,4 +1,4 @@
-"""Hand-written pieces of a page: each line `<!-- generate: NAME ARGUMENT -->` is replaced by what it names."""
+"""Fill hand-written pieces of a page: replace each line `<!-- generate: NAME ARGUMENT -->` by generated text."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -11,6 +11,6 @@ _DIRECTIVE: Final = re.compile(r"^<!-- generate: (\S+)(?: (.*))? -->$", re.MULTI
 
 
 def filled(piece: Path, generators: Mapping[str, Callable[[str], str]]) -> str:
-    """A piece with its directives carried out; KeyError for one that there is not."""
+    """Return a piece with every directive replaced by its generator's text; raise KeyError for an unknown name."""
     text = piece.read_text(encoding="utf-8")
     return _DIRECTIVE.sub(lambda directive: generators[directive[1]](directive[2] or ""), text).strip()

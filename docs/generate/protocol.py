@@ -1,4 +1,4 @@
-"""docs/protocol.md: what the object table, the drive's state table and a short session say."""
+"""Render docs/protocol.md from the object table, the drive's state table and a short session on the bus."""
 
 from typing import Final
 
@@ -35,7 +35,7 @@ _MAPPED: Final = {Mapping.NONE: "", Mapping.RECEIVE: "RPDO", Mapping.TRANSMIT: "
 
 
 def render_protocol() -> str:
-    """The whole page; it ends with a newline."""
+    """Return the whole page; it ends with a newline."""
     page = filled(
         DOCS / "protocol" / "protocol.md",
         {

@@ -1,4 +1,4 @@
-"""What runs measured, beside what the papers' motions give when they are only looked at in their samples."""
+"""Show the results of runs, beside those of the papers' motions at the papers' own samples."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -10,12 +10,12 @@ from steptwin.host.verify.report import AxisReport, Report
 
 @dataclass(frozen=True, slots=True)
 class Sampled:
-    """A motion at its paper's samples, joints rounded to whole steps: computed independently of this project.
+    """A motion at its paper's samples with joints rounded to whole steps, computed independently of this project.
 
     Attributes:
-        samples: how many there are.
-        pulses: the sum of |differences| of the rounded joints, in joint order.
-        tool_mm: the largest distance of the tool from where the joints before rounding take it.
+        samples: number of samples.
+        pulses: for each joint the sum of |differences| between successive rounded positions.
+        tool_mm: largest distance between the tool's positions with rounded and with exact joints.
     """
 
     samples: int
@@ -30,11 +30,11 @@ SAMPLED: Final = {
     ("calibration-scara", "demo"): Sampled(101, (2667, 2000, 16000, 1600), 0.167033),
     ("hybrid-arm", "helix"): Sampled(241, (8624, 90328, 122392, 1728), 0.085095),
 }
-"""By robot and job, with the job's default options."""
+"""For each robot and job, with the job's default options."""
 
 
 def results(outcome: Outcome) -> str:
-    """A row an axis, then the tool, the outputs and the verdict."""
+    """Return a table with a row for each axis, then the tool, the outputs and the verdict."""
     report = outcome.report
     sampled = SAMPLED.get((report.run.robot, report.run.job))
     columns = ["axis", "steps at start", "at end", "pulses", "reversals", "peak steps/s", "error max, steps"]

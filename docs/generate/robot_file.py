@@ -1,4 +1,4 @@
-"""A robot's TOML file with its comments, which tell where each number comes from."""
+"""Read a robot's TOML file with its comments, which give the source of each number."""
 
 import re
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ _ENTRY: Final = re.compile(r"(\w+)\s*=\s*(.*?)(?:\s+#\s*(?:(\[[SDA]\])\s*)?(.*))
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A value as written but for quotes, its mark `[S]`, `[D]` or `[A]`, its note; mark and note may be empty."""
+    """A value as written, without quotes; its mark `[S]`, `[D]` or `[A]` and its note, either of which may be empty."""
 
     value: str
     mark: str
@@ -24,14 +24,14 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A table of the file: the comment behind its name, and its entries."""
+    """A table of the file: the comment after its name, and its entries."""
 
     comment: str
     entries: dict[str, Entry]
 
 
 def read_robot_file(robot: str) -> dict[str, Section]:
-    """The sections of a robot that comes along, by their names as in `joints.th1`, in the file's order."""
+    """Read a robot of the collection; return its sections by name, as in `joints.th1`, in the file's order."""
     sections = {"": Section("", {})}
     last = ""
     for line in (files("steptwin.host.robots") / f"{robot}.toml").read_text(encoding="utf-8").splitlines():

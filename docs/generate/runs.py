@@ -1,4 +1,4 @@
-"""Every job once, with its default options: what the results, the pictures and tests have in common."""
+"""Run every job once with its default options, for the results, the pictures and the tests together."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -11,18 +11,18 @@ from steptwin.host.twin.execution import execute
 from steptwin.host.twin.outcome import Outcome
 
 ROBOTS: Final = ("lab-scara", "warehouse-scara", "teaching-scara", "calibration-scara", "hybrid-arm")
-"""In the order of the page."""
+"""The robots, in the order of the page."""
 
 
 class Runs:
-    """The outcomes by robot and job; each job runs when it is first asked for."""
+    """The outcome of each robot and job; a job runs when its outcome is first asked for."""
 
     def __init__(self, kernel: Kernel) -> None:
         self._kernel = kernel
         self._outcomes: dict[tuple[str, str], Outcome] = {}
 
     def outcome(self, robot_name: str, job: str) -> Outcome:
-        """One run; raises as `make_job`, `plan` and `execute` do."""
+        """Return the outcome of one job; raise what `make_job`, `plan` and `execute` raise."""
         key = robot_name, job
         if key not in self._outcomes:
             robot = load_robot(robot_name)
@@ -30,7 +30,7 @@ class Runs:
         return self._outcomes[key]
 
     def all(self) -> Iterator[Outcome]:
-        """Every job of every robot."""
+        """Yield the outcome of every job of every robot."""
         for name in ROBOTS:
             for job in job_names(load_robot(name)):
                 yield self.outcome(name, job)

@@ -1,4 +1,4 @@
-"""Tables of what a robot is: dimensions, DH table, joints, board, outputs, places, options of jobs."""
+"""Make the tables of a robot: dimensions, DH parameters, joints, board, outputs, places, options of jobs."""
 
 from docs.generate.markdown import table
 from docs.generate.robot_file import Section, read_robot_file
@@ -19,7 +19,7 @@ _DH_TITLES = {
 
 
 def dh_table(robot: Robot) -> str:
-    """The mechanism's chain, in the columns' usual order of its convention."""
+    """Return the DH parameters, with columns in the usual order of the mechanism's convention."""
     dh = make_kinematics(robot).dh
     rows = []
     for i, row in enumerate(dh.rows, start=1):
@@ -30,12 +30,12 @@ def dh_table(robot: Robot) -> str:
 
 
 def dimensions(robot: Robot) -> str:
-    """The mechanism's numbers with their marks."""
+    """Return the mechanism's dimensions with their marks."""
     return _entries(read_robot_file(robot.name)["kinematics"], without=("kind",))
 
 
 def board() -> str:
-    """The board's settings, which all robots share."""
+    """Return the board's settings; raise ValueError if they are not the same for all robots."""
     boards = [read_robot_file(name)["board"] for name in ROBOTS]
     if any(other != boards[0] for other in boards):
         raise ValueError("the robots' boards differ: describe each with its robot")
@@ -43,7 +43,7 @@ def board() -> str:
 
 
 def joints(robot: Robot) -> str:
-    """A column a joint: what the file says, then steps per unit and the step rate at the highest speed."""
+    """Return a column for each joint: its entries in the file, steps per unit, step rate at the highest speed."""
     sections = read_robot_file(robot.name)
     columns = [sections[f"joints.{name}"] for name in robot.joint_names]
     keys = dict.fromkeys(key for section in columns for key in section.entries)
@@ -56,7 +56,7 @@ def joints(robot: Robot) -> str:
 
 
 def outputs(robot: Robot) -> str:
-    """What is wired to the board's digital outputs."""
+    """Return the devices wired to the board's digital outputs."""
     notes = read_robot_file(robot.name)["outputs"].entries
     rows = [
         [name, output.joint, f"OUT{output.out}", f"{notes[name].mark} {notes[name].note}".strip()]
@@ -66,7 +66,7 @@ def outputs(robot: Robot) -> str:
 
 
 def places(robot: Robot) -> str:
-    """The named places that jobs go to, all of them assumed or stated as a whole."""
+    """Return the named places that jobs go to; each is marked as a whole."""
     sections = read_robot_file(robot.name)
     rows = [
         [
@@ -80,7 +80,7 @@ def places(robot: Robot) -> str:
 
 
 def options(robot: Robot, job: str) -> str:
-    """A job's options as `steptwin jobs` says them."""
+    """Return a job's options as `steptwin jobs` shows them."""
     rows = [[f"`{name}`", text] for name, text in job_options(robot, job).items()]
     return table(["option", "default (valid)"], rows, text_columns=2)
 

@@ -1,4 +1,4 @@
-"""The pictures of docs/waveforms.md: what `steptwin plot` draws of the hybrid arm's helix."""
+"""Draw the pictures of docs/waveforms.md as `steptwin plot` does, of the hybrid arm's helix."""
 
 from typing import Final
 
@@ -13,11 +13,11 @@ from steptwin.host.record.plots.canvas import STYLE
 WAVEFORM_PAGE: Final = DOCS / "waveforms.md"
 
 _VIEWS: Final = {"edges": View(1.94, 0.06), "phases": DEFAULT_VIEW, "jitter": DEFAULT_VIEW, "widths": DEFAULT_VIEW}
-"""By picture: Z5 turns around at 1.94 s."""
+"""For each picture the window that it shows: Z5 turns around at 1.94 s."""
 
 
 def write_waveform_pictures(runs: Runs) -> None:
-    """Draw them anew."""
+    """Draw the pictures anew."""
     outcome = runs.outcome("hybrid-arm", "helix")
     with mpl.rc_context(STYLE):
         for name, view in _VIEWS.items():

@@ -1,4 +1,4 @@
-"""A short session of one axis on the embedded bus, frame by frame, each with what it is."""
+"""Show a short session of one axis on the embedded bus, frame by frame, with the meaning of each."""
 
 from dataclasses import replace
 from typing import Final
@@ -22,10 +22,11 @@ from steptwin.protocol.frame import (
     Frame,
 )
 from steptwin.protocol.pvt import PvtStatus
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 _SETTINGS: Final = AxisSettings(16, 33_000, 33_666, 15_000, 15_000, 15_360_000, 32_768_000)
 _RECORDS: Final = AxisRecords([4_096, 8_192, 4_096], [26_214, 26_214, 0], [20, 20, 20])
-"""One full step, 16 384 units: speeding up to 409.6 units/ms, steady, slowing down."""
+"""One full step, 16 384 units: accelerating to 409.6 units/ms, at constant speed, decelerating."""
 
 _SERVICES: Final = (
     (COB_EMCY, "<", "EMCY"),
@@ -39,7 +40,7 @@ _SDO_COMMANDS: Final = {0x40: "read", 0x23: "write", 0x27: "write", 0x2B: "write
 
 
 def session() -> str:
-    """The session as one block."""
+    """Play the session; return it as one block."""
     board = _played()
     lines = [_line(counts, frame) for counts, frame in board.bus_log]
     return code("\n".join(lines))
@@ -61,8 +62,9 @@ def _played() -> EmbeddedBoard:
 
 
 def _line(counts: int, frame: Frame) -> str:
-    way, what = _meaning(frame)
-    return f"{counts / 72e6:9.6f} {way} {frame.cob_id:03X}  {frame.data.hex(' ').upper():<23}  {what}".rstrip()
+    way, meaning = _meaning(frame)
+    data = frame.data.hex(" ").upper()
+    return f"{counts / COUNTS_PER_SECOND:9.6f} {way} {frame.cob_id:03X}  {data:<23}  {meaning}".rstrip()
 
 
 def _meaning(frame: Frame) -> tuple[str, str]:

@@ -1,4 +1,4 @@
-"""A motion whose crossings fall on whole timer counts: 1000 steps/s for 100 ms, step k at (k + 9/16) ms."""
+"""Make a motion whose crossings fall on whole timer counts: 1000 steps/s for 100 ms, step k at (k + 9/16) ms."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ BOARD = load_robot("warehouse-scara").board
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """Constant speed throughout; fulfils Trajectory but for its ends, which are not at rest."""
+    """A `Trajectory` at constant speed, except that it does not begin and end at rest."""
 
     joint_names: tuple[str, ...] = ("line",)
     duration_s: float = 0.1
@@ -45,5 +45,5 @@ EXACT_COUNTS = 72_000 * np.arange(STEPS) + 40_500
 
 
 def upward(rise_counts: np.ndarray[tuple[int], np.dtype[np.int64]]) -> AxisPulses:
-    """Steps up at these counts."""
+    """Make steps up at these counts."""
     return AxisPulses(rise_counts, rise_counts + 2376, np.array([0]), np.array([1], np.int8))

@@ -1,4 +1,4 @@
-"""Errors put in by hand come out again, to the count."""
+"""The evaluation finds errors that were put in by hand, to the count."""
 
 from dataclasses import replace
 
@@ -30,13 +30,13 @@ def test_exact_steps_have_no_error() -> None:
 def test_a_common_delay(late_us: int) -> None:
     errors = errors_of(upward(EXACT_COUNTS + 72 * late_us))
     assert errors.timing_us == pytest.approx(np.full(STEPS, late_us), abs=1e-4)
-    within = EXACT_COUNTS + 72 * late_us <= 7_200_000  # after its end the plan stands still
+    within = EXACT_COUNTS + 72 * late_us <= 7_200_000  # after its end the planned motion stands still
     assert errors.steps[within] == pytest.approx(late_us / 1000, abs=1e-9)
     assert np.abs(errors.jitter_us).max() < 1e-4
 
 
 def test_jitter_is_of_intervals() -> None:
-    """One step late, one early, by 2 us: each interval is off by 4."""
+    """Steps are late and early by 2 us in turn: each interval is off by 4 us."""
     errors = errors_of(upward(EXACT_COUNTS + 144 * (-1) ** np.arange(STEPS)))
     assert np.abs(errors.timing_us) == pytest.approx(2, abs=1e-4)
     assert np.abs(errors.jitter_us) == pytest.approx(4, abs=1e-4)
@@ -55,7 +55,7 @@ def test_a_step_too_many_is_extra() -> None:
 
 
 def test_a_reversal_left_out_shifts_no_other_pair() -> None:
-    """Up to 3 and back, twice, made without the second tip."""
+    """Up to 3 and back, twice; the steps around the second reversal are left out."""
     signs = np.array([1, 1, 1, -1, -1, -1] * 2, np.int8)
     times_s = np.arange(12) / 10
     kept = np.delete(np.arange(12), [8, 9])
@@ -91,7 +91,7 @@ def test_violations_on_both_sides_of_15_khz(interval_counts: int, broken: int) -
 
 
 def test_violations_are_those_of_the_boards_drivers() -> None:
-    """The slow blue board wants CLK high for 150 us; 33 us are too short, twice."""
+    """The slow blue board needs CLK high for 150 us; two pulses of 33 us are too short."""
     slow = replace(BOARD, osc_pf=None, driver_profile="slow-blue-board")
     assert violations(upward(np.array([72_000, 144_000])), 16, slow) == 2
 
@@ -100,14 +100,14 @@ def test_violations_are_those_of_the_boards_drivers() -> None:
 def test_violations_are_those_of_drivers_as_the_robots_file_sets_them(
     active_edge: ActiveEdge | None, broken: int
 ) -> None:
-    """DIR changes 267 us after the rise and 100 us after the fall; the slow blue board wants 150 us."""
+    """DIR changes 267 us after the rise and 100 us after the fall; the slow blue board needs 150 us."""
     pulse = AxisPulses(np.array([72_000]), np.array([84_000]), np.array([0, 91_200]), np.array([1, 0], np.int8))
     blue = replace(BOARD, osc_pf=None, driver_profile="slow-blue-board", active_edge=active_edge)
     assert violations(pulse, 16, blue) == broken
 
 
 def test_the_load_by_hand() -> None:
-    """Busiest 10 ms: 10 steps of the one axis. 100 interrupts of 20 + 1 cycles, 10 steps of 30 + 5 + 2, a record."""
+    """Busiest 10 ms: 10 steps of a single axis. 100 interrupts of 20 + 1 cycles, 10 steps of 30 + 5 + 2, a record."""
     cycles = Cycles(10_000, 20, 1, per_step=30, per_common_step=5, per_axis_and_common_step=2, per_record=100)
     expected = (100 * 21 + 10 * 37 + 100) / 720_000 * 100
     assert load_percent(cycles, LINE, [EXACT_COUNTS]) == pytest.approx(expected)

@@ -1,4 +1,4 @@
-"""Each method makes the right number of steps, and makes them in the way it is known for."""
+"""Each method makes the right number of steps, with the timing that characterises it."""
 
 import numpy as np
 import pytest
@@ -23,18 +23,18 @@ def method(kernel: Kernel, key: str) -> Method:
 
 @pytest.fixture(scope="module", params=["sines", "carry"])
 def motion(request: pytest.FixtureRequest) -> PlannedMotion:
-    """Three axes to and fro and back again, and a job with arms that turn both ways."""
+    """Three axes of several sine cycles, and a job whose arms turn in both directions."""
     if request.param == "sines":
         return sines("sines", Sines((1, 2, 3), 3000.0, 1.0), BOARD)
     return motion_of_job(load_robot("teaching-scara"), "carry")
 
 
-def test_there_are_these(fast_kernel: Kernel) -> None:
+def test_the_methods_and_their_order(fast_kernel: Kernel) -> None:
     assert [method.key for method in methods(fast_kernel)] == KEYS
 
 
 @pytest.mark.parametrize("key", KEYS)
-def test_final_counts(key: str, motion: PlannedMotion, fast_kernel: Kernel) -> None:
+def test_every_method_ends_at_the_ideal_count(key: str, motion: PlannedMotion, fast_kernel: Kernel) -> None:
     placed = method(fast_kernel, key).place(motion)
     ideal = ideal_of(motion)
     ends = [start + int(axis.signs.sum(dtype=int)) for start, axis in zip(motion.start_steps, placed.axes, strict=True)]
@@ -48,8 +48,8 @@ def test_final_counts(key: str, motion: PlannedMotion, fast_kernel: Kernel) -> N
 
 
 @pytest.mark.parametrize("base_hz", DDA_HZ)
-def test_a_dda_steps_in_its_grid_and_late_by_a_period_at_most(base_hz: int, fast_kernel: Kernel) -> None:
-    """Where it is not slow: there records and servo thread round more, and at a reversal DIR takes more periods."""
+def test_a_dda_steps_on_its_grid_and_at_most_a_period_late(base_hz: int, fast_kernel: Kernel) -> None:
+    """Slow steps are left out: there records and servo thread round more, and at a reversal DIR needs more periods."""
     motion = sines("sine", Sines((1,), 3000.0, 1.0), BOARD)
     (pulses,) = method(fast_kernel, f"dda-{base_hz // 1000}k").place(motion).axes
     assert (pulses.rise_counts % (72_000_000 // base_hz) == 0).all()
@@ -62,7 +62,7 @@ def test_a_dda_steps_in_its_grid_and_late_by_a_period_at_most(base_hz: int, fast
 
 
 def test_bresenham_makes_a_record_at_constant_rate(fast_kernel: Kernel) -> None:
-    """The dominant axis evenly, the other one in the same interrupts."""
+    """The dominant axis steps evenly, the other one in the same interrupts."""
     motion = sines("two", Sines((1, 2), 3000.0, 2.0), BOARD)
     first, second = method(fast_kernel, "bresenham").place(motion).axes
     within = [axis.rise_counts[axis.rise_counts // 720_000 == 40] for axis in (first, second)]
