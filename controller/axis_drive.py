@@ -18,11 +18,10 @@ from steptwin.controller.profile_velocity import ProfileVelocity
 from steptwin.controller.stops import DISABLES, HALTS, OPTIONS, QUICK_STOPS, SHUTDOWNS, Ramp, fault_ramp
 from steptwin.controller.supervision import Supervision
 from steptwin.controller.sync_clock import SyncClock
-from steptwin.protocol import cia402
+from steptwin.protocol import cia402, od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import AbortConnection, Control, DigitalInput, ErrorCode, State, Status
 from steptwin.protocol.dictionary import ObjectDictionary, WriteHook
-from steptwin.protocol.objects import key_of
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 _ABORT_CONTROLWORDS = {
@@ -60,7 +59,7 @@ class Node(Protocol):
         """Whether an error is active, whatever its detail."""
         ...
 
-    def changed(self, index: int, subindex: int = 0) -> None:
+    def changed(self, address: int) -> None:
         """A value has changed that process data may report."""
         ...
 
@@ -106,7 +105,7 @@ class AxisDrive:
             dictionary,
             report=node.report,
             resolved=node.resolved,
-            status_changed=lambda: node.changed(0x2012, 3),
+            status_changed=lambda: node.changed(od.PVT_FLAGS),
             ramp_down=lambda: self._ramp_down(DISABLES[1]),
         )
         self.feed = ProfileFeed(
@@ -145,7 +144,7 @@ class AxisDrive:
                 sync_clock,
                 now_us=lambda: node.now_us,
                 close_records=self.interpolation.close,
-                ramp_down=lambda: self._ramp_down(HALTS[dictionary.get(0x605D)]),
+                ramp_down=lambda: self._ramp_down(HALTS[dictionary.get(od.HALT_OPTION)]),
                 trip=trip,
             ),
         }
@@ -154,12 +153,12 @@ class AxisDrive:
 
     def _install_hooks(self) -> None:
         write = self._dictionary.write_hooks
-        write[key_of(0x6040)] = self._write_controlword
-        write[key_of(0x6060)] = self._write_mode
-        write[key_of(0x60FF)] = self._write_target_velocity
-        for index, values in OPTIONS.items():
-            write[key_of(index)] = _one_of(values)
-        write[key_of(0x6098)] = _one_of(frozenset(cia402.HOMING_METHODS))
+        write[od.CONTROLWORD] = self._write_controlword
+        write[od.MODE_OF_OPERATION] = self._write_mode
+        write[od.TARGET_VELOCITY] = self._write_target_velocity
+        for address, values in OPTIONS.items():
+            write[address] = _one_of(values)
+        write[od.HOMING_METHOD] = _one_of(frozenset(cia402.HOMING_METHODS))
 
     def reset(self) -> None:
         """Lose what a power cycle would lose, pulses at once. A standing axis is where it was."""
@@ -211,11 +210,11 @@ class AxisDrive:
         """How a moving axis stops on its way to a state, and the state in which that ends."""
         get = self._dictionary.get
         if target is State.QUICK_STOP_ACTIVE:
-            return QUICK_STOPS[get(0x605A)]
+            return QUICK_STOPS[get(od.QUICK_STOP_OPTION)]
         if target is State.READY_TO_SWITCH_ON:
-            return SHUTDOWNS[get(0x605B)], target
+            return SHUTDOWNS[get(od.SHUTDOWN_OPTION)], target
         if target is State.SWITCHED_ON:
-            return DISABLES[get(0x605C)], target
+            return DISABLES[get(od.DISABLE_OPERATION_OPTION)], target
         return Ramp.CUT, target
 
     def _write_mode(self, mode: int) -> None:
@@ -226,7 +225,7 @@ class AxisDrive:
         if mode != self.mode_number:
             self.mode.interrupted()
             self.mode_number = mode
-            self._node.changed(0x6061)
+            self._node.changed(od.MODE_OF_OPERATION_DISPLAY)
             if self.state is State.OPERATION_ENABLED:  # without an edge: only levels count in a mode just entered
                 self.mode.control(self._controlword, self._controlword)
 
@@ -236,7 +235,7 @@ class AxisDrive:
 
     def abort_connection(self) -> None:
         """Do what a lost host would have done last, by 0x6007; a fault is the group's matter and tripped elsewhere."""
-        controlword = _ABORT_CONTROLWORDS.get(AbortConnection(self._dictionary.get(0x6007)))
+        controlword = _ABORT_CONTROLWORDS.get(AbortConnection(self._dictionary.get(od.ABORT_CONNECTION_OPTION)))
         if controlword is not None:
             self._obey(next_state(self.state, controlword, self._controlword))
 
@@ -252,7 +251,7 @@ class AxisDrive:
 
     def halt_deceleration(self) -> int:
         """The deceleration of a halt, in units per second squared, by 0x605D."""
-        return self._dictionary.get(HALTS[self._dictionary.get(0x605D)].value)
+        return self._dictionary.get(HALTS[self._dictionary.get(od.HALT_OPTION)].value)
 
     def _stop(self, ramp: Ramp) -> None:
         if ramp is Ramp.CUT:
@@ -303,7 +302,7 @@ class AxisDrive:
         if self.state is State.FAULT_REACTION_ACTIVE:
             self._enter(State.FAULT)
         elif self.state is State.QUICK_STOP_ACTIVE:
-            self._enter(QUICK_STOPS[self._dictionary.get(0x605A)].end)
+            self._enter(QUICK_STOPS[self._dictionary.get(od.QUICK_STOP_OPTION)].end)
         elif self._after_stop:
             self._enter(self._after_stop)
         else:
@@ -312,7 +311,7 @@ class AxisDrive:
     # --- faults
 
     def _fault_ramp(self, code: ErrorCode, detail: int) -> Ramp:
-        return fault_ramp(code, detail, self._dictionary.get(0x605E))
+        return fault_ramp(code, detail, self._dictionary.get(od.FAULT_REACTION_OPTION))
 
     def fault_stop_ms(self, code: ErrorCode, detail: int) -> int:
         """How long the drive would take to stop for an error."""
@@ -343,8 +342,8 @@ class AxisDrive:
         self._enter(State.FAULT_REACTION_ACTIVE if self._motion.running(self.axis) else State.FAULT)
 
     def _set_error(self, code: ErrorCode) -> None:
-        self._dictionary.set(0x603F, 0, code)
-        self._node.changed(0x603F)
+        self._dictionary.set(od.ERROR_CODE, code)
+        self._node.changed(od.ERROR_CODE)
 
     # --- inputs
 
@@ -353,7 +352,7 @@ class AxisDrive:
         if inputs == self.supervision.inputs:
             return
         self.supervision.inputs = inputs
-        self._node.changed(0x60FD)
+        self._node.changed(od.DIGITAL_INPUTS)
         if self.energised:
             self.supervision.check()
             if not self.mode.seeks_switches:

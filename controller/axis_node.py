@@ -10,7 +10,7 @@ from steptwin.controller.modes import Trip
 from steptwin.controller.motion import INVERT_DIR, REVERSED, Motion, StepConfig
 from steptwin.controller.pins import MODE_LEVELS, OUTPUT_PINS, Pin
 from steptwin.controller.sync_clock import SyncClock
-from steptwin.protocol import cia402
+from steptwin.protocol import cia402, od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import AbortConnection, ErrorCode, State, Status
 from steptwin.protocol.cob_id import check_cob_id
@@ -20,7 +20,7 @@ from steptwin.protocol.emergency import EmergencyProducer
 from steptwin.protocol.frame import COB_HEARTBEAT, COB_ID_INVALID, COB_SDO_RESPONSE, Frame
 from steptwin.protocol.heartbeat_consumer import HeartbeatConsumer
 from steptwin.protocol.nmt import HeartbeatProducer, NmtCommand, NmtState, after_error, target_of
-from steptwin.protocol.objects import HISTORY_DEPTH, key_of
+from steptwin.protocol.objects import HISTORY_DEPTH
 from steptwin.protocol.pdo import ProcessData
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 from steptwin.protocol.sdo_server import SdoServer
@@ -31,22 +31,22 @@ _FAULT_STATES = (State.FAULT_REACTION_ACTIVE, State.FAULT)
 _PDO_LENGTH_ERRORS = (ErrorCode.PDO_TOO_SHORT, ErrorCode.PDO_TOO_LONG)
 
 _STEP_CONFIG_KEYS = (
-    key_of(0x2000, 1),
-    key_of(0x2001, 1),
-    key_of(0x2001, 2),
-    key_of(0x2001, 3),
-    key_of(0x2001, 4),
-    key_of(0x607F),
-    key_of(0x607E),
-    key_of(0x2001, 5),
+    od.MICROSTEPS,
+    od.STEPLEN_NS,
+    od.STEPSPACE_NS,
+    od.DIRSETUP_NS,
+    od.DIRHOLD_NS,
+    od.MAX_PROFILE_VELOCITY,
+    od.POLARITY,
+    od.INVERT_MASK,
 )
 """In the order of StepConfig's fields."""
 
 
 _CHOICES = {
-    key_of(0x2000, 1): tuple(MODE_LEVELS),
-    key_of(0x2001, 5): (0, INVERT_DIR),
-    key_of(0x607E): (0, REVERSED),  # position and velocity can only be reversed together
+    od.MICROSTEPS: tuple(MODE_LEVELS),
+    od.INVERT_MASK: (0, INVERT_DIR),
+    od.POLARITY: (0, REVERSED),  # position and velocity can only be reversed together
 }
 """The values that may be written where a range does not say it."""
 
@@ -139,8 +139,8 @@ class AxisNode:
     def _reset_communication(self) -> None:
         self.dictionary.reset(0x1000, 0x1FFF)
         self._sdo.reset()
-        self._heartbeat.set_period(self.dictionary.get(0x1017) * 1000, self.now_us)
-        self._emergency.inhibit = self.dictionary.get(0x1015)
+        self._heartbeat.set_period(self.dictionary.get(od.PRODUCER_HEARTBEAT_TIME) * 1000, self.now_us)
+        self._emergency.inhibit = self.dictionary.get(od.EMCY_INHIBIT_TIME)
         self._emergency.reset_communication()
         self._heartbeat_consumer.restart()
         self.connection_lost = False
@@ -226,11 +226,11 @@ class AxisNode:
         """Do what the host would have done last, by 0x6007, and leave OPERATIONAL, by 0x1029."""
         self.now_us = now_us
         self.connection_lost = False
-        if self.dictionary.get(0x6007) == AbortConnection.FAULT_SIGNAL:
+        if self.dictionary.get(od.ABORT_CONNECTION_OPTION) == AbortConnection.FAULT_SIGNAL:
             self._trip(self.axis, ErrorCode.HEARTBEAT_LOST)
         else:
             self.drive.abort_connection()
-        self._change_nmt_state(after_error(self.nmt_state, self.dictionary.get(0x1029, 1)))
+        self._change_nmt_state(after_error(self.nmt_state, self.dictionary.get(od.COMMUNICATION_ERROR_BEHAVIOUR)))
         self._settle()
 
     def on_can_error(self, code: ErrorCode, now_us: int, *, active: bool) -> None:
@@ -264,33 +264,37 @@ class AxisNode:
 
     def _install_hooks(self) -> None:
         read, write = self.dictionary.read_hooks, self.dictionary.write_hooks
-        read[key_of(0x1001)] = lambda: self._emergency.register
-        read[key_of(0x1003)] = lambda: len(self._emergency.history)
+        read[od.ERROR_REGISTER] = lambda: self._emergency.register
+        read[od.ERROR_HISTORY_COUNT] = lambda: len(self._emergency.history)
         for i in range(1, HISTORY_DEPTH + 1):
-            read[key_of(0x1003, i)] = partial(self._history, i)
-        read[key_of(0x1013)] = lambda: self.now_us - self._clock_zero_us & 0xFFFF_FFFF
-        read[key_of(0x2012, 5)] = lambda: self.now_us & 0xFFFF_FFFF
-        read[key_of(0x6041)] = self.statusword
-        read[key_of(0x2002, 1)] = lambda: self._measurements.temperature_decidegc
-        read[key_of(0x2002, 2)] = lambda: self._measurements.supply_10mv
-        read[key_of(0x2F00, 1)] = lambda: self._monitor(self.axis).rotor_steps
-        read[key_of(0x2F00, 2)] = lambda: self._monitor(self.axis).lost_steps
-        read[key_of(0x2F00, 3)] = lambda: self._monitor(self.axis).violations
-        read[key_of(0x6061)] = lambda: self.drive.mode_number
-        read[key_of(0x6062)] = lambda: _saturated(self._motion.demand_units(self.axis))
-        read[key_of(0x6064)] = lambda: _saturated(self._motion.counter_units(self.axis))
-        read[key_of(0x606C)] = self._velocity_units_per_s
-        read[key_of(0x60F4)] = lambda: _saturated(self.drive.supervision.following_error_units)
-        read[key_of(0x60FC)] = lambda: self._motion.demand_steps(self.axis)
-        read[key_of(0x60FD)] = lambda: self.drive.supervision.inputs
-        write[key_of(0x1003)] = lambda _: self._emergency.history.clear()
-        write[key_of(0x1013)] = self._set_clock
-        write[key_of(0x1014)] = lambda cob_id: check_cob_id(self.dictionary.get(0x1014), cob_id)
-        write[key_of(0x1015)] = self._write_emergency_inhibit
-        write[key_of(0x1017)] = lambda period_ms: self._heartbeat.set_period(period_ms * 1000, self.now_us)
-        write[key_of(0x6086)] = self._write_profile_type
-        write[key_of(0x60FE, 1)] = lambda physical: self._switch_outputs(physical & self.dictionary.get(0x60FE, 2))
-        write[key_of(0x60FE, 2)] = lambda mask: self._switch_outputs(self.dictionary.get(0x60FE, 1) & mask)
+            read[od.ERROR_HISTORY[i - 1]] = partial(self._history, i)
+        read[od.TIME_STAMP] = lambda: self.now_us - self._clock_zero_us & 0xFFFF_FFFF
+        read[od.BOARD_CLOCK_US] = lambda: self.now_us & 0xFFFF_FFFF
+        read[od.STATUSWORD] = self.statusword
+        read[od.BOARD_TEMPERATURE] = lambda: self._measurements.temperature_decidegc
+        read[od.SUPPLY_VOLTAGE] = lambda: self._measurements.supply_10mv
+        read[od.ROTOR_POSITION_STEPS] = lambda: self._monitor(self.axis).rotor_steps
+        read[od.LOST_STEPS] = lambda: self._monitor(self.axis).lost_steps
+        read[od.DRIVER_VIOLATIONS] = lambda: self._monitor(self.axis).violations
+        read[od.MODE_OF_OPERATION_DISPLAY] = lambda: self.drive.mode_number
+        read[od.POSITION_DEMAND] = lambda: _saturated(self._motion.demand_units(self.axis))
+        read[od.POSITION_ACTUAL] = lambda: _saturated(self._motion.counter_units(self.axis))
+        read[od.VELOCITY_ACTUAL] = self._velocity_units_per_s
+        read[od.FOLLOWING_ERROR_ACTUAL] = lambda: _saturated(self.drive.supervision.following_error_units)
+        read[od.POSITION_DEMAND_STEPS] = lambda: self._motion.demand_steps(self.axis)
+        read[od.DIGITAL_INPUTS] = lambda: self.drive.supervision.inputs
+        write[od.ERROR_HISTORY_COUNT] = lambda _: self._emergency.history.clear()
+        write[od.TIME_STAMP] = self._set_clock
+        write[od.EMCY_COB_ID] = lambda cob_id: check_cob_id(self.dictionary.get(od.EMCY_COB_ID), cob_id)
+        write[od.EMCY_INHIBIT_TIME] = self._write_emergency_inhibit
+        write[od.PRODUCER_HEARTBEAT_TIME] = lambda period_ms: self._heartbeat.set_period(period_ms * 1000, self.now_us)
+        write[od.MOTION_PROFILE_TYPE] = self._write_profile_type
+        write[od.DIGITAL_OUTPUTS] = lambda physical: self._switch_outputs(
+            physical & self.dictionary.get(od.DIGITAL_OUTPUTS_MASK)
+        )
+        write[od.DIGITAL_OUTPUTS_MASK] = lambda mask: self._switch_outputs(
+            self.dictionary.get(od.DIGITAL_OUTPUTS) & mask
+        )
         for key in _STEP_CONFIG_KEYS:
             write[key] = partial(self._write_step_config, key)
 
@@ -339,7 +343,7 @@ class AxisNode:
 
     def _step_config(self, changes: dict[int, int] | None = None) -> StepConfig:
         changes = changes or {}
-        return StepConfig(*(changes.get(key, self.dictionary.get(key >> 8, key & 0xFF)) for key in _STEP_CONFIG_KEYS))
+        return StepConfig(*(changes.get(key, self.dictionary.get(key)) for key in _STEP_CONFIG_KEYS))
 
     # --- what the drive asks of its node
 
@@ -353,10 +357,10 @@ class AxisNode:
         """Something has happened after which there may be something to say."""
         self._touched = True
 
-    def changed(self, index: int, subindex: int = 0) -> None:
+    def changed(self, address: int) -> None:
         """A value has changed that event-driven TPDOs report."""
         self._touched = True
-        self.process_data.changed(index, subindex)
+        self.process_data.changed(address)
 
     def report(self, code: ErrorCode, detail: int) -> None:
         """Send an EMCY unless the error is active already."""
@@ -396,7 +400,7 @@ class AxisNode:
         statusword = self.statusword()
         if statusword != self._statusword:
             self._statusword = statusword
-            self.process_data.changed(0x6041)
+            self.process_data.changed(od.STATUSWORD)
         self._schedule()
         self._touched = False
 
@@ -419,7 +423,7 @@ class AxisNode:
             self.outbox.append(Frame(COB_HEARTBEAT + self.node_id, bytes((self.nmt_state,))))
         if self.nmt_state is not NmtState.STOPPED:
             payload = self._emergency.poll(now_us)
-            cob_id = self.dictionary.get(0x1014)
+            cob_id = self.dictionary.get(od.EMCY_COB_ID)
             if payload and not cob_id & COB_ID_INVALID:
                 self.outbox.append(Frame(cob_id, payload))
         if self.nmt_state is NmtState.OPERATIONAL:

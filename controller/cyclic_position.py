@@ -32,10 +32,10 @@ from steptwin.controller.modes import Mode, Trip
 from steptwin.controller.motion import Motion, Refusal
 from steptwin.controller.soft_limits import SoftLimits
 from steptwin.controller.sync_clock import TICK_US, Slot, SyncClock
+from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import Control, ErrorCode, Status
 from steptwin.protocol.dictionary import ObjectDictionary
-from steptwin.protocol.objects import key_of
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 _LOST, _GOOD, _LOST_MAX = 3, 1, 9
@@ -92,8 +92,8 @@ class CyclicPosition(Mode):
         """And how many slots are bridged since."""
         self._lost = 0
         self._at_limit = False
-        dictionary.write_hooks[key_of(0x607A)] = self._write_set_point
-        dictionary.write_hooks[key_of(0x60C2, 1)] = self._write_period
+        dictionary.write_hooks[od.TARGET_POSITION] = self._write_set_point
+        dictionary.write_hooks[od.INTERPOLATION_PERIOD] = self._write_period
 
     def _write_set_point(self, _units: int) -> None:
         self._written = True
@@ -139,7 +139,9 @@ class CyclicPosition(Mode):
         if not self._enabled or not (self._following or self._begin()):
             return
         slot = self._clock.hear(self._now_us())
-        set_point_units = self._dictionary.get(0x607A) if self._written else self._came[slot].set_point_units
+        set_point_units = (
+            self._dictionary.get(od.TARGET_POSITION) if self._written else self._came[slot].set_point_units
+        )
         self._came[slot] = _Came(sync=True, set_point_units=set_point_units)
         self._written = False
 
@@ -147,7 +149,7 @@ class CyclicPosition(Mode):
         """Follow from now on, unless a ramp is still bringing the axis to rest."""
         if self._motion.running(self._axis):
             return False
-        period_ms = self._dictionary.get(0x60C2, 1)
+        period_ms = self._dictionary.get(od.INTERPOLATION_PERIOD)
         if not self._clock.join(self._axis, 1000 * period_ms, self._now_us()):
             self._trip(self._axis, ErrorCode.PARAMETER, period_ms)  # one SYNC cannot have two periods
             return False
@@ -262,4 +264,4 @@ class CyclicPosition(Mode):
     @property
     def _reach_units(self) -> int:
         """How far that leads in a period."""
-        return self._velocity_limit * self._dictionary.get(0x60C2, 1) // VELOCITY_PER_UNIT_PER_MS
+        return self._velocity_limit * self._dictionary.get(od.INTERPOLATION_PERIOD) // VELOCITY_PER_UNIT_PER_MS

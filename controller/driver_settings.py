@@ -4,14 +4,14 @@ from collections.abc import Callable
 from functools import partial
 
 from steptwin.controller.pins import DECAY_LEVELS, MODE_LEVELS, TORQUE_LEVELS, Pin
+from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.dictionary import ObjectDictionary
-from steptwin.protocol.objects import key_of
 
 IDLE_AFTER_US = 500_000
 """How long an axis must have stood before its torque goes down to 0x2000:04."""
 
-_TORQUE, _DECAY, _IDLE_TORQUE = key_of(0x2000, 2), key_of(0x2000, 3), key_of(0x2000, 4)
+_TORQUE, _DECAY, _IDLE_TORQUE = od.TORQUE_PERCENT, od.FAST_DECAY_PERCENT, od.REST_TORQUE_PERCENT
 
 
 class DriverSettings:
@@ -37,10 +37,10 @@ class DriverSettings:
         get = self._dictionary.get
         if moving:
             self._idle, self.due_us = False, None
-        elif not self._idle and self.due_us is None and get(0x2000, 4) != get(0x2000, 2):
+        elif not self._idle and self.due_us is None and get(od.REST_TORQUE_PERCENT) != get(od.TORQUE_PERCENT):
             self.due_us = now_us + IDLE_AFTER_US
-        self._set(Pin.TQ2, Pin.TQ1, TORQUE_LEVELS[get(0x2000, 4 if self._idle else 2)])
-        self._set(Pin.DCY2, Pin.DCY1, DECAY_LEVELS[get(0x2000, 3)])
+        self._set(Pin.TQ2, Pin.TQ1, TORQUE_LEVELS[get(_IDLE_TORQUE if self._idle else _TORQUE)])
+        self._set(Pin.DCY2, Pin.DCY1, DECAY_LEVELS[get(od.FAST_DECAY_PERCENT)])
 
     def poll(self, now_us: int) -> None:
         """Lower the torque if it is time."""

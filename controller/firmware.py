@@ -15,6 +15,7 @@ from steptwin.controller.measurements import Measurements, Monitor, no_monitor
 from steptwin.controller.motion import Event, Motion
 from steptwin.controller.pins import OUTPUT_PINS, PinChange
 from steptwin.controller.sync_clock import SyncClock
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode
 from steptwin.protocol.dictionary import FlashPage
 from steptwin.protocol.frame import (
@@ -269,7 +270,7 @@ class Firmware:
         while self._trips:
             trips, self._trips = self._trips, {}
             stopping = {axis: faults for axis, faults in trips.items() if self.nodes[axis].drive.energised}
-            if any(self.nodes[axis].dictionary.get(0x2010, 1) for axis in stopping):
+            if any(self.nodes[axis].dictionary.get(od.GROUP_STOP) for axis in stopping):
                 for node in self.nodes:
                     if node.drive.mode.coordinated:
                         stopping.setdefault(node.axis, [Fault(ErrorCode.GROUP_STOPPED, 0)])

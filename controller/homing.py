@@ -22,6 +22,7 @@ from steptwin.controller.motion import Motion
 from steptwin.controller.profile import Limits
 from steptwin.controller.profile_feed import ProfileFeed
 from steptwin.controller.switch_search import Phase, SwitchSearch
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import Control, DigitalInput, ErrorCode, HomingError, Status
 from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
@@ -91,12 +92,12 @@ class Homing(Mode):
 
     def _start(self, *, halted: bool) -> None:
         self._clear_error()
-        self._dictionary.set(0x2020, 2, HomingError.NONE)
+        self._dictionary.set(od.HOMING_ERROR, HomingError.NONE)
         self._state = _State.HALTED if halted else _State.WAITING
 
     def _stop(self, *, halted: bool) -> None:
         self._search = self._deadline_us = None
-        limits = self._limits(1)
+        limits = self._limits(od.HOMING_SEARCH_SPEED)
         if self._feed.active and limits:
             (self._feed.halt if halted else self._feed.stop)(limits)
 
@@ -104,20 +105,20 @@ class Homing(Mode):
         """Begin if a homing waits for that and the axis stands."""
         if self._state is not _State.WAITING or self._motion.running(self._axis):
             return
-        method = METHODS[self._dictionary.get(0x6098)]
+        method = METHODS[self._dictionary.get(od.HOMING_METHOD)]
         if method is None:
             self._discard_records()
-            self._motion.preset(self._axis, self._dictionary.get(0x607C))
+            self._motion.preset(self._axis, self._dictionary.get(od.HOME_OFFSET))
             self._attain()
         else:
             self._begin_search(method)
 
     def _begin_search(self, method: HomingMethod) -> None:
-        fast, slow = self._limits(1), self._limits(2)
+        fast, slow = self._limits(od.HOMING_SEARCH_SPEED), self._limits(od.HOMING_ZERO_SPEED)
         if fast is None or slow is None:
             self._fail(HomingError.NO_SPEED)
             return
-        timeout_ms = self._dictionary.get(0x2020, 1)
+        timeout_ms = self._dictionary.get(od.HOMING_TIMEOUT_MS)
         self._deadline_us = self._now_us() + 1000 * timeout_ms if timeout_ms else None
         self._state = _State.SEARCHING
         self._search = SwitchSearch(self._axis, self._motion, self._feed, method, fast, slow, self._inputs())
@@ -126,10 +127,13 @@ class Homing(Mode):
 
     def _limits(self, speed: int) -> Limits | None:
         get = self._dictionary.get
-        limits = self._feed.limits(get(0x6099, speed) * VELOCITY_PER_UNIT_PER_MS // 1000)
+        limits = self._feed.limits(get(speed) * VELOCITY_PER_UNIT_PER_MS // 1000)
         if limits is None:
             return None
-        return limits._replace(acceleration=min(get(0x609A), get(0x60C5)), deceleration=min(get(0x609A), get(0x60C6)))
+        return limits._replace(
+            acceleration=min(get(od.HOMING_ACCELERATION), get(od.MAX_ACCELERATION)),
+            deceleration=min(get(od.HOMING_ACCELERATION), get(od.MAX_DECELERATION)),
+        )
 
     # --- what comes of it
 
@@ -139,7 +143,7 @@ class Homing(Mode):
         if search is None:
             return
         if search.phase is Phase.DONE:
-            self._motion.renumber(self._axis, search.latched_step, self._dictionary.get(0x607C))
+            self._motion.renumber(self._axis, search.latched_step, self._dictionary.get(od.HOME_OFFSET))
             self._attain()
         elif search.phase is Phase.FAILED:
             self._fail(search.error)
@@ -150,7 +154,7 @@ class Homing(Mode):
 
     def _fail(self, error: HomingError) -> None:
         self._end(_State.FAILED)
-        self._dictionary.set(0x2020, 2, error)
+        self._dictionary.set(od.HOMING_ERROR, error)
         self._report(ErrorCode.HOMING_FAILED, error)
 
     def _end(self, state: _State) -> None:

@@ -10,14 +10,12 @@ from steptwin.controller.kernel import I32_MAX
 from steptwin.controller.modes import Mode, Report
 from steptwin.controller.motion import Motion, Refusal
 from steptwin.controller.soft_limits import SoftLimits, hull
+from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import Control, ErrorCode, Status
 from steptwin.protocol.dictionary import ObjectDictionary
-from steptwin.protocol.objects import key_of
 from steptwin.protocol.pvt import QUEUE_DEPTH, SEQUENCE_MODULUS, PvtFlag, Verdict, judge
 
-_DISPLACEMENT, _END_VELOCITY, _DURATION, _SEQUENCE = (key_of(0x60C1, subindex) for subindex in (1, 2, 3, 4))
-_ACCEPTED, _GAPS, _OVERFLOWS, _UNDERRUNS, _LEAST_FILL = (key_of(0x2013, subindex) for subindex in (1, 2, 3, 4, 5))
 _STICKY = {Verdict.GAP: PvtFlag.GAP, Verdict.FULL: PvtFlag.OVERFLOW}
 
 
@@ -49,21 +47,21 @@ class Interpolation(Mode):
         """Whether the drive is enabled in this mode: a queue with records is then armed."""
         self._install_hooks()
         self._limits = SoftLimits(dictionary)
-        self._displacement_units = dictionary.reader(_DISPLACEMENT)
-        self._end_velocity = dictionary.reader(_END_VELOCITY)
-        self._duration_ms = dictionary.reader(_DURATION)
-        self._least_fill = dictionary.reader(_LEAST_FILL)
+        self._displacement_units = dictionary.reader(od.PVT_DISPLACEMENT)
+        self._end_velocity = dictionary.reader(od.PVT_END_VELOCITY)
+        self._duration_ms = dictionary.reader(od.PVT_DURATION_MS)
+        self._least_fill = dictionary.reader(od.PVT_LEAST_FILL)
 
     def _install_hooks(self) -> None:
-        self._dictionary.write_hooks[_SEQUENCE] = self._record_arrived
-        self._dictionary.write_hooks[key_of(0x60C4, 6)] = self._clear
+        self._dictionary.write_hooks[od.PVT_SEQUENCE] = self._record_arrived
+        self._dictionary.write_hooks[od.BUFFER_CLEAR] = self._clear
         self._dictionary.read_hooks |= {
-            key_of(0x2012, 1): lambda: self._next_sequence,
-            key_of(0x2012, 2): lambda: self._free(self._motion.queued(self._axis)),
-            key_of(0x2012, 3): self._flags,
-            key_of(0x2012, 4): self._executing,
-            key_of(0x2013, 6): lambda: self._motion.delayed_steps(self._axis),
-            key_of(0x60C4, 4): lambda: self._motion.queued(self._axis),
+            od.PVT_NEXT_SEQUENCE: lambda: self._next_sequence,
+            od.PVT_FREE_RECORDS: lambda: self._free(self._motion.queued(self._axis)),
+            od.PVT_FLAGS: self._flags,
+            od.PVT_EXECUTING_SEQUENCE: self._executing,
+            od.DELAYED_STEPS: lambda: self._motion.delayed_steps(self._axis),
+            od.BUFFER_POSITION: lambda: self._motion.queued(self._axis),
         }
 
     # --- records in
@@ -78,7 +76,7 @@ class Interpolation(Mode):
             self._drop(verdict)
             return
         if self._running and queued < self._least_fill():
-            self._dictionary.set(0x2013, 5, queued)
+            self._dictionary.set(od.PVT_LEAST_FILL, queued)
         refusal = self._push(self._displacement_units(), self._end_velocity(), self._duration_ms())
         if refusal is not Refusal.ACCEPTED:
             self._reject(sequence, refusal)
@@ -86,7 +84,7 @@ class Interpolation(Mode):
         self._next_sequence = (sequence + 1) % SEQUENCE_MODULUS
         if self._sticky:
             self._sticky &= ~(PvtFlag.GAP | PvtFlag.OVERFLOW)
-        self._dictionary.count(_ACCEPTED)
+        self._dictionary.count(od.PVT_ACCEPTED)
 
     def _push(self, displacement_units: int, end_velocity: int, duration_ms: int) -> Refusal:
         """Queue a segment unless it leads out of the soft limits, or further out of them."""
@@ -101,7 +99,7 @@ class Interpolation(Mode):
     def _drop(self, verdict: Verdict) -> None:
         """Flag a gap or an overflow; only the first of a row is an event, so that junk cannot flood the bus."""
         flag = _STICKY[verdict]
-        self._dictionary.count(_GAPS if verdict is Verdict.GAP else _OVERFLOWS)
+        self._dictionary.count(od.PVT_GAPS if verdict is Verdict.GAP else od.PVT_OVERFLOWS)
         if not self._sticky & flag:
             self._sticky |= flag
             self._status_changed()
@@ -141,7 +139,7 @@ class Interpolation(Mode):
             self._ramp_down()
         elif enabled and not previous & Control.START and self._start():
             self._running = True
-            self._dictionary.set(0x2013, 5, QUEUE_DEPTH)
+            self._dictionary.set(od.PVT_LEAST_FILL, QUEUE_DEPTH)
             self._status_changed()
 
     def _start(self) -> bool:
@@ -181,7 +179,7 @@ class Interpolation(Mode):
     def underrun(self) -> None:
         """The queue ran out while moving."""
         self._sticky |= PvtFlag.UNDERRUN
-        self._dictionary.count(_UNDERRUNS)
+        self._dictionary.count(od.PVT_UNDERRUNS)
         self.stopped()
 
     @property
@@ -205,7 +203,7 @@ class Interpolation(Mode):
             flags |= PvtFlag.EMPTY
         if self._running:
             flags |= PvtFlag.RUNNING
-            if queued <= self._dictionary.get(0x2010, 2):
+            if queued <= self._dictionary.get(od.QUEUE_LOW_WATER):
                 flags |= PvtFlag.LOW
         elif self.ready and queued:
             flags |= PvtFlag.ARMED

@@ -12,6 +12,7 @@ from steptwin.controller.kernel import STEP_Q16
 from steptwin.controller.motion import Motion, Refusal
 from steptwin.controller.profile import GRAIN_MS, Limits, Profile, Segment, move, stop
 from steptwin.controller.stops import HALTS, Ramp
+from steptwin.protocol import od
 from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
@@ -93,9 +94,9 @@ class ProfileFeed:
             return None
         return Limits(
             velocity=max(1, min(velocity, fastest)),
-            acceleration=min(get(0x6083), get(0x60C5)),
-            deceleration=min(get(0x6084), get(0x60C6)),
-            jerk=get(0x60A4, 1) if get(0x6086) else 0,
+            acceleration=min(get(od.PROFILE_ACCELERATION), get(od.MAX_ACCELERATION)),
+            deceleration=min(get(od.PROFILE_DECELERATION), get(od.MAX_DECELERATION)),
+            jerk=get(od.PROFILE_JERK) if get(od.MOTION_PROFILE_TYPE) else 0,
         )
 
     def move_to(self, target_units: int, limits: Limits) -> None:
@@ -105,9 +106,9 @@ class ProfileFeed:
 
     def halt(self, limits: Limits) -> None:
         """To rest by the ramp that 0x605D asks for: the limits' own, which is 0x6084, or the quick stop's."""
-        ramp = HALTS[self._dictionary.get(0x605D)]
+        ramp = HALTS[self._dictionary.get(od.HALT_OPTION)]
         quick = ramp is Ramp.QUICK_STOP
-        self.stop(limits._replace(deceleration=self._dictionary.get(0x6085)) if quick else limits)
+        self.stop(limits._replace(deceleration=self._dictionary.get(od.QUICK_STOP_DECELERATION)) if quick else limits)
 
     def stop(self, limits: Limits) -> None:
         """To rest as soon as the limits allow."""

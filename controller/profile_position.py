@@ -19,6 +19,7 @@ from steptwin.controller.motion import Motion
 from steptwin.controller.profile import Limits
 from steptwin.controller.profile_feed import ProfileFeed
 from steptwin.controller.soft_limits import SoftLimits
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import Control, Status
 from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.objects import WINDOW_OFF
@@ -89,12 +90,12 @@ class ProfilePosition(Mode):
         self._begin(set_point, halted=bool(controlword & Control.HALT))
 
     def _set_point(self, *, relative: bool) -> _SetPoint:
-        wanted = self._dictionary.get(0x607A)
+        wanted = self._dictionary.get(od.TARGET_POSITION)
         if relative:
             last = self._last_target_units
             wanted += self._motion.demand_units(self._axis) if last is None else last
         target = self._limits.clamped(wanted)
-        velocity = self._dictionary.get(0x6081) * VELOCITY_PER_UNIT_PER_MS // 1000
+        velocity = self._dictionary.get(od.PROFILE_VELOCITY) * VELOCITY_PER_UNIT_PER_MS // 1000
         limits = self._feed.limits(velocity)
         return _SetPoint(target, limits, target != wanted or limits is None)
 
@@ -116,10 +117,10 @@ class ProfilePosition(Mode):
     def _reached(self) -> None:
         """The next set-point, which may be where the axis stands already, begins."""
         self._active = None
-        self._settled_us = self._now_us() + 1000 * self._dictionary.get(0x6068)
+        self._settled_us = self._now_us() + 1000 * self._dictionary.get(od.POSITION_WINDOW_TIME_MS)
         set_point, self._next = self._next, None
         if set_point:
-            self._acknowledged = bool(self._dictionary.get(0x6040) & Control.START)
+            self._acknowledged = bool(self._dictionary.get(od.CONTROLWORD) & Control.START)
             self._begin(set_point, halted=False)
 
     def _set_halt(self, halted: bool) -> None:
@@ -155,7 +156,7 @@ class ProfilePosition(Mode):
 
     def _in_window(self) -> bool:
         """Whether the axis has been near its target, by 0x6067, for as long as 0x6068 asks for."""
-        window, target_units = self._dictionary.get(0x6067), self._last_target_units
+        window, target_units = self._dictionary.get(od.POSITION_WINDOW), self._last_target_units
         if target_units is None or window == WINDOW_OFF:
             return True
         return self._settled_us is None and abs(target_units - self._motion.counter_units(self._axis)) <= window

@@ -9,6 +9,7 @@ from steptwin.controller.modes import Mode
 from steptwin.controller.motion import Motion
 from steptwin.controller.profile_feed import ProfileFeed
 from steptwin.controller.soft_limits import SoftLimits
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import Control, Status
 from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
@@ -35,7 +36,7 @@ class ProfileVelocity(Mode):
         if self._enabled and halted is self._halted:
             return
         self._enabled, self._halted = True, halted
-        self._follow(self._dictionary.get(0x60FF))
+        self._follow(self._dictionary.get(od.TARGET_VELOCITY))
 
     def write_target(self, units_per_s: int) -> None:
         """Follow a new target velocity, in OPERATION ENABLED at once."""
@@ -62,7 +63,7 @@ class ProfileVelocity(Mode):
         """The axis stands; after a ramp that was not the mode's it begins to follow its target."""
         was_moving = self._feed.active
         if self._feed.finished() and not was_moving:
-            self._follow(self._dictionary.get(0x60FF))
+            self._follow(self._dictionary.get(od.TARGET_VELOCITY))
 
     def interrupted(self) -> None:
         """The drive was stopped or switched off."""

@@ -5,11 +5,11 @@ switches them off.
 """
 
 from steptwin.controller.kernel import I32_MAX
+from steptwin.protocol import od
 from steptwin.protocol.dictionary import ObjectDictionary
-from steptwin.protocol.objects import key_of
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
-_LOW, _HIGH = key_of(0x607D, 1), key_of(0x607D, 2)
+_LOW, _HIGH = od.POSITION_LIMIT_MIN, od.POSITION_LIMIT_MAX
 
 
 class SoftLimits:

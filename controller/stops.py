@@ -3,16 +3,17 @@
 from enum import Enum
 from typing import NamedTuple
 
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode, State
 
 
 class Ramp(Enum):
-    """Along which deceleration an axis stops; the value is the object that holds it."""
+    """Along which deceleration an axis stops; the value is the address of the entry that holds it."""
 
     CUT = None
     """None: no pulse follows. What the motor does then nobody knows."""
-    SLOW_DOWN = 0x6084
-    QUICK_STOP = 0x6085
+    SLOW_DOWN = od.PROFILE_DECELERATION
+    QUICK_STOP = od.QUICK_STOP_DECELERATION
 
 
 class QuickStop(NamedTuple):
@@ -39,11 +40,11 @@ HALTS = {1: Ramp.SLOW_DOWN, 2: Ramp.QUICK_STOP}
 FAULT_REACTIONS = {0: Ramp.CUT, 1: Ramp.SLOW_DOWN, 2: Ramp.QUICK_STOP}
 """Object 0x605E."""
 OPTIONS: dict[int, frozenset[int]] = {
-    0x605A: frozenset(QUICK_STOPS),
-    0x605B: frozenset(SHUTDOWNS),
-    0x605C: frozenset(DISABLES),
-    0x605D: frozenset(HALTS),
-    0x605E: frozenset(FAULT_REACTIONS),
+    od.QUICK_STOP_OPTION: frozenset(QUICK_STOPS),
+    od.SHUTDOWN_OPTION: frozenset(SHUTDOWNS),
+    od.DISABLE_OPERATION_OPTION: frozenset(DISABLES),
+    od.HALT_OPTION: frozenset(HALTS),
+    od.FAULT_REACTION_OPTION: frozenset(FAULT_REACTIONS),
 }
 """The values that each option code may take."""
 

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from steptwin.controller.measurements import Measurements, Monitor
 from steptwin.controller.modes import Trip
 from steptwin.controller.motion import Motion
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode
 from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP, WINDOW_OFF
@@ -57,11 +58,11 @@ class Supervision:
         if self.inputs & DigitalInput.DRIVER_PROTECT:
             yield ErrorCode.TEMPERATURE, DRIVER
         supply, get = self._measurements.supply_10mv, self._dictionary.get
-        if supply < get(0x2002, 3):
+        if supply < get(od.SUPPLY_VOLTAGE_MIN):
             yield ErrorCode.UNDERVOLTAGE, supply
-        if supply > get(0x2002, 4):
+        if supply > get(od.SUPPLY_VOLTAGE_MAX):
             yield ErrorCode.OVERVOLTAGE, supply
-        if self._measurements.temperature_decidegc > get(0x2002, 5):
+        if self._measurements.temperature_decidegc > get(od.BOARD_TEMPERATURE_MAX):
             yield ErrorCode.TEMPERATURE, 0
 
     def check(self) -> None:
@@ -75,7 +76,7 @@ class Supervision:
         """After anything that happened: note what there is to watch from now on, `switches` being among it or not."""
         moving = self._motion.running(self._axis)
         self._watches_limits = moving and switches and bool(self.inputs & _LIMITS)
-        self._watches_following = moving and self._dictionary.get(0x6065) != WINDOW_OFF
+        self._watches_following = moving and self._dictionary.get(od.FOLLOWING_ERROR_WINDOW) != WINDOW_OFF
         if not self._watches_following:
             self._off_window_us = None
         period_us = LIMIT_PERIOD_US if self._watches_limits else FOLLOWING_PERIOD_US
@@ -106,7 +107,7 @@ class Supervision:
             self._off_window_us = None
             return
         self._off_window_us = now_us if self._off_window_us is None else self._off_window_us
-        if now_us - self._off_window_us >= 1000 * self._dictionary.get(0x6066):
+        if now_us - self._off_window_us >= 1000 * self._dictionary.get(od.FOLLOWING_ERROR_TIMEOUT_MS):
             self._trip(self._axis, ErrorCode.FOLLOWING_ERROR)
 
     # --- following error
@@ -129,5 +130,5 @@ class Supervision:
     @property
     def following_error(self) -> bool:
         """Whether that is out of the window 0x6065."""
-        window = self._dictionary.get(0x6065)
+        window = self._dictionary.get(od.FOLLOWING_ERROR_WINDOW)
         return window != WINDOW_OFF and abs(self.following_error_units) > window

@@ -5,12 +5,13 @@ from functools import partial
 
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.datatypes import DataType, decode, encode
-from steptwin.protocol.objects import OBJECTS, Access, Entry, Object, key_of
+from steptwin.protocol.objects import OBJECTS, Access, Entry, Object
+from steptwin.protocol.od import address_of
 
 ReadHook = Callable[[], int]
 WriteHook = Callable[[int], None]
 FlashPage = dict[int, int]
-"""A node's stored parameters, by key. Its owner keeps it while the power is off."""
+"""A node's stored parameters, by address. Its owner keeps it while the power is off."""
 
 
 class ObjectDictionary:
@@ -23,21 +24,21 @@ class ObjectDictionary:
 
     def __init__(self, node_id: int, objects: tuple[Object, ...] = OBJECTS, stored: FlashPage | None = None) -> None:
         self.entries: dict[int, Entry] = {
-            key_of(o.index, sub): entry for o in objects for sub, entry in o.entries.items()
+            address_of(o.index, sub): entry for o in objects for sub, entry in o.entries.items()
         }
         self._indices = frozenset(o.index for o in objects)
         self._node_id = node_id
         self._stored = {} if stored is None else stored
         self._defaults = {
-            key: int(entry.default_for(node_id))
-            for key, entry in self.entries.items()
+            address: int(entry.default_for(node_id))
+            for address, entry in self.entries.items()
             if entry.data_type is not DataType.VISIBLE_STRING
         }
         """Of all but strings, which are constants."""
         self._values: dict[int, int] = {}
         self._bounds = {
-            key: _bounds(entry)
-            for key, entry in self.entries.items()
+            address: _bounds(entry)
+            for address, entry in self.entries.items()
             if entry.low is not None or entry.high is not None
         }
         """Of the entries whose range is narrower than that of their type."""
@@ -49,93 +50,92 @@ class ObjectDictionary:
         """Give every entry in the index range its power-up value again, stored or default, without calling hooks."""
         stored = self._stored
         self._values |= {
-            key: stored.get(key, default)
-            for key, default in self._defaults.items()
-            if first_index <= key >> 8 <= last_index
+            address: stored.get(address, default)
+            for address, default in self._defaults.items()
+            if first_index <= address >> 8 <= last_index
         }
 
-    def get(self, index: int, subindex: int = 0) -> int:
+    def get(self, address: int) -> int:
         """Return the present value of a numeric entry."""
-        key = index << 8 | subindex
-        return self.read_hooks[key]() if key in self.read_hooks else self._values[key]
+        return self.read_hooks[address]() if address in self.read_hooks else self._values[address]
 
-    def reader(self, key: int) -> ReadHook:
+    def reader(self, address: int) -> ReadHook:
         """What returns the present value of a numeric entry, for those who need it with every frame.
 
         Like a writer it is to be asked for when all hooks are in place.
         """
-        return self.read_hooks.get(key) or partial(self._values.__getitem__, key)
+        return self.read_hooks.get(address) or partial(self._values.__getitem__, address)
 
-    def set(self, index: int, subindex: int, value: int) -> None:
+    def set(self, address: int, value: int) -> None:
         """Store a value as the firmware's own, without checks or hooks."""
-        self._values[index << 8 | subindex] = value
+        self._values[address] = value
 
-    def count(self, key: int) -> None:
+    def count(self, address: int) -> None:
         """Add one to a counter, which stays at its greatest value."""
-        if self._values[key] < self.entries[key].data_type.high:
-            self._values[key] += 1
+        if self._values[address] < self.entries[address].data_type.high:
+            self._values[address] += 1
 
-    def writer(self, key: int) -> WriteHook:
+    def writer(self, address: int) -> WriteHook:
         """What stores a value of an entry as `put` does, for those who need it with every frame."""
-        if key in self._bounds or key in self.write_hooks:
-            return partial(self.put, key)
-        return partial(self._values.__setitem__, key)
+        if address in self._bounds or address in self.write_hooks:
+            return partial(self.put, address)
+        return partial(self._values.__setitem__, address)
 
-    def put(self, key: int, value: int) -> None:
+    def put(self, address: int, value: int) -> None:
         """Store a value that came over the bus, decoded from its type: range, write hook, then the store.
 
         Raises:
             SdoAbortError: the value is out of range or the hook refuses it.
         """
-        if key in self._bounds:
-            low, high = self._bounds[key]
+        if address in self._bounds:
+            low, high = self._bounds[address]
             if not low <= value <= high:
                 raise SdoAbortError(AbortCode.VALUE_TOO_HIGH if value > high else AbortCode.VALUE_TOO_LOW)
-        if key in self.write_hooks:
-            self.write_hooks[key](value)
-        self._values[key] = value
+        if address in self.write_hooks:
+            self.write_hooks[address](value)
+        self._values[address] = value
 
-    def read(self, index: int, subindex: int) -> bytes:
+    def read(self, address: int) -> bytes:
         """Return an entry's bytes.
 
         Raises:
             SdoAbortError: no such object or sub-index, or it is write-only.
         """
-        entry = self._entry(index, subindex)
+        entry = self._entry(address)
         if entry.access is Access.WRITE_ONLY:
             raise SdoAbortError(AbortCode.WRITE_ONLY)
         if entry.data_type is DataType.VISIBLE_STRING:
             return encode(entry.data_type, entry.default_for(self._node_id))
-        return encode(entry.data_type, self.get(index, subindex))
+        return encode(entry.data_type, self.get(address))
 
-    def write(self, index: int, subindex: int, data: bytes) -> None:
+    def write(self, address: int, data: bytes) -> None:
         """Write an entry from its bytes.
 
         Raises:
             SdoAbortError: no such object or sub-index, read-only, wrong length, out of range, or refused.
         """
-        size = self.size_to_write(index, subindex)
+        size = self.size_to_write(address)
         if len(data) > size:
             raise SdoAbortError(AbortCode.LENGTH_TOO_HIGH)
         if len(data) < size:
             raise SdoAbortError(AbortCode.LENGTH_TOO_LOW)
-        self.put(key_of(index, subindex), decode(self._entry(index, subindex).data_type, data))
+        self.put(address, decode(self._entry(address).data_type, data))
 
-    def size_to_write(self, index: int, subindex: int) -> int:
+    def size_to_write(self, address: int) -> int:
         """How many bytes an entry takes.
 
         Raises:
             SdoAbortError: no such object or sub-index, or it is read-only.
         """
-        entry = self._entry(index, subindex)
+        entry = self._entry(address)
         if entry.access not in (Access.READ_WRITE, Access.WRITE_ONLY):
             raise SdoAbortError(AbortCode.READ_ONLY)
         return entry.data_type.size
 
-    def _entry(self, index: int, subindex: int) -> Entry:
-        entry = self.entries.get(key_of(index, subindex))
+    def _entry(self, address: int) -> Entry:
+        entry = self.entries.get(address)
         if entry is None:
-            raise SdoAbortError(AbortCode.NO_SUBINDEX if index in self._indices else AbortCode.NO_OBJECT)
+            raise SdoAbortError(AbortCode.NO_SUBINDEX if address >> 8 in self._indices else AbortCode.NO_OBJECT)
         return entry
 
 

@@ -8,12 +8,11 @@ from its next heartbeat on. A boot-up message is no heartbeat: who says it has j
 from dataclasses import dataclass
 from functools import partial
 
+from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.nmt import NmtState
-from steptwin.protocol.objects import HEARTBEAT_PRODUCERS_MAX, key_of
 
-_OBJECT = 0x1016
 _MS_US = 1000
 _STATE_MASK = 0x7F
 """Bit 7 of a heartbeat is reserved."""
@@ -35,17 +34,17 @@ class HeartbeatConsumer:
     def __init__(self, dictionary: ObjectDictionary) -> None:
         self._dictionary = dictionary
         self._watches: dict[int, _Watch] = {}
-        """By sub-index."""
-        for subindex in range(1, HEARTBEAT_PRODUCERS_MAX + 1):
-            dictionary.write_hooks[key_of(_OBJECT, subindex)] = partial(self._write, subindex)
+        """By the address of the entry that names the producer."""
+        for address in od.CONSUMER_HEARTBEATS:
+            dictionary.write_hooks[address] = partial(self._write, address)
         self.changed = True
         """Whether the producers may be others since somebody last looked."""
 
     def restart(self) -> None:
         """Begin anew with what the dictionary holds: nobody has been heard."""
         self._watches.clear()
-        for subindex in range(1, HEARTBEAT_PRODUCERS_MAX + 1):
-            self._watch(subindex, self._dictionary.get(_OBJECT, subindex))
+        for address in od.CONSUMER_HEARTBEATS:
+            self._watch(address, self._dictionary.get(address))
 
     @property
     def producers(self) -> list[int]:
@@ -82,19 +81,19 @@ class HeartbeatConsumer:
             watch.lost = True
         return [watch.node_id for watch in late]
 
-    def _write(self, subindex: int, word: int) -> None:
+    def _write(self, address: int, word: int) -> None:
         """A node may be named once (abort code as CiA 301, section 7.5.2.16 prescribes)."""
         node_id = _node_of(word)
-        if node_id and any(w.node_id == node_id for i, w in self._watches.items() if i != subindex):
+        if node_id and any(w.node_id == node_id for i, w in self._watches.items() if i != address):
             raise SdoAbortError(AbortCode.INCOMPATIBLE)
-        self._watches.pop(subindex, None)
-        self._watch(subindex, word)
+        self._watches.pop(address, None)
+        self._watch(address, word)
 
-    def _watch(self, subindex: int, word: int) -> None:
+    def _watch(self, address: int, word: int) -> None:
         self.changed = True
         node_id = _node_of(word)
         if node_id:
-            self._watches[subindex] = _Watch(node_id, (word & 0xFFFF) * _MS_US)
+            self._watches[address] = _Watch(node_id, (word & 0xFFFF) * _MS_US)
 
 
 def _node_of(word: int) -> int:

@@ -96,11 +96,6 @@ class Object:
     entries: dict[int, Entry] = field(default_factory=dict)
 
 
-def key_of(index: int, subindex: int = 0) -> int:
-    """Index and sub-index as the one integer under which values and hooks are kept."""
-    return index << 8 | subindex
-
-
 def _variable(
     index: int,
     name: str,
@@ -135,8 +130,8 @@ IDENTITY_DEVICE_TYPE = 0x0004_0192
 PDO_COUNT = 4
 PDO_ENTRIES_MAX = 8
 HISTORY_DEPTH = 8
-PARAMETER_GROUPS = {1: (0x1000, 0xFFFF), 2: (0x1000, 0x1FFF), 3: (0x6000, 0x9FFF), 4: (0x2000, 0x5FFF)}
-"""First and last index of what each sub-index of 0x1010 and 0x1011 stores and restores."""
+PARAMETER_GROUPS = ((0x1000, 0xFFFF), (0x1000, 0x1FFF), (0x6000, 0x9FFF), (0x2000, 0x5FFF))
+"""First and last index of what each entry of 0x1010 and 0x1011 stores and restores."""
 _PARAMETER_GROUP_NAMES = ("all parameters", "communication parameters", "application parameters", "board parameters")
 HEARTBEAT_PRODUCERS_MAX = 4
 

@@ -9,12 +9,14 @@ is decoded and encoded by shifting one integer, so a mapping of any widths costs
 
 from typing import NamedTuple
 
+from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.cob_id import check_cob_id
 from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.frame import COB_ID_INVALID, COB_ID_MASK, COB_ID_NO_RTR, Frame
-from steptwin.protocol.objects import PDO_COUNT, PDO_ENTRIES_MAX, Access, Entry, Mapping, key_of
+from steptwin.protocol.objects import PDO_COUNT, PDO_ENTRIES_MAX, Access, Entry, Mapping
+from steptwin.protocol.od import address_of
 
 _RPDO_COMMUNICATION, _RPDO_MAPPING = 0x1400, 0x1600
 _TPDO_COMMUNICATION, _TPDO_MAPPING = 0x1800, 0x1A00
@@ -27,7 +29,7 @@ _MS_US = 1000
 class _Field(NamedTuple):
     """One mapped entry: where it lies in the PDO's integer."""
 
-    key: int
+    address: int
     shift: int
     mask: int
     sign_bit: int
@@ -36,11 +38,11 @@ class _Field(NamedTuple):
 def _fields(dictionary: ObjectDictionary, mapping_index: int) -> tuple[list[_Field], int]:
     """Read a mapping: its fields and its length in bytes."""
     fields, shift = [], 0
-    for subindex in range(1, dictionary.get(mapping_index) + 1):
-        word = dictionary.get(mapping_index, subindex)
-        key, bits = word >> 8, word & 0xFF
-        signed = dictionary.entries[key].data_type.signed
-        fields.append(_Field(key, shift, (1 << bits) - 1, 1 << bits - 1 if signed else 0))
+    for subindex in range(1, dictionary.get(address_of(mapping_index)) + 1):
+        word = dictionary.get(address_of(mapping_index, subindex))
+        address, bits = word >> 8, word & 0xFF
+        signed = dictionary.entries[address].data_type.signed
+        fields.append(_Field(address, shift, (1 << bits) - 1, 1 << bits - 1 if signed else 0))
         shift += bits
     return fields, shift // 8
 
@@ -49,13 +51,15 @@ class ReceivePdo:
     """One RPDO as it stands in the dictionary."""
 
     def __init__(self, dictionary: ObjectDictionary, number: int) -> None:
-        communication = _RPDO_COMMUNICATION + number
-        self.cob_id = dictionary.get(communication, 1)
+        communication = od.RPDO_COMMUNICATION[number]
+        self.cob_id = dictionary.get(address_of(communication, od.PDO_COB_ID))
         self.exists = not self.cob_id & COB_ID_INVALID
         """Whether its COB-ID is valid."""
-        self.synchronous = dictionary.get(communication, 2) <= _LAST_SYNCHRONOUS
-        fields, self._length = _fields(dictionary, _RPDO_MAPPING + number)
-        self._writers = [(dictionary.writer(field.key), field.shift, field.mask, field.sign_bit) for field in fields]
+        self.synchronous = dictionary.get(address_of(communication, od.PDO_TRANSMISSION_TYPE)) <= _LAST_SYNCHRONOUS
+        fields, self._length = _fields(dictionary, od.RPDO_MAPPING[number])
+        self._writers = [
+            (dictionary.writer(field.address), field.shift, field.mask, field.sign_bit) for field in fields
+        ]
         self._latched: bytes | None = None
         self.refused = 0
         """Mapped values that the dictionary did not take."""
@@ -89,20 +93,24 @@ class TransmitPdo:
     """One TPDO as it stands in the dictionary, with its timers."""
 
     def __init__(self, dictionary: ObjectDictionary, number: int, now_us: int) -> None:
-        communication = _TPDO_COMMUNICATION + number
-        self.cob_id = dictionary.get(communication, 1)
+        communication = od.TPDO_COMMUNICATION[number]
+        self.cob_id = dictionary.get(address_of(communication, od.PDO_COB_ID))
         self.exists = not self.cob_id & COB_ID_INVALID
         """Whether its COB-ID is valid."""
-        self.transmission_type = dictionary.get(communication, 2)
-        self._inhibit_us = dictionary.get(communication, 3) * _INHIBIT_UNIT_US
-        self._event_timer_us = dictionary.get(communication, 5) * _MS_US
-        fields, self._length = _fields(dictionary, _TPDO_MAPPING + number)
-        self._readers = [(dictionary.reader(field.key), field.shift, field.mask) for field in fields]
-        self.keys = frozenset(field.key for field in fields)
+        self.transmission_type = dictionary.get(address_of(communication, od.PDO_TRANSMISSION_TYPE))
+        self._inhibit_us = dictionary.get(address_of(communication, od.PDO_INHIBIT_TIME)) * _INHIBIT_UNIT_US
+        self._event_timer_us = dictionary.get(address_of(communication, od.PDO_EVENT_TIMER)) * _MS_US
+        fields, self._length = _fields(dictionary, od.TPDO_MAPPING[number])
+        self._readers = [(dictionary.reader(field.address), field.shift, field.mask) for field in fields]
+        self.addresses = frozenset(field.address for field in fields)
         self._wanted = False
         self._sent: bytes | None = None
         self._syncs = 0
-        self._awaited_counter = dictionary.get(communication, 6) if dictionary.get(0x1019) else 0
+        self._awaited_counter = (
+            dictionary.get(address_of(communication, od.PDO_SYNC_START))
+            if dictionary.get(od.SYNC_COUNTER_OVERFLOW)
+            else 0
+        )
         self._not_before_us = now_us
         self._timer_us = now_us + self._event_timer_us
 
@@ -190,23 +198,22 @@ class ProcessData:
         """The parameters changed behind the hooks, or the timers must start anew."""
         self._changed = True
 
-    def changed(self, index: int, subindex: int = 0) -> None:
+    def changed(self, address: int) -> None:
         """A value that the device may report by itself has changed: trigger the TPDOs that carry it."""
-        key = key_of(index, subindex)
         for pdo in self.transmit_pdos:
-            if key in pdo.keys:
+            if address in pdo.addresses:
                 pdo.trigger()
 
     def _install_hooks(self, communication: int, mapping: int, access: Mapping) -> None:
         hooks = self._dictionary.write_hooks
-        hooks[key_of(communication, 1)] = lambda value: self._write_cob_id(communication, value)
-        hooks[key_of(communication, 2)] = self._write_transmission_type
+        hooks[address_of(communication, od.PDO_COB_ID)] = lambda value: self._write_cob_id(communication, value)
+        hooks[address_of(communication, od.PDO_TRANSMISSION_TYPE)] = self._write_transmission_type
         if access is Mapping.TRANSMIT:
-            hooks[key_of(communication, 3)] = lambda _: self._write_while_invalid(communication)
-            hooks[key_of(communication, 5)] = lambda _: self._write_parameter()
-            hooks[key_of(communication, 6)] = lambda _: self._write_while_invalid(communication)
-        hooks[key_of(mapping, 0)] = lambda value: self._write_count(communication, mapping, value)
-        words = (key_of(mapping, subindex) for subindex in range(1, PDO_ENTRIES_MAX + 1))
+            hooks[address_of(communication, od.PDO_INHIBIT_TIME)] = lambda _: self._write_while_invalid(communication)
+            hooks[address_of(communication, od.PDO_EVENT_TIMER)] = lambda _: self._write_parameter()
+            hooks[address_of(communication, od.PDO_SYNC_START)] = lambda _: self._write_while_invalid(communication)
+        hooks[address_of(mapping, 0)] = lambda value: self._write_count(communication, mapping, value)
+        words = (address_of(mapping, subindex) for subindex in range(1, PDO_ENTRIES_MAX + 1))
         hooks |= dict.fromkeys(words, lambda word: self._write_entry(communication, mapping, access, word))
 
     def _write_parameter(self) -> None:
@@ -216,7 +223,7 @@ class ProcessData:
 
     def _write_cob_id(self, communication: int, value: int) -> None:
         self._write_parameter()
-        check_cob_id(self._dictionary.get(communication, 1), value, COB_ID_NO_RTR)
+        check_cob_id(self._dictionary.get(address_of(communication, od.PDO_COB_ID)), value, COB_ID_NO_RTR)
 
     def _write_transmission_type(self, value: int) -> None:
         """241 to 251 are reserved, 252 and 253 are for remote frames, which this device does not answer."""
@@ -227,12 +234,12 @@ class ProcessData:
     def _write_while_invalid(self, communication: int) -> None:
         """Mapping, inhibit time and SYNC start value are fixed while the PDO exists."""
         self._write_parameter()
-        if not self._dictionary.get(communication, 1) & COB_ID_INVALID:
+        if not self._dictionary.get(address_of(communication, od.PDO_COB_ID)) & COB_ID_INVALID:
             raise SdoAbortError(AbortCode.DEVICE_STATE)
 
     def _write_count(self, communication: int, mapping: int, count: int) -> None:
         self._write_while_invalid(communication)
-        words = [self._dictionary.get(mapping, i) for i in range(1, count + 1)]
+        words = [self._dictionary.get(address_of(mapping, i)) for i in range(1, count + 1)]
         if 0 in words:
             raise SdoAbortError(AbortCode.CANNOT_BE_MAPPED)
         if sum(word & 0xFF for word in words) > 64:
@@ -240,7 +247,7 @@ class ProcessData:
 
     def _write_entry(self, communication: int, mapping: int, access: Mapping, word: int) -> None:
         self._write_while_invalid(communication)
-        if self._dictionary.get(mapping, 0):
+        if self._dictionary.get(address_of(mapping, 0)):
             raise SdoAbortError(AbortCode.DEVICE_STATE)
         entry = self._dictionary.entries.get(word >> 8)
         if word and (entry is None or not _mappable(entry, access, word & 0xFF)):

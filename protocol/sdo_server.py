@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.od import address_of
 from steptwin.protocol.sdo_block import DOWNLOAD_BLOCK_SIZE, BlockDownload, BlockUpload, is_segment
 
 # Client command specifiers, bits 7..5 of the first byte.
@@ -97,11 +98,11 @@ class SdoServer:
 
     def _download_initiate(self, request: bytes, index: int, subindex: int) -> bytes:
         command = request[0]
-        limit = self._dictionary.size_to_write(index, subindex)
+        limit = self._dictionary.size_to_write(address_of(index, subindex))
         if command & _EXPEDITED:
             size = 4 - (command >> 2 & 3) if command & _SIZE_INDICATED else limit
             self._transfer = None
-            self._dictionary.write(index, subindex, request[4 : 4 + size])
+            self._dictionary.write(address_of(index, subindex), request[4 : 4 + size])
         else:
             if command & _SIZE_INDICATED and int.from_bytes(request[4:8], "little") > limit:
                 raise SdoAbortError(AbortCode.LENGTH_TOO_HIGH)
@@ -116,13 +117,13 @@ class SdoServer:
             raise SdoAbortError(AbortCode.LENGTH_TOO_HIGH)
         if request[0] & _LAST_SEGMENT:
             self._transfer = None
-            self._dictionary.write(transfer.index, transfer.subindex, transfer.data)
+            self._dictionary.write(address_of(transfer.index, transfer.subindex), transfer.data)
         answer = 0x20 | transfer.toggle
         transfer.toggle ^= _TOGGLE
         return bytes((answer,)) + bytes(7)
 
     def _upload_initiate(self, index: int, subindex: int) -> bytes:
-        data = self._dictionary.read(index, subindex)
+        data = self._dictionary.read(address_of(index, subindex))
         head = index.to_bytes(2, "little") + bytes((subindex,))
         if 0 < len(data) <= 4:
             self._transfer = None
@@ -154,7 +155,7 @@ class SdoServer:
     def _block_download(self, request: bytes, index: int, subindex: int) -> bytes:
         if request[0] & _BLOCK_DOWNLOAD_END:
             return self._block_download_end(request)
-        limit = self._dictionary.size_to_write(index, subindex)
+        limit = self._dictionary.size_to_write(address_of(index, subindex))
         announced = int.from_bytes(request[4:8], "little") if request[0] & _BLOCK_SIZE_INDICATED else None
         if announced is not None and announced > limit:
             raise SdoAbortError(AbortCode.LENGTH_TOO_HIGH)
@@ -165,7 +166,7 @@ class SdoServer:
         transfer = self._transfer
         if not isinstance(transfer, BlockDownload):
             raise SdoAbortError(AbortCode.COMMAND_UNKNOWN)
-        self._dictionary.write(transfer.index, transfer.subindex, transfer.end(request))
+        self._dictionary.write(address_of(transfer.index, transfer.subindex), transfer.end(request))
         self._transfer = None
         return bytes((0xA0 | _END,)) + bytes(7)
 
@@ -186,7 +187,7 @@ class SdoServer:
 
         The CRC is answered as it was asked for, here and for a download: some clients take the answer as an agreement.
         """
-        data = self._dictionary.read(index, subindex)
+        data = self._dictionary.read(address_of(index, subindex))
         self._transfer = BlockUpload(index, subindex, data, request[4], with_crc=bool(request[0] & _CRC))
         command = 0xC0 | request[0] & _CRC | _BLOCK_SIZE_INDICATED
         return bytes((command,)) + request[1:4] + len(data).to_bytes(4, "little")

@@ -8,17 +8,19 @@ that no axis begins to move, and no output to switch, because power came back; t
 from collections.abc import Callable
 from functools import partial
 
+from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.dictionary import FlashPage, ObjectDictionary
-from steptwin.protocol.objects import PARAMETER_GROUPS, Access, Entry, Mapping, key_of
+from steptwin.protocol.objects import PARAMETER_GROUPS, Access, Entry, Mapping
 
-_STORE, _RESTORE = 0x1010, 0x1011
+_STORE = (od.STORE_ALL, od.STORE_COMMUNICATION, od.STORE_APPLICATION, od.STORE_BOARD)
+_RESTORE = (od.RESTORE_ALL, od.RESTORE_COMMUNICATION, od.RESTORE_APPLICATION, od.RESTORE_BOARD)
 _SAVE, _LOAD = (int.from_bytes(word, "little") for word in (b"save", b"load"))
 _ON_COMMAND = 1
 """What reading 0x1010 and 0x1011 says: parameters are stored, or restored, when they are told to, not by themselves."""
-_PROFILE_LIMITS = frozenset((0x6081, 0x6083, 0x6084))
+_PROFILE_LIMITS = frozenset((od.PROFILE_VELOCITY, od.PROFILE_ACCELERATION, od.PROFILE_DECELERATION))
 """Parameters although a PDO may write them: by themselves they move nothing."""
-_NO_PARAMETERS = frozenset((0x1003, _STORE, _RESTORE))
+_NO_PARAMETERS = frozenset((od.ERROR_HISTORY_COUNT, *_STORE, *_RESTORE))
 
 
 class ParameterStorage:
@@ -28,21 +30,21 @@ class ParameterStorage:
         self._dictionary = dictionary
         self._page = page
         self._busy = busy
-        for subindex, (first, last) in PARAMETER_GROUPS.items():
-            for index, action in ((_STORE, self._save), (_RESTORE, self._load)):
-                dictionary.read_hooks[key_of(index, subindex)] = lambda: _ON_COMMAND
-                dictionary.write_hooks[key_of(index, subindex)] = partial(action, first, last)
+        for store, restore, (first, last) in zip(_STORE, _RESTORE, PARAMETER_GROUPS, strict=True):
+            for address, action in ((store, self._save), (restore, self._load)):
+                dictionary.read_hooks[address] = lambda: _ON_COMMAND
+                dictionary.write_hooks[address] = partial(action, first, last)
 
     def _save(self, first: int, last: int, signature: int) -> None:
         self._check(signature, _SAVE)
-        for key, entry in self._dictionary.entries.items():
-            if first <= key >> 8 <= last and _is_parameter(key, entry):
-                self._page[key] = self._dictionary.get(key >> 8, key & 0xFF)
+        for address, entry in self._dictionary.entries.items():
+            if first <= address >> 8 <= last and _is_parameter(address, entry):
+                self._page[address] = self._dictionary.get(address)
 
     def _load(self, first: int, last: int, signature: int) -> None:
         self._check(signature, _LOAD)
-        for key in [key for key in self._page if first <= key >> 8 <= last]:
-            del self._page[key]
+        for address in [address for address in self._page if first <= address >> 8 <= last]:
+            del self._page[address]
 
     def _check(self, signature: int, expected: int) -> None:
         if signature != expected:
@@ -51,7 +53,6 @@ class ParameterStorage:
             raise SdoAbortError(AbortCode.DEVICE_STATE)
 
 
-def _is_parameter(key: int, entry: Entry) -> bool:
-    index = key >> 8
-    commands = bool(entry.mapping.value & Mapping.RECEIVE.value) and index not in _PROFILE_LIMITS
-    return entry.access is Access.READ_WRITE and not commands and index not in _NO_PARAMETERS
+def _is_parameter(address: int, entry: Entry) -> bool:
+    commands = bool(entry.mapping.value & Mapping.RECEIVE.value) and address not in _PROFILE_LIMITS
+    return entry.access is Access.READ_WRITE and not commands and address not in _NO_PARAMETERS

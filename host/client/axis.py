@@ -13,6 +13,7 @@ from steptwin.host.client.drive_status import DriveStatus
 from steptwin.host.client.link import Link
 from steptwin.host.client.shared_node import SharedNode
 from steptwin.host.common.errors import BusError, DeviceFaultError
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, SHUTDOWN, SWITCH_ON, DigitalOutput, ErrorCode, Mode, State
 from steptwin.protocol.frame import COB_RPDO, COB_TPDO
 from steptwin.protocol.pvt import PvtFlag, PvtRecord, PvtStatus
@@ -99,30 +100,31 @@ class AxisClient:
 
     # --- objects
 
-    def read(self, index: int, subindex: int = 0) -> int:
+    def read(self, address: int) -> int:
         """Read a numeric object by SDO.
 
         Raises:
             BusError: the node does not answer.
             DeviceFaultError: the node refuses.
         """
-        return self._dialogue(f"reading 0x{index:04X}:{subindex:02X}", lambda: int(self._variable(index, subindex).raw))
+        return self._dialogue(f"reading {od.place_text(address)}", lambda: int(self._variable(address).raw))
 
-    def write(self, index: int, subindex: int, value: int) -> None:
+    def write(self, address: int, value: int) -> None:
         """Write a numeric object by SDO; raises as `read` does."""
-        variable = self._variable(index, subindex)
-        self._dialogue(f"writing {value} to 0x{index:04X}:{subindex:02X}", lambda: setattr(variable, "raw", value))
+        variable = self._variable(address)
+        self._dialogue(f"writing {value} to {od.place_text(address)}", lambda: setattr(variable, "raw", value))
 
-    def read_text(self, index: int) -> str:
+    def read_text(self, address: int) -> str:
         """Read a string by SDO; raises as `read` does."""
-        return self._dialogue(f"reading 0x{index:04X}:00", lambda: str(self._variable(index, 0).raw))
+        return self._dialogue(f"reading {od.place_text(address)}", lambda: str(self._variable(address).raw))
 
-    def ensure(self, index: int, subindex: int, value: int) -> None:
+    def ensure(self, address: int, value: int) -> None:
         """Write a numeric object unless it has the value already; raises as `read` does."""
-        if self.read(index, subindex) != value:
-            self.write(index, subindex, value)
+        if self.read(address) != value:
+            self.write(address, value)
 
-    def _variable(self, index: int, subindex: int) -> SdoVariable:
+    def _variable(self, address: int) -> SdoVariable:
+        index, subindex = od.index_and_subindex(address)
         entry = self._node.sdo[index]
         return entry if isinstance(entry, SdoVariable) else entry[subindex]
 
@@ -147,11 +149,11 @@ class AxisClient:
 
     def state(self) -> State:
         """The drive's state, read afresh."""
-        return State.of(self.read(0x6041))
+        return State.of(self.read(od.STATUSWORD))
 
     def executing(self) -> int:
         """The sequence number of the PVT record that is executed, read afresh."""
-        return self.read(0x2012, 4)
+        return self.read(od.PVT_EXECUTING_SEQUENCE)
 
     def enable(self) -> None:
         """Walk the drive to OPERATION ENABLED, one controlword at a time."""
@@ -159,17 +161,17 @@ class AxisClient:
         while (state := self.state()) is not State.OPERATION_ENABLED:
             if state not in _ENABLING or self._link.now_s() > deadline_s:
                 raise DeviceFaultError(f"{self.name}: cannot be enabled, the drive is in {state_text(state)}")
-            self.write(0x6040, 0, _ENABLING[state])
+            self.write(od.CONTROLWORD, _ENABLING[state])
             self._link.wait(_STATUS_WAIT_S)
 
     def disable(self) -> None:
         """Switch the drive's power off."""
-        self.write(0x6040, 0, 0)
+        self.write(od.CONTROLWORD, 0)
 
     def switch_output(self, output: DigitalOutput, *, on: bool) -> None:
         """Switch one digital output, the axis' others as they are."""
-        outputs = self.read(0x60FE, 1)
-        self.write(0x60FE, 1, outputs | output if on else outputs & ~output)
+        outputs = self.read(od.DIGITAL_OUTPUTS)
+        self.write(od.DIGITAL_OUTPUTS, outputs | output if on else outputs & ~output)
 
     # --- process data out
 

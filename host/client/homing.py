@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.link import Link
 from steptwin.host.common.errors import BusError, DeviceFaultError, StepTwinError
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, Control, ErrorCode, HomingError, Mode, State, Status
 
 _POLL_S: Final = 0.010
@@ -43,15 +44,15 @@ class HomingSettings:
     offset_units: int
     timeout_ms: int
 
-    def objects(self) -> list[tuple[int, int, int]]:
-        """As (index, sub-index, value)."""
+    def objects(self) -> list[tuple[int, int]]:
+        """As (address, value)."""
         return [
-            (0x6098, 0, self.method),
-            (0x6099, 1, self.search_units_per_s),
-            (0x6099, 2, self.zero_units_per_s),
-            (0x609A, 0, self.acceleration_units_per_s2),
-            (0x607C, 0, self.offset_units),
-            (0x2020, 1, self.timeout_ms),
+            (od.HOMING_METHOD, self.method),
+            (od.HOMING_SEARCH_SPEED, self.search_units_per_s),
+            (od.HOMING_ZERO_SPEED, self.zero_units_per_s),
+            (od.HOMING_ACCELERATION, self.acceleration_units_per_s2),
+            (od.HOME_OFFSET, self.offset_units),
+            (od.HOMING_TIMEOUT_MS, self.timeout_ms),
         ]
 
 
@@ -75,12 +76,12 @@ def home(link: Link, homings: Sequence[AxisHoming], ended: Callable[[], None] = 
         BusError: no answer, or an axis that neither gets done nor fails.
     """
     for axis, settings in homings:
-        axis.write(0x6040, 0, ENABLE_OPERATION)
-        axis.write(0x6060, 0, Mode.HOMING)
-        for index, subindex, value in settings.objects():
-            axis.write(index, subindex, value)
+        axis.write(od.CONTROLWORD, ENABLE_OPERATION)
+        axis.write(od.MODE_OF_OPERATION, Mode.HOMING)
+        for address, value in settings.objects():
+            axis.write(address, value)
     for axis, _ in homings:
-        axis.write(0x6040, 0, ENABLE_OPERATION | Control.START)
+        axis.write(od.CONTROLWORD, ENABLE_OPERATION | Control.START)
     axes = [axis for axis, _ in homings]
     try:
         _await_all(link, homings, ended)
@@ -116,7 +117,7 @@ def _homed(link: Link, axis: AxisClient) -> bool:
     Raises:
         DeviceFaultError: it will not be.
     """
-    statusword = axis.read(0x6041)
+    statusword = axis.read(od.STATUSWORD)
     state = State.of(statusword)
     if state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
         link.wait(_POLL_S)  # let the node say what happened to it
@@ -134,7 +135,7 @@ def _homed(link: Link, axis: AxisClient) -> bool:
 
 def failure_text(axis: AxisClient) -> str:
     """One line that says why an axis' last homing has failed."""
-    reason = _TEXTS.get(axis.read(0x2020, 2), "for a reason unknown here")
+    reason = _TEXTS.get(axis.read(od.HOMING_ERROR), "for a reason unknown here")
     return f"{axis.name}: homing failed: {reason} (EMCY 0x{ErrorCode.HOMING_FAILED:04X})"
 
 
@@ -142,9 +143,9 @@ def _release(link: Link, axes: Sequence[AxisClient]) -> None:
     """Clear the start bits: homings still in progress are aborted by that, and come to rest."""
     for axis in axes:
         if axis.state() is State.OPERATION_ENABLED:
-            axis.write(0x6040, 0, ENABLE_OPERATION)
+            axis.write(od.CONTROLWORD, ENABLE_OPERATION)
     deadline_s = link.now_s() + _STOP_TIMEOUT_S
-    while not all(axis.read(0x6041) & Status.TARGET_REACHED for axis in axes):
+    while not all(axis.read(od.STATUSWORD) & Status.TARGET_REACHED for axis in axes):
         if link.now_s() > deadline_s:
             raise BusError("the axes do not come to rest")
         link.wait(_POLL_S)

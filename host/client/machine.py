@@ -17,6 +17,7 @@ from steptwin.host.client.outputs import OutputCommand
 from steptwin.host.client.run import POLL_S, Run, check_faults
 from steptwin.host.client.stream import AxisRecords, AxisStream, fill
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, HOME_HERE, PVT_SUBMODE, AbortConnection, Control, Mode, Status
 from steptwin.protocol.eds import render_eds
 from steptwin.protocol.frame import COB_SYNC, FIRST_NODE_ID
@@ -25,6 +26,7 @@ from steptwin.protocol.pvt import PvtFlag
 
 PRELOAD_RECORDS: Final = 32
 _START: Final = ENABLE_OPERATION | Control.START
+_STATUS_PERIOD: Final = od.address_of(od.TPDO_COMMUNICATION[2], od.PDO_EVENT_TIMER)
 _STATUS_PERIOD_MAX_MS: Final = TPDO_DEFAULTS[2][2]
 """The event timer with which TPDO3 reports a queue's free places, as after power-up."""
 _STATUS_PERIOD_MIN_MS: Final = 10
@@ -56,17 +58,17 @@ class AxisSettings:
     deceleration_units_per_s2: int
     """Of a halt, a quick stop and the stop after a fault."""
 
-    def objects(self) -> list[tuple[int, int, int]]:
-        """As (index, sub-index, value)."""
+    def objects(self) -> list[tuple[int, int]]:
+        """As (address, value)."""
         return [
-            (0x2000, 1, self.microsteps),
-            (0x2001, 1, self.steplen_ns),
-            (0x2001, 2, self.stepspace_ns),
-            (0x2001, 3, self.dirsetup_ns),
-            (0x2001, 4, self.dirhold_ns),
-            (0x607F, 0, self.velocity_max_units_per_s),
-            (0x6084, 0, self.deceleration_units_per_s2),
-            (0x6085, 0, self.deceleration_units_per_s2),
+            (od.MICROSTEPS, self.microsteps),
+            (od.STEPLEN_NS, self.steplen_ns),
+            (od.STEPSPACE_NS, self.stepspace_ns),
+            (od.DIRSETUP_NS, self.dirsetup_ns),
+            (od.DIRHOLD_NS, self.dirhold_ns),
+            (od.MAX_PROFILE_VELOCITY, self.velocity_max_units_per_s),
+            (od.PROFILE_DECELERATION, self.deceleration_units_per_s2),
+            (od.QUICK_STOP_DECELERATION, self.deceleration_units_per_s2),
         ]
 
 
@@ -90,27 +92,27 @@ class Machine:
 
     def _check_types(self) -> None:
         for axis in self.axes:
-            device_type = axis.read(0x1000)
+            device_type = axis.read(od.DEVICE_TYPE)
             if device_type != IDENTITY_DEVICE_TYPE:
                 raise BusError(f"{axis.name}: node 0x{axis.node_id:02X} is no stepper axis: type 0x{device_type:08X}")
 
     def configure(self, settings: tuple[AxisSettings, ...]) -> None:
         """Write every axis' settings, let it watch this host, then let the nodes exchange process data."""
         for axis, chosen in zip(self.axes, settings, strict=True):
-            for index, subindex, value in chosen.objects():
-                axis.write(index, subindex, value)
-            axis.write(0x6007, 0, AbortConnection.FAULT_SIGNAL)
-            axis.write(0x1016, 1, WATCH_HOST)
+            for address, value in chosen.objects():
+                axis.write(address, value)
+            axis.write(od.ABORT_CONNECTION_OPTION, AbortConnection.FAULT_SIGNAL)
+            axis.write(od.CONSUMER_HEARTBEATS[0], WATCH_HOST)
         self._heartbeat.start()
         self._link.network.nmt.state = "OPERATIONAL"
 
-    def adopt(self, objects: tuple[list[tuple[int, int, int]], ...]) -> None:
+    def adopt(self, objects: tuple[list[tuple[int, int]], ...]) -> None:
         """Take over a board that may be set up and enabled: write what differs, let it watch this host.
 
         Nodes are brought to OPERATIONAL where one of them is not; none leaves it.
 
         Args:
-            objects: of every axis, as (index, sub-index, value).
+            objects: of every axis, as (address, value).
 
         Raises:
             DeviceFaultError: an axis refuses a value; those of its driver it takes only while its power is off.
@@ -119,10 +121,10 @@ class Machine:
         self._check_types()
         self._heartbeat.start()
         for axis, entries in zip(self.axes, objects, strict=True):
-            for index, subindex, value in (*entries, (0x6007, 0, AbortConnection.FAULT_SIGNAL)):
-                axis.ensure(index, subindex, value)
-            axis.write(0x1016, 1, WATCH_HOST)
-        if not all(axis.read(0x6041) & Status.REMOTE for axis in self.axes):
+            for address, value in (*entries, (od.ABORT_CONNECTION_OPTION, AbortConnection.FAULT_SIGNAL)):
+                axis.ensure(address, value)
+            axis.write(od.CONSUMER_HEARTBEATS[0], WATCH_HOST)
+        if not all(axis.read(od.STATUSWORD) & Status.REMOTE for axis in self.axes):
             self._link.network.nmt.state = "OPERATIONAL"
 
     def enable(self) -> None:
@@ -133,13 +135,13 @@ class Machine:
     def preset(self, positions_units: list[int]) -> None:
         """Declare where the standing machine is: homing method 37 with the position as home offset."""
         for axis, position in zip(self.axes, positions_units, strict=True):
-            axis.write(0x607C, 0, position)
-            axis.write(0x6098, 0, HOME_HERE)
-            axis.write(0x6040, 0, ENABLE_OPERATION)  # homing starts with the bit's rise, and a run leaves it set
-            axis.write(0x6060, 0, Mode.HOMING)
-            axis.write(0x6040, 0, _START)
+            axis.write(od.HOME_OFFSET, position)
+            axis.write(od.HOMING_METHOD, HOME_HERE)
+            axis.write(od.CONTROLWORD, ENABLE_OPERATION)  # homing starts with the bit's rise, and a run leaves it set
+            axis.write(od.MODE_OF_OPERATION, Mode.HOMING)
+            axis.write(od.CONTROLWORD, _START)
             self._await(partial(_homed, axis), f"{axis.name}: homing was not attained")
-            axis.write(0x6040, 0, ENABLE_OPERATION)
+            axis.write(od.CONTROLWORD, ENABLE_OPERATION)
 
     def home(
         self,
@@ -168,7 +170,7 @@ class Machine:
     def disconnect(self) -> None:
         """Take leave, so that the axes do not take this host for lost; enabled drives stay as they are, unwatched."""
         for axis in self.axes:
-            axis.write(0x1016, 1, 0)
+            axis.write(od.CONSUMER_HEARTBEATS[0], 0)
         self._heartbeat.stop()
 
     # --- trajectories
@@ -236,23 +238,23 @@ class Machine:
             return
         self._link.network.nmt.state = "PRE-OPERATIONAL"
         for axis in self.axes:
-            axis.write(0x1802, 5, period_ms)
+            axis.write(_STATUS_PERIOD, period_ms)
         self._link.network.nmt.state = "OPERATIONAL"
         self._status_period_ms = period_ms
 
     def _prepare(self, start_units: list[int]) -> None:
         """Clear the queues, and the start bits that an earlier run has left set: the start is their rising edge."""
         for axis in self.axes:
-            if not axis.read(0x6041) & Status.POSITION_KNOWN:
+            if not axis.read(od.STATUSWORD) & Status.POSITION_KNOWN:
                 raise DeviceFaultError(f"{axis.name}: does not know where it is: it must be homed first")
         for axis, start in zip(self.axes, start_units, strict=True):
-            demand = axis.read(0x6062)
+            demand = axis.read(od.POSITION_DEMAND)
             if demand != start:
                 raise DeviceFaultError(f"{axis.name}: stands at {demand} units, the trajectory starts at {start}")
-            axis.write(0x6040, 0, ENABLE_OPERATION)
-            axis.write(0x6060, 0, Mode.INTERPOLATED_POSITION)
-            axis.write(0x60C0, 0, PVT_SUBMODE)
-            axis.write(0x60C4, 6, 0)
+            axis.write(od.CONTROLWORD, ENABLE_OPERATION)
+            axis.write(od.MODE_OF_OPERATION, Mode.INTERPOLATED_POSITION)
+            axis.write(od.INTERPOLATION_SUBMODE, PVT_SUBMODE)
+            axis.write(od.BUFFER_CLEAR, 0)
             axis.pvt_status = None
 
     def _preload(self, streams: list[AxisStream], least: int) -> None:
@@ -261,7 +263,7 @@ class Machine:
             for stream in streams:
                 stream.update(now_s)
             fill(streams)
-            return all(axis.read(0x60C4, 4) >= least for axis in self.axes)
+            return all(axis.read(od.BUFFER_POSITION) >= least for axis in self.axes)
 
         self._await(enough, f"the queues do not fill to {least} records", _PRELOAD_TIMEOUT_S)
 
@@ -333,14 +335,14 @@ class Machine:
     def await_standstill(self, timeout_s: float = _REST_TIMEOUT_S) -> None:
         """Wait until no axis moves any more, whether it is in fault or not."""
         self._await(
-            lambda: all(axis.read(0x6041) & Status.TARGET_REACHED for axis in self.axes),
+            lambda: all(axis.read(od.STATUSWORD) & Status.TARGET_REACHED for axis in self.axes),
             "the axes do not come to rest",
             timeout_s,
         )
 
     def positions_units(self) -> list[int]:
         """Where each axis' counter stands (0x6064)."""
-        return [axis.read(0x6064) for axis in self.axes]
+        return [axis.read(od.POSITION_ACTUAL) for axis in self.axes]
 
     def disable(self) -> None:
         """Switch every drive off."""
@@ -363,7 +365,7 @@ def object_dictionary() -> ObjectDictionary:
 
 
 def _homed(axis: AxisClient) -> bool:
-    return bool(axis.read(0x6041) & Status.HOMING_ATTAINED)
+    return bool(axis.read(od.STATUSWORD) & Status.HOMING_ATTAINED)
 
 
 def _started(axis: AxisClient) -> bool:

@@ -12,6 +12,7 @@ from steptwin.host.client.drive_status import DriveStatus
 from steptwin.host.client.link import Link
 from steptwin.host.client.run import POLL_S, check_enabled, check_faults
 from steptwin.host.common.errors import BusError
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, Control, Mode, Status
 from steptwin.protocol.frame import COB_SYNC
 
@@ -39,13 +40,13 @@ def move_together(
         DeviceFaultError: a drive is in fault or was stopped on the way.
         BusError: an axis falls silent, does not start or does not go on.
     """
-    starts = [axis.read(0x6064) for axis in axes]
+    starts = [axis.read(od.POSITION_ACTUAL) for axis in axes]
     for axis, move in zip(axes, moves, strict=True):
         _enter(axis, Mode.PROFILE_POSITION)
-        axis.write(0x607A, 0, move.target_units)
-        axis.write(0x6081, 0, move.velocity_units_per_s)
-        axis.write(0x6083, 0, move.acceleration_units_per_s2)
-        axis.write(0x6084, 0, move.acceleration_units_per_s2)
+        axis.write(od.TARGET_POSITION, move.target_units)
+        axis.write(od.PROFILE_VELOCITY, move.velocity_units_per_s)
+        axis.write(od.PROFILE_ACCELERATION, move.acceleration_units_per_s2)
+        axis.write(od.PROFILE_DECELERATION, move.acceleration_units_per_s2)
         axis.drive_status = None
     for axis in axes:
         axis.send_latched_controlword(ENABLE_OPERATION | Control.START)
@@ -61,23 +62,23 @@ def move_together(
 
     follow(link, axes, arrived, stall_s=_STALL_S)
     for axis in axes:
-        axis.write(0x6040, 0, ENABLE_OPERATION)
+        axis.write(od.CONTROLWORD, ENABLE_OPERATION)
 
 
 def drive_at(axis: AxisClient, velocity_units_per_s: int, acceleration_units_per_s2: int) -> None:
     """Let an enabled axis take a velocity, and keep it, until `halt_axis` or a soft limit stops it."""
-    axis.write(0x60FF, 0, 0)
+    axis.write(od.TARGET_VELOCITY, 0)
     _enter(axis, Mode.PROFILE_VELOCITY)
-    axis.write(0x6083, 0, acceleration_units_per_s2)
-    axis.write(0x6084, 0, acceleration_units_per_s2)
+    axis.write(od.PROFILE_ACCELERATION, acceleration_units_per_s2)
+    axis.write(od.PROFILE_DECELERATION, acceleration_units_per_s2)
     axis.drive_status = None
-    axis.write(0x60FF, 0, velocity_units_per_s)
+    axis.write(od.TARGET_VELOCITY, velocity_units_per_s)
 
 
 def halt_axis(link: Link, axis: AxisClient) -> None:
     """End `drive_at` by its own ramp and wait until the axis rests; raises as `move_together` does."""
     axis.drive_status = None
-    axis.write(0x60FF, 0, 0)
+    axis.write(od.TARGET_VELOCITY, 0)
     follow(link, [axis], lambda: stands(axis), stall_s=_STALL_S)
 
 
@@ -115,8 +116,8 @@ def follow(link: Link, axes: Sequence[AxisClient], done: Callable[[], bool], sta
 
 def _enter(axis: AxisClient, mode: Mode) -> None:
     """With the start bit clear, since a motion starts with its rise."""
-    axis.write(0x6040, 0, ENABLE_OPERATION)
-    axis.write(0x6060, 0, mode)
+    axis.write(od.CONTROLWORD, ENABLE_OPERATION)
+    axis.write(od.MODE_OF_OPERATION, mode)
 
 
 def _arrived(axis: AxisClient) -> bool:

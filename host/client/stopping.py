@@ -11,6 +11,7 @@ from typing import Final
 from steptwin.host.client.axis import AxisClient, state_text
 from steptwin.host.client.link import Link
 from steptwin.host.common.errors import BusError, DeviceFaultError, StepTwinError
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import QUICK_STOP, State, Status
 from steptwin.protocol.frame import COB_SYNC
 
@@ -60,12 +61,12 @@ def _reacted(axis: AxisClient) -> bool:
 
 
 def _rests(axis: AxisClient) -> bool:
-    statusword = axis.read(0x6041)
+    statusword = axis.read(od.STATUSWORD)
     return State.of(statusword) is not State.OPERATION_ENABLED and bool(statusword & Status.TARGET_REACHED)
 
 
 def _stop_by_sdo(axis: AxisClient) -> None:
-    axis.write(0x6040, 0, QUICK_STOP)
+    axis.write(od.CONTROLWORD, QUICK_STOP)
 
 
 def _each(axes: Sequence[AxisClient], do: Callable[[AxisClient], None]) -> None:

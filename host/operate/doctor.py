@@ -8,6 +8,7 @@ from steptwin.host.common.errors import BusError, DeviceFaultError
 from steptwin.host.operate.axis_settings import axis_settings
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.status import active_inputs, error_history
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, State, Status
 from steptwin.protocol.objects import IDENTITY_DEVICE_TYPE
 
@@ -48,8 +49,8 @@ def examine(session: Session) -> Iterator[Check]:
 def _answers(axis: AxisClient) -> Check:
     name = f"{axis.name} node 0x{axis.node_id:02X}"
     try:
-        device_type = axis.read(0x1000)
-        versions = ", ".join(axis.read_text(index) for index in (0x1008, 0x1009, 0x100A))
+        device_type = axis.read(od.DEVICE_TYPE)
+        versions = ", ".join(map(axis.read_text, (od.DEVICE_NAME, od.HARDWARE_VERSION, od.SOFTWARE_VERSION)))
     except BusError as error:
         return Check(name, False, str(error), BusError.exit_code)
     except DeviceFaultError as error:
@@ -65,12 +66,12 @@ def _examine_axis(session: Session, axis: AxisClient) -> Iterator[Check]:
     yield _inputs(axis)
     yield _supply(axis)
     yield _temperature(axis)
-    known = bool(axis.read(0x6041) & Status.POSITION_KNOWN)
+    known = bool(axis.read(od.STATUSWORD) & Status.POSITION_KNOWN)
     yield Check(f"{axis.name} position", known, "known" if known else "unknown: home the machine, `steptwin home`")
 
 
 def _drive(axis: AxisClient) -> Check:
-    state, code = axis.state(), axis.read(0x603F)
+    state, code = axis.state(), axis.read(od.ERROR_CODE)
     if state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
         found = f"{state_text(state)}: {error_text(code)} (0x{code:04X}); when its cause is gone: `steptwin reset`"
         return Check(f"{axis.name} drive", False, found)
@@ -83,27 +84,31 @@ def _drive(axis: AxisClient) -> Check:
 def _settings(session: Session, axis: AxisClient) -> Check:
     """What the drive takes only while its power is off must be the robot's then; else the next motion writes it."""
     wanted = axis_settings(session.robot.joint(axis.name), session.robot.board)
-    found = axis.read(0x2000, 1)
+    found = axis.read(od.MICROSTEPS)
     powered = axis.state() in (State.SWITCHED_ON, State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE)
     if found != wanted.microsteps and powered:
         says = f"{found} microsteps, the robot's file says {wanted.microsteps}, and the power is on: `steptwin estop`"
         return Check(f"{axis.name} settings", False, says)
-    return Check(f"{axis.name} settings", True, f"{found} microsteps, highest speed {axis.read(0x607F)} units/s")
+    return Check(
+        f"{axis.name} settings", True, f"{found} microsteps, highest speed {axis.read(od.MAX_PROFILE_VELOCITY)} units/s"
+    )
 
 
 def _inputs(axis: AxisClient) -> Check:
     words = active_inputs(axis)
-    bad = axis.read(0x60FD) & ~DigitalInput.HOME
+    bad = axis.read(od.DIGITAL_INPUTS) & ~DigitalInput.HOME
     return Check(f"{axis.name} inputs", not bad, f"active: {', '.join(words)}" if words else "none active")
 
 
 def _supply(axis: AxisClient) -> Check:
-    supply_v, least_v, most_v = (axis.read(0x2002, i) / 100 for i in (2, 3, 4))
+    supply_v, least_v, most_v = (
+        axis.read(address) / 100 for address in (od.SUPPLY_VOLTAGE, od.SUPPLY_VOLTAGE_MIN, od.SUPPLY_VOLTAGE_MAX)
+    )
     return Check(
         f"{axis.name} supply", least_v <= supply_v <= most_v, f"{supply_v:.2f} V, {least_v:g} to {most_v:g} V allowed"
     )
 
 
 def _temperature(axis: AxisClient) -> Check:
-    degc, most_degc = axis.read(0x2002, 1) / 10, axis.read(0x2002, 5) / 10
+    degc, most_degc = axis.read(od.BOARD_TEMPERATURE) / 10, axis.read(od.BOARD_TEMPERATURE_MAX) / 10
     return Check(f"{axis.name} temperature", degc <= most_degc, f"{degc:.1f} degC, up to {most_degc:g} degC allowed")

@@ -9,6 +9,7 @@ from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.session import Session
 from steptwin.host.robots.robot import Joint, Robot
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import Status
 from steptwin.protocol.datatypes import DataType
 
@@ -53,7 +54,7 @@ def jog(session: Session, name: str, speed: float, seconds: float | None) -> Jog
     axis = session.machine.axes[session.robot.joints.index(joint)]
     per_unit = joint.transmission.wire_units_per_unit
     with session.in_charge("jog", known=False):
-        start_units = axis.read(0x6064)
+        start_units = axis.read(od.POSITION_ACTUAL)
         _set_limits(axis, joint)
         velocity = round(speed * per_unit) or (1 if speed > 0 else -1)
         drive_at(axis, velocity, ceil(joint.acceleration_max * per_unit))
@@ -66,23 +67,23 @@ def jog(session: Session, name: str, speed: float, seconds: float | None) -> Jog
         at_limit = _at_limit(axis)
         halt_axis(session.link, axis)
         _lift_limits(axis)
-        end_units = axis.read(0x6064)
+        end_units = axis.read(od.POSITION_ACTUAL)
     return Jogged(name, start_units / per_unit, end_units / per_unit, at_limit)
 
 
 def _set_limits(axis: AxisClient, joint: Joint) -> None:
-    if not axis.read(0x6041) & Status.POSITION_KNOWN:
+    if not axis.read(od.STATUSWORD) & Status.POSITION_KNOWN:
         _lift_limits(axis)
         return
     per_unit = joint.transmission.wire_units_per_unit
-    axis.ensure(0x607D, 1, ceil(joint.lower * per_unit))
-    axis.ensure(0x607D, 2, int(joint.upper * per_unit // 1))
+    axis.ensure(od.POSITION_LIMIT_MIN, ceil(joint.lower * per_unit))
+    axis.ensure(od.POSITION_LIMIT_MAX, int(joint.upper * per_unit // 1))
 
 
 def _lift_limits(axis: AxisClient) -> None:
     """As after power-up: whoever sends trajectories has checked them, and homing counts from elsewhere."""
-    axis.ensure(0x607D, 1, DataType.INTEGER32.low)
-    axis.ensure(0x607D, 2, DataType.INTEGER32.high)
+    axis.ensure(od.POSITION_LIMIT_MIN, DataType.INTEGER32.low)
+    axis.ensure(od.POSITION_LIMIT_MAX, DataType.INTEGER32.high)
 
 
 def _at_limit(axis: AxisClient) -> bool:

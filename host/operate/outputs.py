@@ -4,6 +4,7 @@ from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.output_commands import wired_outputs
 from steptwin.host.operate.session import Session
+from steptwin.protocol import od
 
 
 def read_outputs(session: Session) -> dict[str, bool]:
@@ -12,7 +13,7 @@ def read_outputs(session: Session) -> dict[str, bool]:
     levels = {}
     for name, (axis, bit) in wired_outputs(session.robot).items():
         node = session.machine.axes[axis]
-        levels[name] = bool(node.read(0x60FE, 1) & node.read(0x60FE, 2) & bit)
+        levels[name] = bool(node.read(od.DIGITAL_OUTPUTS) & node.read(od.DIGITAL_OUTPUTS_MASK) & bit)
     return levels
 
 

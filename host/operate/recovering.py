@@ -6,6 +6,7 @@ from steptwin.host.client.axis import AxisClient, error_text, state_text
 from steptwin.host.client.stopping import power_off, quick_stop
 from steptwin.host.common.errors import DeviceFaultError
 from steptwin.host.operate.session import Session
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import Control, State, Status
 
 _POLL_S = 0.010
@@ -44,9 +45,11 @@ def reset(session: Session) -> list[AxisState]:
     session.require_idle("reset")
     for axis in session.machine.axes:
         if axis.state() is State.FAULT:
-            axis.write(0x1016, 1, 0)  # the host that it watched is gone, or will say again that it is there
-            axis.write(0x6040, 0, 0)
-            axis.write(0x6040, 0, Control.FAULT_RESET)
+            axis.write(
+                od.CONSUMER_HEARTBEATS[0], 0
+            )  # the host that it watched is gone, or will say again that it is there
+            axis.write(od.CONTROLWORD, 0)
+            axis.write(od.CONTROLWORD, Control.FAULT_RESET)
     for axis in session.machine.axes:
         _await_reset(session, axis)
     return axis_states(session)
@@ -56,7 +59,7 @@ def _await_reset(session: Session, axis: AxisClient) -> None:
     deadline_s = session.link.now_s() + _RESET_TIMEOUT_S
     while (state := axis.state()) in (State.FAULT, State.FAULT_REACTION_ACTIVE):
         if session.link.now_s() > deadline_s:
-            code = axis.read(0x603F)
+            code = axis.read(od.ERROR_CODE)
             cause = f"{error_text(code)} (0x{code:04X})"
             raise DeviceFaultError(f"{axis.name}: stays in {state_text(state)}, for the cause lasts: {cause}")
         session.link.wait(_POLL_S)
@@ -66,8 +69,8 @@ def axis_states(session: Session) -> list[AxisState]:
     """Every axis' state and position, by SDO."""
     states = []
     for axis, joint in zip(session.machine.axes, session.robot.joints, strict=True):
-        statusword = axis.read(0x6041)
-        position = axis.read(0x6064) / joint.transmission.wire_units_per_unit
+        statusword = axis.read(od.STATUSWORD)
+        position = axis.read(od.POSITION_ACTUAL) / joint.transmission.wire_units_per_unit
         known = bool(statusword & Status.POSITION_KNOWN)
         states.append(AxisState(axis.name, state_text(State.of(statusword)), position, known))
     return states

@@ -15,7 +15,8 @@ from steptwin.host.common.errors import DeviceFaultError, InputError, StepTwinEr
 from steptwin.host.operate.axis_settings import axis_settings
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Joint, Robot
-from steptwin.protocol.cia402 import State, Status
+from steptwin.protocol import od
+from steptwin.protocol.cia402 import LINEAR_RAMP, State, Status
 
 POSE_KEYS: Final = ("x_mm", "y_mm", "z_mm", "attitude_deg")
 _LISTEN_S: Final = 0.3
@@ -51,7 +52,7 @@ class Session:
         self.listen()
         for axis in self.machine.axes:
             if axis.drive_status is None:
-                axis.read(0x1000)
+                axis.read(od.DEVICE_TYPE)
 
     def require_idle(self, what: str) -> None:
         """Raise InputError if somebody moves the machine, as far as it says so."""
@@ -77,7 +78,7 @@ class Session:
 
     def demanded_units(self) -> list[int]:
         """Where the axes are to stand (0x6062): where the next motion begins."""
-        return [axis.read(0x6062) for axis in self.machine.axes]
+        return [axis.read(od.POSITION_DEMAND) for axis in self.machine.axes]
 
     def pose(self, joints: list[float]) -> dict[str, float] | None:
         """The tool's pose; None where the mechanism cannot be assembled."""
@@ -123,19 +124,19 @@ class Session:
                 self.machine.disconnect()
 
     def _check(self, axis: AxisClient, *, known: bool) -> None:
-        statusword = axis.read(0x6041)
+        statusword = axis.read(od.STATUSWORD)
         state = State.of(statusword)
         if state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
-            code = axis.read(0x603F)
+            code = axis.read(od.ERROR_CODE)
             raise DeviceFaultError(
                 f"{axis.name}: the drive is in {state_text(state)}: {error_text(code)} (0x{code:04X}); "
                 "when its cause is gone: `steptwin reset`"
             )
-        if not stands(statusword, axis.read(0x6061)):
+        if not stands(statusword, axis.read(od.MODE_OF_OPERATION_DISPLAY)):
             raise InputError(f"{axis.name}: is moving; wait for its end, or stop it by `steptwin stop`")
         if known and not statusword & Status.POSITION_KNOWN:
             raise DeviceFaultError(f"{axis.name}: does not know where it is: it must be homed first, `steptwin home`")
 
-    def _objects(self, joint: Joint) -> list[tuple[int, int, int]]:
+    def _objects(self, joint: Joint) -> list[tuple[int, int]]:
         objects = axis_settings(joint, self.robot.board).objects()
-        return [*objects, (0x605A, 0, _HOLD_AFTER_QUICK_STOP), (0x6086, 0, 0)]
+        return [*objects, (od.QUICK_STOP_OPTION, _HOLD_AFTER_QUICK_STOP), (od.MOTION_PROFILE_TYPE, LINEAR_RAMP)]

@@ -12,6 +12,7 @@ from steptwin.host.client.drive_status import stands
 from steptwin.host.common.errors import BusError
 from steptwin.host.operate.session import Session
 from steptwin.host.robots.robot import Joint
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, Mode, State, Status
 from steptwin.protocol.objects import HISTORY_DEPTH
 from steptwin.protocol.pvt import PvtFlag
@@ -137,18 +138,28 @@ def _heard(axis: AxisClient, joint: Joint) -> AxisStatus:
     )
 
 
+_QUEUE_COUNTERS = (
+    od.PVT_ACCEPTED,
+    od.PVT_GAPS,
+    od.PVT_OVERFLOWS,
+    od.PVT_UNDERRUNS,
+    od.PVT_LEAST_FILL,
+    od.DELAYED_STEPS,
+)
+
+
 def _asked(axis: AxisClient, joint: Joint) -> AxisStatus:
     read = axis.read
-    code = read(0x603F)
+    code = read(od.ERROR_CODE)
     return AxisStatus(
-        **_common(axis, joint, read(0x6041), read(0x6061), read(0x6064)),
+        **_common(axis, joint, read(od.STATUSWORD), read(od.MODE_OF_OPERATION_DISPLAY), read(od.POSITION_ACTUAL)),
         error=error_text(code) if code else None,
         error_code=code,
         history=error_history(axis),
         inputs=active_inputs(axis),
-        supply_v=read(0x2002, 2) / 100,
-        temperature_degc=read(0x2002, 1) / 10,
-        queue=QueueHealth(read(0x2012, 2), _flags(read(0x2012, 3)), *(read(0x2013, i) for i in range(1, 7))),
+        supply_v=read(od.SUPPLY_VOLTAGE) / 100,
+        temperature_degc=read(od.BOARD_TEMPERATURE) / 10,
+        queue=QueueHealth(read(od.PVT_FREE_RECORDS), _flags(read(od.PVT_FLAGS)), *map(read, _QUEUE_COUNTERS)),
     )
 
 
@@ -173,14 +184,14 @@ def mode_text(mode: int) -> str:
 
 def active_inputs(axis: AxisClient) -> tuple[str, ...]:
     """The names of an axis' active inputs, by SDO."""
-    inputs = axis.read(0x60FD)
+    inputs = axis.read(od.DIGITAL_INPUTS)
     return tuple(_words(bit.name or "") for bit in DigitalInput if inputs & bit)
 
 
 def error_history(axis: AxisClient) -> tuple[str, ...]:
     """The errors since power-up in words, the newest first, by SDO."""
-    count = min(axis.read(0x1003, 0), HISTORY_DEPTH)
-    codes = [axis.read(0x1003, i) & 0xFFFF for i in range(1, count + 1)]
+    count = min(axis.read(od.ERROR_HISTORY_COUNT), HISTORY_DEPTH)
+    codes = [axis.read(address) & 0xFFFF for address in od.ERROR_HISTORY[:count]]
     return tuple(f"{error_text(code)} (0x{code:04X})" for code in codes)
 
 

@@ -10,9 +10,12 @@ from pathlib import Path
 from steptwin.emulator.board import Board
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.received_plan import HALTED, ReceivedPlan
+from steptwin.protocol import od
 from steptwin.protocol.dictionary import ObjectDictionary
-from steptwin.protocol.objects import UNITS_PER_FULL_STEP, key_of
+from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 from steptwin.protocol.pvt import PvtRecord
+
+_FIELDS = (od.PVT_DISPLACEMENT, od.PVT_END_VELOCITY, od.PVT_DURATION_MS)
 
 
 class LivePlan:
@@ -93,13 +96,13 @@ class LivePlan:
 
 def _tap_records(dictionary: ObjectDictionary, accept: Callable[[PvtRecord], None]) -> None:
     """Show each record that an axis' firmware takes into its queue."""
-    queue_it = dictionary.write_hooks[key_of(0x60C1, 4)]
+    queue_it = dictionary.write_hooks[od.PVT_SEQUENCE]
 
     def tapped(sequence: int) -> None:
-        before = dictionary.get(0x2012, 1)
+        before = dictionary.get(od.PVT_NEXT_SEQUENCE)
         queue_it(sequence)
-        if dictionary.get(0x2012, 1) != before:
-            displacement_units, end_velocity, duration_ms = (dictionary.get(0x60C1, field) for field in (1, 2, 3))
+        if dictionary.get(od.PVT_NEXT_SEQUENCE) != before:
+            displacement_units, end_velocity, duration_ms = map(dictionary.get, _FIELDS)
             accept(PvtRecord(displacement_units, end_velocity, duration_ms, sequence))
 
-    dictionary.write_hooks[key_of(0x60C1, 4)] = tapped
+    dictionary.write_hooks[od.PVT_SEQUENCE] = tapped

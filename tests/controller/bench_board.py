@@ -4,6 +4,7 @@ import struct
 
 from steptwin.controller.backend import Kernel
 from steptwin.controller.firmware import Firmware
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, State, Status
 from steptwin.protocol.frame import Frame
 
@@ -63,7 +64,7 @@ class BenchBoard:
 
     def has(self, bit: Status, axis: int = 0) -> bool:
         """Whether a bit of the statusword is set."""
-        return bool(self.value(0x6041, 0, axis) & bit)
+        return bool(self.value(od.STATUSWORD, axis) & bit)
 
     def errors(self, axis: int = 0) -> list[int]:
         """The error codes that an axis has reported by EMCY, ends of errors left out."""
@@ -74,20 +75,20 @@ class BenchBoard:
     def nmt(self, command: int, node: int = 0) -> None:
         self.send(0, bytes((command, node)))
 
-    def write(self, index: int, subindex: int, value: int, axis: int = 0) -> int:
+    def write(self, address: int, value: int, axis: int = 0) -> int:
         """Write by SDO; return the abort code, 0 for success."""
         node = self.firmware.nodes[axis]
-        entry = node.dictionary.entries[index << 8 | subindex]
+        entry = node.dictionary.entries[address]
         size = entry.data_type.size
         data = value.to_bytes(size, "little", signed=value < 0)
-        request = struct.pack("<BHB", 0x23 | (4 - size) << 2, index, subindex) + data.ljust(4, b"\0")
+        request = struct.pack("<BHB", 0x23 | (4 - size) << 2, *od.index_and_subindex(address)) + data.ljust(4, b"\0")
         self.send(0x600 + node.node_id, request)
         answer = self.frames(0x580 + node.node_id)[-1]
         return int.from_bytes(answer[4:], "little") if answer[0] == 0x80 else 0
 
-    def value(self, index: int, subindex: int = 0, axis: int = 0) -> int:
+    def value(self, address: int, axis: int = 0) -> int:
         """What the dictionary says now."""
-        return self.firmware.nodes[axis].dictionary.get(index, subindex)
+        return self.firmware.nodes[axis].dictionary.get(address)
 
     def frames(self, cob_id: int) -> list[bytes]:
         """Everything sent with an identifier."""
@@ -98,8 +99,8 @@ class BenchBoard:
         self.nmt(1)
         for axis in range(len(self.firmware.nodes)):
             for word in (0x06, 0x07, 0x0F):
-                assert self.write(0x6040, 0, word, axis) == 0
-            assert self.write(0x6060, 0, mode, axis) == 0
+                assert self.write(od.CONTROLWORD, word, axis) == 0
+            assert self.write(od.MODE_OF_OPERATION, mode, axis) == 0
 
     def record(self, displacement: int, velocity: int, duration_ms: int, sequence: int, axis: int = 0) -> None:
         """Send a PVT record by RPDO4."""

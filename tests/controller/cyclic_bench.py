@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from itertools import accumulate
 
 from steptwin.controller.backend import Kernel
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import Mode
 from tests.controller.bench_board import MS, BenchBoard
 
@@ -33,7 +34,7 @@ class CyclicBench(BenchBoard):
         self.held: list[int | None] = [None] * axes
         """The last set-points sent."""
         for axis in range(axes):
-            assert self.write(0x60C2, 1, period_ms, axis) == 0
+            assert self.write(od.INTERPOLATION_PERIOD, period_ms, axis) == 0
         self.enable(Mode.CYCLIC_SYNCHRONOUS_POSITION)
 
     @property

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from steptwin.controller.backend import Kernel
 from steptwin.controller.kernel import TICK_COUNTS
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, HomingError, Mode, Status
 from tests.controller.bench_board import BenchBoard
 
@@ -52,9 +53,9 @@ class HomingBench(BenchBoard):
         self._tick(0)
         self.wait(1)
         self.enable(Mode.HOMING)
-        self.write(0x6099, 1, FAST_STEPS_PER_S * STEP)
-        self.write(0x6099, 2, SLOW_STEPS_PER_S * STEP)
-        self.write(0x609A, 0, ACCELERATION_STEPS_PER_S2 * STEP)
+        self.write(od.HOMING_SEARCH_SPEED, FAST_STEPS_PER_S * STEP)
+        self.write(od.HOMING_ZERO_SPEED, SLOW_STEPS_PER_S * STEP)
+        self.write(od.HOMING_ACCELERATION, ACCELERATION_STEPS_PER_S2 * STEP)
 
     def wait(self, dt_ms: float) -> None:
         until = self.now + round(dt_ms * 72_000)
@@ -105,12 +106,12 @@ class HomingBench(BenchBoard):
     # --- commands and what comes of them
 
     def word(self, bits: int = 0) -> None:
-        assert self.write(0x6040, 0, 0x0F | bits) == 0
+        assert self.write(od.CONTROLWORD, 0x0F | bits) == 0
 
     def begin(self, method: int, offset_units: int = 0) -> None:
         self.word()
-        assert self.write(0x6098, 0, method) == 0
-        assert self.write(0x607C, 0, offset_units) == 0
+        assert self.write(od.HOMING_METHOD, method) == 0
+        assert self.write(od.HOME_OFFSET, offset_units) == 0
         self.word(START)
 
     def home(self, method: int, offset_units: int = 0, timeout_ms: int = 10_000) -> None:
@@ -130,7 +131,7 @@ class HomingBench(BenchBoard):
     @property
     def bits(self) -> tuple[int, int, int]:
         """Target reached, homing attained, homing error: bits 10, 12 and 13."""
-        word = self.value(0x6041)
+        word = self.value(od.STATUSWORD)
         wanted = (Status.TARGET_REACHED, Status.HOMING_ATTAINED, Status.HOMING_ERROR)
         return tuple(int(bool(word & bit)) for bit in wanted)  # type: ignore[return-value]
 
@@ -148,7 +149,7 @@ class HomingBench(BenchBoard):
 
     @property
     def error(self) -> HomingError:
-        return HomingError(self.value(0x2020, 2))
+        return HomingError(self.value(od.HOMING_ERROR))
 
     @property
     def emergencies(self) -> list[tuple[int, int]]:
@@ -158,5 +159,5 @@ class HomingBench(BenchBoard):
     @property
     def zero_steps(self) -> int:
         """Where, on the machine, the step counter reads 0."""
-        assert self.value(0x6064) % STEP == 0
-        return self.machine.position - self.value(0x6064) // STEP
+        assert self.value(od.POSITION_ACTUAL) % STEP == 0
+        return self.machine.position - self.value(od.POSITION_ACTUAL) // STEP

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from steptwin.controller.backend import Kernel
 from steptwin.controller.cyclic_position import NO_SET_POINT, NO_SYNC
+from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode, Mode, State, Status
 from tests.controller.bench_board import MS, BenchBoard
@@ -158,13 +159,13 @@ class TestFollowing:
         board = CyclicBench(kernel, 2)
         board.follow(points)
         board.settle()
-        assert (board.value(0x6062), board.value(0x6064)) == (end, -123 * STEP)
+        assert (board.value(od.POSITION_DEMAND), board.value(od.POSITION_ACTUAL)) == (end, -123 * STEP)
         assert not board.firmware.motion.running(0)
         assert len(edges(board)[0]) == 123
 
     def test_the_statusword(self, fast_kernel: Kernel) -> None:
         board = CyclicBench(fast_kernel, 5)
-        assert board.value(0x6502) & 1 << 7
+        assert board.value(od.SUPPORTED_DRIVE_MODES) & 1 << 7
         assert not board.has(Status.FOLLOWS_COMMAND)
         board.cycle(0)
         assert board.has(Status.FOLLOWS_COMMAND)
@@ -173,36 +174,36 @@ class TestFollowing:
         assert board.has(Status.FOLLOWS_COMMAND)
         assert not board.has(Status.TARGET_REACHED)
         board.settle(1)
-        board.write(0x6040, 0, QUICK_STOP)
+        board.write(od.CONTROLWORD, QUICK_STOP)
         assert not board.has(Status.FOLLOWS_COMMAND)
 
     def test_a_set_point_by_sdo_counts_with_the_next_sync(self, fast_kernel: Kernel) -> None:
         board = CyclicBench(fast_kernel, 10)
         board.settle(1)
-        board.write(0x607A, 0, 3000)
+        board.write(od.TARGET_POSITION, 3000)
         board.wait(7)
-        assert board.value(0x6062) == 0
+        assert board.value(od.POSITION_DEMAND) == 0
         for _ in range(6):
             board.settle(1)
-            board.write(0x607A, 0, 3000)
-        assert board.value(0x6062) == 3000
+            board.write(od.TARGET_POSITION, 3000)
+        assert board.value(od.POSITION_DEMAND) == 3000
 
     @pytest.mark.parametrize("word", [0x06, 0x07])
     def test_only_an_enabled_drive_follows(self, fast_kernel: Kernel, word: int) -> None:
         board = CyclicBench(fast_kernel, 1)
-        board.write(0x6040, 0, word)
+        board.write(od.CONTROLWORD, word)
         board.follow(ramped(500, 50, 20))
-        assert board.value(0x6062) == 0
+        assert board.value(od.POSITION_DEMAND) == 0
         assert board.state() is not State.FAULT
 
     def test_what_was_written_before_is_no_set_point(self, fast_kernel: Kernel) -> None:
         board = CyclicBench(fast_kernel, 1)
-        board.write(0x6040, 0, 0x07)
-        board.write(0x607A, 0, 10**8)
-        board.write(0x6040, 0, ENABLE)
+        board.write(od.CONTROLWORD, 0x07)
+        board.write(od.TARGET_POSITION, 10**8)
+        board.write(od.CONTROLWORD, ENABLE)
         board.settle()
         assert board.state() is State.OPERATION_ENABLED
-        assert board.value(0x6062) == 0
+        assert board.value(od.POSITION_DEMAND) == 0
 
 
 class TestTiming:
@@ -246,7 +247,7 @@ class TestTiming:
         for i, point in enumerate(ramped(2000 * period_ms, 10 * period_ms, 800)):
             board.cycle(point, late_counts=round(quarter * (drawn.uniform(-1, 1) if i else anchor)))
             if i > 210:
-                assert board.value(0x606C) == pytest.approx(2_000_000, rel=1 / 200)
+                assert board.value(od.VELOCITY_ACTUAL) == pytest.approx(2_000_000, rel=1 / 200)
         assert board.state() is State.OPERATION_ENABLED
 
     @pytest.mark.parametrize("ppm", [-200, 200])
@@ -260,21 +261,21 @@ class TestTiming:
         for i, point in enumerate(points):
             board.cycle(point)
             if i > 60 and i % 7 == 0:
-                assert board.value(0x606C) == pytest.approx(500_000, rel=1 / 200)
+                assert board.value(od.VELOCITY_ACTUAL) == pytest.approx(500_000, rel=1 / 200)
                 to_go_ms = (point - board.firmware.motion.demand_units(0)) / 500
                 since_sync_ms = board.firmware.motion.tick / 4 - board.now / MS
                 worst_ms = max(worst_ms, abs(since_sync_ms + to_go_ms - delay_ms))
         assert seconds * abs(ppm) / 1000 > 2 * period_ms
         assert worst_ms <= period_ms * (1 / 8 + 0.06) + 0.01
         board.settle()
-        assert board.value(0x6062) == points[-1]
+        assert board.value(od.POSITION_DEMAND) == points[-1]
         assert board.errors() == []
 
 
 class TestLosses:
     def moving(self, kernel: Kernel) -> CyclicBench:
         board = CyclicBench(kernel, 5)
-        board.write(0x6085, 0, 40_000_000)
+        board.write(od.QUICK_STOP_DECELERATION, 40_000_000)
         board.follow(ramped(3000, 100, 60))
         return board
 
@@ -294,7 +295,7 @@ class TestLosses:
             board.cycle(None, sync=sync)
         for _ in range(8):
             self.go_on(board)
-            assert board.value(0x606C) == 600_000
+            assert board.value(od.VELOCITY_ACTUAL) == 600_000
         board.settle()
         assert board.state() is State.OPERATION_ENABLED
 
@@ -303,16 +304,16 @@ class TestLosses:
         board = self.moving(fast_kernel)
         for _ in range(5):
             board.cycle(None, sync=sync)
-        assert board.value(0x606C) < 600_000
+        assert board.value(od.VELOCITY_ACTUAL) < 600_000
         assert board.state() is State.FAULT_REACTION_ACTIVE
         board.wait(100)
         assert board.state() is State.FAULT
         assert fault_of(board) == (ErrorCode.SYNC_CONTROLLER, detail)
         for word in (0x80, 0x06, 0x07, 0x0F):
-            board.write(0x6040, 0, word)
+            board.write(od.CONTROLWORD, word)
         board.skip()
-        board.follow(ramped(-3000, 100, 60, board.value(0x6062)))
-        assert board.value(0x606C) == -600_000
+        board.follow(ramped(-3000, 100, 60, board.value(od.POSITION_DEMAND)))
+        assert board.value(od.VELOCITY_ACTUAL) == -600_000
 
     @pytest.mark.parametrize(("every", "fails"), [(4, False), (3, True)])
     def test_one_in_four_may_be_lost_for_ever(self, fast_kernel: Kernel, every: int, fails: bool) -> None:
@@ -343,11 +344,11 @@ class TestLosses:
         board.skip()
         board.follow(ramped(300, 30, 20))
         board.settle()
-        assert board.value(0x6062) == ramped(300, 30, 20)[-1]
+        assert board.value(od.POSITION_DEMAND) == ramped(300, 30, 20)[-1]
 
     def test_the_wrong_period_is_noticed(self, fast_kernel: Kernel) -> None:
         board = CyclicBench(fast_kernel, 10)
-        board.write(0x60C2, 1, 5)
+        board.write(od.INTERPOLATION_PERIOD, 5)
         board.follow(ramped(3000, 100, 60))
         assert board.state() is State.FAULT
         assert fault_of(board) == (ErrorCode.SYNC_CONTROLLER, NO_SYNC)
@@ -370,13 +371,13 @@ class TestSpeed:
 
     def test_the_limit_of_607f(self, fast_kernel: Kernel) -> None:
         board = CyclicBench(fast_kernel, 1)
-        board.write(0x6040, 0, 0)
-        board.write(0x607F, 0, 2_000_000)
+        board.write(od.CONTROLWORD, 0)
+        board.write(od.MAX_PROFILE_VELOCITY, 2_000_000)
         board.enable(Mode.CYCLIC_SYNCHRONOUS_POSITION)
         points = ramped(2000, 20, 150)
         board.follow(points)
         board.wait(2)
-        assert board.value(0x606C) == 2_000_000
+        assert board.value(od.VELOCITY_ACTUAL) == 2_000_000
         assert board.state() is State.OPERATION_ENABLED
         board.follow(ramped(2001, 2001, 3, points[-1])[1:])
         board.wait(3)
@@ -388,7 +389,7 @@ class TestSpeed:
         board.follow([first, first])
         assert board.state() is State.FAULT
         assert fault_of(board)[0] == ErrorCode.OVERSPEED
-        assert board.value(0x6062) == 0
+        assert board.value(od.POSITION_DEMAND) == 0
 
     @pytest.mark.parametrize(("units", "behind"), [(102_400, 0), (153_600, 51_200)])
     def test_where_a_cubic_would_be_too_fast_the_axis_falls_behind(
@@ -399,10 +400,10 @@ class TestSpeed:
         board.follow([0, units])
         board.settle(1)
         board.until(18_000 * (first_tick(10) + 80))
-        assert units - board.value(0x6062) == pytest.approx(behind, abs=2)
-        assert board.value(0x606C) == pytest.approx(LIMIT, rel=0.001)
+        assert units - board.value(od.POSITION_DEMAND) == pytest.approx(behind, abs=2)
+        assert board.value(od.VELOCITY_ACTUAL) == pytest.approx(LIMIT, rel=0.001)
         board.settle()
-        assert board.value(0x6062) == units
+        assert board.value(od.POSITION_DEMAND) == units
         assert board.state() is State.OPERATION_ENABLED
 
     def test_one_that_never_catches_up_is_too_fast_in_the_end(self, fast_kernel: Kernel) -> None:
@@ -423,7 +424,7 @@ class TestSoftLimits:
         points = [sign * point for point in sine(peak_hz, 2, 500 // period_ms, period_ms)]
         limit = sign * max(abs(point) for point in points) // 2
         board = CyclicBench(fast_kernel, period_ms)
-        board.write(0x607D, 2 if sign > 0 else 1, limit)
+        board.write(od.POSITION_LIMIT_MAX if sign > 0 else od.POSITION_LIMIT_MIN, limit)
         reached = set()
         for point in points:
             board.cycle(point)
@@ -437,31 +438,31 @@ class TestSoftLimits:
         assert limit in reached
         board.settle()
         assert not board.has(Status.INTERNAL_LIMIT)
-        assert board.value(0x6062) == points[-1]
+        assert board.value(od.POSITION_DEMAND) == points[-1]
         assert board.state() is State.OPERATION_ENABLED
 
     def test_bit_11_is_there_while_set_points_are_beyond(self, fast_kernel: Kernel) -> None:
         board = CyclicBench(fast_kernel, 1)
-        board.write(0x607D, 2, 10_000)
+        board.write(od.POSITION_LIMIT_MAX, 10_000)
         points = ramped(100, 10, 200)
         board.follow(points)
         board.wait(2)
         assert board.has(Status.INTERNAL_LIMIT)
-        assert board.value(0x6062) == 10_000
+        assert board.value(od.POSITION_DEMAND) == 10_000
         board.follow([points[-1] - 100 * i for i in range(150)])
         board.settle()
         assert not board.has(Status.INTERNAL_LIMIT)
 
     def test_an_axis_that_stands_beyond_may_come_back_and_not_go_further(self, fast_kernel: Kernel) -> None:
         board = CyclicBench(fast_kernel, 1)
-        board.write(0x607D, 2, -5000)
+        board.write(od.POSITION_LIMIT_MAX, -5000)
         board.follow([0, 100, 200, 300])
         board.wait(2)
-        assert board.value(0x6062) == 0
+        assert board.value(od.POSITION_DEMAND) == 0
         assert board.has(Status.INTERNAL_LIMIT)
         board.follow([0, *ramped(-200, 20, 60)])
         board.settle()
-        assert board.value(0x6062) == ramped(-200, 20, 60)[-1]
+        assert board.value(od.POSITION_DEMAND) == ramped(-200, 20, 60)[-1]
 
 
 class TestStops:
@@ -470,8 +471,8 @@ class TestStops:
     @pytest.fixture
     def moving(self, fast_kernel: Kernel) -> CyclicBench:
         board = CyclicBench(fast_kernel, 5)
-        board.write(0x6084, 0, 20_000_000)
-        board.write(0x6085, 0, 40_000_000)
+        board.write(od.PROFILE_DECELERATION, 20_000_000)
+        board.write(od.QUICK_STOP_DECELERATION, 40_000_000)
         board.follow(ramped(3000, 100, 60))
         return board
 
@@ -482,52 +483,52 @@ class TestStops:
 
     @pytest.mark.parametrize(("option", "ramp_ms"), [(1, 30), (2, 15)])
     def test_halt_ramps_and_holds(self, moving: CyclicBench, option: int, ramp_ms: int) -> None:
-        moving.write(0x605D, 0, option)
-        moving.write(0x6040, 0, HALT)
+        moving.write(od.HALT_OPTION, option)
+        moving.write(od.CONTROLWORD, HALT)
         assert not moving.has(Status.FOLLOWS_COMMAND)
         moving.wait(ramp_ms - 1)
-        assert moving.value(0x606C) > 0
+        assert moving.value(od.VELOCITY_ACTUAL) > 0
         assert not moving.has(Status.TARGET_REACHED)
         moving.wait(2)
-        assert moving.value(0x606C) == 0
+        assert moving.value(od.VELOCITY_ACTUAL) == 0
         assert moving.has(Status.TARGET_REACHED)
         moving.skip()
-        here = moving.value(0x6062)
+        here = moving.value(od.POSITION_DEMAND)
         self.goes_on(moving, 20)
-        assert moving.value(0x6062) == here
+        assert moving.value(od.POSITION_DEMAND) == here
         assert moving.state() is State.OPERATION_ENABLED
 
     def test_a_released_halt_wants_the_host_to_start_from_the_position(self, moving: CyclicBench) -> None:
-        moving.write(0x6040, 0, HALT)
+        moving.write(od.CONTROLWORD, HALT)
         self.goes_on(moving, 20)
-        moving.write(0x6040, 0, ENABLE)
-        moving.follow(ramped(3000, 100, 60, moving.value(0x6062)))
+        moving.write(od.CONTROLWORD, ENABLE)
+        moving.follow(ramped(3000, 100, 60, moving.value(od.POSITION_DEMAND)))
         assert moving.has(Status.FOLLOWS_COMMAND)
-        assert moving.value(0x606C) == 600_000
+        assert moving.value(od.VELOCITY_ACTUAL) == 600_000
 
     def test_a_host_that_does_not_is_stopped(self, moving: CyclicBench) -> None:
-        moving.write(0x6040, 0, HALT)
+        moving.write(od.CONTROLWORD, HALT)
         self.goes_on(moving, 60)
-        moving.write(0x6040, 0, ENABLE)
-        here = moving.value(0x6062)
+        moving.write(od.CONTROLWORD, ENABLE)
+        here = moving.value(od.POSITION_DEMAND)
         self.goes_on(moving, 3)
         assert fault_of(moving)[0] == ErrorCode.OVERSPEED
-        assert moving.value(0x6062) == here
+        assert moving.value(od.POSITION_DEMAND) == here
 
     def test_a_halt_released_during_its_ramp_lets_that_end_first(self, moving: CyclicBench) -> None:
-        moving.write(0x6040, 0, HALT)
+        moving.write(od.CONTROLWORD, HALT)
         moving.cycle(None)
-        moving.write(0x6040, 0, ENABLE)
+        moving.write(od.CONTROLWORD, ENABLE)
         self.goes_on(moving, 2)
         assert not moving.has(Status.FOLLOWS_COMMAND)
-        assert 0 < moving.value(0x606C) < 600_000
+        assert 0 < moving.value(od.VELOCITY_ACTUAL) < 600_000
 
     def test_halt_at_rest(self, fast_kernel: Kernel) -> None:
         board = CyclicBench(fast_kernel, 5)
         board.settle()
-        board.write(0x6040, 0, HALT)
+        board.write(od.CONTROLWORD, HALT)
         board.follow(ramped(3000, 100, 10))
-        assert board.value(0x6062) == 0
+        assert board.value(od.POSITION_DEMAND) == 0
         assert board.has(Status.TARGET_REACHED)
 
     @pytest.mark.parametrize(
@@ -535,11 +536,11 @@ class TestStops:
         [(QUICK_STOP, 15, State.SWITCH_ON_DISABLED), (DISABLE, 30, State.SWITCHED_ON)],
     )
     def test_quick_stop_and_disable(self, moving: CyclicBench, word: int, ramp_ms: int, end: State) -> None:
-        before = moving.value(0x6062)
-        moving.write(0x6040, 0, word)
+        before = moving.value(od.POSITION_DEMAND)
+        moving.write(od.CONTROLWORD, word)
         self.goes_on(moving, 10)
         assert moving.state() is end
-        assert moving.value(0x6062) - before == pytest.approx(600 * ramp_ms / 2, rel=0.05)
+        assert moving.value(od.POSITION_DEMAND) - before == pytest.approx(600 * ramp_ms / 2, rel=0.05)
 
     def test_the_limit_switch(self, moving: CyclicBench) -> None:
         moving.set_inputs(DigitalInput.POSITIVE_LIMIT)
@@ -552,48 +553,48 @@ class TestModes:
     def test_only_at_rest(self, fast_kernel: Kernel) -> None:
         board = CyclicBench(fast_kernel, 5)
         board.follow(ramped(3000, 100, 60))
-        assert board.write(0x6060, 0, Mode.PROFILE_POSITION) == AbortCode.DEVICE_STATE
+        assert board.write(od.MODE_OF_OPERATION, Mode.PROFILE_POSITION) == AbortCode.DEVICE_STATE
         assert board.has(Status.FOLLOWS_COMMAND)
-        board.follow([board.value(0x607A)] * 5)
-        assert board.write(0x6060, 0, Mode.PROFILE_POSITION) == 0
-        board.write(0x607A, 0, 0)
-        board.write(0x6040, 0, 0x1F)
+        board.follow([board.value(od.TARGET_POSITION)] * 5)
+        assert board.write(od.MODE_OF_OPERATION, Mode.PROFILE_POSITION) == 0
+        board.write(od.TARGET_POSITION, 0)
+        board.write(od.CONTROLWORD, 0x1F)
         board.settle(400)
-        assert board.value(0x6062) == 0
-        assert board.write(0x6060, 0, Mode.CYCLIC_SYNCHRONOUS_POSITION) == 0
+        assert board.value(od.POSITION_DEMAND) == 0
+        assert board.write(od.MODE_OF_OPERATION, Mode.CYCLIC_SYNCHRONOUS_POSITION) == 0
         board.follow(ramped(3000, 100, 60))
-        assert board.value(0x606C) == 600_000
+        assert board.value(od.VELOCITY_ACTUAL) == 600_000
 
     def test_waiting_records_are_dropped(self, fast_kernel: Kernel) -> None:
         board = CyclicBench(fast_kernel, 5)
         board.record(50 * STEP, 0, 50, 0)
         board.follow(ramped(3000, 100, 10))
         board.settle()
-        assert board.value(0x6062) == ramped(3000, 100, 10)[-1]
-        assert board.value(0x2012, 2) == 0
+        assert board.value(od.POSITION_DEMAND) == ramped(3000, 100, 10)[-1]
+        assert board.value(od.PVT_FREE_RECORDS) == 0
 
     @pytest.mark.parametrize("value", [0, 11])
     def test_periods_that_are_not_offered(self, fast_kernel: Kernel, value: int) -> None:
         board = BenchBoard(fast_kernel)
-        assert board.write(0x60C2, 1, value) in (AbortCode.VALUE_TOO_LOW, AbortCode.VALUE_TOO_HIGH)
+        assert board.write(od.INTERPOLATION_PERIOD, value) in (AbortCode.VALUE_TOO_LOW, AbortCode.VALUE_TOO_HIGH)
 
     def test_the_period_is_fixed_while_the_axis_follows(self, fast_kernel: Kernel) -> None:
         board = CyclicBench(fast_kernel, 5)
         board.settle()
-        assert board.write(0x60C2, 1, 4) == AbortCode.DEVICE_STATE
-        board.write(0x6060, 0, Mode.NONE)
-        assert board.write(0x60C2, 1, 4) == 0
+        assert board.write(od.INTERPOLATION_PERIOD, 4) == AbortCode.DEVICE_STATE
+        board.write(od.MODE_OF_OPERATION, Mode.NONE)
+        assert board.write(od.INTERPOLATION_PERIOD, 4) == 0
 
 
 class TestGroup:
     def test_axes_are_in_step_whenever_they_join(self, kernel: Kernel) -> None:
         """The second axis joins while the first one moves, with a SYNC that comes early."""
         board = CyclicBench(kernel, 2, axes=2)
-        board.write(0x6040, 0, DISABLE, 1)
+        board.write(od.CONTROLWORD, DISABLE, 1)
         way = [round(200 * STEP * (1 - math.cos(math.pi * i / 40)) / 2) for i in range(41)]
         for i, point in enumerate(way):
             if i == 20:
-                board.write(0x6040, 0, ENABLE, 1)
+                board.write(od.CONTROLWORD, ENABLE, 1)
             board.cycle(point, None, late_counts=-MS // 2 if i == 20 else 0)
         board.settle()
         assert len(edges(board, 0)[0]) == 200
@@ -619,7 +620,7 @@ class TestGroup:
     def test_a_fault_of_one_stops_all_in_the_same_time(self, fast_kernel: Kernel) -> None:
         board = CyclicBench(fast_kernel, 5, axes=3)
         for axis in range(3):
-            board.write(0x6085, 0, 40_000_000, axis)
+            board.write(od.QUICK_STOP_DECELERATION, 40_000_000, axis)
         points = ramped(3000, 100, 60)
         for point in points:
             board.cycle(point, -point // 2, None)
@@ -629,7 +630,7 @@ class TestGroup:
         assert board.state(2) is State.FAULT
         while board.state(0) is not State.FAULT:
             assert board.state(1) is State.FAULT_REACTION_ACTIVE
-            assert board.value(0x606C, 0, 1) == pytest.approx(-board.value(0x606C) / 2, abs=20)
+            assert board.value(od.VELOCITY_ACTUAL, 1) == pytest.approx(-board.value(od.VELOCITY_ACTUAL) / 2, abs=20)
             board.wait(0.25)
         assert board.state(1) is State.FAULT
         assert [fault_of(board, axis)[0] for axis in range(3)] == [
@@ -640,7 +641,7 @@ class TestGroup:
 
     def test_one_sync_has_one_period(self, fast_kernel: Kernel) -> None:
         board = CyclicBench(fast_kernel, 5, axes=2)
-        board.write(0x60C2, 1, 4, 1)
+        board.write(od.INTERPOLATION_PERIOD, 4, 1)
         board.settle(2)
         assert fault_of(board, 1) == (ErrorCode.PARAMETER, 4)
 
@@ -684,10 +685,14 @@ def test_whatever_comes_the_axes_follow_or_say_why_not(
     """Never too fast, never beyond the soft limits but by a fault's ramp, pulses as the driver needs them."""
     board = CyclicBench(fast_kernel, period_ms, AXES)
     for axis in range(AXES):
-        board.write(0x6040, 0, 0, axis)
-        for index, subindex, value in ((0x2000, 1, microsteps), (0x607F, 0, speed), (0x607D, 1, limits[0])):
-            assert board.write(index, subindex, value, axis) == 0
-        assert board.write(0x607D, 2, limits[1], axis) == 0
+        board.write(od.CONTROLWORD, 0, axis)
+        for address, value in (
+            (od.MICROSTEPS, microsteps),
+            (od.MAX_PROFILE_VELOCITY, speed),
+            (od.POSITION_LIMIT_MIN, limits[0]),
+        ):
+            assert board.write(address, value, axis) == 0
+        assert board.write(od.POSITION_LIMIT_MAX, limits[1], axis) == 0
     board.enable(Mode.CYCLIC_SYNCHRONOUS_POSITION)
     motion = board.firmware.motion
     fastest = motion.config(0).rate_limit_q16_per_ms / (4 * microsteps)
@@ -704,7 +709,7 @@ def test_whatever_comes_the_axes_follow_or_say_why_not(
                 assert limits[0] <= motion.demand_units(axis) <= limits[1]
     board.wait(20 * period_ms)
     for axis in range(AXES):
-        board.write(0x6040, 0, DISABLE, axis)
+        board.write(od.CONTROLWORD, DISABLE, axis)
     board.wait(2000)
     for axis, (rises, falls, directions) in enumerate(both(board)):
         assert not motion.running(axis)
@@ -727,4 +732,4 @@ def test_what_the_axis_can_do_is_never_a_fault(fast_kernel: Kernel, ways: list[F
     board.follow(points)
     board.settle(6)
     assert board.errors() == []
-    assert board.value(0x6062) == points[-1]
+    assert board.value(od.POSITION_DEMAND) == points[-1]

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from steptwin.controller.backend import Kernel, python_kernel
 from steptwin.controller.firmware import Firmware
 from steptwin.controller.pins import OUTPUT_PINS, Pin, PinChange
+from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.cia402 import DigitalOutput, ErrorCode, State
 from steptwin.protocol.frame import Frame
@@ -29,7 +30,7 @@ def pair(fast_kernel: Kernel) -> BenchBoard:
 
 
 def flags(board: BenchBoard, axis: int = 0) -> int:
-    return board.value(0x2012, 3, axis)
+    return board.value(od.PVT_FLAGS, axis)
 
 
 def state(board: BenchBoard, axis: int = 0) -> State:
@@ -55,7 +56,7 @@ class TestBoot:
     def test_drivers_leave_reset_at_power_up_and_are_enabled_with_the_drive(self, board: BenchBoard) -> None:
         board.wait(1)
         board.enable()
-        board.write(0x6040, 0, 0)
+        board.write(od.CONTROLWORD, 0)
         changes = [(change.pin, change.level) for change in board.firmware.take_pins()]
         assert changes == [(Pin.M2, 1), (Pin.RESET, 1), (Pin.ENABLE, 1), (Pin.ENABLE, 0)]
 
@@ -71,28 +72,28 @@ class TestNetwork:
 
     def test_process_data_count_in_operational_only(self, board: BenchBoard) -> None:
         board.send(0x210, b"\x06\x00\x07")
-        assert board.value(0x6040) == 0
+        assert board.value(od.CONTROLWORD) == 0
         board.nmt(1)
         board.send(0x210, b"\x06\x00\x07")
-        assert (board.value(0x6040), board.value(0x6061)) == (6, 7)
+        assert (board.value(od.CONTROLWORD), board.value(od.MODE_OF_OPERATION_DISPLAY)) == (6, 7)
         assert state(board) is State.READY_TO_SWITCH_ON
 
     def test_heartbeat(self, board: BenchBoard) -> None:
-        board.write(0x1017, 0, 100)
+        board.write(od.PRODUCER_HEARTBEAT_TIME, 100)
         board.wait(350)
         board.nmt(1)
         board.wait(100)
         assert [data[0] for data in board.frames(0x710)] == [0, 127, 127, 127, 127, 5]
 
     def test_reset_communication_restores_the_profile_area_only(self, board: BenchBoard) -> None:
-        board.write(0x1017, 0, 100)
-        board.write(0x607C, 0, 5)
+        board.write(od.PRODUCER_HEARTBEAT_TIME, 100)
+        board.write(od.HOME_OFFSET, 5)
         board.nmt(0x82)
-        assert (board.value(0x1017), board.value(0x607C)) == (0, 5)
+        assert (board.value(od.PRODUCER_HEARTBEAT_TIME), board.value(od.HOME_OFFSET)) == (0, 5)
         assert board.frames(0x710)[-1] == b"\0"
 
     def test_reset_communication_drops_emergencies_that_wait(self, board: BenchBoard) -> None:
-        board.write(0x1015, 0, 10_000)  # one a second
+        board.write(od.EMCY_INHIBIT_TIME, 10_000)  # one a second
         board.nmt(1)
         for _ in range(3):
             board.send(0x510, b"")
@@ -101,7 +102,7 @@ class TestNetwork:
         assert emergencies(board) == [ErrorCode.PDO_TOO_SHORT]
 
     def test_reset_node_forgets_every_error(self, board: BenchBoard) -> None:
-        board.write(0x1015, 0, 10_000)
+        board.write(od.EMCY_INHIBIT_TIME, 10_000)
         board.enable()
         board.record(40 * STEP, 64 * STEP, 10, 0)
         board.start()
@@ -110,17 +111,20 @@ class TestNetwork:
         assert state(board) is State.FAULT
         board.nmt(0x81)
         assert state(board) is State.SWITCH_ON_DISABLED
-        assert [board.value(*key) for key in ((0x1001, 0), (0x1003, 0), (0x1003, 1), (0x603F, 0))] == [0] * 4
+        assert [
+            board.value(address)
+            for address in (od.ERROR_REGISTER, od.ERROR_HISTORY_COUNT, od.ERROR_HISTORY[0], od.ERROR_CODE)
+        ] == [0] * 4
         before = len(emergencies(board))
         board.wait(3000)
         assert len(emergencies(board)) == before
 
     def test_reset_node_restores_all_and_switches_off(self, board: BenchBoard) -> None:
         board.enable()
-        board.write(0x607C, 0, 5)
+        board.write(od.HOME_OFFSET, 5)
         board.nmt(0x81)
         assert state(board) is State.SWITCH_ON_DISABLED
-        assert (board.value(0x607C), board.value(0x6061)) == (0, 0)
+        assert (board.value(od.HOME_OFFSET), board.value(od.MODE_OF_OPERATION_DISPLAY)) == (0, 0)
 
     def test_statusword_is_reported_when_it_changes_and_every_100_ms(self, board: BenchBoard) -> None:
         board.nmt(1)
@@ -128,23 +132,23 @@ class TestNetwork:
         times = [round(t / MS) for t, frame in board.sent if frame.cob_id == 0x190]
         assert times == [0, 100, 200]
         board.wait(10)
-        board.write(0x6040, 0, 0x06)
+        board.write(od.CONTROLWORD, 0x06)
         assert State.of(int.from_bytes(board.frames(0x190)[-1][:2], "little")) is State.READY_TO_SWITCH_ON
 
     def test_a_remapped_rpdo_is_listened_to_at_its_new_cob_id(self, board: BenchBoard) -> None:
-        board.write(0x1400, 1, 1 << 31 | 0x210)
-        board.write(0x1400, 1, 0x2A0)
+        board.write(od.address_of(od.RPDO_COMMUNICATION[0], od.PDO_COB_ID), 1 << 31 | 0x210)
+        board.write(od.address_of(od.RPDO_COMMUNICATION[0], od.PDO_COB_ID), 0x2A0)
         board.nmt(1)
         board.send(0x210, b"\x06\x00\x07")
-        assert board.value(0x6040) == 0
+        assert board.value(od.CONTROLWORD) == 0
         board.send(0x2A0, b"\x06\x00\x07")
-        assert board.value(0x6040) == 6
+        assert board.value(od.CONTROLWORD) == 6
 
     def test_a_short_pdo_is_reported(self, board: BenchBoard) -> None:
         board.nmt(1)
         board.send(0x510, bytes(7))
         assert board.frames(0x090) == [bytes.fromhex("1082 11 0400000000")]
-        assert board.value(0x1003, 1) == ErrorCode.PDO_TOO_SHORT
+        assert board.value(od.ERROR_HISTORY[0]) == ErrorCode.PDO_TOO_SHORT
 
     def test_a_pdo_of_the_right_length_ends_the_error_of_its_number(self, board: BenchBoard) -> None:
         board.nmt(1)
@@ -152,22 +156,22 @@ class TestNetwork:
             board.send(cob_id, data)
         assert emergencies(board) == [0x8210, 0x8210, 0x8220]
         board.send(0x210, bytes(3))
-        assert (emergencies(board)[3:], board.value(0x1001)) == ([0], 0x11)
+        assert (emergencies(board)[3:], board.value(od.ERROR_REGISTER)) == ([0], 0x11)
         board.record(0, 0, 10, 0)
-        assert (emergencies(board)[4:], board.value(0x1001)) == ([0], 0)
+        assert (emergencies(board)[4:], board.value(od.ERROR_REGISTER)) == ([0], 0)
 
     def test_a_sync_of_the_wrong_length_does_nothing_and_is_reported(self, board: BenchBoard) -> None:
         board.nmt(1)
         board.send(0x310, b"\x06\x00")
         board.send(0x080, b"\x01")
-        assert (board.value(0x6040), board.frames(0x090)) == (0, [bytes.fromhex("4082 11 0100000000")])
+        assert (board.value(od.CONTROLWORD), board.frames(0x090)) == (0, [bytes.fromhex("4082 11 0100000000")])
         board.send(0x080, b"")
-        assert (board.value(0x6040), emergencies(board)) == (6, [0x8240, 0])
+        assert (board.value(od.CONTROLWORD), emergencies(board)) == (6, [0x8240, 0])
 
     def test_sync_with_a_counter(self, board: BenchBoard) -> None:
-        board.write(0x1019, 0, 4)
-        board.write(0x1801, 6, 3)
-        board.write(0x1801, 1, 0x290)
+        board.write(od.SYNC_COUNTER_OVERFLOW, 4)
+        board.write(od.address_of(od.TPDO_COMMUNICATION[1], od.PDO_SYNC_START), 3)
+        board.write(od.address_of(od.TPDO_COMMUNICATION[1], od.PDO_COB_ID), 0x290)
         board.nmt(1)
         board.send(0x080, b"")
         assert emergencies(board) == [0x8240]
@@ -177,14 +181,14 @@ class TestNetwork:
 
     def test_the_emergency_identifier_may_be_changed_and_switched_off(self, board: BenchBoard) -> None:
         board.nmt(1)
-        assert board.write(0x1014, 0, 0x0A0) == AbortCode.VALUE_RANGE
-        assert board.write(0x1014, 0, 1 << 31 | 0x090) == 0
+        assert board.write(od.EMCY_COB_ID, 0x0A0) == AbortCode.VALUE_RANGE
+        assert board.write(od.EMCY_COB_ID, 1 << 31 | 0x090) == 0
         board.send(0x510, bytes(7))
         board.wait(1)
-        assert (emergencies(board), board.value(0x1001)) == ([], 0x11)
+        assert (emergencies(board), board.value(od.ERROR_REGISTER)) == ([], 0x11)
         for refused in (1 << 30 | 0x090, 1 << 29 | 0x090, 0x800, 0x710):
-            assert board.write(0x1014, 0, refused) == AbortCode.VALUE_RANGE
-        assert board.write(0x1014, 0, 0x0A0) == 0
+            assert board.write(od.EMCY_COB_ID, refused) == AbortCode.VALUE_RANGE
+        assert board.write(od.EMCY_COB_ID, 0x0A0) == 0
         board.record(0, 0, 10, 0)
         assert board.frames(0x0A0) == [bytes(8)]
 
@@ -201,43 +205,46 @@ class TestNetwork:
 class TestConfiguration:
     @pytest.mark.parametrize("microsteps", [1, 2, 8, 16])
     def test_microstep_settings_of_the_chip(self, board: BenchBoard, microsteps: int) -> None:
-        assert board.write(0x2000, 1, microsteps) == 0
+        assert board.write(od.MICROSTEPS, microsteps) == 0
         assert board.firmware.motion.config(0).microsteps == microsteps
 
     @pytest.mark.parametrize("microsteps", [3, 4, 15])
     def test_settings_that_the_chip_does_not_have(self, board: BenchBoard, microsteps: int) -> None:
-        assert board.write(0x2000, 1, microsteps) == AbortCode.VALUE_RANGE
+        assert board.write(od.MICROSTEPS, microsteps) == AbortCode.VALUE_RANGE
 
     @pytest.mark.parametrize(
-        ("index", "subindex", "value"), [(0x607F, 0, 1), (0x2001, 1, 500_000), (0x2001, 4, 0), (0x2000, 1, 8)]
+        ("address", "value"),
+        [(od.MAX_PROFILE_VELOCITY, 1), (od.STEPLEN_NS, 500_000), (od.DIRHOLD_NS, 0), (od.MICROSTEPS, 8)],
     )
-    def test_records_that_wait_do_not_outlive_their_limits(
-        self, board: BenchBoard, index: int, subindex: int, value: int
-    ) -> None:
+    def test_records_that_wait_do_not_outlive_their_limits(self, board: BenchBoard, address: int, value: int) -> None:
         """The room for edges follows from the limits: records that the old ones let in would not fit."""
         board.nmt(1)
         board.record(75 * 10 * STEP, 15 * STEP * 64, 100, 0)
         board.record(15 * 250 * STEP, 15 * STEP * 64, 250, 1)
-        assert board.write(index, subindex, value) == 0
-        assert (board.value(0x60C4, 4), board.value(0x2012, 2), flags(board)) == (0, 0, PvtFlag.EMPTY)
+        assert board.write(address, value) == 0
+        assert (board.value(od.BUFFER_POSITION), board.value(od.PVT_FREE_RECORDS), flags(board)) == (
+            0,
+            0,
+            PvtFlag.EMPTY,
+        )
         board.record(0, 0, 10, 2)  # numbers 0 and 1 are gone: what follows them must not move the axis either
-        assert (board.value(0x60C4, 4), board.value(0x2012, 1)) == (0, 2)
-        assert board.write(0x60C4, 6, 0) == 0
+        assert (board.value(od.BUFFER_POSITION), board.value(od.PVT_NEXT_SEQUENCE)) == (0, 2)
+        assert board.write(od.BUFFER_CLEAR, 0) == 0
         board.record(0, 0, 10, 0)
-        assert board.value(0x60C4, 4) == 1
+        assert board.value(od.BUFFER_POSITION) == 1
 
     def test_an_empty_queue_stays_open_for_new_limits(self, board: BenchBoard) -> None:
-        assert board.write(0x607F, 0, 1_000_000) == 0
-        assert board.value(0x2012, 2) == 64
+        assert board.write(od.MAX_PROFILE_VELOCITY, 1_000_000) == 0
+        assert board.value(od.PVT_FREE_RECORDS) == 64
 
     def test_steps_are_not_reconfigured_while_the_driver_is_on(self, board: BenchBoard) -> None:
         board.enable()
-        assert board.write(0x2000, 1, 8) == AbortCode.DEVICE_STATE
-        assert board.write(0x2001, 1, 40_000) == AbortCode.DEVICE_STATE
+        assert board.write(od.MICROSTEPS, 8) == AbortCode.DEVICE_STATE
+        assert board.write(od.STEPLEN_NS, 40_000) == AbortCode.DEVICE_STATE
 
     def test_modes_that_do_not_exist(self, board: BenchBoard) -> None:
-        assert board.write(0x6060, 0, 4) == AbortCode.VALUE_RANGE
-        assert board.value(0x6061) == 0
+        assert board.write(od.MODE_OF_OPERATION, 4) == AbortCode.VALUE_RANGE
+        assert board.value(od.MODE_OF_OPERATION_DISPLAY) == 0
 
 
 class TestOutputs:
@@ -251,45 +258,59 @@ class TestOutputs:
         return [(change.pin, change.level) for change in self.changes(board)]
 
     def map_into_rpdo3(self, board: BenchBoard, transmission: int) -> None:
-        writes = [(0x1402, 1, 1 << 31 | 0x410), (0x1602, 0, 0), (0x1602, 1, 0x60FE_0120), (0x1602, 0, 1)]
-        for index, subindex, value in [*writes, (0x1402, 2, transmission), (0x1402, 1, 0x410)]:
-            assert board.write(index, subindex, value) == 0
+        writes = [
+            (od.address_of(od.RPDO_COMMUNICATION[2], od.PDO_COB_ID), 1 << 31 | 0x410),
+            (od.address_of(od.RPDO_MAPPING[2], 0), 0),
+            (od.address_of(od.RPDO_MAPPING[2], 1), 0x60FE_0120),
+            (od.address_of(od.RPDO_MAPPING[2], 0), 1),
+        ]
+        for address, value in [
+            *writes,
+            (od.address_of(od.RPDO_COMMUNICATION[2], od.PDO_TRANSMISSION_TYPE), transmission),
+            (od.address_of(od.RPDO_COMMUNICATION[2], od.PDO_COB_ID), 0x410),
+        ]:
+            assert board.write(address, value) == 0
 
     def test_they_are_off_after_power_up(self, pair: BenchBoard) -> None:
-        assert (pair.value(0x60FE, 1), pair.value(0x60FE, 2)) == (0, self.BOTH)
+        assert (pair.value(od.DIGITAL_OUTPUTS), pair.value(od.DIGITAL_OUTPUTS_MASK)) == (0, self.BOTH)
         assert self.changes(pair) == []
 
     def test_each_follows_its_bit_in_the_instant_of_the_frame(self, pair: BenchBoard) -> None:
         expected = []
         for value, pin, level in ((1 << 17, Pin.OUT2, 1), (3 << 16, Pin.OUT1, 1), (1 << 16, Pin.OUT2, 0)):
             pair.wait(1.23)
-            assert pair.write(0x60FE, 1, value, axis=1) == 0
+            assert pair.write(od.DIGITAL_OUTPUTS, value, axis=1) == 0
             expected.append(PinChange(pair.now, 1, pin, level))
         assert self.changes(pair) == expected
 
     def test_a_level_that_stays_is_no_change(self, board: BenchBoard) -> None:
         for value in (0, self.OUT1, self.OUT1, self.BOTH, self.BOTH):
-            board.write(0x60FE, 1, value)
+            board.write(od.DIGITAL_OUTPUTS, value)
         assert self.switched(board) == [(Pin.OUT1, 1), (Pin.OUT2, 1)]
 
     def test_an_output_is_off_where_its_mask_is_0(self, board: BenchBoard) -> None:
-        board.write(0x60FE, 2, self.OUT1)
-        board.write(0x60FE, 1, self.BOTH)
+        board.write(od.DIGITAL_OUTPUTS_MASK, self.OUT1)
+        board.write(od.DIGITAL_OUTPUTS, self.BOTH)
         assert self.switched(board) == [(Pin.OUT1, 1)]
-        board.write(0x60FE, 2, self.OUT2)
+        board.write(od.DIGITAL_OUTPUTS_MASK, self.OUT2)
         assert self.switched(board) == [(Pin.OUT1, 0), (Pin.OUT2, 1)]
-        board.write(0x60FE, 2, 0)
+        board.write(od.DIGITAL_OUTPUTS_MASK, 0)
         assert self.switched(board) == [(Pin.OUT2, 0)]
-        assert board.value(0x60FE, 1) == self.BOTH
+        assert board.value(od.DIGITAL_OUTPUTS) == self.BOTH
 
-    @pytest.mark.parametrize("subindex", [1, 2])
-    def test_bits_without_an_output_are_stored_and_do_nothing(self, board: BenchBoard, subindex: int) -> None:
-        board.write(0x60FE, 3 - subindex, 0xFFFF_FFFF)
+    @pytest.mark.parametrize(
+        ("address", "other"),
+        [(od.DIGITAL_OUTPUTS, od.DIGITAL_OUTPUTS_MASK), (od.DIGITAL_OUTPUTS_MASK, od.DIGITAL_OUTPUTS)],
+    )
+    def test_bits_without_an_output_are_stored_and_do_nothing(
+        self, board: BenchBoard, address: int, other: int
+    ) -> None:
+        board.write(other, 0xFFFF_FFFF)
         self.changes(board)
         for value in (0xFFFC_FFFF | self.OUT1, self.OUT1, 0x0000_FFFF | self.OUT1):
-            assert board.write(0x60FE, subindex, value) == 0
-            assert board.value(0x60FE, subindex) == value
-        assert self.switched(board) == ([(Pin.OUT1, 1)] if subindex == 1 else [(Pin.OUT2, 0)])
+            assert board.write(address, value) == 0
+            assert board.value(address) == value
+        assert self.switched(board) == ([(Pin.OUT1, 1)] if address == od.DIGITAL_OUTPUTS else [(Pin.OUT2, 0)])
 
     def test_a_pdo_switches_at_once(self, board: BenchBoard) -> None:
         self.map_into_rpdo3(board, transmission=255)
@@ -311,7 +332,7 @@ class TestOutputs:
 
     def test_drive_states_and_faults_leave_them(self, board: BenchBoard) -> None:
         """A gripper must hold its load while the drive starts, stops, fails and recovers."""
-        board.write(0x60FE, 1, self.BOTH)
+        board.write(od.DIGITAL_OUTPUTS, self.BOTH)
         self.changes(board)
         board.enable()
         board.record(20 * STEP, 64 * STEP, 20, 0)
@@ -320,33 +341,33 @@ class TestOutputs:
         assert state(board) is State.FAULT_REACTION_ACTIVE
         board.wait(1000)
         assert state(board) is State.FAULT
-        board.write(0x6040, 0, 0x80)
+        board.write(od.CONTROLWORD, 0x80)
         board.enable()
         for word in (0x02, 0x06, 0x00):
-            board.write(0x6040, 0, word)
+            board.write(od.CONTROLWORD, word)
         assert state(board) is State.SWITCH_ON_DISABLED
         assert self.changes(board) == []
 
     @pytest.mark.parametrize("command", [0x01, 0x02, 0x80, 0x82])
     def test_network_states_and_reset_communication_leave_them(self, board: BenchBoard, command: int) -> None:
-        board.write(0x60FE, 1, self.OUT1)
+        board.write(od.DIGITAL_OUTPUTS, self.OUT1)
         self.changes(board)
         board.nmt(command)
         assert self.changes(board) == []
-        assert board.value(0x60FE, 1) == self.OUT1
+        assert board.value(od.DIGITAL_OUTPUTS) == self.OUT1
 
     def test_reset_node_switches_those_of_that_node_off(self, pair: BenchBoard) -> None:
         for axis in (0, 1):
-            pair.write(0x60FE, 2, self.OUT2, axis)
-            pair.write(0x60FE, 1, self.BOTH, axis)
+            pair.write(od.DIGITAL_OUTPUTS_MASK, self.OUT2, axis)
+            pair.write(od.DIGITAL_OUTPUTS, self.BOTH, axis)
         self.changes(pair)
         pair.wait(3)
         pair.nmt(0x81, node=0x11)
         assert self.changes(pair) == [PinChange(pair.now, 1, Pin.OUT2, 0)]
-        assert (pair.value(0x60FE, 1, axis=1), pair.value(0x60FE, 2, axis=1)) == (0, self.BOTH)
+        assert (pair.value(od.DIGITAL_OUTPUTS, axis=1), pair.value(od.DIGITAL_OUTPUTS_MASK, axis=1)) == (0, self.BOTH)
 
     def test_boot_switches_them_off(self, board: BenchBoard) -> None:
-        board.write(0x60FE, 1, self.OUT1)
+        board.write(od.DIGITAL_OUTPUTS, self.OUT1)
         board.firmware.boot(board.now)
         assert self.switched(board) == [(Pin.OUT1, 1), (Pin.OUT1, 0)]
 
@@ -354,38 +375,47 @@ class TestOutputs:
 class TestHoming:
     def test_method_37_presets_the_position_in_units(self, board: BenchBoard) -> None:
         board.enable(mode=6)
-        board.write(0x607C, 0, 1500)
-        assert not board.value(0x6041) & 1 << 12
-        board.write(0x6040, 0, 0x1F)
-        assert board.value(0x6041) & 1 << 12
-        assert (board.value(0x6062), board.value(0x6064), board.value(0x60F4)) == (1500, 1024, 476)
+        board.write(od.HOME_OFFSET, 1500)
+        assert not board.value(od.STATUSWORD) & 1 << 12
+        board.write(od.CONTROLWORD, 0x1F)
+        assert board.value(od.STATUSWORD) & 1 << 12
+        assert (
+            board.value(od.POSITION_DEMAND),
+            board.value(od.POSITION_ACTUAL),
+            board.value(od.FOLLOWING_ERROR_ACTUAL),
+        ) == (1500, 1024, 476)
 
     def test_it_takes_a_rising_start_bit(self, board: BenchBoard) -> None:
         board.enable(mode=6)
-        board.write(0x6040, 0, 0x1F)
-        board.write(0x607C, 0, 1500)
-        board.write(0x6040, 0, 0x1F)
-        assert board.value(0x6062) == 0
+        board.write(od.CONTROLWORD, 0x1F)
+        board.write(od.HOME_OFFSET, 1500)
+        board.write(od.CONTROLWORD, 0x1F)
+        assert board.value(od.POSITION_DEMAND) == 0
 
     def test_it_closes_a_queue_whose_records_it_drops(self, board: BenchBoard) -> None:
         board.enable()
         for sequence in range(3):
             board.record(1000, 0, 10, sequence)
-        for index, value in ((0x6060, 6), (0x6040, 0x1F), (0x6040, 0x0F), (0x6060, 7)):
-            assert board.write(index, 0, value) == 0
+        for address, value in (
+            (od.MODE_OF_OPERATION, 6),
+            (od.CONTROLWORD, 0x1F),
+            (od.CONTROLWORD, 0x0F),
+            (od.MODE_OF_OPERATION, 7),
+        ):
+            assert board.write(address, value) == 0
         board.record(500, 0, 10, 3)
-        board.write(0x6040, 0, 0x1F)
+        board.write(od.CONTROLWORD, 0x1F)
         board.wait(100)
-        assert board.value(0x6062) == 0
-        assert (board.value(0x2012, 1), board.value(0x2012, 2)) == (3, 0)
+        assert board.value(od.POSITION_DEMAND) == 0
+        assert (board.value(od.PVT_NEXT_SEQUENCE), board.value(od.PVT_FREE_RECORDS)) == (3, 0)
 
     @pytest.mark.parametrize("units", [2**31 - 1, -(2**31)])
     def test_at_the_ends_of_the_range_reports_stay_inside_it(self, board: BenchBoard, units: int) -> None:
         """At full steps the counter rounds to a step beyond the range; what is reported are its ends."""
-        board.write(0x2000, 1, 1)
+        board.write(od.MICROSTEPS, 1)
         board.enable(mode=6)
-        board.write(0x607C, 0, units)
-        board.write(0x6040, 0, 0x1F)
+        board.write(od.HOME_OFFSET, units)
+        board.write(od.CONTROLWORD, 0x1F)
         for index in (0x6062, 0x6064, 0x60F4):
             board.send(0x610, bytes((0x40, index & 0xFF, index >> 8, 0, 0, 0, 0, 0)))
             answer = board.frames(0x590)[-1]
@@ -404,12 +434,12 @@ class TestInterpolation:
         pair.wait(5.1)
         pair.start()
         assert flags(pair) & PvtFlag.RUNNING
-        assert pair.value(0x6041) & 1 << 12
+        assert pair.value(od.STATUSWORD) & 1 << 12
         pair.wait(100)
-        assert [pair.value(0x6064, 0, axis) for axis in (0, 1)] == [7 * STEP, 7 * STEP]
+        assert [pair.value(od.POSITION_ACTUAL, axis) for axis in (0, 1)] == [7 * STEP, 7 * STEP]
         assert flags(pair) == PvtFlag.EMPTY
-        assert not pair.value(0x6041) & 1 << 12
-        assert pair.value(0x6041) & 1 << 10
+        assert not pair.value(od.STATUSWORD) & 1 << 12
+        assert pair.value(od.STATUSWORD) & 1 << 10
         first, second = (edges.clk_counts for edges in pair.firmware.motion.take_edges())
         assert list(first) == list(second)
         assert len(first) == 2 * 13
@@ -428,14 +458,22 @@ class TestInterpolation:
         board.enable()
         board.record(1, 0, 10, 1)  # record 0 is missing
         assert flags(board) & PvtFlag.GAP
-        assert (board.value(0x2012, 1), board.value(0x2012, 2), board.value(0x2013, 2)) == (0, 64, 1)
+        assert (board.value(od.PVT_NEXT_SEQUENCE), board.value(od.PVT_FREE_RECORDS), board.value(od.PVT_GAPS)) == (
+            0,
+            64,
+            1,
+        )
         for sequence in range(65):
             board.record(1, 0, 10, sequence)
         assert flags(board) & PvtFlag.OVERFLOW
         assert not flags(board) & PvtFlag.GAP
-        assert (board.value(0x2012, 1), board.value(0x2012, 2), board.value(0x2013, 3)) == (64, 0, 1)
+        assert (board.value(od.PVT_NEXT_SEQUENCE), board.value(od.PVT_FREE_RECORDS), board.value(od.PVT_OVERFLOWS)) == (
+            64,
+            0,
+            1,
+        )
         board.record(1, 0, 10, 5)  # old: silently ignored
-        assert board.value(0x2013, 1) == 64
+        assert board.value(od.PVT_ACCEPTED) == 64
 
     def test_each_flag_is_one_event_only(self, board: BenchBoard) -> None:
         board.enable()
@@ -445,30 +483,34 @@ class TestInterpolation:
             board.record(1, 0, 10, 7)
             board.wait(5)
         assert len(board.frames(0x390)) == before + 1
-        assert board.value(0x2013, 2) == 5
+        assert board.value(od.PVT_GAPS) == 5
 
     def test_clearing_begins_again_at_zero(self, board: BenchBoard) -> None:
         board.enable()
         board.record(100, 0, 10, 0)
-        assert board.write(0x60C4, 6, 0) == 0
-        assert (board.value(0x2012, 1), board.value(0x2012, 2), flags(board)) == (0, 64, PvtFlag.EMPTY)
+        assert board.write(od.BUFFER_CLEAR, 0) == 0
+        assert (board.value(od.PVT_NEXT_SEQUENCE), board.value(od.PVT_FREE_RECORDS), flags(board)) == (
+            0,
+            64,
+            PvtFlag.EMPTY,
+        )
         board.record(50, 0, 10, 0)
         board.start()
-        assert board.write(0x60C4, 6, 0) == AbortCode.DEVICE_STATE
+        assert board.write(od.BUFFER_CLEAR, 0) == AbortCode.DEVICE_STATE
         board.wait(20)
-        assert board.value(0x6062) == 50
+        assert board.value(od.POSITION_DEMAND) == 50
 
     def test_a_refused_record_is_flagged_and_reported(self, board: BenchBoard) -> None:
         board.enable()
         board.record(1000 * STEP, 0, 10, 0)
         assert flags(board) & PvtFlag.REJECTED
         assert board.frames(0x090) == [bytes.fromhex("03ff 81 0004000000")]  # refusal 4, sequence 0
-        assert board.value(0x2012, 1) == 0
+        assert board.value(od.PVT_NEXT_SEQUENCE) == 0
         assert state(board) is State.OPERATION_ENABLED
         board.record(1000 * STEP, 0, 10, 0)
         assert emergencies(board) == [0xFF03], "sent again, it is the same error"
-        board.write(0x60C4, 6, 0)
-        assert (emergencies(board), board.value(0x1001)) == ([0xFF03, 0], 0)
+        board.write(od.BUFFER_CLEAR, 0)
+        assert (emergencies(board), board.value(od.ERROR_REGISTER)) == ([0xFF03, 0], 0)
 
     def test_sequence_numbers_wrap(self, board: BenchBoard) -> None:
         board.enable()
@@ -481,16 +523,16 @@ class TestInterpolation:
             board.wait(5)
         board.wait(300)
         assert flags(board) == PvtFlag.EMPTY
-        assert board.value(0x6062) == 7000
-        assert board.value(0x2012, 1) == 700 % 256
-        assert board.value(0x2013, 5) >= 38
+        assert board.value(od.POSITION_DEMAND) == 7000
+        assert board.value(od.PVT_NEXT_SEQUENCE) == 700 % 256
+        assert board.value(od.PVT_LEAST_FILL) >= 38
 
 
 class TestStops:
     def moving(self, board: BenchBoard, records: int = 8) -> None:
         """Every axis runs at 4 kHz, axis 1 the other way, with 20 ms records."""
-        board.write(0x6085, 0, 40_000 * STEP)
-        board.write(0x6084, 0, 40_000 * STEP)
+        board.write(od.QUICK_STOP_DECELERATION, 40_000 * STEP)
+        board.write(od.PROFILE_DECELERATION, 40_000 * STEP)
         board.enable()
         for axis in range(len(board.firmware.nodes)):
             sign = 1 - 2 * axis
@@ -513,49 +555,49 @@ class TestStops:
         pair.wait(10)
         assert state(pair, 0) is state(pair, 1) is State.FAULT
         assert (emergencies(pair, 0), emergencies(pair, 1)) == ([0xFF01], [0xFF02])
-        assert pair.value(0x603F) == ErrorCode.PVT_UNDERRUN
+        assert pair.value(od.ERROR_CODE) == ErrorCode.PVT_UNDERRUN
         assert flags(pair, 0) & PvtFlag.UNDERRUN
-        assert pair.value(0x2013, 4) == 1
-        assert pair.value(0x6062, 0, 0) == pytest.approx((40 + 320 + 15) * STEP, abs=200 * STEP)
-        assert abs(pair.value(0x60F4, 0, 0)) <= 0.57 * STEP
+        assert pair.value(od.PVT_UNDERRUNS) == 1
+        assert pair.value(od.POSITION_DEMAND, 0) == pytest.approx((40 + 320 + 15) * STEP, abs=200 * STEP)
+        assert abs(pair.value(od.FOLLOWING_ERROR_ACTUAL, 0)) <= 0.57 * STEP
 
     def test_without_group_stop_the_others_run_on(self, pair: BenchBoard) -> None:
-        pair.write(0x2010, 1, 0)
+        pair.write(od.GROUP_STOP, 0)
         self.moving(pair, records=5)
         pair.record(-40 * STEP, 0, 20, 5, axis=1)
         pair.wait(300)
         assert (state(pair, 0), state(pair, 1)) == (State.FAULT, State.OPERATION_ENABLED)
-        assert pair.value(0x6062, 0, 1) == -(40 + 320 + 40) * STEP
+        assert pair.value(od.POSITION_DEMAND, 1) == -(40 + 320 + 40) * STEP
 
     def test_fault_is_reset_and_the_axis_works_on(self, board: BenchBoard) -> None:
         self.moving(board, records=3)
         board.wait(300)
         assert state(board) is State.FAULT
-        board.write(0x6040, 0, 0x80)
+        board.write(od.CONTROLWORD, 0x80)
         assert state(board) is State.SWITCH_ON_DISABLED
         assert emergencies(board) == [0xFF01, 0]
-        assert board.value(0x603F) == board.value(0x1001) == 0
-        board.write(0x60C4, 6, 0)
+        assert board.value(od.ERROR_CODE) == board.value(od.ERROR_REGISTER) == 0
+        board.write(od.BUFFER_CLEAR, 0)
         board.enable()
-        before = board.value(0x6062)
+        before = board.value(od.POSITION_DEMAND)
         board.record(5 * STEP, 0, 20, 0)
         board.start()
         board.wait(50)
-        assert board.value(0x6062) == before + 5 * STEP
+        assert board.value(od.POSITION_DEMAND) == before + 5 * STEP
 
     def test_quick_stop_ramps_down_then_switches_off(self, board: BenchBoard) -> None:
         self.moving(board)
-        board.write(0x6040, 0, 0x02)
+        board.write(od.CONTROLWORD, 0x02)
         assert state(board) is State.QUICK_STOP_ACTIVE
         board.wait(98)
         assert state(board) is State.QUICK_STOP_ACTIVE
         board.wait(10)
         assert state(board) is State.SWITCH_ON_DISABLED
-        assert abs(board.value(0x60F4)) <= 0.57 * STEP
+        assert abs(board.value(od.FOLLOWING_ERROR_ACTUAL)) <= 0.57 * STEP
 
     def test_interpolation_is_stopped_by_its_enable_bit(self, board: BenchBoard) -> None:
         self.moving(board)
-        board.write(0x6040, 0, 0x0F)
+        board.write(od.CONTROLWORD, 0x0F)
         board.wait(110)
         assert state(board) is State.OPERATION_ENABLED
         assert not board.firmware.motion.running(0)
@@ -565,25 +607,25 @@ class TestStops:
     def test_a_start_bit_during_a_ramp_does_not_cut_it_short(self, board: BenchBoard, words: tuple[int, ...]) -> None:
         """The demand may never jump: at 4 kHz it moves by at most one step in 250 us."""
         self.moving(board)
-        previous = board.value(0x6062)
+        previous = board.value(od.POSITION_DEMAND)
         for word in words:
-            board.write(0x6040, 0, word)
+            board.write(od.CONTROLWORD, word)
         for _ in range(500):
             board.wait(0.25)
-            assert abs(board.value(0x6062) - previous) <= STEP + 1
-            previous = board.value(0x6062)
+            assert abs(board.value(od.POSITION_DEMAND) - previous) <= STEP + 1
+            previous = board.value(od.POSITION_DEMAND)
         assert not board.firmware.motion.running(0)
         assert state(board) is State.OPERATION_ENABLED
 
     def test_homing_waits_for_standstill(self, board: BenchBoard) -> None:
         self.moving(board)
-        board.write(0x6040, 0, 0x02)
-        board.write(0x6040, 0, 0x0F)
-        assert board.write(0x6060, 0, 6) == AbortCode.DEVICE_STATE
+        board.write(od.CONTROLWORD, 0x02)
+        board.write(od.CONTROLWORD, 0x0F)
+        assert board.write(od.MODE_OF_OPERATION, 6) == AbortCode.DEVICE_STATE
         board.wait(120)
-        assert board.write(0x6060, 0, 6) == 0
-        board.write(0x6040, 0, 0x1F)
-        assert board.value(0x6062) == 0
+        assert board.write(od.MODE_OF_OPERATION, 6) == 0
+        board.write(od.CONTROLWORD, 0x1F)
+        assert board.value(od.POSITION_DEMAND) == 0
 
     @pytest.mark.parametrize("controlword", [0x02, 0x07, 0x0F, 0x00])
     def test_records_that_arrive_during_and_after_a_stop_move_nothing(
@@ -591,15 +633,15 @@ class TestStops:
     ) -> None:
         """A host that goes on streaming must not set the axis moving again; clearing the queue opens it."""
         self.moving(board)
-        board.write(0x6040, 0, controlword)
+        board.write(od.CONTROLWORD, controlword)
         for sequence in range(8, 30):
             board.record(80 * STEP, 4 * STEP * 64, 20, sequence)
             board.wait(10)
         assert not board.firmware.motion.running(0)
-        assert (board.value(0x2012, 1), board.value(0x2012, 2)) == (8, 0)
+        assert (board.value(od.PVT_NEXT_SEQUENCE), board.value(od.PVT_FREE_RECORDS)) == (8, 0)
         assert flags(board) & PvtFlag.OVERFLOW
-        assert board.write(0x60C4, 6, 0) == 0
-        assert (board.value(0x2012, 1), board.value(0x2012, 2)) == (0, 64)
+        assert board.write(od.BUFFER_CLEAR, 0) == 0
+        assert (board.value(od.PVT_NEXT_SEQUENCE), board.value(od.PVT_FREE_RECORDS)) == (0, 64)
 
     def just_before_the_end(self, board: BenchBoard, end_velocity: int) -> None:
         """One record of 20 ms: the kernel has computed its last tick, the clock stands in it."""
@@ -612,7 +654,7 @@ class TestStops:
     def test_voltage_cut_in_the_tick_before_an_underrun_stays_cut(self, board: BenchBoard) -> None:
         self.just_before_the_end(board, 64 * STEP)
         board.firmware.take_pins()
-        board.write(0x6040, 0, 0x00)
+        board.write(od.CONTROLWORD, 0x00)
         board.wait(500)
         assert state(board) is State.SWITCH_ON_DISABLED
         assert [(change.pin, change.level) for change in board.firmware.take_pins()] == [(Pin.ENABLE, 0)]
@@ -620,25 +662,25 @@ class TestStops:
 
     def test_quick_stop_in_the_tick_before_an_underrun_is_a_ramp(self, board: BenchBoard) -> None:
         self.just_before_the_end(board, 64 * STEP)
-        board.write(0x6085, 0, 20_000 * STEP)
-        board.write(0x6084, 0, 20_000 * STEP)
-        board.write(0x6040, 0, 0x02)
+        board.write(od.QUICK_STOP_DECELERATION, 20_000 * STEP)
+        board.write(od.PROFILE_DECELERATION, 20_000 * STEP)
+        board.write(od.CONTROLWORD, 0x02)
         assert state(board) is State.QUICK_STOP_ACTIVE
         board.wait(45)
         assert state(board) is State.QUICK_STOP_ACTIVE
         board.wait(15)
         assert state(board) is State.SWITCH_ON_DISABLED
-        assert board.value(0x6062) == pytest.approx((8 + 25) * STEP, abs=2)
+        assert board.value(od.POSITION_DEMAND) == pytest.approx((8 + 25) * STEP, abs=2)
         assert emergencies(board) == []
 
     def test_an_axis_is_under_way_until_the_tick_of_its_end(self, board: BenchBoard) -> None:
         self.just_before_the_end(board, 0)
-        assert not board.value(0x6041) & 1 << 10
+        assert not board.value(od.STATUSWORD) & 1 << 10
         board.record(STEP, 0, 20, 1)
         for word in (0x0F, 0x1F):  # too early to start again
-            board.write(0x6040, 0, word)
+            board.write(od.CONTROLWORD, word)
         board.wait(100)
-        assert board.value(0x6041) & 1 << 10
+        assert board.value(od.STATUSWORD) & 1 << 10
         assert not flags(board) & PvtFlag.RUNNING
 
     def test_a_fault_does_not_switch_a_drive_on(self, board: BenchBoard) -> None:
@@ -649,13 +691,13 @@ class TestStops:
 
     def at_the_end_of_the_range(self, board: BenchBoard) -> None:
         """Full steps, 800 units/ms, and 200 000 units from the end of i32: a ramp of 0.5 s needs as much again."""
-        board.write(0x2000, 1, 1)
-        board.write(0x6085, 0, 100 * 16_384)
-        board.write(0x6084, 0, 100 * 16_384)
+        board.write(od.MICROSTEPS, 1)
+        board.write(od.QUICK_STOP_DECELERATION, 100 * 16_384)
+        board.write(od.PROFILE_DECELERATION, 100 * 16_384)
         board.enable(mode=6)
-        board.write(0x607C, 0, 2**31 - 1 - 100_000)
-        for index, value in ((0x6040, 0x1F), (0x6040, 0x0F), (0x6060, 7)):
-            assert board.write(index, 0, value) == 0
+        board.write(od.HOME_OFFSET, 2**31 - 1 - 100_000)
+        for address, value in ((od.CONTROLWORD, 0x1F), (od.CONTROLWORD, 0x0F), (od.MODE_OF_OPERATION, 7)):
+            assert board.write(address, value) == 0
         for sequence, displacement in enumerate((4000, 8000, 8000)):
             board.record(displacement, 800 * 64, 10, sequence)
         board.start()
@@ -664,7 +706,7 @@ class TestStops:
         self.at_the_end_of_the_range(board)
         board.wait(31)
         assert state(board) is State.FAULT
-        board.write(0x6040, 0, 0x80)
+        board.write(od.CONTROLWORD, 0x80)
         assert state(board) is State.SWITCH_ON_DISABLED
 
     @pytest.mark.parametrize(
@@ -681,9 +723,9 @@ class TestStops:
     ) -> None:
         self.at_the_end_of_the_range(board)
         board.wait(25)
-        board.write(0x6040, 0, word)
+        board.write(od.CONTROLWORD, word)
         assert state(board) is target
-        assert board.value(0x2012, 2) == 0
+        assert board.value(od.PVT_FREE_RECORDS) == 0
         board.wait(1000)
         assert state(board) is target
 
@@ -702,7 +744,7 @@ class TestStops:
     ) -> None:
         self.moving(board)
         for word in words:
-            board.write(0x6040, 0, word)
+            board.write(od.CONTROLWORD, word)
             board.wait(2)
         assert board.firmware.motion.running(0)
         board.wait(110)
@@ -713,13 +755,13 @@ class TestStops:
         """A controlword that comes every 0.1 ms must not begin the ramp anew each time: it would never end."""
         self.moving(board)
         for _ in range(1020):
-            board.write(0x6040, 0, 0x07)
+            board.write(od.CONTROLWORD, 0x07)
             board.wait(0.1)
         assert state(board) is State.SWITCHED_ON
 
     def test_disable_operation_ramps_down_first(self, board: BenchBoard) -> None:
         self.moving(board)
-        board.write(0x6040, 0, 0x07)
+        board.write(od.CONTROLWORD, 0x07)
         assert state(board) is State.OPERATION_ENABLED
         board.wait(110)
         assert state(board) is State.SWITCHED_ON
@@ -727,23 +769,23 @@ class TestStops:
     def test_disable_voltage_cuts_at_once(self, board: BenchBoard) -> None:
         self.moving(board)
         board.firmware.motion.take_edges()
-        board.write(0x6040, 0, 0x00)
+        board.write(od.CONTROLWORD, 0x00)
         assert state(board) is State.SWITCH_ON_DISABLED
         board.wait(100)
         assert len(board.firmware.motion.take_edges()[0].clk_counts) == 0
 
     def test_quick_stop_at_rest_switches_off_at_once(self, board: BenchBoard) -> None:
         board.enable()
-        board.write(0x6040, 0, 0x02)
+        board.write(od.CONTROLWORD, 0x02)
         assert state(board) is State.SWITCH_ON_DISABLED
 
     def test_steps_that_come_too_late_are_a_fault(self, board: BenchBoard) -> None:
         """A DIR setup of 1 ms delays the first step after a sharp reversal by more than a tick."""
-        board.write(0x2001, 3, 1_000_000)
+        board.write(od.DIRSETUP_NS, 1_000_000)
         board.enable()
         board.record(10 * STEP, 0, 10, 0)
         board.record(-30 * STEP, 0, 7, 1)
         board.start()
         board.wait(100)
         assert emergencies(board) == [0xFF04]
-        assert board.value(0x2013, 6) > 0
+        assert board.value(od.DELAYED_STEPS) > 0

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from steptwin.controller.backend import Kernel
 from steptwin.controller.pins import OUTPUT_PINS, Pin
+from steptwin.protocol import od
 from tests.controller.bench_board import BenchBoard
 from tests.controller.kernel_rig import Timing, pin_timing_faults
 
@@ -28,19 +29,19 @@ def action(function: Callable[..., object], *arguments: st.SearchStrategy[object
 def records(board: BenchBoard, axis: int, segments: list[tuple[int, int, int]]) -> None:
     """Send records with the numbers that the axis expects."""
     for displacement, velocity, duration_ms in segments:
-        board.record(displacement, velocity, duration_ms, board.value(0x2012, 1, axis), axis)
+        board.record(displacement, velocity, duration_ms, board.value(od.PVT_NEXT_SEQUENCE, axis), axis)
 
 
 def cycles(board: BenchBoard, axis: int, ways: list[int]) -> None:
     """Send set-points, each with a SYNC and for a millisecond."""
     for way in ways:
-        board.send(0x410 + axis, struct.pack("<i", board.value(0x6062, 0, axis) + way))
+        board.send(0x410 + axis, struct.pack("<i", board.value(od.POSITION_DEMAND, axis) + way))
         board.send(0x080, b"")
         board.wait(1)
 
 
-def write(index: int, subindex: int, values: st.SearchStrategy[int]) -> st.SearchStrategy[Action]:
-    return action(lambda board, value, axis: board.write(index, subindex, value, axis), values, axes)
+def write(address: int, values: st.SearchStrategy[int]) -> st.SearchStrategy[Action]:
+    return action(lambda board, value, axis: board.write(address, value, axis), values, axes)
 
 
 segments = st.tuples(
@@ -49,28 +50,28 @@ segments = st.tuples(
 actions = st.one_of(
     action(records, axes, st.lists(segments, min_size=1, max_size=5)),
     action(BenchBoard.start),
-    write(0x6040, 0, st.sampled_from([0x06, 0x07, 0x0F, 0x1F, 0x3F, 0x5F, 0x02, 0x00, 0x80, 0x10F, 0x11F, 0x11F])),
-    write(0x60C4, 6, st.just(0)),
-    write(0x6060, 0, st.sampled_from([0, 1, 3, 6, 7, 8])),
-    write(0x60C2, 1, st.sampled_from([1, 2])),
+    write(od.CONTROLWORD, st.sampled_from([0x06, 0x07, 0x0F, 0x1F, 0x3F, 0x5F, 0x02, 0x00, 0x80, 0x10F, 0x11F, 0x11F])),
+    write(od.BUFFER_CLEAR, st.just(0)),
+    write(od.MODE_OF_OPERATION, st.sampled_from([0, 1, 3, 6, 7, 8])),
+    write(od.INTERPOLATION_PERIOD, st.sampled_from([1, 2])),
     action(cycles, axes, st.lists(st.integers(-20_000, 20_000), min_size=1, max_size=10)),
-    write(0x2000, 1, st.sampled_from([1, 2, 8, 16])),
-    write(0x607F, 0, st.sampled_from([1, 10**6, 8_000 * 16_384])),
-    write(0x607A, 0, st.integers(-(10**7), 10**7)),
-    write(0x607D, 1, st.integers(-(10**7), 10**6)),
-    write(0x607D, 2, st.integers(-(10**6), 10**7)),
-    write(0x6081, 0, st.sampled_from([1, 10**5, 10**7, 2**32 - 1])),
-    write(0x6083, 0, st.sampled_from([10**6, 10**8, 2**32 - 1])),
-    write(0x6084, 0, st.sampled_from([10**6, 10**8, 2**32 - 1])),
-    write(0x6086, 0, st.sampled_from([0, 3])),
-    write(0x60FF, 0, st.sampled_from([0, 15, 10**6, -(10**7), 2**31 - 1])),
-    write(0x607C, 0, st.integers(-(10**6), 10**6)),
-    write(0x60FE, 1, st.sampled_from([0, 1 << 16, 2 << 16, 3 << 16, 0xFFFF_FFFF])),
-    write(0x60FE, 2, st.sampled_from([0, 1 << 16, 2 << 16, 3 << 16])),
-    write(0x1016, 1, st.sampled_from([0, 0x7F_0001, 0x7F_0005])),
-    write(0x6007, 0, st.integers(0, 3)),
-    write(0x1029, 1, st.integers(0, 2)),
-    write(0x1010, 1, st.just(int.from_bytes(b"save", "little"))),
+    write(od.MICROSTEPS, st.sampled_from([1, 2, 8, 16])),
+    write(od.MAX_PROFILE_VELOCITY, st.sampled_from([1, 10**6, 8_000 * 16_384])),
+    write(od.TARGET_POSITION, st.integers(-(10**7), 10**7)),
+    write(od.POSITION_LIMIT_MIN, st.integers(-(10**7), 10**6)),
+    write(od.POSITION_LIMIT_MAX, st.integers(-(10**6), 10**7)),
+    write(od.PROFILE_VELOCITY, st.sampled_from([1, 10**5, 10**7, 2**32 - 1])),
+    write(od.PROFILE_ACCELERATION, st.sampled_from([10**6, 10**8, 2**32 - 1])),
+    write(od.PROFILE_DECELERATION, st.sampled_from([10**6, 10**8, 2**32 - 1])),
+    write(od.MOTION_PROFILE_TYPE, st.sampled_from([0, 3])),
+    write(od.TARGET_VELOCITY, st.sampled_from([0, 15, 10**6, -(10**7), 2**31 - 1])),
+    write(od.HOME_OFFSET, st.integers(-(10**6), 10**6)),
+    write(od.DIGITAL_OUTPUTS, st.sampled_from([0, 1 << 16, 2 << 16, 3 << 16, 0xFFFF_FFFF])),
+    write(od.DIGITAL_OUTPUTS_MASK, st.sampled_from([0, 1 << 16, 2 << 16, 3 << 16])),
+    write(od.CONSUMER_HEARTBEATS[0], st.sampled_from([0, 0x7F_0001, 0x7F_0005])),
+    write(od.ABORT_CONNECTION_OPTION, st.integers(0, 3)),
+    write(od.COMMUNICATION_ERROR_BEHAVIOUR, st.integers(0, 2)),
+    write(od.STORE_ALL, st.just(int.from_bytes(b"save", "little"))),
     action(BenchBoard.send, st.just(0x77F), st.just(b"\5")),
     action(BenchBoard.nmt, st.sampled_from([1, 2, 128, 129, 130]), st.sampled_from([0, 0x10, 0x11])),
     action(BenchBoard.wait, st.sampled_from([0.1, 0.25, 1, 7, 30])),
@@ -80,7 +81,7 @@ actions = st.one_of(
 def check(board: BenchBoard) -> None:
     motion = board.firmware.motion
     for node in board.firmware.nodes:
-        owed_units = abs(board.value(0x60F4, 0, node.axis))
+        owed_units = abs(board.value(od.FOLLOWING_ERROR_ACTUAL, node.axis))
         assert owed_units <= H_UNITS // motion.config(node.axis).microsteps + 1, "a step is owed"
         assert node.drive.energised or not motion.running(node.axis), "a disabled axis moves"
 
@@ -94,7 +95,7 @@ def check_outputs(board: BenchBoard) -> None:
         assert levels[change.axis, change.pin] != change.level
         levels[change.axis, change.pin] = change.level
     for (axis, pin), level in levels.items():
-        word = board.value(0x60FE, 1, axis) & board.value(0x60FE, 2, axis)
+        word = board.value(od.DIGITAL_OUTPUTS, axis) & board.value(od.DIGITAL_OUTPUTS_MASK, axis)
         assert level == bool(word & OUTPUT_PINS[pin])
 
 
@@ -102,7 +103,7 @@ def release(board: BenchBoard) -> None:
     """Clear every axis' halt bit, so that what is halted comes to its end."""
     board.nmt(1)
     for axis in range(AXES):
-        board.write(0x6040, 0, board.value(0x6040, 0, axis) & ~0x100, axis)
+        board.write(od.CONTROLWORD, board.value(od.CONTROLWORD, axis) & ~0x100, axis)
 
 
 @given(script=st.lists(actions, max_size=40))
@@ -116,7 +117,7 @@ def test_truths_hold_after_every_command(fast_kernel: Kernel, script: list[Actio
         check(board)
     release(board)
     for axis in range(AXES):
-        board.write(0x6040, 0, 0x07, axis)  # profile velocity has no end of its own
+        board.write(od.CONTROLWORD, 0x07, axis)  # profile velocity has no end of its own
     board.wait(3000)
     check(board)
     check_outputs(board)

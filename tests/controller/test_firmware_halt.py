@@ -3,6 +3,7 @@
 import pytest
 
 from steptwin.controller.backend import KERNELS, Kernel
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import State, Status
 from steptwin.protocol.pvt import PvtFlag
 from tests.controller.bench_board import MS, BenchBoard
@@ -21,10 +22,10 @@ def pair(fast_kernel: Kernel) -> BenchBoard:
 
 
 def running(board: BenchBoard, records: int = 32) -> BenchBoard:
-    board.write(0x6085, 0, 40_000 * STEP, 0)
-    board.write(0x6084, 0, 40_000 * STEP, 0)
-    board.write(0x6085, 0, 80_000 * STEP, 1)
-    board.write(0x6084, 0, 80_000 * STEP, 1)
+    board.write(od.QUICK_STOP_DECELERATION, 40_000 * STEP, 0)
+    board.write(od.PROFILE_DECELERATION, 40_000 * STEP, 0)
+    board.write(od.QUICK_STOP_DECELERATION, 80_000 * STEP, 1)
+    board.write(od.PROFILE_DECELERATION, 80_000 * STEP, 1)
     board.enable()
     for axis in range(2):
         sign = 1 - 2 * axis
@@ -41,15 +42,15 @@ END_UNITS = (40 + 30 * 80 + 40) * STEP
 
 
 def position(board: BenchBoard, axis: int = 0) -> int:
-    return board.value(0x6062, 0, axis)
+    return board.value(od.POSITION_DEMAND, axis)
 
 
 def flags(board: BenchBoard, axis: int = 0) -> int:
-    return board.value(0x2012, 3, axis)
+    return board.value(od.PVT_FLAGS, axis)
 
 
 def status(board: BenchBoard, axis: int = 0) -> int:
-    return board.value(0x6041, 0, axis)
+    return board.value(od.STATUSWORD, axis)
 
 
 def state(board: BenchBoard, axis: int = 0) -> State:
@@ -58,21 +59,21 @@ def state(board: BenchBoard, axis: int = 0) -> State:
 
 def ended(board: BenchBoard) -> bool:
     """Both axes have come to their ends as planned."""
-    ends = [(position(board, axis), board.value(0x6064, 0, axis), flags(board, axis)) for axis in range(2)]
+    ends = [(position(board, axis), board.value(od.POSITION_ACTUAL, axis), flags(board, axis)) for axis in range(2)]
     return ends == [(END_UNITS, END_UNITS, PvtFlag.EMPTY), (-END_UNITS, -END_UNITS, PvtFlag.EMPTY)]
 
 
 def test_one_axis_halts_all_and_all_go_on(pair: BenchBoard) -> None:
     """A ramp of 100 ms from 4 kHz covers 200 steps. Then rest, then on to the planned end, 0.1 s and the pause late."""
     before = position(pair)
-    pair.write(0x6040, 0, HALT, axis=1)
+    pair.write(od.CONTROLWORD, HALT, axis=1)
     pair.wait(RAMP_MS + 1)
     rest = position(pair)
     assert rest - before == pytest.approx(200 * STEP, abs=STEP)
     assert position(pair, 1) == -rest
     pair.wait(5000)
     assert (position(pair), position(pair, 1)) == (rest, -rest)
-    pair.write(0x6040, 0, RUN, axis=1)
+    pair.write(od.CONTROLWORD, RUN, axis=1)
     pair.wait(640 - 50 - 100 - 2 + 100)
     assert flags(pair) & PvtFlag.RUNNING
     pair.wait(5)
@@ -82,22 +83,22 @@ def test_one_axis_halts_all_and_all_go_on(pair: BenchBoard) -> None:
 
 def test_what_the_axes_say_meanwhile(pair: BenchBoard) -> None:
     """Interpolation stays active; the target counts as reached once the axes rest, and that is reported at once."""
-    pair.write(0x6040, 0, HALT)
+    pair.write(od.CONTROLWORD, HALT)
     for axis in range(2):
         assert status(pair, axis) & (Status.IP_ACTIVE | Status.TARGET_REACHED) == Status.IP_ACTIVE
     pair.wait(RAMP_MS / 2)
-    assert pair.value(0x606C) == pytest.approx(2000 * STEP, rel=0.02)
-    assert pair.value(0x606C, 0, 1) == pytest.approx(-2000 * STEP, rel=0.02)
+    assert pair.value(od.VELOCITY_ACTUAL) == pytest.approx(2000 * STEP, rel=0.02)
+    assert pair.value(od.VELOCITY_ACTUAL, 1) == pytest.approx(-2000 * STEP, rel=0.02)
     pair.wait(RAMP_MS / 2 + 1)
     for axis in range(2):
         assert status(pair, axis) & Status.IP_ACTIVE
         assert status(pair, axis) & Status.TARGET_REACHED
         assert flags(pair, axis) & PvtFlag.RUNNING
-        assert pair.value(0x606C, 0, axis) == 0
+        assert pair.value(od.VELOCITY_ACTUAL, axis) == 0
     reports = [(t, frame) for t, frame in pair.sent if frame.cob_id == 0x191]
     rested = next(t for t, frame in reports if t > 60 * MS and frame.data[1] & Status.TARGET_REACHED >> 8)
     assert rested == pytest.approx((50 + RAMP_MS) * MS, abs=0.5 * MS)
-    pair.write(0x6040, 0, RUN)
+    pair.write(od.CONTROLWORD, RUN)
     pair.wait(5)
     for axis in range(2):
         assert not status(pair, axis) & Status.TARGET_REACHED
@@ -106,14 +107,14 @@ def test_what_the_axes_say_meanwhile(pair: BenchBoard) -> None:
 
 def test_all_axes_must_let_go(pair: BenchBoard) -> None:
     for axis in range(2):
-        pair.write(0x6040, 0, HALT, axis)
+        pair.write(od.CONTROLWORD, HALT, axis)
     pair.wait(200)
     rest = position(pair)
-    pair.write(0x6040, 0, RUN, axis=0)
+    pair.write(od.CONTROLWORD, RUN, axis=0)
     pair.wait(200)
     assert position(pair) == rest
     assert status(pair) & Status.TARGET_REACHED
-    pair.write(0x6040, 0, RUN, axis=1)
+    pair.write(od.CONTROLWORD, RUN, axis=1)
     pair.wait(1000)
     assert ended(pair)
 
@@ -134,7 +135,7 @@ def test_a_sync_halts_and_releases_too(pair: BenchBoard) -> None:
 def test_it_may_change_its_mind_at_any_time(pair: BenchBoard, waits_ms: tuple[int, ...]) -> None:
     for ms in waits_ms:
         for word in (HALT, RUN):
-            pair.write(0x6040, 0, word)
+            pair.write(od.CONTROLWORD, word)
             pair.wait(ms)
     pair.wait(1000)
     assert ended(pair)
@@ -142,16 +143,16 @@ def test_it_may_change_its_mind_at_any_time(pair: BenchBoard, waits_ms: tuple[in
 
 def test_the_queue_fills_while_all_rest(fast_kernel: Kernel) -> None:
     board = running(BenchBoard(fast_kernel, axes=2), records=16)
-    board.write(0x6040, 0, HALT)
+    board.write(od.CONTROLWORD, HALT)
     board.wait(500)
-    queued = board.value(0x60C4, 4)
+    queued = board.value(od.BUFFER_POSITION)
     assert queued == 16 - 5 - 1
     for axis in range(2):
         for i in range(64 - queued):
             board.record(0, 0, 20, 16 + i, axis)
-    assert board.value(0x60C4, 4) == 64
+    assert board.value(od.BUFFER_POSITION) == 64
     assert not flags(board) & PvtFlag.OVERFLOW
-    board.write(0x6040, 0, RUN)
+    board.write(od.CONTROLWORD, RUN)
     board.wait(16 * 20 + 54 * 20 + 100)
     assert position(board) == (16 - 1) * 80 * STEP
     assert flags(board) == PvtFlag.EMPTY
@@ -171,7 +172,7 @@ def test_a_motion_started_during_a_halt_waits_and_starts_as_planned(fast_kernel:
     for axis in range(2):
         assert position(halted, axis) == 0
         assert status(halted, axis) & (Status.IP_ACTIVE | Status.TARGET_REACHED) == 0x1400
-    halted.write(0x6040, 0, RUN, axis=1)
+    halted.write(od.CONTROLWORD, RUN, axis=1)
     plain.wait(50)
     plain.start()
     for board in (plain, halted):
@@ -182,18 +183,18 @@ def test_a_motion_started_during_a_halt_waits_and_starts_as_planned(fast_kernel:
 
 
 def test_an_axis_may_join_a_halted_group(pair: BenchBoard) -> None:
-    pair.write(0x6040, 0, 0x0F, axis=1)
+    pair.write(od.CONTROLWORD, 0x0F, axis=1)
     pair.wait(200)
-    assert pair.write(0x60C4, 6, 0, axis=1) == 0
+    assert pair.write(od.BUFFER_CLEAR, 0, axis=1) == 0
     pair.record(10 * STEP, 0, 20, 0, axis=1)
-    pair.write(0x6040, 0, HALT, axis=0)
+    pair.write(od.CONTROLWORD, HALT, axis=0)
     pair.wait(200)
     start = position(pair, 1)
-    pair.write(0x6040, 0, RUN, axis=1)
+    pair.write(od.CONTROLWORD, RUN, axis=1)
     pair.wait(200)
     assert position(pair, 1) == start
     assert status(pair, 1) & Status.IP_ACTIVE
-    pair.write(0x6040, 0, RUN, axis=0)
+    pair.write(od.CONTROLWORD, RUN, axis=0)
     pair.wait(1000)
     assert position(pair, 1) == start + 10 * STEP
     assert position(pair) == END_UNITS
@@ -201,16 +202,16 @@ def test_an_axis_may_join_a_halted_group(pair: BenchBoard) -> None:
 
 def test_axes_that_do_not_interpolate_are_untouched(pair: BenchBoard) -> None:
     """Axis 1 ramps down from 4 kHz in 50 ms, halt or no halt; a halt bit in another mode halts nobody."""
-    pair.write(0x6040, 0, 0x0F, axis=1)
+    pair.write(od.CONTROLWORD, 0x0F, axis=1)
     start = position(pair, 1)
-    pair.write(0x6040, 0, HALT, axis=0)
+    pair.write(od.CONTROLWORD, HALT, axis=0)
     pair.wait(51)
     assert not pair.firmware.motion.running(1)
     assert position(pair, 1) - start == pytest.approx(-100 * STEP, abs=STEP)
-    pair.write(0x6040, 0, RUN, axis=0)
+    pair.write(od.CONTROLWORD, RUN, axis=0)
     pair.wait(200)
-    assert pair.write(0x6060, 0, 6, axis=1) == 0
-    pair.write(0x6040, 0, 0x10F, axis=1)
+    assert pair.write(od.MODE_OF_OPERATION, 6, axis=1) == 0
+    pair.write(od.CONTROLWORD, 0x10F, axis=1)
     pair.wait(1000)
     assert position(pair) == END_UNITS
 
@@ -218,8 +219,8 @@ def test_axes_that_do_not_interpolate_are_untouched(pair: BenchBoard) -> None:
 def test_the_end_of_the_axis_that_holds_releases_nobody(fast_kernel: Kernel) -> None:
     """Its queue ends while the group slows down; the others stay halted until its bit is cleared."""
     board = BenchBoard(fast_kernel, axes=2)
-    board.write(0x6085, 0, 10_000 * STEP, 1)
-    board.write(0x6084, 0, 10_000 * STEP, 1)
+    board.write(od.QUICK_STOP_DECELERATION, 10_000 * STEP, 1)
+    board.write(od.PROFILE_DECELERATION, 10_000 * STEP, 1)
     board.enable()
     board.record(10 * STEP, 0, 60, 0, axis=0)
     for sequence in range(40):
@@ -227,29 +228,29 @@ def test_the_end_of_the_axis_that_holds_releases_nobody(fast_kernel: Kernel) -> 
     board.record(10 * STEP, 0, 10, 40, axis=1)
     board.start()
     board.wait(50)
-    board.write(0x6040, 0, HALT, axis=0)
+    board.write(od.CONTROLWORD, HALT, axis=0)
     board.wait(1000)
     assert flags(board, 0) == PvtFlag.EMPTY
     rest = position(board, 1)
     board.wait(1000)
     assert position(board, 1) == rest
     assert status(board, 1) & Status.TARGET_REACHED
-    board.write(0x6040, 0, 0x0F, axis=0)
+    board.write(od.CONTROLWORD, 0x0F, axis=0)
     board.wait(1000)
     assert position(board, 1) == (40 * 20 + 10) * STEP
 
 
 def test_a_group_that_is_gone_leaves_no_halt_behind(pair: BenchBoard) -> None:
     """What starts later without a halt bit runs at full rate from its first tick."""
-    pair.write(0x6040, 0, HALT)
+    pair.write(od.CONTROLWORD, HALT)
     pair.wait(60)
     for axis in range(2):
-        pair.write(0x6040, 0, 0x0F, axis)
+        pair.write(od.CONTROLWORD, 0x0F, axis)
     pair.wait(200)
     before = position(pair)
-    assert pair.write(0x60C4, 6, 0) == 0
+    assert pair.write(od.BUFFER_CLEAR, 0) == 0
     pair.record(10 * STEP, 0, 20, 0)
-    pair.write(0x6040, 0, RUN)
+    pair.write(od.CONTROLWORD, RUN)
     pair.wait(21)
     assert position(pair) == before + 10 * STEP
 
@@ -261,10 +262,10 @@ class TestStopsDuringAHalt:
     )
     def test_ramps_start_from_the_velocity_that_is_left(self, pair: BenchBoard, word: int, target: State) -> None:
         """Half way down axis 0 runs at 2 kHz: 50 ms and 50 steps to rest. Axis 1 goes on halting."""
-        pair.write(0x6040, 0, HALT, axis=1)
+        pair.write(od.CONTROLWORD, HALT, axis=1)
         pair.wait(RAMP_MS / 2)
         start = position(pair)
-        pair.write(0x6040, 0, word)
+        pair.write(od.CONTROLWORD, word)
         pair.wait(48)
         assert state(pair) is not target
         pair.wait(4)
@@ -273,7 +274,7 @@ class TestStopsDuringAHalt:
         pair.wait(1000)
         assert status(pair, 1) & Status.TARGET_REACHED
         assert flags(pair, 1) & PvtFlag.RUNNING
-        pair.write(0x6040, 0, RUN, axis=1)
+        pair.write(od.CONTROLWORD, RUN, axis=1)
         pair.wait(1000)
         assert position(pair, 1) == -END_UNITS
 
@@ -288,15 +289,15 @@ class TestStopsDuringAHalt:
     )
     def test_at_rest_they_move_nothing(self, pair: BenchBoard, word: int, target: State) -> None:
         """The queue is closed as by any stop; the halt bit that is still set keeps the other axis halted."""
-        pair.write(0x6040, 0, HALT)
+        pair.write(od.CONTROLWORD, HALT)
         pair.wait(200)
         rest = position(pair)
-        pair.write(0x6040, 0, word)
+        pair.write(od.CONTROLWORD, word)
         pair.wait(200)
         assert state(pair) is target
         assert abs(position(pair) - rest) <= 1
         assert (position(pair, 1), flags(pair, 1) & PvtFlag.RUNNING) == (-rest, PvtFlag.RUNNING)
-        assert pair.value(0x2012, 2) == 0
+        assert pair.value(od.PVT_FREE_RECORDS) == 0
 
     def test_a_queue_that_runs_dry_on_the_ramp_stops_the_group(self, fast_kernel: Kernel) -> None:
         """Halted with 10 ms of records left at 4 kHz: an underrun, and the stop starts from what is left of 4 kHz.
@@ -305,8 +306,8 @@ class TestStopsDuringAHalt:
         """
         board = BenchBoard(fast_kernel, axes=2)
         for axis in range(2):
-            board.write(0x6085, 0, 40_000 * STEP, axis)
-            board.write(0x6084, 0, 40_000 * STEP, axis)
+            board.write(od.QUICK_STOP_DECELERATION, 40_000 * STEP, axis)
+            board.write(od.PROFILE_DECELERATION, 40_000 * STEP, axis)
         board.enable()
         for axis in range(2):
             board.record(40 * STEP, 4 * STEP * 64, 20, 0, axis)
@@ -314,18 +315,18 @@ class TestStopsDuringAHalt:
                 board.record(80 * STEP, 4 * STEP * 64, 20, sequence, axis)
         board.start()
         board.wait(70)
-        board.write(0x6040, 0, HALT)
+        board.write(od.CONTROLWORD, HALT)
         board.wait(12)
         assert state(board) is state(board, 1) is State.FAULT_REACTION_ACTIVE
-        assert board.value(0x606C) < 3700 * STEP
+        assert board.value(od.VELOCITY_ACTUAL) < 3700 * STEP
         board.wait(100)
         assert state(board) is state(board, 1) is State.FAULT
         assert 0 <= position(board, 1) - position(board) < STEP
         assert position(board) == pytest.approx((280 + 158) * STEP, abs=6 * STEP)
-        assert board.value(0x2013, 4) == 1
+        assert board.value(od.PVT_UNDERRUNS) == 1
 
     def test_a_reset_node_holds_nobody(self, pair: BenchBoard) -> None:
-        pair.write(0x6040, 0, HALT)
+        pair.write(od.CONTROLWORD, HALT)
         pair.wait(200)
         pair.nmt(0x81, node=0x10)
         pair.wait(1000)
@@ -338,7 +339,7 @@ def test_the_same_frames_give_the_same_bytes_with_both_kernels() -> None:
     for make_kernel in KERNELS.values():
         board = running(BenchBoard(make_kernel(), axes=2))
         for word, axis, ms in ((HALT, 0, 33), (HALT, 1, 200), (RUN, 0, 5), (RUN, 1, 77), (HALT, 1, 60), (RUN, 1, 900)):
-            board.write(0x6040, 0, word, axis)
+            board.write(od.CONTROLWORD, word, axis)
             board.wait(ms)
         edges = [
             ([int(t) for t in pins.clk_counts], [int(w) for w in pins.direction])

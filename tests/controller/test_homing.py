@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from steptwin.controller.backend import Kernel
 from steptwin.controller.homing_methods import METHODS
+from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.cia402 import HOMING_METHODS, DigitalInput, ErrorCode, HomingError, Mode, State, Status
 from tests.controller.homing_bench import (
@@ -145,14 +146,16 @@ class TestMethods:
     def test_here_is_here_and_nothing_moves(self, fast_kernel: Kernel, method: int) -> None:
         bench = bench_for(fast_kernel, method, 123)
         bench.home(method, offset_units=-1500)
-        assert (bench.value(0x6062), bench.rises) == (-1500, [])
+        assert (bench.value(od.POSITION_DEMAND), bench.rises) == (-1500, [])
 
     def test_just_these_are_supported(self, fast_kernel: Kernel) -> None:
         bench = bench_for(fast_kernel, 17, 0)
-        taken = [method for method in range(-128, 128) if bench.write(0x6098, 0, method) == 0]
-        listed = [bench.value(0x60E3, i) for i in range(1, bench.value(0x60E3) + 1)]
+        taken = [method for method in range(-128, 128) if bench.write(od.HOMING_METHOD, method) == 0]
+        listed = [
+            bench.value(od.SUPPORTED_HOMING_METHODS + i) for i in range(1, bench.value(od.SUPPORTED_HOMING_METHODS) + 1)
+        ]
         assert taken == listed == list(HOMING_METHODS) == list(METHODS) == [*range(17, 31), 35, 37]
-        assert bench.write(0x6098, 0, 33) == AbortCode.VALUE_RANGE
+        assert bench.write(od.HOMING_METHOD, 33) == AbortCode.VALUE_RANGE
 
     def test_both_kernels_home_in_the_same_way(self, kernel: Kernel, fast_kernel: Kernel) -> None:
         runs = []
@@ -211,9 +214,9 @@ def test_home_repeats_within_one_step(
             HOME: Sticky(*bounds, hysteresis),
         }
         bench = HomingBench(fast_kernel, Machine(start, switches))
-        bench.write(0x6099, 1, fast * STEP)
-        bench.write(0x6099, 2, slow * STEP)
-        bench.write(0x609A, 0, acceleration * STEP)
+        bench.write(od.HOMING_SEARCH_SPEED, fast * STEP)
+        bench.write(od.HOMING_ZERO_SPEED, slow * STEP)
+        bench.write(od.HOMING_ACCELERATION, acceleration * STEP)
         bench.home(method, timeout_ms=60_000)
         zeros.append(bench.zero_steps)
     assert abs(zeros[0] - zeros[1]) <= 1
@@ -230,10 +233,10 @@ class TestResult:
     ) -> None:
         bench = bench_for(fast_kernel, 20, -100)
         bench.home(20, offset)
-        assert bench.machine.position * STEP - bench.value(0x6064) == EDGE * STEP - counted
+        assert bench.machine.position * STEP - bench.value(od.POSITION_ACTUAL) == EDGE * STEP - counted
         assert bench.machine.position > EDGE
-        assert bench.write(0x6060, 0, Mode.PROFILE_POSITION) == 0
-        bench.write(0x607A, 0, counted)
+        assert bench.write(od.MODE_OF_OPERATION, Mode.PROFILE_POSITION) == 0
+        bench.write(od.TARGET_POSITION, counted)
         bench.word()
         bench.word(START)
         bench.wait(2_000)
@@ -245,21 +248,21 @@ class TestResult:
             bench = bench_for(fast_kernel, 20, start)
             bench.home(20, offset_units=500)
             made = len(bench.rises)
-            assert abs(bench.value(0x6062) - bench.value(0x6064)) <= STEP * 9 // 16
+            assert abs(bench.value(od.POSITION_DEMAND) - bench.value(od.POSITION_ACTUAL)) <= STEP * 9 // 16
             bench.wait(50)
             assert len(bench.rises) == made
 
     def test_the_statusword_says_in_progress_and_then_done(self, fast_kernel: Kernel) -> None:
         bench = bench_for(fast_kernel, 24, 100)
         assert bench.bits == (1, 0, 0)
-        assert not bench.value(0x6041) & Status.POSITION_KNOWN
+        assert not bench.value(od.STATUSWORD) & Status.POSITION_KNOWN
         bench.begin(24)
         seen = [bench.bits]
         while bench.bits != (1, 1, 0):
             bench.wait(0.25)
             seen.append(bench.bits)
         assert set(seen[:-1]) == {(0, 0, 0)}
-        assert bench.value(0x6041) & Status.POSITION_KNOWN
+        assert bench.value(od.STATUSWORD) & Status.POSITION_KNOWN
         assert bench.firmware.motion.running(0) is False
 
     def test_it_stays_done_until_another_begins_or_the_position_is_lost(self, fast_kernel: Kernel) -> None:
@@ -267,35 +270,35 @@ class TestResult:
         bench.home(20)
         bench.word()
         for mode in (Mode.PROFILE_VELOCITY, Mode.HOMING):
-            assert bench.write(0x6060, 0, mode) == 0
+            assert bench.write(od.MODE_OF_OPERATION, mode) == 0
         assert bench.bits == (1, 1, 0)
         bench.word(START)
         assert bench.bits == (0, 0, 0)
         bench.end()
-        bench.write(0x6060, 0, Mode.PROFILE_VELOCITY)
-        bench.write(0x60FF, 0, 100 * STEP)
+        bench.write(od.MODE_OF_OPERATION, Mode.PROFILE_VELOCITY)
+        bench.write(od.TARGET_VELOCITY, 100 * STEP)
         bench.wait(100)
-        bench.write(0x6040, 0, 0)
-        bench.write(0x60FF, 0, 0)
-        assert not bench.value(0x6041) & Status.POSITION_KNOWN
+        bench.write(od.CONTROLWORD, 0)
+        bench.write(od.TARGET_VELOCITY, 0)
+        assert not bench.value(od.STATUSWORD) & Status.POSITION_KNOWN
         for word in (0x06, 0x07, 0x0F):
-            bench.write(0x6040, 0, word)
-        bench.write(0x6060, 0, Mode.HOMING)
+            bench.write(od.CONTROLWORD, word)
+        bench.write(od.MODE_OF_OPERATION, Mode.HOMING)
         assert bench.bits == (1, 0, 0)
 
     def test_limit_switches_are_faults_again_afterwards(self, fast_kernel: Kernel) -> None:
         bench = bench_for(fast_kernel, 18, 500)
         bench.home(18)
         assert bench.state() is State.OPERATION_ENABLED
-        bench.write(0x6060, 0, Mode.PROFILE_VELOCITY)
-        bench.write(0x60FF, 0, 1000 * STEP)
+        bench.write(od.MODE_OF_OPERATION, Mode.PROFILE_VELOCITY)
+        bench.write(od.TARGET_VELOCITY, 1000 * STEP)
         bench.wait(1_000)
-        assert (bench.state(), bench.value(0x603F)) == (State.FAULT, ErrorCode.LIMIT_SWITCH)
+        assert (bench.state(), bench.value(od.ERROR_CODE)) == (State.FAULT, ErrorCode.LIMIT_SWITCH)
 
     def test_soft_limits_do_not_hinder_it(self, fast_kernel: Kernel) -> None:
         bench = bench_for(fast_kernel, 20, -300)
-        bench.write(0x607D, 1, -STEP)
-        bench.write(0x607D, 2, STEP)
+        bench.write(od.POSITION_LIMIT_MIN, -STEP)
+        bench.write(od.POSITION_LIMIT_MAX, STEP)
         bench.home(20)
         assert bench.zero_steps == EDGE
 
@@ -303,13 +306,13 @@ class TestResult:
         bench = bench_for(fast_kernel, 20, -100)
         bench.home(20)
         bench.record(1000, 0, 10, 0)
-        assert (bench.value(0x2012, 1), bench.value(0x2012, 2)) == (0, 0)
+        assert (bench.value(od.PVT_NEXT_SEQUENCE), bench.value(od.PVT_FREE_RECORDS)) == (0, 0)
 
 
 class TestErrors:
     def failed(self, bench: HomingBench, method: int, error: HomingError) -> None:
         """A homing that stops, says why and leaves all else as it was."""
-        known = bench.value(0x6041) & Status.POSITION_KNOWN
+        known = bench.value(od.STATUSWORD) & Status.POSITION_KNOWN
         zero = bench.zero_steps
         bench.begin(method, offset_units=77 * STEP)
         seen = {bench.bits}
@@ -320,10 +323,10 @@ class TestErrors:
         assert (1, 0, 0) not in seen
         assert bench.error is error
         assert bench.emergencies[-1] == (ErrorCode.HOMING_FAILED, error)
-        assert bench.value(0x1001) == 0x81
+        assert bench.value(od.ERROR_REGISTER) == 0x81
         assert bench.state() is State.OPERATION_ENABLED
         assert bench.zero_steps == zero
-        assert bench.value(0x6041) & Status.POSITION_KNOWN == known
+        assert bench.value(od.STATUSWORD) & Status.POSITION_KNOWN == known
 
     @pytest.mark.parametrize("method", [19, 20, 21, 22])
     def test_the_home_switch_is_not_there(self, fast_kernel: Kernel, method: int) -> None:
@@ -376,10 +379,10 @@ class TestErrors:
 
     def test_an_axis_that_must_not_move(self, fast_kernel: Kernel) -> None:
         bench = HomingBench(fast_kernel, machine(20, 0))
-        bench.write(0x6040, 0, 0)
-        assert bench.write(0x607F, 0, 1) == 0
+        bench.write(od.CONTROLWORD, 0)
+        assert bench.write(od.MAX_PROFILE_VELOCITY, 1) == 0
         for word in (0x06, 0x07, 0x0F):
-            bench.write(0x6040, 0, word)
+            bench.write(od.CONTROLWORD, word)
         bench.begin(20)
         assert (bench.bits, bench.error, bench.rises) == ((1, 0, 1), HomingError.NO_SPEED, [])
 
@@ -391,22 +394,22 @@ class TestErrors:
         bench.word()
         assert bench.bits == (1, 0, 1)
         bench.home(20)
-        assert (bench.zero_steps, bench.error, bench.value(0x1001)) == (EDGE, HomingError.NONE, 0)
+        assert (bench.zero_steps, bench.error, bench.value(od.ERROR_REGISTER)) == (EDGE, HomingError.NONE, 0)
         assert bench.emergencies[-1][0] == 0
 
     def test_leaving_the_mode_ends_it_too_but_the_reason_can_still_be_read(self, fast_kernel: Kernel) -> None:
         bench = bench_for(fast_kernel, 20, 0, HOME=lambda _: False)
         self.failed(bench, 20, HomingError.NOT_FOUND)
-        bench.write(0x6060, 0, Mode.PROFILE_POSITION)
-        bench.write(0x6060, 0, Mode.HOMING)
-        assert (bench.bits, bench.error, bench.value(0x1001)) == ((1, 0, 0), HomingError.NOT_FOUND, 0)
+        bench.write(od.MODE_OF_OPERATION, Mode.PROFILE_POSITION)
+        bench.write(od.MODE_OF_OPERATION, Mode.HOMING)
+        assert (bench.bits, bench.error, bench.value(od.ERROR_REGISTER)) == ((1, 0, 0), HomingError.NOT_FOUND, 0)
 
 
 class TestTimeout:
     def seen_after_us(self, kernel: Kernel, timeout_ms: int) -> tuple[HomingBench, int]:
         """Home, with success or not; return when the edge was seen, after the start, in us."""
         bench = bench_for(kernel, 21, 200)
-        bench.write(0x2020, 1, timeout_ms)
+        bench.write(od.HOMING_TIMEOUT_MS, timeout_ms)
         begun = bench.now
         bench.begin(21)
         bench.end()
@@ -426,7 +429,7 @@ class TestTimeout:
 
     def test_it_is_two_minutes_by_default(self, fast_kernel: Kernel) -> None:
         bench = bench_for(fast_kernel, 17, 0, NEGATIVE_LIMIT=lambda _: False)
-        bench.write(0x6099, 1, STEP)
+        bench.write(od.HOMING_SEARCH_SPEED, STEP)
         bench.begin(17)
         assert bench.firmware.nodes[0].drive.mode.due_us == bench.now // 72 + 120_000_000
 
@@ -437,13 +440,13 @@ class TestInterruption:
         bench = bench_for(kernel, method, start)
         bench.begin(method)
         bench.wait(120)
-        assert abs(bench.value(0x606C)) >= FAST_STEPS_PER_S * STEP - STEP
+        assert abs(bench.value(od.VELOCITY_ACTUAL)) >= FAST_STEPS_PER_S * STEP - STEP
         return bench
 
     def test_halt_and_its_release(self, fast_kernel: Kernel) -> None:
         bench = self.searching(fast_kernel)
         bench.word(START | HALT)
-        assert bench.bits == (0, 0, 0) or bench.value(0x606C)
+        assert bench.bits == (0, 0, 0) or bench.value(od.VELOCITY_ACTUAL)
         bench.wait(100)
         assert bench.bits == (1, 0, 0)
         stood = bench.machine.position
@@ -484,8 +487,8 @@ class TestInterruption:
         took_ms = {}
         for option in (1, 2):
             bench = self.searching(fast_kernel)
-            bench.write(0x605D, 0, option)
-            bench.write(0x6085, 0, 5_000 * STEP)
+            bench.write(od.HALT_OPTION, option)
+            bench.write(od.QUICK_STOP_DECELERATION, 5_000 * STEP)
             bench.word(START | HALT)
             took_ms[option] = bench.end()
         assert took_ms[1] == pytest.approx(50 + 16, abs=16)
@@ -494,7 +497,7 @@ class TestInterruption:
     def test_a_start_during_halt_waits_for_its_release(self, fast_kernel: Kernel) -> None:
         bench = bench_for(fast_kernel, 20, -100)
         bench.word(HALT)
-        assert bench.write(0x6098, 0, 20) == 0
+        assert bench.write(od.HOMING_METHOD, 20) == 0
         bench.word(START | HALT)
         bench.wait(100)
         assert (bench.bits, bench.rises) == ((1, 0, 0), [])
@@ -506,13 +509,13 @@ class TestInterruption:
         bench = self.searching(fast_kernel)
         bench.word()
         bench.word(START)
-        assert (bench.bits, bench.value(0x606C) != 0) == ((0, 0, 0), True)
+        assert (bench.bits, bench.value(od.VELOCITY_ACTUAL) != 0) == ((0, 0, 0), True)
         bench.end()
         assert (bench.bits, bench.zero_steps) == ((1, 1, 0), EDGE)
 
     def test_the_mode_cannot_be_left_in_motion(self, fast_kernel: Kernel) -> None:
         bench = self.searching(fast_kernel)
-        assert bench.write(0x6060, 0, Mode.PROFILE_POSITION) == AbortCode.DEVICE_STATE
+        assert bench.write(od.MODE_OF_OPERATION, Mode.PROFILE_POSITION) == AbortCode.DEVICE_STATE
 
     @pytest.mark.parametrize(
         ("word", "state"),
@@ -525,12 +528,12 @@ class TestInterruption:
     )
     def test_switching_off_ends_it(self, fast_kernel: Kernel, word: int, state: State) -> None:
         bench = self.searching(fast_kernel)
-        bench.write(0x6040, 0, word)
+        bench.write(od.CONTROLWORD, word)
         bench.wait(200)
         made = len(bench.rises)
         assert bench.state() is state
         for up in (0x06, 0x07, 0x0F):
-            bench.write(0x6040, 0, up)
+            bench.write(od.CONTROLWORD, up)
         bench.wait(50)
         assert (bench.bits, len(bench.rises)) == ((1, 0, 0), made)
         bench.home(20)
@@ -548,17 +551,17 @@ class TestInterruption:
         bench = self.searching(fast_kernel)
         bench.machine.switches[DigitalInput.ESTOP] = lambda _: True
         bench.wait(200)
-        assert (bench.state(), bench.value(0x603F)) == (State.FAULT, ErrorCode.ESTOP)
+        assert (bench.state(), bench.value(od.ERROR_CODE)) == (State.FAULT, ErrorCode.ESTOP)
 
     def test_a_stop_behind_the_edge_that_the_mode_has_not_made_loses_it(self, fast_kernel: Kernel) -> None:
         """Coordinates are set at rest: who cuts the ramp short has not homed."""
         bench = bench_for(fast_kernel, 20, -40)
-        bench.write(0x609A, 0, 2_000 * STEP)
+        bench.write(od.HOMING_ACCELERATION, 2_000 * STEP)
         bench.begin(20)
         while len(bench.strokes()) < 3 or bench.machine.position < EDGE:
             bench.wait(0.25)
         bench.wait(30)
-        bench.write(0x6040, 0, 0x07)
+        bench.write(od.CONTROLWORD, 0x07)
         bench.wait(300)
-        bench.write(0x6040, 0, 0x0F)
+        bench.write(od.CONTROLWORD, 0x0F)
         assert bench.bits == (1, 0, 0)

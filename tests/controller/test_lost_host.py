@@ -3,6 +3,7 @@
 import pytest
 
 from steptwin.controller.backend import Kernel
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import AbortConnection, ErrorCode, State
 from steptwin.protocol.nmt import ErrorBehaviour, NmtState
 from tests.controller.bench_board import BenchBoard
@@ -19,7 +20,7 @@ def pair(fast_kernel: Kernel) -> BenchBoard:
 
 def watch_host(board: BenchBoard, *axes: int, timeout_ms: int = 50) -> None:
     for axis in axes:
-        assert board.write(0x1016, 1, HOST << 16 | timeout_ms, axis) == 0
+        assert board.write(od.CONSUMER_HEARTBEATS[0], HOST << 16 | timeout_ms, axis) == 0
 
 
 def beat(board: BenchBoard) -> None:
@@ -29,7 +30,7 @@ def beat(board: BenchBoard) -> None:
 def moving(board: BenchBoard) -> None:
     """Both axes run at 4 kHz, axis 1 the other way, with records enough for 1 s."""
     for axis in (0, 1):
-        assert board.write(0x6085, 0, 40_000 * STEP, axis) == 0
+        assert board.write(od.QUICK_STOP_DECELERATION, 40_000 * STEP, axis) == 0
     board.enable()
     for axis in (0, 1):
         sign = 1 - 2 * axis
@@ -76,10 +77,10 @@ def test_a_lost_host_stops_all_its_axes_in_the_same_time(pair: BenchBoard) -> No
     assert states(pair) == [State.FAULT_REACTION_ACTIVE] * 2
     pair.wait(2)
     assert states(pair) == [State.FAULT] * 2
-    assert pair.value(0x6062, 0, 0) == -pair.value(0x6062, 0, 1)
+    assert pair.value(od.POSITION_DEMAND, 0) == -pair.value(od.POSITION_DEMAND, 1)
     for axis in (0, 1):
-        assert pair.value(0x603F, 0, axis) == ErrorCode.HEARTBEAT_LOST
-        assert abs(pair.value(0x60F4, 0, axis)) <= 0.57 * STEP
+        assert pair.value(od.ERROR_CODE, axis) == ErrorCode.HEARTBEAT_LOST
+        assert abs(pair.value(od.FOLLOWING_ERROR_ACTUAL, axis)) <= 0.57 * STEP
 
 
 def test_one_axis_that_listens_stops_the_whole_group(pair: BenchBoard) -> None:
@@ -88,12 +89,12 @@ def test_one_axis_that_listens_stops_the_whole_group(pair: BenchBoard) -> None:
     beat(pair)
     pair.wait(160)
     assert states(pair) == [State.FAULT] * 2
-    assert [pair.value(0x603F, 0, axis) for axis in (0, 1)] == [ErrorCode.GROUP_STOPPED, ErrorCode.HEARTBEAT_LOST]
+    assert [pair.value(od.ERROR_CODE, axis) for axis in (0, 1)] == [ErrorCode.GROUP_STOPPED, ErrorCode.HEARTBEAT_LOST]
     assert [node.nmt_state for node in pair.firmware.nodes] == [NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL]
 
 
 def test_without_group_stop_the_others_run_on(pair: BenchBoard) -> None:
-    pair.write(0x2010, 1, 0, axis=1)
+    pair.write(od.GROUP_STOP, 0, axis=1)
     watch_host(pair, 1)
     moving(pair)
     beat(pair)
@@ -112,7 +113,7 @@ def test_without_group_stop_the_others_run_on(pair: BenchBoard) -> None:
 )
 def test_reactions(pair: BenchBoard, option: AbortConnection, at_once: State, at_last: State) -> None:
     for axis in (0, 1):
-        assert pair.write(0x6007, 0, option, axis) == 0
+        assert pair.write(od.ABORT_CONNECTION_OPTION, option, axis) == 0
     watch_host(pair, 0, 1)
     moving(pair)
     beat(pair)
@@ -135,14 +136,14 @@ def test_reactions(pair: BenchBoard, option: AbortConnection, at_once: State, at
     ],
 )
 def test_error_behaviour(pair: BenchBoard, behaviour: ErrorBehaviour, before: NmtState, after: NmtState) -> None:
-    assert pair.write(0x1029, 1, behaviour) == 0
+    assert pair.write(od.COMMUNICATION_ERROR_BEHAVIOUR, behaviour) == 0
     watch_host(pair, 0)
     pair.nmt({NmtState.OPERATIONAL: 1, NmtState.STOPPED: 2, NmtState.PRE_OPERATIONAL: 128}[before])
     beat(pair)
     pair.wait(51)
     assert pair.firmware.nodes[0].nmt_state is after
     assert errors(pair, 0) == ([] if before is NmtState.STOPPED else ["3081117f00000000"])
-    assert pair.value(0x1001) == 0x11
+    assert pair.value(od.ERROR_REGISTER) == 0x11
 
 
 def test_a_drive_that_is_off_reports_and_stays_as_it_is(pair: BenchBoard) -> None:
@@ -153,7 +154,7 @@ def test_a_drive_that_is_off_reports_and_stays_as_it_is(pair: BenchBoard) -> Non
     assert errors(pair, 0) == ["3081117f00000000"]
     beat(pair)
     assert errors(pair, 0)[1:] == ["0000000000000000"]
-    assert pair.value(0x1001) == 0
+    assert pair.value(od.ERROR_REGISTER) == 0
 
 
 def test_a_host_that_comes_back_resets_the_fault_and_works_on(pair: BenchBoard) -> None:
@@ -162,11 +163,15 @@ def test_a_host_that_comes_back_resets_the_fault_and_works_on(pair: BenchBoard) 
     moving(pair)
     beat(pair)
     pair.wait(200)
-    pair.write(0x6040, 0, 0x80, axis=1)
-    assert (states(pair)[1], errors(pair, 1)[1:], pair.value(0x1001, 0, 1)) == (State.SWITCH_ON_DISABLED, [], 0x11)
+    pair.write(od.CONTROLWORD, 0x80, axis=1)
+    assert (states(pair)[1], errors(pair, 1)[1:], pair.value(od.ERROR_REGISTER, 1)) == (
+        State.SWITCH_ON_DISABLED,
+        [],
+        0x11,
+    )
     beat(pair)
     assert (errors(pair, 0)[1:], errors(pair, 1)[1:]) == ([], ["0000000000000000"])
-    pair.write(0x6040, 0, 0x80, axis=0)
+    pair.write(od.CONTROLWORD, 0x80, axis=0)
     assert errors(pair, 0)[1:] == ["0000000000000000"]
     pair.wait(51)
     assert errors(pair, 0)[2:] == ["3081117f00000000"], "it is watched again"
@@ -178,7 +183,7 @@ def test_a_communication_reset_ends_the_watch(pair: BenchBoard) -> None:
     pair.nmt(0x82)
     pair.wait(100)
     assert errors(pair, 0) == []
-    assert pair.value(0x1016, 1) == 0
+    assert pair.value(od.CONSUMER_HEARTBEATS[0]) == 0
 
 
 def test_a_halted_machine_whose_host_is_lost_ends_in_fault(pair: BenchBoard) -> None:
@@ -187,7 +192,7 @@ def test_a_halted_machine_whose_host_is_lost_ends_in_fault(pair: BenchBoard) -> 
     moving(pair)
     beat(pair)
     for axis in (0, 1):
-        pair.write(0x6040, 0, 0x11F, axis)
+        pair.write(od.CONTROLWORD, 0x11F, axis)
     pair.wait(499)
     assert states(pair) == [State.OPERATION_ENABLED] * 2
     pair.wait(250)
@@ -197,14 +202,14 @@ def test_a_halted_machine_whose_host_is_lost_ends_in_fault(pair: BenchBoard) -> 
 
 @pytest.mark.parametrize("option", [AbortConnection.FAULT_SIGNAL, AbortConnection.QUICK_STOP])
 def test_a_jogging_axis_stops_too(pair: BenchBoard, option: AbortConnection) -> None:
-    pair.write(0x6007, 0, option)
-    pair.write(0x6085, 0, 40_000 * STEP)
+    pair.write(od.ABORT_CONNECTION_OPTION, option)
+    pair.write(od.QUICK_STOP_DECELERATION, 40_000 * STEP)
     watch_host(pair, 0, timeout_ms=500)
     pair.enable(mode=3)
     beat(pair)
-    pair.write(0x60FF, 0, 2_000 * STEP)
+    pair.write(od.TARGET_VELOCITY, 2_000 * STEP)
     pair.wait(499)
-    assert pair.value(0x606C) > 0
+    assert pair.value(od.VELOCITY_ACTUAL) > 0
     pair.wait(200)
     assert states(pair)[0] is (State.FAULT if option is AbortConnection.FAULT_SIGNAL else State.SWITCH_ON_DISABLED)
     assert not pair.firmware.motion.running(0)

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import pytest
 
 from steptwin.controller.backend import Kernel
+from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.datatypes import DataType, encode
 from steptwin.protocol.dictionary import ObjectDictionary
@@ -110,7 +111,7 @@ def test_read(board: BenchBoard, index: int, subindex: int, entry: Entry) -> Non
     elif entry.data_type is DataType.VISIBLE_STRING:
         assert answer == str(entry.default).encode()
     else:
-        assert answer == encode(entry.data_type, board.value(index, subindex))
+        assert answer == encode(entry.data_type, board.value(od.address_of(index, subindex)))
 
 
 def limits(entry: Entry) -> tuple[int, int]:
@@ -139,13 +140,13 @@ def test_write(board: BenchBoard, index: int, subindex: int, entry: Entry) -> No
 def test_length(board: BenchBoard, index: int, subindex: int, entry: Entry) -> None:
     size = entry.data_type.size
     if entry.access in WRITABLE:
-        before = board.value(index, subindex)
+        before = board.value(od.address_of(index, subindex))
         assert download(board, index, subindex, bytes(size - 1)) == AbortCode.LENGTH_TOO_LOW
         assert download(board, index, subindex, bytes(size + 1)) == AbortCode.LENGTH_TOO_HIGH
         assert download(board, index, subindex, bytes(14)) == AbortCode.LENGTH_TOO_HIGH
         announced = request(board, b"\x21" + head(index, subindex) + (size + 1).to_bytes(4, "little"))
         assert abort_of(announced) == AbortCode.LENGTH_TOO_HIGH
-        assert board.value(index, subindex) == before
+        assert board.value(od.address_of(index, subindex)) == before
 
 
 @pytest.mark.parametrize("item", OBJECTS, ids=lambda item: f"{item.index:04X}")

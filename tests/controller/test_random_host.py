@@ -14,6 +14,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 
 from steptwin.controller.backend import KERNELS, Kernel
 from steptwin.controller.pins import Pin
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, Mode, State, Status
 from tests.controller.bench_board import MS, BenchBoard
 from tests.controller.kernel_rig import Timing, pin_timing_faults
@@ -21,6 +22,7 @@ from tests.controller.kernel_rig import Timing, pin_timing_faults
 AXES = 2
 ACCELERATION = 40_000 * 1024
 """Of every ramp of a profile, a stop or a fault, in units/s2."""
+RAMPS = (od.PROFILE_ACCELERATION, od.PROFILE_DECELERATION, od.QUICK_STOP_DECELERATION, od.HOMING_ACCELERATION)
 VELOCITY_MAX = 4_000 * 1024
 ROUNDING = 4 * 1024
 """What velocities per ms may differ by: 1/64 unit per ms, a ramp of whole ms, units at the ends of segments."""
@@ -29,35 +31,35 @@ axes = st.integers(0, AXES - 1)
 INPUTS = (DigitalInput(0), *DigitalInput, DigitalInput.NEGATIVE_LIMIT | DigitalInput.POSITIVE_LIMIT)
 WORDS = (0x06, 0x07, 0x0F, 0x0F, 0x1F, 0x1F, 0x3F, 0x5F, 0x02, 0x00, 0x80, 0x10F, 0x11F)
 OBJECTS = {
-    (0x605A, 0): (0, 1, 2, 5, 6),
-    (0x605B, 0): (0, 1),
-    (0x605C, 0): (0, 1),
-    (0x605D, 0): (1, 2),
-    (0x605E, 0): (0, 1, 2),
-    (0x6007, 0): (0, 1, 2, 3),
-    (0x6065, 0): (0, 576, 1024, 2**32 - 1),
-    (0x6067, 0): (0, 512, 2**32 - 1),
-    (0x607A, 0): (0, 1000, -300_000, 2_000_000, 2**31 - 1),
-    (0x607C, 0): (0, 500, -1_000_000),
-    (0x607D, 1): (-(2**31), -1_000_000, 0),
-    (0x607D, 2): (2**31 - 1, 1_000_000, 0),
-    (0x6081, 0): (1, 100_000, VELOCITY_MAX, 2**32 - 1),
-    (0x6086, 0): (0, 3),
-    (0x2020, 1): (0, 50, 10_000),
-    (0x6098, 0): (17, 18, 19, 22, 23, 30, 35, 37, 37),
-    (0x6099, 1): (1_000_000, VELOCITY_MAX),
-    (0x6099, 2): (100_000, VELOCITY_MAX),
-    (0x60FF, 0): (0, 15, 1_000_000, -VELOCITY_MAX, 2**31 - 1),
-    (0x60C4, 6): (0,),
-    (0x2000, 1): (1, 2, 8, 16),
-    (0x2000, 4): (20, 50, 100),
-    (0x2010, 1): (0, 1),
-    (0x607E, 0): (0, 0xC0),
-    (0x1016, 1): (0, 0x7F_0005),
-    (0x1029, 1): (0, 1, 2),
-    (0x1010, 1): (int.from_bytes(b"save", "little"),),
+    od.QUICK_STOP_OPTION: (0, 1, 2, 5, 6),
+    od.SHUTDOWN_OPTION: (0, 1),
+    od.DISABLE_OPERATION_OPTION: (0, 1),
+    od.HALT_OPTION: (1, 2),
+    od.FAULT_REACTION_OPTION: (0, 1, 2),
+    od.ABORT_CONNECTION_OPTION: (0, 1, 2, 3),
+    od.FOLLOWING_ERROR_WINDOW: (0, 576, 1024, 2**32 - 1),
+    od.POSITION_WINDOW: (0, 512, 2**32 - 1),
+    od.TARGET_POSITION: (0, 1000, -300_000, 2_000_000, 2**31 - 1),
+    od.HOME_OFFSET: (0, 500, -1_000_000),
+    od.POSITION_LIMIT_MIN: (-(2**31), -1_000_000, 0),
+    od.POSITION_LIMIT_MAX: (2**31 - 1, 1_000_000, 0),
+    od.PROFILE_VELOCITY: (1, 100_000, VELOCITY_MAX, 2**32 - 1),
+    od.MOTION_PROFILE_TYPE: (0, 3),
+    od.HOMING_TIMEOUT_MS: (0, 50, 10_000),
+    od.HOMING_METHOD: (17, 18, 19, 22, 23, 30, 35, 37, 37),
+    od.HOMING_SEARCH_SPEED: (1_000_000, VELOCITY_MAX),
+    od.HOMING_ZERO_SPEED: (100_000, VELOCITY_MAX),
+    od.TARGET_VELOCITY: (0, 15, 1_000_000, -VELOCITY_MAX, 2**31 - 1),
+    od.BUFFER_CLEAR: (0,),
+    od.MICROSTEPS: (1, 2, 8, 16),
+    od.REST_TORQUE_PERCENT: (20, 50, 100),
+    od.GROUP_STOP: (0, 1),
+    od.POLARITY: (0, 0xC0),
+    od.CONSUMER_HEARTBEATS[0]: (0, 0x7F_0005),
+    od.COMMUNICATION_ERROR_BEHAVIOUR: (0, 1, 2),
+    od.STORE_ALL: (int.from_bytes(b"save", "little"),),
 }
-writes = st.sampled_from([(*key, value) for key, values in OBJECTS.items() for value in values])
+writes = st.sampled_from([(address, value) for address, values in OBJECTS.items() for value in values])
 spells = st.integers(0, 200)
 """How long a motion is watched, in ms."""
 Step = Callable[["WatchedBoard"], None]
@@ -135,17 +137,17 @@ class RandomHost(RuleBasedStateMachine):
     def set_up(self) -> None:
         def configure(board: WatchedBoard) -> None:
             for axis in range(AXES):
-                for index in (0x6083, 0x6084, 0x6085, 0x609A):
-                    board.write(index, 0, ACCELERATION, axis)
-                board.write(0x607F, 0, VELOCITY_MAX, axis)
-                board.write(0x1010, 1, int.from_bytes(b"save", "little"), axis)
+                for address in RAMPS:
+                    board.write(address, ACCELERATION, axis)
+                board.write(od.MAX_PROFILE_VELOCITY, VELOCITY_MAX, axis)
+                board.write(od.STORE_ALL, int.from_bytes(b"save", "little"), axis)
             board.enable(Mode.HOMING)
 
         self.do(configure)
 
     @rule(word=st.sampled_from(WORDS), axis=axes)
     def controlword(self, word: int, axis: int) -> None:
-        self.now(lambda board: (board.write(0x6040, 0, word, axis), None)[1])
+        self.now(lambda board: (board.write(od.CONTROLWORD, word, axis), None)[1])
 
     @rule(mode=st.sampled_from(Mode))
     def recover(self, mode: int) -> None:
@@ -157,16 +159,16 @@ class RandomHost(RuleBasedStateMachine):
             board.nmt(1)
             for axis in range(AXES):
                 for word in (0x80, 0x06, 0x07, 0x0F):
-                    board.write(0x6040, 0, word, axis)
-                board.write(0x6060, 0, mode, axis)
+                    board.write(od.CONTROLWORD, word, axis)
+                board.write(od.MODE_OF_OPERATION, mode, axis)
 
         self.do(walk)
 
     @rule(axis=axes, velocity=st.integers(-VELOCITY_MAX, VELOCITY_MAX), slices=spells)
     def jog(self, axis: int, velocity: int, slices: int) -> None:
         def walk(board: WatchedBoard) -> None:
-            board.write(0x6060, 0, Mode.PROFILE_VELOCITY, axis)
-            board.write(0x60FF, 0, velocity, axis)
+            board.write(od.MODE_OF_OPERATION, Mode.PROFILE_VELOCITY, axis)
+            board.write(od.TARGET_VELOCITY, velocity, axis)
 
         self.do(walk)
         self.watch(slices)
@@ -179,11 +181,11 @@ class RandomHost(RuleBasedStateMachine):
     )
     def move(self, axis: int, target_units: int, bits: int, slices: int) -> None:
         def walk(board: WatchedBoard) -> None:
-            board.write(0x6060, 0, Mode.PROFILE_POSITION, axis)
-            board.write(0x6081, 0, VELOCITY_MAX, axis)
-            board.write(0x607A, 0, target_units, axis)
-            board.write(0x6040, 0, 0x1F | bits, axis)
-            board.write(0x6040, 0, 0x0F, axis)
+            board.write(od.MODE_OF_OPERATION, Mode.PROFILE_POSITION, axis)
+            board.write(od.PROFILE_VELOCITY, VELOCITY_MAX, axis)
+            board.write(od.TARGET_POSITION, target_units, axis)
+            board.write(od.CONTROLWORD, 0x1F | bits, axis)
+            board.write(od.CONTROLWORD, 0x0F, axis)
 
         self.do(walk)
         self.watch(slices)
@@ -199,10 +201,10 @@ class RandomHost(RuleBasedStateMachine):
     @rule(axis=axes, method=st.sampled_from([17, 18, 19, 22, 24, 29, 35, 37]), slices=spells)
     def home(self, axis: int, method: int, slices: int) -> None:
         def walk(board: WatchedBoard) -> None:
-            board.write(0x6098, 0, method, axis)
+            board.write(od.HOMING_METHOD, method, axis)
             for word in (0x0F, 0x1F):
-                board.write(0x6060, 0, Mode.HOMING, axis)
-                board.write(0x6040, 0, word, axis)
+                board.write(od.MODE_OF_OPERATION, Mode.HOMING, axis)
+                board.write(od.CONTROLWORD, word, axis)
 
         self.do(walk)
         self.watch(slices)
@@ -222,7 +224,7 @@ class RandomHost(RuleBasedStateMachine):
 
         def walk(board: WatchedBoard) -> None:
             for axis, length in enumerate(lengths):
-                board.write(0x60C4, 6, 0, axis)
+                board.write(od.BUFFER_CLEAR, 0, axis)
                 for sequence in range(length):
                     last = sequence == max(lengths) - 1
                     board.record(unit if sequence else unit // 2, 0 if last else unit * 64 // 20, 20, sequence, axis)
@@ -240,8 +242,8 @@ class RandomHost(RuleBasedStateMachine):
         """One axis follows set-points, the other one half of them, until they no longer come."""
         self.recover(Mode.CYCLIC_SYNCHRONOUS_POSITION)
         for axis in range(AXES):
-            self.write((0x60C2, 1, period_ms), axis)
-        points = [self.board.value(0x6062, 0, axis) for axis in range(AXES)]
+            self.write((od.INTERPOLATION_PERIOD, period_ms), axis)
+        points = [self.board.value(od.POSITION_DEMAND, axis) for axis in range(AXES)]
         for speed in speeds:
             for axis in range(AXES):
                 points[axis] += speed * period_ms // 1000 // (axis + 1)
@@ -253,10 +255,10 @@ class RandomHost(RuleBasedStateMachine):
 
     @rule(mode=st.sampled_from([*Mode, 99]), axis=axes)
     def mode(self, mode: int, axis: int) -> None:
-        self.do(lambda board: (board.write(0x6060, 0, mode, axis), None)[1])
+        self.do(lambda board: (board.write(od.MODE_OF_OPERATION, mode, axis), None)[1])
 
     @rule(write=writes, axis=axes)
-    def write(self, write: tuple[int, int, int], axis: int) -> None:
+    def write(self, write: tuple[int, int], axis: int) -> None:
         self.do(lambda board: (board.write(*write, axis), None)[1])
 
     @rule(
@@ -274,7 +276,7 @@ class RandomHost(RuleBasedStateMachine):
     def records(self, axis: int, segments: list[tuple[int, int, int]]) -> None:
         def send(board: WatchedBoard) -> None:
             for displacement, velocity, duration_ms in segments:
-                board.record(displacement, velocity, duration_ms, board.value(0x2012, 1, axis), axis)
+                board.record(displacement, velocity, duration_ms, board.value(od.PVT_NEXT_SEQUENCE, axis), axis)
 
         self.do(send)
 
@@ -368,7 +370,7 @@ class RandomHost(RuleBasedStateMachine):
     @invariant()
     def the_state_is_one(self) -> None:
         for axis in range(AXES):
-            assert State.of(self.board.value(0x6041, 0, axis)) is self.board.state(axis)
+            assert State.of(self.board.value(od.STATUSWORD, axis)) is self.board.state(axis)
 
     def teardown(self) -> None:
         """Pulse timing; then the same again."""

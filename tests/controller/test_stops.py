@@ -4,6 +4,7 @@ import pytest
 
 from steptwin.controller.backend import Kernel
 from steptwin.controller.pins import Pin
+from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.cia402 import Mode, State, Status
 from tests.controller.bench_board import BenchBoard
@@ -21,14 +22,18 @@ def moving(fast_kernel: Kernel) -> BenchBoard:
     """An axis that was told where it is and moves at SPEED, in profile velocity."""
     board = BenchBoard(fast_kernel)
     board.enable(Mode.HOMING)
-    board.write(0x6040, 0, 0x1F)
-    board.write(0x6040, 0, ENABLE)
-    board.write(0x6060, 0, Mode.PROFILE_VELOCITY)
-    for index, value in ((0x6083, 40_000), (0x6084, 20_000), (0x6085, 40_000)):
-        board.write(index, 0, value * STEP)
-    board.write(0x60FF, 0, SPEED)
+    board.write(od.CONTROLWORD, 0x1F)
+    board.write(od.CONTROLWORD, ENABLE)
+    board.write(od.MODE_OF_OPERATION, Mode.PROFILE_VELOCITY)
+    for address, value in (
+        (od.PROFILE_ACCELERATION, 40_000),
+        (od.PROFILE_DECELERATION, 20_000),
+        (od.QUICK_STOP_DECELERATION, 40_000),
+    ):
+        board.write(address, value * STEP)
+    board.write(od.TARGET_VELOCITY, SPEED)
     board.wait(200)
-    assert board.value(0x606C) == SPEED
+    assert board.value(od.VELOCITY_ACTUAL) == SPEED
     assert board.has(Status.POSITION_KNOWN)
     return board
 
@@ -44,17 +49,17 @@ def energised(board: BenchBoard) -> bool:
 
 def comes_to_rest(board: BenchBoard, ramp_ms: int, end: State) -> None:
     """The drive is on for the whole ramp, at half speed in its middle, and stands in the end state after it."""
-    start = board.value(0x6062)
+    start = board.value(od.POSITION_DEMAND)
     board.wait(ramp_ms / 2)
     assert energised(board)
-    assert board.value(0x606C) == pytest.approx(SPEED / 2, rel=0.06)
+    assert board.value(od.VELOCITY_ACTUAL) == pytest.approx(SPEED / 2, rel=0.06)
     board.wait(ramp_ms / 2 - 2)
-    assert board.value(0x606C) > 0
+    assert board.value(od.VELOCITY_ACTUAL) > 0
     assert energised(board)
     board.wait(4)
-    assert board.value(0x606C) == 0
+    assert board.value(od.VELOCITY_ACTUAL) == 0
     assert board.state() is end
-    assert board.value(0x6062) - start == pytest.approx(SPEED * ramp_ms / 2000, rel=0.03)
+    assert board.value(od.POSITION_DEMAND) - start == pytest.approx(SPEED * ramp_ms / 2000, rel=0.03)
     assert board.has(Status.POSITION_KNOWN)
 
 
@@ -77,119 +82,119 @@ def is_cut(board: BenchBoard, end: State) -> None:
     ],
 )
 def test_quick_stop_ramps(moving: BenchBoard, option: int, ramp_ms: int, end: State) -> None:
-    assert moving.write(0x605A, 0, option) == 0
-    moving.write(0x6040, 0, QUICK_STOP)
+    assert moving.write(od.QUICK_STOP_OPTION, option) == 0
+    moving.write(od.CONTROLWORD, QUICK_STOP)
     assert moving.state() is State.QUICK_STOP_ACTIVE
     comes_to_rest(moving, ramp_ms, end)
     assert energised(moving) is (end is State.QUICK_STOP_ACTIVE)
 
 
 def test_a_quick_stop_that_stays_can_be_left_both_ways(moving: BenchBoard) -> None:
-    moving.write(0x605A, 0, 6)
-    moving.write(0x6040, 0, QUICK_STOP)
+    moving.write(od.QUICK_STOP_OPTION, 6)
+    moving.write(od.CONTROLWORD, QUICK_STOP)
     moving.wait(100)
-    moving.write(0x60FF, 0, 0)
-    moving.write(0x6040, 0, ENABLE)
+    moving.write(od.TARGET_VELOCITY, 0)
+    moving.write(od.CONTROLWORD, ENABLE)
     assert moving.state() is State.OPERATION_ENABLED
-    moving.write(0x6040, 0, QUICK_STOP)
+    moving.write(od.CONTROLWORD, QUICK_STOP)
     assert moving.state() is State.QUICK_STOP_ACTIVE  # at rest already, and it stays
-    moving.write(0x6040, 0, DISABLE_VOLTAGE)
+    moving.write(od.CONTROLWORD, DISABLE_VOLTAGE)
     assert moving.state() is State.SWITCH_ON_DISABLED
 
 
 @pytest.mark.parametrize(
-    ("index", "word", "end"),
+    ("address", "word", "end"),
     [
-        (0x605A, QUICK_STOP, State.SWITCH_ON_DISABLED),
-        (0x605B, SHUTDOWN, State.READY_TO_SWITCH_ON),
-        (0x605C, DISABLE, State.SWITCHED_ON),
+        (od.QUICK_STOP_OPTION, QUICK_STOP, State.SWITCH_ON_DISABLED),
+        (od.SHUTDOWN_OPTION, SHUTDOWN, State.READY_TO_SWITCH_ON),
+        (od.DISABLE_OPERATION_OPTION, DISABLE, State.SWITCHED_ON),
     ],
 )
-def test_option_0_cuts(moving: BenchBoard, index: int, word: int, end: State) -> None:
-    assert moving.write(index, 0, 0) == 0
-    moving.write(0x6040, 0, word)
+def test_option_0_cuts(moving: BenchBoard, address: int, word: int, end: State) -> None:
+    assert moving.write(address, 0) == 0
+    moving.write(od.CONTROLWORD, word)
     is_cut(moving, end)
 
 
 def test_disable_voltage_always_cuts(moving: BenchBoard) -> None:
-    moving.write(0x6040, 0, DISABLE_VOLTAGE)
+    moving.write(od.CONTROLWORD, DISABLE_VOLTAGE)
     is_cut(moving, State.SWITCH_ON_DISABLED)
 
 
 @pytest.mark.parametrize(("word", "end"), [(SHUTDOWN, State.READY_TO_SWITCH_ON), (DISABLE, State.SWITCHED_ON)])
 def test_shutdown_and_disable_slow_down_by_default(moving: BenchBoard, word: int, end: State) -> None:
-    moving.write(0x6040, 0, word)
+    moving.write(od.CONTROLWORD, word)
     assert moving.state() is State.OPERATION_ENABLED
     comes_to_rest(moving, SLOW_MS, end)
 
 
 def test_a_disabled_drive_keeps_its_current_and_one_shut_down_does_not(moving: BenchBoard) -> None:
-    moving.write(0x6040, 0, DISABLE)
+    moving.write(od.CONTROLWORD, DISABLE)
     moving.wait(150)
     assert energised(moving)
-    moving.write(0x6040, 0, SHUTDOWN)
+    moving.write(od.CONTROLWORD, SHUTDOWN)
     assert not energised(moving)
     assert moving.has(Status.POSITION_KNOWN)  # it stood
 
 
 def test_a_quick_stop_hurries_a_slow_ramp_up(moving: BenchBoard) -> None:
-    moving.write(0x6040, 0, DISABLE)
+    moving.write(od.CONTROLWORD, DISABLE)
     moving.wait(SLOW_MS / 2)
-    moving.write(0x6040, 0, QUICK_STOP)
+    moving.write(od.CONTROLWORD, QUICK_STOP)
     moving.wait(QUICK_MS / 2 + 2)
-    assert moving.value(0x606C) == 0
+    assert moving.value(od.VELOCITY_ACTUAL) == 0
     assert moving.state() is State.SWITCH_ON_DISABLED
 
 
 @pytest.mark.parametrize(("option", "ramp_ms"), [(1, SLOW_MS), (2, QUICK_MS)])
 def test_halt_of_a_profile(moving: BenchBoard, option: int, ramp_ms: int) -> None:
-    moving.write(0x605D, 0, option)
-    moving.write(0x6040, 0, HALT)
+    moving.write(od.HALT_OPTION, option)
+    moving.write(od.CONTROLWORD, HALT)
     moving.wait(ramp_ms - 10)
-    assert moving.value(0x606C) > 0
+    assert moving.value(od.VELOCITY_ACTUAL) > 0
     moving.wait(30)  # a profile begins with the end of a segment of at most 16 ms
-    assert moving.value(0x606C) == 0
+    assert moving.value(od.VELOCITY_ACTUAL) == 0
     assert moving.state() is State.OPERATION_ENABLED
-    moving.write(0x6040, 0, ENABLE)
+    moving.write(od.CONTROLWORD, ENABLE)
     moving.wait(200)
-    assert moving.value(0x606C) == SPEED
+    assert moving.value(od.VELOCITY_ACTUAL) == SPEED
 
 
 @pytest.mark.parametrize(("option", "ramp_ms"), [(1, SLOW_MS), (2, QUICK_MS)])
 def test_halt_of_a_group(fast_kernel: Kernel, option: int, ramp_ms: int) -> None:
     board = BenchBoard(fast_kernel)
-    for index, value in ((0x6084, 20_000), (0x6085, 40_000)):
-        board.write(index, 0, value * STEP)
-    board.write(0x605D, 0, option)
+    for address, value in ((od.PROFILE_DECELERATION, 20_000), (od.QUICK_STOP_DECELERATION, 40_000)):
+        board.write(address, value * STEP)
+    board.write(od.HALT_OPTION, option)
     board.enable()
     board.record(20 * STEP, 2 * STEP * 64, 20, 0)
     for sequence in range(1, 30):
         board.record(40 * STEP, 2 * STEP * 64, 20, sequence)
     board.start()
     board.wait(50)
-    board.write(0x6040, 0, 0x11F)
+    board.write(od.CONTROLWORD, 0x11F)
     board.wait(ramp_ms - 2)
-    assert board.value(0x606C) > 0
+    assert board.value(od.VELOCITY_ACTUAL) > 0
     board.wait(3)
-    assert board.value(0x606C) == 0
+    assert board.value(od.VELOCITY_ACTUAL) == 0
 
 
 @pytest.mark.parametrize(
-    ("index", "values"),
+    ("address", "values"),
     [
-        (0x605A, {0, 1, 2, 5, 6}),
-        (0x605B, {0, 1}),
-        (0x605C, {0, 1}),
-        (0x605D, {1, 2}),
-        (0x605E, {0, 1, 2}),
+        (od.QUICK_STOP_OPTION, {0, 1, 2, 5, 6}),
+        (od.SHUTDOWN_OPTION, {0, 1}),
+        (od.DISABLE_OPERATION_OPTION, {0, 1}),
+        (od.HALT_OPTION, {1, 2}),
+        (od.FAULT_REACTION_OPTION, {0, 1, 2}),
     ],
 )
-def test_options_that_a_stepper_has_not_are_refused(fast_kernel: Kernel, index: int, values: set[int]) -> None:
+def test_options_that_a_stepper_has_not_are_refused(fast_kernel: Kernel, address: int, values: set[int]) -> None:
     board = BenchBoard(fast_kernel)
     refusals = {AbortCode.VALUE_RANGE, AbortCode.VALUE_TOO_LOW, AbortCode.VALUE_TOO_HIGH}
     for value in range(-2, 9):
-        assert (board.write(index, 0, value) == 0) is (value in values)
-        assert board.write(index, 0, value) in refusals | {0}
+        assert (board.write(address, value) == 0) is (value in values)
+        assert board.write(address, value) in refusals | {0}
 
 
 def test_a_reset_of_a_moving_node_loses_its_position(moving: BenchBoard) -> None:
@@ -198,18 +203,18 @@ def test_a_reset_of_a_moving_node_loses_its_position(moving: BenchBoard) -> None
 
 
 def test_a_reset_of_a_standing_node_does_not(moving: BenchBoard) -> None:
-    moving.write(0x60FF, 0, 0)
+    moving.write(od.TARGET_VELOCITY, 0)
     moving.wait(200)
     moving.nmt(0x81)
     assert moving.has(Status.POSITION_KNOWN)
 
 
 def test_another_excitation_mode_resets_the_driver_and_loses_the_position(moving: BenchBoard) -> None:
-    moving.write(0x60FF, 0, 0)
+    moving.write(od.TARGET_VELOCITY, 0)
     moving.wait(200)
-    moving.write(0x6040, 0, SHUTDOWN)
+    moving.write(od.CONTROLWORD, SHUTDOWN)
     moving.firmware.take_pins()
-    assert moving.write(0x2000, 1, 8) == 0
+    assert moving.write(od.MICROSTEPS, 8) == 0
     changes = [(change.pin, change.level) for change in moving.firmware.take_pins()]
     assert changes == [(Pin.RESET, 0), (Pin.M1, 1), (Pin.RESET, 1)]
     assert not moving.has(Status.POSITION_KNOWN)

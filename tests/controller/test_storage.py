@@ -4,6 +4,7 @@ import pytest
 
 from steptwin.controller.backend import Kernel
 from steptwin.controller.pins import Pin
+from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.cia402 import State
 from steptwin.protocol.frame import COB_ID_INVALID
@@ -20,17 +21,17 @@ def pair(fast_kernel: Kernel) -> BenchBoard:
     return BenchBoard(fast_kernel, axes=2)
 
 
-CHANGES = ((0x1017, 0, 500), (0x2001, 1, 40_000), (0x607C, 0, 77))
+CHANGES = ((od.PRODUCER_HEARTBEAT_TIME, 500), (od.STEPLEN_NS, 40_000), (od.HOME_OFFSET, 77))
 """One parameter of each group: communication, board, application."""
 
 
 def change(board: BenchBoard) -> None:
-    for index, subindex, value in CHANGES:
-        assert board.write(index, subindex, value) == 0
+    for address, value in CHANGES:
+        assert board.write(address, value) == 0
 
 
 def changed(board: BenchBoard, axis: int = 0) -> list[bool]:
-    return [board.value(index, subindex, axis) == value for index, subindex, value in CHANGES]
+    return [board.value(address, axis) == value for address, value in CHANGES]
 
 
 def test_nothing_is_stored_unasked(pair: BenchBoard) -> None:
@@ -45,8 +46,8 @@ def test_nothing_is_stored_unasked(pair: BenchBoard) -> None:
 )
 def test_each_sub_index_saves_its_group(pair: BenchBoard, subindex: int, kept: list[bool]) -> None:
     change(pair)
-    assert pair.write(0x1010, subindex, SAVE) == 0
-    assert pair.value(0x1010, subindex) == 1
+    assert pair.write(od.address_of(0x1010, subindex), SAVE) == 0
+    assert pair.value(od.address_of(0x1010, subindex)) == 1
     pair.nmt(RESET_NODE)
     assert changed(pair) == kept
     assert changed(pair, axis=1) == [False] * 3
@@ -58,8 +59,8 @@ def test_each_sub_index_saves_its_group(pair: BenchBoard, subindex: int, kept: l
 )
 def test_each_sub_index_restores_its_group_at_the_next_reset(pair: BenchBoard, subindex: int, kept: list[bool]) -> None:
     change(pair)
-    pair.write(0x1010, 1, SAVE)
-    assert pair.write(0x1011, subindex, LOAD) == 0
+    pair.write(od.STORE_ALL, SAVE)
+    assert pair.write(od.address_of(0x1011, subindex), LOAD) == 0
     assert changed(pair) == [True] * 3
     pair.nmt(RESET_NODE)
     assert changed(pair) == kept
@@ -67,32 +68,32 @@ def test_each_sub_index_restores_its_group_at_the_next_reset(pair: BenchBoard, s
 
 def test_a_communication_reset_brings_back_what_is_stored_of_communication(pair: BenchBoard) -> None:
     change(pair)
-    pair.write(0x1010, 1, SAVE)
-    pair.write(0x1017, 0, 0)
-    pair.write(0x607C, 0, 78)
+    pair.write(od.STORE_ALL, SAVE)
+    pair.write(od.PRODUCER_HEARTBEAT_TIME, 0)
+    pair.write(od.HOME_OFFSET, 78)
     pair.nmt(RESET_COMMUNICATION)
-    assert (pair.value(0x1017), pair.value(0x607C)) == (500, 78)
+    assert (pair.value(od.PRODUCER_HEARTBEAT_TIME), pair.value(od.HOME_OFFSET)) == (500, 78)
 
 
-@pytest.mark.parametrize("index", [0x1010, 0x1011])
+@pytest.mark.parametrize("address", [od.STORE_ALL, od.RESTORE_ALL])
 @pytest.mark.parametrize("word", [0, 1, LOAD, SAVE, int.from_bytes(b"SAVE", "little"), 0xFFFF_FFFF])
-def test_wrong_signatures(pair: BenchBoard, index: int, word: int) -> None:
-    right = SAVE if index == 0x1010 else LOAD
+def test_wrong_signatures(pair: BenchBoard, address: int, word: int) -> None:
+    right = SAVE if address == od.STORE_ALL else LOAD
     expected = 0 if word == right else AbortCode.NOT_STORED
-    assert pair.write(index, 1, word) == expected
-    assert pair.value(index, 1) == 1
+    assert pair.write(address, word) == expected
+    assert pair.value(address) == 1
 
 
 def test_stored_services_are_at_work_after_boot(pair: BenchBoard) -> None:
     """Heartbeat, heartbeat consumer, EMCY inhibit time and step timing live outside of the dictionary."""
-    for index, subindex, value in (
-        (0x1015, 0, 10_000),
-        (0x1016, 1, 0x7F_0064),
-        (0x1017, 0, 100),
-        (0x2000, 1, 8),
+    for address, value in (
+        (od.EMCY_INHIBIT_TIME, 10_000),
+        (od.CONSUMER_HEARTBEATS[0], 0x7F_0064),
+        (od.PRODUCER_HEARTBEAT_TIME, 100),
+        (od.MICROSTEPS, 8),
     ):
-        pair.write(index, subindex, value)
-    pair.write(0x1010, 1, SAVE)
+        pair.write(address, value)
+    pair.write(od.STORE_ALL, SAVE)
     pair.sent.clear()
     pair.nmt(RESET_NODE, node=0x10)
     pair.wait(250)
@@ -108,16 +109,16 @@ def test_stored_services_are_at_work_after_boot(pair: BenchBoard) -> None:
 
 
 def test_a_stored_pdo_is_mapped_after_a_reset(pair: BenchBoard) -> None:
-    for index, subindex, value in (
-        (0x1402, 1, COB_ID_INVALID | 0x410),
-        (0x1602, 0, 0),
-        (0x1602, 1, 0x60FE_0120),
-        (0x1602, 0, 1),
-        (0x1402, 2, 255),
-        (0x1402, 1, 0x2A0),
-        (0x1010, 2, SAVE),
+    for address, value in (
+        (od.address_of(od.RPDO_COMMUNICATION[2], od.PDO_COB_ID), COB_ID_INVALID | 0x410),
+        (od.address_of(od.RPDO_MAPPING[2], 0), 0),
+        (od.address_of(od.RPDO_MAPPING[2], 1), 0x60FE_0120),
+        (od.address_of(od.RPDO_MAPPING[2], 0), 1),
+        (od.address_of(od.RPDO_COMMUNICATION[2], od.PDO_TRANSMISSION_TYPE), 255),
+        (od.address_of(od.RPDO_COMMUNICATION[2], od.PDO_COB_ID), 0x2A0),
+        (od.STORE_COMMUNICATION, SAVE),
     ):
-        assert pair.write(index, subindex, value) == 0
+        assert pair.write(address, value) == 0
     pair.nmt(RESET_NODE)
     pair.nmt(1)
     pair.send(0x2A0, bytes.fromhex("00000300"))
@@ -127,21 +128,33 @@ def test_a_stored_pdo_is_mapped_after_a_reset(pair: BenchBoard) -> None:
 def test_commands_are_not_stored(pair: BenchBoard) -> None:
     """Power that comes back must not move an axis or switch an output."""
     pair.enable()
-    for index, subindex, value in ((0x60FE, 1, 1 << 16), (0x607A, 0, 5), (0x60FF, 0, 5), (0x60C1, 1, 5)):
-        pair.write(index, subindex, value)
-    pair.write(0x1010, 1, SAVE)
+    for address, value in (
+        (od.DIGITAL_OUTPUTS, 1 << 16),
+        (od.TARGET_POSITION, 5),
+        (od.TARGET_VELOCITY, 5),
+        (od.PVT_DISPLACEMENT, 5),
+    ):
+        pair.write(address, value)
+    pair.write(od.STORE_ALL, SAVE)
     pair.nmt(RESET_NODE)
     assert pair.firmware.nodes[0].drive.state is State.SWITCH_ON_DISABLED
-    keys = ((0x6040, 0), (0x6060, 0), (0x60FE, 1), (0x607A, 0), (0x60FF, 0), (0x60C1, 1))
-    assert [pair.value(*key) for key in keys] == [0] * 6
+    addresses = (
+        od.CONTROLWORD,
+        od.MODE_OF_OPERATION,
+        od.DIGITAL_OUTPUTS,
+        od.TARGET_POSITION,
+        od.TARGET_VELOCITY,
+        od.PVT_DISPLACEMENT,
+    )
+    assert [pair.value(address) for address in addresses] == [0] * 6
 
 
-@pytest.mark.parametrize("index", [0x6081, 0x6083, 0x6084])
-def test_a_profile_keeps_its_limits(pair: BenchBoard, index: int) -> None:
-    pair.write(index, 0, 12_345)
-    pair.write(0x1010, 3, SAVE)
+@pytest.mark.parametrize("address", [od.PROFILE_VELOCITY, od.PROFILE_ACCELERATION, od.PROFILE_DECELERATION])
+def test_a_profile_keeps_its_limits(pair: BenchBoard, address: int) -> None:
+    pair.write(address, 12_345)
+    pair.write(od.STORE_APPLICATION, SAVE)
     pair.nmt(RESET_NODE)
-    assert pair.value(index) == 12_345
+    assert pair.value(address) == 12_345
 
 
 def test_flash_is_not_written_while_any_axis_moves(pair: BenchBoard) -> None:
@@ -149,7 +162,7 @@ def test_flash_is_not_written_while_any_axis_moves(pair: BenchBoard) -> None:
     pair.enable()
     pair.record(10 * STEP, 0, 100, 0, axis=1)
     pair.start()
-    assert pair.write(0x1010, 1, SAVE) == AbortCode.DEVICE_STATE
-    assert pair.write(0x1011, 1, LOAD) == AbortCode.DEVICE_STATE
+    assert pair.write(od.STORE_ALL, SAVE) == AbortCode.DEVICE_STATE
+    assert pair.write(od.RESTORE_ALL, LOAD) == AbortCode.DEVICE_STATE
     pair.wait(110)
-    assert pair.write(0x1010, 1, SAVE) == 0
+    assert pair.write(od.STORE_ALL, SAVE) == 0

@@ -7,6 +7,7 @@ import pytest
 from steptwin.controller.backend import Kernel
 from steptwin.controller.firmware import Firmware
 from steptwin.controller.measurements import DriverMonitor
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode, Mode, State, Status
 from steptwin.protocol.frame import Frame
 from tests.controller.bench_board import BenchBoard
@@ -22,22 +23,22 @@ def configure(board: BenchBoard) -> None:
     """Tell every axis where it is; ramps of 40 000 steps/s2."""
     board.enable(Mode.HOMING)
     for axis in range(len(board.inputs)):
-        board.write(0x6040, 0, 0x1F, axis)
-        board.write(0x6040, 0, 0x0F, axis)
-        for index in (0x6083, 0x6084, 0x6085):
-            board.write(index, 0, 40_000 * STEP, axis)
+        board.write(od.CONTROLWORD, 0x1F, axis)
+        board.write(od.CONTROLWORD, 0x0F, axis)
+        for address in (od.PROFILE_ACCELERATION, od.PROFILE_DECELERATION, od.QUICK_STOP_DECELERATION):
+            board.write(address, 40_000 * STEP, axis)
 
 
 def jog(board: BenchBoard, steps_per_s: int = 2000, axis: int = 0) -> None:
-    board.write(0x60FF, 0, steps_per_s * STEP, axis)
-    board.write(0x6060, 0, Mode.PROFILE_VELOCITY, axis)
+    board.write(od.TARGET_VELOCITY, steps_per_s * STEP, axis)
+    board.write(od.MODE_OF_OPERATION, Mode.PROFILE_VELOCITY, axis)
 
 
 def recover(board: BenchBoard, axis: int = 0) -> None:
     """Reset the fault and enable again."""
-    board.write(0x60FF, 0, 0, axis)
+    board.write(od.TARGET_VELOCITY, 0, axis)
     for word in (RESET, 0x06, 0x07, 0x0F):
-        board.write(0x6040, 0, word, axis)
+        board.write(od.CONTROLWORD, word, axis)
     assert board.state(axis) is State.OPERATION_ENABLED
 
 
@@ -53,9 +54,9 @@ def trio(fast_kernel: Kernel) -> BenchBoard:
     """Two axes that interpolate and one that stands, enabled."""
     board = BenchBoard(fast_kernel, axes=3)
     configure(board)
-    board.write(0x6060, 0, Mode.PROFILE_POSITION, 2)
+    board.write(od.MODE_OF_OPERATION, Mode.PROFILE_POSITION, 2)
     for axis in (0, 1):
-        board.write(0x6060, 0, Mode.INTERPOLATED_POSITION, axis)
+        board.write(od.MODE_OF_OPERATION, Mode.INTERPOLATED_POSITION, axis)
         board.record(20 * STEP, 2 * STEP * 64, 20, 0, axis)
         for sequence in range(1, 20):
             board.record(40 * STEP, 2 * STEP * 64, 20, sequence, axis)
@@ -81,8 +82,8 @@ class TestLimitSwitches:
         board.wait(RAMP_MS + 2)
         assert board.state() is State.FAULT
         assert board.errors() == [ErrorCode.LIMIT_SWITCH]
-        assert board.value(0x603F) == ErrorCode.LIMIT_SWITCH
-        assert board.value(0x60FD) == ahead
+        assert board.value(od.ERROR_CODE) == ErrorCode.LIMIT_SWITCH
+        assert board.value(od.DIGITAL_INPUTS) == ahead
         assert board.has(Status.POSITION_KNOWN)
 
     def test_one_can_move_away_from_it_but_not_on(self, board: BenchBoard) -> None:
@@ -91,17 +92,19 @@ class TestLimitSwitches:
         board.set_inputs(POSITIVE)
         board.wait(100)
         recover(board)
-        board.write(0x60FF, 0, -1000 * STEP)
+        board.write(od.TARGET_VELOCITY, -1000 * STEP)
         board.wait(200)
-        assert board.value(0x606C) == -1000 * STEP
+        assert board.value(od.VELOCITY_ACTUAL) == -1000 * STEP
         assert board.state() is State.OPERATION_ENABLED
-        board.write(0x60FF, 0, 0)
+        board.write(od.TARGET_VELOCITY, 0)
         board.wait(100)
-        stood = board.value(0x6062)
-        board.write(0x60FF, 0, 1000 * STEP)
+        stood = board.value(od.POSITION_DEMAND)
+        board.write(od.TARGET_VELOCITY, 1000 * STEP)
         board.wait(100)
         assert board.state() is State.FAULT
-        assert abs(board.value(0x6062) - stood) < 20 * STEP  # caught within a millisecond or two of its start
+        assert (
+            abs(board.value(od.POSITION_DEMAND) - stood) < 20 * STEP
+        )  # caught within a millisecond or two of its start
 
     def test_interpolating_axes_stop_with_it_and_say_so(self, trio: BenchBoard) -> None:
         trio.set_inputs(POSITIVE, 1)
@@ -109,15 +112,17 @@ class TestLimitSwitches:
         trio.wait(RAMP_MS + 5)
         assert [trio.errors(axis) for axis in range(3)] == [[ErrorCode.GROUP_STOPPED], [ErrorCode.LIMIT_SWITCH], []]
         assert trio.state(2) is State.OPERATION_ENABLED  # it was not in the group
-        assert abs(trio.value(0x6062) - trio.value(0x6062, 0, 1)) <= 1  # the tool kept its direction
+        assert (
+            abs(trio.value(od.POSITION_DEMAND) - trio.value(od.POSITION_DEMAND, 1)) <= 1
+        )  # the tool kept its direction
 
 
 class TestSoftLimits:
     def record_ends(self, board: BenchBoard, low: int, high: int, *records: tuple[int, int]) -> list[int]:
         """Send records of 20 ms; return the details of the EMCYs 0xFF03."""
-        board.write(0x6060, 0, Mode.INTERPOLATED_POSITION)
-        board.write(0x607D, 1, low)
-        board.write(0x607D, 2, high)
+        board.write(od.MODE_OF_OPERATION, Mode.INTERPOLATED_POSITION)
+        board.write(od.POSITION_LIMIT_MIN, low)
+        board.write(od.POSITION_LIMIT_MAX, high)
         for sequence, (displacement, velocity) in enumerate(records):
             board.record(displacement, velocity, 20, sequence)
         board.wait(1)
@@ -135,11 +140,11 @@ class TestSoftLimits:
 
     def test_the_rejection_names_its_reason(self, board: BenchBoard) -> None:
         assert self.record_ends(board, 0, 1000, (500, 0), (501, 0)) == [6 << 8 | 1]
-        assert board.value(0x2012, 3) & 8
+        assert board.value(od.PVT_FLAGS) & 8
 
     def test_an_axis_outside_may_come_in(self, board: BenchBoard) -> None:
         assert self.record_ends(board, 5000, 10_000, (4000, 0), (0, 0)) == []
-        assert board.value(0x60C4, 4) == 2
+        assert board.value(od.BUFFER_POSITION) == 2
 
 
 class TestEstop:
@@ -156,7 +161,7 @@ class TestEstop:
 
     @pytest.mark.parametrize("option", [0, 1, 2])
     def test_the_ramp_is_the_quick_stop_whatever_605e_says(self, board: BenchBoard, option: int) -> None:
-        board.write(0x605E, 0, option)
+        board.write(od.FAULT_REACTION_OPTION, option)
         jog(board)
         board.wait(200)
         board.set_inputs(DigitalInput.ESTOP)
@@ -167,11 +172,11 @@ class TestEstop:
 
     def test_it_must_be_released_before_the_fault_is_reset(self, board: BenchBoard) -> None:
         board.set_inputs(DigitalInput.ESTOP)
-        board.write(0x6040, 0, RESET)
+        board.write(od.CONTROLWORD, RESET)
         assert board.state() is State.FAULT
         board.set_inputs(NOTHING)
         assert board.state() is State.FAULT
-        board.write(0x6040, 0, 0)
+        board.write(od.CONTROLWORD, 0)
         recover(board)
 
     def test_a_drive_is_not_switched_on_while_it_is_pressed(self, fast_kernel: Kernel) -> None:
@@ -179,8 +184,8 @@ class TestEstop:
         board.set_inputs(DigitalInput.ESTOP)
         assert board.state() is State.SWITCH_ON_DISABLED
         assert board.errors() == []
-        board.write(0x6040, 0, 0x06)
-        board.write(0x6040, 0, 0x07)
+        board.write(od.CONTROLWORD, 0x06)
+        board.write(od.CONTROLWORD, 0x07)
         assert board.state() is State.FAULT
         assert not board.firmware.nodes[0].drive.energised
 
@@ -192,7 +197,7 @@ class TestEstop:
         board.measure(supply_10mv=500)
         assert board.state() is State.FAULT
         assert not board.has(Status.POSITION_KNOWN)
-        assert board.value(0x603F) == ErrorCode.UNDERVOLTAGE
+        assert board.value(od.ERROR_CODE) == ErrorCode.UNDERVOLTAGE
 
 
 LevelCase = tuple[Callable[[BenchBoard], None], Callable[[BenchBoard], None], ErrorCode, int, bool]
@@ -226,18 +231,18 @@ def test_levels(board: BenchBoard, case: LevelCase) -> None:
     assert board.state() is State.FAULT
     assert board.has(Status.POSITION_KNOWN) is ramps
     assert board.errors() == [code]
-    assert board.value(0x1001) == register
-    assert board.value(0x1003, 1) & 0xFFFF == code
-    board.write(0x6040, 0, RESET)
+    assert board.value(od.ERROR_REGISTER) == register
+    assert board.value(od.ERROR_HISTORY[0]) & 0xFFFF == code
+    board.write(od.CONTROLWORD, RESET)
     assert board.state() is State.FAULT
     is_allowed(board)
-    board.write(0x6040, 0, 0)
+    board.write(od.CONTROLWORD, 0)
     recover(board)
-    assert board.value(0x1001) == 0
-    assert board.value(0x603F) == 0
-    board.write(0x60FF, 0, 1000 * STEP)
+    assert board.value(od.ERROR_REGISTER) == 0
+    assert board.value(od.ERROR_CODE) == 0
+    board.write(od.TARGET_VELOCITY, 1000 * STEP)
     board.wait(200)
-    assert board.value(0x606C) == 1000 * STEP
+    assert board.value(od.VELOCITY_ACTUAL) == 1000 * STEP
 
 
 def test_undervoltage_of_one_board_stops_all_its_axes(trio: BenchBoard) -> None:
@@ -248,8 +253,8 @@ def test_undervoltage_of_one_board_stops_all_its_axes(trio: BenchBoard) -> None:
 
 @pytest.mark.parametrize(("option", "ramp_ms"), [(0, 0), (1, 100), (2, 50)])
 def test_fault_reactions(board: BenchBoard, option: int, ramp_ms: int) -> None:
-    board.write(0x605E, 0, option)
-    board.write(0x6084, 0, 20_000 * STEP)
+    board.write(od.FAULT_REACTION_OPTION, option)
+    board.write(od.PROFILE_DECELERATION, 20_000 * STEP)
     jog(board)
     board.wait(300)
     board.measure(supply_10mv=3500)
@@ -278,17 +283,17 @@ class TestFollowingError:
     @pytest.fixture
     def slipping(self, fast_kernel: Kernel) -> SlippingBoard:
         board = SlippingBoard(fast_kernel)
-        board.write(0x6065, 0, self.WINDOW)
-        board.write(0x6066, 0, 100)
+        board.write(od.FOLLOWING_ERROR_WINDOW, self.WINDOW)
+        board.write(od.FOLLOWING_ERROR_TIMEOUT_MS, 100)
         jog(board)
         board.wait(200)
         return board
 
     def test_it_is_the_drivers_counter_against_the_demand(self, slipping: SlippingBoard) -> None:
         slipping.lost_steps = 7
-        assert abs(slipping.value(0x60F4) - 7 * STEP) <= 0.57 * STEP
-        assert slipping.value(0x2F00, 1) == -7
-        assert slipping.value(0x2F00, 2) == 7
+        assert abs(slipping.value(od.FOLLOWING_ERROR_ACTUAL) - 7 * STEP) <= 0.57 * STEP
+        assert slipping.value(od.ROTOR_POSITION_STEPS) == -7
+        assert slipping.value(od.LOST_STEPS) == 7
 
     def test_within_the_window_nothing_happens(self, slipping: SlippingBoard) -> None:
         slipping.lost_steps = 9
@@ -303,7 +308,7 @@ class TestFollowingError:
         assert slipping.state() is State.FAULT_REACTION_ACTIVE
         slipping.wait(RAMP_MS)
         assert slipping.errors() == [ErrorCode.FOLLOWING_ERROR]
-        assert slipping.value(0x1001) == 0x21
+        assert slipping.value(od.ERROR_REGISTER) == 0x21
 
     def test_a_short_one_is_forgiven(self, slipping: SlippingBoard) -> None:
         for _ in range(3):
@@ -318,10 +323,10 @@ class TestFollowingError:
         slipping.wait(300)
         assert slipping.state() is State.FAULT
         recover(slipping)
-        slipping.write(0x6060, 0, Mode.HOMING)
-        slipping.write(0x6040, 0, 0x1F)
-        assert abs(slipping.value(0x60F4)) <= STEP
-        slipping.write(0x6040, 0, 0x0F)
+        slipping.write(od.MODE_OF_OPERATION, Mode.HOMING)
+        slipping.write(od.CONTROLWORD, 0x1F)
+        assert abs(slipping.value(od.FOLLOWING_ERROR_ACTUAL)) <= STEP
+        slipping.write(od.CONTROLWORD, 0x0F)
         jog(slipping, -500)
         slipping.wait(500)
         assert slipping.state() is State.OPERATION_ENABLED
@@ -335,9 +340,9 @@ class TestFollowingError:
 
     @pytest.mark.parametrize("mode", [Mode.PROFILE_POSITION, Mode.CYCLIC_SYNCHRONOUS_POSITION])
     def test_bit_13_where_it_says_so(self, slipping: SlippingBoard, mode: Mode) -> None:
-        slipping.write(0x60FF, 0, 0)
+        slipping.write(od.TARGET_VELOCITY, 0)
         slipping.wait(100)
-        slipping.write(0x6060, 0, mode)
+        slipping.write(od.MODE_OF_OPERATION, mode)
         assert not slipping.has(Status.FOLLOWING_ERROR)
         slipping.lost_steps = 11
         assert slipping.has(Status.FOLLOWING_ERROR)
@@ -346,13 +351,13 @@ class TestFollowingError:
 class TestPositionWindow:
     def moved(self, board: BenchBoard, window_units: int, time_ms: int) -> None:
         """To 100.5 steps: the counter stands half a step off."""
-        board.write(0x6067, 0, window_units)
-        board.write(0x6068, 0, time_ms)
-        board.write(0x6060, 0, Mode.PROFILE_POSITION)
-        board.write(0x6081, 0, 2000 * STEP)
-        board.write(0x607A, 0, 100 * STEP + STEP // 2)
-        board.write(0x6040, 0, 0x1F)
-        board.write(0x6040, 0, 0x0F)
+        board.write(od.POSITION_WINDOW, window_units)
+        board.write(od.POSITION_WINDOW_TIME_MS, time_ms)
+        board.write(od.MODE_OF_OPERATION, Mode.PROFILE_POSITION)
+        board.write(od.PROFILE_VELOCITY, 2000 * STEP)
+        board.write(od.TARGET_POSITION, 100 * STEP + STEP // 2)
+        board.write(od.CONTROLWORD, 0x1F)
+        board.write(od.CONTROLWORD, 0x0F)
         while board.firmware.motion.running(0):
             board.wait(1)
 
@@ -384,20 +389,20 @@ def test_polarity_and_invert_mask_reverse_dir(fast_kernel: Kernel) -> None:
     for polarity in (0, 0xC0):
         for mask in (0, 2):
             board = BenchBoard(fast_kernel)
-            assert board.write(0x607E, 0, polarity) == 0
-            assert board.write(0x2001, 5, mask) == 0
+            assert board.write(od.POLARITY, polarity) == 0
+            assert board.write(od.INVERT_MASK, mask) == 0
             configure(board)
             jog(board, 1000)
             board.wait(100)
             [edges] = board.firmware.motion.take_edges()
-            assert board.value(0x6064) > 0
+            assert board.value(od.POSITION_ACTUAL) > 0
             levels[polarity, mask] = [int(edge) & 1 for edge in edges.direction]
     assert levels == {(0, 0): [1], (0, 2): [], (0xC0, 0): [], (0xC0, 2): [1]}
 
 
 def test_torque_at_rest(fast_kernel: Kernel) -> None:
     board = BenchBoard(fast_kernel)
-    assert board.write(0x2000, 4, 50) == 0
+    assert board.write(od.REST_TORQUE_PERCENT, 50) == 0
     configure(board)
     board.firmware.take_pins()
 
@@ -413,7 +418,7 @@ def test_torque_at_rest(fast_kernel: Kernel) -> None:
 
 
 def test_time_stamp_counts_on_from_what_is_written(board: BenchBoard) -> None:
-    board.write(0x1013, 0, 5_000_000)
+    board.write(od.TIME_STAMP, 5_000_000)
     board.wait(3)
     board.send(0x610, bytes.fromhex("4013100000000000"))
     answer = board.frames(0x590)[-1]

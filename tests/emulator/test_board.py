@@ -12,6 +12,7 @@ from steptwin.emulator.driver_profiles import PROFILES
 from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.switches import Switch
 from steptwin.emulator.tb6560 import Cooling, Rule
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, DigitalOutput
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.pvt import PvtRecord
@@ -95,7 +96,7 @@ def write(simulation: Simulation, index: int, value: int, subindex: int = 0) -> 
 
 
 def home_offset(board: Board) -> int:
-    return board.firmware.nodes[0].dictionary.get(0x607C)
+    return board.firmware.nodes[0].dictionary.get(od.HOME_OFFSET)
 
 
 class TestPower:
@@ -217,10 +218,10 @@ class TestDrivers:
         simulation = Simulation([board], Bus(1_000_000))
         wait(simulation, 100)
         nodes = board.firmware.nodes
-        assert [node.dictionary.get(0x60FD) for node in nodes] == [0, 0]
+        assert [node.dictionary.get(od.DIGITAL_INPUTS) for node in nodes] == [0, 0]
         switch_on(simulation)
         wait(simulation, 100)
-        assert [node.dictionary.get(0x60FD) for node in nodes] == [DigitalInput.DRIVER_PROTECT, 0]
+        assert [node.dictionary.get(od.DIGITAL_INPUTS) for node in nodes] == [DigitalInput.DRIVER_PROTECT, 0]
         assert board.trace(0).violations.rules() == [Rule.OVER_TEMPERATURE]
 
     @pytest.mark.parametrize("module", [Module(), Module(requirements=Requirements(dirhold_ns=1_000_000))])
@@ -236,7 +237,7 @@ class TestDrivers:
         start(simulation, PvtRecord(11 * 1024, 0, 100, 0))
         wait(simulation, 150)
         assert board.trace(0).position_steps == 11
-        seen = DigitalInput(board.firmware.nodes[0].dictionary.get(0x60FD))
+        seen = DigitalInput(board.firmware.nodes[0].dictionary.get(od.DIGITAL_INPUTS))
         assert bool(seen & DigitalInput.HOME) == closed
         assert not board.moving
 
@@ -248,7 +249,10 @@ class TestDrivers:
         switch_on(simulation)
         start(simulation, PvtRecord(10 * 1024, 0, 100, 0))
         wait(simulation, 150)
-        read = [board.firmware.nodes[0].dictionary.get(0x2F00, subindex) for subindex in (1, 2, 3)]
+        read = [
+            board.firmware.nodes[0].dictionary.get(address)
+            for address in (od.ROTOR_POSITION_STEPS, od.LOST_STEPS, od.DRIVER_VIOLATIONS)
+        ]
         assert read == [0, 10, 10]
 
     def test_each_axis_may_have_another_module(self, fast_kernel: Kernel) -> None:

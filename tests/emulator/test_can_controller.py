@@ -9,6 +9,7 @@ from steptwin.emulator.bus_faults import Fault, FaultKind, FaultScript
 from steptwin.emulator.can_controller import CanController
 from steptwin.emulator.fault_confinement import ErrorState, FaultConfinement
 from steptwin.emulator.simulation import Simulation
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.frame import Frame
 
@@ -260,7 +261,7 @@ def test_error_passive_is_reported(fast_kernel: Kernel) -> None:
     for _ in range(128):
         simulation.boards[0].can.receiving_failed(simulation.now_counts)
     assert simulation.boards[0].can.state is ErrorState.PASSIVE
-    assert simulation.boards[0].firmware.nodes[1].dictionary.read(0x1001, 0) == b"\x11"
+    assert simulation.boards[0].firmware.nodes[1].dictionary.read(od.ERROR_REGISTER) == b"\x11"
     simulation.run_until(20 * MS)
     assert emergencies(simulation, 0x10) == emergencies(simulation, 0x11) == [payload(ErrorCode.CAN_ERROR_PASSIVE)]
     simulation.send(Frame(0x000, b"\x01\x00"))

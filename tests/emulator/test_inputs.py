@@ -20,6 +20,7 @@ from steptwin.emulator.operations import BoardTemperature, DriverProtect, Emerge
 from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.switches import Switch
 from steptwin.emulator.tb6560 import PERIOD_MIN_COUNTS, Cooling, Rule
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode, State
 from steptwin.protocol.frame import COB_SYNC, Frame
 from steptwin.protocol.pvt import PvtRecord
@@ -225,9 +226,9 @@ class BoardBench(BenchBoard):
         board.boot(0)
         self.wait(1)
         self.enable(6)
-        for subindex, steps_per_s in ((1, FAST_STEPS_PER_S), (2, SLOW_STEPS_PER_S)):
-            self.write(0x6099, subindex, steps_per_s * STEP)
-        self.write(0x609A, 0, ACCELERATION_STEPS_PER_S2 * STEP)
+        self.write(od.HOMING_SEARCH_SPEED, FAST_STEPS_PER_S * STEP)
+        self.write(od.HOMING_ZERO_SPEED, SLOW_STEPS_PER_S * STEP)
+        self.write(od.HOMING_ACCELERATION, ACCELERATION_STEPS_PER_S2 * STEP)
 
     def wait(self, dt_ms: float) -> None:
         until = self.now + round(dt_ms * MS)
@@ -238,8 +239,13 @@ class BoardBench(BenchBoard):
             self._fetch()
 
     def home(self, method: int, until: int) -> None:
-        for index, value in ((0x6040, 0x0F), (0x6098, method), (0x607C, 0), (0x6040, 0x1F)):
-            self.write(index, 0, value)
+        for address, value in (
+            (od.CONTROLWORD, 0x0F),
+            (od.HOMING_METHOD, method),
+            (od.HOME_OFFSET, 0),
+            (od.CONTROLWORD, 0x1F),
+        ):
+            self.write(address, value)
         self.wait((until - self.now) / MS)
 
 
@@ -257,7 +263,7 @@ def states(board: Board) -> list[State]:
 
 
 def errors(board: Board) -> list[int]:
-    return [node.dictionary.get(0x603F) for node in board.firmware.nodes]
+    return [node.dictionary.get(od.ERROR_CODE) for node in board.firmware.nodes]
 
 
 class TestOperations:
@@ -292,7 +298,7 @@ class TestOperations:
             [State.OPERATION_ENABLED, State.FAULT],
             [ErrorCode.NONE, ErrorCode.TEMPERATURE],
         )
-        assert board.firmware.nodes[1].dictionary.get(0x60FD) == DigitalInput.DRIVER_PROTECT
+        assert board.firmware.nodes[1].dictionary.get(od.DIGITAL_INPUTS) == DigitalInput.DRIVER_PROTECT
 
     @pytest.mark.parametrize(
         ("operation", "code"),
@@ -317,7 +323,7 @@ class TestOperations:
         simulation.operate(Supply(1200))
         simulation.operate(BoardTemperature(400))
         dictionary = board.firmware.nodes[0].dictionary
-        assert (dictionary.get(0x2002, 1), dictionary.get(0x2002, 2)) == (400, 1200)
+        assert (dictionary.get(od.BOARD_TEMPERATURE), dictionary.get(od.SUPPLY_VOLTAGE)) == (400, 1200)
 
     def test_a_schedule_is_kept_to_the_count(self, fast_kernel: Kernel) -> None:
         """In order of time, the first of two at the same instant first; what the bus does meanwhile changes nothing."""
@@ -395,7 +401,7 @@ class TestHeat:
         simulation.run_until(simulation.now_counts + cooling_ms * MS)
         simulation.send(Frame(0x610, bytes.fromhex("2f00200108000000")))
         simulation.run_until(simulation.now_counts + MS)
-        assert board.firmware.nodes[0].dictionary.get(0x60FD) == (0 if over else DigitalInput.DRIVER_PROTECT)
+        assert board.firmware.nodes[0].dictionary.get(od.DIGITAL_INPUTS) == (0 if over else DigitalInput.DRIVER_PROTECT)
         simulation.send(Frame(0x210, b"\x80\0\7"))
         assert states(board)[0] is (State.SWITCH_ON_DISABLED if over else State.FAULT)
 
@@ -404,12 +410,12 @@ class TestHeat:
         simulation = Simulation([board], Bus(1_000_000))
         switch_on(simulation, board)
         simulation.run_until(100 * MS + late_counts)
-        assert board.firmware.nodes[0].dictionary.get(0x60FD) == DigitalInput.DRIVER_PROTECT
+        assert board.firmware.nodes[0].dictionary.get(od.DIGITAL_INPUTS) == DigitalInput.DRIVER_PROTECT
         simulation.power_cycle()
         seen = watched(board)
         simulation.run_until(102 * MS)
         assert seen == []
-        assert board.firmware.nodes[0].dictionary.get(0x60FD) == 0
+        assert board.firmware.nodes[0].dictionary.get(od.DIGITAL_INPUTS) == 0
         switch_on(simulation, board)
         simulation.run_until(200 * MS)
         assert board.trace(0).violations.counts.size == 2
@@ -441,7 +447,7 @@ class TestHeat:
         simulation = Simulation([board], Bus(1_000_000), [Scheduled(5 * MS, DriverProtect(1, active=True))])
         switch_on(simulation, board)
         simulation.run_until(100 * MS)
-        levels = [node.dictionary.get(0x60FD) for node in board.firmware.nodes]
+        levels = [node.dictionary.get(od.DIGITAL_INPUTS) for node in board.firmware.nodes]
         assert levels == [DigitalInput.DRIVER_PROTECT] * 2
 
     def test_modules_have_no_terminal_for_it(self, fast_kernel: Kernel) -> None:
@@ -464,7 +470,10 @@ def switch_on(simulation: Simulation, board: Board) -> None:
 
 def monitored(board: Board) -> list[int]:
     """Rotor steps, lost steps, violations."""
-    return [board.firmware.nodes[0].dictionary.get(0x2F00, subindex) for subindex in (1, 2, 3)]
+    return [
+        board.firmware.nodes[0].dictionary.get(address)
+        for address in (od.ROTOR_POSITION_STEPS, od.LOST_STEPS, od.DRIVER_VIOLATIONS)
+    ]
 
 
 class TestMonitor:
@@ -478,7 +487,7 @@ class TestMonitor:
         board = board_of(fast_kernel, 1, osc_pf=1000.0)
         run(Simulation([board], Bus(1_000_000)), {0x10: records_through([(50, 60), (-20, 70)])}, 300)
         assert monitored(board) == [0, -20, 120]
-        assert board.firmware.nodes[0].dictionary.get(0x60F4) == -20 * STEP
+        assert board.firmware.nodes[0].dictionary.get(od.FOLLOWING_ERROR_ACTUAL) == -20 * STEP
 
     def test_a_power_cycle_begins_anew(self, fast_kernel: Kernel) -> None:
         board = board_of(fast_kernel, 1, osc_pf=1000.0)
@@ -499,9 +508,9 @@ class TestPowerCycle:
         simulation.run_until(301 * MS + 5)
         simulation.power_cycle()
         dictionary = board.firmware.nodes[0].dictionary
-        assert (dictionary.get(0x60FD), dictionary.get(0x2002, 2)) == (0, 2000)
+        assert (dictionary.get(od.DIGITAL_INPUTS), dictionary.get(od.SUPPLY_VOLTAGE)) == (0, 2000)
         simulation.run_until(302 * MS)
-        assert dictionary.get(0x60FD) == HOME | DigitalInput.ESTOP
+        assert dictionary.get(od.DIGITAL_INPUTS) == HOME | DigitalInput.ESTOP
 
     def test_the_next_motion_is_followed_past_the_switches(self, fast_kernel: Kernel) -> None:
         """It is the new firmware's first one, as the one before the power cycle was the old one's."""
@@ -510,7 +519,7 @@ class TestPowerCycle:
         run(simulation, {0x10: records_through([(50, 60)])}, 300)
         simulation.power_cycle()
         run(simulation, {0x10: records_through([(25, 60)])}, 600)
-        assert board.firmware.nodes[0].dictionary.get(0x60FD) == HOME
+        assert board.firmware.nodes[0].dictionary.get(od.DIGITAL_INPUTS) == HOME
 
     def test_a_motion_cut_short_leaves_the_switches_where_the_axis_is(self, fast_kernel: Kernel) -> None:
         board = board_of(fast_kernel, 1, Switch(0, HOME, 20, 30))
@@ -519,5 +528,5 @@ class TestPowerCycle:
         simulation.power_cycle()
         simulation.run_until(121 * MS)
         closed = 20 <= board.trace(0).position_steps <= 30
-        assert board.firmware.nodes[0].dictionary.get(0x60FD) == (HOME if closed else 0)
+        assert board.firmware.nodes[0].dictionary.get(od.DIGITAL_INPUTS) == (HOME if closed else 0)
         assert closed

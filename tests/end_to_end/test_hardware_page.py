@@ -7,6 +7,7 @@ import pytest
 
 from steptwin.host.cli.app import run
 from steptwin.host.common.errors import BusError
+from steptwin.protocol import od
 from steptwin.protocol.objects import OBJECTS
 from tests.end_to_end.test_readme import ROOT, blocks_of
 
@@ -36,10 +37,13 @@ def test_an_adapter_that_is_not_there(words: list[str], capsys: pytest.CaptureFi
 
 
 def test_every_object_that_commands_rely_on_is_named() -> None:
-    """As far as the modules that talk to the board write it as a number."""
+    """The page names every object that the modules which talk to the board read or write."""
     sources = [*(ROOT / "host" / "client").glob("*.py"), *(ROOT / "host" / "operate").glob("*.py")]
     known = {item.index for item in OBJECTS}
-    used = {int(text, 16) for path in sources for text in INDEX.findall(path.read_text(encoding="utf-8"))} & known
+    names = {name for path in sources for name in re.findall(r"\bod\.([A-Z_]+)", path.read_text(encoding="utf-8"))}
+    values = [getattr(od, name) for name in names]
+    addresses = {each for value in values for each in (value if isinstance(value, tuple) else (value,))}
+    used = {address >> 8 for address in addresses} & known
     assert len(used) > 30
     named = {int(text, 16) for text in INDEX.findall(PAGE)}
     for first, last in re.findall(r"0x([0-9A-F]{4}) to 0x([0-9A-F]{4})", PAGE):

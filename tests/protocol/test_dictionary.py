@@ -2,28 +2,28 @@
 
 import pytest
 
+from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.dictionary import ObjectDictionary
-from steptwin.protocol.objects import key_of
 
-GAPS, MODE = key_of(0x2013, 2), key_of(0x6060)
+GAPS, MODE = od.PVT_GAPS, od.MODE_OF_OPERATION
 GAPS_MAX = 0xFFFF
-FOLLOWING_WINDOW, POSITION = key_of(0x6065), key_of(0x6064)
+FOLLOWING_WINDOW, POSITION = od.FOLLOWING_ERROR_WINDOW, od.POSITION_ACTUAL
 
 
 def test_a_counter_stays_at_its_greatest_value() -> None:
     dictionary = ObjectDictionary(0x10)
-    dictionary.set(0x2013, 2, GAPS_MAX - 1)
+    dictionary.set(od.PVT_GAPS, GAPS_MAX - 1)
     for counted in (GAPS_MAX, GAPS_MAX):
         dictionary.count(GAPS)
-        assert dictionary.get(0x2013, 2) == counted
+        assert dictionary.get(od.PVT_GAPS) == counted
 
 
 def test_a_reader_follows_the_value_through_a_reset() -> None:
     dictionary = ObjectDictionary(0x10)
     read = dictionary.reader(FOLLOWING_WINDOW)
     default = read()
-    dictionary.set(0x6065, 0, 5)
+    dictionary.set(od.FOLLOWING_ERROR_WINDOW, 5)
     assert read() == 5
     dictionary.reset()
     assert read() == default != 5
@@ -36,38 +36,38 @@ def test_a_reader_is_the_hook_where_the_value_lives_elsewhere() -> None:
     read = dictionary.reader(POSITION)
     assert read() == 7
     places[0] = -8
-    assert read() == dictionary.get(0x6064) == -8
+    assert read() == dictionary.get(od.POSITION_ACTUAL) == -8
 
 
 def test_a_writer_stores_where_there_is_nothing_to_check() -> None:
     dictionary = ObjectDictionary(0x10)
     write = dictionary.writer(FOLLOWING_WINDOW)
     write(5)
-    assert dictionary.get(0x6065) == 5
+    assert dictionary.get(od.FOLLOWING_ERROR_WINDOW) == 5
     dictionary.reset()
     write(6)
-    assert dictionary.get(0x6065) == 6
+    assert dictionary.get(od.FOLLOWING_ERROR_WINDOW) == 6
 
 
 @pytest.mark.parametrize(("value", "code"), [(241, AbortCode.VALUE_TOO_HIGH), (240, None), (0, None)])
 def test_a_writer_keeps_the_range(value: int, code: AbortCode | None) -> None:
     """The synchronous counter's overflow value goes up to 240 (CiA 301, object 1019)."""
     dictionary = ObjectDictionary(0x10)
-    dictionary.set(0x1019, 0, 3)
-    write = dictionary.writer(key_of(0x1019))
+    dictionary.set(od.SYNC_COUNTER_OVERFLOW, 3)
+    write = dictionary.writer(od.SYNC_COUNTER_OVERFLOW)
     if code is None:
         write(value)
-        assert dictionary.get(0x1019) == value
+        assert dictionary.get(od.SYNC_COUNTER_OVERFLOW) == value
         return
     with pytest.raises(SdoAbortError) as caught:
         write(value)
     assert caught.value.code is code
-    assert dictionary.get(0x1019) == 3
+    assert dictionary.get(od.SYNC_COUNTER_OVERFLOW) == 3
 
 
 def test_a_writer_tells_the_hook_before_it_stores() -> None:
     dictionary = ObjectDictionary(0x10)
     heard: list[tuple[int, int]] = []
-    dictionary.write_hooks[MODE] = lambda mode: heard.append((mode, dictionary.get(0x6060)))
+    dictionary.write_hooks[MODE] = lambda mode: heard.append((mode, dictionary.get(od.MODE_OF_OPERATION)))
     dictionary.writer(MODE)(7)
-    assert (heard, dictionary.get(0x6060)) == ([(7, 0)], 7)
+    assert (heard, dictionary.get(od.MODE_OF_OPERATION)) == ([(7, 0)], 7)

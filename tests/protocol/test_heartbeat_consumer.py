@@ -2,6 +2,7 @@
 
 import pytest
 
+from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.heartbeat_consumer import HeartbeatConsumer
@@ -18,7 +19,7 @@ def consumer_of(*words: int) -> HeartbeatConsumer:
 
 
 def write(dictionary: ObjectDictionary, subindex: int, word: int) -> None:
-    dictionary.write(0x1016, subindex, word.to_bytes(4, "little"))
+    dictionary.write(od.CONSUMER_HEARTBEATS[subindex - 1], word.to_bytes(4, "little"))
 
 
 def test_watching_begins_with_the_first_heartbeat() -> None:
@@ -73,7 +74,7 @@ def test_a_node_is_named_once() -> None:
     with pytest.raises(SdoAbortError) as caught:
         write(dictionary, 1, 0x7F_00C8)
     assert caught.value.code is AbortCode.INCOMPATIBLE
-    assert dictionary.get(0x1016, 1) == 0
+    assert dictionary.get(od.CONSUMER_HEARTBEATS[0]) == 0
     write(dictionary, 1, 0x7F_0000)  # a time of 0 names nobody
     write(dictionary, 2, 0x7F_00C8)  # its own entry may change
     assert consumer.producers == [0x7F]
@@ -97,6 +98,6 @@ def test_a_restart_takes_what_the_dictionary_holds() -> None:
     write(dictionary, 1, 0x7F_0064)
     consumer.receive(0x7F, ALIVE, 0)
     consumer.poll(100_000)
-    dictionary.set(0x1016, 1, 0x7E_0064)
+    dictionary.set(od.CONSUMER_HEARTBEATS[0], 0x7E_0064)
     consumer.restart()
     assert (consumer.producers, consumer.lost, consumer.due_us) == ([0x7E], [], None)

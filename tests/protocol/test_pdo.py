@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.dictionary import ObjectDictionary
@@ -23,8 +24,9 @@ def process_data() -> tuple[ObjectDictionary, ProcessData]:
 
 
 def write(dictionary: ObjectDictionary, index: int, subindex: int, value: int) -> None:
-    size = dictionary.entries[index << 8 | subindex].data_type.size
-    dictionary.write(index, subindex, value.to_bytes(size, "little"))
+    address = od.address_of(index, subindex)
+    size = dictionary.entries[address].data_type.size
+    dictionary.write(address, value.to_bytes(size, "little"))
 
 
 def refused(dictionary: ObjectDictionary, index: int, subindex: int, value: int) -> AbortCode:
@@ -43,7 +45,10 @@ def test_a_pvt_record_arrives_as_it_was_sent(displacement: int, velocity: int, d
     dictionary, pdos = process_data()
     record = PvtRecord(displacement, velocity, duration_ms, sequence)
     assert pdos.receive_pdos[3].receive(record.encode()) is ErrorCode.NONE
-    assert tuple(dictionary.get(0x60C1, i) for i in (1, 2, 3, 4)) == record
+    assert (
+        tuple(map(dictionary.get, (od.PVT_DISPLACEMENT, od.PVT_END_VELOCITY, od.PVT_DURATION_MS, od.PVT_SEQUENCE)))
+        == record
+    )
 
 
 def test_default_cob_ids_follow_the_predefined_connection_set() -> None:
@@ -58,20 +63,20 @@ def test_a_synchronous_rpdo_waits_for_sync_and_the_last_one_counts() -> None:
     dictionary, pdos = process_data()
     pdos.receive_pdos[1].receive(b"\x06\x00")
     pdos.receive_pdos[1].receive(b"\x1f\x00")
-    assert dictionary.get(0x6040) == 0
+    assert dictionary.get(od.CONTROLWORD) == 0
     pdos.receive_pdos[1].on_sync()
-    assert dictionary.get(0x6040) == 0x1F
-    dictionary.set(0x6040, 0, 0)
+    assert dictionary.get(od.CONTROLWORD) == 0x1F
+    dictionary.set(od.CONTROLWORD, 0)
     pdos.receive_pdos[1].on_sync()
-    assert dictionary.get(0x6040) == 0
+    assert dictionary.get(od.CONTROLWORD) == 0
 
 
 def test_length_errors() -> None:
     dictionary, pdos = process_data()
     assert pdos.receive_pdos[0].receive(b"\x06\x00") is ErrorCode.PDO_TOO_SHORT
-    assert dictionary.get(0x6040) == 0
+    assert dictionary.get(od.CONTROLWORD) == 0
     assert pdos.receive_pdos[0].receive(b"\x06\x00\x07\xff") is ErrorCode.PDO_TOO_LONG
-    assert (dictionary.get(0x6040), dictionary.get(0x6060)) == (6, 7)
+    assert (dictionary.get(od.CONTROLWORD), dictionary.get(od.MODE_OF_OPERATION)) == (6, 7)
 
 
 def test_values_that_the_dictionary_refuses_are_dropped_and_counted() -> None:
@@ -84,7 +89,7 @@ def test_values_that_the_dictionary_refuses_are_dropped_and_counted() -> None:
     pdos.invalidate()
     pdos.refresh(0)
     assert pdos.receive_pdos[0].receive(b"\x06\x00\x63") is ErrorCode.NONE
-    assert (dictionary.get(0x6040), dictionary.get(0x6060)) == (6, 0)
+    assert (dictionary.get(od.CONTROLWORD), dictionary.get(od.MODE_OF_OPERATION)) == (6, 0)
     assert pdos.receive_pdos[0].refused == 1
 
 
@@ -92,13 +97,13 @@ class TestTransmission:
     def test_change_is_sent_at_once_then_inhibited(self) -> None:
         dictionary, pdos = process_data()
         pdo = pdos.transmit_pdos[0]
-        dictionary.set(0x6041, 0, 0x1234)
-        dictionary.set(0x6064, 0, -2)
-        pdos.changed(0x6041)
+        dictionary.set(od.STATUSWORD, 0x1234)
+        dictionary.set(od.POSITION_ACTUAL, -2)
+        pdos.changed(od.STATUSWORD)
         frame = pdo.poll(0)
         assert frame is not None
         assert (frame.cob_id, frame.data.hex(" ")) == (0x190, "34 12 00 fe ff ff ff")
-        pdos.changed(0x6041)
+        pdos.changed(od.STATUSWORD)
         assert pdo.due_us == 5_000
         assert pdo.poll(4_999) is None
         assert pdo.poll(5_000) is not None
@@ -113,7 +118,7 @@ class TestTransmission:
 
     def test_changes_of_what_is_not_mapped_do_not_send(self) -> None:
         _, pdos = process_data()
-        pdos.changed(0x603F)
+        pdos.changed(od.ERROR_CODE)
         assert [pdo.due_us for pdo in pdos.transmit_pdos] == [100_000, None, 100_000, 0]
 
     @pytest.mark.parametrize(("transmission", "sent"), [(1, [1, 1, 1, 1]), (3, [0, 0, 1, 0]), (0, [1, 0, 0, 0])])
@@ -137,9 +142,9 @@ class TestTransmission:
         pdos.refresh(0)
         pdo = pdos.transmit_pdos[1]
         assert [pdo.on_sync() is not None for _ in range(2)] == [True, False]
-        dictionary.set(0x6064, 0, 1)
+        dictionary.set(od.POSITION_ACTUAL, 1)
         assert [pdo.on_sync() is not None for _ in range(2)] == [True, False]
-        pdos.changed(0x6064)
+        pdos.changed(od.POSITION_ACTUAL)
         assert [pdo.on_sync() is not None for _ in range(2)] == [True, False]
 
     def test_the_sync_with_the_start_value_is_the_first_that_counts(self) -> None:
@@ -169,8 +174,8 @@ class TestConfiguration:
         write(dictionary, 0x1A00, 0, 1)
         write(dictionary, 0x1800, 1, 0x191 | COB_ID_NO_RTR)
         assert pdos.refresh(0)
-        dictionary.set(0x606C, 0, 5)
-        pdos.changed(0x606C)
+        dictionary.set(od.VELOCITY_ACTUAL, 5)
+        pdos.changed(od.VELOCITY_ACTUAL)
         frame = pdos.transmit_pdos[0].poll(0)
         assert frame is not None
         assert (frame.cob_id, frame.data.hex()) == (0x191, "05000000")
@@ -193,7 +198,7 @@ class TestConfiguration:
         dictionary, _ = process_data()
         write(dictionary, 0x1400, 1, 0x210 | INVALID)
         write(dictionary, 0x1400, 1, identifier)
-        assert dictionary.get(0x1400, 1) == identifier
+        assert dictionary.get(0x1400_01) == identifier
 
     @pytest.mark.parametrize(("transmission", "valid"), [(240, True), (241, False), (253, False), (254, True)])
     def test_transmission_types(self, transmission: int, valid: bool) -> None:
@@ -214,7 +219,7 @@ class TestConfiguration:
         assert refused(dictionary, 0x1800, subindex, 1) is AbortCode.DEVICE_STATE
         write(dictionary, 0x1800, 1, 0x190 | INVALID)
         write(dictionary, 0x1800, subindex, 1)
-        assert dictionary.get(0x1800, subindex) == 1
+        assert dictionary.get(od.address_of(0x1800, subindex)) == 1
 
     def test_entries_are_closed_while_the_count_is_not_zero(self) -> None:
         dictionary, _ = process_data()
@@ -244,7 +249,7 @@ class TestConfiguration:
             write(dictionary, 0x1A00, i, word)
         assert refused(dictionary, 0x1A00, 0, 3) is AbortCode.PDO_TOO_LONG
         write(dictionary, 0x1A00, 0, 2)
-        assert dictionary.get(0x1A00) == 2
+        assert dictionary.get(0x1A00_00) == 2
 
     def test_a_count_over_empty_entries_is_refused(self) -> None:
         dictionary, _ = process_data()

@@ -9,6 +9,7 @@ from canopen.sdo.client import SdoClient
 from hypothesis import given
 from hypothesis import strategies as st
 
+from steptwin.protocol import od
 from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.sdo_server import SdoServer
 
@@ -24,17 +25,17 @@ class BlobDictionary(ObjectDictionary):
         super().__init__(NODE)
         self.blob = BLOB
 
-    def read(self, index: int, subindex: int) -> bytes:
-        return self.blob if index == 0x2F10 else super().read(index, subindex)
+    def read(self, address: int) -> bytes:
+        return self.blob if address == 0x2F10_00 else super().read(address)
 
-    def write(self, index: int, subindex: int, data: bytes) -> None:
-        if index == 0x2F10:
+    def write(self, address: int, data: bytes) -> None:
+        if address == 0x2F10_00:
             self.blob = data
         else:
-            super().write(index, subindex, data)
+            super().write(address, data)
 
-    def size_to_write(self, index: int, subindex: int) -> int:
-        return 5000 if index == 0x2F10 else super().size_to_write(index, subindex)
+    def size_to_write(self, address: int) -> int:
+        return 5000 if address == 0x2F10_00 else super().size_to_write(address)
 
 
 Filter = Callable[[bytes], bool]
@@ -102,7 +103,7 @@ class TestWithTheCanopenClient:
     def test_download_of_an_axis_own_number(self) -> None:
         dictionary = ObjectDictionary(NODE)
         write(client_of(dictionary), 0x607C, (123_456).to_bytes(4, "little"))
-        assert dictionary.get(0x607C) == 123_456
+        assert dictionary.get(od.HOME_OFFSET) == 123_456
 
     def test_a_segment_that_is_lost_on_the_way_in_is_sent_again(self) -> None:
         lost: list[bytes] = []
@@ -205,7 +206,7 @@ class TestRawDownload:
         assert exchange(server, WRITE_OFFSET) == ["a4 7c 60 00 1f 00 00 00"]
         assert exchange(server, SEGMENT) == ["a2 01 1f 00 00 00 00 00"]
         assert exchange(server, END) == ["a1 00 00 00 00 00 00 00"]
-        assert dictionary.get(0x607C) == 123_456
+        assert dictionary.get(od.HOME_OFFSET) == 123_456
 
     @pytest.mark.parametrize(
         ("requests", "code"),
@@ -221,7 +222,7 @@ class TestRawDownload:
     def test_refusals(self, requests: list[str], code: int) -> None:
         dictionary = ObjectDictionary(NODE)
         assert exchange(SdoServer(dictionary), *requests) == abort(code, "7c 60 00")
-        assert dictionary.get(0x607C) == 0
+        assert dictionary.get(od.HOME_OFFSET) == 0
 
     def test_a_last_segment_out_of_order_is_asked_for_again(self) -> None:
         dictionary = BlobDictionary()

@@ -2,6 +2,7 @@
 
 import pytest
 
+from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.sync import SyncConsumer
@@ -14,7 +15,7 @@ from steptwin.protocol.sync import SyncConsumer
 def test_the_counter_is_there_if_it_is_agreed_on(overflow: int, data: bytes, counter: int | None) -> None:
     dictionary = ObjectDictionary(0x10)
     sync = SyncConsumer(dictionary)
-    dictionary.write(0x1019, 0, bytes((overflow,)))
+    dictionary.write(od.SYNC_COUNTER_OVERFLOW, bytes((overflow,)))
     assert sync.counter_of(data) == counter
 
 
@@ -30,7 +31,7 @@ def test_the_counter_is_there_if_it_is_agreed_on(overflow: int, data: bytes, cou
 def test_overflow_values_that_are_refused(overflow: int, period_us: int, code: AbortCode) -> None:
     dictionary = ObjectDictionary(0x10)
     SyncConsumer(dictionary)
-    dictionary.write(0x1006, 0, period_us.to_bytes(4, "little"))
+    dictionary.write(od.COMMUNICATION_CYCLE_PERIOD, period_us.to_bytes(4, "little"))
     with pytest.raises(SdoAbortError) as caught:
-        dictionary.write(0x1019, 0, bytes((overflow,)))
+        dictionary.write(od.SYNC_COUNTER_OVERFLOW, bytes((overflow,)))
     assert caught.value.code is code

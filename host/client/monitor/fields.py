@@ -3,6 +3,7 @@
 from typing import Any, Final
 
 from steptwin.host.client.axis import error_text, state_text
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import Mode, State
 from steptwin.protocol.datatypes import DataType
 from steptwin.protocol.objects import OBJECTS, Entry
@@ -32,7 +33,7 @@ def entry_text(index: int, subindex: int, data: bytes) -> str:
 
 def value_text(index: int, subindex: int, value: int) -> str:
     """A number, with words for those that are codes."""
-    words = _WORDS.get((index, subindex))
+    words = _WORDS.get(od.address_of(index, subindex))
     return words(value) if words else str(value)
 
 
@@ -73,14 +74,14 @@ def _hexadecimal(value: int) -> str:
 
 
 _WORDS: Final = {
-    (0x6041, 0): _statusword,
-    (0x6040, 0): lambda value: f"0x{value:04X}",
-    (0x6060, 0): _mode,
-    (0x6061, 0): _mode,
-    (0x603F, 0): _error,
-    (0x1000, 0): _hexadecimal,
-    (0x1001, 0): _hexadecimal,
-    (0x60FD, 0): _hexadecimal,
-    (0x60FE, 1): _hexadecimal,
-    (0x2012, 3): _hexadecimal,
+    od.STATUSWORD: _statusword,
+    od.CONTROLWORD: lambda value: f"0x{value:04X}",
+    od.MODE_OF_OPERATION: _mode,
+    od.MODE_OF_OPERATION_DISPLAY: _mode,
+    od.ERROR_CODE: _error,
+    od.DEVICE_TYPE: _hexadecimal,
+    od.ERROR_REGISTER: _hexadecimal,
+    od.DIGITAL_INPUTS: _hexadecimal,
+    od.DIGITAL_OUTPUTS: _hexadecimal,
+    od.PVT_FLAGS: _hexadecimal,
 }

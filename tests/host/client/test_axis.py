@@ -8,6 +8,7 @@ from steptwin.host.client.axis import error_text
 from steptwin.host.common.errors import BusError, DeviceFaultError
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.protocol import od
 from steptwin.protocol.frame import Frame
 
 START = [0.0, 0.0, 100.0, 0.0, 60.0, 30.0]
@@ -28,33 +29,35 @@ def machine(board: EmbeddedBoard) -> Machine:
 
 def test_objects_are_read_and_written(machine: Machine) -> None:
     th1 = machine.axes[3]
-    th1.write(0x2001, 2, 40_000)
-    assert th1.read(0x2001, 2) == 40_000
-    assert th1.read(0x6502) == 0b1110_0101
+    th1.write(od.STEPSPACE_NS, 40_000)
+    assert th1.read(od.STEPSPACE_NS) == 40_000
+    assert th1.read(od.SUPPORTED_DRIVE_MODES) == 0b1110_0101
 
 
 @pytest.mark.parametrize(
-    ("index", "subindex", "value", "words"),
-    [(0x2000, 1, 3, "writing 3 to 0x2000:01"), (0x1000, 0, 1, "writing 1 to 0x1000:00"), (0x6060, 0, 4, "0x6060:00")],
+    ("address", "value", "words"),
+    [
+        (od.MICROSTEPS, 3, "writing 3 to 0x2000:01"),
+        (od.DEVICE_TYPE, 1, "writing 1 to 0x1000:00"),
+        (od.MODE_OF_OPERATION, 4, "0x6060:00"),
+    ],
 )
-def test_a_refusal_names_axis_object_and_value(
-    machine: Machine, index: int, subindex: int, value: int, words: str
-) -> None:
+def test_a_refusal_names_axis_object_and_value(machine: Machine, address: int, value: int, words: str) -> None:
     with pytest.raises(DeviceFaultError, match=f"th2: .*{words}"):
-        machine.axes[4].write(index, subindex, value)
+        machine.axes[4].write(address, value)
     assert DeviceFaultError.exit_code == 3
 
 
 def test_reading_what_is_write_only_is_refused(machine: Machine) -> None:
     with pytest.raises(DeviceFaultError, match="sx: reading 0x60C4:06 was refused"):
-        machine.axes[0].read(0x60C4, 6)
+        machine.axes[0].read(od.BUFFER_CLEAR)
 
 
 def test_a_node_that_is_not_there(board: EmbeddedBoard) -> None:
     with pytest.raises(BusError, match="seventh: node 0x16 does not answer"):
         Machine(board, ("sx", "sz", "L1", "th1", "th2", "th3", "seventh")).connect()
     with pytest.raises(BusError, match="seventh"):
-        Machine(board, ("sx", "sz", "L1", "th1", "th2", "th3", "seventh")).axes[6].write(0x6040, 0, 0)
+        Machine(board, ("sx", "sz", "L1", "th1", "th2", "th3", "seventh")).axes[6].write(od.CONTROLWORD, 0)
 
 
 def test_a_drive_that_cannot_be_enabled(machine: Machine, board: EmbeddedBoard) -> None:
@@ -62,13 +65,13 @@ def test_a_drive_that_cannot_be_enabled(machine: Machine, board: EmbeddedBoard) 
     machine.configure((SETTINGS,) * 6)
     machine.enable()
     th1 = machine.axes[3]
-    th1.write(0x6060, 0, 7)
+    th1.write(od.MODE_OF_OPERATION, 7)
     for sequence in range(5):  # 4 kHz and no end: an underrun
         velocity = 4 * 1024 * 64
         displacement = 40 * 1024 if sequence == 0 else 80 * 1024
         data = displacement.to_bytes(3, "little") + velocity.to_bytes(3, "little") + bytes((20, sequence))
         board.network.send_message(0x513, data)
-    th1.write(0x6040, 0, 0x1F)
+    th1.write(od.CONTROLWORD, 0x1F)
     board.wait(2.0)
     assert th1.in_fault
     assert th1.error_codes == [0xFF01]
@@ -97,7 +100,7 @@ def test_malformed_reports_are_ignored(machine: Machine, board: EmbeddedBoard) -
 
 def test_the_bus_log_holds_every_frame_once(machine: Machine, board: EmbeddedBoard) -> None:
     before = len(board.bus_log)
-    machine.axes[0].read(0x1000)
+    machine.axes[0].read(od.DEVICE_TYPE)
     request, response = board.bus_log[before:]
     assert request[1] == Frame(0x610, bytes.fromhex("4000100000000000"))
     assert response[1] == Frame(0x590, bytes.fromhex("4300100092010400"))

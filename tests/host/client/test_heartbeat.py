@@ -8,6 +8,7 @@ from steptwin.host.client import Machine
 from steptwin.host.client.heartbeat import PERIOD_S, TIMEOUT_MS
 from steptwin.host.common.errors import DeviceFaultError
 from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode, State
 from tests.host.client.machines import (
     AXES,
@@ -59,7 +60,7 @@ def test_it_beats_while_the_client_waits(board: EmbeddedBoard, machine: Machine)
 def test_it_beats_between_the_frames_of_a_long_dialogue(board: EmbeddedBoard, machine: Machine) -> None:
     began_s = board.now_s()
     for _ in range(5000):
-        machine.axes[0].read(0x1000)
+        machine.axes[0].read(od.DEVICE_TYPE)
     assert board.now_s() - began_s > 1.0
     assert np.diff(beats_s(board)) == pytest.approx(PERIOD_S, abs=0.002)
     assert emergencies(board) == []
@@ -75,8 +76,8 @@ def test_it_begins_when_the_axes_are_told_to_listen(board: EmbeddedBoard) -> Non
         board.wait(1.0)
     assert np.diff(beats_s(board)) == pytest.approx(PERIOD_S, abs=0.002)
     for axis in machine.axes:
-        assert axis.read(0x1016, 1) == 0x7F0000 | TIMEOUT_MS
-        assert axis.read(0x6007) == 1
+        assert axis.read(od.CONSUMER_HEARTBEATS[0]) == 0x7F0000 | TIMEOUT_MS
+        assert axis.read(od.ABORT_CONNECTION_OPTION) == 1
 
 
 def test_a_host_that_takes_leave_is_not_lost(board: EmbeddedBoard, machine: Machine) -> None:

@@ -16,6 +16,7 @@ from steptwin.host.robots import load_robot, robot_names
 from steptwin.host.robots.homing import JointSwitches
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, Control, ErrorCode, Mode, State
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 
@@ -98,9 +99,9 @@ def test_a_homed_axis_goes_where_it_is_sent(fast_kernel: Kernel) -> None:
     board, machine = machine_of(WAREHOUSE, list(WAREHOUSE.home), fast_kernel)
     machine.home(how(WAREHOUSE, "L1"))
     axis, joint = machine.axes[L1], WAREHOUSE.joints[L1]
-    axis.write(0x6060, 0, Mode.PROFILE_POSITION)
-    axis.write(0x607A, 0, round(100 * joint.transmission.wire_units_per_unit))
-    axis.write(0x6040, 0, ENABLE_OPERATION | Control.START)
+    axis.write(od.MODE_OF_OPERATION, Mode.PROFILE_POSITION)
+    axis.write(od.TARGET_POSITION, round(100 * joint.transmission.wire_units_per_unit))
+    axis.write(od.CONTROLWORD, ENABLE_OPERATION | Control.START)
     board.wait(10.0)
     assert board.driver_positions()[L1] == 100 * 320
 
@@ -145,7 +146,7 @@ class TestFailures:
         board, machine = machine_of(robot, list(WAREHOUSE.home), fast_kernel)
         settings = list(how(WAREHOUSE, "th1"))
         machine.axes[TH1].disable()
-        machine.axes[TH1].write(0x607E, 0, 0xC0)  # the axis runs the other way: each end has the other's switch
+        machine.axes[TH1].write(od.POLARITY, 0xC0)  # the axis runs the other way: each end has the other's switch
         machine.axes[TH1].enable()
         with pytest.raises(DeviceFaultError, match=r"^th1: homing failed: a limit switch closed that should not"):
             machine.home(tuple(settings))
@@ -170,7 +171,7 @@ class TestFailures:
         _, machine = machine_of(WAREHOUSE, [-4.0, *WAREHOUSE.home[1:]], fast_kernel)
 
         def interfere(_: float) -> None:
-            machine.axes[TH1].write(0x6040, 0, word)
+            machine.axes[TH1].write(od.CONTROLWORD, word)
 
         with pytest.raises(DeviceFaultError, match=rf"^{words}$"):
             machine.home(how(WAREHOUSE, "sx", "th1"), interfere, together=True)

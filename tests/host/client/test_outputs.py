@@ -7,6 +7,7 @@ from steptwin.host.client import Machine, OutputCommand
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.host.verify import OutputChange
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalOutput
 from steptwin.protocol.frame import COB_SYNC
 from tests.host.client.machines import AXES, frames_to, ready, still
@@ -37,7 +38,7 @@ def test_one_output_leaves_the_others_alone(machine: Machine, board: EmbeddedBoa
     for output, on in ((MAGNET, True), (LOCK, True), (MAGNET, True), (MAGNET, False)):
         th3.switch_output(output, on=on)
     assert [(change.name, change.level) for change in changes(board)] == [("magnet", 1), ("lock", 1), ("magnet", 0)]
-    assert th3.read(0x60FE, 1) == LOCK
+    assert th3.read(od.DIGITAL_OUTPUTS) == LOCK
 
 
 def test_what_nothing_is_wired_to_is_no_evidence(machine: Machine, board: EmbeddedBoard) -> None:

@@ -9,6 +9,7 @@ from steptwin.controller.backend import Kernel
 from steptwin.host.client import Machine, OutputCommand
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
 from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, Control, DigitalOutput
 from steptwin.protocol.frame import Frame
 from tests.host.client.machines import AXES, ROBOT, START, frames_to, ready, silence_heartbeat, still, travelling
@@ -152,7 +153,7 @@ def test_another_host_hears_of_a_fault(board: EmbeddedBoard, machine: Machine, m
 def test_the_halt_bit_of_one_axis_is_enough(machine: Machine) -> None:
     """Whoever has set it: `resume` clears it."""
     run = machine.start(travelling(101), [0] * AXES)
-    machine.axes[TH2].write(0x6040, 0, RUN | Control.HALT)
+    machine.axes[TH2].write(od.CONTROLWORD, RUN | Control.HALT)
     machine.wait(30.0)
     assert run.halted
     machine.resume()
@@ -165,7 +166,7 @@ def test_records_that_do_not_go_on_without_a_halt_are_an_error(board: EmbeddedBo
     machine.start(travelling(101), [0] * AXES)
     for axis in machine.axes:
         board.network.unsubscribe(0x180 + axis.node_id)
-    machine.axes[TH2].write(0x6040, 0, RUN | Control.HALT)
+    machine.axes[TH2].write(od.CONTROLWORD, RUN | Control.HALT)
     machine.wait(4.9)
     with pytest.raises(BusError, match=r"^the motion has not gone on for 5 s at 0\.\d+ s of its time$"):
         machine.wait(1.0)
@@ -174,7 +175,7 @@ def test_records_that_do_not_go_on_without_a_halt_are_an_error(board: EmbeddedBo
 def test_the_longest_record_and_the_slowest_ramp_are_no_error(board: EmbeddedBoard, machine: Machine) -> None:
     """A deceleration so low that the ramp takes 16 s: the last records of 255 ms take seconds each."""
     for axis in machine.axes:
-        axis.write(0x6084, 0, 1)
+        axis.write(od.PROFILE_DECELERATION, 1)
     run = machine.start(travelling(60, 255), [0] * AXES)
     machine.wait(1.0)
     asked_s = board.now_s()
@@ -189,7 +190,7 @@ def test_a_fault_ends_the_waiting(board: EmbeddedBoard, machine: Machine) -> Non
     machine.start(travelling(101), [0] * AXES)
     machine.wait(0.5)
     machine.pause()
-    machine.axes[TH1].write(0x1016, 1, 0x7E << 16 | 50)
+    machine.axes[TH1].write(od.CONSUMER_HEARTBEATS[0], 0x7E << 16 | 50)
     board.network.send_message(0x77E, b"\x05")
     with pytest.raises(DeviceFaultError, match=r"^th1: heartbeat lost \(EMCY 0x8130\)$"):
         machine.wait(1.0)
@@ -205,9 +206,9 @@ def test_an_output_waits_for_the_trajectory(board: EmbeddedBoard, machine: Machi
     board.wait(started_s + 0.5 - board.now_s())
     machine.pause()
     machine.wait(5.0)
-    assert th3.read(0x60FE, 1) == 0
+    assert th3.read(od.DIGITAL_OUTPUTS) == 0
     machine.resume()
     machine.wait(0.03)
-    assert th3.read(0x60FE, 1) == DigitalOutput.OUT1
+    assert th3.read(od.DIGITAL_OUTPUTS) == DigitalOutput.OUT1
     machine.wait(2.0)
     assert run.ended

@@ -15,6 +15,7 @@ from steptwin.host.planning.planner import plan
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.host.twin.execution import execute
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import DISABLE_VOLTAGE
 from tests.host.client.machines import AXES, ROBOT, START, frames_to, ready, still, travelling
 
@@ -65,7 +66,9 @@ def test_status_reports_follow_the_shortest_segment(board: EmbeddedBoard) -> Non
     for duration_ms, timer_ms in ((1, 20), (3, 60), (5, 100), (255, 100)):
         machine.preset([0] * AXES)
         run(machine, still(20, duration_ms))
-        assert [axis.read(0x1802, 5) for axis in machine.axes] == [timer_ms] * AXES
+        assert [axis.read(od.address_of(od.TPDO_COMMUNICATION[2], od.PDO_EVENT_TIMER)) for axis in machine.axes] == [
+            timer_ms
+        ] * AXES
     assert len(frames_to(board, 0x610, write_timer)) == 3
 
 
@@ -121,7 +124,7 @@ def test_the_planner_refuses_what_the_firmware_would(fast_kernel: Kernel) -> Non
 
 def set_heartbeats(machine: Machine, period_ms: int) -> None:
     for axis in machine.axes:
-        axis.write(0x1017, 0, period_ms)
+        axis.write(od.PRODUCER_HEARTBEAT_TIME, period_ms)
 
 
 def test_a_bus_that_the_nodes_fill_is_a_bus_error(fast_kernel: Kernel) -> None:
@@ -137,7 +140,7 @@ def test_an_axis_that_was_cut_off_in_motion_must_be_homed_first(board: EmbeddedB
     machine = ready(board)
     machine.start(travelling(20), [0] * AXES)
     machine.wait(0.1)
-    machine.axes[3].write(0x6040, 0, DISABLE_VOLTAGE)
+    machine.axes[3].write(od.CONTROLWORD, DISABLE_VOLTAGE)
     machine.axes[3].enable()
     with pytest.raises(DeviceFaultError, match="th1: does not know where it is"):
         machine.start(still(5, 20), [0] * AXES)

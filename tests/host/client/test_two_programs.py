@@ -8,6 +8,7 @@ from steptwin.controller.backend import Kernel
 from steptwin.host.client import AxisClient
 from steptwin.host.common.errors import BusError, DeviceFaultError
 from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.protocol import od
 from tests.host.client.machines import ROBOT, START, ready
 
 IS_TWO_BYTES_OF_6064 = bytes.fromhex("4b64600034120000")
@@ -46,9 +47,9 @@ def test_answers_about_other_objects(
 ) -> None:
     """However many."""
     answers_first(board, monkeypatch, answer, times=1000)
-    assert axis.read(0x607F) == 15_360_000
-    axis.write(0x607A, 0, 4711)
-    assert axis.read(0x607A) == 4711
+    assert axis.read(od.MAX_PROFILE_VELOCITY) == 15_360_000
+    axis.write(od.TARGET_POSITION, 4711)
+    assert axis.read(od.TARGET_POSITION) == 4711
 
 
 def test_another_dialogue_about_the_same_object(
@@ -56,13 +57,13 @@ def test_another_dialogue_about_the_same_object(
 ) -> None:
     """The other program has written what this one reads: it asks again."""
     answers_first(board, monkeypatch, WRITTEN_607F, times=4)
-    assert axis.read(0x607F) == 15_360_000
+    assert axis.read(od.MAX_PROFILE_VELOCITY) == 15_360_000
 
 
 def test_there_is_an_end(board: EmbeddedBoard, axis: AxisClient, monkeypatch: pytest.MonkeyPatch) -> None:
     answers_first(board, monkeypatch, WRITTEN_607F, times=5)
     with pytest.raises(BusError, match=r"^sx: node 0x10 does not answer \(Unexpected response 0x60\)$"):
-        axis.read(0x607F)
+        axis.read(od.MAX_PROFILE_VELOCITY)
 
 
 @pytest.mark.parametrize("code", ["00000305", "01000405"])
@@ -70,9 +71,9 @@ def test_reading_in_segments(
     board: EmbeddedBoard, axis: AxisClient, monkeypatch: pytest.MonkeyPatch, code: str
 ) -> None:
     answers_first(board, monkeypatch, bytes.fromhex("80081000" + code), times=2)
-    assert axis.read_text(0x1008).startswith("StepTwin TB6560 axis")
+    assert axis.read_text(od.DEVICE_NAME).startswith("StepTwin TB6560 axis")
 
 
 def test_a_refusal_is_final(axis: AxisClient) -> None:
     with pytest.raises(DeviceFaultError, match=r"writing 7 to 0x605A:00 was refused"):
-        axis.write(0x605A, 0, 7)
+        axis.write(od.QUICK_STOP_OPTION, 7)

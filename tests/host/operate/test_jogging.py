@@ -9,6 +9,7 @@ from steptwin.host.operate.jogging import check_jog, jog
 from steptwin.host.operate.recovering import axis_states
 from steptwin.host.operate.session import Session
 from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.protocol import od
 from tests.host.operate.sessions import HALF_STEPS, HOME, ROBOT, SX, TH1, CommandLine, board_at
 
 
@@ -30,7 +31,7 @@ def test_the_end_of_travel_stops_it(board: EmbeddedBoard, session: Session) -> N
     assert jogged.at_limit
     assert joint.lower - HALF_STEPS[TH1] <= jogged.end <= joint.lower + HALF_STEPS[TH1]
     assert board.now_s() < 100
-    assert session.machine.axes[TH1].read(0x607D, 1) == -(1 << 31)
+    assert session.machine.axes[TH1].read(od.POSITION_LIMIT_MIN) == -(1 << 31)
 
 
 def test_an_axis_that_does_not_know_where_it_is_goes_anywhere(fast_kernel: Kernel) -> None:

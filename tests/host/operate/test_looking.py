@@ -13,6 +13,7 @@ from steptwin.host.operate.outputs import switch_output
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.status import read_status
 from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalOutput
 from tests.host.operate.sessions import HOME, ROBOT, TH2, TH3, CommandLine
 
@@ -66,9 +67,9 @@ def test_a_queue_that_takes_nothing_is_closed(steptwin: CommandLine) -> None:
 
 def test_a_fault_is_the_exit_code(steptwin: CommandLine, session: Session) -> None:
     session.machine.disable()
-    session.machine.axes[TH2].write(0x2002, 3, 5000)  # no supply has 50 V
-    session.machine.axes[TH2].write(0x6040, 0, 6)
-    session.machine.axes[TH2].write(0x6040, 0, 7)
+    session.machine.axes[TH2].write(od.SUPPLY_VOLTAGE_MIN, 5000)  # no supply has 50 V
+    session.machine.axes[TH2].write(od.CONTROLWORD, 6)
+    session.machine.axes[TH2].write(od.CONTROLWORD, 7)
     exit_code, out, err = steptwin.run("status warehouse-scara --json")
     assert (exit_code, err) == (3, "steptwin: th2: the drive is in FAULT: undervoltage\n")
     assert json.loads(out)["axes"][TH2]["history"] == ["undervoltage (0x3220)"]
@@ -115,13 +116,13 @@ def test_a_healthy_machine(steptwin: CommandLine, session: Session) -> None:
     assert lines[0] == "[ OK ] bus: 127.0.0.1:29536"
     assert lines[1].startswith("[ OK ] sx node 0x10: type 0x00040192, StepTwin TB6560 axis (SIMULATED), ")
     assert len(lines) == 1 + len(ROBOT.joints) * 7
-    assert session.machine.axes[0].read(0x6041)
+    assert session.machine.axes[0].read(od.STATUSWORD)
 
 
 def test_what_is_wrong_is_named(steptwin: CommandLine, session: Session) -> None:
     axis = session.machine.axes[TH2]
-    axis.write(0x2002, 3, 5000)
-    axis.write(0x2002, 5, -500)
+    axis.write(od.SUPPLY_VOLTAGE_MIN, 5000)
+    axis.write(od.BOARD_TEMPERATURE_MAX, -500)
     document_code, out, err = steptwin.run("doctor warehouse-scara --json")
     assert (document_code, err) == (3, "")
     failed = {check["name"]: check["found"] for check in json.loads(out)["checks"] if not check["passed"]}
@@ -144,7 +145,7 @@ def test_settings_that_need_the_power_off(session: Session) -> None:
     """Microsteps of another robot: no matter while the drive is off, since the next motion writes them."""
     axis = session.machine.axes[TH3]
     session.machine.disable()
-    axis.write(0x2000, 1, 8)
+    axis.write(od.MICROSTEPS, 8)
     checks = {check.name: check for check in examine(session)}
     assert checks["th3 settings"].passed
     session.machine.enable()
@@ -190,7 +191,7 @@ def test_outputs_by_name(steptwin: CommandLine, board: EmbeddedBoard) -> None:
     assert steptwin.json("outputs warehouse-scara")["outputs"] == {"magnet": False, "lock": False}
     assert steptwin.json("outputs warehouse-scara lock on")["outputs"] == {"magnet": False, "lock": True}
     axis = Session(board, ROBOT).machine.axes[TH3]
-    assert axis.read(0x60FE, 1) == DigitalOutput.OUT2
+    assert axis.read(od.DIGITAL_OUTPUTS) == DigitalOutput.OUT2
     exit_code, out, _ = steptwin.run("outputs warehouse-scara")
     assert (exit_code, out.split()[-8:]) == (0, ["magnet", "th3", "OUT1", "off", "lock", "th3", "OUT2", "on"])
     assert steptwin.json("outputs warehouse-scara lock off")["outputs"] == {"magnet": False, "lock": False}

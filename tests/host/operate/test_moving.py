@@ -9,6 +9,7 @@ from steptwin.host.operate.recovering import stop
 from steptwin.host.operate.session import Session
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.protocol import od
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 from tests.host.operate.sessions import HALF_STEPS, HOME, ROBOT, TH2, TH3, CommandLine, Neighbour, preset
 
@@ -116,7 +117,7 @@ def test_ctrl_c_stops_all_axes(board: EmbeddedBoard, session: Session) -> None:
 
 def test_a_fault_is_named(session: Session) -> None:
     session.machine.disable()
-    session.machine.axes[TH2].write(0x2002, 3, 5000)  # no supply has 50 V
+    session.machine.axes[TH2].write(od.SUPPLY_VOLTAGE_MIN, 5000)  # no supply has 50 V
     with pytest.raises(DeviceFaultError, match=r"^th2: cannot be enabled, the drive is in FAULT$"):
         move(session, GOAL)
     with pytest.raises(DeviceFaultError, match=r"^th2: the drive is in FAULT: undervoltage \(0x3220\); .*reset`$"):

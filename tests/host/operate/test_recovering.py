@@ -7,6 +7,7 @@ from steptwin.host.operate.moving import move
 from steptwin.host.operate.recovering import emergency_stop, reset, stop
 from steptwin.host.operate.session import Session
 from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.protocol import od
 from tests.host.client.machines import silence_heartbeat
 from tests.host.operate.sessions import HOME, ROBOT, TH2, CommandLine, Neighbour
 
@@ -84,13 +85,13 @@ def test_nobody_answers(monkeypatch: pytest.MonkeyPatch, board: EmbeddedBoard) -
 def test_a_reset_needs_the_cause_to_be_gone(steptwin: CommandLine, session: Session) -> None:
     axis = session.machine.axes[TH2]
     session.machine.disable()
-    axis.write(0x2002, 3, 5000)  # no supply has 50 V
+    axis.write(od.SUPPLY_VOLTAGE_MIN, 5000)  # no supply has 50 V
     with pytest.raises(DeviceFaultError, match="FAULT"):
         move(session, GOAL)
     exit_code, out, err = steptwin.run("reset warehouse-scara")
     assert (exit_code, out) == (3, "")
     assert err == "steptwin: th2: stays in FAULT, for the cause lasts: undervoltage (0x3220)\n"
-    axis.write(0x2002, 3, 1000)
+    axis.write(od.SUPPLY_VOLTAGE_MIN, 1000)
     assert states(steptwin, "reset")[TH2] == ("SWITCH ON DISABLED", True)
     move(session, GOAL)
 

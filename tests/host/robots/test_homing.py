@@ -10,6 +10,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.operate.homing_settings import homing_settings
 from steptwin.host.robots import load_robot, parse_robot, robot_names
 from steptwin.host.robots.homing import JointHoming, JointSwitches
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput
 
 TEXT = (files("steptwin.host.robots") / "warehouse-scara.toml").read_text(encoding="utf-8")
@@ -92,11 +93,11 @@ class TestSettings:
         settings = homing_settings(joint)
         assert settings is not None
         assert settings.objects()[:5] == [
-            (0x6098, 0, 24),
-            (0x6099, 1, 8_192_000),
-            (0x6099, 2, 409_600),
-            (0x609A, 0, 32_768_000),
-            (0x607C, 0, -163_840),
+            (od.HOMING_METHOD, 24),
+            (od.HOMING_SEARCH_SPEED, 8_192_000),
+            (od.HOMING_ZERO_SPEED, 409_600),
+            (od.HOMING_ACCELERATION, 32_768_000),
+            (od.HOME_OFFSET, -163_840),
         ]
 
     @pytest.mark.parametrize("method", sorted(set(METHODS) - {35, 37}))
