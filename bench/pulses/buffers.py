@@ -11,7 +11,7 @@ from steptwin.bench.loads import Int64Array
 from steptwin.bench.pulses.motions import PlannedMotion
 from steptwin.bench.pulses.pulses import AxisPulses, Placed
 from steptwin.controller.motion import counts_of_ns
-from steptwin.host.robots.robot import Board
+from steptwin.host.robots.board_settings import BoardSettings
 
 REPEATS = 3
 """Number of timed runs, of which the fastest counts; one run before them compiles and touches the pages."""
@@ -26,7 +26,7 @@ class PinTimes(NamedTuple):
     dirhold: int
 
     @classmethod
-    def of(cls, board: Board) -> "PinTimes":
+    def of(cls, board: BoardSettings) -> "PinTimes":
         """Convert a board's settings; DIR is held for at least one count, since the driver reads it at the rise."""
         steplen, stepspace = counts_of_ns(board.steplen_ns), counts_of_ns(board.stepspace_ns)
         return cls(

@@ -10,7 +10,7 @@ from steptwin.bench.pulses.motions import PlannedMotion
 from steptwin.bench.pulses.pulses import AxisPulses, Placed
 from steptwin.controller.backend import Kernel
 from steptwin.controller.motion import Motion, PinEdges, StepConfig
-from steptwin.host.robots.robot import Board
+from steptwin.host.robots.board_settings import BoardSettings
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 
 REPEATS = 3
@@ -40,7 +40,7 @@ def _once(kernel: Kernel, planned: PlannedMotion) -> Placed:
     return Placed([_joined([edges[axis] for edges in drained]) for axis in range(planned.axes)], wall_s)
 
 
-def _timing(board: Board, microsteps: int) -> StepConfig:
+def _timing(board: BoardSettings, microsteps: int) -> StepConfig:
     return StepConfig(
         microsteps,
         board.steplen_ns,

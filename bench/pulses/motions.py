@@ -15,7 +15,8 @@ from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.trajectory import Switching, Trajectory
 from steptwin.host.robots import load_robot
-from steptwin.host.robots.robot import Board, Robot
+from steptwin.host.robots.board_settings import BoardSettings
+from steptwin.host.robots.robot import Robot
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 JOBS: Final = (
@@ -50,7 +51,7 @@ class PlannedMotion:
     times_ms: Int64Array
     points_units: Int64Array
     velocities: Int64Array
-    board: Board
+    board: BoardSettings
 
     @property
     def axes(self) -> int:
@@ -129,7 +130,7 @@ class Sines:
         return 2 * np.pi * np.array(self.cycles) / self.duration_s
 
 
-def sines(name: str, motion: Sines, board: Board) -> PlannedMotion:
+def sines(name: str, motion: Sines, board: BoardSettings) -> PlannedMotion:
     """Plan sines with a point every 10 ms, rounded as the planner does."""
     times_ms = np.arange(0, round(1000 * motion.duration_s) + 1, POINT_MS)
     t_s = times_ms / 1000

@@ -8,7 +8,7 @@ from steptwin.bench.pulses.pulses import AxisPulses
 from steptwin.emulator.driver import Driver
 from steptwin.emulator.edges import COUNTS_PER_MS, NO_COUNTS, NO_LEVELS
 from steptwin.emulator.tb6560 import Input, LevelChange, Pins
-from steptwin.host.robots.robot import Board
+from steptwin.host.robots.board_settings import BoardSettings
 from steptwin.host.twin.drivers import driver_profile, fitted_module
 
 _POWERED: Final = tuple(LevelChange(0, pin, 1) for pin in (Input.VDD, Input.VM, Input.RESET, Input.ENABLE))
@@ -18,7 +18,7 @@ _SETTLED_COUNTS: Final = 1000 * COUNTS_PER_MS
 """Time after the last pulse, longer than any delay within a driver."""
 
 
-def violations(axis: AxisPulses, microsteps: int, board: Board) -> int:
+def violations(axis: AxisPulses, microsteps: int, board: BoardSettings) -> int:
     """Feed the pulses to a driver of the board's profile; return the number of broken limits."""
     profile = driver_profile(board)
     driver = Driver(profile.osc_pf, fitted_module(board, profile, microsteps))

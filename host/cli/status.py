@@ -7,7 +7,7 @@ import typer
 from steptwin.host.cli.app import app
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
 from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
-from steptwin.host.cli.output import print_json, print_table
+from steptwin.host.cli.output import pose_text, print_json, print_table
 from steptwin.host.common.errors import DeviceFaultError, InputError
 
 if TYPE_CHECKING:
@@ -53,9 +53,7 @@ def _print(seen: "MachineStatus") -> None:
     columns = ["axis", "unit", "state", "mode", "moves", "error", "known", "position"]
     print_table(columns, [_row(axis) for axis in seen.axes], text_columns=len(columns) - 1)
     if seen.pose is not None:
-        typer.echo(
-            "tool: x {x_mm:.4f} mm, y {y_mm:.4f} mm, z {z_mm:.4f} mm, {attitude_deg:.4f} deg".format(**seen.pose)
-        )
+        typer.echo(pose_text(seen.pose))
     else:
         typer.echo("tool: unknown, since not every axis knows where it is")
     for axis in seen.axes:

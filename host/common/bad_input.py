@@ -35,6 +35,14 @@ def prefixed(prefix: str) -> Iterator[None]:
         raise type(error)(f"{prefix}{error}") from error
 
 
+def require_positive(settings: object, *names: str) -> None:
+    """Raise InputError unless these attributes are above 0."""
+    for name in names:
+        value = getattr(settings, name)
+        if not value > 0:
+            raise InputError(f"{name}: {value:g} is not above 0")
+
+
 def whole_ms(what: str, value_s: float) -> int:
     """A time in milliseconds; InputError when it is not finite or not a whole number of them."""
     value_ms = 1000.0 * value_s

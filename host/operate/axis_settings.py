@@ -3,11 +3,12 @@
 from math import ceil
 
 from steptwin.host.client import AxisSettings
-from steptwin.host.robots.robot import Board, Joint
+from steptwin.host.robots.board_settings import BoardSettings
+from steptwin.host.robots.joint import Joint
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 
 
-def axis_settings(joint: Joint, board: Board) -> AxisSettings:
+def axis_settings(joint: Joint, board: BoardSettings) -> AxisSettings:
     """An axis may go as fast as its driver can; it stops with the joint's own deceleration."""
     transmission = joint.transmission
     return AxisSettings(

@@ -4,7 +4,7 @@ from math import ceil, floor
 
 from steptwin.host.client import HomingSettings
 from steptwin.host.robots.homing import JointHoming
-from steptwin.host.robots.robot import Joint
+from steptwin.host.robots.joint import Joint
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 
 _OPENS = {17: 1, 18: -1, 19: -1, 21: 1, 23: -1, 26: 1, 27: 1, 30: -1}
@@ -30,7 +30,7 @@ def homing_settings(joint: Joint) -> HomingSettings | None:
         search_units_per_s=floor(homing.search_speed * units),
         zero_units_per_s=max(1, floor(homing.zero_speed * units)),
         acceleration_units_per_s2=floor(homing.acceleration * units),
-        offset_units=0 if edge is None else floor(edge * units + 0.5) + beyond_units,
+        offset_units=0 if edge is None else joint.to_units(edge) + beyond_units,
         timeout_ms=ceil(1000 * _TIMEOUT_MARGIN * _longest_s(joint, homing)),
     )
 

@@ -8,7 +8,8 @@ from steptwin.host.client.profile_motion import drive_at, follow, halt_axis, sta
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.session import Session
-from steptwin.host.robots.robot import Joint, Robot
+from steptwin.host.robots.joint import Joint
+from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Status
 from steptwin.protocol.datatypes import DataType

@@ -70,7 +70,7 @@ def axis_states(session: Session) -> list[AxisState]:
     states = []
     for axis, joint in zip(session.machine.axes, session.robot.joints, strict=True):
         statusword = axis.read(od.STATUSWORD)
-        position = axis.read(od.POSITION_ACTUAL) / joint.transmission.wire_units_per_unit
+        position = joint.to_position(axis.read(od.POSITION_ACTUAL))
         known = bool(statusword & Status.POSITION_KNOWN)
         states.append(AxisState(axis.name, state_text(State.of(statusword)), position, known))
     return states

@@ -78,10 +78,9 @@ def check_repeatable(plan: Plan, repeat: int) -> None:
         raise InputError(f"--repeat {repeat}: is not at least 1")
     for joint, start, end in zip(plan.robot.joints, plan.points_units[0], plan.points_units[-1], strict=True):
         if repeat > 1 and start != end:
-            per_unit = joint.transmission.wire_units_per_unit
             raise InputError(
-                f"--repeat {repeat}: {joint.name} starts at {start / per_unit:.4f} {joint.unit}"
-                f" and ends at {end / per_unit:.4f} {joint.unit}"
+                f"--repeat {repeat}: {joint.name} starts at {joint.to_position(start):.4f} {joint.unit}"
+                f" and ends at {joint.to_position(end):.4f} {joint.unit}"
             )
 
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from math import floor
 from typing import Final
 
 import numpy as np
@@ -13,8 +12,9 @@ from steptwin.host.client.drive_status import stands
 from steptwin.host.client.stopping import quick_stop
 from steptwin.host.common.errors import DeviceFaultError, InputError, StepTwinError
 from steptwin.host.operate.axis_settings import axis_settings
+from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.kinematics import make_kinematics
-from steptwin.host.robots.robot import Joint, Robot
+from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import LINEAR_RAMP, State, Status
 
@@ -64,17 +64,11 @@ class Session:
 
     def units(self, joints: list[float]) -> list[int]:
         """Wire units of joint positions, rounded as the planner does."""
-        return [
-            floor(position * joint.transmission.wire_units_per_unit + 0.5)
-            for position, joint in zip(joints, self.robot.joints, strict=True)
-        ]
+        return [joint.to_units(position) for position, joint in zip(joints, self.robot.joints, strict=True)]
 
     def positions(self, units: list[int]) -> list[float]:
         """Joint positions in mm and degrees."""
-        return [
-            position / joint.transmission.wire_units_per_unit
-            for position, joint in zip(units, self.robot.joints, strict=True)
-        ]
+        return [joint.to_position(position) for position, joint in zip(units, self.robot.joints, strict=True)]
 
     def demanded_units(self) -> list[int]:
         """Where the axes are to stand (0x6062): where the next motion begins."""

@@ -11,7 +11,7 @@ from steptwin.host.client.axis import AxisClient, error_text, state_text
 from steptwin.host.client.drive_status import stands
 from steptwin.host.common.errors import BusError
 from steptwin.host.operate.session import Session
-from steptwin.host.robots.robot import Joint
+from steptwin.host.robots.joint import Joint
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, Mode, State, Status
 from steptwin.protocol.objects import HISTORY_DEPTH
@@ -171,7 +171,7 @@ def _common(axis: AxisClient, joint: Joint, statusword: int, mode: int, position
         "state": state_text(State.of(statusword)),
         "mode": mode_text(mode),
         "moving": not stands(statusword, mode),
-        "position": position_units / joint.transmission.wire_units_per_unit,
+        "position": joint.to_position(position_units),
         "position_known": bool(statusword & Status.POSITION_KNOWN),
         "unit": str(joint.unit),
     }

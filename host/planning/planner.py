@@ -15,7 +15,8 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import apart, whole_ms
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.trajectory import Trajectory
-from steptwin.host.robots.robot import Joint, Robot
+from steptwin.host.robots.joint import Joint
+from steptwin.host.robots.robot import Robot
 from steptwin.protocol.pvt import DURATION_MAX_MS, I24_MAX, I24_MIN, VELOCITY_PER_UNIT_PER_MS
 
 Int64Array = NDArray[np.int64]
@@ -88,9 +89,8 @@ def plan(robot: Robot, trajectory: Trajectory, point_ms: int = DEFAULT_POINT_MS)
     _check_positions(robot, samples)
     _check_rest(robot, samples)
     at_points = np.searchsorted(samples.t_s, times_ms / 1000)
-    per_unit = robot.wire_units_per_unit
-    points = np.floor(samples.positions[at_points] * per_unit + 0.5)
-    velocities = np.round(samples.velocities[at_points] * per_unit * VELOCITY_PER_UNIT_PER_MS / 1000)
+    points = robot.to_units(samples.positions[at_points])
+    velocities = np.round(samples.velocities[at_points] * robot.wire_units_per_unit * VELOCITY_PER_UNIT_PER_MS / 1000)
     _check_record_widths(robot, times_ms, points, velocities)  # before they become integers, which end somewhere too
     made = Plan(robot, trajectory, times_ms, points.astype(np.int64), velocities.astype(np.int64))
     _check_step_rates(made)

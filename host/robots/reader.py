@@ -7,9 +7,13 @@ from dataclasses import replace
 from steptwin.host.common.bad_input import apart, prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Table, toml_table
+from steptwin.host.robots.board_settings import ActiveEdge, BoardSettings
 from steptwin.host.robots.homing import JointHoming, JointSwitches
+from steptwin.host.robots.joint import Joint, Unit
 from steptwin.host.robots.kinematics import make_kinematics
-from steptwin.host.robots.robot import ActiveEdge, Board, Joint, Output, Robot, Transmission, Unit
+from steptwin.host.robots.output import Output
+from steptwin.host.robots.robot import Robot
+from steptwin.host.robots.transmission import Transmission
 
 
 def parse_robot(text: str, source: str) -> Robot:
@@ -66,8 +70,8 @@ def _place(tables: Table, name: str) -> dict[str, float]:
         return {joint: table.number(joint) for joint in table}
 
 
-def _board(table: Table) -> Board:
-    return Board(
+def _board(table: Table) -> BoardSettings:
+    return BoardSettings(
         bitrate=table.integer("bitrate"),
         osc_pf=table.optional("osc_pf", table.integer),
         steplen_ns=table.integer("steplen_ns"),

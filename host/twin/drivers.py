@@ -9,7 +9,7 @@ from steptwin.emulator.edges import NO_COUNTS, NO_LEVELS, Int64Array
 from steptwin.emulator.tb6560 import Outputs, Unit, Violations
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.robots.robot import DRIVER_SETTINGS, Board
+from steptwin.host.robots.board_settings import DRIVER_SETTINGS, BoardSettings
 from steptwin.host.verify import DriverLimit, DriverViolations, Phases
 from steptwin.protocol.timer import COUNTS_PER_US
 
@@ -17,7 +17,7 @@ _SCALES = {Unit.COUNTS: ("us", 1 / COUNTS_PER_US), Unit.LEVEL: ("level", 1), Uni
 """How values are told, and by what they are multiplied for it."""
 
 
-def driver_profile(board: Board, instead: str | None = None) -> DriverProfile:
+def driver_profile(board: BoardSettings, instead: str | None = None) -> DriverProfile:
     """The drivers that a robot's file names, or others instead.
 
     Raises:
@@ -32,7 +32,7 @@ def driver_profile(board: Board, instead: str | None = None) -> DriverProfile:
     return PROFILES[name]
 
 
-def fitted_module(board: Board, profile: DriverProfile, microsteps: int) -> Module:
+def fitted_module(board: BoardSettings, profile: DriverProfile, microsteps: int) -> Module:
     """The module of an axis, set as the robot's file says where these are its own drivers, else as usual with them.
 
     Raises:
@@ -53,7 +53,7 @@ def fitted_module(board: Board, profile: DriverProfile, microsteps: int) -> Modu
         raise InputError(f"board.current_a: {error}") from error
 
 
-def settings_left_out(board: Board, instead: str | None) -> tuple[str, ...]:
+def settings_left_out(board: BoardSettings, instead: str | None) -> tuple[str, ...]:
     """The keys by which a robot's file sets its drivers, if it has others instead, which they say nothing about.
 
     Raises:

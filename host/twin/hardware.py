@@ -1,14 +1,15 @@
 """A robot's machine as the emulator has it: its board, its switches, where its motors stand, what its drivers saw."""
 
 from collections.abc import Iterator, Sequence
-from math import floor
 
 import numpy as np
 
 from steptwin.controller.pins import Pin, PinChange
 from steptwin.emulator.board import AxisTrace, BoardConfig
 from steptwin.emulator.switches import Switch
-from steptwin.host.robots.robot import ActiveEdge, Joint, Robot
+from steptwin.host.robots.board_settings import ActiveEdge
+from steptwin.host.robots.joint import Joint
+from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.drivers import driver_profile, fitted_module, phases_evidence, violations_evidence
 from steptwin.host.verify import AxisEvidence, LevelEdges
 from steptwin.protocol.cia402 import DigitalInput
@@ -63,8 +64,7 @@ def _steps_at(joint: Joint, position: float) -> int:
 
     Rounded at once, a position just below half a step could come out one step below the firmware's counter.
     """
-    units = floor(position * joint.transmission.wire_units_per_unit + 0.5)
-    return (units * joint.transmission.microsteps + UNITS_PER_FULL_STEP // 2) // UNITS_PER_FULL_STEP
+    return (joint.to_units(position) * joint.transmission.microsteps + UNITS_PER_FULL_STEP // 2) // UNITS_PER_FULL_STEP
 
 
 def _switches(joints: Sequence[Joint]) -> Iterator[Switch]:

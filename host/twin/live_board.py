@@ -27,7 +27,8 @@ from steptwin.host.record.folder import (
     write_report,
 )
 from steptwin.host.record.folder.candump import candump_line
-from steptwin.host.robots.robot import ActiveEdge, Robot
+from steptwin.host.robots.board_settings import ActiveEdge
+from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.drivers import driver_profile
 from steptwin.host.twin.hardware import axis_evidence, board_configs, standing_steps
 from steptwin.host.twin.live_plan import LivePlan

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.robots.robot import ActiveEdge
+from steptwin.host.robots.board_settings import ActiveEdge
 
 """The board's timer: every instant in the evidence is an int64 number of its counts since boot."""
 

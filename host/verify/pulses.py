@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from steptwin.host.robots.robot import ActiveEdge
+from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.verify.evidence import AxisEvidence, Int64Array
 from steptwin.protocol.timer import COUNTS_PER_US
 

@@ -10,7 +10,7 @@ from steptwin.bench.pulses.evaluation import AxisErrors, axis_errors, figures_of
 from steptwin.bench.pulses.pairing import pair
 from steptwin.bench.pulses.pulses import AxisPulses, Method, Placed
 from steptwin.bench.pulses.violations import violations
-from steptwin.host.robots.robot import ActiveEdge
+from steptwin.host.robots.board_settings import ActiveEdge
 from tests.bench.lines import BOARD, EXACT_COUNTS, LINE, STEPS, upward
 
 

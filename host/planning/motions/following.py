@@ -5,9 +5,10 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import LIMIT_TOLERANCE, Constraint
-from steptwin.host.robots.robot import Robot, Unit
+from steptwin.host.robots.robot import Robot
 
 
 def follow(robot: Robot, poses: FloatArray, t_s: FloatArray, branch: str, near: FloatArray) -> FloatArray:

@@ -12,8 +12,9 @@ from steptwin.host.planning.laws import Law
 from steptwin.host.planning.motions.following import follow
 from steptwin.host.planning.paths import ToolPath
 from steptwin.host.planning.trajectory import Switching
+from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics import Kinematics, make_kinematics
-from steptwin.host.robots.robot import Robot, Unit
+from steptwin.host.robots.robot import Robot
 
 _CHECK_MS: Final = 1
 """Reach and singularities are checked on a grid as fine as this."""

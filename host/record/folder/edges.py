@@ -19,7 +19,7 @@ from steptwin.host.record.folder.layout import (
     check_version,
     existing,
 )
-from steptwin.host.robots.robot import ActiveEdge
+from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.verify import AxisEvidence, DriverLimit, DriverViolations, Evidence, LevelEdges, Phases
 from steptwin.host.verify.evidence import Int64Array
 from steptwin.protocol.timer import COUNTS_PER_SECOND

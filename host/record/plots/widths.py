@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.record.plots.canvas import COUNTED, LIMIT, moving_axes, new_figure, note_still_axes, rows_of_axes
-from steptwin.host.robots.robot import ActiveEdge
+from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.verify import AxisEvidence, Comparison, RunInfo
 from steptwin.host.verify.pulses import clk_durations
 from steptwin.protocol.timer import COUNTS_PER_US

@@ -7,7 +7,8 @@ import numpy as np
 from steptwin.host.record.waveforms.bus_states import STATES
 from steptwin.host.record.waveforms.signal import HeldValues, Pulses, Signal, SignalKind
 from steptwin.host.record.waveforms.timebase import Window
-from steptwin.host.robots.robot import Joint, Robot
+from steptwin.host.robots.joint import Joint
+from steptwin.host.robots.robot import Robot
 from steptwin.host.verify import AxisEvidence, Evidence
 
 _LOGIC_PINS = ("enable", "reset", "out1", "out2")

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import apart, unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.robots.joint import Joint, Unit
 from steptwin.host.robots.kinematics.dh import DhTable
-from steptwin.host.robots.robot import Joint, Robot, Unit
+from steptwin.host.robots.robot import Robot
 
 BoolArray = NDArray[np.bool_]
 Geometry = TypeVar("Geometry")

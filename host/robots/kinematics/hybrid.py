@@ -15,6 +15,7 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
+from steptwin.host.robots.joint import Joint, Unit
 from steptwin.host.robots.kinematics.angles import wrapped_deg
 from steptwin.host.robots.kinematics.base import (
     LIMIT_TOLERANCE,
@@ -27,7 +28,7 @@ from steptwin.host.robots.kinematics.base import (
 )
 from steptwin.host.robots.kinematics.dh import Convention, DhRow, DhTable, Parameter
 from steptwin.host.robots.kinematics.slider_pair import AssemblyMode, SliderPair, WorkingMode
-from steptwin.host.robots.robot import Joint, Robot, Unit
+from steptwin.host.robots.robot import Robot
 
 _JOINTS: Final = {"th1": Unit.DEG, "Z5": Unit.MM, "Z6": Unit.MM, "th4": Unit.DEG}
 TH1, Z5, Z6, TH4 = range(4)

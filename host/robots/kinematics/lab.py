@@ -7,11 +7,12 @@ J. Mechanical & Electrical Engineering 36(12), 2019, 1320-1324, its equations co
 from dataclasses import dataclass
 from typing import Final
 
+from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics.base import read_geometry, require_joints
 from steptwin.host.robots.kinematics.dh import Convention, DhRow, DhTable, Parameter
 from steptwin.host.robots.kinematics.planar2r import Planar2R
 from steptwin.host.robots.kinematics.scara import Scara
-from steptwin.host.robots.robot import Robot, Unit
+from steptwin.host.robots.robot import Robot
 
 _JOINTS: Final = {"d1": Unit.MM, "th2": Unit.DEG, "th3": Unit.DEG, "th4": Unit.DEG}
 

@@ -16,11 +16,11 @@ from typing import Final
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.kinematics.angles import wrapped_deg
 from steptwin.host.robots.kinematics.base import BoolArray, Branch, Constraint, joint_constraints, nearest_turns
 from steptwin.host.robots.kinematics.dh import DhTable
 from steptwin.host.robots.kinematics.planar2r import Elbow, Planar2R
-from steptwin.host.robots.robot import Joint
 
 SINGULAR: Final = 0.005
 """|sin(elbow)| below this, 0.29 degrees from stretched or folded, is no place for a straight path."""

@@ -8,11 +8,12 @@ d3 >= 0 pushes downwards, which is the text's, and agrees with the code in the p
 from dataclasses import dataclass
 from typing import Final
 
+from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics.base import read_geometry, require_joints
 from steptwin.host.robots.kinematics.dh import Convention, DhRow, DhTable, Parameter
 from steptwin.host.robots.kinematics.planar2r import Planar2R
 from steptwin.host.robots.kinematics.scara import Scara
-from steptwin.host.robots.robot import Robot, Unit
+from steptwin.host.robots.robot import Robot
 
 JOINTS: Final = {"th1": Unit.DEG, "th2": Unit.DEG, "d3": Unit.MM, "th4": Unit.DEG}
 

@@ -10,11 +10,12 @@ cosine, which loses the sign of y, and gives one elbow only.
 from dataclasses import dataclass
 from typing import Final
 
+from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics.base import read_geometry, require_joints
 from steptwin.host.robots.kinematics.dh import Convention, DhRow, DhTable, Parameter
 from steptwin.host.robots.kinematics.planar2r import Planar2R
 from steptwin.host.robots.kinematics.scara import Scara
-from steptwin.host.robots.robot import Robot, Unit
+from steptwin.host.robots.robot import Robot
 
 _JOINTS: Final = {
     "sx": Unit.MM,

@@ -17,7 +17,8 @@ from steptwin.host.planning.laws import Trapezoid
 from steptwin.host.planning.planner import Plan, check_start, plan
 from steptwin.host.planning.trajectory import Switching
 from steptwin.host.robots import load_robot
-from steptwin.host.robots.robot import Robot, Transmission
+from steptwin.host.robots.robot import Robot
+from steptwin.host.robots.transmission import Transmission
 
 ROBOT = load_robot("warehouse-scara")
 HOME = np.array(ROBOT.home)

@@ -17,21 +17,19 @@ from steptwin.emulator.driver_profiles import PROFILES
 from steptwin.emulator.tb6560.pins import FAST_DECAY_PERCENT
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots import load_robot, load_robot_file, parse_robot, robot_names
-from steptwin.host.robots.kinematics import make_kinematics
-from steptwin.host.robots.robot import (
+from steptwin.host.robots.board_settings import (
     DRIVER_PROFILES,
-    MICROSTEPS,
     OSC_PF_MIN,
     PHASE_CURRENT_MAX_A,
     SWITCH_CHOICES,
     SWITCHED_PROFILES,
     ActiveEdge,
-    Joint,
-    Output,
-    Robot,
-    Transmission,
-    Unit,
 )
+from steptwin.host.robots.joint import Joint, Unit
+from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.output import Output
+from steptwin.host.robots.robot import Robot
+from steptwin.host.robots.transmission import MICROSTEPS, Transmission
 from steptwin.host.twin.hardware import board_config
 from tests.emulator.pins import POWER_UP, pins
 

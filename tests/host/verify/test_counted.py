@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.host.robots.robot import ActiveEdge
+from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.verify.counted import counted_steps
 from steptwin.host.verify.evidence import AxisEvidence
 from steptwin.protocol.timer import COUNTS_PER_SECOND

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.robots.kinematics.angles import wrapped_deg
-from steptwin.host.robots.robot import ActiveEdge
 from steptwin.host.verify import (
     POSITION_ERROR_LIMIT_STEPS,
     THRESHOLD_TOLERANCE_STEPS,

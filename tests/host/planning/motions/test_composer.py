@@ -15,8 +15,9 @@ from steptwin.host.planning.motions.joint_move import JointMove
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.trajectory import Switching
 from steptwin.host.robots import load_robot
+from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.kinematics import make_kinematics
-from steptwin.host.robots.robot import Joint, Robot
+from steptwin.host.robots.robot import Robot
 
 WAREHOUSE = load_robot("warehouse-scara")
 LAB = load_robot("lab-scara")

@@ -19,7 +19,7 @@ from steptwin.host.record.folder import ContradictionError, read_edges, read_run
 from steptwin.host.record.folder.edges import write_edges
 from steptwin.host.record.folder.motion import CUBICS_OFF_STEPS, read_motion, write_motion
 from steptwin.host.robots import load_robot
-from steptwin.host.robots.robot import ActiveEdge
+from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.verify import DriverLimit, DriverViolations, Phases
 from tests.host.verify.motions import altered, expect, motion, perfect_evidence, sines, still
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.robots.robot import ActiveEdge
+from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.verify import Comparison, DriverLimit, Phases, compare
 from tests.host.verify.motions import (
     NO_VIOLATIONS,

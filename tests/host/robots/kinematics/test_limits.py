@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics import Kinematics, make_kinematics, within_limits
-from steptwin.host.robots.robot import Unit
 from tests.host.robots.kinematics.mechanisms import ALL, BY_NAME, HYBRID, LAB, WAREHOUSE, Mechanism, each_mechanism
 
 WHOLE_CIRCLES = {"lab-scara": 3, "warehouse-scara": 5, "teaching-scara": 3, "calibration-scara": 3, "hybrid-arm": 3}

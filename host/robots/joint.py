@@ -1,0 +1,68 @@
+"""A joint of a robot, which one axis of the board drives."""
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from math import floor
+from typing import Final
+
+from steptwin.host.common.bad_input import require_positive
+from steptwin.host.common.errors import InputError
+from steptwin.host.robots.homing import JointHoming, JointSwitches
+from steptwin.host.robots.transmission import Transmission
+
+WIRE_POSITION_MAX: Final = (1 << 31) - 1
+"""Largest position on the wire, where positions are i32 wire units."""
+
+
+class Unit(StrEnum):
+    """The unit of a joint's position; its speeds are in this unit per second."""
+
+    MM = "mm"
+    DEG = "deg"
+
+
+@dataclass(frozen=True, slots=True)
+class Joint:
+    """A joint: positions in `unit`, speed in unit/s, acceleration in unit/s^2.
+
+    Raises:
+        InputError: `lower` is not below `upper`, or the wire's i32 positions do not reach them; a limit switch is
+            between them; the switches or the limits do not allow the homing.
+    """
+
+    name: str
+    unit: Unit
+    lower: float
+    upper: float
+    speed_max: float
+    acceleration_max: float
+    transmission: Transmission
+    switches: JointSwitches = field(default_factory=JointSwitches)
+    homing: JointHoming | None = None
+
+    def __post_init__(self) -> None:
+        if not self.lower < self.upper:
+            raise InputError(f"upper: {self.upper:g} {self.unit} is not above lower, {self.lower:g} {self.unit}")
+        require_positive(self, "speed_max", "acceleration_max")
+        farthest = max(abs(self.lower), abs(self.upper))
+        reach = self.to_position(WIRE_POSITION_MAX)
+        if farthest > reach:
+            bound = "upper" if farthest == abs(self.upper) else "lower"
+            raise InputError(f"{bound}: {farthest:g} {self.unit} from zero is beyond the wire's {reach:g} {self.unit}")
+        self.switches.check_outside(self.lower, self.upper, self.unit)
+        if self.homing:
+            self.switches.check_method(self.homing.method)
+            self.homing.check_within(self.speed_max, self.acceleration_max)
+
+    @property
+    def step_rate_max_hz(self) -> float:
+        """The step rate at the joint's highest speed."""
+        return self.speed_max * self.transmission.steps_per_unit
+
+    def to_units(self, position: float) -> int:
+        """Return a position in wire units, rounded half up as in `Robot.to_units`."""
+        return floor(position * self.transmission.wire_units_per_unit + 0.5)
+
+    def to_position(self, units: float) -> float:
+        """Return a position in mm or degrees from wire units."""
+        return units / self.transmission.wire_units_per_unit

@@ -1,0 +1,25 @@
+"""A digital output of the board."""
+
+from dataclasses import dataclass
+from typing import Final
+
+from steptwin.host.common.errors import InputError
+from steptwin.protocol.cia402 import DigitalOutput
+
+OUTPUTS_PER_AXIS: Final = len(DigitalOutput)
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """A digital output: the joint whose axis has it at its connector, and its number there, from 1.
+
+    Raises:
+        InputError: the axis has no output of this number.
+    """
+
+    joint: str
+    out: int
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.out <= OUTPUTS_PER_AXIS:
+            raise InputError(f"out: {self.out} is not from 1 to {OUTPUTS_PER_AXIS}")

@@ -1,0 +1,52 @@
+"""The transmission from motor steps to joint travel."""
+
+from dataclasses import dataclass
+from typing import Final
+
+from steptwin.host.common.bad_input import require_positive
+from steptwin.host.common.errors import InputError
+from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+
+MICROSTEPS: Final = (1, 2, 8, 16)
+"""Microsteps per full step that a TB6560's pins M1 and M2 can choose."""
+
+
+@dataclass(frozen=True, slots=True)
+class Transmission:
+    """The ratio between motor steps and joint travel.
+
+    Attributes:
+        full_steps_per_rev: Full steps of the motor in one turn; 200 for the usual 1.8 deg.
+        microsteps: Microsteps per full step, as set at the driver.
+        travel_per_turn: Joint travel per turn of the driven shaft: 360 degrees, or a screw's lead or a pulley's
+            circumference in mm.
+        ratio: Motor turns per turn of the driven shaft.
+
+    Raises:
+        InputError: a value out of range.
+    """
+
+    full_steps_per_rev: int
+    microsteps: int
+    travel_per_turn: float
+    ratio: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.microsteps not in MICROSTEPS:
+            raise InputError(f"microsteps: {self.microsteps} is none of the TB6560's {MICROSTEPS}")
+        require_positive(self, "full_steps_per_rev", "travel_per_turn", "ratio")
+
+    @property
+    def travel_per_rev(self) -> float:
+        """Joint travel in mm or degrees per motor turn."""
+        return self.travel_per_turn / self.ratio
+
+    @property
+    def steps_per_unit(self) -> float:
+        """Steps per mm or degree, rounded only once: computed from the ratio, since most 360/ratio are inexact."""
+        return self.full_steps_per_rev * self.microsteps * self.ratio / self.travel_per_turn
+
+    @property
+    def wire_units_per_unit(self) -> float:
+        """Wire units per mm or degree; exact from `steps_per_unit`, since both factors are powers of two."""
+        return self.steps_per_unit / self.microsteps * UNITS_PER_FULL_STEP
