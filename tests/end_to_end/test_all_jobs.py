@@ -2,10 +2,13 @@
 
 import json
 from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 
 from steptwin.host.cli.app import run
+from steptwin.host.record.folder import writing
+from tests.end_to_end import fingerprints
 
 
 @dataclass(frozen=True)
@@ -70,8 +73,12 @@ RUNS = [
 
 
 @pytest.mark.parametrize("expected", RUNS, ids=lambda expected: expected.command)
-def test_job(expected: Expected, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["run", *expected.command.split(), "--json"]) == 0
+def test_job(
+    expected: Expected, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The figures are those of the papers' motions, and every edge and frame is the byte that it always was."""
+    monkeypatch.setattr(writing, "find_spec", lambda _: None)  # no pictures
+    assert run(["run", *expected.command.split(), "--json", "--out", str(tmp_path)]) == 0
     report = json.loads(capsys.readouterr().out)
     assert report["passed"] is True
     axes = report["axes"]
@@ -85,5 +92,8 @@ def test_job(expected: Expected, capsys: pytest.CaptureFixture[str]) -> None:
             assert abs(axis["pulses"] - pulses) <= 2 * axis["reversals"]
     if expected.tool_mm is not None:
         assert report["tool"]["position_error_mm_max"] <= expected.sharpest_mm * expected.tool_mm
+    hashes = fingerprints.stored()[expected.command]
+    for name in fingerprints.INTEGERS:
+        assert fingerprints.fingerprint(tmp_path, name) == hashes[name], name
     for output in report["outputs"]:
         assert output["from_s"] <= output["changed_s"] <= output["until_s"]

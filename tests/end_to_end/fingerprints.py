@@ -1,0 +1,82 @@
+"""The SHA-256 of everything that each job leaves: `python -m tests.end_to_end.fingerprints` compares it with the file.
+
+A change that is not meant to alter motion leaves every edge and every frame as they are, byte for byte. Edges and bus
+logs are integers; report and trajectory hold floats, whose last digits may differ from processor to processor, so the
+tests hold the integers and this command holds all. `--write` makes the present state the one to compare with.
+"""
+
+import hashlib
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import redirect_stderr, redirect_stdout
+from io import StringIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pytest
+
+from steptwin.host.cli.app import run
+from steptwin.host.record.folder import writing
+
+FILE = Path(__file__).with_suffix(".json")
+INTEGERS = ("bus.log", "edges.npz")
+"""The files whose bytes follow from integers alone."""
+FILES = (*INTEGERS, "trace.vcd", "trajectory.csv", "report.json")
+
+
+def stored() -> dict[str, dict[str, str]]:
+    """The hashes to compare with, by command and file."""
+    loaded: dict[str, dict[str, str]] = json.loads(FILE.read_text(encoding="ascii"))
+    return loaded
+
+
+def fingerprint(folder: Path, name: str) -> str:
+    """The SHA-256 of a file of a run folder, without what differs from run to run."""
+    digest = hashlib.sha256()
+    for part in _parts(folder / name):
+        digest.update(part)
+    return digest.hexdigest()
+
+
+def _parts(path: Path) -> Iterator[bytes]:
+    if path.suffix == ".npz":  # the archive carries the time of its making
+        with np.load(path) as arrays:
+            for key in sorted(arrays.files):
+                array = arrays[key]
+                yield f"{key}{array.dtype}{array.shape}".encode()
+                yield np.ascontiguousarray(array).tobytes()
+    elif path.suffix == ".json":
+        document = json.loads(path.read_bytes())
+        del document["wall_s"]
+        yield json.dumps(document, sort_keys=True).encode()
+    else:
+        yield path.read_bytes()
+
+
+def _measured(command: str) -> dict[str, str]:
+    with TemporaryDirectory() as folder, redirect_stdout(StringIO()), redirect_stderr(StringIO()):
+        run(["run", *command.split(), "--out", folder])
+        return {name: fingerprint(Path(folder), name) for name in FILES}
+
+
+def main() -> int:
+    """Run every job, without pictures; print what differs."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(writing, "find_spec", lambda _: None)
+        now = {command: _measured(command) for command in stored()}
+    if "--write" in sys.argv:
+        FILE.write_text(json.dumps(now, indent=1) + "\n", encoding="ascii")
+    lines = [
+        f"{command}: {name} differs"
+        for command, hashes in stored().items()
+        for name, digest in hashes.items()
+        if now[command][name] != digest
+    ]
+    sys.stdout.write("\n".join(lines or [f"{len(now)} runs, {len(FILES)} files each: the same"]) + "\n")
+    return 1 if lines else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
