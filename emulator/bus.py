@@ -5,7 +5,7 @@ from collections.abc import Callable
 from enum import Enum, auto
 from typing import Final
 
-from steptwin.emulator.bus_faults import Fault, FaultKind, FaultScript
+from steptwin.emulator.bus_faults import BusFault, BusFaultKind, FaultScript
 from steptwin.emulator.can_controller import CanController
 from steptwin.emulator.can_timing import INTERMISSION_BITS, UNSTUFFED_TAIL_BITS, frame_bits
 from steptwin.emulator.fault_confinement import ErrorState
@@ -160,15 +160,15 @@ class Bus:
                 if station.mailboxes[0].cob_id == frame.cob_id and station.mailboxes[0] != frame
             ]
         fault = self._strike(frame, now_counts) if self._faults.faults else None
-        if fault and fault.kind is FaultKind.DELAY:
+        if fault and fault.kind is BusFaultKind.DELAY:
             self._hold(frame, senders, now_counts + fault.delay_counts)
-        elif fault and fault.kind is FaultKind.BUS_OFF:
+        elif fault and fault.kind is BusFaultKind.BUS_OFF:
             for station in senders:
                 self.throw_off(station, now_counts)
         else:
             self._begin(frame, senders, outdone, fault, now_counts)
 
-    def _strike(self, frame: Frame, now_counts: int) -> Fault | None:
+    def _strike(self, frame: Frame, now_counts: int) -> BusFault | None:
         """Ask the script; frames are told apart by identity, since a sender may send the same bytes again."""
         return self._faults.strike(frame, now_counts, delayed=any(frame is delayed for delayed in self._delayed))
 
@@ -177,14 +177,14 @@ class Bus:
         for station in senders:
             station.silent_until_counts = max(station.silent_until_counts, until_counts)
 
-    def _missing(self, fault: Fault) -> list[CanController]:
+    def _missing(self, fault: BusFault) -> list[CanController]:
         """The stations that a loss concerns."""
-        if fault.kind is not FaultKind.LOSS:
+        if fault.kind is not BusFaultKind.LOSS:
             return []
         return self._stations if fault.receiver is None else self._stations[fault.receiver : fault.receiver + 1]
 
-    def _judge(self, senders: list[CanController], outdone: list[CanController], fault: Fault | None) -> _Outcome:
-        if fault and fault.kind is FaultKind.CORRUPTION:
+    def _judge(self, senders: list[CanController], outdone: list[CanController], fault: BusFault | None) -> _Outcome:
+        if fault and fault.kind is BusFaultKind.CORRUPTION:
             return _Outcome.DISTURBED
         if outdone and any(station.state is not ErrorState.PASSIVE for station in outdone):
             return _Outcome.DISTURBED
@@ -197,7 +197,7 @@ class Bus:
         frame: Frame,
         senders: list[CanController],
         outdone: list[CanController],
-        fault: Fault | None,
+        fault: BusFault | None,
         now_counts: int,
     ) -> None:
         """Put a frame on the wire. A disturbance is found at the end of the CRC, where it costs most."""

@@ -8,7 +8,7 @@ from random import Random
 from steptwin.protocol.frame import COB_ID_MASK, Frame
 
 
-class FaultKind(Enum):
+class BusFaultKind(Enum):
     """What happens to an attempt to send a frame."""
 
     LOSS = "loss"
@@ -22,7 +22,7 @@ class FaultKind(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Fault:
+class BusFault:
     """One line of the script. It strikes attempts to send that fulfil all conditions.
 
     Attributes:
@@ -37,7 +37,7 @@ class Fault:
         receiver: the only station that a LOSS concerns, by its place on the bus: 0 the host, 1 the first board.
     """
 
-    kind: FaultKind
+    kind: BusFaultKind
     cob_ids: Container[int] = range(COB_ID_MASK + 1)
     from_counts: int = 0
     until_counts: int | None = None
@@ -50,7 +50,7 @@ class Fault:
     def __post_init__(self) -> None:
         if not 0 <= self.rate <= 1:
             raise ValueError(f"rate: {self.rate:g} is not from 0 to 1")
-        if self.kind is FaultKind.DELAY and self.delay_counts <= 0:
+        if self.kind is BusFaultKind.DELAY and self.delay_counts <= 0:
             raise ValueError(f"delay_counts: {self.delay_counts} is not above 0")
 
     def concerns(self, frame: Frame, now_counts: int) -> bool:
@@ -63,25 +63,25 @@ class Fault:
 class FaultScript:
     """Faults in the order in which they are asked, with what they have done."""
 
-    def __init__(self, faults: Sequence[Fault] = (), seed: int = 0) -> None:
+    def __init__(self, faults: Sequence[BusFault] = (), seed: int = 0) -> None:
         self.faults = tuple(faults)
-        self.struck: list[tuple[int, Fault, Frame]] = []
+        self.struck: list[tuple[int, BusFault, Frame]] = []
         """Every strike: when, by which fault, which frame."""
         self._random = Random(seed)
         self._concerned = [0] * len(self.faults)
         self._strikes = [0] * len(self.faults)
 
-    def strike(self, frame: Frame, now_counts: int, *, delayed: bool) -> Fault | None:
+    def strike(self, frame: Frame, now_counts: int, *, delayed: bool) -> BusFault | None:
         """The fault that strikes an attempt to send, if any; a frame that was delayed is not delayed again."""
         for number, fault in enumerate(self.faults):
-            if delayed and fault.kind is FaultKind.DELAY:
+            if delayed and fault.kind is BusFaultKind.DELAY:
                 continue
             if fault.concerns(frame, now_counts) and self._chosen(number, fault):
                 self.struck.append((now_counts, fault, frame))
                 return fault
         return None
 
-    def _chosen(self, number: int, fault: Fault) -> bool:
+    def _chosen(self, number: int, fault: BusFault) -> bool:
         self._concerned[number] += 1
         if self._concerned[number] <= fault.skip or self._strikes[number] == fault.count:
             return False

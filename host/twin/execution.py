@@ -12,7 +12,7 @@ from steptwin.host.operate.axis_settings import axis_settings
 from steptwin.host.operate.output_commands import output_commands
 from steptwin.host.planning.planner import Plan, check_start
 from steptwin.host.twin.embedded_board import EmbeddedBoard
-from steptwin.host.twin.outcome import Fault, Outcome
+from steptwin.host.twin.outcome import Outcome, RunFault
 from steptwin.host.verify import Expectation, RunInfo, compare, verify_comparison
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 
@@ -94,7 +94,7 @@ def _records(plan: Plan, cut_stream_s: float | None) -> tuple[AxisRecords, ...]:
     )
 
 
-def _fault(error: DeviceFaultError, machine: Machine, board: EmbeddedBoard, plan: Plan) -> Fault:
+def _fault(error: DeviceFaultError, machine: Machine, board: EmbeddedBoard, plan: Plan) -> RunFault:
     reported = machine.positions_units()
     counted = [
         steps * UNITS_PER_FULL_STEP // joint.transmission.microsteps
@@ -102,4 +102,4 @@ def _fault(error: DeviceFaultError, machine: Machine, board: EmbeddedBoard, plan
     ]
     joints = {joint.name: joint.to_position(units) for units, joint in zip(reported, plan.robot.joints, strict=True)}
     codes = {axis.name: axis.error_codes for axis in machine.axes}
-    return Fault(str(error), codes, joints, positions_agree=reported == counted)
+    return RunFault(str(error), codes, joints, positions_agree=reported == counted)

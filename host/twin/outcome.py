@@ -11,7 +11,7 @@ from steptwin.protocol.frame import Frame
 
 
 @dataclass(frozen=True, slots=True)
-class Fault:
+class RunFault:
     """The fault of a drive that ended a run.
 
     Attributes:
@@ -53,7 +53,7 @@ class Outcome:
     comparison: Comparison
     report: Report
     bus_log: list[tuple[int, Frame]]
-    fault: Fault | None
+    fault: RunFault | None
     driver_profile: str
 
     @property

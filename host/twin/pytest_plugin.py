@@ -11,7 +11,7 @@ import pytest
 
 if TYPE_CHECKING:
     from steptwin.controller.backend import Kernel
-    from steptwin.emulator.bus_faults import Fault
+    from steptwin.emulator.bus_faults import BusFault
     from steptwin.emulator.operations import Scheduled
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.board_under_test import BoardUnderTest
@@ -52,7 +52,7 @@ def steptwin_make_board(request: pytest.FixtureRequest, steptwin_kernel: "Kernel
         robot: the robot's name, or the path of a robot file from pytest's root directory; else the ini-file's.
         stand_at: where the machine stands, in mm and degrees: all joints, or some by name; else at the robot's home.
         schedule: what will happen to the machine beside its motion, and when.
-        bus_faults: what the bus does to frames, a script of `Fault`s.
+        bus_faults: what the bus does to frames, a script of `BusFault`s.
         driver_profile: other drivers than the robot's file says, by name.
     """
     from steptwin.emulator.bus_faults import FaultScript
@@ -67,7 +67,7 @@ def steptwin_make_board(request: pytest.FixtureRequest, steptwin_kernel: "Kernel
         *,
         stand_at: "Standing | None" = None,
         schedule: "Iterable[Scheduled]" = (),
-        bus_faults: "Sequence[Fault]" = (),
+        bus_faults: "Sequence[BusFault]" = (),
         driver_profile: str | None = None,
     ) -> BoardUnderTest:
         try:

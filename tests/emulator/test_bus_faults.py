@@ -2,7 +2,7 @@
 
 import pytest
 
-from steptwin.emulator.bus_faults import Fault, FaultKind, FaultScript
+from steptwin.emulator.bus_faults import BusFault, BusFaultKind, FaultScript
 from steptwin.emulator.can_timing import frame_bits
 from steptwin.emulator.fault_confinement import ErrorState
 from steptwin.protocol.cia402 import ErrorCode
@@ -15,12 +15,12 @@ ERROR_BITS = BITS - 13 + 7 + 8 + 3
 """Up to the end of the CRC; error flag and echo, delimiter, intermission."""
 
 
-def rig_with(*faults: Fault, stations: int = 2) -> BusRig:
+def rig_with(*faults: BusFault, stations: int = 2) -> BusRig:
     return BusRig(stations=stations, faults=FaultScript(faults))
 
 
 def test_a_loss_is_acknowledged_but_not_heard() -> None:
-    rig = rig_with(Fault(FaultKind.LOSS, (0x200,), skip=1, count=1))
+    rig = rig_with(BusFault(BusFaultKind.LOSS, (0x200,), skip=1, count=1))
     for byte in range(3):
         rig.stations[0].send(Frame(0x200, bytes((byte,))), 0)
     rig.run()
@@ -29,14 +29,14 @@ def test_a_loss_is_acknowledged_but_not_heard() -> None:
 
 
 def test_a_loss_may_concern_one_receiver_only() -> None:
-    rig = rig_with(Fault(FaultKind.LOSS, receiver=2), stations=4)
+    rig = rig_with(BusFault(BusFaultKind.LOSS, receiver=2), stations=4)
     rig.stations[0].send(FRAME, 0)
     rig.run()
     assert [len(frames) for frames in rig.heard] == [0, 1, 0, 1]
 
 
 def test_a_disturbed_frame_costs_an_error_frame_and_is_sent_again() -> None:
-    rig = rig_with(Fault(FaultKind.CORRUPTION, count=2), stations=3)
+    rig = rig_with(BusFault(BusFaultKind.CORRUPTION, count=2), stations=3)
     rig.stations[0].send(FRAME, 0)
     rig.run()
     assert rig.heard[1] == rig.heard[2] == [(rig.bits(2 * ERROR_BITS + BITS - 4), FRAME)]
@@ -48,7 +48,7 @@ def test_a_disturbed_frame_costs_an_error_frame_and_is_sent_again() -> None:
 
 
 def test_a_lower_identifier_goes_before_a_repetition() -> None:
-    rig = rig_with(Fault(FaultKind.CORRUPTION, (0x200,), count=1))
+    rig = rig_with(BusFault(BusFaultKind.CORRUPTION, (0x200,), count=1))
     rig.stations[0].send(FRAME, 0)
     rig.bus.step(0)
     rig.stations[1].send(Frame(0x100, b""), 1)
@@ -58,7 +58,7 @@ def test_a_lower_identifier_goes_before_a_repetition() -> None:
 
 def test_32_disturbances_in_a_row_throw_the_sender_off() -> None:
     """A passive sender pauses 8 bits more; the 128 x 11 recessive bits begin with its last error delimiter."""
-    rig = rig_with(Fault(FaultKind.CORRUPTION, count=32))
+    rig = rig_with(BusFault(BusFaultKind.CORRUPTION, count=32))
     rig.stations[0].send(FRAME, 0)
     rig.run()
     passive = rig.bits(16 * ERROR_BITS - 11)
@@ -76,7 +76,7 @@ def test_32_disturbances_in_a_row_throw_the_sender_off() -> None:
 
 
 def test_a_sender_thrown_off_sends_when_it_is_back() -> None:
-    rig = rig_with(Fault(FaultKind.BUS_OFF, (0x200,), count=1))
+    rig = rig_with(BusFault(BusFaultKind.BUS_OFF, (0x200,), count=1))
     rig.stations[0].send(FRAME, 0)
     rig.bus.step(0)
     assert rig.stations[0].state is ErrorState.BUS_OFF
@@ -87,7 +87,7 @@ def test_a_sender_thrown_off_sends_when_it_is_back() -> None:
 
 
 def test_a_delay_holds_up_its_sender_once() -> None:
-    rig = rig_with(Fault(FaultKind.DELAY, (0x200,), delay_counts=1_000_000))
+    rig = rig_with(BusFault(BusFaultKind.DELAY, (0x200,), delay_counts=1_000_000))
     rig.stations[0].send(FRAME, 0)
     rig.stations[0].send(Frame(0x201, b""), 0)
     rig.stations[1].send(Frame(0x300, b""), 0)
@@ -97,7 +97,7 @@ def test_a_delay_holds_up_its_sender_once() -> None:
 
 
 def test_a_fault_has_its_time() -> None:
-    script = FaultScript([Fault(FaultKind.LOSS, from_counts=100, until_counts=200)])
+    script = FaultScript([BusFault(BusFaultKind.LOSS, from_counts=100, until_counts=200)])
     struck = [counts for counts in range(0, 300, 50) if script.strike(FRAME, counts, delayed=False)]
     assert struck == [100, 150]
     assert script.struck == [(counts, script.faults[0], FRAME) for counts in struck]
@@ -105,7 +105,7 @@ def test_a_fault_has_its_time() -> None:
 
 def test_a_rate_is_drawn_from_the_seed() -> None:
     def strikes(seed: int) -> list[bool]:
-        script = FaultScript([Fault(FaultKind.LOSS, rate=0.3)], seed)
+        script = FaultScript([BusFault(BusFaultKind.LOSS, rate=0.3)], seed)
         return [script.strike(FRAME, 0, delayed=False) is not None for _ in range(1000)]
 
     assert strikes(1) == strikes(1) != strikes(2)
@@ -114,6 +114,6 @@ def test_a_rate_is_drawn_from_the_seed() -> None:
 
 def test_nonsense_is_refused() -> None:
     with pytest.raises(ValueError, match="rate"):
-        Fault(FaultKind.LOSS, rate=1.5)
+        BusFault(BusFaultKind.LOSS, rate=1.5)
     with pytest.raises(ValueError, match="delay_counts"):
-        Fault(FaultKind.DELAY)
+        BusFault(BusFaultKind.DELAY)

@@ -5,7 +5,7 @@ import pytest
 from steptwin.controller.backend import Kernel
 from steptwin.emulator.board import Board, BoardConfig
 from steptwin.emulator.bus import Bus
-from steptwin.emulator.bus_faults import Fault, FaultKind, FaultScript
+from steptwin.emulator.bus_faults import BusFault, BusFaultKind, FaultScript
 from steptwin.emulator.can_controller import CanController
 from steptwin.emulator.fault_confinement import ErrorState, FaultConfinement
 from steptwin.emulator.simulation import Simulation
@@ -285,7 +285,7 @@ def test_the_way_back_from_bus_off_is_reported(fast_kernel: Kernel) -> None:
 
 
 def test_send_waits_for_a_board_that_leaves_the_bus_with_its_answer(fast_kernel: Kernel) -> None:
-    faults = FaultScript([Fault(FaultKind.BUS_OFF, (0x590,), count=1)])
+    faults = FaultScript([BusFault(BusFaultKind.BUS_OFF, (0x590,), count=1)])
     simulation = Simulation([Board(BoardConfig(1, (330.0,)), fast_kernel)], Bus(1_000_000, faults))
     simulation.run_until(10 * MS)
     simulation.send(Frame(0x610, bytes.fromhex("4000100000000000")))

@@ -3,7 +3,7 @@
 import pytest
 
 from steptwin.controller.backend import Kernel
-from steptwin.emulator.bus_faults import Fault, FaultKind, FaultScript
+from steptwin.emulator.bus_faults import BusFault, BusFaultKind, FaultScript
 from steptwin.host.common.errors import BusError
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
@@ -23,7 +23,7 @@ def run_with(kernel: Kernel, script: FaultScript) -> Outcome:
 
 def losing(part: float) -> FaultScript:
     """This part of all PVT records gets lost on the way."""
-    return FaultScript([Fault(FaultKind.LOSS, RPDO4, rate=part)], seed=1)
+    return FaultScript([BusFault(BusFaultKind.LOSS, RPDO4, rate=part)], seed=1)
 
 
 @pytest.mark.parametrize("part", [0.002, 0.01, 0.05])
@@ -45,7 +45,7 @@ def test_a_line_too_bad_to_keep_up_ends_in_an_underrun(fast_kernel: Kernel) -> N
 
 def test_a_lost_sync_is_noticed(fast_kernel: Kernel) -> None:
     with pytest.raises(BusError, match="not all axes start within 1 s"):
-        run_with(fast_kernel, FaultScript([Fault(FaultKind.LOSS, (COB_SYNC,))]))
+        run_with(fast_kernel, FaultScript([BusFault(BusFaultKind.LOSS, (COB_SYNC,))]))
 
 
 def test_a_dead_line_never_starts(fast_kernel: Kernel) -> None:
@@ -55,7 +55,7 @@ def test_a_dead_line_never_starts(fast_kernel: Kernel) -> None:
 
 def test_a_noisy_line_costs_bits_and_nothing_else(fast_kernel: Kernel) -> None:
     """One attempt in twenty is disturbed: CAN itself repeats it, no record is missing and no node complains."""
-    script = FaultScript([Fault(FaultKind.CORRUPTION, rate=0.05)], seed=1)
+    script = FaultScript([BusFault(BusFaultKind.CORRUPTION, rate=0.05)], seed=1)
     outcome = run_with(fast_kernel, script)
     assert len(script.struck) > 300
     assert outcome.report.passed, outcome.report.reasons
@@ -66,8 +66,8 @@ def test_a_hold_up_and_a_bus_off_are_bridged_by_the_queues(fast_kernel: Kernel) 
     """In the middle of the motion a record waits 100 ms in the host's controller, then the board leaves the bus."""
     script = FaultScript(
         [
-            Fault(FaultKind.DELAY, RPDO4, from_counts=3000 * MS, count=1, delay_counts=100 * MS),
-            Fault(FaultKind.BUS_OFF, range(0x190, 0x198), from_counts=5000 * MS, count=1),
+            BusFault(BusFaultKind.DELAY, RPDO4, from_counts=3000 * MS, count=1, delay_counts=100 * MS),
+            BusFault(BusFaultKind.BUS_OFF, range(0x190, 0x198), from_counts=5000 * MS, count=1),
         ]
     )
     outcome = run_with(fast_kernel, script)
@@ -80,6 +80,8 @@ def test_a_hold_up_and_a_bus_off_are_bridged_by_the_queues(fast_kernel: Kernel) 
 def test_the_same_script_makes_the_same_run(fast_kernel: Kernel) -> None:
     logs = []
     for _ in range(2):
-        script = FaultScript([Fault(FaultKind.CORRUPTION, rate=0.01), Fault(FaultKind.LOSS, RPDO4, rate=0.01)], seed=7)
+        script = FaultScript(
+            [BusFault(BusFaultKind.CORRUPTION, rate=0.01), BusFault(BusFaultKind.LOSS, RPDO4, rate=0.01)], seed=7
+        )
         logs.append((run_with(fast_kernel, script).bus_log, script.struck))
     assert logs[0] == logs[1]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from steptwin.controller.backend import Kernel
-from steptwin.emulator.bus_faults import Fault, FaultKind, FaultScript
+from steptwin.emulator.bus_faults import BusFault, BusFaultKind, FaultScript
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
@@ -20,7 +20,7 @@ ARM = range(3, 6)
 
 def run_without_heartbeat(kernel: Kernel) -> Outcome:
     """From 3 s after power-up on, heartbeats do not reach the board any more."""
-    script = FaultScript([Fault(FaultKind.LOSS, (HEARTBEAT,), from_counts=SILENT_COUNTS)])
+    script = FaultScript([BusFault(BusFaultKind.LOSS, (HEARTBEAT,), from_counts=SILENT_COUNTS)])
     robot = load_robot("warehouse-scara")
     return execute(plan(robot, make_job(robot, "drawer-pull", {})), "drawer-pull", kernel, bus_faults=script)
 

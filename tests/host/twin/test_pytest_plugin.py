@@ -149,7 +149,7 @@ def test_what_happens_to_the_machine(pytester: pytest.Pytester) -> None:
         pytester,
         """
         import pytest
-        from steptwin.emulator.bus_faults import Fault, FaultKind
+        from steptwin.emulator.bus_faults import BusFault, BusFaultKind
         from steptwin.emulator.operations import EmergencyStop, Scheduled
 
         pytestmark = pytest.mark.steptwin("lab-scara")
@@ -176,7 +176,7 @@ def test_what_happens_to_the_machine(pytester: pytest.Pytester) -> None:
             assert inputs(steptwin_board) == bytes((0, 0, 1, 0))
 
         @pytest.mark.parametrize("again", [1, 2])
-        @pytest.mark.steptwin(bus_faults=[Fault(FaultKind.LOSS, cob_ids=[0x610], count=1)])
+        @pytest.mark.steptwin(bus_faults=[BusFault(BusFaultKind.LOSS, cob_ids=[0x610], count=1)])
         def test_lost_frame(steptwin_board, again):
             ask = lambda: steptwin_board.network.send_message(0x610, bytes.fromhex("4000100000000000"))
             answers = lambda: sum(frame.cob_id == 0x590 for _, frame in steptwin_board.bus_log)

@@ -5,7 +5,7 @@ import pytest
 from pick_and_place.arm import Arm, ArmError
 from pick_and_place.planner import Point, plan_move
 
-from steptwin.emulator.bus_faults import Fault, FaultKind
+from steptwin.emulator.bus_faults import BusFault, BusFaultKind
 from steptwin.emulator.operations import EmergencyStop, Scheduled
 from steptwin.host.planning.motions.sampled import Sampled
 from steptwin.host.twin.board_under_test import BoardUnderTest
@@ -43,7 +43,7 @@ def test_the_gripper_closes(steptwin_board: BoardUnderTest, arm: Arm) -> None:
     assert steptwin_board.outputs() == {"gripper": True}
 
 
-@pytest.mark.steptwin(bus_faults=[Fault(FaultKind.LOSS, cob_ids=range(0x510, 0x514), skip=20, count=1)])
+@pytest.mark.steptwin(bus_faults=[BusFault(BusFaultKind.LOSS, cob_ids=range(0x510, 0x514), skip=20, count=1)])
 def test_a_lost_record_is_sent_again(steptwin_board: BoardUnderTest, arm: Arm) -> None:
     arm.move(MOVE)
     assert steptwin_board.verify(planned(steptwin_board, MOVE)).passed
