@@ -13,9 +13,10 @@ import numpy as np
 
 from steptwin.bench.live_server import serving
 from steptwin.bench.loads import AXES, MICROSTEPS, UNITS_PER_STEP
-from steptwin.host.client import AxisRecords, AxisSettings, Machine
+from steptwin.host.client import AxisSettings, Machine
 from steptwin.host.client.bus_link import BusLink, Connection, open_bus
 from steptwin.host.client.run import POLL_S, Run
+from steptwin.host.common.axis_records import AxisRecords
 from steptwin.protocol.pvt import QUEUE_DEPTH
 
 POINT_MS: Final = 4

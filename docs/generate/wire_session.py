@@ -5,7 +5,8 @@ from typing import Final
 
 from docs.generate.markdown import code
 from steptwin.controller.backend import fastest_kernel
-from steptwin.host.client import AxisRecords, AxisSettings, Machine
+from steptwin.host.client import AxisSettings, Machine
+from steptwin.host.common.axis_records import AxisRecords
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.protocol.frame import (

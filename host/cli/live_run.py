@@ -11,7 +11,7 @@ from steptwin.host.cli.progress import progress_bar
 if TYPE_CHECKING:
     from steptwin.host.client.bus_link import Connection
     from steptwin.host.operate.running import LiveOutcome
-    from steptwin.host.planning.planner import Plan
+    from steptwin.host.planning.plan import Plan
 
 EXIT_ELSEWHERE = 1
 """The run came to its end, but not where the plan ends: as a run that is not verified."""

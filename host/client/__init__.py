@@ -6,11 +6,9 @@ from steptwin.host.client.link import Link
 from steptwin.host.client.machine import AxisSettings, Machine, Progress, object_dictionary
 from steptwin.host.client.outputs import OutputCommand
 from steptwin.host.client.run import Run
-from steptwin.host.client.stream import AxisRecords
 
 __all__ = [
     "AxisClient",
-    "AxisRecords",
     "AxisSettings",
     "HomingSettings",
     "Link",

@@ -15,7 +15,8 @@ from steptwin.host.client.homing import AxisHoming, HomingSettings, home
 from steptwin.host.client.link import Link
 from steptwin.host.client.outputs import OutputCommand
 from steptwin.host.client.run import POLL_S, Run, check_faults
-from steptwin.host.client.stream import AxisRecords, AxisStream, fill
+from steptwin.host.client.stream import AxisStream, fill
+from steptwin.host.common.axis_records import AxisRecords
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, HOME_HERE, PVT_SUBMODE, AbortConnection, Control, Mode, Status

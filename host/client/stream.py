@@ -5,9 +5,10 @@ that the device wants next; a further gap counts only once the device has had ti
 progress for a while everything not acknowledged is sent again.
 """
 
-from typing import Final, NamedTuple
+from typing import Final
 
 from steptwin.host.client.axis import AxisClient
+from steptwin.host.common.axis_records import AxisRecords
 from steptwin.host.common.errors import BusError, DeviceFaultError
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.pvt import QUEUE_DEPTH, SEQUENCE_MODULUS, PvtFlag, PvtRecord, PvtStatus
@@ -17,14 +18,6 @@ _GAP_HOLD_S: Final = 0.025
 _RESEND_AFTER_S: Final = 0.25
 _SILENCE_S: Final = 1.0
 """Ten times the status report's event timer: a board that says nothing for so long is gone."""
-
-
-class AxisRecords(NamedTuple):
-    """The segments of one axis, as equally long lists: PVT fields without the sequence number."""
-
-    displacements_units: list[int]
-    end_velocities: list[int]
-    durations_ms: list[int]
 
 
 class AxisStream:

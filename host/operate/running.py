@@ -4,13 +4,13 @@ import time
 from dataclasses import dataclass
 from typing import Any, Final
 
-from steptwin.host.client import AxisRecords, Machine, Progress
+from steptwin.host.client import Machine, Progress
 from steptwin.host.client.run import check_enabled, check_faults
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.moving import move_within
 from steptwin.host.operate.output_commands import output_commands
 from steptwin.host.operate.session import Session
-from steptwin.host.planning.planner import Plan, check_start
+from steptwin.host.planning.plan import Plan
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 
 END_ERROR_STEPS_MAX: Final = 0.5 + 1 / 16
@@ -111,7 +111,7 @@ def execute_live(
     check_repeatable(plan, repeat)
     session.require_ready("run")
     if not approach:
-        check_start(plan, session.positions(session.demanded_units()))
+        plan.check_start(session.positions(session.demanded_units()))
     started_s = time.perf_counter()
     with session.in_charge("run") as machine:
         repetitions, axes = 0, tuple[AxisEnd, ...]()
@@ -132,12 +132,7 @@ _SETTLED_S: Final = 0.02
 
 
 def _stream(machine: Machine, plan: Plan, progress: Progress) -> None:
-    durations_ms = plan.durations_ms()
-    records = tuple(
-        AxisRecords(plan.displacements_units(axis), plan.end_velocities(axis), durations_ms)
-        for axis in range(len(plan.robot.joints))
-    )
-    machine.run(records, plan.start_units, progress, output_commands(plan.robot, plan.trajectory))
+    machine.run(plan.records(), plan.start_units, progress, output_commands(plan.robot, plan.trajectory))
 
 
 def _ends(machine: Machine, plan: Plan) -> tuple[AxisEnd, ...]:

@@ -6,11 +6,12 @@ import numpy as np
 
 from steptwin.controller.backend import Kernel
 from steptwin.emulator.bus_faults import FaultScript
-from steptwin.host.client import AxisRecords, Machine, Progress, object_dictionary
+from steptwin.host.client import Machine, Progress, object_dictionary
+from steptwin.host.common.axis_records import AxisRecords
 from steptwin.host.common.errors import DeviceFaultError, InputError
 from steptwin.host.operate.axis_settings import axis_settings
 from steptwin.host.operate.output_commands import output_commands
-from steptwin.host.planning.planner import Plan, check_start
+from steptwin.host.planning.plan import Plan
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.host.twin.outcome import Outcome, RunFault
 from steptwin.host.verify import Expectation, RunInfo, compare, verify_comparison
@@ -46,7 +47,7 @@ def execute(
         DeviceFaultError, BusError: the board could not be set up; a fault in motion is part of the outcome instead.
     """
     if stand_at is not None:
-        check_start(plan, stand_at)
+        plan.check_start(stand_at)
     records = _records(plan, cut_stream_s)
     object_dictionary()  # made once in a process: no part of what the emulation takes
     started_s = time.perf_counter()
@@ -81,17 +82,13 @@ def execute(
 
 
 def _records(plan: Plan, cut_stream_s: float | None) -> tuple[AxisRecords, ...]:
-    durations_ms = plan.durations_ms()
-    count = len(durations_ms)
-    if cut_stream_s is not None:
-        count = int(np.searchsorted(plan.times_ms[1:], cut_stream_s * 1000, side="right"))
-        if not 0 < count < len(durations_ms):
-            first_s, end_s = plan.times_ms[1] / 1000, plan.times_ms[-1] / 1000
-            raise InputError(f"--cut-stream {cut_stream_s:g}: must be from {first_s:g} s to below {end_s:g} s")
-    return tuple(
-        AxisRecords(plan.displacements_units(axis)[:count], plan.end_velocities(axis)[:count], durations_ms[:count])
-        for axis in range(len(plan.robot.joints))
-    )
+    if cut_stream_s is None:
+        return plan.records()
+    count = int(np.searchsorted(plan.times_ms[1:], cut_stream_s * 1000, side="right"))
+    if not 0 < count < len(plan.times_ms) - 1:
+        first_s, end_s = plan.times_ms[1] / 1000, plan.times_ms[-1] / 1000
+        raise InputError(f"--cut-stream {cut_stream_s:g}: must be from {first_s:g} s to below {end_s:g} s")
+    return plan.records(count)
 
 
 def _fault(error: DeviceFaultError, machine: Machine, board: EmbeddedBoard, plan: Plan) -> RunFault:

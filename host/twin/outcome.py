@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from steptwin.host.planning.planner import Plan
+from steptwin.host.planning.plan import Plan
 from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY, prepare_folder, write_folder
 from steptwin.host.verify import Comparison, Report
 from steptwin.protocol.frame import Frame

@@ -10,7 +10,8 @@ import pytest
 from steptwin.controller import kernel as k
 from steptwin.controller.backend import Kernel
 from steptwin.controller.group_time import GroupTime
-from steptwin.host.client import AxisRecords, Machine, OutputCommand, Progress
+from steptwin.host.client import Machine, OutputCommand, Progress
+from steptwin.host.common.axis_records import AxisRecords
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import scipy
 
-from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.whole_file import whole_file
-from steptwin.host.planning.planner import Int64Array, Plan
+from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.trajectory import Switching, Trajectory
 from steptwin.host.planning.trajectory_file import read_trajectory
 from steptwin.host.record.folder.layout import TRAJECTORY, existing

@@ -8,7 +8,7 @@ from typing import Any
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.whole_file import whole_file
-from steptwin.host.planning.planner import Plan
+from steptwin.host.planning.plan import Plan
 from steptwin.host.record.folder.candump import candump_lines
 from steptwin.host.record.folder.edges import write_edges
 from steptwin.host.record.folder.layout import BUS_LOG, EDGES, REPORT, ROBOT, TRAJECTORY

@@ -13,7 +13,8 @@ from steptwin.host.operate.running import check_repeatable, execute_live
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.status import MachineStatus, read_status
 from steptwin.host.planning.jobs import make_job
-from steptwin.host.planning.planner import Plan, plan
+from steptwin.host.planning.plan import Plan
+from steptwin.host.planning.planner import plan
 from steptwin.host.planning.trajectory_file import read_trajectory
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from tests.host.operate.sessions import HALF_STEPS, ROBOT, SX, CommandLine, Neighbour

@@ -11,7 +11,8 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.laws import Trapezoid
 from steptwin.host.planning.motions.joint_move import JointMove
-from steptwin.host.planning.planner import Plan, plan
+from steptwin.host.planning.plan import Plan
+from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot, parse_robot
 from steptwin.host.robots.robot import Robot
 

@@ -14,7 +14,8 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.laws import Trapezoid
-from steptwin.host.planning.planner import Plan, check_start, plan
+from steptwin.host.planning.plan import Plan
+from steptwin.host.planning.planner import plan
 from steptwin.host.planning.trajectory import Switching
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.robot import Robot
@@ -100,7 +101,7 @@ def drawer() -> Plan:
 class TestPoints:
     def test_of_the_drawer_pull(self, drawer: Plan) -> None:
         assert drawer.times_ms.tolist() == list(range(0, 10_001, 10))
-        assert drawer.durations_ms() == [10] * 1000
+        assert drawer.records()[0].durations_ms == [10] * 1000
         t_s = drawer.times_ms / 1000
         units = drawer.trajectory.positions(t_s) * [81920, 327680, 655360, *[200 * 16384 / 72] * 2, 200 * 16384 / 120]
         assert np.abs(drawer.points_units - units).max() <= 0.5 + 1e-6
@@ -112,19 +113,19 @@ class TestPoints:
 
     def test_displacements_are_differences_of_rounded_positions(self, drawer: Plan) -> None:
         for axis in range(6):
-            displacements = drawer.displacements_units(axis)
-            assert len(displacements) == len(drawer.end_velocities(axis)) == 1000
+            displacements, end_velocities, durations_ms = drawer.records()[axis]
+            assert len(displacements) == len(end_velocities) == len(durations_ms) == 1000
             assert sum(displacements) == drawer.points_units[-1, axis] - drawer.points_units[0, axis]
-            assert drawer.end_velocities(axis) == drawer.velocities[1:, axis].tolist()
+            assert end_velocities == drawer.velocities[1:, axis].tolist()
 
     def test_breakpoints_and_the_end_are_points(self) -> None:
         planned = plan(ROBOT, moved_by(Trapezoid(1.0, 0.107, 0.033)), 25)
         assert planned.times_ms.tolist() == [0, 25, 33, 50, 74, 75, 100, 107]
-        assert planned.durations_ms() == [25, 8, 17, 24, 1, 25, 7]
+        assert planned.records()[0].durations_ms == [25, 8, 17, 24, 1, 25, 7]
 
     @pytest.mark.parametrize("point_ms", [1, 255])
     def test_the_widest_choice_of_durations(self, point_ms: int) -> None:
-        durations = plan(ROBOT, swing(5.0), point_ms).durations_ms()
+        durations = plan(ROBOT, swing(5.0), point_ms).records()[0].durations_ms
         assert max(durations) == point_ms
         assert sum(durations) == 1000
 
@@ -156,8 +157,8 @@ class TestPoints:
         planned = plan(endless("th1"), moved_by(law), point_ms)
         assert np.all(np.diff(planned.times_ms) >= 1)
         assert np.all(np.diff(planned.times_ms) <= point_ms)
-        assert sum(planned.durations_ms()) == 2 * ramp_ms + steady_ms
-        running = planned.start_units[TH1] + np.cumsum(planned.displacements_units(TH1))
+        assert sum(planned.records()[TH1].durations_ms) == 2 * ramp_ms + steady_ms
+        running = planned.start_units[TH1] + np.cumsum(planned.records()[TH1].displacements_units)
         exact = moved_by(law).positions(planned.times_ms[1:] / 1000)[:, TH1] * ROBOT.wire_units_per_unit[TH1]
         assert np.abs(running - exact).max() <= 0.5 + 1e-6
         assert planned.velocities[0, TH1] == planned.velocities[-1, TH1] == 0
@@ -244,9 +245,7 @@ class TestStepRate:
         """What the kernel's `push` computes in Q16 steps, written down anew, is within its limit for a plan."""
         planned = plan(endless("th1"), moved_by(law_of(337.49)), 7)
         tail = 0
-        for d, end, dt in zip(
-            planned.displacements_units(3), planned.end_velocities(3), planned.durations_ms(), strict=True
-        ):
+        for d, end, dt in zip(*planned.records()[3], strict=True):
             distance, a, e = d * 16 << 2, (tail * dt * 16 + 8) >> 4, (end * dt * 16 + 8) >> 4
             assert max(abs(a), abs(3 * distance - a - e), abs(e)) <= 983_040 * dt  # 15 steps/ms
             tail = end
@@ -276,7 +275,7 @@ class TestWire:
         """51.2 mm a segment: 200 mm/s for 255 ms are 51 mm, 201 mm/s are 51.255 mm."""
         trajectory = moved_by(Trapezoid(speed_mm_s * 1.755, 2.04, 0.285), axis=0)
         if fits:
-            assert max(plan(self.robot(), trajectory, 255).displacements_units(0)) < 1 << 23
+            assert max(plan(self.robot(), trajectory, 255).records()[0].displacements_units) < 1 << 23
         else:
             told = complaint(trajectory, self.robot(), point_ms=255)
             assert told.startswith("sx: a displacement of 8397619 units at t = 0.510 s does not fit")
@@ -324,7 +323,7 @@ class TestShape:
         assert complaint(OneJoint(zero, zero, duration_s, tuple(breakpoints_s))).startswith(words)
 
     def test_the_shortest_motion(self) -> None:
-        assert plan(ROBOT, OneJoint(zero, zero, 0.001)).durations_ms() == [1]
+        assert plan(ROBOT, OneJoint(zero, zero, 0.001)).records()[0].durations_ms == [1]
 
 
 class TestStart:
@@ -336,11 +335,11 @@ class TestStart:
         board = list(drawer.start_joints)
         start = board[axis]
         board[axis] = start + side * 0.999 * half_step
-        check_start(drawer, board)
+        drawer.check_start(board)
         board[axis] = start + side * 1.01 * half_step
         joint = ROBOT.joints[axis]
         with pytest.raises(InputError) as caught:
-            check_start(drawer, board)
+            drawer.check_start(board)
         told = str(caught.value)
         assert told.startswith(f"{joint.name}: the trajectory starts at {start:.4f} {joint.unit}, the board stands at ")
         assert f"{board[axis]:.4f} {joint.unit}" in told

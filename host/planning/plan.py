@@ -1,0 +1,68 @@
+"""A plan: a checked trajectory as points on the wire."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from steptwin.host.common.arrays import Int64Array
+from steptwin.host.common.axis_records import AxisRecords
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.robots.robot import Robot
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plan:
+    """A checked trajectory as points on the wire, made by `planner.plan`; its arrays are read-only.
+
+    Attributes:
+        robot: The robot that moves.
+        trajectory: The motion from which the points were sampled.
+        times_ms: shape (points,), whole milliseconds, from 0 to the end.
+        points_units: shape (points, joints), absolute positions in wire units.
+        velocities: shape (points, joints), in 1/64 unit per ms; 0 at both ends.
+    """
+
+    robot: Robot
+    trajectory: Trajectory
+    times_ms: Int64Array
+    points_units: Int64Array
+    velocities: Int64Array
+
+    def __post_init__(self) -> None:
+        for array in (self.times_ms, self.points_units, self.velocities):
+            array.flags.writeable = False
+
+    @property
+    def start_units(self) -> list[int]:
+        """The position of each axis at the start, in wire units."""
+        return [int(units) for units in self.points_units[0]]
+
+    @property
+    def start_joints(self) -> list[float]:
+        """The trajectory's joint positions at t = 0, in mm and degrees."""
+        return [float(q) for q in self.trajectory.positions(np.zeros(1))[0]]
+
+    def records(self, count: int | None = None) -> tuple[AxisRecords, ...]:
+        """Return the PVT records of each axis, or only the first `count` of them.
+
+        A displacement is the difference of two rounded absolute positions, so rounding errors do not add up.
+        """
+        displacements, durations_ms = np.diff(self.points_units, axis=0)[:count], np.diff(self.times_ms)[:count]
+        return tuple(
+            AxisRecords(distances.tolist(), end_velocities.tolist(), durations_ms.tolist())
+            for distances, end_velocities in zip(displacements.T, self.velocities[1:][:count].T, strict=True)
+        )
+
+    def check_start(self, joints: list[float]) -> None:
+        """Raise InputError, naming the joint, if the machine stands half a step or more away from the start.
+
+        `joints` are the machine's positions in mm and degrees.
+        """
+        for joint, start, now in zip(self.robot.joints, self.start_joints, joints, strict=True):
+            half_step = 0.5 / joint.transmission.steps_per_unit
+            if abs(start - now) > half_step * (1 + 1e-6):
+                raise InputError(
+                    f"{joint.name}: the trajectory starts at {start:.4f} {joint.unit}, "
+                    f"the board stands at {now:.4f} {joint.unit} (limit: half a step, {half_step:.4f} {joint.unit})"
+                )
