@@ -1,10 +1,12 @@
 """Arguments that several commands share."""
 
 from collections.abc import Iterable
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from steptwin.host.cli.option_names import naming_options
 from steptwin.host.cli.output import warn
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
@@ -95,6 +97,18 @@ def finite_number(text: str, what: str) -> float:
     if not abs(value) <= _LARGEST:
         raise InputError(f"{what}: {text} is not a finite number up to {_LARGEST:g}")
     return value
+
+
+def out_folder(out: str | None) -> Path | None:
+    """Make the folder of --out before anything runs; return None without the option.
+
+    Raises:
+        InputError: the folder cannot be made or written to.
+    """
+    from steptwin.host.record.folder import prepare_folder
+
+    with naming_options("out"):
+        return None if out is None else prepare_folder(out)
 
 
 def chosen_names(option: str, texts: list[str], choices: Iterable[str]) -> list[str]:

@@ -13,6 +13,7 @@ from steptwin.host.cli.arguments import (
     RobotFile,
     joint_values,
     name_value_pairs,
+    out_folder,
     robot_and_rest,
     warn_of_settings_left_out,
 )
@@ -83,7 +84,7 @@ def run(
     with the plan then.
     """
     from steptwin.host.planning.planner import plan
-    from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY, prepare_folder
+    from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY
     from steptwin.host.twin.execution import execute
 
     loaded, rest = robot_and_rest(words or [], robot_file)
@@ -105,7 +106,7 @@ def run(
     _refuse({"--repeat": repeat if repeat != 1 else None, "--approach": approach or None}, "a live")
     warn_of_settings_left_out(loaded, driver_profile)
     standing = None if stand_at is None else joint_values(stand_at.split(), loaded.joint_names, "--stand-at")
-    folder = None if out is None else prepare_folder(out)
+    folder = out_folder(out)
     with progress_bar(f"{loaded.name} {job}") as progress:
         outcome = execute(
             planned,

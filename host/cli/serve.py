@@ -86,7 +86,7 @@ def serve(
         standing = joint_values(stand_at.split(), loaded.joint_names, "--stand-at")
         _warn_outside(loaded, standing)
     warn_of_settings_left_out(loaded, driver_profile)  # bad input is reported before a port is opened
-    parameters = ("host", "port", "allow_remote", "interface", "channel", "bitrate", "speed")
+    parameters = ("host", "port", "allow_remote", "interface", "channel", "bitrate", "speed", "out")
     with naming_options(*parameters, axes_per_board="--boards"):
         served = ServedBoard(
             loaded,

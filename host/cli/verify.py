@@ -7,6 +7,7 @@ import typer
 
 from steptwin.host.cli.app import app
 from steptwin.host.cli.arguments import AsJson
+from steptwin.host.cli.option_names import naming_options
 from steptwin.host.cli.output import print_json
 from steptwin.host.cli.report import EXIT_NOT_VERIFIED, fault_line, print_report
 from steptwin.host.common.errors import DeviceFaultError, NotVerifiedError
@@ -37,7 +38,8 @@ def verify(
     from steptwin.host.record.folder import ContradictionError, verify_folder
 
     try:
-        verdict = verify_folder(folder, plan)
+        with naming_options(plan_folder="--plan"):
+            verdict = verify_folder(folder, plan)
     except ContradictionError as error:
         raise NotVerifiedError(str(error)) from error
     document = _document(verdict)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from steptwin.host.cli.app import app
-from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, finite_number, one_robot
+from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, finite_number, one_robot, out_folder
 from steptwin.host.cli.output import print_json, print_table
 
 if TYPE_CHECKING:
@@ -31,14 +31,13 @@ def workspace(
     as_json: AsJson = False,
 ) -> None:
     """Workspace: a Monte Carlo cloud of all joints, and exact sections with the slides at home."""
-    from steptwin.host.record.folder import prepare_folder
     from steptwin.host.robots.workspace import monte_carlo, scan
 
     loaded = one_robot(robot, robot_file)
     attitude_deg = None if phi is None else finite_number(phi, "--phi")
     z_mm = None if z is None else finite_number(z, "--z")
     cloud = monte_carlo(loaded, samples, seed)
-    folder = None if out is None else prepare_folder(out)
+    folder = out_folder(out)
     scanned = scan(loaded, attitude_deg, z_mm)
     document = _document(loaded.name, cloud, scanned)
     pictures = folder is not None and _write(folder, document, cloud, scanned)

@@ -15,6 +15,7 @@ from steptwin.emulator.lateness import Lateness
 from steptwin.emulator.live import LiveSimulation, warm_up
 from steptwin.emulator.pacer import Pacer
 from steptwin.emulator.simulation import Simulation
+from steptwin.host.record.bus_log import log_line
 from steptwin.host.record.folder import (
     BUS_LOG,
     EDGES,
@@ -26,7 +27,6 @@ from steptwin.host.record.folder import (
     EdgeSpool,
     write_report,
 )
-from steptwin.host.record.folder.candump import candump_line
 from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.drivers import driver_profile
@@ -121,7 +121,7 @@ class LiveBoard:
             if self._plan:
                 self._plan.sync()
         for log in self._logs:
-            log.write(candump_line(frame, counts))
+            log.write(log_line(counts, frame))
 
     def _judge_motion(self) -> None:
         """What moves before any other frame has been received was set going by the SYNC; and it may be over by now."""

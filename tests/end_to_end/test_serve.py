@@ -217,7 +217,7 @@ def test_a_port_that_is_taken(capsys: pytest.CaptureFixture[str]) -> None:
         (["-i", "virtual", "--host", "::1"], "--host ::1: is for a socketcand server, not for --interface virtual"),
         (["-i", "virtual", "--allow-remote"], "--allow-remote: is for listening, not for --interface virtual"),
         (["--stand-at", "0 0"], "--stand-at: 2 values for the 6 joints"),
-        (["--out", ""], "--out: the name of the folder is empty"),
+        (["--out", ""], "--out '': the name of the folder is empty"),
         (["--port", "0", "--log", "/no/such/folder/run.log"], "/no/such/folder/run.log: No such file or directory"),
     ],
 )

@@ -34,25 +34,26 @@ def read_robot(folder: Path) -> Robot:
     return load_robot_file(str(existing(folder, ROBOT)))
 
 
-def read_run(folder: Path, plan: Path | None = None) -> StoredRun:
+def read_run(folder: Path, plan_folder: Path | None = None) -> StoredRun:
     """Read a folder and compare its evidence with its plan, or with that of another folder.
 
     Args:
         folder: of the run.
-        plan: a folder of the same robot, whose trajectory and switching of outputs were planned for this one, too:
-            a board that was served knows no more of its plan than the records that it has received.
+        plan_folder: a folder of the same robot, from which to take the planned trajectory and switching of outputs:
+            a served board knows only the PVT records that it has received of its plan.
 
     Raises:
-        InputError: a file is missing or cannot be read; the message names file and key.
+        InputError: a file is missing or cannot be read, or `plan_folder` must not replace its plan; the message names file
+            and key.
         ContradictionError: the files do not go together.
     """
     report, robot = read_report(folder), read_robot(folder)
-    motion = _motion(folder, robot, report) if plan is None else _motion_of_another(plan, folder, report, robot)
+    motion = _motion(folder, robot, report) if plan_folder is None else _motion_of(plan_folder, folder, report, robot)
     evidence = read_edges(folder)
     names = tuple(axis.name for axis in evidence.axes)
     if names != robot.joint_names:
         raise InputError(f"{folder / EDGES}: axes: {' '.join(names)}, but {ROBOT} has {' '.join(robot.joint_names)}")
-    if plan is not None or report.passed is not None:  # records say nothing of outputs
+    if plan_folder is not None or report.passed is not None:  # records say nothing of outputs
         evidence = replace(evidence, outputs=output_changes(robot, evidence.axes))
     return StoredRun(robot, report, compare(Expectation.of(robot, motion), evidence))
 
@@ -60,13 +61,13 @@ def read_run(folder: Path, plan: Path | None = None) -> StoredRun:
 def _motion(folder: Path, robot: Robot, report: StoredReport) -> Trajectory:
     if report.passed is None and not (folder / TRAJECTORY).exists():
         reason = report.document.get("no_plan") or "a board does not know its plan"
-        raise InputError(f"{folder / TRAJECTORY}: is missing: {reason}; --plan DIR takes that of another run")
+        raise InputError(f"{folder / TRAJECTORY}: is missing: {reason}; plan_folder=DIR takes that of another run")
     return read_motion(folder, robot, report.switchings)
 
 
-def _motion_of_another(plan: Path, folder: Path, report: StoredReport, robot: Robot) -> Trajectory:
+def _motion_of(plan_folder: Path, folder: Path, report: StoredReport, robot: Robot) -> Trajectory:
     if report.passed is not None:
-        raise InputError(f"--plan {plan}: {folder} has its own; another one is for a live board's folder")
-    if read_robot(plan) != robot:
-        raise InputError(f"--plan {plan}: its {ROBOT} is not that of {folder}")
-    return read_motion(plan, robot, read_report(plan).switchings)
+        raise InputError(f"plan_folder={plan_folder}: {folder} has its own; another one is for a live board's folder")
+    if read_robot(plan_folder) != robot:
+        raise InputError(f"plan_folder={plan_folder}: its {ROBOT} is not that of {folder}")
+    return read_motion(plan_folder, robot, read_report(plan_folder).switchings)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from steptwin.host.record.bus_log import count_frames
 from steptwin.host.record.folder.layout import BUS_LOG, REPORT, existing
 from steptwin.host.record.folder.reading import StoredRun, read_run
 from steptwin.host.verify import Report, contradictions, verify_comparison
@@ -46,14 +47,15 @@ class FolderVerdict:
         return not self.reasons and self.fault is None
 
 
-def verify_folder(folder: Path, plan: Path | None = None) -> FolderVerdict:
-    """Verify a stored run; against the plan of another folder, if there is one.
+def verify_folder(folder: Path, plan_folder: Path | None = None) -> FolderVerdict:
+    """Verify a stored run against its own plan, or against that of `plan_folder`.
 
     Raises:
-        InputError: a file is missing or cannot be read; the message names file and key.
+        InputError: a file is missing or cannot be read, or `plan_folder` must not replace its plan; the message names file
+            and key.
         ContradictionError: the files do not go together.
     """
-    stored = read_run(folder, plan)
+    stored = read_run(folder, plan_folder)
     report = verify_comparison(stored.comparison, stored.report.run)
     inner = [line for axis in stored.comparison.evidence.axes for line in contradictions(axis)]
     tampered = (*inner, *_frames_missing(folder, stored), *_differences(stored, report))
@@ -62,8 +64,7 @@ def verify_folder(folder: Path, plan: Path | None = None) -> FolderVerdict:
 
 def _frames_missing(folder: Path, stored: StoredRun) -> list[str]:
     """Whether the bus log has as many frames as the report says."""
-    with existing(folder, BUS_LOG).open("rb") as log:
-        frames = sum(1 for _ in log)
+    frames = count_frames(existing(folder, BUS_LOG))
     said = stored.report.run.bus.frames
     return [] if frames == said else [f"{REPORT} says bus.frames = {said}, {BUS_LOG} has {frames}"]
 

@@ -9,7 +9,7 @@ from typing import Any
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.whole_file import whole_file
 from steptwin.host.planning.plan import Plan
-from steptwin.host.record.folder.candump import candump_lines
+from steptwin.host.record.bus_log import log_line
 from steptwin.host.record.folder.edges import write_edges
 from steptwin.host.record.folder.layout import BUS_LOG, EDGES, REPORT, ROBOT, TRAJECTORY
 from steptwin.host.record.folder.motion import write_motion
@@ -23,14 +23,14 @@ from steptwin.protocol.frame import Frame
 def prepare_folder(out: Path | str) -> Path:
     """Make the folder before anything runs; InputError if that cannot be."""
     if not str(out).strip():
-        raise InputError("--out: the name of the folder is empty")
+        raise InputError(f"out={str(out)!r}: the name of the folder is empty")
     folder = Path(out)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"--out {out}: {error.strerror}") from error
+        raise InputError(f"out={out}: {error.strerror}") from error
     if not os.access(folder, os.W_OK):
-        raise InputError(f"--out {out}: is not writable")
+        raise InputError(f"out={out}: is not writable")
     return folder
 
 
@@ -48,7 +48,7 @@ def write_folder(
     write_motion(out / TRAJECTORY, plan)
     write_edges(out / EDGES, evidence)
     with whole_file(out / BUS_LOG) as file:
-        file.writelines(line.encode() for line in candump_lines(bus_log))
+        file.writelines(log_line(*entry).encode() for entry in bus_log)
     write_waveform(
         out / Format.VCD.file_name,
         wires(evidence),
