@@ -43,8 +43,8 @@ def read_run(folder: Path, plan_folder: Path | None = None) -> StoredRun:
             a served board knows only the PVT records that it has received of its plan.
 
     Raises:
-        InputError: a file is missing or cannot be read, or `plan_folder` must not replace its plan; the message names file
-            and key.
+        InputError: a file is missing or cannot be read, the message names file and key; or `plan_folder` must not
+            replace the folder's own plan.
         ContradictionError: the files do not go together.
     """
     report, robot = read_report(folder), read_robot(folder)

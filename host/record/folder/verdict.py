@@ -51,8 +51,8 @@ def verify_folder(folder: Path, plan_folder: Path | None = None) -> FolderVerdic
     """Verify a stored run against its own plan, or against that of `plan_folder`.
 
     Raises:
-        InputError: a file is missing or cannot be read, or `plan_folder` must not replace its plan; the message names file
-            and key.
+        InputError: a file is missing or cannot be read, the message names file and key; or `plan_folder` must not
+            replace the folder's own plan.
         ContradictionError: the files do not go together.
     """
     stored = read_run(folder, plan_folder)
