@@ -1,59 +1,11 @@
-"""The command line `steptwin`: one file a command; heavy modules are imported when a command needs them."""
+"""The command line `steptwin`: one file a command; a command imports heavy modules only when it runs."""
 
-from steptwin.host.cli import (
-    bench,
-    dbc,
-    doctor,
-    eds,
-    estop,
-    fk,
-    home,
-    ik,
-    jobs,
-    jog,
-    monitor,
-    move,
-    outputs,
-    pause,
-    plot,
-    reset,
-    resume,
-    robots,
-    run,
-    serve,
-    status,
-    stop,
-    trace,
-    verify,
-    workspace,
-)
-from steptwin.host.cli.app import main
+from importlib import import_module
 
-__all__ = [
-    "bench",
-    "dbc",
-    "doctor",
-    "eds",
-    "estop",
-    "fk",
-    "home",
-    "ik",
-    "jobs",
-    "jog",
-    "main",
-    "monitor",
-    "move",
-    "outputs",
-    "pause",
-    "plot",
-    "reset",
-    "resume",
-    "robots",
-    "run",
-    "serve",
-    "status",
-    "stop",
-    "trace",
-    "verify",
-    "workspace",
-]
+from steptwin.host.cli.app import COMMANDS, main
+
+__all__ = ["main"]
+
+for _names in COMMANDS.values():
+    for _name in _names:
+        import_module(f"{__name__}.{_name}")  # adds the command

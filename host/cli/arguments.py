@@ -1,8 +1,8 @@
-"""Arguments that several commands share."""
+"""Arguments and options that several commands share, and the reading of their texts."""
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
@@ -16,36 +16,32 @@ if TYPE_CHECKING:
 
 RobotName = Annotated[
     str | None,
-    typer.Argument(
-        metavar="ROBOT", help="A robot's name, as `steptwin robots` lists them, or the path of its .toml file."
-    ),
+    typer.Argument(metavar="ROBOT", help="Name of a robot (`steptwin robots` lists them), or path of a .toml file."),
 ]
 RobotFile = Annotated[
-    str | None, typer.Option("--robot-file", metavar="FILE", help="A robot of your own, instead of ROBOT.")
+    str | None, typer.Option("--robot-file", metavar="FILE", help="Robot file of your own, instead of ROBOT.")
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout, everything else on stderr.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document; the rest on stderr.")]
 DriverProfileName = Annotated[
     str | None,
     typer.Option(
         "--driver-profile",
         metavar="NAME",
-        help="The drivers that the emulated board really has, without telling planner or firmware: chip-100pf,"
-        " chip-330pf, chip-1000pf, 3a-module or slow-blue-board. Others than the robot's file names are set as is usual"
-        " with them, whatever it says of current_a and the like.",
+        help="Put other drivers on the emulated board, unknown to planner and firmware: chip-100pf, chip-330pf,"
+        " chip-1000pf, 3a-module, slow-blue-board. They have their usual settings instead of the robot file's"
+        " current_a and the like.",
     ),
 ]
 
-_LARGEST = 1e9
-
-NEGATIVE_NUMBERS = {"ignore_unknown_options": True}
-"""For commands whose arguments may be negative numbers, which otherwise look like options."""
+_LARGEST: Final = 1e9
+"""Largest size of a number on the command line: no machine is larger in mm or degrees."""
 
 
 def robot_and_rest(words: list[str], robot_file: str | None) -> "tuple[Robot, list[str]]":
-    """The robot of a command line, and the words that are left: the first one is its name unless there is a file.
+    """Return the robot of a command line and the words after it: without a file, the first word names the robot.
 
     Raises:
-        InputError: there is no robot, or it is not right.
+        InputError: no robot is given, or its file is wrong.
     """
     from steptwin.host.robots import load_robot, load_robot_file
 
@@ -57,7 +53,7 @@ def robot_and_rest(words: list[str], robot_file: str | None) -> "tuple[Robot, li
 
 
 def one_robot(name: str | None, robot_file: str | None) -> "Robot":
-    """The robot of a command line that says nothing else; raises as `robot_and_rest` does, or if there are two."""
+    """Return the robot of a command without further words; raises as `robot_and_rest` does, or if two are given."""
     robot, rest = robot_and_rest([] if name is None else [name], robot_file)
     if rest:
         raise InputError(f"ROBOT '{rest[0]}' and --robot-file {robot_file}: give only one of them")
@@ -65,22 +61,22 @@ def one_robot(name: str | None, robot_file: str | None) -> "Robot":
 
 
 def warn_of_settings_left_out(robot: "Robot", driver_profile: str | None) -> None:
-    """Say which of the robot file's settings do not hold for the drivers that are there instead of its own.
+    """Warn of the robot file's settings that do not apply to drivers other than its own.
 
     Raises:
-        InputError: there are no such drivers.
+        InputError: no driver profile has this name.
     """
     from steptwin.host.twin.drivers import settings_left_out
 
     if keys := settings_left_out(robot.board, driver_profile):
-        warn(f"--driver-profile {driver_profile}: set as is usual with it, not by the robot's {', '.join(keys)}")
+        warn(f"--driver-profile {driver_profile}: has its usual settings, not the robot's {', '.join(keys)}")
 
 
 def joint_values(texts: list[str], names: tuple[str, ...], what: str) -> list[float]:
-    """Joint positions from the command line.
+    """Return joint positions, in mm and degrees, from the command line.
 
     Raises:
-        InputError: a text is no number, or there are too few or too many.
+        InputError: a text is not a number, or there are too few or too many.
     """
     values = [finite_number(text, what) for text in texts]
     if len(values) != len(names):
@@ -89,7 +85,7 @@ def joint_values(texts: list[str], names: tuple[str, ...], what: str) -> list[fl
 
 
 def finite_number(text: str, what: str) -> float:
-    """A number of a size that machines have; InputError for anything else."""
+    """Return a finite number up to 1e9 in size; InputError for anything else."""
     try:
         value = float(text)
     except ValueError:
@@ -112,10 +108,10 @@ def out_folder(out: str | None) -> Path | None:
 
 
 def chosen_names(option: str, texts: list[str], choices: Iterable[str]) -> list[str]:
-    """Names of an option that takes NAME,... and may be given several times, in the order given.
+    """Return the names given by an option that takes NAME,... and may be repeated, in the order given.
 
     Raises:
-        InputError: there is no such name, or one is given twice.
+        InputError: a name is unknown or given twice.
     """
     names = list(choices)
     chosen = [name.strip() for text in texts for name in text.split(",")]
@@ -128,7 +124,7 @@ def chosen_names(option: str, texts: list[str], choices: Iterable[str]) -> list[
 
 
 def name_value_pairs(texts: list[str]) -> dict[str, str]:
-    """NAME=VALUE texts as a mapping; InputError for another form, or a name given twice."""
+    """Return NAME=VALUE texts as a mapping; InputError for another form, or a name given twice."""
     pairs: dict[str, str] = {}
     for text in texts:
         name, separator, value = text.partition("=")

@@ -1,4 +1,4 @@
-"""How a live board is left by stop, estop, reset, home."""
+"""Print the state of each axis, as stop, estop, reset and home leave it."""
 
 from dataclasses import asdict
 from typing import TYPE_CHECKING
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def print_axis_states(robot: "Robot", states: "list[AxisState]", *, as_json: bool) -> None:
-    """As one JSON document, or as a table."""
+    """Print one JSON document, or a table."""
     if as_json:
         print_json({"robot": robot.name, "axes": [asdict(state) for state in states]})
         return

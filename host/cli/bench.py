@@ -1,11 +1,11 @@
-"""`steptwin bench [ROBOT [JOB]]`: the kernel's pulse timing beside that of other ways to make step pulses."""
+"""`steptwin bench [ROBOT [JOB]]`: compare the kernel's pulse timing with other ways of making step pulses."""
 
 from importlib.util import find_spec
 from typing import Annotated
 
 import typer
 
-from steptwin.host.cli.app import app
+from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, robot_and_rest
 from steptwin.host.cli.output import print_json, print_table
 from steptwin.host.common.errors import InputError
@@ -13,11 +13,11 @@ from steptwin.host.common.errors import InputError
 ROBOT_AND_JOB = "[ROBOT] [JOB]"
 
 
-@app.command()
+@command("steptwin bench", "steptwin bench teaching-scara carry --json")
 def bench(
     words: Annotated[
         list[str] | None,
-        typer.Argument(metavar=ROBOT_AND_JOB, help="A job, or all of a robot; without both, five motions."),
+        typer.Argument(metavar=ROBOT_AND_JOB, help="A job, or all jobs of a robot; by default five motions."),
     ] = None,
     robot_file: RobotFile = None,
     as_json: AsJson = False,
@@ -33,7 +33,7 @@ def bench(
     if words or robot_file is not None:
         robot, rest = robot_and_rest(words or [], robot_file)
         if len(rest) > 1:
-            raise InputError(f"'{rest[1]}' is too much: give {ROBOT_AND_JOB}")
+            raise InputError(f"unexpected argument '{rest[1]}': give {ROBOT_AND_JOB}")
         motions = [motion_of_job(robot, job) for job in rest or job_names(robot)]
     else:
         motions = all_motions()

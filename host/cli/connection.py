@@ -1,8 +1,8 @@
-"""Which board a command talks to: the options that all commands for a live board share."""
+"""The options that say which live board a command talks to, and the link and session that they open."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
@@ -15,20 +15,43 @@ if TYPE_CHECKING:
     from steptwin.host.operate.session import Session
     from steptwin.host.robots.robot import Robot
 
+LIVE_PANEL: Final = "Live board"
+"""Group in a command's help of the options that only a live board has."""
+
 Connect = Annotated[
     str | None,
     typer.Option(
-        "--connect", metavar="HOST[:PORT]", help="A board behind a socketcand server, such as `steptwin serve`."
+        "--connect",
+        metavar="HOST[:PORT]",
+        help="Board behind a socketcand server, such as `steptwin serve`; port 29536 by default.",
+        rich_help_panel=LIVE_PANEL,
     ),
 ]
 Interface = Annotated[
-    str | None, typer.Option("--interface", "-i", metavar="NAME", help="A bus of python-can, such as socketcan.")
+    str | None,
+    typer.Option(
+        "--interface",
+        "-i",
+        metavar="NAME",
+        help="Board on an interface of python-can, such as socketcan.",
+        rich_help_panel=LIVE_PANEL,
+    ),
 ]
 Channel = Annotated[
-    str | None, typer.Option("--channel", "-c", metavar="NAME", help="Of the interface, or of the socketcand server.")
+    str | None,
+    typer.Option(
+        "--channel", "-c", metavar="NAME", help="Channel of the interface or of the server.", rich_help_panel=LIVE_PANEL
+    ),
 ]
 Bitrate = Annotated[
-    int | None, typer.Option("--bitrate", "-b", metavar="BIT/S", help="By default as the robot's file says.")
+    int | None,
+    typer.Option(
+        "--bitrate",
+        "-b",
+        metavar="BIT/S",
+        help="Bit rate of the interface; by default the robot file's.",
+        rich_help_panel=LIVE_PANEL,
+    ),
 ]
 
 
@@ -39,20 +62,20 @@ def connection(
     bitrate: int | None,
     robot: "Robot | None",
 ) -> "Connection | None":
-    """What the options say; None if they say nothing.
+    """Return the connection that the options describe; None when no option is given.
 
     Raises:
-        InputError: they contradict each other, or there is no such interface or bit rate.
+        InputError: options contradict each other, or python-can has no such interface.
     """
     from steptwin.host.client.bus_link import Connection
 
     if connect is not None and interface is not None:
         raise InputError(f"--connect {connect} and --interface {interface}: give only one of them")
     if bitrate is not None and bitrate <= 0:
-        raise InputError(f"--bitrate {bitrate}: is not above 0 bit/s")
+        raise InputError(f"--bitrate {bitrate}: must be above 0 bit/s")
     if connect is not None:
         if bitrate is not None:
-            raise InputError(f"--bitrate {bitrate}: is for --interface; the server at --connect has its own")
+            raise InputError(f"--bitrate {bitrate}: is for --interface; the server of --connect has its own")
         host, port = _host_and_port(connect)
         return Connection("socketcand", channel, None, host, port)
     if interface is None:
@@ -76,7 +99,7 @@ def _host_and_port(text: str) -> tuple[str, int]:
 
 
 def required(found: "Connection | None") -> "Connection":
-    """InputError if there is none."""
+    """Return the connection; raise InputError when there is none."""
     if found is None:
         raise InputError("which board? --connect HOST:PORT, or -i INTERFACE -c CHANNEL")
     return found
@@ -84,7 +107,7 @@ def required(found: "Connection | None") -> "Connection":
 
 @contextmanager
 def opened_link(found: "Connection") -> "Iterator[Link]":
-    """A link for as long as the block lasts; BusError if it cannot be opened."""
+    """Open a link and close it after the block; BusError if the bus cannot be opened."""
     from steptwin.host.client.bus_link import BusLink, open_bus
 
     with BusLink(open_bus(found), found.title) as link:
@@ -95,7 +118,7 @@ def opened_link(found: "Connection") -> "Iterator[Link]":
 def opened_session(
     robot: "Robot", connect: str | None, interface: str | None, channel: str | None, bitrate: int | None
 ) -> "Iterator[Session]":
-    """A robot's session for as long as the block lasts."""
+    """Open the link that the options describe, with a session of the robot on it, and close it after the block."""
     from steptwin.host.operate.session import Session
 
     with opened_link(required(connection(connect, interface, channel, bitrate, robot))) as link:

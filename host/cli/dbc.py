@@ -1,14 +1,14 @@
-"""`steptwin dbc [ROBOT]`: the CAN database that loggers and analysers want."""
+"""`steptwin dbc [ROBOT]`: print the CAN database for loggers and analysers."""
 
 import typer
 
-from steptwin.host.cli.app import app
+from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import RobotFile, RobotName, one_robot
 
 
-@app.command()
+@command("steptwin dbc", "steptwin dbc lab-scara > arm.dbc")
 def dbc(robot: RobotName = None, robot_file: RobotFile = None) -> None:
-    """Print a CAN database (DBC): of a robot's axes in mm and degrees, or of eight axes in wire units."""
+    """Print a CAN database (DBC): a robot's axes in mm and degrees, or eight axes in wire units."""
     from steptwin.host.robots.robot import AXES_MAX
     from steptwin.protocol.dbc import AxisNames, render_dbc
 

@@ -1,10 +1,10 @@
-"""`steptwin doctor ROBOT --connect ...`: is this machine fit to move?"""
+"""`steptwin doctor ROBOT --connect ...`: check whether a live machine is fit to move."""
 
 from typing import TYPE_CHECKING
 
 import typer
 
-from steptwin.host.cli.app import app
+from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
 from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, connection, opened_link, required
 from steptwin.host.cli.output import print_json
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
 
 
-@app.command()
+@command("steptwin doctor lab-scara --connect 127.0.0.1", "steptwin doctor lab-scara -i pcan -c PCAN_USBBUS1 -b 500000")
 def doctor(
     robot: RobotName = None,
     robot_file: RobotFile = None,
@@ -26,9 +26,9 @@ def doctor(
     bitrate: Bitrate = None,
     as_json: AsJson = False,
 ) -> None:
-    """Check a live machine: bus, nodes, drives, settings, inputs, supply, temperature, positions.
+    """Check bus, nodes, drives, settings, inputs, supply, temperature and positions.
 
-    Nothing on it changes. Exit code 4 if the bus or a node does not answer, 3 if something else is not as it should be.
+    It changes nothing. Exit code 4: the bus or a node does not answer; 3: another check fails.
     """
     loaded = one_robot(robot, robot_file)
     checks = _checks(loaded, required(connection(connect, interface, channel, bitrate, loaded)), show=not as_json)

@@ -1,11 +1,11 @@
-"""`steptwin eds`: the device description that CANopen tools want."""
+"""`steptwin eds`: print the device description for CANopen tools."""
 
 import typer
 
-from steptwin.host.cli.app import app
+from steptwin.host.cli.app import command
 
 
-@app.command()
+@command("steptwin eds", "steptwin eds > axis.eds")
 def eds() -> None:
     """Print the axis nodes' electronic data sheet (CiA 306)."""
     from steptwin.protocol.eds import render_eds

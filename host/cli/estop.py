@@ -1,12 +1,12 @@
-"""`steptwin estop ROBOT --connect ...`: stop, then power off."""
+"""`steptwin estop ROBOT --connect ...`: stop all axes of a live board, then switch their power off."""
 
-from steptwin.host.cli.app import app
+from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
 from steptwin.host.cli.axis_states import print_axis_states
 from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
 
 
-@app.command()
+@command("steptwin estop lab-scara --connect 127.0.0.1", "steptwin estop lab-scara -i socketcan -c can0")
 def estop(
     robot: RobotName = None,
     robot_file: RobotFile = None,
@@ -16,7 +16,10 @@ def estop(
     bitrate: Bitrate = None,
     as_json: AsJson = False,
 ) -> None:
-    """Stop all axes at once, then switch their power off: stop category 1, by software. No substitute for a switch."""
+    """Stop all axes together, then switch their power off.
+
+    This is stop category 1 of IEC 60204-1, in software: it does not replace an emergency stop switch.
+    """
     from steptwin.host.operate.recovering import emergency_stop
 
     loaded = one_robot(robot, robot_file)

@@ -1,18 +1,22 @@
-"""`steptwin fk ROBOT q1 q2 ...`: the tool pose of a joint position."""
+"""`steptwin fk ROBOT Q1 Q2 ...`: compute the tool's pose from joint positions."""
 
 from typing import Annotated
 
 import typer
 
-from steptwin.host.cli.app import app
-from steptwin.host.cli.arguments import NEGATIVE_NUMBERS, AsJson, RobotFile, joint_values, robot_and_rest
+from steptwin.host.cli.app import command
+from steptwin.host.cli.arguments import AsJson, RobotFile, joint_values, robot_and_rest
 from steptwin.host.cli.output import print_json
 from steptwin.host.common.errors import InputError
 
 POSE_KEYS = ("x_mm", "y_mm", "z_mm", "attitude_deg")
 
 
-@app.command(context_settings=NEGATIVE_NUMBERS)
+@command(
+    "steptwin fk lab-scara 150 0 90 0",
+    "steptwin fk warehouse-scara 0 0 200 -60 120 -90 --json",
+    negative_numbers=True,
+)
 def fk(
     words: Annotated[
         list[str] | None,
@@ -21,7 +25,7 @@ def fk(
     robot_file: RobotFile = None,
     as_json: AsJson = False,
 ) -> None:
-    """Forward kinematics: where the tool is."""
+    """Compute the tool's pose from joint positions (forward kinematics)."""
     import numpy as np
 
     from steptwin.host.robots.kinematics import make_kinematics

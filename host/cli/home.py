@@ -1,10 +1,10 @@
-"""`steptwin home ROBOT --connect ...`: let a live machine find out, or tell it, where it is."""
+"""`steptwin home ROBOT --connect ...`: let a live machine find its position by switches, or tell it."""
 
 from typing import Annotated
 
 import typer
 
-from steptwin.host.cli.app import app
+from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, joint_values, one_robot
 from steptwin.host.cli.axis_states import print_axis_states
 from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
@@ -12,19 +12,23 @@ from steptwin.host.cli.progress import progress_bar
 from steptwin.host.common.errors import InputError
 
 
-@app.command()
+@command(
+    "steptwin home lab-scara --together --connect 127.0.0.1",
+    "steptwin home lab-scara --here '150 0 90 0' --connect 127.0.0.1",
+)
 def home(
     robot: RobotName = None,
     robot_file: RobotFile = None,
     together: Annotated[
-        bool, typer.Option("--together", help="All joints at once; by default one after the other, as in the file.")
+        bool,
+        typer.Option("--together", help="Home all joints at once; by default one by one, in the file's order."),
     ] = False,
     stay: Annotated[
-        bool, typer.Option("--stay", help="Stay at the switches; by default the machine moves to its home position.")
+        bool, typer.Option("--stay", help="Stay at the switches instead of moving to the home position.")
     ] = False,
     here: Annotated[
         str | None,
-        typer.Option(metavar="'Q1 Q2 ...'", help="No motion: the machine stands there, in mm and degrees."),
+        typer.Option(metavar="'Q1 Q2 ...'", help="Move nothing: declare that the joints stand here (mm, degrees)."),
     ] = None,
     connect: Connect = None,
     interface: Interface = None,
@@ -32,12 +36,12 @@ def home(
     bitrate: Bitrate = None,
     as_json: AsJson = False,
 ) -> None:
-    """Home a live machine by its switches, as the robot's file says, and move it to its home position."""
+    """Home a live machine by its switches, then move it to its home position."""
     from steptwin.host.operate.homing import declare, home
 
     loaded = one_robot(robot, robot_file)
     if here is not None and (together or stay):
-        raise InputError("--here: goes without --together and --stay, since nothing moves")
+        raise InputError("--here: moves nothing, so --together and --stay do not go with it")
     standing = None if here is None else joint_values(here.split(), loaded.joint_names, "--here")
     with opened_session(loaded, connect, interface, channel, bitrate) as session:
         if standing is not None:

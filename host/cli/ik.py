@@ -1,11 +1,11 @@
-"""`steptwin ik ROBOT --x --y --z --phi`: every joint position that reaches a tool pose."""
+"""`steptwin ik ROBOT --x --y --z --phi`: compute all joint positions that reach a tool pose."""
 
 from math import isfinite
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from steptwin.host.cli.app import app
+from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, finite_number, joint_values, one_robot
 from steptwin.host.cli.output import print_json, print_table
 
@@ -13,7 +13,10 @@ if TYPE_CHECKING:
     from steptwin.host.robots.kinematics import Branch
 
 
-@app.command()
+@command(
+    "steptwin ik teaching-scara --x 150 --y 60 --z -60 --phi 30",
+    "steptwin ik hybrid-arm --x 300 --y 0 --z 200 --phi 0",
+)
 def ik(
     x: Annotated[str, typer.Option("--x", metavar="MM", help="Tool position x.")],
     y: Annotated[str, typer.Option("--y", metavar="MM", help="Tool position y.")],
@@ -21,15 +24,13 @@ def ik(
     phi: Annotated[str, typer.Option("--phi", metavar="DEG", help="Tool attitude.")],
     near: Annotated[
         str | None,
-        typer.Option(
-            metavar="'Q1 Q2 ...'", help="Where the machine stands: joints that the pose leaves free stay there."
-        ),
+        typer.Option(metavar="'Q1 Q2 ...'", help="Present joints: those that the pose leaves free stay there."),
     ] = None,
     robot: RobotName = None,
     robot_file: RobotFile = None,
     as_json: AsJson = False,
 ) -> None:
-    """Inverse kinematics: every branch, reachable or why not."""
+    """Compute joint positions from a tool pose (inverse kinematics): every branch, and why one is out of reach."""
     import numpy as np
 
     from steptwin.host.robots.kinematics import make_kinematics
@@ -61,10 +62,10 @@ def _document(branch: "Branch", names: tuple[str, ...]) -> dict[str, Any]:
 
 
 def _figure(value: float) -> str:
-    """Four decimals without a negative zero; nothing where no joint position reaches the pose."""
+    """Return four decimals, without a negative zero; a dash where no joint position reaches the pose."""
     return f"{round(value, 4) + 0.0:.4f}" if isfinite(value) else "-"
 
 
 def _finite(value: float) -> float | None:
-    """JSON has no NaN: joints of a pose out of reach are null."""
+    """Return None for the joints of a pose out of reach: JSON has no NaN."""
     return value if isfinite(value) else None

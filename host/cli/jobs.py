@@ -1,13 +1,13 @@
-"""`steptwin jobs ROBOT`: a robot's named trajectories and their options."""
+"""`steptwin jobs ROBOT`: list a robot's jobs, its named trajectories, with their options."""
 
 import typer
 
-from steptwin.host.cli.app import app
+from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
 from steptwin.host.cli.output import print_json, print_table
 
 
-@app.command()
+@command("steptwin jobs warehouse-scara", "steptwin jobs --robot-file mine.toml")
 def jobs(robot: RobotName = None, robot_file: RobotFile = None, as_json: AsJson = False) -> None:
     """List a robot's jobs with their options."""
     from steptwin.host.planning.jobs import job_names, job_options, job_summary

@@ -1,36 +1,41 @@
-"""`steptwin jog ROBOT JOINT SPEED --connect ...`: one axis of a live board by hand."""
+"""`steptwin jog ROBOT JOINT SPEED --connect ...`: move one axis of a live board by hand."""
 
 from dataclasses import asdict
 from typing import Annotated
 
 import typer
 
-from steptwin.host.cli.app import app
-from steptwin.host.cli.arguments import NEGATIVE_NUMBERS, AsJson, RobotFile, finite_number, robot_and_rest
+from steptwin.host.cli.app import command
+from steptwin.host.cli.arguments import AsJson, RobotFile, finite_number, robot_and_rest
 from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
 from steptwin.host.cli.output import print_json
 from steptwin.host.common.errors import InputError
 
 
-@app.command(context_settings=NEGATIVE_NUMBERS)
+@command(
+    "steptwin jog lab-scara th2 -10 --seconds 2 --connect 127.0.0.1",
+    "steptwin jog lab-scara d1 5 -i socketcan -c can0",
+    negative_numbers=True,
+)
 def jog(
     words: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="ROBOT JOINT SPEED", help="The robot, a joint of it, and its speed in mm/s or degrees/s, with sign."
+            metavar="ROBOT JOINT SPEED", help="The robot, one of its joints, and a signed speed in mm/s or deg/s."
         ),
     ] = None,
     robot_file: RobotFile = None,
-    seconds: Annotated[
-        float | None, typer.Option(metavar="S", help="How long; without it until Ctrl-C, which ends it in order.")
-    ] = None,
+    seconds: Annotated[float | None, typer.Option(metavar="S", help="Time to move; by default until Ctrl-C.")] = None,
     connect: Connect = None,
     interface: Interface = None,
     channel: Channel = None,
     bitrate: Bitrate = None,
     as_json: AsJson = False,
 ) -> None:
-    """Move one joint of a live board at a speed. It stops at the joint's limits if it knows where it is."""
+    """Move one joint at a speed, until Ctrl-C.
+
+    A joint that knows its position stops at its limits; another one moves until a limit switch stops it, in fault.
+    """
     from steptwin.host.operate.jogging import check_jog, jog
 
     loaded, rest = robot_and_rest(words or [], robot_file)
@@ -39,7 +44,7 @@ def jog(
     speed = finite_number(rest[1], "SPEED")
     check_jog(loaded, rest[0], speed)
     if seconds is not None and not 0 < seconds < float("inf"):
-        raise InputError(f"--seconds {seconds:g}: is not above 0 and finite")
+        raise InputError(f"--seconds {seconds:g}: must be above 0 and finite")
     with opened_session(loaded, connect, interface, channel, bitrate) as session:
         jogged = jog(session, rest[0], speed, seconds)
     if as_json:

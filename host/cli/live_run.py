@@ -1,4 +1,4 @@
-"""`steptwin run ROBOT JOB|FILE --connect ...`: the same command on a live board."""
+"""Run a job or a trajectory file on a live board: `steptwin run` with --connect or -i."""
 
 from typing import TYPE_CHECKING
 
@@ -14,11 +14,11 @@ if TYPE_CHECKING:
     from steptwin.host.planning.plan import Plan
 
 EXIT_ELSEWHERE = 1
-"""The run came to its end, but not where the plan ends: as a run that is not verified."""
+"""Exit code of a run that did not end where the plan ends; the same as of a run that is not verified."""
 
 
 def run_live(found: "Connection", plan: "Plan", job: str, *, repeat: int, approach: bool, as_json: bool) -> None:
-    """Run a plan on the board behind a connection and say how it ended; raises as `execute_live` does."""
+    """Run a plan on the board behind a connection and print how it ended; raises as `execute_live` does."""
     from steptwin.host.operate.running import check_repeatable, execute_live
     from steptwin.host.operate.session import Session
 

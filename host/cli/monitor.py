@@ -1,4 +1,4 @@
-"""`steptwin monitor [ROBOT] --connect ...`: the traffic of a live bus, in words."""
+"""`steptwin monitor [ROBOT] --connect ...`: show the traffic of a live bus in CANopen's terms."""
 
 import time
 from collections.abc import Iterator
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from steptwin.host.cli.app import app
+from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
 from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, connection, required
 from steptwin.host.cli.output import print_json
@@ -24,27 +24,33 @@ if TYPE_CHECKING:
 _POLL_S = 0.1
 
 
-@app.command()
+@command(
+    "steptwin monitor lab-scara --node th2 --connect 127.0.0.1",
+    "steptwin monitor --service emcy --service nmt -i socketcan -c can0",
+)
 def monitor(
     robot: RobotName = None,
     robot_file: RobotFile = None,
     service: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="Only this: nmt, sync, emcy, time, tpdo, rpdo, sdo, heartbeat; repeatable."),
+        typer.Option(metavar="NAME", help="Only nmt, sync, emcy, time, tpdo, rpdo, sdo or heartbeat; repeatable."),
     ] = None,
     node: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="Only this joint, or the node of this number; repeatable."),
+        typer.Option(metavar="NAME", help="Only this joint's node, or the node of this number; repeatable."),
     ] = None,
-    seconds: Annotated[float | None, typer.Option(metavar="S", help="How long; by default until Ctrl-C.")] = None,
-    count: Annotated[int | None, typer.Option(metavar="N", help="How many frames; by default any number.")] = None,
+    seconds: Annotated[float | None, typer.Option(metavar="S", help="Time to listen; by default until Ctrl-C.")] = None,
+    count: Annotated[int | None, typer.Option(metavar="N", help="Number of frames to show; by default any.")] = None,
     connect: Connect = None,
     interface: Interface = None,
     channel: Channel = None,
     bitrate: Bitrate = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show a bus' traffic in CANopen's words, without sending anything. With ROBOT, nodes have their joints' names."""
+    """Show the traffic of a bus in CANopen's terms, without sending anything.
+
+    With ROBOT, nodes are shown by the names of their joints.
+    """
     from steptwin.host.client.bus_link import open_bus
     from steptwin.host.client.monitor import SERVICES, Decoder
 
@@ -80,7 +86,7 @@ def monitor(
 
 
 def _messages(bus: "can.BusABC", title: str, seconds: float | None) -> "Iterator[can.Message]":
-    """Data frames with 11-bit identifiers as they come, until the time is over."""
+    """Yield data frames with 11-bit identifiers as they come, until the time is over."""
     import can
 
     until_s = None if seconds is None else time.monotonic() + seconds
@@ -108,13 +114,13 @@ def _node_id(text: str, names: dict[int, str]) -> int:
     except ValueError:
         raise unknown("--node", text, [*by_name, "a number such as 0x10"]) from None
     if not 1 <= node_id <= NODE_ID_MAX:
-        raise InputError(f"--node {text}: node ids are from 1 to {NODE_ID_MAX}")
+        raise InputError(f"--node {text}: node ids go from 1 to {NODE_ID_MAX}")
     return node_id
 
 
 def _check_positive(option: str, value: float | None) -> None:
     if value is not None and not 0 < value < float("inf"):
-        raise InputError(f"{option} {value:g}: is not above 0 and finite")
+        raise InputError(f"{option} {value:g}: must be above 0 and finite")
 
 
 def _line(message: "can.Message", decoded: "Decoded") -> str:

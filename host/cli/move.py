@@ -1,13 +1,12 @@
-"""`steptwin move ROBOT Q1 Q2 ... --connect ...`: a live board's joints, or its tool, to a position."""
+"""`steptwin move ROBOT Q1 Q2 ... --connect ...`: move a live board's joints, or its tool, to a position."""
 
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from steptwin.host.cli.app import app
+from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import (
-    NEGATIVE_NUMBERS,
     AsJson,
     RobotFile,
     finite_number,
@@ -26,22 +25,28 @@ if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
 
 
-@app.command(context_settings=NEGATIVE_NUMBERS)
+@command(
+    "steptwin move lab-scara th2=30 th4=-45 --connect 127.0.0.1",
+    "steptwin move lab-scara --z 120 --speed 50 --connect 127.0.0.1",
+    negative_numbers=True,
+)
 def move(
     words: Annotated[
         list[str] | None,
         typer.Argument(
             metavar="ROBOT [Q1 Q2 ... | JOINT=Q ...]",
-            help="The robot, and where all its joints go, or some of them by name, in mm and degrees.",
+            help="The robot, and targets of all joints, or of some by name, in mm and degrees.",
         ),
     ] = None,
     robot_file: RobotFile = None,
-    x: Annotated[str | None, typer.Option("--x", metavar="MM", help="Tool position; by default as it is.")] = None,
-    y: Annotated[str | None, typer.Option("--y", metavar="MM", help="Tool position; by default as it is.")] = None,
-    z: Annotated[str | None, typer.Option("--z", metavar="MM", help="Tool position; by default as it is.")] = None,
-    phi: Annotated[str | None, typer.Option("--phi", metavar="DEG", help="Tool attitude; by default as it is.")] = None,
+    x: Annotated[str | None, typer.Option("--x", metavar="MM", help="Target position; by default it stays.")] = None,
+    y: Annotated[str | None, typer.Option("--y", metavar="MM", help="Target position; by default it stays.")] = None,
+    z: Annotated[str | None, typer.Option("--z", metavar="MM", help="Target position; by default it stays.")] = None,
+    phi: Annotated[
+        str | None, typer.Option("--phi", metavar="DEG", help="Target attitude; by default it stays.")
+    ] = None,
     speed: Annotated[
-        float, typer.Option(metavar="PERCENT", help="Of the joints' highest speeds and accelerations.")
+        float, typer.Option(metavar="PERCENT", help="Part of the joints' highest speeds and accelerations.")
     ] = 100.0,
     connect: Connect = None,
     interface: Interface = None,
@@ -49,9 +54,9 @@ def move(
     bitrate: Bitrate = None,
     as_json: AsJson = False,
 ) -> None:
-    """Move a live board: joints, or the tool by the branch nearest to where it is. All axes arrive together.
+    """Move joints, or the tool by the branch that is reached soonest; all axes arrive together.
 
-    The way is straight in joint space, not for the tool. Ctrl-C stops all axes.
+    The path is straight in joint space, not for the tool. Ctrl-C stops all axes.
     """
     from steptwin.host.operate.moving import check_goal, move, nearest_joints, standing_joints
 
@@ -65,7 +70,7 @@ def move(
     if bool(pose) == bool(joints):
         raise InputError("where to? either joints, or a tool pose by --x, --y, --z, --phi")
     if not 0 < speed <= 100:
-        raise InputError(f"--speed {speed:g}: is not above 0 and up to 100 percent")
+        raise InputError(f"--speed {speed:g}: must be above 0 and at most 100 percent")
     with opened_session(loaded, connect, interface, channel, bitrate) as session:
         standing = standing_joints(session)
         if pose:
@@ -104,5 +109,5 @@ def _joints(robot: "Robot", words: list[str]) -> dict[str, float]:
 def _whole_pose(session: "Session", standing: list[float], wanted: dict[str, float]) -> list[float]:
     present = session.pose(standing)
     if present is None:
-        raise InputError("the tool's present pose is unknown: the mechanism cannot be assembled where the axes stand")
+        raise InputError("the tool's present pose is unknown: the mechanism cannot be assembled at the axes' positions")
     return list((present | wanted).values())

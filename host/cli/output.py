@@ -1,30 +1,31 @@
-"""How commands speak: JSON documents and tables on stdout."""
+"""Print JSON documents and tables on stdout, and warnings on stderr."""
 
 import json
-from typing import Any
+from typing import Any, Final
 
 import typer
 
-_UNBOUNDED = 10_000
+_UNBOUNDED: Final = 10_000
+"""Width of a console in which no table is cropped."""
 
 
 def print_json(document: dict[str, Any]) -> None:
-    """One JSON document; the only thing on stdout when --json is given."""
+    """Print one JSON document: all that a command writes to stdout with --json."""
     typer.echo(json.dumps(document, indent=2))
 
 
 def warn(text: str) -> None:
-    """A line on stderr about what is done nevertheless."""
+    """Print a warning on stderr; the command goes on."""
     typer.echo(f"steptwin: warning: {text}", err=True)
 
 
 def pose_text(pose: dict[str, float]) -> str:
-    """The tool's pose in a line."""
+    """Return the tool's pose in one line."""
     return "tool: x {x_mm:.4f} mm, y {y_mm:.4f} mm, z {z_mm:.4f} mm, {attitude_deg:.4f} deg".format(**pose)
 
 
 def print_table(columns: list[str], rows: list[list[str]], *, text_columns: int = 1) -> None:
-    """A table: the first columns are texts, the others numbers."""
+    """Print a table; the first `text_columns` columns are texts, the others numbers."""
     from rich import box
     from rich.console import Console
     from rich.table import Table
@@ -35,7 +36,7 @@ def print_table(columns: list[str], rows: list[list[str]], *, text_columns: int 
         table.add_column(column, justify="left" if is_text else "right", no_wrap=not is_text, overflow="fold")
     for row in rows:
         table.add_row(*row)
-    console = Console(highlight=False, markup=False, emoji=False)  # names from a robot's file mean nothing to rich
-    if text_columns < len(columns):  # texts may wrap, but a cropped number would be a wrong one
+    console = Console(highlight=False, markup=False, emoji=False)  # brackets in a robot's names are no markup
+    if text_columns < len(columns):  # a text may wrap; a cropped number would read as another number
         console.width = max(console.width, Console(width=_UNBOUNDED).measure(table).maximum)
     console.print(table)

@@ -1,10 +1,10 @@
-"""`steptwin outputs ROBOT [NAME on|off] --connect ...`: what is wired to a live board's digital outputs."""
+"""`steptwin outputs ROBOT [NAME on|off] --connect ...`: list or switch a live board's digital outputs."""
 
 from typing import Annotated
 
 import typer
 
-from steptwin.host.cli.app import app
+from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, robot_and_rest
 from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
 from steptwin.host.cli.output import print_json, print_table
@@ -13,11 +13,14 @@ from steptwin.host.common.errors import InputError
 _LEVELS = {"on": True, "off": False}
 
 
-@app.command()
+@command(
+    "steptwin outputs teaching-scara --connect 127.0.0.1",
+    "steptwin outputs teaching-scara gripper on --connect 127.0.0.1",
+)
 def outputs(
     words: Annotated[
         list[str] | None,
-        typer.Argument(metavar="ROBOT [NAME on|off]", help="The robot, and an output as its file names it."),
+        typer.Argument(metavar="ROBOT [NAME on|off]", help="The robot, and an output by its name in the robot's file."),
     ] = None,
     robot_file: RobotFile = None,
     connect: Connect = None,
@@ -26,7 +29,7 @@ def outputs(
     bitrate: Bitrate = None,
     as_json: AsJson = False,
 ) -> None:
-    """List a live board's digital outputs by their names in the robot's file, or switch one."""
+    """List the digital outputs by their names in the robot's file, or switch one."""
     from steptwin.host.operate.outputs import no_such_output, read_outputs, switch_output
 
     loaded, rest = robot_and_rest(words or [], robot_file)

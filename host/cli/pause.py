@@ -1,14 +1,14 @@
-"""`steptwin pause ROBOT --connect ...`: halt a live board's trajectory."""
+"""`steptwin pause ROBOT --connect ...`: halt the trajectory that runs on a live board."""
 
 import typer
 
-from steptwin.host.cli.app import app
+from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
 from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
 from steptwin.host.cli.output import print_json
 
 
-@app.command()
+@command("steptwin pause lab-scara --connect 127.0.0.1", "steptwin pause lab-scara -i socketcan -c can0")
 def pause(
     robot: RobotName = None,
     robot_file: RobotFile = None,
@@ -18,7 +18,7 @@ def pause(
     bitrate: Bitrate = None,
     as_json: AsJson = False,
 ) -> None:
-    """Halt the trajectory that a live board runs, on its path; whoever streams it goes on feeding it."""
+    """Halt the running trajectory on its path; the program that streams it keeps the queue filled."""
     loaded = one_robot(robot, robot_file)
     with opened_session(loaded, connect, interface, channel, bitrate) as session:
         session.require_present()
@@ -26,4 +26,4 @@ def pause(
     if as_json:
         print_json({"robot": loaded.name, "halted": halted})
     else:
-        typer.echo("halted" if halted else "not halted: the trajectory came to its end first")
+        typer.echo("halted" if halted else "not halted: the trajectory ended first")

@@ -1,4 +1,4 @@
-"""`steptwin plot DIR`: pictures of a stored run."""
+"""`steptwin plot DIR`: draw pictures of a stored run."""
 
 from enum import StrEnum
 from importlib.util import find_spec
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from steptwin.host.cli.app import app
+from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, chosen_names
 from steptwin.host.cli.option_names import naming_options
 from steptwin.host.cli.output import print_json
@@ -20,34 +20,37 @@ if TYPE_CHECKING:
 
 
 class PictureFormat(StrEnum):
-    """What a picture can be written as."""
+    """The file formats of a picture."""
 
     PNG = "png"
     SVG = "svg"
     PDF = "pdf"
 
 
-@app.command()
+@command("steptwin plot out/drawer-pull", "steptwin plot out/drawer-pull --what edges,phases --at 2.5 --format svg")
 def plot(
     folder: RunDir,
     what: Annotated[
         list[str] | None,
         typer.Option(
             metavar="NAME,...",
-            help="joints, step-rates, tool-path, error, timing, jitter, widths, edges, phases; may be given several"
-            " times; by default all.",
+            help="Pictures: joints, step-rates, tool-path, error, timing, jitter, widths, edges, phases; repeatable; by"
+            " default all.",
         ),
     ] = None,
-    form: Annotated[PictureFormat, typer.Option("--format", help="png, or vectors: svg, pdf.")] = PictureFormat.PNG,
+    form: Annotated[
+        PictureFormat, typer.Option("--format", metavar="FORMAT", help="png, or as vectors svg or pdf.")
+    ] = PictureFormat.PNG,
     at_s: Annotated[
         float | None,
-        typer.Option("--at", metavar="SECONDS", help="For edges and phases: around this time; by default the fastest."),
+        typer.Option("--at", metavar="SECONDS", help="For edges and phases: their middle; by default the fastest."),
     ] = None,
     span_s: Annotated[
-        float | None, typer.Option("--span", metavar="SECONDS", help="And so much of it; by default some steps.")
+        float | None,
+        typer.Option("--span", metavar="SECONDS", help="For edges and phases: their width; by default some steps."),
     ] = None,
     plan: PlanDir = None,
-    out: Annotated[Path | None, typer.Option(metavar="DIR", help="By default into the folder itself.")] = None,
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for them; by default DIR itself.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Draw pictures of a stored run."""

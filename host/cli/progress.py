@@ -1,4 +1,4 @@
-"""A bar on stderr while something long runs."""
+"""Show a progress bar on stderr during long work."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def progress_bar(title: str) -> "Iterator[Progress]":
-    """A bar on stderr while something long runs, if that is a terminal."""
+    """Show a bar while the block runs, if stderr is a terminal; the block calls back with the part that is done."""
     from rich.console import Console
     from rich.markup import escape
     from rich.progress import Progress as RichProgress

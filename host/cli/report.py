@@ -1,4 +1,4 @@
-"""How a verified run is told: tables and lines on stdout, for `run` and `verify`."""
+"""Print the report of a verified run, for `run` and `verify`."""
 
 from collections.abc import Mapping
 from typing import Any, Final
@@ -10,18 +10,18 @@ from steptwin.host.cli.output import print_table
 EXIT_NOT_VERIFIED: Final = 1
 
 USUAL_DRIVERS: Final = "chip-330pf"
-"""Need not be said."""
+"""Driver profile that a report does not mention."""
 
 
 def fault_line(fault: Mapping[str, Any]) -> str:
-    """What ended a run, where the joints are then, and whether the drivers agree."""
+    """Return what ended a run, where the joints stopped, and whether the drivers' counts agree."""
     joints = ", ".join(f"{name} = {value:.4f}" for name, value in fault["joints"].items())
     agree = "as the drivers counted" if fault["positions_agree"] else "but the drivers counted otherwise"
     return f"{fault['message']}; stopped at {joints}, {agree}"
 
 
 def print_report(document: Mapping[str, Any]) -> None:
-    """Everything that a report says, the verdict last."""
+    """Print the whole report, the verdict last."""
     if document["driver_profile"] != USUAL_DRIVERS:
         typer.echo(f"drivers: {document['driver_profile']}")
     print_table(list(_COLUMNS), [_row(axis) for axis in document["axes"]])
@@ -48,7 +48,7 @@ def print_report(document: Mapping[str, Any]) -> None:
 
 
 def _print_violations(violations: list[dict[str, Any]]) -> None:
-    """A table for each rule that was broken, with a row for each axis that broke it."""
+    """Print a table for each broken rule, with a row for each axis that broke it."""
     for what, source in dict.fromkeys((v["broken"], v["source"]) for v in violations):
         typer.echo(f"{what} ({source})")
         same = [v for v in violations if (v["broken"], v["source"]) == (what, source)]
@@ -71,7 +71,7 @@ def _least(axes: list[dict[str, Any]], key: str) -> str:
 
 
 _COLUMNS = ("axis", "start", "end", "pulses", "peak Hz", "err steps", "p50 us", "p99 us", "broken")
-"""Steps at start and end; largest position error in steps; timing error; pulses that broke a driver limit."""
+"""Steps at start and end; largest position error in steps; timing errors; number of pulses that broke a limit."""
 
 
 def _row(axis: dict[str, Any]) -> list[str]:

@@ -1,12 +1,12 @@
-"""`steptwin reset ROBOT --connect ...`: faults of a live board."""
+"""`steptwin reset ROBOT --connect ...`: reset the faults of a live board."""
 
-from steptwin.host.cli.app import app
+from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
 from steptwin.host.cli.axis_states import print_axis_states
 from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
 
 
-@app.command()
+@command("steptwin reset lab-scara --connect 127.0.0.1", "steptwin reset lab-scara --json --connect 127.0.0.1")
 def reset(
     robot: RobotName = None,
     robot_file: RobotFile = None,
@@ -16,7 +16,7 @@ def reset(
     bitrate: Bitrate = None,
     as_json: AsJson = False,
 ) -> None:
-    """Reset the faults of a live board's drives; exit code 3 if a cause lasts. The drives are off afterwards."""
+    """Reset the drives' faults; the drives are off afterwards. Exit code 3: a cause persists."""
     from steptwin.host.operate.recovering import reset
 
     loaded = one_robot(robot, robot_file)

@@ -1,14 +1,14 @@
-"""`steptwin resume ROBOT --connect ...`: let a live board's trajectory go on."""
+"""`steptwin resume ROBOT --connect ...`: continue the trajectory that was halted on a live board."""
 
 import typer
 
-from steptwin.host.cli.app import app
+from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
 from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
 from steptwin.host.cli.output import print_json
 
 
-@app.command()
+@command("steptwin resume lab-scara --connect 127.0.0.1", "steptwin resume lab-scara -i socketcan -c can0")
 def resume(
     robot: RobotName = None,
     robot_file: RobotFile = None,
@@ -18,7 +18,7 @@ def resume(
     bitrate: Bitrate = None,
     as_json: AsJson = False,
 ) -> None:
-    """Let a halted trajectory of a live board go on."""
+    """Continue a halted trajectory."""
     loaded = one_robot(robot, robot_file)
     with opened_session(loaded, connect, interface, channel, bitrate) as session:
         session.require_present()

@@ -1,13 +1,13 @@
-"""`steptwin robots`: which robots there are."""
+"""`steptwin robots`: list the robots that come with StepTwin."""
 
-from steptwin.host.cli.app import app
+from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson
 from steptwin.host.cli.output import print_json, print_table
 
 
-@app.command()
+@command("steptwin robots", "steptwin robots --json")
 def robots(as_json: AsJson = False) -> None:
-    """List the robots."""
+    """List the robots that come with StepTwin."""
     from steptwin.host.robots import load_robot, robot_names
 
     found = [load_robot(name) for name in robot_names()]

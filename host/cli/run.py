@@ -1,4 +1,4 @@
-"""`steptwin run ROBOT JOB`: plan, stream, emulate, verify."""
+"""`steptwin run ROBOT JOB|FILE`: plan a motion, stream it to a board, verify the pulses."""
 
 from enum import StrEnum
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from steptwin.host.cli.app import app
+from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import (
     AsJson,
     DriverProfileName,
@@ -17,7 +17,7 @@ from steptwin.host.cli.arguments import (
     robot_and_rest,
     warn_of_settings_left_out,
 )
-from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, connection
+from steptwin.host.cli.connection import LIVE_PANEL, Bitrate, Channel, Connect, Interface, connection
 from steptwin.host.cli.live_run import run_live
 from steptwin.host.cli.output import print_json
 from steptwin.host.cli.progress import progress_bar
@@ -31,57 +31,67 @@ if TYPE_CHECKING:
 
 
 class KernelChoice(StrEnum):
-    """Which form of the firmware's kernel runs; both make the same edges."""
+    """The forms of the firmware's kernel; both make the same edges."""
 
     AUTO = "auto"
     PYTHON = "python"
     NUMBA = "numba"
 
 
-@app.command()
+@command(
+    "steptwin run warehouse-scara drawer-pull --out out/drawer-pull",
+    "steptwin run teaching-scara carry --approach --connect 127.0.0.1",
+)
 def run(
     words: Annotated[
         list[str] | None,
         typer.Argument(
             metavar="ROBOT JOB|FILE",
-            help="The robot, and one of its jobs, as `steptwin jobs ROBOT` lists them, or a trajectory in a file:"
-            " CSV with a header t,JOINT,... or JSON in the shape of ROS' JointTrajectory, in s, mm and degrees.",
+            help="The robot, and one of its jobs (`steptwin jobs ROBOT` lists them) or a trajectory file: CSV with the"
+            " header t,JOINT,... or JSON in the shape of ROS' JointTrajectory, in s, mm and degrees.",
         ),
     ] = None,
     robot_file: RobotFile = None,
     out: Annotated[
-        str | None, typer.Option(metavar="DIR", help="Write report, edges, bus log and pictures into this folder.")
+        str | None, typer.Option(metavar="DIR", help="Folder to write report, edges, bus log and pictures into.")
     ] = None,
     option: Annotated[
-        list[str] | None, typer.Option("--option", "-o", metavar="NAME=VALUE", help="Set one of the job's options.")
+        list[str] | None,
+        typer.Option("--option", "-o", metavar="NAME=VALUE", help="Set a job's option; repeatable."),
     ] = None,
-    elbow: Annotated[str | None, typer.Option(metavar="right|left", help="Short for --option elbow=...")] = None,
+    elbow: Annotated[str | None, typer.Option(metavar="right|left", help="Short for -o elbow=...")] = None,
     stand_at: Annotated[
         str | None,
         typer.Option(metavar="'Q1 Q2 ...'", help="Where the emulated machine stands; by default at the job's start."),
     ] = None,
     cut_stream: Annotated[
         float | None,
-        typer.Option(metavar="SECONDS", min=0.0, help="Stop sending points there, as a host that hangs would."),
+        typer.Option(metavar="SECONDS", help="Time at which the host stops sending points, as if it hung."),
     ] = None,
     driver_profile: DriverProfileName = None,
     kernel: Annotated[
-        KernelChoice, typer.Option(help="Plain Python or compiled; auto takes the fastest.")
+        KernelChoice,
+        typer.Option(
+            metavar="NAME", help="Form of the firmware's kernel: python, numba (compiled), or auto: the faster."
+        ),
     ] = KernelChoice.AUTO,
     connect: Connect = None,
     interface: Interface = None,
     channel: Channel = None,
     bitrate: Bitrate = None,
-    repeat: Annotated[int, typer.Option(metavar="N", help="On a live board: so many times.")] = 1,
+    repeat: Annotated[
+        int, typer.Option(metavar="N", help="Number of times the motion runs.", rich_help_panel=LIVE_PANEL)
+    ] = 1,
     approach: Annotated[
-        bool, typer.Option("--approach", help="On a live board: move to the start first, all joints together.")
+        bool,
+        typer.Option("--approach", help="Move to the start first, all joints together.", rich_help_panel=LIVE_PANEL),
     ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Run a job or a trajectory file on an emulated board in virtual time and verify every pulse.
 
-    With --connect or -i it runs on a live board instead, which must stand at its start; where the axes end is compared
-    with the plan then.
+    With --connect or -i it runs on a live board instead, which must stand at the motion's start. Then the positions
+    at the end are compared with the plan.
     """
     from steptwin.host.planning.planner import plan
     from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY
@@ -150,7 +160,7 @@ def _trajectory(robot: "Robot", job: str, options: dict[str, str]) -> "Trajector
 
     if not is_trajectory_file(job):
         if Path(job).is_file():
-            raise InputError(f"{job}: a file with a trajectory ends in {' or '.join(SUFFIXES)}")
+            raise InputError(f"{job}: a trajectory file ends in {' or '.join(SUFFIXES)}")
         return make_job(robot, job, options)
     if options:
         raise InputError(f"option {next(iter(options))}: a trajectory from a file has no options")

@@ -1,4 +1,4 @@
-"""`steptwin serve ROBOT`: a live board in real time, for every program that speaks CAN."""
+"""`steptwin serve ROBOT`: run a live board in real time, for every program that speaks CAN."""
 
 import gc
 import signal
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from steptwin.host.cli.app import app
+from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import (
     AsJson,
     DriverProfileName,
@@ -35,47 +35,47 @@ _YOUNG_OBJECTS = 700
 """Objects made between two collections of garbage; Python's own choice, which keeps each collection short."""
 
 
-@app.command()
+@command("steptwin serve lab-scara --out out/live", "steptwin serve warehouse-scara --boards 4,2 --port 0")
 def serve(
     robot: RobotName = None,
     robot_file: RobotFile = None,
     host: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help=f"Where to listen; {socketcand.LOOPBACK} by default.")
+        str | None, typer.Option(metavar="ADDRESS", help=f"Address to listen at; {socketcand.LOOPBACK} by default.")
     ] = None,
     port: Annotated[
         int | None,
-        typer.Option(metavar="PORT", help=f"{socketcand.PORT} by default, which is socketcand's; 0 takes a free one."),
+        typer.Option(metavar="PORT", help=f"Port to listen at; {socketcand.PORT} by default; 0 takes a free one."),
     ] = None,
     allow_remote: Annotated[
-        bool, typer.Option("--allow-remote", help="Listen at an address that other machines reach.")
+        bool, typer.Option("--allow-remote", help="Permit an address that other machines reach.")
     ] = False,
     interface: Annotated[
         str | None,
-        typer.Option("--interface", "-i", metavar="NAME", help="Put the board on this python-can interface instead."),
+        typer.Option("--interface", "-i", metavar="NAME", help="Put the board on an interface of python-can instead."),
     ] = None,
-    channel: Annotated[str | None, typer.Option("--channel", "-c", metavar="NAME", help="Of that interface.")] = None,
+    channel: Annotated[str | None, typer.Option("--channel", "-c", metavar="NAME", help="Its channel.")] = None,
     bitrate: Annotated[
-        int | None, typer.Option("--bitrate", "-b", metavar="BIT/S", help="By default as the robot's file says.")
+        int | None, typer.Option("--bitrate", "-b", metavar="BIT/S", help="Bit rate; by default the robot file's.")
     ] = None,
     boards: Annotated[
         str | None,
-        typer.Option(metavar="N,N,...", help="Axes of each board, in the order of the joints; by default one has all."),
+        typer.Option(metavar="N,N,...", help="Axes on each board, in the joints' order; by default one board has all."),
     ] = None,
-    speed: Annotated[float, typer.Option(metavar="FACTOR", help="Simulated seconds per second.")] = 1.0,
+    speed: Annotated[float, typer.Option(metavar="FACTOR", help="Simulated seconds in a second.")] = 1.0,
     stand_at: Annotated[
-        str | None, typer.Option(metavar="'Q1 Q2 ...'", help="Where the machine stands; by default at its home.")
+        str | None, typer.Option(metavar="'Q1 Q2 ...'", help="Joints where the machine stands; by default its home.")
     ] = None,
     driver_profile: DriverProfileName = None,
     out: Annotated[
-        str | None, typer.Option(metavar="DIR", help="Record report, edges and bus log into this folder.")
+        str | None, typer.Option(metavar="DIR", help="Folder to record report, edges and bus log in.")
     ] = None,
-    log: Annotated[str | None, typer.Option(metavar="FILE", help="Record the bus log into this file.")] = None,
+    log: Annotated[str | None, typer.Option(metavar="FILE", help="File to record the bus log in.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Run a robot's board, or several, in real time, for every program that speaks CAN, until Ctrl-C.
+    """Run a robot's board, or several, in real time until Ctrl-C.
 
-    The board is behind a socketcand server, to which any number of python-can programs connect; they see each other's
-    frames. With -i it is on a bus of python-can instead: virtual, socketcan, socketcand, ...
+    Any number of python-can programs connect to it through a socketcand server; they see each other's frames. With -i
+    the board is on a bus of python-can instead: virtual, socketcan, socketcand, ...
     """
     from steptwin.host.twin.axes_per_board import read_axes_per_board
     from steptwin.host.twin.served_board import ServedBoard
@@ -116,16 +116,13 @@ def serve(
 
 
 def _warn_outside(robot: "Robot", standing: list[float]) -> None:
-    """A machine may stand on its limit switches, beyond what it is sent to; anything else is more likely a slip."""
+    """Warn of joints outside their limits: a machine may stand on a limit switch, but a typing error is likelier."""
     from steptwin.host.operate.moving import check_goal
 
     try:
         check_goal(robot, standing)
     except InputError as error:
         warn(f"--stand-at: {error}")
-
-
-# --- while it runs
 
 
 def _run(served: "ServedBoard", announce: Callable[[], None]) -> BusError | None:
@@ -159,7 +156,7 @@ def _until_a_signal(served: "ServedBoard") -> Iterator[None]:
 
 @contextmanager
 def _status_line(served: "ServedBoard") -> Iterator[Callable[[], None]]:
-    """A line on stderr, if that is a terminal, which says how it goes as often as the callback is called."""
+    """Yield a callback that updates a status on stderr; it does nothing where stderr is not a terminal."""
     from rich.console import Console
     from rich.live import Live
     from rich.text import Text
@@ -173,7 +170,7 @@ def _status_line(served: "ServedBoard") -> Iterator[Callable[[], None]]:
 
 
 def _status(served: "ServedBoard") -> str:
-    """Return two lines of 80 characters."""
+    """Return the status, in two lines of 80 characters."""
     board = served.board
     minutes, seconds = divmod(round(board.wall_s), 60)
     late = ", ".join(f"{what} {text}" for what, text in _late(board.lateness()).items())
@@ -181,9 +178,6 @@ def _status(served: "ServedBoard") -> str:
         f"SIMULATED {board.robot.name} {minutes}:{seconds:02d}, {served.endpoint.status()}, "
         f"{board.bus.frames} frames, {board.bus_load_percent:.1f} % load\nlate, ms (p50 p99 max): {late}"
     )
-
-
-# --- what is said
 
 
 def _banner(served: "ServedBoard") -> str:
@@ -198,7 +192,7 @@ def _banner(served: "ServedBoard") -> str:
 
 
 def _nodes(axes_per_board: Sequence[int]) -> str:
-    """Each board's node ids."""
+    """Return the node ids of each board."""
     from steptwin.protocol.frame import FIRST_NODE_ID
 
     lasts = list(accumulate(axes_per_board, initial=FIRST_NODE_ID - 1))[1:]
@@ -207,7 +201,7 @@ def _nodes(axes_per_board: Sequence[int]) -> str:
 
 
 def _late(lateness: dict[str, Any]) -> dict[str, str]:
-    """p50, p99 and max in ms, of ticks and of frames."""
+    """Return the median, 99th percentile and maximum lateness of ticks and of frames, in ms, as text."""
     return {
         what: " ".join(f"{lateness[what][f'late_us_{key}'] / 1000:.2f}" for key in ("p50", "p99", "max"))
         for what in ("ticks", "frames")

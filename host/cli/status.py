@@ -1,10 +1,10 @@
-"""`steptwin status ROBOT --connect ...`: how a live board is."""
+"""`steptwin status ROBOT --connect ...`: show the state of a live board."""
 
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from steptwin.host.cli.app import app
+from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
 from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
 from steptwin.host.cli.output import pose_text, print_json, print_table
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 _WATCH_EVERY_S = 0.5
 
 
-@app.command()
+@command("steptwin status lab-scara --connect 127.0.0.1", "steptwin status lab-scara --watch -i socketcan -c can0")
 def status(
     robot: RobotName = None,
     robot_file: RobotFile = None,
@@ -24,14 +24,14 @@ def status(
     interface: Interface = None,
     channel: Channel = None,
     bitrate: Bitrate = None,
-    watch: Annotated[bool, typer.Option("--watch", help="Again and again, until Ctrl-C.")] = False,
+    watch: Annotated[bool, typer.Option("--watch", help="Repeat twice a second, until Ctrl-C.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Tell how a live board is: drives, positions, errors, queues. Exit code 3 if a drive is in fault."""
+    """Show drives, positions, errors and queues. Exit code 3: a drive is in fault."""
     from steptwin.host.operate.status import read_status
 
     if watch and as_json:
-        raise InputError("--watch and --json: give only one of them; `steptwin monitor` shows what happens")
+        raise InputError("--watch and --json: give only one of them; `steptwin monitor --json` records the traffic")
     loaded = one_robot(robot, robot_file)
     with opened_session(loaded, connect, interface, channel, bitrate) as session:
         seen = read_status(session)
@@ -79,7 +79,7 @@ def _health(axis: "AxisStatus") -> str:
     said = ["process data" if axis.operational else "no process data: the node is not OPERATIONAL"]
     queue = axis.queue
     if queue is not None:
-        closed = queue.free == 0 and "empty" in queue.flags  # after a stop or a profile, until the host clears it
+        closed = queue.free == 0 and "empty" in queue.flags  # after a stop or a profile move, until the host clears it
         places = "queue closed" if closed else f"queue {queue.free} free"
         said.append(places + (f" ({', '.join(queue.flags)})" if queue.flags else ""))
     if queue is not None and queue.gaps is not None:

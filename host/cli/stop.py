@@ -1,12 +1,12 @@
-"""`steptwin stop ROBOT --connect ...`: stop all axes of a live board at once."""
+"""`steptwin stop ROBOT --connect ...`: stop all axes of a live board together."""
 
-from steptwin.host.cli.app import app
+from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
 from steptwin.host.cli.axis_states import print_axis_states
 from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
 
 
-@app.command()
+@command("steptwin stop lab-scara --connect 127.0.0.1", "steptwin stop lab-scara -i socketcan -c can0")
 def stop(
     robot: RobotName = None,
     robot_file: RobotFile = None,
@@ -16,7 +16,7 @@ def stop(
     bitrate: Bitrate = None,
     as_json: AsJson = False,
 ) -> None:
-    """Stop all axes of a live board at once, by their quick stop; they go on holding their positions."""
+    """Stop all axes together by a quick stop; they hold their positions afterwards."""
     from steptwin.host.operate.recovering import stop
 
     loaded = one_robot(robot, robot_file)

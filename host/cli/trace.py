@@ -1,4 +1,4 @@
-"""`steptwin trace DIR`: the waveform of a stored run, for logic analysers, viewers and tables."""
+"""`steptwin trace DIR`: write the waveform of a stored run, for logic analysers, viewers and tables."""
 
 from dataclasses import replace
 from enum import StrEnum
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from steptwin.host.cli.app import app
+from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, chosen_names
 from steptwin.host.cli.output import print_json
 from steptwin.host.cli.verify import RunDir
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class FormatChoice(StrEnum):
-    """The formats of `steptwin.host.record.waveforms`, which is too heavy to be imported for a list of options."""
+    """The formats of `steptwin.host.record.waveforms`, listed again: importing that would slow down `--help`."""
 
     VCD = "vcd"
     VCD_FULL = "vcd-full"
@@ -41,37 +41,38 @@ class ScaleChoice(StrEnum):
     NS10 = "10ns"
 
 
-@app.command()
+@command("steptwin trace out/drawer-pull", "steptwin trace out/drawer-pull --format csv --axis th1,th2 --from 1 --to 2")
 def trace(
     folder: RunDir,
     form: Annotated[
         FormatChoice,
         typer.Option(
             "--format",
-            help="vcd: 1-bit wires, as sigrok wants them; vcd-full: for GTKWave, also positions, states and currents;"
-            " csv and npz: the wires as a table and as arrays; mcap: all of it for Foxglove.",
+            metavar="FORMAT",
+            help="vcd: 1-bit wires, for sigrok; vcd-full: with positions, states and currents, for GTKWave; csv, npz:"
+            " the wires as a table, as arrays; mcap: everything, for Foxglove.",
         ),
     ] = FormatChoice.VCD,
     timescale: Annotated[
         ScaleChoice | None,
-        typer.Option(help="Unit of time in VCD files, 1us by default; the finer, the slower sigrok."),
+        typer.Option(
+            metavar="UNIT", help="Unit of time in VCD files: 1us (by default), 100ns, 10ns. A finer one slows sigrok."
+        ),
     ] = None,
     from_s: Annotated[
-        float | None, typer.Option("--from", metavar="SECONDS", help="From this time of the motion; by default all.")
+        float | None, typer.Option("--from", metavar="SECONDS", help="First time of the motion; by default all.")
     ] = None,
-    to_s: Annotated[
-        float | None, typer.Option("--to", metavar="SECONDS", help="Up to this time of the motion.")
-    ] = None,
+    to_s: Annotated[float | None, typer.Option("--to", metavar="SECONDS", help="Last time of the motion.")] = None,
     axes: Annotated[
         list[str] | None,
-        typer.Option("--axis", metavar="AXIS,...", help="Only these axes; may be given several times."),
+        typer.Option("--axis", metavar="AXIS,...", help="Only these axes; repeatable."),
     ] = None,
     out: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="By default trace.vcd, trace-full.vcd, ... in the folder; trace-part.vcd, ... with --from, --to or"
-            " --axis.",
+            help="File to write; by default in the folder: trace.vcd, trace-full.vcd, ..., or trace-part.vcd, ... for a"
+            " part.",
         ),
     ] = None,
     as_json: AsJson = False,
@@ -107,7 +108,7 @@ def _signals(folder: Path, evidence: "Evidence", robot: "Robot", form: "Format")
 
 
 def _chosen(signals: "list[Signal]", evidence: "Evidence", axes: list[str] | None) -> "list[Signal]":
-    """Those of some axes, in the order in which they are; of all where none is named."""
+    """Return the signals of the named axes, in their own order; all of them when no axis is named."""
     if not axes:
         return signals
     chosen = chosen_names("--axis", axes, (axis.name for axis in evidence.axes))
@@ -115,12 +116,12 @@ def _chosen(signals: "list[Signal]", evidence: "Evidence", axes: list[str] | Non
 
 
 def _window(evidence: "Evidence", from_s: float | None, to_s: float | None) -> "Window":
-    """The part of the record between two times of the motion."""
+    """Return the part of the record between two times of the motion."""
     from steptwin.host.record.waveforms import whole_record
 
     whole = whole_record(evidence)
     if whole.from_counts == whole.to_counts:
-        raise InputError("nothing has happened after power-up: there is no waveform")
+        raise InputError("no pin has changed since power-up: there is no waveform")
     window = replace(
         whole,
         from_counts=whole.from_counts if from_s is None else _counts(whole, "--from", from_s),

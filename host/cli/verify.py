@@ -1,11 +1,11 @@
-"""`steptwin verify DIR`: judge a stored run again, from its files alone."""
+"""`steptwin verify DIR`: verify a stored run again, from its files alone."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from steptwin.host.cli.app import app
+from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson
 from steptwin.host.cli.option_names import naming_options
 from steptwin.host.cli.output import print_json
@@ -17,24 +17,22 @@ if TYPE_CHECKING:
 
 RunDir = Annotated[
     Path,
-    typer.Argument(metavar="DIR", help="A folder that `steptwin run --out` or `steptwin serve --out` has written."),
+    typer.Argument(metavar="DIR", help="Folder written by `steptwin run --out` or `steptwin serve --out`."),
 ]
 
 PlanDir = Annotated[
     Path | None,
-    typer.Option(
-        "--plan", metavar="DIR", help="For a live board's folder: another run's, whose plan it was to follow."
-    ),
+    typer.Option("--plan", metavar="DIR", help="For a live board's folder: folder of the run with its plan."),
 ]
 
 
-@app.command()
+@command("steptwin verify out/drawer-pull", "steptwin verify out/live --plan out/virtual")
 def verify(
     folder: RunDir,
     plan: PlanDir = None,
     as_json: AsJson = False,
 ) -> None:
-    """Verify a stored run again: same verdict, same exit code, or 1 if its files were changed."""
+    """Verify a stored run again: same verdict and exit code as the run, or 1 if its files were changed."""
     from steptwin.host.record.folder import ContradictionError, verify_folder
 
     try:
@@ -54,7 +52,7 @@ def verify(
 
 
 def _document(verdict: "FolderVerdict") -> dict[str, Any]:
-    """As `run --json` has it; a folder that was changed is no evidence of a fault either."""
+    """Return the document as `run --json` prints it; a changed folder is not evidence of a fault."""
     document = verdict.report.to_dict()
     document |= {"passed": verdict.passed, "reasons": list(verdict.reasons)}
     document |= {"driver_profile": verdict.driver_profile, "simulated": True}

@@ -1,4 +1,4 @@
-"""`steptwin workspace ROBOT`: where the tool can be, sampled and scanned, as figures and as a picture."""
+"""`steptwin workspace ROBOT`: compute where the tool can be, as figures and as a picture."""
 
 import json
 from importlib.util import find_spec
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from steptwin.host.cli.app import app
+from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, finite_number, one_robot, out_folder
 from steptwin.host.cli.output import print_json, print_table
 
@@ -15,22 +15,22 @@ if TYPE_CHECKING:
     from steptwin.host.robots.workspace import MonteCarlo, Scan
 
 
-@app.command()
+@command("steptwin workspace lab-scara", "steptwin workspace hybrid-arm --phi -30 --z 700 --out out/workspace")
 def workspace(
     robot: RobotName = None,
     robot_file: RobotFile = None,
     samples: Annotated[int, typer.Option(metavar="N", help="Random joint positions, up to 10 million.")] = 100_000,
-    seed: Annotated[int, typer.Option(metavar="N", help="Of the random joint positions: the same seed, the same.")] = 1,
+    seed: Annotated[int, typer.Option(metavar="N", help="Seed of the random joint positions.")] = 1,
     phi: Annotated[
-        str | None, typer.Option("--phi", metavar="DEG", help="Tool attitude in the sections; by default any.")
+        str | None, typer.Option("--phi", metavar="DEG", help="Attitude of the tool in the sections; by default any.")
     ] = None,
     z: Annotated[
-        str | None, typer.Option("--z", metavar="MM", help="Height of the section from above; by default home's.")
+        str | None, typer.Option("--z", metavar="MM", help="Height of the horizontal section; by default home's.")
     ] = None,
-    out: Annotated[str | None, typer.Option(metavar="DIR", help="Write figures and picture into this folder.")] = None,
+    out: Annotated[str | None, typer.Option(metavar="DIR", help="Folder to write figures and picture into.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Workspace: a Monte Carlo cloud of all joints, and exact sections with the slides at home."""
+    """Compute the workspace: random positions of all joints, and exact sections with the slides at home."""
     from steptwin.host.robots.workspace import monte_carlo, scan
 
     loaded = one_robot(robot, robot_file)
@@ -111,7 +111,7 @@ def _print_figures(document: dict[str, Any]) -> None:
 
 
 def _figure(figures: dict[str, Any], key: str) -> str:
-    """To a micrometre, but an area to a square millimetre: its further digits are the scan's own."""
+    """Return a length to the micrometre, an area to the mm2: further digits would only show how fine the scan is."""
     value = figures.get(key)
     if value is None:
         return "-"
