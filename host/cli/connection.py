@@ -72,7 +72,7 @@ def connection(
     if connect is not None and interface is not None:
         raise InputError(f"--connect {connect} and --interface {interface}: give only one of them")
     if bitrate is not None and bitrate <= 0:
-        raise InputError(f"--bitrate {bitrate}: must be above 0 bit/s")
+        raise InputError(f"--bitrate {bitrate}: is not above 0 bit/s")
     if connect is not None:
         if bitrate is not None:
             raise InputError(f"--bitrate {bitrate}: is for --interface; the server of --connect has its own")

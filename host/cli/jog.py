@@ -44,7 +44,7 @@ def jog(
     speed = finite_number(rest[1], "SPEED")
     check_jog(loaded, rest[0], speed)
     if seconds is not None and not 0 < seconds < float("inf"):
-        raise InputError(f"--seconds {seconds:g}: must be above 0 and finite")
+        raise InputError(f"--seconds {seconds:g}: is not above 0 and finite")
     with opened_session(loaded, connect, interface, channel, bitrate) as session:
         jogged = jog(session, rest[0], speed, seconds)
     if as_json:

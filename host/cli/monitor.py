@@ -114,13 +114,13 @@ def _node_id(text: str, names: dict[int, str]) -> int:
     except ValueError:
         raise unknown("--node", text, [*by_name, "a number such as 0x10"]) from None
     if not 1 <= node_id <= NODE_ID_MAX:
-        raise InputError(f"--node {text}: node ids go from 1 to {NODE_ID_MAX}")
+        raise InputError(f"--node {text}: node ids are from 1 to {NODE_ID_MAX}")
     return node_id
 
 
 def _check_positive(option: str, value: float | None) -> None:
     if value is not None and not 0 < value < float("inf"):
-        raise InputError(f"{option} {value:g}: must be above 0 and finite")
+        raise InputError(f"{option} {value:g}: is not above 0 and finite")
 
 
 def _line(message: "can.Message", decoded: "Decoded") -> str:

@@ -70,7 +70,7 @@ def move(
     if bool(pose) == bool(joints):
         raise InputError("where to? either joints, or a tool pose by --x, --y, --z, --phi")
     if not 0 < speed <= 100:
-        raise InputError(f"--speed {speed:g}: must be above 0 and at most 100 percent")
+        raise InputError(f"--speed {speed:g}: is not above 0 and up to 100 percent")
     with opened_session(loaded, connect, interface, channel, bitrate) as session:
         standing = standing_joints(session)
         if pose:

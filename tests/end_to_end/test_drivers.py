@@ -166,7 +166,7 @@ class TestThreeAmpModule:
         path = tmp_path / "mine.toml"
         path.write_text(load_robot("lab-scara").toml.replace("osc_pf = 330", "osc_pf = 330\ncurrent_a = 2.0", 1))
         assert run(["run", str(path), "spiral", "--driver-profile", named, "--json"]) == 0
-        warning = "--driver-profile chip-100pf: set as is usual with it, not by the robot's current_a"
+        warning = "--driver-profile chip-100pf: has its usual settings, not the robot's current_a"
         assert (f"steptwin: warning: {warning}\n" in capsys.readouterr().err) == left_out
 
     def test_the_file_does_not_say_how_other_drivers_are_set(self, fast_kernel: Kernel) -> None:

@@ -258,7 +258,7 @@ def test_telling_it_where_it_stands(steptwin: CommandLine, board: EmbeddedBoard)
         ("-b 500000", "--bitrate 500000: is for a live board: --connect HOST:PORT or --interface NAME"),
         (
             "--connect 127.0.0.1:29536 -b 500000",
-            "--bitrate 500000: is for --interface; the server at --connect has its own",
+            "--bitrate 500000: is for --interface; the server of --connect has its own",
         ),
         ("-i virtual -b 0", "--bitrate 0: is not above 0 bit/s"),
     ],

@@ -313,7 +313,7 @@ def test_where_nothing_moved_there_is_no_waveform(
 ) -> None:
     Session(fast_kernel, tmp_path).end()
     assert run(["trace", str(tmp_path)]) == 2
-    assert "nothing has happened after power-up" in capsys.readouterr().err
+    assert "no pin has changed since power-up" in capsys.readouterr().err
 
 
 def test_the_report_is_a_document(fast_kernel: Kernel, tmp_path: Path) -> None:
