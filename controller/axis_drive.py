@@ -22,6 +22,7 @@ from steptwin.protocol import cia402, od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import AbortConnection, Control, DigitalInput, ErrorCode, State, Status
 from steptwin.protocol.dictionary import ObjectDictionary, WriteHook
+from steptwin.protocol.homing_methods import HOMING_METHODS
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 _ABORT_CONTROLWORDS = {
@@ -158,7 +159,7 @@ class AxisDrive:
         write[od.TARGET_VELOCITY] = self._write_target_velocity
         for address, values in OPTIONS.items():
             write[address] = _one_of(values)
-        write[od.HOMING_METHOD] = _one_of(frozenset(cia402.HOMING_METHODS))
+        write[od.HOMING_METHOD] = _one_of(frozenset(HOMING_METHODS))
 
     def reset(self) -> None:
         """Lose what a power cycle would lose, pulses at once. A standing axis is where it was."""

@@ -16,7 +16,6 @@ at bit 12 would find the axis still moving, in coordinates that are about to cha
 from collections.abc import Callable
 from enum import Enum, auto
 
-from steptwin.controller.homing_methods import METHODS, HomingMethod
 from steptwin.controller.modes import Mode, Report
 from steptwin.controller.motion import Motion
 from steptwin.controller.profile import Limits
@@ -25,6 +24,7 @@ from steptwin.controller.switch_search import Phase, SwitchSearch
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Control, DigitalInput, ErrorCode, HomingError, Status
 from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.homing_methods import HOMING_METHODS, HomingMethod
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 
@@ -105,7 +105,7 @@ class Homing(Mode):
         """Begin if a homing waits for that and the axis stands."""
         if self._state is not _State.WAITING or self._motion.running(self._axis):
             return
-        method = METHODS[self._dictionary.get(od.HOMING_METHOD)]
+        method = HOMING_METHODS[self._dictionary.get(od.HOMING_METHOD)]
         if method is None:
             self._discard_records()
             self._motion.preset(self._axis, self._dictionary.get(od.HOME_OFFSET))

@@ -7,12 +7,12 @@ which the inputs show the edge; then the axis ramps down and stands a little bey
 
 from enum import Enum, auto
 
-from steptwin.controller.homing_methods import NEGATIVE, POSITIVE, HomingMethod
 from steptwin.controller.kernel import I32_MAX
 from steptwin.controller.motion import Motion
 from steptwin.controller.profile import Limits
 from steptwin.controller.profile_feed import ProfileFeed
 from steptwin.protocol.cia402 import DigitalInput, HomingError
+from steptwin.protocol.homing_methods import NEGATIVE, POSITIVE, HomingMethod
 
 
 class Phase(Enum):

@@ -125,12 +125,6 @@ class AbortConnection(IntEnum):
 
 PVT_SUBMODE = -1
 """0x60C0: the manufacturer's interpolation, position-velocity-time records."""
-HOME_HERE = 37
-"""Homing method: the present position is the home position."""
-HOME_HERE_OBSOLETE = 35
-"""The same under its old number."""
-HOMING_METHODS = (*range(17, 31), HOME_HERE_OBSOLETE, HOME_HERE)
-"""Those that need no index pulse (CiA 402-2, "homing mode"); 31, 32 and 36 are reserved, 33 and 34 need one."""
 
 
 class HomingError(IntEnum):

@@ -9,8 +9,6 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from steptwin.protocol.cia402 import (
-    HOME_HERE,
-    HOMING_METHODS,
     LINEAR_RAMP,
     PVT_SUBMODE,
     AbortConnection,
@@ -19,6 +17,7 @@ from steptwin.protocol.cia402 import (
 )
 from steptwin.protocol.datatypes import DataType
 from steptwin.protocol.frame import COB_EMCY, COB_ID_INVALID, COB_ID_NO_RTR, COB_RPDO, COB_SYNC, COB_TPDO
+from steptwin.protocol.homing_methods import HOME_HERE, HOMING_METHODS
 from steptwin.protocol.nmt import ErrorBehaviour
 
 I8, I16, I24, I32 = DataType.INTEGER8, DataType.INTEGER16, DataType.INTEGER24, DataType.INTEGER32

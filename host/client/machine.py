@@ -19,9 +19,10 @@ from steptwin.host.client.stream import AxisStream, fill
 from steptwin.host.common.axis_records import AxisRecords
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
 from steptwin.protocol import od
-from steptwin.protocol.cia402 import ENABLE_OPERATION, HOME_HERE, PVT_SUBMODE, AbortConnection, Control, Mode, Status
+from steptwin.protocol.cia402 import ENABLE_OPERATION, PVT_SUBMODE, AbortConnection, Control, Mode, Status
 from steptwin.protocol.eds import render_eds
 from steptwin.protocol.frame import COB_SYNC, FIRST_NODE_ID
+from steptwin.protocol.homing_methods import HOME_HERE
 from steptwin.protocol.objects import IDENTITY_DEVICE_TYPE, TPDO_DEFAULTS
 from steptwin.protocol.pvt import PvtFlag
 

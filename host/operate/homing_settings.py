@@ -5,13 +5,9 @@ from math import ceil, floor
 from steptwin.host.client import HomingSettings
 from steptwin.host.robots.homing import JointHoming
 from steptwin.host.robots.joint import Joint
+from steptwin.protocol.homing_methods import HOMING_METHODS
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 
-_OPENS = {17: 1, 18: -1, 19: -1, 21: 1, 23: -1, 26: 1, 27: 1, 30: -1}
-"""The methods whose switch opens at the edge, and in which direction the axis moves then.
-
-A switch is closed on the step at its edge: it is seen to close there, and to open one step farther.
-"""
 _TIMEOUT_MARGIN = 2.0
 _LATENCY_S = 0.05
 """More than a stop waits for: a profile's segment in execution lasts up to 31 ms."""
@@ -23,16 +19,27 @@ def homing_settings(joint: Joint) -> HomingSettings | None:
     if homing is None:
         return None
     units = joint.transmission.wire_units_per_unit
-    edge = joint.switches.edge(homing.method)
-    beyond_units = _OPENS.get(homing.method, 0) * UNITS_PER_FULL_STEP // joint.transmission.microsteps
     return HomingSettings(
         method=homing.method,
         search_units_per_s=floor(homing.search_speed * units),
         zero_units_per_s=max(1, floor(homing.zero_speed * units)),
         acceleration_units_per_s2=floor(homing.acceleration * units),
-        offset_units=0 if edge is None else joint.to_units(edge) + beyond_units,
+        offset_units=_offset_units(joint, homing.method),
         timeout_ms=ceil(1000 * _TIMEOUT_MARGIN * _longest_s(joint, homing)),
     )
+
+
+def _offset_units(joint: Joint, number: int) -> int:
+    """Return the position of the step at which the edge is seen, 0 if home is where the joint stands.
+
+    A switch is closed on the step at its edge: it is seen to close there, and to open one step farther.
+    """
+    method = HOMING_METHODS[number]
+    edge = joint.switches.edge(method) if method else None
+    if method is None or edge is None:
+        return 0
+    step_units = UNITS_PER_FULL_STEP // joint.transmission.microsteps
+    return joint.to_units(edge) + (0 if method.closes else method.edge_direction * step_units)
 
 
 def _longest_s(joint: Joint, homing: JointHoming) -> float:

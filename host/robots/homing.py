@@ -4,34 +4,25 @@ from dataclasses import dataclass
 from typing import Final
 
 from steptwin.host.common.errors import InputError
-from steptwin.protocol.cia402 import HOME_HERE, HOME_HERE_OBSOLETE, HOMING_METHODS
+from steptwin.protocol.cia402 import DigitalInput
+from steptwin.protocol.homing_methods import HOME_HERE, HOME_HERE_OBSOLETE, HOMING_METHODS, POSITIVE, HomingMethod
 
 _NEGATIVE, _POSITIVE, _FROM, _TO = "negative_limit", "positive_limit", "home_from", "home_to"
 
-_EDGES: Final = {
-    17: _NEGATIVE,
-    18: _POSITIVE,
-    19: _FROM,
-    20: _FROM,
-    21: _TO,
-    22: _TO,
-    23: _FROM,
-    24: _FROM,
-    25: _TO,
-    26: _TO,
-    27: _TO,
-    28: _TO,
-    29: _FROM,
-    30: _FROM,
-}
-"""Which edge is home, by the methods' figures in CiA 402-2."""
-_NEEDED: Final = {
-    **dict.fromkeys(range(23, 27), (_FROM, _TO, _POSITIVE)),
-    **dict.fromkeys(range(27, 31), (_FROM, _TO, _NEGATIVE)),
-}
-"""What a method needs beside its edge: the home switch's other end, and the limit switch at which it turns round."""
-_ONE_SIDED: Final = {19: _TO, 20: _TO, 21: _FROM, 22: _FROM}
-"""The methods whose home switch is closed to the end of travel, and the end that it does not have."""
+_LIMITS: Final = {DigitalInput.NEGATIVE_LIMIT: _NEGATIVE, DigitalInput.POSITIVE_LIMIT: _POSITIVE}
+
+
+def _edge_key(method: HomingMethod) -> str:
+    """Return the key of the edge that is home."""
+    return _LIMITS.get(method.switch) or (_FROM if method.at_lower_edge else _TO)
+
+
+def _needed_keys(method: HomingMethod) -> tuple[str, ...]:
+    """Return the keys of all edges that a method needs, the one that is home first."""
+    if not method.turns:
+        return (_edge_key(method),)
+    turn = DigitalInput.POSITIVE_LIMIT if method.search_direction == POSITIVE else DigitalInput.NEGATIVE_LIMIT
+    return (_edge_key(method), _FROM, _TO, _LIMITS[turn])
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,18 +58,23 @@ class JointSwitches:
         if positive is not None and not positive > upper:
             raise InputError(f"switches.positive_limit: {positive:g} {unit} is not above upper, {upper:g} {unit}")
 
-    def edge(self, method: int) -> float | None:
-        """The position of the edge that is home by a method; None if that has none."""
-        return getattr(self, _EDGES[method]) if method in _EDGES else None
+    def edge(self, method: HomingMethod) -> float | None:
+        """Return the position of the edge that is home by a method; None if the joint has no such edge."""
+        position: float | None = getattr(self, _edge_key(method))
+        return position
 
-    def check_method(self, method: int) -> None:
-        """Raise InputError if these switches do not suit a method."""
-        for key in (*filter(None, [_EDGES.get(method)]), *_NEEDED.get(method, ())):
+    def check_method(self, number: int) -> None:
+        """Raise InputError unless a homing method of this number can work with these switches."""
+        method = HOMING_METHODS.get(number)
+        if method is None:
+            return
+        for key in _needed_keys(method):
             if getattr(self, key) is None:
-                raise InputError(f"homing.method: {method} needs switches.{key}")
-        unwanted = _ONE_SIDED.get(method)
-        if unwanted and getattr(self, unwanted) is not None:
-            raise InputError(f"homing.method: {method} is for a home switch without {unwanted}; 23 to 30 are for both")
+                raise InputError(f"homing.method: {number} needs switches.{key}")
+        if method.switch not in _LIMITS and not method.turns:
+            other = _TO if method.at_lower_edge else _FROM
+            if getattr(self, other) is not None:
+                raise InputError(f"homing.method: {number} is for a home switch without {other}; 23 to 30 are for both")
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,8 +11,9 @@ from steptwin.emulator.board import Board, BoardConfig
 from steptwin.emulator.bus import Bus
 from steptwin.emulator.simulation import Simulation
 from steptwin.host.twin.embedded_board import EmbeddedNetwork
-from steptwin.protocol.cia402 import HOME_HERE, Status
+from steptwin.protocol.cia402 import Status
 from steptwin.protocol.eds import render_eds
+from steptwin.protocol.homing_methods import HOME_HERE
 
 AXES = 8
 FIRST_NODES = (0x10, 0x18)

@@ -5,17 +5,32 @@ from importlib.resources import files
 
 import pytest
 
-from steptwin.controller.homing_methods import METHODS
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.homing_settings import homing_settings
 from steptwin.host.robots import load_robot, parse_robot, robot_names
 from steptwin.host.robots.homing import JointHoming, JointSwitches
 from steptwin.protocol import od
-from steptwin.protocol.cia402 import DigitalInput
 
 TEXT = (files("steptwin.host.robots") / "warehouse-scara.toml").read_text(encoding="utf-8")
 SX = load_robot("warehouse-scara").joint("sx")
 ALL = JointSwitches(-5.0, 2005.0, -2.0, 3.0)
+SEEN_AT = {
+    17: (-5.0, 1),
+    18: (2005.0, -1),
+    19: (-2.0, -1),
+    20: (-2.0, 0),
+    21: (3.0, 1),
+    22: (3.0, 0),
+    23: (-2.0, -1),
+    24: (-2.0, 0),
+    25: (3.0, 0),
+    26: (3.0, 1),
+    27: (3.0, 1),
+    28: (3.0, 0),
+    29: (-2.0, 0),
+    30: (-2.0, -1),
+}
+"""By the figures of CiA 402-2: the edge that is home, and how many steps beyond it the switch is seen to open."""
 
 
 @pytest.mark.parametrize("name", robot_names())
@@ -100,24 +115,15 @@ class TestSettings:
             (od.HOME_OFFSET, -163_840),
         ]
 
-    @pytest.mark.parametrize("method", sorted(set(METHODS) - {35, 37}))
+    @pytest.mark.parametrize("method", sorted(SEEN_AT))
     def test_the_offset_is_the_step_at_which_the_edge_is_seen(self, method: int) -> None:
-        """By the firmware's own table of methods: on which edge, in which direction, closing or opening."""
         switches = ALL
         if method in (19, 20, 21, 22):
             switches = replace(ALL, **{"home_to" if method in (19, 20) else "home_from": None})
         settings = homing_settings(replace(SX, switches=switches, homing=JointHoming(method, 100.0, 5.0, 400.0)))
-        how = METHODS[method]
         assert settings is not None
-        assert how is not None
-        low, high = {
-            DigitalInput.NEGATIVE_LIMIT: (None, ALL.negative_limit),
-            DigitalInput.POSITIVE_LIMIT: (ALL.positive_limit, None),
-        }.get(how.switch, (switches.home_from, switches.home_to))
-        edge = low if (how.edge_direction > 0) is how.closes else high
-        assert edge is not None
-        beyond = 0 if how.closes else how.edge_direction
-        assert settings.offset_units == round(edge * 81_920) + beyond * 2_048
+        edge, beyond_steps = SEEN_AT[method]
+        assert settings.offset_units == round(edge * 81_920) + beyond_steps * 2_048
 
     def test_here_needs_no_switch_and_is_zero(self) -> None:
         settings = homing_settings(replace(SX, switches=JointSwitches(), homing=JointHoming(37, 100.0, 5.0, 400.0)))

@@ -1,35 +1,48 @@
-"""The homing methods of CiA 402-2 that need no index pulse, as data.
+"""The homing methods of CiA 402-2 that need no index pulse, as data for the drive that homes and the host that asks.
 
 Methods 17 to 30 are methods 1 to 14 without the pulse: home is where a switch changes while the axis crosses its edge
-in one direction. The home switch of 19 and 20 is closed from the edge to the positive end of travel, that of 21 and 22
-to the negative end; that of 23 to 30 is closed over a stretch of the travel and has two edges.
+in one direction. The home switch of methods 19 and 20 is closed from its edge to the positive end of travel, that of
+methods 21 and 22 from its edge to the negative end. The home switch of methods 23 to 30 is closed over a stretch of the
+travel and has two edges. Methods 31, 32 and 36 are reserved; 33 and 34 need the index pulse.
 """
 
 from dataclasses import dataclass
+from typing import Final
 
-from steptwin.protocol.cia402 import HOME_HERE, HOME_HERE_OBSOLETE, DigitalInput
+from steptwin.protocol.cia402 import DigitalInput
 
 POSITIVE, NEGATIVE = 1, -1
+
+HOME_HERE: Final = 37
+"""The method by which the present position is the home position."""
+HOME_HERE_OBSOLETE: Final = 35
+"""The same method under its old number."""
 
 
 @dataclass(frozen=True, slots=True)
 class HomingMethod:
-    """Which edge of which switch is home, and how to get there."""
+    """Which edge of which switch is home, and how the axis gets there."""
 
     switch: DigitalInput
     edge_direction: int
-    """In which direction the axis crosses the edge that counts."""
+    """Direction in which the axis crosses the edge that is home."""
     closes: bool
-    """Whether the switch closes there; else it opens."""
+    """True if the switch closes when the axis crosses the edge in that direction, False if it opens."""
     search_direction: int
-    """Where the axis looks for the switch first if it is open at the start."""
+    """Direction in which the axis searches for the switch first, if the switch is open at the start."""
     turns: bool = False
-    """Whether the search turns round at a limit switch."""
+    """True if the search turns round at the limit switch ahead. The method then needs that limit switch, and a home
+    switch with two edges."""
+
+    @property
+    def at_lower_edge(self) -> bool:
+        """True if home is the lower edge of the stretch over which the switch is closed, False if it is the upper."""
+        return (self.edge_direction == POSITIVE) is self.closes
 
 
 _NEGATIVE_LIMIT, _POSITIVE_LIMIT, _HOME = DigitalInput.NEGATIVE_LIMIT, DigitalInput.POSITIVE_LIMIT, DigitalInput.HOME
 
-METHODS: dict[int, HomingMethod | None] = {
+HOMING_METHODS: Final[dict[int, HomingMethod | None]] = {
     17: HomingMethod(_NEGATIVE_LIMIT, POSITIVE, closes=False, search_direction=NEGATIVE),
     18: HomingMethod(_POSITIVE_LIMIT, NEGATIVE, closes=False, search_direction=POSITIVE),
     19: HomingMethod(_HOME, NEGATIVE, closes=False, search_direction=POSITIVE),
@@ -47,4 +60,4 @@ METHODS: dict[int, HomingMethod | None] = {
     HOME_HERE_OBSOLETE: None,
     HOME_HERE: None,
 }
-"""By the number in 0x6098; None: home is where the axis stands."""
+"""Methods by their number, the value of the homing method (6098h); None: home is where the axis stands."""
