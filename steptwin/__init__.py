@@ -1,1 +1,96 @@
-"""StepTwin."""
+"""StepTwin: a firmware-faithful twin of STM32 + TB6560 stepper boards.
+
+All that most programs need is here under one name; docs/api.md lists it. A name is imported when it is first used, so
+that `import steptwin` costs nothing.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from steptwin.emulator.bus_faults import BusFault, BusFaultKind, FaultScript
+    from steptwin.emulator.operations import BoardTemperature, DriverProtect, EmergencyStop, Scheduled, Supply
+    from steptwin.host.common.errors import BusError, DeviceFaultError, InputError, NotVerifiedError, StepTwinError
+    from steptwin.host.planning.jobs import job_names, job_options, make_job
+    from steptwin.host.planning.motions.composer import Composer
+    from steptwin.host.planning.motions.sampled import Sampled
+    from steptwin.host.planning.plan import Plan
+    from steptwin.host.planning.planner import plan
+    from steptwin.host.planning.trajectory import Trajectory
+    from steptwin.host.planning.trajectory_file import read_trajectory
+    from steptwin.host.robots import load_robot, robot_names
+    from steptwin.host.robots.robot import Robot
+    from steptwin.host.twin.board_under_test import BoardUnderTest
+    from steptwin.host.twin.execution import execute
+    from steptwin.host.twin.outcome import Outcome
+    from steptwin.host.twin.served_board import ServedBoard
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "BoardTemperature",
+    "BoardUnderTest",
+    "BusError",
+    "BusFault",
+    "BusFaultKind",
+    "Composer",
+    "DeviceFaultError",
+    "DriverProtect",
+    "EmergencyStop",
+    "FaultScript",
+    "InputError",
+    "NotVerifiedError",
+    "Outcome",
+    "Plan",
+    "Robot",
+    "Sampled",
+    "Scheduled",
+    "ServedBoard",
+    "StepTwinError",
+    "Supply",
+    "Trajectory",
+    "execute",
+    "job_names",
+    "job_options",
+    "load_robot",
+    "make_job",
+    "plan",
+    "read_trajectory",
+    "robot_names",
+]
+
+_MODULES = {
+    "emulator.bus_faults": ("BusFault", "BusFaultKind", "FaultScript"),
+    "emulator.operations": ("BoardTemperature", "DriverProtect", "EmergencyStop", "Scheduled", "Supply"),
+    "host.common.errors": ("BusError", "DeviceFaultError", "InputError", "NotVerifiedError", "StepTwinError"),
+    "host.planning.jobs": ("job_names", "job_options", "make_job"),
+    "host.planning.motions.composer": ("Composer",),
+    "host.planning.motions.sampled": ("Sampled",),
+    "host.planning.plan": ("Plan",),
+    "host.planning.planner": ("plan",),
+    "host.planning.trajectory": ("Trajectory",),
+    "host.planning.trajectory_file": ("read_trajectory",),
+    "host.robots": ("load_robot", "robot_names"),
+    "host.robots.robot": ("Robot",),
+    "host.twin.board_under_test": ("BoardUnderTest",),
+    "host.twin.execution": ("execute",),
+    "host.twin.outcome": ("Outcome",),
+    "host.twin.served_board": ("ServedBoard",),
+}
+"""Public names by the module that defines them, as imported above for type checkers."""
+_MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
+
+
+if not TYPE_CHECKING:  # a type checker shall complain of unknown names
+
+    def __getattr__(name: str) -> object:
+        """Import a public name when it is first used (PEP 562)."""
+        if name not in _MODULE_OF:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        value = globals()[name] = getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name)
+        return value
+
+
+def __dir__() -> list[str]:
+    """List the public names, whether imported yet or not."""
+    return [*__all__, "__version__"]

@@ -19,6 +19,7 @@ from steptwin.host.cli.arguments import (
 )
 from steptwin.host.cli.connection import LIVE_PANEL, Bitrate, Channel, Connect, Interface, connection
 from steptwin.host.cli.live_run import run_live
+from steptwin.host.cli.option_names import naming_options
 from steptwin.host.cli.output import print_json
 from steptwin.host.cli.progress import progress_bar
 from steptwin.host.cli.report import EXIT_NOT_VERIFIED, fault_line, print_report
@@ -117,7 +118,7 @@ def run(
     warn_of_settings_left_out(loaded, driver_profile)
     standing = None if stand_at is None else joint_values(stand_at.split(), loaded.joint_names, "--stand-at")
     folder = out_folder(out)
-    with progress_bar(f"{loaded.name} {job}") as progress:
+    with progress_bar(f"{loaded.name} {job}") as progress, naming_options(cut_stream_s="--cut-stream"):
         outcome = execute(
             planned,
             job,

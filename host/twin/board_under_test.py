@@ -1,15 +1,16 @@
 """A board in virtual time for somebody's tests: the embedded board, and what a test asks about its machine."""
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
-from steptwin.controller.backend import Kernel
-from steptwin.emulator.bus_faults import FaultScript
+from steptwin.controller.backend import Kernel, fastest_kernel
+from steptwin.emulator.bus_faults import BusFault, FaultScript
 from steptwin.emulator.operations import Scheduled
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.standing import Standing, standing_joints
 from steptwin.host.verify import AxisEvidence, Expectation, Report, RunInfo, verify
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -35,23 +36,39 @@ class Violation(NamedTuple):
 
 
 class BoardUnderTest(EmbeddedBoard):
-    """What the fixture `steptwin_board` is. Joints go by the names in the robot's file, in mm and degrees.
+    """A robot's board in virtual time for tests, such as the fixture `steptwin_board` gives.
 
-    `network` is the canopen library's, connected to the board. Simulated time passes while frames are on the bus and
-    with `wait`.
+    Joints go by their names in the robot's file, in mm and degrees. `network` is the canopen library's Network,
+    connected to the board. Simulated time passes while frames are on the bus and in `wait`.
     """
 
     def __init__(
         self,
         robot: Robot,
-        start_joints: list[float],
-        kernel: Kernel,
-        bus_faults: FaultScript | None = None,
+        *,
+        stand_at: Standing | None = None,
+        kernel: Kernel | None = None,
         schedule: Iterable[Scheduled] = (),
-        driver_profile_name: str | None = None,
+        bus_faults: Sequence[BusFault] = (),
+        driver_profile: str | None = None,
     ) -> None:
+        """Switch the board on.
+
+        Args:
+            robot: the machine.
+            stand_at: joint positions at which it stands, mm and degrees: all, or some by name; else the robot's home.
+            kernel: form of the firmware's kernel; by default the fastest one that is installed.
+            schedule: operations on the machine, such as EmergencyStop, each with its instant.
+            bus_faults: faults by which the bus loses, disturbs or delays frames.
+            driver_profile: name of the drivers that the board has instead of those in the robot's file.
+
+        Raises:
+            InputError: a joint or the drivers do not exist, or the drivers cannot be set as the robot needs them.
+        """
         self._began_s = time.perf_counter()
-        super().__init__(robot, start_joints, kernel, bus_faults, schedule, driver_profile_name)
+        joints = standing_joints(robot, stand_at)
+        faults = FaultScript(bus_faults)
+        super().__init__(robot, joints, kernel or fastest_kernel(), faults, schedule, driver_profile)
 
     def steps(self) -> dict[str, int]:
         """Each motor's position as its driver has counted, in steps from the joint's zero."""

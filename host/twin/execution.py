@@ -4,7 +4,7 @@ import time
 
 import numpy as np
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.backend import Kernel, fastest_kernel
 from steptwin.emulator.bus_faults import FaultScript
 from steptwin.host.client import Machine, Progress, object_dictionary
 from steptwin.host.common.axis_records import AxisRecords
@@ -21,7 +21,7 @@ from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 def execute(
     plan: Plan,
     job: str,
-    kernel: Kernel,
+    kernel: Kernel | None = None,
     *,
     stand_at: list[float] | None = None,
     cut_stream_s: float | None = None,
@@ -29,26 +29,28 @@ def execute(
     bus_faults: FaultScript | None = None,
     progress: Progress = lambda _: None,
 ) -> Outcome:
-    """Run a plan on an embedded board in virtual time.
+    """Run a plan on an embedded board in virtual time, and verify every pulse.
 
     Args:
-        plan: what to do.
-        job: how reports call it.
-        kernel: which form of the firmware's kernel runs.
-        stand_at: where the emulated machine stands, mm and degrees; by default where the plan starts.
+        plan: the motion, checked and converted by `plan`.
+        job: name of the motion in reports.
+        kernel: form of the firmware's kernel; by default the fastest one that is installed. All make the same edges.
+        stand_at: joint positions at which the emulated machine stands, mm and degrees; by default the plan's start.
         cut_stream_s: send only the points before this time of the motion, as a host that hangs would.
-        driver_profile: drivers that the emulated board has instead of those in the robot's file; neither the plan nor
-            the firmware is told.
-        bus_faults: what the bus does to frames.
-        progress: told which part of the stream has been sent.
+        driver_profile: name of the drivers that the emulated board has instead of those in the robot's file; neither
+            the plan nor the firmware is told.
+        bus_faults: script of the faults by which the bus loses, disturbs or delays frames.
+        progress: called with the part of the stream, from 0 to 1, that has been sent.
 
     Raises:
-        InputError: the machine stands elsewhere than the plan starts, or there are no such drivers.
-        DeviceFaultError, BusError: the board could not be set up; a fault in motion is part of the outcome instead.
+        InputError: the machine does not stand at the plan's start, the stream is cut outside the motion, or the
+            drivers do not exist.
+        DeviceFaultError, BusError: the board could not be set up. A fault in motion is part of the outcome instead.
     """
     if stand_at is not None:
         plan.check_start(stand_at)
     records = _records(plan, cut_stream_s)
+    kernel = kernel or fastest_kernel()
     object_dictionary()  # made once in a process: no part of what the emulation takes
     started_s = time.perf_counter()
     start_joints = plan.start_joints if stand_at is None else stand_at
@@ -87,7 +89,7 @@ def _records(plan: Plan, cut_stream_s: float | None) -> tuple[AxisRecords, ...]:
     count = int(np.searchsorted(plan.times_ms[1:], cut_stream_s * 1000, side="right"))
     if not 0 < count < len(plan.times_ms) - 1:
         first_s, end_s = plan.times_ms[1] / 1000, plan.times_ms[-1] / 1000
-        raise InputError(f"--cut-stream {cut_stream_s:g}: must be from {first_s:g} s to below {end_s:g} s")
+        raise InputError(f"cut_stream_s={cut_stream_s:g}: must be from {first_s:g} s to below {end_s:g} s")
     return plan.records(count)
 
 

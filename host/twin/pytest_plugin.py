@@ -55,10 +55,8 @@ def steptwin_make_board(request: pytest.FixtureRequest, steptwin_kernel: "Kernel
         bus_faults: what the bus does to frames, a script of `BusFault`s.
         driver_profile: other drivers than the robot's file says, by name.
     """
-    from steptwin.emulator.bus_faults import FaultScript
     from steptwin.host.common.errors import InputError
     from steptwin.host.twin.board_under_test import BoardUnderTest
-    from steptwin.host.twin.standing import standing_joints
 
     boards: list[BoardUnderTest] = []
 
@@ -71,10 +69,14 @@ def steptwin_make_board(request: pytest.FixtureRequest, steptwin_kernel: "Kernel
         driver_profile: str | None = None,
     ) -> BoardUnderTest:
         try:
-            loaded = _robot(robot or request.config.getini(_INI), request.config)
-            at = standing_joints(loaded, stand_at)
-            faults = FaultScript(bus_faults)
-            board = BoardUnderTest(loaded, at, steptwin_kernel, faults, schedule, driver_profile)
+            board = BoardUnderTest(
+                _robot(robot or request.config.getini(_INI), request.config),
+                stand_at=stand_at,
+                kernel=steptwin_kernel,
+                schedule=schedule,
+                bus_faults=bus_faults,
+                driver_profile=driver_profile,
+            )
         except InputError as error:
             pytest.fail(f"steptwin: {error}", pytrace=False)
         boards.append(board)

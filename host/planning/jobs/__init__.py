@@ -46,13 +46,13 @@ def job_options(robot: Robot, job_name: str) -> dict[str, str]:
     return _job(robot, job_name).described_options(robot)
 
 
-def make_job(robot: Robot, job_name: str, options: Mapping[str, str]) -> Trajectory:
+def make_job(robot: Robot, job_name: str, options: Mapping[str, str] | None = None) -> Trajectory:
     """A job's trajectory; options are texts as on the command line, those not given take their defaults.
 
     Raises:
         InputError: no such job or option, a value out of range, or a motion that the robot cannot make.
     """
-    return _job(robot, job_name).make(robot, options)
+    return _job(robot, job_name).make(robot, options or {})
 
 
 def _jobs(robot: Robot) -> dict[str, Job[Any]]:

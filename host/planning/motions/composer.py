@@ -41,9 +41,9 @@ class Composer:
 
     robot: Robot
     joints: FloatArray
-    _parts: list[Trajectory] = field(default_factory=list)
-    _starts_ms: list[int] = field(default_factory=lambda: [0])
-    _switchings: list[Switching] = field(default_factory=list)
+    _parts: list[Trajectory] = field(default_factory=list, init=False)
+    _starts_ms: list[int] = field(default_factory=lambda: [0], init=False)
+    _switchings: list[Switching] = field(default_factory=list, init=False)
 
     def go(self, goal: FloatArray) -> None:
         """All joints to a position of shape (joints,), together and jerk-limited; nothing if they are there already."""

@@ -18,9 +18,8 @@ HEAVY = ["can", "canopen", "controller", "emulator", "matplotlib", "numba", "num
 @pytest.fixture(autouse=True, scope="module")
 def loaded(fast_kernel: Kernel) -> None:
     """All that a board needs: pytester forgets what a test has imported first, and numba cannot be imported twice."""
-    robot = load_robot("lab-scara")
     Decoder({})
-    BoardUnderTest(robot, list(robot.home), fast_kernel)
+    BoardUnderTest(load_robot("lab-scara"), kernel=fast_kernel)
 
 
 def outcomes(pytester: pytest.Pytester, code: str, *options: str) -> pytest.RunResult:
@@ -149,8 +148,7 @@ def test_what_happens_to_the_machine(pytester: pytest.Pytester) -> None:
         pytester,
         """
         import pytest
-        from steptwin.emulator.bus_faults import BusFault, BusFaultKind
-        from steptwin.emulator.operations import EmergencyStop, Scheduled
+        from steptwin import BusFault, BusFaultKind, EmergencyStop, Scheduled
 
         pytestmark = pytest.mark.steptwin("lab-scara")
 

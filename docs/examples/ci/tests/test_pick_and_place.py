@@ -5,10 +5,7 @@ import pytest
 from pick_and_place.arm import Arm, ArmError
 from pick_and_place.planner import Point, plan_move
 
-from steptwin.emulator.bus_faults import BusFault, BusFaultKind
-from steptwin.emulator.operations import EmergencyStop, Scheduled
-from steptwin.host.planning.motions.sampled import Sampled
-from steptwin.host.twin.board_under_test import BoardUnderTest
+from steptwin import BoardUnderTest, BusFault, BusFaultKind, EmergencyStop, Sampled, Scheduled
 
 COUNTS_PER_S = 72_000_000
 HALF_A_STEP = 0.02
@@ -62,7 +59,7 @@ def test_the_emergency_stop_is_noticed(steptwin_board: BoardUnderTest, arm: Arm)
 
 @pytest.mark.steptwin(stand_at={"th1": 100.0})
 def test_a_limit_switch_stops_the_arm(arm: Arm) -> None:
-    """It stands 35 degrees before the switch, and nobody has homed it."""
+    """It stands 35 degrees before the switch, and has not been homed."""
     with pytest.raises(ArmError) as stopped:
         arm.move(MOVE)
     assert stopped.value.code == 0x8612

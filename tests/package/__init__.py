@@ -1,0 +1,1 @@
+"""The installed package: public names, wheels, and a project that uses them."""

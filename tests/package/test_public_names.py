@@ -1,0 +1,99 @@
+"""The names that `import steptwin` gives: imported lazily, known to type checkers, described in docs/api.md."""
+
+import ast
+import inspect
+import re
+import subprocess
+import sys
+import tomllib
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import steptwin
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+HEAVY = ["can", "canopen", "matplotlib", "numba", "numpy", "rich", "scipy", "typer"]
+_SECTION = re.compile(r"^### `((\w+).*?)`\n(.*?)(?=^##|\Z)", flags=re.MULTILINE | re.DOTALL)
+SECTIONS = {name: (heading, text) for heading, name, text in _SECTION.findall(PAGE)}
+"""Heading and text of each name's section."""
+PUBLIC_CLASSES = [name for name in steptwin.__all__ if inspect.isclass(getattr(steptwin, name))]
+
+
+def test_import_loads_nothing_else() -> None:
+    """So that it takes milliseconds: everything heavy comes with the first use of a name."""
+    code = f"import sys, steptwin; print([n for n in sys.modules if n in {HEAVY} or n.startswith('steptwin.')])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+
+
+def test_the_names_that_type_checkers_see_are_those_there_are() -> None:
+    tree = ast.parse(Path(steptwin.__file__).read_text(encoding="utf-8"))
+    imports = [(node.module or "", node.names) for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+    seen = {alias.name: module for module, names in imports if module.startswith("steptwin.") for alias in names}
+    assert sorted(seen) == sorted(steptwin.__all__) == sorted(set(dir(steptwin)) - {"__version__"})
+    for name, module in seen.items():
+        assert getattr(steptwin, name) is getattr(sys.modules[module], name)
+
+
+def test_an_unknown_name_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match="module 'steptwin' has no attribute 'load_robto'"):
+        getattr(steptwin, "load_" + "robto")
+
+
+def test_the_version_is_the_package_s() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert project["dynamic"] == ["version"]
+    assert steptwin.__version__ == version("steptwin")
+
+
+# --- docs/api.md
+
+
+def signature(function: Any) -> str:
+    """Parameters with their defaults, without types; a function as a default is `...`."""
+    found = inspect.signature(function)
+    parameters = [
+        p.replace(annotation=p.empty, default=... if inspect.isfunction(p.default) else p.default)
+        for p in found.parameters.values()
+        if p.name != "self"
+    ]
+    return str(found.replace(parameters=parameters, return_annotation=found.empty)).replace("Ellipsis", "...")
+
+
+def test_the_page_has_every_name_and_no_other() -> None:
+    assert sorted(SECTIONS) == sorted(steptwin.__all__)
+
+
+@pytest.mark.parametrize("name", steptwin.__all__)
+def test_signature(name: str) -> None:
+    """Of functions, and of those classes that a user constructs."""
+    heading, _ = SECTIONS[name]
+    if heading != name or name not in PUBLIC_CLASSES:
+        assert heading == name + signature(getattr(steptwin, name))
+
+
+@pytest.mark.parametrize("name", PUBLIC_CLASSES)
+def test_members(name: str) -> None:
+    """Every public member is on the page, but what the constructor takes or a base of Python's own has."""
+    cls = getattr(steptwin, name)
+    heading, text = SECTIONS[name]
+    told = dict(re.findall(r"`\.(\w+)(.*?)`", text))
+    bases = [base for base in (tuple, BaseException, steptwin.StepTwinError) if base in cls.__mro__[1:]]
+    inherited = {member for base in bases for member in dir(base)}
+    constructor = set(re.findall(r"\w+", heading))
+    members = {member for member in {*dir(cls), *inspect.get_annotations(cls)} if not member.startswith("_")}
+    expected = members - inherited - (constructor - set(told))
+    assert expected - set(told) == set()
+    for member, arguments in told.items():
+        function = getattr(cls, member, None)
+        if callable(function) and not isinstance(function, type(cls)):
+            assert f"{member}{arguments}" == member + signature(function)
+
+
+def test_the_page_s_python_runs(tmp_path: Path) -> None:
+    for code in re.findall(r"^```python\n(.*?)^```", PAGE, flags=re.MULTILINE | re.DOTALL):
+        subprocess.run([sys.executable, "-W", "error", "-c", code], check=True, cwd=tmp_path)
