@@ -1,6 +1,7 @@
 """All joints from one position to another along one time law: they start and end together, straight in joint space."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -30,6 +31,8 @@ class JointMove:
     goal: tuple[float, ...]
     law: Law
 
+    switchings: ClassVar[tuple[Switching, ...]] = ()
+
     def __post_init__(self) -> None:
         if self.law.distance != 1.0:
             raise InputError(f"the law of a joint move covers {self.law.distance:g} instead of 1")
@@ -43,11 +46,6 @@ class JointMove:
     def breakpoints_s(self) -> tuple[float, ...]:
         """The law's breakpoints."""
         return self.law.breakpoints_s
-
-    @property
-    def switchings(self) -> tuple[Switching, ...]:
-        """None."""
-        return ()
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         """Joint positions, shape (n, joints)."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -17,15 +18,8 @@ class Pause:
     at: tuple[float, ...]
     duration_s: float
 
-    @property
-    def breakpoints_s(self) -> tuple[float, ...]:
-        """None."""
-        return ()
-
-    @property
-    def switchings(self) -> tuple[Switching, ...]:
-        """None of its own."""
-        return ()
+    breakpoints_s: ClassVar[tuple[float, ...]] = ()
+    switchings: ClassVar[tuple[Switching, ...]] = ()
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         """Shape (n, joints)."""

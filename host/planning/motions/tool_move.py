@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from math import isclose
-from typing import Final, Self
+from typing import ClassVar, Final, Self
 
 import numpy as np
 
@@ -51,6 +51,8 @@ class ToolMove:
     guide_joints: FloatArray
     rotary: tuple[int, ...]
 
+    switchings: ClassVar[tuple[Switching, ...]] = ()
+
     @classmethod
     def along(cls, robot: Robot, path: ToolPath, law: Law, branch: str, start: FloatArray, from_s: float = 0.0) -> Self:
         """A move that begins where the joints, of shape (joints,), stand; those that the pose leaves free stay there.
@@ -79,11 +81,6 @@ class ToolMove:
     def breakpoints_s(self) -> tuple[float, ...]:
         """The law's breakpoints."""
         return self.law.breakpoints_s
-
-    @property
-    def switchings(self) -> tuple[Switching, ...]:
-        """None."""
-        return ()
 
     def poses(self, t_s: FloatArray) -> FloatArray:
         """Planned tool poses, shape (n, 4)."""

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.paths import Arc, Pose, SampledPath, Smoothing, StraightLine, ToolPath
+from tests.host.complaints import complaint_of
 
 ZIGZAG = np.array(
     [
@@ -187,9 +188,8 @@ class TestSampledPath:
         ],
     )
     def test_refusals(self, smoothing: Smoothing, poses: FloatArray, message: str) -> None:
-        with pytest.raises(InputError) as caught:
-            SampledPath.through(poses, smoothing)
-        assert str(caught.value) == message
+        told = complaint_of(lambda: SampledPath.through(poses, smoothing))
+        assert told == message
 
     @pytest.mark.parametrize("smoothing", Smoothing)
     def test_three_poses_are_enough(self, smoothing: Smoothing) -> None:

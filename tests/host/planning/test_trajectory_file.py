@@ -15,6 +15,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.planning.trajectory_file import LONGEST_S, is_trajectory_file, read_trajectory
 from steptwin.host.robots import load_robot
+from tests.host.complaints import complaint_of
 
 ROBOT = load_robot("teaching-scara")
 NAMES = ROBOT.joint_names
@@ -67,10 +68,7 @@ def read(folder: Path, content: str | bytes, suffix: str = ".csv") -> Trajectory
 
 def complaint(folder: Path, content: str | bytes, suffix: str = ".csv") -> str:
     """What a refused file is told, after its name."""
-    with pytest.raises(InputError) as caught:
-        read(folder, content, suffix)
-    message = str(caught.value)
-    assert len(message.splitlines()) == 1
+    message = complaint_of(lambda: read(folder, content, suffix))
     file, separator, rest = message.partition(f"motion{suffix}: ")
     assert (file, bool(separator)) == (f"{folder}/", True)
     return rest
@@ -367,9 +365,8 @@ class TestMistakesInAJson:
 )
 def test_a_file_that_cannot_be_read(name: str, words: str, tmp_path: Path) -> None:
     path = f"{tmp_path}/{name}"
-    with pytest.raises(InputError) as caught:
-        read_trajectory(path, ROBOT)
-    assert str(caught.value).startswith(f"{path}: {words}")
+    told = complaint_of(lambda: read_trajectory(path, ROBOT))
+    assert told.startswith(f"{path}: {words}")
 
 
 def read_or_refuse(content: bytes, suffix: str) -> None:

@@ -32,6 +32,7 @@ from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.transmission import MICROSTEPS, Transmission
 from steptwin.host.twin.hardware import board_config
 from tests.emulator.pins import POWER_UP, pins
+from tests.host.complaints import complaint_of
 
 NAME = "warehouse-scara"
 TEXT = (files("steptwin.host.robots") / f"{NAME}.toml").read_text(encoding="utf-8")
@@ -39,10 +40,7 @@ ROBOT = load_robot(NAME)
 
 
 def complaint(text: str) -> str:
-    with pytest.raises(InputError) as caught:
-        parse_robot(text, "mine.toml")
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
+    return complaint_of(lambda: parse_robot(text, "mine.toml"))
 
 
 def changed(old: str, new: str) -> str:

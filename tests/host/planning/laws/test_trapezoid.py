@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import Trapezoid
+from tests.host.complaints import complaint_of
 from tests.host.planning.laws.made import trapezoids
 
 PULL = Trapezoid(180.0, 10.0, 2.0)
@@ -63,11 +63,9 @@ def test_the_printed_law_misses_the_180_mm() -> None:
     ],
 )
 def test_times_that_make_no_trapezoid(duration_s: float, ramp_s: float, words: list[str]) -> None:
-    with pytest.raises(InputError) as caught:
-        Trapezoid(1.0, duration_s, ramp_s)
-    assert "\n" not in str(caught.value)
+    told = complaint_of(lambda: Trapezoid(1.0, duration_s, ramp_s))
     for word in words:
-        assert word in str(caught.value)
+        assert word in told
 
 
 def test_times_just_right() -> None:

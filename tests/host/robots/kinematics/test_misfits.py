@@ -7,6 +7,7 @@ import pytest
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.kinematics import SliderPair, make_kinematics
 from steptwin.host.robots.robot import Robot
+from tests.host.complaints import complaint_of
 from tests.host.robots.kinematics.mechanisms import (
     CALIBRATION,
     HYBRID,
@@ -20,9 +21,7 @@ from tests.host.robots.kinematics.mechanisms import (
 
 
 def complaint(robot: Robot) -> str:
-    with pytest.raises(InputError) as caught:
-        make_kinematics(robot)
-    return str(caught.value)
+    return complaint_of(lambda: make_kinematics(robot))
 
 
 def test_an_unknown_kind() -> None:
