@@ -12,8 +12,8 @@ from dataclasses import replace
 
 from steptwin.bench.loads import AXES
 from steptwin.host.robots import load_robot
-from steptwin.host.robots.homing import JointSwitches
 from steptwin.host.robots.robot import Robot
+from steptwin.host.robots.switches import JointSwitches
 from steptwin.host.twin.served_board import ServedBoard
 
 

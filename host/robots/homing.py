@@ -1,80 +1,10 @@
-"""Where a joint's switches are and how it is homed by them, as a robot's file says it."""
+"""How a joint is homed, as its robot's file says it."""
 
 from dataclasses import dataclass
-from typing import Final
 
+from steptwin.host.common.bad_input import require_positive
 from steptwin.host.common.errors import InputError
-from steptwin.protocol.cia402 import DigitalInput
-from steptwin.protocol.homing_methods import HOME_HERE, HOME_HERE_OBSOLETE, HOMING_METHODS, POSITIVE, HomingMethod
-
-_NEGATIVE, _POSITIVE, _FROM, _TO = "negative_limit", "positive_limit", "home_from", "home_to"
-
-_LIMITS: Final = {DigitalInput.NEGATIVE_LIMIT: _NEGATIVE, DigitalInput.POSITIVE_LIMIT: _POSITIVE}
-
-
-def _edge_key(method: HomingMethod) -> str:
-    """Return the key of the edge that is home."""
-    return _LIMITS.get(method.switch) or (_FROM if method.at_lower_edge else _TO)
-
-
-def _needed_keys(method: HomingMethod) -> tuple[str, ...]:
-    """Return the keys of all edges that a method needs, the one that is home first."""
-    if not method.turns:
-        return (_edge_key(method),)
-    turn = DigitalInput.POSITIVE_LIMIT if method.search_direction == POSITIVE else DigitalInput.NEGATIVE_LIMIT
-    return (_edge_key(method), _FROM, _TO, _LIMITS[turn])
-
-
-@dataclass(frozen=True, slots=True)
-class JointSwitches:
-    """Where a joint's switches close, in the joint's unit; None where there is none.
-
-    Attributes:
-        negative_limit: the limit switch is closed here and below.
-        positive_limit: the limit switch is closed here and above.
-        home_from: the home switch is closed from here on, up to `home_to` or to the end of travel.
-        home_to: the home switch is closed up to here, from `home_from` or from the end of travel on.
-
-    Raises:
-        InputError: switches that are the wrong way round.
-    """
-
-    negative_limit: float | None = None
-    positive_limit: float | None = None
-    home_from: float | None = None
-    home_to: float | None = None
-
-    def __post_init__(self) -> None:
-        for low, high in ((_NEGATIVE, _POSITIVE), (_FROM, _TO), (_NEGATIVE, _TO), (_FROM, _POSITIVE)):
-            below, above = getattr(self, low), getattr(self, high)
-            if below is not None and above is not None and not below < above:
-                raise InputError(f"{high}: {above:g} is not above {low}, {below:g}")
-
-    def check_outside(self, lower: float, upper: float, unit: str) -> None:
-        """Raise InputError if a limit switch is within the joint's limits, where motions would run into it."""
-        negative, positive = self.negative_limit, self.positive_limit
-        if negative is not None and not negative < lower:
-            raise InputError(f"switches.negative_limit: {negative:g} {unit} is not below lower, {lower:g} {unit}")
-        if positive is not None and not positive > upper:
-            raise InputError(f"switches.positive_limit: {positive:g} {unit} is not above upper, {upper:g} {unit}")
-
-    def edge(self, method: HomingMethod) -> float | None:
-        """Return the position of the edge that is home by a method; None if the joint has no such edge."""
-        position: float | None = getattr(self, _edge_key(method))
-        return position
-
-    def check_method(self, number: int) -> None:
-        """Raise InputError unless a homing method of this number can work with these switches."""
-        method = HOMING_METHODS.get(number)
-        if method is None:
-            return
-        for key in _needed_keys(method):
-            if getattr(self, key) is None:
-                raise InputError(f"homing.method: {number} needs switches.{key}")
-        if method.switch not in _LIMITS and not method.turns:
-            other = _TO if method.at_lower_edge else _FROM
-            if getattr(self, other) is not None:
-                raise InputError(f"homing.method: {number} is for a home switch without {other}; 23 to 30 are for both")
+from steptwin.protocol.homing_methods import HOME_HERE, HOME_HERE_OBSOLETE, HOMING_METHODS
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,10 +29,7 @@ class JointHoming:
     def __post_init__(self) -> None:
         if self.method not in HOMING_METHODS:
             raise InputError(f"method: {self.method} is none of 17 to 30, {HOME_HERE_OBSOLETE}, {HOME_HERE}")
-        for name in ("search_speed", "zero_speed", "acceleration"):
-            value = getattr(self, name)
-            if not value > 0:
-                raise InputError(f"{name}: {value:g} is not above 0")
+        require_positive(self, "search_speed", "zero_speed", "acceleration")
         if self.zero_speed > self.search_speed:
             raise InputError(f"zero_speed: {self.zero_speed:g} is above search_speed, {self.search_speed:g}")
 

@@ -7,7 +7,8 @@ from typing import Final
 
 from steptwin.host.common.bad_input import require_positive
 from steptwin.host.common.errors import InputError
-from steptwin.host.robots.homing import JointHoming, JointSwitches
+from steptwin.host.robots.homing import JointHoming
+from steptwin.host.robots.switches import JointSwitches
 from steptwin.host.robots.transmission import Transmission
 
 WIRE_POSITION_MAX: Final = (1 << 31) - 1

@@ -8,11 +8,12 @@ from steptwin.host.common.bad_input import apart, prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Table, toml_table
 from steptwin.host.robots.board_settings import ActiveEdge, BoardSettings
-from steptwin.host.robots.homing import JointHoming, JointSwitches
+from steptwin.host.robots.homing import JointHoming
 from steptwin.host.robots.joint import Joint, Unit
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.output import Output
 from steptwin.host.robots.robot import Robot
+from steptwin.host.robots.switches import JointSwitches
 from steptwin.host.robots.transmission import Transmission
 
 

@@ -7,7 +7,7 @@ import pytest
 from steptwin.host.client import AxisSettings, Machine
 from steptwin.host.common.axis_records import AxisRecords
 from steptwin.host.robots import load_robot
-from steptwin.host.robots.homing import JointSwitches
+from steptwin.host.robots.switches import JointSwitches
 from steptwin.host.twin.embedded_board import EmbeddedBoard, EmbeddedNetwork
 from steptwin.protocol.frame import Frame
 

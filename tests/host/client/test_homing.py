@@ -13,8 +13,8 @@ from steptwin.host.client import AxisSettings, HomingSettings, Machine
 from steptwin.host.common.errors import BusError, DeviceFaultError
 from steptwin.host.operate.homing_settings import homing_settings
 from steptwin.host.robots import load_robot, robot_names
-from steptwin.host.robots.homing import JointSwitches
 from steptwin.host.robots.robot import Robot
+from steptwin.host.robots.switches import JointSwitches
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, Control, ErrorCode, Mode, State

@@ -7,7 +7,8 @@ import pytest
 
 from steptwin.host.operate.homing_settings import homing_settings
 from steptwin.host.robots import load_robot, parse_robot, robot_names
-from steptwin.host.robots.homing import JointHoming, JointSwitches
+from steptwin.host.robots.homing import JointHoming
+from steptwin.host.robots.switches import JointSwitches
 from steptwin.protocol import od
 from tests.host.complaints import complaint_of
 

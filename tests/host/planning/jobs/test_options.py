@@ -17,7 +17,7 @@ from steptwin.host.planning.jobs.options import (
     whole_number,
 )
 from steptwin.host.robots import load_robot, robot_names
-from steptwin.host.robots.homing import JointSwitches
+from steptwin.host.robots.switches import JointSwitches
 from tests.host.complaints import complaint_of
 
 ROBOT = load_robot("warehouse-scara")
