@@ -6,26 +6,27 @@ from dataclasses import dataclass
 import numpy as np
 
 from steptwin.bench.loads import MICROSTEPS, UNITS_PER_STEP
+from steptwin.bench.sdo import sdo_write
 from steptwin.bench.timing import PEAKS_HZ, SINE_HZ, errors_steps, steps_of
 from steptwin.controller.backend import Kernel
 from steptwin.controller.firmware import Firmware
 from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.controller.motion import PinEdges
 from steptwin.host.common.arrays import FloatArray
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, SHUTDOWN, Mode
-from steptwin.protocol.frame import COB_RPDO, COB_SDO_REQUEST, COB_SYNC, FIRST_NODE_ID, Frame
+from steptwin.protocol.frame import COB_NMT, COB_RPDO, COB_SYNC, FIRST_NODE_ID, Frame
 from steptwin.protocol.nmt import NmtCommand
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 PERIODS_MS = (1, 2, 5, 10)
 _MS_COUNTS = COUNTS_PER_SECOND // 1000
 _SETTINGS = (
-    (0x2000, 1, 1, MICROSTEPS),
-    (0x6040, 0, 2, SHUTDOWN),
-    (0x6040, 0, 2, ENABLE_OPERATION),
-    (0x6060, 0, 1, Mode.CYCLIC_SYNCHRONOUS_POSITION),
+    (od.MICROSTEPS, MICROSTEPS),
+    (od.CONTROLWORD, SHUTDOWN),
+    (od.CONTROLWORD, ENABLE_OPERATION),
+    (od.MODE_OF_OPERATION, Mode.CYCLIC_SYNCHRONOUS_POSITION),
 )
-"""For each object: index, sub-index, size in bytes, value."""
 
 
 @dataclass(frozen=True)
@@ -79,21 +80,20 @@ class _Host:
         self._period_counts = period_ms * _MS_COUNTS
         self._firmware = Firmware(kernel, axis_count=1)
         self._firmware.boot(0)
-        self._send(0x000, bytes((NmtCommand.START, FIRST_NODE_ID)))
-        for index, subindex, size, value in (*_SETTINGS, (0x60C2, 1, 1, period_ms)):
-            command = struct.pack("<BHBi", 0x23 | (4 - size) << 2, index, subindex, value)
-            self._send(COB_SDO_REQUEST + FIRST_NODE_ID, command)
+        self._send(Frame(COB_NMT, bytes((NmtCommand.START, FIRST_NODE_ID))))
+        for address, value in (*_SETTINGS, (od.INTERPOLATION_PERIOD, period_ms)):
+            self._send(sdo_write(0, address, value))
 
-    def _send(self, cob_id: int, data: bytes) -> None:
-        self._firmware.receive(Frame(cob_id, data), self.now_counts)
+    def _send(self, frame: Frame) -> None:
+        self._firmware.receive(frame, self.now_counts)
         self._firmware.poll(self.now_counts)
 
     def stream(self, points_units: FloatArray) -> list[PinEdges]:
         """Send a set-point and a SYNC each period, the last point four more times; return all edges."""
         drained: list[PinEdges] = []
         for point_units in [*points_units, *points_units[-1:].repeat(4)]:
-            self._send(COB_RPDO[2] + FIRST_NODE_ID, struct.pack("<i", int(point_units)))
-            self._send(COB_SYNC, b"")
+            self._send(Frame(COB_RPDO[2] + FIRST_NODE_ID, struct.pack("<i", int(point_units))))
+            self._send(Frame(COB_SYNC, b""))
             self._wait(self._period_counts)
             drained += self._firmware.motion.take_edges()
         return drained

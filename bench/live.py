@@ -8,16 +8,20 @@ import can
 import numpy as np
 
 from steptwin.bench.live_server import ROBOT, SERVE, serving
+from steptwin.bench.loads import UNITS_PER_STEP
+from steptwin.bench.sdo import sdo_write
 from steptwin.emulator.can_timing import frame_bits
 from steptwin.host.robots import load_robot
-from steptwin.protocol.cia402 import Mode
-from steptwin.protocol.frame import FIRST_NODE_ID, Frame
+from steptwin.protocol import od
+from steptwin.protocol.cia402 import ENABLE_OPERATION, SHUTDOWN, SWITCH_ON, Mode
+from steptwin.protocol.frame import COB_NMT, COB_SDO_REQUEST, COB_SDO_RESPONSE, FIRST_NODE_ID, Frame
+from steptwin.protocol.nmt import NmtCommand
 
 ROUND_TRIPS = 2000
 MOTION_S = 4.0
-STEP_UNITS = 1024
-_READ_TYPE = Frame(0x600 + FIRST_NODE_ID, bytes.fromhex("4000100000000000"))
-_TYPE = Frame(0x580 + FIRST_NODE_ID, bytes.fromhex("4300100092010400"))
+_READ_TYPE = Frame(COB_SDO_REQUEST + FIRST_NODE_ID, bytes.fromhex("4000100000000000"))
+_TYPE = Frame(COB_SDO_RESPONSE + FIRST_NODE_ID, bytes.fromhex("4300100092010400"))
+"""The device type's request and answer, from which their time on the bus is computed."""
 _TIMEOUT_S = 10.0
 
 
@@ -56,31 +60,29 @@ def _round_trips_us(bus: can.BusABC) -> list[float]:
     return times[ROUND_TRIPS // 10 :]
 
 
-def _write(bus: can.BusABC, axis: int, index: int, value: int) -> None:
-    data = b"\x22" + index.to_bytes(2, "little") + b"\0" + value.to_bytes(4, "little", signed=True)
-    _send(bus, Frame(0x600 + FIRST_NODE_ID + axis, data))
-    _await(bus, 0x580 + FIRST_NODE_ID + axis)
+def _write(bus: can.BusABC, axis: int, address: int, value: int) -> None:
+    _send(bus, sdo_write(axis, address, value))
+    _await(bus, COB_SDO_RESPONSE + FIRST_NODE_ID + axis)
 
 
 def _move_all(bus: can.BusABC) -> None:
     """Move all axes at 1000 steps/s for MOTION_S in profile velocity; their TPDOs report ten times a second."""
     axes = range(len(load_robot(ROBOT).joints))
     for axis in axes:
-        _write(bus, axis, 0x6060, Mode.PROFILE_VELOCITY)
-        for word in (0x06, 0x07, 0x0F):
-            _write(bus, axis, 0x6040, word)
-        _write(bus, axis, 0x60FF, 1000 * STEP_UNITS)
-    _send(bus, Frame(0x000, b"\x01\x00"))
+        _write(bus, axis, od.MODE_OF_OPERATION, Mode.PROFILE_VELOCITY)
+        for word in (SHUTDOWN, SWITCH_ON, ENABLE_OPERATION):
+            _write(bus, axis, od.CONTROLWORD, word)
+        _write(bus, axis, od.TARGET_VELOCITY, 1000 * UNITS_PER_STEP)
+    _send(bus, Frame(COB_NMT, bytes((NmtCommand.START, 0))))  # node 0: all nodes
     time.sleep(MOTION_S)
     for axis in axes:
-        _write(bus, axis, 0x60FF, 0)
+        _write(bus, axis, od.TARGET_VELOCITY, 0)
 
 
 def measure() -> LiveFigures:
     """Measure round trips at rest, then lateness during a motion."""
-    logging.getLogger("can").addHandler(
-        logging.NullHandler()
-    )  # python-can warns of each frame that TCP delivers in two pieces
+    # python-can warns of each frame that TCP delivers in two pieces: silence it.
+    logging.getLogger("can").addHandler(logging.NullHandler())
     with serving(*SERVE) as server:
         with server.client() as bus:
             times_us = _round_trips_us(bus)
