@@ -19,43 +19,7 @@ from steptwin.host.record.folder import ContradictionError, read_edges, read_run
 from steptwin.host.record.folder.edges import write_edges
 from steptwin.host.record.folder.motion import CUBICS_OFF_STEPS, read_motion, write_motion
 from steptwin.host.robots import load_robot
-from steptwin.host.robots.board_settings import ActiveEdge
-from steptwin.host.verify import DriverLimit, DriverViolations, Phases
-from tests.host.verify.motions import altered, expect, motion, perfect_evidence, sines, still
-
-EVIDENCE = altered(
-    perfect_evidence(expect(motion(0.5, sines([(20.0, 3.0, 0.0)]), still(7.5)), 80.0, 10.0)),
-    violations=DriverViolations(
-        (DriverLimit("clk_high", "CLK too short", 30.0, "us", "p. 8"), DriverLimit("hot", "", 170.0, "degC", "p. 9")),
-        np.array([500, 500]),
-        np.array([1, 0], np.int8),
-        np.array([171.5, 29.0]),
-    ),
-    active_edge=ActiveEdge.FALLING,
-    phases=Phases(
-        np.array([100, 200]), np.array([0, 63], np.int8), np.array([0, -1515], np.int16), np.array([3000, 0], np.int16)
-    ),
-)
-
-
-def assert_same(first: object, second: object) -> None:
-    """Dataclasses of numbers and arrays, field by field."""
-    if isinstance(first, np.ndarray):
-        np.testing.assert_array_equal(first, second)
-    elif hasattr(first, "__slots__"):
-        assert type(first) is type(second)
-        for name in first.__slots__:
-            assert_same(getattr(first, name), getattr(second, name))
-    elif isinstance(first, dict):
-        assert isinstance(second, dict)
-        assert list(first) == list(second)
-        assert_same(tuple(first.values()), tuple(second.values()))
-    elif isinstance(first, tuple):
-        assert isinstance(second, tuple)
-        for one, other in zip(first, second, strict=True):
-            assert_same(one, other)
-    else:
-        assert first == second
+from tests.host.record.folder.stored import EVIDENCE, arrays_of, assert_same
 
 
 def test_evidence_comes_back(tmp_path: Path) -> None:
@@ -136,11 +100,6 @@ def test_a_run_comes_back(stored_run: Path) -> None:
 
 
 # --- what cannot be read
-
-
-def arrays_of(path: Path) -> dict[str, Any]:
-    with np.load(path) as stored:
-        return dict(stored)
 
 
 def refusal_of_edges(tmp_path: Path, change: Callable[[dict[str, Any]], object]) -> InputError:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from steptwin.host.record.folder import AxisTotals, EdgeSpool, read_edges
 from steptwin.host.record.folder.edges import PINS, write_edges
 from steptwin.host.verify import AxisEvidence, DriverViolations, Evidence, LevelEdges, Phases
-from tests.host.record.folder.test_folder import EVIDENCE, assert_same
+from tests.host.record.folder.stored import EVIDENCE, assert_same
 
 
 def piece_of(axis: AxisEvidence, from_counts: int, until_counts: int) -> AxisEvidence:

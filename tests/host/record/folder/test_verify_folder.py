@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from steptwin.host.cli.app import run
-from tests.host.record.folder.test_folder import arrays_of
+from tests.host.record.folder.stored import arrays_of
 
 Change = Callable[[dict[str, Any]], None]
 

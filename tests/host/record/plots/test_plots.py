@@ -1,6 +1,5 @@
 """The pictures: that they are drawn for every kind of run, say what they show, and lose no peak."""
 
-import struct
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -33,10 +32,9 @@ from matplotlib.patches import Rectangle
 
 from steptwin.host.record.plots import DEFAULT_PICTURES, PICTURES, Moment, View, write_plots
 from steptwin.host.record.plots.canvas import DOTS_PER_INCH, WIDTH_INCHES, thinned
+from tests.host.record.plots.png import pixels
 
 VIEW = View(1.0, 0.05)
-
-PNG_HEADER = b"\x89PNG\r\n\x1a\n"
 
 
 def swinging() -> Comparison:
@@ -92,15 +90,6 @@ def dense() -> Comparison:
 
 
 RUNS = {run.__name__: run for run in (swinging, standing, single_step, silent, unheard, dense)}
-
-
-def pixels(path: Path) -> tuple[int, int]:
-    """Width and height from a PNG's first chunk."""
-    data = path.read_bytes()
-    assert data[:8] == PNG_HEADER
-    assert data[12:16] == b"IHDR"
-    width, height = struct.unpack(">II", data[16:24])
-    return width, height
 
 
 @pytest.mark.parametrize("run", RUNS)

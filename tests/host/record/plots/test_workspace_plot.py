@@ -13,7 +13,7 @@ pytest.importorskip("matplotlib")
 
 from steptwin.host.record.plots.canvas import DOTS_PER_INCH, WIDTH_INCHES
 from steptwin.host.record.plots.workspace import draw_workspace, write_workspace
-from tests.host.record.plots.test_plots import pixels
+from tests.host.record.plots.png import pixels
 
 
 @cache
