@@ -98,12 +98,12 @@ def trace(
 
 
 def _signals(folder: Path, evidence: "Evidence", robot: "Robot", form: "Format") -> "list[Signal]":
-    from steptwin.host.record.folder.layout import BUS_LOG, existing
+    from steptwin.host.record.folder.layout import BUS_LOG, existing_file
     from steptwin.host.record.waveforms import drive_states, everything, wires
 
     if form.wires_only:
         return wires(evidence)
-    states = drive_states(existing(folder, BUS_LOG), len(evidence.axes))
+    states = drive_states(existing_file(folder, BUS_LOG), len(evidence.axes))
     return everything(evidence, robot, states)
 
 

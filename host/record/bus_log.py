@@ -27,13 +27,13 @@ def read_frames(log: Path) -> Iterator[tuple[int, Frame]]:
     """Yield each frame with its instant in counts since power-up.
 
     Raises:
-        InputError: a line does not have candump's format; the message names file and line.
+        InputError: a line is not in candump's format; the message names file and line.
     """
     with log.open(encoding="ascii", errors="replace") as lines:
         for number, line in enumerate(lines, start=1):
             match = _LINE.fullmatch(line)
             if not match or len(match[4]) % 2:
-                raise InputError(f"{log}: line {number}: is not a frame of candump's")
+                raise InputError(f"{log}: line {number}: is not in candump's format")
             us = int(match[1]) * 1_000_000 + int(match[2])
             yield us * COUNTS_PER_US, Frame(int(match[3], 16), bytes.fromhex(match[4]))
 

@@ -1,4 +1,7 @@
-"""Verification: is what the drivers counted what was planned? Shares no code with the firmware that it judges."""
+"""Verify a run: compare the steps that the drivers counted with the planned motion.
+
+The verifier shares no code with the firmware that it judges.
+"""
 
 from steptwin.host.verify.comparison import Comparison, compare
 from steptwin.host.verify.consistency import contradictions

@@ -1,4 +1,4 @@
-"""Expectation and evidence side by side, axis by axis: what the report and the pictures are made from."""
+"""Put expectation and evidence side by side, axis by axis, for the report and the pictures."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,15 @@ from steptwin.host.verify.oracle import IdealSteps, ideal_steps
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """One run: what was asked for, what happened, and which step answers which crossing, per axis in joint order."""
+    """One run; tuples have an entry for each axis in joint order.
+
+    Attributes:
+        expected: the planned motion.
+        evidence: the pins and the steps that the drivers accepted.
+        ideal: the steps that a perfect board would make.
+        counted: the steps that the drivers accepted, in the trajectory's time.
+        matchings: which accepted step answers which ideal crossing.
+    """
 
     expected: Expectation
     evidence: Evidence
@@ -22,19 +30,19 @@ class Comparison:
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """The axes' names, in the order of all else."""
+        """Names of the axes in joint order."""
         return self.expected.trajectory.joint_names
 
     def timing_errors_us(self, axis: int) -> FloatArray:
-        """How late each step of an axis came, in microseconds, without those at slow crossings."""
+        """Return how late each step of an axis came, in microseconds; steps at slow crossings are left out."""
         return timing_errors_us(self.ideal[axis], self.counted[axis], self.matchings[axis])
 
 
 def compare(expected: Expectation, evidence: Evidence) -> Comparison:
-    """Compute the ideal steps from where the drivers' counters stood at t = 0 and match the accepted ones to them.
+    """Compute the ideal steps from the drivers' counts at t = 0 and match the accepted steps to them.
 
     Raises:
-        ValueError: when the evidence's axes are not the plan's joints in their order.
+        ValueError: the evidence's axes are not the planned joints in the same order.
     """
     names = tuple(axis.name for axis in evidence.axes)
     if names != expected.trajectory.joint_names:

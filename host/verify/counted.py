@@ -1,4 +1,4 @@
-"""The counted motion: a driver's accepted steps as a counter over the trajectory's time."""
+"""Turn a driver's accepted steps into a count over the trajectory's time."""
 
 from dataclasses import dataclass
 
@@ -11,12 +11,12 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 @dataclass(frozen=True, slots=True)
 class CountedSteps:
-    """One axis' accepted steps since the trajectory's t = 0.
+    """Steps of one axis that its driver accepted from the trajectory's t = 0 on.
 
     Attributes:
-        time_s: shape (steps,), the trajectory's time of each.
-        signs: shape (steps,), +1 or -1.
-        counters: shape (steps + 1,), the driver's count before each step, then after the last.
+        time_s: shape (steps,), instant of each step in the trajectory's time.
+        signs: shape (steps,), direction of each step, +1 or -1.
+        counters: shape (steps + 1,), the driver's count before each step and after the last one.
     """
 
     time_s: FloatArray
@@ -34,10 +34,10 @@ class CountedSteps:
         return int(self.counters[-1])
 
     def around(self, t_s: FloatArray) -> Int64Array:
-        """The counts just before each of n sorted instants and just after it, shape (2, n).
+        """Return the counts just before and just after each of n sorted instants, shape (2, n).
 
-        The steps are looked up in the instants, not these in the steps: where the instants are all axes' steps, those
-        of one are far fewer.
+        Search the instants for the steps, not the steps for the instants: the instants are usually the steps of all
+        axes, and one axis has far fewer.
         """
         first, last = np.searchsorted(self.time_s, t_s[0], "left"), np.searchsorted(self.time_s, t_s[-1], "right")
         steps_s = self.time_s[first:last]
@@ -48,7 +48,7 @@ class CountedSteps:
 
 
 def counted_steps(axis: AxisEvidence, start_counts: int) -> CountedSteps:
-    """The steps that belong to the trajectory; earlier ones only set where it starts."""
+    """Return the steps from t = 0 on; earlier steps only set the count at the start."""
     first = int(np.searchsorted(axis.step_counts, start_counts, side="left"))
     signs = axis.step_signs[first:]
     start = axis.start_steps + int(axis.step_signs[:first].sum(dtype=np.int64))

@@ -1,7 +1,7 @@
-"""How far the counted motion is from the planned one, in steps, millimetres and degrees.
+"""Compute how far the counted motion is from the planned one, in steps, millimetres and degrees.
 
-Between two edges the counters stand still, so an error is largest just before an edge, just after one, or where the
-planned motion turns around. Those instants together with both ends therefore give the largest error of all.
+Between two edges the counters stand still. So an error is largest just before an edge, just after one, or where the
+planned motion turns around: these instants and both ends of the motion give the largest error of all.
 """
 
 from collections.abc import Iterator
@@ -16,18 +16,18 @@ from steptwin.host.verify.expectation import Expectation
 from steptwin.host.verify.oracle import IdealSteps
 
 INSTANTS_PER_CHUNK = 16_384
-"""Instants evaluated at once: bounds the memory, whatever the number of steps."""
+"""Number of instants evaluated at once; it bounds the memory for any number of steps."""
 
 
 @dataclass(frozen=True, slots=True)
 class Deviation:
-    """Counted minus planned at n instants, each just before (index 0) and just after (index 1) its edge.
+    """Counted minus planned at n instants, each just before (index 0) and just after (index 1) an edge.
 
     Attributes:
-        t_s: shape (n,), the trajectory's time.
+        t_s: shape (n,), the instants in the trajectory's time.
         steps: shape (2, n, joints), the driver's count minus the planned joint position in steps.
-        tool_mm: shape (2, n, 3), the tool's x, y and z.
-        attitude_deg: shape (2, n), the tool's attitude, in (-180, 180].
+        tool_mm: shape (2, n, 3), deviation of the tool's x, y and z.
+        attitude_deg: shape (2, n), deviation of the tool's attitude, in (-180, 180].
     """
 
     t_s: FloatArray
@@ -37,7 +37,7 @@ class Deviation:
 
     @property
     def distance_mm(self) -> FloatArray:
-        """How far the tool is off, shape (2, n)."""
+        """Distance of the counted tool position from the planned one, shape (2, n)."""
         x_mm, y_mm, z_mm = np.moveaxis(self.tool_mm, -1, 0)
         distance: FloatArray = np.sqrt(x_mm**2 + y_mm**2 + z_mm**2)
         return distance
@@ -46,19 +46,19 @@ class Deviation:
 def critical_instants(
     expected: Expectation, ideal: tuple[IdealSteps, ...], counted: tuple[CountedSteps, ...]
 ) -> FloatArray:
-    """Every accepted edge of every axis, every turning point of the plan, its start and its end."""
+    """Return the sorted instants of every accepted edge, every planned turning point, the start and the end."""
     times = [axis.time_s for axis in counted] + [axis.turning_s for axis in ideal]
     return np.unique(np.concatenate([*times, [0.0, expected.trajectory.duration_s]]))
 
 
 def deviations(expected: Expectation, counted: tuple[CountedSteps, ...], t_s: FloatArray) -> Iterator[Deviation]:
-    """The deviations at sorted instants, in chunks; after its end the plan stands where it ends."""
+    """Yield the deviations at sorted instants, chunk by chunk; after its end the planned motion stays there."""
     for first in range(0, len(t_s), INSTANTS_PER_CHUNK):
         yield _deviation(expected, counted, t_s[first : first + INSTANTS_PER_CHUNK])
 
 
 def _deviation(expected: Expectation, counted: tuple[CountedSteps, ...], t_s: FloatArray) -> Deviation:
-    """Joints are kept in columns, each in one piece: so they are filled, converted and compared most quickly."""
+    """Compute one chunk; each joint's column is contiguous, which makes filling and converting it fastest."""
     planned = np.asfortranarray(expected.trajectory.positions(np.minimum(t_s, expected.trajectory.duration_s)))
     planned_pose = expected.forward(planned)
     counts = np.stack([axis.around(t_s) for axis in counted]).transpose(1, 2, 0)

@@ -1,4 +1,7 @@
-"""What a run leaves behind for the verifier: the pins as the drivers saw them and the steps that they accepted."""
+"""Hold what a run leaves for the verifier: the pins as the drivers saw them and the steps that they accepted.
+
+Every instant is an int64 number of counts of the board's timer since power-up.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,8 +12,6 @@ from numpy.typing import NDArray
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.board_settings import ActiveEdge
 
-"""The board's timer: every instant in the evidence is an int64 number of its counts since boot."""
-
 Int64Array = NDArray[np.int64]
 Int16Array = NDArray[np.int16]
 Int8Array = NDArray[np.int8]
@@ -18,11 +19,11 @@ Int8Array = NDArray[np.int8]
 
 @dataclass(frozen=True, slots=True)
 class LevelEdges:
-    """A pin that is held at a level, low at power-up.
+    """Changes of a pin that is held at a level; the pin is low at power-up.
 
     Attributes:
-        counts: shape (n,), each change, sorted; two at one instant are a pulse too short for the clock.
-        levels: shape (n,), the level after it, 0 or 1.
+        counts: shape (n,), instant of each change, sorted; two changes at one instant are a pulse shorter than a count.
+        levels: shape (n,), level after each change, 0 or 1.
     """
 
     counts: Int64Array
@@ -31,14 +32,14 @@ class LevelEdges:
 
 @dataclass(frozen=True, slots=True)
 class DriverLimit:
-    """What a driver asks for.
+    """A limit that a driver's data sheet or module sets.
 
     Attributes:
-        rule: a short name, for machines.
-        broken: what is wrong where it is broken and what comes of that, for people.
-        limit: its figure.
-        unit: of the figure.
-        source: who says so.
+        rule: short name, for programs.
+        broken: the fault when the limit is broken and its consequence, for people.
+        limit: the limiting value.
+        unit: unit of the limiting value.
+        source: document and place that state the limit.
     """
 
     rule: str
@@ -50,13 +51,13 @@ class DriverLimit:
 
 @dataclass(frozen=True, slots=True)
 class DriverViolations:
-    """Each time that a limit of one driver was broken, in order of time.
+    """Violations of one driver's limits, in order of time.
 
     Attributes:
-        limits: those that there are.
-        counts: shape (n,), when, in counts since boot.
-        which: shape (n,), the index of the limit.
-        values: shape (n,), what there was instead, in the limit's unit.
+        limits: the limits of the driver.
+        counts: shape (n,), instant of each violation.
+        which: shape (n,), index of the broken limit in `limits`.
+        values: shape (n,), value that broke the limit, in the limit's unit.
     """
 
     limits: tuple[DriverLimit, ...]
@@ -67,13 +68,13 @@ class DriverViolations:
 
 @dataclass(frozen=True, slots=True)
 class Phases:
-    """What one driver does with its motor: the values from each instant on, all of shape (n,).
+    """Electrical angle and phase currents that one driver sets, from each instant on; all arrays have shape (n,).
 
     Attributes:
-        counts: when they change, sorted.
-        sixteenths: the field's electrical angle, in sixteenths of a full step from 0 to 63; it grows with DIR low.
-        a_ma: the current that is regulated in phase A, in mA.
-        b_ma: that in phase B.
+        counts: instants of the changes, sorted.
+        sixteenths: electrical angle of the field, in sixteenths of a full step from 0 to 63; it grows with DIR low.
+        a_ma: current to which the driver regulates phase A, in mA.
+        b_ma: current to which the driver regulates phase B, in mA.
     """
 
     counts: Int64Array
@@ -84,23 +85,23 @@ class Phases:
 
 @dataclass(frozen=True, slots=True)
 class AxisEvidence:
-    """One axis: its STEP and DIR pins and its driver's accepted steps, all times in counts since boot, sorted.
+    """Pins of one axis and the steps that its driver accepted; all instants are sorted.
 
-    The board's STEP is the chip's CLK, or its inverse where the falling edge is active.
+    The board's STEP is the chip's CLK, or its inverse if the falling edge is active.
 
     Attributes:
-        name: the joint.
-        start_steps: where the motor stands at power-up, in steps from the joint's zero.
-        clk_rise_counts: shape (pulses,), every rise of STEP, accepted or not.
-        clk_fall_counts: shape (pulses,), the fall that ends each of those pulses.
+        name: name of the joint.
+        start_steps: position of the motor at power-up, in steps from the joint's zero.
+        clk_rise_counts: shape (pulses,), every rise of STEP, whether the driver accepts the pulse or not.
+        clk_fall_counts: shape (pulses,), the fall that ends each pulse.
         active_edge: the edge of STEP with which the chip's CLK rises.
         dir_edge_counts: shape (d,), every change of the DIR pin.
-        dir_levels: shape (d,), the level after each of those changes, 0 or 1.
-        step_counts: shape (steps,), the rises of those pulses that the driver accepted.
-        step_signs: shape (steps,), +1 or -1, the way in which each of them moved the motor.
-        violations: where limits of the driver were broken.
+        dir_levels: shape (d,), level after each change of DIR, 0 or 1.
+        step_counts: shape (steps,), the rises of the pulses that the driver accepted.
+        step_signs: shape (steps,), direction in which each step moved the motor, +1 or -1.
+        violations: violations of the driver's limits.
         phases: electrical angle and currents.
-        pins: the axis' other pins by their names in small letters: `reset`, `enable`, `m1`, ..., `out1`, `out2`.
+        pins: the axis' other pins by lower-case name: `reset`, `enable`, `m1`, ..., `out1`, `out2`.
     """
 
     name: str
@@ -119,7 +120,7 @@ class AxisEvidence:
 
 @dataclass(frozen=True, slots=True)
 class OutputChange:
-    """A digital output takes a level, at an instant in counts since boot."""
+    """Change of a digital output to a level, 0 or 1."""
 
     name: str
     counts: int
@@ -128,7 +129,7 @@ class OutputChange:
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """One run: all axes, and every change of the outputs in order of time.
+    """Evidence of one run: all axes, and every change of the outputs in order of time.
 
     The planned trajectory's t = 0 is the board's instant `start_counts`.
     """

@@ -1,4 +1,4 @@
-"""What a run is verified against: the motion asked for and the machine that was to make it."""
+"""Hold what a run is verified against: the planned motion and the conversions of the robot that makes it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,12 +10,12 @@ from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 
 Forward = Callable[[FloatArray], FloatArray]
-"""Forward kinematics: joints of shape (n, joints) to poses of shape (n, 4): x_mm, y_mm, z_mm, attitude_deg."""
+"""Forward kinematics, from joints of shape (n, joints) to poses of shape (n, 4): x_mm, y_mm, z_mm, attitude_deg."""
 
 
 @dataclass(frozen=True, slots=True)
 class Expectation:
-    """A trajectory with the robot's conversions; everything per joint is in the trajectory's joint order.
+    """A planned motion with the robot's conversions; values per joint are in the trajectory's joint order.
 
     Attributes:
         trajectory: the planned motion.
@@ -24,7 +24,7 @@ class Expectation:
         forward: the robot's forward kinematics.
 
     Raises:
-        ValueError: when the lengths do not agree.
+        ValueError: the lengths do not agree.
     """
 
     trajectory: Trajectory
@@ -34,7 +34,7 @@ class Expectation:
 
     @classmethod
     def of(cls, robot: Robot, trajectory: Trajectory) -> Self:
-        """A motion of a robot."""
+        """Return the expectation for a motion of a robot."""
         units = tuple(joint.unit for joint in robot.joints)
         return cls(trajectory, robot.steps_per_unit, units, make_kinematics(robot).forward)
 

@@ -1,8 +1,9 @@
-"""Which accepted step answers which ideal crossing, and how late it came.
+"""Match accepted steps to ideal crossings, and measure how late each step came.
 
-Where both sides step up and down in the same order, the k-th step answers the k-th crossing. Where they do not, a step
-answers the crossing of its own direction that is nearest in time, if it is also the nearest to that crossing; all
-others on both sides are unmatched. So one lost pulse is one unmatched crossing, however many steps follow it.
+If both sides step up and down in the same order, the k-th step answers the k-th crossing. Otherwise a step answers the
+crossing of its own direction that is nearest in time, if the step is also the nearest one to that crossing; all other
+steps and crossings are unmatched. So one lost pulse is one unmatched crossing, and the steps after it keep their
+partners.
 """
 
 from dataclasses import dataclass
@@ -15,7 +16,9 @@ from steptwin.host.verify.oracle import IdealSteps
 from steptwin.host.verify.roots import IndexArray
 
 SLOW_CROSSING = 0.01
-"""Crossings slower than this part of the axis' fastest have no timing error: near a reversal time is ill-defined."""
+"""Crossings slower than this fraction of the axis' fastest have no timing error: near a reversal a small position
+error shifts the crossing by a long time.
+"""
 
 MICROSECONDS = 1e6
 
@@ -25,9 +28,9 @@ class Matching:
     """Pairs of ideal crossings and accepted steps of one axis.
 
     Attributes:
-        ideal: shape (pairs,), indices of crossings.
-        counted: shape (pairs,), the indices of their steps.
-        unmatched: how many crossings and steps have no partner, together.
+        ideal: shape (pairs,), index of each crossing.
+        counted: shape (pairs,), index of the step that answers it.
+        unmatched: number of crossings and of steps without a partner, added.
     """
 
     ideal: IndexArray
@@ -46,7 +49,7 @@ def match_steps(ideal: IdealSteps, counted: CountedSteps) -> Matching:
 
 
 def timing_errors_us(ideal: IdealSteps, counted: CountedSteps, matching: Matching) -> FloatArray:
-    """How late each matched step came, in order, without those at slow crossings; negative is early."""
+    """Return how late each matched step came, in order; negative is early. Steps at slow crossings are left out."""
     if matching.ideal.size == 0:
         return np.empty(0)
     speeds_hz = ideal.speeds_hz[matching.ideal]
@@ -63,7 +66,7 @@ def _nearest_pairs(ideal: IdealSteps, counted: CountedSteps) -> tuple[IndexArray
 
 
 def _mutual_pairs(ideal: IdealSteps, counted: CountedSteps, sign: int) -> tuple[IndexArray, IndexArray]:
-    """Crossings and steps of one direction that are each other's nearest."""
+    """Pair the crossings and steps of one direction that are each other's nearest."""
     crossings, steps = np.flatnonzero(ideal.signs == sign), np.flatnonzero(counted.signs == sign)
     if crossings.size == 0 or steps.size == 0:
         return crossings[:0], steps[:0]
@@ -74,7 +77,7 @@ def _mutual_pairs(ideal: IdealSteps, counted: CountedSteps, sign: int) -> tuple[
 
 
 def _nearest(times_s: FloatArray, candidates_s: FloatArray) -> IndexArray:
-    """For each time the index of the nearest candidate; the candidates are sorted."""
+    """Return for each time the index of the nearest candidate; the candidates are sorted."""
     right = np.searchsorted(candidates_s, times_s)
     left = np.maximum(right - 1, 0)
     right = np.minimum(right, len(candidates_s) - 1)

@@ -1,11 +1,11 @@
-"""The ideal motion: the instants at which the planned motion itself crosses the step thresholds.
+"""Compute the ideal steps: the instants at which the planned motion itself crosses the step thresholds.
 
-The rule, with H = 1/2 + 1/16 step: a counter n goes up when p(t) >= n + H and down when p(t) <= n - H, where p is the
-planned joint position in steps. It is applied here to the trajectory's own continuous functions. Nothing is shared
-with the firmware that it judges: no integers, no ticks, no chords.
+The step rule, with H = 1/2 + 1/16 step: a counter n goes up when p(t) >= n + H and down when p(t) <= n - H, where p is
+the planned joint position in steps. The oracle applies the rule to the trajectory's own continuous functions. It shares
+nothing with the firmware that it judges: no integers, no ticks, no chords.
 
-The motion is sampled every millisecond, with its turning points solved and added; between two extremes it is then
-monotone and its thresholds are passed in order, each bracketed by two samples; all crossings are solved together.
+The method: sample the motion every millisecond; solve its turning points and add them. Between two extremes the motion
+is then monotone and passes its thresholds in order. Two samples bracket each crossing; solve all crossings together.
 """
 
 from collections.abc import Iterator
@@ -21,33 +21,33 @@ from steptwin.host.verify.evidence import Int8Array
 from steptwin.host.verify.roots import IndexArray, bracketed_roots
 
 HYSTERESIS_STEPS = 1 / 16
-"""How far beyond the middle between two steps a motion must go, so that noise at the middle makes no steps."""
+"""Distance beyond the middle between two steps that a motion must go, so that noise at the middle makes no steps."""
 
 THRESHOLD_STEPS = 1 / 2 + HYSTERESIS_STEPS
-"""H of the step rule: the counter follows as soon as the position is this far away."""
+"""H of the step rule: the counter steps as soon as the position is this far away from it."""
 
 SAMPLES_PER_SECOND = 1000
 SAMPLES_PER_CHUNK = 8192
-"""Samples taken at once: bounds the memory, whatever the length of the trajectory."""
+"""Number of samples taken at once; it bounds the memory for any length of the trajectory."""
 
 CROSSINGS_PER_CHUNK = 65_536
-"""Crossings solved at once, for the same reason."""
+"""Number of crossings solved at once, for the same reason."""
 
 TIME_TOLERANCE_S = 1e-11
 NEGLIGIBLE_OVERSHOOT_STEPS = 1e-9
-"""A turning point that exceeds the samples beside it by less is not solved: it is rounding noise of a joint at rest."""
+"""Smallest overshoot of a turning point over its neighbouring samples; less is rounding noise of a joint at rest."""
 
 
 @dataclass(frozen=True, slots=True)
 class IdealSteps:
-    """One axis' ideal steps, in order.
+    """Ideal steps of one axis, in order of time.
 
     Attributes:
-        start_steps: the counter before the first of them.
-        time_s: shape (steps,), the trajectory's time at each crossing.
-        signs: shape (steps,), +1 or -1.
-        speeds_hz: shape (steps,), how fast the motion passes the threshold, in steps per second, never negative.
-        turning_s: shape (m,), where the position is locally extreme; includes the end.
+        start_steps: the counter before the first step.
+        time_s: shape (steps,), instant of each crossing in the trajectory's time.
+        signs: shape (steps,), direction of each step, +1 or -1.
+        speeds_hz: shape (steps,), speed at which the motion passes the threshold, in steps per second, never negative.
+        turning_s: shape (m,), instants at which the position is locally extreme, and the end.
     """
 
     start_steps: int
@@ -64,7 +64,7 @@ class IdealSteps:
 
 @dataclass(frozen=True, slots=True)
 class _Brackets:
-    """Crossings still to be solved: between low_s and high_s the position in steps passes the threshold."""
+    """Crossings to solve: between low_s and high_s the axis' position in steps passes its threshold."""
 
     axis: IndexArray
     signs: Int8Array
@@ -86,7 +86,7 @@ _NO_BRACKETS = _Brackets(np.empty(0, np.intp), np.empty(0, np.int8), *(np.empty(
 
 
 class _AxisCounter:
-    """The step rule following one axis: its counter, and what it has found so far."""
+    """Follow one axis by the step rule: hold its counter and the crossings found so far."""
 
     def __init__(self, axis: int, start_steps: int) -> None:
         self._axis = axis
@@ -96,24 +96,24 @@ class _AxisCounter:
         self._solved: list[tuple[FloatArray, Int8Array, FloatArray]] = []
 
     def follow(self, t_s: FloatArray, position_steps: FloatArray) -> list[_Brackets]:
-        """The crossings in samples that hold every extreme and begin where the last ones ended."""
+        """Return the crossings in samples that contain every extreme and begin where the last samples ended."""
         extremes = _extremes(position_steps)
         self._turning_s.append(t_s[extremes[1:]])
-        bounds = [0, *extremes.tolist()]  # an empty first run: a start beyond a threshold steps at once
+        bounds = [0, *extremes.tolist()]  # the empty first run steps at once if the start is beyond a threshold
         runs = (self._run(t_s, position_steps, first, last) for first, last in pairwise(bounds))
         return [run for run in runs if run is not None]
 
     def keep(self, time_s: FloatArray, signs: Int8Array, speeds_hz: FloatArray) -> None:
-        """Remember crossings that have been solved."""
+        """Store solved crossings."""
         self._solved.append((time_s, signs, speeds_hz))
 
     def steps(self) -> IdealSteps:
-        """All that was found."""
+        """Return all steps found."""
         time_s, signs, speeds_hz = (np.concatenate(parts) for parts in zip(*self._solved, strict=True))
         return IdealSteps(self._start_steps, time_s, signs, speeds_hz, np.concatenate(self._turning_s))
 
     def _run(self, t_s: FloatArray, position_steps: FloatArray, first: int, last: int) -> _Brackets | None:
-        """The crossings in the monotone run of samples from first to last, both included."""
+        """Return the crossings in the monotone run of samples from first to last, both included; None without any."""
         distance_steps = float(position_steps[last]) - self._counter
         if abs(distance_steps) < THRESHOLD_STEPS:
             return None
@@ -138,16 +138,16 @@ class _AxisCounter:
 def ideal_steps(
     trajectory: Trajectory, steps_per_unit: FloatArray, start_steps: tuple[int, ...]
 ) -> tuple[IdealSteps, ...]:
-    """Every axis' ideal steps, their times solved to 0.1 ns or better.
+    """Return every axis' ideal steps, their instants solved to 0.1 ns or better.
 
     Args:
         trajectory: the planned motion.
-        steps_per_unit: shape (joints,), steps per mm or degree; a negative one turns the count around.
-        start_steps: each axis' counter at t = 0. One that is beyond a threshold from the planned start makes its
-            steps at t = 0.
+        steps_per_unit: shape (joints,), steps per mm or degree; a negative value reverses the count.
+        start_steps: each axis' counter at t = 0. A counter beyond a threshold from the planned start makes its steps
+            at t = 0.
 
     Raises:
-        ValueError: when a planned position is not finite.
+        ValueError: a planned position is not finite.
     """
     counters = [_AxisCounter(axis, start) for axis, start in enumerate(start_steps)]
     for grid_s in _grids(trajectory.duration_s):
@@ -164,7 +164,7 @@ def ideal_steps(
 
 
 def _grids(duration_s: float) -> Iterator[FloatArray]:
-    """The sample times, in chunks that share their ends."""
+    """Yield the sample times in chunks; each chunk begins with the last time of the chunk before."""
     samples = max(1, ceil(duration_s * SAMPLES_PER_SECOND))
     for first in range(0, samples, SAMPLES_PER_CHUNK):
         last = min(first + SAMPLES_PER_CHUNK, samples)
@@ -174,7 +174,7 @@ def _grids(duration_s: float) -> Iterator[FloatArray]:
 def _samples(
     trajectory: Trajectory, steps_per_unit: FloatArray, grid_s: FloatArray
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Per axis the times and positions in steps on the grid and at the turning points between."""
+    """Yield for each axis the times and positions in steps, on the grid and at the turning points between."""
     position_steps = trajectory.positions(grid_s) * steps_per_unit
     velocity_hz = trajectory.velocities(grid_s) * steps_per_unit
     _check_finite(trajectory, grid_s, position_steps)
@@ -210,7 +210,7 @@ def _check_finite(trajectory: Trajectory, grid_s: FloatArray, position_steps: Fl
 
 
 def _turning_cells(velocity_hz: FloatArray) -> tuple[IndexArray, IndexArray]:
-    """Cell and axis of every turning point that lies between two samples of shape (n, axes)."""
+    """Return cell and axis of every turning point between two of n samples; velocity_hz has shape (n, axes)."""
     before, after = velocity_hz[:-1], velocity_hz[1:]
     overshoot_steps = np.minimum(np.abs(before), np.abs(after)) / SAMPLES_PER_SECOND
     cell, axis = np.nonzero((before * after < 0.0) & (overshoot_steps > NEGLIGIBLE_OVERSHOOT_STEPS))
@@ -218,7 +218,7 @@ def _turning_cells(velocity_hz: FloatArray) -> tuple[IndexArray, IndexArray]:
 
 
 def _extremes(position_steps: FloatArray) -> IndexArray:
-    """Where samples turn around, with the first and the last: between two of them they are monotone."""
+    """Return the indices of the first sample, each turning point and the last: samples between two are monotone."""
     slopes = np.sign(np.diff(position_steps))
     moving = np.flatnonzero(slopes)
     turning = moving[:-1][slopes[moving[:-1]] != slopes[moving[1:]]] + 1
@@ -226,7 +226,7 @@ def _extremes(position_steps: FloatArray) -> IndexArray:
 
 
 def _solve(trajectory: Trajectory, steps_per_unit: FloatArray, brackets: _Brackets) -> tuple[FloatArray, FloatArray]:
-    """Time and speed of every crossing."""
+    """Return instant and speed of every crossing."""
     time_s = np.empty(len(brackets.axis))
     speeds_hz = np.empty(len(brackets.axis))
     for first in range(0, len(time_s), CROSSINGS_PER_CHUNK):
@@ -254,6 +254,6 @@ def _solve_part(
 
 
 def _pick(values: FloatArray, axis: IndexArray) -> FloatArray:
-    """From each row of shape (n, axes) the value of that row's axis, shape (n,)."""
+    """Return from each row of values, shape (n, axes), the value of the row's own axis, shape (n,)."""
     picked: FloatArray = values[np.arange(len(axis)), axis]
     return picked

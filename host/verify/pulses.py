@@ -1,4 +1,4 @@
-"""What the pins and the driver alone say about one axis, without any plan."""
+"""Measure one axis from its pins and its driver's steps alone, without any plan."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -11,9 +11,9 @@ from steptwin.protocol.timer import COUNTS_PER_US
 
 
 class ClkDurations(NamedTuple):
-    """How long the chip's CLK is high, is low, and takes from one rise to the next, in counts and in order of time.
+    """Durations of the chip's CLK high, low, and from one rise to the next, in counts and in order of time.
 
-    As the drivers' limits have it: with the falling edge active, CLK is high while the board's STEP is low.
+    They compare with the drivers' limits: if the falling edge is active, CLK is high while the board's STEP is low.
     """
 
     high_counts: Int64Array
@@ -26,13 +26,13 @@ class PulseFacts:
     """Figures of one axis' whole evidence.
 
     Attributes:
-        pulses: on STEP, accepted or not.
-        reversals: how often an accepted step goes against the one before it.
-        peak_rate_hz: the inverse of the smallest interval between two accepted steps that follow each other the same
-            way; 0.0 without such a pair. A step count per sample would overstate it by up to one over the sample time.
-        mean_step_interval_us: from the first accepted step to the last, per step; None with fewer than two.
-        clk_high_us_min: how long the chip's CLK is high, at least; None where the record has not both ends of any.
-        clk_low_us_min: how long it is low, in the same way.
+        pulses: number of pulses on STEP, accepted or not.
+        reversals: number of accepted steps whose direction differs from the step before.
+        peak_rate_hz: inverse of the smallest interval between two successive accepted steps of the same direction;
+            0.0 without such a pair. A step count per sample would overstate it by up to one over the sample time.
+        mean_step_interval_us: mean interval from the first accepted step to the last; None with fewer than two steps.
+        clk_high_us_min: shortest time that the chip's CLK is high; None if the record has no complete high time.
+        clk_low_us_min: shortest time that the chip's CLK is low; None if the record has no complete low time.
     """
 
     pulses: int
@@ -44,7 +44,7 @@ class PulseFacts:
 
 
 def pulse_facts(axis: AxisEvidence) -> PulseFacts:
-    """Measure one axis."""
+    """Measure one axis' whole evidence."""
     same_way = axis.step_signs[1:] == axis.step_signs[:-1]
     intervals_counts = np.diff(axis.step_counts)
     clk = clk_durations(axis)
@@ -60,7 +60,7 @@ def pulse_facts(axis: AxisEvidence) -> PulseFacts:
 
 
 def clk_durations(axis: AxisEvidence) -> ClkDurations:
-    """Those of which the record has both ends."""
+    """Return the durations of which the record has both ends."""
     rises, falls = axis.clk_rise_counts, axis.clk_fall_counts
     pulses_counts, pauses_counts = falls - rises, rises[1:] - falls[:-1]
     if axis.active_edge is ActiveEdge.FALLING:

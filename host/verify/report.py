@@ -1,4 +1,4 @@
-"""The report of a run: plain figures, whether it passed, and if not, why; its keys are a contract with its readers."""
+"""Report a run in plain figures, with the reasons if it failed; the keys are a contract with the report's readers."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -7,12 +7,12 @@ from steptwin.host.verify.switching import OutputReport
 from steptwin.host.verify.violations import ViolationReport
 
 SIGNIFICANT_DIGITS = 9
-"""To which floats are written: short enough to read, and an error of any size remains visible."""
+"""Number of significant digits of a float: short enough to read, and an error of any size remains visible."""
 
 
 @dataclass(frozen=True, slots=True)
 class BusReport:
-    """Traffic of the run on the bus."""
+    """Traffic on the bus: bit rate in bit/s, number of frames, and load as a percentage of the bit rate."""
 
     bitrate: int
     frames: int
@@ -21,7 +21,7 @@ class BusReport:
 
 @dataclass(frozen=True, slots=True)
 class RunInfo:
-    """What the verifier cannot know of a run: names, traffic, and how long it took on the board and on the wall."""
+    """Facts of a run that the verifier cannot compute: names, traffic, simulated time and wall-clock time."""
 
     robot: str
     job: str
@@ -33,28 +33,30 @@ class RunInfo:
 
 @dataclass(frozen=True, slots=True)
 class AxisReport:
-    """One axis of a run. None stands for what an axis without pulses does not have; its timing errors are 0.0.
+    """Figures of one axis. A figure that needs pulses is None without them; timing errors are 0.0 then.
 
     Attributes:
-        name: the joint.
+        name: name of the joint.
         steps_start: the driver's count at t = 0, in steps from the joint's zero.
         steps_end: the driver's count after its last step.
-        pulses: on STEP, accepted or not.
-        reversals: how often an accepted step goes against the one before it.
-        peak_rate_hz: the inverse of the smallest interval between accepted steps that follow each other the same way.
-        position_error_steps_max: the largest |count - planned position| at any instant from the start of the motion.
-        timing_error_us_p50: median of |accepted edge - ideal crossing|, crossings below 1 % of the peak rate left out.
-        timing_error_us_p99: its 99th percentile.
-        timing_error_us_max: its maximum.
-        clk_high_us_min: how long the driver chip's CLK is high, at least: a pulse on STEP, or a pause between two of
-            them where `active_edge` is falling.
-        clk_low_us_min: how long it is low, at least: the other one of these.
-        violations: how often limits of the driver were broken, all together.
-        unmatched_steps: ideal crossings without a step and steps without a crossing, together.
-        grazing_steps: such steps where the motion turns around within the tolerance of a threshold, so that stepping
-            and not stepping are both right; they are not counted as unmatched.
-        threshold_error_steps_max: how far from its threshold the planned position was when a step was made, at most.
-        mean_step_interval_us: from the first accepted step to the last, per step.
+        pulses: number of pulses on STEP, accepted or not.
+        reversals: number of accepted steps whose direction differs from the step before.
+        peak_rate_hz: inverse of the smallest interval between two successive accepted steps of the same direction.
+        position_error_steps_max: largest |count - planned position| at any instant from the start of the motion.
+        timing_error_us_p50: median of |accepted edge - ideal crossing|, without crossings below 1 % of the peak rate.
+        timing_error_us_p99: 99th percentile of the same errors.
+        timing_error_us_max: maximum of the same errors.
+        clk_high_us_min: shortest time that the driver chip's CLK is high: a pulse on STEP, or a pause between two
+            pulses if `active_edge` is falling.
+        clk_low_us_min: shortest time that CLK is low: a pause between two pulses on STEP, or a pulse if `active_edge`
+            is falling.
+        violations: number of violations of the driver's limits.
+        unmatched_steps: number of ideal crossings without a step and of steps without a crossing, added.
+        grazing_steps: unmatched steps where the motion turns around within the tolerance of a threshold, so that
+            stepping and not stepping are both right; they do not count as unmatched.
+        threshold_error_steps_max: largest distance of the planned position from the threshold of a step when the step
+            was made.
+        mean_step_interval_us: mean interval from the first accepted step to the last.
         active_edge: "rising" or "falling", the edge of the board's STEP with which the chip's CLK rises.
     """
 
@@ -80,7 +82,7 @@ class AxisReport:
 
 @dataclass(frozen=True, slots=True)
 class JointsReport:
-    """Joint positions in mm and degrees as the drivers counted them, at t = 0 and at the end."""
+    """Joint positions at t = 0 and at the end, in mm and degrees, from the drivers' counts."""
 
     names: tuple[str, ...]
     start: tuple[float, ...]
@@ -89,9 +91,9 @@ class JointsReport:
 
 @dataclass(frozen=True, slots=True)
 class ToolReport:
-    """The counted tool pose against the planned one, just before and just after every step edge of any axis.
+    """Deviation of the counted tool pose from the planned one, just before and just after every step of any axis.
 
-    The rms is over these instants, not over time: where steps are dense it weighs more.
+    The rms is over these instants, not over time: parts of the motion with dense steps weigh more.
     """
 
     position_error_mm_max: float
@@ -105,12 +107,12 @@ class Report:
 
     Attributes:
         run: names, traffic and times.
-        reasons: one line for each thing that failed, naming axis, value and limit; empty when the run passed.
-        axes: the figures per axis in joint order.
-        joints: where the joints started and ended.
-        tool: how far the tool was off.
-        outputs: the planned changes of digital outputs, and when each was made.
-        violations: the limits of the drivers that were broken.
+        reasons: one line for each failed check, naming axis, value and limit; empty if the run passed.
+        axes: figures of each axis in joint order.
+        joints: joint positions at start and end.
+        tool: deviation of the tool.
+        outputs: each planned change of a digital output, with the time at which it was made.
+        violations: the drivers' limits that were broken.
     """
 
     run: RunInfo
@@ -123,11 +125,11 @@ class Report:
 
     @property
     def passed(self) -> bool:
-        """Whether nothing failed."""
+        """True if no check failed."""
         return not self.reasons
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain Python values under the keys of `run --json`, floats to nine significant digits."""
+        """Return plain Python values under the keys of `run --json`, floats to nine significant digits."""
         return {
             "robot": self.run.robot,
             "job": self.run.job,
@@ -146,7 +148,7 @@ class Report:
 
 
 def _plain(value: Any) -> Any:
-    """The same value for a JSON document."""
+    """Return the value in types that JSON knows."""
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, tuple | list):

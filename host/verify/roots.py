@@ -1,7 +1,7 @@
-"""Roots of many functions at once, each inside its own bracket, without derivatives.
+"""Solve roots of many functions at once, each inside its own bracket, without derivatives.
 
-Chandrupatla's method: inverse quadratic interpolation where three points promise that it converges, bisection where
-they do not. A smooth function costs about five evaluations, any continuous one hardly more than bisection.
+Chandrupatla's method interpolates inversely quadratically if three points promise convergence, and bisects otherwise. A
+smooth function costs about five evaluations, any continuous function hardly more than bisection.
 
 Source: T. R. Chandrupatla, "A new hybrid quadratic/bisection algorithm for finding the zero of a nonlinear function
 without using derivatives", Advances in Engineering Software 28 (1997) 145-149.
@@ -17,7 +17,7 @@ from steptwin.host.common.arrays import FloatArray
 IndexArray = NDArray[np.intp]
 
 Functions = Callable[[FloatArray, IndexArray], FloatArray]
-"""Values at abscissae of shape (m,); the second argument says which of the n functions each of them is for."""
+"""Return values at abscissae of shape (m,); the second argument holds the index of the function for each abscissa."""
 
 MAX_EVALUATIONS = 200
 
@@ -30,10 +30,10 @@ def bracketed_roots(
     f_high: FloatArray,
     tolerance: float,
 ) -> FloatArray:
-    """The root of each of n functions, shape (n,), to within twice the tolerance.
+    """Return the root of each of n functions, shape (n,), to within twice the tolerance.
 
-    All arguments have shape (n,). The signs of f_low and f_high differ, or one of them is 0; an empty bracket
-    (low == high) is its own root.
+    All arrays have shape (n,). The signs of f_low and f_high differ, or one of them is 0. The root of an empty bracket
+    (low == high) is the bracket itself.
     """
     roots = np.where(f_low == 0.0, low, high)
     which = np.flatnonzero((f_low != 0.0) & (f_high != 0.0) & (low < high))
@@ -59,7 +59,7 @@ def bracketed_roots(
 def _next_fraction(
     a: FloatArray, b: FloatArray, c: FloatArray, f_a: FloatArray, f_b: FloatArray, f_c: FloatArray
 ) -> FloatArray:
-    """Where to look next, as a fraction of the way from a to b: interpolated if that is safe, else the middle."""
+    """Return the next abscissa as a fraction of the way from a to b: interpolated if that is safe, else the middle."""
     xi = (a - b) / (c - b)
     phi = (f_a - f_b) / (f_c - f_b)
     safe = (phi**2 < xi) & ((1.0 - phi) ** 2 < 1.0 - xi)

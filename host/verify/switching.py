@@ -1,4 +1,4 @@
-"""Digital outputs: did each change when the plan wanted it, while the machine stood still, and nothing else?"""
+"""Verify digital outputs: each planned change was made within its time, in the planned order, and no other change."""
 
 from dataclasses import dataclass
 from itertools import zip_longest
@@ -10,14 +10,14 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 @dataclass(frozen=True, slots=True)
 class OutputReport:
-    """One planned change of an output.
+    """One planned change of an output; times are the trajectory's.
 
     Attributes:
-        name: of the output.
-        on: the level that it was to take.
-        from_s: when it might change, as time of the motion.
-        until_s: when it must have changed.
-        changed_s: when it did; None if it did not.
+        name: name of the output.
+        on: the planned level.
+        from_s: earliest time of the change.
+        until_s: latest time of the change.
+        changed_s: time of the change on the board; None if the board did not make it.
     """
 
     name: str
@@ -28,12 +28,12 @@ class OutputReport:
 
     @property
     def in_time(self) -> bool:
-        """Whether it changed within its time."""
+        """True if the output changed between `from_s` and `until_s`."""
         return self.changed_s is not None and self.from_s <= self.changed_s <= self.until_s
 
 
 def output_reports(planned: tuple[Switching, ...], evidence: Evidence) -> tuple[OutputReport, ...]:
-    """Each planned change with the next one, of any output, that the board made."""
+    """Return a report for each planned change: the k-th planned change is compared with the k-th change made."""
     made = _made(planned, evidence)
     return tuple(
         OutputReport(switching.output, switching.on, switching.from_s, switching.until_s, changed_s)
@@ -42,7 +42,7 @@ def output_reports(planned: tuple[Switching, ...], evidence: Evidence) -> tuple[
 
 
 def output_reasons(reports: tuple[OutputReport, ...], evidence: Evidence) -> list[str]:
-    """Why the outputs fail, one line each."""
+    """Return one line for each output that fails, and one if the board made changes that were not planned."""
     reasons = [
         f"{report.name}: switched {'on' if report.on else 'off'} {_when(report.changed_s)}"
         f" (planned from {report.from_s:.3f} to {report.until_s:.3f} s)"
@@ -56,7 +56,7 @@ def output_reasons(reports: tuple[OutputReport, ...], evidence: Evidence) -> lis
 
 
 def _made(planned: tuple[Switching, ...], evidence: Evidence) -> list[float | None]:
-    """When each planned change was made: they must come in the order of the plan, or count as not made."""
+    """Return the time at which each planned change was made; None if another change or none is in its place."""
     made: list[float | None] = []
     for switching, change in zip_longest(planned, evidence.outputs):
         if switching is None:

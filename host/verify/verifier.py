@@ -1,9 +1,9 @@
-"""The verdict: the counted motion held against the plan and against the step rule itself.
+"""Judge a run: compare the counted motion with the planned one and with the step rule.
 
-A correct board may differ from the ideal step sequence only where the motion turns around so near a threshold that its
-rounding decides. Such grazing steps are recognised by the rule itself: as long as the count never strays further from
-the plan than the threshold plus the tolerance, and no step is made further from its threshold than the tolerance, the
-count is a right answer to the plan.
+A correct board differs from the ideal step sequence only at a grazing step: the motion turns around so near a threshold
+that rounding decides. The step rule itself tells grazing steps from lost ones. The count follows the rule if it is
+never further from the planned position than the threshold plus the tolerance, and if no step is made further from its
+threshold than the tolerance.
 """
 
 from dataclasses import dataclass
@@ -22,15 +22,17 @@ from steptwin.host.verify.switching import output_reasons, output_reports
 from steptwin.host.verify.violations import violation_reports
 
 THRESHOLD_TOLERANCE_STEPS = 0.0075
-"""How far from its threshold a step may be made: several times what the board's wire units, cubics and chords cost."""
+"""Largest distance from its threshold at which a step may be made: several times the error of the board's wire units,
+cubics and chords.
+"""
 
 POSITION_ERROR_LIMIT_STEPS = THRESHOLD_STEPS + THRESHOLD_TOLERANCE_STEPS
-"""0.57: a perfect counter is up to H = 0.5625 step away when it steps; the rest is the tolerance."""
+"""0.57: a perfect counter is up to H = 0.5625 step away when it steps; the tolerance is the rest."""
 
 
 @dataclass(slots=True)
 class _Worst:
-    """The largest errors so far, per axis and of the tool."""
+    """Largest errors so far, of each axis and of the tool."""
 
     position_steps: FloatArray
     threshold_steps: FloatArray
@@ -40,7 +42,7 @@ class _Worst:
     poses: int = 0
 
     def take(self, deviation: Deviation) -> None:
-        """Include some more instants."""
+        """Include the instants of a chunk."""
         before, after = deviation.steps
         signs = np.sign(after - before)
         beyond = np.where(signs != 0, np.abs(-signs * before - THRESHOLD_STEPS), 0.0)
@@ -57,16 +59,16 @@ class _Worst:
 
 
 def verify(expected: Expectation, evidence: Evidence, run: RunInfo) -> Report:
-    """Compare what the drivers counted with what was planned.
+    """Compare the drivers' counts with the planned motion and return the report.
 
     Raises:
-        ValueError: when the evidence's axes are not the plan's joints in their order.
+        ValueError: the evidence's axes are not the planned joints in the same order.
     """
     return verify_comparison(compare(expected, evidence), run)
 
 
 def verify_comparison(comparison: Comparison, run: RunInfo) -> Report:
-    """The report of a comparison that is at hand already, as for the pictures."""
+    """Return the report of a comparison that exists already."""
     worst = _worst(comparison)
     axes = tuple(_axis_report(comparison, i, worst) for i in range(len(comparison.joint_names)))
     ends = [ideal.end_steps for ideal in comparison.ideal]
@@ -92,7 +94,7 @@ def _axis_report(comparison: Comparison, axis: int, worst: _Worst) -> AxisReport
     position_steps = float(worst.position_steps[axis])
     threshold_steps = float(worst.threshold_steps[axis])
     unmatched = comparison.matchings[axis].unmatched
-    lawful = _lawful(position_steps, threshold_steps)
+    follows_rule = _follows_step_rule(position_steps, threshold_steps)
     late_us = np.abs(comparison.timing_errors_us(axis))
     p50_us, p99_us, max_us = np.percentile(late_us, [50, 99, 100]).tolist() if late_us.size else [0.0] * 3
     return AxisReport(
@@ -109,23 +111,23 @@ def _axis_report(comparison: Comparison, axis: int, worst: _Worst) -> AxisReport
         clk_high_us_min=facts.clk_high_us_min,
         clk_low_us_min=facts.clk_low_us_min,
         violations=evidence.violations.counts.size,
-        unmatched_steps=0 if lawful else unmatched,
-        grazing_steps=unmatched if lawful else 0,
+        unmatched_steps=0 if follows_rule else unmatched,
+        grazing_steps=unmatched if follows_rule else 0,
         threshold_error_steps_max=threshold_steps,
         mean_step_interval_us=facts.mean_step_interval_us,
         active_edge=evidence.active_edge.value,
     )
 
 
-def _lawful(position_steps: float, threshold_steps: float) -> bool:
-    """Whether the count follows the step rule within the tolerance; a NaN does not."""
+def _follows_step_rule(position_steps: float, threshold_steps: float) -> bool:
+    """Return whether the count follows the step rule within the tolerance; False for NaN."""
     return position_steps <= POSITION_ERROR_LIMIT_STEPS and threshold_steps <= THRESHOLD_TOLERANCE_STEPS
 
 
 def _reasons(axis: AxisReport, planned_end_steps: int) -> list[str]:
-    """Why an axis fails, one line each."""
+    """Return one line for each reason why an axis fails."""
     position_steps, threshold_steps = axis.position_error_steps_max, axis.threshold_error_steps_max
-    wrong_end = axis.steps_end != planned_end_steps and not _lawful(position_steps, threshold_steps)
+    wrong_end = axis.steps_end != planned_end_steps and not _follows_step_rule(position_steps, threshold_steps)
     checks = (
         (axis.violations > 0, f"driver violations {axis.violations} (limit 0)"),
         (axis.unmatched_steps > 0, f"unmatched steps {axis.unmatched_steps} (limit 0)"),

@@ -1,4 +1,4 @@
-"""Broken limits of the drivers, grouped: one report for each axis and limit."""
+"""Group violations of the drivers' limits: one report for each axis and limit."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,18 +11,18 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 @dataclass(frozen=True, slots=True)
 class ViolationReport:
-    """One limit of one axis' driver, broken at least once.
+    """A limit of one axis' driver that was broken at least once.
 
     Attributes:
-        axis: the joint.
-        rule: a short name, for machines.
-        broken: what was wrong and what came of that, for people.
-        count: how often.
-        worst: the value that is furthest from the limit.
-        limit: the limit.
-        unit: of both.
-        first_s: when it was broken for the first time, in the trajectory's time; negative is before its start.
-        source: who says so.
+        axis: name of the joint.
+        rule: short name of the limit, for programs.
+        broken: the fault and its consequence, for people.
+        count: number of violations.
+        worst: the value furthest from the limit.
+        limit: the limiting value.
+        unit: unit of `worst` and `limit`.
+        first_s: time of the first violation in the trajectory's time; negative before the motion's start.
+        source: document and place that state the limit.
     """
 
     axis: str
@@ -37,7 +37,7 @@ class ViolationReport:
 
 
 def violation_reports(evidence: Evidence) -> tuple[ViolationReport, ...]:
-    """In the order of axes, and for each in the order of its limits."""
+    """Return the violations of every axis in order, and of each axis in the order of its limits."""
     return tuple(report for axis in evidence.axes for report in _of_axis(axis, evidence.start_counts))
 
 

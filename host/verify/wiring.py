@@ -1,4 +1,4 @@
-"""What is wired to the board's outputs: from the pins of the axes to the outputs that a robot's file names."""
+"""Turn changes of output pins into changes of the outputs that a robot's file names."""
 
 from collections.abc import Sequence
 
@@ -7,7 +7,7 @@ from steptwin.host.verify import AxisEvidence, OutputChange
 
 
 def output_changes(robot: Robot, axes: Sequence[AxisEvidence]) -> tuple[OutputChange, ...]:
-    """Every change of the robot's outputs in order of time; a pin that nothing is wired to is left out."""
+    """Return every change of the robot's outputs in order of time; pins without a named output are left out."""
     pins = {axis.name: axis.pins for axis in axes}
     changes = [
         OutputChange(name, counts, level)

@@ -183,7 +183,7 @@ class TestTrace:
 
     def test_no_folder(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         for command, first in (("trace", "edges.npz"), ("plot", "report.json"), ("verify", "report.json")):
-            assert refusal(capsys, command, str(tmp_path / "x")) == f"{tmp_path / 'x'}: is no folder of a run"
+            assert refusal(capsys, command, str(tmp_path / "x")) == f"{tmp_path / 'x'}: is not a folder of a run"
             assert refusal(capsys, command, str(tmp_path)) == f"{tmp_path / first}: is missing"
 
     def test_needs_neither_report_nor_plan(self, carry_run: Path, tmp_path: Path) -> None:
@@ -234,7 +234,7 @@ class TestPlot:
         for name in ("joints.svg", "timing.svg"):
             assert (live / name).read_bytes() == (tmp_path / name).read_bytes()
         own = refusal(capsys, "plot", str(carry_run), "--plan", str(carry_run))
-        assert own.endswith(" has its own; another one is for a live board's folder")
+        assert own.endswith(" has a plan; only a live board's folder takes another")
 
     @pytest.mark.parametrize(
         ("words", "message"),

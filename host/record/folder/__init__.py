@@ -1,4 +1,7 @@
-"""The folder that `--out DIR` leaves: writing it, reading it, and verifying a run again from its files alone."""
+"""Write the folder of a run, read it, and verify the run again from its files alone.
+
+`layout` names the files, `writing` writes them all, `reading` makes plan and evidence of them, `verdict` judges them.
+"""
 
 from steptwin.host.record.folder.edges import AxisTotals, read_edges
 from steptwin.host.record.folder.layout import (

@@ -1,4 +1,4 @@
-"""The arrays of an .npz file by key, each checked for kind, shape and order before anybody uses it."""
+"""Read the arrays of an .npz file by key, and check kind, shape and order of each."""
 
 import zlib
 from enum import StrEnum
@@ -17,13 +17,17 @@ from steptwin.host.verify.evidence import Int8Array, Int16Array, Int64Array
 Choice = TypeVar("Choice", bound=StrEnum)
 
 UNREADABLE: Final = (BadZipFile, EOFError, OSError, ValueError, zlib.error)
-"""What numpy raises for a file that is none of its own, or is damaged."""
+"""Exceptions of numpy for a file that is damaged or not an .npz file."""
 
 
 class Arrays:
-    """The file's arrays by key, each checked for kind and shape; what is wrong is said with the key in front."""
+    """Checked access to the file's arrays.
 
-    def __init__(self, stored: Any) -> None:  # NpzFile, whose type numpy gives no name for its values
+    Each method takes a key and raises InputError if the array is missing or has another kind or shape, and
+    ContradictionError if its values do not fit another array; the message begins with the key.
+    """
+
+    def __init__(self, stored: Any) -> None:  # an NpzFile, whose values have no type
         self._stored = stored
 
     def integer(self, key: str) -> int:
@@ -43,25 +47,25 @@ class Arrays:
         if value.ndim != 0 or value.dtype.kind != "U":
             raise InputError(f"{key}: is not one text")
         if str(value) not in list(choices):
-            raise InputError(f"{key}: {str(value)!r} is none of {', '.join(choices)}")
+            raise InputError(f"{key}: {str(value)!r} is not one of {', '.join(choices)}")
         return choices(str(value))
 
-    def counts(self, key: str) -> Int64Array:
-        """Instants: sorted, none before power-up."""
+    def instants(self, key: str) -> Int64Array:
+        """Return sorted instants, in counts since power-up."""
         values = self._integers(key).astype(np.int64, copy=False)
         if values.size and (values[0] < 0 or (np.diff(values) < 0).any()):
             raise ContradictionError(f"{key}: the instants are not in order of time")
         return values
 
-    def signs(self, key: str, choices: tuple[int, int], like: str, length: int) -> Int8Array:
-        """One of two numbers for each element of another array."""
-        values = self.small(key, choices, like, length).astype(np.int8)
+    def one_of_two(self, key: str, choices: tuple[int, int], like: str, length: int) -> Int8Array:
+        """Return one of two numbers for each of the `length` elements of the array `like`."""
+        values = self.bounded(key, choices, like, length).astype(np.int8)
         if not np.isin(values, choices).all():
-            raise ContradictionError(f"{key}: holds other numbers than {choices[0]} and {choices[1]}")
+            raise ContradictionError(f"{key}: contains other numbers than {choices[0]} and {choices[1]}")
         return values
 
-    def small(self, key: str, bounds: tuple[int, int], like: str, length: int) -> Int16Array:
-        """A whole number within bounds for each element of another array."""
+    def bounded(self, key: str, bounds: tuple[int, int], like: str, length: int) -> Int16Array:
+        """Return a whole number within bounds for each of the `length` elements of the array `like`."""
         values = self._integers(key)
         _check_length(key, values, like, length)
         if values.size and not bounds[0] <= values.min() <= values.max() <= bounds[1]:
@@ -71,7 +75,7 @@ class Arrays:
         return values.astype(np.int16)
 
     def numbers(self, key: str, like: str, length: int) -> FloatArray:
-        """A number for each element of another array."""
+        """Return a number for each of the `length` elements of the array `like`."""
         values = self._array(key)
         if values.ndim != 1 or values.dtype.kind != "f":
             raise InputError(f"{key}: is not a list of numbers")
@@ -96,4 +100,4 @@ class Arrays:
 
 def _check_length(key: str, values: NDArray[Any], like: str, length: int) -> None:
     if values.size != length:
-        raise ContradictionError(f"{key}: {values.size} of them, but {length} {like}")
+        raise ContradictionError(f"{key}: {values.size} values, but {like} has {length}")

@@ -1,4 +1,7 @@
-"""edges.npz: every edge of every pin and every accepted step, in counts of the board's timer since power-up."""
+"""Write and read edges.npz: every edge of every pin and every accepted step.
+
+Instants are counts of the board's timer since power-up.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,7 +20,7 @@ from steptwin.host.record.folder.layout import (
     VERSION_KEY,
     ContradictionError,
     check_version,
-    existing,
+    existing_file,
 )
 from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.verify import AxisEvidence, DriverLimit, DriverViolations, Evidence, LevelEdges, Phases
@@ -25,7 +28,7 @@ from steptwin.host.verify.evidence import Int64Array
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 PINS: Final = ("reset", "enable", "m1", "m2", "tq1", "tq2", "dcy1", "dcy2", "out1", "out2")
-"""An axis' pins that are held at a level."""
+"""Pins of an axis that are held at a level."""
 
 Array = NDArray[Any]
 
@@ -33,7 +36,7 @@ _INT16: Final = (-(1 << 15), (1 << 15) - 1)
 
 
 class AxisTotals(NamedTuple):
-    """What there is to say of an axis beside its edges."""
+    """Facts of an axis that do not grow with its edges."""
 
     name: str
     start_steps: int
@@ -42,19 +45,19 @@ class AxisTotals(NamedTuple):
 
 
 def write_edges(path: Path, evidence: Evidence) -> None:
-    """Write the evidence; the outputs' names are the robot's business."""
+    """Write the evidence without the outputs' names, which robot.toml has."""
     totals = [
         AxisTotals(axis.name, axis.start_steps, axis.active_edge, axis.violations.limits) for axis in evidence.axes
     ]
-    arrays: dict[str, Any] = {**head(evidence.start_counts, totals)}
+    arrays: dict[str, Any] = {**header_arrays(evidence.start_counts, totals)}
     for axis in evidence.axes:
         arrays |= edge_arrays(axis)
     with whole_file(path) as file:
         np.savez_compressed(file, **arrays)
 
 
-def head(start_counts: int, axes: Sequence[AxisTotals]) -> dict[str, Array | np.int64]:
-    """All keys but those of the edges."""
+def header_arrays(start_counts: int, axes: Sequence[AxisTotals]) -> dict[str, Array | np.int64]:
+    """Return all arrays by key except those of `edge_arrays`."""
     values: dict[str, Array | np.int64] = {
         VERSION_KEY: np.int64(FOLDER_VERSION),
         "counts_per_second": np.int64(COUNTS_PER_SECOND),
@@ -69,7 +72,7 @@ def head(start_counts: int, axes: Sequence[AxisTotals]) -> dict[str, Array | np.
 
 
 def edge_arrays(axis: AxisEvidence) -> dict[str, Array]:
-    """What grows with an axis' edges, by key."""
+    """Return by key the arrays that grow with an axis' edges."""
     name, violations, phases = axis.name, axis.violations, axis.phases
     arrays: dict[str, Array] = {
         f"{name}_clk_rise_counts": axis.clk_rise_counts,
@@ -93,7 +96,7 @@ def edge_arrays(axis: AxisEvidence) -> dict[str, Array]:
 
 
 def _limit_arrays(name: str, limits: tuple[DriverLimit, ...]) -> dict[str, Array]:
-    """A list for each column of the table of limits; violations are told by their index."""
+    """Return an array for each column of the table of limits; a violation names its limit by row."""
     return {
         f"{name}_limit_rules": np.array([limit.rule for limit in limits], np.str_),
         f"{name}_limit_broken": np.array([limit.broken for limit in limits], np.str_),
@@ -104,20 +107,20 @@ def _limit_arrays(name: str, limits: tuple[DriverLimit, ...]) -> dict[str, Array
 
 
 def read_edges(folder: Path) -> Evidence:
-    """A folder's evidence, without the outputs' names.
+    """Return a folder's evidence without the outputs' names.
 
     Raises:
-        InputError: no such file, a key that is missing or of the wrong kind, another version.
-        ContradictionError: arrays that do not go together.
+        InputError: the file or a key is missing, a value has another kind, or the file has another version.
+        ContradictionError: arrays do not fit each other.
     """
-    path = existing(folder, EDGES)
+    path = existing_file(folder, EDGES)
     with prefixed(f"{path}: "):
         try:
             with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
                 return _evidence(Arrays(stored))
         except UNREADABLE as error:
-            # Numpy takes what is no archive for a pickle, and advises to load it as one.
-            reason = "it is no npz file" if "pickled" in str(error) else error
+            # Numpy takes a file that is not an archive for a pickle, and advises to load it as one.
+            reason = "it is not an npz file" if "pickled" in str(error) else error
             raise InputError(f"cannot be read: {reason}") from error
 
 
@@ -131,8 +134,8 @@ def _evidence(arrays: Arrays) -> Evidence:
 
 def _axis(arrays: Arrays, name: str) -> AxisEvidence:
     rises, falls = _pulses(arrays, name)
-    turns = arrays.counts(f"{name}_dir_edge_counts")
-    steps = arrays.counts(f"{name}_step_counts")
+    turns = arrays.instants(f"{name}_dir_edge_counts")
+    steps = arrays.instants(f"{name}_step_counts")
     return AxisEvidence(
         name=name,
         start_steps=arrays.integer(f"{name}_start_steps"),
@@ -140,9 +143,9 @@ def _axis(arrays: Arrays, name: str) -> AxisEvidence:
         clk_fall_counts=falls,
         active_edge=arrays.choice(f"{name}_active_edge", ActiveEdge),
         dir_edge_counts=turns,
-        dir_levels=arrays.signs(f"{name}_dir_levels", (0, 1), f"{name}_dir_edge_counts", turns.size),
+        dir_levels=arrays.one_of_two(f"{name}_dir_levels", (0, 1), f"{name}_dir_edge_counts", turns.size),
         step_counts=steps,
-        step_signs=arrays.signs(f"{name}_step_signs", (-1, 1), f"{name}_step_counts", steps.size),
+        step_signs=arrays.one_of_two(f"{name}_step_signs", (-1, 1), f"{name}_step_counts", steps.size),
         violations=_violations(arrays, name),
         phases=_phases(arrays, name),
         pins={pin: _pin(arrays, f"{name}_{pin}") for pin in PINS},
@@ -150,26 +153,26 @@ def _axis(arrays: Arrays, name: str) -> AxisEvidence:
 
 
 def _pulses(arrays: Arrays, name: str) -> tuple[Int64Array, Int64Array]:
-    """Rises and falls, which must take turns."""
+    """Return rises and falls, which must alternate."""
     rise_key, fall_key = f"{name}_clk_rise_counts", f"{name}_clk_fall_counts"
-    rises, falls = arrays.counts(rise_key), arrays.counts(fall_key)
+    rises, falls = arrays.instants(rise_key), arrays.instants(fall_key)
     if rises.size != falls.size:
-        raise ContradictionError(f"{rise_key}: {rises.size} of them, but {falls.size} {fall_key}")
+        raise ContradictionError(f"{rise_key}: {rises.size} values, but {fall_key} has {falls.size}")
     if (falls <= rises).any() or (rises[1:] <= falls[:-1]).any():
-        raise ContradictionError(f"{rise_key}: they do not take turns with {fall_key}")
+        raise ContradictionError(f"{rise_key}: the instants do not alternate with {fall_key}")
     return rises, falls
 
 
 def _pin(arrays: Arrays, key: str) -> LevelEdges:
-    counts = arrays.counts(f"{key}_counts")
-    return LevelEdges(counts, arrays.signs(f"{key}_levels", (0, 1), f"{key}_counts", counts.size))
+    counts = arrays.instants(f"{key}_counts")
+    return LevelEdges(counts, arrays.one_of_two(f"{key}_levels", (0, 1), f"{key}_counts", counts.size))
 
 
 def _violations(arrays: Arrays, name: str) -> DriverViolations:
     limits = _limits(arrays, name)
     key = f"{name}_violation_counts"
-    counts = arrays.counts(key)
-    which = arrays.small(f"{name}_violation_which", (0, len(limits) - 1), key, counts.size).astype(np.int8)
+    counts = arrays.instants(key)
+    which = arrays.bounded(f"{name}_violation_which", (0, len(limits) - 1), key, counts.size).astype(np.int8)
     return DriverViolations(limits, counts, which, arrays.numbers(f"{name}_violation_values", key, counts.size))
 
 
@@ -179,16 +182,16 @@ def _limits(arrays: Arrays, name: str) -> tuple[DriverLimit, ...]:
     )
     values = arrays.numbers(f"{name}_limit_values", f"{name}_limit_rules", len(rules)).tolist()
     if not len(rules) == len(broken) == len(units) == len(sources):
-        raise ContradictionError(f"{name}_limit_rules: {len(rules)} of them, but other numbers of texts and units")
+        raise ContradictionError(f"{name}_limit_rules: {len(rules)} values, but the texts or units have another number")
     return tuple(map(DriverLimit, rules, broken, values, units, sources))
 
 
 def _phases(arrays: Arrays, name: str) -> Phases:
     key = f"{name}_phase_counts"
-    counts = arrays.counts(key)
+    counts = arrays.instants(key)
     return Phases(
         counts,
-        arrays.small(f"{name}_phase_sixteenths", (0, 63), key, counts.size).astype(np.int8),
-        arrays.small(f"{name}_phase_a_ma", _INT16, key, counts.size),
-        arrays.small(f"{name}_phase_b_ma", _INT16, key, counts.size),
+        arrays.bounded(f"{name}_phase_sixteenths", (0, 63), key, counts.size).astype(np.int8),
+        arrays.bounded(f"{name}_phase_a_ma", _INT16, key, counts.size),
+        arrays.bounded(f"{name}_phase_b_ma", _INT16, key, counts.size),
     )

@@ -1,4 +1,4 @@
-"""Which files a run folder has, and the version of their format; docs/run-folder.md describes them."""
+"""Name the files of a run's folder and the version of their format; docs/run-folder.md describes them."""
 
 from pathlib import Path
 from typing import Final
@@ -6,7 +6,7 @@ from typing import Final
 from steptwin.host.common.errors import InputError
 
 FOLDER_VERSION: Final = 1
-"""Stands in report.json and edges.npz; grows when a reader of this version could misread a folder."""
+"""Version in report.json and edges.npz; it grows when a reader of this version could misread a folder."""
 
 VERSION_KEY: Final = "folder_version"
 
@@ -18,13 +18,13 @@ BUS_LOG: Final = "bus.log"
 
 
 class ContradictionError(InputError):
-    """The files of a folder contradict themselves or each other: no run leaves such a folder."""
+    """The files of a folder contradict themselves or each other, as no run leaves them."""
 
 
-def existing(folder: Path, name: str) -> Path:
-    """A file of a folder; InputError, naming it, if it or the folder is not there."""
+def existing_file(folder: Path, name: str) -> Path:
+    """Return the path of a folder's file; raise InputError, naming it, if the file or the folder is missing."""
     if not folder.is_dir():
-        raise InputError(f"{folder}: is no folder of a run")
+        raise InputError(f"{folder}: is not a folder of a run")
     path = folder / name
     if not path.is_file():
         raise InputError(f"{path}: is missing")
@@ -32,6 +32,6 @@ def existing(folder: Path, name: str) -> Path:
 
 
 def check_version(version: object) -> None:
-    """InputError unless it is one that can be read."""
+    """Raise InputError unless this version of the program reads the folder's version."""
     if version != FOLDER_VERSION:
         raise InputError(f"{VERSION_KEY}: is {version!r}; this steptwin reads {FOLDER_VERSION}")

@@ -1,6 +1,6 @@
-"""trajectory.csv: the planned motion as points with velocities, between which it is cubic.
+"""Write and read trajectory.csv: the planned motion as points with velocities, cubic between two points.
 
-So `steptwin run ROBOT trajectory.csv` makes the same motion again.
+`steptwin run ROBOT trajectory.csv` makes the same motion again.
 """
 
 from collections.abc import Sequence
@@ -16,20 +16,20 @@ from steptwin.host.common.whole_file import whole_file
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.trajectory import Switching, Trajectory
 from steptwin.host.planning.trajectory_file import read_trajectory
-from steptwin.host.record.folder.layout import TRAJECTORY, existing
+from steptwin.host.record.folder.layout import TRAJECTORY, existing_file
 from steptwin.host.robots.robot import Robot
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicHermiteSpline
 
 CUBICS_OFF_STEPS: Final = 1e-4
-"""How far cubics through the stored points may be from the planned motion: a 75th of the verifier's tolerance."""
+"""Largest distance of the stored cubics from the planned motion: a 75th of the verifier's tolerance."""
 
 
 def write_motion(path: Path, plan: Plan) -> None:
-    """Its PVT points; or every millisecond, where the cubics between those are not close enough to the motion.
+    """Write the plan's PVT points, or every millisecond if cubics between the points are too far from the motion.
 
-    Numbers are written with all the digits that they have: they are read again as they were.
+    Numbers are written with all their digits, so that reading gives the same values.
     """
     t_s = _stored_ms(plan) / 1000
     motion = plan.trajectory
@@ -40,27 +40,28 @@ def write_motion(path: Path, plan: Plan) -> None:
 
 
 def trajectory_head(robot: Robot) -> str:
-    """The file's first line."""
+    """Return the file's first line."""
     names = robot.joint_names
     return ",".join(("t", *names, *(f"v_{name}" for name in names))) + "\n"
 
 
 def trajectory_row(t_s: float, positions: Sequence[float], velocities: Sequence[float]) -> str:
-    """A point, in seconds, mm and degrees, and each per second."""
+    """Return the line of a point: time in s, positions in mm and deg, velocities in mm/s and deg/s."""
     return ",".join(map(repr, (t_s, *positions, *velocities))) + "\n"
 
 
 def read_motion(folder: Path, robot: Robot, switchings: Sequence[Switching]) -> Trajectory:
-    """The stored motion, with the switching of outputs that was planned for it.
+    """Return the stored motion with the planned changes of outputs.
 
     Raises:
-        InputError: no such file, or what `read_trajectory` finds wrong with it.
+        InputError: the file is missing, or `read_trajectory` refuses it.
     """
-    path = existing(folder, TRAJECTORY)
+    path = existing_file(folder, TRAJECTORY)
     return replace(read_trajectory(str(path), robot), switchings=tuple(switchings))
 
 
 def _stored_ms(plan: Plan) -> Int64Array:
+    """Return the times of the points to store, in milliseconds."""
     every_ms = np.arange(plan.times_ms[-1] + 1)
     t_s, point_s = every_ms / 1000, plan.times_ms / 1000
     motion = plan.trajectory

@@ -1,4 +1,4 @@
-"""A run from its folder: everything that the verifier and the pictures ask for, from the files alone."""
+"""Read a run from its folder: everything that the verifier and the pictures need, from the files alone."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.record.folder.edges import read_edges
-from steptwin.host.record.folder.layout import EDGES, ROBOT, TRAJECTORY, existing
+from steptwin.host.record.folder.layout import EDGES, ROBOT, TRAJECTORY, existing_file
 from steptwin.host.record.folder.motion import read_motion
 from steptwin.host.record.folder.report import StoredReport, read_report
 from steptwin.host.robots import load_robot_file
@@ -17,7 +17,7 @@ from steptwin.host.verify.wiring import output_changes
 
 @dataclass(frozen=True, slots=True)
 class StoredRun:
-    """A run as its folder has it: what was said of it, and plan and evidence compared anew."""
+    """A run read from its folder: robot, report, and a new comparison of plan and evidence."""
 
     robot: Robot
     report: StoredReport
@@ -25,20 +25,20 @@ class StoredRun:
 
     @property
     def duration_s(self) -> float:
-        """How long the planned motion lasts."""
+        """Duration of the planned motion."""
         return self.comparison.expected.trajectory.duration_s
 
 
 def read_robot(folder: Path) -> Robot:
-    """A folder's robot; InputError if its file is missing or wrong."""
-    return load_robot_file(str(existing(folder, ROBOT)))
+    """Return a folder's robot; raise InputError if its file is missing or wrong."""
+    return load_robot_file(str(existing_file(folder, ROBOT)))
 
 
 def read_run(folder: Path, plan_folder: Path | None = None) -> StoredRun:
-    """Read a folder and compare its evidence with its plan, or with that of another folder.
+    """Read a folder and compare its evidence with its own plan, or with that of `plan_folder`.
 
     Args:
-        folder: of the run.
+        folder: the run's folder.
         plan_folder: a folder of the same robot, from which to take the planned trajectory and switching of outputs:
             a served board knows only the PVT records that it has received of its plan.
 
@@ -53,7 +53,7 @@ def read_run(folder: Path, plan_folder: Path | None = None) -> StoredRun:
     names = tuple(axis.name for axis in evidence.axes)
     if names != robot.joint_names:
         raise InputError(f"{folder / EDGES}: axes: {' '.join(names)}, but {ROBOT} has {' '.join(robot.joint_names)}")
-    if plan_folder is not None or report.passed is not None:  # records say nothing of outputs
+    if plan_folder is not None or report.passed is not None:  # a plan of PVT records alone has no outputs
         evidence = replace(evidence, outputs=output_changes(robot, evidence.axes))
     return StoredRun(robot, report, compare(Expectation.of(robot, motion), evidence))
 
@@ -67,7 +67,9 @@ def _motion(folder: Path, robot: Robot, report: StoredReport) -> Trajectory:
 
 def _motion_of(plan_folder: Path, folder: Path, report: StoredReport, robot: Robot) -> Trajectory:
     if report.passed is not None:
-        raise InputError(f"plan_folder={plan_folder}: {folder} has its own; another one is for a live board's folder")
+        raise InputError(
+            f"plan_folder={plan_folder}: {folder} has its own plan; only a live board's folder takes another"
+        )
     if read_robot(plan_folder) != robot:
         raise InputError(f"plan_folder={plan_folder}: its {ROBOT} is not that of {folder}")
     return read_motion(plan_folder, robot, read_report(plan_folder).switchings)

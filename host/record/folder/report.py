@@ -1,4 +1,4 @@
-"""report.json: what was said of a run: its names and traffic, the planned switching, the figures, a fault."""
+"""Write and read report.json: names and traffic of a run, the planned changes of outputs, the figures, a fault."""
 
 import json
 from collections.abc import Mapping
@@ -11,25 +11,25 @@ from steptwin.host.common.tables import Table, json_table
 from steptwin.host.common.text_file import read_text
 from steptwin.host.common.whole_file import whole_file
 from steptwin.host.planning.trajectory import Switching
-from steptwin.host.record.folder.layout import REPORT, VERSION_KEY, check_version, existing
+from steptwin.host.record.folder.layout import REPORT, VERSION_KEY, check_version, existing_file
 from steptwin.host.verify import BusReport, RunInfo
 
 _FRAMES_MAX: Final = 1e15
-"""Bound on the frames that a report may count: more than any bus carries in a machine's life."""
+"""Largest number of frames in a report: more than any bus carries in a machine's life."""
 
 
 @dataclass(frozen=True, slots=True)
 class StoredReport:
-    """A report as it was written.
+    """A report read from its file.
 
     Attributes:
-        run: what the verifier cannot know.
-        switchings: the outputs that were to change, in order of time.
-        passed: the verdict; None where the board did not know the plan.
-        driver_profile: which drivers the board had.
-        axes: each axis' figures by name.
-        fault: what ended the run, None if it came to its end.
-        document: all of it.
+        run: facts of the run that the verifier cannot compute.
+        switchings: planned changes of outputs, in order of time.
+        passed: the verdict; None if the board did not know the plan.
+        driver_profile: name of the drivers on the board.
+        axes: figures of each axis by name.
+        fault: the fault that ended the run; None if the run came to its end.
+        document: the whole document.
     """
 
     run: RunInfo
@@ -42,18 +42,18 @@ class StoredReport:
 
 
 def write_report(path: Path, document: Mapping[str, Any]) -> None:
-    """Write a document as `run --json` prints it."""
+    """Write the document that `run --json` prints."""
     with whole_file(path) as file:
         file.write((json.dumps(document, indent=2) + "\n").encode())
 
 
 def read_report(folder: Path) -> StoredReport:
-    """A folder's report.
+    """Return a folder's report.
 
     Raises:
-        InputError: no such file, not JSON, another version, a key that is missing or of the wrong kind.
+        InputError: the file is missing or not JSON, has another version, or a key is missing or has another kind.
     """
-    path = existing(folder, REPORT)
+    path = existing_file(folder, REPORT)
     with prefixed(f"{path}: "):
         return _report(json_table(read_text(str(path))))
 
@@ -89,7 +89,7 @@ def _switching(table: Table) -> Switching:
 
 
 def _fault(table: Table) -> Mapping[str, Any] | None:
-    """With all that is told of a fault."""
+    """Return the fault with all its keys, after a check of those that are read; None without a fault."""
     if "fault" not in table.values:
         return None
     with table.section("fault") as fault:

@@ -1,4 +1,4 @@
-"""A stored run judged again: from its files alone, and its report held against what the files give."""
+"""Judge a stored run again from its files alone, and compare its report with them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from steptwin.host.record.bus_log import count_frames
-from steptwin.host.record.folder.layout import BUS_LOG, REPORT, existing
+from steptwin.host.record.folder.layout import BUS_LOG, REPORT, existing_file
 from steptwin.host.record.folder.reading import StoredRun, read_run
 from steptwin.host.verify import Report, contradictions, verify_comparison
 
@@ -14,7 +14,7 @@ _OF_THE_EDGES: Final = (
     "name", "steps_start", "steps_end", "pulses", "reversals", "peak_rate_hz", "clk_high_us_min", "clk_low_us_min",
     "violations", "mean_step_interval_us", "active_edge",
 )  # fmt: skip
-"""Figures that follow from the edges alone, so that they come out again to the last digit."""
+"""Figures that depend on the edges alone: verifying again gives them to the last digit."""
 
 _MS: Final = 3
 """Decimals of a duration: motions last whole milliseconds."""
@@ -22,13 +22,13 @@ _MS: Final = 3
 
 @dataclass(frozen=True, slots=True)
 class FolderVerdict:
-    """What verifying a folder gives.
+    """Result of verifying a folder.
 
     Attributes:
-        report: computed anew.
-        driver_profile: which drivers the board had, as its report says.
-        tampered: why the folder is not as a run left it, one line each.
-        fault: what ended the run, as its report says; None if it came to its end.
+        report: the new report.
+        driver_profile: name of the drivers on the board, from the stored report.
+        tampered: one line for each sign that the files were changed after the run.
+        fault: the fault that ended the run, from the stored report; None if the run came to its end.
     """
 
     report: Report
@@ -38,12 +38,12 @@ class FolderVerdict:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why it fails, whatever the cause."""
+        """One line for each reason why the folder fails."""
         return self.tampered + self.report.reasons
 
     @property
     def passed(self) -> bool:
-        """Whether the run was right, came to its end, and the folder is as the run left it."""
+        """True if the run was right and came to its end, and the folder is as the run left it."""
         return not self.reasons and self.fault is None
 
 
@@ -63,14 +63,14 @@ def verify_folder(folder: Path, plan_folder: Path | None = None) -> FolderVerdic
 
 
 def _frames_missing(folder: Path, stored: StoredRun) -> list[str]:
-    """Whether the bus log has as many frames as the report says."""
-    frames = count_frames(existing(folder, BUS_LOG))
+    """Return a line if the bus log has another number of frames than the report says."""
+    frames = count_frames(existing_file(folder, BUS_LOG))
     said = stored.report.run.bus.frames
     return [] if frames == said else [f"{REPORT} says bus.frames = {said}, {BUS_LOG} has {frames}"]
 
 
 def _differences(stored: StoredRun, report: Report) -> list[str]:
-    """Where report.json says something else than the files give; a live board's does not say what was planned."""
+    """Return a line for each figure of the report that the files contradict; a live board's report has no verdict."""
     if stored.report.passed is None:
         return []
     given, said = report.to_dict(), stored.report

@@ -1,4 +1,4 @@
-"""What `--out DIR` leaves: the report, the robot, the plan, every edge, the bus, a waveform, and pictures."""
+"""Write the folder of a run: report, robot, plan, every edge, bus log, a waveform, and pictures."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -21,7 +21,7 @@ from steptwin.protocol.frame import Frame
 
 
 def prepare_folder(out: Path | str) -> Path:
-    """Make the folder before anything runs; InputError if that cannot be."""
+    """Make the folder before a run begins; raise InputError if it cannot be made or written to."""
     if not str(out).strip():
         raise InputError(f"out={str(out)!r}: the name of the folder is empty")
     folder = Path(out)
@@ -37,10 +37,10 @@ def prepare_folder(out: Path | str) -> Path:
 def write_folder(
     out: Path, document: Mapping[str, Any], plan: Plan, evidence: Evidence, bus_log: Sequence[tuple[int, Frame]]
 ) -> bool:
-    """Write everything; return False if the pictures had to be left out because matplotlib is not installed.
+    """Write every file; return False if matplotlib is not installed, and the pictures are left out.
 
-    The document is what `run --json` prints, with FOLDER_VERSION under VERSION_KEY. The pictures are drawn from the
-    folder, so that `plot` draws the same: the motion in it may be a little off the one that was planned.
+    The document is the one that `run --json` prints, with FOLDER_VERSION under VERSION_KEY. The pictures are drawn from
+    the folder, so that `plot` draws the same: the stored motion differs slightly from the planned one (see `motion`).
     """
     write_report(out / REPORT, document)
     with whole_file(out / ROBOT) as file:

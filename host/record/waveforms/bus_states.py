@@ -22,7 +22,7 @@ def drive_states(log: Path, axes: int) -> tuple[HeldValues, ...]:
     """Return the state of each axis' drive over time, to the microsecond of the log.
 
     Raises:
-        InputError: a line does not have candump's format; the message names file and line.
+        InputError: a line is not in candump's format; the message names file and line.
     """
     changes: list[list[tuple[int, int]]] = [[] for _ in range(axes)]
     for counts, (cob_id, data) in read_frames(log):

@@ -138,7 +138,7 @@ def test_a_key_that_is_missing(key: str, tmp_path: Path) -> None:
         ("start_counts", np.array([1, 2]), "start_counts: is not one whole number"),
         ("axes", np.array([1, 2]), "axes: is not a list of names"),
         ("a_active_edge", np.array(["rising"]), "a_active_edge: is not one text"),
-        ("a_active_edge", np.array("both"), "a_active_edge: 'both' is none of rising, falling"),
+        ("a_active_edge", np.array("both"), "a_active_edge: 'both' is not one of rising, falling"),
         ("a_clk_rise_counts", np.array([1.0]), "a_clk_rise_counts: is not a list of whole numbers"),
         ("a_clk_rise_counts", np.array([[1], [2]]), "a_clk_rise_counts: is not a list of whole numbers"),
         ("a_violation_values", np.array([1, 2]), "a_violation_values: is not a list of numbers"),
@@ -157,22 +157,22 @@ COUNT = EVIDENCE.axes[0].clk_rise_counts.size
 @pytest.mark.parametrize(
     ("key", "change", "message"),
     [
-        ("a_clk_rise_counts", lambda v: v[1:], f"{COUNT - 1} of them, but {COUNT} a_clk_fall_counts"),
+        ("a_clk_rise_counts", lambda v: v[1:], f"{COUNT - 1} values, but a_clk_fall_counts has {COUNT}"),
         ("a_clk_rise_counts", lambda v: np.roll(v, 1), "the instants are not in order of time"),
-        ("a_clk_rise_counts", lambda v: v + 5_000, "they do not take turns with a_clk_fall_counts"),
-        ("a_clk_fall_counts", lambda v: v + 200_000, "they do not take turns with a_clk_fall_counts"),
+        ("a_clk_rise_counts", lambda v: v + 5_000, "the instants do not alternate with a_clk_fall_counts"),
+        ("a_clk_fall_counts", lambda v: v + 200_000, "the instants do not alternate with a_clk_fall_counts"),
         ("a_step_counts", lambda v: v - v[0] - 1, "the instants are not in order of time"),
-        ("a_step_signs", lambda v: v[1:], f"{COUNT - 1} of them, but {COUNT} a_step_counts"),
-        ("a_step_signs", lambda v: v * 0, "holds other numbers than -1 and 1"),
+        ("a_step_signs", lambda v: v[1:], f"{COUNT - 1} values, but a_step_counts has {COUNT}"),
+        ("a_step_signs", lambda v: v * 0, "contains other numbers than -1 and 1"),
         ("a_dir_levels", lambda v: v * 2, "goes from 2 to 2, beyond 0..1"),
-        ("a_enable_levels", lambda v: v[1:], "0 of them, but 1 a_enable_counts"),
+        ("a_enable_levels", lambda v: v[1:], "0 values, but a_enable_counts has 1"),
         ("a_violation_which", lambda v: v + 1, "goes from 1 to 2, beyond 0..1"),
-        ("a_violation_values", lambda v: v[1:], "1 of them, but 2 a_violation_counts"),
-        ("a_limit_values", lambda v: v[1:], "1 of them, but 2 a_limit_rules"),
-        ("a_limit_sources", lambda v: v[1:], "2 of them, but other numbers of texts and units"),
+        ("a_violation_values", lambda v: v[1:], "1 values, but a_violation_counts has 2"),
+        ("a_limit_values", lambda v: v[1:], "1 values, but a_limit_rules has 2"),
+        ("a_limit_sources", lambda v: v[1:], "2 values, but the texts or units have another number"),
         ("a_phase_sixteenths", lambda v: v + np.int8(1), "goes from 1 to 64, beyond 0..63"),
         ("a_phase_a_ma", lambda v: v.astype(np.int64) * 100, "goes from -151500 to 0, beyond -32768..32767"),
-        ("a_phase_b_ma", lambda v: v[1:], "1 of them, but 2 a_phase_counts"),
+        ("a_phase_b_ma", lambda v: v[1:], "1 values, but a_phase_counts has 2"),
     ],
 )
 def test_arrays_that_do_not_go_together(key: str, change: Callable[[Any], Any], message: str, tmp_path: Path) -> None:
@@ -204,7 +204,7 @@ def test_objects_are_not_unpickled(tmp_path: Path) -> None:
 
 
 def test_a_folder_that_is_none(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="nowhere: is no folder of a run"):
+    with pytest.raises(InputError, match="nowhere: is not a folder of a run"):
         read_run(tmp_path / "nowhere")
 
 

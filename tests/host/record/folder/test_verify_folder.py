@@ -71,7 +71,7 @@ TAMPERED: dict[str, tuple[Change, str]] = {
     "a pulse is gone": (lambda a: without(a, 99, *CLK, *STEP), "th2: unmatched steps 1 (limit 0)"),
     "a pulse is gone from the pin": (lambda a: without(a, 99, *CLK), "th2: 1 steps without a CLK rise"),
     "a step is gone": (
-        lambda a: without(a, 99, *STEP), "th2: 1 CLK rises that are no steps, though no limit was broken",
+        lambda a: without(a, 99, *STEP), "th2: 1 CLK rises without a step, though no limit was broken",
     ),
     "the last pulse is gone": (lambda a: without(a, -1, *CLK, *STEP), "th2: unmatched steps 1 (limit 0)"),
     "a pulse comes 2 ms later": (lambda a: moved(a, 300, 144_000, *CLK, STEP[0]), "th2: threshold error "),
@@ -158,7 +158,7 @@ def test_what_is_no_archive_is_named_so(stored_run: Path, tmp_path: Path, capsys
     folder = shutil.copytree(stored_run, tmp_path / "copy")
     (folder / "edges.npz").write_text("junk")
     assert run(["verify", str(folder)]) == 2
-    assert capsys.readouterr().err == f"steptwin: {folder}/edges.npz: cannot be read: it is no npz file\n"
+    assert capsys.readouterr().err == f"steptwin: {folder}/edges.npz: cannot be read: it is not an npz file\n"
 
 
 def test_another_motion_fails(stored_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -251,6 +251,6 @@ def test_a_live_boards_folder_takes_the_plan_of_another(
     assert run(["verify", str(live), "--plan", str(carry_run)]) == 2
     assert capsys.readouterr().err == f"steptwin: --plan {carry_run}: its robot.toml is not that of {live}\n"
     assert run(["verify", str(stored_run), "--plan", str(stored_run)]) == 2
-    assert capsys.readouterr().err.endswith(" has its own; another one is for a live board's folder\n")
+    assert capsys.readouterr().err.endswith(" has a plan; only a live board's folder takes another\n")
     assert run(["verify", str(live), "--plan", str(tmp_path / "nowhere")]) == 2
-    assert capsys.readouterr().err.endswith("nowhere: is no folder of a run\n")
+    assert capsys.readouterr().err.endswith("nowhere: is not a folder of a run\n")

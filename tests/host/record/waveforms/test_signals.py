@@ -63,7 +63,7 @@ def test_a_log_of_another_form_is_refused(line: str, tmp_path: Path) -> None:
     path = log_file(tmp_path, LOG + line + "\n")
     with pytest.raises(InputError) as caught:
         drive_states(path, 2)
-    assert str(caught.value) == f"{path}: line 9: is not a frame of candump's"
+    assert str(caught.value) == f"{path}: line 9: is not in candump's format"
 
 
 def test_everything_has_positions_in_steps_and_in_the_joints_unit(tmp_path: Path) -> None:
