@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 import steptwin
+from tests.package.wheels import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
 HEAVY = ["can", "canopen", "matplotlib", "numba", "numpy", "rich", "scipy", "typer"]
 _SECTION = re.compile(r"^### `((\w+).*?)`\n(.*?)(?=^##|\Z)", flags=re.MULTILINE | re.DOTALL)

@@ -1,0 +1,95 @@
+"""The wheel: one top-level name, the same from every kind of source, at home in other people's projects."""
+
+import os
+import subprocess
+import sys
+import tarfile
+from pathlib import Path
+
+import pytest
+
+import steptwin
+from tests.package.wheels import ROOT, build, contents, install, run_installed
+
+OWN_PACKAGES = ["bench", "controller", "emulator", "host", "protocol"]
+"""Names of folders of StepTwin that a user's project may have as well."""
+OWN_TEST = """
+import pytest
+
+import bench, controller, emulator, host, protocol
+from steptwin.controller.backend import Kernel, python_kernel
+
+
+@pytest.fixture(scope="session")
+def steptwin_kernel() -> Kernel:
+    return python_kernel()  # starts at once, without the compiler
+
+
+@pytest.mark.steptwin("lab-scara", stand_at={"th2": 10.0})
+def test_both(steptwin_board):
+    assert [each.OWNER for each in (bench, controller, emulator, host, protocol)] == ["the project"] * 5
+    steptwin_board.wait(0.1)
+    assert steptwin_board.joints()["th2"] == pytest.approx(10.0, abs=0.03)
+"""
+
+
+def test_it_has_one_top_level_name(wheel: Path) -> None:
+    top_level = {name.partition("/")[0] for name in contents(wheel)}
+    assert top_level == {"steptwin", f"steptwin-{steptwin.__version__}.dist-info"}
+
+
+def test_every_module_of_the_checkout_is_in_it(wheel: Path) -> None:
+    modules = {path.relative_to(ROOT) for folder in OWN_PACKAGES for path in (ROOT / folder).rglob("*.py")}
+    names = set(contents(wheel))
+    assert {f"steptwin/{module.as_posix()}" for module in modules} <= names
+    assert {"steptwin/__main__.py", "steptwin/py.typed", "steptwin/host/robots/lab-scara.toml"} <= names
+
+
+def test_from_an_sdist_it_is_the_same(wheel: Path, tmp_path: Path) -> None:
+    sdist = build("sdist", ROOT, tmp_path / "sdist")
+    with tarfile.open(sdist) as file:
+        file.extractall(tmp_path, filter="data")
+    source = tmp_path / sdist.name.removesuffix(".tar.gz")
+    assert contents(build("wheel", source, tmp_path / "wheel")) == contents(wheel)
+
+
+def test_a_clone_without_links_gives_a_working_wheel(tmp_path: Path) -> None:
+    """Such as on Windows, where git writes each link as a file that contains its target."""
+    if not (ROOT / ".git").exists():
+        pytest.skip("this is no clone")
+    clone = tmp_path / "clone"
+    subprocess.run(["git", "-c", "core.symlinks=false", "clone", "--quiet", ROOT, clone], check=True)
+    assert (clone / "steptwin" / "host").read_text() == "../host"
+    installed = install(build("wheel", clone, tmp_path / "wheel"), tmp_path / "installed")
+    assert "lab-scara" in run_installed(installed, "-m", "steptwin", "robots", cwd=tmp_path)
+
+
+def test_it_runs_as_a_module(installed: Path, tmp_path: Path) -> None:
+    """And what runs is the wheel, not the checkout."""
+    assert "lab-scara" in run_installed(installed, "-m", "steptwin", "robots", cwd=tmp_path)
+    where = run_installed(installed, "-c", "import steptwin; print(steptwin.__file__)", cwd=tmp_path)
+    assert where == f"{installed / 'steptwin' / '__init__.py'}\n"
+
+
+def test_a_project_with_packages_of_the_same_names(installed: Path, tmp_path: Path) -> None:
+    """Its own packages and the fixture `steptwin_board` go together."""
+    for name in OWN_PACKAGES:
+        package = tmp_path / name
+        package.mkdir()
+        (package / "__init__.py").write_text('OWNER = "the project"\n')
+    (tmp_path / "test_own.py").write_text(OWN_TEST)
+    printed = run_installed(installed, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-W", "error", cwd=tmp_path)
+    assert printed.splitlines()[-1].startswith("1 passed")
+
+
+def test_coverage_is_measured_through_the_links(tmp_path: Path) -> None:
+    """By the files' own names, those that no test imports included; below the limit it fails."""
+    options = ["-p", "no:cacheprovider", "--cov=steptwin.controller", "--cov=steptwin.protocol", "--cov-fail-under=95"]
+    command = [sys.executable, "-m", "pytest", "-q", "tests/protocol/test_sync.py", *options]
+    environment = os.environ | {"COVERAGE_FILE": str(tmp_path / "coverage")}
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+    cover = {line.split()[0]: line.split()[-1] for line in done.stdout.splitlines() if ".py" in line}
+    assert cover["protocol/sync.py"] == "100%"
+    assert cover["controller/firmware.py"] == "0%"
+    assert done.returncode == 1
+    assert "less than fail-under=95" in done.stdout
