@@ -1,0 +1,95 @@
+"""Every file and every name that docs/overview.md mentions exists."""
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+OVERVIEW = (ROOT / "docs" / "overview.md").read_text(encoding="utf-8")
+
+PLACE = re.compile(r"([\w.-]+/[\w./-]*|[\w-]+\.(?:py|toml|md)|Makefile)(?:: (\w+(?:\.\w+)*(?:, \w+(?:\.\w+)*)*))?")
+"""A path, perhaps with names that the file defines: `host/planning/planner.py: plan`."""
+MEMBER = re.compile(r"([A-Z]\w+)\.([a-z_]\w*)")
+"""A member of a class, without its file: `Simulation.send`."""
+MODULE = re.compile(r"steptwin(\.\w+)+")
+"""An import path: `steptwin.bench`."""
+
+
+def code_spans(text: str) -> list[str]:
+    """Return what stands between single backticks, outside of fenced blocks."""
+    return re.findall(r"`([^`\n]+)`", re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL))
+
+
+def names_of(tree: ast.Module) -> set[str]:
+    """Return the names that a module defines at its top level, and `Class.member` for its classes."""
+    names = set(bound_names(tree.body))
+    for node in tree.body:
+        if isinstance(node, ast.ClassDef):
+            names |= {f"{node.name}.{member}" for member in bound_names(node.body)}
+    return names
+
+
+def bound_names(body: list[ast.stmt]) -> Iterator[str]:
+    for node in body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            yield node.name
+        targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+        yield from (target.id for target in targets if isinstance(target, ast.Name))
+
+
+def faults(span: str, members: set[str]) -> Iterator[str]:
+    """Say what is wrong with a code span, if it names a place in the code."""
+    if place := PLACE.fullmatch(span):
+        path = ROOT / place[1]
+        if not path.exists():
+            yield f"`{span}`: no file {place[1]}"
+        elif place[2]:
+            defined = names_of(ast.parse(path.read_text(encoding="utf-8")))
+            yield from (f"`{span}`: no name {name}" for name in place[2].split(", ") if name not in defined)
+    elif MEMBER.fullmatch(span) and span not in members:
+        yield f"`{span}`: no class has this member"
+    elif MODULE.fullmatch(span):
+        stem = ROOT.joinpath(*span.split("."))
+        if not (stem.with_suffix(".py").exists() or (stem / "__init__.py").exists()):
+            yield f"`{span}`: no module"
+
+
+@pytest.fixture(scope="module")
+def members() -> set[str]:
+    """Every `Class.member` of the product."""
+    folders = ("protocol", "controller", "emulator", "host", "bench", "docs/generate")
+    files = [path for folder in folders for path in (ROOT / folder).rglob("*.py")]
+    return {name for path in files for name in names_of(ast.parse(path.read_text(encoding="utf-8"))) if "." in name}
+
+
+def test_every_place_exists(members: set[str]) -> None:
+    spans = code_spans(OVERVIEW)
+    assert sum(1 for span in spans if PLACE.fullmatch(span)) > 80
+    assert [fault for span in spans for fault in faults(span, members)] == []
+
+
+def test_the_questions_are_answered() -> None:
+    """Each row of the table "Where do I change ...?" names at least one place."""
+    table = OVERVIEW.partition("## Where do I change ...?")[2].partition("\n## ")[0]
+    rows = [line for line in table.splitlines() if line.startswith("| ") and not line.startswith("| **")][1:]
+    assert len(rows) >= 30
+    for row in rows:
+        assert any(PLACE.fullmatch(span) for span in code_spans(row)), row
+
+
+@pytest.mark.parametrize(
+    "span",
+    [
+        "host/planning/planer.py",
+        "host/planning/planner.py: plane",
+        "emulator/simulation.py: Simulation.sent",
+        "Simulation.sent",
+        "steptwin.benches",
+    ],
+)
+def test_the_check_itself_finds_faults(span: str, members: set[str]) -> None:
+    assert len(list(faults(span, members))) == 1
+    assert list(faults("emulator/simulation.py: Simulation.send", members)) == []
