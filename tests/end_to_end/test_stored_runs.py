@@ -234,7 +234,7 @@ class TestPlot:
         for name in ("joints.svg", "timing.svg"):
             assert (live / name).read_bytes() == (tmp_path / name).read_bytes()
         own = refusal(capsys, "plot", str(carry_run), "--plan", str(carry_run))
-        assert own.endswith(" has a plan; only a live board's folder takes another")
+        assert own.endswith(" has its own plan; only a live board's folder takes another")
 
     @pytest.mark.parametrize(
         ("words", "message"),

@@ -54,7 +54,7 @@ def _lanes(comparison: Comparison, window: Window) -> list[Signal]:
     return [
         signal
         for signal in wires(comparison.evidence)
-        if signal.what in _ALWAYS or signal.changes.between(window.from_counts, window.to_counts)[0].size
+        if signal.quantity in _ALWAYS or signal.changes.between(window.from_counts, window.to_counts)[0].size
     ]
 
 
@@ -100,7 +100,7 @@ def _say_intervals(axes: Axes, comparison: Comparison, lanes: list[int], moment:
 
 
 def _finish(axes: Axes, lanes: list[Signal], moment: Moment) -> None:
-    axes.set_yticks([_HIGH / 2 - lane for lane in range(len(lanes))], [f"{s.axis} {s.what.upper()}" for s in lanes])
+    axes.set_yticks([_HIGH / 2 - lane for lane in range(len(lanes))], [f"{s.axis} {s.quantity.upper()}" for s in lanes])
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(-len(lanes) + 0.8, 1.0)
     axes.grid(visible=False, axis="y")

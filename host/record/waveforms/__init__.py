@@ -1,4 +1,8 @@
-"""Waveforms of a run's evidence: pins and what follows from them over time, for logic analysers and for tables."""
+"""Write waveforms of a run's evidence for logic analysers, viewers and tables.
+
+`signals` makes signals of the evidence; `merging` puts their changes in order of time; `vcd`, `table` and `mcap_file`
+write them.
+"""
 
 from steptwin.host.record.waveforms.bus_states import drive_states
 from steptwin.host.record.waveforms.export import Format, write_waveform

@@ -1,4 +1,4 @@
-"""Writing a waveform's file in one of the formats that there are."""
+"""Write a waveform file in any of the formats."""
 
 from collections.abc import Sequence
 from enum import StrEnum
@@ -16,7 +16,7 @@ from steptwin.host.record.waveforms.vcd import vcd
 
 
 class Format(StrEnum):
-    """What a waveform can be written as."""
+    """Formats of waveform files."""
 
     VCD = "vcd"
     VCD_FULL = "vcd-full"
@@ -26,28 +26,28 @@ class Format(StrEnum):
 
     @property
     def file_name(self) -> str:
-        """Of a file in a run's folder with the whole of it."""
+        """Name of the file in a run's folder that holds the whole waveform."""
         return "trace-full.vcd" if self is Format.VCD_FULL else f"trace.{self}"
 
     @property
     def part_file_name(self) -> str:
-        """Of a file beside it, with some axes or a window only."""
+        """Name of the file in a run's folder that holds only some axes or a window."""
         stem, suffix = self.file_name.split(".")
         return f"{stem}-part.{suffix}"
 
     @property
     def wires_only(self) -> bool:
-        """Whether it has STEP, DIR, ENABLE, RESET and outputs only; the others have all that there is."""
+        """True if the format holds only STEP, DIR, ENABLE, RESET and outputs; the other formats hold every signal."""
         return self not in (Format.VCD_FULL, Format.MCAP)
 
 
 def write_waveform(
     path: Path, signals: Sequence[Signal], window: Window, form: Format, scale: TimeScale, title: str
 ) -> None:
-    """Write the file under this very name; if anything is raised, an older one is there as it was.
+    """Write the file under the name given; on an error an older file of that name stays as it was.
 
     Raises:
-        InputError: a pulse is too short for the time scale of a VCD file; or the library for MCAP files is not
+        InputError: a pulse is too short for the time scale of a VCD file, or the library for MCAP files is not
             installed.
         OSError: the file cannot be written.
     """

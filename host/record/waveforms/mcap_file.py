@@ -1,4 +1,4 @@
-"""MCAP, the container that Foxglove shows: a topic for each signal, /AXIS/SIGNAL, with messages {"value": ...} in JSON.
+"""Write MCAP files, which Foxglove shows: a topic /AXIS/SIGNAL for each signal, messages {"value": ...} in JSON.
 
 Times are nanoseconds since power-up. The same run gives the same bytes.
 """
@@ -20,7 +20,7 @@ _JSON_TYPES: Final = {SignalKind.WIRE: "integer", SignalKind.REAL: "number", Sig
 
 
 def write_mcap(file: BinaryIO, signals: Sequence[Signal], window: Window) -> None:
-    """Write the file; its first messages are the values that all signals have where the window begins.
+    """Write the file; its first messages are the values of all signals at the beginning of the window.
 
     Raises:
         InputError: the library is not installed.
@@ -31,7 +31,7 @@ def write_mcap(file: BinaryIO, signals: Sequence[Signal], window: Window) -> Non
         raise InputError("mcap: the library is not installed (pip install 'steptwin[mcap]')") from error
     every = np.arange(len(signals))
     begin = Merged(np.full(every.size, window.from_counts), every, initial_values(signals, window))
-    writer: Any = Writer(file)  # partly untyped
+    writer: Any = Writer(file)  # the library is partly untyped
     writer.start(library="steptwin, SIMULATED")
     channels = _channels(writer, signals)
     for part in chain([begin], merged(signals, window, COUNTS)):
@@ -40,10 +40,11 @@ def write_mcap(file: BinaryIO, signals: Sequence[Signal], window: Window) -> Non
 
 
 def _channels(writer: Any, signals: Sequence[Signal]) -> list[int]:
-    """A channel for each signal, a schema for each kind of value."""
+    """Register a channel for each signal and a schema for each kind of value; return the channels."""
     schemas = {kind: writer.register_schema(*_schema(kind)) for kind in SignalKind}
     return [
-        writer.register_channel(f"/{signal.scope}/{signal.what}", "json", schemas[signal.kind]) for signal in signals
+        writer.register_channel(f"/{signal.scope}/{signal.quantity}", "json", schemas[signal.kind])
+        for signal in signals
     ]
 
 

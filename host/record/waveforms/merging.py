@@ -1,4 +1,4 @@
-"""The changes of all signals in one order of time, stretch by stretch."""
+"""Merge the changes of all signals into one order of time, stretch by stretch."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -16,12 +16,12 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 @dataclass(frozen=True, slots=True)
 class Merged:
-    """Changes in order of time; those at one instant in the order of the signals.
+    """Changes in order of time; changes at one instant are in the order of the signals.
 
     Attributes:
-        instants: shape (n,), when, in units of the scale.
-        which: shape (n,), the index of the signal.
-        values: shape (n, width), the text of each new value.
+        instants: shape (n,), instant of each change, in units of the scale.
+        which: shape (n,), index of the signal.
+        values: shape (n, width), text of each new value.
     """
 
     instants: Int64Array
@@ -30,10 +30,10 @@ class Merged:
 
 
 def merged(signals: Sequence[Signal], window: Window, scale: TimeScale) -> Iterator[Merged]:
-    """All changes after the window's beginning, up to and with its end. Stretches without any are left out.
+    """Yield all changes after the window's beginning up to and including its end, without empty stretches.
 
     Raises:
-        InputError: a wire's pulse or pause is so short that both its ends are at the same instant of the scale.
+        InputError: both ends of a wire's pulse or pause fall on the same instant of the scale.
     """
     for after, until in stretches(signals, window, scale):
         parts = [_part(signal, window, scale, after, until) for signal in signals]
@@ -42,12 +42,12 @@ def merged(signals: Sequence[Signal], window: Window, scale: TimeScale) -> Itera
 
 
 def initial_values(signals: Sequence[Signal], window: Window) -> Text:
-    """The values that all signals have where the window begins, a row for each."""
+    """Return the value of each signal at the beginning of the window, a row for each signal."""
     return stacked([_text(signal, np.array([signal.changes.at(window.from_counts)])) for signal in signals])
 
 
 def _text(signal: Signal, values: Values) -> Text:
-    """Values of one signal: 0 and 1, numbers that read back as they were, or texts."""
+    """Return values of one signal as text: 0 or 1, a number with all its digits, or one of the signal's texts."""
     if signal.kind is SignalKind.WIRE:
         return chosen(("0", "1"), values)
     if signal.kind is SignalKind.TEXT:
@@ -56,7 +56,7 @@ def _text(signal: Signal, values: Values) -> Text:
 
 
 def _part(signal: Signal, window: Window, scale: TimeScale, after: int, until: int) -> tuple[Int64Array, Text]:
-    """One signal's changes; of several at one instant the last one, but a wire may not have several."""
+    """Return one signal's changes; the last one at an instant counts, but a wire must not have several there."""
     counts, values = signal.changes.between(after, until)
     instants = scale.rounded(counts)
     again = np.flatnonzero(instants[1:] == instants[:-1])
@@ -64,7 +64,7 @@ def _part(signal: Signal, window: Window, scale: TimeScale, after: int, until: i
         first, second = counts[again[0] : again[0] + 2].tolist()
         raise InputError(
             f"{signal.name}: changes twice within {(second - first) / COUNTS_PER_SECOND * 1e6:.3g} us at"
-            f" t = {window.time_s(first):.6f} s, which {scale.vcd} does not show: take a finer time scale"
+            f" t = {window.time_s(first):.6f} s, too fast for a time scale of {scale.vcd}: choose a finer one"
         )
     return np.delete(instants, again), _text(signal, np.delete(values, again))
 

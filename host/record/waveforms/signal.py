@@ -1,4 +1,4 @@
-"""What a waveform shows: named signals that change at instants, read in stretches so that memory stays small."""
+"""Hold the signals of a waveform; each changes at instants, and is read in stretches so that memory stays small."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -18,33 +18,33 @@ Values = NDArray[Any]
 NO_COUNTS = np.empty(0, np.int64)
 
 CHANGES_PER_STRETCH = 1 << 16
-"""How many changes of one signal are held as text at once."""
+"""Number of changes of one signal that are held as text at once."""
 
 
 class SignalKind(Enum):
-    """What a signal's values are."""
+    """Kind of a signal's values."""
 
     WIRE = "wire"
     """0 or 1."""
     REAL = "real"
-    """Numbers."""
+    """A number."""
     TEXT = "text"
-    """Indices of the signal's texts."""
+    """An index of the signal's texts."""
 
 
 class Changes(Protocol):
-    """A signal's course: its changes in order of time."""
+    """The changes of a signal in order of time."""
 
     def at(self, counts: int) -> int | float:
-        """The value at an instant; a change at the very instant is seen already."""
+        """Return the value at an instant, after a change at the instant itself."""
         ...
 
     def between(self, after: int, until: int) -> tuple[Int64Array, Values]:
-        """Instants of the changes in (after, until] and the value after each; at one instant the last one counts."""
+        """Return the instants of the changes in (after, until], each instant once, and the value after each."""
         ...
 
     def marks(self, every: int) -> Int64Array:
-        """Instants between which there are at most so many changes."""
+        """Return instants between which lie at most `every` changes."""
         ...
 
 
@@ -53,9 +53,9 @@ class HeldValues:
     """Values that hold from an instant on; fulfils Changes.
 
     Attributes:
-        counts: shape (n,), sorted.
-        values: shape (n,), the value from each instant on.
-        before: the value before all of them.
+        counts: shape (n,), the instants, sorted.
+        values: shape (n,), value from each instant on.
+        before: value before the first instant.
     """
 
     counts: Int64Array
@@ -63,11 +63,11 @@ class HeldValues:
     before: int | float = 0
 
     def at(self, counts: int) -> int | float:
-        """As Changes has it."""
+        """As Changes.at."""
         return self._after(int(np.searchsorted(self.counts, counts, side="right")))
 
     def between(self, after: int, until: int) -> tuple[Int64Array, Values]:
-        """As Changes has it; a value that does not differ from the one before is no change."""
+        """As Changes.between; a value equal to the one before does not count as a change."""
         first, last = np.searchsorted(self.counts, (after, until), side="right").tolist()
         counts, values = self.counts[first:last], self.values[first:last]
         final = np.append(counts[1:] != counts[:-1], True) if counts.size else np.empty(0, np.bool_)
@@ -76,29 +76,29 @@ class HeldValues:
         return counts[changed], values[changed]
 
     def marks(self, every: int) -> Int64Array:
-        """As Changes has it."""
+        """As Changes.marks."""
         return self.counts[every::every]
 
     def _after(self, changes: int) -> int | float:
-        """The value after so many changes."""
+        """Return the value after a number of changes."""
         value: int | float = self.values[changes - 1].item() if changes else self.before
         return value
 
 
 @dataclass(frozen=True, slots=True)
 class Pulses:
-    """A pin that rises and falls in turn, low at first; fulfils Changes. Both arrays have shape (pulses,)."""
+    """A pin that is low at first and rises and falls in turn; fulfils Changes. Both arrays have shape (pulses,)."""
 
     rise_counts: Int64Array
     fall_counts: Int64Array
 
     def at(self, counts: int) -> int:
-        """As Changes has it."""
+        """As Changes.at."""
         begun, ended = (np.searchsorted(edges, counts, side="right") for edges in (self.rise_counts, self.fall_counts))
         return int(begun - ended)
 
     def between(self, after: int, until: int) -> tuple[Int64Array, Values]:
-        """As Changes has it."""
+        """As Changes.between."""
         first = int(np.searchsorted(self.fall_counts, after, side="right"))
         last = int(np.searchsorted(self.rise_counts, until, side="right"))
         counts = np.column_stack([self.rise_counts[first:last], self.fall_counts[first:last]]).ravel()
@@ -107,7 +107,7 @@ class Pulses:
         return counts[inside], levels[inside]
 
     def marks(self, every: int) -> Int64Array:
-        """As Changes has it."""
+        """As Changes.marks."""
         return self.rise_counts[every // 2 :: every // 2]
 
 
@@ -116,32 +116,35 @@ class Signal:
     """One line of a waveform.
 
     Attributes:
-        axis: whose it is, a joint's name.
-        what: of the axis it shows.
-        kind: of its values.
-        changes: its course.
-        texts: what the values of a text mean.
+        axis: name of the axis, which is the joint's.
+        quantity: name of the axis' pin or quantity, such as `step` or `position_deg`.
+        kind: kind of the values.
+        changes: the values over time.
+        texts: texts that the values of a text signal stand for.
     """
 
     axis: str
-    what: str
+    quantity: str
     kind: SignalKind
     changes: Changes
     texts: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
-        """As in files: letters, digits and underscores only."""
-        return f"{self.scope}_{self.what}"
+        """Name in files: letters, digits and underscores only."""
+        return f"{self.scope}_{self.quantity}"
 
     @property
     def scope(self) -> str:
-        """The axis' name as in files."""
+        """Name of the axis in files."""
         return re.sub(r"[^A-Za-z0-9_]", "_", self.axis)
 
 
 def stretches(signals: Sequence[Signal], window: Window, scale: TimeScale) -> Iterator[tuple[int, int]]:
-    """The window in pieces (after, until], in each of which a signal changes at most so often; no unit is divided."""
+    """Yield pieces (after, until] of the window in which a signal changes at most CHANGES_PER_STRETCH times.
+
+    No piece ends within a unit of the scale.
+    """
     marks = [signal.changes.marks(CHANGES_PER_STRETCH) for signal in signals]
     ends = {scale.last_counts(unit) for unit in scale.rounded(np.concatenate([NO_COUNTS, *marks])).tolist()}
     inside = sorted(end for end in ends if window.from_counts < end < window.to_counts)

@@ -1,4 +1,4 @@
-"""Which signals a run's evidence gives, and the whole of its record."""
+"""Make signals of a run's evidence, and the window that shows all of it."""
 
 from collections.abc import Iterator, Sequence
 
@@ -16,12 +16,12 @@ _MODE_PINS = ("m1", "m2", "tq1", "tq2", "dcy1", "dcy2")
 
 
 def wires(evidence: Evidence) -> list[Signal]:
-    """STEP, DIR, ENABLE, RESET and both outputs of each axis."""
+    """Return STEP, DIR, ENABLE, RESET and both outputs of each axis."""
     return [signal for axis in evidence.axes for signal in _wires(axis, _LOGIC_PINS)]
 
 
 def everything(evidence: Evidence, robot: Robot, states: Sequence[HeldValues]) -> list[Signal]:
-    """Each axis' pins that the board drives, its drive's state, its driver's count and phases, the joint's position."""
+    """Return for each axis the board's pins, the drive's state, the driver's count and phases, the joint's position."""
     return [
         signal
         for axis, joint, state in zip(evidence.axes, robot.joints, states, strict=True)
@@ -35,7 +35,7 @@ def everything(evidence: Evidence, robot: Robot, states: Sequence[HeldValues]) -
 
 
 def whole_record(evidence: Evidence) -> Window:
-    """From power-up to the last edge of any pin."""
+    """Return the window from power-up to the last edge of any pin."""
     ends = [evidence.start_counts]
     for axis in evidence.axes:
         pins = (axis.clk_fall_counts, axis.dir_edge_counts, *(edges.counts for edges in axis.pins.values()))
@@ -52,7 +52,7 @@ def _wires(axis: AxisEvidence, pins: Sequence[str]) -> Iterator[Signal]:
 
 
 def _positions(axis: AxisEvidence, joint: Joint) -> Iterator[Signal]:
-    """The driver's count, and where the joint is by that."""
+    """Yield the driver's count and the joint's position by that count."""
     start, counts = axis.start_steps, axis.step_counts
     steps = start + np.cumsum(axis.step_signs, dtype=np.int64)
     spu = joint.transmission.steps_per_unit
@@ -61,7 +61,7 @@ def _positions(axis: AxisEvidence, joint: Joint) -> Iterator[Signal]:
 
 
 def _phases(axis: AxisEvidence) -> Iterator[Signal]:
-    """The field's electrical angle, four full steps around, and what the driver regulates both currents to."""
+    """Yield the field's electrical angle, 360 deg in four full steps, and the currents that the driver regulates to."""
     phases = axis.phases
     angle_deg = phases.sixteenths * (90.0 / 16.0)
     yield Signal(axis.name, "angle_deg", SignalKind.REAL, HeldValues(phases.counts, angle_deg))

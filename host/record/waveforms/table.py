@@ -1,4 +1,4 @@
-"""Changes as a table in a CSV file, and as arrays for numpy."""
+"""Write changes as a table in a CSV file, or as arrays for numpy."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any, Final
@@ -16,9 +16,9 @@ HEADER: Final = "counts,t_s,signal,value\n"
 
 
 def csv(signals: Sequence[Signal], window: Window) -> Iterator[bytes]:
-    """A file in pieces: counts since power-up, the motion's time in seconds, the signal and its new value.
+    """Yield a CSV file in pieces; columns: counts since power-up, motion time in seconds, signal, new value.
 
-    The first rows are the values that all signals have where the window begins.
+    The first rows are the values of all signals at the beginning of the window.
     """
     every = np.arange(len(signals))
     yield HEADER.encode()
@@ -28,7 +28,7 @@ def csv(signals: Sequence[Signal], window: Window) -> Iterator[bytes]:
 
 
 def arrays(signals: Sequence[Signal], window: Window) -> dict[str, Values]:
-    """For each signal NAME_change_counts, NAME_values and NAME_initial; besides the window and t = 0, in counts."""
+    """Return NAME_change_counts, NAME_values and NAME_initial for each signal; also the window and t = 0, in counts."""
     made: dict[str, Any] = {
         "from_counts": np.int64(window.from_counts),
         "to_counts": np.int64(window.to_counts),

@@ -1,4 +1,7 @@
-"""Text by the million: columns of characters as uint8 matrices with a row for each line, in which 0 is no character."""
+"""Build text for millions of lines: columns of characters as uint8 matrices with a row for each line.
+
+A 0 in a matrix stands for no character.
+"""
 
 from collections.abc import Callable, Sequence
 
@@ -24,7 +27,7 @@ _FOUR_DIGITS = _four_digits()
 
 
 def decimals(values: Int64Array) -> Text:
-    """Whole numbers, none negative, shape (n, width); leading zeros are no characters."""
+    """Return whole numbers, not negative, as text of shape (n, width) without leading zeros."""
     width = len(str(values.max(initial=0)))
     digits = padded_decimals(values, width)
     if values.size and values.min() >= 10 ** (width - 1):
@@ -35,7 +38,7 @@ def decimals(values: Int64Array) -> Text:
 
 
 def padded_decimals(values: Int64Array, width: int) -> Text:
-    """The last `width` digits of whole numbers, shape (n, width), with leading zeros."""
+    """Return the last `width` digits of whole numbers, shape (n, width), with leading zeros."""
     groups = []
     for _ in range(-(-width // _DIGITS)):
         higher = values // 10**_DIGITS
@@ -45,31 +48,31 @@ def padded_decimals(values: Int64Array, width: int) -> Text:
 
 
 def seconds(ns: Int64Array) -> Text:
-    """Times in seconds with nine decimals, negative ones with their sign."""
+    """Return times in seconds with nine decimals, and with a sign if negative."""
     whole, rest = np.divmod(np.abs(ns), NS_PER_S)
     sign = np.where(ns < 0, np.uint8(ord("-")), np.uint8(0))[:, np.newaxis]
     return np.concatenate([sign, decimals(whole), constant(".", ns.size), padded_decimals(rest, 9)], axis=1)
 
 
 def constant(text: str, rows: int) -> Text:
-    """The same text in each row."""
+    """Return the same text in each row."""
     return np.tile(np.frombuffer(text.encode(), np.uint8), (rows, 1))
 
 
 def chosen(texts: Sequence[str], index: NDArray[np.integer]) -> Text:
-    """In each row one of some texts, by its index."""
+    """Return in each row the text of that index."""
     rows: Text = matrix(texts)[index]
     return rows
 
 
 def matrix(texts: Sequence[str]) -> Text:
-    """A row for each text."""
+    """Return a row for each text."""
     rows = np.array([text.encode() for text in texts], dtype=np.bytes_)
     return rows.view(np.uint8).reshape(len(texts), rows.itemsize)
 
 
 def stacked(texts: Sequence[Text]) -> Text:
-    """All of their rows below each other."""
+    """Return the rows of all matrices below each other."""
     rows = np.zeros((sum(len(text) for text in texts), max(text.shape[1] for text in texts)), np.uint8)
     end = 0
     for text in texts:
@@ -79,11 +82,11 @@ def stacked(texts: Sequence[Text]) -> Text:
 
 
 def spelt(values: NDArray[np.generic], spell: Callable[[object], str]) -> Text:
-    """Each value as text: every different one is spelt once."""
+    """Return each value as text; call `spell` once for each distinct value."""
     different, index = np.unique(values, return_inverse=True)
     return chosen([spell(value) for value in different.tolist()], index)
 
 
 def lines(*columns: Text) -> bytes:
-    """The columns beside each other, row after row."""
+    """Return the bytes of the columns side by side, row after row."""
     return np.concatenate(columns, axis=1).tobytes().translate(None, b"\0")

@@ -1,4 +1,4 @@
-"""Time in waveforms: the scale of a file, in whole units of which it gives instants, and the part that is shown."""
+"""Hold the time scale of a waveform file and the window of the record that it shows."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -11,12 +11,14 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 @dataclass(frozen=True, slots=True)
 class TimeScale:
-    """The unit of a file's instants. They are rounded to the nearest one, so they are at most half a unit off.
+    """Unit of the instants in a file; instants are rounded to the nearest unit, so they are at most half a unit off.
+
+    A number of units lasts exactly as long as a number of counts: 5 units of 100 ns are 36 counts of 72 MHz.
 
     Attributes:
-        vcd: the unit as a VCD file has it.
-        units: so many of them last as long as
-        counts: so many counts of 72 MHz.
+        vcd: the unit in the syntax of VCD files.
+        units: number of units in `counts` counts.
+        counts: number of counts of 72 MHz in `units` units.
     """
 
     vcd: str
@@ -24,16 +26,16 @@ class TimeScale:
     counts: int
 
     def rounded(self, counts: Int64Array) -> Int64Array:
-        """Instants in units; half a unit is rounded up."""
+        """Return instants in units; half a unit is rounded up."""
         units: Int64Array = (2 * self.units * counts + self.counts) // (2 * self.counts)
         return units
 
     def unit(self, counts: int) -> int:
-        """A single instant."""
+        """Return one instant in units."""
         return int(self.rounded(np.array([counts], dtype=np.int64))[0])
 
     def last_counts(self, unit: int) -> int:
-        """The last count that is rounded to a unit or to one before it."""
+        """Return the last count that is rounded to the unit or to an earlier one."""
         return -(-self.counts * (2 * unit + 1) // (2 * self.units)) - 1
 
 
@@ -42,25 +44,25 @@ SCALES: Final = {
     "100ns": TimeScale("100 ns", 5, 36),
     "10ns": TimeScale("10 ns", 25, 18),
 }
-"""By their names on the command line. A count lasts 13.9 ns: at 10 ns no two of them share a unit."""
+"""Time scales by their names on the command line. A count lasts 13.9 ns: at 10 ns no two counts share a unit."""
 
 DEFAULT_SCALE: Final = SCALES["1us"]
-"""The coarsest: what sigrok takes for a file grows with the units in it, not with the changes."""
+"""The coarsest scale: sigrok's time and memory for a file grow with the units in it, not with the changes."""
 
 COUNTS: Final = TimeScale("", 1, 1)
-"""Nothing is rounded."""
+"""The scale without rounding."""
 
 NANOSECONDS: Final = TimeScale("1 ns", 125, 9)
 
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """The part of a record that is shown, in counts since power-up.
+    """The part of a record that a file shows, in counts since power-up.
 
     Attributes:
-        from_counts: where it begins; a change at this very instant is seen in the initial values.
-        to_counts: where it ends; a change at this very instant is still shown.
-        start_counts: t = 0 of the motion.
+        from_counts: beginning; a change at this instant is part of the initial values.
+        to_counts: end; a change at this instant is still shown.
+        start_counts: instant of the motion's t = 0.
     """
 
     from_counts: int
@@ -68,9 +70,9 @@ class Window:
     start_counts: int
 
     def time_s(self, counts: int) -> float:
-        """An instant in the motion's time."""
+        """Return an instant in the motion's time."""
         return (counts - self.start_counts) / COUNTS_PER_SECOND
 
     def counts(self, t_s: float) -> int:
-        """An instant of the motion's time in counts."""
+        """Return an instant of the motion's time in counts."""
         return self.start_counts + round(t_s * COUNTS_PER_SECOND)

@@ -1,7 +1,8 @@
-"""Value change dump (IEEE 1364-2005, clause 18): what logic analysers and waveform viewers read.
+"""Write value change dumps (IEEE 1364-2005, clause 18), which logic analysers and waveform viewers read.
 
-A file of wires alone suits sigrok, whose import stops at the first wire of several bits and drops scopes, so that names
-must be different without them. Numbers and texts are variables of type `real` and `string`; the latter is GTKWave's.
+For sigrok a file holds wires of one bit only, since sigrok's import stops at a wire of several bits. It also drops
+scopes, so names differ without them. Numbers and texts are variables of type `real` and `string`; GTKWave defines the
+latter.
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,18 +20,18 @@ from steptwin.host.record.waveforms.timebase import TimeScale, Window
 _TYPES: Final = {SignalKind.WIRE: "wire 1", SignalKind.REAL: "real 64", SignalKind.TEXT: "string 1"}
 _BEFORE: Final = {SignalKind.WIRE: "", SignalKind.REAL: "r", SignalKind.TEXT: "s"}
 _BEHIND: Final = {SignalKind.WIRE: "", SignalKind.REAL: " ", SignalKind.TEXT: " "}
-"""What stands around a value, in front of the signal's code."""
+"""Characters before a value, and between the value and the signal's code."""
 
 _FIRST_CODE: Final = ord("!")
 _CODES: Final = 94
-"""The printable characters of ASCII, of which codes are made."""
+"""Number of printable ASCII characters, of which codes are made."""
 
 
 def vcd(signals: Sequence[Signal], window: Window, scale: TimeScale, title: str) -> Iterator[bytes]:
-    """A file in pieces. Its instants count from power-up, as those of edges.npz and bus.log.
+    """Yield a file in pieces; its instants count from power-up, as in edges.npz and bus.log.
 
     Raises:
-        InputError: a pulse is too short for the scale, as `merged` has it.
+        InputError: a pulse is too short for the scale (see `merged`).
     """
     yield _header(signals, window, scale, title)
     last, end = scale.unit(window.from_counts), scale.unit(window.to_counts)
@@ -57,7 +58,7 @@ def _header(signals: Sequence[Signal], window: Window, scale: TimeScale, title: 
 
 
 def _lines(signals: Sequence[Signal], part: Merged, last: int) -> bytes:
-    """The changes, with an instant in front of those that do not share the one before."""
+    """Return the changes as lines, with a line of the instant before the first change at each instant."""
     later = np.diff(part.instants, prepend=last) != 0
     instants = part.instants[later]
     stamps = np.concatenate([constant("#", instants.size), decimals(instants), constant("\n", instants.size)], axis=1)
@@ -73,6 +74,6 @@ def _assignments(signals: Sequence[Signal], which: NDArray[np.intp], values: Tex
 
 
 def _code(i: int) -> str:
-    """A signal's code: one character, two from the 95th signal on."""
+    """Return a signal's code: one character, two from the 95th signal on."""
     more, last = divmod(i, _CODES)
     return (_code(more - 1) if more else "") + chr(_FIRST_CODE + last)

@@ -251,6 +251,6 @@ def test_a_live_boards_folder_takes_the_plan_of_another(
     assert run(["verify", str(live), "--plan", str(carry_run)]) == 2
     assert capsys.readouterr().err == f"steptwin: --plan {carry_run}: its robot.toml is not that of {live}\n"
     assert run(["verify", str(stored_run), "--plan", str(stored_run)]) == 2
-    assert capsys.readouterr().err.endswith(" has a plan; only a live board's folder takes another\n")
+    assert capsys.readouterr().err.endswith(" has its own plan; only a live board's folder takes another\n")
     assert run(["verify", str(live), "--plan", str(tmp_path / "nowhere")]) == 2
     assert capsys.readouterr().err.endswith("nowhere: is not a folder of a run\n")

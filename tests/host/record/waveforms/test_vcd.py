@@ -96,8 +96,8 @@ class TestAPulseTooShortForTheScale:
         with pytest.raises(InputError) as caught:
             dump_of(self.pin(71), Window(0, 1_000, 72_036))
         assert str(caught.value) == (
-            "th1_step: changes twice within 0.986 us at t = -0.001000 s, which 1 us does not show:"
-            " take a finer time scale"
+            "th1_step: changes twice within 0.986 us at t = -0.001000 s, too fast for a time scale of"
+            " 1 us: choose a finer one"
         )
 
     def test_is_shown_when_it_is_a_unit_long(self) -> None:
