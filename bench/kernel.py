@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from steptwin.bench.loads import AXES, UNLIMITED, Int64Array, Load, constant, run, sine
+from steptwin.bench.loads import AXES, UNLIMITED, Int64Array, Load, constant, ready, run, sine
 from steptwin.controller.backend import Kernel
 
 REPEATS = 5
@@ -80,18 +80,14 @@ class _Run(NamedTuple):
 def _once(kernel: Kernel, load: Load) -> _Run:
     kernel_s = copy_s = 0.0
     steps = 0
-    for motion, until_tick in run(kernel, load, UNLIMITED):
-        while motion.tick < until_tick:
-            started = time.perf_counter()
-            motion.advance(until_tick)
-            kernel_s += time.perf_counter() - started
-            for edges in motion.take_edges():
-                source = np.asarray(edges.clk_counts, dtype=np.int64)
-                target = np.empty_like(source)
-                _copy_s(source, target)  # not timed: it touches the pages, as the kernel has touched its buffers
-                copy_s += _copy_s(source, target)
-                steps += len(source) // 2
-        motion.take_events()
+    for advance in run(ready(kernel, UNLIMITED), load):
+        kernel_s += advance.dt_s
+        for edges in advance.edges:
+            source = np.asarray(edges.clk_counts, dtype=np.int64)
+            target = np.empty_like(source)
+            _copy_s(source, target)  # not timed: it touches the pages, as the kernel has touched its buffers
+            copy_s += _copy_s(source, target)
+            steps += len(source) // 2
     return _Run(steps, kernel_s, copy_s)
 
 

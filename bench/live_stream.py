@@ -39,7 +39,6 @@ class StreamFigures:
     client_cores: float
     queue_least: int
     """Fewest records that any axis reported in its queue before the end of its stream was sent."""
-    frames: int
     load_percent: float
     ticks: dict[str, float]
     """Lateness of the ticks, with the keys of report.json."""
@@ -88,7 +87,6 @@ def measure(seconds: float) -> StreamFigures:
         server_s / wall_s,
         client_s / wall_s,
         queue_least,
-        report["bus"]["frames"],
         report["bus"]["load_percent"],
         report["real_time"]["ticks"],
         report["real_time"]["frames"],

@@ -1,15 +1,17 @@
 """Make motions to measure with: sines and constant speeds, as PVT records for all axes of a board."""
 
+import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain, islice, repeat
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from steptwin.controller.backend import Kernel
 from steptwin.controller.kernel import TICKS_PER_MS
-from steptwin.controller.motion import Motion, Refusal, StepConfig
+from steptwin.controller.motion import Motion, PinEdges, Refusal, StepConfig
 
 POINT_MS = 10
 POINTS_AHEAD = 60
@@ -20,6 +22,13 @@ AXES = 7
 Int64Array = NDArray[np.int64]
 Record = tuple[int, int, int]
 """A PVT record: displacement in units, end velocity in 1/64 unit per ms, duration in ms."""
+
+
+class Advance(NamedTuple):
+    """One call of `Motion.advance`: the time that it took, and the edges of each axis."""
+
+    dt_s: float
+    edges: tuple[PinEdges, ...]
 
 
 @dataclass(frozen=True)
@@ -65,36 +74,44 @@ def constant(rate_hz: float, duration_s: float, point_ms: int = POINT_MS) -> Loa
     return Load(f"constant {rate_hz / 1000:g} kHz", positions, velocities, point_ms)
 
 
-def run(
-    kernel: Kernel, load: Load, timing: StepConfig, axes: int = AXES, repeats: int = 1
-) -> Iterator[tuple[Motion, int]]:
-    """Feed a load to all axes, `repeats` times in a row; yield the motion and each tick to advance it to."""
+def ready(kernel: Kernel, timing: StepConfig, axes: int = AXES) -> Motion:
+    """Return a motion whose axes have this pulse timing and stand at 0."""
     motion = Motion(kernel, axes)
     for axis in range(axes):
         motion.configure(axis, timing)
+    return motion
+
+
+def run(motion: Motion, load: Load, repeats: int = 1) -> Iterator[Advance]:
+    """Run a load on all axes, `repeats` times in a row."""
     records = load.records()
-    for until_tick in feed(motion, [chain.from_iterable(repeat(records, repeats)) for _ in range(axes)]):
-        yield motion, until_tick
+    return run_records(motion, [chain.from_iterable(repeat(records, repeats)) for _ in range(motion.axis_count)])
 
 
-def feed(motion: Motion, records: Sequence[Iterable[Record]]) -> Iterator[int]:
-    """Queue the axes' records POINTS_AHEAD at a time and start all axes; yield each tick to advance the motion to.
+def run_records(motion: Motion, records: Sequence[Iterable[Record]]) -> Iterator[Advance]:
+    """Queue the records of each axis POINTS_AHEAD at a time and advance the motion to their end.
 
-    All axes have records of the same durations. Every tick but the last is one before the queues are empty: an empty
-    queue in motion is an underrun.
+    All axes have records of the same durations. The motion stops one tick before the queues are empty and waits for
+    the next records: an empty queue in motion is an underrun.
     """
     sources = [iter(own) for own in records]
     batches = [list(islice(source, POINTS_AHEAD)) for source in sources]
-    until_tick = 0
+    end_tick = 0
     while batches[0]:
         for axis, batch in enumerate(batches):
             for record in batch:
                 assert motion.push(axis, *record) is Refusal.ACCEPTED
-            if not until_tick:
+            if not end_tick:
                 motion.start(axis)
-        until_tick += TICKS_PER_MS * sum(duration_ms for _, _, duration_ms in batches[0])
+        end_tick += TICKS_PER_MS * sum(duration_ms for _, _, duration_ms in batches[0])
         batches = [list(islice(source, POINTS_AHEAD)) for source in sources]
-        yield until_tick - 1 if batches[0] else until_tick
+        until_tick = end_tick - 1 if batches[0] else end_tick
+        while motion.tick < until_tick:
+            started = time.perf_counter()
+            motion.advance(until_tick)
+            dt_s = time.perf_counter() - started
+            motion.take_events()
+            yield Advance(dt_s, motion.take_edges())
 
 
 UNLIMITED = StepConfig(MICROSTEPS, 3_000, 1_000, 0, 0, velocity_max_units_per_s=250_000 * UNITS_PER_STEP)

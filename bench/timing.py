@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from steptwin.bench.loads import TB6560_TIMING, Int64Array, run, sine
+from steptwin.bench.loads import TB6560_TIMING, Int64Array, ready, run, sine
 from steptwin.controller.backend import Kernel
 from steptwin.controller.motion import PinEdges
 from steptwin.host.common.arrays import FloatArray
@@ -35,8 +35,8 @@ def figures(kernel: Kernel) -> list[TimingFigure]:
 def measure(kernel: Kernel, peak_hz: float) -> TimingFigure:
     """Compare every edge with A (1 - cos wt): in steps at the edge's time, and in time by the speed there."""
     load = sine(peak_hz, SINE_HZ, 1)
-    drained, delayed = _edges(kernel, peak_hz)
-    rises, signs = steps_of(drained)
+    motion = ready(kernel, TB6560_TIMING, axes=1)
+    rises, signs = steps_of([edges for advance in run(motion, load) for edges in advance.edges])
     t_s = rises / COUNTS_PER_SECOND
     error_steps = errors_steps(t_s, signs, peak_hz)
     speed_hz = peak_hz * np.abs(np.sin(2 * np.pi * SINE_HZ * t_s))
@@ -45,7 +45,7 @@ def measure(kernel: Kernel, peak_hz: float) -> TimingFigure:
     return TimingFigure(
         load.name,
         len(rises),
-        delayed,
+        motion.delayed_steps(0),
         float(np.abs(error_steps).max()),
         float(np.sqrt(np.mean(error_us**2))),
         float(np.percentile(error_us, 99)),
@@ -65,16 +65,3 @@ def steps_of(drained: list[PinEdges]) -> tuple[Int64Array, Int64Array]:
     words = np.concatenate([np.asarray(edges.direction, dtype=np.int64) for edges in drained])
     levels = np.concatenate(([0], words & 1))[np.searchsorted(words >> 1, rises, side="right")]
     return rises, 2 * levels - 1
-
-
-def _edges(kernel: Kernel, peak_hz: float) -> tuple[list[PinEdges], int]:
-    """Run the sine on one axis; return its edges and the number of delayed steps."""
-    drained: list[PinEdges] = []
-    delayed = 0
-    for motion, until_tick in run(kernel, sine(peak_hz, SINE_HZ, 1), TB6560_TIMING, axes=1):
-        while motion.tick < until_tick:
-            motion.advance(until_tick)
-            drained += motion.take_edges()
-        motion.take_events()
-        delayed = motion.delayed_steps(0)
-    return drained, delayed

@@ -1,11 +1,10 @@
 """Place steps by the firmware's own motion kernel, with the pulse timing of the board's settings."""
 
-import time
 from math import ceil
 
 import numpy as np
 
-from steptwin.bench.loads import Int64Array, Record, feed
+from steptwin.bench.loads import Int64Array, Record, run_records
 from steptwin.bench.pulses.motions import PlannedMotion
 from steptwin.bench.pulses.pulses import AxisPulses, Placed
 from steptwin.controller.backend import Kernel
@@ -28,16 +27,9 @@ def _once(kernel: Kernel, planned: PlannedMotion) -> Placed:
     for axis, start_units in enumerate(planned.points_units[:, 0].tolist()):
         motion.configure(axis, _timing(planned.board, int(planned.microsteps[axis])))
         motion.preset(axis, start_units)
-    wall_s = 0.0
-    drained: list[tuple[PinEdges, ...]] = []
-    for until_tick in feed(motion, _records(planned)):
-        while motion.tick < until_tick:
-            started = time.perf_counter()
-            motion.advance(until_tick)
-            wall_s += time.perf_counter() - started
-            motion.take_events()
-            drained.append(motion.take_edges())
-    return Placed([_joined([edges[axis] for edges in drained]) for axis in range(planned.axes)], wall_s)
+    advances = list(run_records(motion, _records(planned)))
+    axes = [_joined([advance.edges[axis] for advance in advances]) for axis in range(planned.axes)]
+    return Placed(axes, sum(advance.dt_s for advance in advances))
 
 
 def _timing(board: BoardSettings, microsteps: int) -> StepConfig:

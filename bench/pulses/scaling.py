@@ -8,14 +8,13 @@ import json
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from steptwin.bench.loads import AXES, UNLIMITED, Load, constant, run, sine
+from steptwin.bench.loads import AXES, UNLIMITED, Advance, Load, constant, ready, run, sine
 from steptwin.controller.backend import Kernel, fastest_kernel
 from steptwin.controller.kernel import TICKS_PER_MS
-from steptwin.controller.motion import Motion
 
 REPEATS = 7
 RATE_HZ = 14_000
@@ -73,22 +72,18 @@ def _cost(kernel: Kernel, x: float, load: Load, axes: int = AXES) -> Cost:
     steps = 0
     for _ in range(REPEATS + 1):
         started = time.perf_counter()
-        steps, once_s = _advance(run(kernel, load, UNLIMITED, axes))
+        steps, once_s = _advance(run(ready(kernel, UNLIMITED, axes), load))
         fed_s, advance_s = min(fed_s, time.perf_counter() - started), min(advance_s, once_s)
     axis_ticks = axes * load.duration_s * 1000 * TICKS_PER_MS
     return Cost(x, advance_s / axis_ticks * 1e9, steps / advance_s, steps / fed_s)
 
 
-def _advance(batches: Iterator[tuple[Motion, int]]) -> tuple[int, float]:
+def _advance(advances: Iterable[Advance]) -> tuple[int, float]:
     """Run a whole motion; return its number of steps and the time spent in `Motion.advance`."""
     steps, advance_s = 0, 0.0
-    for motion, until_tick in batches:
-        while motion.tick < until_tick:
-            started = time.perf_counter()
-            motion.advance(until_tick)
-            advance_s += time.perf_counter() - started
-            steps += sum(len(edges.clk_counts) for edges in motion.take_edges()) // 2
-        motion.take_events()
+    for dt_s, drained in advances:
+        advance_s += dt_s
+        steps += sum(len(edges.clk_counts) for edges in drained) // 2
     return steps, advance_s
 
 
@@ -107,9 +102,9 @@ def run_length(kernel: Kernel, steps: int) -> Length:
     """Repeat a sine period with seven axes until they have made at least `steps` steps, in this process."""
     period = sine(RATE_HZ, 0.5, 1)
     repeats = -(-steps // (AXES * 2 * round(period.positions_steps.max())))
-    _advance(run(kernel, period, UNLIMITED))  # compiles the kernel
+    _advance(run(ready(kernel, UNLIMITED), period))  # compiles the kernel
     started = time.perf_counter()
-    made, _ = _advance(run(kernel, period, UNLIMITED, repeats=repeats))
+    made, _ = _advance(run(ready(kernel, UNLIMITED), period, repeats))
     return Length(made, repeats * period.duration_s, time.perf_counter() - started, _peak_mb())
 
 
