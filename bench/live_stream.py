@@ -15,7 +15,8 @@ from steptwin.bench.live_server import serving
 from steptwin.bench.loads import AXES, MICROSTEPS, UNITS_PER_STEP
 from steptwin.host.client import AxisSettings, Machine
 from steptwin.host.client.bus_link import BusLink, Connection, open_bus
-from steptwin.host.client.run import POLL_S, Run
+from steptwin.host.client.stream import Stream
+from steptwin.host.client.waiting import POLL_S
 from steptwin.host.common.axis_records import AxisRecords
 from steptwin.protocol.pvt import QUEUE_DEPTH
 
@@ -72,9 +73,9 @@ def measure(seconds: float) -> StreamFigures:
             machine.configure((_SETTINGS,) * AXES)
             machine.enable()
             machine.preset([0] * AXES)
-            run = machine.start(records, [0] * AXES)
+            stream = machine.start(records, [0] * AXES)
             began_s, server_s, client_s = time.perf_counter(), _cpu_s(server.process.pid), time.process_time()
-            queue_least = _stream(machine, run)
+            queue_least = _feed(machine, stream)
             wall_s = time.perf_counter() - began_s
             server_s, client_s = _cpu_s(server.process.pid) - server_s, time.process_time() - client_s
             machine.disable()
@@ -93,12 +94,12 @@ def measure(seconds: float) -> StreamFigures:
     )
 
 
-def _stream(machine: Machine, run: Run) -> int:
-    """Feed the run until it has ended; return the fewest records that any queue was reported to hold."""
+def _feed(machine: Machine, stream: Stream) -> int:
+    """Feed the stream until it has ended; return the fewest records that any queue was reported to hold."""
     queue_least = QUEUE_DEPTH
-    while not run.ended:
+    while not stream.ended:
         machine.wait(POLL_S)
-        if run.fraction < 1:
+        if stream.fraction < 1:
             free = [axis.pvt_status.free for axis in machine.axes if axis.pvt_status]
             queue_least = min(queue_least, QUEUE_DEPTH - max(free))
     return queue_least

@@ -37,7 +37,7 @@ def home(
     as_json: AsJson = False,
 ) -> None:
     """Home a live machine by its switches, then move it to its home position."""
-    from steptwin.host.operate.homing import declare, home
+    from steptwin.host.operate.homing import declare, home_robot
 
     loaded = one_robot(robot, robot_file)
     if here is not None and (together or stay):
@@ -48,5 +48,5 @@ def home(
             states = declare(session, standing)
         else:
             with progress_bar(f"{loaded.name} home") as progress:
-                states = home(session, together=together, stay=stay, progress=progress)
+                states = home_robot(session, together=together, stay=stay, progress=progress)
     print_axis_states(loaded, states, as_json=as_json)

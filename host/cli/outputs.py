@@ -30,7 +30,7 @@ def outputs(
     as_json: AsJson = False,
 ) -> None:
     """List the digital outputs by their names in the robot's file, or switch one."""
-    from steptwin.host.operate.outputs import no_such_output, read_outputs, switch_output
+    from steptwin.host.operate.switching import no_such_output, read_outputs, switch_output
 
     loaded, rest = robot_and_rest(words or [], robot_file)
     if rest and (len(rest) != 2 or rest[1] not in _LEVELS):

@@ -19,10 +19,12 @@ def pause(
     as_json: AsJson = False,
 ) -> None:
     """Halt the running trajectory on its path; the program that streams it keeps the queue filled."""
+    from steptwin.host.client.pausing import pause_trajectory
+
     loaded = one_robot(robot, robot_file)
     with opened_session(loaded, connect, interface, channel, bitrate) as session:
         session.require_present()
-        halted = session.machine.pause()
+        halted = pause_trajectory(session.machine)
     if as_json:
         print_json({"robot": loaded.name, "halted": halted})
     else:

@@ -19,10 +19,12 @@ def resume(
     as_json: AsJson = False,
 ) -> None:
     """Continue a halted trajectory."""
+    from steptwin.host.client.pausing import resume_trajectory
+
     loaded = one_robot(robot, robot_file)
     with opened_session(loaded, connect, interface, channel, bitrate) as session:
         session.require_present()
-        session.machine.resume()
+        resume_trajectory(session.machine)
     if as_json:
         print_json({"robot": loaded.name, "halted": False})
     else:

@@ -1,4 +1,4 @@
-"""One axis node as the master sees it: SDO access by object, drive state, the process data that it reports."""
+"""One axis node, as the master sees it: its objects by SDO, its drive's state, its process data."""
 
 import struct
 from collections.abc import Callable
@@ -12,6 +12,8 @@ from canopen.sdo.base import SdoVariable
 from steptwin.host.client.drive_status import DriveStatus
 from steptwin.host.client.link import Link
 from steptwin.host.client.shared_node import SharedNode
+from steptwin.host.client.waiting import wait_until
+from steptwin.host.client.words import error_text, state_text
 from steptwin.host.common.errors import BusError, DeviceFaultError
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, SHUTDOWN, SWITCH_ON, DigitalOutput, ErrorCode, Mode, State
@@ -22,9 +24,9 @@ _STATUS_WAIT_S: Final = 0.001
 _STATE_TIMEOUT_S: Final = 2.0
 _DIALOGUES_MAX: Final = 5
 _NO_ANSWER: Final = "No SDO response received"
-"""How the canopen library says that it has waited in vain, in an exception that says other things, too."""
+"""Message with which the canopen library reports a timeout; it raises the same exception for other errors."""
 _BROKEN_IN_UPON: Final = (0x0503_0000, 0x0504_0001)
-"""Abort codes that no request of ours deserves: another program's has come between the segments of a string."""
+"""Abort codes caused by another client: its request came between the segments of a string that this one reads."""
 _Answer = TypeVar("_Answer")
 _ENABLING: Final = {
     State.SWITCH_ON_DISABLED: SHUTDOWN,
@@ -32,19 +34,23 @@ _ENABLING: Final = {
     State.SWITCHED_ON: ENABLE_OPERATION,
     State.QUICK_STOP_ACTIVE: ENABLE_OPERATION,
 }
-"""The controlword that leads each state one step towards OPERATION ENABLED."""
+"""The controlword that leads from each state one step towards OPERATION ENABLED."""
 
 
 class AxisClient:
-    """Speaks to one node. Errors carry the axis' name; the node's answers are never guessed."""
+    """The client of one node; every error it raises names the axis.
+
+    Its methods belong together because they share that name and the node's SDO channel: reading and writing objects,
+    the drive's state, and process data out and in.
+    """
 
     def __init__(self, link: Link, name: str, node_id: int, dictionary: ObjectDictionary) -> None:
         self.name = name
         self.node_id = node_id
         self.drive_status: DriveStatus | None = None
-        """As last reported by TPDO1."""
+        """The last report by TPDO1; None before the first."""
         self.pvt_status: PvtStatus | None = None
-        """As last reported by TPDO3."""
+        """The last report by TPDO3; None before the first."""
         self._link = link
         self._node: canopen.RemoteNode = link.network.add_node(SharedNode(node_id, dictionary))
         link.network.subscribe(COB_TPDO[0] + node_id, self._on_drive_status)
@@ -58,11 +64,11 @@ class AxisClient:
         with suppress(ValueError):
             self.pvt_status = PvtStatus.decode(bytes(data))
 
-    # --- what the node has said by itself
+    # --- what the node reports by itself
 
     @property
     def in_fault(self) -> bool:
-        """Whether the drive is in fault, or has lost this host: it leaves OPERATIONAL then and reports by EMCY only."""
+        """True while the drive is in fault, or has lost this host: then its node reports by EMCY only."""
         if self.drive_status is not None and self.drive_status.in_fault:
             return True
         active = self._node.emcy.active
@@ -70,29 +76,29 @@ class AxisClient:
 
     @property
     def interpolating(self) -> bool:
-        """Whether the axis is executing PVT records, at rest or not."""
+        """True while the axis executes PVT records, at rest or not."""
         status = self.drive_status
         return status is not None and status.interpolating and not self.in_fault
 
     @property
     def halted(self) -> bool:
-        """Whether the axis rests amid its PVT records because its group is halted."""
+        """True while the axis rests amid its PVT records because its group is halted."""
         status = self.drive_status
         return status is not None and status.halted and not self.in_fault
 
     @property
     def done(self) -> bool:
-        """Whether the axis has no PVT records, neither running nor waiting."""
+        """True while the axis has no PVT record, neither running nor queued."""
         status = self.pvt_status
         return status is not None and status.flags & (PvtFlag.RUNNING | PvtFlag.EMPTY) == PvtFlag.EMPTY
 
     @property
     def error_codes(self) -> list[int]:
-        """All error codes that the node has reported by EMCY, oldest first."""
+        """The error codes that the node has reported by EMCY, oldest first."""
         return [error.code for error in self._node.emcy.log if error.code]
 
     def fault_text(self) -> str:
-        """One line that says which error the node reported last."""
+        """Return one line that names the error which the node reported last."""
         codes = self.error_codes
         if not codes:
             return f"{self.name}: the drive is in fault and has not said why"
@@ -105,21 +111,21 @@ class AxisClient:
 
         Raises:
             BusError: the node does not answer.
-            DeviceFaultError: the node refuses.
+            DeviceFaultError: the node refuses the request.
         """
         return self._dialogue(f"reading {od.place_text(address)}", lambda: int(self._variable(address).raw))
 
     def write(self, address: int, value: int) -> None:
-        """Write a numeric object by SDO; raises as `read` does."""
+        """Write a numeric object by SDO; raises as `read`."""
         variable = self._variable(address)
         self._dialogue(f"writing {value} to {od.place_text(address)}", lambda: setattr(variable, "raw", value))
 
     def read_text(self, address: int) -> str:
-        """Read a string by SDO; raises as `read` does."""
+        """Read a string by SDO; raises as `read`."""
         return self._dialogue(f"reading {od.place_text(address)}", lambda: str(self._variable(address).raw))
 
     def ensure(self, address: int, value: int) -> None:
-        """Write a numeric object unless it has the value already; raises as `read` does."""
+        """Write a numeric object unless it has the value already; raises as `read`."""
         if self.read(address) != value:
             self.write(address, value)
 
@@ -129,7 +135,7 @@ class AxisClient:
         return entry if isinstance(entry, SdoVariable) else entry[subindex]
 
     def _dialogue(self, what: str, exchange: Callable[[], _Answer]) -> _Answer:
-        """One SDO dialogue; again if the answer was to another program, which asks the same node just now."""
+        """Make one SDO dialogue; repeat it if the answer was to another program that asks the same node."""
         left = _DIALOGUES_MAX
         while True:
             try:
@@ -148,28 +154,36 @@ class AxisClient:
     # --- the drive
 
     def state(self) -> State:
-        """The drive's state, read afresh."""
+        """Read the drive's state from its statusword."""
         return State.of(self.read(od.STATUSWORD))
 
     def executing(self) -> int:
-        """The sequence number of the PVT record that is executed, read afresh."""
+        """Read the sequence number of the PVT record that is executed."""
         return self.read(od.PVT_EXECUTING_SEQUENCE)
 
     def enable(self) -> None:
-        """Walk the drive to OPERATION ENABLED, one controlword at a time."""
-        deadline_s = self._link.now_s() + _STATE_TIMEOUT_S
-        while (state := self.state()) is not State.OPERATION_ENABLED:
-            if state not in _ENABLING or self._link.now_s() > deadline_s:
-                raise DeviceFaultError(f"{self.name}: cannot be enabled, the drive is in {state_text(state)}")
-            self.write(od.CONTROLWORD, _ENABLING[state])
-            self._link.wait(_STATUS_WAIT_S)
+        """Lead the drive to OPERATION ENABLED, one controlword at a time; raise DeviceFaultError if it does not go."""
+        if not wait_until(self._link, self._step_to_enabled, _STATE_TIMEOUT_S, _STATUS_WAIT_S):
+            raise self._not_enabled(self.state())
+
+    def _step_to_enabled(self) -> bool:
+        state = self.state()
+        if state is State.OPERATION_ENABLED:
+            return True
+        if state not in _ENABLING:
+            raise self._not_enabled(state)
+        self.write(od.CONTROLWORD, _ENABLING[state])
+        return False
+
+    def _not_enabled(self, state: State) -> DeviceFaultError:
+        return DeviceFaultError(f"{self.name}: cannot be enabled, the drive is in {state_text(state)}")
 
     def disable(self) -> None:
         """Switch the drive's power off."""
         self.write(od.CONTROLWORD, 0)
 
     def switch_output(self, output: DigitalOutput, *, on: bool) -> None:
-        """Switch one digital output, the axis' others as they are."""
+        """Switch one digital output; leave the axis' others as they are."""
         outputs = self.read(od.DIGITAL_OUTPUTS)
         self.write(od.DIGITAL_OUTPUTS, outputs | output if on else outputs & ~output)
 
@@ -180,23 +194,10 @@ class AxisClient:
         self._link.network.send_message(COB_RPDO[3] + self.node_id, record.encode())
 
     def send_interpolation_controlword(self, controlword: int) -> None:
-        """Send a controlword, and the mode interpolated position with it, by RPDO1: it takes effect at once."""
+        """Send a controlword by RPDO1, together with the mode interpolated position; it takes effect at once."""
         data = struct.pack("<Hb", controlword, Mode.INTERPOLATED_POSITION)
         self._link.network.send_message(COB_RPDO[0] + self.node_id, data)
 
     def send_latched_controlword(self, controlword: int) -> None:
-        """Send a controlword by RPDO2: it takes effect at the next SYNC."""
+        """Send a controlword by RPDO2; it takes effect at the next SYNC."""
         self._link.network.send_message(COB_RPDO[1] + self.node_id, struct.pack("<H", controlword))
-
-
-def error_text(code: int) -> str:
-    """An EMCY code in words."""
-    try:
-        return ErrorCode(code).name.replace("_", " ").lower()
-    except ValueError:
-        return "unknown error"
-
-
-def state_text(state: State) -> str:
-    """A state as CiA 402 writes it."""
-    return state.name.replace("_", " ")

@@ -1,4 +1,4 @@
-"""Buses of python-can, for clients and for boards: which interfaces there are, and what they say when they fail."""
+"""Open any bus that python-can knows, for a client or for a board, with errors in one line."""
 
 from typing import Any
 
@@ -9,21 +9,25 @@ from steptwin.host.common.errors import BusError
 
 
 def check_interface(what: str, name: str) -> None:
-    """Raise InputError if python-can has no such interface; `what` is how the message calls it."""
+    """Raise InputError if python-can has no interface of this name; the message calls the name `what`."""
     if name not in can.VALID_INTERFACES:
         raise unknown(what, name, sorted(can.VALID_INTERFACES))
 
 
 def open_python_can_bus(title: str, interface: str, **arguments: Any) -> can.BusABC:
-    """Open one; arguments that are None are left to the interface. BusError, under the title, if that fails."""
+    """Open a bus; an argument that is None takes the interface's default.
+
+    Raises:
+        BusError: the interface cannot be opened; the message begins with `title`.
+    """
     given = {name: value for name, value in arguments.items() if value is not None}
     try:
         return can.Bus(interface=interface, **given)
-    except Exception as error:  # each driver has its own: kvaser's says NameError where there is no canlib
+    except Exception as error:  # each driver raises its own: kvaser's a NameError if canlib is missing
         raise BusError(f"{title}: {reason(error)}") from error
 
 
 def reason(error: BaseException) -> str:
-    """What an interface says, in one line."""
+    """Return the first line of an interface's error."""
     text = str(getattr(error, "strerror", None) or error) or type(error).__name__
     return text.splitlines()[0]

@@ -1,19 +1,19 @@
-"""Homing from the host: tell an axis how, start it, see it through."""
+"""Run homings from the host: write the settings, start, wait for success or failure."""
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from math import inf
 from typing import Final, NamedTuple
 
 from steptwin.host.client.axis import AxisClient
+from steptwin.host.client.drive_status import FAULT_STATES
 from steptwin.host.client.link import Link
+from steptwin.host.client.waiting import POLL_S, REST_TIMEOUT_S, require, wait_until
+from steptwin.host.client.words import state_text
 from steptwin.host.common.errors import BusError, DeviceFaultError, StepTwinError
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, Control, ErrorCode, HomingError, Mode, State, Status
-
-_POLL_S: Final = 0.010
-_STOP_TIMEOUT_S: Final = 20.0
-"""A ramp to rest lasts at most as long as a queue of the longest records, 16.3 s."""
 
 _TEXTS: Final[dict[int, str]] = {
     HomingError.NOT_FOUND: "the switch was not found on the whole way",
@@ -26,15 +26,15 @@ _TEXTS: Final[dict[int, str]] = {
 
 @dataclass(frozen=True, slots=True)
 class HomingSettings:
-    """How an axis is homed, in the objects' own units.
+    """The settings of an axis' homing, in the units of its dictionary entries.
 
     Attributes:
-        method: object 0x6098.
-        search_units_per_s: at which the switch is searched for.
-        zero_units_per_s: at which its edge is crossed.
-        acceleration_units_per_s2: of all ramps.
-        offset_units: the position that the edge has.
-        timeout_ms: how long it may take; 0 for ever.
+        method: the homing method (6098h).
+        search_units_per_s: speed during the search for the switch.
+        zero_units_per_s: speed at which the switch's edge is crossed.
+        acceleration_units_per_s2: acceleration of all ramps.
+        offset_units: position of the edge.
+        timeout_ms: longest duration; 0 sets no limit.
     """
 
     method: int
@@ -45,7 +45,7 @@ class HomingSettings:
     timeout_ms: int
 
     def objects(self) -> list[tuple[int, int]]:
-        """As (address, value)."""
+        """Return the entries that hold these settings, as (address, value)."""
         return [
             (od.HOMING_METHOD, self.method),
             (od.HOMING_SEARCH_SPEED, self.search_units_per_s),
@@ -57,23 +57,23 @@ class HomingSettings:
 
 
 class AxisHoming(NamedTuple):
-    """One axis that is to be homed, and how."""
+    """One axis to home, with its settings."""
 
     axis: AxisClient
     settings: HomingSettings
 
 
-def home(link: Link, homings: Sequence[AxisHoming], ended: Callable[[], None] = lambda: None) -> None:
-    """Home some enabled axes at the same time and wait until all are; if one fails the others are stopped.
+def run_homings(link: Link, homings: Sequence[AxisHoming], one_homed: Callable[[], None]) -> None:
+    """Home some enabled axes at the same time and wait until all are homed; if one fails, stop the others.
 
     Args:
         link: the bus.
-        homings: which axes, and how.
-        ended: called whenever one of them is homed.
+        homings: the axes, with their settings.
+        one_homed: called whenever one of the axes is homed.
 
     Raises:
         DeviceFaultError: a homing failed, or a drive is in fault or was switched off; the message says why.
-        BusError: no answer, or an axis that neither gets done nor fails.
+        BusError: a node does not answer, or a homing neither ends nor fails.
     """
     for axis, settings in homings:
         axis.write(od.CONTROLWORD, ENABLE_OPERATION)
@@ -84,46 +84,42 @@ def home(link: Link, homings: Sequence[AxisHoming], ended: Callable[[], None] = 
         axis.write(od.CONTROLWORD, ENABLE_OPERATION | Control.START)
     axes = [axis for axis, _ in homings]
     try:
-        _await_all(link, homings, ended)
+        _await_all(link, homings, one_homed)
     except BaseException:
-        with suppress(StepTwinError):  # what went wrong first is what counts
+        with suppress(StepTwinError):  # the first error is the one to report
             _release(link, axes)
         raise
     _release(link, axes)
 
 
-def _await_all(link: Link, homings: Sequence[AxisHoming], ended: Callable[[], None]) -> None:
-    begun_s = link.now_s()
-    waiting = list(homings)
-    while waiting:
-        for homing in list(waiting):
-            if _homed(link, homing.axis):
-                waiting.remove(homing)
-                ended()
-            elif link.now_s() - begun_s > _patience_s(homing.settings):
-                raise BusError(f"{homing.axis.name}: homing neither ends nor fails")
-        if waiting:
-            link.wait(_POLL_S)
+def _await_all(link: Link, homings: Sequence[AxisHoming], one_homed: Callable[[], None]) -> None:
+    waiting = [axis for axis, _ in homings]
+
+    def all_homed() -> bool:
+        for axis in list(waiting):
+            if _homed(link, axis):
+                waiting.remove(axis)
+                one_homed()
+        return not waiting
+
+    if not wait_until(link, all_homed, max(_timeout_s(settings) for _, settings in homings)):
+        raise BusError(f"{waiting[0].name}: homing neither ends nor fails")
 
 
-def _patience_s(settings: HomingSettings) -> float:
-    """Longer than the axis itself: the ramp behind the edge is not in its time."""
-    return settings.timeout_ms / 1000 + _STOP_TIMEOUT_S if settings.timeout_ms else float("inf")
+def _timeout_s(settings: HomingSettings) -> float:
+    """Return a time longer than the axis' own limit, which does not count the ramp behind the edge."""
+    return settings.timeout_ms / 1000 + REST_TIMEOUT_S if settings.timeout_ms else inf
 
 
 def _homed(link: Link, axis: AxisClient) -> bool:
-    """Whether an axis is homed and stands.
-
-    Raises:
-        DeviceFaultError: it will not be.
-    """
+    """Return whether an axis is homed and at rest; raise DeviceFaultError if its homing has failed."""
     statusword = axis.read(od.STATUSWORD)
     state = State.of(statusword)
-    if state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
-        link.wait(_POLL_S)  # let the node say what happened to it
+    if state in FAULT_STATES:
+        link.wait(POLL_S)  # until the node has reported its error
         raise DeviceFaultError(axis.fault_text())
     if state is not State.OPERATION_ENABLED:
-        raise DeviceFaultError(f"{axis.name}: homing was cut short, the drive is in {state.name.replace('_', ' ')}")
+        raise DeviceFaultError(f"{axis.name}: homing was cut short, the drive is in {state_text(state)}")
     if statusword & Status.HOMING_ERROR:
         raise DeviceFaultError(failure_text(axis))
     if not statusword & Status.TARGET_REACHED:
@@ -134,18 +130,19 @@ def _homed(link: Link, axis: AxisClient) -> bool:
 
 
 def failure_text(axis: AxisClient) -> str:
-    """One line that says why an axis' last homing has failed."""
-    reason = _TEXTS.get(axis.read(od.HOMING_ERROR), "for a reason unknown here")
+    """Return one line that says why an axis' last homing has failed."""
+    reason = _TEXTS.get(axis.read(od.HOMING_ERROR), "for an unknown reason")
     return f"{axis.name}: homing failed: {reason} (EMCY 0x{ErrorCode.HOMING_FAILED:04X})"
 
 
 def _release(link: Link, axes: Sequence[AxisClient]) -> None:
-    """Clear the start bits: homings still in progress are aborted by that, and come to rest."""
+    """Clear the start bits, which aborts homings in progress, and wait until the axes rest."""
     for axis in axes:
         if axis.state() is State.OPERATION_ENABLED:
             axis.write(od.CONTROLWORD, ENABLE_OPERATION)
-    deadline_s = link.now_s() + _STOP_TIMEOUT_S
-    while not all(axis.read(od.STATUSWORD) & Status.TARGET_REACHED for axis in axes):
-        if link.now_s() > deadline_s:
-            raise BusError("the axes do not come to rest")
-        link.wait(_POLL_S)
+    require(
+        link,
+        lambda: all(axis.read(od.STATUSWORD) & Status.TARGET_REACHED for axis in axes),
+        "the axes do not come to rest",
+        REST_TIMEOUT_S,
+    )

@@ -1,22 +1,26 @@
-"""What the client needs of a bus: a CANopen network and a way to wait that knows which clock counts."""
+"""The interface between the client and a bus: a CANopen network, and the clock by which the board lives."""
 
 from typing import Protocol
 
 import canopen
 
 
-class Link(Protocol):
+class Clock(Protocol):
+    """A clock, simulated or real, and the way to let time pass on it."""
+
+    def now_s(self) -> float:
+        """Return the seconds on the clock by which the board lives."""
+        ...
+
+    def wait(self, dt_s: float) -> None:
+        """Let this much time pass: advance the simulated clock, or sleep."""
+        ...
+
+
+class Link(Clock, Protocol):
     """A connection to a bus, in virtual or in real time."""
 
     @property
     def network(self) -> canopen.Network:
         """The network through which the nodes are reached."""
-        ...
-
-    def now_s(self) -> float:
-        """Seconds on the clock that the board lives by."""
-        ...
-
-    def wait(self, dt_s: float) -> None:
-        """Let that much time pass: advance the simulated clock, or sleep."""
         ...

@@ -1,7 +1,8 @@
-"""A node that other programs may ask, too, while this one does: `status` beside a running `run`.
+"""Ask a node that other programs ask at the same time, as `status` does beside a running `run`.
 
-CiA 301 means an SDO channel for one client. Each program that listens on it sees the answers to all of them, but those
-that begin a transfer, refusals included, carry the object that was asked for (section 7.2.4.3).
+CiA 301 intends an SDO channel for one client. With several clients, each sees the answers to all of them. An answer
+that begins a transfer, or refuses one, carries the object that was asked for (section 7.2.4.3), so a client can tell its own
+answers from those.
 """
 
 from typing import Final
@@ -16,27 +17,30 @@ _OBJECT: Final = slice(1, 4)
 
 
 class SharedSdoClient(SdoClient):
-    """Takes no answer about another object than it has asked for. Segments carry none: these can still be mixed up."""
+    """An SDO client that drops answers about other objects than the one it asked for.
+
+    Segments carry no object, so those of two clients can still be mixed up.
+    """
 
     _awaited: bytes | None = None
 
     def send_request(self, request: bytearray) -> None:
-        """Send a request and remember what it is about."""
+        """Send a request and remember the object it asks for."""
         initiates = request[0] & _COMMAND_MASK in _INITIATE
         self._awaited = bytes(request[_OBJECT]) if initiates else None
         super().send_request(request)  # type: ignore[no-untyped-call]
 
     def on_response(self, can_id: int, data: bytearray, timestamp: float) -> None:
-        """Take an answer, unless it is another program's."""
+        """Take an answer, unless it is to another program."""
         if self._awaited is None or bytes(data[_OBJECT]) == self._awaited:
             super().on_response(can_id, data, timestamp)  # type: ignore[no-untyped-call]
 
 
 class SharedNode(RemoteNode):
-    """A remote node with such clients."""
+    """A remote node whose SDO clients are SharedSdoClients."""
 
     def add_sdo(self, rx_cobid: int, tx_cobid: int) -> SharedSdoClient:
-        """Add an SDO channel, as the library does it for a node's own."""
+        """Add an SDO channel, in the same way as the library adds a node's default one."""
         client = SharedSdoClient(rx_cobid, tx_cobid, self.object_dictionary)  # type: ignore[no-untyped-call]
         self.sdo_channels.append(client)
         if self.has_network():

@@ -1,50 +1,48 @@
-"""Bringing all axes to rest at once, whoever moves them, and taking their power away.
+"""Stop all axes at once, whichever program moves them, and switch their power off.
 
-A quick stop goes out as process data that waits for SYNC, so that all axes begin to stop in the same servo tick; an
-axis that does not react, because its node is not OPERATIONAL or a frame was lost, is told by SDO. What follows is the
-drive's own matter, by 0x605A: it holds its position (QUICK STOP ACTIVE) or switches its power off.
+The quick stop is sent as process data that takes effect at SYNC, so all axes begin to stop in the same servo tick. An
+axis that does not react, because its node is not OPERATIONAL or a frame was lost, gets it by SDO. At rest the drive's
+quick stop option code (605Ah) decides: it holds its position (QUICK STOP ACTIVE) or switches its power off.
 """
 
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from steptwin.host.client.axis import AxisClient, state_text
+from steptwin.host.client.axis import AxisClient
+from steptwin.host.client.drive_status import FAULT_STATES
 from steptwin.host.client.link import Link
-from steptwin.host.common.errors import BusError, DeviceFaultError, StepTwinError
+from steptwin.host.client.waiting import REST_TIMEOUT_S, require, wait_until
+from steptwin.host.client.words import state_text
+from steptwin.host.common.errors import DeviceFaultError, StepTwinError
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import QUICK_STOP, State, Status
 from steptwin.protocol.frame import COB_SYNC
 
-_POLL_S: Final = 0.010
 _REACTION_S: Final = 0.05
-"""Ten times what a changed status waits for, at most, before it is sent."""
-_REST_TIMEOUT_S: Final = 20.0
-"""A ramp to rest lasts at most as long as a queue of the longest records, 16.3 s."""
-_REACTED: Final = (State.QUICK_STOP_ACTIVE, State.SWITCH_ON_DISABLED, State.FAULT, State.FAULT_REACTION_ACTIVE)
+"""Ten times the longest delay before a changed status is sent."""
+_REACTED: Final = (State.QUICK_STOP_ACTIVE, State.SWITCH_ON_DISABLED, *FAULT_STATES)
 
 
 def quick_stop(link: Link, axes: Sequence[AxisClient]) -> None:
     """Stop all axes and wait until they rest.
 
     Raises:
-        BusError: an axis does not answer or does not come to rest; the others have been stopped.
-        DeviceFaultError: an axis refuses.
+        BusError: an axis does not answer or does not come to rest; the others have been told to stop.
+        DeviceFaultError: an axis refuses the quick stop.
     """
     for axis in axes:
         axis.drive_status = None
         axis.send_latched_controlword(QUICK_STOP)
     link.network.send_message(COB_SYNC, b"")
-    _wait(link, _REACTION_S, lambda: all(map(_reacted, axes)))
+    wait_until(link, lambda: all(map(_reacted, axes)), _REACTION_S)
     _each([axis for axis in axes if not _reacted(axis)], _stop_by_sdo)
-    if not _wait(link, _REST_TIMEOUT_S, lambda: all(map(_rests, axes))):
-        raise BusError("the axes do not come to rest")
+    require(link, lambda: all(map(_rests, axes)), "the axes do not come to rest", REST_TIMEOUT_S)
 
 
 def power_off(link: Link, axes: Sequence[AxisClient]) -> None:
-    """Stop all axes, then take their power away: stop category 1 of IEC 60204-1, by software.
+    """Stop all axes, then switch their power off: stop category 1 of IEC 60204-1, by software.
 
-    Whatever goes wrong with the stop, the power is taken away. Raises as `quick_stop` does, and DeviceFaultError if a
-    drive stays on.
+    The power is switched off even if the stop fails. Raises as `quick_stop`, and DeviceFaultError if a drive stays on.
     """
     try:
         quick_stop(link, axes)
@@ -70,7 +68,7 @@ def _stop_by_sdo(axis: AxisClient) -> None:
 
 
 def _each(axes: Sequence[AxisClient], do: Callable[[AxisClient], None]) -> None:
-    """Do it to every axis; the first error is raised when all have had their turn."""
+    """Do something with every axis, even after an error; raise the first error at the end."""
     errors = []
     for axis in axes:
         try:
@@ -79,13 +77,3 @@ def _each(axes: Sequence[AxisClient], do: Callable[[AxisClient], None]) -> None:
             errors.append(error)
     if errors:
         raise errors[0]
-
-
-def _wait(link: Link, timeout_s: float, condition: Callable[[], bool]) -> bool:
-    """Whether it came true in time."""
-    deadline_s = link.now_s() + timeout_s
-    while not condition():
-        if link.now_s() > deadline_s:
-            return False
-        link.wait(_POLL_S)
-    return True

@@ -1,121 +1,98 @@
-"""Feeding PVT queues: one cursor for each axis, credits from the device's reports, resending after losses.
-
-Credits are the free places last reported less the records sent since. On a gap the cursor goes back to the record
-that the device wants next; a further gap counts only once the device has had time to see the resent ones. Without any
-progress for a while everything not acknowledged is sent again.
-"""
+"""Stream a trajectory: feed the queues, switch outputs, notice faults, a halt and the end."""
 
 from typing import Final
 
 from steptwin.host.client.axis import AxisClient
-from steptwin.host.common.axis_records import AxisRecords
-from steptwin.host.common.errors import BusError, DeviceFaultError
-from steptwin.protocol.cia402 import ErrorCode
-from steptwin.protocol.pvt import QUEUE_DEPTH, SEQUENCE_MODULUS, PvtFlag, PvtRecord, PvtStatus
+from steptwin.host.client.faults import check_enabled, check_faults
+from steptwin.host.client.link import Link
+from steptwin.host.client.output_schedule import OutputCommand, OutputSchedule
+from steptwin.host.client.queue_feed import QueueFeed, fill
+from steptwin.host.client.trajectory_time import TrajectoryTime
+from steptwin.host.client.waiting import POLL_S
+from steptwin.host.common.errors import BusError
 
-_GAP_HOLD_S: Final = 0.025
-"""Two round trips with the status report's inhibit time of 10 ms."""
-_RESEND_AFTER_S: Final = 0.25
-_SILENCE_S: Final = 1.0
-"""Ten times the status report's event timer: a board that says nothing for so long is gone."""
+_STALL_S: Final = 5.0
+"""The longest record, 255 ms, takes up to sqrt(2 * 0.255 * 16.3) = 2.9 s at the end of the slowest ramp of a halt."""
 
 
-class AxisStream:
-    """The records of one axis on their way to its queue."""
+class Stream:
+    """A trajectory that the axes execute; `Machine.wait` tends it, and `ended` becomes True at its end.
 
-    def __init__(self, axis: AxisClient, records: AxisRecords, now_s: float) -> None:
-        self._axis = axis
-        self._records = records
-        self._count = len(records.durations_ms)
-        self._sent = 0
-        self._ever_sent = 0
-        """The highest `_sent` so far: what the device may have taken although the cursor went back since."""
-        self._acknowledged = 0
-        self._free = QUEUE_DEPTH
-        self._seen: PvtStatus | None = axis.pvt_status
+    Any program on the bus may halt the trajectory. A halt may last as long as it likes: a time limit holds only for
+    records that do not go on although nothing halts them.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        axes: tuple[AxisClient, ...],
+        feeds: list[QueueFeed],
+        durations_ms: list[int],
+        outputs: tuple[OutputCommand, ...],
+    ) -> None:
+        self.ended = False
+        self._link = link
+        self._axes = axes
+        self._feeds = feeds
+        now_s = link.now_s()
+        self._reached = TrajectoryTime(durations_ms, now_s)
+        self._schedule = OutputSchedule(axes, outputs, self._reached)
+        self._seen = axes[0].pvt_status
         self._progress_s = now_s
-        self._heard_s = now_s
-        self._gap_reported = False
-        self._gap_handled_s = now_s - _GAP_HOLD_S
+        self._progress_at_s = 0.0
+        """The trajectory time that was reached at `_progress_s`."""
 
     @property
     def fraction(self) -> float:
         """The part of the records that has been sent, 0 to 1."""
-        return self._sent / self._count
+        return min(feed.fraction for feed in self._feeds)
 
     @property
-    def all_acknowledged(self) -> bool:
-        """Whether the device has taken every record."""
-        return self._acknowledged == self._count
+    def trajectory_s(self) -> float:
+        """The trajectory time reached at least: the begin of the record last reported as executing."""
+        return self._reached.least_s
 
-    def update(self, now_s: float) -> None:
-        """Take in the device's latest report, if it is new.
+    @property
+    def halted(self) -> bool:
+        """True while the last reports say that the machine rests amid its trajectory."""
+        return all(axis.halted for axis in self._axes)
+
+    def tend(self) -> None:
+        """Send records and switch outputs that are due; set `ended` at the end.
+
+        Call it at least as often as the queues' reserve requires, and never from a frame's callback.
 
         Raises:
-            BusError: there has been none for too long.
-            DeviceFaultError: the board has refused a record.
+            DeviceFaultError: an axis is in fault, was stopped, refuses a record or has run out of records.
+            BusError: an axis no longer reports its status, or does not go on though nothing halts it.
         """
-        status = self._axis.pvt_status
+        now_s = self._link.now_s()
+        check_faults(self._link, self._axes)
+        check_enabled(self._axes)
+        for feed in self._feeds:
+            feed.update(now_s)
+            feed.check_running()
+        fill(self._feeds)
+        done = all(feed.all_acknowledged for feed in self._feeds) and all(axis.done for axis in self._axes)
+        halted = self.halted
+        self._follow(now_s, done=done, halted=halted)
+        if not halted:
+            self._schedule.tend(now_s)
+        if done:
+            self._link.wait(POLL_S)
+            check_faults(self._link, self._axes)
+            check_enabled(self._axes)  # a quick stop empties the queues, too
+            self.ended = True
+
+    def _follow(self, now_s: float, *, done: bool, halted: bool) -> None:
+        status = self._axes[0].pvt_status
         if status is not None and status is not self._seen:
             self._seen = status
-            self._heard_s = now_s
-            self._take(status, now_s)
-        elif now_s - self._heard_s > _SILENCE_S:
-            raise BusError(f"{self._axis.name}: no status for {_SILENCE_S:g} s")
-        if self._gap_reported and now_s - self._gap_handled_s > _GAP_HOLD_S:
-            self._gap_reported = False
-            self._gap_handled_s = now_s
-            self._rewind(now_s)
-        if self._sent == self._acknowledged:  # nothing is under way: the time runs from the next record on
+            self._reached.report(status.executing, now_s)
+        if done:
+            self._reached.end()
+        if halted or self._reached.least_s != self._progress_at_s:
             self._progress_s = now_s
-        elif now_s - self._progress_s > _RESEND_AFTER_S:
-            self._rewind(now_s)
-
-    def _take(self, status: PvtStatus, now_s: float) -> None:
-        advanced = (status.next_sequence - self._acknowledged) % SEQUENCE_MODULUS
-        if 0 < advanced <= self._ever_sent - self._acknowledged:
-            self._acknowledged += advanced
-            self._sent = max(self._sent, self._acknowledged)
-            self._progress_s = now_s
-        self._free = status.free
-        self._gap_reported = bool(status.flags & PvtFlag.GAP)
-        if status.flags & PvtFlag.REJECTED:
-            raise DeviceFaultError(
-                f"{self._axis.name}: the board has refused record {self._acknowledged + 1} of {self._count}"
-                f" (EMCY 0x{ErrorCode.SEGMENT_REFUSED:04X})"
-            )
-
-    def check_running(self) -> None:
-        """Raise DeviceFaultError if the axis came to its end, at rest, before the stream did: it starved unnoticed."""
-        status = self._axis.pvt_status
-        if status is not None and not status.flags & PvtFlag.RUNNING and not self.all_acknowledged:
-            raise DeviceFaultError(f"{self._axis.name}: ran out of records at rest before the end of its stream")
-
-    def _rewind(self, now_s: float) -> None:
-        self._sent = self._acknowledged
-        self._progress_s = now_s
-
-    def send_next(self) -> bool:
-        """Send one record if there is one and a credit for it."""
-        i = self._sent
-        if i == self._count or i - self._acknowledged >= self._free:
-            return False
-        records = self._records
-        self._axis.send_record(
-            PvtRecord(
-                records.displacements_units[i],
-                records.end_velocities[i],
-                records.durations_ms[i],
-                i % SEQUENCE_MODULUS,
-            )
-        )
-        self._sent = i + 1
-        self._ever_sent = max(self._ever_sent, self._sent)
-        return True
-
-
-def fill(streams: list[AxisStream]) -> None:
-    """Send in turn, one record an axis, until no axis has both a record and a credit."""
-    sending = list(streams)
-    while sending:
-        sending = [stream for stream in sending if stream.send_next()]
+            self._progress_at_s = self._reached.least_s
+        elif now_s - self._progress_s > _STALL_S:
+            raise BusError(f"the motion has not gone on for {_STALL_S:g} s at {self._progress_at_s:g} s of its time")

@@ -3,7 +3,9 @@
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from steptwin.host.client.axis import AxisClient, error_text, state_text
+from steptwin.host.client.axis import AxisClient
+from steptwin.host.client.drive_status import FAULT_STATES
+from steptwin.host.client.words import error_text, state_text
 from steptwin.host.common.errors import BusError, DeviceFaultError
 from steptwin.host.operate.axis_settings import axis_settings
 from steptwin.host.operate.session import Session
@@ -72,7 +74,7 @@ def _examine_axis(session: Session, axis: AxisClient) -> Iterator[Check]:
 
 def _drive(axis: AxisClient) -> Check:
     state, code = axis.state(), axis.read(od.ERROR_CODE)
-    if state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
+    if state in FAULT_STATES:
         found = f"{state_text(state)}: {error_text(code)} (0x{code:04X}); when its cause is gone: `steptwin reset`"
         return Check(f"{axis.name} drive", False, found)
     history = error_history(axis)

@@ -8,7 +8,7 @@ from steptwin.host.operate.recovering import AxisState, axis_states
 from steptwin.host.operate.session import Session
 
 
-def home(
+def home_robot(
     session: Session,
     *,
     together: bool = False,
@@ -33,7 +33,7 @@ def home(
         if how is None:
             raise InputError(f"{joint.name}: the robot's file has no homing for it; say where it stands by --here")
     with session.in_charge("home", known=False) as machine:
-        machine.home(settings, progress, together=together)
+        machine.home_axes(settings, progress, together=together)
         if not stay:
             move_within(session, session.demanded_units(), session.units(list(session.robot.home)))
         return axis_states(session)

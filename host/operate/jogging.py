@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from math import ceil, inf
 
 from steptwin.host.client.axis import AxisClient
-from steptwin.host.client.profile_motion import drive_at, follow, halt_axis, stands
+from steptwin.host.client.profile_motion import drive_at, follow, halt_axis, reports_zero_speed
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.session import Session
@@ -89,4 +89,4 @@ def _lift_limits(axis: AxisClient) -> None:
 
 def _at_limit(axis: AxisClient) -> bool:
     status = axis.drive_status
-    return status is not None and stands(axis) and bool(status.statusword & Status.INTERNAL_LIMIT)
+    return status is not None and reports_zero_speed(axis) and bool(status.statusword & Status.INTERNAL_LIMIT)

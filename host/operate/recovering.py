@@ -2,15 +2,15 @@
 
 from dataclasses import dataclass
 
-from steptwin.host.client.axis import AxisClient, error_text, state_text
+from steptwin.host.client.axis import AxisClient
+from steptwin.host.client.drive_status import FAULT_STATES
 from steptwin.host.client.stopping import power_off, quick_stop
+from steptwin.host.client.waiting import REPLY_TIMEOUT_S, wait_until
+from steptwin.host.client.words import error_text, state_text
 from steptwin.host.common.errors import DeviceFaultError
 from steptwin.host.operate.session import Session
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Control, State, Status
-
-_POLL_S = 0.010
-_RESET_TIMEOUT_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,13 +56,10 @@ def reset(session: Session) -> list[AxisState]:
 
 
 def _await_reset(session: Session, axis: AxisClient) -> None:
-    deadline_s = session.link.now_s() + _RESET_TIMEOUT_S
-    while (state := axis.state()) in (State.FAULT, State.FAULT_REACTION_ACTIVE):
-        if session.link.now_s() > deadline_s:
-            code = axis.read(od.ERROR_CODE)
-            cause = f"{error_text(code)} (0x{code:04X})"
-            raise DeviceFaultError(f"{axis.name}: stays in {state_text(state)}, for the cause lasts: {cause}")
-        session.link.wait(_POLL_S)
+    if not wait_until(session.link, lambda: axis.state() not in FAULT_STATES, REPLY_TIMEOUT_S):
+        state, code = axis.state(), axis.read(od.ERROR_CODE)
+        cause = f"{error_text(code)} (0x{code:04X})"
+        raise DeviceFaultError(f"{axis.name}: stays in {state_text(state)}, for the cause lasts: {cause}")
 
 
 def axis_states(session: Session) -> list[AxisState]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from steptwin.host.client import Machine, Progress
-from steptwin.host.client.run import check_enabled, check_faults
+from steptwin.host.client.faults import check_enabled, check_faults
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.moving import move_within
 from steptwin.host.operate.output_commands import output_commands

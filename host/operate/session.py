@@ -7,9 +7,11 @@ from typing import Final
 import numpy as np
 
 from steptwin.host.client import Link, Machine
-from steptwin.host.client.axis import AxisClient, error_text, state_text
-from steptwin.host.client.drive_status import stands
+from steptwin.host.client.axis import AxisClient
+from steptwin.host.client.drive_status import FAULT_STATES, at_rest
 from steptwin.host.client.stopping import quick_stop
+from steptwin.host.client.waiting import wait_until
+from steptwin.host.client.words import error_text, state_text
 from steptwin.host.common.errors import DeviceFaultError, InputError, StepTwinError
 from steptwin.host.operate.axis_settings import axis_settings
 from steptwin.host.robots.joint import Joint
@@ -21,7 +23,6 @@ from steptwin.protocol.cia402 import LINEAR_RAMP, State, Status
 POSE_KEYS: Final = ("x_mm", "y_mm", "z_mm", "attitude_deg")
 _LISTEN_S: Final = 0.3
 """Three times the event timer with which an OPERATIONAL node says how its drive is."""
-_POLL_S: Final = 0.010
 _HOLD_AFTER_QUICK_STOP: Final = 6
 """0x605A: by the quick stop's ramp into QUICK STOP ACTIVE, in which the motor holds: a vertical axis stays up."""
 
@@ -38,9 +39,7 @@ class Session:
 
     def listen(self) -> None:
         """Wait until every node has said how its drive is, or for so long that it would have been heard."""
-        deadline_s = self.link.now_s() + _LISTEN_S
-        while self.link.now_s() < deadline_s and any(axis.drive_status is None for axis in self.machine.axes):
-            self.link.wait(_POLL_S)
+        wait_until(self.link, lambda: all(axis.drive_status is not None for axis in self.machine.axes), _LISTEN_S)
 
     @property
     def streaming(self) -> bool:
@@ -120,13 +119,13 @@ class Session:
     def _check(self, axis: AxisClient, *, known: bool) -> None:
         statusword = axis.read(od.STATUSWORD)
         state = State.of(statusword)
-        if state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
+        if state in FAULT_STATES:
             code = axis.read(od.ERROR_CODE)
             raise DeviceFaultError(
                 f"{axis.name}: the drive is in {state_text(state)}: {error_text(code)} (0x{code:04X}); "
                 "when its cause is gone: `steptwin reset`"
             )
-        if not stands(statusword, axis.read(od.MODE_OF_OPERATION_DISPLAY)):
+        if not at_rest(statusword, axis.read(od.MODE_OF_OPERATION_DISPLAY)):
             raise InputError(f"{axis.name}: is moving; wait for its end, or stop it by `steptwin stop`")
         if known and not statusword & Status.POSITION_KNOWN:
             raise DeviceFaultError(f"{axis.name}: does not know where it is: it must be homed first, `steptwin home`")

@@ -7,13 +7,14 @@ None then.
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from steptwin.host.client.axis import AxisClient, error_text, state_text
-from steptwin.host.client.drive_status import stands
+from steptwin.host.client.axis import AxisClient
+from steptwin.host.client.drive_status import at_rest
+from steptwin.host.client.words import error_text, mode_text, state_text, words
 from steptwin.host.common.errors import BusError
 from steptwin.host.operate.session import Session
 from steptwin.host.robots.joint import Joint
 from steptwin.protocol import od
-from steptwin.protocol.cia402 import DigitalInput, Mode, State, Status
+from steptwin.protocol.cia402 import DigitalInput, State, Status
 from steptwin.protocol.objects import HISTORY_DEPTH
 from steptwin.protocol.pvt import PvtFlag
 
@@ -170,22 +171,17 @@ def _common(axis: AxisClient, joint: Joint, statusword: int, mode: int, position
         "operational": bool(statusword & Status.REMOTE),
         "state": state_text(State.of(statusword)),
         "mode": mode_text(mode),
-        "moving": not stands(statusword, mode),
+        "moving": not at_rest(statusword, mode),
         "position": joint.to_position(position_units),
         "position_known": bool(statusword & Status.POSITION_KNOWN),
         "unit": str(joint.unit),
     }
 
 
-def mode_text(mode: int) -> str:
-    """A mode of operation in words."""
-    return Mode(mode).name.replace("_", " ").lower() if mode in set(Mode) else f"mode {mode}"
-
-
 def active_inputs(axis: AxisClient) -> tuple[str, ...]:
     """The names of an axis' active inputs, by SDO."""
     inputs = axis.read(od.DIGITAL_INPUTS)
-    return tuple(_words(bit.name or "") for bit in DigitalInput if inputs & bit)
+    return tuple(words(bit) for bit in DigitalInput if inputs & bit)
 
 
 def error_history(axis: AxisClient) -> tuple[str, ...]:
@@ -196,8 +192,4 @@ def error_history(axis: AxisClient) -> tuple[str, ...]:
 
 
 def _flags(flags: int) -> tuple[str, ...]:
-    return tuple(_words(flag.name or "") for flag in PvtFlag if flags & flag)
-
-
-def _words(name: str) -> str:
-    return name.replace("_", " ").lower()
+    return tuple(words(flag) for flag in PvtFlag if flags & flag)

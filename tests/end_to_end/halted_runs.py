@@ -11,6 +11,7 @@ from steptwin.controller import kernel as k
 from steptwin.controller.backend import Kernel
 from steptwin.controller.group_time import GroupTime
 from steptwin.host.client import Machine, OutputCommand, Progress
+from steptwin.host.client.pausing import pause_trajectory, resume_trajectory
 from steptwin.host.common.axis_records import AxisRecords
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
@@ -108,11 +109,11 @@ def run_with(kernel: Kernel, job: str, breaks: Sequence[Break], options: dict[st
             for at_s, lasts_s in breaks:
                 while run.trajectory_s < at_s:
                     self.wait(_POLL_S)
-                halted.append(self.pause())
+                halted.append(pause_trajectory(self))
                 assert run.halted is halted[-1]
                 self.wait(lasts_s)
                 if halted[-1]:
-                    self.resume()
+                    resume_trajectory(self)
             while not run.ended:
                 self.wait(_POLL_S)
             progress(run.fraction)

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
-from steptwin.host.client.axis import error_text
 from steptwin.host.client.monitor.fields import Mapping, pdo_fields, value_text
 from steptwin.host.client.monitor.sdo_text import request_text, response_text
+from steptwin.host.client.words import error_text, words
 from steptwin.protocol.frame import (
     COB_EMCY,
     COB_HEARTBEAT,
@@ -79,7 +79,7 @@ class Decoder:
         if len(data) != 2:
             return Decoded("nmt", "NMT", None, "all", f"malformed: {data.hex(' ')}")
         known = data[0] in set(NmtCommand)
-        text = NmtCommand(data[0]).name.replace("_", " ").lower() if known else f"unknown command {data[0]}"
+        text = words(NmtCommand(data[0])) if known else f"unknown command {data[0]}"
         return Decoded("nmt", "NMT", data[1] or None, self._name(data[1]) if data[1] else "all", text)
 
     def _pdo(self, base: int, node_id: int, data: bytes) -> Decoded:

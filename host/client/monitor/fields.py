@@ -2,7 +2,7 @@
 
 from typing import Any, Final
 
-from steptwin.host.client.axis import error_text, state_text
+from steptwin.host.client.words import error_text, mode_text, state_text
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Mode, State
 from steptwin.protocol.datatypes import DataType
@@ -62,7 +62,7 @@ def _statusword(value: int) -> str:
 
 
 def _mode(value: int) -> str:
-    return f"{value} {Mode(value).name.replace('_', ' ').lower()}" if value in set(Mode) else str(value)
+    return f"{value} {mode_text(value)}" if value in set(Mode) else str(value)
 
 
 def _error(value: int) -> str:

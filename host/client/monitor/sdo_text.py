@@ -3,6 +3,7 @@
 from typing import Final
 
 from steptwin.host.client.monitor.fields import entry_text, named_entry
+from steptwin.host.client.words import words
 from steptwin.protocol.abort import AbortCode
 
 _EXPEDITED, _SIZED = 0x02, 0x01
@@ -50,5 +51,5 @@ def _value(data: bytes) -> str:
 
 def _abort(code: int) -> str:
     if code in set(AbortCode):
-        return f"{AbortCode(code).name.replace('_', ' ').lower()} (0x{code:08X})"
+        return f"{words(AbortCode(code))} (0x{code:08X})"
     return f"0x{code:08X}"

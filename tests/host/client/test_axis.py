@@ -4,7 +4,7 @@ import pytest
 
 from steptwin.controller.backend import Kernel
 from steptwin.host.client import AxisSettings, Machine
-from steptwin.host.client.axis import error_text
+from steptwin.host.client.words import error_text
 from steptwin.host.common.errors import BusError, DeviceFaultError
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.embedded_board import EmbeddedBoard

@@ -6,6 +6,7 @@ import pytest
 from steptwin.controller.backend import Kernel
 from steptwin.host.client import Machine
 from steptwin.host.client.heartbeat import PERIOD_S, TIMEOUT_MS
+from steptwin.host.client.pausing import pause_trajectory
 from steptwin.host.common.errors import DeviceFaultError
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
@@ -142,7 +143,7 @@ def test_a_paused_machine_is_watched_too(
 ) -> None:
     machine.start(travelling(101), [0] * AXES)
     machine.wait(0.5)
-    machine.pause()
+    pause_trajectory(machine)
     rested_s = board.now_s()
     silence_heartbeat(monkeypatch)
     with pytest.raises(DeviceFaultError, match="heartbeat lost"):

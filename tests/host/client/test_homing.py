@@ -67,7 +67,7 @@ def test_every_robot_by_its_file(fast_kernel: Kernel, name: str, together: bool)
     robot = load_robot(name)
     board, machine = machine_of(robot, list(robot.home), fast_kernel)
     told: list[float] = []
-    machine.home(how(robot), told.append, together=together)
+    machine.home_axes(how(robot), told.append, together=together)
     assert steps_said(robot, machine) == board.driver_positions()
     assert told == [(i + 1) / len(robot.joints) for i in range(len(robot.joints))]
     assert [axis.state() for axis in machine.axes] == [State.OPERATION_ENABLED] * len(robot.joints)
@@ -82,14 +82,14 @@ def test_from_anywhere(fast_kernel: Kernel, data: st.DataObject) -> None:
     start[0], start[1] = min(start[0], 60.0), min(start[1], 40.0)  # the slides are long and slow
     board, machine = machine_of(WAREHOUSE, start, fast_kernel)
     for _ in range(2):
-        machine.home(how(WAREHOUSE), together=True)
+        machine.home_axes(how(WAREHOUSE), together=True)
         assert steps_said(WAREHOUSE, machine) == board.driver_positions()
 
 
 def test_one_by_one_the_others_stand(fast_kernel: Kernel) -> None:
     board, machine = machine_of(WAREHOUSE, list(WAREHOUSE.home), fast_kernel)
     before = board.driver_positions()
-    machine.home(how(WAREHOUSE, "L1"))
+    machine.home_axes(how(WAREHOUSE, "L1"))
     moved = [now != then for now, then in zip(board.driver_positions(), before, strict=True)]
     assert moved == [False, False, True, False, False, False]
 
@@ -97,7 +97,7 @@ def test_one_by_one_the_others_stand(fast_kernel: Kernel) -> None:
 def test_a_homed_axis_goes_where_it_is_sent(fast_kernel: Kernel) -> None:
     """A profile move to 100 mm ends at 100 mm of the machine."""
     board, machine = machine_of(WAREHOUSE, list(WAREHOUSE.home), fast_kernel)
-    machine.home(how(WAREHOUSE, "L1"))
+    machine.home_axes(how(WAREHOUSE, "L1"))
     axis, joint = machine.axes[L1], WAREHOUSE.joints[L1]
     axis.write(od.MODE_OF_OPERATION, Mode.PROFILE_POSITION)
     axis.write(od.TARGET_POSITION, round(100 * joint.transmission.wire_units_per_unit))
@@ -117,7 +117,7 @@ class TestFailures:
         _, machine = machine_of(without_home_switch(), list(WAREHOUSE.home), fast_kernel)
         words = r"^th3: homing failed: the switch was not found on the whole way \(EMCY 0xFF05\)$"
         with pytest.raises(DeviceFaultError, match=words):
-            machine.home(how(WAREHOUSE, "th3"))
+            machine.home_axes(how(WAREHOUSE, "th3"))
         assert machine.axes[TH3].error_codes == [ErrorCode.HOMING_FAILED]
 
     def test_one_that_fails_stops_the_others(self, fast_kernel: Kernel) -> None:
@@ -125,7 +125,7 @@ class TestFailures:
         board, machine = machine_of(without_home_switch(), [500.0, *WAREHOUSE.home[1:5], 185.0], fast_kernel)
         told: list[float] = []
         with pytest.raises(DeviceFaultError, match=r"^th3: homing failed"):
-            machine.home(how(WAREHOUSE, "sx", "th3"), told.append, together=True)
+            machine.home_axes(how(WAREHOUSE, "sx", "th3"), told.append, together=True)
         assert told == []
         at_rest = board.driver_positions()
         board.wait(1.0)
@@ -138,7 +138,7 @@ class TestFailures:
         settings[TH1] = replace(settings[TH1], timeout_ms=50)  # type: ignore[type-var]
         before = board.driver_positions()
         with pytest.raises(DeviceFaultError, match=r"^th1: homing failed: it took longer than allowed"):
-            machine.home(tuple(settings))
+            machine.home_axes(tuple(settings))
         assert board.driver_positions()[TH1 + 1] == before[TH1 + 1]
 
     def test_exchanged_limit_switches(self, fast_kernel: Kernel) -> None:
@@ -149,14 +149,14 @@ class TestFailures:
         machine.axes[TH1].write(od.POLARITY, 0xC0)  # the axis runs the other way: each end has the other's switch
         machine.axes[TH1].enable()
         with pytest.raises(DeviceFaultError, match=r"^th1: homing failed: a limit switch closed that should not"):
-            machine.home(tuple(settings))
+            machine.home_axes(tuple(settings))
         assert board.driver_positions()[TH1] >= 125 * 44
 
     def test_an_emergency_stop(self, fast_kernel: Kernel) -> None:
         schedule = [Scheduled(72_000_000, EmergencyStop(pressed=True))]
         board, machine = machine_of(WAREHOUSE, list(WAREHOUSE.home), fast_kernel, schedule)
         with pytest.raises(DeviceFaultError, match=r"^th1: estop \(EMCY 0x9000\)$"):
-            machine.home(how(WAREHOUSE, "th1"))
+            machine.home_axes(how(WAREHOUSE, "th1"))
         assert 1.0 <= board.now_s() < 1.3  # noticed at once, and waited for until all axes stand
 
     @pytest.mark.parametrize(
@@ -174,14 +174,14 @@ class TestFailures:
             machine.axes[TH1].write(od.CONTROLWORD, word)
 
         with pytest.raises(DeviceFaultError, match=rf"^{words}$"):
-            machine.home(how(WAREHOUSE, "sx", "th1"), interfere, together=True)
+            machine.home_axes(how(WAREHOUSE, "sx", "th1"), interfere, together=True)
 
     def test_an_axis_that_never_says_how_it_went(self, fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch) -> None:
         board, machine = machine_of(WAREHOUSE, list(WAREHOUSE.home), fast_kernel)
         monkeypatch.setattr(machine.axes[TH1], "read", lambda *_: 0x0237)
         begun_s = board.now_s()
         with pytest.raises(BusError, match=r"^th1: homing neither ends nor fails$"):
-            machine.home(how(WAREHOUSE, "th1"))
+            machine.home_axes(how(WAREHOUSE, "th1"))
         settings = how(WAREHOUSE)[TH1]
         assert settings is not None
         assert board.now_s() - begun_s > settings.timeout_ms / 1000

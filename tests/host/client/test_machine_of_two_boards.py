@@ -7,6 +7,7 @@ from steptwin.emulator.board import Board, BoardConfig
 from steptwin.emulator.bus import Bus
 from steptwin.emulator.simulation import Simulation
 from steptwin.host.client import Machine
+from steptwin.host.client.pausing import pause_trajectory, resume_trajectory
 from steptwin.host.twin.embedded_board import EmbeddedNetwork
 from tests.host.client.machines import SETTINGS, still, travelling
 
@@ -47,12 +48,12 @@ def test_it_starts_halts_and_ends_together(link: TwoBoards) -> None:
         records[axis] = travelling(101)[3]
     run = machine.start(tuple(records), [0] * (2 * AXES))
     machine.wait(0.5)
-    assert machine.pause()
+    assert pause_trajectory(machine)
     rest_units = machine.positions_units()
     assert rest_units[3] == pytest.approx(rest_units[13], abs=3 * 4 * 1024)
     machine.wait(10.0)
     assert machine.positions_units() == rest_units
-    machine.resume()
+    resume_trajectory(machine)
     machine.wait(3.0)
     assert run.ended
     end_units = [100 * 80 * 1024 if axis in MOVING else 0 for axis in range(2 * AXES)]

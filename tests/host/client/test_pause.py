@@ -7,6 +7,7 @@ import pytest
 
 from steptwin.controller.backend import Kernel
 from steptwin.host.client import Machine, OutputCommand
+from steptwin.host.client.pausing import pause_trajectory, resume_trajectory
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
@@ -65,13 +66,13 @@ def test_it_rests_and_goes_on_to_its_end(board: EmbeddedBoard, machine: Machine)
     machine.wait(0.5)
     assert not run.halted
     asked_s = board.now_s()
-    assert machine.pause()
+    assert pause_trajectory(machine)
     assert run.halted
     assert board.now_s() - asked_s == pytest.approx(0.42, abs=0.02)
     rest_units = machine.positions_units()
     machine.wait(60.0)
     assert machine.positions_units() == rest_units
-    machine.resume()
+    resume_trajectory(machine)
     assert not run.halted
     machine.wait(3.0)
     assert run.ended
@@ -80,14 +81,14 @@ def test_it_rests_and_goes_on_to_its_end(board: EmbeddedBoard, machine: Machine)
 
 def test_saying_it_twice_changes_nothing(machine: Machine) -> None:
     run = machine.start(travelling(101), [0] * AXES)
-    machine.resume()
+    resume_trajectory(machine)
     machine.wait(0.5)
-    assert machine.pause()
+    assert pause_trajectory(machine)
     rest_units = machine.positions_units()
-    assert machine.pause()
+    assert pause_trajectory(machine)
     assert machine.positions_units() == rest_units
-    machine.resume()
-    machine.resume()
+    resume_trajectory(machine)
+    resume_trajectory(machine)
     machine.wait(3.0)
     assert run.ended
 
@@ -96,7 +97,7 @@ def test_a_trajectory_that_ends_while_it_is_halted(board: EmbeddedBoard, machine
     """0.1 s before its end there is no room to halt: it ends, and the next one is not held by what was asked for."""
     run = machine.start(travelling(20), [0] * AXES)
     machine.wait(0.3)
-    assert machine.pause() is False
+    assert pause_trajectory(machine) is False
     machine.wait(0.05)
     assert run.ended
     assert machine.positions_units() == [0, 0, 0, 19 * 80 * 1024, 0, 0]
@@ -105,11 +106,11 @@ def test_a_trajectory_that_ends_while_it_is_halted(board: EmbeddedBoard, machine
     machine.run(travelling(20), [0] * AXES, lambda _: None)
 
 
-@pytest.mark.parametrize("what", ["pause", "resume"])
-def test_there_is_nothing_to_halt(board: EmbeddedBoard, what: str) -> None:
+@pytest.mark.parametrize(("what", "change"), [("pause", pause_trajectory), ("resume", resume_trajectory)])
+def test_there_is_nothing_to_halt(board: EmbeddedBoard, what: str, change: Callable[[Machine], object]) -> None:
     def nothing(machine: Machine) -> None:
         with pytest.raises(InputError, match=f"^nothing to {what}: no axis runs a trajectory$") as caught:
-            getattr(machine, what)()
+            change(machine)
         assert caught.value.exit_code == 2
 
     nothing(Machine(board, ROBOT.joint_names))
@@ -128,16 +129,16 @@ def test_another_host_may_do_it(board: EmbeddedBoard, machine: Machine, monkeypa
     run = machine.start(travelling(101), [0] * AXES)
     machine.wait(1.0)
     begin = len(board.bus_log)
-    assert other.pause()
+    assert pause_trajectory(other)
     assert run.halted
     machine.wait(60.0)
     assert not run.ended
-    other.resume()
+    resume_trajectory(other)
     machine.wait(2.0)
     assert run.ended
     assert not [frame for _, frame in board.bus_log[begin:] if frame.cob_id in range(0x600, 0x680)]
     with pytest.raises(InputError, match="nothing to pause"):
-        other.pause()
+        pause_trajectory(other)
 
 
 def test_another_host_hears_of_a_fault(board: EmbeddedBoard, machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -147,7 +148,7 @@ def test_another_host_hears_of_a_fault(board: EmbeddedBoard, machine: Machine, m
     machine.wait(1.0)
     silence_heartbeat(monkeypatch)
     with pytest.raises(DeviceFaultError, match=r"^sx: heartbeat lost \(EMCY 0x8130\)$"):
-        other.pause()
+        pause_trajectory(other)
 
 
 def test_the_halt_bit_of_one_axis_is_enough(machine: Machine) -> None:
@@ -156,7 +157,7 @@ def test_the_halt_bit_of_one_axis_is_enough(machine: Machine) -> None:
     machine.axes[TH2].write(od.CONTROLWORD, RUN | Control.HALT)
     machine.wait(30.0)
     assert run.halted
-    machine.resume()
+    resume_trajectory(machine)
     machine.wait(3.0)
     assert run.ended
 
@@ -179,9 +180,9 @@ def test_the_longest_record_and_the_slowest_ramp_are_no_error(board: EmbeddedBoa
     run = machine.start(travelling(60, 255), [0] * AXES)
     machine.wait(1.0)
     asked_s = board.now_s()
-    assert machine.pause()
+    assert pause_trajectory(machine)
     assert board.now_s() - asked_s == pytest.approx(16.33, abs=0.02)
-    machine.resume()
+    resume_trajectory(machine)
     machine.wait(30.0)
     assert run.ended
 
@@ -189,7 +190,7 @@ def test_the_longest_record_and_the_slowest_ramp_are_no_error(board: EmbeddedBoa
 def test_a_fault_ends_the_waiting(board: EmbeddedBoard, machine: Machine) -> None:
     machine.start(travelling(101), [0] * AXES)
     machine.wait(0.5)
-    machine.pause()
+    pause_trajectory(machine)
     machine.axes[TH1].write(od.CONSUMER_HEARTBEATS[0], 0x7E << 16 | 50)
     board.network.send_message(0x77E, b"\x05")
     with pytest.raises(DeviceFaultError, match=r"^th1: heartbeat lost \(EMCY 0x8130\)$"):
@@ -204,10 +205,10 @@ def test_an_output_waits_for_the_trajectory(board: EmbeddedBoard, machine: Machi
     started_s = board.now_s()
     machine.wait(0.48)
     board.wait(started_s + 0.5 - board.now_s())
-    machine.pause()
+    pause_trajectory(machine)
     machine.wait(5.0)
     assert th3.read(od.DIGITAL_OUTPUTS) == 0
-    machine.resume()
+    resume_trajectory(machine)
     machine.wait(0.03)
     assert th3.read(od.DIGITAL_OUTPUTS) == DigitalOutput.OUT1
     machine.wait(2.0)

@@ -1,9 +1,11 @@
 """Jogging: for a time, to the end of travel, until Ctrl-C."""
 
+from collections.abc import Sequence
+
 import pytest
 
 from steptwin.controller.backend import Kernel
-from steptwin.host.client import AxisClient, profile_motion, run
+from steptwin.host.client import AxisClient, faults, profile_motion
 from steptwin.host.common.errors import DeviceFaultError, InputError
 from steptwin.host.operate.jogging import check_jog, jog
 from steptwin.host.operate.recovering import axis_states
@@ -46,10 +48,10 @@ def test_a_limit_switch_stops_it_with_a_fault(board: EmbeddedBoard) -> None:
 
 
 def interrupted_after(looks: int, patch: pytest.MonkeyPatch) -> None:
-    check = run.check_enabled
+    check = faults.check_enabled
     left = [looks]
 
-    def check_or_interrupt(axes: tuple[AxisClient, ...]) -> None:
+    def check_or_interrupt(axes: Sequence[AxisClient]) -> None:
         left[0] -= 1
         if left[0] == 0:
             raise KeyboardInterrupt

@@ -9,9 +9,9 @@ from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.operate.doctor import examine
 from steptwin.host.operate.homing import declare
 from steptwin.host.operate.moving import move
-from steptwin.host.operate.outputs import switch_output
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.status import read_status
+from steptwin.host.operate.switching import switch_output
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalOutput

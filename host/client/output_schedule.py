@@ -1,8 +1,8 @@
-"""Digital outputs that are switched while a trajectory runs: a gripper, a magnet, a lock, each at its time.
+"""Switch digital outputs while a trajectory runs: a gripper, a magnet, a lock, each at its time.
 
-That time is the trajectory's: it stands still while the machine is halted. An output is switched when the board says
-that it executes a record which begins at the output's time or later, never before. The board is asked for that when it
-can be so: its own reports come ten times a second only.
+The time of an output is trajectory time, which stands still while the machine is halted. An output is switched once the
+board reports that it executes a record which begins at the output's time or later, never before. The board's own
+reports come only ten times a second, so the client reads the record number by SDO when an output may be due.
 """
 
 from collections import deque
@@ -14,7 +14,7 @@ from steptwin.protocol.cia402 import DigitalOutput
 
 
 class OutputCommand(NamedTuple):
-    """One output of one axis takes a level, this long after the motion's start."""
+    """Switch one output of one axis `from_s` seconds after the motion's start, in trajectory time."""
 
     axis: int
     output: DigitalOutput
@@ -23,7 +23,7 @@ class OutputCommand(NamedTuple):
 
 
 class OutputSchedule:
-    """The commands of one run, sent when they are due; the motion stands still meanwhile and waits for none."""
+    """The output commands of one run; each is sent when it is due, and the motion does not wait for it."""
 
     def __init__(
         self, axes: tuple[AxisClient, ...], commands: tuple[OutputCommand, ...], reached: TrajectoryTime
@@ -33,12 +33,13 @@ class OutputSchedule:
         self._reached = reached
 
     def tend(self, now_s: float) -> None:
-        """Send what is due by now."""
+        """Send every command that is due by now."""
         while self._pending and self._is_due(self._pending[0].from_s, now_s):
             command = self._pending.popleft()
             self._axes[command.axis].switch_output(command.output, on=command.on)
 
     def _is_due(self, from_s: float, now_s: float) -> bool:
+        """Return whether the trajectory has reached a time; ask the board only if the last report leaves it open."""
         if self._reached.least_s < from_s <= self._reached.most_s(now_s):
             self._reached.report(self._axes[0].executing(), now_s)
         return self._reached.least_s >= from_s

@@ -1,0 +1,27 @@
+"""Notice, by what the axes report, that a fault or another program has ended a motion."""
+
+from collections.abc import Sequence
+
+from steptwin.host.client.axis import AxisClient
+from steptwin.host.client.link import Clock
+from steptwin.host.client.waiting import POLL_S
+from steptwin.host.client.words import state_text
+from steptwin.host.common.errors import DeviceFaultError
+from steptwin.protocol.cia402 import ErrorCode, State
+
+
+def check_faults(clock: Clock, axes: Sequence[AxisClient]) -> None:
+    """Raise DeviceFaultError if a drive is in fault; the message names the axis in which the fault began."""
+    faulty = [axis for axis in axes if axis.in_fault]
+    if faulty:
+        clock.wait(POLL_S)  # until every node has reported its errors
+        began = [axis for axis in axes if set(axis.error_codes) - {ErrorCode.GROUP_STOPPED}]
+        raise DeviceFaultError((began or faulty)[0].fault_text())
+
+
+def check_enabled(axes: Sequence[AxisClient]) -> None:
+    """Raise DeviceFaultError if a drive last reported another state than OPERATION ENABLED: something stopped it."""
+    for axis in axes:
+        status = axis.drive_status
+        if status is not None and status.state is not State.OPERATION_ENABLED:
+            raise DeviceFaultError(f"{axis.name}: was stopped, the drive is in {state_text(status.state)}")

@@ -1,0 +1,70 @@
+"""Halt the trajectory that the axes run, on its path, and resume it.
+
+Another program may be streaming the trajectory, and it goes on doing so. So only process data is sent here: an SDO
+request could disturb a dialogue of that program, since a node serves one at a time.
+"""
+
+from typing import Final
+
+from steptwin.host.client.axis import AxisClient
+from steptwin.host.client.faults import check_faults
+from steptwin.host.client.machine import Machine
+from steptwin.host.client.waiting import REPLY_TIMEOUT_S, REST_TIMEOUT_S, require, wait_until
+from steptwin.host.common.errors import InputError
+from steptwin.protocol.cia402 import ENABLE_OPERATION, Control
+
+_RUN: Final = ENABLE_OPERATION | Control.START
+_REPORT_TIMEOUT_S: Final = 0.3
+"""Three times the event timer with which an OPERATIONAL node reports its drive's status."""
+
+
+def pause_trajectory(machine: Machine) -> bool:
+    """Halt the trajectory and wait until all axes rest; a trajectory that is halted already stays so.
+
+    Returns:
+        True if the machine is halted; False if the trajectory came to its end first.
+
+    Raises:
+        InputError: no axis runs a trajectory.
+        BusError: the axes do not come to rest.
+        DeviceFaultError: a fault has ended the trajectory meanwhile.
+    """
+    running = _running(machine, "pause")
+    for axis in running:
+        axis.send_interpolation_controlword(_RUN | Control.HALT)
+    require(
+        machine,
+        lambda: all(axis.halted or not axis.interpolating for axis in running),
+        "the axes do not come to rest",
+        REST_TIMEOUT_S,
+    )
+    check_faults(machine.link, machine.axes)
+    if any(axis.halted for axis in running):
+        return True
+    for axis in running:  # the next trajectory must not find the halt bit set
+        axis.send_interpolation_controlword(_RUN)
+    return False
+
+
+def resume_trajectory(machine: Machine) -> None:
+    """Let a halted trajectory go on, whichever program halted it; one that is not halted goes on unchanged.
+
+    Raises:
+        InputError: no axis runs a trajectory.
+        BusError: the axes do not set off.
+        DeviceFaultError: a fault has ended the trajectory meanwhile.
+    """
+    running = _running(machine, "resume")
+    for axis in running:
+        axis.send_interpolation_controlword(_RUN)
+    require(machine, lambda: not any(axis.halted for axis in running), "the axes do not go on", REPLY_TIMEOUT_S)
+    check_faults(machine.link, machine.axes)
+
+
+def _running(machine: Machine, what: str) -> list[AxisClient]:
+    """Return the axes that execute records; a node that is not OPERATIONAL sends no report and executes none."""
+    wait_until(machine, lambda: all(axis.drive_status is not None for axis in machine.axes), _REPORT_TIMEOUT_S)
+    running = [axis for axis in machine.axes if axis.interpolating]
+    if not running:
+        raise InputError(f"nothing to {what}: no axis runs a trajectory")
+    return running

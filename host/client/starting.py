@@ -1,0 +1,105 @@
+"""Start a stream: let the queues report often enough, clear and preload them, then start all axes with one SYNC."""
+
+from functools import partial
+from typing import Final
+
+from steptwin.host.client.axis import AxisClient
+from steptwin.host.client.link import Link
+from steptwin.host.client.output_schedule import OutputCommand
+from steptwin.host.client.queue_feed import QueueFeed, fill
+from steptwin.host.client.stream import Stream
+from steptwin.host.client.waiting import REPLY_TIMEOUT_S, require
+from steptwin.host.common.axis_records import AxisRecords
+from steptwin.host.common.errors import DeviceFaultError
+from steptwin.protocol import od
+from steptwin.protocol.cia402 import ENABLE_OPERATION, PVT_SUBMODE, Control, Mode, Status
+from steptwin.protocol.frame import COB_SYNC
+from steptwin.protocol.objects import TPDO_DEFAULTS
+from steptwin.protocol.pvt import PvtFlag
+
+_PRELOAD_RECORDS: Final = 32
+_PRELOAD_TIMEOUT_S: Final = 5.0
+"""Long enough to send lost records again a few times on a bad line."""
+_STATUS_PERIOD: Final = od.address_of(od.TPDO_COMMUNICATION[2], od.PDO_EVENT_TIMER)
+"""The event timer with which TPDO3 reports a queue's free places."""
+_STATUS_PERIOD_MAX_MS: Final = TPDO_DEFAULTS[2][2]
+"""The value after power-up."""
+_STATUS_PERIOD_MIN_MS: Final = 10
+"""The inhibit time of TPDO3; the client looks no more often."""
+_STATUS_PERIOD_SEGMENTS: Final = 20
+"""With a report every 20 segments, three come before a queue of 64 runs dry."""
+
+
+class StreamStarter:
+    """Starts streams on the axes of a machine; remembers which status period the nodes have."""
+
+    def __init__(self, link: Link, axes: tuple[AxisClient, ...]) -> None:
+        self._link = link
+        self._axes = axes
+        self._status_period_ms = _STATUS_PERIOD_MAX_MS
+
+    def start(
+        self, records: tuple[AxisRecords, ...], start_units: list[int], outputs: tuple[OutputCommand, ...]
+    ) -> Stream:
+        """Start a trajectory; arguments and errors are those of `Machine.start`."""
+        durations_ms = records[0].durations_ms
+        self._set_status_period(min(durations_ms))
+        for axis in self._axes:
+            if not axis.read(od.STATUSWORD) & Status.POSITION_KNOWN:
+                raise DeviceFaultError(f"{axis.name}: does not know where it is: it must be homed first")
+        for axis, start in zip(self._axes, start_units, strict=True):
+            _prepare(axis, start)
+        feeds = [QueueFeed(axis, own, self._link.now_s()) for axis, own in zip(self._axes, records, strict=True)]
+        least = min(_PRELOAD_RECORDS, len(durations_ms))
+        filled = partial(self._preloaded, feeds, least)
+        require(self._link, filled, f"the queues do not fill to {least} records", _PRELOAD_TIMEOUT_S)
+        self._start_together()
+        return Stream(self._link, self._axes, feeds, durations_ms, outputs)
+
+    def _set_status_period(self, shortest_ms: int) -> None:
+        """Make the nodes report their queues' free places often enough for segments as short as `shortest_ms`.
+
+        Nodes take PDO parameters only in PRE-OPERATIONAL; their drives keep their state meanwhile.
+        """
+        period_ms = min(_STATUS_PERIOD_MAX_MS, max(_STATUS_PERIOD_MIN_MS, _STATUS_PERIOD_SEGMENTS * shortest_ms))
+        if period_ms == self._status_period_ms:
+            return
+        self._link.network.nmt.state = "PRE-OPERATIONAL"
+        for axis in self._axes:
+            axis.write(_STATUS_PERIOD, period_ms)
+        self._link.network.nmt.state = "OPERATIONAL"
+        self._status_period_ms = period_ms
+
+    def _preloaded(self, feeds: list[QueueFeed], least: int) -> bool:
+        """Send records for which there is room; return whether every queue holds at least this many."""
+        now_s = self._link.now_s()
+        for feed in feeds:
+            feed.update(now_s)
+        fill(feeds)
+        return all(axis.read(od.BUFFER_POSITION) >= least for axis in self._axes)
+
+    def _start_together(self) -> None:
+        """Latch every axis' start bit, then send one SYNC: all axes start in the same servo tick."""
+        for axis in self._axes:
+            axis.send_latched_controlword(ENABLE_OPERATION | Control.START)
+            axis.pvt_status = None  # a report from before the start says nothing about it
+        self._link.network.send_message(COB_SYNC, b"")
+        require(self._link, lambda: all(map(_started, self._axes)), "not all axes start", REPLY_TIMEOUT_S)
+
+
+def _prepare(axis: AxisClient, start_units: int) -> None:
+    """Check where the axis stands, then clear its queue and its start bit, whose rise is what starts a trajectory."""
+    demand = axis.read(od.POSITION_DEMAND)
+    if demand != start_units:
+        raise DeviceFaultError(f"{axis.name}: stands at {demand} units, the trajectory starts at {start_units}")
+    axis.write(od.CONTROLWORD, ENABLE_OPERATION)
+    axis.write(od.MODE_OF_OPERATION, Mode.INTERPOLATED_POSITION)
+    axis.write(od.INTERPOLATION_SUBMODE, PVT_SUBMODE)
+    axis.write(od.BUFFER_CLEAR, 0)
+    axis.pvt_status = None
+
+
+def _started(axis: AxisClient) -> bool:
+    """Return whether an axis runs, or has run: a trajectory may be so short that it is done already."""
+    running = axis.pvt_status is not None and bool(axis.pvt_status.flags & PvtFlag.RUNNING)
+    return axis.done or (running and axis.interpolating)

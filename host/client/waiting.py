@@ -1,0 +1,35 @@
+"""Wait for the board: one polling loop and its time limits, for virtual and real time alike."""
+
+from collections.abc import Callable
+from typing import Final
+
+from steptwin.host.client.link import Clock
+from steptwin.host.common.errors import BusError
+
+POLL_S: Final = 0.010
+"""Time between two looks at the board; equal to the inhibit time of its status reports."""
+REST_TIMEOUT_S: Final = 20.0
+"""Longest wait for axes to come to rest; a ramp lasts at most as long as a queue of the longest records, 16.3 s."""
+REPLY_TIMEOUT_S: Final = 1.0
+"""Longest wait for a drive to do what it was told at once."""
+SILENCE_S: Final = 1.0
+"""Ten times the event timer of the status reports: a board that stays silent for this long is gone."""
+
+
+def wait_until(clock: Clock, condition: Callable[[], bool], timeout_s: float, poll_s: float = POLL_S) -> bool:
+    """Wait until a condition is true; return False if it is still false after `timeout_s`.
+
+    The condition is checked first, so no time passes if it is true already.
+    """
+    deadline_s = clock.now_s() + timeout_s
+    while not condition():
+        if clock.now_s() >= deadline_s:
+            return False
+        clock.wait(poll_s)
+    return True
+
+
+def require(clock: Clock, condition: Callable[[], bool], otherwise: str, timeout_s: float) -> None:
+    """Wait until a condition is true; raise BusError, whose message begins with `otherwise`, if it stays false."""
+    if not wait_until(clock, condition, timeout_s):
+        raise BusError(f"{otherwise} within {timeout_s:g} s")
