@@ -1,8 +1,8 @@
 """Ask a node that other programs ask at the same time, as `status` does beside a running `run`.
 
 CiA 301 intends an SDO channel for one client. With several clients, each sees the answers to all of them. An answer
-that begins a transfer, or refuses one, carries the object that was asked for (section 7.2.4.3), so a client can tell its own
-answers from those.
+that begins a transfer, or refuses one, carries the object that was asked for (section 7.2.4.3); by it a client can tell
+its own answers.
 """
 
 from typing import Final
