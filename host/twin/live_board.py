@@ -29,9 +29,11 @@ from steptwin.host.record.folder import (
 )
 from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.board_config import board_configs
 from steptwin.host.twin.drivers import driver_profile
-from steptwin.host.twin.hardware import axis_evidence, board_configs, standing_steps
+from steptwin.host.twin.evidence import axis_evidence
 from steptwin.host.twin.live_plan import LivePlan
+from steptwin.host.twin.standing import standing_steps
 from steptwin.host.verify import DriverLimit
 from steptwin.protocol.frame import COB_SYNC, FIRST_NODE_ID, Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND

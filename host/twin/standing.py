@@ -1,17 +1,19 @@
-"""Read the joint positions at which an emulated machine stands."""
+"""Convert the joint positions at which an emulated machine stands into steps of its motors."""
 
 from collections.abc import Mapping, Sequence
 
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
+from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 
 Standing = Sequence[float] | Mapping[str, float]
 """Positions of all joints, or of some by name, in mm and degrees."""
 
 
 def standing_joints(robot: Robot, stand_at: Standing | None) -> list[float]:
-    """Return the positions of all joints, in mm and degrees; those that are not given are the robot's home.
+    """Return the positions of all joints, in mm and degrees; joints without a position stand at the robot's home.
 
     Raises:
         InputError: the number of positions is wrong, or the robot has no joint of that name.
@@ -28,3 +30,16 @@ def standing_joints(robot: Robot, stand_at: Standing | None) -> list[float]:
             raise unknown("stand_at: joint", name, at)
         at[name] = position
     return list(at.values())
+
+
+def standing_steps(robot: Robot, joints: Sequence[float]) -> list[int]:
+    """Return the step at which each motor stands, counted from the joint's zero; `joints` in mm and degrees."""
+    return [steps_at(joint, position) for joint, position in zip(robot.joints, joints, strict=True)]
+
+
+def steps_at(joint: Joint, position: float) -> int:
+    """Return the step at a joint position, rounded to a wire unit first and then to a step, as the firmware's preset.
+
+    Rounded at once, a position just below half a step could come out one step below the firmware's counter.
+    """
+    return (joint.to_units(position) * joint.transmission.microsteps + UNITS_PER_FULL_STEP // 2) // UNITS_PER_FULL_STEP

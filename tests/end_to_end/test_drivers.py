@@ -15,8 +15,8 @@ from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.board_config import board_config
 from steptwin.host.twin.execution import execute
-from steptwin.host.twin.hardware import board_config
 from steptwin.host.twin.outcome import Outcome
 
 DRAWER_PULL = ["run", "warehouse-scara", "drawer-pull"]

@@ -22,7 +22,8 @@ from steptwin.emulator.simulation import Simulation
 from steptwin.host.cli.app import run
 from steptwin.host.record.folder import read_edges
 from steptwin.host.robots import load_robot
-from steptwin.host.twin.hardware import board_config, standing_steps
+from steptwin.host.twin.board_config import board_config
+from steptwin.host.twin.standing import standing_steps
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.pvt import PvtRecord
 from tests.emulator.live_rig import TIMEOUT_S, RawClient

@@ -8,7 +8,8 @@ from steptwin.host.client import AxisSettings, Machine
 from steptwin.host.common.axis_records import AxisRecords
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.switches import JointSwitches
-from steptwin.host.twin.embedded_board import EmbeddedBoard, EmbeddedNetwork
+from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded_network import EmbeddedNetwork
 from steptwin.protocol.frame import Frame
 
 _WHOLE = load_robot("warehouse-scara")

@@ -10,7 +10,7 @@ from steptwin.controller.backend import Kernel
 from steptwin.emulator.board import Board, BoardConfig
 from steptwin.emulator.bus import Bus
 from steptwin.emulator.simulation import Simulation
-from steptwin.host.twin.embedded_board import EmbeddedNetwork
+from steptwin.host.twin.embedded_network import EmbeddedNetwork
 from steptwin.protocol.cia402 import Status
 from steptwin.protocol.eds import render_eds
 from steptwin.protocol.homing_methods import HOME_HERE

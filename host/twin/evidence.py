@@ -1,0 +1,81 @@
+"""Convert the emulator's traces into the verifier's evidence."""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steptwin.controller.pins import Pin, PinChange
+from steptwin.emulator.board import AxisTrace
+from steptwin.emulator.edges import NO_COUNTS, NO_LEVELS, Int64Array
+from steptwin.emulator.tb6560 import Outputs, Unit, Violations
+from steptwin.host.robots.board_settings import ActiveEdge
+from steptwin.host.verify import AxisEvidence, DriverLimit, DriverViolations, LevelEdges, Phases
+from steptwin.protocol.timer import COUNTS_PER_US
+
+_SCALES: Final = {Unit.COUNTS: ("us", 1 / COUNTS_PER_US), Unit.LEVEL: ("level", 1), Unit.CELSIUS: ("degC", 1)}
+"""The unit in which the evidence gives each unit of the emulator, and the factor of the conversion."""
+
+
+def axis_evidence(
+    name: str, start_steps: int, trace: AxisTrace, axis: int, changes: Sequence[PinChange]
+) -> AxisEvidence:
+    """Return the evidence of one axis' driver, with the pin changes that concern this axis."""
+    return AxisEvidence(
+        name=name,
+        start_steps=start_steps,
+        clk_rise_counts=trace.clk_rise_counts,
+        clk_fall_counts=trace.clk_fall_counts,
+        active_edge=ActiveEdge(trace.active_edge),
+        dir_edge_counts=trace.dir_counts,
+        dir_levels=trace.dir_levels,
+        step_counts=trace.step_counts,
+        step_signs=trace.step_signs,
+        violations=_violations(trace.violations),
+        phases=_phases(trace.outputs),
+        pins=_level_edges(axis, changes),
+    )
+
+
+def _violations(violations: Violations) -> DriverViolations:
+    """Convert limits and values given in counts to microseconds."""
+    scales = np.array([_SCALES[limit.unit][1] for limit in violations.limits])
+    limits = tuple(
+        DriverLimit(
+            limit.rule.name.lower(), limit.rule.value, limit.value * scale, _SCALES[limit.unit][0], limit.source
+        )
+        for limit, scale in zip(violations.limits, scales.tolist(), strict=True)
+    )
+    values = violations.values * scales[violations.which]
+    return DriverViolations(limits, violations.counts, violations.which, values)
+
+
+def _phases(outputs: Outputs) -> Phases:
+    """Sample the phases at each instant at which they may change; keep those at which they do, and power-up."""
+    counts = outputs.instants()
+    if not counts.size:
+        return Phases(NO_COUNTS, NO_LEVELS, np.empty(0, np.int16), np.empty(0, np.int16))
+    values, before = _phase_values(outputs, counts), _phase_values(outputs, counts[:1] - 1)
+    changed = (values != np.concatenate((before, values[:-1]))).any(axis=1)
+    changed[:1] |= outputs.from_counts == 0
+    angle, a_ma, b_ma = values[changed].T
+    return Phases(counts[changed], angle.astype(np.int8), a_ma.astype(np.int16), b_ma.astype(np.int16))
+
+
+def _phase_values(outputs: Outputs, counts: Int64Array) -> NDArray[np.int64]:
+    """Return the angle in sixteenths of a full step and both currents in mA, shape (n, 3)."""
+    currents_ma = np.rint(1000 * outputs.currents_a(counts)).astype(np.int64)
+    return np.column_stack([outputs.sixteenths(counts), currents_ma])
+
+
+def _level_edges(axis: int, changes: Sequence[PinChange]) -> dict[str, LevelEdges]:
+    """Return the edges of one axis' pins that the firmware holds at a level, by pin name."""
+    in_order = sorted(changes, key=lambda change: change.counts)
+    edges = {pin: [change for change in in_order if (change.axis, change.pin) == (axis, pin)] for pin in Pin}
+    return {
+        pin.value.lower(): LevelEdges(
+            np.array([change.counts for change in own], np.int64), np.array([change.level for change in own], np.int8)
+        )
+        for pin, own in edges.items()
+    }
