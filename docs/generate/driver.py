@@ -41,7 +41,7 @@ def render_driver() -> str:
 
 def _pins() -> str:
     rows = [[str(pin.number), pin.name, pin.kind.value, pin.function, str(pin.page)] for pin in PINS]
-    return table(["pin", "name", "", "function", "page"], rows, text_columns=4)
+    return table(["pin", "name", "kind", "function", "page"], rows, text_columns=4)
 
 
 def _modes() -> str:
@@ -89,7 +89,7 @@ def _oscillator() -> str:
 def _power() -> str:
     limits = [limit for limit in Tb6560(330).violations.limits if limit.rule is Rule.POWER_ORDER]
     rows = [[limit.source.split(", ")[2], str(limit.value)] for limit in limits]
-    return table(["", "has to be"], rows)
+    return table(["", "required level"], rows)
 
 
 def _currents() -> str:
@@ -104,17 +104,17 @@ def _currents() -> str:
 
 def _profiles() -> str:
     rows = [[f"`{profile.name}`", profile.title, _delays(profile), _asked(profile)] for profile in PROFILES.values()]
-    return table(["profile", "", "late by", "asks for"], rows, text_columns=4)
+    return table(["profile", "driver", "delay", "requires"], rows, text_columns=4)
 
 
 def _delays(profile: DriverProfile) -> str:
     couplers = {"STEP": profile.module.clk, "DIR": profile.module.direction, "EN": profile.module.enable}
-    said = [
+    texts = [
         f"{name} {coupler.to_high_ns / 1e3:g} us to high, {coupler.to_low_ns / 1e3:g} us to low"
         for name, coupler in couplers.items()
         if coupler.to_high_ns or coupler.to_low_ns
     ]
-    return "; ".join(said) or "-"
+    return "; ".join(texts) or "-"
 
 
 def _asked(profile: DriverProfile) -> str:
@@ -126,11 +126,11 @@ def _asked(profile: DriverProfile) -> str:
         "dirsetup": asked.dirsetup_ns,
         "dirhold": asked.dirhold_ns,
     }
-    said = [f"{name} {ns / 1e3:g} us" for name, ns in named.items() if ns]
-    edge = f"; active edge {profile.module.active_edge}" if said else ""
-    return (", ".join(said) or f"CLK high {width_us:g} us") + edge
+    texts = [f"{name} {ns / 1e3:g} us" for name, ns in named.items() if ns]
+    edge = f"; active edge {profile.module.active_edge}" if texts else ""
+    return (", ".join(texts) or f"CLK high {width_us:g} us") + edge
 
 
 def _rules() -> str:
     rows = [[f"`{rule.name.lower()}`", *rule.value.split(": ")] for rule in Rule]
-    return table(["rule", "broken where", "what the model makes of it"], rows, text_columns=3)
+    return table(["rule", "violated where", "effect in the model"], rows, text_columns=3)

@@ -60,7 +60,7 @@ def _identifiers() -> str:
         ["SDO", f"{_hex(COB_SDO_RESPONSE)} + n, {_hex(COB_SDO_REQUEST)} + n", "answers, requests"],
         ["heartbeat", f"{_hex(COB_HEARTBEAT)} + n", "state; 0 at boot-up"],
     ]
-    return table(["service", "COB-ID", ""], rows, text_columns=3)
+    return table(["service", "COB-ID", "contents"], rows, text_columns=3)
 
 
 def _pdos() -> str:
@@ -95,7 +95,7 @@ def _state_row(state: State) -> list[str]:
 
 def _errors() -> str:
     rows = [[f"0x{code:04X}", code.name.replace("_", " ").lower(), f"0x{code.register:02X}"] for code in ErrorCode]
-    return table(["code", "is", "error register"], rows, text_columns=3)
+    return table(["code", "meaning", "error register"], rows, text_columns=3)
 
 
 def _objects() -> str:

@@ -64,8 +64,8 @@ def _tool(report: Report, sampled: Sampled | None) -> str:
 
 
 def _outputs(report: Report) -> list[str]:
-    said = [f"{output.name} {'on' if output.on else 'off'} at {output.changed_s:.3f} s" for output in report.outputs]
-    return [f"outputs: {', '.join(said)}"] if said else []
+    switched = [f"{output.name} {'on' if output.on else 'off'} at {output.changed_s:.3f} s" for output in report.outputs]
+    return [f"outputs: {', '.join(switched)}"] if switched else []
 
 
 def _verdict(report: Report) -> str:

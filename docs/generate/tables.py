@@ -47,7 +47,7 @@ def joints(robot: Robot) -> str:
     sections = read_robot_file(robot.name)
     columns = [sections[f"joints.{name}"] for name in robot.joint_names]
     keys = dict.fromkeys(key for section in columns for key in section.entries)
-    rows = [["what", *(section.comment for section in columns)]]
+    rows = [["mechanics", *(section.comment for section in columns)]]
     rows += [[key, *(str(section.entries.get(key, "-")) for section in columns)] for key in keys]
     rows.append(["home", *(str(sections["home"].entries[name]) for name in robot.joint_names)])
     rows.append(["steps per mm or deg", *(f"{joint.transmission.steps_per_unit:.9g}" for joint in robot.joints)])
@@ -62,7 +62,7 @@ def outputs(robot: Robot) -> str:
         [name, output.joint, f"OUT{output.out}", f"{notes[name].mark} {notes[name].note}".strip()]
         for name, output in robot.outputs.items()
     ]
-    return table(["output", "axis", "pin", ""], rows, text_columns=4)
+    return table(["output", "axis", "pin", "note"], rows, text_columns=4)
 
 
 def places(robot: Robot) -> str:
@@ -76,7 +76,7 @@ def places(robot: Robot) -> str:
         ]
         for name, place in robot.places.items()
     ]
-    return table(["place", "", *robot.joint_names], rows, text_columns=2)
+    return table(["place", "note", *robot.joint_names], rows, text_columns=2)
 
 
 def options(robot: Robot, job: str) -> str:
@@ -91,4 +91,4 @@ def _entries(section: Section, without: tuple[str, ...] = ()) -> str:
         for key, entry in section.entries.items()
         if key not in without
     ]
-    return table(["", "value", ""], rows, text_columns=3)
+    return table(["key", "value", "note"], rows, text_columns=3)

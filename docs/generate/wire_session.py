@@ -86,8 +86,8 @@ def _sdo(data: bytes) -> str:
     index, subindex = int.from_bytes(data[1:3], "little"), data[3]
     command = _SDO_COMMANDS.get(data[0], "answer")
     value = int.from_bytes(data[4:8], "little", signed=True)
-    said = f" {value}" if command in ("write", "answer") else ""
-    return f"SDO {command} {index:04X}:{subindex:02X}{said}"
+    written = f" {value}" if command in ("write", "answer") else ""
+    return f"SDO {command} {index:04X}:{subindex:02X}{written}"
 
 
 def _controlword(data: bytes) -> str:
