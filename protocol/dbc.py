@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from steptwin.protocol.entry import Entry, EntryUnit
 from steptwin.protocol.frame import (
     COB_EMCY,
     COB_HEARTBEAT,
@@ -22,18 +23,18 @@ from steptwin.protocol.frame import (
     HOST_NODE_ID,
 )
 from steptwin.protocol.nmt import NmtCommand, NmtState
-from steptwin.protocol.objects import OBJECTS, RPDO_DEFAULTS, TPDO_DEFAULTS, Entry
+from steptwin.protocol.objects import ENTRIES
+from steptwin.protocol.pdo_defaults import RPDO_DEFAULTS, TPDO_DEFAULTS
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 MASTER = "Master"
 _WIRE_UNIT = "1/16384 full step"
-_ENTRIES = {(item.index, subindex): entry for item in OBJECTS for subindex, entry in item.entries.items()}
 _RPDO_PURPOSES = ("Control", "SyncControl", "SyncTarget", "Pvt")
 _TPDO_PURPOSES = ("Status", "SyncActual", "PvtStatus", "Inputs")
 
-_POSITIONS = frozenset({(0x6062, 0), (0x6064, 0), (0x607A, 0), (0x60C1, 1), (0x60F4, 0)})
-_SPEEDS = {(0x606C, 0): 1.0, (0x60C1, 2): 1000.0 / VELOCITY_PER_UNIT_PER_MS}
-"""Entries that are speeds, with what turns them into wire units per second."""
+_SPEEDS = {EntryUnit.VELOCITY: 1.0, EntryUnit.PVT_VELOCITY: 1000.0 / VELOCITY_PER_UNIT_PER_MS}
+"""Units of speed, with the factor that turns each into wire units per second."""
+_TIMES = (EntryUnit.MS, EntryUnit.US)
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,10 +109,10 @@ def _heartbeat(node_id: int, name: str) -> _Message:
 
 
 def _axis_messages(axis: AxisNames, node_id: int) -> Iterator[_Message]:
-    for i, (_, mapping) in enumerate(RPDO_DEFAULTS):
-        yield _pdo(axis, COB_RPDO[i] + node_id, f"RPDO{i + 1}_{_RPDO_PURPOSES[i]}", MASTER, mapping)
-    for i, (*_, mapping) in enumerate(TPDO_DEFAULTS):
-        yield _pdo(axis, COB_TPDO[i] + node_id, f"TPDO{i + 1}_{_TPDO_PURPOSES[i]}", axis.name, mapping)
+    for i, pdo in enumerate(RPDO_DEFAULTS):
+        yield _pdo(axis, COB_RPDO[i] + node_id, f"RPDO{i + 1}_{_RPDO_PURPOSES[i]}", MASTER, pdo.mapping)
+    for i, pdo in enumerate(TPDO_DEFAULTS):
+        yield _pdo(axis, COB_TPDO[i] + node_id, f"TPDO{i + 1}_{_TPDO_PURPOSES[i]}", axis.name, pdo.mapping)
     emergency = (
         _Signal("ErrorCode", 0, 16, signed=False),
         _Signal("ErrorRegister", 16, 8, signed=False),
@@ -129,30 +130,30 @@ def _axis_messages(axis: AxisNames, node_id: int) -> Iterator[_Message]:
     yield _Message(COB_SDO_RESPONSE + node_id, f"{axis.name}_SDO_Response", 8, axis.name, sdo)
 
 
-def _pdo(axis: AxisNames, cob_id: int, name: str, sender: str, mapping: tuple[tuple[int, int, int], ...]) -> _Message:
+def _pdo(axis: AxisNames, cob_id: int, name: str, sender: str, mapping: tuple[int, ...]) -> _Message:
     signals = []
     first_bit = 0
-    for index, subindex, bits in mapping:
-        signals.append(_signal(axis, (index, subindex), first_bit, bits))
-        first_bit += bits
+    for address in mapping:
+        signals.append(_signal(axis, ENTRIES[address], first_bit))
+        first_bit += signals[-1].bits
     return _Message(cob_id & ~COB_ID_INVALID, f"{axis.name}_{name}", first_bit // 8, sender, tuple(signals))
 
 
-def _signal(axis: AxisNames, key: tuple[int, int], first_bit: int, bits: int) -> _Signal:
-    entry: Entry = _ENTRIES[key]
-    time = re.search(r" in (ms|us)$", entry.name)
-    factor, unit = 1.0, time[1] if time else ""
-    if key in _POSITIONS:
+def _signal(axis: AxisNames, entry: Entry, first_bit: int) -> _Signal:
+    factor, unit = 1.0, ""
+    if entry.unit is EntryUnit.POSITION:
         factor, unit = 1.0 / axis.units_per_unit, axis.unit or _WIRE_UNIT
-    elif key in _SPEEDS:
-        factor, unit = _SPEEDS[key] / axis.units_per_unit, f"{axis.unit or _WIRE_UNIT}/s"
-    return _Signal(_identifier(entry.name), first_bit, bits, entry.data_type.signed, factor, unit)
+    elif entry.unit in _SPEEDS:
+        factor, unit = _SPEEDS[entry.unit] / axis.units_per_unit, f"{axis.unit or _WIRE_UNIT}/s"
+    elif entry.unit in _TIMES:
+        unit = entry.unit.value
+    name = _identifier(entry.short_name)
+    return _Signal(name, first_bit, 8 * entry.data_type.size, entry.data_type.signed, factor, unit)
 
 
 def _identifier(name: str) -> str:
-    """A DBC name from an object's: its words, up to a colon, without what they are counted in."""
-    plain = re.sub(r" in (units|ms|us|1/64 unit per ms)\b.*", "", name.split(":", maxsplit=1)[0])
-    return "".join(word[0].upper() + word[1:] for word in re.findall(r"[A-Za-z0-9]+", plain))
+    """Return a DBC name from an object's: its words without spaces and signs, each beginning with a capital."""
+    return "".join(word[0].upper() + word[1:] for word in re.findall(r"[A-Za-z0-9]+", name))
 
 
 def _value_tables(messages: list[_Message]) -> Iterator[str]:

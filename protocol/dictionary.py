@@ -5,13 +5,14 @@ from functools import partial
 
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.datatypes import DataType, decode, encode
-from steptwin.protocol.objects import OBJECTS, Access, Entry, Object
-from steptwin.protocol.od import address_of
+from steptwin.protocol.entry import Access, Entry
+from steptwin.protocol.objects import ENTRIES
 
 ReadHook = Callable[[], int]
 WriteHook = Callable[[int], None]
 FlashPage = dict[int, int]
 """A node's stored parameters, by address. Its owner keeps it while the power is off."""
+_INDICES = frozenset(address >> 8 for address in ENTRIES)
 
 
 class ObjectDictionary:
@@ -22,11 +23,8 @@ class ObjectDictionary:
     write hook acts on a value that passed the checks, before it is stored, and may refuse it with SdoAbortError.
     """
 
-    def __init__(self, node_id: int, objects: tuple[Object, ...] = OBJECTS, stored: FlashPage | None = None) -> None:
-        self.entries: dict[int, Entry] = {
-            address_of(o.index, sub): entry for o in objects for sub, entry in o.entries.items()
-        }
-        self._indices = frozenset(o.index for o in objects)
+    def __init__(self, node_id: int, *, stored: FlashPage | None = None) -> None:
+        self.entries = ENTRIES
         self._node_id = node_id
         self._stored = {} if stored is None else stored
         self._defaults = {
@@ -135,7 +133,7 @@ class ObjectDictionary:
     def _entry(self, address: int) -> Entry:
         entry = self.entries.get(address)
         if entry is None:
-            raise SdoAbortError(AbortCode.NO_SUBINDEX if address >> 8 in self._indices else AbortCode.NO_OBJECT)
+            raise SdoAbortError(AbortCode.NO_SUBINDEX if address >> 8 in _INDICES else AbortCode.NO_OBJECT)
         return entry
 
 

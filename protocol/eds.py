@@ -3,12 +3,14 @@
 import configparser
 import io
 
+from steptwin.protocol import od
+from steptwin.protocol.entry import DictionaryObject, Entry, Mapping, ObjectCode
 from steptwin.protocol.frame import BITRATES
-from steptwin.protocol.objects import OBJECTS, PDO_COUNT, Entry, Kind, Mapping, Object
+from steptwin.protocol.objects import OBJECTS, PDO_COUNT
 
-_MANDATORY = (0x1000, 0x1001, 0x1018)
+_MANDATORY = frozenset(address >> 8 for address in (od.DEVICE_TYPE, od.ERROR_REGISTER, od.VENDOR_ID))
 _MANUFACTURER_FIRST, _MANUFACTURER_LAST = 0x2000, 0x5FFF
-_PDO_MAPPINGS = frozenset(first + i for first in (0x1600, 0x1A00) for i in range(PDO_COUNT))
+_PDO_MAPPINGS = frozenset(od.RPDO_MAPPING + od.TPDO_MAPPING)
 _RATES_KBIT = (10, 20, 50, 125, 250, 500, 800, 1000)
 _FILE_DATE = {"Time": "12:00AM", "Date": "01-01-2026"}
 """Fixed, so that the same table always gives the same bytes."""
@@ -69,8 +71,8 @@ def _device_info() -> dict[str, str]:
     }
 
 
-def _groups() -> dict[str, list[Object]]:
-    groups: dict[str, list[Object]] = {
+def _groups() -> dict[str, list[DictionaryObject]]:
+    groups: dict[str, list[DictionaryObject]] = {
         "MandatoryObjects": [],
         "OptionalObjects": [],
         "ManufacturerObjects": [],
@@ -85,14 +87,14 @@ def _groups() -> dict[str, list[Object]]:
     return groups
 
 
-def _add_object(eds: configparser.RawConfigParser, item: Object) -> None:
+def _add_object(eds: configparser.RawConfigParser, item: DictionaryObject) -> None:
     section = f"{item.index:04X}"
-    if item.kind is Kind.VARIABLE:
+    if item.code is ObjectCode.VARIABLE:
         eds[section] = {"ParameterName": item.name, "ObjectType": "0x7", **_entry(item.entries[0])}
         return
     eds[section] = {
         "ParameterName": item.name,
-        "ObjectType": f"0x{item.kind.value:X}",
+        "ObjectType": f"0x{item.code.value:X}",
         "SubNumber": str(len(item.entries)),
     }
     for subindex, entry in item.entries.items():

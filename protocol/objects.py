@@ -1,461 +1,306 @@
-"""The object dictionary of one axis node, as data: every entry's index, type, access, default and range.
+"""The object dictionary of one axis node, as data: every entry's address, type, access, unit, default and range.
 
-Everything else is made from this table: the board's storage, the SDO server's checks, the PDO mappings and the EDS.
-Positions are in wire units of 1/16 384 full motor step, velocities in units per second, accelerations in units per
+Everything else is made from this table: the board's storage, the SDO server's checks, the PDO mappings, the EDS and the
+DBC. Positions are in wire units of 1/16 384 full motor step, velocities in units per second, accelerations in units per
 second squared; the PVT record has its own, finer velocity.
 """
 
-from dataclasses import dataclass, field
-from enum import Enum
+from collections.abc import Iterator
+from itertools import groupby
+from typing import Final
 
-from steptwin.protocol.cia402 import (
-    LINEAR_RAMP,
-    PVT_SUBMODE,
-    AbortConnection,
-    DigitalOutput,
-    Mode,
-)
+from steptwin.protocol import od
+from steptwin.protocol.cia402 import LINEAR_RAMP, PVT_SUBMODE, AbortConnection, DigitalOutput, Mode
 from steptwin.protocol.datatypes import DataType
+from steptwin.protocol.entry import Access, DictionaryObject, Entry, EntryUnit, Mapping, ObjectCode
 from steptwin.protocol.frame import COB_EMCY, COB_ID_INVALID, COB_ID_NO_RTR, COB_RPDO, COB_SYNC, COB_TPDO
 from steptwin.protocol.homing_methods import HOME_HERE, HOMING_METHODS
 from steptwin.protocol.nmt import ErrorBehaviour
+from steptwin.protocol.pdo_defaults import RPDO_DEFAULTS, TPDO_DEFAULTS, PdoDefault
 
 I8, I16, I24, I32 = DataType.INTEGER8, DataType.INTEGER16, DataType.INTEGER24, DataType.INTEGER32
 U8, U16, U32 = DataType.UNSIGNED8, DataType.UNSIGNED16, DataType.UNSIGNED32
 STRING = DataType.VISIBLE_STRING
-
-
-UNITS_PER_FULL_STEP = 16_384
-"""Wire units, whatever the microstep setting."""
-FULL_STEPS_PER_REVOLUTION = 200
-"""A 1.8 degree motor. Gears and spindles are the host's matter: positions are the motor's."""
-
-
-class Access(Enum):
-    """Who may do what by SDO; the value is the EDS keyword (CiA 306)."""
-
-    CONST = "const"
-    READ_ONLY = "ro"
-    READ_WRITE = "rw"
-    WRITE_ONLY = "wo"
-
-
-class Mapping(Enum):
-    """Into which PDOs an entry may be mapped."""
-
-    NONE = 0
-    RECEIVE = 1
-    TRANSMIT = 2
-    BOTH = 3
-
-
 CONST, RO, RW, WO = Access.CONST, Access.READ_ONLY, Access.READ_WRITE, Access.WRITE_ONLY
 RX, TX, RXTX = Mapping.RECEIVE, Mapping.TRANSMIT, Mapping.BOTH
+POSITION, VELOCITY, ACCELERATION = EntryUnit.POSITION, EntryUnit.VELOCITY, EntryUnit.ACCELERATION
+NS, US, HUNDRED_US, MS = EntryUnit.NS, EntryUnit.US, EntryUnit.HUNDRED_US, EntryUnit.MS
+TEN_MV, TENTH_DEGC, PERCENT = EntryUnit.TEN_MV, EntryUnit.TENTH_DEGC, EntryUnit.PERCENT
+STEPS, REVOLUTIONS, RECORDS = EntryUnit.STEPS, EntryUnit.REVOLUTIONS, EntryUnit.RECORDS
 
-
-@dataclass(frozen=True, slots=True)
-class Entry:
-    """One readable or writable value.
-
-    `default` counts from the node id if `plus_node_id`. `low` and `high` bound what may be written; None means the
-    type's own range.
-    """
-
-    name: str
-    data_type: DataType
-    access: Access
-    default: int | str = 0
-    low: int | None = None
-    high: int | None = None
-    mapping: Mapping = Mapping.NONE
-    plus_node_id: bool = False
-
-    def default_for(self, node_id: int) -> int | str:
-        """The value after power-up of the node with this id."""
-        if self.plus_node_id and isinstance(self.default, int):
-            return self.default + node_id
-        return self.default
-
-
-class Kind(Enum):
-    """CiA 301 object codes."""
-
-    VARIABLE = 7
-    ARRAY = 8
-    RECORD = 9
-
-
-@dataclass(frozen=True, slots=True)
-class Object:
-    """An index with its entries by sub-index; a variable has the one entry 0."""
-
-    index: int
-    name: str
-    kind: Kind
-    entries: dict[int, Entry] = field(default_factory=dict)
-
-
-def _variable(
-    index: int,
-    name: str,
-    data_type: DataType,
-    access: Access,
-    default: int | str = 0,
-    *,
-    low: int | None = None,
-    high: int | None = None,
-    mapping: Mapping = Mapping.NONE,
-    plus_node_id: bool = False,
-) -> Object:
-    entry = Entry(name, data_type, access, default, low, high, mapping, plus_node_id)
-    return Object(index, name, Kind.VARIABLE, {0: entry})
-
-
-def _record(index: int, name: str, *entries: Entry, kind: Kind = Kind.RECORD) -> Object:
-    count = Entry("Highest sub-index supported", U8, CONST, len(entries))
-    return Object(index, name, kind, {0: count} | dict(enumerate(entries, start=1)))
-
-
-def _array(index: int, name: str, *entries: Entry) -> Object:
-    return _record(index, name, *entries, kind=Kind.ARRAY)
-
-
-def _list(index: int, name: str, count: Entry, *entries: Entry, kind: Kind) -> Object:
-    return Object(index, name, kind, {0: count} | dict(enumerate(entries, start=1)))
-
+UNITS_PER_FULL_STEP = 16_384
+"""Wire units in a full step, whatever the microstep setting."""
+FULL_STEPS_PER_REVOLUTION = 200
+"""Of a 1.8 degree motor. The board's positions are the motor's: the host knows gears and spindles."""
+_UNITS_PER_REVOLUTION = UNITS_PER_FULL_STEP * FULL_STEPS_PER_REVOLUTION
 
 IDENTITY_DEVICE_TYPE = 0x0004_0192
 """CiA 402 (0x192 = 402), bit 18: stepper motor."""
-PDO_COUNT = 4
+PDO_COUNT = len(RPDO_DEFAULTS)
 PDO_ENTRIES_MAX = 8
-HISTORY_DEPTH = 8
+HISTORY_DEPTH = len(od.ERROR_HISTORY)
 PARAMETER_GROUPS = ((0x1000, 0xFFFF), (0x1000, 0x1FFF), (0x6000, 0x9FFF), (0x2000, 0x5FFF))
-"""First and last index of what each entry of 0x1010 and 0x1011 stores and restores."""
-_PARAMETER_GROUP_NAMES = ("all parameters", "communication parameters", "application parameters", "board parameters")
-HEARTBEAT_PRODUCERS_MAX = 4
+"""First and last index of each group of parameters that can be stored and restored."""
+STORES = (od.STORE_ALL, od.STORE_COMMUNICATION, od.STORE_APPLICATION, od.STORE_BOARD)
+RESTORES = (od.RESTORE_ALL, od.RESTORE_COMMUNICATION, od.RESTORE_APPLICATION, od.RESTORE_BOARD)
+_GROUPS = ("all parameters", "communication parameters", "application parameters", "board parameters")
 
 PULSE_NS_MIN = 4_000
 TIMING_NS_MAX = 1_000_000
-"""Bounds of the step timing 0x2001: no CLK phase below 4 us, which is 125 kHz, no timing above 1 ms."""
+"""Bounds of the step timing (2001h): no CLK phase below 4 us, which is 125 kHz, and no timing above 1 ms."""
 
 CYCLE_MS_MAX = 10
 """The longest period of cyclic synchronous position."""
 MILLI = -3
 
 WINDOW_OFF = U32.high
-"""What switches the windows 0x6065 and 0x6067 off."""
-
-ASYNCHRONOUS = 255
-MANUFACTURER_EVENT = 254
-SYNCHRONOUS = 1
-
-RPDO_DEFAULTS: tuple[tuple[int, tuple[tuple[int, int, int], ...]], ...] = (
-    (ASYNCHRONOUS, ((0x6040, 0, 16), (0x6060, 0, 8))),
-    (SYNCHRONOUS, ((0x6040, 0, 16),)),
-    (SYNCHRONOUS, ((0x607A, 0, 32),)),
-    (ASYNCHRONOUS, ((0x60C1, 1, 24), (0x60C1, 2, 24), (0x60C1, 3, 8), (0x60C1, 4, 8))),
-)
-"""Transmission type and mapping (index, sub-index, bits) of the four receive PDOs."""
-
-TPDO_DEFAULTS: tuple[tuple[int, int, int, bool, tuple[tuple[int, int, int], ...]], ...] = (
-    (ASYNCHRONOUS, 50, 100, True, ((0x6041, 0, 16), (0x6061, 0, 8), (0x6064, 0, 32))),
-    (SYNCHRONOUS, 0, 0, False, ((0x6064, 0, 32), (0x606C, 0, 32))),
-    (
-        MANUFACTURER_EVENT,
-        100,
-        100,
-        True,
-        ((0x2012, 1, 8), (0x2012, 2, 8), (0x2012, 3, 8), (0x2012, 4, 8), (0x2012, 5, 32)),
-    ),
-    (ASYNCHRONOUS, 0, 0, True, ((0x60FD, 0, 32), (0x603F, 0, 16))),
-)
-"""Type, inhibit time in 100 us, event timer in ms, enabled, and mapping of the four transmit PDOs."""
+"""The value that switches the following error window (6065h) and the position window (6067h) off."""
 
 
-def _mapping_entries(mapping: tuple[tuple[int, int, int], ...]) -> list[Entry]:
-    words = [index << 16 | subindex << 8 | bits for index, subindex, bits in mapping]
-    words += [0] * (PDO_ENTRIES_MAX - len(words))
-    return [Entry(f"Mapped object {i}", U32, RW, word) for i, word in enumerate(words, start=1)]
+def _rate(title: str, full_steps: int, unit: EntryUnit, mapping: Mapping = Mapping.NONE) -> Entry:
+    """Return an entry for a speed, an acceleration or a jerk, whose default is given in full steps and seconds."""
+    return Entry(title, U32, RW, full_steps * UNITS_PER_FULL_STEP, low=1, mapping=mapping, unit=unit)
 
 
-def _mapping_count(mapping: tuple[tuple[int, int, int], ...]) -> Entry:
-    return Entry("Number of mapped objects", U8, RW, len(mapping), 0, PDO_ENTRIES_MAX)
+def _timing(title: str, default_ns: int, low_ns: int) -> Entry:
+    return Entry(f"{title} in {{unit}}", U32, RW, default_ns, low_ns, TIMING_NS_MAX, unit=NS)
 
 
-def _rpdo_objects() -> list[Object]:
-    objects = []
-    for i, (transmission, mapping) in enumerate(RPDO_DEFAULTS):
-        name = f"RPDO{i + 1}"
-        objects += [
-            _record(
-                0x1400 + i,
-                f"{name} communication parameter",
-                Entry("COB-ID", U32, RW, COB_RPDO[i], plus_node_id=True),
-                Entry("Transmission type", U8, RW, transmission),
-            ),
-            _list(
-                0x1600 + i,
-                f"{name} mapping parameter",
-                _mapping_count(mapping),
-                *_mapping_entries(mapping),
-                kind=Kind.RECORD,
-            ),
-        ]
-    return objects
-
-
-def _tpdo_objects() -> list[Object]:
-    objects = []
-    for i, (transmission, inhibit, event_timer, enabled, mapping) in enumerate(TPDO_DEFAULTS):
-        name = f"TPDO{i + 1}"
-        cob_id = COB_TPDO[i] | COB_ID_NO_RTR | (0 if enabled else COB_ID_INVALID)
-        communication = {
-            0: Entry("Highest sub-index supported", U8, CONST, 6),
-            1: Entry("COB-ID", U32, RW, cob_id, plus_node_id=True),
-            2: Entry("Transmission type", U8, RW, transmission),
-            3: Entry("Inhibit time in 100 us", U16, RW, inhibit),
-            5: Entry("Event timer in ms", U16, RW, event_timer),
-            6: Entry("SYNC start value", U8, RW, 0, 0, 240),
-        }
-        objects += [
-            Object(0x1800 + i, f"{name} communication parameter", Kind.RECORD, communication),
-            _list(
-                0x1A00 + i,
-                f"{name} mapping parameter",
-                _mapping_count(mapping),
-                *_mapping_entries(mapping),
-                kind=Kind.RECORD,
-            ),
-        ]
-    return objects
-
-
-_COMMUNICATION = [
-    _variable(0x1000, "Device type", U32, CONST, IDENTITY_DEVICE_TYPE),
-    _variable(0x1001, "Error register", U8, RO, mapping=TX),
-    _list(
-        0x1003,
-        "Pre-defined error field",
-        Entry("Number of errors", U8, RW, 0, 0, 0),  # writing 0 clears the history, CiA 301 section 7.5.2.4
-        *[Entry(f"Standard error field {i}", U32, RO) for i in range(1, HISTORY_DEPTH + 1)],
-        kind=Kind.ARRAY,
+_ENTRIES = {
+    # --- communication (CiA 301)
+    od.DEVICE_TYPE: Entry("Device type", U32, CONST, IDENTITY_DEVICE_TYPE),
+    od.ERROR_REGISTER: Entry("Error register", U8, RO, mapping=TX),
+    # Writing 0 clears the history (CiA 301, section 7.5.2.4).
+    od.ERROR_HISTORY_COUNT: Entry("Number of errors", U8, RW, 0, 0, 0),
+    **{address: Entry(f"Standard error field {i}", U32, RO) for i, address in enumerate(od.ERROR_HISTORY, start=1)},
+    od.SYNC_COB_ID: Entry("COB-ID SYNC", U32, CONST, COB_SYNC),
+    od.COMMUNICATION_CYCLE_PERIOD: Entry("Communication cycle period in {unit}", U32, RW, unit=US),
+    od.DEVICE_NAME: Entry("Manufacturer device name", STRING, CONST, "StepTwin TB6560 axis (SIMULATED)"),
+    od.HARDWARE_VERSION: Entry("Manufacturer hardware version", STRING, CONST, "STM32F103 + TB6560"),
+    od.SOFTWARE_VERSION: Entry("Manufacturer software version", STRING, CONST, "0.1.0"),
+    **{address: Entry(f"Save {group}", U32, RW, 1) for address, group in zip(STORES, _GROUPS, strict=True)},
+    **{address: Entry(f"Restore {group}", U32, RW, 1) for address, group in zip(RESTORES, _GROUPS, strict=True)},
+    od.TIME_STAMP: Entry("High resolution time stamp in {unit}", U32, RW, mapping=RXTX, unit=US),
+    od.EMCY_COB_ID: Entry("COB-ID EMCY", U32, RW, COB_EMCY, plus_node_id=True),
+    od.EMCY_INHIBIT_TIME: Entry("Inhibit time EMCY in {unit}", U16, RW, unit=HUNDRED_US),
+    **{
+        address: Entry(
+            f"Producer {i}: node id in bits 16 to 23, time in ms in bits 0 to 15", U32, RW, 0, 0, 0x00FF_FFFF
+        )
+        for i, address in enumerate(od.CONSUMER_HEARTBEATS, start=1)
+    },
+    od.PRODUCER_HEARTBEAT_TIME: Entry("Producer heartbeat time in {unit}", U16, RW, unit=MS),
+    od.VENDOR_ID: Entry("Vendor-ID", U32, CONST, 0),
+    od.PRODUCT_CODE: Entry("Product code", U32, CONST, 0x6560),
+    od.REVISION_NUMBER: Entry("Revision number", U32, CONST, 0x0001_0000),
+    od.SERIAL_NUMBER: Entry("Serial number", U32, CONST, 0),
+    od.SYNC_COUNTER_OVERFLOW: Entry("Synchronous counter overflow value", U8, RW, low=0, high=240),
+    od.COMMUNICATION_ERROR_BEHAVIOUR: Entry("Communication error", U8, RW, ErrorBehaviour.PRE_OPERATIONAL, 0, 2),
+    # --- this board
+    od.MICROSTEPS: Entry("Microsteps per full step", U8, RW, 16, 1, 16),
+    od.TORQUE_PERCENT: Entry("Torque in {unit} of the full current", U8, RW, 100, 20, 100, unit=PERCENT),
+    od.FAST_DECAY_PERCENT: Entry("Fast decay in {unit} of a chopping period", U8, RW, 0, 0, 100, unit=PERCENT),
+    od.REST_TORQUE_PERCENT: Entry("Torque at rest in {unit} of the full current", U8, RW, 100, 20, 100, unit=PERCENT),
+    od.STEPLEN_NS: _timing("steplen: CLK high", 33_000, PULSE_NS_MIN),
+    od.STEPSPACE_NS: _timing("stepspace: CLK low", 33_666, PULSE_NS_MIN),
+    od.DIRSETUP_NS: _timing("dirsetup: DIR stable before a CLK rise", 15_000, 0),
+    od.DIRHOLD_NS: _timing("dirhold: DIR stable after a CLK rise", 15_000, 0),
+    od.INVERT_MASK: Entry("Invert mask: 2 inverts DIR", U8, RW, 0, 0, 2),
+    od.BOARD_TEMPERATURE: Entry("Board temperature in {unit}", I16, RO, mapping=TX, unit=TENTH_DEGC),
+    od.SUPPLY_VOLTAGE: Entry("Motor supply in {unit}", U16, RO, mapping=TX, unit=TEN_MV),
+    od.SUPPLY_VOLTAGE_MIN: Entry("Least motor supply in {unit}", U16, RW, 1000, unit=TEN_MV),
+    od.SUPPLY_VOLTAGE_MAX: Entry(
+        "Highest motor supply in {unit}: 34 V, TB6560AHQ datasheet page 8", U16, RW, 3400, unit=TEN_MV
     ),
-    _variable(0x1005, "COB-ID SYNC", U32, CONST, COB_SYNC),
-    _variable(0x1006, "Communication cycle period in us", U32, RW),
-    _variable(0x1008, "Manufacturer device name", STRING, CONST, "StepTwin TB6560 axis (SIMULATED)"),
-    _variable(0x1009, "Manufacturer hardware version", STRING, CONST, "STM32F103 + TB6560"),
-    _variable(0x100A, "Manufacturer software version", STRING, CONST, "0.1.0"),
-    _array(0x1010, "Store parameters", *[Entry(f"Save {name}", U32, RW, 1) for name in _PARAMETER_GROUP_NAMES]),
-    _array(
-        0x1011,
-        "Restore default parameters",
-        *[Entry(f"Restore {name}", U32, RW, 1) for name in _PARAMETER_GROUP_NAMES],
+    od.BOARD_TEMPERATURE_MAX: Entry("Highest board temperature in {unit}", I16, RW, 850, unit=TENTH_DEGC),
+    od.GROUP_STOP: Entry("Group stop: a fault stops all interpolating axes", U8, RW, 1, 0, 1),
+    od.QUEUE_LOW_WATER: Entry("Low-water mark of the queue in {unit}", U8, RW, 16, 0, 64, unit=RECORDS),
+    od.PVT_NEXT_SEQUENCE: Entry("Next sequence number", U8, RO, mapping=TX),
+    od.PVT_FREE_RECORDS: Entry("Free records", U8, RO, mapping=TX, unit=RECORDS),
+    od.PVT_FLAGS: Entry("Flags", U8, RO, mapping=TX),
+    od.PVT_EXECUTING_SEQUENCE: Entry("Executing sequence number", U8, RO, mapping=TX),
+    od.BOARD_CLOCK_US: Entry("Board clock in {unit}", U32, RO, mapping=TX, unit=US),
+    od.PVT_ACCEPTED: Entry("Records accepted", U32, RO, unit=RECORDS),
+    od.PVT_GAPS: Entry("Gaps", U16, RO),
+    od.PVT_OVERFLOWS: Entry("Overflows", U16, RO),
+    od.PVT_UNDERRUNS: Entry("Underruns", U16, RO),
+    od.PVT_LEAST_FILL: Entry("Least fill while running", U8, RO, unit=RECORDS),
+    od.DELAYED_STEPS: Entry("Delayed steps", U32, RO, unit=STEPS),
+    od.HOMING_TIMEOUT_MS: Entry("Timeout in {unit}; 0: none", U32, RW, 120_000, unit=MS),
+    od.HOMING_ERROR: Entry("Why the last homing has failed", U8, RO),
+    # --- the emulator, which no real board has
+    od.ROTOR_POSITION_STEPS: Entry("Rotor position in {unit}", I32, RO, mapping=TX, unit=STEPS),
+    od.LOST_STEPS: Entry("Lost steps", I32, RO, mapping=TX, unit=STEPS),
+    od.DRIVER_VIOLATIONS: Entry("Driver violations", U32, RO, mapping=TX),
+    # --- the drive (CiA 402-2)
+    od.ABORT_CONNECTION_OPTION: Entry("Abort connection option code", I16, RW, AbortConnection.FAULT_SIGNAL, 0, 3),
+    od.ERROR_CODE: Entry("Error code", U16, RO, mapping=TX),
+    od.CONTROLWORD: Entry("Controlword", U16, RW, mapping=RX),
+    od.STATUSWORD: Entry("Statusword", U16, RO, mapping=TX),
+    od.QUICK_STOP_OPTION: Entry("Quick stop option code", I16, RW, 2, 0, 6),
+    # CiA 402's own default is 0, which cuts the current: a vertical axis would fall.
+    od.SHUTDOWN_OPTION: Entry("Shutdown option code", I16, RW, 1, 0, 1),
+    od.DISABLE_OPERATION_OPTION: Entry("Disable operation option code", I16, RW, 1, 0, 1),
+    od.HALT_OPTION: Entry("Halt option code", I16, RW, 1, 1, 2),
+    od.FAULT_REACTION_OPTION: Entry("Fault reaction option code", I16, RW, 2, 0, 2),
+    od.MODE_OF_OPERATION: Entry("Modes of operation", I8, RW, Mode.NONE, mapping=RX),
+    od.MODE_OF_OPERATION_DISPLAY: Entry("Modes of operation display", I8, RO, mapping=TX),
+    od.POSITION_DEMAND: Entry("Position demand value", I32, RO, mapping=TX, unit=POSITION),
+    od.POSITION_ACTUAL: Entry("Position actual value", I32, RO, mapping=TX, unit=POSITION),
+    od.FOLLOWING_ERROR_WINDOW: Entry(
+        "Following error window in {unit}; all ones: off", U32, RW, WINDOW_OFF, unit=POSITION
     ),
-    _variable(0x1013, "High resolution time stamp in us", U32, RW, mapping=RXTX),
-    _variable(0x1014, "COB-ID EMCY", U32, RW, COB_EMCY, plus_node_id=True),
-    _variable(0x1015, "Inhibit time EMCY in 100 us", U16, RW),
-    _array(
-        0x1016,
-        "Consumer heartbeat time",
-        *[
-            Entry(f"Producer {i}: node id in bits 16 to 23, time in ms in bits 0 to 15", U32, RW, 0, 0, 0x00FF_FFFF)
-            for i in range(1, HEARTBEAT_PRODUCERS_MAX + 1)
-        ],
+    od.FOLLOWING_ERROR_TIMEOUT_MS: Entry("Following error time out in {unit}", U16, RW, 0, unit=MS),
+    od.POSITION_WINDOW: Entry("Position window in {unit}; all ones: off", U32, RW, WINDOW_OFF, unit=POSITION),
+    od.POSITION_WINDOW_TIME_MS: Entry("Position window time in {unit}", U16, RW, 0, unit=MS),
+    od.VELOCITY_ACTUAL: Entry("Velocity actual value", I32, RO, mapping=TX, unit=VELOCITY),
+    od.TARGET_POSITION: Entry("Target position", I32, RW, mapping=RXTX, unit=POSITION),
+    od.HOME_OFFSET: Entry("Home offset", I32, RW, unit=POSITION),
+    od.POSITION_LIMIT_MIN: Entry("Min position limit in {unit}", I32, RW, I32.low, unit=POSITION),
+    od.POSITION_LIMIT_MAX: Entry("Max position limit in {unit}", I32, RW, I32.high, unit=POSITION),
+    od.POLARITY: Entry("Polarity: 0xC0 reverses the axis", U8, RW, 0, 0, 0xC0),
+    od.MAX_PROFILE_VELOCITY: _rate("Max profile velocity", 8_000, VELOCITY),
+    od.PROFILE_VELOCITY: _rate("Profile velocity", 1_000, VELOCITY, RX),
+    od.PROFILE_ACCELERATION: _rate("Profile acceleration", 5_000, ACCELERATION, RX),
+    od.PROFILE_DECELERATION: _rate("Profile deceleration", 5_000, ACCELERATION, RX),
+    od.QUICK_STOP_DECELERATION: _rate("Quick stop deceleration", 20_000, ACCELERATION),
+    od.MOTION_PROFILE_TYPE: Entry(
+        "Motion profile type: 0 linear ramp, 3 jerk-limited ramp", I16, RW, LINEAR_RAMP, 0, 3
     ),
-    _variable(0x1017, "Producer heartbeat time in ms", U16, RW),
-    _record(
-        0x1018,
-        "Identity object",
-        Entry("Vendor-ID", U32, CONST, 0),
-        Entry("Product code", U32, CONST, 0x6560),
-        Entry("Revision number", U32, CONST, 0x0001_0000),
-        Entry("Serial number", U32, CONST, 0),
-    ),
-    _variable(0x1019, "Synchronous counter overflow value", U8, RW, low=0, high=240),
-    _array(0x1029, "Error behaviour", Entry("Communication error", U8, RW, ErrorBehaviour.PRE_OPERATIONAL, 0, 2)),
-]
-
-_DRIVER = [
-    _record(
-        0x2000,
-        "TB6560 settings",
-        Entry("Microsteps per full step", U8, RW, 16, 1, 16),
-        Entry("Torque in percent of the full current", U8, RW, 100, 20, 100),
-        Entry("Fast decay in percent of a chopping period", U8, RW, 0, 0, 100),
-        Entry("Torque at rest in percent of the full current", U8, RW, 100, 20, 100),
-    ),
-    _record(
-        0x2001,
-        "Step timing",
-        Entry("steplen: CLK high in ns", U32, RW, 33_000, PULSE_NS_MIN, TIMING_NS_MAX),
-        Entry("stepspace: CLK low in ns", U32, RW, 33_666, PULSE_NS_MIN, TIMING_NS_MAX),
-        Entry("dirsetup: DIR stable before a CLK rise in ns", U32, RW, 15_000, 0, TIMING_NS_MAX),
-        Entry("dirhold: DIR stable after a CLK rise in ns", U32, RW, 15_000, 0, TIMING_NS_MAX),
-        Entry("Invert mask: 2 inverts DIR", U8, RW, 0, 0, 2),
-    ),
-    _record(
-        0x2002,
-        "Board measurements and their limits",
-        Entry("Board temperature in 0.1 degC", I16, RO, mapping=TX),
-        Entry("Motor supply in 10 mV", U16, RO, mapping=TX),
-        Entry("Least motor supply in 10 mV", U16, RW, 1000),
-        Entry("Highest motor supply in 10 mV: 34 V, TB6560AHQ datasheet page 8", U16, RW, 3400),
-        Entry("Highest board temperature in 0.1 degC", I16, RW, 850),
-    ),
-    _record(
-        0x2010,
-        "Interpolation group",
-        Entry("Group stop: a fault stops all interpolating axes", U8, RW, 1, 0, 1),
-        Entry("Low-water mark of the queue in records", U8, RW, 16, 0, 64),
-    ),
-    _record(
-        0x2012,
-        "PVT status",
-        Entry("Next sequence number", U8, RO, mapping=TX),
-        Entry("Free records", U8, RO, mapping=TX),
-        Entry("Flags", U8, RO, mapping=TX),
-        Entry("Executing sequence number", U8, RO, mapping=TX),
-        Entry("Board clock in us", U32, RO, mapping=TX),
-    ),
-    _record(
-        0x2013,
-        "PVT counters",
-        Entry("Records accepted", U32, RO),
-        Entry("Gaps", U16, RO),
-        Entry("Overflows", U16, RO),
-        Entry("Underruns", U16, RO),
-        Entry("Least fill while running", U8, RO),
-        Entry("Delayed steps", U32, RO),
-    ),
-    _record(
-        0x2020,
-        "Homing",
-        Entry("Timeout in ms; 0: none", U32, RW, 120_000),
-        Entry("Why the last homing has failed", U8, RO),
-    ),
-]
-
-_EMULATOR = [
-    _record(
-        0x2F00,
-        "Emulator only: what the driver has made of the pulses since power-up",
-        Entry("Rotor position in steps", I32, RO, mapping=TX),
-        Entry("Lost steps", I32, RO, mapping=TX),
-        Entry("Driver violations", U32, RO, mapping=TX),
-    ),
-]
-
-_DRIVE = [
-    _variable(0x6007, "Abort connection option code", I16, RW, AbortConnection.FAULT_SIGNAL, low=0, high=3),
-    _variable(0x603F, "Error code", U16, RO, mapping=TX),
-    _variable(0x6040, "Controlword", U16, RW, mapping=RX),
-    _variable(0x6041, "Statusword", U16, RO, mapping=TX),
-    _variable(0x605A, "Quick stop option code", I16, RW, 2, low=0, high=6),
-    # CiA 402's own default is 0: cut. A vertical axis would fall.
-    _variable(0x605B, "Shutdown option code", I16, RW, 1, low=0, high=1),
-    _variable(0x605C, "Disable operation option code", I16, RW, 1, low=0, high=1),
-    _variable(0x605D, "Halt option code", I16, RW, 1, low=1, high=2),
-    _variable(0x605E, "Fault reaction option code", I16, RW, 2, low=0, high=2),
-    _variable(0x6060, "Modes of operation", I8, RW, Mode.NONE, mapping=RX),
-    _variable(0x6061, "Modes of operation display", I8, RO, mapping=TX),
-    _variable(0x6062, "Position demand value", I32, RO, mapping=TX),
-    _variable(0x6064, "Position actual value", I32, RO, mapping=TX),
-    _variable(0x6065, "Following error window in units; all ones: off", U32, RW, WINDOW_OFF),
-    _variable(0x6066, "Following error time out in ms", U16, RW, 0),
-    _variable(0x6067, "Position window in units; all ones: off", U32, RW, WINDOW_OFF),
-    _variable(0x6068, "Position window time in ms", U16, RW, 0),
-    _variable(0x606C, "Velocity actual value", I32, RO, mapping=TX),
-    _variable(0x607A, "Target position", I32, RW, mapping=RXTX),
-    _variable(0x607C, "Home offset", I32, RW),
-    _array(
-        0x607D,
-        "Software position limit",
-        Entry("Min position limit in units", I32, RW, I32.low),
-        Entry("Max position limit in units", I32, RW, I32.high),
-    ),
-    _variable(0x607E, "Polarity: 0xC0 reverses the axis", U8, RW, 0, low=0, high=0xC0),
-    _variable(0x607F, "Max profile velocity", U32, RW, 8_000 * UNITS_PER_FULL_STEP, low=1),
-    _variable(0x6081, "Profile velocity", U32, RW, 1_000 * UNITS_PER_FULL_STEP, low=1, mapping=RX),
-    _variable(0x6083, "Profile acceleration", U32, RW, 5_000 * UNITS_PER_FULL_STEP, low=1, mapping=RX),
-    _variable(0x6084, "Profile deceleration", U32, RW, 5_000 * UNITS_PER_FULL_STEP, low=1, mapping=RX),
-    _variable(0x6085, "Quick stop deceleration", U32, RW, 20_000 * UNITS_PER_FULL_STEP, low=1),
-    _variable(0x6086, "Motion profile type: 0 linear ramp, 3 jerk-limited ramp", I16, RW, LINEAR_RAMP, low=0, high=3),
-    _array(
-        0x608F,
-        "Position encoder resolution",
-        Entry("Units", U32, CONST, UNITS_PER_FULL_STEP * FULL_STEPS_PER_REVOLUTION),
-        Entry("Motor revolutions", U32, CONST, 1),
-    ),
-    _array(0x6091, "Gear ratio", Entry("Motor revolutions", U32, CONST, 1), Entry("Shaft revolutions", U32, CONST, 1)),
-    _array(
-        0x6092,
-        "Feed constant",
-        Entry("Feed in units", U32, CONST, UNITS_PER_FULL_STEP * FULL_STEPS_PER_REVOLUTION),
-        Entry("Shaft revolutions", U32, CONST, 1),
-    ),
-    _variable(0x6098, "Homing method", I8, RW, HOME_HERE, low=min(HOMING_METHODS), high=max(HOMING_METHODS)),
-    _array(
-        0x6099,
-        "Homing speeds",
-        Entry("Speed during search for switch", U32, RW, 500 * UNITS_PER_FULL_STEP, low=1),
-        Entry("Speed during search for zero", U32, RW, 50 * UNITS_PER_FULL_STEP, low=1),
-    ),
-    _variable(0x609A, "Homing acceleration", U32, RW, 2_000 * UNITS_PER_FULL_STEP, low=1),
-    _array(
-        0x60A4,
-        "Profile jerk",
-        Entry("Profile jerk 1 in units per second cubed", U32, RW, 100_000 * UNITS_PER_FULL_STEP, low=1),
-    ),
-    _variable(0x60C0, "Interpolation sub mode select", I16, RW, PVT_SUBMODE, low=PVT_SUBMODE, high=PVT_SUBMODE),
-    _record(
-        0x60C1,
-        "Interpolation data record (PVT)",
-        Entry("Displacement in units", I24, RW, mapping=RX),
-        Entry("End velocity in 1/64 unit per ms", I24, RW, mapping=RX),
-        Entry("Duration in ms", U8, RW, mapping=RX),
-        Entry("Sequence number: writing it queues the record", U8, RW, mapping=RX),
-    ),
+    od.ENCODER_UNITS: Entry("Units", U32, CONST, _UNITS_PER_REVOLUTION, unit=POSITION),
+    od.ENCODER_MOTOR_REVOLUTIONS: Entry("Motor revolutions", U32, CONST, 1, unit=REVOLUTIONS),
+    od.GEAR_MOTOR_REVOLUTIONS: Entry("Motor revolutions", U32, CONST, 1, unit=REVOLUTIONS),
+    od.GEAR_SHAFT_REVOLUTIONS: Entry("Shaft revolutions", U32, CONST, 1, unit=REVOLUTIONS),
+    od.FEED_UNITS: Entry("Feed in {unit}", U32, CONST, _UNITS_PER_REVOLUTION, unit=POSITION),
+    od.FEED_SHAFT_REVOLUTIONS: Entry("Shaft revolutions", U32, CONST, 1, unit=REVOLUTIONS),
+    od.HOMING_METHOD: Entry("Homing method", I8, RW, HOME_HERE, min(HOMING_METHODS), max(HOMING_METHODS)),
+    od.HOMING_SEARCH_SPEED: _rate("Speed during search for switch", 500, VELOCITY),
+    od.HOMING_ZERO_SPEED: _rate("Speed during search for zero", 50, VELOCITY),
+    od.HOMING_ACCELERATION: _rate("Homing acceleration", 2_000, ACCELERATION),
+    od.PROFILE_JERK: _rate("Profile jerk 1 in {unit}", 100_000, EntryUnit.JERK),
+    od.INTERPOLATION_SUBMODE: Entry("Interpolation sub mode select", I16, RW, PVT_SUBMODE, PVT_SUBMODE, PVT_SUBMODE),
+    od.PVT_DISPLACEMENT: Entry("Displacement in {unit}", I24, RW, mapping=RX, unit=POSITION),
+    od.PVT_END_VELOCITY: Entry("End velocity in {unit}", I24, RW, mapping=RX, unit=EntryUnit.PVT_VELOCITY),
+    od.PVT_DURATION_MS: Entry("Duration in {unit}", U8, RW, mapping=RX, unit=MS),
+    od.PVT_SEQUENCE: Entry("Sequence number: writing it queues the record", U8, RW, mapping=RX),
     # A period of value 10^index seconds. At 1 ms, CiA 402's default, eight axes would fill a bus of 1 Mbit/s.
-    _record(
-        0x60C2,
-        "Interpolation time period",
-        Entry("Interpolation time period value", U8, RW, CYCLE_MS_MAX, 1, CYCLE_MS_MAX),
-        Entry("Interpolation time index: -3 is ms", I8, RW, MILLI, MILLI, MILLI),
+    od.INTERPOLATION_PERIOD: Entry("Interpolation time period value", U8, RW, CYCLE_MS_MAX, 1, CYCLE_MS_MAX, unit=MS),
+    od.INTERPOLATION_PERIOD_EXPONENT: Entry("Interpolation time index: -3 is ms", I8, RW, MILLI, MILLI, MILLI),
+    od.BUFFER_SIZE_MAX: Entry("Maximum buffer size in {unit}", U32, RO, 64, unit=RECORDS),
+    od.BUFFER_SIZE: Entry("Actual buffer size in {unit}", U32, RO, 64, unit=RECORDS),
+    od.BUFFER_ORGANIZATION: Entry("Buffer organization: 0 is FIFO", U8, RO, 0),
+    od.BUFFER_POSITION: Entry("Buffer position in {unit}", U16, RO, 0, unit=RECORDS),
+    od.BUFFER_RECORD_BYTES: Entry("Size of data record in {unit}", U8, RO, 8, unit=EntryUnit.BYTES),
+    od.BUFFER_CLEAR: Entry("Buffer clear: 0 clears", U8, WO, 0, 0, 1),
+    od.MAX_ACCELERATION: Entry("Max acceleration", U32, RW, U32.high, 1, unit=ACCELERATION),
+    od.MAX_DECELERATION: Entry("Max deceleration", U32, RW, U32.high, 1, unit=ACCELERATION),
+    **{
+        address: Entry(f"Supported homing method {i}", I8, CONST, method)
+        for i, (address, method) in enumerate(zip(od.SUPPORTED_HOMING_METHODS, HOMING_METHODS, strict=True), start=1)
+    },
+    od.FOLLOWING_ERROR_ACTUAL: Entry("Following error actual value", I32, RO, mapping=TX, unit=POSITION),
+    od.POSITION_DEMAND_STEPS: Entry("Position demand internal value in {unit}", I32, RO, mapping=TX, unit=STEPS),
+    od.DIGITAL_INPUTS: Entry("Digital inputs", U32, RO, mapping=TX),
+    # Bits without an output are stored and do nothing, as in CiA 402 drives: one word may serve unlike drives, and a
+    # PDO that carries such a bit is not lost. The mask lets both outputs through from the start, where many drives
+    # begin with 0, so that a plain write of sub-index 1 switches them.
+    od.DIGITAL_OUTPUTS: Entry("Physical outputs", U32, RW, mapping=RX),
+    od.DIGITAL_OUTPUTS_MASK: Entry(
+        "Bit mask: an output whose bit is 0 is off", U32, RW, DigitalOutput.OUT1 | DigitalOutput.OUT2
     ),
-    _record(
-        0x60C4,
-        "Interpolation data configuration",
-        Entry("Maximum buffer size in records", U32, RO, 64),
-        Entry("Actual buffer size in records", U32, RO, 64),
-        Entry("Buffer organization: 0 is FIFO", U8, RO, 0),
-        Entry("Buffer position in records", U16, RO, 0),
-        Entry("Size of data record in bytes", U8, RO, 8),
-        Entry("Buffer clear: 0 clears", U8, WO, 0, 0, 1),
-    ),
-    _variable(0x60C5, "Max acceleration", U32, RW, U32.high, low=1),
-    _variable(0x60C6, "Max deceleration", U32, RW, U32.high, low=1),
-    _array(
-        0x60E3,
-        "Supported homing methods",
-        *[Entry(f"Supported homing method {i}", I8, CONST, method) for i, method in enumerate(HOMING_METHODS, start=1)],
-    ),
-    _variable(0x60F4, "Following error actual value", I32, RO, mapping=TX),
-    _variable(0x60FC, "Position demand internal value in steps", I32, RO, mapping=TX),
-    _variable(0x60FD, "Digital inputs", U32, RO, mapping=TX),
-    # Bits without an output are stored and do nothing, as CiA 402 drives do: one word may serve unlike drives, and a
-    # PDO that carries it is not lost. The mask lets both outputs through from the start, where many drives begin with
-    # 0, so that a plain write of :01 switches them.
-    _array(
-        0x60FE,
-        "Digital outputs",
-        Entry("Physical outputs", U32, RW, mapping=RX),
-        Entry("Bit mask: an output whose bit is 0 is off", U32, RW, DigitalOutput.OUT1 | DigitalOutput.OUT2),
-    ),
-    _variable(0x60FF, "Target velocity", I32, RW, mapping=RX),
-    _variable(0x6502, "Supported drive modes", U32, CONST, sum(mode.supported_bit for mode in Mode)),
-]
+    od.TARGET_VELOCITY: Entry("Target velocity", I32, RW, mapping=RX, unit=VELOCITY),
+    od.SUPPORTED_DRIVE_MODES: Entry("Supported drive modes", U32, CONST, sum(mode.supported_bit for mode in Mode)),
+}
 
-OBJECTS: tuple[Object, ...] = tuple(
-    sorted([*_COMMUNICATION, *_rpdo_objects(), *_tpdo_objects(), *_DRIVER, *_EMULATOR, *_DRIVE], key=lambda o: o.index)
-)
+_NAMES = {
+    ObjectCode.ARRAY: {
+        od.ERROR_HISTORY_COUNT: "Pre-defined error field",
+        od.STORE_ALL: "Store parameters",
+        od.RESTORE_ALL: "Restore default parameters",
+        od.CONSUMER_HEARTBEATS[0]: "Consumer heartbeat time",
+        od.COMMUNICATION_ERROR_BEHAVIOUR: "Error behaviour",
+        od.POSITION_LIMIT_MIN: "Software position limit",
+        od.ENCODER_UNITS: "Position encoder resolution",
+        od.GEAR_MOTOR_REVOLUTIONS: "Gear ratio",
+        od.FEED_UNITS: "Feed constant",
+        od.HOMING_SEARCH_SPEED: "Homing speeds",
+        od.PROFILE_JERK: "Profile jerk",
+        od.SUPPORTED_HOMING_METHODS[0]: "Supported homing methods",
+        od.DIGITAL_OUTPUTS: "Digital outputs",
+    },
+    ObjectCode.RECORD: {
+        od.VENDOR_ID: "Identity object",
+        od.MICROSTEPS: "TB6560 settings",
+        od.STEPLEN_NS: "Step timing",
+        od.BOARD_TEMPERATURE: "Board measurements and their limits",
+        od.GROUP_STOP: "Interpolation group",
+        od.PVT_NEXT_SEQUENCE: "PVT status",
+        od.PVT_ACCEPTED: "PVT counters",
+        od.HOMING_TIMEOUT_MS: "Homing",
+        od.ROTOR_POSITION_STEPS: "Emulator only: what the driver has made of the pulses since power-up",
+        od.PVT_DISPLACEMENT: "Interpolation data record (PVT)",
+        od.INTERPOLATION_PERIOD: "Interpolation time period",
+        od.BUFFER_SIZE_MAX: "Interpolation data configuration",
+    },
+}
+"""Names of the objects that have several entries, by the first of these."""
+
+
+def _rpdo(number: int, pdo: PdoDefault) -> dict[int, Entry]:
+    place = od.RPDO_COMMUNICATION[number]
+    return {
+        od.address_of(place, od.PDO_COB_ID): Entry("COB-ID", U32, RW, COB_RPDO[number], plus_node_id=True),
+        od.address_of(place, od.PDO_TRANSMISSION_TYPE): Entry("Transmission type", U8, RW, pdo.transmission_type),
+        **_mapping(od.RPDO_MAPPING[number], pdo.mapping),
+    }
+
+
+def _tpdo(number: int, pdo: PdoDefault) -> dict[int, Entry]:
+    cob_id = COB_TPDO[number] | COB_ID_NO_RTR | (0 if pdo.enabled else COB_ID_INVALID)
+    communication = {
+        od.PDO_COB_ID: Entry("COB-ID", U32, RW, cob_id, plus_node_id=True),
+        od.PDO_TRANSMISSION_TYPE: Entry("Transmission type", U8, RW, pdo.transmission_type),
+        od.PDO_INHIBIT_TIME: Entry("Inhibit time in {unit}", U16, RW, pdo.inhibit_100us, unit=HUNDRED_US),
+        od.PDO_EVENT_TIMER: Entry("Event timer in {unit}", U16, RW, pdo.event_timer_ms, unit=MS),
+        od.PDO_SYNC_START: Entry("SYNC start value", U8, RW, 0, 0, 240),
+    }
+    own = {od.address_of(od.TPDO_COMMUNICATION[number], subindex): entry for subindex, entry in communication.items()}
+    return own | _mapping(od.TPDO_MAPPING[number], pdo.mapping)
+
+
+def _mapping(index: int, mapping: tuple[int, ...]) -> dict[int, Entry]:
+    """Return a mapping parameter: a word of address and bits for each mapped entry (CiA 301, section 7.5.2.38)."""
+    words = [address << 8 | 8 * _ENTRIES[address].data_type.size for address in mapping]
+    words += [0] * (PDO_ENTRIES_MAX - len(words))
+    entries = {od.address_of(index): Entry("Number of mapped objects", U8, RW, len(mapping), 0, PDO_ENTRIES_MAX)}
+    for i, word in enumerate(words, start=1):
+        entries[od.address_of(index, i)] = Entry(f"Mapped object {i}", U32, RW, word)
+    return entries
+
+
+def _objects() -> Iterator[DictionaryObject]:
+    """Yield every object, in index order; sub-index 0, unless the table has it, holds the highest sub-index."""
+    table = dict(_ENTRIES)
+    names = {address >> 8: (name, code) for code, named in _NAMES.items() for address, name in named.items()}
+    for i in range(PDO_COUNT):
+        table |= _rpdo(i, RPDO_DEFAULTS[i]) | _tpdo(i, TPDO_DEFAULTS[i])
+        for kind, communication, mapping in (
+            ("RPDO", od.RPDO_COMMUNICATION[i], od.RPDO_MAPPING[i]),
+            ("TPDO", od.TPDO_COMMUNICATION[i], od.TPDO_MAPPING[i]),
+        ):
+            names[communication] = f"{kind}{i + 1} communication parameter", ObjectCode.RECORD
+            names[mapping] = f"{kind}{i + 1} mapping parameter", ObjectCode.RECORD
+    for index, addresses in groupby(sorted(table), key=lambda address: address >> 8):
+        entries = {address & 0xFF: table[address] for address in addresses}
+        if index in names:
+            count = Entry("Highest sub-index supported", U8, CONST, max(entries))
+            name, code = names[index]
+            yield DictionaryObject(index, name, code, {0: count} | entries)
+        else:
+            yield DictionaryObject(index, entries[0].name, ObjectCode.VARIABLE, entries)
+
+
+OBJECTS: Final = tuple(_objects())
 """The whole dictionary, in index order."""
+ENTRIES: Final = {od.address_of(item.index, i): entry for item in OBJECTS for i, entry in item.entries.items()}
+"""All entries by address, in order."""

@@ -14,12 +14,11 @@ from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.cob_id import check_cob_id
 from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.entry import Access, Entry, Mapping
 from steptwin.protocol.frame import COB_ID_INVALID, COB_ID_MASK, COB_ID_NO_RTR, Frame
-from steptwin.protocol.objects import PDO_COUNT, PDO_ENTRIES_MAX, Access, Entry, Mapping
+from steptwin.protocol.objects import PDO_COUNT, PDO_ENTRIES_MAX
 from steptwin.protocol.od import address_of
 
-_RPDO_COMMUNICATION, _RPDO_MAPPING = 0x1400, 0x1600
-_TPDO_COMMUNICATION, _TPDO_MAPPING = 0x1800, 0x1A00
 _LAST_SYNCHRONOUS = 240
 _FIRST_EVENT_DRIVEN = 254
 _INHIBIT_UNIT_US = 100
@@ -175,12 +174,10 @@ class ProcessData:
         self._dictionary = dictionary
         self.receive_pdos: list[ReceivePdo] = []
         self.transmit_pdos: list[TransmitPdo] = []
-        for number in range(PDO_COUNT):
-            for communication, mapping, access in (
-                (_RPDO_COMMUNICATION, _RPDO_MAPPING, Mapping.RECEIVE),
-                (_TPDO_COMMUNICATION, _TPDO_MAPPING, Mapping.TRANSMIT),
-            ):
-                self._install_hooks(communication + number, mapping + number, access)
+        for communication, mapping in zip(od.RPDO_COMMUNICATION, od.RPDO_MAPPING, strict=True):
+            self._install_hooks(communication, mapping, Mapping.RECEIVE)
+        for communication, mapping in zip(od.TPDO_COMMUNICATION, od.TPDO_MAPPING, strict=True):
+            self._install_hooks(communication, mapping, Mapping.TRANSMIT)
         self.configurable = True
         """PDO parameters may be written in PRE-OPERATIONAL only."""
         self._changed = True

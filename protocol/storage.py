@@ -11,16 +11,15 @@ from functools import partial
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.dictionary import FlashPage, ObjectDictionary
-from steptwin.protocol.objects import PARAMETER_GROUPS, Access, Entry, Mapping
+from steptwin.protocol.entry import Access, Entry, Mapping
+from steptwin.protocol.objects import PARAMETER_GROUPS, RESTORES, STORES
 
-_STORE = (od.STORE_ALL, od.STORE_COMMUNICATION, od.STORE_APPLICATION, od.STORE_BOARD)
-_RESTORE = (od.RESTORE_ALL, od.RESTORE_COMMUNICATION, od.RESTORE_APPLICATION, od.RESTORE_BOARD)
 _SAVE, _LOAD = (int.from_bytes(word, "little") for word in (b"save", b"load"))
 _ON_COMMAND = 1
 """What reading 0x1010 and 0x1011 says: parameters are stored, or restored, when they are told to, not by themselves."""
 _PROFILE_LIMITS = frozenset((od.PROFILE_VELOCITY, od.PROFILE_ACCELERATION, od.PROFILE_DECELERATION))
 """Parameters although a PDO may write them: by themselves they move nothing."""
-_NO_PARAMETERS = frozenset((od.ERROR_HISTORY_COUNT, *_STORE, *_RESTORE))
+_NO_PARAMETERS = frozenset((od.ERROR_HISTORY_COUNT, *STORES, *RESTORES))
 
 
 class ParameterStorage:
@@ -30,7 +29,7 @@ class ParameterStorage:
         self._dictionary = dictionary
         self._page = page
         self._busy = busy
-        for store, restore, (first, last) in zip(_STORE, _RESTORE, PARAMETER_GROUPS, strict=True):
+        for store, restore, (first, last) in zip(STORES, RESTORES, PARAMETER_GROUPS, strict=True):
             for address, action in ((store, self._save), (restore, self._load)):
                 dictionary.read_hooks[address] = lambda: _ON_COMMAND
                 dictionary.write_hooks[address] = partial(action, first, last)

@@ -15,6 +15,7 @@ from steptwin.protocol.cia402 import (
     ErrorCode,
     State,
 )
+from steptwin.protocol.entry import DictionaryObject, Entry, Mapping
 from steptwin.protocol.frame import (
     COB_EMCY,
     COB_HEARTBEAT,
@@ -25,7 +26,9 @@ from steptwin.protocol.frame import (
     COB_SYNC,
     COB_TPDO,
 )
-from steptwin.protocol.objects import OBJECTS, RPDO_DEFAULTS, TPDO_DEFAULTS, Entry, Mapping, Object
+from steptwin.protocol.objects import ENTRIES, OBJECTS
+from steptwin.protocol.od import index_and_subindex
+from steptwin.protocol.pdo_defaults import RPDO_DEFAULTS, TPDO_DEFAULTS
 
 PROTOCOL_PAGE: Final = DOCS / "protocol.md"
 
@@ -65,20 +68,19 @@ def _identifiers() -> str:
 
 def _pdos() -> str:
     rows = [
-        [f"RPDO{i}", str(transmission), "-", "-", _mapped(mapping)]
-        for i, (transmission, mapping) in enumerate(RPDO_DEFAULTS, start=1)
+        [f"RPDO{i}", str(pdo.transmission_type), "-", "-", _mapped(pdo.mapping)]
+        for i, pdo in enumerate(RPDO_DEFAULTS, start=1)
     ]
-    for i, (transmission, inhibit, event_ms, enabled, mapping) in enumerate(TPDO_DEFAULTS, start=1):
-        name = f"TPDO{i}" if enabled else f"TPDO{i} (off)"
-        rows.append([name, str(transmission), _ms(inhibit / 10), _ms(event_ms), _mapped(mapping)])
+    for i, pdo in enumerate(TPDO_DEFAULTS, start=1):
+        name = f"TPDO{i}" if pdo.enabled else f"TPDO{i} (off)"
+        inhibit, event_timer = _ms(pdo.inhibit_100us / 10), _ms(pdo.event_timer_ms)
+        rows.append([name, str(pdo.transmission_type), inhibit, event_timer, _mapped(pdo.mapping)])
     return table(["PDO", "type", "inhibit", "event timer", "holds"], rows, text_columns=5)
 
 
-def _mapped(mapping: tuple[tuple[int, int, int], ...]) -> str:
-    entries = {(item.index, subindex): entry for item in OBJECTS for subindex, entry in item.entries.items()}
-    return ", ".join(
-        f"{_key(index, subindex)} {entries[index, subindex].name} ({bits} bit)" for index, subindex, bits in mapping
-    )
+def _mapped(mapping: tuple[int, ...]) -> str:
+    entries = [(_key(*index_and_subindex(address)), ENTRIES[address]) for address in mapping]
+    return ", ".join(f"{key} {entry.name} ({8 * entry.data_type.size} bit)" for key, entry in entries)
 
 
 def _states() -> str:
@@ -104,7 +106,7 @@ def _objects() -> str:
     return table(columns, rows, text_columns=len(columns))
 
 
-def _object_rows(item: Object) -> list[list[str]]:
+def _object_rows(item: DictionaryObject) -> list[list[str]]:
     rows = [[_key(item.index, subindex), entry.name, *_facts(entry)] for subindex, entry in item.entries.items()]
     if len(item.entries) == 1:
         return rows

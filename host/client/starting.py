@@ -14,7 +14,7 @@ from steptwin.host.common.errors import DeviceFaultError
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, PVT_SUBMODE, Control, Mode, Status
 from steptwin.protocol.frame import COB_SYNC
-from steptwin.protocol.objects import TPDO_DEFAULTS
+from steptwin.protocol.pdo_defaults import TPDO_DEFAULTS
 from steptwin.protocol.pvt import PvtFlag
 
 _PRELOAD_RECORDS: Final = 32
@@ -22,7 +22,7 @@ _PRELOAD_TIMEOUT_S: Final = 5.0
 """Long enough to send lost records again a few times on a bad line."""
 _STATUS_PERIOD: Final = od.address_of(od.TPDO_COMMUNICATION[2], od.PDO_EVENT_TIMER)
 """The event timer with which TPDO3 reports a queue's free places."""
-_STATUS_PERIOD_MAX_MS: Final = TPDO_DEFAULTS[2][2]
+_STATUS_PERIOD_MAX_MS: Final = TPDO_DEFAULTS[2].event_timer_ms
 """The value after power-up."""
 _STATUS_PERIOD_MIN_MS: Final = 10
 """The inhibit time of TPDO3; the client looks no more often."""

@@ -151,9 +151,7 @@ class TestMethods:
     def test_just_these_are_supported(self, fast_kernel: Kernel) -> None:
         bench = bench_for(fast_kernel, 17, 0)
         taken = [method for method in range(-128, 128) if bench.write(od.HOMING_METHOD, method) == 0]
-        listed = [
-            bench.value(od.SUPPORTED_HOMING_METHODS + i) for i in range(1, bench.value(od.SUPPORTED_HOMING_METHODS) + 1)
-        ]
+        listed = [bench.value(address) for address in od.SUPPORTED_HOMING_METHODS]
         assert taken == listed == list(HOMING_METHODS) == [*range(17, 31), 35, 37]
         assert bench.write(od.HOMING_METHOD, 33) == AbortCode.VALUE_RANGE
 

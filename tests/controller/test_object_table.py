@@ -9,7 +9,8 @@ from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.datatypes import DataType, encode
 from steptwin.protocol.dictionary import ObjectDictionary
-from steptwin.protocol.objects import OBJECTS, Access, Entry, Object
+from steptwin.protocol.entry import Access, DictionaryObject, Entry
+from steptwin.protocol.objects import OBJECTS
 from steptwin.protocol.sdo_server import SdoServer
 from tests.controller.bench_board import BenchBoard
 
@@ -150,7 +151,7 @@ def test_length(board: BenchBoard, index: int, subindex: int, entry: Entry) -> N
 
 
 @pytest.mark.parametrize("item", OBJECTS, ids=lambda item: f"{item.index:04X}")
-def test_sub_indices_that_do_not_exist(board: BenchBoard, item: Object) -> None:
+def test_sub_indices_that_do_not_exist(board: BenchBoard, item: DictionaryObject) -> None:
     for subindex in set(range(256)) - set(item.entries):
         assert upload(board, item.index, subindex) == AbortCode.NO_SUBINDEX
         assert download(board, item.index, subindex, bytes(4)) == AbortCode.NO_SUBINDEX

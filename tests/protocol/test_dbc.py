@@ -8,7 +8,8 @@ from cantools.database.can import Database
 
 from steptwin.protocol.dbc import AxisNames, render_dbc
 from steptwin.protocol.frame import COB_EMCY, COB_TPDO
-from steptwin.protocol.objects import OBJECTS, RPDO_DEFAULTS, TPDO_DEFAULTS
+from steptwin.protocol.objects import ENTRIES
+from steptwin.protocol.pdo_defaults import RPDO_DEFAULTS, TPDO_DEFAULTS
 from steptwin.protocol.pvt import PvtRecord
 
 SLIDE = AxisNames("sx", "mm", 655_360.0 / 16)
@@ -23,18 +24,17 @@ def database() -> Database:
 
 
 def test_every_default_pdo_of_every_axis_is_there(database: Database) -> None:
-    entries = {(item.index, subindex): entry for item in OBJECTS for subindex, entry in item.entries.items()}
     for node_id in (0x10, 0x11):
         for base, mappings in (
-            ((0x200, 0x300, 0x400, 0x500), [mapping for _, mapping in RPDO_DEFAULTS]),
-            ((0x180, 0x280, 0x380, 0x480), [mapping for *_, mapping in TPDO_DEFAULTS]),
+            ((0x200, 0x300, 0x400, 0x500), [pdo.mapping for pdo in RPDO_DEFAULTS]),
+            ((0x180, 0x280, 0x380, 0x480), [pdo.mapping for pdo in TPDO_DEFAULTS]),
         ):
             for cob_id, mapping in zip(base, mappings, strict=True):
                 message = database.get_message_by_frame_id(cob_id + node_id)
-                assert message.length == sum(bits for *_, bits in mapping) // 8
-                assert [(s.start, s.length) for s in message.signals] == _places(mapping)
-                signed = [entries[index, subindex].data_type.signed for index, subindex, _ in mapping]
-                assert [s.is_signed for s in message.signals] == signed
+                types = [ENTRIES[address].data_type for address in mapping]
+                assert message.length == sum(kind.size for kind in types)
+                assert [(s.start, s.length) for s in message.signals] == _places([8 * kind.size for kind in types])
+                assert [s.is_signed for s in message.signals] == [kind.signed for kind in types]
 
 
 def decode(database: Database, cob_id: int, data: bytes) -> dict[str, Any]:
@@ -43,9 +43,9 @@ def decode(database: Database, cob_id: int, data: bytes) -> dict[str, Any]:
     return decoded
 
 
-def _places(mapping: tuple[tuple[int, int, int], ...]) -> list[tuple[int, int]]:
+def _places(widths: list[int]) -> list[tuple[int, int]]:
     places, first = [], 0
-    for *_, bits in mapping:
+    for bits in widths:
         places.append((first, bits))
         first += bits
     return places

@@ -5,7 +5,8 @@ import pytest
 from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.datatypes import DataType, encode
 from steptwin.protocol.dictionary import ObjectDictionary
-from steptwin.protocol.objects import OBJECTS, Access, Entry, Object
+from steptwin.protocol.entry import Access, DictionaryObject, Entry
+from steptwin.protocol.objects import OBJECTS
 from steptwin.protocol.sdo_server import SdoServer
 
 NODE = 0x12
@@ -113,11 +114,11 @@ def test_what_is_not_eight_bytes_is_dropped_and_counted(length: int) -> None:
     assert sdo.dropped == 1
 
 
-def request_for(command: int, item: Object, subindex: int, data: bytes = b"") -> bytes:
+def request_for(command: int, item: DictionaryObject, subindex: int, data: bytes = b"") -> bytes:
     return bytes((command, item.index & 0xFF, item.index >> 8, subindex)) + data.ljust(4, b"\0")
 
 
-def write(sdo: SdoServer, item: Object, subindex: int, entry: Entry, value: int) -> bytes:
+def write(sdo: SdoServer, item: DictionaryObject, subindex: int, entry: Entry, value: int) -> bytes:
     data = encode(entry.data_type, value)
     [answer] = sdo.handle(request_for(0x23 | (4 - len(data)) << 2, item, subindex, data))
     return answer
@@ -129,9 +130,9 @@ def abort_code(answer: bytes) -> int:
 
 
 @pytest.mark.parametrize(
-    ("item", "subindex", "entry"), ENTRIES, ids=lambda x: f"{x.index:04X}" if isinstance(x, Object) else None
+    ("item", "subindex", "entry"), ENTRIES, ids=lambda x: f"{x.index:04X}" if isinstance(x, DictionaryObject) else None
 )
-def test_every_entry_reads_as_its_default(item: Object, subindex: int, entry: Entry) -> None:
+def test_every_entry_reads_as_its_default(item: DictionaryObject, subindex: int, entry: Entry) -> None:
     [answer] = server().handle(request_for(0x40, item, subindex))
     if entry.access is Access.WRITE_ONLY:
         assert abort_code(answer) == AbortCode.WRITE_ONLY
@@ -148,9 +149,9 @@ def test_every_entry_reads_as_its_default(item: Object, subindex: int, entry: En
 @pytest.mark.parametrize(
     ("item", "subindex", "entry"),
     [row for row in ENTRIES if row[2].data_type is not DataType.VISIBLE_STRING and row[0].index not in PDO_PARAMETERS],
-    ids=lambda x: f"{x.index:04X}" if isinstance(x, Object) else None,
+    ids=lambda x: f"{x.index:04X}" if isinstance(x, DictionaryObject) else None,
 )
-def test_every_entry_is_written_within_its_range_only(item: Object, subindex: int, entry: Entry) -> None:
+def test_every_entry_is_written_within_its_range_only(item: DictionaryObject, subindex: int, entry: Entry) -> None:
     sdo = server()
     kind = entry.data_type
     low = kind.low if entry.low is None else entry.low

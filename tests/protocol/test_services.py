@@ -12,8 +12,9 @@ from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.datatypes import DataType, decode, encode
 from steptwin.protocol.eds import render_eds
 from steptwin.protocol.emergency import EmergencyProducer
+from steptwin.protocol.entry import ObjectCode
 from steptwin.protocol.nmt import HeartbeatProducer, NmtCommand, NmtState, command_for, target_of
-from steptwin.protocol.objects import OBJECTS, Kind
+from steptwin.protocol.objects import OBJECTS
 from steptwin.protocol.pvt import PvtRecord, PvtStatus, Verdict, judge
 
 
@@ -197,7 +198,7 @@ class TestEds:
                 assert found.data_type == entry.data_type
                 assert found.access_type == entry.access.value
                 assert found.default == entry.default_for(0x12)
-                assert found.name == (item.name if item.kind is Kind.VARIABLE else entry.name)
+                assert found.name == (item.name if item.code is ObjectCode.VARIABLE else entry.name)
                 if entry.low is not None and entry.data_type is not DataType.INTEGER24:
                     assert found.min == entry.low
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
-from steptwin.host.client.monitor.fields import Mapping, pdo_fields, value_text
+from steptwin.host.client.monitor.fields import pdo_fields, value_text
 from steptwin.host.client.monitor.sdo_text import request_text, response_text
 from steptwin.host.client.words import error_text, words
 from steptwin.protocol.frame import (
@@ -23,7 +23,7 @@ from steptwin.protocol.frame import (
     NODE_ID_MAX,
 )
 from steptwin.protocol.nmt import NmtCommand, NmtState
-from steptwin.protocol.objects import RPDO_DEFAULTS, TPDO_DEFAULTS
+from steptwin.protocol.pdo_defaults import RPDO_DEFAULTS, TPDO_DEFAULTS
 
 SERVICES: Final = ("nmt", "sync", "emcy", "time", "tpdo", "rpdo", "sdo", "heartbeat", "other")
 _COB_TIME: Final = 0x100
@@ -110,9 +110,9 @@ def _heartbeat(data: bytes) -> str:
     return NmtState(data[0]).name.replace("_", "-") if known else f"unknown state {data[0]}"
 
 
-_MAPPINGS: Final[dict[int, tuple[str, str, Mapping]]] = {
-    **{COB_TPDO[i]: ("tpdo", f"TPDO{i + 1}", default[4]) for i, default in enumerate(TPDO_DEFAULTS)},
-    **{COB_RPDO[i]: ("rpdo", f"RPDO{i + 1}", default[1]) for i, default in enumerate(RPDO_DEFAULTS)},
+_MAPPINGS: Final[dict[int, tuple[str, str, tuple[int, ...]]]] = {
+    **{COB_TPDO[i]: ("tpdo", f"TPDO{i + 1}", pdo.mapping) for i, pdo in enumerate(TPDO_DEFAULTS)},
+    **{COB_RPDO[i]: ("rpdo", f"RPDO{i + 1}", pdo.mapping) for i, pdo in enumerate(RPDO_DEFAULTS)},
 }
 _TEXTS: Final[dict[int, tuple[str, str, Callable[[bytes], str]]]] = {
     COB_EMCY: ("emcy", "EMCY", _emcy),

@@ -6,18 +6,13 @@ from steptwin.host.client.words import error_text, mode_text, state_text
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Mode, State
 from steptwin.protocol.datatypes import DataType
-from steptwin.protocol.objects import OBJECTS, Entry
-
-_OBJECTS: Final = {item.index: item for item in OBJECTS}
-
-Mapping = tuple[tuple[int, int, int], ...]
-"""Index, sub-index and bits of each mapped entry."""
+from steptwin.protocol.entry import Entry
+from steptwin.protocol.objects import ENTRIES
 
 
 def named_entry(index: int, subindex: int) -> Entry | None:
     """The entry of the object table; None if there is none."""
-    item = _OBJECTS.get(index)
-    return item.entries.get(subindex) if item else None
+    return ENTRIES.get(od.address_of(index, subindex))
 
 
 def entry_text(index: int, subindex: int, data: bytes) -> str:
@@ -37,19 +32,19 @@ def value_text(index: int, subindex: int, value: int) -> str:
     return words(value) if words else str(value)
 
 
-def pdo_fields(mapping: Mapping, data: bytes) -> list[dict[str, Any]] | None:
+def pdo_fields(mapping: tuple[int, ...], data: bytes) -> list[dict[str, Any]] | None:
     """The mapped entries with their values; None if the data are shorter than the mapping."""
-    bits = sum(width for _, _, width in mapping)
-    if len(data) * 8 < bits:
+    entries = [ENTRIES[address] for address in mapping]
+    if len(data) < sum(entry.data_type.size for entry in entries):
         return None
     word, fields, shift = int.from_bytes(data, "little"), [], 0
-    for index, subindex, width in mapping:
+    for address, entry in zip(mapping, entries, strict=True):
+        width = 8 * entry.data_type.size
         value = word >> shift & ((1 << width) - 1)
         shift += width
-        entry = named_entry(index, subindex)
-        assert entry is not None  # the table's own mappings
         if entry.data_type.signed and value >> (width - 1):
             value -= 1 << width
+        index, subindex = od.index_and_subindex(address)
         fields.append({"index": index, "subindex": subindex, "name": entry.name, "value": value})
     return fields
 

@@ -10,12 +10,13 @@ from steptwin.host.record.bus_log import read_frames
 from steptwin.host.record.waveforms.signal import HeldValues
 from steptwin.protocol.cia402 import State
 from steptwin.protocol.frame import COB_TPDO, FIRST_NODE_ID
-from steptwin.protocol.objects import TPDO_DEFAULTS
+from steptwin.protocol.objects import ENTRIES
+from steptwin.protocol.pdo_defaults import TPDO_DEFAULTS
 
 STATES: Final = ("UNKNOWN", *(state.name for state in State))
 """Names of the values; a drive's state is unknown before its first PDO."""
 
-_PDO_BYTES: Final = sum(bits for _, _, bits in TPDO_DEFAULTS[0][4]) // 8
+_PDO_BYTES: Final = sum(ENTRIES[address].data_type.size for address in TPDO_DEFAULTS[0].mapping)
 
 
 def drive_states(log: Path, axes: int) -> tuple[HeldValues, ...]:
