@@ -1,4 +1,4 @@
-"""The array types that the host's maths is written in."""
+"""Array types of the host's computations."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""Words for bad input that several modules share: each says in one line what was given and what would be right."""
+"""Checks of input and their messages, shared by several modules: each names the value and a valid one in one line."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -8,13 +8,14 @@ from math import isfinite
 from steptwin.host.common.errors import InputError
 
 _MS_TOLERANCE = 1e-6
-"""Milliseconds by which a duration may miss a whole one: what decimal fractions of a second lose as floats."""
+"""Milliseconds by which a duration may miss a whole one, since floats cannot hold most decimal fractions."""
 
 _CHOICES_LISTED = 12
+"""Number of choices that a message lists at most."""
 
 
 def unknown(what: str, given: str, choices: Iterable[str]) -> InputError:
-    """The error for a name that does not exist: it offers the nearest ones, or all when none is near."""
+    """Return the error for an unknown name; its message offers the nearest names, or lists all if none is near."""
     names = list(choices)
     by_lower_case = {name.lower(): name for name in names}
     near = [by_lower_case[name] for name in get_close_matches(given.lower(), by_lower_case, n=3)]
@@ -28,7 +29,7 @@ def unknown(what: str, given: str, choices: Iterable[str]) -> InputError:
 
 @contextmanager
 def prefixed(prefix: str) -> Iterator[None]:
-    """Say where bad input stands: every InputError from inside gets this in front and stays of its kind."""
+    """Put a prefix, such as the place of the input, in front of the message of every InputError from the block."""
     try:
         yield
     except InputError as error:
@@ -44,7 +45,7 @@ def require_positive(settings: object, *names: str) -> None:
 
 
 def whole_ms(what: str, value_s: float) -> int:
-    """A time in milliseconds; InputError when it is not finite or not a whole number of them."""
+    """Return a time in milliseconds; raise InputError unless it is a whole number of them."""
     value_ms = 1000.0 * value_s
     if not (isfinite(value_ms) and abs(value_ms - round(value_ms)) <= _MS_TOLERANCE):
         raise InputError(f"{what}: {value_s:.9g} s is not a whole number of milliseconds")
@@ -52,7 +53,7 @@ def whole_ms(what: str, value_s: float) -> int:
 
 
 def apart(value: float, limit: float) -> tuple[str, str]:
-    """Both numbers with as many decimals as it takes to tell them apart, one at least and twelve at most."""
+    """Return both numbers with enough decimals to tell them apart, from one to twelve."""
     for decimals in range(1, 13):
         texts = f"{value:.{decimals}f}", f"{limit:.{decimals}f}"
         if float(texts[0]) != float(texts[1]):  # "-0.0" is 0.0

@@ -106,7 +106,7 @@ class Table:
         """Return the member of an enumeration whose value the text is."""
         value = self.text(key)
         if value not in list(choices):
-            raise InputError(f"{key}: {value!r} is none of {', '.join(choices)}")
+            raise InputError(f"{key}: {value!r} is not one of {', '.join(choices)}")
         return choices(value)
 
     def optional(self, key: str, read: Callable[[str], Made]) -> Made | None:

@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all."""
+"""Write files so that they appear whole or not at all."""
 
 import os
 from collections.abc import Iterator
@@ -9,13 +9,13 @@ from typing import BinaryIO
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[BinaryIO]:
-    """A file to write, which takes its place, and that of an older one, when the block ends without an exception.
+    """Open a file for writing that appears under its name, or replaces an older one, when the block ends normally.
 
-    Until then it stands beside that place as NAME.part, and whatever breaks the block off removes it. What is there and
-    is no file, such as a pipe or a device, is written to directly.
+    Until then it is NAME.part in the same folder; an exception in the block deletes it. A pipe or a device is written
+    to directly.
 
     Raises:
-        OSError: the file cannot be written; it has `path` as its file name.
+        OSError: the file cannot be written; the error names `path`.
     """
     directly = path.exists() and not path.is_file()
     try:

@@ -1,4 +1,4 @@
-"""The robots that come along, one TOML file each; a user's own file of the same form works the same."""
+"""Robots: one TOML file for each robot that StepTwin brings; a user's own file has the same form."""
 
 from importlib.resources import files
 
@@ -13,16 +13,16 @@ _SUFFIX = ".toml"
 
 
 def robot_names() -> tuple[str, ...]:
-    """The names of the robots that come along, sorted."""
+    """Return the names of the robots that StepTwin brings, sorted."""
     entries = (entry.name for entry in files(__name__).iterdir())
     return tuple(sorted(name.removesuffix(_SUFFIX) for name in entries if name.endswith(_SUFFIX)))
 
 
 def load_robot(name: str) -> Robot:
-    """A robot by its name, or by the path of a file that ends in .toml.
+    """Return a robot by its name, or by the path of a file whose name ends in .toml.
 
     Raises:
-        InputError: no such robot or file, or one that says something wrong; the message names the key.
+        InputError: there is no such robot or file, or a value in the file is wrong; the message names the key.
     """
     if name.endswith(_SUFFIX):
         return load_robot_file(name)
@@ -33,7 +33,7 @@ def load_robot(name: str) -> Robot:
 
 
 def load_robot_file(path: str) -> Robot:
-    """A robot of one's own from a file of any name; raises InputError as `load_robot` does."""
+    """Return the robot in a file of any name; raise InputError as `load_robot` does."""
     with prefixed(f"{path}: "):
         text = read_text(path)
     return parse_robot(text, path)

@@ -1,4 +1,4 @@
-"""How a robot's board is set: the bus, the drivers and the shape of the step pulses."""
+"""The settings of a robot's board: the bus, the drivers and the shape of the step pulses."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -11,22 +11,22 @@ from steptwin.protocol.objects import PULSE_NS_MIN, TIMING_NS_MAX
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 DRIVER_PROFILES: Final = ("chip-100pf", "chip-330pf", "chip-1000pf", "3a-module", "slow-blue-board")
-"""The drivers that the emulated board can have."""
+"""Driver profiles that the emulated board can have."""
 
 SWITCHED_PROFILES: Final = ("3a-module",)
-"""The drivers with switches of their own."""
+"""Driver profiles whose module has DIP switches."""
 
 SWITCH_CHOICES: Final = {"idle_percent": (20, 50), "fast_decay_percent": (0, 25, 50, 100)}
-"""What these can be set to, but for currents and microsteps."""
+"""Values of these settings that the DIP switches offer."""
 
 DRIVER_SETTINGS: Final = ("current_a", "active_edge", *SWITCH_CHOICES)
-"""What a file may say about how its drivers are set."""
+"""Keys of a robot file that set its drivers."""
 
 PHASE_CURRENT_MAX_A: Final = 3.0
-"""A TB6560AHQ's operating range."""
+"""Upper end of a TB6560AHQ's operating range."""
 
 OSC_PF_MIN: Final = 64
-"""With less at its OSC pin its oscillator is faster than the 600 kHz of its operating range."""
+"""Smallest capacitor at the OSC pin: a smaller one sets the oscillator above 600 kHz, its operating range."""
 
 _TIMING_MIN_NS: Final = {
     "steplen_ns": PULSE_NS_MIN,
@@ -34,11 +34,11 @@ _TIMING_MIN_NS: Final = {
     "dirsetup_ns": 0,
     "dirhold_ns": 0,
 }
-"""What the board's object 0x2001 takes."""
+"""Lower limits of the step timing (2001h)."""
 
 
 class ActiveEdge(StrEnum):
-    """Which edge of STEP makes a driver step."""
+    """The edge of STEP at which a driver steps."""
 
     RISING = "rising"
     FALLING = "falling"
@@ -46,25 +46,25 @@ class ActiveEdge(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class BoardSettings:
-    """How the board is set: the bus, the drivers and the shape of the step pulses (LinuxCNC's names).
+    """The settings of the board; the names of the pulses' times are LinuxCNC's. None: the drivers' usual setting.
 
     Attributes:
-        bitrate: of the CAN bus, in bit/s.
-        osc_pf: capacitor at each TB6560's OSC pin, which sets the shortest CLK pulse that it accepts; None with a
-            profile that says it.
-        steplen_ns: how long CLK is high.
-        stepspace_ns: how long it is low at least.
-        dirsetup_ns: how long DIR is stable before CLK rises.
-        dirhold_ns: how long it stays after CLK rose.
-        step_rate_max_hz: the fastest CLK that a driver is given.
-        driver_profile: which drivers the board has; None for TB6560s on the board itself.
-        current_a: phase current at full torque; None for what is usual with the drivers.
-        active_edge: which edge of STEP is the step; None for what is usual with the drivers.
-        idle_percent: part of the current that is left at standstill, for drivers with a switch for it; None: as usual.
-        fast_decay_percent: part of each chopping period in which the current decays fast, likewise.
+        bitrate: Bit rate of the CAN bus, in bit/s.
+        osc_pf: Capacitor at each TB6560's OSC pin, which sets the shortest CLK pulse that it accepts; None if
+            `driver_profile` sets it.
+        steplen_ns: Time for which CLK is high.
+        stepspace_ns: Least time for which CLK is low.
+        dirsetup_ns: Time for which DIR is stable before CLK rises.
+        dirhold_ns: Time for which DIR is stable after CLK has risen.
+        step_rate_max_hz: Highest step rate that a driver gets.
+        driver_profile: Name of the drivers' profile; None for TB6560s on the board itself.
+        current_a: Phase current at full torque.
+        active_edge: The edge of STEP at which the drivers step.
+        idle_percent: Part of the current that flows at standstill, for drivers with a switch for it.
+        fast_decay_percent: Part of a chopping period with fast decay, for drivers with a switch for it.
 
     Raises:
-        InputError: a number out of range, or pulses too long for the step rate.
+        InputError: a value out of range, or pulses too long for the step rate.
     """
 
     bitrate: int
@@ -84,7 +84,7 @@ class BoardSettings:
         self._check_drivers()
         require_positive(self, "step_rate_max_hz")
         if self.bitrate not in BITRATES:
-            raise InputError(f"bitrate: {self.bitrate} is none of {', '.join(map(str, BITRATES))}")
+            raise InputError(f"bitrate: {self.bitrate} is not one of {', '.join(map(str, BITRATES))}")
         for name, least in _TIMING_MIN_NS.items():
             value = getattr(self, name)
             if not least <= value <= TIMING_NS_MAX:
@@ -99,7 +99,7 @@ class BoardSettings:
     def _check_drivers(self) -> None:
         if self.driver_profile is None:
             if self.osc_pf is None:
-                raise InputError("osc_pf: is missing; it or driver_profile says which drivers there are")
+                raise InputError("osc_pf: is missing; a board needs it or driver_profile")
             require_positive(self, "osc_pf")
             if self.osc_pf < OSC_PF_MIN:
                 raise InputError(
@@ -109,7 +109,7 @@ class BoardSettings:
         elif self.driver_profile not in DRIVER_PROFILES:
             raise unknown("driver_profile:", self.driver_profile, DRIVER_PROFILES)
         elif self.osc_pf is not None:
-            raise InputError(f"osc_pf: driver_profile {self.driver_profile} says already what is at OSC")
+            raise InputError(f"osc_pf: driver_profile {self.driver_profile} sets it already")
         if self.current_a is not None and not 0 < self.current_a <= PHASE_CURRENT_MAX_A:
             raise InputError(f"current_a: {self.current_a:g} A is not above 0 and up to {PHASE_CURRENT_MAX_A:g} A")
         for key, choices in SWITCH_CHOICES.items():
@@ -123,14 +123,14 @@ class BoardSettings:
             drivers = self.driver_profile or "the chip alone"
             raise InputError(f"{key}: {drivers} has no switch for it; driver_profile {SWITCHED_PROFILES[0]} has")
         if percent not in choices:
-            raise InputError(f"{key}: {percent} % is none of {', '.join(map(str, choices))} %")
+            raise InputError(f"{key}: {percent} % is not one of {', '.join(map(str, choices))} %")
 
     @property
     def driver_rate_max_hz(self) -> float:
-        """The fastest CLK that the board really makes.
+        """The highest step rate that the board makes.
 
-        Both phases of a pulse last whole counts of its timer, rounded up so that none is shorter than asked for; where
-        they leave no reserve the board is a little slower than `step_rate_max_hz`.
+        Both phases of a pulse last whole counts of the timer, rounded up so that neither is too short. If their sum
+        leaves no reserve, this rate is slightly below `step_rate_max_hz`.
         """
         pulse_counts = sum(
             -(-phase_ns * COUNTS_PER_SECOND // 10**9) for phase_ns in (self.steplen_ns, self.stepspace_ns)

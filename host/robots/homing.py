@@ -1,4 +1,4 @@
-"""How a joint is homed, as its robot's file says it."""
+"""The homing of a joint, as its robot file sets it."""
 
 from dataclasses import dataclass
 
@@ -9,16 +9,16 @@ from steptwin.protocol.homing_methods import HOME_HERE, HOME_HERE_OBSOLETE, HOMI
 
 @dataclass(frozen=True, slots=True)
 class JointHoming:
-    """How a joint is homed; speeds in its unit/s, acceleration in unit/s^2.
+    """The homing of a joint; speeds in its unit/s, acceleration in unit/s^2.
 
     Attributes:
-        method: of CiA 402, object 0x6098.
-        search_speed: at which the switch is searched for.
-        zero_speed: at which its edge is crossed.
-        acceleration: of all ramps.
+        method: The homing method (6098h).
+        search_speed: Speed of the search for the switch.
+        zero_speed: Speed at which the axis crosses the switch's edge.
+        acceleration: Acceleration of all ramps.
 
     Raises:
-        InputError: no such method, or speeds that are none.
+        InputError: an unknown method, a value that is not above 0, or a zero speed above the search speed.
     """
 
     method: int
@@ -28,13 +28,13 @@ class JointHoming:
 
     def __post_init__(self) -> None:
         if self.method not in HOMING_METHODS:
-            raise InputError(f"method: {self.method} is none of 17 to 30, {HOME_HERE_OBSOLETE}, {HOME_HERE}")
+            raise InputError(f"method: {self.method} is not one of 17 to 30, {HOME_HERE_OBSOLETE}, {HOME_HERE}")
         require_positive(self, "search_speed", "zero_speed", "acceleration")
         if self.zero_speed > self.search_speed:
             raise InputError(f"zero_speed: {self.zero_speed:g} is above search_speed, {self.search_speed:g}")
 
     def check_within(self, speed_max: float, acceleration_max: float) -> None:
-        """Raise InputError if it is more than the joint can do."""
+        """Raise InputError if the search speed or the acceleration is above the joint's limit."""
         if self.search_speed > speed_max:
             raise InputError(f"homing.search_speed: {self.search_speed:g} is above speed_max, {speed_max:g}")
         if self.acceleration > acceleration_max:

@@ -1,4 +1,4 @@
-"""Reading a robot's TOML file. Every complaint begins with the file and the key, as in `joints.th1.microsteps: ...`."""
+"""Read a robot's TOML file. Every error begins with the file and the key, as in `joints.th1.microsteps: ...`."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,23 +18,23 @@ from steptwin.host.robots.transmission import Transmission
 
 
 def parse_robot(text: str, source: str) -> Robot:
-    """The robot that a TOML text describes; `source` says in messages where the text comes from.
+    """Return the robot that a TOML text describes; messages name `source`, the text's origin.
 
     Raises:
-        InputError: no TOML, a key that is missing, unknown or of the wrong kind, or a value out of range.
+        InputError: the text is not TOML, a key is missing or unknown, or a value is of the wrong type or out of range.
     """
     with prefixed(f"{source}: "):
         table = toml_table(text)
         robot = replace(_robot(table), toml=text)
         table.finish()
-        make_kinematics(robot)  # for its complaints about kind and dimensions
+        make_kinematics(robot)  # only to check kind and dimensions
         _check_speeds(robot)
         return robot
 
 
 @contextmanager
 def _section(table: Table, key: str, *, optional: bool = False) -> Iterator[Table]:
-    """Enter the table under a key, every key of which must be read; a missing optional one is empty."""
+    """Enter the table under a key; a key in it that is not read is an error. A missing optional table is empty."""
     if optional and key not in table:
         yield Table({}, "table")
         return
@@ -132,7 +132,7 @@ def _transmission(table: Table, unit: Unit) -> Transmission:
 
 
 def _check_speeds(robot: Robot) -> None:
-    """A joint whose highest speed its driver cannot follow is a mistake in the file, found before any motion."""
+    """Raise InputError if a joint's highest speed needs a higher step rate than the driver's limit."""
     limit_hz = robot.board.driver_rate_max_hz
     for joint in robot.joints:
         if joint.step_rate_max_hz > limit_hz:

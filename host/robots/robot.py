@@ -19,23 +19,23 @@ AXES_MAX: Final = 8
 
 @dataclass(frozen=True, slots=True)
 class Robot:
-    """A machine.
+    """A machine, as its robot file describes it.
 
     Attributes:
-        name: as on the command line.
-        title: one line for people.
-        kinematics: the kind of mechanism, a name known to `steptwin.host.robots.kinematics`.
-        geometry: the mechanism's dimensions in mm and degrees, by name.
-        joints: in the order of their axes on the board.
-        home: joint positions, in joint order, that the machine takes after homing.
-        board: settings that all axes share.
-        outputs: what is wired to the board's digital outputs, by name.
-        places: named joint positions that jobs go to; a place may name only some of the joints.
-        toml: the file that the robot was read from, word for word; empty for one that was made otherwise.
+        name: Name on the command line.
+        title: Title, one line.
+        kinematics: Kind of mechanism, a name that `steptwin.host.robots.kinematics` knows.
+        geometry: Dimensions of the mechanism in mm and degrees, by name.
+        joints: Joints, in the order of their axes on the board.
+        home: Joint positions, in joint order, that the machine takes after homing.
+        board: Settings that all axes share.
+        outputs: Digital outputs of the board, by the name of the device wired to them.
+        places: Joint positions that jobs go to, by name; a place may name only some of the joints.
+        toml: Text of the robot file; empty for a robot that was not read from a file.
 
     Raises:
-        InputError: no joints, too many for a board, a position outside the joints' limits, a place of no joint, an
-            output of no joint or two of the same number.
+        InputError: no joints or more than a board drives, a position outside a joint's limits, a place without joints,
+            an output of an unknown joint, or two outputs at one connector.
     """
 
     name: str
@@ -51,7 +51,7 @@ class Robot:
 
     def __post_init__(self) -> None:
         if not 1 <= len(self.joints) <= AXES_MAX:
-            raise InputError(f"joints: {len(self.joints)} of them, a board drives 1 to {AXES_MAX}")
+            raise InputError(f"joints: {len(self.joints)} joints, but a board drives 1 to {AXES_MAX}")
         self._check_place("home", dict(zip(self.joint_names, self.home, strict=True)))
         for name, place in self.places.items():
             self._check_place(f"places.{name}", place)
@@ -60,7 +60,9 @@ class Robot:
             if output.joint not in self.joint_names:
                 raise unknown(f"outputs.{name}.joint:", output.joint, self.joint_names)
             if wired.setdefault(output, name) != name:
-                raise InputError(f"outputs.{name}: output {output.out} of {output.joint} is {wired[output]} already")
+                raise InputError(
+                    f"outputs.{name}: output {output.out} of {output.joint} is already wired to {wired[output]}"
+                )
 
     def _check_place(self, key: str, place: Mapping[str, float]) -> None:
         if not place:
@@ -75,11 +77,11 @@ class Robot:
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """In axis order."""
+        """The names of the joints, in axis order."""
         return tuple(joint.name for joint in self.joints)
 
     def joint(self, name: str) -> Joint:
-        """A joint by its name; KeyError if there is none."""
+        """Return a joint by its name; raise KeyError for an unknown name."""
         return {joint.name: joint for joint in self.joints}[name]
 
     @property

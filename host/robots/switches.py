@@ -27,16 +27,16 @@ def _needed_keys(method: HomingMethod) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True)
 class JointSwitches:
-    """Where a joint's switches close, in the joint's unit; None where there is none.
+    """The positions of a joint's switches, in the joint's unit; None for an edge that the joint does not have.
 
     Attributes:
-        negative_limit: the limit switch is closed here and below.
-        positive_limit: the limit switch is closed here and above.
-        home_from: the home switch is closed from here on, up to `home_to` or to the end of travel.
-        home_to: the home switch is closed up to here, from `home_from` or from the end of travel on.
+        negative_limit: The negative limit switch is closed here and below.
+        positive_limit: The positive limit switch is closed here and above.
+        home_from: Lower edge of the home switch, which is closed above it; None: closed from the end of travel.
+        home_to: Upper edge of the home switch, which is closed below it; None: closed to the end of travel.
 
     Raises:
-        InputError: switches that are the wrong way round.
+        InputError: an edge is not below another one that it must be below.
     """
 
     negative_limit: float | None = None
@@ -51,7 +51,7 @@ class JointSwitches:
                 raise InputError(f"{high}: {above:g} is not above {low}, {below:g}")
 
     def check_outside(self, lower: float, upper: float, unit: str) -> None:
-        """Raise InputError if a limit switch is within the joint's limits, where motions would run into it."""
+        """Raise InputError if a limit switch lies within the joint's limits, where a motion would close it."""
         negative, positive = self.negative_limit, self.positive_limit
         if negative is not None and not negative < lower:
             raise InputError(f"switches.negative_limit: {negative:g} {unit} is not below lower, {lower:g} {unit}")

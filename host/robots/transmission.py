@@ -33,7 +33,7 @@ class Transmission:
 
     def __post_init__(self) -> None:
         if self.microsteps not in MICROSTEPS:
-            raise InputError(f"microsteps: {self.microsteps} is none of the TB6560's {MICROSTEPS}")
+            raise InputError(f"microsteps: {self.microsteps} is not one of the TB6560's {MICROSTEPS}")
         require_positive(self, "full_steps_per_rev", "travel_per_turn", "ratio")
 
     @property

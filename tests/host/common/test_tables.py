@@ -41,7 +41,7 @@ def test_values_are_read_by_key_and_type() -> None:
         (lambda: TABLE.text("two"), "two: 2 is not a text"),
         (lambda: TABLE.text("empty", empty=False), "empty: '' is not a text"),
         (lambda: TABLE.truth("two"), "two: 2 is neither true nor false"),
-        (lambda: TABLE.choice("text", Colour), "text: 'a' is none of red, green"),
+        (lambda: TABLE.choice("text", Colour), "text: 'a' is not one of red, green"),
         (lambda: TABLE.elements("two"), "two: 2 is not a list"),
         (lambda: TABLE.each("many", Table.finish), "many[0]: 1 is not a JSON object"),
         (lambda: TABLE.section("two").__enter__(), "two: 2 is not a JSON object"),

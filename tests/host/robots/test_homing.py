@@ -59,7 +59,7 @@ def test_every_joint_of_every_robot_can_be_homed(name: str) -> None:
         ),
         ("negative_limit = -5.0", "", "joints.sx.homing.method: 17 needs switches.negative_limit"),
         ("method = 17", "method = 18", None),
-        ("method = 17", "method = 33", "joints.sx.homing.method: 33 is none of 17 to 30, 35, 37"),
+        ("method = 17", "method = 33", "joints.sx.homing.method: 33 is not one of 17 to 30, 35, 37"),
         ("method = 17", "method = 19", "joints.sx.homing.method: 19 needs switches.home_from"),
         ("method = 17", "method = 37", None),
         ("method = 17", "", "joints.sx.homing.method: is missing"),

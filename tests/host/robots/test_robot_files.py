@@ -157,7 +157,7 @@ class TestTransmissions:
 
     @pytest.mark.parametrize("microsteps", [0, 3, 4, 32, -1])
     def test_the_driver_has_no_other_microsteps(self, microsteps: int) -> None:
-        with pytest.raises(InputError, match=rf"microsteps: {microsteps} is none of the TB6560's \(1, 2, 8, 16\)"):
+        with pytest.raises(InputError, match=rf"microsteps: {microsteps} is not one of the TB6560's \(1, 2, 8, 16\)"):
             Transmission(200, microsteps, 10.0)
 
     def test_the_wire_ends_at_131_072_full_steps(self) -> None:
@@ -174,7 +174,9 @@ class TestMistakesInAFile:
     @pytest.mark.parametrize(
         ("old", "new", "words"),
         [
-            pytest.param("microsteps = 16", "microsteps = 4", "joints.th1.microsteps: 4 is none of", id="microsteps"),
+            pytest.param(
+                "microsteps = 16", "microsteps = 4", "joints.th1.microsteps: 4 is not one of", id="microsteps"
+            ),
             pytest.param("ratio = 5.0", "", "joints.th1.ratio: is missing", id="missing"),
             pytest.param("ratio = 5.0", "ratio = 0", "joints.th1.ratio: 0 is not above 0", id="zero"),
             pytest.param("ratio = 5.0", "ratio = nan", "joints.th1.ratio: nan is not a finite", id="nan"),
@@ -196,7 +198,7 @@ class TestMistakesInAFile:
             pytest.param(
                 "travel_per_turn = 10.0", "travel_per_turn = -1", "joints.sz.travel_per_turn: -1 is", id="lead"
             ),
-            pytest.param('unit = "deg"', 'unit = "rad"', "joints.th1.unit: 'rad' is none of mm, deg", id="unit"),
+            pytest.param('unit = "deg"', 'unit = "rad"', "joints.th1.unit: 'rad' is not one of mm, deg", id="unit"),
             pytest.param(
                 "upper = 2000.0", "upper = 0.0", "joints.sx.upper: 0 mm is not above lower, 0 mm", id="limits"
             ),
@@ -214,7 +216,9 @@ class TestMistakesInAFile:
                 "board.osc_pf: 63 pF makes the TB6560's oscillator faster than its 600 kHz: at least 64 pF",
                 id="fast oscillator",
             ),
-            pytest.param("osc_pf = 330", "", "board.osc_pf: is missing; it or driver_profile says", id="no driver"),
+            pytest.param(
+                "osc_pf = 330", "", "board.osc_pf: is missing; a board needs it or driver_profile", id="no driver"
+            ),
             pytest.param(
                 "osc_pf = 330",
                 'driver_profile = "3a-modul"',
@@ -224,7 +228,7 @@ class TestMistakesInAFile:
             pytest.param(
                 "osc_pf = 330",
                 'driver_profile = "3a-module"\nosc_pf = 330',
-                "board.osc_pf: driver_profile 3a-module says already what is at OSC",
+                "board.osc_pf: driver_profile 3a-module sets it already",
                 id="two drivers",
             ),
             pytest.param("osc_pf = 330", "driver_profile = 3", "board.driver_profile: 3 is not a text", id="no name"),
@@ -240,13 +244,13 @@ class TestMistakesInAFile:
             pytest.param(
                 "osc_pf = 330",
                 'driver_profile = "3a-module"\nidle_percent = 30',
-                "board.idle_percent: 30 % is none of 20, 50 %",
+                "board.idle_percent: 30 % is not one of 20, 50 %",
                 id="idle current",
             ),
             pytest.param(
                 "osc_pf = 330",
                 'driver_profile = "3a-module"\nfast_decay_percent = 75',
-                "board.fast_decay_percent: 75 % is none of 0, 25, 50, 100 %",
+                "board.fast_decay_percent: 75 % is not one of 0, 25, 50, 100 %",
                 id="decay",
             ),
             pytest.param(
@@ -264,7 +268,7 @@ class TestMistakesInAFile:
             pytest.param(
                 "osc_pf = 330",
                 'osc_pf = 330\nactive_edge = "both"',
-                "board.active_edge: 'both' is none of rising, falling",
+                "board.active_edge: 'both' is not one of rising, falling",
                 id="edge",
             ),
             pytest.param(
@@ -273,7 +277,7 @@ class TestMistakesInAFile:
                 "board.driver_profil: key 'driver_profil' is unknown: did you mean driver_profile?",
                 id="mistyped driver profile",
             ),
-            pytest.param("1_000_000", "800_000", "board.bitrate: 800000 is none of 125000, 250000", id="bit rate"),
+            pytest.param("1_000_000", "800_000", "board.bitrate: 800000 is not one of 125000, 250000", id="bit rate"),
             pytest.param("33_000", "3_999", "board.steplen_ns: 3999 ns is outside 4000..1000000 ns", id="steplen"),
             pytest.param("15_000", "1_000_001", "board.dirsetup_ns: 1000001 ns is outside 0..1000000", id="dirsetup"),
             pytest.param(
@@ -331,7 +335,7 @@ class TestMistakesInAFile:
                 "outputs.magnet.pin: key 'pin' is unknown: there are joint, out",
                 id="key",
             ),
-            pytest.param("out = 2", "out = 1", "outputs.lock: output 1 of th3 is magnet already", id="taken"),
+            pytest.param("out = 2", "out = 1", "outputs.lock: output 1 of th3 is already wired to magnet", id="taken"),
             pytest.param(
                 'lock = { joint = "th3", out = 2 }', "lock = 2", "outputs.lock: 2 is not a table", id="no table"
             ),
@@ -360,7 +364,7 @@ class TestMistakesInAFile:
         rest = TEXT[TEXT.index("[board]") : TEXT.index("[joints.sx]")]
         robot = f'{head}[kinematics]\nkind = "warehouse-scara"\n{rest}'
         assert complaint(f"{robot}[joints]\nsx = 1\n").startswith("mine.toml: joints.sx: 1 is not a table")
-        assert complaint(f"{robot}[joints]\n[home]\n") == "mine.toml: joints: 0 of them, a board drives 1 to 8"
+        assert complaint(f"{robot}[joints]\n[home]\n") == "mine.toml: joints: 0 joints, but a board drives 1 to 8"
 
     def test_a_speed_that_the_driver_cannot_follow(self) -> None:
         """75 mm/s at a lead of 8 mm and 1/8 step is exactly 15 kHz."""
