@@ -73,7 +73,7 @@ def _check_range(joint: Joint, t_s: FloatArray, positions: FloatArray) -> None:
 
 
 def check_speeds(robot: Robot, samples: Samples) -> None:
-    """Speed and acceleration; the latter is the mean over each interval of the grid, which no breakpoint divides."""
+    """Check speed, and acceleration as the mean over each interval of the grid, inside which it does not jump."""
     t_s, velocities = samples.t_s, samples.velocities
     accelerations = np.diff(velocities, axis=0) / np.diff(t_s)[:, np.newaxis]
     for i, joint in enumerate(robot.joints):
@@ -119,10 +119,12 @@ def check_record_widths(robot: Robot, times_ms: Int64Array, points: FloatArray, 
 
 
 def check_step_rates(made: Plan) -> None:
-    """The firmware's own test, so that no record of a plan is refused for its speed."""
+    """Check step rates as the firmware does, so that it refuses no record of a plan for its speed."""
     dt_ms = np.diff(made.times_ms)[:, np.newaxis]
     rates_hz = _velocity_hulls_q16(made) * (1000 / _Q16) / dt_ms
-    limit_hz = floor(made.robot.board.driver_rate_max_hz * _Q16 / 1000) * 1000 / _Q16  # it counts in Q16 steps per ms
+    limit_hz = (
+        floor(made.robot.board.driver_rate_max_hz * _Q16 / 1000) * 1000 / _Q16
+    )  # the firmware's limit is in Q16 steps per ms
     for i, joint in enumerate(made.robot.joints):
         worst = int(np.argmax(rates_hz[:, i]))
         if rates_hz[worst, i] > limit_hz:
@@ -134,10 +136,10 @@ def check_step_rates(made: Plan) -> None:
 
 
 def _velocity_hulls_q16(made: Plan) -> Int64Array:
-    """A bound of each cubic's velocity, shape (segments, joints), in Q16 steps per segment duration.
+    """Return a bound of each cubic's velocity, of shape (segments, joints), in Q16 steps per segment duration.
 
-    With D the displacement, a = v0 dt and e = v1 dt the velocity is a quadratic with the Bernstein coefficients a,
-    3D - a - e and e, which is nowhere larger than the largest of them. Rounded as the firmware rounds.
+    With the displacement D, a = v0 dt and e = v1 dt, the velocity is a quadratic with the Bernstein coefficients a,
+    3D - a - e and e. Its size nowhere exceeds the largest of theirs. Rounding is the firmware's.
     """
     dt_ms = np.diff(made.times_ms)[:, np.newaxis]
     microsteps = np.array([joint.transmission.microsteps for joint in made.robot.joints])

@@ -1,7 +1,8 @@
-"""Paths of the tool in space: straight lines, arcs and curves through sampled poses, by the length travelled.
+"""Paths of the tool in space: straight lines, arcs and curves through sampled poses, as functions of the length.
 
 A path gives poses of shape (n, 4), x_mm, y_mm, z_mm and attitude_deg, and their derivatives by the length s in mm, for
-lengths of shape (n,) in [0, length_mm]. The attitude turns in proportion to the length.
+lengths of shape (n,) in [0, length_mm]. The attitude turns in proportion to the length. The paths share this file
+because this convention, of which each is a few formulas, is all that they consist of.
 """
 
 from dataclasses import dataclass
@@ -25,24 +26,24 @@ class ToolPath(Protocol):
 
     @property
     def length_mm(self) -> float:
-        """Where the path ends."""
+        """Length of the path."""
         ...
 
     def poses(self, s_mm: FloatArray) -> FloatArray:
-        """Poses of shape (n, 4)."""
+        """Return poses of shape (n, 4)."""
         ...
 
     def derivatives(self, s_mm: FloatArray) -> FloatArray:
-        """Their derivatives by s, shape (n, 4), in mm/mm and deg/mm."""
+        """Return the poses' derivatives by s, of shape (n, 4), in mm/mm and deg/mm."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class StraightLine:
-    """From one pose to another.
+    """A straight line from one pose to another.
 
     Raises:
-        InputError: the two are at the same place.
+        InputError: the two poses are at the same place.
     """
 
     start: Pose
@@ -50,19 +51,19 @@ class StraightLine:
 
     def __post_init__(self) -> None:
         if not self.length_mm > 0:
-            raise InputError(f"a straight line of {self.length_mm:g} mm leads nowhere: its ends are at one place")
+            raise InputError(f"a straight line of {self.length_mm:g} mm has both ends at one place")
 
     @property
     def length_mm(self) -> float:
-        """The distance of its ends."""
+        """Distance between the ends."""
         return float(np.linalg.norm(self._way[:3]))
 
     def poses(self, s_mm: FloatArray) -> FloatArray:
-        """Shape (n, 4)."""
+        """Return poses of shape (n, 4)."""
         return np.array(self.start) + s_mm[:, np.newaxis] * (self._way / self.length_mm)
 
     def derivatives(self, s_mm: FloatArray) -> FloatArray:
-        """Shape (n, 4), constant."""
+        """Return derivatives of shape (n, 4), all equal."""
         return np.tile(self._way / self.length_mm, (len(s_mm), 1))
 
     @property
@@ -75,12 +76,12 @@ class Arc:
     """Part of a circle anywhere in space; made by `Arc.through`.
 
     Attributes:
-        centre_mm: shape (3,).
-        outward: unit vector from the centre to the start, shape (3,).
-        onward: unit vector of the motion at the start, shape (3,).
-        radius_mm: of the circle.
-        sweep_rad: the angle from start to goal, above 0 and below 2 pi.
-        attitudes_deg: at start and goal.
+        centre_mm: shape (3,), the circle's centre.
+        outward: shape (3,), unit vector from the centre to the start.
+        onward: shape (3,), unit vector of the motion at the start.
+        radius_mm: Radius of the circle.
+        sweep_rad: Angle from start to goal, above 0 and below 2 pi.
+        attitudes_deg: Attitudes at start and goal.
     """
 
     centre_mm: FloatArray
@@ -92,10 +93,10 @@ class Arc:
 
     @classmethod
     def through(cls, start: Pose, via_mm: tuple[float, float, float], goal: Pose) -> Self:
-        """The arc from a pose by way of a point to a pose.
+        """Return the arc from a pose through a point to another pose.
 
         Raises:
-            InputError: the three lie on a line, which makes no circle.
+            InputError: the three points lie on a line and determine no circle.
         """
         a, b, c = np.array(start[:3]), np.array(via_mm), np.array(goal[:3])
         normal = np.cross(b - a, c - a)
@@ -113,18 +114,18 @@ class Arc:
 
     @property
     def length_mm(self) -> float:
-        """The arc's length."""
+        """Length of the arc."""
         return self.radius_mm * self.sweep_rad
 
     def poses(self, s_mm: FloatArray) -> FloatArray:
-        """Shape (n, 4)."""
+        """Return poses of shape (n, 4)."""
         angle = s_mm[:, np.newaxis] / self.radius_mm
         points = self.centre_mm + self.radius_mm * (np.cos(angle) * self.outward + np.sin(angle) * self.onward)
         start_deg, goal_deg = self.attitudes_deg
         return np.column_stack([points, start_deg + (goal_deg - start_deg) * s_mm / self.length_mm])
 
     def derivatives(self, s_mm: FloatArray) -> FloatArray:
-        """Shape (n, 4)."""
+        """Return derivatives of shape (n, 4)."""
         angle = s_mm[:, np.newaxis] / self.radius_mm
         tangents = np.cos(angle) * self.onward - np.sin(angle) * self.outward
         start_deg, goal_deg = self.attitudes_deg
@@ -132,14 +133,14 @@ class Arc:
 
 
 def _centre(a: FloatArray, b: FloatArray, c: FloatArray, normal: FloatArray) -> FloatArray:
-    """The centre of the circle through three points, from the vectors of its triangle."""
+    """Return the centre of the circle through three points, from the vectors of their triangle."""
     ab, ac = b - a, c - a
     offset = float(ac @ ac) * np.cross(normal, ab) + float(ab @ ab) * np.cross(ac, normal)
     return np.asarray(a + offset / (2.0 * float(normal @ normal)))
 
 
 class Smoothing(Enum):
-    """How a curve goes through its points: with continuous curvature, or without overshoot beside corners."""
+    """How a curve goes through its points: with continuous curvature (C2), or without overshoot at corners (Akima)."""
 
     C2_SPLINE = "c2-spline"
     AKIMA = "akima"
@@ -150,17 +151,17 @@ class SampledPath:
     """A curve through poses; its parameter is the length of the polygon through them, in mm. Made by `through`.
 
     Attributes:
-        curve: of the four pose coordinates.
+        curve: Piecewise cubic of the four pose coordinates.
     """
 
     curve: "PPoly"
 
     @classmethod
     def through(cls, poses: FloatArray, smoothing: Smoothing) -> Self:
-        """The curve through poses of shape (n, 4); attitudes are taken as they are, without wrapping.
+        """Return the curve through poses of shape (n, 4); attitudes are interpolated as given, without wrapping.
 
         Raises:
-            InputError: fewer than three poses, or two in a row at the same place.
+            InputError: there are fewer than three poses, or two successive ones are at the same place.
         """
         if len(poses) < 3:
             raise InputError(f"a curve through {len(poses)} poses: it takes at least 3")
@@ -175,13 +176,13 @@ class SampledPath:
 
     @property
     def length_mm(self) -> float:
-        """Of the polygon."""
+        """Length of the polygon."""
         return float(self.curve.x[-1])
 
     def poses(self, s_mm: FloatArray) -> FloatArray:
-        """Shape (n, 4)."""
+        """Return poses of shape (n, 4)."""
         return np.asarray(self.curve(s_mm))
 
     def derivatives(self, s_mm: FloatArray) -> FloatArray:
-        """Shape (n, 4)."""
+        """Return derivatives of shape (n, 4)."""
         return np.asarray(self.curve(s_mm, 1))

@@ -26,14 +26,15 @@ from steptwin.host.robots.robot import Robot
 from steptwin.protocol.pvt import DURATION_MAX_MS, VELOCITY_PER_UNIT_PER_MS
 
 DEFAULT_POINT_MS: Final = 10
+"""Usual time between PVT points."""
 
 
 def plan(robot: Robot, trajectory: Trajectory, point_ms: int = DEFAULT_POINT_MS) -> Plan:
-    """Sample a trajectory every `point_ms` and at its breakpoints, check it and convert it.
+    """Sample a trajectory every `point_ms` milliseconds and at its breakpoints, check it and convert it.
 
     Raises:
-        InputError: the trajectory has other joints than the robot, is not finite, leaves a limit of position, speed,
-            acceleration or step rate, does not start and end at rest, or does not fit the PVT record; the message
+        InputError: the trajectory has other joints than the robot, is not finite, exceeds a limit of position, speed,
+            acceleration or step rate, does not start and end at rest, or does not fit in PVT records; the message
             names joint, time, value and limit.
     """
     check_joint_names(robot, trajectory)
@@ -44,7 +45,7 @@ def plan(robot: Robot, trajectory: Trajectory, point_ms: int = DEFAULT_POINT_MS)
     at_points = np.searchsorted(samples.t_s, times_ms / 1000)
     points = robot.to_units(samples.positions[at_points])
     velocities = np.round(samples.velocities[at_points] * robot.wire_units_per_unit * VELOCITY_PER_UNIT_PER_MS / 1000)
-    check_record_widths(robot, times_ms, points, velocities)  # before they become integers, which end somewhere too
+    check_record_widths(robot, times_ms, points, velocities)  # floats still, which integers could not all hold
     made = Plan(robot, trajectory, times_ms, points.astype(np.int64), velocities.astype(np.int64))
     check_step_rates(made)
     check_speeds(robot, samples)
@@ -52,7 +53,7 @@ def plan(robot: Robot, trajectory: Trajectory, point_ms: int = DEFAULT_POINT_MS)
 
 
 def _point_times_ms(trajectory: Trajectory, point_ms: int) -> Int64Array:
-    """The grid and the breakpoints; all of them must be whole milliseconds, and the end not before the first one."""
+    """Return the times of the points: the grid, the breakpoints and the end, all in whole milliseconds."""
     if not 1 <= point_ms <= DURATION_MAX_MS:
         raise InputError(f"{point_ms} ms between points is not from 1 to {DURATION_MAX_MS} ms")
     end_ms = whole_ms("the duration", trajectory.duration_s)

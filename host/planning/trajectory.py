@@ -1,4 +1,4 @@
-"""What a trajectory is to the rest of the host: joint positions and velocities as functions of time."""
+"""The interface of a trajectory: joint positions and velocities as functions of time."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -8,13 +8,13 @@ from steptwin.host.common.arrays import FloatArray
 
 @dataclass(frozen=True, slots=True)
 class Switching:
-    """A digital output that changes during a motion, while the machine stands still.
+    """A change of a digital output during a motion, while the machine stands still.
 
     Attributes:
-        output: its name in the robot's file.
-        on: the level that it takes.
-        from_s: when it may change, as time of the motion.
-        until_s: when it must have changed, because the machine moves on.
+        output: Name of the output in the robot file.
+        on: Its new level.
+        from_s: Time of the motion from which the output may change.
+        until_s: Time by which it must have changed, since the machine moves on.
     """
 
     output: str
@@ -26,8 +26,8 @@ class Switching:
 class Trajectory(Protocol):
     """A motion of all joints from rest to rest, defined at every instant of [0, duration_s].
 
-    It is the truth that a run is planned from and verified against: the planner samples it at PVT points, the
-    oracle inverts it at the step thresholds.
+    A run is planned from it and verified against it: the planner samples it at PVT points, the verifier's oracle
+    inverts it at the step thresholds.
     """
 
     @property
@@ -37,23 +37,23 @@ class Trajectory(Protocol):
 
     @property
     def duration_s(self) -> float:
-        """When the motion ends, in seconds, a whole number of milliseconds."""
+        """Duration in seconds, a whole number of milliseconds."""
         ...
 
     @property
     def breakpoints_s(self) -> tuple[float, ...]:
-        """Where between 0 and duration_s the acceleration jumps, in whole milliseconds: PVT points must fall there."""
+        """Times in between at which the acceleration jumps, whole milliseconds: each needs a PVT point."""
         ...
 
     @property
     def switchings(self) -> tuple[Switching, ...]:
-        """The outputs that change on the way, in order of time."""
+        """Changes of outputs during the motion, in order of time."""
         ...
 
     def positions(self, t_s: FloatArray) -> FloatArray:
-        """Joint positions in mm and degrees, shape (n, joints), at times of shape (n,) inside [0, duration_s]."""
+        """Return joint positions in mm and degrees, shape (n, joints), at times of shape (n,) in [0, duration_s]."""
         ...
 
     def velocities(self, t_s: FloatArray) -> FloatArray:
-        """Joint velocities in mm/s and deg/s, shape (n, joints), at times of shape (n,) inside [0, duration_s]."""
+        """Return joint velocities in mm/s and deg/s, shape (n, joints), at times of shape (n,) in [0, duration_s]."""
         ...

@@ -1,4 +1,4 @@
-"""Jobs: the named motions of each kind of robot, the experiments of the papers among them."""
+"""Jobs: the named motions of each kind of robot, with the experiments of the papers."""
 
 from collections.abc import Mapping
 from typing import Any, Final
@@ -24,33 +24,29 @@ _JOBS: Final[dict[str, tuple[Job[Any], ...]]] = {
     "calibration-scara": (DEMO,),
     "hybrid-arm": (FIVE_POINTS, HELIX),
 }
-"""By the kind of kinematics, so that a user's own file of the same mechanism has the same jobs."""
+"""Jobs by the kind of kinematics: a user's robot file with the same mechanism has the same jobs."""
 
 
 def job_names(robot: Robot) -> tuple[str, ...]:
-    """What the robot can be asked to do."""
+    """Return the names of the robot's jobs."""
     return tuple(_jobs(robot))
 
 
 def job_summary(robot: Robot, job_name: str) -> str:
-    """One line that says what a job does; InputError if there is no such job."""
+    """Return one line that says what a job does; raise InputError for an unknown job."""
     return _job(robot, job_name).summary
 
 
 def job_options(robot: Robot, job_name: str) -> dict[str, str]:
-    """A job's options, each with its default and valid values as text.
-
-    Raises:
-        InputError: no such job.
-    """
+    """Return a job's options, each with its default and valid values as text; raise InputError for an unknown job."""
     return _job(robot, job_name).described_options(robot)
 
 
 def make_job(robot: Robot, job_name: str, options: Mapping[str, str] | None = None) -> Trajectory:
-    """A job's trajectory; options are texts as on the command line, those not given take their defaults.
+    """Return a job's trajectory; options are texts, as on the command line, and may be left out.
 
     Raises:
-        InputError: no such job or option, a value out of range, or a motion that the robot cannot make.
+        InputError: an unknown job or option, a value out of range, or a motion that the robot cannot make.
     """
     return _job(robot, job_name).make(robot, options or {})
 

@@ -1,4 +1,4 @@
-"""The calibration robot moves all of its joints at once by a cubic of time.
+"""The calibration robot's demo: all joints move at once, by a cubic of time.
 
 Its paper (ICMEMTC 2016, Atlantis Press, from p. 918) has no experiment: the move is assumed.
 """
@@ -20,13 +20,13 @@ GOAL: Final = (60.0, -45.0, 100.0, 90.0)
 
 @dataclass(frozen=True, slots=True)
 class DemoOptions:
-    """How long it takes."""
+    """The options of the demo."""
 
     duration_s: float = number(2.0, 0.01, 60.0, "s")
 
 
 def demo(robot: Robot, options: DemoOptions) -> Trajectory:
-    """The move; InputError for a duration that is not a whole number of milliseconds."""
+    """Return the move; raise InputError unless the duration is a whole number of milliseconds."""
     return JointMove(robot.joint_names, START, GOAL, Cubic(1.0, options.duration_s))
 
 

@@ -1,8 +1,8 @@
-"""The classroom robot carries something from one taught point to another, all joints by one polynomial of time.
+"""The classroom robot carries a part from one taught point to another, all joints by one polynomial of time.
 
 Source: X. Yao, Y. Pan, Y. Gao, "Research and Implementation of SCARA Manipulator Control Algorithm in Experimental
-Teaching", 2017, DOI 10.3969/j.issn.1000-386x.2017.06.019: the points and the duration. Its text has the cubic, its
-figures probably the quintic.
+Teaching", 2017, DOI 10.3969/j.issn.1000-386x.2017.06.019: the points and the duration. Its text uses the cubic, its
+figures probably show the quintic.
 """
 
 from dataclasses import dataclass
@@ -20,26 +20,26 @@ from steptwin.host.robots.robot import Robot
 
 START_RAD: Final = (-0.000062, 0.000178, 0.0, -0.000117)
 GOAL_RAD: Final = (-0.522315, 1.504080, 0.0, -0.981765)
-"""qa and qb of the paper: th1, th2, d3, th4, where d3 is 0."""
+"""qa and qb of the paper: th1, th2, d3, th4, with d3 = 0."""
 
 
 class Polynomial(Enum):
-    """The time law."""
+    """The kind of the time law."""
 
     CUBIC = "cubic"
     QUINTIC = "quintic"
 
     def lasting(self, duration_s: float) -> Law:
-        """From 0 to 1."""
+        """Return the law from 0 to 1."""
         return Cubic(1.0, duration_s) if self is Polynomial.CUBIC else Quintic(1.0, duration_s)
 
 
 @dataclass(frozen=True, slots=True)
 class CarryOptions:
-    """The time law, how far down things are picked up and put down, and how often.
+    """The options: the time law, the depth at which a part is gripped and released, and the number of repetitions.
 
-    With a depth of 0 the arm only goes from point to point, as in the paper's experiment; else it lowers the gripper
-    at the start, closes it, and opens it at the goal.
+    With a depth of 0 the arm only goes from point to point, as in the paper's experiment. Otherwise it lowers the
+    gripper at the start and closes it, and opens it at the goal.
     """
 
     law: Polynomial = Polynomial.CUBIC
@@ -49,10 +49,10 @@ class CarryOptions:
 
 
 def carry(robot: Robot, options: CarryOptions) -> Trajectory:
-    """From qa to qb; before each repetition the arm goes back.
+    """Return the motion from qa to qb; before each repetition the arm goes back.
 
     Raises:
-        InputError: a duration that is not a whole number of milliseconds, or a robot without a gripper that shall pick.
+        InputError: the duration is not a whole number of milliseconds, or the robot lacks a gripper that it needs.
     """
     start, goal = np.rad2deg(START_RAD), np.rad2deg(GOAL_RAD)
     law = options.law.lasting(options.duration_s)

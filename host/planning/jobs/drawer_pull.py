@@ -1,4 +1,4 @@
-"""The warehouse robot pulls a drawer 180 mm out of its shelf: straight, at constant attitude, against y.
+"""The warehouse robot pulls a drawer 180 mm out of its shelf: straight along -y, at constant attitude.
 
 Source: A. Jiang, L. Guo, X. Tan, "Development of Prototype of a New Intelligent Warehouse Robot", 2019,
 DOI 10.3969/j.issn.1009-9492.2019.05.018: start, distance and 10 s are the paper's, the ramps of 2 s are assumed.
@@ -20,14 +20,14 @@ from steptwin.host.robots.kinematics import Elbow, make_kinematics
 from steptwin.host.robots.robot import Robot
 
 LOCKED_DEG: Final = (0.0, 60.0, 30.0)
-"""th1, th2, th3 with the elbow to the right when the hand has locked onto a drawer."""
+"""th1, th2, th3 at which the hand locks onto a drawer, with the elbow on the right."""
 
 TRAVEL_MM: Final = 180.0
 
 
 @dataclass(frozen=True, slots=True)
 class DrawerPullOptions:
-    """The elbow's side, the time law, and where slides and lift stand meanwhile."""
+    """The options: the elbow's side, the times of the law, and the positions of slides and lift."""
 
     elbow: Elbow = Elbow.RIGHT
     duration_s: float = number(10.0, 0.002, 600.0, "s")
@@ -38,10 +38,10 @@ class DrawerPullOptions:
 
 
 def drawer_pull(robot: Robot, options: DrawerPullOptions) -> Trajectory:
-    """The pull with either elbow: both start at the same tool pose.
+    """Return the pull; it starts at the same tool pose with either elbow.
 
     Raises:
-        InputError: times that make no trapezoid.
+        InputError: the times do not form a trapezoid.
     """
     law = Trapezoid(TRAVEL_MM, options.duration_s, options.ramp_s)
     right = np.array([options.sx_mm, options.sz_mm, options.L1_mm, *LOCKED_DEG])

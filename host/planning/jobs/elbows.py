@@ -1,4 +1,4 @@
-"""Joint positions with the other elbow: the same tool pose, reached from the other side."""
+"""Joint positions with the elbow on a given side, at the same tool pose."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from steptwin.host.robots.robot import Robot
 
 
 def with_elbow(robot: Robot, joints: FloatArray, elbow: Elbow) -> FloatArray:
-    """Joints of shape (joints,) that take the tool where the given ones take it, slides as they are."""
+    """Return joints of shape (joints,) with the same tool pose and slides as the given ones, and this elbow."""
     kinematics = make_kinematics(robot)
     solved: FloatArray = kinematics.solve(kinematics.forward(joints[np.newaxis]), elbow.value, joints).joints[0]
     return solved

@@ -1,4 +1,4 @@
-"""The hybrid arm visits five tool poses, with a pause at each: pose, inverse kinematics, motion, and back.
+"""The hybrid arm visits five tool poses, with a pause at each.
 
 Source: H. Zhou, four-DOF hybrid handling robot; the paper's poses are lost, these are assumed.
 """
@@ -22,23 +22,23 @@ POSES: Final = (
     (-200.0, 350.0, 550.0, 0.0),
     (480.0, 120.0, 700.0, 0.0),
 )
-"""x, y, z in mm and the attitude in degrees."""
+"""Tool poses: x, y, z in mm and the attitude in degrees."""
 
 OPERATING_MODE: Final = "(+,+)"
 
 
 @dataclass(frozen=True, slots=True)
 class FivePointsOptions:
-    """How long the arm rests at each pose."""
+    """The options: the pause at each pose."""
 
     pause_s: float = number(0.5, 0.001, 60.0, "s")
 
 
 def five_points(robot: Robot, options: FivePointsOptions) -> Trajectory:
-    """From the first pose to the fifth, joint by joint as fast as the joints may.
+    """Return the motion from the first pose to the fifth, by joint moves at the composer's pace.
 
     Raises:
-        InputError: a pose out of the mechanism's reach, or a pause that is not a whole number of milliseconds.
+        InputError: a pose is out of the mechanism's reach, or the pause is not a whole number of milliseconds.
     """
     order = np.arange(len(POSES), dtype=np.float64)
     first, *others = follow(robot, np.array(POSES), order, OPERATING_MODE, np.array(robot.home))

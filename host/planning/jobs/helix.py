@@ -2,8 +2,8 @@
 
     X = 350 + 80 cos w        Y = 150 + 80 sin w        Z = 500 + 60 w / (2 pi)        w from 0 to 8 pi
 
-Source: H. Zhou, four-DOF hybrid handling robot: duration, steps and Akima's splines are the paper's; the helix' size is
-lost and assumed.
+Source: H. Zhou, four-DOF hybrid handling robot: duration, steps and Akima's splines are the paper's. The size is lost;
+this one is assumed.
 """
 
 from dataclasses import dataclass
@@ -30,19 +30,19 @@ CENTRE_MM: Final = (350.0, 150.0, 500.0)
 
 @dataclass(frozen=True, slots=True)
 class HelixOptions:
-    """How long it takes."""
+    """The options of the helix."""
 
     duration_s: float = number(80.0, 1.0, 3600.0, "s")
 
 
 def helix(robot: Robot, options: HelixOptions) -> Trajectory:
-    """Akima's splines in the joints, from rest to rest.
+    """Return the helix as Akima's splines in the joints, from rest to rest.
 
-    A step lasts 80 s / 240, which is no whole number of milliseconds, but PVT points are: each sample is taken at the
-    nearest whole one, and is where the helix is at that time.
+    PVT points are at whole milliseconds, but a step lasts 80 s / 240. So each sample is taken at the nearest whole
+    millisecond and holds the helix's pose of that time.
 
     Raises:
-        InputError: a duration that is not a whole number of milliseconds, or too short for the joints.
+        InputError: the duration is not a whole number of milliseconds, or the mechanism does not reach the helix.
     """
     end_ms = whole_ms("duration_s", options.duration_s)
     t_s = np.round(np.arange(STEPS + 1) * end_ms / STEPS) / 1000
@@ -51,7 +51,7 @@ def helix(robot: Robot, options: HelixOptions) -> Trajectory:
 
 
 def helix_poses(part: FloatArray) -> FloatArray:
-    """Poses, shape (n, 4), at parts of shape (n,) of the way, from 0 to 1."""
+    """Return poses, of shape (n, 4), at parts of the way, of shape (n,), from 0 to 1."""
     w = 2.0 * np.pi * TURNS * part
     x_mm, y_mm, z_mm = CENTRE_MM
     return np.column_stack(

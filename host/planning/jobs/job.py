@@ -1,4 +1,4 @@
-"""A job: a name, and how a robot and some options become a trajectory."""
+"""A job: a name, and a function from a robot and options to a trajectory."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -11,13 +11,13 @@ from steptwin.host.robots.robot import Robot
 
 @dataclass(frozen=True, slots=True)
 class Job(Generic[Options]):
-    """An entry of the registry.
+    """A job of a kind of robot.
 
     Attributes:
-        name: as on the command line.
-        summary: one line for people.
-        options: a frozen dataclass whose fields are made by `steptwin.host.planning.jobs.options`, each with a default.
-        build: the trajectory of a robot with these options; raises InputError for what makes none.
+        name: Name on the command line.
+        summary: Summary, one line.
+        options: Frozen dataclass whose fields are made by `steptwin.host.planning.jobs.options`, each with a default.
+        build: Function that returns the trajectory for a robot and options; it raises InputError if there is none.
     """
 
     name: str
@@ -26,9 +26,9 @@ class Job(Generic[Options]):
     build: Callable[[Robot, Options], Trajectory]
 
     def make(self, robot: Robot, texts: Mapping[str, str]) -> Trajectory:
-        """The trajectory from the texts of its options; raises InputError as `parse_options` and `build` do."""
+        """Return the trajectory for options given as texts; raise InputError as `parse_options` and `build` do."""
         return self.build(robot, parse_options(self.options, texts, robot))
 
     def described_options(self, robot: Robot) -> dict[str, str]:
-        """Each option's default and valid values, for people."""
+        """Return each option's default and valid values as text."""
         return describe_options(self.options, robot)

@@ -1,4 +1,4 @@
-"""From texts on the command line to a job's options: a frozen dataclass of enums, places and ranged numbers."""
+"""Read a job's options from texts: a frozen dataclass of enums, places and numbers with ranges."""
 
 from collections.abc import Mapping
 from dataclasses import Field, dataclass, field, fields
@@ -15,7 +15,7 @@ Choice = TypeVar("Choice")
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """The values that a number may take, ends included."""
+    """The values that a number may have, including both ends."""
 
     lower: float
     upper: float
@@ -26,32 +26,32 @@ class Range:
 
 
 def number(default: float, lower: float, upper: float, unit: str) -> Any:
-    """A dataclass field for a number with a range. (Any, as `dataclasses.field` pretends to be its default.)"""
+    """Return a dataclass field for a number with a range; typed Any, as `dataclasses.field` is typed as its default."""
     return field(default=default, metadata={"range": Range(lower, upper, unit)})
 
 
 def whole_number(default: int, lower: int, upper: int, unit: str) -> Any:
-    """A dataclass field for a count with a range."""
+    """Return a dataclass field for a whole number with a range."""
     return field(default=default, metadata={"range": Range(lower, upper, unit)})
 
 
 def place(default: str, other_than: str) -> Any:
-    """A dataclass field for a place, whose choices are those in the robot's file but for one."""
+    """Return a dataclass field for a place of the robot file, except one."""
     return field(default=default, metadata={"other_than": other_than})
 
 
 def joint_position(default: float, joint: str) -> Any:
-    """A dataclass field for a joint's position, whose range is the robot's."""
+    """Return a dataclass field for a joint's position, with the robot's limits as range."""
     return field(default=default, metadata={"joint": joint})
 
 
 def parse_options(options: type[Options], texts: Mapping[str, str], robot: Robot) -> Options:
-    """The dataclass from its fields' texts; a field's default says whether it is an enum, a place or a number.
+    """Return the options from their texts; the type of a field's default tells an enum, a place and a number apart.
 
-    A default place is looked up like a given one: a robot's file need not have it.
+    A default place is looked up like a given one, since the robot file may lack it.
 
     Raises:
-        InputError: an unknown name, with the nearest ones, or a bad value, with the choices or the range.
+        InputError: an unknown name, with the nearest ones, or a wrong value, with the choices or the range.
     """
     known = _fields(options)
     texts = {name.replace("-", "_"): text for name, text in texts.items()}
@@ -63,7 +63,7 @@ def parse_options(options: type[Options], texts: Mapping[str, str], robot: Robot
 
 
 def describe_options(options: type[Any], robot: Robot) -> dict[str, str]:
-    """Each option's default and what else it may be, for people."""
+    """Return each option's default and valid values as text."""
     return {name: _description(option, robot) for name, option in _fields(options).items()}
 
 

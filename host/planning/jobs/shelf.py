@@ -1,7 +1,7 @@
 """The warehouse robot at its shelf: `store` puts a box into a slot's drawer, `fetch` takes one out.
 
-The hand locks onto the drawer and pulls it out, the electromagnet lets the box go or takes it, the hand pushes the
-drawer shut and unlocks. The slides are moved first and the arm then, and outputs change while all joints stand still.
+The hand locks onto the drawer and pulls it out, the electromagnet releases or takes the box, the hand pushes the
+drawer shut and unlocks. The slides move before the arm, and outputs change while all joints stand still.
 
 Source of the procedure: A. Jiang, L. Guo, X. Tan, "Development of Prototype of a New Intelligent Warehouse Robot",
 2019, DOI 10.3969/j.issn.1009-9492.2019.05.018. Slots, hand-over, approach and their speeds are assumed.
@@ -26,9 +26,9 @@ from steptwin.host.robots.robot import Robot
 
 HAND_OVER: Final = "hand-over"
 APPROACH_MM: Final = 60.0
-"""From in front of the shelf to the drawer's striker."""
+"""Distance from in front of the shelf to the drawer's striker."""
 LOWERING_MM: Final = 30.0
-"""From above a box down to its lid."""
+"""Distance from above a box down to its lid."""
 
 _PULL: Final = Trapezoid(TRAVEL_MM, 10.0, 2.0)
 _APPROACH: Final = Trapezoid.fastest(APPROACH_MM, speed_max=40.0, acceleration_max=80.0)
@@ -36,14 +36,14 @@ _APPROACH: Final = Trapezoid.fastest(APPROACH_MM, speed_max=40.0, acceleration_m
 
 @dataclass(frozen=True, slots=True)
 class ShelfOptions:
-    """The slot, and the elbow's side throughout."""
+    """The options: the slot, and the elbow's side."""
 
     slot: str = place("A1", other_than=HAND_OVER)
     elbow: Elbow = Elbow.RIGHT
 
 
 class _Shelf:
-    """The robot's moves between hand-over and slot."""
+    """The robot's moves between the hand-over and a slot."""
 
     def __init__(self, robot: Robot, options: ShelfOptions) -> None:
         self._robot = robot
@@ -71,14 +71,14 @@ class _Shelf:
         moves.go(self._hand_over)
 
     def at_box(self, moves: Composer, *, take: bool) -> None:
-        """Down onto the box, the magnet on or off, up again."""
+        """Go down onto the box, switch the magnet, go up again."""
         lift_mm = moves.joints[self._robot.joint_names.index("L1")]
         moves.go_some({"L1": lift_mm - LOWERING_MM})
         moves.switch("magnet", on=take)
         moves.go_some({"L1": lift_mm})
 
     def at_drawer(self, moves: Composer, *, take: bool) -> None:
-        """Lock, pull the drawer out, take a box or let it go, push the drawer shut, unlock."""
+        """Lock, pull the drawer out, take or release a box, push the drawer shut, unlock."""
         branch = self._elbow.value
         moves.line(branch, (0.0, APPROACH_MM, 0.0), _APPROACH)
         moves.switch("lock", on=True)
@@ -89,7 +89,7 @@ class _Shelf:
         moves.line(branch, (0.0, -APPROACH_MM, 0.0), _APPROACH)
 
     def _place(self, name: str) -> FloatArray:
-        """A place that names every joint, with the chosen elbow."""
+        """Return a place that must name every joint, with the chosen elbow."""
         position = self._robot.places.get(name, {})
         missing = [joint for joint in self._robot.joint_names if joint not in position]
         if missing:
@@ -98,7 +98,7 @@ class _Shelf:
         return with_elbow(self._robot, joints, self._elbow)
 
     def _drawn_back(self) -> FloatArray:
-        """The arm in front of the shelf, its slides where the hand-over has them."""
+        """Return the joints with the arm in front of the shelf and the slides at the hand-over."""
         sx_mm, sz_mm = self._hand_over[:2]
         locked = np.array([sx_mm, sz_mm, self._lift_mm, *LOCKED_DEG])
         kinematics = make_kinematics(self._robot)
@@ -111,10 +111,10 @@ class _Shelf:
 
 
 def store(robot: Robot, options: ShelfOptions) -> Trajectory:
-    """From above a box at the hand-over to in front of the slot that holds it then.
+    """Return the motion that starts above a box at the hand-over and ends in front of the slot with the box in it.
 
     Raises:
-        InputError: a place or an output is missing in the robot's file, or the arm does not reach.
+        InputError: a place or an output is missing in the robot file, or a pose is out of reach.
     """
     shelf = _Shelf(robot, options)
     moves = shelf.above_box()
@@ -125,7 +125,7 @@ def store(robot: Robot, options: ShelfOptions) -> Trajectory:
 
 
 def fetch(robot: Robot, options: ShelfOptions) -> Trajectory:
-    """From in front of the shelf to above the hand-over, where the box from the slot is then; raises as `store`."""
+    """Return the motion that brings the box from the slot to the hand-over; raise InputError as `store` does."""
     shelf = _Shelf(robot, options)
     moves = shelf.in_front()
     shelf.to_slot(moves)

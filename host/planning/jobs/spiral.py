@@ -4,7 +4,7 @@
 
 Source: H. Wang, B. Yin, R. Luo, X. Wang, "Mechanism design and kinematics analysis of 4-dof SCARA robot system",
 J. Mechanical & Electrical Engineering 36(12), 2019, 1320-1324. It gives the rise as "pitch pi" without a unit: law A
-takes pi mm a turn, u/2, law B pi mm a radian, pi u. Its z0 and its time per point are missing and assumed.
+takes it as pi mm per turn, u/2, law B as pi mm per radian, pi u. z0 and the time per point are not given, but assumed.
 """
 
 from dataclasses import dataclass
@@ -29,20 +29,20 @@ MM_PER_RAD: Final = 5.0
 
 
 class ZLaw(Enum):
-    """How the spiral rises."""
+    """The law of the spiral's rise."""
 
     A = "A"
     B = "B"
 
     @property
     def mm_per_rad(self) -> float:
-        """Along u."""
+        """Rise per radian of u."""
         return 0.5 if self is ZLaw.A else np.pi
 
 
 @dataclass(frozen=True, slots=True)
 class SpiralOptions:
-    """The rise, the tool's direction, the elbow's side, the time from point to point, and where the spiral begins."""
+    """The options: rise, tool's attitude, elbow's side, time from point to point, and start of the spiral."""
 
     z_law: ZLaw = ZLaw.A
     psi_deg: float = number(0.0, -180.0, 180.0, "deg")
@@ -54,10 +54,10 @@ class SpiralOptions:
 
 
 def spiral(robot: Robot, options: SpiralOptions) -> Trajectory:
-    """A C2 spline in the joints through the points, from rest to rest.
+    """Return the spiral as a C2 spline in the joints through the points, from rest to rest.
 
     Raises:
-        InputError: a time that is not a whole number of milliseconds, or a spiral that the arm does not reach.
+        InputError: the time is not a whole number of milliseconds, or the arm does not reach the spiral.
     """
     t_s = np.arange(POINTS) * whole_ms("point_s", options.point_s) / 1000
     joints = follow(robot, spiral_poses(options), t_s, options.elbow.value, np.array(robot.home))
@@ -65,7 +65,7 @@ def spiral(robot: Robot, options: SpiralOptions) -> Trajectory:
 
 
 def spiral_poses(options: SpiralOptions) -> FloatArray:
-    """The points, shape (377, 4)."""
+    """Return the points, of shape (377, 4)."""
     u = STEP_RAD * np.arange(POINTS)
     return np.column_stack(
         [

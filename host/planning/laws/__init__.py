@@ -1,4 +1,4 @@
-"""Time laws: how a distance is covered from rest to rest."""
+"""Time laws: the distance covered from rest to rest, as a function of time."""
 
 from steptwin.host.planning.laws.law import Law
 from steptwin.host.planning.laws.polynomial import Cubic, Quintic

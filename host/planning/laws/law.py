@@ -1,4 +1,4 @@
-"""What a time law is: how a distance is covered from rest to rest."""
+"""The interface of a time law: the distance covered from rest to rest, as a function of time."""
 
 from typing import Protocol
 
@@ -6,34 +6,34 @@ from steptwin.host.common.arrays import FloatArray
 
 
 class Law(Protocol):
-    """Distance, velocity and acceleration as functions of time, which begins at 0 and lasts whole milliseconds.
+    """Distance, velocity and acceleration as functions of time, from 0 to a whole number of milliseconds.
 
-    The laws' classmethods `fastest` choose the shortest law that keeps limits given in the distance's unit.
+    The classmethod `fastest` of each law chooses the shortest one within limits, which are in the distance's unit.
     """
 
     @property
     def distance(self) -> float:
-        """What is covered, in any unit; velocities are then in that unit per second. It may be negative."""
+        """Distance covered, in any unit, which may be negative; velocities are in that unit per second."""
         ...
 
     @property
     def duration_s(self) -> float:
-        """When it has been covered, a whole number of milliseconds."""
+        """Duration, a whole number of milliseconds."""
         ...
 
     @property
     def breakpoints_s(self) -> tuple[float, ...]:
-        """Where acceleration or jerk jumps between start and end, in whole milliseconds: PVT points must fall there."""
+        """Times in between at which acceleration or jerk jumps, whole milliseconds: each needs a PVT point."""
         ...
 
     def position(self, t_s: FloatArray) -> FloatArray:
-        """Distance covered at times of shape (n,) in [0, duration_s], exactly `distance` at the end."""
+        """Return the distance covered at times of shape (n,) in [0, duration_s]; exactly `distance` at the end."""
         ...
 
     def velocity(self, t_s: FloatArray) -> FloatArray:
-        """Its first derivative, exactly 0 at both ends."""
+        """Return the first derivative, exactly 0 at both ends."""
         ...
 
     def acceleration(self, t_s: FloatArray) -> FloatArray:
-        """Its second derivative; where that jumps, the value after the jump, and at the end the one before it."""
+        """Return the second derivative; at a jump the value after it, but at the end the value before."""
         ...

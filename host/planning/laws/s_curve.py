@@ -1,4 +1,4 @@
-"""The jerk-limited law: a trapezoid of speed whose ramps begin and end softly, in seven phases of constant jerk."""
+"""The jerk-limited law: ramps of speed with trapezoidal acceleration, seven phases of constant jerk in all."""
 
 from dataclasses import dataclass
 from math import ceil, floor
@@ -14,24 +14,24 @@ from steptwin.host.planning.laws.trapezoid import Trapezoid
 
 @dataclass(frozen=True, slots=True)
 class SCurve:
-    """Within each ramp the acceleration is a trapezoid: it rises for tj, stays, and falls for tj.
+    """The law whose acceleration is a trapezoid within each ramp: it rises for tj, stays constant and falls for tj.
 
         v = S / (T - t1)      the speed between the ramps
         a = v / (t1 - tj)     the highest acceleration
-        j = a / tj            the jerk, where it is not 0
+        j = a / tj            the jerk while the acceleration rises
 
-    It is a cubic in each phase, and so are its PVT segments: nothing is approximated.
+    It is a cubic in each phase, so PVT segments represent it exactly.
 
     Source: L. Biagiotti, C. Melchiorri, "Trajectory Planning for Automatic Machines and Robots", section 3.4.
 
     Attributes:
-        distance: S, in any unit; it may be negative.
+        distance: S, in any unit; may be negative.
         duration_s: T, a whole number of milliseconds.
         ramp_s: t1, a whole number of milliseconds, up to half of T.
         jerk_s: tj, a whole number of milliseconds, up to half of t1.
 
     Raises:
-        InputError: times that make no such law or fall between two milliseconds.
+        InputError: a time is not a whole number of milliseconds, or not within the bounds above.
     """
 
     distance: float
@@ -46,13 +46,13 @@ class SCurve:
 
     @classmethod
     def fastest(cls, distance: float, speed_max: float, acceleration_max: float, jerk_max: float) -> Self:
-        """The shortest one that exceeds no limit.
+        """Return the shortest law within all limits.
 
-        Where the distance is too short for the highest speed or acceleration, phases shrink: ramps meet, or the
+        If the distance is too short for the highest speed or acceleration, phases vanish: the ramps meet, or the
         acceleration falls as soon as it has risen.
 
         Raises:
-            InputError: a limit that is not above 0, or so low that the motion would take days.
+            InputError: a limit is not above 0, or so low that the motion would take days.
         """
         size = abs(distance)
         acceleration, jerk = with_slack("acceleration_max", acceleration_max), with_slack("jerk_max", jerk_max)
@@ -60,8 +60,8 @@ class SCurve:
         by_acceleration_ms2, by_jerk_ms3 = 1e6 * size / acceleration, 1e9 * size / jerk
 
         def best_ms(ramp_ms: int) -> tuple[float, int]:
-            """The least T - t1 for this ramp, and its tj: a longer one makes less jerk but more acceleration."""
-            even_ms = min(1e3 * acceleration / jerk, ramp_ms / 2)  # where jerk and acceleration ask for the same T - t1
+            """Return the least T - t1 for a ramp, and its tj; a longer tj lowers the jerk and raises the acceleration."""
+            even_ms = min(1e3 * acceleration / jerk, ramp_ms / 2)  # jerk and acceleration need the same T - t1
             choices_ms = {min(max(1, ms), ramp_ms // 2) for ms in (floor(even_ms), ceil(even_ms))}
             return min(
                 (max(by_acceleration_ms2 / (ramp_ms - jerk_ms), by_jerk_ms3 / (jerk_ms * (ramp_ms - jerk_ms))), jerk_ms)
@@ -73,45 +73,45 @@ class SCurve:
 
     @property
     def speed(self) -> float:
-        """v, the velocity between the ramps, with the sign of S."""
+        """v, the velocity between the ramps; it has the sign of S."""
         return self.distance / (self.duration_s - self.ramp_s)
 
     @property
     def breakpoints_s(self) -> tuple[float, ...]:
-        """Where the jerk jumps between start and end, as whole milliseconds; phases that do not last have only one."""
+        """Times between start and end at which the jerk jumps; one time for both ends of a phase that vanishes."""
         duration_ms = whole_ms("duration_s", self.duration_s)
         ramp_ms, jerk_ms = whole_ms("ramp_s", self.ramp_s), whole_ms("jerk_s", self.jerk_s)
         first_ms = {jerk_ms, ramp_ms - jerk_ms, ramp_ms}
         return tuple(ms / 1000 for ms in sorted(first_ms | {duration_ms - ms for ms in first_ms}))
 
     def position(self, t_s: FloatArray) -> FloatArray:
-        """Distance covered at times of shape (n,) in [0, T]."""
+        """Return the distance covered at times of shape (n,) in [0, T]."""
         left_s = self.duration_s - t_s
         covered = self._covered(np.minimum(t_s, left_s))
         return np.where(t_s <= left_s, covered, self.distance - covered)
 
     def velocity(self, t_s: FloatArray) -> FloatArray:
-        """Its first derivative, exactly 0 at both ends."""
+        """Return the first derivative, exactly 0 at both ends."""
         return self._ramp.position(self._into_ramp_s(t_s))
 
     def acceleration(self, t_s: FloatArray) -> FloatArray:
-        """Its second derivative, exactly 0 at both ends and between the ramps."""
+        """Return the second derivative, exactly 0 at both ends and between the ramps."""
         return np.where(t_s <= self.duration_s - t_s, 1.0, -1.0) * self._ramp.velocity(self._into_ramp_s(t_s))
 
     @property
     def _ramp(self) -> Trapezoid:
-        """The speed during the first ramp: it grows as a trapezoid law covers its distance."""
+        """The speed during the first ramp: it follows a trapezoid law whose distance is v."""
         return Trapezoid(self.speed, self.ramp_s, self.jerk_s)
 
     def _into_ramp_s(self, t_s: FloatArray) -> FloatArray:
-        """How far into the first ramp, or back from the end into the mirrored second one; t1 between them."""
+        """Return the time within the first ramp, or from the end within the mirrored second one; t1 in between."""
         return np.minimum(np.minimum(t_s, self.duration_s - t_s), self.ramp_s)
 
     def _covered(self, t_s: FloatArray) -> FloatArray:
-        """Distance covered by a time in the first half.
+        """Return the distance covered at times in the first half.
 
-        Had the speed jumped from 0 to v in the middle of the ramp, it would be v (t - t1 / 2) from there on. The ramp
-        adds to that before and after its middle, as much at equal times from its ends.
+        If the speed jumped from 0 to v in the middle of the ramp, it would be v (t - t1 / 2) from there on. The ramp
+        adds to that, by equal amounts at equal times from its two ends.
         """
         tj = self.jerk_s
         x = np.clip(np.minimum(t_s, self.ramp_s - t_s), 0.0, None)

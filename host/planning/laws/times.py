@@ -1,4 +1,4 @@
-"""Times that make a law: whole milliseconds, checked, or chosen for the shortest motion within limits."""
+"""The times of laws: check them, or choose them for the shortest motion within limits, in whole milliseconds."""
 
 from bisect import bisect_left
 from collections.abc import Callable
@@ -9,26 +9,26 @@ from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
 
 LONGEST_MS: Final = 10**9
-"""The longest motion chosen, more than eleven days: far beyond, seconds as floats miss whole milliseconds."""
+"""Longest motion chosen, more than eleven days: much longer ones in seconds could not hold whole milliseconds."""
 
 _SLACK: Final = 1e-12
-"""The part of a limit by which it may be exceeded: without it rounding would cost round times a millisecond."""
+"""Part of a limit by which it may be exceeded: without it a rounding error would lengthen round times by 1 ms."""
 
 
 def check_duration(duration_s: float) -> None:
-    """InputError unless it is a whole number of milliseconds above 0."""
+    """Raise InputError unless a duration is a whole number of milliseconds above 0."""
     if whole_ms("duration_s", duration_s) <= 0:
         raise InputError(f"duration_s: {duration_s:g} s is not above 0 s")
 
 
 def check_ramp(ramp: str, ramp_s: float, whole: str, whole_s: float) -> None:
-    """InputError unless it is a whole number of milliseconds above 0 that goes into the whole twice."""
+    """Raise InputError unless a ramp is a whole number of milliseconds above 0 and at most half of the whole."""
     if not 0 < 2 * whole_ms(ramp, ramp_s) <= whole_ms(whole, whole_s):
         raise InputError(f"{ramp}: {ramp_s:g} s is not above 0 and at most {whole_s / 2:g} s, half of {whole}")
 
 
 def with_slack(what: str, limit: float) -> float:
-    """A limit and what rounding may add to it; InputError unless it is finite and above 0."""
+    """Return a limit plus the slack for rounding errors; raise InputError unless it is finite and above 0."""
     allowed = limit * (1.0 + _SLACK)
     if not (isfinite(allowed) and limit > 0):
         raise InputError(f"{what}: {limit:g} is not a finite number above 0")
@@ -36,7 +36,7 @@ def with_slack(what: str, limit: float) -> float:
 
 
 def rounded_up_ms(least_ms: float) -> int:
-    """The shortest whole number of milliseconds, 1 at least, that is not less; InputError above LONGEST_MS."""
+    """Return a time rounded up to whole milliseconds, at least 1; raise InputError above LONGEST_MS."""
     if not least_ms <= LONGEST_MS:
         raise InputError(
             f"within its limits the motion lasts {least_ms / 1000:g} s, it must be at most {LONGEST_MS // 1000} s"
@@ -45,17 +45,17 @@ def rounded_up_ms(least_ms: float) -> int:
 
 
 def shortest_ms(by_speed_ms: float, by_ramp_ms: Callable[[int], float], shortest_ramp_ms: int) -> tuple[int, int]:
-    """Duration T and ramp t1 of the shortest motion with two equal speed ramps.
+    """Return the duration T and the ramp t1 of the shortest motion with two equal speed ramps.
 
-    T - t1 is S / v, so it must be long enough for the speed, for the acceleration within the ramp and, as the ramps
-    must not overlap, for a ramp. The longer the ramp, the less the acceleration asks for. As long as acceleration
-    decides, a longer ramp saves at least as much as it costs; once it no longer does, every further millisecond is
-    lost. So the best ramp is the first one for which acceleration does not decide, or the one before.
+    T - t1 is S / v. It has three lower bounds: the speed's, the acceleration's, which falls with a longer ramp, and the
+    ramp itself, since the ramps must not overlap. While the acceleration's bound is the largest, a longer ramp saves at
+    least as much time as it takes; after that, every further millisecond of the ramp is lost. So the best ramp is the
+    first one for which the acceleration's bound is not the largest, or the one before.
 
     Args:
-        by_speed_ms: the least T - t1 for which the speed keeps its limit.
-        by_ramp_ms: the least T - t1 for which a ramp of so many milliseconds keeps its limits.
-        shortest_ramp_ms: the shortest ramp that the law allows.
+        by_speed_ms: Least T - t1 at which the speed keeps its limit.
+        by_ramp_ms: Function that returns the least T - t1 at which a ramp of that duration keeps its limits.
+        shortest_ramp_ms: Shortest ramp that the law allows.
 
     Raises:
         InputError: the motion would last longer than LONGEST_MS.

@@ -12,23 +12,23 @@ from steptwin.host.planning.laws.times import check_duration, check_ramp, shorte
 
 @dataclass(frozen=True, slots=True)
 class Trapezoid:
-    """The speed between the ramps is v = S / (T - t1), the acceleration within them v / t1; S may be negative.
+    """The law with the speed v = S / (T - t1) between two ramps of constant acceleration v / t1.
 
         s = v t^2 / (2 t1)              0 <= t <= t1
         s = v (t - t1 / 2)              t1 <= t <= T - t1
         s = S - v (T - t)^2 / (2 t1)    T - t1 <= t <= T
 
     Source: A. Jiang, L. Guo, X. Tan, "Development of Prototype of a New Intelligent Warehouse Robot", 2019, corrected:
-    as printed, the first branch is twice as large, which makes a jump at t1, and the third repeats the second, which
-    ends beyond S.
+    the paper prints the first branch twice as large, so that it jumps at t1, and repeats the second branch as the
+    third, which ends beyond S.
 
     Attributes:
-        distance: S, in any unit; velocities are then in that unit per second.
+        distance: S, in any unit, may be negative; velocities are in that unit per second.
         duration_s: T, a whole number of milliseconds.
         ramp_s: t1, a whole number of milliseconds, up to half of T.
 
     Raises:
-        InputError: times that make no trapezoid or fall between two milliseconds.
+        InputError: a time is not a whole number of milliseconds, or not within the bounds above.
     """
 
     distance: float
@@ -41,10 +41,10 @@ class Trapezoid:
 
     @classmethod
     def fastest(cls, distance: float, speed_max: float, acceleration_max: float) -> Self:
-        """The shortest one that exceeds neither limit; where the distance is short, its ramps meet.
+        """Return the shortest law within both limits; if the distance is short, its ramps meet.
 
         Raises:
-            InputError: a limit that is not above 0, or so low that the motion would take days.
+            InputError: a limit is not above 0, or so low that the motion would take days.
         """
         size = abs(distance)
         by_speed_ms = 1e3 * size / with_slack("speed_max", speed_max)
@@ -54,17 +54,17 @@ class Trapezoid:
 
     @property
     def speed(self) -> float:
-        """v, the velocity between the ramps, with the sign of S."""
+        """v, the velocity between the ramps; it has the sign of S."""
         return self.distance / (self.duration_s - self.ramp_s)
 
     @property
     def breakpoints_s(self) -> tuple[float, ...]:
-        """Where the acceleration jumps between start and end, as whole milliseconds; once if the ramps meet."""
+        """Times between start and end at which the acceleration jumps; a single time if the ramps meet."""
         ramp_ms, duration_ms = whole_ms("ramp_s", self.ramp_s), whole_ms("duration_s", self.duration_s)
         return tuple(ms / 1000 for ms in sorted({ramp_ms, duration_ms - ramp_ms}))
 
     def position(self, t_s: FloatArray) -> FloatArray:
-        """Distance covered at times of shape (n,) in [0, T]."""
+        """Return the distance covered at times of shape (n,) in [0, T]."""
         v, left_s = self.speed, self.duration_s - t_s
         speeding_up = v * t_s**2 / (2.0 * self.ramp_s)
         steady = v * (t_s - self.ramp_s / 2.0)
@@ -72,13 +72,13 @@ class Trapezoid:
         return np.where(t_s < self.ramp_s, speeding_up, np.where(left_s < self.ramp_s, slowing_down, steady))
 
     def velocity(self, t_s: FloatArray) -> FloatArray:
-        """Its first derivative, exactly 0 at both ends."""
+        """Return the first derivative, exactly 0 at both ends."""
         from_end_s = np.minimum(t_s, self.duration_s - t_s)
         return self.speed * np.clip(from_end_s / self.ramp_s, 0.0, 1.0)
 
     def acceleration(self, t_s: FloatArray) -> FloatArray:
-        """Its second derivative; where that jumps, the value after the jump, and at the end the one before it."""
-        jumps_s = self.breakpoints_s  # t1 and T - t1, without what subtracting floats adds
+        """Return the second derivative; at a jump the value after it, but at the end the value before."""
+        jumps_s = self.breakpoints_s  # t1 and T - t1, free of the rounding error of a subtraction
         after_start = (t_s < jumps_s[0]).astype(np.float64)
         before_end = (t_s >= jumps_s[-1]).astype(np.float64)
         return self.speed / self.ramp_s * (after_start - before_end)

@@ -1,1 +1,1 @@
-"""Motions: how joint and tool paths, time laws and sampled points become trajectories."""
+"""Motions: trajectories made of joint moves, tool paths, time laws, sampled points and pauses."""

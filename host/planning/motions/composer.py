@@ -1,4 +1,4 @@
-"""Composing a sequence move by move, as a person at a teach box would: go there, along that line, switch this."""
+"""Compose a sequence move by move, as at a teach pendant: go to a position, along a line, switch an output."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -19,24 +19,26 @@ from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 
 SWITCHING_S: Final = 0.3
-"""How long the machine waits for a gripper, a magnet or a lock to do its work."""
+"""Time for which the machine stands still while a gripper, a magnet or a lock works."""
 
 PACE: Final = 0.8
-"""The part of the joints' speed and acceleration limits that joint moves use."""
+"""Part of the joints' speed and acceleration limits that joint moves use."""
 
 JERK_TIME_S: Final = 0.1
-"""How long a joint move's acceleration takes to rise."""
+"""Time in which a joint move's acceleration rises to its highest value."""
 
 _THERE: Final = 1e-9
-"""In mm or degrees: what rounding may leave of a way at its end."""
+"""Rounding error, in mm or degrees, of the distance to a goal that has been reached."""
 
 
 @dataclass(slots=True)
 class Composer:
-    """Knows where the joints are, shape (joints,), and at what time; `sequence` returns what has been composed.
+    """A sequence under construction, which begins at `joints`, of shape (joints,); `sequence` returns it.
+
+    Each move begins where the one before ended, and `joints` is the position reached.
 
     Raises:
-        InputError: from each move, when the robot cannot make it; times in the messages are those of the sequence.
+        InputError: from each method, if the robot cannot make the move; times in the messages are the sequence's.
     """
 
     robot: Robot
@@ -46,7 +48,7 @@ class Composer:
     _switchings: list[Switching] = field(default_factory=list, init=False)
 
     def go(self, goal: FloatArray) -> None:
-        """All joints to a position of shape (joints,), together and jerk-limited; nothing if they are there already."""
+        """Move all joints to a position of shape (joints,), together and jerk-limited; do nothing if they are there."""
         way = goal - self.joints
         if np.abs(way).max() < _THERE:
             return
@@ -55,7 +57,7 @@ class Composer:
         self.go_by(law, goal)
 
     def go_some(self, positions: Mapping[str, float]) -> None:
-        """Some joints, by name, in the same way; the others stay."""
+        """Move some joints, by name, in the same way; the others stay."""
         goal = self.joints.copy()
         for name, position in positions.items():
             if name not in self.robot.joint_names:
@@ -64,12 +66,12 @@ class Composer:
         self.go(goal)
 
     def go_by(self, law: Law, goal: FloatArray) -> None:
-        """All joints to a position of shape (joints,), by a law with a distance of 1."""
+        """Move all joints to a position of shape (joints,) by a law with a distance of 1."""
         start, end = (tuple(joints.tolist()) for joints in (self.joints, goal))
         self._append(JointMove(self.robot.joint_names, start, end, law))
 
     def line(self, branch: str, way_mm: tuple[float, float, float], law: Law) -> None:
-        """The tool straight on by a vector in the world frame, its attitude constant, by a law of that distance."""
+        """Move the tool by a vector in the world frame, at constant attitude, by a law with the vector's length."""
         x_mm, y_mm, z_mm, attitude_deg = make_kinematics(self.robot).forward(self.joints[np.newaxis])[0].tolist()
         dx_mm, dy_mm, dz_mm = way_mm
         path = StraightLine((x_mm, y_mm, z_mm, attitude_deg), (x_mm + dx_mm, y_mm + dy_mm, z_mm + dz_mm, attitude_deg))
@@ -89,7 +91,7 @@ class Composer:
         self._append(Pause(self.robot.joint_names, tuple(self.joints.tolist()), duration_s))
 
     def sequence(self) -> Sequence:
-        """Everything so far."""
+        """Return the sequence of all moves so far."""
         return Sequence(self.robot.joint_names, tuple(self._parts), tuple(self._starts_ms), tuple(self._switchings))
 
     def _append(self, part: Trajectory) -> None:

@@ -1,4 +1,4 @@
-"""Joints that follow the tool: inverse kinematics along a path, checked and without jumps."""
+"""Inverse kinematics along a tool path: checked, and without jumps of a joint."""
 
 import numpy as np
 
@@ -12,10 +12,10 @@ from steptwin.host.robots.robot import Robot
 
 
 def follow(robot: Robot, poses: FloatArray, t_s: FloatArray, branch: str, near: FloatArray) -> FloatArray:
-    """Joints, shape (n, joints), for tool poses of shape (n, 4) along a path, at times of shape (n,).
+    """Return joints of shape (n, joints) for tool poses of shape (n, 4) along a path, at times of shape (n,).
 
-    They begin at the turns nearest to `near`, of shape (joints,), and go on without jumps of a whole turn. Joints'
-    limits are not asked: the planner checks them.
+    They begin at the turns nearest to `near`, of shape (joints,), and continue without jumps of a whole turn. The
+    planner checks the joints' limits, this function does not.
 
     Raises:
         InputError: the path leaves the mechanism's reach or comes near a singularity; the message says when.
@@ -34,7 +34,7 @@ def follow(robot: Robot, poses: FloatArray, t_s: FloatArray, branch: str, near: 
 
 
 def _turns_deg(first_deg: float, near_deg: float) -> float:
-    """The full turns from a joint that stands there already: -180 and 180 are one place, but not one position."""
+    """Return the full turns, in degrees, from the first angle to `near_deg`; 0 unless both are the same direction."""
     turns_deg = 360.0 * round((near_deg - first_deg) / 360.0)
     return turns_deg if abs(first_deg + turns_deg - near_deg) < LIMIT_TOLERANCE else 0.0
 

@@ -1,4 +1,4 @@
-"""All joints from one position to another along one time law: they start and end together, straight in joint space."""
+"""Move all joints straight in joint space by one time law: they start and end together."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -14,16 +14,16 @@ from steptwin.host.robots.robot import Robot
 
 @dataclass(frozen=True, slots=True)
 class JointMove:
-    """q(t) = start + (goal - start) s(t); fulfils Trajectory.
+    """The motion q(t) = start + (goal - start) s(t); implements Trajectory.
 
     Attributes:
-        joint_names: the robot's joints.
-        start: joint positions at t = 0, mm and degrees.
-        goal: those at the end.
+        joint_names: Names of the robot's joints.
+        start: Joint positions at t = 0, in mm and degrees.
+        goal: Joint positions at the end.
         law: s(t), with a distance of 1.
 
     Raises:
-        InputError: a law of another distance.
+        InputError: the law has another distance.
     """
 
     joint_names: tuple[str, ...]
@@ -48,16 +48,16 @@ class JointMove:
         return self.law.breakpoints_s
 
     def positions(self, t_s: FloatArray) -> FloatArray:
-        """Joint positions, shape (n, joints)."""
+        """Return joint positions, of shape (n, joints)."""
         part = self.law.position(t_s)[:, np.newaxis]
         return np.asarray(np.array(self.start) + part * self._way)
 
     def velocities(self, t_s: FloatArray) -> FloatArray:
-        """Joint velocities, shape (n, joints)."""
+        """Return joint velocities, of shape (n, joints)."""
         return np.asarray(self.law.velocity(t_s)[:, np.newaxis] * self._way)
 
     def accelerations(self, t_s: FloatArray) -> FloatArray:
-        """Joint accelerations, shape (n, joints)."""
+        """Return joint accelerations, of shape (n, joints)."""
         return np.asarray(self.law.acceleration(t_s)[:, np.newaxis] * self._way)
 
     @property
@@ -66,9 +66,9 @@ class JointMove:
 
 
 def limits_along(robot: Robot, way: FloatArray) -> tuple[float, float]:
-    """The highest speed and acceleration of s(t), per second, at which no joint going this way exceeds its own.
+    """Return the highest speed and acceleration of s(t), in 1/s and 1/s^2, within all joints' limits along a way.
 
-    A way of shape (joints,) that is 0 throughout allows any: both are then infinite.
+    The way has the shape (joints,), in mm and degrees. Both are infinite if it is 0 for all joints.
     """
     sizes = np.abs(way)
     with np.errstate(divide="ignore", over="ignore"):

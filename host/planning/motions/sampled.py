@@ -1,8 +1,8 @@
 """Motions through given points: the clamped C2 spline, Akima's spline, and cubics through given velocities.
 
-The C2 spline has continuous acceleration, but rings beside sudden changes; Akima's does not ring, but its acceleration
-jumps at the points (H. Akima, "A new method of interpolation and smooth curve fitting based on local procedures",
-J. ACM 17(4), 1970). Both begin and end at rest: a motion here always does.
+The C2 spline has continuous acceleration, but overshoots beside sudden changes. Akima's spline does not overshoot, but
+its acceleration jumps at the points (H. Akima, "A new method of interpolation and smooth curve fitting based on local
+procedures", J. ACM 17(4), 1970). Both begin and end at rest, as every motion must.
 """
 
 from collections.abc import Sequence
@@ -24,18 +24,18 @@ if TYPE_CHECKING:
 AKIMA_POINTS_MIN: Final = 3
 
 _GAP_MIN_S: Final = 1e-6
-"""The least time between two points: slopes over shorter ones leave the range of numbers."""
+"""Least time between two points: over a shorter one a slope could exceed the range of floats."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sampled:
-    """All joints along a piecewise cubic curve; fulfils Trajectory.
+    """A motion of all joints along a piecewise cubic curve; implements Trajectory.
 
     Attributes:
-        joint_names: the robot's joints.
-        curve: from seconds to joint positions, mm and degrees, shape (joints,).
-        breakpoints_s: the points at which the acceleration jumps.
-        switchings: the outputs that change on the way.
+        joint_names: Names of the robot's joints.
+        curve: Curve from seconds to joint positions of shape (joints,), in mm and degrees.
+        breakpoints_s: Times at which the acceleration jumps.
+        switchings: Changes of outputs during the motion.
     """
 
     joint_names: tuple[str, ...]
@@ -45,20 +45,20 @@ class Sampled:
 
     @classmethod
     def c2_spline(cls, joint_names: tuple[str, ...], times_s: FloatArray, positions: FloatArray) -> Self:
-        """Through positions of shape (points, joints) at times of shape (points,), the acceleration continuous.
+        """Return the C2 spline through positions of shape (points, joints) at times of shape (points,).
 
         Raises:
-            InputError: times that do not begin at 0, do not increase, or do not end at a whole millisecond.
+            InputError: the times do not begin at 0, do not increase, or do not end at a whole millisecond.
         """
         check_times(times_s)
         return cls(joint_names, scipy.interpolate.CubicSpline(times_s, positions, bc_type="clamped"), ())
 
     @classmethod
     def akima(cls, joint_names: tuple[str, ...], times_s: FloatArray, positions: FloatArray) -> Self:
-        """Through at least 3 points with Akima's slopes, but 0 at both ends; arguments as for `c2_spline`.
+        """Return Akima's spline through at least 3 points, with slopes of 0 at both ends; arguments as in `c2_spline`.
 
         Raises:
-            InputError: as for `c2_spline`, and if a time in between is not a whole millisecond.
+            InputError: as in `c2_spline`, or a time in between is not a whole millisecond.
         """
         if len(times_s) < AKIMA_POINTS_MIN:
             raise InputError(f"{len(times_s)} points: Akima's spline takes at least {AKIMA_POINTS_MIN}")
@@ -71,35 +71,34 @@ class Sampled:
     def hermite(
         cls, joint_names: tuple[str, ...], times_s: FloatArray, positions: FloatArray, velocities: FloatArray
     ) -> Self:
-        """Through points with given velocities of shape (points, joints); raises as `akima` does for times."""
+        """Return the cubics through points with velocities of shape (points, joints); times as in `akima`."""
         check_times(times_s, all_whole_ms=True)
         inner_s = tuple(round(1000 * t_s) / 1000 for t_s in times_s[1:-1].tolist())
         return cls(joint_names, scipy.interpolate.CubicHermiteSpline(times_s, positions, velocities), inner_s)
 
     @property
     def duration_s(self) -> float:
-        """The last point's time."""
+        """Time of the last point."""
         return float(self.curve.x[-1])
 
     def positions(self, t_s: FloatArray) -> FloatArray:
-        """Joint positions, shape (n, joints)."""
+        """Return joint positions, of shape (n, joints)."""
         return np.asarray(self.curve(t_s))
 
     def velocities(self, t_s: FloatArray) -> FloatArray:
-        """Joint velocities, shape (n, joints)."""
+        """Return joint velocities, of shape (n, joints)."""
         return np.asarray(self.curve(t_s, 1))
 
     def accelerations(self, t_s: FloatArray) -> FloatArray:
-        """Joint accelerations, shape (n, joints)."""
+        """Return joint accelerations, of shape (n, joints)."""
         return np.asarray(self.curve(t_s, 2))
 
 
 def check_times(times_s: FloatArray, places: Sequence[str] = (), *, all_whole_ms: bool = False) -> None:
-    """Refuse times of points that make no motion; `places` says for messages where each of them stands.
+    """Raise InputError unless points at these times can be a motion; messages name the times by `places`.
 
-    Raises:
-        InputError: fewer than 2 points, or a time that is not finite, not 0 at the first point, not after the time
-            before, or no whole millisecond: the last one must be, with `all_whole_ms` each.
+    There must be at least 2 times, all finite, the first one 0, each later than the one before, and the last one, or
+    with `all_whole_ms` each, a whole millisecond.
     """
     if len(times_s) < 2:
         raise InputError(f"{len(times_s)} points: a motion takes at least 2")
@@ -122,7 +121,7 @@ def check_times(times_s: FloatArray, places: Sequence[str] = (), *, all_whole_ms
 
 
 def check_whole_ms(place: str, t_s: float) -> None:
-    """InputError, with the nearest whole millisecond, for a time that is none."""
+    """Raise InputError, with the nearest valid time, unless a time is a whole millisecond."""
     try:
         whole_ms(place, t_s)
     except InputError as error:

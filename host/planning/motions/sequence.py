@@ -1,4 +1,4 @@
-"""Motions one after another, with pauses in between."""
+"""Sequences of motions and pauses."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from steptwin.host.planning.trajectory import Switching, Trajectory
 
 @dataclass(frozen=True, slots=True)
 class Pause:
-    """All joints stand still; fulfils Trajectory."""
+    """A motion in which all joints stand still; implements Trajectory."""
 
     joint_names: tuple[str, ...]
     at: tuple[float, ...]
@@ -22,23 +22,23 @@ class Pause:
     switchings: ClassVar[tuple[Switching, ...]] = ()
 
     def positions(self, t_s: FloatArray) -> FloatArray:
-        """Shape (n, joints)."""
+        """Return joint positions, of shape (n, joints), all equal."""
         return np.tile(np.array(self.at), (len(t_s), 1))
 
     def velocities(self, t_s: FloatArray) -> FloatArray:
-        """Shape (n, joints), 0."""
+        """Return joint velocities, of shape (n, joints), all 0."""
         return np.zeros((len(t_s), len(self.joint_names)))
 
 
 @dataclass(frozen=True, slots=True)
 class Sequence:
-    """Motions, each of which begins where the one before ended; fulfils Trajectory.
+    """Motions, each of which begins where the one before ended; implements Trajectory.
 
     Attributes:
-        joint_names: the robot's joints.
-        parts: at least one.
-        starts_ms: when each part begins, and at last when the last one ends.
-        switchings: the outputs that change on the way.
+        joint_names: Names of the robot's joints.
+        parts: The motions, at least one.
+        starts_ms: Start of each part, and then the end of the last one.
+        switchings: Changes of outputs during the motion.
     """
 
     joint_names: tuple[str, ...]
@@ -48,23 +48,23 @@ class Sequence:
 
     @property
     def duration_s(self) -> float:
-        """Of all parts together."""
+        """Duration of all parts together."""
         return self.starts_ms[-1] / 1000
 
     @property
     def breakpoints_s(self) -> tuple[float, ...]:
-        """Those of the parts, and where one follows another."""
+        """The parts' breakpoints, and the times at which one part follows another."""
         breakpoints_ms = set(self.starts_ms[1:-1])
         for start_ms, part in zip(self.starts_ms, self.parts, strict=False):
             breakpoints_ms |= {start_ms + round(1000 * t_s) for t_s in part.breakpoints_s}
         return tuple(ms / 1000 for ms in sorted(breakpoints_ms))
 
     def positions(self, t_s: FloatArray) -> FloatArray:
-        """Joint positions, shape (n, joints)."""
+        """Return joint positions, of shape (n, joints)."""
         return self._pieced(t_s, lambda part, own_s: part.positions(own_s))
 
     def velocities(self, t_s: FloatArray) -> FloatArray:
-        """Joint velocities, shape (n, joints)."""
+        """Return joint velocities, of shape (n, joints)."""
         return self._pieced(t_s, lambda part, own_s: part.velocities(own_s))
 
     def _pieced(self, t_s: FloatArray, of: Callable[[Trajectory, FloatArray], FloatArray]) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Motion through points without velocities: splines from rest to rest, and pauses where points repeat."""
+"""Make a motion through points without velocities: splines from rest to rest, and pauses where points repeat."""
 
 from collections.abc import Sequence as Texts
 from itertools import groupby
@@ -14,13 +14,13 @@ from steptwin.host.planning.trajectory import Trajectory
 def through_points(
     joint_names: tuple[str, ...], times_s: FloatArray, positions: FloatArray, places: Texts[str]
 ) -> Sampled | Sequence:
-    """C2 splines through positions of shape (points, joints) at times of shape (points,).
+    """Return C2 splines through positions of shape (points, joints) at times of shape (points,).
 
-    A point that repeats the one before is a pause, as whoever wrote it means: a spline through both would swing there.
-    `places` name the points' times in messages.
+    A point that repeats the one before makes a pause, since a spline through both would overshoot there. Messages name
+    the points' times by `places`.
 
     Raises:
-        InputError: a pause begins or ends between two milliseconds; and as `Sampled.c2_spline` does.
+        InputError: a pause begins or ends between two milliseconds; or as `Sampled.c2_spline`.
     """
     stands = (np.diff(positions, axis=0) == 0.0).all(axis=1).tolist()
     if not any(stands):

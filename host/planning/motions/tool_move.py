@@ -1,4 +1,4 @@
-"""The tool along a path in space: a time law along it, joints by inverse kinematics at every instant."""
+"""Move the tool along a path in space by a time law, with the joints from inverse kinematics at every instant."""
 
 from dataclasses import dataclass
 from math import isclose
@@ -17,29 +17,29 @@ from steptwin.host.robots.kinematics import Kinematics, make_kinematics
 from steptwin.host.robots.robot import Robot
 
 _CHECK_MS: Final = 1
-"""Reach and singularities are checked on a grid as fine as this."""
+"""Time between two checks of reach and singularities."""
 _STEP_MS: Final = 10
-"""The joints are followed from turn to turn on a grid as fine as this: no joint turns half a circle within it."""
+"""Time between two instants at which the joints' turns are stored: no joint turns half a circle in it."""
 
 _LENGTH_TOLERANCE: Final = 1e-9
-"""The part of a path's length by which a law may miss it: rounding."""
+"""Rounding error, as a part of a path's length, by which a law's distance may differ."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ToolMove:
-    """The tool follows a path on one branch of the inverse kinematics; fulfils Trajectory. Made by `along`.
+    """A motion of the tool along a path, on one branch of the inverse kinematics; implements Trajectory.
 
-    Positions and velocities are exact at every instant: nothing is interpolated between solutions.
+    Made by `along`. Positions and velocities are exact at every instant, not interpolated between solutions.
 
     Attributes:
-        joint_names: the robot's joints.
-        kinematics: the mechanism.
-        branch: which solution of its inverse kinematics to keep to.
-        path: where the tool goes.
-        law: the length travelled, from 0 to the path's.
-        guide_s: shape (m,), times for which the joints' turns are known.
-        guide_joints: shape (m, joints), the joints there, without jumps of a whole turn.
-        rotary: the columns of the joints that turn.
+        joint_names: Names of the robot's joints.
+        kinematics: Kinematics of the robot.
+        branch: Branch of the inverse kinematics.
+        path: Path of the tool.
+        law: Length travelled, from 0 to the path's length.
+        guide_s: shape (m,), times for which the joints' turns are stored.
+        guide_joints: shape (m, joints), the joints at these times, without jumps of a whole turn.
+        rotary: Columns of the rotary joints.
     """
 
     joint_names: tuple[str, ...]
@@ -55,12 +55,11 @@ class ToolMove:
 
     @classmethod
     def along(cls, robot: Robot, path: ToolPath, law: Law, branch: str, start: FloatArray, from_s: float = 0.0) -> Self:
-        """A move that begins where the joints, of shape (joints,), stand; those that the pose leaves free stay there.
+        """Return the move that begins at the joints `start`, of shape (joints,); joints not needed for the pose stay.
 
         Raises:
-            InputError: the law does not cover the path's length; the path leaves the mechanism's reach, or comes near
-                a singularity; or the joints do not stand at its beginning, on this branch. Times in the messages count
-                from `from_s` before the move's start.
+            InputError: the law's distance is not the path's length; the path leaves the mechanism's reach or comes near
+                a singularity; or it does not begin at `start` on this branch. The messages give times plus `from_s`.
         """
         if not isclose(law.distance, path.length_mm, rel_tol=_LENGTH_TOLERANCE):
             raise InputError(f"the law covers {law.distance:.9g} mm, the tool's path is {path.length_mm:.9g} mm long")
@@ -83,19 +82,19 @@ class ToolMove:
         return self.law.breakpoints_s
 
     def poses(self, t_s: FloatArray) -> FloatArray:
-        """Planned tool poses, shape (n, 4)."""
+        """Return planned tool poses, of shape (n, 4)."""
         return self.path.poses(self.law.position(t_s))
 
     def positions(self, t_s: FloatArray) -> FloatArray:
-        """Joint positions, shape (n, joints)."""
+        """Return joint positions, of shape (n, joints)."""
         solved = self.kinematics.solve(self.poses(t_s), self.branch, self.guide_joints[0]).joints
-        for axis in self.rotary:  # the turn that the guide is in
+        for axis in self.rotary:  # choose the turn that the guide is in
             guide = np.interp(t_s, self.guide_s, self.guide_joints[:, axis])
             solved[:, axis] += 360.0 * np.round((guide - solved[:, axis]) / 360.0)
         return solved
 
     def velocities(self, t_s: FloatArray) -> FloatArray:
-        """Joint velocities, shape (n, joints), through the Jacobian."""
+        """Return joint velocities, of shape (n, joints), by the inverse Jacobian."""
         s_mm = self.law.position(t_s)
         tool = self.law.velocity(t_s)[:, np.newaxis] * self.path.derivatives(s_mm)
         joints = self.kinematics.solve(self.path.poses(s_mm), self.branch, self.guide_joints[0]).joints
@@ -103,7 +102,7 @@ class ToolMove:
 
 
 def _check_start(robot: Robot, branch: str, start: FloatArray, begins: FloatArray, from_s: float) -> None:
-    """A path that begins on another branch than the machine is in would make the joints jump."""
+    """Raise InputError if the joints would jump at the start, for example because they are on another branch."""
     for i, joint in enumerate(robot.joints):
         half_step = 0.5 / joint.transmission.steps_per_unit
         if abs(begins[i] - start[i]) > half_step:

@@ -1,4 +1,4 @@
-"""Kinematics: from joints to tool poses and back, one module for each kind of mechanism."""
+"""Kinematics: tool poses from joint positions and back, a module for each kind of mechanism."""
 
 from collections.abc import Callable
 from typing import Final
@@ -41,7 +41,7 @@ _KINDS: Final[dict[str, Callable[[Robot], Kinematics]]] = {
 
 
 def make_kinematics(robot: Robot) -> Kinematics:
-    """The kinematics of a robot.
+    """Return the kinematics of a robot.
 
     Raises:
         InputError: an unknown kind, or dimensions or joints that do not fit it; the message begins with the key.

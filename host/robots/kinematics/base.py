@@ -1,4 +1,4 @@
-"""What every kinematics offers, and what an inverse solution says about itself.
+"""The interface of every kinematics, its inverse solutions and the constraints that they keep or break.
 
 Joints are arrays of shape (n, joints) in the robot's order, mm and degrees. Poses are arrays of shape (n, 4) in the
 world frame: x_mm, y_mm, z_mm and the tool's attitude_deg about the vertical.
@@ -22,7 +22,7 @@ BoolArray = NDArray[np.bool_]
 Geometry = TypeVar("Geometry")
 
 LIMIT_TOLERANCE: Final = 1e-9
-"""By this much, in mm or degrees, a solution may miss a joint's limit: the rounding of forward and back."""
+"""Distance in mm or degrees by which a solution may exceed a joint's limit: the rounding errors of its computation."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,13 +30,13 @@ class Constraint:
     """A quantity that must stay between two limits, at each of n poses.
 
     Attributes:
-        quantity: what it is, as the beginning of a complaint.
-        unit: of the values and limits; empty for a plain number.
+        quantity: Name of the quantity, with which a complaint begins.
+        unit: Unit of the values and limits; empty for a plain number.
         values: shape (n,).
-        lower: the least value.
-        upper: the greatest value.
-        kept: shape (n,), whether the value is between them; a NaN is not.
-        complaint_text: what to say instead of the figures, where these say nothing to people.
+        lower: Lower limit.
+        upper: Upper limit.
+        kept: shape (n,), true where the value is between the limits; false for NaN.
+        complaint_text: Complaint to use in place of the values, for a quantity whose values would not help a reader.
     """
 
     quantity: str
@@ -48,7 +48,7 @@ class Constraint:
     complaint_text: str = ""
 
     def complaint(self, i: int) -> str:
-        """One line that says how pose i breaks this constraint."""
+        """Return one line that says how pose i breaks this constraint."""
         if self.complaint_text:
             return self.complaint_text
         value = float(self.values[i])
@@ -59,13 +59,13 @@ class Constraint:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Branch:
-    """One of the ways in which a mechanism takes n poses.
+    """One branch of the inverse kinematics at n poses.
 
     Attributes:
-        name: of the branch, such as `right`.
-        joints: shape (n, joints), beyond their limits where that is what the pose takes, NaN where nothing reaches it.
-        mechanism: what must hold for the mechanism to get there at all.
-        limits: the joints' limits.
+        name: Name of the branch, such as `right`.
+        joints: shape (n, joints), beyond their limits where the pose requires it, NaN where the pose is out of reach.
+        mechanism: Constraints of the mechanism itself.
+        limits: Constraints of the joints' limits.
     """
 
     name: str
@@ -75,17 +75,17 @@ class Branch:
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:
-        """All that must hold, the first one broken being the reason."""
+        """All constraints; the first broken one is the reason why a pose is not reachable."""
         return self.mechanism + self.limits
 
     @property
     def reachable(self) -> BoolArray:
-        """Shape (n,): whether every constraint holds."""
+        """Shape (n,): true where every constraint is kept."""
         reachable: BoolArray = np.logical_and.reduce([constraint.kept for constraint in self.constraints])
         return reachable
 
     def reason(self, i: int) -> str | None:
-        """Why pose i cannot be taken; None if it can."""
+        """Return why pose i is not reachable; None if it is."""
         complaints = (constraint.complaint(i) for constraint in self.constraints if not constraint.kept[i])
         return next(complaints, None)
 
@@ -95,68 +95,68 @@ class Kinematics(Protocol):
 
     @property
     def branches(self) -> tuple[str, ...]:
-        """The names of the ways to take a pose, the usual one first."""
+        """The names of the branches of the inverse, the usual one first."""
         ...
 
     @property
     def dh(self) -> DhTable:
-        """The mechanism as a DH table from the world to the tool."""
+        """The mechanism as a DH table from the world frame to the tool."""
         ...
 
     def dh_variables(self, joints: FloatArray) -> dict[str, FloatArray]:
-        """The variables of the DH table, each of shape (n,), for joints of shape (n, joints)."""
+        """Return the variables of the DH table, each of shape (n,), for joints of shape (n, joints)."""
         ...
 
     def forward(self, joints: FloatArray) -> FloatArray:
-        """Poses, shape (n, 4), of joints of shape (n, joints); limits are not asked."""
+        """Return poses of shape (n, 4) for joints of shape (n, joints); the joints' limits are not checked."""
         ...
 
     def inverse(self, poses: FloatArray, near: FloatArray | None = None) -> tuple[Branch, ...]:
-        """Every branch for poses of shape (n, 4).
+        """Return every branch for poses of shape (n, 4).
 
-        `near`, of shape (joints,) or (n, joints), says where the machine stands: joints that the pose leaves free
-        stay there, and joints that turn further than a circle take the nearest turn. Without it they are at 0.
+        `near`, of shape (joints,) or (n, joints), is the machine's position, by default 0: joints that the pose does
+        not determine stay there, and joints that turn further than a circle take the nearest turn.
         """
         ...
 
     def solve(self, poses: FloatArray, branch: str, near: FloatArray | None = None) -> Branch:
-        """One branch, by its name; else as `inverse`."""
+        """Return one branch, by its name; otherwise like `inverse`."""
         ...
 
     def singularities(self, joints: FloatArray) -> tuple[Constraint, ...]:
-        """What must stay away from 0 so that tool velocities have joint velocities: numbers from 0 to 1."""
+        """Return the measures, from 0 to 1, that must stay away from 0, where the Jacobian is singular."""
         ...
 
     def joint_velocities(self, joints: FloatArray, tool_velocities: FloatArray) -> FloatArray:
-        """Joint velocities, shape (n, joints), in mm/s and degrees/s, that give the tool its velocity.
+        """Return joint velocities of shape (n, joints), in mm/s and degrees/s, for the tool's velocities.
 
-        Tool velocities of shape (n, 4) are the poses' derivatives by time, per second. Joints that the pose leaves
-        free stand still. At a singular pose the result is not finite.
+        Tool velocities, of shape (n, 4), are the poses' derivatives per second. Joints that the pose does not determine
+        stand still. At a singular pose the result is not finite.
         """
         ...
 
 
 def singularity_measure(kinematics: Kinematics, joints: FloatArray) -> FloatArray:
-    """Shape (n,): how far joints of shape (n, joints) are from the nearest singularity, from 0 to 1."""
+    """Return, of shape (n,), the distance of joints from the nearest singularity, from 0 to 1."""
     values = [constraint.values for constraint in kinematics.singularities(joints)]
     return np.asarray(np.minimum.reduce(values))
 
 
 def within_limits(limits: tuple[Joint, ...], joints: FloatArray) -> BoolArray:
-    """Shape (n,): whether joints of shape (n, joints) keep all their limits."""
+    """Return, of shape (n,), whether joints of shape (n, joints) keep all their limits."""
     kept: BoolArray = np.logical_and.reduce([constraint.kept for constraint in joint_constraints(limits, joints)])
     return kept
 
 
 def joint_constraints(limits: tuple[Joint, ...], joints: FloatArray) -> tuple[Constraint, ...]:
-    """The joints' limits as constraints on positions of shape (n, joints)."""
+    """Return the joints' limits as constraints on positions of shape (n, joints)."""
     return tuple(_joint_constraint(joint, joints[:, axis]) for axis, joint in enumerate(limits))
 
 
 def nearest_turns(limits: tuple[Joint, ...], joints: FloatArray, near: FloatArray | None) -> None:
-    """Turn rotary joints, in place, by full circles: to the turn within the limits that is nearest to `near` or 0.
+    """Turn rotary joints, in place, by full circles to the turn within the limits that is nearest to `near` or 0.
 
-    Joints whose limits are within one circle have no choice, and are left alone.
+    A joint whose limits are within one circle has no other turn and does not change.
     """
     for axis, joint in enumerate(limits):
         if joint.unit is not Unit.DEG or (joint.lower >= -180.0 and joint.upper <= 180.0):
@@ -174,10 +174,10 @@ def _joint_constraint(joint: Joint, positions: FloatArray) -> Constraint:
 
 
 def read_geometry(geometry: type[Geometry], robot: Robot) -> Geometry:
-    """A mechanism's dimensions, a dataclass of floats, from those in the robot's file.
+    """Return a mechanism's dimensions, a dataclass of floats, from the robot file's.
 
     Raises:
-        InputError: one is missing or unknown, or the dataclass refuses it.
+        InputError: a dimension is missing or unknown, or the dataclass refuses its value.
     """
     names = [field.name for field in fields(geometry)]  # type: ignore[arg-type]
     for name in robot.geometry:
@@ -190,7 +190,7 @@ def read_geometry(geometry: type[Geometry], robot: Robot) -> Geometry:
 
 
 def require_joints(robot: Robot, expected: Mapping[str, Unit]) -> None:
-    """InputError unless the robot's joints are the mechanism's, in name, order and unit."""
+    """Raise InputError unless the robot has the mechanism's joints, by name, order and unit."""
     if {joint.name: joint.unit for joint in robot.joints} != expected or robot.joint_names != tuple(expected):
         given = " ".join(f"{joint.name}[{joint.unit}]" for joint in robot.joints)
         right = " ".join(f"{name}[{unit}]" for name, unit in expected.items())

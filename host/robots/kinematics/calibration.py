@@ -1,4 +1,4 @@
-"""The SCARA that a calibration model was made for: R-R-P-R in standard DH parameters, tool down, or up with alpha3 = 0.
+"""The SCARA of a calibration paper: R-R-P-R in standard DH parameters; the tool points down, or up if alpha3 = 0.
 
 Source: "Kinematic modeling and verification for a SCARA robot", ICMEMTC 2016, Atlantis Press, from p. 918.
 """
@@ -15,15 +15,15 @@ from steptwin.host.robots.kinematics.teaching import JOINTS
 from steptwin.host.robots.robot import Robot
 
 _WRIST_SIGNS: Final = {0.0: 1, 180.0: -1}
-"""By alpha3: a tool that points down turns the other way."""
+"""Sign of the wrist by alpha3: a tool that points down turns the other way."""
 
 
 @dataclass(frozen=True, slots=True)
 class CalibrationGeometry:
-    """The dimensions in a robot's file: the two links, the column's height, the twist that turns the tool down.
+    """The dimensions: the two links, the column's height, and the twist that turns the tool down.
 
     Raises:
-        InputError: a twist that is neither up nor down.
+        InputError: the twist is neither 180 nor 0 degrees.
     """
 
     L1_mm: float
@@ -39,7 +39,7 @@ class CalibrationGeometry:
 
 
 def calibration_scara(robot: Robot) -> Scara:
-    """From a robot's file; InputError if its dimensions or joints are not this mechanism's."""
+    """Return a robot's kinematics; raise InputError if its dimensions or joints are not this mechanism's."""
     require_joints(robot, JOINTS)
     geometry = read_geometry(CalibrationGeometry, robot)
     rows = (

@@ -1,6 +1,6 @@
-"""Denavit-Hartenberg tables as data, and their product: a second way to each pose, and the table that papers print.
+"""Denavit-Hartenberg tables as data: an independent way to each pose, and the tables that papers print.
 
-Two conventions exist, and robots are published in both:
+Papers use two conventions:
 
     standard (distal)             T_i = Rz(theta_i) Tz(d_i) Tx(a_i) Rx(alpha_i)
     modified (Craig, proximal)    T_i = Rx(alpha_i-1) Tx(a_i-1) Rz(theta_i) Tz(d_i)
@@ -18,11 +18,11 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 
 Variables = Mapping[str, FloatArray]
-"""The quantities that a table's parameters depend on, in mm and degrees, each of shape (n,)."""
+"""The variables of a table by name, in mm and degrees, each of shape (n,)."""
 
 
 class Convention(Enum):
-    """Where the frame of a link sits: at its far or at its near end."""
+    """The end of a link at which its frame is: the far end (standard) or the near end (modified)."""
 
     STANDARD = "standard"
     MODIFIED = "modified"
@@ -43,7 +43,7 @@ class Parameter:
         return f"{signed} {'-' if self.constant < 0 else '+'} {abs(self.constant):g}" if self.constant else signed
 
     def values(self, variables: Variables) -> FloatArray:
-        """Of shape (n,), or () for a constant."""
+        """Return the values, of shape (n,), or () for a constant."""
         if not self.variable:
             return np.asarray(self.constant)
         return self.constant + self.sign * variables[self.variable]
@@ -61,13 +61,13 @@ class DhRow:
 
 @dataclass(frozen=True, slots=True)
 class DhTable:
-    """The rows from the world to the tool, in one convention."""
+    """The rows of a table from the world frame to the tool, in one convention."""
 
     convention: Convention
     rows: tuple[DhRow, ...]
 
     def transforms(self, variables: Variables) -> FloatArray:
-        """The tool's homogeneous transforms in the world frame, shape (n, 4, 4), lengths in mm."""
+        """Return the tool's homogeneous transforms in the world frame, of shape (n, 4, 4), lengths in mm."""
         count = max((len(values) for values in variables.values()), default=1)
         product = np.broadcast_to(np.eye(4), (count, 4, 4))
         for row in self.rows:
@@ -87,7 +87,7 @@ def _rotation_x(angle_deg: float) -> FloatArray:
 
 
 def _screw_z(theta_deg: FloatArray, d_mm: FloatArray, count: int) -> FloatArray:
-    """Rotation about z and shift along it, which commute."""
+    """Return the rotation about z together with the shift along z; their order does not matter."""
     screw = np.zeros((count, 4, 4))
     c, s = np.cos(np.deg2rad(theta_deg)), np.sin(np.deg2rad(theta_deg))
     screw[:, 0, 0], screw[:, 0, 1] = c, -s

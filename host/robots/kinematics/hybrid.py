@@ -5,7 +5,7 @@ The sliders' mechanism (`slider_pair`) moves its platform radially by z2 and ver
     rho = l2 + l3 + z2       X = rho cos th1       Y = rho sin th1       Z = l1 + z3 - l4       phi = th1 + th4
 
 Source: H. Zhou, four-DOF hybrid handling robot. Its display equations and all of its numbers are lost; the radial
-layout is an assumption (docs/robots.md).
+layout is assumed (docs/robots.md).
 """
 
 from dataclasses import dataclass
@@ -32,18 +32,18 @@ from steptwin.host.robots.robot import Robot
 
 _JOINTS: Final = {"th1": Unit.DEG, "Z5": Unit.MM, "Z6": Unit.MM, "th4": Unit.DEG}
 TH1, Z5, Z6, TH4 = range(4)
-"""The joints' columns."""
+"""Columns of the joints."""
 
 SINGULAR: Final = 0.005
-"""Sines below this, 0.29 degrees from a level link or from links in line, are no place for a straight path."""
+"""Least sine of a link's slope or of the angle between the links, 0.29 degrees; below it the arm is near singular."""
 
 
 @dataclass(frozen=True, slots=True)
 class HybridGeometry:
-    """The dimensions in a robot's file.
+    """The dimensions.
 
-    Half the distance of the screws, the links' length, the height of the mechanism's frame, the radial offsets from
-    waist to frame and from platform to tool, the tool's drop, and how far the platform may go sideways.
+    In this order: half the distance between the screws, the links' length, the height of the mechanism's frame, the
+    radial offsets from waist to frame and from platform to tool, the tool's drop, and the platform's largest |z2|.
     """
 
     h_mm: float
@@ -57,15 +57,15 @@ class HybridGeometry:
 
 @dataclass(frozen=True, slots=True)
 class HybridArm:
-    """The mechanism; fulfils Kinematics.
+    """The kinematics of the hybrid arm; implements Kinematics.
 
     Attributes:
-        limits: the joints th1, Z5, Z6, th4, asked only to say whether a pose is reachable.
-        sliders: the parallel mechanism.
-        radius_mm: rho where z2 is 0.
-        height_mm: the tool's height where z3 is 0.
-        z2_max_mm: the largest |z2| allowed.
-        dh: the equivalent serial chain R-P-P-R, with th1, z2, z3, th4 as variables.
+        limits: The joints th1, Z5, Z6, th4, whose limits decide only whether a pose is reachable.
+        sliders: The parallel mechanism.
+        radius_mm: rho at z2 = 0.
+        height_mm: The tool's height at z3 = 0.
+        z2_max_mm: Largest |z2| allowed.
+        dh: The equivalent serial chain R-P-P-R, with th1, z2, z3, th4 as variables.
     """
 
     limits: tuple[Joint, ...]
@@ -77,7 +77,7 @@ class HybridArm:
 
     @classmethod
     def of(cls, robot: Robot) -> Self:
-        """From a robot's file; InputError if its dimensions or joints are not this mechanism's."""
+        """Return a robot's kinematics; raise InputError if its dimensions or joints are not this mechanism's."""
         require_joints(robot, _JOINTS)
         geometry = read_geometry(HybridGeometry, robot)
         sliders = SliderPair(geometry.h_mm, geometry.L_mm)
@@ -108,20 +108,20 @@ class HybridArm:
 
     @property
     def branches(self) -> tuple[str, ...]:
-        """The working modes, `(+,+)` first: signs of slider 5 and slider 6, + for below the platform."""
+        """The working modes, `(+,+)` first: the signs of sliders 5 and 6, + for a slider below the platform."""
         return tuple(mode.value for mode in WorkingMode)
 
     def dh_variables(self, joints: FloatArray) -> dict[str, FloatArray]:
-        """th1, z2, z3, th4."""
+        """Return th1, z2, z3, th4."""
         z2_mm, z3_mm = self.sliders.forward(joints[:, Z5], joints[:, Z6], AssemblyMode.ABOVE)
         return {"th1": joints[:, TH1], "z2": z2_mm, "z3": z3_mm, "th4": joints[:, TH4]}
 
     def forward(self, joints: FloatArray) -> FloatArray:
-        """Poses of shape (n, 4) from joints of shape (n, 4), of a machine assembled with its platform above."""
+        """Return poses of shape (n, 4) for joints of shape (n, 4), with the platform assembled above the sliders."""
         return self.forward_as(joints, AssemblyMode.ABOVE)
 
     def forward_as(self, joints: FloatArray, assembly: AssemblyMode) -> FloatArray:
-        """The same in either assembly mode; NaN where the sliders are further apart than the links allow."""
+        """Return the same for either assembly mode; NaN where the sliders are further apart than the links allow."""
         z2_mm, z3_mm = self.sliders.forward(joints[:, Z5], joints[:, Z6], assembly)
         th1_rad = np.deg2rad(joints[:, TH1])
         rho_mm = self.radius_mm + z2_mm
@@ -135,14 +135,14 @@ class HybridArm:
         )
 
     def inverse(self, poses: FloatArray, near: FloatArray | None = None) -> tuple[Branch, ...]:
-        """The four working modes for poses of shape (n, 4).
+        """Return the four working modes for poses of shape (n, 4).
 
-        Those that belong to the other assembly mode are solved, but not reachable: this machine cannot get there.
+        A mode of the other assembly is solved, but is not reachable: the machine would have to be reassembled.
         """
         return tuple(self.solve(poses, branch, near) for branch in self.branches)
 
     def solve(self, poses: FloatArray, branch: str, near: FloatArray | None = None) -> Branch:
-        """One working mode; th4 takes the turn within its limits that is nearest to `near`."""
+        """Return one working mode; th4 takes the turn within its limits that is nearest to `near`."""
         mode = WorkingMode(branch)
         z2_mm = np.hypot(poses[:, 0], poses[:, 1]) - self.radius_mm
         joints = np.empty((len(poses), 4))
@@ -154,7 +154,7 @@ class HybridArm:
         return Branch(branch, joints, mechanism, joint_constraints(self.limits, joints))
 
     def singularities(self, joints: FloatArray) -> tuple[Constraint, ...]:
-        """The sines of the links' slopes, 0 where a link is level, and of the angle between them, 0 in line."""
+        """Return the sines of the links' slopes, 0 if level, and of the angle between them, 0 if in line."""
         z2_mm, z3_mm = self.sliders.forward(joints[:, Z5], joints[:, Z6], AssemblyMode.ABOVE)
         sines = self.sliders.sines(joints[:, Z5], joints[:, Z6], z2_mm, z3_mm)
         names = ("Z5: near singular, |sin| of its link's slope", "Z6: near singular, |sin| of its link's slope")
@@ -165,7 +165,7 @@ class HybridArm:
         )
 
     def joint_velocities(self, joints: FloatArray, tool_velocities: FloatArray) -> FloatArray:
-        """Shape (n, 4) from joints of shape (n, 4) and pose derivatives of shape (n, 4)."""
+        """Return joint velocities for joints and pose derivatives; all three have the shape (n, 4)."""
         z2_mm, z3_mm = self.sliders.forward(joints[:, Z5], joints[:, Z6], AssemblyMode.ABOVE)
         th1_rad = np.deg2rad(joints[:, TH1])
         outward_mm_s = np.cos(th1_rad) * tool_velocities[:, 0] + np.sin(th1_rad) * tool_velocities[:, 1]

@@ -1,4 +1,4 @@
-"""The laboratory SCARA: a ball screw lifts the whole arm, then three parallel rotary joints (P-R-R-R), tool down.
+"""The laboratory SCARA (P-R-R-R): a ball screw lifts the arm of three parallel rotary joints; the tool points down.
 
 Source: H. Wang, B. Yin, R. Luo, X. Wang, "Mechanism design and kinematics analysis of 4-dof SCARA robot system",
 J. Mechanical & Electrical Engineering 36(12), 2019, 1320-1324, its equations corrected (docs/robots.md).
@@ -19,7 +19,7 @@ _JOINTS: Final = {"d1": Unit.MM, "th2": Unit.DEG, "th3": Unit.DEG, "th4": Unit.D
 
 @dataclass(frozen=True, slots=True)
 class LabGeometry:
-    """The dimensions in a robot's file: first link, second link, tool downwards."""
+    """The dimensions: first link, second link, and the tool's offset downwards."""
 
     a2_mm: float
     a3_mm: float
@@ -27,7 +27,7 @@ class LabGeometry:
 
 
 def lab_scara(robot: Robot) -> Scara:
-    """From a robot's file; InputError if its dimensions or joints are not this mechanism's."""
+    """Return a robot's kinematics; raise InputError if its dimensions or joints are not this mechanism's."""
     require_joints(robot, _JOINTS)
     geometry = read_geometry(LabGeometry, robot)
     rows = (

@@ -1,14 +1,14 @@
-"""Two links in a plane: the arm of every SCARA from shoulder to wrist.
+"""The arm of every SCARA from shoulder to wrist: two links in a plane.
 
     x = l1 cos th1 + l2 cos(th1 + th2)        y = l1 sin th1 + l2 sin(th1 + th2)
 
-Inverse by the law of cosines, with atan2 throughout so that no quadrant is lost and with the sign of the elbow as the
-only choice (J. J. Craig, "Introduction to Robotics", section 4.4):
+The inverse follows from the law of cosines. It uses atan2 throughout, which keeps the quadrant; the sign of the elbow
+is the only choice (J. J. Craig, "Introduction to Robotics", section 4.4):
 
     c2 = (x^2 + y^2 - l1^2 - l2^2) / (2 l1 l2)    th2 = +-atan2(sqrt(1 - c2^2), c2)
     th1 = atan2(y, x) - atan2(l2 sin th2, l1 + l2 cos th2)
 
-Angles are in radians here; all arguments and results are arrays of one shape.
+Angles are in radians here. All arguments and results are arrays of one shape.
 """
 
 from dataclasses import dataclass
@@ -21,18 +21,18 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 
 REACH_TOLERANCE: Final = 1e-9
-"""By this much |c2| may exceed 1, from rounding, for a wrist on the edge of reach."""
+"""Rounding error by which |c2| may exceed 1 for a wrist on the edge of reach."""
 
 
 class Elbow(Enum):
-    """On which side of the line from shoulder to wrist the elbow is, looking outward; right has th2 >= 0."""
+    """The side of the line from shoulder to wrist on which the elbow is, seen outwards; right has th2 >= 0."""
 
     RIGHT = "right"
     LEFT = "left"
 
     @property
     def sign(self) -> int:
-        """That of th2."""
+        """The sign of th2."""
         return 1 if self is Elbow.RIGHT else -1
 
 
@@ -41,7 +41,7 @@ class Planar2R:
     """The two links, in mm.
 
     Raises:
-        InputError: a link that is not longer than 0.
+        InputError: a length is not above 0.
     """
 
     l1_mm: float
@@ -53,17 +53,17 @@ class Planar2R:
 
     @property
     def reach_mm(self) -> tuple[float, float]:
-        """The nearest and the farthest distance of the wrist from the shoulder."""
+        """The least and the greatest distance of the wrist from the shoulder."""
         return abs(self.l1_mm - self.l2_mm), self.l1_mm + self.l2_mm
 
     def forward(self, th1_rad: FloatArray, th2_rad: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The wrist's x and y in mm."""
+        """Return the wrist's x and y in mm."""
         x_mm = self.l1_mm * np.cos(th1_rad) + self.l2_mm * np.cos(th1_rad + th2_rad)
         y_mm = self.l1_mm * np.sin(th1_rad) + self.l2_mm * np.sin(th1_rad + th2_rad)
         return x_mm, y_mm
 
     def inverse(self, x_mm: FloatArray, y_mm: FloatArray, elbow: Elbow) -> tuple[FloatArray, FloatArray]:
-        """th1 in (-2 pi, 2 pi) and th2 in [-pi, pi]; both NaN where the wrist is out of reach."""
+        """Return th1 in (-2 pi, 2 pi) and th2 in [-pi, pi]; both are NaN where the wrist is out of reach."""
         l1, l2 = self.l1_mm, self.l2_mm
         c2 = (x_mm**2 + y_mm**2 - l1**2 - l2**2) / (2.0 * l1 * l2)
         c2 = np.where(np.abs(c2) <= 1.0 + REACH_TOLERANCE, np.clip(c2, -1.0, 1.0), np.nan)
@@ -72,13 +72,13 @@ class Planar2R:
         return th1_rad, th2_rad
 
     def determinant(self, th2_rad: FloatArray) -> FloatArray:
-        """det J = l1 l2 sin th2 in mm^2: 0 where the arm is stretched or folded and both branches meet."""
+        """Return det J = l1 l2 sin th2 in mm^2; it is 0 where the arm is stretched or folded and the branches meet."""
         return np.asarray(self.l1_mm * self.l2_mm * np.sin(th2_rad))
 
     def joint_velocities(
         self, th1_rad: FloatArray, th2_rad: FloatArray, vx_mm_s: FloatArray, vy_mm_s: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """The joints' speeds in rad/s that give the wrist its velocity: J^-1 v in closed form; not finite if singular.
+        """Return the joints' speeds in rad/s for the wrist's velocity: J^-1 v in closed form; not finite if singular.
 
         J = [[-y, -l2 s12], [x, l2 c12]] with the wrist (x, y), s12 = sin(th1 + th2), c12 = cos(th1 + th2).
         """

@@ -1,13 +1,13 @@
-"""The SCARA family: a planar arm of two links, a wrist about the vertical, a lift, perhaps slides below it all.
+"""The SCARA family: a planar arm of two links, a wrist about the vertical, a lift, and optional slides below them.
 
-With h the direction of the arm when shoulder and elbow are at 0, and w = -1 where the tool points down, because
-Rx(180) Rz(t) = Rz(-t) Rx(180), else +1:
+h is the direction of the arm when shoulder and elbow are at 0. w is +1, or -1 if the tool points down, because
+Rx(180) Rz(t) = Rz(-t) Rx(180):
 
     attitude = h + shoulder + elbow + w wrist
     x = l1 cos(h + shoulder) + l2 cos(h + shoulder + elbow) + l_tool cos(attitude) + slide        y with sin
-    z = z0 + lift, or z0 - lift where the lift pushes downwards, + slide
+    z = z0 + lift + slide, or z0 - lift + slide if the lift pushes downwards
 
-Where the joints are in the chain and which way they count is data; the mechanisms' own modules hold it.
+The columns of the joints and the signs with which they count are data, given by each mechanism's own module.
 """
 
 from dataclasses import dataclass
@@ -23,24 +23,24 @@ from steptwin.host.robots.kinematics.dh import DhTable
 from steptwin.host.robots.kinematics.planar2r import Elbow, Planar2R
 
 SINGULAR: Final = 0.005
-"""|sin(elbow)| below this, 0.29 degrees from stretched or folded, is no place for a straight path."""
+"""Least |sin(elbow)|, 0.29 degrees from a stretched or folded arm: closer to 0 the arm is near singular."""
 
 
 @dataclass(frozen=True, slots=True)
 class Scara:
-    """One mechanism of the family; fulfils Kinematics.
+    """The kinematics of one mechanism of the family; implements Kinematics.
 
     Attributes:
-        limits: the joints in axis order, their limits asked only to say whether a pose is reachable.
-        dh: the same mechanism as a DH table, with the joints' names as variables.
-        arm: the two links.
-        lift: the column of the lift; likewise shoulder, elbow and wrist.
+        limits: The joints in axis order, whose limits decide only whether a pose is reachable.
+        dh: The same mechanism as a DH table, with the joints' names as variables.
+        arm: The two links.
+        lift: Column of the lift; likewise shoulder, elbow and wrist.
         heading_deg: h, the arm's direction at shoulder = elbow = 0.
         height_mm: z0, the tool's height with the lift at 0.
-        lift_sign: -1 if the lift pushes the tool down.
-        wrist_sign: w, -1 if the tool points down.
-        tool_mm: l_tool, how far the tool is from the wrist's axis, in the direction of the attitude.
-        slides: pairs of a joint's column and the coordinate of the pose, 0 for x or 2 for z, that it shifts.
+        lift_sign: -1 if the lift pushes the tool down, otherwise 1.
+        wrist_sign: w, -1 if the tool points down, otherwise 1.
+        tool_mm: l_tool, the tool's distance from the wrist's axis, in the direction of the attitude.
+        slides: Pairs of a joint's column and the coordinate of the pose that it shifts, 0 for x or 2 for z.
     """
 
     limits: tuple[Joint, ...]
@@ -59,15 +59,15 @@ class Scara:
 
     @property
     def branches(self) -> tuple[str, ...]:
-        """`right` and `left`."""
+        """The elbow's sides, `right` and `left`."""
         return tuple(elbow.value for elbow in Elbow)
 
     def dh_variables(self, joints: FloatArray) -> dict[str, FloatArray]:
-        """The joints by their names."""
+        """Return the joints by their names."""
         return {joint.name: joints[:, axis] for axis, joint in enumerate(self.limits)}
 
     def forward(self, joints: FloatArray) -> FloatArray:
-        """Poses of shape (n, 4) from joints of shape (n, joints)."""
+        """Return poses of shape (n, 4) for joints of shape (n, joints)."""
         shoulder_deg = joints[:, self.shoulder] + self.heading_deg
         attitude_deg = shoulder_deg + joints[:, self.elbow] + self.wrist_sign * joints[:, self.wrist]
         poses = np.empty((len(joints), 4))
@@ -82,11 +82,11 @@ class Scara:
         return poses
 
     def inverse(self, poses: FloatArray, near: FloatArray | None = None) -> tuple[Branch, ...]:
-        """The branches `right` and `left` for poses of shape (n, 4); the slides stay where `near` has them, or at 0."""
+        """Return the branches `right` and `left` for poses of shape (n, 4); the slides are as in `near`, or at 0."""
         return tuple(self.solve(poses, branch, near) for branch in self.branches)
 
     def solve(self, poses: FloatArray, branch: str, near: FloatArray | None = None) -> Branch:
-        """One branch; angles in (-180, 180], or the turn within the joint's limits that is nearest to `near`."""
+        """Return one branch; angles are in (-180, 180], or at the turn within the limits that is nearest to `near`."""
         joints = np.zeros((len(poses), len(self.limits)))
         for column, _ in self.slides:
             joints[:, column] = 0.0 if near is None else near[..., column]
@@ -103,13 +103,13 @@ class Scara:
         return Branch(branch, joints, (reach,), joint_constraints(self.limits, joints))
 
     def singularities(self, joints: FloatArray) -> tuple[Constraint, ...]:
-        """|sin(elbow)|, which is |det J| / (l1 l2): 0 where the arm is stretched or folded."""
+        """Return |sin(elbow)| = |det J| / (l1 l2), which is 0 where the arm is stretched or folded."""
         values = np.abs(np.sin(np.deg2rad(joints[:, self.elbow])))
         name = self.limits[self.elbow].name
         return (Constraint(f"{name}: near singular, |sin {name}|", "", values, SINGULAR, 1.0, values >= SINGULAR),)
 
     def joint_velocities(self, joints: FloatArray, tool_velocities: FloatArray) -> FloatArray:
-        """Shape (n, joints) from joints of that shape and pose derivatives of shape (n, 4); the slides stand still."""
+        """Return joint velocities for joints of shape (n, joints) and pose derivatives of shape (n, 4); slides rest."""
         shoulder_rad = np.deg2rad(joints[:, self.shoulder] + self.heading_deg)
         elbow_rad = np.deg2rad(joints[:, self.elbow])
         attitude_rad = shoulder_rad + elbow_rad + self.wrist_sign * np.deg2rad(joints[:, self.wrist])
@@ -124,13 +124,13 @@ class Scara:
         velocities[:, self.lift] = self.lift_sign * tool_velocities[:, 2]
         velocities[:, self.shoulder] = np.rad2deg(shoulder_rad_s)
         velocities[:, self.elbow] = np.rad2deg(elbow_rad_s)
-        with np.errstate(invalid="ignore"):  # opposite infinities
+        with np.errstate(invalid="ignore"):  # the difference of two infinities is invalid
             arm_deg_s = velocities[:, self.shoulder] + velocities[:, self.elbow]
         velocities[:, self.wrist] = self.wrist_sign * (tool_velocities[:, 3] - arm_deg_s)
         return velocities
 
     def _wrist(self, poses: FloatArray, joints: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The wrist's x and y in mm as seen from the shoulder, wherever the slides have it."""
+        """Return the wrist's x and y in mm relative to the shoulder, whose position depends on the slides."""
         x_mm, y_mm = poses[:, 0], poses[:, 1]
         if self.tool_mm:
             attitude_rad = np.deg2rad(poses[:, 3])

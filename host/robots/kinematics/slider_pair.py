@@ -1,11 +1,11 @@
 """The planar parallel mechanism of two vertical sliders: two links of equal length meet at the point c = (z2, z3).
 
-The screws stand at -h and +h, the sliders on them at heights Z5 and Z6:
+The screws are at -h and +h; the sliders on them are at heights Z5 and Z6:
 
     (z2 + h)^2 + (z3 - Z5)^2 = L^2        (z2 - h)^2 + (z3 - Z6)^2 = L^2
 
-Each slider may be below c or above it: four working modes. For given sliders c may be above or below the line through
-them: two assembly modes. A machine keeps its modes for life; to change one it would have to pass a singularity.
+Each slider may be below c or above it: four working modes. For given sliders, c may be above or below the line through
+them: two assembly modes. A machine always keeps its modes, because a change would pass through a singularity.
 All arguments and results are in mm and arrays of one shape.
 """
 
@@ -19,7 +19,7 @@ from steptwin.host.common.errors import InputError
 
 
 class WorkingMode(Enum):
-    """Whether slider 5 and slider 6 are below c (+) or above it (-); the first is the one machines work in."""
+    """Whether sliders 5 and 6 are below c (+) or above it (-); machines work in the first mode."""
 
     BOTH_BELOW = "(+,+)"
     RIGHT_ABOVE = "(+,-)"
@@ -28,7 +28,7 @@ class WorkingMode(Enum):
 
     @property
     def signs(self) -> tuple[int, int]:
-        """e5 and e6: +1 for a slider below c."""
+        """e5 and e6: +1 for a slider below c, -1 for a slider above it."""
         return (1 if self.value[1] == "+" else -1), (1 if self.value[3] == "+" else -1)
 
 
@@ -41,10 +41,10 @@ class AssemblyMode(Enum):
 
 @dataclass(frozen=True, slots=True)
 class SliderPair:
-    """The mechanism's two dimensions in mm: half the distance of the screws, and the links' length.
+    """The mechanism by its dimensions in mm: half the distance between the screws, and the links' length.
 
     Raises:
-        InputError: links that do not reach across.
+        InputError: half the distance is not above 0 and below the links' length.
     """
 
     h_mm: float
@@ -58,25 +58,25 @@ class SliderPair:
 
     @property
     def reach_mm(self) -> float:
-        """The largest |z2| at which both links still reach a slider."""
+        """The largest |z2| at which both links still reach their screws."""
         return self.L_mm - self.h_mm
 
     def forward(
         self, left_mm: FloatArray, right_mm: FloatArray, assembly: AssemblyMode
     ) -> tuple[FloatArray, FloatArray]:
-        """z2 and z3 from Z5 and Z6; NaN where the sliders are further apart than the links allow."""
+        """Return z2 and z3 for Z5 and Z6; NaN where the sliders are further apart than the links allow."""
         apart = left_mm - right_mm
         square = 4.0 * self.L_mm**2 / (4.0 * self.h_mm**2 + apart**2) - 1.0
         k = np.sqrt(np.where(square >= 0.0, square, np.nan))
         return assembly.value * apart * k / 2.0, (left_mm + right_mm) / 2.0 + assembly.value * self.h_mm * k
 
     def inverse(self, z2_mm: FloatArray, z3_mm: FloatArray, mode: WorkingMode) -> tuple[FloatArray, FloatArray]:
-        """Z5 and Z6; NaN where |z2| is beyond reach."""
+        """Return Z5 and Z6; NaN where |z2| is beyond reach."""
         (left_sign, right_sign), (left_rise, right_rise) = mode.signs, self._rises(z2_mm)
         return z3_mm - left_sign * left_rise, z3_mm - right_sign * right_rise
 
     def assembly_of(self, z2_mm: FloatArray, mode: WorkingMode) -> FloatArray:
-        """+1 or -1: the assembly mode in which a working mode takes c there; 0 where a mixed mode is singular."""
+        """Return the assembly mode, +1 or -1, in which a working mode has c there; 0 where a mixed mode is singular."""
         (left_sign, right_sign), (left_rise, right_rise) = mode.signs, self._rises(z2_mm)
         above = (self.h_mm - z2_mm) * left_sign * left_rise + (self.h_mm + z2_mm) * right_sign * right_rise
         return np.sign(above)
@@ -85,7 +85,7 @@ class SliderPair:
         self, left_mm: FloatArray, right_mm: FloatArray, z2_mm: FloatArray, z3_mm: FloatArray,
         dz2: FloatArray, dz3: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-        """The sliders' velocities that move c with (dz2, dz3); not finite where a link lies level."""
+        """Return the sliders' velocities for the velocity (dz2, dz3) of c; not finite where a link is level."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return (
                 dz3 + (z2_mm + self.h_mm) / (z3_mm - left_mm) * dz2,
@@ -95,13 +95,13 @@ class SliderPair:
     def sines(
         self, left_mm: FloatArray, right_mm: FloatArray, z2_mm: FloatArray, z3_mm: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """What a singularity makes 0: the rise of each link over its length, and the sine of the angle between them."""
+        """Return the sine of each link's slope and of the angle between the links; 0 at a singularity."""
         left_rise, right_rise = z3_mm - left_mm, z3_mm - right_mm
         cross = (z2_mm + self.h_mm) * right_rise - (z2_mm - self.h_mm) * left_rise
         return np.abs(left_rise) / self.L_mm, np.abs(right_rise) / self.L_mm, np.abs(cross) / self.L_mm**2
 
     def _rises(self, z2_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """How much higher than its slider each link's other end is, never negative."""
+        """Return the height difference between the ends of each link, never negative; NaN out of reach."""
         squares = (self.L_mm**2 - (z2_mm + self.h_mm) ** 2, self.L_mm**2 - (z2_mm - self.h_mm) ** 2)
         left, right = (np.sqrt(np.where(square >= 0.0, square, np.nan)) for square in squares)
         return left, right

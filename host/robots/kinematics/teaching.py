@@ -1,8 +1,8 @@
-"""The classroom SCARA: two rotary joints for the plane, then a lift that pushes down and a rotation (R-R-P-R), tool up.
+"""The classroom SCARA (R-R-P-R): two rotary joints, a lift that pushes down, and a wrist; the tool points up.
 
 Source: X. Yao, Y. Pan, Y. Gao, "Research and Implementation of SCARA Manipulator Control Algorithm in Experimental
-Teaching", 2017, DOI 10.3969/j.issn.1000-386x.2017.06.019. Its text and its code disagree about the sign of d3; here
-d3 >= 0 pushes downwards, which is the text's, and agrees with the code in the paper's experiment, where d3 = 0.
+Teaching", 2017, DOI 10.3969/j.issn.1000-386x.2017.06.019. Its text and its code disagree about the sign of d3. Here
+d3 >= 0 pushes downwards, as in the text; in the paper's experiment d3 is 0, so the two agree.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ JOINTS: Final = {"th1": Unit.DEG, "th2": Unit.DEG, "d3": Unit.MM, "th4": Unit.DE
 
 @dataclass(frozen=True, slots=True)
 class TeachingGeometry:
-    """The dimensions in a robot's file: the two links, and the tool's offset along z, negative downwards."""
+    """The dimensions: the two links, and the tool's offset along z, negative downwards."""
 
     l1_mm: float
     l2_mm: float
@@ -28,7 +28,7 @@ class TeachingGeometry:
 
 
 def teaching_scara(robot: Robot) -> Scara:
-    """From a robot's file; InputError if its dimensions or joints are not this mechanism's."""
+    """Return a robot's kinematics; raise InputError if its dimensions or joints are not this mechanism's."""
     require_joints(robot, JOINTS)
     geometry = read_geometry(TeachingGeometry, robot)
     rows = (

@@ -1,10 +1,10 @@
-"""The warehouse robot: two slides carry an arm with its lift first, then three parallel rotary joints, tool up.
+"""The warehouse robot: two slides carry a lift and an arm of three parallel rotary joints; the tool points up.
 
-The slides are parallel to the arm's base axes: sx shifts it along x, sz along z.
+The slide sx shifts the arm along x, the slide sz along z.
 
 Source: A. Jiang, L. Guo, X. Tan, "Development of Prototype of a New Intelligent Warehouse Robot", 2019,
-DOI 10.3969/j.issn.1009-9492.2019.05.018, with its inverse corrected: it takes the wrist's direction from an arc
-cosine, which loses the sign of y, and gives one elbow only.
+DOI 10.3969/j.issn.1009-9492.2019.05.018, with its inverse corrected: the paper takes the wrist's direction
+from an arc cosine, which loses the sign of y, and has only one elbow.
 """
 
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ _JOINTS: Final = {
 
 @dataclass(frozen=True, slots=True)
 class WarehouseGeometry:
-    """The dimensions in a robot's file: shoulder to elbow, elbow to wrist, arm down to tool, wrist to tool."""
+    """The dimensions: shoulder to elbow, elbow to wrist, arm down to tool, wrist to tool."""
 
     L2_mm: float
     L3_mm: float
@@ -38,7 +38,7 @@ class WarehouseGeometry:
 
 
 def warehouse_scara(robot: Robot) -> Scara:
-    """From a robot's file; InputError if its dimensions or joints are not this mechanism's."""
+    """Return a robot's kinematics; raise InputError if its dimensions or joints are not this mechanism's."""
     require_joints(robot, _JOINTS)
     geometry = read_geometry(WarehouseGeometry, robot)
     rows = (

@@ -1,4 +1,4 @@
-"""Workspaces: where a tool can be, as a cloud of random joint positions and as sections with exact boundaries."""
+"""Workspaces: the positions that a tool reaches, as a random cloud and as sections with exact boundaries."""
 
 from steptwin.host.robots.workspace.arm import ATTITUDES
 from steptwin.host.robots.workspace.monte_carlo import SAMPLES_MAX, MonteCarlo, monte_carlo

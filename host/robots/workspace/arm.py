@@ -1,4 +1,4 @@
-"""An arm whose slides stand still: which positions its tool reaches, in one attitude or in any."""
+"""The reach of an arm whose slides stand still: which positions its tool reaches, in one attitude or in any."""
 
 from dataclasses import dataclass
 from typing import Final, Self
@@ -11,29 +11,31 @@ from steptwin.host.robots.kinematics.base import BoolArray
 from steptwin.host.robots.robot import Robot
 
 ATTITUDES: Final = 36
-"""Attitudes tried where any will do, evenly spaced.
+"""Number of attitudes tried, evenly spaced, if any attitude is allowed.
 
-Between two of them a tool that sticks out by l from the wrist's axis misses at most l (1 - cos 5 deg), 0.4 % of l.
+Attitudes in between would widen the reach of a tool at the distance l from the wrist's axis by at most
+l (1 - cos 5 deg), 0.4 % of l.
 """
 
 _CHUNK: Final = 1 << 12
-"""Poses solved at once: as many as a processor's cache holds."""
+"""Number of poses solved at once: their arrays fit in the processor's cache."""
 
 _PROBES: Final = 4096
+"""Number of random joint positions from which the box is estimated."""
 _MARGIN: Final = 0.1
-"""By this part the box that random joint positions reach is widened, so that it holds all that can be reached."""
+"""Part by which the estimated box is widened, so that it holds the whole workspace."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Arm:
-    """A robot with its slides where home has them.
+    """A robot with its slides at their home positions.
 
     Attributes:
-        robot: the whole machine.
-        kinematics: of the whole machine.
-        home: shape (joints,), where the slides stand.
-        axis_x_mm: where the arm's own axis stands, at y = 0.
-        attitude_deg: of the tool; None if any will do.
+        robot: The whole machine.
+        kinematics: The kinematics of the whole machine.
+        home: shape (joints,), the home position, at which the slides stay.
+        axis_x_mm: x of the arm's own axis, which is at y = 0.
+        attitude_deg: Attitude of the tool; None if any attitude is allowed.
     """
 
     robot: Robot
@@ -44,7 +46,7 @@ class Arm:
 
     @classmethod
     def of(cls, robot: Robot, attitude_deg: float | None) -> Self:
-        """From a robot; InputError if its dimensions or joints are not its mechanism's."""
+        """Return a robot's arm; raise InputError if its dimensions or joints are not its mechanism's."""
         kinematics = make_kinematics(robot)
         shifts = _shifts(kinematics)
         axis_x_mm = sum((robot.home[column] for column, coordinate in shifts if coordinate == 0), 0.0)
@@ -52,22 +54,22 @@ class Arm:
 
     @property
     def slides(self) -> dict[str, float]:
-        """Where the joints that shift the whole arm stand, by name, in mm."""
+        """The positions of the slides, which shift the whole arm, by name, in mm."""
         return {self.robot.joint_names[column]: self.robot.home[column] for column, _ in _shifts(self.kinematics)}
 
     @property
     def home_azimuth_deg(self) -> float:
-        """The direction from the arm's axis to the tool at home."""
+        """The direction from the arm's axis to the tool in the home position."""
         x_mm, y_mm, _, _ = self._home_pose
         return float(np.rad2deg(np.arctan2(y_mm, x_mm - self.axis_x_mm)))
 
     @property
     def home_z_mm(self) -> float:
-        """The tool's height at home."""
+        """The tool's height in the home position."""
         return float(self._home_pose[2])
 
     def reachable(self, radius_mm: FloatArray, azimuth_deg: FloatArray, z_mm: FloatArray) -> BoolArray:
-        """Shape (n,): whether some branch reaches the positions, cylindrical about the arm's axis, of shape (n,)."""
+        """Return, of shape (n,), whether a branch reaches positions, which are cylindrical about the arm's axis."""
         azimuth_rad = np.deg2rad(azimuth_deg)
         x_mm, y_mm = self.axis_x_mm + radius_mm * np.cos(azimuth_rad), radius_mm * np.sin(azimuth_rad)
         if self.attitude_deg is not None:
@@ -80,7 +82,7 @@ class Arm:
         return found
 
     def box_mm(self) -> tuple[float, float, float]:
-        """The greatest radius, the least and the greatest height of a box that holds the workspace."""
+        """Return the greatest radius, the least and the greatest height of a box that holds the workspace."""
         lower, upper = ([getattr(joint, bound) for joint in self.robot.joints] for bound in ("lower", "upper"))
         joints = np.random.default_rng(0).uniform(lower, upper, (_PROBES, len(lower)))
         for column, _ in _shifts(self.kinematics):
@@ -97,7 +99,7 @@ class Arm:
         return pose
 
     def _reached_turned(self, outwards: FloatArray) -> BoolArray:
-        """Shape (n,): whether poses of shape (n, 4) are reached with the tool turned from there by some other angle."""
+        """Return, of shape (n,), whether some branch reaches poses of shape (n, 4) in another of the attitudes."""
         others_deg = np.arange(1, ATTITUDES) * 360.0 / ATTITUDES
         poses = np.repeat(outwards, len(others_deg), axis=0)
         poses[:, 3] += np.tile(others_deg, len(outwards))
@@ -106,7 +108,7 @@ class Arm:
         return some
 
     def _reached(self, poses: FloatArray) -> BoolArray:
-        """Shape (n,): whether some branch reaches poses of shape (n, 4)."""
+        """Return, of shape (n,), whether some branch reaches poses of shape (n, 4)."""
         reached = np.empty(len(poses), np.bool_)
         for begin in range(0, len(poses), _CHUNK):
             part = slice(begin, begin + _CHUNK)
@@ -116,5 +118,5 @@ class Arm:
 
 
 def _shifts(kinematics: Kinematics) -> tuple[tuple[int, int], ...]:
-    """The slides: the column of each, and the pose's coordinate that it shifts, 0 for x or 2 for z."""
+    """Return the column of each slide and the coordinate of the pose that it shifts, 0 for x or 2 for z."""
     return kinematics.slides if isinstance(kinematics, Scara) else ()

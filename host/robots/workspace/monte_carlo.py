@@ -1,4 +1,4 @@
-"""The cloud of tool positions that uniformly random joint positions make."""
+"""The cloud of tool positions at uniformly random joint positions."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from steptwin.host.robots.robot import Robot
 SAMPLES_MAX: Final = 10_000_000
 
 CLOUD_MAX: Final = 20_000
-"""Positions kept for a picture: more of them only make it solid."""
+"""Number of positions kept for a picture; more of them would only fill it."""
 
 _CHUNK: Final = 1 << 16
 
@@ -23,15 +23,15 @@ _NOTHING: Final = np.array([np.inf, -np.inf])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MonteCarlo:
-    """What random joint positions within their limits, slides included, give.
+    """The tool positions at random joint positions within their limits, slides included.
 
     Attributes:
-        samples: how many were drawn.
-        seed: of the generator.
-        counted: how many of them the mechanism can take; the others are left out of all that follows.
-        radius_mm: the least and the greatest distance from the base's axis x = y = 0; None if none counted.
-        z_mm: the least and the greatest height; None if none counted.
-        cloud_mm: shape (n, 3), the first positions counted, at most `CLOUD_MAX`.
+        samples: Number of joint positions drawn.
+        seed: Seed of the generator.
+        counted: Number of them that the mechanism can take; only they count for what follows.
+        radius_mm: Least and greatest distance from the base's axis x = y = 0; None if `counted` is 0.
+        z_mm: Least and greatest height; None if `counted` is 0.
+        cloud_mm: shape (n, 3), the first tool positions, at most `CLOUD_MAX`.
     """
 
     samples: int
@@ -43,17 +43,17 @@ class MonteCarlo:
 
     @property
     def left_out(self) -> int:
-        """How many samples the mechanism cannot take."""
+        """Number of samples that the mechanism cannot take."""
         return self.samples - self.counted
 
 
 def monte_carlo(robot: Robot, samples: int, seed: int) -> MonteCarlo:
-    """Draw joint positions and see where they take the tool.
+    """Draw joint positions and return the tool positions that they give.
 
-    The same samples come from `default_rng(seed)` asked for all positions of the first joint, then of the second one.
+    The samples are those of `default_rng(seed)` drawing all positions of the first joint, then of the second ...
 
     Raises:
-        InputError: samples or seed out of range.
+        InputError: `samples` or `seed` is out of range.
     """
     if not 1 <= samples <= SAMPLES_MAX:
         raise InputError(f"samples: {samples} is outside 1..{SAMPLES_MAX}")
@@ -72,7 +72,7 @@ def monte_carlo(robot: Robot, samples: int, seed: int) -> MonteCarlo:
 
 
 def _drawn(robot: Robot, samples: int, seed: int) -> Iterator[FloatArray]:
-    """Joint positions in chunks of shape (n, joints): one generator a joint, each where its share begins."""
+    """Yield joint positions in chunks of shape (n, joints); each joint has a generator advanced to its share."""
     generators = [
         np.random.Generator(np.random.PCG64(seed).advance(axis * samples)) for axis in range(len(robot.joints))
     ]
@@ -83,7 +83,7 @@ def _drawn(robot: Robot, samples: int, seed: int) -> Iterator[FloatArray]:
 
 
 def _positions(kinematics: Kinematics, joints: FloatArray) -> FloatArray:
-    """Tool positions, shape (n, 3), of those joint positions that the mechanism can take in its usual branch."""
+    """Return the tool positions, of shape (n, 3), of the joint positions that the mechanism's usual branch can take."""
     poses = kinematics.forward(joints)
     branch = kinematics.solve(poses, kinematics.branches[0], near=joints)
     kept = np.logical_and.reduce([constraint.kept for constraint in branch.mechanism])

@@ -1,11 +1,11 @@
-"""Sections of an arm's workspace, its slides where home has them: from above at a height, and from the side.
+"""Sections of an arm's workspace with its slides at home: the plan at a height, and the profile from the side.
 
-Both are integrals over the radius about the arm's axis, of the azimuths or of the heights within reach there:
+Their areas are integrals over the radius about the arm's axis, of the azimuths or the heights within reach there:
 
     plan: A = integral of r w(r) dr, w in radians        profile: A = integral of h(r) dr
 
-The ends of w and h are found by bisection; the radii are Gauss-Legendre nodes, whose crowding towards both ends suits
-the square roots with which an arm's reach ends.
+The ends of w and h are found by bisection. The radii are Gauss-Legendre nodes: they crowd towards both ends, where w
+and h go to 0 like square roots.
 """
 
 from collections.abc import Mapping
@@ -24,7 +24,7 @@ _NODES: Final = 257
 _RADII: Final = 129
 _HEIGHTS: Final = 129
 _AZIMUTHS_DEG: Final = np.linspace(-180.0, 180.0, 361)
-"""The axes' directions are among them: there symmetric arms have their dead sectors, however narrow."""
+"""The grid contains the directions of the axes, where symmetric arms have dead sectors, however narrow."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,11 +32,11 @@ class PlanSection:
     """The tool positions within reach at one height.
 
     Attributes:
-        z_mm: the height.
-        radius_mm: the least and the greatest distance from the arm's axis; None if nothing is within reach.
-        area_mm2: of the section.
-        radii_mm: shape (n,), the radii that were integrated over, rising.
-        reachable_deg: shape (n,), how much of the circle of each is within reach.
+        z_mm: Height of the section.
+        radius_mm: Least and greatest distance from the arm's axis; None if nothing is within reach.
+        area_mm2: Area of the section.
+        radii_mm: shape (n,), the radii of the integral, rising.
+        reachable_deg: shape (n,), the part of the circle at each radius that is within reach.
         boundary_mm: shape (m, 2), points x, y on the boundary, in no order.
     """
 
@@ -53,12 +53,12 @@ class ProfileSection:
     """The tool positions within reach in a half plane that begins at the arm's axis.
 
     Attributes:
-        azimuth_deg: the half plane's direction.
-        radius_mm: the least and the greatest distance from the arm's axis; None if nothing is within reach.
-        z_mm: the least and the greatest height; None if nothing is within reach.
-        area_mm2: of the section.
-        radii_mm: shape (n,), the radii that were integrated over, rising.
-        reachable_mm: shape (n,), how much of the height at each is within reach.
+        azimuth_deg: Direction of the half plane.
+        radius_mm: Least and greatest distance from the arm's axis; None if nothing is within reach.
+        z_mm: Least and greatest height; None if nothing is within reach.
+        area_mm2: Area of the section.
+        radii_mm: shape (n,), the radii of the integral, rising.
+        reachable_mm: shape (n,), the height within reach at each radius.
         boundary_mm: shape (m, 2), points radius, z on the boundary, in no order.
     """
 
@@ -76,11 +76,11 @@ class Scan:
     """Both sections.
 
     Attributes:
-        attitude_deg: of the tool in them; None if any will do.
-        slides: where the joints that shift the whole arm stand, by name, in mm.
-        axis_x_mm: where they have the arm's axis, at y = 0.
-        plan: from above.
-        profile: from the side.
+        attitude_deg: Attitude of the tool; None if any attitude is allowed.
+        slides: Positions of the slides, which shift the whole arm, by name, in mm.
+        axis_x_mm: x of the arm's axis, which is at y = 0.
+        plan: The section from above.
+        profile: The section from the side.
     """
 
     attitude_deg: float | None
@@ -91,7 +91,7 @@ class Scan:
 
 
 def scan(robot: Robot, attitude_deg: float | None = None, z_mm: float | None = None) -> Scan:
-    """Scan the plan at a height, by default that of home, and the profile in the direction of home.
+    """Scan the plan at a height, by default the home position's, and the profile in the direction of home.
 
     Raises:
         InputError: the robot's dimensions or joints are not its mechanism's.
@@ -140,13 +140,13 @@ def _profile(arm: Arm, radii_mm: FloatArray, heights_mm: FloatArray) -> ProfileS
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Rows:
-    """A section, row by row of equal radius.
+    """A section as rows of equal radius.
 
     Attributes:
-        radius_mm: the least and the greatest radius; None if nothing is within reach.
-        radii_mm: shape (n,), of the rows.
-        weights_mm: shape (n,), of the rows in an integral over the radius.
-        found: what of the other coordinate is within reach.
+        radius_mm: Least and greatest radius; None if nothing is within reach.
+        radii_mm: shape (n,), the radii of the rows.
+        weights_mm: shape (n,), the weights of the rows in an integral over the radius.
+        found: Stretches of the other coordinate within reach.
         edges: shape (m, 2), radius and other coordinate of points on the boundary.
     """
 
@@ -158,12 +158,12 @@ class _Rows:
 
     @property
     def widths(self) -> FloatArray:
-        """Shape (n,): how much of the other coordinate is within reach."""
+        """Shape (n,): total length of the other coordinate within reach."""
         return widths(self.found, len(self.radii_mm))
 
 
 def _scanned(region: Region, radii_mm: FloatArray, across: FloatArray) -> _Rows:
-    """Scan a region of radius and another coordinate, between the ends of both grids."""
+    """Scan a region whose coordinates are the radius and another one, between the ends of both grids."""
     rays = stretches(swapped(region), across, radii_mm)
     ray_edges = edges(rays, across, radii_mm)[:, ::-1]
     radius_mm = extent(swapped(region), across, radii_mm, rays)

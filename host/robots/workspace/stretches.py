@@ -1,7 +1,7 @@
-"""Boundaries of a plane region that can only be asked, point by point, whether it contains it.
+"""Find the boundaries of a plane region that can only be tested point by point.
 
-The plane has two coordinates. A line holds the first one; along it the second one is tried on a grid, and every change
-from outside to inside or back is refined by bisection, on all lines at once. What is narrower than the grid can escape.
+On a line of constant first coordinate the second one is tested on a grid. Every change between outside and inside is
+refined by bisection, on all lines at once. A stretch or gap that is narrower than the grid may be missed.
 """
 
 from collections.abc import Callable
@@ -15,29 +15,29 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.kinematics.base import BoolArray
 
 Region = Callable[[FloatArray, FloatArray], BoolArray]
-"""Whether points, given by their coordinates of shape (n,), are inside."""
+"""A function that returns whether points, given by their coordinates of shape (n,), are inside."""
 
 _HALVINGS: Final = 40
-"""From a cell of the grid to its rounding."""
+"""Number of bisections that shrink a cell of the grid to rounding error."""
 
 _ZOOM: Final = 8
-"""Into how many parts each zoom divides the two cells between the best line and its neighbours."""
+"""Number of parts into which a zoom divides each of the two cells beside the best line."""
 
 _ZOOMS: Final = 12
-"""Enough for any cell to shrink to its rounding."""
+"""Number of zooms after which any cell has shrunk to rounding error."""
 
 _LEVEL: Final = 1e-9
-"""An extreme has been found where three lines in a row come as close to it; two may only stand on either side."""
+"""An extreme is found if three neighbouring lines are this close to it; two lines may be on its two sides."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stretches:
-    """The parts of lines that are inside, line by line and along each; all arrays of shape (n,).
+    """The parts of lines that are inside, in the order of the lines and along each; all arrays of shape (n,).
 
     Attributes:
-        line: the index of the line.
-        begin: the second coordinate where the part begins.
-        end: where it ends.
+        line: Index of the line.
+        begin: Second coordinate of the part's beginning.
+        end: Second coordinate of its end.
     """
 
     line: NDArray[np.intp]
@@ -46,12 +46,12 @@ class Stretches:
 
 
 def swapped(region: Region) -> Region:
-    """The same region with its coordinates exchanged."""
+    """Return the same region with its coordinates exchanged."""
     return lambda first, second: region(second, first)
 
 
 def stretches(region: Region, lines: FloatArray, grid: FloatArray) -> Stretches:
-    """What is inside on the lines, whose first coordinates are given, between the first and the last of the grid."""
+    """Return the parts inside of lines, given by their first coordinates, between the ends of the grid."""
     inside = region(np.repeat(lines, len(grid)), np.tile(grid, len(lines))).reshape(len(lines), len(grid))
     changes = np.diff(np.pad(inside.astype(np.int8), ((0, 0), (1, 1))), axis=1)
     begins, ends = np.nonzero(changes == 1), np.nonzero(changes == -1)
@@ -63,13 +63,13 @@ def stretches(region: Region, lines: FloatArray, grid: FloatArray) -> Stretches:
 
 
 def widths(found: Stretches, lines: int) -> FloatArray:
-    """Shape (lines,): how much of each line is inside."""
+    """Return, of shape (lines,), the length of each line that is inside."""
     total: FloatArray = np.bincount(found.line, found.end - found.begin, minlength=lines).astype(np.float64)
     return total
 
 
 def edges(found: Stretches, lines: FloatArray, grid: FloatArray) -> FloatArray:
-    """Shape (m, 2): the points where lines enter or leave the region, not those where the grid ends."""
+    """Return, of shape (m, 2), the points where lines enter or leave the region; not those where the grid ends."""
     first = lines[np.concatenate([found.line, found.line])]
     second = np.concatenate([found.begin, found.end])
     kept = (second > grid[0]) & (second < grid[-1])
@@ -77,7 +77,7 @@ def edges(found: Stretches, lines: FloatArray, grid: FloatArray) -> FloatArray:
 
 
 def extent(region: Region, lines: FloatArray, grid: FloatArray, found: Stretches) -> tuple[float, float] | None:
-    """The least and the greatest second coordinate inside, also between the lines; None if nothing was found."""
+    """Return the least and the greatest second coordinate inside, also between the lines; None if nothing was found."""
     if not len(found.line):
         return None
     return (
@@ -89,7 +89,7 @@ def extent(region: Region, lines: FloatArray, grid: FloatArray, found: Stretches
 def _least(
     region: Region, lines: FloatArray, grid: FloatArray, found: Stretches, value: Callable[[Stretches], FloatArray]
 ) -> float:
-    """The least value of all stretches, searched ever closer around the line that has it, until it is level there."""
+    """Return the least value of all stretches: zoom in around the line that has it, until neighbouring lines agree."""
     least = np.inf
     for _ in range(_ZOOMS):
         on_line = np.full(len(lines), np.inf)
@@ -104,13 +104,13 @@ def _least(
 
 
 def _around(lines: FloatArray, line: int) -> FloatArray:
-    """Closer lines up to a line's neighbours, rising, the line itself among them."""
+    """Return closer lines between a line's two neighbours, rising and with the line itself."""
     below, above = lines[max(line - 1, 0)], lines[min(line + 1, len(lines) - 1)]
     return np.unique([np.linspace(below, lines[line], _ZOOM + 1), np.linspace(lines[line], above, _ZOOM + 1)])
 
 
 def _bisected(region: Region, first: FloatArray, outside: FloatArray, inside: FloatArray) -> FloatArray:
-    """The last second coordinates inside, between one outside and one inside; all of shape (n,)."""
+    """Return the last second coordinates inside, by bisection from one outside and one inside; all of shape (n,)."""
     for _ in range(_HALVINGS):
         middle = (outside + inside) / 2.0
         is_inside = region(first, middle)

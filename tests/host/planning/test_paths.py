@@ -199,5 +199,5 @@ class TestSampledPath:
 
 @pytest.mark.parametrize("attitude_deg", [0.0, 90.0])
 def test_a_line_to_where_it_begins_is_refused(attitude_deg: float) -> None:
-    with pytest.raises(InputError, match=r"^a straight line of 0 mm leads nowhere: its ends are at one place$"):
+    with pytest.raises(InputError, match=r"^a straight line of 0 mm has both ends at one place$"):
         StraightLine((1.0, 2.0, 3.0, 0.0), (1.0, 2.0, 3.0, attitude_deg))
