@@ -12,10 +12,7 @@ def whole_file(path: Path) -> Iterator[BinaryIO]:
     """Open a file for writing that appears under its name, or replaces an older one, when the block ends normally.
 
     Until then it is NAME.part in the same folder; an exception in the block deletes it. A pipe or a device is written
-    to directly.
-
-    Raises:
-        OSError: the file cannot be written; the error names `path`.
+    to directly. If the file cannot be written, OSError names `path`.
     """
     directly = path.exists() and not path.is_file()
     try:

@@ -40,11 +40,7 @@ class ToolPath(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class StraightLine:
-    """A straight line from one pose to another.
-
-    Raises:
-        InputError: the two poses are at the same place.
-    """
+    """A straight line from one pose to another; raises InputError if both are at the same place."""
 
     start: Pose
     goal: Pose
@@ -93,11 +89,7 @@ class Arc:
 
     @classmethod
     def through(cls, start: Pose, via_mm: tuple[float, float, float], goal: Pose) -> Self:
-        """Return the arc from a pose through a point to another pose.
-
-        Raises:
-            InputError: the three points lie on a line and determine no circle.
-        """
+        """Return the arc from a pose through a point to a pose; raise InputError if the three points lie on a line."""
         a, b, c = np.array(start[:3]), np.array(via_mm), np.array(goal[:3])
         normal = np.cross(b - a, c - a)
         area = float(np.linalg.norm(normal))

@@ -19,11 +19,7 @@ def robot_names() -> tuple[str, ...]:
 
 
 def load_robot(name: str) -> Robot:
-    """Return a robot by its name, or by the path of a file whose name ends in .toml.
-
-    Raises:
-        InputError: there is no such robot or file, or a value in the file is wrong; the message names the key.
-    """
+    """Return a robot by its name, or by the path of a .toml file; raise InputError with the key of a wrong value."""
     if name.endswith(_SUFFIX):
         return load_robot_file(name)
     if name not in robot_names():

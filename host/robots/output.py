@@ -11,11 +11,7 @@ OUTPUTS_PER_AXIS: Final = len(DigitalOutput)
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """A digital output: the joint whose axis has it at its connector, and its number there, from 1.
-
-    Raises:
-        InputError: the axis has no output of this number.
-    """
+    """A digital output: the joint whose axis has it, and its number there, from 1 to OUTPUTS_PER_AXIS."""
 
     joint: str
     out: int

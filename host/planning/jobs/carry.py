@@ -49,11 +49,7 @@ class CarryOptions:
 
 
 def carry(robot: Robot, options: CarryOptions) -> Trajectory:
-    """Return the motion from qa to qb; before each repetition the arm goes back.
-
-    Raises:
-        InputError: the duration is not a whole number of milliseconds, or the robot lacks a gripper that it needs.
-    """
+    """Return the motion from qa to qb, and back before each repetition; raise InputError if a gripper is missing."""
     start, goal = np.rad2deg(START_RAD), np.rad2deg(GOAL_RAD)
     law = options.law.lasting(options.duration_s)
     moves = Composer(robot, start)

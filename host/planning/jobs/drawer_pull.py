@@ -38,11 +38,7 @@ class DrawerPullOptions:
 
 
 def drawer_pull(robot: Robot, options: DrawerPullOptions) -> Trajectory:
-    """Return the pull; it starts at the same tool pose with either elbow.
-
-    Raises:
-        InputError: the times do not form a trapezoid.
-    """
+    """Return the pull, from one tool pose with either elbow; raise InputError for times that form no trapezoid."""
     law = Trapezoid(TRAVEL_MM, options.duration_s, options.ramp_s)
     right = np.array([options.sx_mm, options.sz_mm, options.L1_mm, *LOCKED_DEG])
     start = with_elbow(robot, right, options.elbow)

@@ -35,11 +35,7 @@ class FivePointsOptions:
 
 
 def five_points(robot: Robot, options: FivePointsOptions) -> Trajectory:
-    """Return the motion from the first pose to the fifth, by joint moves at the composer's pace.
-
-    Raises:
-        InputError: a pose is out of the mechanism's reach, or the pause is not a whole number of milliseconds.
-    """
+    """Return joint moves from the first pose to the fifth; raise InputError if a pose is out of reach."""
     order = np.arange(len(POSES), dtype=np.float64)
     first, *others = follow(robot, np.array(POSES), order, OPERATING_MODE, np.array(robot.home))
     moves = Composer(robot, first)

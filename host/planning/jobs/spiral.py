@@ -54,11 +54,7 @@ class SpiralOptions:
 
 
 def spiral(robot: Robot, options: SpiralOptions) -> Trajectory:
-    """Return the spiral as a C2 spline in the joints through the points, from rest to rest.
-
-    Raises:
-        InputError: the time is not a whole number of milliseconds, or the arm does not reach the spiral.
-    """
+    """Return a C2 spline in the joints through the points; raise InputError if the arm does not reach them."""
     t_s = np.arange(POINTS) * whole_ms("point_s", options.point_s) / 1000
     joints = follow(robot, spiral_poses(options), t_s, options.elbow.value, np.array(robot.home))
     return Sampled.c2_spline(robot.joint_names, t_s, joints)

@@ -8,7 +8,8 @@ from steptwin.host.common.arrays import FloatArray
 class Law(Protocol):
     """Distance, velocity and acceleration as functions of time, from 0 to a whole number of milliseconds.
 
-    The classmethod `fastest` of each law chooses the shortest one within limits, which are in the distance's unit.
+    The classmethod `fastest` of each law chooses the shortest one within limits in the distance's unit. It raises
+    InputError for a limit that is not above 0, or so low that the motion would take days.
     """
 
     @property

@@ -43,9 +43,6 @@ class _Polynomial:
         """Return the shortest law within both limits: T is the larger of 3/2 S/v and sqrt(6 S/a) for the cubic.
 
         For the quintic these are 15/8 S/v and sqrt(10/sqrt(3) S/a). T is rounded up to whole milliseconds.
-
-        Raises:
-            InputError: a limit is not above 0, or so low that the motion would take days.
         """
         by_speed_s = cls._SPEED_PEAK * abs(distance) / with_slack("speed_max", speed_max)
         acceleration_max = with_slack("acceleration_max", acceleration_max)

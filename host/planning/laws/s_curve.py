@@ -50,9 +50,6 @@ class SCurve:
 
         If the distance is too short for the highest speed or acceleration, phases vanish: the ramps meet, or the
         acceleration falls as soon as it has risen.
-
-        Raises:
-            InputError: a limit is not above 0, or so low that the motion would take days.
         """
         size = abs(distance)
         acceleration, jerk = with_slack("acceleration_max", acceleration_max), with_slack("jerk_max", jerk_max)
@@ -60,7 +57,7 @@ class SCurve:
         by_acceleration_ms2, by_jerk_ms3 = 1e6 * size / acceleration, 1e9 * size / jerk
 
         def best_ms(ramp_ms: int) -> tuple[float, int]:
-            """Return the least T - t1 for a ramp, and its tj; a longer tj lowers the jerk and raises the acceleration."""
+            """Return the least T - t1 for a ramp, and its tj: a longer one has less jerk and more acceleration."""
             even_ms = min(1e3 * acceleration / jerk, ramp_ms / 2)  # jerk and acceleration need the same T - t1
             choices_ms = {min(max(1, ms), ramp_ms // 2) for ms in (floor(even_ms), ceil(even_ms))}
             return min(

@@ -45,7 +45,7 @@ def rounded_up_ms(least_ms: float) -> int:
 
 
 def shortest_ms(by_speed_ms: float, by_ramp_ms: Callable[[int], float], shortest_ramp_ms: int) -> tuple[int, int]:
-    """Return the duration T and the ramp t1 of the shortest motion with two equal speed ramps.
+    """Return duration T and ramp t1 of the shortest motion with two equal ramps; raise InputError above LONGEST_MS.
 
     T - t1 is S / v. It has three lower bounds: the speed's, the acceleration's, which falls with a longer ramp, and the
     ramp itself, since the ramps must not overlap. While the acceleration's bound is the largest, a longer ramp saves at
@@ -56,9 +56,6 @@ def shortest_ms(by_speed_ms: float, by_ramp_ms: Callable[[int], float], shortest
         by_speed_ms: Least T - t1 at which the speed keeps its limit.
         by_ramp_ms: Function that returns the least T - t1 at which a ramp of that duration keeps its limits.
         shortest_ramp_ms: Shortest ramp that the law allows.
-
-    Raises:
-        InputError: the motion would last longer than LONGEST_MS.
     """
 
     def acceleration_is_slack(ramp_ms: int) -> bool:

@@ -41,11 +41,7 @@ class Trapezoid:
 
     @classmethod
     def fastest(cls, distance: float, speed_max: float, acceleration_max: float) -> Self:
-        """Return the shortest law within both limits; if the distance is short, its ramps meet.
-
-        Raises:
-            InputError: a limit is not above 0, or so low that the motion would take days.
-        """
+        """Return the shortest law within both limits; if the distance is short, its ramps meet."""
         size = abs(distance)
         by_speed_ms = 1e3 * size / with_slack("speed_max", speed_max)
         by_acceleration_ms2 = 1e6 * size / with_slack("acceleration_max", acceleration_max)

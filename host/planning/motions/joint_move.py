@@ -20,10 +20,7 @@ class JointMove:
         joint_names: Names of the robot's joints.
         start: Joint positions at t = 0, in mm and degrees.
         goal: Joint positions at the end.
-        law: s(t), with a distance of 1.
-
-    Raises:
-        InputError: the law has another distance.
+        law: s(t), whose distance must be 1.
     """
 
     joint_names: tuple[str, ...]

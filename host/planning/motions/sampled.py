@@ -45,21 +45,13 @@ class Sampled:
 
     @classmethod
     def c2_spline(cls, joint_names: tuple[str, ...], times_s: FloatArray, positions: FloatArray) -> Self:
-        """Return the C2 spline through positions of shape (points, joints) at times of shape (points,).
-
-        Raises:
-            InputError: the times do not begin at 0, do not increase, or do not end at a whole millisecond.
-        """
+        """Return the C2 spline through positions of shape (points, joints) at times as `check_times` requires them."""
         check_times(times_s)
         return cls(joint_names, scipy.interpolate.CubicSpline(times_s, positions, bc_type="clamped"), ())
 
     @classmethod
     def akima(cls, joint_names: tuple[str, ...], times_s: FloatArray, positions: FloatArray) -> Self:
-        """Return Akima's spline through at least 3 points, with slopes of 0 at both ends; arguments as in `c2_spline`.
-
-        Raises:
-            InputError: as in `c2_spline`, or a time in between is not a whole millisecond.
-        """
+        """Return Akima's spline through 3 or more points at whole milliseconds, with slopes of 0 at both ends."""
         if len(times_s) < AKIMA_POINTS_MIN:
             raise InputError(f"{len(times_s)} points: Akima's spline takes at least {AKIMA_POINTS_MIN}")
         check_times(times_s)
@@ -71,7 +63,7 @@ class Sampled:
     def hermite(
         cls, joint_names: tuple[str, ...], times_s: FloatArray, positions: FloatArray, velocities: FloatArray
     ) -> Self:
-        """Return the cubics through points with velocities of shape (points, joints); times as in `akima`."""
+        """Return the cubics through points at whole milliseconds with velocities of shape (points, joints)."""
         check_times(times_s, all_whole_ms=True)
         inner_s = tuple(round(1000 * t_s) / 1000 for t_s in times_s[1:-1].tolist())
         return cls(joint_names, scipy.interpolate.CubicHermiteSpline(times_s, positions, velocities), inner_s)

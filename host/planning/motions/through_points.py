@@ -17,10 +17,7 @@ def through_points(
     """Return C2 splines through positions of shape (points, joints) at times of shape (points,).
 
     A point that repeats the one before makes a pause, since a spline through both would overshoot there. Messages name
-    the points' times by `places`.
-
-    Raises:
-        InputError: a pause begins or ends between two milliseconds; or as `Sampled.c2_spline`.
+    the points' times by `places`. Raise InputError as `check_times`, or if a pause is not in whole milliseconds.
     """
     stands = (np.diff(positions, axis=0) == 0.0).all(axis=1).tolist()
     if not any(stands):

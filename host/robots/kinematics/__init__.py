@@ -41,11 +41,7 @@ _KINDS: Final[dict[str, Callable[[Robot], Kinematics]]] = {
 
 
 def make_kinematics(robot: Robot) -> Kinematics:
-    """Return the kinematics of a robot.
-
-    Raises:
-        InputError: an unknown kind, or dimensions or joints that do not fit it; the message begins with the key.
-    """
+    """Return a robot's kinematics; raise InputError, with the key, if kind, dimensions or joints do not fit."""
     if robot.kinematics not in _KINDS:
         raise unknown("kinematics.kind:", robot.kinematics, _KINDS)
     return _KINDS[robot.kinematics](robot)

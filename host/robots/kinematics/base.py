@@ -174,11 +174,7 @@ def _joint_constraint(joint: Joint, positions: FloatArray) -> Constraint:
 
 
 def read_geometry(geometry: type[Geometry], robot: Robot) -> Geometry:
-    """Return a mechanism's dimensions, a dataclass of floats, from the robot file's.
-
-    Raises:
-        InputError: a dimension is missing or unknown, or the dataclass refuses its value.
-    """
+    """Return a mechanism's dimensions, a dataclass of floats; raise InputError if the robot's do not fit."""
     names = [field.name for field in fields(geometry)]  # type: ignore[arg-type]
     for name in robot.geometry:
         if name not in names:

@@ -20,11 +20,7 @@ _WRIST_SIGNS: Final = {0.0: 1, 180.0: -1}
 
 @dataclass(frozen=True, slots=True)
 class CalibrationGeometry:
-    """The dimensions: the two links, the column's height, and the twist that turns the tool down.
-
-    Raises:
-        InputError: the twist is neither 180 nor 0 degrees.
-    """
+    """The dimensions: the two links, the column's height, and the twist: 180 for a tool that points down, 0 for up."""
 
     L1_mm: float
     L2_mm: float

@@ -38,11 +38,7 @@ class Elbow(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Planar2R:
-    """The two links, in mm.
-
-    Raises:
-        InputError: a length is not above 0.
-    """
+    """The two links, in mm; raises InputError unless both are longer than 0."""
 
     l1_mm: float
     l2_mm: float

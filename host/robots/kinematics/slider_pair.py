@@ -41,11 +41,7 @@ class AssemblyMode(Enum):
 
 @dataclass(frozen=True, slots=True)
 class SliderPair:
-    """The mechanism by its dimensions in mm: half the distance between the screws, and the links' length.
-
-    Raises:
-        InputError: half the distance is not above 0 and below the links' length.
-    """
+    """The mechanism by h, half the distance between the screws, and L, the links' length, in mm; 0 < h < L."""
 
     h_mm: float
     L_mm: float

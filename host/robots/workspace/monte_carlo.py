@@ -48,12 +48,9 @@ class MonteCarlo:
 
 
 def monte_carlo(robot: Robot, samples: int, seed: int) -> MonteCarlo:
-    """Draw joint positions and return the tool positions that they give.
+    """Draw joint positions and return the tool positions; raise InputError if `samples` or `seed` is out of range.
 
     The samples are those of `default_rng(seed)` drawing all positions of the first joint, then of the second ...
-
-    Raises:
-        InputError: `samples` or `seed` is out of range.
     """
     if not 1 <= samples <= SAMPLES_MAX:
         raise InputError(f"samples: {samples} is outside 1..{SAMPLES_MAX}")

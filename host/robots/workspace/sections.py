@@ -91,11 +91,7 @@ class Scan:
 
 
 def scan(robot: Robot, attitude_deg: float | None = None, z_mm: float | None = None) -> Scan:
-    """Scan the plan at a height, by default the home position's, and the profile in the direction of home.
-
-    Raises:
-        InputError: the robot's dimensions or joints are not its mechanism's.
-    """
+    """Return the plan at a height, by default the home position's, and the profile in the direction of home."""
     arm = Arm.of(robot, attitude_deg)
     radius_mm, lowest_mm, highest_mm = arm.box_mm()
     radii_mm = np.linspace(0.0, radius_mm, _RADII)
