@@ -1,0 +1,101 @@
+"""`--help` of the program and of every command: its groups, its width, its words, and its examples."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+import typer
+from typer.core import TyperCommand, TyperGroup, TyperOption
+
+from steptwin.host.cli.app import COMMANDS, EXAMPLES, app, run
+from steptwin.host.common.errors import BusError
+from steptwin.host.robots import load_robot
+
+NAMES = [name for names in COMMANDS.values() for name in names]
+EVERY_EXAMPLE = [(name, example) for name, examples in EXAMPLES.items() for example in examples]
+CHEAP = {"robots", "jobs", "fk", "ik", "eds", "dbc"}
+LIVE = [(name, example) for name, example in EVERY_EXAMPLE if re.search(" --connect | -i ", example)]
+
+
+def shown(capsys: pytest.CaptureFixture[str], *words: str) -> list[str]:
+    assert run([*words, "--help"]) == 0
+    return [line.rstrip() for line in capsys.readouterr().out.splitlines()]
+
+
+def words_of(example: str) -> list[str]:
+    """The words of an example behind the program's name, without the redirection of its output."""
+    program, *words = shlex.split(example.partition(" > ")[0])
+    assert program == "steptwin"
+    return words
+
+
+def command_of(name: str) -> TyperCommand:
+    group = typer.main.get_command(app)
+    assert isinstance(group, TyperGroup)
+    command = group.commands[name]
+    assert isinstance(command, TyperCommand)
+    return command
+
+
+def test_the_program_lists_its_commands_in_groups(capsys: pytest.CaptureFixture[str]) -> None:
+    lines = shown(capsys)
+    titles = [line.strip("╭╮─ ") for line in lines if line.startswith("╭")]
+    assert titles == ["Options", "Robots and maths", "Run and verify", "Live board", "Files and tools"]
+    assert [line.split()[1] for line in lines if re.match(r"│ [a-z]", line)] == NAMES
+    assert len(NAMES) == len(set(NAMES)) == 25
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["--version"]) == 0
+    assert re.fullmatch(r"steptwin \d+\.\d+\.\d+\n", capsys.readouterr().out)
+
+
+@pytest.mark.parametrize("name", ["", *NAMES])
+def test_it_fits_80_columns(name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """No line is longer, and no name of an option or a value is broken to make it fit."""
+    monkeypatch.setenv("COLUMNS", "80")
+    lines = shown(capsys, *name.split())
+    assert max(map(len, lines)) <= 80
+    text = "\n".join(lines)
+    assert "…" not in text
+    assert not re.search(r"<\w", text), "a type of Python instead of a word"
+    for option in command_of(name).params if name else []:
+        for word in (*option.opts, *(option.metavar or "").split()) if isinstance(option, TyperOption) else ():
+            assert re.search(rf"│ .*{re.escape(word)}", text), word
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_it_ends_with_two_examples(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = [line.strip() for line in shown(capsys, name)]
+    at = lines.index("Examples:")
+    assert lines[at + 1 : at + 3] == list(EXAMPLES[name])
+    assert len(set(EXAMPLES[name])) == 2
+    assert all(words_of(example)[0] == name for example in EXAMPLES[name])
+
+
+@pytest.mark.parametrize(("name", "example"), EVERY_EXAMPLE, ids=[example for _, example in EVERY_EXAMPLE])
+def test_an_example_is_understood(name: str, example: str) -> None:
+    """Its options and their values are of the right kind; robots and joints are looked up when it runs."""
+    command_of(name).make_context(name, words_of(example)[1:])
+
+
+@pytest.mark.parametrize("example", [example for name, example in EVERY_EXAMPLE if name in CHEAP])
+def test_an_example_runs(example: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("mine.toml").write_text(load_robot("lab-scara").toml, encoding="utf-8")
+    assert run(words_of(example)) == 0
+
+
+@pytest.mark.parametrize("example", [example for _, example in LIVE])
+def test_an_example_for_a_live_board_gets_as_far_as_the_bus(
+    example: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its robot, joints, numbers and options are right; then the bus is not there."""
+
+    def no_bus(*_: object) -> None:
+        raise BusError("no bus in this test")
+
+    monkeypatch.setattr("steptwin.host.client.bus_link.open_bus", no_bus)
+    assert run(words_of(example)) == BusError.exit_code
+    assert "no bus in this test" in "".join(capsys.readouterr())
