@@ -42,6 +42,9 @@ def home(
     loaded = one_robot(robot, robot_file)
     if here is not None and (together or stay):
         raise InputError("--here: moves nothing, so --together and --stay do not go with it")
+    without = [joint.name for joint in loaded.joints if joint.homing is None]
+    if here is None and without:
+        raise InputError(f"{without[0]}: the robot's file has no homing for it; say where it stands by --here")
     standing = None if here is None else joint_values(here.split(), loaded.joint_names, "--here")
     with opened_session(loaded, connect, interface, channel, bitrate) as session:
         if standing is not None:

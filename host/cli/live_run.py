@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from steptwin.host.cli.connection import opened_link
+from steptwin.host.cli.option_names import naming_options
 from steptwin.host.cli.output import print_json, print_table
 from steptwin.host.cli.progress import progress_bar
 
@@ -22,7 +23,8 @@ def run_live(found: "Connection", plan: "Plan", job: str, *, repeat: int, approa
     from steptwin.host.operate.running import check_repeatable, execute_live
     from steptwin.host.operate.session import Session
 
-    check_repeatable(plan, repeat)
+    with naming_options("repeat"):
+        check_repeatable(plan, repeat)
     with opened_link(found) as link, progress_bar(f"{plan.robot.name} {job}") as progress:
         outcome = execute_live(
             Session(link, plan.robot), plan, job, repeat=repeat, approach=approach, progress=progress

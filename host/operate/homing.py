@@ -31,7 +31,7 @@ def home_robot(
     settings = tuple(homing_settings(joint) for joint in session.robot.joints)
     for joint, how in zip(session.robot.joints, settings, strict=True):
         if how is None:
-            raise InputError(f"{joint.name}: the robot's file has no homing for it; say where it stands by --here")
+            raise InputError(f"{joint.name}: the robot's file has no homing for it; declare where it stands instead")
     with session.in_charge("home", known=False) as machine:
         machine.home_axes(settings, progress, together=together)
         if not stay:

@@ -75,11 +75,11 @@ class LiveOutcome:
 def check_repeatable(plan: Plan, repeat: int) -> None:
     """InputError unless a plan may be run so often, one time after the other."""
     if repeat < 1:
-        raise InputError(f"--repeat {repeat}: is not at least 1")
+        raise InputError(f"repeat={repeat}: is not at least 1")
     for joint, start, end in zip(plan.robot.joints, plan.points_units[0], plan.points_units[-1], strict=True):
         if repeat > 1 and start != end:
             raise InputError(
-                f"--repeat {repeat}: {joint.name} starts at {joint.to_position(start):.4f} {joint.unit}"
+                f"repeat={repeat}: {joint.name} starts at {joint.to_position(start):.4f} {joint.unit}"
                 f" and ends at {joint.to_position(end):.4f} {joint.unit}"
             )
 

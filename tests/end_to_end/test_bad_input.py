@@ -1,6 +1,8 @@
 """Bad input: one line on stderr that names value, limit and the nearest valid choice, exit code 2, no frame sent."""
 
 import dataclasses
+import re
+from pathlib import Path
 
 import pytest
 
@@ -83,6 +85,16 @@ def test_one_line_and_exit_code_2(
     for word in words:
         assert word in captured.err
     assert frames == []
+
+
+def test_a_robot_without_homing_is_told_of_here(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Before the bus is opened."""
+    homed = load_robot("teaching-scara").toml
+    path = tmp_path / "mine.toml"
+    path.write_text(re.sub(r"^\[joints\.th1\.homing\]\n(?:.+\n)+", "", homed, flags=re.MULTILINE))
+    assert run(["home", str(path), "--connect", "127.0.0.1:1"]) == 2
+    told = "th1: the robot's file has no homing for it; say where it stands by --here"
+    assert capsys.readouterr() == ("", f"steptwin: {told}\n")
 
 
 @pytest.mark.parametrize(("offset_deg", "accepted"), [(0.0112, True), (0.0113, False)])

@@ -121,9 +121,9 @@ def test_again_and_again(session: Session, tmp_path: Path) -> None:
 
 def test_what_does_not_end_where_it_starts_is_not_repeated(pull: Plan) -> None:
     check_repeatable(pull, 1)
-    with pytest.raises(InputError, match=r"^--repeat 2: \w+ starts at .* and ends at "):
+    with pytest.raises(InputError, match=r"^repeat=2: \w+ starts at .* and ends at "):
         check_repeatable(pull, 2)
-    with pytest.raises(InputError, match=r"^--repeat 0: is not at least 1$"):
+    with pytest.raises(InputError, match=r"^repeat=0: is not at least 1$"):
         check_repeatable(pull, 0)
 
 
