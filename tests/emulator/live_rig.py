@@ -16,7 +16,7 @@ from steptwin.emulator.pacer import Pacer
 from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.socketcand_server import SocketcandServer
 
-TIMEOUT_S = 20.0
+TIMEOUT_S = 120.0
 """For whatever must happen; nothing waits for so long unless it fails."""
 
 

@@ -9,6 +9,8 @@ from pathlib import Path
 
 from tests.emulator.live_rig import TIMEOUT_S
 
+_INTERRUPT_EVERY_S = 5.0
+
 
 class Terminal:
     """A program with a terminal of its own; a context manager, after which the program has ended.
@@ -54,16 +56,21 @@ class Terminal:
         os.write(self._terminal, keys.encode())
 
     def interrupt(self) -> None:
-        """Ctrl-C."""
-        self._process.send_signal(signal.SIGINT)
+        """Press Ctrl-C until the program has ended: Python drops an interrupt that comes amid a finalizer."""
+        while self._process.poll() is None:
+            self._process.send_signal(signal.SIGINT)
+            self._await_exit(_INTERRUPT_EVERY_S)
 
     def await_exit(self) -> int:
         """Wait for the program's end, while it may still write; return its exit code."""
-        deadline_s = time.monotonic() + TIMEOUT_S
-        while self._process.poll() is None:
-            assert time.monotonic() < deadline_s, f"did not end after {self.written!r}"
-            self._read()
+        self._await_exit(TIMEOUT_S)
+        assert self._process.returncode is not None, f"did not end after {self.written!r}"
         return self._process.returncode
+
+    def _await_exit(self, timeout_s: float) -> None:
+        deadline_s = time.monotonic() + timeout_s
+        while self._process.poll() is None and time.monotonic() < deadline_s:
+            self._read()
 
     def _read(self) -> None:
         """What comes within a moment. Linux reports an error when the program has closed its end."""

@@ -5,9 +5,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.end_to_end.test_readme import ROOT, blocks_of
+from tests.end_to_end.pages import ROOT, blocks_of, read_page
 
-PAGE = (ROOT / "docs" / "ci.md").read_text(encoding="utf-8")
+PAGE = read_page("docs/ci.md")
 EXAMPLE = ROOT / "docs" / "examples" / "ci"
 
 

@@ -17,7 +17,7 @@ from docs.generate.runs import ROBOTS, Runs
 from docs.generate.waveform_pictures import WAVEFORM_PAGE
 from steptwin.host.cli.app import run
 from steptwin.host.robots import robot_names
-from tests.end_to_end.test_readme import ROOT
+from tests.end_to_end.pages import ROOT
 
 TEXT = PAGE.read_text(encoding="utf-8")
 BENCHMARKS = (PAGE.parent / "benchmarks.md").read_text(encoding="utf-8")

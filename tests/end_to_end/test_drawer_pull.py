@@ -7,22 +7,14 @@ each reversal.
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from steptwin.host.cli.app import run
+from tests.end_to_end.command_line import run_json
 
-COMMAND = ["run", "warehouse-scara", "drawer-pull", "--json"]
-
-
-def run_json(capsys: pytest.CaptureFixture[str], *options: str, exit_code: int = 0) -> dict[str, Any]:
-    assert run([*COMMAND, *options]) == exit_code
-    captured = capsys.readouterr()
-    document = json.loads(captured.out)
-    assert isinstance(document, dict)
-    return document
+COMMAND = ["run", "warehouse-scara", "drawer-pull"]
 
 
 RIGHT = {"start": (0, 2667, 800), "net": (-1846, 662, 710), "pulses": (1846, 880, 710)}
@@ -37,7 +29,7 @@ LEFT_END_DEG = (20.879608989, -74.895689865, 144.016080876)
 def test_reference_figures(
     capsys: pytest.CaptureFixture[str], elbow: str, figures: dict[str, tuple[int, ...]], end_deg: tuple[float, ...]
 ) -> None:
-    report = run_json(capsys, "--elbow", elbow)
+    report = run_json(capsys, *COMMAND, "--elbow", elbow)
     assert report["passed"] is True
     assert report["duration_s"] == 10
     axes = {axis["name"]: axis for axis in report["axes"]}
@@ -68,7 +60,7 @@ def test_reference_figures(
 
 
 def test_the_json_document_has_the_keys_of_the_contract(capsys: pytest.CaptureFixture[str]) -> None:
-    report = run_json(capsys)
+    report = run_json(capsys, *COMMAND)
     assert set(report) >= {
         "robot", "job", "duration_s", "passed", "axes", "joints", "tool", "bus", "simulated_s", "wall_s",
     }  # fmt: skip
@@ -86,7 +78,7 @@ def test_the_json_document_has_the_keys_of_the_contract(capsys: pytest.CaptureFi
 def test_faster_and_elsewhere(capsys: pytest.CaptureFixture[str]) -> None:
     """In 2 s, with slides and lift elsewhere: the same arm counts, the world shifted."""
     options = ["duration_s=2", "ramp_s=0.5", "sx_mm=1000", "sz_mm=250.003", "L1_mm=150"]
-    report = run_json(capsys, *(word for option in options for word in ("-o", option)))
+    report = run_json(capsys, *COMMAND, *(word for option in options for word in ("-o", option)))
     assert report["passed"] is True
     assert report["axes"][0]["steps_end"] == 40_000
     assert report["axes"][1]["steps_end"] == 40_000  # 250.003 mm lies between two steps of 6.25 um
@@ -101,7 +93,7 @@ def folder_bytes(folder: Path) -> dict[str, bytes]:
 def test_two_runs_and_both_kernels_give_the_same_bytes(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     pytest.importorskip("numba", reason="the extra `fast` (numba) is not installed")
     for name, kernel in (("first", "numba"), ("second", "numba"), ("plain", "python")):
-        run_json(capsys, "--out", str(tmp_path / name), "--kernel", kernel)
+        run_json(capsys, *COMMAND, "--out", str(tmp_path / name), "--kernel", kernel)
     first = folder_bytes(tmp_path / "first")
     assert set(first) == {"robot.toml", "trajectory.csv", "edges.npz", "bus.log", "trace.vcd"}
     assert first == folder_bytes(tmp_path / "second") == folder_bytes(tmp_path / "plain")
@@ -110,7 +102,7 @@ def test_two_runs_and_both_kernels_give_the_same_bytes(capsys: pytest.CaptureFix
 def test_the_folder_holds_the_evidence(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     pytest.importorskip("matplotlib", reason="the extra `plot` (matplotlib) is not installed")
     out = tmp_path / "deep" / "folder"
-    report = run_json(capsys, "--out", str(out))
+    report = run_json(capsys, *COMMAND, "--out", str(out))
     assert json.loads((out / "report.json").read_text()) == report
     assert report["folder_version"] == 1
     assert {p.name for p in out.iterdir()} == {
@@ -150,7 +142,7 @@ def test_no_digit_is_lost_in_a_narrow_terminal(
 
 class TestAHangingHost:
     def test_the_board_stops_itself_and_knows_where_it_is(self, capsys: pytest.CaptureFixture[str]) -> None:
-        assert run([*COMMAND, "--cut-stream", "3"]) == 3
+        assert run([*COMMAND, "--cut-stream", "3", "--json"]) == 3
         captured = capsys.readouterr()
         report = json.loads(captured.out)
         assert report["passed"] is False
@@ -166,7 +158,7 @@ class TestAHangingHost:
 
     def test_the_stop_is_a_ramp(self, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
         """After the cut step intervals only grow, and the last step comes within the time of the ramp."""
-        run_json(capsys, "--cut-stream", "3", "--out", str(tmp_path), exit_code=3)
+        run_json(capsys, *COMMAND, "--cut-stream", "3", "--out", str(tmp_path), exit_code=3)
         with np.load(tmp_path / "edges.npz") as edges:
             t_s = (edges["th1_step_counts"] - edges["start_counts"]) / 72e6
         after = t_s[t_s > 3.0]

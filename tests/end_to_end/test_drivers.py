@@ -3,7 +3,6 @@
 import dataclasses
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,16 +17,10 @@ from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.board_config import board_config
 from steptwin.host.twin.execution import execute
 from steptwin.host.twin.outcome import Outcome
+from tests.end_to_end.command_line import run_json
 
 DRAWER_PULL = ["run", "warehouse-scara", "drawer-pull"]
 SPIRAL = ["run", "lab-scara", "spiral"]
-
-
-def run_json(capsys: pytest.CaptureFixture[str], arguments: list[str], exit_code: int) -> dict[str, Any]:
-    assert run([*arguments, "--json"]) == exit_code
-    document = json.loads(capsys.readouterr().out)
-    assert isinstance(document, dict)
-    return document
 
 
 def with_board(name: str, **settings: object) -> Robot:
@@ -40,7 +33,7 @@ def executed(robot: Robot, job: str, kernel: Kernel) -> Outcome:
 
 
 def test_by_default_nothing_is_broken(capsys: pytest.CaptureFixture[str]) -> None:
-    document = run_json(capsys, DRAWER_PULL, 0)
+    document = run_json(capsys, *DRAWER_PULL)
     assert document["driver_profile"] == "chip-330pf"
     assert document["violations"] == []
 
@@ -50,7 +43,7 @@ class TestSlowBlueBoard:
 
     def test_misses_every_step(self, capsys: pytest.CaptureFixture[str]) -> None:
         """STEP is high for 33 us before the edge that it steps with; the board wants 150 us."""
-        document = run_json(capsys, [*DRAWER_PULL, *self.OPTIONS], 1)
+        document = run_json(capsys, *DRAWER_PULL, *self.OPTIONS, exit_code=1)
         assert document["passed"] is False
         assert document["driver_profile"] == "slow-blue-board"
         moved = [axis for axis in document["axes"] if axis["pulses"]]
@@ -82,7 +75,7 @@ class TestSlowBlueBoard:
         assert any("FAILED" in line for line in lines)
 
     def test_leaves_its_violations_in_the_folder(self, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-        run_json(capsys, [*DRAWER_PULL, *self.OPTIONS, "--out", str(tmp_path)], 1)
+        run_json(capsys, *DRAWER_PULL, *self.OPTIONS, "--out", str(tmp_path), exit_code=1)
         with np.load(tmp_path / "edges.npz") as edges:
             assert edges["th1_violation_counts"].size == edges["th1_clk_rise_counts"].size == 1846
             assert np.array_equal(edges["th1_violation_counts"], edges["th1_clk_fall_counts"])
@@ -113,11 +106,11 @@ class TestThreeAmpModule:
     """DIR takes 24 us to fall, STEP next to none: the robots' 15 us of setup are too short for some reversals."""
 
     def test_a_late_dir_steps_the_wrong_way(self, capsys: pytest.CaptureFixture[str]) -> None:
-        document = run_json(capsys, [*SPIRAL, "--driver-profile", "3a-module"], 1)
+        document = run_json(capsys, *SPIRAL, "--driver-profile", "3a-module", exit_code=1)
         (group,) = document["violations"]
         assert (group["axis"], group["rule"], group["count"], group["worst"]) == ("th2", "dir_setup", 1, 15)
         assert group["limit"] == pytest.approx(23.92, abs=0.01)
-        right = {axis["name"]: axis for axis in run_json(capsys, SPIRAL, 0)["axes"]}
+        right = {axis["name"]: axis for axis in run_json(capsys, *SPIRAL)["axes"]}
         wrong = {axis["name"]: axis for axis in document["axes"]}
         assert wrong["th2"]["pulses"] == right["th2"]["pulses"]
         assert abs(wrong["th2"]["steps_end"] - right["th2"]["steps_end"]) == 2
@@ -179,7 +172,7 @@ class TestThreeAmpModule:
 @pytest.mark.parametrize("pf", [100, 1000])
 def test_chips_by_their_capacitor(pf: int, capsys: pytest.CaptureFixture[str]) -> None:
     """33 us are enough for 100 pF, which asks for 10, and too short for 1000 pF, which asks for 90."""
-    document = run_json(capsys, [*DRAWER_PULL, "--driver-profile", f"chip-{pf}pf"], 0 if pf == 100 else 1)
+    document = run_json(capsys, *DRAWER_PULL, "--driver-profile", f"chip-{pf}pf", exit_code=0 if pf == 100 else 1)
     assert {group["limit"] for group in document["violations"]} == ({90.0} if pf == 1000 else set())
 
 

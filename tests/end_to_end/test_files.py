@@ -11,6 +11,7 @@ import pytest
 from steptwin.emulator.can_controller import CanController
 from steptwin.host.cli.app import run
 from steptwin.host.robots import load_robot
+from tests.end_to_end.command_line import refusal
 
 ROBOT = "teaching-scara"
 CSV = """t,th1,th2,d3,th4
@@ -54,16 +55,6 @@ def report_of(capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, Any]
     assert report["passed"] is True
     assert [axis["violations"] for axis in report["axes"]] == [0] * len(report["axes"])
     return report
-
-
-def refusal(capsys: pytest.CaptureFixture[str], *words: str) -> str:
-    """The one line that bad input is told."""
-    assert run([*words]) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    (line,) = captured.err.splitlines()
-    assert line.startswith("steptwin: ")
-    return line.removeprefix("steptwin: ")
 
 
 @pytest.fixture

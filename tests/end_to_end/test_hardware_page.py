@@ -9,9 +9,9 @@ from steptwin.host.cli.app import run
 from steptwin.host.common.errors import BusError
 from steptwin.protocol import od
 from steptwin.protocol.objects import OBJECTS
-from tests.end_to_end.test_readme import ROOT, blocks_of
+from tests.end_to_end.pages import ROOT, blocks_of, read_page
 
-PAGE = (ROOT / "docs" / "hardware.md").read_text(encoding="utf-8")
+PAGE = read_page("docs/hardware.md")
 ADAPTERS = [
     shlex.split(line, comments=True)
     for language, block in blocks_of(PAGE)

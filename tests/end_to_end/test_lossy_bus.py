@@ -5,20 +5,10 @@ import pytest
 from steptwin.controller.backend import Kernel
 from steptwin.emulator.bus_faults import BusFault, BusFaultKind, FaultScript
 from steptwin.host.common.errors import BusError
-from steptwin.host.planning.jobs import make_job
-from steptwin.host.planning.planner import plan
-from steptwin.host.robots import load_robot
-from steptwin.host.twin.execution import execute
-from steptwin.host.twin.outcome import Outcome
 from steptwin.protocol.frame import COB_SYNC
+from tests.end_to_end.faulty_bus import MS, drawer_pull
 
 RPDO4 = range(0x510, 0x518)
-MS = 72_000
-
-
-def run_with(kernel: Kernel, script: FaultScript) -> Outcome:
-    robot = load_robot("warehouse-scara")
-    return execute(plan(robot, make_job(robot, "drawer-pull", {})), "drawer-pull", kernel, bus_faults=script)
 
 
 def losing(part: float) -> FaultScript:
@@ -29,7 +19,7 @@ def losing(part: float) -> FaultScript:
 @pytest.mark.parametrize("part", [0.002, 0.01, 0.05])
 def test_losses_are_made_good(fast_kernel: Kernel, part: float) -> None:
     script = losing(part)
-    outcome = run_with(fast_kernel, script)
+    outcome = drawer_pull(fast_kernel, script)
     assert len(script.struck) > 5
     assert outcome.fault is None
     assert outcome.report.passed, outcome.report.reasons
@@ -37,7 +27,7 @@ def test_losses_are_made_good(fast_kernel: Kernel, part: float) -> None:
 
 def test_a_line_too_bad_to_keep_up_ends_in_an_underrun(fast_kernel: Kernel) -> None:
     """Two of five records get lost: the queues fill before the start, then run dry, and the board stops itself."""
-    outcome = run_with(fast_kernel, losing(0.4))
+    outcome = drawer_pull(fast_kernel, losing(0.4))
     assert outcome.fault is not None
     assert outcome.fault.positions_agree
     assert 0xFF01 in [code for codes in outcome.fault.codes.values() for code in codes]
@@ -45,18 +35,18 @@ def test_a_line_too_bad_to_keep_up_ends_in_an_underrun(fast_kernel: Kernel) -> N
 
 def test_a_lost_sync_is_noticed(fast_kernel: Kernel) -> None:
     with pytest.raises(BusError, match="not all axes start within 1 s"):
-        run_with(fast_kernel, FaultScript([BusFault(BusFaultKind.LOSS, (COB_SYNC,))]))
+        drawer_pull(fast_kernel, FaultScript([BusFault(BusFaultKind.LOSS, (COB_SYNC,))]))
 
 
 def test_a_dead_line_never_starts(fast_kernel: Kernel) -> None:
     with pytest.raises(BusError, match="32 records"):
-        run_with(fast_kernel, losing(1.0))
+        drawer_pull(fast_kernel, losing(1.0))
 
 
 def test_a_noisy_line_costs_bits_and_nothing_else(fast_kernel: Kernel) -> None:
     """One attempt in twenty is disturbed: CAN itself repeats it, no record is missing and no node complains."""
     script = FaultScript([BusFault(BusFaultKind.CORRUPTION, rate=0.05)], seed=1)
-    outcome = run_with(fast_kernel, script)
+    outcome = drawer_pull(fast_kernel, script)
     assert len(script.struck) > 300
     assert outcome.report.passed, outcome.report.reasons
     assert not [frame for _, frame in outcome.bus_log if frame.cob_id - 0x80 in range(0x10, 0x18)]
@@ -70,7 +60,7 @@ def test_a_hold_up_and_a_bus_off_are_bridged_by_the_queues(fast_kernel: Kernel) 
             BusFault(BusFaultKind.BUS_OFF, range(0x190, 0x198), from_counts=5000 * MS, count=1),
         ]
     )
-    outcome = run_with(fast_kernel, script)
+    outcome = drawer_pull(fast_kernel, script)
     assert len(script.struck) == 2
     assert outcome.report.passed, outcome.report.reasons
     emergencies = [frame for _, frame in outcome.bus_log if frame.cob_id - 0x80 in range(0x10, 0x18)]
@@ -83,5 +73,5 @@ def test_the_same_script_makes_the_same_run(fast_kernel: Kernel) -> None:
         script = FaultScript(
             [BusFault(BusFaultKind.CORRUPTION, rate=0.01), BusFault(BusFaultKind.LOSS, RPDO4, rate=0.01)], seed=7
         )
-        logs.append((run_with(fast_kernel, script).bus_log, script.struck))
+        logs.append((drawer_pull(fast_kernel, script).bus_log, script.struck))
     assert logs[0] == logs[1]

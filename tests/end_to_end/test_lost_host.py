@@ -5,24 +5,19 @@ import pytest
 
 from steptwin.controller.backend import Kernel
 from steptwin.emulator.bus_faults import BusFault, BusFaultKind, FaultScript
-from steptwin.host.planning.jobs import make_job
-from steptwin.host.planning.planner import plan
-from steptwin.host.robots import load_robot
-from steptwin.host.twin.execution import execute
 from steptwin.host.twin.outcome import Outcome
+from tests.end_to_end.faulty_bus import MS, drawer_pull
 
 HEARTBEAT = 0x77F
 SILENT_COUNTS = 3 * 72_000_000
 TIMEOUT_COUNTS = round(0.35 * 72e6)
-MS = 72_000
 ARM = range(3, 6)
 
 
 def run_without_heartbeat(kernel: Kernel) -> Outcome:
     """From 3 s after power-up on, heartbeats do not reach the board any more."""
     script = FaultScript([BusFault(BusFaultKind.LOSS, (HEARTBEAT,), from_counts=SILENT_COUNTS)])
-    robot = load_robot("warehouse-scara")
-    return execute(plan(robot, make_job(robot, "drawer-pull", {})), "drawer-pull", kernel, bus_faults=script)
+    return drawer_pull(kernel, script)
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,6 @@ import re
 import shlex
 import shutil
 import subprocess
-import sys
 import sysconfig
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,12 +16,13 @@ from canopen.profiles.p402 import BaseNode402
 from steptwin.host.record.folder import BUS_LOG
 from steptwin.protocol.cia402 import ErrorCode, Status
 from tests.emulator.live_rig import TIMEOUT_S, await_true
+from tests.end_to_end.command_line import PROGRAM
+from tests.end_to_end.pages import blocks_of, read_page
+from tests.end_to_end.served import serving
 from tests.end_to_end.terminal import Terminal
-from tests.end_to_end.test_readme import ROOT, blocks_of
 
-PAGE = (ROOT / "docs" / "tools.md").read_text(encoding="utf-8")
+PAGE = read_page("docs/tools.md")
 PORT_SHOWN = "29536"
-STEPTWIN = [sys.executable, "-c", "from steptwin.host.cli import main; main()"]
 ROBOT = "teaching-scara"
 NODE = 0x10
 TARGET_STEPS = 100
@@ -74,22 +74,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("tools")
     for words in (shown("steptwin eds"), shown("steptwin dbc")):
         with (folder / words[-1]).open("w", encoding="utf-8") as file:
-            subprocess.run([*STEPTWIN, *words[1 : words.index(">")]], stdout=file, check=True)
+            subprocess.run([*PROGRAM, *words[1 : words.index(">")]], stdout=file, check=True)
     return folder
 
 
 @pytest.fixture(scope="module")
 def served(folder: Path) -> Iterator[Served]:
-    server = subprocess.Popen([*STEPTWIN, "serve", ROBOT, "--port", "0"], stdout=subprocess.PIPE, text=True)
-    try:
-        assert server.stdout
-        banner = [server.stdout.readline() for _ in range(2)]
-        port = re.search(r"port=(\d+)", banner[1])
-        assert port, banner
-        yield Served(port[1], folder)
-    finally:
-        server.terminate()
-        server.communicate(timeout=TIMEOUT_S)
+    with serving(ROBOT) as server:
+        yield Served(str(server.port), folder)
 
 
 @pytest.fixture(scope="module")
@@ -137,7 +129,6 @@ def test_can_logger_and_cantools_decode(served: Served, node: BaseNode402) -> No
         logger.await_text("Connected to SocketCanDaemonBus")
         await_true(lambda: recorded(node, log), "can_logger has written a page with SDOs and a TPDO")
         logger.interrupt()
-        logger.await_exit()
     text = log.read_text()
     assert re.search(r" vcan0 610#4008100000000000 R$", text, flags=re.MULTILINE)
     words = shown("cantools decode")

@@ -1,6 +1,5 @@
 """The README's commands and its Python do what it says."""
 
-import re
 import shlex
 import shutil
 import subprocess
@@ -10,17 +9,10 @@ from pathlib import Path
 import pytest
 
 from steptwin.host.cli.app import run
+from tests.end_to_end.pages import blocks_of, read_page
 
-ROOT = Path(__file__).resolve().parents[2]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-MOTIONS = (ROOT / "docs" / "motions.md").read_text(encoding="utf-8")
-
-
-def blocks_of(text: str) -> list[tuple[str, str]]:
-    """Language and content of every fenced block."""
-    return re.findall(r"^```(\w*)\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
-
-
+README = read_page("README.md")
+MOTIONS = read_page("docs/motions.md")
 BLOCKS = blocks_of(README)
 COMMANDS = [
     line for language, block in BLOCKS if not language for line in block.splitlines() if line.startswith("steptwin ")

@@ -2,13 +2,10 @@
 
 import json
 import os
-import re
 import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
 
@@ -27,10 +24,10 @@ from steptwin.host.twin.standing import standing_steps
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.pvt import PvtRecord
 from tests.emulator.live_rig import TIMEOUT_S, RawClient
-from tests.end_to_end.test_readme import ROOT, blocks_of
+from tests.end_to_end.command_line import PROGRAM
+from tests.end_to_end.pages import blocks_of, read_page
+from tests.end_to_end.served import in_real_time, serving
 
-LIVE = ROOT / "docs" / "live.md"
-PROGRAM = [sys.executable, "-c", "from steptwin.host.cli import main; main()"]
 ROBOT = "warehouse-scara"
 STEPS_AT_MS = {0: 0, 10: 0, 70: 40, 110: 25}
 """Where the fourth axis is at rest: a cubic leads from one to the next."""
@@ -38,40 +35,6 @@ RECORDS = [
     PvtRecord(1024 * (STEPS_AT_MS[end] - STEPS_AT_MS[begin]), 0, end - begin, sequence)
     for sequence, (begin, end) in enumerate(pairwise(STEPS_AT_MS))
 ]
-
-
-class Server:
-    """A `steptwin serve` of its own; `port` is where it listens."""
-
-    def __init__(self, *options: str) -> None:
-        self.process = subprocess.Popen(
-            [*PROGRAM, "serve", ROBOT, "--port", "0", *options],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        banner = self.process.stderr if "--json" in options else self.process.stdout
-        assert banner
-        self.banner = [banner.readline().rstrip() for _ in range(3)]
-        port = re.search(r"port=(\d+)", self.banner[1])
-        assert port, self.banner
-        self.port = int(port[1])
-
-    def end(self, number: signal.Signals) -> tuple[int, str, str]:
-        """Send a signal; return exit code, stdout and stderr."""
-        self.process.send_signal(number)
-        out, err = self.process.communicate(timeout=TIMEOUT_S)
-        return self.process.returncode, out, err
-
-
-@contextmanager
-def serving(*options: str) -> Iterator[Server]:
-    server = Server(*options)
-    try:
-        yield server
-    finally:
-        server.process.kill()
-        server.process.communicate()
 
 
 def frames_of_a_motion() -> list[Frame]:
@@ -109,7 +72,7 @@ def move(client: RawClient) -> None:
 
 def test_a_session_and_its_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, log = tmp_path / "out", tmp_path / "run.log"
-    with serving("--out", str(out), "--log", str(log), "--json") as server:
+    with serving(ROBOT, "--out", str(out), "--log", str(log), "--json") as server:
         assert server.banner[0].startswith("SIMULATED warehouse-scara: sx sz L1 th1 th2 th3, nodes 0x10 to 0x15")
         listener, client = RawClient(server.port), RawClient(server.port)
         move(client)
@@ -146,13 +109,15 @@ def test_a_session_and_its_folder(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert capsys.readouterr().out.endswith("warehouse-scara live: PASSED\n")
 
 
+@in_real_time
 def test_ctrl_c_ends_it_as_well_after_what_docs_live_md_shows() -> None:
-    ((_, python),) = [block for block in blocks_of(LIVE.read_text(encoding="utf-8")) if block[0] == "python"]
-    with serving("--stand-at", "0 0 200 -60 120 -90") as server:
+    ((_, python),) = [block for block in blocks_of(read_page("docs/live.md")) if block[0] == "python"]
+    with serving(ROBOT, "--stand-at", "0 0 200 -60 120 -90") as server:
         session = python.replace("29536", str(server.port))
         shown = subprocess.run(
-            [sys.executable, "-W", "error", "-c", session], capture_output=True, text=True, check=True
+            [sys.executable, "-W", "error", "-c", session], capture_output=True, text=True, check=False
         )
+        assert (shown.returncode, shown.stderr) == (0, "")
         assert "SIMULATED" in shown.stdout
         code, stdout, stderr = server.end(signal.SIGINT)
     assert (code, stderr) == (0, "")  # no status line where there is no terminal
@@ -246,7 +211,7 @@ def test_an_interface_that_is_not_there(capsys: pytest.CaptureFixture[str]) -> N
 
 
 def test_other_machines_may_be_allowed() -> None:
-    with serving("--host", "0.0.0.0", "--allow-remote") as server:
+    with serving(ROBOT, "--host", "0.0.0.0", "--allow-remote") as server:
         RawClient(server.port).close()
         code, _, stderr = server.end(signal.SIGTERM)
     assert code == 0

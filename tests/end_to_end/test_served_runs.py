@@ -3,7 +3,6 @@
 import json
 import re
 import signal
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,7 @@ import pytest
 from steptwin.host.cli.app import run
 from steptwin.host.record.folder import read_edges, writing
 from tests.emulator.live_rig import RawClient
-from tests.end_to_end.test_serve import PROGRAM, ROBOT, Server, serving
+from tests.end_to_end.served import in_real_time, serving
 
 POINTS = """\
 t,sx,sz,L1,th1,th2,th3
@@ -22,13 +21,10 @@ t,sx,sz,L1,th1,th2,th3
 1.2,4,3,103,12,57,21
 """
 """From the robot's home; all joints move, and some turn back."""
+ROBOT = "warehouse-scara"
 HOME = "0 0 100 0 60 30"
 NODES = range(0x10, 0x16)
 SHOWN = re.compile(r"< frame (\w+) \S+ (\w*) >")
-
-
-def connected(server: Server, *words: str) -> list[str]:
-    return [*words, "--connect", f"127.0.0.1:{server.port}"]
 
 
 @pytest.fixture(scope="module")
@@ -49,14 +45,15 @@ def virtual(points: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("boards", ["6", "4,2"])
+@in_real_time
 def test_live_it_makes_the_same_edges_as_in_virtual_time(
     boards: str, points: str, virtual: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """To the count, from the servo tick in which it begins; and the verifier finds nothing wrong with them."""
     live = tmp_path / "live"
-    with serving("--boards", boards, "--out", str(live)) as server:
-        assert run(connected(server, "home", ROBOT, "--here", HOME)) == 0
-        assert run(connected(server, "run", ROBOT, points)) == 0
+    with serving(ROBOT, "--boards", boards, "--out", str(live)) as server:
+        assert server.run("home", ROBOT, "--here", HOME) == 0
+        assert server.run("run", ROBOT, points) == 0
         assert server.end(signal.SIGTERM)[0] == 0
     assert json.loads((live / "report.json").read_text())["boards"] == [int(axes) for axes in boards.split(",")]
     ours, theirs = read_edges(live), read_edges(virtual)
@@ -95,28 +92,30 @@ class Witness:
         return [f"{identifier}#{data}" for identifier, data in SHOWN.findall(self._seen.decode("ascii"))]
 
 
+@in_real_time
 def test_a_host_that_is_killed_in_the_middle(points: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """kill -9: its axes miss its heartbeat and stop; others have seen everything; after a reset it works as before."""
-    log = tmp_path / "run.log"
-    with serving("--log", str(log)) as server:
+    log, slow_points = tmp_path / "run.log", tmp_path / "slow.csv"
+    slow_points.write_text(re.sub(r"^0\.(\d)", r"\g<1>0", POINTS, flags=re.MULTILINE).replace("\n1.2,", "\n120,"))
+    with serving(ROBOT, "--log", str(log)) as server:
         witness = Witness(server.port)
-        assert run(connected(server, "home", ROBOT, "--here", HOME)) == 0
-        host = subprocess.Popen([*PROGRAM, *connected(server, "run", ROBOT, points)], stderr=subprocess.DEVNULL)
+        assert server.run("home", ROBOT, "--here", HOME) == 0
+        host = server.start("run", ROBOT, str(slow_points))
         witness.await_frame("080")  # the SYNC that sets it going
         witness.await_frame("390")  # a report of the first axis' queue
         host.kill()
-        host.wait()
+        host.communicate()
         for node in NODES:
             witness.await_frame(f"{0x080 + node:03X}")  # EMCY
         status = {"state": "FAULT", "error": "heartbeat lost", "moving": False, "position_known": True}
         capsys.readouterr()
-        assert run(connected(server, "status", ROBOT, "--json")) == 3
+        assert server.run("status", ROBOT, "--json") == 3
         axes = json.loads(capsys.readouterr().out)["axes"]
         assert [{key: axis[key] for key in status} for axis in axes] == [status] * len(NODES)
         here = " ".join(str(axis["position"]) for axis in axes)
-        assert run(connected(server, "reset", ROBOT)) == 0
-        assert run(connected(server, "home", ROBOT, "--here", here)) == 0
-        assert run(connected(server, "run", ROBOT, points, "--approach")) == 0
+        assert server.run("reset", ROBOT) == 0
+        assert server.run("home", ROBOT, "--here", here) == 0
+        assert server.run("run", ROBOT, points, "--approach") == 0
         code, stdout, _ = server.end(signal.SIGTERM)
         shown = witness.await_end()
     logged = [line.split()[2] for line in log.read_text().splitlines()]

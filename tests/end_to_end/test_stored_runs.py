@@ -15,16 +15,8 @@ from steptwin.host.record.folder import read_edges
 from steptwin.host.record.waveforms import HeldValues
 from steptwin.host.record.waveforms.signal import Values
 from steptwin.host.verify.evidence import Int64Array
+from tests.end_to_end.command_line import refusal
 from tests.host.record.waveforms.vcd_reader import read_vcd
-
-
-def refusal(capsys: pytest.CaptureFixture[str], *words: str) -> str:
-    capsys.readouterr()
-    assert run([*words]) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    (line,) = captured.err.splitlines()
-    return line.removeprefix("steptwin: ")
 
 
 def _with_the_library_of(form: str) -> None:

@@ -2,27 +2,29 @@
 
 import doctest
 import re
+import shlex
 import signal
 import subprocess
-import sys
 import time
-from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
+from tempfile import mkdtemp
 from typing import NamedTuple
 
 import can
-import pytest
 
 from steptwin.protocol.frame import COB_RPDO, FIRST_NODE_ID
-from tests.end_to_end.test_readme import ROOT, blocks_of
+from tests.end_to_end.command_line import PROGRAM
+from tests.end_to_end.pages import blocks_of, read_page
+from tests.end_to_end.served import explain, in_real_time, late_ms_of
 
-PAGE = (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
+PAGE = read_page("docs/tutorial.md")
 PORT_SHOWN = "29536"
 CONNECT = "--connect 127.0.0.1"
-STEPTWIN = [sys.executable, "-c", "from steptwin.host.cli import main; main()"]
 COB_RECORDS = COB_RPDO[3] + FIRST_NODE_ID
 COMMAND_TIMEOUT_S = 120.0
+SERVER = 1
+"""The terminal in which the board is served."""
 LIKE_SHOWN = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
 
@@ -43,12 +45,15 @@ STEPS = [
 
 
 class Terminals:
-    """Runs each terminal's commands one after the other; `port` stands where the page shows the usual one."""
+    """Runs each terminal's commands one after the other, on a free port instead of the one that the page shows.
+
+    A context manager, after which all commands have ended; a failure says how late the server was.
+    """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         script = folder / "steptwin"
-        script.write_text(f'#!/bin/sh\nexec {sys.executable} -c "{STEPTWIN[-1]}" "$@"\n', encoding="utf-8")
+        script.write_text(f'#!/bin/sh\nexec {shlex.join(PROGRAM)} "$@"\n', encoding="utf-8")
         script.chmod(0o755)
         self._running: dict[int, tuple[Step, subprocess.Popen[str]]] = {}
         self._exit_codes: dict[int, int] = {}
@@ -103,21 +108,29 @@ class Terminals:
                 assert process.poll() is None, f"{step.terminal}$ {step.command}\n{process.communicate()[0]}"
                 assert time.monotonic() < deadline_s, step.command
 
-    def close(self) -> None:
+    def __enter__(self) -> "Terminals":
+        return self
+
+    def __exit__(self, _type: object, error: object, _traceback: object) -> None:
+        server = self._running.pop(SERVER, None)
         for _, process in self._running.values():
             process.kill()
             process.communicate()
+        if server is not None:
+            server[1].send_signal(signal.SIGTERM)
+            report, _ = server[1].communicate(timeout=COMMAND_TIMEOUT_S)
+            if isinstance(error, Exception):
+                explain(error, "the server", late_ms_of(report))
 
 
-@pytest.fixture
-def terminals(tmp_path: Path) -> Iterator[Terminals]:
-    terminals = Terminals(tmp_path)
-    yield terminals
-    terminals.close()
+@in_real_time
+def test_the_session(tmp_path: Path) -> None:
+    with Terminals(Path(mkdtemp(dir=tmp_path))) as terminals:
+        play(terminals)
 
 
-def test_the_session(terminals: Terminals) -> None:
-    """A command goes on while those in terminals of higher numbers are typed, and no longer."""
+def play(terminals: Terminals) -> None:
+    """Type the page's commands; one goes on while those in terminals of higher numbers are typed, and no longer."""
     for step, following in pairwise([*STEPS, Step(0, "", "")]):
         if step.command == "^C":
             terminals.interrupt(step)

@@ -1,0 +1,20 @@
+"""The drawer pull on a bus with faults."""
+
+from typing import Final
+
+from steptwin.controller.backend import Kernel
+from steptwin.emulator.bus_faults import FaultScript
+from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.planner import plan
+from steptwin.host.robots import load_robot
+from steptwin.host.twin.execution import execute
+from steptwin.host.twin.outcome import Outcome
+
+MS: Final = 72_000
+"""Counts of the board's timer in a millisecond."""
+
+
+def drawer_pull(kernel: Kernel, script: FaultScript) -> Outcome:
+    """Run the drawer pull while the bus does what the script says."""
+    robot = load_robot("warehouse-scara")
+    return execute(plan(robot, make_job(robot, "drawer-pull", {})), "drawer-pull", kernel, bus_faults=script)

@@ -1,0 +1,163 @@
+"""Served boards as processes, and tests that talk to them in real time on a computer that may be busy."""
+
+import functools
+import json
+import re
+import signal
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, Final, ParamSpec
+
+from steptwin.host.cli.app import run
+from tests.emulator.live_rig import TIMEOUT_S
+from tests.end_to_end.command_line import PROGRAM
+
+LATE_MS: Final = 100.0
+"""Lateness from which on a failure may be the computer's: an axis misses its host's heartbeat after 350 ms."""
+ATTEMPTS: Final = 4
+_POLL_S: Final = 0.01
+_P = ParamSpec("_P")
+
+
+class ComputerTooSlowError(AssertionError):
+    """A test in real time failed while this computer was too slow for real time."""
+
+
+class Server:
+    """A `steptwin serve` on a free port.
+
+    Attributes:
+        process: the program.
+        banner: the lines that it printed first.
+        port: where it listens.
+    """
+
+    def __init__(self, robot: str, *options: str) -> None:
+        self.process = subprocess.Popen(
+            [*PROGRAM, "serve", robot, "--port", "0", *options],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        printed = self.process.stderr if "--json" in options else self.process.stdout
+        assert printed
+        self.banner = [printed.readline().rstrip() for _ in range(3)]
+        port = re.search(r"port=(\d+)", self.banner[1])
+        assert port, self.banner
+        self.port = int(port[1])
+
+    def connected(self, *words: str) -> list[str]:
+        """Return the words of a command for this board."""
+        return [*words, "--connect", f"127.0.0.1:{self.port}"]
+
+    def run(self, *words: str) -> int:
+        """Run a command on this board, in this process; return its exit code."""
+        return run(self.connected(*words))
+
+    def start(self, *words: str) -> subprocess.Popen[str]:
+        """Start a command on this board as a process."""
+        return subprocess.Popen(
+            [*PROGRAM, *self.connected(*words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+
+    def json(self, *words: str) -> dict[str, Any]:
+        """Run a command on this board as a process that must succeed; return its document."""
+        process = self.start(*words, "--json")
+        out, err = process.communicate(timeout=TIMEOUT_S)
+        assert (process.returncode, err) == (0, "")
+        document: dict[str, Any] = json.loads(out)
+        return document
+
+    def end(self, number: signal.Signals) -> tuple[int, str, str]:
+        """Send a signal; return exit code, stdout and stderr."""
+        self.process.send_signal(number)
+        out, err = self.process.communicate(timeout=TIMEOUT_S)
+        return self.process.returncode, out, err
+
+    def late_ms(self) -> float:
+        """End the server; return by how many milliseconds it was late at most, as its report says."""
+        return late_ms_of(self.end(signal.SIGTERM)[1])
+
+
+def late_ms_of(report: str) -> float:
+    """Return by how many milliseconds a server was late at most, from its report as text or as JSON."""
+    in_ms = re.findall(r"late, ms \(p50 p99 max\): \S+ \S+ ([\d.]+)", report)
+    in_us = re.findall(r'"late_us_max": ([\d.]+)', report)
+    return max([float(text) for text in in_ms] + [float(text) / 1000 for text in in_us])
+
+
+@contextmanager
+def serving(robot: str, *options: str) -> Iterator[Server]:
+    """Serve a robot's board while the block runs; a failure in the block says how late the server was."""
+    server = Server(robot, *options)
+    try:
+        yield server
+    except Exception as error:
+        if server.process.poll() is None:
+            explain(error, "the server", server.late_ms())
+        raise
+    finally:
+        server.process.kill()
+        server.process.communicate()
+
+
+class _Watch:
+    """Measures how late this process is woken, in a thread of its own; a context manager."""
+
+    def __init__(self) -> None:
+        self.late_ms = 0.0
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+
+    def _run(self) -> None:
+        due_s = time.monotonic() + _POLL_S
+        while not self._ended.wait(max(0.0, due_s - time.monotonic())):
+            self.late_ms = max(self.late_ms, 1000 * (time.monotonic() - due_s))
+            due_s = time.monotonic() + _POLL_S
+
+    def __enter__(self) -> "_Watch":
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        self._thread.join()
+
+
+def in_real_time(test: Callable[_P, None]) -> Callable[_P, None]:
+    """Repeat a test that fails while this computer is too slow for real time; let any other failure stand.
+
+    A busy computer so makes the test slow, not red: a stream that runs dry or a heartbeat that is missed says nothing
+    about StepTwin when a process had to wait for a processor for 100 ms or longer.
+    """
+
+    @functools.wraps(test)
+    def repeated(*args: _P.args, **kwargs: _P.kwargs) -> None:
+        for attempt in range(1, ATTEMPTS + 1):
+            try:
+                watched(*args, **kwargs)
+                return
+            except ComputerTooSlowError:
+                if attempt == ATTEMPTS:
+                    raise
+
+    def watched(*args: _P.args, **kwargs: _P.kwargs) -> None:
+        with _Watch() as watch:
+            try:
+                test(*args, **kwargs)
+            except Exception as error:
+                explain(error, "this process", watch.late_ms)
+                raise
+
+    return repeated
+
+
+def explain(error: Exception, what: str, late_ms: float) -> None:
+    """Note how late a process was; raise ComputerTooSlowError if that may be why the test failed."""
+    note = f"{what} was late by {late_ms:.0f} ms at most"
+    if late_ms >= LATE_MS and not isinstance(error, ComputerTooSlowError):
+        raise ComputerTooSlowError(f"{note}, the computer was too slow for real time: {error}") from error
+    error.add_note(note)
