@@ -116,11 +116,16 @@ class Terminals:
         for _, process in self._running.values():
             process.kill()
             process.communicate()
-        if server is not None:
-            server[1].send_signal(signal.SIGTERM)
+        if server is None:
+            return
+        server[1].send_signal(signal.SIGTERM)
+        try:
             report, _ = server[1].communicate(timeout=COMMAND_TIMEOUT_S)
-            if isinstance(error, Exception):
-                explain(error, "the server", late_ms_of(report))
+        finally:
+            server[1].kill()
+            server[1].wait()
+        if isinstance(error, Exception):
+            explain(error, "the server", late_ms_of(report))
 
 
 @in_real_time
