@@ -1,7 +1,7 @@
 """StepTwin: a firmware-faithful twin of STM32 + TB6560 stepper boards.
 
-All that most programs need is here under one name; docs/api.md lists it. A name is imported when it is first used, so
-that `import steptwin` costs nothing.
+These are the names that most programs need; docs/api.md describes each. A name is imported when it is first used, so
+`import steptwin` takes only milliseconds.
 """
 
 from importlib import import_module
@@ -77,11 +77,11 @@ _MODULES = {
     "host.twin.outcome": ("Outcome",),
     "host.twin.served_board": ("ServedBoard",),
 }
-"""Public names by the module that defines them, as imported above for type checkers."""
+"""Public names by the module that defines each; the imports above say the same to type checkers."""
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 
 
-if not TYPE_CHECKING:  # a type checker shall complain of unknown names
+if not TYPE_CHECKING:  # hidden from type checkers, so that they report unknown names
 
     def __getattr__(name: str) -> object:
         """Import a public name when it is first used (PEP 562)."""

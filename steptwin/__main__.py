@@ -1,4 +1,4 @@
-"""`python -m steptwin`: the command line."""
+"""Run the command line: `python -m steptwin`."""
 
 from steptwin.host.cli import main
 

@@ -1,4 +1,4 @@
-"""A board in virtual time for somebody's tests: the embedded board, and what a test asks about its machine."""
+"""Answer what a test asks about the machine of an embedded board: positions, outputs, pins, violations, a verdict."""
 
 import time
 from collections.abc import Iterable, Iterator, Sequence
@@ -16,15 +16,15 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 
 class Violation(NamedTuple):
-    """A limit of a driver that was broken.
+    """One instant at which a limit of a driver was broken.
 
     Attributes:
-        joint: whose driver.
-        t_s: when, in seconds since power-up.
-        rule: which limit, such as `clk_high`.
-        value: what there was.
-        limit: what the driver asks for.
-        unit: of both.
+        joint: name of the joint that the driver moves.
+        t_s: instant, in seconds since power-up.
+        rule: name of the limit, such as `clk_high`.
+        value: value that occurred.
+        limit: value that the driver requires.
+        unit: of both values.
     """
 
     joint: str
@@ -71,33 +71,33 @@ class BoardUnderTest(EmbeddedBoard):
         super().__init__(robot, joints, kernel or fastest_kernel(), faults, schedule, driver_profile)
 
     def steps(self) -> dict[str, int]:
-        """Each motor's position as its driver has counted, in steps from the joint's zero."""
+        """Return each motor's position by its driver's count, in steps from the joint's zero."""
         return dict(zip(self.robot.joint_names, self.driver_positions(), strict=True))
 
     def joints(self) -> dict[str, float]:
-        """Each joint's position as its driver has counted, in mm or degrees."""
+        """Return each joint's position by its driver's count, in mm or degrees."""
         return {
             name: steps / self.robot.joint(name).transmission.steps_per_unit for name, steps in self.steps().items()
         }
 
     def outputs(self) -> dict[str, bool]:
-        """The digital outputs that the robot's file names."""
+        """Return the level of each digital output that the robot's file names."""
         levels = dict.fromkeys(self.robot.outputs, False)
         for change in self.evidence().outputs:
             levels[change.name] = bool(change.level)
         return levels
 
     def pins(self, joint: str) -> AxisEvidence:
-        """Every edge of a joint's pins since power-up, and the steps that its driver counted; KeyError if none such."""
+        """Return every edge of a joint's pins since power-up, and the steps counted; KeyError for an unknown joint."""
         return self.evidence().axes[self.robot.joints.index(self.robot.joint(joint))]
 
     def violations(self) -> list[Violation]:
-        """Every time since power-up that a limit of a driver was broken, in order of time."""
+        """Return every violation of a driver's limit since power-up, in order of time."""
         found = [violation for axis in self.evidence().axes for violation in _broken(axis)]
         return sorted(found, key=lambda violation: violation.t_s)
 
     def verify(self, trajectory: Trajectory) -> Report:
-        """Compare what the drivers counted with a plan whose t = 0 is the last SYNC, as `steptwin verify` does.
+        """Verify the drivers' counts since the last SYNC, which is t = 0 of the trajectory, as `steptwin verify` does.
 
         Raises:
             ValueError: the trajectory's joints are not the robot's.

@@ -1,4 +1,4 @@
-"""The default board: emulated in this process, in virtual time, with the client's network wired straight to it."""
+"""Emulate a robot's board in this process, in virtual time, with the client's network connected to its bus."""
 
 from collections.abc import Iterable
 
@@ -21,14 +21,11 @@ from steptwin.protocol.frame import COB_SYNC, Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 _BOOT_S = 0.01
-"""The host comes after the nodes' boot-up messages."""
+"""Time from power-up to the host's arrival: by then the nodes have sent their boot-up messages."""
 
 
 class EmbeddedBoard:
-    """A robot's board on a bus of its own; fulfils the client's Link. The machine stands at the given joints.
-
-    `schedule` says what will happen to the machine beside its motion, and when.
-    """
+    """A robot's board on a bus of its own; fulfils the client's Link."""
 
     def __init__(
         self,
@@ -39,10 +36,18 @@ class EmbeddedBoard:
         schedule: Iterable[Scheduled] = (),
         driver_profile_name: str | None = None,
     ) -> None:
-        """By a name it has other drivers than the robot's file says.
+        """Switch the board on.
+
+        Args:
+            robot: the machine.
+            start_joints: positions at which it stands, mm and degrees.
+            kernel: form of the firmware's kernel.
+            bus_faults: script of the bus' faults.
+            schedule: operations on the machine beside its motion, such as EmergencyStop, each with its instant.
+            driver_profile_name: drivers that the board has instead of those in the robot's file.
 
         Raises:
-            InputError: there are no such drivers, or they cannot be set as the robot needs them.
+            InputError: the drivers do not exist, or cannot be set as the robot needs them.
         """
         self.robot = robot
         self.driver_profile = driver_profile(robot.board, driver_profile_name)
@@ -53,15 +58,15 @@ class EmbeddedBoard:
         self.wait(_BOOT_S)
 
     def now_s(self) -> float:
-        """Simulated seconds since the board was switched on."""
+        """Return the simulated seconds since power-up."""
         return self._simulation.now_s
 
     def wait(self, dt_s: float) -> None:
-        """Let simulated time pass; more than asked for if a frame is on the bus at its end."""
+        """Let simulated time pass: `dt_s` seconds, and the rest of a periodic frame that is on the bus then."""
         self.network.run_until(self._simulation.now_counts + round(dt_s * COUNTS_PER_SECOND))
 
     def operate(self, operation: Operation) -> None:
-        """Do something to the machine, now: press its e-stop, let its supply break down."""
+        """Do an operation on the machine now, such as EmergencyStop(pressed=True)."""
         self._simulation.operate(operation)
 
     @property
@@ -71,23 +76,23 @@ class EmbeddedBoard:
         return list(zip(bus.log_counts, bus.log_frames, strict=True))
 
     def bus_report(self) -> BusReport:
-        """The traffic so far."""
+        """Return bit rate, number of frames and load since power-up."""
         bus = self._simulation.bus
         load_percent = 100 * bus.busy_bits / (bus.bitrate * self._simulation.now_s)
         return BusReport(bus.bitrate, bus.frames, load_percent)
 
     def driver_positions(self) -> list[int]:
-        """Where each driver's own counter says the motor is, in steps from the joint's zero."""
+        """Return the position of each motor by its driver's own count, in steps from the joint's zero."""
         traces = (self._board.trace(axis) for axis in range(len(self._start_steps)))
         return [start + trace.position_steps for start, trace in zip(self._start_steps, traces, strict=True)]
 
     @property
     def started(self) -> bool:
-        """Whether a SYNC has set the axes going."""
+        """True once a SYNC has been sent, which starts the axes."""
         return any(frame.cob_id == COB_SYNC for frame in self._simulation.bus.log_frames)
 
     def evidence(self) -> Evidence:
-        """What the drivers saw; t = 0 is the first servo tick after the last SYNC, or power-up if there was none."""
+        """Return every edge at the drivers; t = 0 is the first servo tick after the last SYNC, else power-up."""
         bus = self._simulation.bus
         log = zip(bus.log_counts, bus.log_frames, strict=True)
         sync_counts = max((counts for counts, frame in log if frame.cob_id == COB_SYNC), default=0)

@@ -13,9 +13,9 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 class EmbeddedNetwork(canopen.Network):
     """The canopen library's network on a simulated bus.
 
-    `send_message` returns when the bus has fallen silent again, so that the library's blocking calls find their
-    answers already there; nothing waits and no thread is needed. Periodic frames go out when simulated time has come
-    to their turn: while the client waits, or before the next frame that it sends.
+    `send_message` returns when the bus is silent again, so the library's blocking calls find their answers already
+    there: nothing waits and no thread is needed. A periodic frame is sent when simulated time reaches its instant,
+    while the client waits or before the next frame that the client sends.
     """
 
     def __init__(self, simulation: Simulation) -> None:
@@ -25,10 +25,11 @@ class EmbeddedNetwork(canopen.Network):
         simulation.host.receive = self._frame_arrived
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        """Send a data frame; remote frames do not exist on this bus.
+        """Send a data frame, and let simulated time pass until the bus is silent.
 
         Raises:
-            BusError: the nodes' own frames leave the bus no pause.
+            BusError: the nodes' own frames never leave the bus silent.
+            ValueError: the frame is a remote frame, which this bus does not have.
         """
         if remote:
             raise ValueError("the simulated board answers no remote frames; CiA 301 advises against them")
@@ -49,7 +50,7 @@ class EmbeddedNetwork(canopen.Network):
             self.send_message(frame.cob_id, frame.data)
 
     def run_until(self, until_counts: int) -> None:
-        """Let simulated time pass to an instant, or to the end of the periodic frame that is on the bus then."""
+        """Let simulated time pass to an instant, or to the end of a periodic frame that is on the bus then."""
         while (due_counts := self._repeated.due_counts) is not None and due_counts < until_counts:
             self._simulation.run_until(due_counts)
             self._send_due()

@@ -1,4 +1,4 @@
-"""One run from plan to verdict: check the start, switch the board on, stream, wait for the end, verify."""
+"""Run a plan from start to verdict: check the start, switch the board on, stream, wait for the end, verify."""
 
 import time
 

@@ -1,8 +1,9 @@
-"""A robot's board, or its boards, in real time, with everything that is recorded and said about them."""
+"""Run a robot's boards in real time, record what happens on the bus and at the drivers, and report on it."""
 
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, TextIO
 
@@ -39,13 +40,36 @@ from steptwin.protocol.frame import COB_SYNC, FIRST_NODE_ID, Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 RECORD_EVERY_S: Final = 0.5
-"""How often `record` is to be called: the drivers' history is held in memory until then."""
+"""Period in which `record` must be called: until then the drivers' history is held in memory."""
+
+
+@dataclass(slots=True)
+class _JointTotals:
+    """What a joint's driver has done since power-up.
+
+    Attributes:
+        name: of the joint.
+        start_steps: position at power-up, in steps from the joint's zero.
+        active_edge: edge of CLK that the driver counts.
+        end_steps: position at the last `record`.
+        pulses: number of rising CLK edges.
+        violations: number of times that a limit of the driver was broken.
+        limits: the limits that the driver sets.
+    """
+
+    name: str
+    start_steps: int
+    active_edge: ActiveEdge
+    end_steps: int
+    pulses: int = 0
+    violations: int = 0
+    limits: tuple[DriverLimit, ...] = ()
 
 
 class LiveBoard:
-    """A robot's board, or several, on a bus of its own, for a `LiveLoop` to run. It records until it is closed.
+    """A robot's board, or several on one bus, for a `LiveLoop` to run; it records until it is closed.
 
-    With all its files in `out`, or the bus log alone in `log`, or none: memory stays bounded either way.
+    All files go into the folder `out`, the bus log alone into the file `log`. Memory stays bounded in any case.
     """
 
     def __init__(
@@ -65,17 +89,17 @@ class LiveBoard:
 
         Args:
             robot: the machine.
-            stand_at: where it stands, mm and degrees.
-            kernel: which form of the firmware's kernel runs.
-            bitrate: of the bus.
+            stand_at: joint positions at which it stands, mm and degrees.
+            kernel: form of the firmware's kernel.
+            bitrate: of the bus, in bit/s.
             speed: simulated seconds per second.
-            axes_per_board: in the order of the joints; None: all on one board.
-            out: the folder for everything.
-            log: the file for the bus log.
+            axes_per_board: number of axes on each board, in the order of the joints; None: one board has all.
+            out: folder for all files.
+            log: file for the bus log.
             driver_profile_name: drivers that the board has instead of those in the robot's file.
 
         Raises:
-            InputError: there are no such drivers, or they cannot be set as the robot needs them.
+            InputError: the drivers do not exist, or cannot be set as the robot needs them.
             OSError: a file cannot be written.
         """
         self.robot = robot
@@ -90,22 +114,21 @@ class LiveBoard:
         if out is not None:
             self._logs.append(self._file(out / BUS_LOG))
         self._spool = None if out is None else EdgeSpool(out / EDGES)
-        self._start_steps = standing_steps(robot, stand_at)
-        self._end_steps = list(self._start_steps)
-        self._pulses = [0] * len(robot.joints)
-        self._violations = [0] * len(robot.joints)
-        self._limits: list[tuple[DriverLimit, ...]] = [()] * len(robot.joints)
-        """What each driver asks for."""
+        start_steps = standing_steps(robot, stand_at)
+        edges = [ActiveEdge(module.active_edge) for config in configs for module in config.modules]
+        self._joints = [
+            _JointTotals(name, steps, edge, steps)
+            for name, steps, edge in zip(robot.joint_names, start_steps, edges, strict=True)
+        ]
         self._sync_counts: int | None = None
-        """A SYNC at rest, of which it is not known yet whether it starts a motion."""
+        """Instant of a SYNC at rest that may start a motion; None once that is known."""
         self._motion_start_counts: int | None = None
-        """t = 0 of the last motion that a SYNC has started."""
+        """Instant t = 0 of the last motion that a SYNC started."""
         warm_up(kernel)
-        self._active_edges = [ActiveEdge(module.active_edge) for config in configs for module in config.modules]
         self._boards = [Board(config, kernel) for config in configs]
         self._axes = [(board, axis) for board in self._boards for axis in range(board.config.axis_count)]
-        """Of each joint: its board, and its number there."""
-        self._plan = None if out is None else LivePlan(out, robot, self._axes, self._start_steps)
+        """Board of each joint, and the number of the joint's axis on it."""
+        self._plan = None if out is None else LivePlan(out, robot, self._axes, start_steps)
         self.bus = Bus(bitrate, log=self._log)
         simulation = Simulation(self._boards, self.bus)
         self.live = LiveSimulation(simulation, Pacer(time.monotonic_ns(), speed))
@@ -116,7 +139,7 @@ class LiveBoard:
     # --- what is recorded
 
     def _log(self, frame: Frame, counts: int) -> None:
-        """Every frame on the bus comes here, before its receivers have it."""
+        """Log a frame; called for every frame on the bus before its receivers get it."""
         self._judge_motion()
         if frame.cob_id == COB_SYNC and not self._in_motion:
             self._sync_counts = counts
@@ -126,7 +149,7 @@ class LiveBoard:
             log.write(log_line(counts, frame))
 
     def _judge_motion(self) -> None:
-        """What moves before any other frame has been received was set going by the SYNC; and it may be over by now."""
+        """Decide whether the last SYNC started a motion: axes that move before the next frame were started by it."""
         if self._sync_counts is not None and self._in_motion:
             self._motion_start_counts = -(-self._sync_counts // TICK_COUNTS) * TICK_COUNTS
             if self._plan:
@@ -140,34 +163,34 @@ class LiveBoard:
         return any(board.firmware.motion.running(axis) for board, axis in self._axes)
 
     def record(self) -> None:
-        """Take what has happened at the drivers since the last call, write it away and forget it."""
+        """Write what has happened at the drivers since the last call to the files, and forget it."""
         self._judge_motion()
         for board in self._boards:
             traces = [board.take_trace(axis) for axis in range(board.config.axis_count)]
             changes = board.take_pin_changes()
             for axis, trace in enumerate(traces):
-                self._record_axis(board.config.first_node_id - FIRST_NODE_ID + axis, trace, axis, changes)
+                joint = self._joints[board.config.first_node_id - FIRST_NODE_ID + axis]
+                self._record_axis(joint, trace, axis, changes)
         for log in self._logs:
             log.flush()
 
-    def _record_axis(self, joint: int, trace: AxisTrace, axis: int, changes: Sequence[PinChange]) -> None:
-        """The joint's axis on its board, whose pin changes these are."""
-        self._end_steps[joint] = self._start_steps[joint] + trace.position_steps
-        self._pulses[joint] += trace.clk_rise_counts.size
-        self._violations[joint] += trace.violations.counts.size
+    def _record_axis(self, joint: _JointTotals, trace: AxisTrace, axis: int, changes: Sequence[PinChange]) -> None:
+        """Record a joint's axis, by its number on the board whose pin changes these are."""
+        joint.end_steps = joint.start_steps + trace.position_steps
+        joint.pulses += trace.clk_rise_counts.size
+        joint.violations += trace.violations.counts.size
         if self._spool:
-            evidence = axis_evidence(self.robot.joint_names[joint], self._start_steps[joint], trace, axis, changes)
-            self._limits[joint] = evidence.violations.limits
+            evidence = axis_evidence(joint.name, joint.start_steps, trace, axis, changes)
+            joint.limits = evidence.violations.limits
             self._spool.append(evidence)
 
     def close(self, document: dict[str, Any]) -> None:
-        """Complete the files, after the last `record`; `document` becomes report.json."""
+        """Complete the files after the last `record`; `document` becomes report.json."""
         self._files.close()
         if self._plan:
             self._plan.finish()
         if self._spool and self._out:
-            totals = zip(self.robot.joint_names, self._start_steps, self._active_edges, self._limits, strict=True)
-            axes = [AxisTotals(*axis) for axis in totals]
+            axes = [AxisTotals(each.name, each.start_steps, each.active_edge, each.limits) for each in self._joints]
             self._spool.finish(self._motion_start_counts or 0, axes)
             (self._out / ROBOT).write_text(self.robot.toml, encoding="utf-8")
             write_report(self._out / REPORT, document | {VERSION_KEY: FOLDER_VERSION})
@@ -176,25 +199,26 @@ class LiveBoard:
 
     @property
     def simulated_s(self) -> float:
-        """Seconds on the board's clock."""
+        """Seconds on the board's clock since power-up."""
         return self.live.simulation.now_s
 
     @property
     def wall_s(self) -> float:
-        """Seconds since the board was switched on."""
+        """Seconds on the wall clock since power-up."""
         return (time.monotonic_ns() - self.live.pacer.start_ns) / 1e9
 
     @property
     def bus_load_percent(self) -> float:
-        """The bus' load since the beginning."""
+        """Part of the time since power-up in which the bus was busy, in percent."""
         return 100 * self.bus.busy_bits / (self.bus.bitrate * max(self.simulated_s, 1e-3))
 
     def lateness(self) -> dict[str, dict[str, float]]:
-        """How late the servo ticks of motions and the board's frames were."""
+        """Return how late the servo ticks of motions and the board's frames were, in us of the wall clock."""
         return {"ticks": _figures(self.live.ticks), "frames": _figures(self.live.frames)}
 
     def report(self) -> dict[str, Any]:
-        """The report under the keys of report.json, as of the last `record`; docs/live.md says what they are."""
+        """Return the figures as of the last `record`, under the keys of report.json (docs/live.md)."""
+        joints = self._joints
         steps_per_unit = self.robot.steps_per_unit.tolist()
         started_counts = self._motion_start_counts
         return {
@@ -210,18 +234,18 @@ class LiveBoard:
             "boards": list(self.axes_per_board),
             "axes": [
                 {
-                    "name": name,
-                    "steps_start": self._start_steps[axis],
-                    "steps_end": self._end_steps[axis],
-                    "pulses": self._pulses[axis],
-                    "violations": self._violations[axis],
+                    "name": joint.name,
+                    "steps_start": joint.start_steps,
+                    "steps_end": joint.end_steps,
+                    "pulses": joint.pulses,
+                    "violations": joint.violations,
                 }
-                for axis, name in enumerate(self.robot.joint_names)
+                for joint in joints
             ],
             "joints": {
                 "names": list(self.robot.joint_names),
-                "start": [steps / spu for steps, spu in zip(self._start_steps, steps_per_unit, strict=True)],
-                "end": [steps / spu for steps, spu in zip(self._end_steps, steps_per_unit, strict=True)],
+                "start": [joint.start_steps / spu for joint, spu in zip(joints, steps_per_unit, strict=True)],
+                "end": [joint.end_steps / spu for joint, spu in zip(joints, steps_per_unit, strict=True)],
             },
             "bus": {
                 "bitrate": self.bus.bitrate,
@@ -235,7 +259,6 @@ class LiveBoard:
 
 
 def _figures(lateness: Lateness) -> dict[str, float]:
-    """How late they were, in us of the wall clock."""
     return {
         "count": lateness.count,
         "late_us_p50": lateness.percentile_ns(50) / 1000,

@@ -1,6 +1,6 @@
-"""The plan of a live board's last motion: what its axes were sent, in the machine's positions.
+"""Follow the motions of a live board and give the records of the last one as a plan in the machine's positions.
 
-The firmware counts from wherever it was told to; the machine stands where its drivers have brought it.
+The firmware's positions begin wherever a host has preset them; those of the machine are what its drivers have counted.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,40 +19,41 @@ _FIELDS = (od.PVT_DISPLACEMENT, od.PVT_END_VELOCITY, od.PVT_DURATION_MS)
 
 
 class LivePlan:
-    """Follows the axes of a robot; told of every SYNC at rest and what came of it."""
+    """Turns the records that a robot's axes accept into a plan; the live board tells of SYNCs, starts and ends."""
 
     def __init__(
         self, folder: Path, robot: Robot, axes: Sequence[tuple[Board, int]], start_steps: Sequence[int]
     ) -> None:
-        """Begin to listen.
+        """Follow the axes from now on.
 
         Args:
-            folder: where trajectory.csv is to be.
+            folder: receives trajectory.csv.
             robot: the machine.
-            axes: of each joint its board, and its number there.
-            start_steps: where the joints stood at power-up.
+            axes: board of each joint, and the number of the joint's axis on it.
+            start_steps: positions of the joints at power-up, in steps from their zeros.
         """
         self._received = ReceivedPlan(folder, robot)
         self._robot = robot
         self._axes = axes
         self._start_steps = start_steps
         self._rest_units = self._demands_units()
+        """Position of each axis at the last SYNC, as the firmware counts."""
         self._queued = [0] * len(axes)
-        """Where the axes stood at the SYNC, as the firmware counts, and how many records waited."""
+        """Number of records in each axis' queue at that SYNC."""
         self._offset_units = [0] * len(axes)
-        """From the firmware's positions to those of the machine, as of then."""
+        """Difference from the firmware's positions to those of the machine at that SYNC."""
         for joint, (board, axis) in enumerate(axes):
             _tap_records(board.firmware.nodes[axis].dictionary, partial(self._received.accept, joint))
 
     @property
     def lacking(self) -> str | None:
-        """Why there is no plan just now; None: there is one."""
+        """Reason why there is no plan at present; None if there is one."""
         return self._received.lacking
 
     def sync(self) -> None:
-        """A SYNC is about to reach axes that rest.
+        """Note the positions at rest: a SYNC is about to reach the axes.
 
-        Where the machine stands is known to a step; of an axis with records, the firmware says where within it.
+        The drivers know the position to a step; for an axis with records the firmware adds the part of a step.
         """
         self._rest_units = self._demands_units()
         self._queued = [board.firmware.motion.queued(axis) for board, axis in self._axes]
@@ -66,7 +67,7 @@ class LivePlan:
                 self._offset_units[joint] = steps * UNITS_PER_FULL_STEP // microsteps - self._rest_units[joint]
 
     def begin(self) -> None:
-        """It has set them going."""
+        """Begin a plan: the last SYNC has started a motion."""
         self._received.begin(self._on_machine(self._rest_units), self._queued)
         for joint, (board, axis) in enumerate(self._axes):
             config, name = board.firmware.motion.config(axis), self._robot.joint_names[joint]
@@ -75,7 +76,7 @@ class LivePlan:
                 self._received.fail(f"{name} is set up otherwise than in the robot's file")
 
     def follow(self, *, in_motion: bool) -> None:
-        """See how the motion goes, if one has begun; before anything new reaches the axes."""
+        """Note a halt or the end of the motion under way; must be called before the next frame reaches the axes."""
         if not self._received.going:
             return
         if any(board.firmware.motion.group.halted for board, _ in self._axes):
@@ -84,7 +85,7 @@ class LivePlan:
             self._received.end(self._on_machine(self._demands_units()))
 
     def finish(self) -> None:
-        """The session is over: leave the plan, if there is one."""
+        """End the session; leave the plan in the folder if there is one."""
         self._received.finish()
 
     def _demands_units(self) -> list[int]:

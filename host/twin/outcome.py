@@ -1,4 +1,4 @@
-"""What a run on an embedded board leaves: verdict, evidence, bus log, and the fault that ended it, if one did."""
+"""Hold the result of a run on an embedded board: verdict, evidence, bus log, and the fault that ended it, if any."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,10 +15,10 @@ class RunFault:
     """The fault of a drive that ended a run.
 
     Attributes:
-        message: which axis, which error.
+        message: axis and error.
         codes: every axis' EMCY error codes, oldest first.
-        joints: where the drives say that the joints are, in mm and degrees.
-        positions_agree: whether that is exactly what the drivers have counted.
+        joints: joint positions by the drives' own count, in mm and degrees.
+        positions_agree: True if the drivers have counted exactly the same.
     """
 
     message: str
@@ -27,7 +27,7 @@ class RunFault:
     positions_agree: bool
 
     def to_dict(self) -> dict[str, Any]:
-        """The fault under the keys of report.json."""
+        """Return the fault under the keys of report.json."""
         return {
             "message": self.message,
             "codes": {name: [f"0x{code:04X}" for code in codes] for name, codes in self.codes.items()},
@@ -41,12 +41,12 @@ class Outcome:
     """The result of a run.
 
     Attributes:
-        plan: what was to be done.
-        comparison: what the drivers counted beside the plan.
-        report: the figures and the verdict.
+        plan: the motion that was run.
+        comparison: the drivers' counts beside the plan.
+        report: figures and verdict.
         bus_log: every frame with the instant, in counts since power-up, at which it became valid.
-        fault: what ended the run; None if it came to its end.
-        driver_profile: which drivers the board had.
+        fault: the fault that ended the run; None if it came to its end.
+        driver_profile: name of the drivers that the board had.
     """
 
     plan: Plan
@@ -58,24 +58,24 @@ class Outcome:
 
     @property
     def passed(self) -> bool:
-        """Whether the run came to its end and every pulse is where the plan wants it."""
+        """True if the run came to its end and every pulse is where the plan wants it."""
         return self.fault is None and self.report.passed
 
     def to_dict(self) -> dict[str, Any]:
-        """The document that `run --json` prints."""
+        """Return the document that `steptwin run --json` prints."""
         document = self.report.to_dict() | {"driver_profile": self.driver_profile, "simulated": True}
         if self.fault:
             document |= {"passed": False, "fault": self.fault.to_dict()}
         return document
 
     def save(self, folder: Path | str) -> bool:
-        """Write the run into a folder: report, plan, every edge, bus log, waveform, pictures; docs/run-folder.md.
+        """Write report, plan, every edge, bus log, waveform and pictures into a folder (docs/run-folder.md).
 
         Returns:
             False if the pictures were left out because matplotlib is not installed.
 
         Raises:
-            InputError: the folder cannot be made or written to.
+            InputError: the folder cannot be made, or is not writable.
             OSError: a file cannot be written.
         """
         path = prepare_folder(folder)

@@ -1,6 +1,6 @@
-"""The pytest plugin: an emulated board in virtual time for the tests of other projects. docs/ci.md.
+"""Give the tests of other projects an emulated board in virtual time, as a pytest plugin (docs/ci.md).
 
-pytest imports this module at each start, wherever StepTwin is installed: so everything else is imported when a test
+pytest imports this module at every start where StepTwin is installed, so everything else is imported only when a test
 asks for a board.
 """
 
@@ -25,12 +25,12 @@ _FRAMES_SHOWN = 20
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """The robot of tests that name none."""
+    """Add the setting that names the robot of tests without one."""
     parser.addini(_INI, "StepTwin: the robot of `steptwin_board`, a name or the path of a robot file", default="")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Make the marker known."""
+    """Register the marker."""
     config.addinivalue_line(
         "markers", f"{_MARKER}(robot, stand_at, schedule, bus_faults, driver_profile): which board `steptwin_board` is"
     )
@@ -38,7 +38,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.fixture(scope="session")
 def steptwin_kernel() -> "Kernel":
-    """The firmware's kernel in its fastest form, loaded once."""
+    """Return the fastest form of the firmware's kernel, loaded once in a session."""
     from steptwin.controller.backend import fastest_kernel
 
     return fastest_kernel()
@@ -46,14 +46,14 @@ def steptwin_kernel() -> "Kernel":
 
 @pytest.fixture
 def steptwin_make_board(request: pytest.FixtureRequest, steptwin_kernel: "Kernel") -> "Iterator[MakeBoard]":
-    """A function that switches boards on, for tests that need several; each is on a bus of its own.
+    """Return a function that switches boards on, each on a bus of its own, for tests that need several.
 
     Its arguments, all optional:
-        robot: the robot's name, or the path of a robot file from pytest's root directory; else the ini-file's.
-        stand_at: where the machine stands, in mm and degrees: all joints, or some by name; else at the robot's home.
-        schedule: what will happen to the machine beside its motion, and when.
-        bus_faults: what the bus does to frames, a script of `BusFault`s.
-        driver_profile: other drivers than the robot's file says, by name.
+        robot: the robot's name, or the path of a robot file from pytest's root directory; else the ini-file's robot.
+        stand_at: joint positions at which the machine stands, mm and degrees: all, or some by name; else its home.
+        schedule: operations on the machine beside its motion, each with its instant.
+        bus_faults: faults by which the bus loses, disturbs or delays frames.
+        driver_profile: name of the drivers that the board has instead of those in the robot's file.
     """
     from steptwin.host.common.errors import InputError
     from steptwin.host.twin.board_under_test import BoardUnderTest
@@ -89,7 +89,7 @@ def steptwin_make_board(request: pytest.FixtureRequest, steptwin_kernel: "Kernel
 
 @pytest.fixture
 def steptwin_board(request: pytest.FixtureRequest, steptwin_make_board: "MakeBoard") -> "BoardUnderTest":
-    """An emulated board in virtual time, as the test's, its class' and its module's marker `steptwin` say."""
+    """Return an emulated board in virtual time, as the markers `steptwin` of the test, its class and its module say."""
     settings: dict[str, Any] = {}
     for marker in request.node.iter_markers(_MARKER):  # the closest comes first
         settings = dict(zip(("robot",), marker.args, strict=False)) | marker.kwargs | settings
@@ -107,7 +107,7 @@ def _robot(name: str, config: pytest.Config) -> "Robot":
 
 
 def _last_frames(board: "BoardUnderTest") -> str:
-    """What the bus said last: shown beside a test's failure."""
+    """Return the last frames on the bus in CANopen's words, shown beside a test's failure."""
     from steptwin.host.client.monitor import Decoder
     from steptwin.protocol.frame import FIRST_NODE_ID
     from steptwin.protocol.timer import COUNTS_PER_SECOND

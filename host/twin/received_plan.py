@@ -1,7 +1,7 @@
-"""What a live board was told to do: the PVT records of the last motion that a SYNC has started, as trajectory.csv.
+"""Write the PVT records of the last motion that a SYNC has started as trajectory.csv.
 
-So the pulses of any host's motion can be verified against what it has sent, to the wire unit. A row is written as soon
-as every axis that moves has the record for it; memory stays bounded.
+With it the pulses of any host's motion can be verified against its records, to the wire unit. A row is written as soon
+as every axis that moves has its record for it, so memory stays bounded.
 """
 
 from collections import deque
@@ -19,46 +19,46 @@ HALTED: Final = "it was halted on its way"
 ENDED_ELSEWHERE: Final = "it has not come to the end of its records"
 _APART: Final = "the axes' records do not last equally long"
 _AHEAD_MAX: Final = 2 * QUEUE_DEPTH
-"""One axis' records that wait for another's; a queue holds half as many."""
+"""Number of one axis' records that may wait for those of the others; a queue holds half as many."""
 
 
 class ReceivedPlan:
-    """Takes in records as the board accepts them; in the end there is a plan, or a reason why not."""
+    """Collects records as the board accepts them; at the end there is a plan, or a reason why there is none."""
 
     def __init__(self, folder: Path, robot: Robot) -> None:
-        """No plan yet; one that an earlier session has left in the folder is none of this one's."""
+        """Begin without a plan; delete one that an earlier session has left in the folder."""
         self._lacking: str | None = NO_MOTION
         self.going = False
-        """Whether its motion is under way."""
+        """True while the motion is under way."""
         self._path = folder / TRAJECTORY
         self._path.unlink(missing_ok=True)
         self._part = self._path.with_suffix(".part")
         self._file: TextIO | None = None
         self._robot = robot
         self._recent = [deque[PvtRecord](maxlen=QUEUE_DEPTH) for _ in robot.joints]
-        """What may wait in the queues when a motion begins."""
+        """The last records of each joint, of which some may wait in its queue when a motion begins."""
         self._pending = [deque[PvtRecord]() for _ in robot.joints]
-        """Of the motion, and not in a row yet."""
+        """Records of the motion that are not in a row yet."""
         self._moving: list[int] = []
-        """The joints with records."""
+        """Joints that have records in this motion."""
         self._time_ms = 0
         self._units = [0] * len(robot.joints)
-        """Where the last row is, in the machine's wire units."""
+        """Positions of the last row, in the machine's wire units."""
 
     @property
     def lacking(self) -> str | None:
-        """Why there is no plan just now; None: there is one."""
+        """Reason why there is no plan at present; None if there is one."""
         return ENDED_ELSEWHERE if self.going and not self._lacking else self._lacking
 
     def accept(self, joint: int, record: PvtRecord) -> None:
-        """The board has queued a record."""
+        """Take in a record that the board has queued."""
         self._recent[joint].append(record)
         if self.going and self._lacking is None:
             self._pending[joint].append(record)
             self._write_rows()
 
     def begin(self, start_units: Sequence[int], queued: Sequence[int]) -> None:
-        """A SYNC has started a motion, with so many records in each joint's queue."""
+        """Begin a plan: a SYNC has started a motion, with this number of records in each joint's queue."""
         self._moving = [joint for joint, count in enumerate(queued) if count]
         self._lacking = None if self._moving else NO_RECORDS
         self.going = True
@@ -76,12 +76,12 @@ class ReceivedPlan:
         self._write_rows()
 
     def fail(self, reason: str) -> None:
-        """What happens is not what the records say."""
+        """Give the plan up: the machine does not do what the records say."""
         if self._lacking is None:
             self._lacking = reason
 
     def end(self, end_units: Sequence[int]) -> None:
-        """The motion is over and the machine stands there."""
+        """End the motion, at the positions at which the machine now stands."""
         self.going = False
         if any(self._pending):
             self.fail(_APART)
@@ -89,7 +89,7 @@ class ReceivedPlan:
             self.fail(ENDED_ELSEWHERE)
 
     def finish(self) -> None:
-        """The session is over: leave the plan, if there is one."""
+        """End the session; leave the plan in the folder if there is one."""
         self._close()
         if self.lacking is None:
             self._part.replace(self._path)

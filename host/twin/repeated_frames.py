@@ -1,4 +1,4 @@
-"""Frames that the embedded host sends again and again, as the timer of a bus interface would, in simulated time."""
+"""Repeat the embedded host's periodic frames in simulated time, as the timer of a bus interface does in real time."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 @dataclass(slots=True)
 class _Repeated:
-    """One frame, until it is stopped."""
+    """A frame that is repeated until `stop`."""
 
     frame: Frame
     period_counts: int
@@ -23,16 +23,16 @@ class _Repeated:
 
 
 class RepeatedFrames:
-    """Knows which frame is due when; to the canopen library's periodic tasks it is the bus interface."""
+    """Keeps the frames and their next instants; takes the place of python-can's bus in the library's periodic tasks."""
 
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
         self._repeated: list[_Repeated] = []
         self.due_counts: int | None = None
-        """When the next frame is due, or was before it was stopped."""
+        """Instant at which the next frame is due, even if it has been stopped meanwhile; None without frames."""
 
     def send_periodic(self, message: can.Message, period_s: float) -> _Repeated:
-        """Repeat a frame from now on until its `stop` is called."""
+        """Repeat a frame from now on, until `stop` of the object returned."""
         frame = Frame(message.arbitration_id, bytes(message.data))
         repeated = _Repeated(frame, round(period_s * COUNTS_PER_SECOND), self._simulation.now_counts)
         self._repeated.append(repeated)
@@ -40,7 +40,7 @@ class RepeatedFrames:
         return repeated
 
     def take_due(self) -> list[Frame]:
-        """The frames that are due by now, each once: times that were missed are not made good."""
+        """Return the frames that are due by now, each once; missed repetitions are not made up for."""
         now_counts = self._simulation.now_counts
         if self.due_counts is None or self.due_counts > now_counts:
             return []
