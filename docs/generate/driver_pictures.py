@@ -2,7 +2,6 @@
 
 from typing import Final
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -14,7 +13,7 @@ from steptwin.emulator.driver_module import Module
 from steptwin.emulator.driver_profiles import THREE_AMP_MODULE
 from steptwin.emulator.edges import Int8Array, Int64Array
 from steptwin.emulator.tb6560 import Input, LevelChange, Pins
-from steptwin.host.record.plots.canvas import COUNTED, LIMIT, STYLE
+from steptwin.host.record.plots.canvas import COUNTED, LIMIT
 from steptwin.protocol.timer import COUNTS_PER_US
 
 LATE_DIR: Final = DOCS / "pictures" / "driver-late-dir.png"
@@ -28,8 +27,7 @@ _END: Final = 700 * _US
 
 def write_driver_pictures() -> None:
     """Draw the picture anew."""
-    with mpl.rc_context(STYLE):
-        write_picture(LATE_DIR, _late_dir())
+    write_picture(LATE_DIR, _late_dir)
 
 
 def _late_dir() -> Figure:

@@ -1,5 +1,7 @@
 """Draw the pictures of docs/robots.md: three for each run, small enough for a repository."""
 
+from collections.abc import Callable
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import Final
@@ -22,19 +24,20 @@ _DOTS_PER_INCH: Final = 100
 
 def write_pictures(runs: Runs) -> None:
     """Draw the pictures of every run."""
-    with mpl.rc_context(STYLE):
-        for outcome in runs.all():
-            run = outcome.report.run
-            for kind, name in _DRAWN.items():
-                path = DOCS / picture(run.robot, run.job, kind)
-                path.parent.mkdir(exist_ok=True)
-                write_picture(path, PICTURES[name](outcome.comparison, run, DEFAULT_VIEW))
+    for outcome in runs.all():
+        run = outcome.report.run
+        for kind, name in _DRAWN.items():
+            path = DOCS / picture(run.robot, run.job, kind)
+            path.parent.mkdir(exist_ok=True)
+            write_picture(path, partial(PICTURES[name], outcome.comparison, run, DEFAULT_VIEW))
 
 
-def write_picture(path: Path, figure: Figure) -> None:
+def write_picture(path: Path, draw: Callable[[], Figure]) -> None:
     """Write a PNG with a palette, a third of matplotlib's size; the octree method keeps colours of few pixels."""
-    figure.align_ylabels()
     drawn = BytesIO()
-    figure.savefig(drawn, dpi=_DOTS_PER_INCH)
+    with mpl.rc_context(STYLE):
+        figure = draw()
+        figure.align_ylabels()
+        figure.savefig(drawn, dpi=_DOTS_PER_INCH)
     pixels = Image.open(drawn).convert("RGB")
     pixels.quantize(method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(path, optimize=True)
