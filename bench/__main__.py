@@ -2,9 +2,8 @@
 
 import os
 import platform
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from importlib.util import find_spec
-from typing import TypeVar
 
 from rich.console import Console
 from rich.table import Table
@@ -16,8 +15,6 @@ from steptwin.bench.pulses.motions import all_motions
 from steptwin.bench.pulses.table import COLUMNS, measured, table_rows
 from steptwin.controller.backend import KERNELS, Kernel
 from steptwin.host.cli.output import print_table
-
-Row = TypeVar("Row")
 
 
 def main() -> None:
@@ -41,43 +38,36 @@ def main() -> None:
     live_tables.print_live(console, stream_s=10.0, flood_frames=100_000)
 
 
-def _table(title: str, rows: Iterable[Row], columns: Mapping[str, Callable[[Row], str]]) -> Table:
-    """Make a table of `rows`; each column has its heading and the text that it shows of a row."""
-    table = Table(*columns, title=title or None)
+def _table(title: str, headings: str, rows: Iterable[str]) -> Table:
+    """Make a table of headings and rows whose cells are separated by `|`, as in Markdown."""
+    table = Table(*headings.split("|"), title=title or None)
     for row in rows:
-        table.add_row(*(text(row) for text in columns.values()))
+        table.add_row(*row.split("|"))
     return table
 
 
 def _kernel_table(kernels: list[Kernel]) -> Table:
     return _table(
         f"Kernel: {AXES} axes, one core, driver limits lifted; beside numpy copies of the bytes that it writes",
-        (figure for chosen in kernels for figure in kernel.figures(chosen)),
-        {
-            "kernel": lambda row: row.kernel,
-            "load": lambda row: row.load,
-            "steps": lambda row: f"{row.steps}",
-            "M steps/s": lambda row: f"{row.steps_per_s / 1e6:.2f}",
-            "x copy, memory": lambda row: f"{row.memory_copy_ratio:.1f}",
-            "x copy, cache": lambda row: f"{row.cached_copy_ratio:.1f}",
-            "simulated s / s": lambda row: f"{row.simulated_per_wall:.0f}",
-        },
+        "kernel|load|steps|M steps/s|x copy, memory|x copy, cache|simulated s / s",
+        (
+            f"{row.kernel}|{row.load}|{row.steps}|{row.steps_per_s / 1e6:.2f}|{row.memory_copy_ratio:.1f}|"
+            f"{row.cached_copy_ratio:.1f}|{row.simulated_per_wall:.0f}"
+            for chosen in kernels
+            for row in kernel.figures(chosen)
+        ),
     )
 
 
 def _drawer_pull_table(kernels: list[Kernel]) -> Table:
     return _table(
         "Drawer pull: six axes over CAN at 100 points/s, 10 s of motion",
-        map(drawer_pull.measure, kernels),
-        {
-            "kernel": lambda row: row.kernel,
-            "frames": lambda row: f"{row.frames}",
-            "emulation s": lambda row: f"{row.emulation_s:.3f}",
-            "verification s": lambda row: f"{row.verification_s:.3f}",
-            "x real time": lambda row: f"{row.simulated_per_wall:.0f}",
-            "position error, steps": lambda row: f"{row.error_steps_max:.4f}",
-            "timing p50, us": lambda row: f"{row.timing_us_p50:.2f}",
-        },
+        "kernel|frames|emulation s|verification s|x real time|position error, steps|timing p50, us",
+        (
+            f"{row.kernel}|{row.frames}|{row.emulation_s:.3f}|{row.verification_s:.3f}|{row.simulated_per_wall:.0f}|"
+            f"{row.error_steps_max:.4f}|{row.timing_us_p50:.2f}"
+            for row in map(drawer_pull.measure, kernels)
+        ),
     )
 
 
@@ -87,95 +77,76 @@ def _scaling_tables(chosen: Kernel) -> Iterator[Table]:
         ("steps/s, seven axes", scaling.by_rate(chosen)),
         ("points/s and axis, seven axes, sine of 14 kHz peak", scaling.by_points(chosen)),
     ):
-        columns: dict[str, Callable[[scaling.Cost], str]] = {
-            quantity: lambda row: f"{row.x:g}",
-            "ns per axis and tick": lambda row: f"{row.ns_per_axis_tick:.1f}",
-            "M steps/s": lambda row: f"{row.steps_per_s / 1e6:.1f}",
-            "M steps/s, with feeding and draining": lambda row: f"{row.fed_steps_per_s / 1e6:.1f}",
-        }
-        yield _table("", costs, columns)
+        yield _table(
+            "",
+            f"{quantity}|ns per axis and tick|M steps/s|M steps/s, with feeding and draining",
+            (
+                f"{row.x:g}|{row.ns_per_axis_tick:.1f}|{row.steps_per_s / 1e6:.1f}|{row.fed_steps_per_s / 1e6:.1f}"
+                for row in costs
+            ),
+        )
     yield _table(
         "Length: a process each, all included",
-        scaling.by_length(),
-        {
-            "steps": lambda row: f"{row.steps}",
-            "simulated s": lambda row: f"{row.simulated_s:g}",
-            "s": lambda row: f"{row.wall_s:.2f}",
-            "peak memory, MB": lambda row: f"{row.peak_mb:.0f}",
-        },
+        "steps|simulated s|s|peak memory, MB",
+        (f"{row.steps}|{row.simulated_s:g}|{row.wall_s:.2f}|{row.peak_mb:.0f}" for row in scaling.by_length()),
     )
 
 
 def _timing_table(chosen: Kernel) -> Table:
     return _table(
         f"Timing error: sines of {timing.SINE_HZ:g} Hz, points every 10 ms, TB6560 pulse timing",
-        timing.figures(chosen),
-        {
-            "load": lambda row: row.load,
-            "steps": lambda row: f"{row.steps}",
-            "delayed": lambda row: f"{row.delayed}",
-            "max error, steps": lambda row: f"{row.error_steps_max:.5f}",
-            "rms, us": lambda row: f"{row.error_us_rms:.3f}",
-            "p99, us": lambda row: f"{row.error_us_p99:.3f}",
-        },
+        "load|steps|delayed|max error, steps|rms, us|p99, us",
+        (
+            f"{row.load}|{row.steps}|{row.delayed}|{row.error_steps_max:.5f}|{row.error_us_rms:.3f}|{row.error_us_p99:.3f}"
+            for row in timing.figures(chosen)
+        ),
     )
 
 
 def _cyclic_table(chosen: Kernel) -> Table:
+    def at_start(error_steps_max: float | None) -> str:
+        return "-" if error_steps_max is None else f"{error_steps_max:.5f}"
+
     return _table(
         f"Cyclic synchronous position: sines of {timing.SINE_HZ:g} Hz, set-points to the unit",
-        cyclic.figures(chosen),
-        {
-            "peak steps/s": lambda row: f"{row.peak_hz:g}",
-            "period, ms": lambda row: f"{row.period_ms}",
-            "max error, steps": lambda row: f"{row.error_steps_max:.5f}",
-            "rms": lambda row: f"{row.error_steps_rms:.5f}",
-            "max at the start": lambda row: (
-                "-" if row.start_error_steps_max is None else f"{row.start_error_steps_max:.5f}"
-            ),
-        },
+        "peak steps/s|period, ms|max error, steps|rms|max at the start",
+        (
+            f"{row.peak_hz:g}|{row.period_ms}|{row.error_steps_max:.5f}|{row.error_steps_rms:.5f}|"
+            f"{at_start(row.start_error_steps_max)}"
+            for row in cyclic.figures(chosen)
+        ),
     )
 
 
 def _driver_table() -> Table:
     return _table(
         f"Drivers: CLK edges processed, {driver.PULSES} pulses at a time; ratio to copying them",
-        driver.figures(),
-        {
-            "driver": lambda row: row.profile,
-            "M edges/s": lambda row: f"{row.edges_per_s / 1e6:.0f}",
-            "x numpy copy": lambda row: f"{row.copy_ratio:.1f}",
-        },
+        "driver|M edges/s|x numpy copy",
+        (f"{row.profile}|{row.edges_per_s / 1e6:.0f}|{row.copy_ratio:.1f}" for row in driver.figures()),
     )
 
 
 def _waveform_table() -> Table:
     return _table(
         f"Waveforms: {AXES} axes for {waveforms.DURATION_S} s at 14 kHz; ratio to copying the text once",
-        waveforms.figures(),
-        {
-            "file": lambda row: row.form,
-            "edges": lambda row: f"{row.edges}",
-            "M edges/s": lambda row: f"{row.edges_per_s / 1e6:.1f}",
-            "x numpy copy": lambda row: f"{row.copy_ratio:.0f}",
-            "MB beside the edges": lambda row: f"{row.peak_mb:.0f}",
-            "a tenth": lambda row: f"{row.peak_mb_tenth:.0f}",
-        },
+        "file|edges|M edges/s|x numpy copy|MB beside the edges|a tenth",
+        (
+            f"{row.form}|{row.edges}|{row.edges_per_s / 1e6:.1f}|{row.copy_ratio:.0f}|{row.peak_mb:.0f}|"
+            f"{row.peak_mb_tenth:.0f}"
+            for row in waveforms.figures()
+        ),
     )
 
 
 def _kinematics_table() -> Table:
     return _table(
         f"Kinematics: batches of {kinematics.BATCH}, one core; ratio to the sines of all joint values",
-        kinematics.figures(),
-        {
-            "robot": lambda row: row.robot,
-            "way": lambda row: row.way,
-            "branches": lambda row: f"{row.branches}",
-            "M poses/s": lambda row: f"{row.poses_per_s / 1e6:.2f}",
-            "ns a pose": lambda row: f"{1e9 / row.poses_per_s:.0f}",
-            "x numpy sin": lambda row: f"{row.sin_ratio:.1f}",
-        },
+        "robot|way|branches|M poses/s|ns a pose|x numpy sin",
+        (
+            f"{row.robot}|{row.way}|{row.branches}|{row.poses_per_s / 1e6:.2f}|{1e9 / row.poses_per_s:.0f}|"
+            f"{row.sin_ratio:.1f}"
+            for row in kinematics.figures()
+        ),
     )
 
 

@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from steptwin.bench.live_server import serving
-from steptwin.bench.loads import AXES, MICROSTEPS, UNITS_PER_STEP
+from steptwin.bench.loads import AXES, MICROSTEPS, UNITS_PER_STEP, Load
 from steptwin.host.client import AxisSettings, Machine
 from steptwin.host.client.bus_link import BusLink, Connection, open_bus
 from steptwin.host.client.stream import Stream
@@ -51,10 +51,8 @@ def sine_records(axis: int, seconds: float) -> AxisRecords:
     t_s = np.arange(round(seconds * 1000 / POINT_MS) + 1) * POINT_MS / 1000
     half_periods = 2 * round(seconds * SINE_HZ) + 1
     omega, peak_hz = np.pi * half_periods / t_s[-1], PEAK_HZ * (axis + 1) / AXES
-    units = np.floor(peak_hz / omega * (1 - np.cos(omega * t_s)) * UNITS_PER_STEP + 0.5).astype(np.int64)
-    velocities = np.round(peak_hz * np.sin(omega * t_s) * UNITS_PER_STEP * 64 / 1000).astype(np.int64)
-    velocities[-1] = 0
-    return AxisRecords(np.diff(units).tolist(), velocities[1:].tolist(), [POINT_MS] * (len(t_s) - 1))
+    load = Load("sine", peak_hz / omega * (1 - np.cos(omega * t_s)), peak_hz * np.sin(omega * t_s), POINT_MS)
+    return AxisRecords(*(list(column) for column in zip(*load.records(), strict=True)))
 
 
 def measure(seconds: float) -> StreamFigures:
