@@ -12,15 +12,7 @@ from steptwin.host.verify.oracle import IdealSteps, ideal_steps
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """One run; tuples have an entry for each axis in joint order.
-
-    Attributes:
-        expected: the planned motion.
-        evidence: the pins and the steps that the drivers accepted.
-        ideal: the steps that a perfect board would make.
-        counted: the steps that the drivers accepted, in the trajectory's time.
-        matchings: which accepted step answers which ideal crossing.
-    """
+    """One run: for each axis in joint order the ideal steps, the counted steps, and the pairs of both."""
 
     expected: Expectation
     evidence: Evidence

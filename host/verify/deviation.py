@@ -11,9 +11,7 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.kinematics.angles import wrapped_deg
-from steptwin.host.verify.counted import CountedSteps
-from steptwin.host.verify.expectation import Expectation
-from steptwin.host.verify.oracle import IdealSteps
+from steptwin.host.verify.comparison import Comparison
 
 INSTANTS_PER_CHUNK = 16_384
 """Number of instants evaluated at once; it bounds the memory for any number of steps."""
@@ -43,25 +41,24 @@ class Deviation:
         return distance
 
 
-def critical_instants(
-    expected: Expectation, ideal: tuple[IdealSteps, ...], counted: tuple[CountedSteps, ...]
-) -> FloatArray:
+def critical_instants(comparison: Comparison) -> FloatArray:
     """Return the sorted instants of every accepted edge, every planned turning point, the start and the end."""
-    times = [axis.time_s for axis in counted] + [axis.turning_s for axis in ideal]
-    return np.unique(np.concatenate([*times, [0.0, expected.trajectory.duration_s]]))
+    times = [axis.time_s for axis in comparison.counted] + [axis.turning_s for axis in comparison.ideal]
+    return np.unique(np.concatenate([*times, [0.0, comparison.expected.trajectory.duration_s]]))
 
 
-def deviations(expected: Expectation, counted: tuple[CountedSteps, ...], t_s: FloatArray) -> Iterator[Deviation]:
+def deviations(comparison: Comparison, t_s: FloatArray) -> Iterator[Deviation]:
     """Yield the deviations at sorted instants, chunk by chunk; after its end the planned motion stays there."""
     for first in range(0, len(t_s), INSTANTS_PER_CHUNK):
-        yield _deviation(expected, counted, t_s[first : first + INSTANTS_PER_CHUNK])
+        yield _deviation(comparison, t_s[first : first + INSTANTS_PER_CHUNK])
 
 
-def _deviation(expected: Expectation, counted: tuple[CountedSteps, ...], t_s: FloatArray) -> Deviation:
+def _deviation(comparison: Comparison, t_s: FloatArray) -> Deviation:
     """Compute one chunk; each joint's column is contiguous, which makes filling and converting it fastest."""
+    expected = comparison.expected
     planned = np.asfortranarray(expected.trajectory.positions(np.minimum(t_s, expected.trajectory.duration_s)))
     planned_pose = expected.forward(planned)
-    counts = np.stack([axis.around(t_s) for axis in counted]).transpose(1, 2, 0)
+    counts = np.stack([axis.around(t_s) for axis in comparison.counted]).transpose(1, 2, 0)
     poses = np.stack([expected.forward(side / expected.steps_per_unit) for side in counts])
     pose_errors = poses - planned_pose
     return Deviation(

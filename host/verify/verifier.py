@@ -82,8 +82,7 @@ def verify_comparison(comparison: Comparison, run: RunInfo) -> Report:
 def _worst(comparison: Comparison) -> _Worst:
     axes = len(comparison.joint_names)
     worst = _Worst(np.zeros(axes), np.zeros(axes))
-    instants_s = critical_instants(comparison.expected, comparison.ideal, comparison.counted)
-    for deviation in deviations(comparison.expected, comparison.counted, instants_s):
+    for deviation in deviations(comparison, critical_instants(comparison)):
         worst.take(deviation)
     return worst
 

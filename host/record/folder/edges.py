@@ -1,7 +1,4 @@
-"""Write and read edges.npz: every edge of every pin and every accepted step.
-
-Instants are counts of the board's timer since power-up.
-"""
+"""Write and read edges.npz: every edge of every pin and every accepted step, in counts of the timer since power-up."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Pictures of a run: made from a comparison of plan and evidence, never from the firmware's own view."""
+"""Draw pictures of a run from a comparison of plan and evidence, never from the firmware's own view."""
 
 from steptwin.host.record.plots.moment import Moment, View
 from steptwin.host.record.plots.pictures import CLOSE_UPS, DEFAULT_PICTURES, DEFAULT_VIEW, PICTURES, write_plots

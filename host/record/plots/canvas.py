@@ -1,6 +1,6 @@
-"""What all pictures share: the look, the headings, which axes are worth a row, and thinning long series.
+"""Share the parts of all pictures: style, headings, the choice of axes, and thinning of long series.
 
-Figures are made without pyplot: no window system, no global state.
+Figures are made without pyplot, which needs a window system and keeps global state.
 """
 
 from collections.abc import Sequence
@@ -18,15 +18,17 @@ DOTS_PER_INCH = 120
 WIDTH_INCHES = 10.0
 HEADING_INCHES = 0.9
 SAMPLES = 2001
-"""Instants at which planned curves are drawn."""
+"""Number of instants at which planned curves are drawn."""
 COLUMNS = 700
-"""About as many as a wide picture's pixels across."""
+"""Number of columns of an envelope: about the width of a wide plot in pixels."""
 
 PLANNED = "0.72"
-"""Planned curves: light grey and broad, so that the counted ones remain visible on them in print."""
+"""Colour of planned curves: light grey; drawn broad, so that counted curves remain visible on them in print."""
 COUNTED = "#0b3c6f"
-"""Counted curves: dark blue, nearly black in greyscale."""
+"""Colour of counted curves: dark blue, nearly black in greyscale."""
 LIMIT = "#a02010"
+
+NO_MOTION = "no joint moves"
 
 STYLE: Any = {  # Any: matplotlib spells out every key as a literal type in some versions and none in others
     "axes.axisbelow": True,
@@ -42,27 +44,32 @@ STYLE: Any = {  # Any: matplotlib spells out every key as a literal type in some
     "legend.fontsize": 8,
     "legend.frameon": False,
     "lines.linewidth": 1.0,
-    "svg.hashsalt": "steptwin",  # else its identifiers differ each time
+    "svg.hashsalt": "steptwin",  # without it an SVG file's identifiers differ each time
 }
 
 
 def new_figure(run: RunInfo, what: str, height_inches: float) -> Figure:
-    """An empty figure whose heading says what is shown, of which run, and that it is simulated."""
+    """Return an empty figure whose heading names the run and the picture, and says that the run is simulated."""
     figure = Figure(figsize=(WIDTH_INCHES, height_inches + HEADING_INCHES), layout="constrained")
     figure.suptitle(f"{run.robot} · {run.job} · {what} (SIMULATED)", x=0.01, ha="left", weight="bold")
     return figure
 
 
 def rows_of_axes(figure: Figure, rows: int, columns: int = 1, **options: Any) -> list[list[Axes]]:
-    """A grid of axes with a common x axis; at least one row, so that a run without motion has a picture too."""
-    grid = figure.subplots(max(rows, 1), columns, squeeze=False, sharex=True, **options)
+    """Return a grid of axes with a common x axis; with 0 rows, one row that says that no joint moves."""
+    grid = figure.subplots(max(rows, 1), columns, squeeze=False, **({"sharex": True} | options))
     if rows == 0:
-        grid[0, 0].text(0.5, 0.5, "no joint moves", transform=grid[0, 0].transAxes, ha="center", va="center")
+        write_inside(grid[0, 0], NO_MOTION)
     return [list(row) for row in grid]
 
 
+def write_inside(axes: Axes, text: str, **options: Any) -> None:
+    """Write a text into the middle of axes that show nothing else."""
+    axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", **options)
+
+
 def moving_axes(comparison: Comparison) -> list[int]:
-    """The axes that should have made or did make a pulse."""
+    """Return the axes that should have made a pulse or made one."""
     return [
         i
         for i, evidence in enumerate(comparison.evidence.axes)
@@ -71,7 +78,7 @@ def moving_axes(comparison: Comparison) -> list[int]:
 
 
 def note_still_axes(figure: Figure, comparison: Comparison, moving: Sequence[int]) -> None:
-    """Say below the picture which joints it leaves out and where they stand."""
+    """Write below the picture which joints it leaves out and where they stand."""
     positions = comparison.expected.trajectory.positions(np.zeros(1))[0]
     still = [
         f"{name} at {positions[i]:g} {comparison.expected.joint_units[i]}"
@@ -83,21 +90,20 @@ def note_still_axes(figure: Figure, comparison: Comparison, moving: Sequence[int
 
 
 def planned_instants(comparison: Comparison) -> FloatArray:
-    """Evenly spaced instants over the whole motion."""
+    """Return evenly spaced instants over the whole motion."""
     return np.linspace(0.0, comparison.expected.trajectory.duration_s, SAMPLES)
 
 
 def drawn_instants(comparison: Comparison) -> FloatArray:
-    """Every instant at which an error may be largest, and enough others to draw what lies between."""
-    critical_s = critical_instants(comparison.expected, comparison.ideal, comparison.counted)
-    return np.union1d(critical_s, planned_instants(comparison))
+    """Return every instant at which an error may be largest, and enough others to draw the curve between."""
+    return np.union1d(critical_instants(comparison), planned_instants(comparison))
 
 
 def envelope(t_s: FloatArray, values: FloatArray, end_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """A dense series for drawing, as instants, least and greatest values: one of each for every column of a picture.
+    """Reduce a dense series for drawing to one instant, least and greatest value for each column of a picture.
 
-    A line through thousands of edges would show patterns of the picture's own raster instead. Each column takes in the
-    neighbours on both sides, so that what lies between two instants is drawn too.
+    A line through thousands of edges would show patterns of the picture's own raster instead. Each column includes the
+    neighbours on both sides, so that the curve between two instants is drawn too.
     """
     borders_s = np.linspace(0.0, end_s, COLUMNS + 1)
     first = np.maximum(np.searchsorted(t_s, borders_s[:-1]) - 1, 0)
@@ -108,7 +114,7 @@ def envelope(t_s: FloatArray, values: FloatArray, end_s: float) -> tuple[FloatAr
 
 
 def thinned(t_s: FloatArray, values: FloatArray, groups: int = 4000) -> tuple[FloatArray, FloatArray]:
-    """A series for drawing: of each group of neighbours only the smallest and the largest, so that no peak is lost."""
+    """Reduce a series for drawing to the extremes of each group of neighbours: no peak is lost."""
     size = len(values) // groups
     if size < 4:
         return t_s, values

@@ -1,4 +1,4 @@
-"""The pins of all axes around an instant, as a logic analyser shows them."""
+"""Draw the pins of all axes around an instant, as a logic analyser shows them."""
 
 from itertools import groupby
 from typing import Final
@@ -18,15 +18,15 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 LANE_INCHES: Final = 0.3
 INTERVALS: Final = 12
 _HIGH: Final = 0.6
-"""How high a level is drawn, in lanes."""
+"""Height at which a high level is drawn, in lanes."""
 
 _ALWAYS: Final = ("step", "dir")
 _MARKED_MAX: Final = 200
-"""With more steps in view their marks would be a band."""
+"""Largest number of steps in view that are marked; more marks would merge into a band."""
 
 
 def draw_edges(comparison: Comparison, run: RunInfo, view: View) -> Figure:
-    """A lane for STEP and DIR of each axis and for every other pin that changes; marks where drivers counted a step."""
+    """Draw a lane for STEP and DIR of each axis and for every other pin that changes; mark the counted steps."""
     moment = view.moment(comparison, INTERVALS)
     window = _window(comparison, moment)
     lanes = _lanes(comparison, window)
@@ -34,7 +34,7 @@ def draw_edges(comparison: Comparison, run: RunInfo, view: View) -> Figure:
     axes = figure.subplots()
     for lane, signal in enumerate(lanes):
         times_s, levels = _course(signal, window)
-        axes.plot(_shown_ms(times_s, moment), levels * _HIGH - lane, color=COUNTED, drawstyle="steps-post")
+        axes.plot(moment.shown_ms(times_s), levels * _HIGH - lane, color=COUNTED, drawstyle="steps-post")
     firsts = [next(lane for lane, s in enumerate(lanes) if s.axis == name) for name in comparison.joint_names]
     steps = [_mark_steps(axes, *each, moment) for each in zip(comparison.counted, firsts, strict=True)]
     _say_intervals(axes, comparison, firsts, moment)
@@ -44,7 +44,7 @@ def draw_edges(comparison: Comparison, run: RunInfo, view: View) -> Figure:
 
 
 def _window(comparison: Comparison, moment: Moment) -> Window:
-    """What there is of the part that is shown, to whole counts beyond it."""
+    """Return the part of the record to show, rounded outwards to whole counts."""
     whole = whole_record(comparison.evidence)
     first, last = whole.counts(moment.from_s) - 1, whole.counts(moment.to_s) + 1
     return Window(max(first, whole.from_counts), last, comparison.evidence.start_counts)
@@ -59,7 +59,7 @@ def _lanes(comparison: Comparison, window: Window) -> list[Signal]:
 
 
 def _course(signal: Signal, window: Window) -> tuple[FloatArray, FloatArray]:
-    """Times of the motion and levels from each of them on, from one end of the window to the other."""
+    """Return motion times and the level from each time on, from one end of the window to the other."""
     counts, levels = signal.changes.between(window.from_counts, window.to_counts)
     first = signal.changes.at(window.from_counts)
     counts = np.concatenate([[window.from_counts], counts, [window.to_counts]])
@@ -68,9 +68,9 @@ def _course(signal: Signal, window: Window) -> tuple[FloatArray, FloatArray]:
 
 
 def _mark_steps(axes: Axes, counted: CountedSteps, lane: int, moment: Moment) -> int:
-    """A triangle up or down above each counted step, if there are not too many; return how many there are."""
+    """Draw a triangle up or down above each counted step, unless there are too many; return the number of steps."""
     first, last = np.searchsorted(counted.time_s, (moment.from_s, moment.to_s)).tolist()
-    times_ms = _shown_ms(counted.time_s[first:last], moment)
+    times_ms = moment.shown_ms(counted.time_s[first:last])
     if last - first <= _MARKED_MAX:
         for sign, marker in ((1, "^"), (-1, "v")):
             chosen = times_ms[counted.signs[first:last] == sign]
@@ -79,7 +79,7 @@ def _mark_steps(axes: Axes, counted: CountedSteps, lane: int, moment: Moment) ->
 
 
 def _about_marks(steps: list[int]) -> str:
-    """What the triangles are, and why there are none where there are steps, or none at all."""
+    """Return the words that explain the triangles, or why steps have none."""
     if not any(steps):
         return "no driver counted a step here"
     if all(count == 0 or count > _MARKED_MAX for count in steps):
@@ -89,7 +89,7 @@ def _about_marks(steps: list[int]) -> str:
 
 
 def _say_intervals(axes: Axes, comparison: Comparison, lanes: list[int], moment: Moment) -> None:
-    """At the right, how long each axis' interval in the middle is, between two pulses on STEP."""
+    """Write at the right of each axis the interval between the two STEP pulses around the middle."""
     intervals_s = [interval_around(pulse_times(comparison, i), moment.at_s) for i in range(len(lanes))]
     said = [(lane, interval_s) for lane, interval_s in zip(lanes, intervals_s, strict=True) if interval_s is not None]
     for lane, interval_s in said:
@@ -111,9 +111,4 @@ def _finish(axes: Axes, lanes: list[Signal], moment: Moment) -> None:
             axes.axhspan(0.85 - lane, 0.85 - lane - count, color="0.95", zorder=0)
         lane += count
     axes.axvline(0.0, color="0.4", linestyle=":", linewidth=0.8)
-    axes.set_xlim(*_shown_ms(np.array([moment.from_s, moment.to_s]), moment))
-
-
-def _shown_ms(times_s: FloatArray, moment: Moment) -> FloatArray:
-    shown: FloatArray = 1e3 * (times_s - moment.at_s)
-    return shown
+    axes.set_xlim(*moment.shown_ms(np.array([moment.from_s, moment.to_s])))

@@ -1,4 +1,4 @@
-"""Counted minus planned over time: every moving axis in steps, the tool in millimetres and degrees."""
+"""Draw counted minus planned over time: every moving axis in steps, the tool in millimetres and degrees."""
 
 from dataclasses import dataclass
 
@@ -15,6 +15,7 @@ from steptwin.host.record.plots.canvas import (
     moving_axes,
     new_figure,
     note_still_axes,
+    write_inside,
 )
 from steptwin.host.verify import POSITION_ERROR_LIMIT_STEPS, Comparison, RunInfo
 from steptwin.host.verify.deviation import deviations
@@ -22,12 +23,12 @@ from steptwin.host.verify.deviation import deviations
 ROW_INCHES = 1.45
 WIDTH_RATIOS = (3.0, 1.0)
 CLOSE_EDGES = 5
-"""How many edges the close view shows on each side of the largest error."""
+"""Number of edges that the close view shows on each side of the largest error."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Series:
-    """An error with its name and unit: t_s of shape (n,), values of shape (2, n) just before and just after."""
+    """An error with its name and unit: t_s of shape (n,), values just before and after t_s of shape (2, n)."""
 
     label: str
     t_s: FloatArray
@@ -35,7 +36,7 @@ class _Series:
 
 
 def draw_error(comparison: Comparison, run: RunInfo) -> Figure:
-    """One row an axis with the limit drawn in, then the tool's; at the right, close to where it is largest."""
+    """Draw a row for each moving axis, with the limit, then the tool's; at the right the largest error close up."""
     moving = moving_axes(comparison)
     series = _all_series(comparison, moving)
     figure = new_figure(run, "counted minus planned", ROW_INCHES * len(series))
@@ -58,7 +59,7 @@ def draw_error(comparison: Comparison, run: RunInfo) -> Figure:
 
 def _all_series(comparison: Comparison, moving: list[int]) -> list[_Series]:
     t_s = drawn_instants(comparison)
-    parts = list(deviations(comparison.expected, comparison.counted, t_s))
+    parts = list(deviations(comparison, t_s))
     steps = np.concatenate([part.steps for part in parts], axis=1)
     distance_mm = np.concatenate([part.distance_mm for part in parts], axis=1)
     attitude_deg = np.concatenate([part.attitude_deg for part in parts], axis=1)
@@ -74,14 +75,14 @@ def _draw_whole(axes: Axes, series: _Series, end_s: float) -> None:
 
 
 def _draw_close(axes: Axes, series: _Series) -> None:
-    """The few edges around the largest error, where single steps can be told apart."""
+    """Draw the few edges around the largest error, where single steps are visible."""
     worst = int(np.abs(series.values).max(axis=0).argmax())
     edges = np.flatnonzero(series.values[0] != series.values[1])
     near = int(np.searchsorted(edges, worst))
     around = edges[max(near - CLOSE_EDGES, 0) : near + CLOSE_EDGES + 1]
     if around.size == 0:
         axes.set_axis_off()
-        axes.text(0.5, 0.5, "no step counted", transform=axes.transAxes, ha="center", va="center")
+        write_inside(axes, "no step counted")
         return
     part = slice(max(min(int(around[0]), worst) - 1, 0), max(int(around[-1]), worst) + 2)
     t_ms = 1e3 * (series.t_s[part] - series.t_s[worst])

@@ -1,11 +1,11 @@
-"""Interval jitter: how much longer or shorter each interval between two steps is than between their ideal crossings."""
+"""Draw interval jitter: the interval between two steps minus the interval between their ideal crossings."""
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.record.plots.canvas import COUNTED, moving_axes, new_figure, note_still_axes, thinned
+from steptwin.host.record.plots.canvas import COUNTED, moving_axes, new_figure, note_still_axes, rows_of_axes, thinned
 from steptwin.host.verify import Comparison, RunInfo
 from steptwin.host.verify.matching import MICROSECONDS, SLOW_CROSSING
 
@@ -13,29 +13,26 @@ ROW_INCHES = 1.45
 WIDTH_RATIOS = (3.0, 1.0)
 BINS = 81
 SMALLEST_RANGE_US = 0.02
-"""A little more than one count of the board's timer: nothing finer is real."""
+"""A little more than one count of the board's timer: finer jitter cannot occur."""
 
 
 def draw_jitter(comparison: Comparison, run: RunInfo) -> Figure:
-    """One row an axis: over time, and beside it the histogram."""
+    """Draw a row for each moving axis: jitter over time, and its histogram beside it."""
     moving = moving_axes(comparison)
-    count = max(len(moving), 1)
-    figure = new_figure(run, "interval jitter against the ideal crossings", ROW_INCHES * count)
-    rows = figure.subplots(count, 2, squeeze=False, width_ratios=WIDTH_RATIOS, sharex="col")
-    if not moving:
-        rows[0, 0].text(0.5, 0.5, "no joint moves", transform=rows[0, 0].transAxes, ha="center", va="center")
+    figure = new_figure(run, "interval jitter against the ideal crossings", ROW_INCHES * max(len(moving), 1))
+    rows = rows_of_axes(figure, len(moving), 2, width_ratios=WIDTH_RATIOS, sharex="col")
     for (left, right), i in zip(rows, moving, strict=False):
         left.set_ylabel(f"{comparison.joint_names[i]} [us]")
         _draw(left, right, *_jitter(comparison, i))
-    rows[-1, 0].set_xlabel("time [s]")
-    rows[-1, 0].set_xlim(0.0, comparison.expected.trajectory.duration_s)
-    rows[-1, 1].set_xlabel("intervals")
+    rows[-1][0].set_xlabel("time [s]")
+    rows[-1][0].set_xlim(0.0, comparison.expected.trajectory.duration_s)
+    rows[-1][1].set_xlabel("intervals")
     note_still_axes(figure, comparison, moving)
     return figure
 
 
 def _jitter(comparison: Comparison, i: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Times in s, jitter and ideal intervals in us of steps that follow each other the same way, slow ones left out."""
+    """Return times in s, jitter and ideal intervals in us of successive steps of one direction, without slow steps."""
     ideal, counted, matching = comparison.ideal[i], comparison.counted[i], comparison.matchings[i]
     fast = ideal.speeds_hz >= SLOW_CROSSING * ideal.speeds_hz.max(initial=0.0)
     first, second = matching.ideal[:-1], matching.ideal[1:]

@@ -1,4 +1,4 @@
-"""Planned position and speed of every moving joint."""
+"""Draw planned position and speed of every moving joint."""
 
 from matplotlib.figure import Figure
 
@@ -16,7 +16,7 @@ ROW_INCHES = 1.6
 
 
 def draw_joints(comparison: Comparison, run: RunInfo) -> Figure:
-    """One row a joint: position left, speed right."""
+    """Draw a row for each moving joint: position at the left, speed at the right."""
     moving = moving_axes(comparison)
     figure = new_figure(run, "planned joint motion", ROW_INCHES * max(len(moving), 1))
     rows = rows_of_axes(figure, len(moving), 2)

@@ -1,4 +1,4 @@
-"""Which pictures there are, and writing them."""
+"""List the pictures of a run and write them to files."""
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -24,7 +24,7 @@ Draw = Callable[[Comparison, RunInfo, View], Figure]
 
 
 def _whole(draw: Callable[[Comparison, RunInfo], Figure]) -> Draw:
-    """A picture of the whole run, whatever part of it is asked for."""
+    """Turn a picture of the whole run into one that ignores the view."""
     return lambda comparison, run, _view: draw(comparison, run)
 
 
@@ -39,19 +39,19 @@ PICTURES: Final[dict[str, Draw]] = {
     "edges": draw_edges,
     "phases": draw_phases,
 }
-"""By their names: of files, and on the command line."""
+"""Pictures by the names of their files, which the command line takes too."""
 
 DEFAULT_PICTURES: Final = ("joints", "step-rates", "tool-path", "error", "timing")
-"""What a run with `--out` draws."""
+"""Pictures that are drawn into every run's folder."""
 
 CLOSE_UPS: Final = ("edges", "phases")
-"""What shows a part of a run, as a View says."""
+"""Pictures that show the part of a run that a View chooses."""
 
 DEFAULT_VIEW: Final = View()
-"""Each picture shows what suits it."""
+"""View that leaves the choice to each picture."""
 
 _UNDATED: Final = {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
-"""The same run gives the same bytes."""
+"""Metadata without a date, so that the same run gives the same bytes."""
 
 
 def write_plots(
@@ -62,9 +62,9 @@ def write_plots(
     form: str = "png",
     view: View = DEFAULT_VIEW,
 ) -> list[Path]:
-    """Draw pictures of a run into a directory, which is made if it is missing, and return their paths.
+    """Draw pictures of a run into a directory, made if missing, and return the paths of the files.
 
-    `view` is the part of the run that pictures of single edges show.
+    `view` chooses the part of the run that pictures of single edges show.
     """
     out_dir.mkdir(parents=True, exist_ok=True)
     paths = []

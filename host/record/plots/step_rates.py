@@ -1,4 +1,4 @@
-"""Step rate of every moving axis, planned and as accepted by its driver, above its DIR pin."""
+"""Draw the step rate of every moving axis, planned and accepted by its driver, above its DIR pin."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,6 +14,7 @@ from steptwin.host.record.plots.canvas import (
     planned_instants,
     rows_of_axes,
     thinned,
+    write_inside,
 )
 from steptwin.host.verify import Comparison, RunInfo
 from steptwin.protocol.timer import COUNTS_PER_SECOND
@@ -23,7 +24,7 @@ DIR_INCHES = 0.35
 
 
 def draw_step_rates(comparison: Comparison, run: RunInfo) -> Figure:
-    """Two rows an axis: rate, and DIR below it."""
+    """Draw two rows for each moving axis: the rate, and DIR below it."""
     moving = moving_axes(comparison)
     count = max(len(moving), 1)
     figure = new_figure(run, "step rates", (RATE_INCHES + DIR_INCHES) * count)
@@ -58,7 +59,7 @@ def _draw_rate(axes: Axes, comparison: Comparison, i: int) -> None:
 
 
 def _accepted_rates(comparison: Comparison, i: int) -> tuple[FloatArray, FloatArray]:
-    """Middle and inverse of every interval between two steps the same way."""
+    """Return middle and inverse of every interval between two successive steps of one direction."""
     counted = comparison.counted[i]
     same_way = counted.signs[1:] == counted.signs[:-1]
     t_s = (counted.time_s[1:] + counted.time_s[:-1])[same_way] / 2.0
@@ -71,7 +72,7 @@ def _draw_dir(axes: Axes, comparison: Comparison, i: int) -> None:
     axes.set_yticks([0, 1])
     axes.set_ylim(-0.3, 1.3)
     if len(evidence.dir_levels) == 0:
-        axes.text(0.5, 0.5, "no change", transform=axes.transAxes, ha="center", va="center", color="0.4")
+        write_inside(axes, "no change", color="0.4")
         return
     end_s = comparison.expected.trajectory.duration_s
     edges_s = (evidence.dir_edge_counts - comparison.evidence.start_counts) / COUNTS_PER_SECOND

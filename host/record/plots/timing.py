@@ -1,4 +1,4 @@
-"""How late the accepted edges came, against the ideal crossings: a histogram for every moving axis."""
+"""Draw how late accepted edges came after their ideal crossings: a histogram for every moving axis."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,15 +12,16 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 ROW_INCHES = 1.45
 BINS_PER_DECADE = 16
 LINEAR_US = 1e6 / COUNTS_PER_SECOND
-"""One count of the board's timer: nothing finer is real. Up to there the time axis is linear, beyond it logarithmic,
-so that fast axes and slow ones have a shape on the same one, and the few edges near a reversal do not spoil it.
+"""One count of the board's timer: no finer error can occur. The time axis is linear up to one count and logarithmic
+beyond, so that the histograms of fast and slow axes keep a shape on the same time axis, in spite of the few late edges
+near a reversal.
 """
 LINEAR_DECADES = 0.5
-"""How much of the axis that takes on each side."""
+"""Width of the linear part on each side, in decades."""
 
 
 def draw_timing(comparison: Comparison, run: RunInfo) -> Figure:
-    """One row an axis, all with the same bins, each as wide as the others on a symmetric logarithmic axis."""
+    """Draw a row for each moving axis, all with the same bins, which look equally wide on the time axis."""
     moving = moving_axes(comparison)
     figure = new_figure(run, "edge timing against the ideal crossings", ROW_INCHES * max(len(moving), 1))
     rows = [row[0] for row in rows_of_axes(figure, len(moving))]
@@ -40,7 +41,7 @@ def draw_timing(comparison: Comparison, run: RunInfo) -> Figure:
 
 
 def _bins_us(widest_us: float) -> FloatArray:
-    """Borders of bins to both sides of zero that reach so far at least, and beyond the linear part in any case."""
+    """Return borders of bins on both sides of zero that reach `widest_us` and leave the linear part."""
     decades = np.log10(max(widest_us / LINEAR_US, 1.0))
     bins = int(decades * BINS_PER_DECADE) + 1
     beyond_us = LINEAR_US * 10.0 ** (np.arange(1, bins + 1) / BINS_PER_DECADE)

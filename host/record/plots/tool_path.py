@@ -1,4 +1,4 @@
-"""The tool's path, planned and counted: true to scale, with the error magnified, and close to where it is largest."""
+"""Draw the tool's path, planned and counted: true to scale, with a magnified error, and the largest error close up."""
 
 from dataclasses import dataclass
 from math import floor, log10
@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.record.plots.canvas import COUNTED, LIMIT, PLANNED, drawn_instants, new_figure
+from steptwin.host.record.plots.canvas import COUNTED, LIMIT, PLANNED, drawn_instants, new_figure, write_inside
 from steptwin.host.verify import Comparison, RunInfo
 from steptwin.host.verify.deviation import deviations
 
@@ -16,34 +16,34 @@ PANEL_INCHES = 3.9
 SIDE_PANEL_INCHES = 2.6
 INSTANTS = 20_001
 MAGNIFIED_PART = 0.04
-"""How large the magnified error may look, as a part of the path's extent."""
+"""Largest size of the magnified error, as a fraction of the path's extent."""
 
 CLOSE_ERRORS = 4.0
-"""Half the width of the close view, in largest errors."""
+"""Half the width of the close view, as a multiple of the largest error."""
 
 FLAT_PART = 0.01
-"""A coordinate that moves by less than this part of the largest one gets no view of its own."""
+"""A coordinate that moves by less than this fraction of the widest one gets no view of its own."""
 
 STILL_MM = 1e-6
-"""A coordinate that moves by no more stands: so far goes what rounding makes of it."""
+"""A coordinate that moves by no more than this stands still: rounding causes the rest."""
 
 LEAST_VIEW_MM = 1.0
-"""What is seen around a tool that stands."""
+"""Width of the view around a tool that stands still."""
 
 Plane = tuple[int, int]
-"""The coordinates drawn across and up: 0 is x, 1 y, 2 z."""
+"""Coordinates drawn across and up: 0 is x, 1 is y, 2 is z."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Path:
-    """Planned tool positions and their errors in mm, each of shape (n, 3), in order of time."""
+    """Planned tool positions and the errors of the counted ones in mm, each of shape (n, 3), in order of time."""
 
     planned_mm: FloatArray
     errors_mm: FloatArray
 
     @property
     def extents_mm(self) -> FloatArray:
-        """How far each coordinate is planned to move, shape (3,)."""
+        """Planned extent of each coordinate, shape (3,)."""
         extents_mm = np.ptp(self.planned_mm, axis=0)
         return np.where(extents_mm > STILL_MM, extents_mm, 0.0)
 
@@ -52,7 +52,7 @@ class _Path:
 
 
 def draw_tool_path(comparison: Comparison, run: RunInfo) -> Figure:
-    """One row a view: the plane of the two coordinates that move most, then the third one if it moves."""
+    """Draw the plane of the two coordinates that move most, then a row with the third coordinate if it moves."""
     end_s = comparison.expected.trajectory.duration_s
     whole = _path(comparison, np.linspace(0.0, end_s, INSTANTS))
     edges = _path(comparison, drawn_instants(comparison))
@@ -66,17 +66,16 @@ def draw_tool_path(comparison: Comparison, run: RunInfo) -> Figure:
             _draw_magnified(row[1], whole, view)
         else:
             row[1].set_axis_off()
-            row[1].text(0.5, 0.5, "the tool does not move", transform=row[1].transAxes, ha="center", va="center")
+            write_inside(row[1], "the tool does not move")
         _draw_close(row[2], edges, view)
     figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside upper right", ncols=4)
     return figure
 
 
 def _path(comparison: Comparison, t_s: FloatArray) -> _Path:
-    """The path just before and just after each of the instants."""
+    """Return the path just before and just after each instant."""
     end_s = comparison.expected.trajectory.duration_s
-    parts = deviations(comparison.expected, comparison.counted, t_s)
-    errors_mm = np.concatenate([part.tool_mm.swapaxes(0, 1).reshape(-1, 3) for part in parts])
+    errors_mm = np.concatenate([part.tool_mm.swapaxes(0, 1).reshape(-1, 3) for part in deviations(comparison, t_s)])
     poses = comparison.expected.forward(comparison.expected.trajectory.positions(np.minimum(t_s, end_s)))
     return _Path(np.repeat(poses[:, :3], 2, axis=0), errors_mm)
 
@@ -90,7 +89,7 @@ def _views(path: _Path) -> list[Plane]:
 
 
 def _gain(path: _Path) -> float:
-    """1, 2 or 5 times a power of ten that makes the error visible, but small against the path."""
+    """Return 1, 2 or 5 times a power of ten that makes the error visible, but small against the path."""
     extent_mm, error_mm = path.extents_mm.max(), np.abs(path.errors_mm).max()
     wanted = MAGNIFIED_PART * float(extent_mm / error_mm) if error_mm > 0.0 else 1.0
     if wanted <= 1.0:
@@ -117,7 +116,7 @@ def _draw_magnified(axes: Axes, path: _Path, view: Plane) -> None:
 
 
 def _draw_close(axes: Axes, path: _Path, view: Plane) -> None:
-    """A window around the largest error of all, where single steps can be told apart."""
+    """Draw a window around the largest error, where single steps are visible."""
     distances_mm = np.linalg.norm(path.errors_mm, axis=1)
     worst = int(distances_mm.argmax())
     half_mm = CLOSE_ERRORS * float(distances_mm[worst]) or 1.0
@@ -135,7 +134,7 @@ def _draw_close(axes: Axes, path: _Path, view: Plane) -> None:
 
 
 def _gapped(points: FloatArray, inside: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> FloatArray:
-    """The points inside, with a gap wherever the path has left in between."""
+    """Return the points inside, with a gap (NaN) wherever the path leaves the window in between."""
     kept: FloatArray = np.where(inside[:, None], points, np.nan)
     return kept[inside | np.roll(inside, 1)]
 

@@ -1,6 +1,6 @@
-"""How long the chips' CLK is high and low, and how far its rises are apart, beside what the drivers ask for.
+"""Draw how long the chips' CLK is high, is low, and takes from rise to rise, beside the drivers' limits.
 
-Limits and durations are of one and the same signal, whichever edge of the board's STEP the driver counts.
+Limits and durations refer to the same signal, CLK, whichever edge of the board's STEP the driver counts.
 """
 
 from itertools import groupby
@@ -20,15 +20,15 @@ from steptwin.protocol.timer import COUNTS_PER_US
 ROW_INCHES: Final = 1.6
 BINS_PER_DECADE: Final = 40
 _ROOM: Final = 1.4
-"""How far the picture goes beyond the least and the greatest duration, as a factor."""
+"""Factor by which the picture extends beyond the least and the greatest duration."""
 _LABEL_PART: Final = 0.02
-"""How wide a limit's label is, as a part of the picture; nearer limits share one."""
+"""Width of a limit's label, as a fraction of the picture; limits nearer to each other share a label."""
 
 _EDGES: Final = {ActiveEdge.RISING: "rises", ActiveEdge.FALLING: "falls"}
 
 
 class _Durations(NamedTuple):
-    """One kind of duration of one axis, and what its driver asks for at least, None if nothing."""
+    """One kind of duration of one axis, and its driver's least duration; None without a limit."""
 
     name: str
     us: FloatArray
@@ -37,7 +37,7 @@ class _Durations(NamedTuple):
 
 
 def draw_widths(comparison: Comparison, run: RunInfo) -> Figure:
-    """One row an axis, all over the same durations; dashed, the driver's limits: below them pulses get lost."""
+    """Draw a row for each moving axis over the same durations; dashed lines are limits, below which pulses get lost."""
     moving = moving_axes(comparison)
     figure = new_figure(run, "CLK against the drivers' limits", ROW_INCHES * max(len(moving), 1))
     rows = [row[0] for row in rows_of_axes(figure, len(moving))]
@@ -73,7 +73,7 @@ def _durations(axis: AxisEvidence) -> list[_Durations]:
 
 
 def _limit_us(axis: AxisEvidence, rule: str) -> float | None:
-    """The strictest, of the module and of its chip. One count is no limit: no level on a pin is shorter."""
+    """Return the strictest limit of module and chip. A limit of one count is left out: no level on a pin is shorter."""
     limits_us = [limit.limit for limit in axis.violations.limits if limit.rule == rule]
     return max((limit_us for limit_us in limits_us if round(limit_us * COUNTS_PER_US) > 1), default=None)
 
@@ -100,7 +100,7 @@ def _draw(axes: Axes, of_axis: list[_Durations], bins_us: FloatArray) -> None:
 
 
 def _draw_limits(axes: Axes, of_axis: list[_Durations], width_log: float) -> None:
-    """A line for each limit; those that are too near to each other for a label each share one, a column for each."""
+    """Draw a line for each limit; limits too near to each other share a label, with a line of text for each."""
     limits = sorted((one.limit_us, one.name) for one in of_axis if one.limit_us is not None)
     for limit_us, _ in limits:
         axes.axvline(limit_us, color=LIMIT, linestyle="--", linewidth=0.9)
@@ -113,7 +113,7 @@ def _draw_limits(axes: Axes, of_axis: list[_Durations], width_log: float) -> Non
 
 
 def _margin(one: _Durations) -> str:
-    """The shortest of them, and how far that is from the limit."""
+    """Return the shortest duration in words, and its distance from the limit."""
     if one.us.size == 0:
         return ""
     least_us = float(one.us.min())

@@ -1,4 +1,4 @@
-"""A workspace from above and from the side: the cloud of random joint positions, the scanned boundaries over it."""
+"""Draw a workspace from above and from the side: the cloud of random joint positions under the scanned boundary."""
 
 from pathlib import Path
 from typing import Final
@@ -9,17 +9,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.record.plots.canvas import COUNTED, DOTS_PER_INCH, HEADING_INCHES, STYLE, WIDTH_INCHES
+from steptwin.host.record.plots.canvas import COUNTED, DOTS_PER_INCH, HEADING_INCHES, STYLE, WIDTH_INCHES, write_inside
 from steptwin.host.robots.workspace import MonteCarlo, Scan
 
 CLOUD: Final = "0.6"
-"""Samples: small grey dots, so that the boundary stands out from them in print too."""
+"""Colour of samples: grey; drawn as small dots, so that the boundary stands out in print too."""
 
 BOUNDARY: Final = COUNTED
-"""Boundary: dark dots as close as a line."""
+"""Colour of the boundary: dark; drawn as dots as close as a line."""
 
 _WIDE: Final = 2.0
-"""A view from above that is wider than this many heights has the other one below it, else beside it."""
+"""If the view from above is wider than this multiple of its height, the side view is below, else beside it."""
 
 _PANEL_INCHES: Final = 4.4
 _DRAWN_INCHES: Final = 9.0
@@ -33,7 +33,7 @@ def write_workspace(path: Path, robot: str, cloud: MonteCarlo, scanned: Scan) ->
 
 
 def draw_workspace(robot: str, cloud: MonteCarlo, scanned: Scan) -> Figure:
-    """Both views, true to scale."""
+    """Return a figure with both views, true to scale."""
     radius_mm = np.hypot(cloud.cloud_mm[:, 0] - scanned.axis_x_mm, cloud.cloud_mm[:, 1])
     views = (cloud.cloud_mm[:, :2], np.column_stack([radius_mm, cloud.cloud_mm[:, 2]]))
     boundaries = (scanned.plan.boundary_mm, scanned.profile.boundary_mm)
@@ -55,13 +55,13 @@ def draw_workspace(robot: str, cloud: MonteCarlo, scanned: Scan) -> Figure:
 
 
 def _aspect(points_mm: FloatArray) -> float:
-    """Height over width, at most 1, as for no points."""
+    """Return height over width, 1 at most and without points."""
     width_mm, height_mm = np.ptp(points_mm, axis=0) if len(points_mm) else (1.0, 1.0)
     return float(height_mm / width_mm) if width_mm > height_mm else 1.0
 
 
 def _panels(aspects: list[float]) -> tuple[Figure, list[Axes]]:
-    """One below the other, as high as their contents, where the first is wide; else beside each other."""
+    """Return a figure with two panels: stacked, as high as their contents, if the first is wide, else side by side."""
     stacked = aspects[0] * _WIDE < 1.0
     heights_inches = [_DRAWN_INCHES * aspect + _LABELS_INCHES for aspect in aspects] if stacked else [_PANEL_INCHES]
     figure = Figure(figsize=(WIDTH_INCHES, sum(heights_inches) + HEADING_INCHES), layout="constrained")
@@ -74,10 +74,10 @@ def _draw(axes: Axes, positions_mm: FloatArray, boundary_mm: FloatArray) -> None
     axes.plot(*boundary_mm.T, "o", markeredgewidth=0, markersize=2.4, color=BOUNDARY)
     axes.set_aspect("equal")
     if not len(boundary_mm):
-        axes.text(0.5, 0.5, "nothing within reach", transform=axes.transAxes, ha="center", va="center")
+        write_inside(axes, "nothing within reach")
 
 
 def _held(scanned: Scan) -> str:
-    """Which attitude the tool has in the sections and where the slides stand, as the end of a label."""
+    """Return the end of a label: the tool's attitude in the sections and the positions of the slides."""
     attitude = "" if scanned.attitude_deg is None else f", attitude {scanned.attitude_deg:g} deg"
     return attitude + "".join(f", {name} = {position_mm:g} mm" for name, position_mm in scanned.slides.items())
