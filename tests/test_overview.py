@@ -1,4 +1,4 @@
-"""Every file and every name that docs/overview.md mentions exists."""
+"""Every file and every name that the pages about the code mention exists, docs/overview.md above all."""
 
 import ast
 import re
@@ -7,15 +7,19 @@ from pathlib import Path
 
 import pytest
 
+import steptwin
+
 ROOT = Path(__file__).resolve().parent.parent
-OVERVIEW = (ROOT / "docs" / "overview.md").read_text(encoding="utf-8")
+DOCS = ROOT / "docs"
+OVERVIEW = (DOCS / "overview.md").read_text(encoding="utf-8")
+PAGES = ("benchmarks", "canopen", "driver", "motions", "overview", "protocol", "robots", "waveforms")
 
 PLACE = re.compile(r"([\w.-]+/[\w./-]*|[\w-]+\.(?:py|toml|md)|Makefile)(?:: (\w+(?:\.\w+)*(?:, \w+(?:\.\w+)*)*))?")
 """A path, perhaps with names that the file defines: `host/planning/planner.py: plan`."""
-MEMBER = re.compile(r"([A-Z]\w+)\.([a-z_]\w*)")
-"""A member of a class, without its file: `Simulation.send`."""
+MEMBER = re.compile(r"([A-Z]\w+\.[a-z_]\w*)(?:\(.*\))?")
+"""A member of a class, without its file: `Simulation.send`, `Machine.wait(dt_s)`."""
 MODULE = re.compile(r"steptwin(\.\w+)+")
-"""An import path: `steptwin.bench`."""
+"""An import path: `steptwin.bench`, or a public name: `steptwin.Trajectory`."""
 
 
 def code_spans(text: str) -> list[str]:
@@ -49,9 +53,9 @@ def faults(span: str, members: set[str]) -> Iterator[str]:
         elif place[2]:
             defined = names_of(ast.parse(path.read_text(encoding="utf-8")))
             yield from (f"`{span}`: no name {name}" for name in place[2].split(", ") if name not in defined)
-    elif MEMBER.fullmatch(span) and span not in members:
+    elif (member := MEMBER.fullmatch(span)) and member[1] not in members:
         yield f"`{span}`: no class has this member"
-    elif MODULE.fullmatch(span):
+    elif MODULE.fullmatch(span) and span.removeprefix("steptwin.") not in steptwin.__all__:
         stem = ROOT.joinpath(*span.split("."))
         if not (stem.with_suffix(".py").exists() or (stem / "__init__.py").exists()):
             yield f"`{span}`: no module"
@@ -65,10 +69,14 @@ def members() -> set[str]:
     return {name for path in files for name in names_of(ast.parse(path.read_text(encoding="utf-8"))) if "." in name}
 
 
-def test_every_place_exists(members: set[str]) -> None:
-    spans = code_spans(OVERVIEW)
-    assert sum(1 for span in spans if PLACE.fullmatch(span)) > 80
+@pytest.mark.parametrize("page", PAGES)
+def test_every_place_exists(page: str, members: set[str]) -> None:
+    spans = code_spans((DOCS / f"{page}.md").read_text(encoding="utf-8"))
     assert [fault for span in spans for fault in faults(span, members)] == []
+
+
+def test_the_overview_names_places() -> None:
+    assert sum(1 for span in code_spans(OVERVIEW) if PLACE.fullmatch(span)) > 80
 
 
 def test_the_questions_are_answered() -> None:
@@ -87,6 +95,7 @@ def test_the_questions_are_answered() -> None:
         "host/planning/planner.py: plane",
         "emulator/simulation.py: Simulation.sent",
         "Simulation.sent",
+        "Simulation.sent(frame)",
         "steptwin.benches",
     ],
 )
