@@ -1,4 +1,4 @@
-"""The pytest plugin, as a project that has StepTwin installed meets it."""
+"""The pytest plugin, as a project uses it that has StepTwin installed."""
 
 import subprocess
 import sys
@@ -17,25 +17,25 @@ HEAVY = ["can", "canopen", "controller", "emulator", "matplotlib", "numba", "num
 
 @pytest.fixture(autouse=True, scope="module")
 def loaded(fast_kernel: Kernel) -> None:
-    """All that a board needs: pytester forgets what a test has imported first, and numba cannot be imported twice."""
+    """Import all that a board needs: pytester forgets a test's first imports, and numba cannot be imported twice."""
     Decoder({})
     BoardUnderTest(load_robot("lab-scara"), kernel=fast_kernel)
 
 
 def outcomes(pytester: pytest.Pytester, code: str, *options: str) -> pytest.RunResult:
-    """What becomes of tests in a file of their own."""
+    """Run tests in a file of their own; return the result."""
     pytester.makepyfile(code)
     return pytester.runpytest("-p", "no:cacheprovider", *options)
 
 
-def test_it_costs_nothing_where_it_is_not_used() -> None:
+def test_the_plugin_alone_imports_nothing_heavy() -> None:
     code = f"import sys, steptwin.host.twin.pytest_plugin; print([name for name in {HEAVY} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
 
 
 def test_a_board_that_the_marker_names(pytester: pytest.Pytester) -> None:
-    """Of several markers the closest one's words count."""
+    """Of several markers the closest one counts, argument by argument."""
     result = outcomes(
         pytester,
         """
@@ -76,7 +76,7 @@ def test_the_ini_file_names_the_robot(pytester: pytest.Pytester) -> None:
 
 
 def test_a_robot_file_from_the_root_directory(pytester: pytest.Pytester) -> None:
-    """Wherever pytest is started."""
+    """Its path begins at pytest's root directory, wherever pytest is started."""
     toml = load_robot("lab-scara").toml.replace('name = "lab-scara"', 'name = "mine"')
     pytester.path.joinpath("mine.toml").write_text(toml, encoding="utf-8")
     pytester.makeini("[pytest]\nsteptwin_robot = mine.toml")
@@ -90,7 +90,7 @@ def test_a_robot_file_from_the_root_directory(pytester: pytest.Pytester) -> None
 
 
 def test_several_boards(pytester: pytest.Pytester) -> None:
-    """Each with a bus and a time of its own."""
+    """Each has a bus and a time of its own."""
     outcomes(
         pytester,
         """
@@ -115,8 +115,8 @@ def test_several_boards(pytester: pytest.Pytester) -> None:
         ('("lab-scara", stand_at={"th9": 0.0})', "steptwin: stand_at: joint 'th9' is unknown: did you mean th"),
     ],
 )
-def test_what_is_refused(marker: str, complaint: str, pytester: pytest.Pytester) -> None:
-    """In one line, without a traceback of ours."""
+def test_bad_input_is_refused(marker: str, complaint: str, pytester: pytest.Pytester) -> None:
+    """The message is one line, without a traceback of StepTwin."""
     line = f"@pytest.mark.steptwin{marker}\n" if marker else ""
     result = outcomes(pytester, f"import pytest\n{line}def test_board(steptwin_board): pass")
     result.assert_outcomes(errors=1)
@@ -124,8 +124,8 @@ def test_what_is_refused(marker: str, complaint: str, pytester: pytest.Pytester)
     assert "Traceback" not in result.stdout.str()
 
 
-def test_a_failure_shows_what_the_bus_said_last(pytester: pytest.Pytester) -> None:
-    """And nothing does for a test that passes."""
+def test_a_failure_shows_the_last_frames_on_the_bus(pytester: pytest.Pytester) -> None:
+    """A test that passes shows none."""
     code = """
         import pytest
 
@@ -143,7 +143,7 @@ def test_a_failure_shows_what_the_bus_said_last(pytester: pytest.Pytester) -> No
 
 
 def test_what_happens_to_the_machine(pytester: pytest.Pytester) -> None:
-    """E-stop, lost frames, limits of the driver."""
+    """Emergency stop, lost frames, limits of the driver."""
     outcomes(
         pytester,
         """
@@ -184,7 +184,7 @@ def test_what_happens_to_the_machine(pytester: pytest.Pytester) -> None:
             assert answers() == 1
 
         def test_violations(steptwin_board):
-            \"\"\"Pulses of 10 us, where the driver wants 30.\"\"\"
+            \"\"\"Pulses of 10 us, where the driver requires 30.\"\"\"
             board = steptwin_board
             write = lambda text: board.network.send_message(0x611, bytes.fromhex(text))
             start(board)

@@ -1,4 +1,4 @@
-"""Records as they come in, and the plan that they are: whatever their order among the axes, in bounded memory."""
+"""The plan made of received records: independent of their order among the axes, in bounded memory."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -20,7 +20,7 @@ ORDERS = st.permutations([0] * len(RECORDS) + [3] * len(RECORDS))
 
 
 def text_of(order: list[int], before: int, folder: Path) -> str:
-    """Two joints get the same records, joint by joint in this order; so many of all come before the SYNC."""
+    """Give two joints the same records in this order of joints, `before` of them before the SYNC; return the text."""
     plan = ReceivedPlan(folder, ROBOT)
     counts = {0: 0, 3: 0}
     for i, joint in enumerate([*order, None]):
@@ -44,7 +44,7 @@ def test_the_order_among_the_axes_changes_nothing(order: list[int], before: int)
         assert text_of(order, before, Path(folder)) == text_of([0, 3] * len(RECORDS), 2, Path(folder))
 
 
-def test_it_is_a_trajectory_to_the_unit(tmp_path: Path) -> None:
+def test_the_file_is_a_trajectory_to_the_unit(tmp_path: Path) -> None:
     text_of([0, 3] * len(RECORDS), 2, tmp_path)
     motion = read_trajectory(str(tmp_path / "trajectory.csv"), ROBOT)
     (end,) = motion.positions(np.array([motion.duration_s])) * ROBOT.wire_units_per_unit
@@ -53,7 +53,7 @@ def test_it_is_a_trajectory_to_the_unit(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("ahead", "lacks"), [(2 * QUEUE_DEPTH, False), (2 * QUEUE_DEPTH + 1, True)])
-def test_an_axis_that_runs_away_is_not_kept(ahead: int, lacks: bool, tmp_path: Path) -> None:
+def test_an_axis_far_ahead_of_the_others_ends_the_plan(ahead: int, lacks: bool, tmp_path: Path) -> None:
     plan = ReceivedPlan(tmp_path, ROBOT)
     for joint in (0, 3):
         plan.accept(joint, RECORDS[0])

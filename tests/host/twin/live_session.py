@@ -1,0 +1,95 @@
+"""A live board whose time the test advances, and the frames that move its axes."""
+
+from pathlib import Path
+
+from steptwin.controller.backend import Kernel
+from steptwin.host.robots import load_robot
+from steptwin.host.twin.live_board import LiveBoard
+from steptwin.protocol.frame import Frame
+from steptwin.protocol.pvt import PvtRecord
+
+ROBOT = load_robot("warehouse-scara")
+JOINT = 3
+"""The joint that moves, th1: its steps and units are those of 1/16."""
+NODE = 0x10 + JOINT
+UNITS_PER_STEP = 1024
+THERE_AND_BACK = (PvtRecord(20 * UNITS_PER_STEP, 0, 50, 0), PvtRecord(-20 * UNITS_PER_STEP, 0, 50, 1))
+"""20 steps up and down again in 100 ms."""
+NMT_START = Frame(0x000, b"\x01\x00")
+SYNC = Frame(0x080, b"")
+PVT, PROFILE_POSITION = 7, 1
+"""Modes of operation."""
+_MS_IN_NS = 1_000_000
+_RECORD_EVERY_NS = 50 * _MS_IN_NS
+
+
+def control(controlword: int, mode: int = PVT, node: int = NODE) -> Frame:
+    """Return the RPDO with a controlword and a mode of operation."""
+    return Frame(0x200 + node, controlword.to_bytes(2, "little") + bytes((mode,)))
+
+
+def enable(mode: int = PVT, node: int = NODE) -> list[Frame]:
+    """Return the frames that lead an axis to OPERATION ENABLED."""
+    return [control(controlword, mode, node) for controlword in (0x06, 0x07, 0x0F)]
+
+
+def queue(*records: PvtRecord, node: int = NODE) -> list[Frame]:
+    """Return the frames that put records into an axis' queue."""
+    return [Frame(0x500 + node, record.encode()) for record in records]
+
+
+def start_at_sync(node: int = NODE) -> Frame:
+    """Return the RPDO that lets an axis run its queue from the next SYNC on."""
+    return Frame(0x300 + node, b"\x1f\x00")
+
+
+class LiveSession:
+    """Sends frames to a live board and lets its time pass; the board records every 50 ms."""
+
+    def __init__(
+        self,
+        kernel: Kernel,
+        out: Path | None = None,
+        log: Path | None = None,
+        axes_per_board: tuple[int, ...] | None = None,
+        drivers: str | None = None,
+    ) -> None:
+        self.board = LiveBoard(
+            ROBOT,
+            list(ROBOT.home),
+            kernel,
+            bitrate=ROBOT.board.bitrate,
+            speed=1.0,
+            axes_per_board=axes_per_board,
+            out=out,
+            log=log,
+            driver_profile_name=drivers,
+        )
+        self.board.live.start(0, 0)
+        self.now_ns = 0
+        self.wait(10)
+
+    def wait(self, dt_ms: int) -> None:
+        """Let time pass, millisecond by millisecond."""
+        for _ in range(dt_ms):
+            self.now_ns += _MS_IN_NS
+            self.board.live.advance(self.now_ns)
+            if self.now_ns % _RECORD_EVERY_NS == 0:
+                self.board.record()
+
+    def send(self, *frames: Frame) -> None:
+        """Send frames, one in a millisecond."""
+        for frame in frames:
+            self.board.live.send(frame, "a client", self.now_ns)
+            self.wait(1)
+
+    def move(self, sequence: int) -> None:
+        """Move there and back by PVT, started by a SYNC; the records are numbered from `sequence` on."""
+        records = [record._replace(sequence=sequence + i) for i, record in enumerate(THERE_AND_BACK)]
+        self.send(*enable(), *queue(*records), start_at_sync(), SYNC)
+        self.wait(120)
+
+    def end(self) -> None:
+        """End the session; its files are complete."""
+        self.board.record()
+        self.board.close(self.board.report())

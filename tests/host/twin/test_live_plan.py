@@ -1,0 +1,137 @@
+"""The plan that a live board leaves: the records of the last motion, or the reason why there is no plan."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from steptwin.controller.backend import Kernel
+from steptwin.host.cli.app import run
+from steptwin.protocol.frame import Frame
+from steptwin.protocol.pvt import PvtRecord
+from tests.host.twin.live_session import (
+    NMT_START,
+    NODE,
+    ROBOT,
+    SYNC,
+    THERE_AND_BACK,
+    UNITS_PER_STEP,
+    LiveSession,
+    control,
+    enable,
+    queue,
+    start_at_sync,
+)
+
+HALF_A_STEP_DEG = 0.5 * 360 / (200 * 16 * 3) + 1e-9
+"""Half a step of th3, the largest: joints without records are known no better."""
+
+
+def plan_rows(folder: Path) -> list[list[float]]:
+    lines = (folder / "trajectory.csv").read_text().splitlines()
+    assert lines[0] == "t,sx,sz,L1,th1,th2,th3,v_sx,v_sz,v_L1,v_th1,v_th2,v_th3"
+    return [[float(word) for word in line.split(",")] for line in lines[1:]]
+
+
+def test_the_records_of_the_last_motion_are_its_plan(
+    fast_kernel: Kernel, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In the machine's positions, although the firmware, which has not been homed, counts from 0; verify agrees."""
+    (tmp_path / "trajectory.csv").write_text("of an earlier session")
+    session = LiveSession(fast_kernel, tmp_path)
+    session.send(NMT_START)
+    session.send(*queue(PvtRecord(20 * UNITS_PER_STEP, 64 * 1024, 40, 0)))
+    session.send(*queue(*(PvtRecord(20 * UNITS_PER_STEP, 0, 40, sequence) for sequence in (1, 1, 7))))
+    session.send(*enable(), start_at_sync(), SYNC)
+    session.wait(100)
+    session.move(2)
+    session.end()
+    assert json.loads((tmp_path / "report.json").read_text())["no_plan"] is None
+    home = list(ROBOT.home)
+    th1_deg = [40 * 360 / (200 * 16 * 5), 60 * 360 / (200 * 16 * 5), 40 * 360 / (200 * 16 * 5)]
+    expected = [[t_s, *home[:3], th1, *home[4:], *[0] * 6] for t_s, th1 in zip((0, 0.05, 0.1), th1_deg, strict=True)]
+    assert plan_rows(tmp_path) == [pytest.approx(row, abs=HALF_A_STEP_DEG) for row in expected]
+    assert run(["verify", str(tmp_path)]) == 0
+    assert capsys.readouterr().out.endswith("warehouse-scara live: PASSED\n")
+    assert not (tmp_path / "trajectory.part").exists()
+
+
+def prepare(session: LiveSession, *records: PvtRecord, nodes: tuple[int, ...] = (NODE,)) -> None:
+    """Enable axes and queue records for them, which the next SYNC starts."""
+    session.send(NMT_START)
+    for node in nodes:
+        session.send(*enable(node=node))
+        session.send(*queue(*records, node=node))
+        session.send(start_at_sync(node))
+
+
+def no_plan(session: LiveSession, folder: Path) -> str:
+    """End a session without a plan, of which no file is left; return the reason."""
+    session.end()
+    assert not list(folder.glob("trajectory.*"))
+    reason: str = json.loads((folder / "report.json").read_text())["no_plan"]
+    return reason
+
+
+def test_a_motion_that_was_halted_has_no_plan(
+    fast_kernel: Kernel, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It took longer than its records last; verify says so."""
+    session = LiveSession(fast_kernel, tmp_path)
+    prepare(session, *THERE_AND_BACK)
+    session.send(SYNC)
+    session.wait(20)
+    session.send(control(0x11F))
+    session.wait(20)
+    session.send(control(0x1F))
+    session.wait(150)
+    assert no_plan(session, tmp_path) == "it was halted on its way"
+    assert run(["verify", str(tmp_path)]) == 2
+    assert "trajectory.csv: is missing: it was halted on its way; --plan DIR" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("stop_ms", [None, 30, 80])
+def test_a_motion_that_was_not_ended_has_no_plan(fast_kernel: Kernel, tmp_path: Path, stop_ms: int | None) -> None:
+    """The session ends before, or a quick stop does."""
+    session = LiveSession(fast_kernel, tmp_path)
+    prepare(session, *THERE_AND_BACK)
+    session.send(SYNC)
+    session.wait(30 if stop_ms is None else stop_ms - 1)
+    if stop_ms is not None:
+        session.send(control(0x0B))
+        session.wait(200)
+    assert no_plan(session, tmp_path) == "it has not come to the end of its records"
+
+
+def test_axes_whose_records_differ_in_duration_have_no_plan(fast_kernel: Kernel, tmp_path: Path) -> None:
+    session = LiveSession(fast_kernel, tmp_path)
+    prepare(session, *THERE_AND_BACK)
+    prepare(session, THERE_AND_BACK[0]._replace(duration_ms=60), nodes=(NODE + 1,))
+    session.send(SYNC)
+    session.wait(150)
+    assert no_plan(session, tmp_path) == "the axes' records do not last equally long"
+
+
+def test_an_axis_with_fewer_records_has_no_plan(fast_kernel: Kernel, tmp_path: Path) -> None:
+    session = LiveSession(fast_kernel, tmp_path)
+    prepare(session, *THERE_AND_BACK)
+    prepare(session, THERE_AND_BACK[0], nodes=(NODE + 1,))
+    session.send(SYNC)
+    session.wait(150)
+    assert no_plan(session, tmp_path) == "the axes' records do not last equally long"
+
+
+def test_an_axis_that_is_set_up_otherwise_has_no_plan(fast_kernel: Kernel, tmp_path: Path) -> None:
+    """Its steps are not of the size that the robot's file says."""
+    session = LiveSession(fast_kernel, tmp_path)
+    session.send(Frame(0x600 + NODE, bytes.fromhex("2f00200108000000")))
+    prepare(session, *THERE_AND_BACK)
+    session.send(SYNC)
+    session.wait(150)
+    assert no_plan(session, tmp_path) == "th1 is set up otherwise than in the robot's file"
+
+
+def test_a_session_without_motion_has_no_plan(fast_kernel: Kernel, tmp_path: Path) -> None:
+    session = LiveSession(fast_kernel, tmp_path)
+    session.send(SYNC)
+    assert no_plan(session, tmp_path) == "no SYNC has started a motion"
