@@ -1,46 +1,21 @@
 """The emulated board: the firmware, its TB6560s, the wires between them and a record of what went over these."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
-
-import numpy as np
-from numpy.typing import NDArray
 
 from steptwin.controller.backend import Kernel
 from steptwin.controller.firmware import Firmware
 from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.controller.measurements import DriverMonitor, Measurements
-from steptwin.controller.motion import PinEdges
-from steptwin.controller.pins import OUTPUT_PINS, Pin, PinChange
+from steptwin.controller.pins import OUTPUT_PINS, PinChange
 from steptwin.emulator.can_controller import CanController
-from steptwin.emulator.driver import Driver
-from steptwin.emulator.driver_module import ClkEdge, Module
-from steptwin.emulator.edges import Int8Array, Int64Array
+from steptwin.emulator.driver_bank import SUPPLIES, WIRING, AxisTrace, DriverBank
+from steptwin.emulator.driver_module import Module
 from steptwin.emulator.inputs import BoardInputs
 from steptwin.emulator.operations import BoardTemperature, DriverProtect, EmergencyStop, Operation, Supply
 from steptwin.emulator.switches import Switch
-from steptwin.emulator.tb6560 import Input, LevelChange, Outputs, Pins, Violations
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.dictionary import FlashPage
 from steptwin.protocol.frame import FIRST_NODE_ID
-
-WIRING = {
-    Pin.RESET: Input.RESET,
-    Pin.ENABLE: Input.ENABLE,
-    Pin.M1: Input.M1,
-    Pin.M2: Input.M2,
-    Pin.TQ1: Input.TQ1,
-    Pin.TQ2: Input.TQ2,
-    Pin.DCY1: Input.DCY1,
-    Pin.DCY2: Input.DCY2,
-}
-"""From the firmware's pins to the driver's."""
-
-SUPPLIES = (Input.VDD, Input.VM)
-"""In the order in which the board switches them on."""
-
-_FIRST_OFF = (Pin.ENABLE, Pin.RESET)
-"""The pins that fall before all others as the power goes: M1 and M2 change in reset only."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,24 +35,6 @@ class BoardConfig:
     """What is around each chip; none for chips on the board itself."""
 
 
-@dataclass(frozen=True, slots=True)
-class AxisTrace:
-    """Everything that happened at one driver, times in counts since boot; DIR levels are those after each edge."""
-
-    clk_rise_counts: Int64Array
-    clk_fall_counts: Int64Array
-    active_edge: ClkEdge
-    """Of these, which makes the chip's CLK rise."""
-    dir_counts: Int64Array
-    dir_levels: Int8Array
-    step_counts: Int64Array
-    step_signs: Int8Array
-    violations: Violations
-    outputs: Outputs
-    """Phase currents, electrical angle and MO at any instant since the trace's begin."""
-    position_steps: int
-
-
 class Board:
     """One board on the bus. Pulses are computed ahead in batches; the drivers look at them when somebody looks."""
 
@@ -88,10 +45,9 @@ class Board:
         """What the firmware has stored, a page for each axis: all that outlives the power."""
         self._kernel = kernel
         modules = config.modules or (Module(),) * config.axis_count
-        self._drivers = [Driver(osc_pf, module) for osc_pf, module in zip(config.osc_pf, modules, strict=True)]
         self._inputs = BoardInputs(config.switches, config.start_steps or (0,) * config.axis_count)
+        self._drivers = DriverBank(config.osc_pf, modules, self._inputs)
         self._measurements = Measurements()
-        self._input_changes: list[list[LevelChange]] = [[] for _ in self._drivers]
         self._held_protects = [False] * config.axis_count
         """The Protect pins that somebody holds low."""
         self._heat_due_tick: int | None = None
@@ -100,11 +56,6 @@ class Board:
         """Whether one of these is low."""
         self._power_up()
         self._heat_due_tick = self._next_heat_tick()
-        self._pins: list[list[Pins]] = [[_pins(PinEdges([], []), [], 0)] for _ in self._drivers]
-        self.pin_changes: list[PinChange] = []
-        """Every change of the pins that the firmware holds at a level, as far as nobody has taken them."""
-        self._pin_levels: dict[tuple[int, Pin], int] = {}
-        self._dir_levels = [0] * config.axis_count
 
     def _power_up(self) -> None:
         """Firmware and CAN controller as they are with power."""
@@ -120,11 +71,11 @@ class Board:
         """The levels of the inputs that the firmware has seen."""
         self._look_at_once = self._inputs.levels != self._seen
         """Whether the inputs are to be looked at as soon as a tick begins."""
-        self._monitored = [self._count(axis) for axis in range(self.config.axis_count)]
+        self._monitored = [self._drivers.count(axis) for axis in range(self.config.axis_count)]
 
     def boot(self, now_counts: int) -> None:
         """Switch the board on: its nodes announce themselves."""
-        self._supply(SUPPLIES, now_counts, 1)
+        self._drivers.supply(SUPPLIES, now_counts, 1)
         self.firmware.boot(now_counts)
         self.poll(now_counts)
 
@@ -135,11 +86,10 @@ class Board:
         since no supply is gone within microseconds; what would come after it does not.
         """
         self._take_pins()
-        high = (place for place, level in self._pin_levels.items() if level)
-        for axis, pin in sorted(high, key=lambda place: place[1] not in _FIRST_OFF):
-            self._note_pin(PinChange(now_counts, axis, pin, 0))
-        self._supply(reversed(SUPPLIES), now_counts, 0)
-        self._show(power_off_counts=now_counts)
+        self._drivers.drop_pins(now_counts)
+        self._drivers.supply(reversed(SUPPLIES), now_counts, 0)
+        motion = self.firmware.motion
+        self._drivers.show(self._drivers.cut_off(motion.take_edges(), now_counts), motion.tick * TICK_COUNTS)
         self._power_up()
         self.firmware.advance(now_counts)
         self._heat_due_tick = self._next_heat_tick()
@@ -224,14 +174,14 @@ class Board:
     def _look_at_protect(self, axis: int) -> bool:
         """See the pin as it is at the start of the tick to come; whether the driver itself holds it low."""
         tick_counts = self.firmware.motion.tick * TICK_COUNTS
-        low = not self._drivers[axis].protect_level(tick_counts)
+        low = not self._drivers.drivers[axis].protect_level(tick_counts)
         self._inputs.protects[axis] = low or self._held_protects[axis]
         return low
 
     def _next_heat_tick(self) -> int | None:
         """Up to the start of which tick no driver switches itself off, as far as that is known now."""
         tick = self.firmware.motion.tick
-        stays = (driver.protect_stays_until(tick * TICK_COUNTS) for driver in self._drivers)
+        stays = (driver.protect_stays_until(tick * TICK_COUNTS) for driver in self._drivers.drivers)
         ticks = [max(-(-counts // TICK_COUNTS), tick + 1) for counts in stays if counts is not None]
         return min(ticks, default=None)
 
@@ -279,124 +229,47 @@ class Board:
     def drain(self) -> None:
         """Show the drivers all pulses placed so far."""
         self._take_pins()
-        self._show()
-
-    def _show(self, power_off_counts: int | None = None) -> None:
-        """Show the drivers what is new at their terminals; of the pulses those up to an instant, if DIR falls there."""
-        until_counts = self.firmware.motion.tick * TICK_COUNTS
-        all_edges = self.firmware.motion.take_edges()
-        if power_off_counts is not None:
-            befores = zip(all_edges, self._dir_levels, strict=True)
-            all_edges = tuple(_cut_off(edges, dir_level, power_off_counts) for edges, dir_level in befores)
-        for axis, edges in enumerate(all_edges):
-            driver, moved = self._drivers[axis], len(edges.clk_counts) or len(edges.direction)
-            if not (moved or self._input_changes[axis] or driver.waiting):
-                continue
-            pins = _pins(edges, self._input_changes[axis], until_counts)
-            self._input_changes[axis] = []
-            self._inputs.counted(axis, *driver.feed(pins), held_pulses=driver.held_pulses)
-            if moved:
-                self._pins[axis].append(pins)
-                self._dir_levels[axis] = int(pins.dir_levels[-1]) if pins.dir_levels.size else self._dir_levels[axis]
+        self._drivers.show(self.firmware.motion.take_edges(), self.firmware.motion.tick * TICK_COUNTS)
 
     def _monitor(self, axis: int) -> DriverMonitor:
         """What has become of an axis' pulses since power-up, those of the tick in progress included."""
         self.drain()
-        counted, before = self._count(axis), self._monitored[axis]
+        counted, before = self._drivers.count(axis), self._monitored[axis]
         return DriverMonitor(*(now - then for now, then in zip(counted, before, strict=True)))
-
-    def _count(self, axis: int) -> DriverMonitor:
-        driver = self._drivers[axis]
-        return DriverMonitor(driver.position_steps, driver.lost_steps, driver.violation_count)
 
     def _take_pins(self) -> None:
         for change in self.firmware.take_pins():
-            self._note_pin(change)
+            self._drivers.set_pin(change)
+            self._look_at_once |= self._hot and change.pin in WIRING  # RESET may end the thermal shutdown
 
-    def _note_pin(self, change: PinChange) -> None:
-        self.pin_changes.append(change)
-        self._pin_levels[change.axis, change.pin] = change.level
-        if change.pin in WIRING:
-            self._input_changes[change.axis].append(LevelChange(change.counts, WIRING[change.pin], change.level))
-            self._look_at_once |= self._hot  # RESET may end it
-
-    def _supply(self, supplies: Iterable[Input], now_counts: int, level: int) -> None:
-        for supply in supplies:
-            for changes in self._input_changes:
-                changes.append(LevelChange(now_counts, supply, level))
-
-    def _driver_by_now(self, axis: int) -> Driver:
-        """A driver that has also seen the time pass in which nothing came."""
-        self.drain()
-        nothing = _pins(PinEdges([], []), [], self.firmware.motion.tick * TICK_COUNTS)
-        driver = self._drivers[axis]
-        self._inputs.counted(axis, *driver.feed(nothing), held_pulses=driver.held_pulses)
-        return driver
+    @property
+    def pin_changes(self) -> list[PinChange]:
+        """Changes of the pins that the firmware holds at a level, as far as the drivers have been shown them."""
+        return self._drivers.pin_changes
 
     def output_changes(self) -> list[PinChange]:
         """Every change of a digital output so far, in order of time; all outputs are 0 before their first."""
         self.drain()
-        return [change for change in self.pin_changes if change.pin in OUTPUT_PINS]
+        return [change for change in self._drivers.pin_changes if change.pin in OUTPUT_PINS]
 
     def take_pin_changes(self) -> list[PinChange]:
         """Hand out what `pin_changes` holds, and forget it."""
         self.drain()
-        changes, self.pin_changes = self.pin_changes, []
+        changes, self._drivers.pin_changes = self._drivers.pin_changes, []
         return changes
 
     def position_steps(self, axis: int) -> int:
         """Where an axis' driver has brought its motor since power-up."""
         self.drain()
-        return self._drivers[axis].position_steps
+        return self._drivers.drivers[axis].position_steps
 
     def take_trace(self, axis: int) -> AxisTrace:
         """As `trace`, and forget it: the next one begins here. So a board may run for ever."""
         trace = self.trace(axis)
-        self._pins[axis] = [_pins(PinEdges([], []), [], 0)]
-        self._drivers[axis].forget()
+        self._drivers.forget(axis)
         return trace
 
     def trace(self, axis: int) -> AxisTrace:
-        """Everything that happened at an axis' driver so far, as far as nobody has taken it."""
-        driver = self._driver_by_now(axis)
-        pins = self._pins[axis]
-        step_counts, step_signs = driver.steps
-        return AxisTrace(
-            clk_rise_counts=np.concatenate([p.clk_rise_counts for p in pins]),
-            clk_fall_counts=np.concatenate([p.clk_fall_counts for p in pins]),
-            active_edge=driver.active_edge,
-            dir_counts=np.concatenate([p.dir_counts for p in pins]),
-            dir_levels=np.concatenate([p.dir_levels for p in pins]),
-            step_counts=step_counts,
-            step_signs=step_signs,
-            violations=driver.violations,
-            outputs=driver.outputs,
-            position_steps=driver.position_steps,
-        )
-
-
-def _pins(edges: PinEdges, changes: list[LevelChange], until_counts: int) -> Pins:
-    """The wiring of what comes as edges: the firmware's STEP goes to CLK, DIR to CW/CCW."""
-    clk = _array(edges.clk_counts)
-    direction = _array(edges.direction)
-    return Pins(
-        clk_rise_counts=clk[0::2],
-        clk_fall_counts=clk[1::2],
-        dir_counts=direction >> 1,
-        dir_levels=(direction & 1).astype(np.int8),
-        changes=tuple(changes),
-        until_counts=until_counts,
-    )
-
-
-def _cut_off(edges: PinEdges, dir_level: int, counts: int) -> PinEdges:
-    """The pulses that begin before an instant, in which DIR falls if it is high; before them all it was at a level."""
-    clk, direction = _array(edges.clk_counts), _array(edges.direction)
-    direction = direction[direction >> 1 < counts]
-    if direction[-1] & 1 if direction.size else dir_level:
-        direction = np.append(direction, counts << 1)
-    return PinEdges(clk[: 2 * int(np.searchsorted(clk[0::2], counts))], direction)
-
-
-def _array(values: list[int] | Int64Array) -> NDArray[np.int64]:
-    return np.asarray(values, dtype=np.int64)
+        """Return everything that happened at an axis' driver so far and was not taken."""
+        self.drain()
+        return self._drivers.trace(axis, self.firmware.motion.tick * TICK_COUNTS)

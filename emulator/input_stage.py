@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from steptwin.emulator.driver_module import ClkEdge, Module
 from steptwin.emulator.edges import NO_COUNTS, NO_LEVELS, Int8Array, Int64Array, counts_of_ns, joined, levels_at
 from steptwin.emulator.module_switchboard import Switchboard
-from steptwin.emulator.tb6560 import Input, LevelChange, Limit, Pins, Rule, Unit, ViolationLog, Violations
+from steptwin.emulator.tb6560 import Input, LevelChange, Limit, LimitUnit, Pins, Rule, ViolationLog, Violations
 
 _LONG_AGO: Final = -(1 << 60)
 
@@ -84,7 +84,7 @@ class InputStage:
             *((Rule.DIR_SETUP, self._setup_counts + behind) for behind in behind_clk),
             *((Rule.DIR_HOLD, self._hold_counts - behind) for behind in behind_clk),
         )
-        return tuple(Limit(rule, counts, Unit.COUNTS, self._module.source) for rule, counts in figures)
+        return tuple(Limit(rule, counts, LimitUnit.COUNTS, self._module.source) for rule, counts in figures)
 
     def _make_foresight(self, clk_width_min_counts: int) -> int:
         """How long after a rise of the chip's CLK its fate is certain: beyond DIR's hold time and, where the pulse ends

@@ -5,7 +5,7 @@ Source, cited by page throughout: Toshiba "TB6560AHQ/AFG", datasheet of 2014-10-
 
 from steptwin.emulator.tb6560.chip import CLK_RATE_MAX_HZ, CURRENT_MAX_A, PERIOD_MIN_COUNTS, SENSE_OHM, Pins, Tb6560
 from steptwin.emulator.tb6560.excitation import Excitation
-from steptwin.emulator.tb6560.limits import Limit, Rule, Unit, ViolationLog, Violations, merged
+from steptwin.emulator.tb6560.limits import Limit, LimitUnit, Rule, ViolationLog, Violations, merged
 from steptwin.emulator.tb6560.oscillator import OSC_PF_MIN, chopping_hz, clk_width_min_counts, oscillator_hz
 from steptwin.emulator.tb6560.outputs import Outputs
 from steptwin.emulator.tb6560.pins import PINS, Input, LevelChange
@@ -23,11 +23,11 @@ __all__ = [
     "Input",
     "LevelChange",
     "Limit",
+    "LimitUnit",
     "Outputs",
     "Pins",
     "Rule",
     "Tb6560",
-    "Unit",
     "ViolationLog",
     "Violations",
     "chopping_hz",

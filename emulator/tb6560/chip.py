@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from steptwin.emulator.edges import COUNTS_PER_MS, NO_COUNTS, NO_LEVELS, Int8Array, Int64Array, joined, levels_at
 from steptwin.emulator.tb6560.excitation import Excitation
-from steptwin.emulator.tb6560.limits import Limit, Rule, Unit, ViolationLog, Violations
+from steptwin.emulator.tb6560.limits import Limit, LimitUnit, Rule, ViolationLog, Violations
 from steptwin.emulator.tb6560.oscillator import clk_width_min_counts
 from steptwin.emulator.tb6560.outputs import SENSE_VOLT, Origin, Outputs, initial_field
 from steptwin.emulator.tb6560.pins import EXCITATIONS, TORQUE_PERCENT, Input, LevelChange
@@ -71,14 +71,14 @@ def _limits(clk_width_counts: int) -> tuple[Limit, ...]:
     OVER_TEMPERATURE is broken where the junction's temperature crosses the limit: its value is the limit.
     """
     return (
-        Limit(Rule.CLK_HIGH, clk_width_counts, Unit.COUNTS, f"{_DATASHEET} 8"),
-        Limit(Rule.CLK_PERIOD, PERIOD_MIN_COUNTS, Unit.COUNTS, f"{_DATASHEET} 7"),
-        Limit(Rule.MODE_CHANGE, 0, Unit.LEVEL, f"{_DATASHEET} 15, level of RESET"),
+        Limit(Rule.CLK_HIGH, clk_width_counts, LimitUnit.COUNTS, f"{_DATASHEET} 8"),
+        Limit(Rule.CLK_PERIOD, PERIOD_MIN_COUNTS, LimitUnit.COUNTS, f"{_DATASHEET} 7"),
+        Limit(Rule.MODE_CHANGE, 0, LimitUnit.LEVEL, f"{_DATASHEET} 15, level of RESET"),
         *(
-            Limit(Rule.POWER_ORDER, step.needed, Unit.LEVEL, f"{_DATASHEET} 28, {step.said}")
+            Limit(Rule.POWER_ORDER, step.needed, LimitUnit.LEVEL, f"{_DATASHEET} 28, {step.said}")
             for step in _POWER_STEPS.values()
         ),
-        Limit(Rule.OVER_TEMPERATURE, SHUTDOWN_CELSIUS, Unit.CELSIUS, "TB6560AHQ datasheet, pages 6 to 8"),
+        Limit(Rule.OVER_TEMPERATURE, SHUTDOWN_CELSIUS, LimitUnit.CELSIUS, "TB6560AHQ datasheet, pages 6 to 8"),
     )
 
 

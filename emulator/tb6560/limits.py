@@ -21,7 +21,7 @@ class Rule(Enum):
     OVER_TEMPERATURE = "junction too hot: outputs off until RESET"
 
 
-class Unit(Enum):
+class LimitUnit(Enum):
     """What a limit and its values are measured in."""
 
     COUNTS = "counts"
@@ -35,7 +35,7 @@ class Limit:
 
     rule: Rule
     value: int
-    unit: Unit
+    unit: LimitUnit
     source: str
 
 

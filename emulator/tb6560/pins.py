@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 from steptwin.emulator.tb6560.excitation import Excitation
 
 
-class Kind(Enum):
+class PinKind(Enum):
     """What a pin is electrically."""
 
     INPUT = "input"
@@ -26,37 +26,37 @@ class PinRow(NamedTuple):
 
     number: int
     name: str
-    kind: Kind
+    kind: PinKind
     function: str
     page: int
 
 
 PINS: Final = (
-    PinRow(1, "TQ2", Kind.INPUT, "torque, with TQ1", 3),
-    PinRow(2, "TQ1", Kind.INPUT, "torque, with TQ2", 3),
-    PinRow(3, "CLK", Kind.INPUT, "a rise is a step", 3),
-    PinRow(4, "ENABLE", Kind.INPUT, "low: all outputs off", 3),
-    PinRow(5, "RESET", Kind.INPUT, "low: initial state", 3),
-    PinRow(6, "SGND", Kind.GROUND, "of the logic", 3),
-    PinRow(7, "OSC", Kind.PASSIVE, "capacitor of the chopper's oscillator", 3),
-    PinRow(8, "VMB", Kind.SUPPLY, "of the motor, phase B", 3),
-    PinRow(9, "OUT_BM", Kind.BRIDGE, "phase B, minus", 3),
-    PinRow(10, "PGNDB", Kind.GROUND, "of phase B", 3),
-    PinRow(11, "NFB", Kind.PASSIVE, "resistor that senses phase B's current", 3),
-    PinRow(12, "OUT_BP", Kind.BRIDGE, "phase B, plus", 3),
-    PinRow(13, "OUT_AM", Kind.BRIDGE, "phase A, minus", 3),
-    PinRow(14, "NFA", Kind.PASSIVE, "resistor that senses phase A's current", 3),
-    PinRow(15, "PGNDA", Kind.GROUND, "of phase A", 3),
-    PinRow(16, "OUT_AP", Kind.BRIDGE, "phase A, plus", 3),
-    PinRow(17, "MO", Kind.OPEN_DRAIN, "low in the initial state", 3),
-    PinRow(18, "VMA", Kind.SUPPLY, "of the motor, phase A", 3),
-    PinRow(19, "Protect", Kind.OPEN_DRAIN, "low after thermal shutdown (page 10; page 3 says high)", 10),
-    PinRow(20, "VDD", Kind.SUPPLY, "of the logic, 5 V", 3),
-    PinRow(21, "CW/CCW", Kind.INPUT, "low: CW, high: CCW", 3),
-    PinRow(22, "M2", Kind.INPUT, "excitation, with M1", 3),
-    PinRow(23, "M1", Kind.INPUT, "excitation, with M2", 3),
-    PinRow(24, "DCY2", Kind.INPUT, "decay, with DCY1", 3),
-    PinRow(25, "DCY1", Kind.INPUT, "decay, with DCY2", 3),
+    PinRow(1, "TQ2", PinKind.INPUT, "torque, with TQ1", 3),
+    PinRow(2, "TQ1", PinKind.INPUT, "torque, with TQ2", 3),
+    PinRow(3, "CLK", PinKind.INPUT, "a rise is a step", 3),
+    PinRow(4, "ENABLE", PinKind.INPUT, "low: all outputs off", 3),
+    PinRow(5, "RESET", PinKind.INPUT, "low: initial state", 3),
+    PinRow(6, "SGND", PinKind.GROUND, "of the logic", 3),
+    PinRow(7, "OSC", PinKind.PASSIVE, "capacitor of the chopper's oscillator", 3),
+    PinRow(8, "VMB", PinKind.SUPPLY, "of the motor, phase B", 3),
+    PinRow(9, "OUT_BM", PinKind.BRIDGE, "phase B, minus", 3),
+    PinRow(10, "PGNDB", PinKind.GROUND, "of phase B", 3),
+    PinRow(11, "NFB", PinKind.PASSIVE, "resistor that senses phase B's current", 3),
+    PinRow(12, "OUT_BP", PinKind.BRIDGE, "phase B, plus", 3),
+    PinRow(13, "OUT_AM", PinKind.BRIDGE, "phase A, minus", 3),
+    PinRow(14, "NFA", PinKind.PASSIVE, "resistor that senses phase A's current", 3),
+    PinRow(15, "PGNDA", PinKind.GROUND, "of phase A", 3),
+    PinRow(16, "OUT_AP", PinKind.BRIDGE, "phase A, plus", 3),
+    PinRow(17, "MO", PinKind.OPEN_DRAIN, "low in the initial state", 3),
+    PinRow(18, "VMA", PinKind.SUPPLY, "of the motor, phase A", 3),
+    PinRow(19, "Protect", PinKind.OPEN_DRAIN, "low after thermal shutdown (page 10; page 3 says high)", 10),
+    PinRow(20, "VDD", PinKind.SUPPLY, "of the logic, 5 V", 3),
+    PinRow(21, "CW/CCW", PinKind.INPUT, "low: CW, high: CCW", 3),
+    PinRow(22, "M2", PinKind.INPUT, "excitation, with M1", 3),
+    PinRow(23, "M1", PinKind.INPUT, "excitation, with M2", 3),
+    PinRow(24, "DCY2", PinKind.INPUT, "decay, with DCY1", 3),
+    PinRow(25, "DCY1", PinKind.INPUT, "decay, with DCY2", 3),
 )
 
 

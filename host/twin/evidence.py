@@ -7,14 +7,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steptwin.controller.pins import Pin, PinChange
-from steptwin.emulator.board import AxisTrace
+from steptwin.emulator.driver_bank import AxisTrace
 from steptwin.emulator.edges import NO_COUNTS, NO_LEVELS, Int64Array
-from steptwin.emulator.tb6560 import Outputs, Unit, Violations
+from steptwin.emulator.tb6560 import LimitUnit, Outputs, Violations
 from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.verify import AxisEvidence, DriverLimit, DriverViolations, LevelEdges, Phases
 from steptwin.protocol.timer import COUNTS_PER_US
 
-_SCALES: Final = {Unit.COUNTS: ("us", 1 / COUNTS_PER_US), Unit.LEVEL: ("level", 1), Unit.CELSIUS: ("degC", 1)}
+_SCALES: Final = {
+    LimitUnit.COUNTS: ("us", 1 / COUNTS_PER_US),
+    LimitUnit.LEVEL: ("level", 1),
+    LimitUnit.CELSIUS: ("degC", 1),
+}
 """The unit in which the evidence gives each unit of the emulator, and the factor of the conversion."""
 
 

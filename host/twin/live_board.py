@@ -10,8 +10,9 @@ from typing import Any, Final, TextIO
 from steptwin.controller.backend import Kernel
 from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.controller.pins import PinChange
-from steptwin.emulator.board import AxisTrace, Board
+from steptwin.emulator.board import Board
 from steptwin.emulator.bus import Bus
+from steptwin.emulator.driver_bank import AxisTrace
 from steptwin.emulator.lateness import Lateness
 from steptwin.emulator.live import LiveSimulation, warm_up
 from steptwin.emulator.pacer import Pacer

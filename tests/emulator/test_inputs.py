@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from steptwin.controller.backend import Kernel
 from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.controller.motion import Motion
-from steptwin.emulator.board import AxisTrace, Board, BoardConfig
+from steptwin.emulator.board import Board, BoardConfig
 from steptwin.emulator.bus import Bus
+from steptwin.emulator.driver_bank import AxisTrace
 from steptwin.emulator.driver_module import Coupler, Module
 from steptwin.emulator.operations import BoardTemperature, DriverProtect, EmergencyStop, Operation, Scheduled, Supply
 from steptwin.emulator.simulation import Simulation

@@ -5,8 +5,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.emulator.tb6560 import PINS, Pins, Rule, Tb6560, Unit, chopping_hz, clk_width_min_counts, oscillator_hz
-from steptwin.emulator.tb6560.pins import Input, Kind, LevelChange
+from steptwin.emulator.tb6560 import (
+    PINS,
+    LimitUnit,
+    Pins,
+    Rule,
+    Tb6560,
+    chopping_hz,
+    clk_width_min_counts,
+    oscillator_hz,
+)
+from steptwin.emulator.tb6560.pins import Input, LevelChange, PinKind
 from tests.emulator.pins import PERIOD, POWER_UP, WIDTH, at, cut, pins
 
 UP = ((1, 1),)
@@ -66,9 +75,9 @@ class TestDatasheet:
             "TQ2 TQ1 CLK ENABLE RESET SGND OSC VMB OUT_BM PGNDB NFB OUT_BP OUT_AM NFA PGNDA OUT_AP MO VMA Protect VDD"
             " CW/CCW M2 M1 DCY2 DCY1"
         )
-        inputs = {pin.name for pin in PINS if pin.kind is Kind.INPUT}
+        inputs = {pin.name for pin in PINS if pin.kind is PinKind.INPUT}
         assert inputs == {pin.name for pin in Input} - {"VDD", "VM"} | {"CLK", "CW/CCW"}
-        assert [pin.name for pin in PINS if pin.kind is Kind.OPEN_DRAIN] == ["MO", "Protect"]
+        assert [pin.name for pin in PINS if pin.kind is PinKind.OPEN_DRAIN] == ["MO", "Protect"]
 
     def test_the_pages_of_the_pins(self) -> None:
         """All are of the pin table, page 3, but Protect: page 3 says high after shutdown, text and table of 10 low."""
@@ -122,7 +131,7 @@ def test_a_pulse_may_break_two_limits() -> None:
     chip.feed(pins([10_000, 11_000], [WIDTH, 5]))
     assert [rule.name for rule in chip.violations.rules()] == ["CLK_HIGH", "CLK_PERIOD"]
     assert chip.violations.counts.tolist() == [11_000, 11_000]
-    assert {limit.unit for limit in chip.violations.limits[:2]} == {Unit.COUNTS}
+    assert {limit.unit for limit in chip.violations.limits[:2]} == {LimitUnit.COUNTS}
 
 
 def test_direction_is_sampled_at_the_rise() -> None:

@@ -1,0 +1,170 @@
+"""The drivers of a board: the wires from the firmware's pins to them, and the record of all that went over these."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steptwin.controller.measurements import DriverMonitor
+from steptwin.controller.motion import PinEdges
+from steptwin.controller.pins import Pin, PinChange
+from steptwin.emulator.driver import Driver
+from steptwin.emulator.driver_module import ClkEdge, Module
+from steptwin.emulator.edges import Int8Array, Int64Array
+from steptwin.emulator.inputs import BoardInputs
+from steptwin.emulator.tb6560 import Input, LevelChange, Outputs, Pins, Violations
+
+WIRING = {
+    Pin.RESET: Input.RESET,
+    Pin.ENABLE: Input.ENABLE,
+    Pin.M1: Input.M1,
+    Pin.M2: Input.M2,
+    Pin.TQ1: Input.TQ1,
+    Pin.TQ2: Input.TQ2,
+    Pin.DCY1: Input.DCY1,
+    Pin.DCY2: Input.DCY2,
+}
+"""Which pin of the driver each pin of the firmware is wired to."""
+
+SUPPLIES = (Input.VDD, Input.VM)
+"""The drivers' supplies, in the order in which the board switches them on."""
+
+_FIRST_OFF = (Pin.ENABLE, Pin.RESET)
+"""Pins that fall before all others when the power goes: M1 and M2 may change in reset only."""
+
+
+@dataclass(frozen=True, slots=True)
+class AxisTrace:
+    """Everything that happened at one driver, times in counts since boot; DIR levels are those after each edge."""
+
+    clk_rise_counts: Int64Array
+    clk_fall_counts: Int64Array
+    active_edge: ClkEdge
+    """The edge of STEP at which the chip's CLK rises."""
+    dir_counts: Int64Array
+    dir_levels: Int8Array
+    step_counts: Int64Array
+    step_signs: Int8Array
+    violations: Violations
+    outputs: Outputs
+    """Phase currents, electrical angle and MO at any instant since the trace's beginning."""
+    position_steps: int
+
+
+class DriverBank:
+    """The drivers of all axes.
+
+    Pulses are computed ahead in batches: `show` lets the drivers process those that have come, and tells the inputs the
+    steps that were counted.
+    """
+
+    def __init__(self, osc_pf: Sequence[float], modules: Sequence[Module], inputs: BoardInputs) -> None:
+        self.drivers = [Driver(pf, module) for pf, module in zip(osc_pf, modules, strict=True)]
+        self.pin_changes: list[PinChange] = []
+        """Changes, not taken yet, of the pins that the firmware holds at a level."""
+        self._inputs = inputs
+        self._waiting: list[list[LevelChange]] = [[] for _ in self.drivers]
+        """Changes of levels that the drivers have not seen yet, by axis."""
+        self._pins: list[list[Pins]] = [[_pins(PinEdges([], []), [], 0)] for _ in self.drivers]
+        """All edges at the drivers' terminals that are not forgotten, by axis."""
+        self._pin_levels: dict[tuple[int, Pin], int] = {}
+        self._dir_levels = [0] * len(self.drivers)
+
+    # --- in
+
+    def set_pin(self, change: PinChange) -> None:
+        """Put a pin of the firmware to a level."""
+        self.pin_changes.append(change)
+        self._pin_levels[change.axis, change.pin] = change.level
+        if change.pin in WIRING:
+            self._waiting[change.axis].append(LevelChange(change.counts, WIRING[change.pin], change.level))
+
+    def drop_pins(self, now_counts: int) -> None:
+        """Let all pins that are high fall, because the power goes."""
+        high = (place for place, level in self._pin_levels.items() if level)
+        for axis, pin in sorted(high, key=lambda place: place[1] not in _FIRST_OFF):
+            self.set_pin(PinChange(now_counts, axis, pin, 0))
+
+    def supply(self, supplies: Iterable[Input], now_counts: int, level: int) -> None:
+        """Switch supplies of all drivers, one after the other."""
+        for supply in supplies:
+            for changes in self._waiting:
+                changes.append(LevelChange(now_counts, supply, level))
+
+    def show(self, all_edges: Sequence[PinEdges], until_counts: int) -> None:
+        """Let the drivers see the edges and levels that are new at their terminals up to an instant."""
+        for axis, edges in enumerate(all_edges):
+            driver, moved = self.drivers[axis], len(edges.clk_counts) or len(edges.direction)
+            if not (moved or self._waiting[axis] or driver.waiting):
+                continue
+            pins = _pins(edges, self._waiting[axis], until_counts)
+            self._waiting[axis] = []
+            self._inputs.counted(axis, *driver.feed(pins), held_pulses=driver.held_pulses)
+            if moved:
+                self._pins[axis].append(pins)
+                self._dir_levels[axis] = int(pins.dir_levels[-1]) if pins.dir_levels.size else self._dir_levels[axis]
+
+    def cut_off(self, all_edges: Sequence[PinEdges], counts: int) -> list[PinEdges]:
+        """Return what is left of pulses when the power goes: those that have begun, and DIR falls if it is high."""
+        befores = zip(all_edges, self._dir_levels, strict=True)
+        return [_cut_off(edges, dir_level, counts) for edges, dir_level in befores]
+
+    # --- out
+
+    def count(self, axis: int) -> DriverMonitor:
+        """Return what an axis' driver has made of the pulses that it has seen."""
+        driver = self.drivers[axis]
+        return DriverMonitor(driver.position_steps, driver.lost_steps, driver.violation_count)
+
+    def trace(self, axis: int, until_counts: int) -> AxisTrace:
+        """Return everything that happened at an axis' driver up to an instant and is not forgotten."""
+        driver = self.drivers[axis]
+        nothing = _pins(PinEdges([], []), [], until_counts)  # lets the time pass in which nothing came
+        self._inputs.counted(axis, *driver.feed(nothing), held_pulses=driver.held_pulses)
+        pins = self._pins[axis]
+        step_counts, step_signs = driver.steps
+        return AxisTrace(
+            clk_rise_counts=np.concatenate([p.clk_rise_counts for p in pins]),
+            clk_fall_counts=np.concatenate([p.clk_fall_counts for p in pins]),
+            active_edge=driver.active_edge,
+            dir_counts=np.concatenate([p.dir_counts for p in pins]),
+            dir_levels=np.concatenate([p.dir_levels for p in pins]),
+            step_counts=step_counts,
+            step_signs=step_signs,
+            violations=driver.violations,
+            outputs=driver.outputs,
+            position_steps=driver.position_steps,
+        )
+
+    def forget(self, axis: int) -> None:
+        """Begin the next trace of an axis here."""
+        self._pins[axis] = [_pins(PinEdges([], []), [], 0)]
+        self.drivers[axis].forget()
+
+
+def _pins(edges: PinEdges, changes: list[LevelChange], until_counts: int) -> Pins:
+    """Wire the edges: the firmware's STEP goes to CLK, its DIR to CW/CCW."""
+    clk = _array(edges.clk_counts)
+    direction = _array(edges.direction)
+    return Pins(
+        clk_rise_counts=clk[0::2],
+        clk_fall_counts=clk[1::2],
+        dir_counts=direction >> 1,
+        dir_levels=(direction & 1).astype(np.int8),
+        changes=tuple(changes),
+        until_counts=until_counts,
+    )
+
+
+def _cut_off(edges: PinEdges, dir_level: int, counts: int) -> PinEdges:
+    """Return the pulses that begin before an instant; DIR, at `dir_level` before them all, falls then if it is high."""
+    clk, direction = _array(edges.clk_counts), _array(edges.direction)
+    direction = direction[direction >> 1 < counts]
+    if direction[-1] & 1 if direction.size else dir_level:
+        direction = np.append(direction, counts << 1)
+    return PinEdges(clk[: 2 * int(np.searchsorted(clk[0::2], counts))], direction)
+
+
+def _array(values: list[int] | Int64Array) -> NDArray[np.int64]:
+    return np.asarray(values, dtype=np.int64)
