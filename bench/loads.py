@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from steptwin.controller.backend import Kernel
 from steptwin.controller.kernel import TICKS_PER_MS
-from steptwin.controller.motion import Motion, PinEdges, Refusal, StepConfig
+from steptwin.controller.motion import Motion, PinEdges, Refusal
+from steptwin.controller.step_config import StepConfig
 
 POINT_MS = 10
 POINTS_AHEAD = 60

@@ -1,155 +1,72 @@
-"""One axis' drive: power state, modes of operation, stops and faults, as CiA 402 joins them."""
+"""One axis' drive (CiA 402): power state, modes of operation, stops and faults, and how they act on each other."""
 
 from collections.abc import Iterator
-from typing import Protocol
 
+from steptwin.controller.axis_context import AxisContext
+from steptwin.controller.axis_stop import AxisStop
 from steptwin.controller.cyclic_position import CyclicPosition
-from steptwin.controller.drive import ENERGISED, next_state
+from steptwin.controller.drive_mode import DriveMode
 from steptwin.controller.driver_settings import DriverSettings
 from steptwin.controller.homing import Homing
 from steptwin.controller.interpolation import Interpolation
-from steptwin.controller.measurements import Measurements, Monitor
-from steptwin.controller.modes import Mode, Trip
-from steptwin.controller.motion import STOP_MAX_MS, Motion
 from steptwin.controller.pins import Pin
+from steptwin.controller.position_reference import PositionReference
+from steptwin.controller.power_states import ENERGISED, next_state
 from steptwin.controller.profile_feed import ProfileFeed
 from steptwin.controller.profile_position import ProfilePosition
 from steptwin.controller.profile_velocity import ProfileVelocity
-from steptwin.controller.stops import DISABLES, HALTS, OPTIONS, QUICK_STOPS, SHUTDOWNS, Ramp, fault_ramp
+from steptwin.controller.stops import DISABLES, OPTIONS, QUICK_STOPS, SHUTDOWNS, StopKind, fault_stop
 from steptwin.controller.supervision import Supervision
-from steptwin.controller.sync_clock import SyncClock
 from steptwin.protocol import cia402, od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
-from steptwin.protocol.cia402 import AbortConnection, Control, DigitalInput, ErrorCode, State, Status
-from steptwin.protocol.dictionary import ObjectDictionary, WriteHook
+from steptwin.protocol.cia402 import AbortConnection, Control, DigitalInput, ErrorCode, Mode, State, Status
+from steptwin.protocol.dictionary import WriteHook
 from steptwin.protocol.homing_methods import HOMING_METHODS
-from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 _ABORT_CONTROLWORDS = {
     AbortConnection.DISABLE_VOLTAGE: cia402.DISABLE_VOLTAGE,
     AbortConnection.QUICK_STOP: cia402.QUICK_STOP,
 }
-"""What the drive obeys in place of its lost host."""
+"""The controlword that the drive obeys when its host is lost, by the abort connection option code (6007h)."""
 
-
-_FOLLOWING_MODES = (cia402.Mode.PROFILE_POSITION, cia402.Mode.CYCLIC_SYNCHRONOUS_POSITION)
-"""The modes in which bit 13 of the statusword is a following error."""
-
-
-class Node(Protocol):
-    """What a drive asks of the node that it belongs to."""
-
-    @property
-    def now_us(self) -> int:
-        """The time of the call that is being served."""
-        ...
-
-    def report(self, code: ErrorCode, detail: int) -> None:
-        """Send an EMCY unless the error is active already."""
-        ...
-
-    def resolved(self, code: ErrorCode) -> None:
-        """An error is no more."""
-        ...
-
-    def faults_acknowledged(self) -> None:
-        """The host has reset the fault: what has no cause any more is over."""
-        ...
-
-    def is_reported(self, code: ErrorCode) -> bool:
-        """Whether an error is active, whatever its detail."""
-        ...
-
-    def changed(self, address: int) -> None:
-        """A value has changed that process data may report."""
-        ...
-
-    def set_pin(self, pin: Pin, level: int) -> None:
-        """Let a pin take a level."""
-        ...
-
-    def touch(self) -> None:
-        """Something has happened after which the drive may have something to say."""
-        ...
+_FOLLOWING_MODES = (Mode.PROFILE_POSITION, Mode.CYCLIC_SYNCHRONOUS_POSITION)
+"""The modes in which bit 13 of the statusword is the following error."""
 
 
 class AxisDrive:
-    """Obeys controlwords, stops for faults and says what it is doing by the statusword."""
+    """Obeys controlwords, stops for faults and reports its state in the statusword.
 
-    def __init__(
-        self,
-        axis: int,
-        motion: Motion,
-        dictionary: ObjectDictionary,
-        node: Node,
-        measurements: Measurements,
-        monitor: Monitor,
-        sync_clock: SyncClock,
-        trip: Trip,
-    ) -> None:
-        self.axis = axis
+    The state machine, the mode and the stop in progress act on each other at every command, so they are driven from one
+    class; the tables, the modes, the supervision and the ways to stop are classes of their own.
+    """
+
+    def __init__(self, context: AxisContext) -> None:
+        self.axis = context.axis
         self.state = State.NOT_READY_TO_SWITCH_ON
         self.energised = False
-        """Whether the driver's outputs are to be on."""
-        self.position_known = False
-        """Whether the axis was told where it is and has not been cut off in motion since."""
-        self._motion = motion
-        self._dictionary = dictionary
-        self._node = node
+        """True while the driver's outputs are on."""
+        self._context = context
+        self._motion = context.motion
+        self._dictionary = context.dictionary
         self._controlword = 0
         self._after_stop: State | None = None
-        self.settings = DriverSettings(dictionary, node.set_pin)
-        self.supervision = Supervision(axis, motion, dictionary, measurements, monitor, trip)
-        self.interpolation = Interpolation(
-            axis,
-            motion,
-            dictionary,
-            report=node.report,
-            resolved=node.resolved,
-            status_changed=lambda: node.changed(od.PVT_FLAGS),
-            ramp_down=lambda: self._ramp_down(DISABLES[1]),
-        )
-        self.feed = ProfileFeed(
-            axis,
-            motion,
-            dictionary,
-            now_us=lambda: node.now_us,
-            close_records=self.interpolation.close,
-            refused=lambda: trip(axis, ErrorCode.SEGMENT_REFUSED),
-        )
-        self._profile_velocity = ProfileVelocity(axis, motion, dictionary, self.feed)
-        self._homing = Homing(
-            axis,
-            motion,
-            dictionary,
-            self.feed,
-            now_us=lambda: node.now_us,
-            inputs=lambda: self.supervision.inputs,
-            discard_records=self.interpolation.discard,
-            referenced=self._referenced,
-            report=node.report,
-            resolved=node.resolved,
-        )
-        self._modes: dict[int, Mode] = {
-            cia402.Mode.NONE: Mode(axis, motion),
-            cia402.Mode.PROFILE_POSITION: ProfilePosition(
-                axis, motion, dictionary, self.feed, now_us=lambda: node.now_us
-            ),
-            cia402.Mode.PROFILE_VELOCITY: self._profile_velocity,
-            cia402.Mode.HOMING: self._homing,
-            cia402.Mode.INTERPOLATED_POSITION: self.interpolation,
-            cia402.Mode.CYCLIC_SYNCHRONOUS_POSITION: CyclicPosition(
-                axis,
-                motion,
-                dictionary,
-                sync_clock,
-                now_us=lambda: node.now_us,
-                close_records=self.interpolation.close,
-                ramp_down=lambda: self._ramp_down(HALTS[dictionary.get(od.HALT_OPTION)]),
-                trip=trip,
-            ),
+        """State to enter when the stop in progress has ended."""
+        self.reference = PositionReference(context.axis, context.motion, context.board.monitor)
+        self.settings = DriverSettings(context.dictionary, context.pins.set)
+        self.supervision = Supervision(context, self.reference)
+        self.stop = AxisStop(context, self.reference)
+        self.interpolation = Interpolation(context, self.stop)
+        self.feed = ProfileFeed(context, self.interpolation)
+        self._profile_velocity = ProfileVelocity(context, self.feed)
+        self._modes: dict[int, DriveMode] = {
+            Mode.NONE: DriveMode(context),
+            Mode.PROFILE_POSITION: ProfilePosition(context, self.feed),
+            Mode.PROFILE_VELOCITY: self._profile_velocity,
+            Mode.HOMING: Homing(context, self.feed, self.interpolation, self.supervision, self.reference),
+            Mode.INTERPOLATED_POSITION: self.interpolation,
+            Mode.CYCLIC_SYNCHRONOUS_POSITION: CyclicPosition(context, self.interpolation, self.stop),
         }
-        self.mode_number = int(cia402.Mode.NONE)
+        self.mode_number = int(Mode.NONE)
         self._install_hooks()
 
     def _install_hooks(self) -> None:
@@ -160,55 +77,57 @@ class AxisDrive:
         for address, values in OPTIONS.items():
             write[address] = _one_of(values)
         write[od.HOMING_METHOD] = _one_of(frozenset(HOMING_METHODS))
+        write[od.MOTION_PROFILE_TYPE] = _one_of(frozenset((cia402.LINEAR_RAMP, cia402.JERK_LIMITED_RAMP)))
 
     def reset(self) -> None:
-        """Lose what a power cycle would lose, pulses at once. A standing axis is where it was."""
-        self._cut()
+        """Lose everything that a power cycle would lose; end the pulses at once. A standing axis keeps its position."""
+        self.stop.cut()
         self._controlword = 0
         self.mode.interrupted()
-        self.mode_number = int(cia402.Mode.NONE)
+        self.mode_number = int(Mode.NONE)
         self.interpolation.restart()
         self._enter(State.SWITCH_ON_DISABLED)
 
     @property
-    def mode(self) -> Mode:
+    def mode(self) -> DriveMode:
         """The mode of operation."""
         return self._modes[self.mode_number]
 
     # --- commands
 
     def _write_controlword(self, controlword: int) -> None:
-        """Obey a controlword. While a ramp leads out of OPERATION ENABLED the last command says what comes after it.
+        """Obey a controlword.
 
-        "Enable operation" then keeps the drive enabled, as transition 4 would after the ramp; the ramp goes on to rest.
+        While a ramp leads out of OPERATION ENABLED, the last command decides which state follows it. "Enable
+        operation" then keeps the drive enabled, as transition 4 would after the ramp; the ramp still goes on to rest.
         """
-        self._node.touch()
+        self._context.touch()
         previous, self._controlword = self._controlword, controlword
         self._obey(next_state(self.state, controlword, previous))
         if self.state is State.OPERATION_ENABLED and self._after_stop is None:
             self.mode.control(controlword, previous)
 
     def _obey(self, target: State) -> None:
-        """Change state by command: a moving axis stops first, in the way that the option codes ask for."""
+        """Change the state by command. A moving axis first stops, in the way that the option codes select."""
         if target is (self._after_stop or self.state):
             return
         if self.state is State.FAULT:
             if any(self.supervision.causes()):
-                return
+                return  # a fault cannot be reset while its cause lasts
             self._set_error(ErrorCode.NONE)
-            self._node.faults_acknowledged()
-        ramp, end = self._way_to(target)
+            self._context.errors.acknowledge_faults()
+        kind, end = self._stop_towards(target)
         if self._motion.running(self.axis) and target is not State.OPERATION_ENABLED:
-            self._stop(ramp)
+            self._bring_to_rest(kind)
         if not self._motion.running(self.axis):
             self._enter(end)
         elif end in (State.READY_TO_SWITCH_ON, State.SWITCHED_ON):
-            self._after_stop = end
+            self._after_stop = end  # the drive stays in OPERATION ENABLED until the ramp has ended
         else:
             self._enter(target)
 
-    def _way_to(self, target: State) -> tuple[Ramp, State]:
-        """How a moving axis stops on its way to a state, and the state in which that ends."""
+    def _stop_towards(self, target: State) -> tuple[StopKind, State]:
+        """Return how a moving axis stops on its way to a state, and the state that follows the stop."""
         get = self._dictionary.get
         if target is State.QUICK_STOP_ACTIVE:
             return QUICK_STOPS[get(od.QUICK_STOP_OPTION)]
@@ -216,7 +135,14 @@ class AxisDrive:
             return SHUTDOWNS[get(od.SHUTDOWN_OPTION)], target
         if target is State.SWITCHED_ON:
             return DISABLES[get(od.DISABLE_OPERATION_OPTION)], target
-        return Ramp.CUT, target
+        return StopKind.CUT, target
+
+    def _bring_to_rest(self, kind: StopKind, stop_ms: int | None = None) -> None:
+        if kind is StopKind.CUT:
+            self.stop.cut()
+        else:
+            self.stop.ramp_down(kind, stop_ms)
+            self.mode.interrupted()
 
     def _write_mode(self, mode: int) -> None:
         if mode not in self._modes:
@@ -226,72 +152,35 @@ class AxisDrive:
         if mode != self.mode_number:
             self.mode.interrupted()
             self.mode_number = mode
-            self._node.changed(od.MODE_OF_OPERATION_DISPLAY)
-            if self.state is State.OPERATION_ENABLED:  # without an edge: only levels count in a mode just entered
+            self._context.changed(od.MODE_OF_OPERATION_DISPLAY)
+            if self.state is State.OPERATION_ENABLED:
+                # The same word twice shows the new mode levels but no edge, so that no old bit starts a motion.
                 self.mode.control(self._controlword, self._controlword)
 
     def _write_target_velocity(self, units_per_s: int) -> None:
-        self._node.touch()
+        self._context.touch()
         self._profile_velocity.write_target(units_per_s)
 
     def abort_connection(self) -> None:
-        """Do what a lost host would have done last, by 0x6007; a fault is the group's matter and tripped elsewhere."""
+        """Obey the controlword that the abort connection option code (6007h) gives for a lost host, if any.
+
+        The option "fault signal" gives none: the node requests the fault reaction, which concerns the group.
+        """
         controlword = _ABORT_CONTROLWORDS.get(AbortConnection(self._dictionary.get(od.ABORT_CONNECTION_OPTION)))
         if controlword is not None:
             self._obey(next_state(self.state, controlword, self._controlword))
 
-    # --- stops
-
-    def stop_ms(self, ramp: Ramp) -> int:
-        """How long a ramp takes from the present velocity: at least 1 ms, at most what fits."""
-        if ramp.value is None:
-            return 1
-        velocity = abs(self._motion.velocity(self.axis))
-        deceleration = self._dictionary.get(ramp.value) * VELOCITY_PER_UNIT_PER_MS
-        return min(max(1, -(-velocity * 1_000_000 // deceleration)), STOP_MAX_MS)
-
-    def halt_deceleration(self) -> int:
-        """The deceleration of a halt, in units per second squared, by 0x605D."""
-        return self._dictionary.get(HALTS[self._dictionary.get(od.HALT_OPTION)].value)
-
-    def _stop(self, ramp: Ramp) -> None:
-        if ramp is Ramp.CUT:
-            self._cut()
-        else:
-            self._ramp_down(ramp)
-
-    def _ramp_down(self, ramp: Ramp, stop_ms: int | None = None) -> None:
-        """Stop with constant deceleration; dead where there is no room for it."""
-        velocity = self._motion.velocity(self.axis)
-        self._motion.stop(self.axis, self.stop_ms(ramp) if stop_ms is None else stop_ms)
-        if velocity and not self._motion.running(self.axis):
-            self._lose_position()
-        self.mode.interrupted()
-
-    def _cut(self) -> None:
-        """End all pulses now: a motor in motion goes on as far as it likes."""
-        if self._motion.velocity(self.axis):
-            self._lose_position()
-        self._motion.flush(self.axis)
-
-    def _lose_position(self) -> None:
-        self.position_known = False
-        self._homing.position_lost()
-
     def select_microsteps(self, microsteps: int) -> None:
-        """Set the driver to another excitation mode; its reset moves the rotor to where that begins."""
+        """Select another excitation mode; its reset turns the rotor to that mode's initial angle, uncounted."""
         self.settings.set_microsteps(microsteps)
-        self._lose_position()
+        self.reference.lose()
 
-    def _referenced(self) -> None:
-        """The axis has been told where it is."""
-        self.position_known = True
-        self.supervision.referenced()
+    # --- states
 
     def _enter(self, state: State) -> None:
         was_energised, self.state = self.energised, state
         self.energised = state in ENERGISED
-        self._node.set_pin(Pin.ENABLE, int(self.energised))
+        self._context.pins.set(Pin.ENABLE, int(self.energised))
         self._after_stop = None
         if state is not State.OPERATION_ENABLED:
             self.mode.interrupted()
@@ -299,7 +188,7 @@ class AxisDrive:
             self.supervision.check()
 
     def finished(self) -> None:
-        """The axis has come to rest at the end of its segments."""
+        """Handle the end of all segments: the axis is at rest."""
         if self.state is State.FAULT_REACTION_ACTIVE:
             self._enter(State.FAULT)
         elif self.state is State.QUICK_STOP_ACTIVE:
@@ -311,49 +200,46 @@ class AxisDrive:
 
     # --- faults
 
-    def _fault_ramp(self, code: ErrorCode, detail: int) -> Ramp:
-        return fault_ramp(code, detail, self._dictionary.get(od.FAULT_REACTION_OPTION))
+    def _fault_stop(self, code: ErrorCode, detail: int) -> StopKind:
+        return fault_stop(code, detail, self._dictionary.get(od.FAULT_REACTION_OPTION))
 
     def fault_stop_ms(self, code: ErrorCode, detail: int) -> int:
-        """How long the drive would take to stop for an error."""
-        return self.stop_ms(self._fault_ramp(code, detail))
+        """Return how long the drive would take to stop for an error."""
+        return self.stop.duration_ms(self._fault_stop(code, detail))
 
     def fault(self, code: ErrorCode, detail: int, stop_ms: int) -> None:
-        """Enter the fault reaction: say why, stop within the time given, then switch off.
+        """Enter the fault reaction: report the error, stop within `stop_ms`, then switch off.
 
-        A drive that is switched off stays as it is: a fault must not switch it on. One that reacts to a fault already
-        goes on with that, unless this one leaves it no time.
+        A drive that is switched off stays so, since the fault reaction would switch it on. A drive that is reacting to
+        a fault already continues with that reaction, unless the new error demands to end the pulses at once.
         """
         if not self.energised:
             return
-        ramp = self._fault_ramp(code, detail)
+        kind = self._fault_stop(code, detail)
         reacting = self.state is State.FAULT_REACTION_ACTIVE
-        if reacting and ramp is not Ramp.CUT:
+        if reacting and kind is not StopKind.CUT:
             return
         self._set_error(code)
-        if not self._node.is_reported(code):
-            self._node.report(code, detail)
+        if not self._context.errors.is_reported(code):
+            self._context.errors.report(code, detail)
         if code is ErrorCode.PVT_UNDERRUN:
             self.interpolation.underrun()
-        moving = self._motion.running(self.axis) or self._motion.velocity(self.axis) != 0
-        if moving and ramp is not Ramp.CUT:
-            self._ramp_down(ramp, stop_ms)
-        elif moving:
-            self._cut()
+        if self._motion.running(self.axis) or self._motion.velocity(self.axis) != 0:
+            self._bring_to_rest(kind, stop_ms)
         self._enter(State.FAULT_REACTION_ACTIVE if self._motion.running(self.axis) else State.FAULT)
 
     def _set_error(self, code: ErrorCode) -> None:
         self._dictionary.set(od.ERROR_CODE, code)
-        self._node.changed(od.ERROR_CODE)
+        self._context.changed(od.ERROR_CODE)
 
     # --- inputs
 
     def set_inputs(self, inputs: DigitalInput) -> None:
-        """The axis' inputs have these levels as of the tick that begins now."""
+        """Take the axis' input levels as of the tick that begins now."""
         if inputs == self.supervision.inputs:
             return
         self.supervision.inputs = inputs
-        self._node.changed(od.DIGITAL_INPUTS)
+        self._context.changed(od.DIGITAL_INPUTS)
         if self.energised:
             self.supervision.check()
             if not self.mode.seeks_switches:
@@ -361,10 +247,10 @@ class AxisDrive:
         if self.state is State.OPERATION_ENABLED and self._after_stop is None:
             self.mode.inputs_changed(inputs)
 
-    # --- what the drive says
+    # --- after every call, and when time has passed
 
     def settle(self, now_us: int) -> None:
-        """After anything that happened: let the group, the queue and the supervision know how the drive stands."""
+        """Tell the group, the queue and the supervision the drive's state, at the end of every call."""
         interpolating = self.mode is self.interpolation
         self.interpolation.ready = interpolating and self.state is State.OPERATION_ENABLED
         self._motion.group.hold(self.axis, hold=interpolating and bool(self._controlword & Control.HALT))
@@ -372,14 +258,14 @@ class AxisDrive:
         self.supervision.watch(now_us, switches=not self.mode.seeks_switches)
 
     def dues_us(self) -> Iterator[int | None]:
-        """When the drive has something to do by itself."""
+        """Yield the times at which the parts of the drive want to be polled."""
         yield self.feed.due_us
         yield self.supervision.due_us
         yield self.settings.due_us
         yield self.mode.due_us
 
     def poll(self, now_us: int) -> bool:
-        """Do what is due; whether anything was."""
+        """Do the work that is due; return whether there was any."""
         if all(due_us is None or due_us > now_us for due_us in self.dues_us()):
             return False
         self.feed.poll(now_us)
@@ -389,9 +275,9 @@ class AxisDrive:
         return True
 
     def statusword(self) -> int:
-        """Object 0x6041, composed of the state's, the drive's and the mode's bits."""
+        """Return the statusword (6041h): the bits of the state, the drive and the mode."""
         word = self.state.bits | Status.VOLTAGE_ENABLED
-        if self.position_known:
+        if self.reference.known:
             word |= Status.POSITION_KNOWN
         if self.mode_number in _FOLLOWING_MODES and self.supervision.following_error:
             word |= Status.FOLLOWING_ERROR

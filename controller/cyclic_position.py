@@ -1,99 +1,89 @@
-"""Cyclic synchronous position mode (CiA 402-2): each SYNC brings a set-point 0x607A, the axis runs through all of them.
+"""Cyclic synchronous position mode (CiA 402-2): take a set-point with each SYNC and run through all of them.
 
-A set-point is used when the slot of its SYNC has closed (see `SyncClock`): the cubic that ends there then begins with
-the next servo tick and lasts a period T. It begins with the velocity at which the cubic before ended, and ends with
-that of the parabola through the last three set-points. For set-points P(kT) of a smooth motion that velocity is wrong
-by T^2 P'''/3, so that the axis is off by 0.032 T^3 P''' between them at most: T times that velocity times the largest
-s (1 - s) (1 - 2s), which is 0.096. Where the acceleration jumps by a it is off by 4/27 T (a T/4) = 0.037 a T^2.
+The set-point is the target position (607Ah). It is used when the slot of its SYNC closes (see `SyncClock`): a cubic of
+one period T, which ends at the set-point, then begins with the next servo tick. The cubic begins with the velocity at
+which the one before ended, and ends with the velocity of the parabola through the last three set-points. For set-points
+P(kT) of a smooth motion that velocity is wrong by T^2 P'''/3. Between the set-points the axis is then off by at most
+0.032 T^3 P''': T times that velocity times the largest s (1 - s) (1 - 2s), which is 0.096. Where the acceleration jumps
+by a, the axis is off by 4/27 T (a T/4) = 0.037 a T^2.
 
-Cubics last whole servo ticks. Once the slots have been moved, because the clocks of host and board drift apart, they
-close up to a tick before or after they should; each cubic then ends where the parabola is at that time. While they are
-moved the speed differs by 1/512 or, at 1 ms, by 1/1000, for the first period by twice that.
+Cubics last whole servo ticks. Slots are moved when the clocks of host and board drift apart; from then on they close up
+to a tick before or after they should, and each cubic ends where the parabola is at that time. While slots are moved the
+speed differs by 1/512 or, at 1 ms, by 1/1000; in the first period by twice that.
 
-From rest the axis follows from the next SYNC on, so the host begins with the position 0x6062. A set-point is a fault if
-it is farther from the one before than the axis can go in the time between. Where the axis cannot be fast enough in
-the middle of a cubic, after a sudden start, it falls behind and catches up; to be a period behind is a fault. One
-beyond the soft limits is moved there (bit 11), and no cubic leads beyond them.
+From rest the axis follows from the next SYNC on, so the host begins with the position demand (6062h). A set-point
+farther from the one before than the axis can move in the time between is a fault. After a sudden start the middle of a
+cubic may need more speed than the axis has: the axis then falls behind and catches up, and falling behind by a period
+is a fault. A set-point beyond the soft limits is moved to the limit (bit 11), and no cubic leads beyond the limits.
 
-A slot without SYNC, or whose SYNC came without a set-point, is bridged by the velocity of the slot before. It costs
-three points, a set-point gives one back, and more than nine are a fault (the counting of EtherCAT's object 0x10F1). At
-rest nothing is lost: the axis holds its position, and without SYNC it ceases to follow.
+A slot without SYNC, or whose SYNC came without a set-point, is bridged with the velocity of the slot before. Each such
+slot adds three to a count, each set-point takes one away, and more than nine is a fault (EtherCAT's object 10F1h counts
+so). At rest a lost slot is no loss: the axis holds its position, and without SYNC it stops following.
 
-Halt (bit 8) ramps to rest by 0x605D. The axis then does not follow until the bit has been cleared and a SYNC has come:
-as at the beginning the host has to start from 0x6062.
+Halt (bit 8) ramps to rest by the halt option code (605Dh). The axis follows again after the bit has been cleared and a
+SYNC has come; as at the beginning, the host starts from the position demand.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
+from steptwin.controller.axis_context import AxisContext
+from steptwin.controller.axis_stop import AxisStop
 from steptwin.controller.cyclic_cubics import Cubic, highest_velocity, parabola, slowed
+from steptwin.controller.drive_mode import DriveMode
+from steptwin.controller.interpolation import Interpolation
 from steptwin.controller.kernel import TICKS_PER_MS
-from steptwin.controller.modes import Mode, Trip
-from steptwin.controller.motion import Motion, Refusal
+from steptwin.controller.motion import Refusal
 from steptwin.controller.soft_limits import SoftLimits
-from steptwin.controller.sync_clock import TICK_US, Slot, SyncClock
+from steptwin.controller.sync_clock import TICK_US, Slot
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import Control, ErrorCode, Status
-from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 _LOST, _GOOD, _LOST_MAX = 3, 1, 9
-"""What a lost slot costs, what a good one gives back, and how much may be lost: three slots in a row."""
+"""Added for a lost slot, taken away for a good one, and the most allowed: three lost slots in a row."""
 NO_SYNC, NO_SET_POINT = 0, 1
-"""Details of the fault: what was lost last."""
+"""Details of the fault: whether the last lost slot lacked its SYNC or only its set-point."""
 
 
-class _Came(NamedTuple):
-    """What has come in a slot."""
+class _Received(NamedTuple):
+    """What a slot has received so far."""
 
     sync: bool
     set_point_units: int | None
 
 
-_NOTHING = _Came(sync=False, set_point_units=None)
+_NOTHING = _Received(sync=False, set_point_units=None)
 
 
-class CyclicPosition(Mode):
-    """One axis' way from set-points to cubics."""
+class CyclicPosition(DriveMode):
+    """Turns one axis' set-points into cubics."""
 
-    def __init__(
-        self,
-        axis: int,
-        motion: Motion,
-        dictionary: ObjectDictionary,
-        clock: SyncClock,
-        now_us: Callable[[], int],
-        close_records: Callable[[], None],
-        ramp_down: Callable[[], None],
-        trip: Trip,
-    ) -> None:
-        super().__init__(axis, motion)
-        self._dictionary = dictionary
-        self._limits = SoftLimits(dictionary)
-        self._clock = clock
-        self._now_us = now_us
-        self._close_records = close_records
-        self._ramp_down = ramp_down
-        self._trip = trip
+    def __init__(self, context: AxisContext, records: Interpolation, stop: AxisStop) -> None:
+        super().__init__(context)
+        self._limits = SoftLimits(context.dictionary)
+        self._clock = context.board.sync_clock
+        self._trip = context.trip
+        self._records = records
+        self._stop = stop
         self._enabled = False
-        """Whether the drive is in OPERATION ENABLED in this mode and not halted."""
+        """True while the drive is in OPERATION ENABLED in this mode and not halted."""
         self._following = False
         self._written = False
-        """Whether there is a set-point that no SYNC has taken yet."""
-        self._slot = clock.slot
-        self._came = [_NOTHING, _NOTHING]
-        """In the open slot, and early for the next."""
+        """True while a set-point has been written that no SYNC has taken yet."""
+        self._slot = self._clock.slot
+        self._received = [_NOTHING, _NOTHING]
+        """What the open slot has received, and what came early for the next one."""
         self._points_units = (0, 0, 0)
-        """The set-points of the last three slots, bridges among them, the newest first."""
+        """Set-points of the last three slots, bridged ones included, the newest first."""
         self._taken_units = 0
-        """The last one that the host has sent."""
+        """The last set-point that the host has sent, within the limits."""
         self._bridged_slots = 0
-        """And how many slots are bridged since."""
+        """Number of slots bridged since that set-point."""
         self._lost = 0
         self._at_limit = False
-        dictionary.write_hooks[od.TARGET_POSITION] = self._write_set_point
-        dictionary.write_hooks[od.INTERPOLATION_PERIOD] = self._write_period
+        context.dictionary.write_hooks[od.TARGET_POSITION] = self._write_set_point
+        context.dictionary.write_hooks[od.INTERPOLATION_PERIOD] = self._write_period
 
     def _write_set_point(self, _units: int) -> None:
         self._written = True
@@ -103,18 +93,17 @@ class CyclicPosition(Mode):
             raise SdoAbortError(AbortCode.DEVICE_STATE)
 
     def control(self, controlword: int, _previous: int) -> None:
-        """Obey the halt bit; what was written before the drive was enabled is no set-point."""
-        halted = bool(controlword & Control.HALT)
-        if halted and self._following and self._motion.running(self._axis):
-            self._ramp_down()
-        elif halted:
+        """Obey the halt bit. A target position written before the drive was enabled is not a set-point."""
+        if controlword & Control.HALT:
+            if self._following and self._motion.running(self._axis):
+                self._stop.ramp_down(self._stop.halt_kind)
             self.interrupted()
         elif not self._enabled:
             self._enabled = True
             self._written = False
 
     def interrupted(self) -> None:
-        """The drive stops or halts: the next SYNC after that is a first one."""
+        """Stop following: the drive stops or halts. The next SYNC after that begins a new motion."""
         self._enabled = False
         self._release()
 
@@ -124,39 +113,38 @@ class CyclicPosition(Mode):
 
     @property
     def coordinated(self) -> bool:
-        """Whether the axis follows, even if its set-points let it stand."""
+        """True while the axis follows, even while its set-points hold it at rest."""
         return self._following
 
     def status_bits(self) -> int:
-        """Bits 11, internal limit, and 12, the drive follows the command value."""
+        """Return bits 11, internal limit, and 12, drive follows the command value."""
         bits = Status.INTERNAL_LIMIT if self._at_limit else 0
         return bits | (Status.FOLLOWS_COMMAND if self._following else 0)
 
     # --- SYNC
 
     def on_sync(self) -> None:
-        """Keep the set-point that has come with it until its slot closes; of two in a slot the later counts."""
+        """Keep the set-point that came with this SYNC until its slot closes; a second one in the slot replaces it."""
         if not self._enabled or not (self._following or self._begin()):
             return
-        slot = self._clock.hear(self._now_us())
-        set_point_units = (
-            self._dictionary.get(od.TARGET_POSITION) if self._written else self._came[slot].set_point_units
-        )
-        self._came[slot] = _Came(sync=True, set_point_units=set_point_units)
+        slot = self._clock.hear(self._context.now_us)
+        target_units = self._dictionary.get(od.TARGET_POSITION)
+        set_point_units = target_units if self._written else self._received[slot].set_point_units
+        self._received[slot] = _Received(sync=True, set_point_units=set_point_units)
         self._written = False
 
     def _begin(self) -> bool:
-        """Follow from now on, unless a ramp is still bringing the axis to rest."""
+        """Begin to follow, unless a ramp is still bringing the axis to rest; return whether the axis follows."""
         if self._motion.running(self._axis):
             return False
         period_ms = self._dictionary.get(od.INTERPOLATION_PERIOD)
-        if not self._clock.join(self._axis, 1000 * period_ms, self._now_us()):
-            self._trip(self._axis, ErrorCode.PARAMETER, period_ms)  # one SYNC cannot have two periods
+        if not self._clock.join(self._axis, 1000 * period_ms, self._context.now_us):
+            self._trip(ErrorCode.PARAMETER, period_ms)  # one SYNC cannot have two periods
             return False
-        self._close_records()
+        self._records.close()
         self._motion.drop_queued(self._axis)
         self._slot = self._clock.slot
-        self._came = [_NOTHING, _NOTHING]
+        self._received = [_NOTHING, _NOTHING]
         self._points_units = (self._motion.tail_units(self._axis),) * 3
         self._taken_units = self._points_units[0]
         self._bridged_slots = self._lost = 0
@@ -167,49 +155,50 @@ class CyclicPosition(Mode):
 
     @property
     def due_us(self) -> int | None:
-        """When the slot closes: a tick before the cubic of the slot before ends."""
+        """Time at which the slot closes: a tick before the cubic of the previous slot ends."""
         return self._slot.close_tick * TICK_US if self._following else None
 
     def poll(self, now_us: int) -> None:
-        """Queue the cubic of the slot that closes."""
+        """Queue the cubic of the slot that closes, if it is due."""
         if self.due_us is None or now_us < self.due_us:
             return
-        came = self._came.pop(0)
-        self._came.append(_NOTHING)
-        point_units = self._bridged(came) if came.set_point_units is None else self._taken(came.set_point_units)
+        received = self._received.pop(0)
+        self._received.append(_NOTHING)
+        set_point_units = received.set_point_units
+        point_units = self._bridged(received) if set_point_units is None else self._taken(set_point_units)
         if point_units is not None:
             self._points_units = (point_units, *self._points_units[:2])
             closed, self._slot = self._slot, self._clock.after(self._slot)
             self._move(closed)
 
     def _taken(self, set_point_units: int) -> int | None:
-        """The set-point, within the soft limits; None if it is too far away."""
+        """Return the set-point, moved within the soft limits; trip and return None if it is too far away."""
         point_units = self._within_limits(set_point_units)
         self._at_limit = point_units != set_point_units
         periods, self._bridged_slots = self._bridged_slots + 1, 0
         self._lost = max(0, self._lost - _GOOD)
         travelled_units, self._taken_units = abs(point_units - self._taken_units), point_units
         if travelled_units > periods * self._reach_units:
-            self._trip(self._axis, ErrorCode.OVERSPEED)
+            self._trip(ErrorCode.OVERSPEED)
             return None
         return point_units
 
-    def _bridged(self, came: _Came) -> int | None:
-        """In place of a set-point that has not come; None if too much has been lost."""
+    def _bridged(self, received: _Received) -> int | None:
+        """Return a point in place of a missing set-point, at constant velocity; None if too many are missing."""
         last, before, _ = self._points_units
-        if came.sync and last == before:
+        if received.sync and last == before:
             return last
         self._bridged_slots += 1
         self._lost += _LOST
         if self._lost <= _LOST_MAX:
             return self._within_limits(2 * last - before)
         if self._motion.running(self._axis):
-            self._trip(self._axis, ErrorCode.SYNC_CONTROLLER, NO_SET_POINT if came.sync else NO_SYNC)
+            self._trip(ErrorCode.SYNC_CONTROLLER, NO_SET_POINT if received.sync else NO_SYNC)
         self._release()
         return None
 
     def _range(self) -> tuple[int, int]:
-        """Where the axis may go: an axis beyond a soft limit may stay there, and come back."""
+        """Return the positions that the axis may move to. From beyond a soft limit it may stay there or come back."""
         low, high = self._limits.range()
         tail_units = self._motion.tail_units(self._axis)
         return min(low, tail_units), max(high, tail_units)
@@ -221,7 +210,7 @@ class CyclicPosition(Mode):
     # --- cubics
 
     def _move(self, closed: Slot) -> None:
-        """Queue the cubic that ends a tick after the slot now open closes, unless the axis stands and shall stand."""
+        """Queue the cubic that ends a tick after the open slot closes, unless the axis rests and stays at rest."""
         motion, axis = self._motion, self._axis
         wanted, room = self._aim(self._slot.end_us - closed.end_us)
         start_velocity = motion.tail_velocity(axis)
@@ -231,12 +220,12 @@ class CyclicPosition(Mode):
         microsteps = motion.config(axis).microsteps
         cubic = slowed(wanted, start_velocity, self._velocity_limit, room, ticks, microsteps)
         if abs(wanted.displacement_units - cubic.displacement_units) > self._reach_units:
-            self._trip(axis, ErrorCode.OVERSPEED)
+            self._trip(ErrorCode.OVERSPEED)
         else:
             self._queue(cubic, ticks)
 
     def _aim(self, period_us: int) -> tuple[Cubic, int]:
-        """To where the parabola is when the open slot closes, and what the soft limits leave of its velocity."""
+        """Return the cubic that ends on the parabola when the open slot closes, and the end velocity allowed."""
         end = parabola(self._points_units, self._slot.excess_us, period_us)
         low, high = self._range()
         end_units = max(low, min(end.position_units, high))
@@ -244,24 +233,24 @@ class CyclicPosition(Mode):
         return Cubic(end_units - self._motion.tail_units(self._axis), end.velocity), room
 
     def _queue(self, cubic: Cubic, ticks: int) -> None:
-        """An axis that stands waits for the tick in which the cubic of a moving one begins."""
+        """Queue a cubic. An axis at rest waits a tick first: then it begins together with the cubics of moving axes."""
         motion, axis = self._motion, self._axis
         stands = not motion.running(axis)
         if stands:
             motion.push_ticks(axis, 0, 0, 1)
         if motion.push_ticks(axis, *cubic, ticks) is not Refusal.ACCEPTED:
             motion.drop_queued(axis)
-            self._trip(axis, ErrorCode.SEGMENT_REFUSED)
+            self._trip(ErrorCode.SEGMENT_REFUSED)
         elif stands:
             motion.start(axis)
 
     @property
     def _velocity_limit(self) -> int:
-        """The axis' highest speed in 1/64 unit per ms; cubics of any number of ticks may have it."""
+        """The axis' highest speed in 1/64 unit per ms, rounded so that cubics of any number of ticks may have it."""
         config = self._motion.config(self._axis)
         return (config.rate_limit_q16_per_ms & -TICKS_PER_MS) * VELOCITY_PER_UNIT_PER_MS // (config.microsteps << 2)
 
     @property
     def _reach_units(self) -> int:
-        """How far that leads in a period."""
+        """How far the axis can move in a period, in units."""
         return self._velocity_limit * self._dictionary.get(od.INTERPOLATION_PERIOD) // VELOCITY_PER_UNIT_PER_MS

@@ -1,7 +1,7 @@
 """The board's firmware as one object: up to eight axis nodes on one motion kernel.
 
-`receive` takes a frame, `advance` lets time pass; both are told the time in 72 MHz counts since boot. What comes out
-is fetched: frames by `take_frames`, pin changes by `take_pins`, pulse edges by `motion.take_edges`.
+`receive` takes a frame and `advance` lets time pass; every call is told the time in 72 MHz counts since boot. The
+caller fetches the results: frames by `take_frames`, pin changes by `take_pins`, pulse edges by `motion.take_edges`.
 """
 
 from collections.abc import Callable, Sequence
@@ -10,9 +10,11 @@ from typing import NamedTuple
 
 from steptwin.controller.axis_node import AxisNode
 from steptwin.controller.backend import Kernel
+from steptwin.controller.board_context import BoardContext
+from steptwin.controller.group_ramp import ramp_group
 from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.controller.measurements import Measurements, Monitor, no_monitor
-from steptwin.controller.motion import Event, Motion
+from steptwin.controller.motion import AxisEvent, Motion
 from steptwin.controller.pins import OUTPUT_PINS, PinChange
 from steptwin.controller.sync_clock import SyncClock
 from steptwin.protocol import od
@@ -37,21 +39,22 @@ AXES_MAX = 8
 Handler = Callable[[bytes, int], None]
 
 
-class Fault(NamedTuple):
-    """Why an axis is to stop."""
+class FaultCause(NamedTuple):
+    """An error for which an axis must stop."""
 
     code: ErrorCode
     detail: int
 
 
-_EVENT_FAULTS = {Event.UNDERRUN: ErrorCode.PVT_UNDERRUN, Event.LATE_STEP: ErrorCode.LATE_STEP}
+_EVENT_FAULTS = {AxisEvent.UNDERRUN: ErrorCode.PVT_UNDERRUN, AxisEvent.LATE_STEP: ErrorCode.LATE_STEP}
 
 
 class Firmware:
     """Everything that runs on the board's microcontroller.
 
-    The axes that interpolate are one group. It is halted while bit 8 is set in the controlword of any axis whose mode
-    is interpolated position, whatever that axis' drive does: neither its end nor its fault sets the others going.
+    The axes that interpolate form one group. It is halted while bit 8 of the controlword is set for any axis in the
+    mode interpolated position, in any state of that axis' drive: the others do not resume because one has ended or
+    has a fault.
     """
 
     def __init__(
@@ -65,11 +68,14 @@ class Firmware:
         """Set the board up.
 
         Args:
-            kernel: what computes the motion.
-            axis_count: 1 to 8.
-            flash: a page for each axis, which is read at boot and written when the host stores parameters.
-            first_node_id: the first axis' node id; the others count on from it.
-            monitor: what the board measures of an axis beside its pins; by default nothing.
+            kernel: the functions that compute the motion.
+            axis_count: number of axes, 1 to 8.
+            flash: a page for each axis, read at boot and written when the host stores parameters.
+            first_node_id: node id of the first axis; the next axes have the next ids.
+            monitor: counts an axis' steps at the driver (see `measurements`); by default none are lost.
+
+        Raises:
+            ValueError: the number of axes or a node id is out of range.
         """
         if not 1 <= axis_count <= AXES_MAX:
             raise ValueError(f"a board has 1 to {AXES_MAX} axes, not {axis_count}")
@@ -78,25 +84,22 @@ class Firmware:
         self.motion = Motion(kernel, axis_count)
         pages: list[FlashPage] = [{} for _ in range(axis_count)] if flash is None else flash
         self._measurements = Measurements()
-        sync_clock = SyncClock()
-        self._trips: dict[int, list[Fault]] = {}
-        """The axes that ask for the fault reaction, and why."""
-        self.nodes = tuple(
-            AxisNode(first_node_id + axis, axis, self.motion, page, self._measurements, monitor, sync_clock, self._trip)
-            for axis, page in enumerate(pages)
-        )
+        self._trips: dict[int, list[FaultCause]] = {}
+        """The axes that request the fault reaction, and their errors."""
+        board = BoardContext(self.motion, self._measurements, monitor, SyncClock(), self._trip)
+        self.nodes = tuple(AxisNode(axis, first_node_id + axis, page, board) for axis, page in enumerate(pages))
         self.dropped_frames = 0
-        """Frames that were for nobody here or malformed."""
+        """Number of frames whose COB-ID none of the nodes listens to."""
         self._frames: list[Frame] = []
         self._pins: list[PinChange] = []
         self._routes: dict[int, list[tuple[AxisNode, Handler]]] = {}
         self._dues_us: list[int | None] = [None] * axis_count
-        """When each node wants to be polled, as it was last collected, ..."""
+        """Time at which each node wants to be polled, as last collected."""
         self._due_counts: int | None = None
-        """... and the first of them: time goes by in steps so small that the nodes are not asked at each."""
+        """The earliest of these: time passes in small steps, and asking every node at each would be slow."""
 
     def boot(self, now_counts: int) -> None:
-        """Power-up: release the drivers from reset, announce the nodes."""
+        """Power up: release the drivers from reset, announce the nodes."""
         for node in self.nodes:
             node.boot(now_counts // COUNTS_PER_US)
             self._collect(node, now_counts)
@@ -104,7 +107,7 @@ class Firmware:
     # --- frames in
 
     def receive(self, frame: Frame, now_counts: int) -> None:
-        """Take one frame from the bus; whatever it holds, it never raises."""
+        """Take one frame from the bus. No frame raises an error, whatever it holds."""
         self._deliver(frame, now_counts)
         self._conclude(now_counts)
 
@@ -124,18 +127,18 @@ class Firmware:
             self.dropped_frames += 1
 
     def hears(self, cob_id: int) -> bool:
-        """What the CAN controller's filters are set to: NMT, SYNC and what the nodes' communication parameters say.
+        """Return whether the CAN controller's filters pass a COB-ID: NMT, SYNC, and those of the nodes' services.
 
-        By default these are blocks of eight, with a mask each; bxCAN's 14 filter banks hold 28 masks or 56 identifiers
-        (RM0008, section 24.7.4).
+        By default these are blocks of eight COB-IDs, with a mask for each block; bxCAN's 14 filter banks hold 28 masks
+        or 56 identifiers (RM0008, section 24.7.4).
         """
         return cob_id in self._routes or cob_id in (COB_NMT, COB_SYNC)
 
     def on_can_error(self, code: ErrorCode, now_counts: int, *, active: bool) -> None:
-        """Report that an error of the CAN controller has occurred, or that it is over: one EMCY of every node.
+        """Report an error of the CAN controller, or its end, by an EMCY of every node.
 
-        To a master each node is a device of its own, with its own error register (CiA 301, section 7.2.7); all of them
-        lost the same bus, and nobody knows to which of them a lost message would have gone.
+        To a master each node is a device of its own, with its own error register (CiA 301, section 7.2.7). All of them
+        share the controller, and a lost message may have been for any of them.
         """
         for node in self.nodes:
             node.on_can_error(code, now_counts // COUNTS_PER_US, active=active)
@@ -149,7 +152,7 @@ class Firmware:
                 self._collect(node, now_counts)
 
     def _route(self) -> None:
-        """Which node's which service takes a COB-ID; made anew when a node's PDO parameters change."""
+        """Note which services of which nodes take each COB-ID; repeated when a node's COB-IDs change."""
         self._routes = {}
         for node in self.nodes:
             node.routes_changed = False
@@ -166,7 +169,7 @@ class Firmware:
     # --- inputs
 
     def set_inputs(self, inputs: Sequence[DigitalInput], now_counts: int) -> None:
-        """The inputs of the axes have these levels as of the servo tick that begins now."""
+        """Set the input levels of all axes, as of the servo tick that begins now."""
         for node, levels in zip(self.nodes, inputs, strict=True):
             with node.acting(now_counts // COUNTS_PER_US) as drive:
                 drive.set_inputs(levels)
@@ -174,7 +177,7 @@ class Firmware:
         self._conclude(now_counts)
 
     def measure(self, supply_10mv: int, temperature_decidegc: int, now_counts: int) -> None:
-        """The board's analogue inputs say this now."""
+        """Set the readings of the board's analogue inputs."""
         self._measurements.supply_10mv = supply_10mv
         self._measurements.temperature_decidegc = temperature_decidegc
         for node in self.nodes:
@@ -185,9 +188,9 @@ class Firmware:
     # --- time forward
 
     def advance(self, until_counts: int) -> int:
-        """Let time pass; return the instant reached, `until_counts` unless something came out before it.
+        """Let time pass until `until_counts`, or until the caller must act; return the instant reached.
 
-        Before that, either frames or pins are waiting to be fetched, or the edges need draining
+        At an earlier instant either frames or pin changes may be waiting, or the edges must be drained
         (`motion.room_ticks` is 0).
         """
         motion = self.motion
@@ -202,7 +205,7 @@ class Firmware:
         return until_counts
 
     def poll(self, now_counts: int) -> None:
-        """Send whatever is due by now."""
+        """Do the work of the nodes that is due by now."""
         if self._due_counts is not None and self._due_counts <= now_counts:
             self._poll_nodes(now_counts // COUNTS_PER_US, now_counts)
         if self._trips:
@@ -236,21 +239,21 @@ class Firmware:
         self._stop_tripped(now_us)
         for axis, event in events:
             with self.nodes[axis].acting(now_us) as drive:
-                if event is Event.FINISHED:
+                if event is AxisEvent.FINISHED:
                     drive.finished()
         for node in self.nodes:
             self._collect(node, now_counts)
         self._conclude(now_counts)
 
     def _conclude(self, now_counts: int) -> None:
-        """After all that one frame or instant has changed: stop what has tripped, halt the group or let it go on."""
+        """End a call: stop the axes that have tripped, then halt or resume the group."""
         group = self.motion.group
         if not (self._trips or group.must_ramp):
             return
         now_us = now_counts // COUNTS_PER_US
         self._stop_tripped(now_us)
         if group.must_ramp:
-            self.motion.ramp_group([node.drive.halt_deceleration() for node in self.nodes])
+            ramp_group(self.motion, [node.drive.stop.halt_deceleration() for node in self.nodes])
         for node in self.nodes:
             node.review(now_us)
             self._collect(node, now_counts)
@@ -258,14 +261,13 @@ class Firmware:
     # --- faults
 
     def _trip(self, axis: int, code: ErrorCode, detail: int = 0) -> None:
-        """An axis asks for the fault reaction; what it asks for in one go happens together."""
-        self._trips.setdefault(axis, []).append(Fault(code, detail))
+        """Note that an axis requests the fault reaction (see `Trip`)."""
+        self._trips.setdefault(axis, []).append(FaultCause(code, detail))
 
     def _stop_tripped(self, now_us: int) -> None:
-        """Stop the axes that have tripped and, where one asks for it, all that move in step with it.
+        """Stop the axes that have tripped. If group stop (2010h:01) is set for one, stop all that move in step with it.
 
-        All that ramp down do so in the same time: that makes the tool leave the path along its tangent instead of
-        turning away from it.
+        All axes ramp down in the same time: so the tool leaves the path along its tangent instead of turning away.
         """
         while self._trips:
             trips, self._trips = self._trips, {}
@@ -273,7 +275,7 @@ class Firmware:
             if any(self.nodes[axis].dictionary.get(od.GROUP_STOP) for axis in stopping):
                 for node in self.nodes:
                     if node.drive.mode.coordinated:
-                        stopping.setdefault(node.axis, [Fault(ErrorCode.GROUP_STOPPED, 0)])
+                        stopping.setdefault(node.axis, [FaultCause(ErrorCode.GROUP_STOPPED, 0)])
             stop_ms = max(
                 (self.nodes[axis].drive.fault_stop_ms(*fault) for axis, faults in stopping.items() for fault in faults),
                 default=0,
@@ -286,7 +288,7 @@ class Firmware:
     # --- out
 
     def _collect(self, node: AxisNode, now_counts: int) -> None:
-        """Fetch what a node has to say and to switch, follow its COB-IDs, note when it wants to be polled."""
+        """Fetch a node's frames and pin changes, follow its COB-IDs, note when it wants to be polled."""
         if node.routes_changed:
             self._route()
         if node.due_us != self._dues_us[node.axis]:
@@ -296,19 +298,19 @@ class Firmware:
         if node.outbox:
             self._frames += node.outbox
             node.outbox.clear()
-        if node.pin_changes:
+        if node.pins.changes:
             self._switch_pins(node, now_counts)
 
     def _switch_pins(self, node: AxisNode, now_counts: int) -> None:
-        """The driver's pins wait for the end of a pulse that the present servo tick has placed already."""
+        """Time a node's pin changes: those of the driver wait for the end of the last pulse already placed."""
         driver_counts = max(now_counts, self.motion.last_fall_counts(node.axis))
-        for pin, level in node.pin_changes:
+        for pin, level in node.pins.changes:
             counts = now_counts if pin in OUTPUT_PINS else driver_counts
             self._pins.append(PinChange(counts, node.axis, pin, level))
-        node.pin_changes.clear()
+        node.pins.changes.clear()
 
     def take_frames(self) -> list[Frame]:
-        """Return the frames that want to be sent now."""
+        """Return the frames to send now, in order."""
         frames, self._frames = self._frames, []
         return frames
 

@@ -1,29 +1,32 @@
-"""Homing mode (CiA 402-2, "homing mode"): the axis looks for a switch and counts its position from there.
+"""Homing mode (CiA 402-2, "homing mode"): find a switch's edge and count the position from there.
 
-Bit 4 of the controlword, rising, starts it from standstill, with the objects as they are then: method 0x6098, speeds
-0x6099, acceleration 0x609A, timeout 0x2020:01. The way to the edge is `switch_search`'s. When the axis stands behind
-the edge, the step on which it was seen becomes the home offset 0x607C, to the nearest step. Methods 35 and 37 preset
-the position of the standing axis to 0x607C, which is finer than a step: the demand may lie between two steps then.
+A rising bit 4 of the controlword starts the homing from standstill, with the objects as they are then: homing method
+(6098h), speeds (6099h), acceleration (609Ah) and timeout (2020h:01). `switch_search` moves the axis to the edge. When
+the axis stands behind the edge, the step at which the edge was seen becomes the home offset (607Ch), to the nearest
+step. Methods 35 and 37 set the position of the standing axis to the home offset exactly: since a unit is finer than a
+step, the demand may then lie between two steps.
 
-All ramps are within 0x609A, but for a halt with 0x605D = 2. Soft limits do not count, nor are limit switches faults
-while the mode itself moves the axis. An error stops the axis; the drive stays enabled and the position as it was. Bit
-4, falling, aborts; halt interrupts, and its release begins anew from where the axis stands.
+All ramps keep the homing acceleration, except a halt with the quick stop ramp (605Dh = 2). Soft limits do not apply,
+and limit switches are no faults while the mode itself moves the axis. An error stops the axis; the drive stays enabled
+and the position keeps its count. A falling bit 4 aborts. Halt (bit 8) interrupts; when it ends, the homing begins again
+from where the axis stands.
 
-Bit 12 of the statusword comes with bit 10: "attained, but target not reached" does not occur, since masters that go on
-at bit 12 would find the axis still moving, in coordinates that are about to change.
+Bits 12 and 10 of the statusword rise together. CiA 402 also has "attained, but target not reached"; a master that goes
+on at bit 12 would then find the axis still moving, in coordinates that are about to change.
 """
 
-from collections.abc import Callable
 from enum import Enum, auto
 
-from steptwin.controller.modes import Mode, Report
-from steptwin.controller.motion import Motion
+from steptwin.controller.axis_context import AxisContext
+from steptwin.controller.drive_mode import DriveMode
+from steptwin.controller.interpolation import Interpolation
+from steptwin.controller.position_reference import PositionReference
 from steptwin.controller.profile import Limits
 from steptwin.controller.profile_feed import ProfileFeed
+from steptwin.controller.supervision import Supervision
 from steptwin.controller.switch_search import Phase, SwitchSearch
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Control, DigitalInput, ErrorCode, HomingError, Status
-from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.homing_methods import HOMING_METHODS, HomingMethod
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
@@ -33,47 +36,38 @@ class _State(Enum):
     """Not started, or aborted."""
     HALTED = auto()
     WAITING = auto()
-    """For standstill, to begin."""
+    """Started; begins when the axis stands."""
     SEARCHING = auto()
     DONE = auto()
     FAILED = auto()
 
 
-class Homing(Mode):
-    """The mode's handshake and result."""
+class Homing(DriveMode):
+    """Starts and ends homings, and sets the position reference; `SwitchSearch` makes the motion."""
 
     def __init__(
         self,
-        axis: int,
-        motion: Motion,
-        dictionary: ObjectDictionary,
+        context: AxisContext,
         feed: ProfileFeed,
-        *,
-        now_us: Callable[[], int],
-        inputs: Callable[[], DigitalInput],
-        discard_records: Callable[[], None],
-        referenced: Callable[[], None],
-        report: Report,
-        resolved: Callable[[ErrorCode], None],
+        records: Interpolation,
+        supervision: Supervision,
+        reference: PositionReference,
     ) -> None:
-        super().__init__(axis, motion)
-        self._dictionary = dictionary
+        super().__init__(context)
+        self._errors = context.errors
         self._feed = feed
-        self._now_us = now_us
-        self._inputs = inputs
-        self._discard_records = discard_records
-        self._referenced = referenced
-        self._report = report
-        self._resolved = resolved
+        self._records = records
+        self._supervision = supervision
+        self._reference = reference
         self._state = _State.IDLE
         self._search: SwitchSearch | None = None
-        """What is in progress in SEARCHING."""
+        """The search in progress in SEARCHING."""
         self._deadline_us: int | None = None
 
     # --- commands
 
     def control(self, controlword: int, previous: int) -> None:
-        """Obey start and halt bits."""
+        """Obey the start and halt bits."""
         started, halted = bool(controlword & Control.START), bool(controlword & Control.HALT)
         if started and not previous & Control.START:
             self._start(halted=halted)
@@ -86,7 +80,7 @@ class Homing(Mode):
 
     @property
     def _seeking(self) -> bool:
-        """Whether there is something to abort; once the edge is latched the axis comes to rest anyway."""
+        """True while the homing can be aborted; once the edge is latched the axis comes to rest in any case."""
         latched = self._search is not None and self._search.phase is Phase.LATCHED
         return self._state is _State.WAITING or (self._state is _State.SEARCHING and not latched)
 
@@ -102,12 +96,12 @@ class Homing(Mode):
             (self._feed.halt if halted else self._feed.stop)(limits)
 
     def _begin(self) -> None:
-        """Begin if a homing waits for that and the axis stands."""
+        """Begin the homing that waits, if the axis stands."""
         if self._state is not _State.WAITING or self._motion.running(self._axis):
             return
         method = HOMING_METHODS[self._dictionary.get(od.HOMING_METHOD)]
         if method is None:
-            self._discard_records()
+            self._records.discard()
             self._motion.preset(self._axis, self._dictionary.get(od.HOME_OFFSET))
             self._attain()
         else:
@@ -119,11 +113,12 @@ class Homing(Mode):
             self._fail(HomingError.NO_SPEED)
             return
         timeout_ms = self._dictionary.get(od.HOMING_TIMEOUT_MS)
-        self._deadline_us = self._now_us() + 1000 * timeout_ms if timeout_ms else None
+        self._deadline_us = self._context.now_us + 1000 * timeout_ms if timeout_ms else None
         self._state = _State.SEARCHING
-        self._search = SwitchSearch(self._axis, self._motion, self._feed, method, fast, slow, self._inputs())
+        inputs = self._supervision.inputs
+        self._search = SwitchSearch(self._axis, self._motion, self._feed, method, fast, slow, inputs)
         self._search.begin()
-        self._see()
+        self._conclude()
 
     def _limits(self, speed: int) -> Limits | None:
         get = self._dictionary.get
@@ -135,10 +130,10 @@ class Homing(Mode):
             deceleration=min(get(od.HOMING_ACCELERATION), get(od.MAX_DECELERATION)),
         )
 
-    # --- what comes of it
+    # --- results
 
-    def _see(self) -> None:
-        """After anything that happened to the search: see whether it is over."""
+    def _conclude(self) -> None:
+        """End the homing if its search is over; called after every event of the search."""
         search = self._search
         if search is None:
             return
@@ -150,12 +145,12 @@ class Homing(Mode):
 
     def _attain(self) -> None:
         self._end(_State.DONE)
-        self._referenced()
+        self._reference.set()
 
     def _fail(self, error: HomingError) -> None:
         self._end(_State.FAILED)
         self._dictionary.set(od.HOMING_ERROR, error)
-        self._report(ErrorCode.HOMING_FAILED, error)
+        self._errors.report(ErrorCode.HOMING_FAILED, error)
 
     def _end(self, state: _State) -> None:
         self._state = state
@@ -163,32 +158,27 @@ class Homing(Mode):
 
     def _clear_error(self) -> None:
         if self._state is _State.FAILED:
-            self._resolved(ErrorCode.HOMING_FAILED)
+            self._errors.resolved(ErrorCode.HOMING_FAILED)
 
-    def position_lost(self) -> None:
-        """The axis is no longer where it was homed to be."""
-        if self._state is _State.DONE:
-            self._state = _State.IDLE
-
-    # --- what happens
+    # --- events
 
     def inputs_changed(self, inputs: DigitalInput) -> None:
-        """The axis' inputs have changed to these levels in the tick just over."""
+        """Handle new input levels, as of the end of the last tick."""
         if self._search:
             self._search.inputs_changed(inputs)
-            self._see()
+            self._conclude()
 
     def finished(self) -> None:
-        """The axis stands: at the end of a stroke or a ramp, be it the mode's own or not."""
+        """Handle standstill, at the end of a stroke or a ramp, of this mode or not."""
         if not self._feed.finished():
             return
         if self._search:
             self._search.finished()
-            self._see()
+            self._conclude()
         self._begin()
 
     def interrupted(self) -> None:
-        """The drive was stopped or switched off, or another mode takes over: what was done stays done."""
+        """Abort a homing in progress: the drive stops or changes its mode. A homing that is done stays valid."""
         self._feed.abandon()
         if self._state is not _State.DONE:
             self._clear_error()
@@ -196,26 +186,31 @@ class Homing(Mode):
 
     @property
     def due_us(self) -> int | None:
-        """When the homing is to be over; the ramp behind the edge may take longer."""
+        """Time at which the homing fails by timeout; the ramp behind the edge may take longer."""
         return self._deadline_us if self._seeking else None
 
     def poll(self, now_us: int) -> None:
-        """See whether the homing takes too long."""
+        """Fail the homing if its timeout is over."""
         if self.due_us is not None and self.due_us <= now_us and self._search:
             self._search.time_out()
-            self._see()
+            self._conclude()
 
-    # --- what the mode says
+    # --- status
 
     @property
     def seeks_switches(self) -> bool:
-        """Whether the axis moves by the mode's own strokes and ramps."""
+        """True while the mode itself moves the axis."""
         return self._feed.active
 
     def target_reached(self) -> bool:
-        """Bit 10: the axis stands, and not just to set off again."""
+        """Return bit 10: the axis stands, and no homing waits or is between two strokes."""
         return self._state not in (_State.WAITING, _State.SEARCHING) and super().target_reached()
 
     def status_bits(self) -> int:
-        """Bits 12, homing attained, until the position is lost or another homing starts, and 13, homing error."""
-        return {_State.DONE: Status.HOMING_ATTAINED, _State.FAILED: Status.HOMING_ERROR}.get(self._state, 0)
+        """Return bits 12, homing attained, and 13, homing error.
+
+        Bit 12 falls when the position reference is lost or another homing starts.
+        """
+        if self._state is _State.FAILED:
+            return Status.HOMING_ERROR
+        return Status.HOMING_ATTAINED if self._state is _State.DONE and self._reference.known else 0

@@ -1,51 +1,46 @@
-"""Interpolated position mode: PVT records come in by sequence number and run as cubic segments of the kernel.
+"""Interpolated position mode: queue PVT records in order of their sequence numbers and run them as cubic segments.
 
-A queue that was stopped, for whatever reason, is closed: it takes no record until the host has cleared it (0x60C4:06),
-so that a stream still under way cannot set an axis moving again.
+A queue that is stopped before its end is closed: it takes no record until the host clears it (buffer clear, 60C4h:06),
+so that a stream still under way cannot set the axis moving again.
+
+A record is four entries of the dictionary (60C1h:01 to :04), as CiA 402 has an interpolation data record: so any
+CANopen master can map it into a PDO, or write it by SDO. The sequence number is the last of the four, and writing it
+queues the record. The other three are read by `ObjectDictionary.reader`, which costs one call for each.
 """
 
-from collections.abc import Callable
-
+from steptwin.controller.axis_context import AxisContext
+from steptwin.controller.axis_stop import AxisStop
+from steptwin.controller.drive_mode import DriveMode
 from steptwin.controller.kernel import I32_MAX
-from steptwin.controller.modes import Mode, Report
-from steptwin.controller.motion import Motion, Refusal
+from steptwin.controller.motion import Refusal
 from steptwin.controller.soft_limits import SoftLimits, hull
+from steptwin.controller.stops import DISABLES
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import Control, ErrorCode, Status
-from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.pvt import QUEUE_DEPTH, SEQUENCE_MODULUS, PvtFlag, Verdict, judge
 
+_STOP = DISABLES[1]
+"""A falling enable bit stops the queue by the slow down ramp, as "disable operation" may."""
 _STICKY = {Verdict.GAP: PvtFlag.GAP, Verdict.FULL: PvtFlag.OVERFLOW}
 
 
-class Interpolation(Mode):
-    """One axis' PVT queue as the bus sees it: flow control, status 0x2012 and counters 0x2013."""
+class Interpolation(DriveMode):
+    """One axis' PVT queue as the bus sees it: flow control, PVT status (2012h) and PVT counters (2013h)."""
 
-    def __init__(
-        self,
-        axis: int,
-        motion: Motion,
-        dictionary: ObjectDictionary,
-        report: Report,
-        resolved: Callable[[ErrorCode], None],
-        status_changed: Callable[[], None],
-        ramp_down: Callable[[], None],
-    ) -> None:
-        super().__init__(axis, motion)
-        self._dictionary = dictionary
-        self._report = report
-        self._resolved = resolved
-        self._status_changed = status_changed
-        self._ramp_down = ramp_down
+    def __init__(self, context: AxisContext, stop: AxisStop) -> None:
+        super().__init__(context)
+        self._errors = context.errors
+        self._stop = stop
         self._next_sequence = 0
         self._sticky = 0
-        """The flags that stay until they are cleared."""
+        """Flags that stay set until they are cleared."""
         self._running = False
         self._closed = False
         self.ready = False
-        """Whether the drive is enabled in this mode: a queue with records is then armed."""
+        """True while the drive is enabled in this mode: a queue with records is then armed."""
         self._install_hooks()
+        dictionary = context.dictionary
         self._limits = SoftLimits(dictionary)
         self._displacement_units = dictionary.reader(od.PVT_DISPLACEMENT)
         self._end_velocity = dictionary.reader(od.PVT_END_VELOCITY)
@@ -67,7 +62,7 @@ class Interpolation(Mode):
     # --- records in
 
     def _record_arrived(self, sequence: int) -> None:
-        """Writing the sequence number queues the record whose other fields were written before it."""
+        """Queue the record whose sequence number is being written; its other fields have been written before."""
         queued = self._motion.queued(self._axis)
         verdict = judge(sequence, self._next_sequence, self._free(queued))
         if verdict is Verdict.STALE:
@@ -87,7 +82,7 @@ class Interpolation(Mode):
         self._dictionary.count(od.PVT_ACCEPTED)
 
     def _push(self, displacement_units: int, end_velocity: int, duration_ms: int) -> Refusal:
-        """Queue a segment unless it leads out of the soft limits, or further out of them."""
+        """Queue a segment, unless it leads out of the soft limits; from beyond a limit it may only lead back."""
         low, high = self._limits.range()
         if low > -I32_MAX or high < I32_MAX:
             start, velocity = self._motion.tail_units(self._axis), self._motion.tail_velocity(self._axis)
@@ -97,21 +92,21 @@ class Interpolation(Mode):
         return self._motion.push(self._axis, displacement_units, end_velocity, duration_ms)
 
     def _drop(self, verdict: Verdict) -> None:
-        """Flag a gap or an overflow; only the first of a row is an event, so that junk cannot flood the bus."""
+        """Count and flag a gap or an overflow; report only the first in a row, so that junk cannot flood the bus."""
         flag = _STICKY[verdict]
         self._dictionary.count(od.PVT_GAPS if verdict is Verdict.GAP else od.PVT_OVERFLOWS)
         if not self._sticky & flag:
             self._sticky |= flag
-            self._status_changed()
+            self._flags_changed()
 
     def _reject(self, sequence: int, refusal: Refusal) -> None:
         self._sticky |= PvtFlag.REJECTED
-        self._report(ErrorCode.SEGMENT_REFUSED, refusal << 8 | sequence)
-        self._status_changed()
+        self._errors.report(ErrorCode.SEGMENT_REFUSED, refusal << 8 | sequence)
+        self._flags_changed()
         raise SdoAbortError(AbortCode.VALUE_RANGE)
 
     def _clear(self, value: int) -> None:
-        """0x60C4:06 = 0 empties the queue and begins again with sequence number 0; not while it runs."""
+        """Empty the queue and expect sequence number 0 next, when 0 is written; refuse while the axis moves."""
         if value:
             return
         if self._motion.running(self._axis):
@@ -120,75 +115,79 @@ class Interpolation(Mode):
         self.restart()
 
     def restart(self) -> None:
-        """Begin again with sequence number 0 and no flags, open for records."""
+        """Expect sequence number 0, clear the flags, and open the queue."""
         self._next_sequence = 0
         self._sticky = 0
-        self._resolved(ErrorCode.SEGMENT_REFUSED)
+        self._errors.resolved(ErrorCode.SEGMENT_REFUSED)
         self.finished()
         self._closed = False
 
     # --- the mode
 
     def control(self, controlword: int, previous: int) -> None:
-        """Start the queue in the next tick when the enable bit rises; stop it when that falls.
+        """Start the queue in the next tick when the enable bit rises; stop it when the bit falls.
 
-        The halt bit is the group's (see `Firmware`): what is started during a halt rests at its first record's start.
+        The halt bit concerns the group (see `Firmware`): a queue started during a halt rests at its first record.
         """
         enabled = controlword & Control.START
         if self._running and not enabled:
-            self._ramp_down()
+            self._stop.ramp_down(_STOP)
+            self.interrupted()
         elif enabled and not previous & Control.START and self._start():
             self._running = True
             self._dictionary.set(od.PVT_LEAST_FILL, QUEUE_DEPTH)
-            self._status_changed()
+            self._flags_changed()
 
     def _start(self) -> bool:
-        """Begin with the first record, unless a ramp is still bringing the axis to rest."""
+        """Begin the first record, unless a ramp is still bringing the axis to rest; return whether it began."""
         return not self._motion.running(self._axis) and self._motion.start(self._axis, in_group=True)
 
     def finished(self) -> None:
-        """The queue ran out at rest."""
+        """Handle the end of the queue at rest."""
         self._running = False
-        self._status_changed()
+        self._flags_changed()
+
+    def _flags_changed(self) -> None:
+        self._context.changed(od.PVT_FLAGS)
 
     def discard(self) -> None:
-        """Drop the records that wait, if any; their numbers are taken, so that the host must clear the queue first."""
+        """Drop the records that wait, and close the queue: their numbers are taken, so the host must begin again."""
         if self._motion.queued(self._axis):
             self._motion.flush(self._axis)
             self.stopped()
 
     def stopped(self) -> None:
-        """The queue was stopped before its end: close it."""
+        """Close the queue: it was stopped before its end."""
         self._closed = True
         self.finished()
 
     def close(self) -> None:
-        """Another mode moves the axis: take no more records until the host clears the queue."""
+        """Close the queue, unless it is closed: another mode takes over the axis."""
         if not self._closed:
             self.stopped()
 
     def interrupted(self) -> None:
-        """The drive stops the motion or leaves OPERATION ENABLED."""
+        """Close the queue if it runs: the drive stops the motion or leaves OPERATION ENABLED."""
         if self._running:
             self.stopped()
 
     def target_reached(self) -> bool:
-        """Standstill, at the end or in a halt."""
+        """Return bit 10 of the statusword: standstill, at the end or in a halt."""
         return not self._motion.running(self._axis) or self._motion.halted(self._axis)
 
     def underrun(self) -> None:
-        """The queue ran out while moving."""
+        """Handle a queue that has run out while the axis moves."""
         self._sticky |= PvtFlag.UNDERRUN
         self._dictionary.count(od.PVT_UNDERRUNS)
         self.stopped()
 
     @property
     def coordinated(self) -> bool:
-        """Whether records are being executed."""
+        """True while records are executed."""
         return self._running
 
     def status_bits(self) -> int:
-        """Bit 12: interpolation is active."""
+        """Return bit 12: interpolation is active."""
         return Status.IP_ACTIVE if self._running else 0
 
     # --- status and counters

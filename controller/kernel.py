@@ -62,41 +62,40 @@ NEVER_COUNTS = -(1 << 62)
 NEVER_TICK = 1 << 62
 """A tick that does not come."""
 
-# Fields of one axis in `axes`: its configuration, ...
+# Fields of one axis in `axes`: its configuration,
 MICROSTEPS = 0
 STEPLEN_COUNTS = 1
 STEPSPACE_COUNTS = 2
 DIRSETUP_COUNTS = 3
 DIRHOLD_COUNTS = 4
 RATE_LIMIT_Q16_PER_MS = 5
-# ... its motion, ...
-RUNNING = 6
-COUNTER = 7
-POSITION_Q16 = 8
-START_Q16 = 9
-COEFFICIENT_A = 10
-COEFFICIENT_B = 11
-COEFFICIENT_C = 12
-DURATION_TICKS = 13
-ELAPSED_Q16 = 14
-END_VELOCITY = 15
-IN_GROUP = 16
-# ... its queue, whose tail is where the next segment starts, ...
-QUEUE_HEAD = 17
-QUEUE_COUNT = 18
-TAIL_Q16 = 19
-TAIL_VELOCITY = 20
-# ... its pins, ...
-EARLIEST_RISE_COUNTS = 21
-LAST_RISE_COUNTS = 22
-DIR_LEVEL = 23
-# ... and what it reports.
-EVENT = 24
-DELAYED_STEPS = 25
-CLK_EDGES = 26
-DIR_EDGES = 27
-# One more of the configuration:
-DIR_INVERTED = 28
+DIR_INVERTED = 6
+# its motion,
+RUNNING = 7
+COUNTER = 8
+POSITION_Q16 = 9
+START_Q16 = 10
+COEFFICIENT_A = 11
+COEFFICIENT_B = 12
+COEFFICIENT_C = 13
+DURATION_TICKS = 14
+ELAPSED_Q16 = 15
+END_VELOCITY = 16
+IN_GROUP = 17
+# its queue, whose tail is where the next segment starts,
+QUEUE_HEAD = 18
+QUEUE_COUNT = 19
+TAIL_Q16 = 20
+TAIL_VELOCITY = 21
+# its pins,
+EARLIEST_RISE_COUNTS = 22
+LAST_RISE_COUNTS = 23
+DIR_LEVEL = 24
+# and its reports.
+EVENT = 25
+DELAYED_STEPS = 26
+CLK_EDGES = 27
+DIR_EDGES = 28
 AXIS_FIELDS = 29
 
 # The time of the group: a ramp of its rate that begins at the start of a tick and takes a number of ticks.

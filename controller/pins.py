@@ -1,4 +1,4 @@
-"""The pins that the firmware holds at a level; CLK and DIR come as edges (see `motion`)."""
+"""The pins that the firmware sets to a level; CLK and DIR come as edges (see `motion`)."""
 
 from enum import Enum
 from typing import NamedTuple
@@ -7,7 +7,7 @@ from steptwin.protocol.cia402 import DigitalOutput
 
 
 class Pin(Enum):
-    """One pin of an axis: inputs of its TB6560, or a digital output at its connector."""
+    """One pin of an axis: an input of its TB6560, or a digital output at its connector."""
 
     RESET = "RESET"
     ENABLE = "ENABLE"
@@ -22,7 +22,7 @@ class Pin(Enum):
 
 
 class PinChange(NamedTuple):
-    """A pin of one axis takes a level."""
+    """A pin of one axis changes to a level, at an instant in timer counts since boot."""
 
     counts: int
     axis: int
@@ -31,7 +31,7 @@ class PinChange(NamedTuple):
 
 
 OUTPUT_PINS = {Pin.OUT1: DigitalOutput.OUT1, Pin.OUT2: DigitalOutput.OUT2}
-"""The pins that follow object 0x60FE, with their bits in it."""
+"""The pins that follow the digital outputs object (60FEh), with their bits in it."""
 
 MODE_LEVELS = {1: (0, 0), 2: (0, 1), 8: (1, 1), 16: (1, 0)}
 """Levels of M2 and M1 by microsteps per full step (TB6560AHQ datasheet of 2014-10-01, page 9)."""
@@ -39,3 +39,25 @@ TORQUE_LEVELS = {100: (0, 0), 75: (0, 1), 50: (1, 0), 20: (1, 1)}
 """Levels of TQ2 and TQ1 by percent of the full current (page 10)."""
 DECAY_LEVELS = {0: (0, 0), 25: (0, 1), 50: (1, 0), 100: (1, 1)}
 """Levels of DCY2 and DCY1 by percent of fast decay (page 10)."""
+
+
+class AxisPins:
+    """The levels of one axis' pins, and their changes until the firmware fetches them."""
+
+    def __init__(self) -> None:
+        self._levels = dict.fromkeys(Pin, 0)
+        self.changes: list[tuple[Pin, int]] = []
+
+    def set(self, pin: Pin, level: int) -> None:
+        """Set a pin to a level."""
+        if self._levels[pin] != level:
+            self._levels[pin] = level
+            self.changes.append((pin, level))
+
+    def switch_outputs(self, outputs: int) -> None:
+        """Set the digital outputs by the bits of object 60FEh.
+
+        Any drive state may switch them, and no state or fault switches them back: a gripper must not drop its load.
+        """
+        for pin, bit in OUTPUT_PINS.items():
+            self.set(pin, int(bool(outputs & bit)))

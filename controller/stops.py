@@ -7,11 +7,11 @@ from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode, State
 
 
-class Ramp(Enum):
-    """Along which deceleration an axis stops; the value is the address of the entry that holds it."""
+class StopKind(Enum):
+    """How an axis stops; the value is the address of the entry that holds the deceleration."""
 
     CUT = None
-    """None: no pulse follows. What the motor does then nobody knows."""
+    """End the pulses at once. At speed the motor then coasts, and its position is unknown."""
     SLOW_DOWN = od.PROFILE_DECELERATION
     QUICK_STOP = od.QUICK_STOP_DECELERATION
 
@@ -19,26 +19,26 @@ class Ramp(Enum):
 class QuickStop(NamedTuple):
     """How a quick stop goes, and the state in which it ends."""
 
-    ramp: Ramp
+    kind: StopKind
     end: State
 
 
 QUICK_STOPS = {
-    0: QuickStop(Ramp.CUT, State.SWITCH_ON_DISABLED),
-    1: QuickStop(Ramp.SLOW_DOWN, State.SWITCH_ON_DISABLED),
-    2: QuickStop(Ramp.QUICK_STOP, State.SWITCH_ON_DISABLED),
-    5: QuickStop(Ramp.SLOW_DOWN, State.QUICK_STOP_ACTIVE),
-    6: QuickStop(Ramp.QUICK_STOP, State.QUICK_STOP_ACTIVE),
+    0: QuickStop(StopKind.CUT, State.SWITCH_ON_DISABLED),
+    1: QuickStop(StopKind.SLOW_DOWN, State.SWITCH_ON_DISABLED),
+    2: QuickStop(StopKind.QUICK_STOP, State.SWITCH_ON_DISABLED),
+    5: QuickStop(StopKind.SLOW_DOWN, State.QUICK_STOP_ACTIVE),
+    6: QuickStop(StopKind.QUICK_STOP, State.QUICK_STOP_ACTIVE),
 }
-"""Object 0x605A; 3, 4, 7 and 8 are current and voltage limits, which a stepper has not."""
-SHUTDOWNS = {0: Ramp.CUT, 1: Ramp.SLOW_DOWN}
-"""Object 0x605B."""
-DISABLES = {0: Ramp.CUT, 1: Ramp.SLOW_DOWN}
-"""Object 0x605C."""
-HALTS = {1: Ramp.SLOW_DOWN, 2: Ramp.QUICK_STOP}
-"""Object 0x605D."""
-FAULT_REACTIONS = {0: Ramp.CUT, 1: Ramp.SLOW_DOWN, 2: Ramp.QUICK_STOP}
-"""Object 0x605E."""
+"""By the quick stop option code (605Ah); 3, 4, 7 and 8 stop by current and voltage limits, which a stepper lacks."""
+SHUTDOWNS = {0: StopKind.CUT, 1: StopKind.SLOW_DOWN}
+"""By the shutdown option code (605Bh)."""
+DISABLES = {0: StopKind.CUT, 1: StopKind.SLOW_DOWN}
+"""By the disable operation option code (605Ch)."""
+HALTS = {1: StopKind.SLOW_DOWN, 2: StopKind.QUICK_STOP}
+"""By the halt option code (605Dh)."""
+FAULT_REACTIONS = {0: StopKind.CUT, 1: StopKind.SLOW_DOWN, 2: StopKind.QUICK_STOP}
+"""By the fault reaction option code (605Eh)."""
 OPTIONS: dict[int, frozenset[int]] = {
     od.QUICK_STOP_OPTION: frozenset(QUICK_STOPS),
     od.SHUTDOWN_OPTION: frozenset(SHUTDOWNS),
@@ -49,13 +49,13 @@ OPTIONS: dict[int, frozenset[int]] = {
 """The values that each option code may take."""
 
 _FIXED_REACTIONS = {
-    ErrorCode.UNDERVOLTAGE: Ramp.CUT,  # the driver's outputs cannot be relied on for a ramp
-    ErrorCode.ESTOP: Ramp.QUICK_STOP,  # IEC 60204-1, stop category 1: stop, then take the power away
+    ErrorCode.UNDERVOLTAGE: StopKind.CUT,  # without its supply the driver cannot follow a ramp
+    ErrorCode.ESTOP: StopKind.QUICK_STOP,  # IEC 60204-1, stop category 1: stop, then remove the power
 }
 
 
-def fault_ramp(code: ErrorCode, detail: int, option: int) -> Ramp:
-    """How an axis stops for an error: by 0x605E unless the error itself decides it."""
-    if code is ErrorCode.TEMPERATURE and detail:  # the chip has switched itself off
-        return Ramp.CUT
+def fault_stop(code: ErrorCode, detail: int, option: int) -> StopKind:
+    """Return how an axis stops for an error: by its fault reaction option code, unless the error fixes it."""
+    if code is ErrorCode.TEMPERATURE and detail:  # the driver chip has switched itself off
+        return StopKind.CUT
     return _FIXED_REACTIONS.get(code, FAULT_REACTIONS[option])

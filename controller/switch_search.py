@@ -37,7 +37,7 @@ class Phase(Enum):
     FAILED = auto()
 
 
-class Event(Enum):
+class SearchEvent(Enum):
     """What happens to a search."""
 
     AWAY = auto()
@@ -59,28 +59,28 @@ class Event(Enum):
 
 _STROKES = (Phase.SEARCH, Phase.LEAVE, Phase.BACK, Phase.EDGE)
 
-TRANSITIONS: dict[tuple[Phase, Event], Phase | HomingError] = {
-    (Phase.START, Event.AWAY): Phase.SEARCH,
-    (Phase.START, Event.IN_FRONT): Phase.LEAVE,
-    (Phase.START, Event.BEHIND): Phase.BACK,
-    (Phase.SEARCH, Event.CROSSED): Phase.BRAKE,
-    (Phase.SEARCH, Event.LIMIT): Phase.TURN,
-    (Phase.TURN, Event.AWAY): Phase.SEARCH,
-    (Phase.TURN, Event.IN_FRONT): Phase.LEAVE,
-    (Phase.TURN, Event.BEHIND): Phase.BACK,
-    (Phase.LEAVE, Event.CROSSED): Phase.BRAKE,
-    (Phase.BRAKE, Event.IN_FRONT): Phase.EDGE,
-    (Phase.BRAKE, Event.BEHIND): Phase.BACK,
-    (Phase.BACK, Event.CROSSED): Phase.BRAKE,
-    (Phase.EDGE, Event.CROSSED): Phase.LATCHED,
-    (Phase.LATCHED, Event.IN_FRONT): Phase.DONE,
-    (Phase.LATCHED, Event.BEHIND): Phase.DONE,
-    (Phase.SEARCH, Event.DEAD_END): HomingError.NOT_FOUND,
-    (Phase.LEAVE, Event.DEAD_END): HomingError.STUCK,
-    (Phase.BACK, Event.DEAD_END): HomingError.STUCK,
-    (Phase.EDGE, Event.DEAD_END): HomingError.STUCK,
-    **dict.fromkeys(((phase, Event.WRONG_LIMIT) for phase in _STROKES), HomingError.WRONG_SWITCH),
-    **dict.fromkeys(((phase, Event.TIMEOUT) for phase in (*_STROKES, Phase.TURN, Phase.BRAKE)), HomingError.TIMEOUT),
+TRANSITIONS: dict[tuple[Phase, SearchEvent], Phase | HomingError] = {
+    (Phase.START, SearchEvent.AWAY): Phase.SEARCH,
+    (Phase.START, SearchEvent.IN_FRONT): Phase.LEAVE,
+    (Phase.START, SearchEvent.BEHIND): Phase.BACK,
+    (Phase.SEARCH, SearchEvent.CROSSED): Phase.BRAKE,
+    (Phase.SEARCH, SearchEvent.LIMIT): Phase.TURN,
+    (Phase.TURN, SearchEvent.AWAY): Phase.SEARCH,
+    (Phase.TURN, SearchEvent.IN_FRONT): Phase.LEAVE,
+    (Phase.TURN, SearchEvent.BEHIND): Phase.BACK,
+    (Phase.LEAVE, SearchEvent.CROSSED): Phase.BRAKE,
+    (Phase.BRAKE, SearchEvent.IN_FRONT): Phase.EDGE,
+    (Phase.BRAKE, SearchEvent.BEHIND): Phase.BACK,
+    (Phase.BACK, SearchEvent.CROSSED): Phase.BRAKE,
+    (Phase.EDGE, SearchEvent.CROSSED): Phase.LATCHED,
+    (Phase.LATCHED, SearchEvent.IN_FRONT): Phase.DONE,
+    (Phase.LATCHED, SearchEvent.BEHIND): Phase.DONE,
+    (Phase.SEARCH, SearchEvent.DEAD_END): HomingError.NOT_FOUND,
+    (Phase.LEAVE, SearchEvent.DEAD_END): HomingError.STUCK,
+    (Phase.BACK, SearchEvent.DEAD_END): HomingError.STUCK,
+    (Phase.EDGE, SearchEvent.DEAD_END): HomingError.STUCK,
+    **{(phase, SearchEvent.WRONG_LIMIT): HomingError.WRONG_SWITCH for phase in _STROKES},
+    **{(phase, SearchEvent.TIMEOUT): HomingError.TIMEOUT for phase in (*_STROKES, Phase.TURN, Phase.BRAKE)},
 }
 """What follows on what; any other event changes nothing. An error leads to FAILED."""
 
@@ -131,37 +131,37 @@ class SwitchSearch:
         before, self._inputs = self._inputs, inputs
         closed = inputs & ~before
         if (inputs ^ before) & self._method.switch and self._closed is self._wanted:
-            self._happens(Event.CROSSED)
+            self._happens(SearchEvent.CROSSED)
         elif closed & self._limit_ahead:
             self._happens(self._end_of_way)
         elif closed & _LIMIT_SWITCHES & ~self._method.switch:
-            self._happens(Event.WRONG_LIMIT)
+            self._happens(SearchEvent.WRONG_LIMIT)
 
     def finished(self) -> None:
         """The motion has come to its end, at rest."""
         if self.phase in _STROKES:
-            self._happens(Event.DEAD_END)
+            self._happens(SearchEvent.DEAD_END)
         else:
             self._stopped()
 
     def time_out(self) -> None:
         """It has taken too long."""
-        self._happens(Event.TIMEOUT)
+        self._happens(SearchEvent.TIMEOUT)
 
     def _stopped(self) -> None:
         self._happens(self._place)
 
     @property
-    def _place(self) -> Event:
+    def _place(self) -> SearchEvent:
         """Where the axis stands.
 
         With the switch open it is beyond the switch if it has just met it, on the side that it was moving to.
         """
         if self._closed:
-            return Event.BEHIND if self._method.closes else Event.IN_FRONT
+            return SearchEvent.BEHIND if self._method.closes else SearchEvent.IN_FRONT
         if self.phase in (Phase.START, Phase.TURN):
-            return Event.AWAY
-        return Event.BEHIND if self._direction == self._method.edge_direction else Event.IN_FRONT
+            return SearchEvent.AWAY
+        return SearchEvent.BEHIND if self._direction == self._method.edge_direction else SearchEvent.IN_FRONT
 
     @property
     def _closed(self) -> bool:
@@ -180,14 +180,14 @@ class SwitchSearch:
         return _LIMIT_AHEAD[self._direction] & ~self._method.switch
 
     @property
-    def _end_of_way(self) -> Event:
+    def _end_of_way(self) -> SearchEvent:
         """What the limit switch ahead means."""
         may_turn = self._method.turns and self._direction == self._method.search_direction
-        return Event.LIMIT if self.phase is Phase.SEARCH and may_turn else Event.DEAD_END
+        return SearchEvent.LIMIT if self.phase is Phase.SEARCH and may_turn else SearchEvent.DEAD_END
 
     # --- what follows
 
-    def _happens(self, event: Event) -> None:
+    def _happens(self, event: SearchEvent) -> None:
         target = TRANSITIONS.get((self.phase, event))
         if target is None:
             return
@@ -211,7 +211,7 @@ class SwitchSearch:
             return
         self._feed.move_to(self._direction * I32_MAX, limits)
         if not self._motion.running(self._axis):
-            self._happens(Event.DEAD_END)
+            self._happens(SearchEvent.DEAD_END)
 
     def _brake(self, phase: Phase) -> None:
         if phase is Phase.LATCHED:

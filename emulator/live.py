@@ -12,7 +12,8 @@ from typing import Final, NamedTuple
 
 from steptwin.controller.backend import Kernel
 from steptwin.controller.kernel import TICK_COUNTS
-from steptwin.controller.motion import Motion, StepConfig
+from steptwin.controller.motion import Motion
+from steptwin.controller.step_config import StepConfig
 from steptwin.emulator.lateness import Lateness
 from steptwin.emulator.pacer import Pacer
 from steptwin.emulator.simulation import Simulation

@@ -10,7 +10,7 @@ import numpy as np
 from steptwin.bench.loads import Int64Array
 from steptwin.bench.pulses.motions import PlannedMotion
 from steptwin.bench.pulses.pulses import AxisPulses, Placed
-from steptwin.controller.motion import counts_of_ns
+from steptwin.controller.step_config import counts_of_ns
 from steptwin.host.robots.board_settings import BoardSettings
 
 REPEATS = 3

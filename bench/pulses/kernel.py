@@ -8,7 +8,8 @@ from steptwin.bench.loads import Int64Array, Record, run_records
 from steptwin.bench.pulses.motions import PlannedMotion
 from steptwin.bench.pulses.pulses import AxisPulses, Placed
 from steptwin.controller.backend import Kernel
-from steptwin.controller.motion import Motion, PinEdges, StepConfig
+from steptwin.controller.motion import Motion, PinEdges
+from steptwin.controller.step_config import StepConfig
 from steptwin.host.robots.board_settings import BoardSettings
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 

@@ -5,7 +5,7 @@ from typing import Final
 from docs.generate.markdown import table
 from docs.generate.pieces import DOCS, filled
 from docs.generate.wire_session import session
-from steptwin.controller.drive import next_state
+from steptwin.controller.power_states import next_state
 from steptwin.protocol.cia402 import (
     DISABLE_VOLTAGE,
     ENABLE_OPERATION,

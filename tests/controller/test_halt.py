@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from steptwin.controller import kernel as k
 from steptwin.controller.backend import Kernel, compiled_kernel, python_kernel
-from steptwin.controller.motion import STOP_MAX_MS, TICKS_PER_SECOND, Event, Motion, Refusal, StepConfig
+from steptwin.controller.group_ramp import ramp_group
+from steptwin.controller.motion import STOP_MAX_MS, TICKS_PER_SECOND, AxisEvent, Motion, Refusal
+from steptwin.controller.step_config import StepConfig
 from tests.controller.kernel_rig import KernelRig, Timing, pin_timing_faults
 
 FULL = k.FULL_RATE_Q16
@@ -51,7 +53,7 @@ class Run:
         self.demands: list[list[int]] = []
         self.clk: list[list[int]] = [[] for _ in self.PLAN]
         self.directions: list[list[int]] = [[] for _ in self.PLAN]
-        self.events: list[tuple[int, int, Event]] = []
+        self.events: list[tuple[int, int, AxisEvent]] = []
         self._unsent = [list(plan) for plan in self.PLAN]
         for axis in range(len(self.PLAN)):
             self.motion.configure(axis, CONFIG)
@@ -66,7 +68,7 @@ class Run:
 
     def hold(self, *, hold: bool) -> None:
         self.motion.group.hold(1, hold=hold)
-        self.motion.ramp_group(self.limits)
+        ramp_group(self.motion, self.limits)
 
     def pass_ticks(self, ticks: int) -> None:
         for _ in range(ticks):
@@ -143,16 +145,16 @@ def test_it_ends_where_planned_with_good_pulses(fast_kernel: Kernel, planned: Ru
         directions = [(word >> 1, word & 1) for word in run.directions[axis]]
         assert pin_timing_faults(run.clk[axis][0::2], run.clk[axis][1::2], directions, Timing()) == []
         assert run.motion.delayed_steps(axis) <= len(directions)  # the step that waits for DIR at a reversal
-    ends = [(tick, event) for tick, _, event in run.events if event is not Event.HALTED]
+    ends = [(tick, event) for tick, _, event in run.events if event is not AxisEvent.HALTED]
     assert len(ends) == 3
-    assert {event for _, event in ends} == {Event.FINISHED}
+    assert {event for _, event in ends} == {AxisEvent.FINISHED}
     assert len({tick for tick, _ in ends}) == 1  # in step to the end
 
 
 def test_it_lasts_as_planned_and_the_pause(fast_kernel: Kernel, planned: Run) -> None:
     """A ramp of T takes T/2 longer than the path it covers: 9 kHz at 40 000 steps/s^2 are 900 ticks, down and up."""
     run = scripted(fast_kernel, (1501, True), (3000, False))
-    assert next((tick, event) for tick, axis, event in run.events if axis == 0) == (1501 + 900, Event.HALTED)
+    assert next((tick, event) for tick, axis, event in run.events if axis == 0) == (1501 + 900, AxisEvent.HALTED)
     assert run.motion.tick == pytest.approx(planned.motion.tick + 3000 - 900 + 2 * 450, abs=1)
     still = run.demands[1501 + 900 : 4501]
     assert all(demands == still[0] for demands in still)
@@ -199,7 +201,7 @@ def test_the_ramp_fits_what_is_coming_too(kernel: Kernel) -> None:
         motion.start(0, in_group=True)
         motion.advance(40)
         motion.group.hold(0, hold=True)
-        motion.ramp_group([deceleration_hz_per_s * STEP_UNITS])
+        ramp_group(motion, [deceleration_hz_per_s * STEP_UNITS])
         assert motion.group.rest_tick == 40 + ticks
 
 
@@ -210,7 +212,7 @@ def test_the_ramp_lasts_at_most_as_long_as_a_stop(kernel: Kernel) -> None:
     motion.start(0, in_group=True)
     motion.advance(40)
     motion.group.hold(0, hold=True)
-    motion.ramp_group([1])
+    ramp_group(motion, [1])
     assert motion.group.rest_tick == 40 + STOP_MAX_MS * k.TICKS_PER_MS
 
 
@@ -221,9 +223,9 @@ def test_a_queue_that_runs_dry_while_slowing_down_is_an_underrun(kernel: Kernel)
     motion.start(0, in_group=True)
     motion.advance(60)
     motion.group.hold(0, hold=True)
-    motion.ramp_group([DECELERATION])
+    ramp_group(motion, [DECELERATION])
     motion.advance(1000)
-    assert motion.take_events() == [(0, Event.UNDERRUN)]
+    assert motion.take_events() == [(0, AxisEvent.UNDERRUN)]
     assert 0 < motion.velocity(0) < 4 * KHZ  # what a stop has to start from
 
 
@@ -236,12 +238,12 @@ def test_velocity_is_scaled(kernel: Kernel) -> None:
     motion.start(0, in_group=True)
     motion.advance(80)
     motion.group.hold(0, hold=True)
-    motion.ramp_group([DECELERATION])
+    ramp_group(motion, [DECELERATION])
     motion.advance(280)
     assert motion.velocity(0) == pytest.approx(2 * KHZ, abs=2)
     motion.advance(10_000)
     assert motion.tick == 480
-    assert motion.take_events() == [(0, Event.HALTED)]
+    assert motion.take_events() == [(0, AxisEvent.HALTED)]
     assert motion.velocity(0) == 0
     assert motion.running(0)
     assert motion.halted(0)

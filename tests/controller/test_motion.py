@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from steptwin.controller.backend import Kernel, python_kernel
 from steptwin.controller.kernel import TICK_COUNTS
-from steptwin.controller.motion import STOP_MAX_MS, Event, Motion, Refusal, StepConfig, counts_of_ns, stop_segments
+from steptwin.controller.motion import STOP_MAX_MS, AxisEvent, Motion, Refusal, stop_segments
+from steptwin.controller.step_config import StepConfig, counts_of_ns
 
 CONFIG = StepConfig(16, 33_000, 33_666, 15_000, 15_000, velocity_max_units_per_s=20_000 * 1024)
 
@@ -84,7 +85,7 @@ def test_stop_lasts_as_asked_and_ends_at_rest(kernel: Kernel) -> None:
     assert velocity == pytest.approx(8 * 65_536, abs=64)
     motion.stop(0, 100)
     assert motion.advance(2000) == 900
-    assert motion.take_events() == [(0, Event.FINISHED)]
+    assert motion.take_events() == [(0, AxisEvent.FINISHED)]
     assert not motion.running(0)
     expected = velocity * 100 / 2 / 64
     assert motion.demand_units(0) - before == pytest.approx(expected, abs=1)
@@ -129,7 +130,7 @@ def test_the_longest_stop_still_fits_the_queue(kernel: Kernel) -> None:
         motion.advance(10**6)
         motion.take_edges()
         events = motion.take_events()
-    assert events == [(0, Event.FINISHED)]
+    assert events == [(0, AxisEvent.FINISHED)]
     assert motion.tick == 320 + 4 * STOP_MAX_MS
 
 
@@ -173,7 +174,7 @@ def test_a_stop_from_anywhere_keeps_position_and_ends(
         here = motion.demand_units(0)
         assert abs(here - previous) <= abs(velocity) / 64 + 2
         previous = here
-    assert motion.take_events() == [(0, Event.FINISHED)]
+    assert motion.take_events() == [(0, AxisEvent.FINISHED)]
     assert abs(motion.demand_units(0) - position - velocity * stop_ms / 128) <= 1.5
 
 

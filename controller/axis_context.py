@@ -1,0 +1,40 @@
+"""The parts of an axis that its node, its drive and its modes of operation share."""
+
+from steptwin.controller.axis_errors import AxisErrors
+from steptwin.controller.board_context import BoardContext
+from steptwin.controller.pins import AxisPins
+from steptwin.protocol.cia402 import ErrorCode
+from steptwin.protocol.dictionary import FlashPage, ObjectDictionary
+from steptwin.protocol.heartbeat_consumer import HeartbeatConsumer
+from steptwin.protocol.pdo import ProcessData
+
+
+class AxisContext:
+    """One axis' object dictionary, its ways to the outside, and the time of the call being served."""
+
+    def __init__(self, axis: int, node_id: int, flash_page: FlashPage, board: BoardContext) -> None:
+        self.axis = axis
+        self.board = board
+        self.motion = board.motion
+        self.dictionary = ObjectDictionary(node_id, stored=flash_page)
+        self.process_data = ProcessData(self.dictionary)
+        self.heartbeats = HeartbeatConsumer(self.dictionary)
+        self.errors = AxisErrors(self.dictionary, self.heartbeats, self.touch)
+        self.pins = AxisPins()
+        self.now_us = 0
+        """Time of the call being served."""
+        self.touched = False
+        """True once the call being served has changed anything that the node may have to send."""
+
+    def touch(self) -> None:
+        """Make the node look for frames to send when the call being served ends."""
+        self.touched = True
+
+    def changed(self, address: int) -> None:
+        """Note that the value of an entry has changed: event-driven TPDOs report it."""
+        self.touched = True
+        self.process_data.changed(address)
+
+    def trip(self, code: ErrorCode, detail: int = 0) -> None:
+        """Request this axis' fault reaction (see `Trip`)."""
+        self.board.trip(self.axis, code, detail)

@@ -1,0 +1,84 @@
+"""The errors of one axis: EMCY frames, error register and error history, joined to the object dictionary."""
+
+from collections.abc import Callable
+from functools import partial
+
+from steptwin.protocol import od
+from steptwin.protocol.cia402 import ErrorCode
+from steptwin.protocol.cob_id import check_cob_id
+from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.emergency import EmergencyProducer
+from steptwin.protocol.frame import COB_ID_INVALID, Frame
+from steptwin.protocol.heartbeat_consumer import HeartbeatConsumer
+
+_PDO_LENGTH_ERRORS = (ErrorCode.PDO_TOO_SHORT, ErrorCode.PDO_TOO_LONG)
+
+
+class AxisErrors:
+    """Reports errors when they occur and resolves them when their cause has gone."""
+
+    def __init__(self, dictionary: ObjectDictionary, heartbeats: HeartbeatConsumer, touch: Callable[[], None]) -> None:
+        self.producer = EmergencyProducer()
+        self._dictionary = dictionary
+        self._heartbeats = heartbeats
+        self._touch = touch
+        read, write = dictionary.read_hooks, dictionary.write_hooks
+        read[od.ERROR_REGISTER] = lambda: self.producer.register
+        read[od.ERROR_HISTORY_COUNT] = lambda: len(self.producer.history)
+        for i, address in enumerate(od.ERROR_HISTORY):
+            read[address] = partial(self._history, i)
+        write[od.ERROR_HISTORY_COUNT] = lambda _: self.producer.history.clear()
+        write[od.EMCY_COB_ID] = lambda cob_id: check_cob_id(dictionary.get(od.EMCY_COB_ID), cob_id)
+        write[od.EMCY_INHIBIT_TIME] = self._write_inhibit
+
+    def _history(self, i: int) -> int:
+        history = self.producer.history
+        return history[i] if i < len(history) else 0
+
+    def _write_inhibit(self, inhibit: int) -> None:
+        self.producer.inhibit = inhibit
+
+    def reset_communication(self) -> None:
+        """Resolve the communication errors, drop the frames that wait, read the inhibit time again."""
+        self.producer.inhibit = self._dictionary.get(od.EMCY_INHIBIT_TIME)
+        self.producer.reset_communication()
+
+    def report(self, code: ErrorCode, detail: int) -> None:
+        """Send an EMCY unless the error is active already."""
+        self._touch()
+        self.producer.raise_error(code, detail)
+
+    def is_reported(self, code: ErrorCode) -> bool:
+        """Return whether an error with this code is active, with any detail."""
+        return self.producer.is_active(code)
+
+    def resolved(self, code: ErrorCode) -> None:
+        """Resolve an error, with all its details."""
+        self._resolve(lambda active, _: active is code)
+
+    def pdo_received(self, number: int) -> None:
+        """Resolve a receive PDO's length error, after a frame of the right length."""
+        self._resolve(lambda code, detail: code in _PDO_LENGTH_ERRORS and detail == number + 1)
+
+    def acknowledge_faults(self) -> None:
+        """Resolve the errors that have no cause any more, once the drive is not in fault (or no longer).
+
+        The drive's own errors end with the fault reset, a lost heartbeat when the producer is heard again. Other
+        communication errors are resolved by the frames that prove the communication works.
+        """
+        self._resolve(self._is_over)
+
+    def _is_over(self, code: ErrorCode, detail: int) -> bool:
+        if code is ErrorCode.HEARTBEAT_LOST:
+            return detail not in self._heartbeats.lost
+        return not code.communication
+
+    def _resolve(self, gone: Callable[[ErrorCode, int], bool]) -> None:
+        self._touch()
+        self.producer.resolve(gone)
+
+    def poll(self, now_us: int) -> Frame | None:
+        """Return the EMCY to send now, if one is due and the EMCY COB-ID (1014h) is valid."""
+        payload = self.producer.poll(now_us)
+        cob_id = self._dictionary.get(od.EMCY_COB_ID)
+        return Frame(cob_id, payload) if payload and not cob_id & COB_ID_INVALID else None
