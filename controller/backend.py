@@ -1,4 +1,4 @@
-"""How the kernel runs: as plain Python on lists, or compiled by numba on int64 arrays, with the same bits."""
+"""Run the kernel as plain Python on lists, or compiled by numba on int64 arrays. Both give the same bits."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,9 +16,9 @@ class Kernel:
 
     Attributes:
         name: "python" or "numba".
-        cells: makes n zeroed integers.
-        rows: makes a number of rows of n zeroed integers.
-        singly: the same storage as made by `cells`, for reading and writing one integer at a time.
+        cells: makes n integers, all 0.
+        rows: makes a number of rows of n integers, all 0.
+        singly: gives a view of storage made by `cells`, for reading and writing one integer at a time.
     """
 
     name: str
@@ -32,7 +32,7 @@ class Kernel:
 
 
 def python_kernel() -> Kernel:
-    """The reference: unbounded integers on lists."""
+    """Return the reference: the kernel on lists of unbounded integers."""
     return Kernel(
         name="python",
         cells=lambda count: [0] * count,
@@ -47,15 +47,15 @@ def python_kernel() -> Kernel:
 
 @cache
 def compiled_kernel() -> Kernel:
-    """The same functions compiled for int64 arrays; raises ModuleNotFoundError without the extra `fast`."""
+    """Return the same functions compiled for int64 arrays; raise ModuleNotFoundError without the extra `fast`."""
     import numba
     import numpy as np
 
     integer, cells, rows = numba.int64, numba.int64[::1], numba.int64[:, ::1]
 
     def compiled(function: Function, *arguments: Any) -> Function:
-        """Compile now, or load what an earlier process has compiled: the first call takes no longer than the others."""
-        # The numpy error model leaves out checks for division by zero: every divisor in the kernel is positive.
+        """Compile a function now, or load it from an earlier process, so that its first call is not slower."""
+        # The numpy error model omits checks for division by zero: every divisor in the kernel is positive.
         dispatcher = numba.njit(arguments, cache=True, error_model="numpy")(function)
         return cast("Function", dispatcher.get_overload(arguments))
 
@@ -63,7 +63,7 @@ def compiled_kernel() -> Kernel:
         name="numba",
         cells=lambda count: np.zeros(count, dtype=np.int64),
         rows=lambda rows, count: np.zeros((rows, count), dtype=np.int64),
-        singly=memoryview,  # an element of an array is an object of numpy's first, which takes twice as long
+        singly=memoryview,  # numpy makes an object of every element read, which takes twice as long
         push=compiled(kernel.push, cells, cells, *4 * (integer,)),
         next_segment=compiled(kernel.next_segment, cells, cells, integer),
         advance=compiled(kernel.advance, *4 * (cells,), rows, rows, *3 * (integer,)),
@@ -75,5 +75,5 @@ KERNELS: dict[str, Callable[[], Kernel]] = {"python": python_kernel, "numba": co
 
 
 def fastest_kernel() -> Kernel:
-    """The compiled kernel where numba is installed, the plain one elsewhere."""
+    """Return the compiled kernel if numba is installed, else the plain one."""
     return compiled_kernel() if find_spec("numba") else python_kernel()

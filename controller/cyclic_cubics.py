@@ -1,6 +1,7 @@
-"""From set-points to cubics: the parabola through three of them, and what an axis' speed and its limits leave of it.
+"""Make cubics of set-points: fit a parabola through three of them, then keep an axis' speed and position limits.
 
-Positions are units, velocities 1/64 unit per ms, as on the wire. Nothing here knows CANopen or an axis.
+Positions are in units, velocities in 1/64 unit per ms, as on the wire. These are functions of numbers alone, without
+CANopen or an axis.
 """
 
 from typing import NamedTuple
@@ -12,23 +13,23 @@ _PER_UNIT_PER_US = 1000 * VELOCITY_PER_UNIT_PER_MS
 
 
 class Knot(NamedTuple):
-    """Where two cubics meet, and how fast the axis is there."""
+    """The position and the velocity at which two cubics meet."""
 
     position_units: int
     velocity: int
 
 
 class Cubic(NamedTuple):
-    """From where and as fast as the one before it ended."""
+    """A cubic, which begins at the position and the velocity at which the one before it ended."""
 
     displacement_units: int
     end_velocity: int
 
 
 def parabola(points_units: tuple[int, int, int], after_us: int, period_us: int) -> Knot:
-    """Where the parabola through the last three set-points, the newest first, is so long after the newest.
+    """Return where the parabola through the last three set-points, newest first, is `after_us` after the newest.
 
-    With the points p0, p1, p2 a period T apart, a time r after p0 it is at
+    With the points p0, p1, p2 a period T apart, a time r after p0 the parabola is at
     p0 + ((3 p0 - 4 p1 + p2) r/T + (p0 - 2 p1 + p2) (r/T)^2) / 2.
     """
     p0, p1, p2 = points_units
@@ -41,23 +42,28 @@ def parabola(points_units: tuple[int, int, int], after_us: int, period_us: int) 
 
 
 def highest_velocity(room_units: int, duration_us: int) -> int:
-    """At a knot so far from a soft limit, for cubics up to so long: none that meets there leads beyond the limit.
+    """Return the highest velocity at a knot that keeps both cubics meeting there within a soft limit.
 
     A cubic stays between p0, p0 + v0 T/3, p1 - v1 T/3 and p1 (see `soft_limits.hull`).
+
+    Args:
+        room_units: distance from the knot to the limit.
+        duration_us: duration of the longer of the two cubics.
     """
     return 3 * room_units * _PER_UNIT_PER_US // duration_us
 
 
 def slowed(wanted: Cubic, start_velocity: int, limit: int, room: int, ticks: int, microsteps: int) -> Cubic:
-    """The nearest cubic that keeps the limit L of speed, which |v0|, |3D/T - v0 - v1| and |v1| bound, and |v1| <= room.
+    """Return the cubic nearest to the wanted one that keeps the speed limit L and the end velocity's limit `room`.
 
-    D is cut to what is possible at all; then v1 is the nearest to the wanted one that leaves enough for the middle. All
-    is reckoned as the kernel does it, in Q16 steps over the cubic.
+    |v0|, |3D/T - v0 - v1| and |v1| bound the speed of a cubic. First D is limited to what any v1 can reach. Then v1
+    becomes the velocity nearest to the wanted one that keeps the middle bound. All values are in Q16 steps over the
+    duration of the cubic, as the kernel computes them.
     """
     middle_q16 = 3 * microsteps << 2
-    """Of a unit of D."""
+    """What a unit of D adds to the middle bound."""
     velocity_q16 = ticks * microsteps
-    """Of a velocity of 64, as `way_q16` has it."""
+    """What a velocity of 64, one unit per ms, adds to a bound (see `way_q16`)."""
     most = min(limit, room)
     limit_q16, most_q16 = way_q16(limit, ticks, microsteps), way_q16(most, ticks, microsteps)
     start_q16 = way_q16(start_velocity, ticks, microsteps)
@@ -72,5 +78,5 @@ def slowed(wanted: Cubic, start_velocity: int, limit: int, room: int, ticks: int
 
 
 def _rounded(numerator: int, denominator: int) -> int:
-    """To the nearest integer."""
+    """Divide, rounding to the nearest integer."""
     return (2 * numerator + denominator) // (2 * denominator)

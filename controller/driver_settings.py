@@ -1,4 +1,4 @@
-"""The TB6560's static inputs by object 0x2000: excitation mode, torque, decay, and less torque at rest."""
+"""Set the TB6560's static inputs by the driver objects (2000h): excitation mode, torque, decay, rest torque."""
 
 from collections.abc import Callable
 from functools import partial
@@ -9,31 +9,31 @@ from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.dictionary import ObjectDictionary
 
 IDLE_AFTER_US = 500_000
-"""How long an axis must have stood before its torque goes down to 0x2000:04."""
+"""Time that an axis must stand before its torque is lowered to the rest torque (2000h:04)."""
 
 _TORQUE, _DECAY, _IDLE_TORQUE = od.TORQUE_PERCENT, od.FAST_DECAY_PERCENT, od.REST_TORQUE_PERCENT
 
 
 class DriverSettings:
-    """Sets the driver's torque and decay pins; those of the excitation mode with the step configuration."""
+    """Sets the driver's torque and decay pins, and its excitation mode when the step configuration changes."""
 
     def __init__(self, dictionary: ObjectDictionary, set_pin: Callable[[Pin, int], None]) -> None:
         self._dictionary = dictionary
         self._set_pin = set_pin
         self._idle = False
         self.due_us: int | None = None
-        """When a standing axis' torque goes down."""
+        """Time at which a standing axis' torque is lowered; None if that has happened or does not apply."""
         for key, levels in ((_TORQUE, TORQUE_LEVELS), (_DECAY, DECAY_LEVELS), (_IDLE_TORQUE, TORQUE_LEVELS)):
             dictionary.write_hooks[key] = partial(_check, levels)
 
     def set_microsteps(self, microsteps: int) -> None:
-        """Select the excitation mode; the chip takes another one only in reset (page 15), and forgets its angle."""
+        """Select the excitation mode. The chip takes a new one only in reset (page 15), which also resets its angle."""
         self._set_pin(Pin.RESET, 0)
         self._set(Pin.M2, Pin.M1, MODE_LEVELS[microsteps])
         self._set_pin(Pin.RESET, 1)
 
     def settle(self, now_us: int, *, moving: bool) -> None:
-        """After anything that happened: full torque for a moving axis, less for one that has stood for long enough."""
+        """Set torque and decay at the end of a call; full torque while moving, rest torque after IDLE_AFTER_US."""
         get = self._dictionary.get
         if moving:
             self._idle, self.due_us = False, None
@@ -43,7 +43,7 @@ class DriverSettings:
         self._set(Pin.DCY2, Pin.DCY1, DECAY_LEVELS[get(od.FAST_DECAY_PERCENT)])
 
     def poll(self, now_us: int) -> None:
-        """Lower the torque if it is time."""
+        """Choose the rest torque if it is due; `settle` then sets the pins."""
         if self.due_us is not None and self.due_us <= now_us:
             self._idle, self.due_us = True, None
 

@@ -1,4 +1,4 @@
-"""What the board's analogue inputs say, and what the emulated machine can tell beyond the pins of a real one."""
+"""Readings of the board's analogue inputs, and the step counts that only the emulated board can give."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,27 +7,27 @@ from typing import NamedTuple
 
 @dataclass(slots=True)
 class Measurements:
-    """The board's own readings, the same for all its axes; nominal until something is measured."""
+    """Readings that all axes of the board share; nominal values until the first measurement."""
 
     supply_10mv: int = 2400
     temperature_decidegc: int = 250
 
 
 class DriverMonitor(NamedTuple):
-    """What has become of an axis' pulses since power-up, object 0x2F00."""
+    """What one axis' driver made of the pulses since power-up: the emulator's object (2F00h)."""
 
     rotor_steps: int
-    """Steps that the driver has counted."""
+    """Number of steps that the driver has counted, signed."""
     lost_steps: int
-    """Steps made less steps counted, both signed: how far the rotor is behind."""
+    """Steps made less steps counted, both signed: how far the rotor has fallen behind."""
     violations: int
-    """Pulses that broke a limit of the driver."""
+    """Number of pulses that broke a limit of the driver."""
 
 
 Monitor = Callable[[int], DriverMonitor]
-"""Tells of an axis. The emulated board has one; a real board would need an encoder."""
+"""Return the counts of an axis. The emulated board provides this; a real board would need an encoder."""
 
 
 def no_monitor(_axis: int) -> DriverMonitor:
-    """Without one, every step is taken for counted."""
+    """Return zeros: without a monitor every step is taken as counted."""
     return DriverMonitor(0, 0, 0)

@@ -1,6 +1,7 @@
 """The CiA 402 power state machine of one axis, as one table (CiA 402, figure 2 and table 23).
 
-Everything that decides a drive's state lives here. What a transition does to motors and motion is the axis node's.
+This module decides the state that follows a controlword. `AxisDrive` carries out what a transition does to motor and
+motion.
 """
 
 from enum import Enum
@@ -9,7 +10,7 @@ from steptwin.protocol.cia402 import Control, State
 
 
 class Command(Enum):
-    """What a controlword asks for; a word that asks for none of these, or again for the same, changes nothing."""
+    """The command in a controlword. A command that is no transition of the present state changes nothing."""
 
     SHUTDOWN = "shutdown"
     SWITCH_ON = "switch on"
@@ -42,7 +43,7 @@ TRANSITIONS: dict[tuple[State, Command], State] = {
 }
 """Every transition that a controlword makes, with CiA 402's number.
 
-0 and 1 (boot) and 13 and 14 (fault, end of its reaction) are the drive's own.
+The drive makes 0 and 1 (boot) and 13 and 14 (fault and end of its reaction) by itself.
 """
 
 ENERGISED = frozenset((_SO, _OE, _QSA, State.FAULT_REACTION_ACTIVE))
@@ -50,7 +51,7 @@ ENERGISED = frozenset((_SO, _OE, _QSA, State.FAULT_REACTION_ACTIVE))
 
 
 def command_of(controlword: int, previous: int) -> Command:
-    """Decode a controlword by the bit patterns of CiA 402 table 23; fault reset is a rising edge of bit 7."""
+    """Decode a controlword by the bit patterns of CiA 402 table 23. Fault reset is a rising edge of bit 7."""
     if controlword & ~previous & Control.FAULT_RESET:
         return Command.FAULT_RESET
     if not controlword & Control.ENABLE_VOLTAGE:
@@ -65,9 +66,9 @@ def command_of(controlword: int, previous: int) -> Command:
 
 
 def next_state(state: State, controlword: int, previous: int) -> State:
-    """The state that a controlword leads to; the same state if it is no command there.
+    """Return the state that a controlword leads to; the same state if the word is no command there.
 
-    A rising fault-reset bit is a command in FAULT only; elsewhere the word counts by its other bits.
+    A rising fault reset bit is a command in FAULT only; in other states the word's other bits count.
     """
     command = command_of(controlword, previous)
     if command is Command.FAULT_RESET and state is not State.FAULT:

@@ -1,43 +1,44 @@
-"""The profile generator: from a velocity to rest at a target, as segments on a grid of whole milliseconds.
+"""Generate motion profiles: from any velocity to rest at a target, as segments of whole milliseconds.
 
-A profile is a row of ramps between whole velocities that last whole milliseconds: up to the peak, along it, down to
-rest. A ramp that is symmetric in time covers (v0 + v1) T / 2 whatever its shape, so linear and jerk-limited ramps are
-planned alike; only how long a change of velocity takes differs. What whole milliseconds leave over is put into the last
-ramp: it is stretched, then gives the rest of the way back along a smoothstep, so that it ends at the very unit.
+A profile is a sequence of ramps: to the peak velocity, a cruise at the peak, and the brake to rest. Each ramp goes
+between two whole velocities in whole milliseconds. A ramp symmetric in time covers (v0 + v1) T / 2 whatever its shape,
+so linear and jerk-limited ramps are planned alike; they differ only in how long a change of velocity takes. Whole
+milliseconds rarely add up to the exact distance. The last ramp makes up for it: it is stretched until it covers the
+distance or a little more, and the excess is subtracted along a smoothstep, so that it ends exactly at the target.
 
-Velocities are whole 1/64 unit per ms as on the wire, distances in the planner whole 1/128 unit, which keeps
-(v0 + v1) T / 2 whole. Nothing here knows CANopen, an axis or the time of day.
+Velocities are whole multiples of 1/64 unit per ms, as on the wire. Distances are planned in 1/128 unit, so that
+(v0 + v1) T / 2 is a whole number. These are functions of numbers alone, without CANopen, an axis or a clock.
 
-How exact: `Profile` rounds positions to units and velocities to 1/64 unit per ms. On a segment of T ms, T >= GRAIN_MS,
+Accuracy: `Profile` rounds positions to units and velocities to 1/64 unit per ms. On a segment of T ms, T >= GRAIN_MS,
 that changes speeds by less than 3 / T + 1/64 units per ms and accelerations by less than (6 / T + 1/16) / T units per
-ms^2; taking back an acceleration may add 1/64 unit per ms. Apart from it speed and acceleration keep their limits, with
-two exceptions. To stop on a target that has come nearer while the axis moves, where hardly more than the shortest way
-to stop is left, takes up to (1 + 3 / T) times the deceleration in T ms; nearer than that the axis overshoots and comes
-back. And where a jerk-limited ramp has constant acceleration for less than a grain, a segment's cubic spans a bend and
-exceeds the acceleration by 2/9 at most.
+ms^2; `_unbend` may add 1/64 unit per ms. Apart from rounding, speed and acceleration keep their limits, with two
+exceptions. First, a target may be moved nearer during the motion, so that hardly more than the shortest way to stop is
+left: stopping there in T ms takes up to (1 + 3 / T) times the deceleration. If even less is left, the axis overshoots
+and comes back. Second, where a jerk-limited ramp has constant acceleration for less than GRAIN_MS, one segment's cubic
+spans a bend of the acceleration and exceeds it by at most 2/9.
 """
 
 from collections import deque
 from typing import NamedTuple
 
 GRAIN_MS = 8
-"""No segment is shorter: in fewer milliseconds the rounding to units would be felt as jerks."""
+"""Shortest segment: in a shorter one, rounding to units would be a noticeable jerk."""
 PIECE_MS = 16
-"""No segment is longer: so long a new set-point waits for the one in execution."""
+"""Longest segment: a new set-point must wait for the segment in execution."""
 
 _PER_UNIT_BITS = 7
 """Distances are planned in 1/128 unit."""
 _FRACTION_BITS = 16
-"""Within a ramp distances and velocities have so many further binary places."""
+"""Further binary places of distances and velocities within a ramp."""
 _SLACK_MS = 4
-"""The last ramp is planned longer by this, so that giving way back keeps it within the deceleration."""
+"""Extra time planned for the last ramp, so that subtracting the excess distance keeps its deceleration."""
 
 
 class Limits(NamedTuple):
-    """What a motion must keep.
+    """The limits of a motion.
 
     Attributes:
-        velocity: the highest speed in 1/64 unit per ms, at least 1.
+        velocity: highest speed in 1/64 unit per ms, at least 1.
         acceleration: in units/s^2, at least 1.
         deceleration: in units/s^2, at least 1.
         jerk: in units/s^3; 0 for linear ramps.
@@ -50,7 +51,7 @@ class Limits(NamedTuple):
 
 
 class Segment(NamedTuple):
-    """One cubic for the kernel, and the acceleration at its end in 2^-16 of 1/64 unit per ms^2."""
+    """One cubic for the kernel, and the acceleration at its end, in 2^-16 of 1/64 unit per ms^2."""
 
     displacement_units: int
     end_velocity: int
@@ -59,9 +60,10 @@ class Segment(NamedTuple):
 
 
 class Ramp(NamedTuple):
-    """From one velocity to another, its acceleration rising and falling linearly during `blend_ms` at either end.
+    """A change from one velocity to another. The acceleration rises and falls linearly, for `blend_ms` at either end.
 
-    `surplus` is a distance in 1/128 unit covered beside it along a smoothstep.
+    `surplus` is a further distance in 1/128 unit, covered at the same time along the smoothstep 3 x^2 - 2 x^3. It is
+    negative where the stretched last ramp would go too far.
     """
 
     from_velocity: int
@@ -72,7 +74,7 @@ class Ramp(NamedTuple):
 
     @property
     def distance(self) -> int:
-        """All of it, in 1/128 unit."""
+        """The whole distance covered, in 1/128 unit."""
         return (self.from_velocity + self.to_velocity) * self.duration_ms + self.surplus
 
     @property
@@ -81,21 +83,21 @@ class Ramp(NamedTuple):
 
     @property
     def _divisor(self) -> int:
-        """The highest acceleration is the change of velocity over this time."""
+        """The time in which the highest acceleration alone would make the change of velocity."""
         return self.duration_ms - self.blend_ms
 
     def position(self, t_ms: int) -> int:
-        """The distance covered after a time, in 2^-16 of 1/128 unit."""
+        """Return the distance covered after a time, in 2^-16 of 1/128 unit."""
         left_ms, blend, divisor = self.duration_ms - t_ms, self.blend_ms, self._divisor
-        if t_ms < blend:
+        if t_ms < blend:  # the acceleration rises: a cubic in the time since the start
             plain = (2 * self.from_velocity * t_ms << _FRACTION_BITS) + (
                 (self._change * t_ms**3 << _FRACTION_BITS) // (3 * blend * divisor)
             )
-        elif left_ms < blend:
+        elif left_ms < blend:  # the acceleration falls: the same cubic, back from the end
             plain = ((self.distance - self.surplus - 2 * self.to_velocity * left_ms) << _FRACTION_BITS) + (
                 (self._change * left_ms**3 << _FRACTION_BITS) // (3 * blend * divisor)
             )
-        else:
+        else:  # constant acceleration, after the distance of the first blend
             bent = blend * blend + 3 * t_ms * (t_ms - blend)
             plain = (2 * self.from_velocity * t_ms << _FRACTION_BITS) + (
                 (self._change * bent << _FRACTION_BITS) // (3 * divisor)
@@ -104,7 +106,7 @@ class Ramp(NamedTuple):
         return plain + (self.surplus * smooth << _FRACTION_BITS) // self.duration_ms**3
 
     def velocity(self, t_ms: int) -> int:
-        """In 2^-16 of 1/64 unit per ms."""
+        """Return the velocity after a time, in 2^-16 of 1/64 unit per ms."""
         left_ms, blend, divisor = self.duration_ms - t_ms, self.blend_ms, self._divisor
         change = self._change << _FRACTION_BITS
         if t_ms < blend:
@@ -116,7 +118,10 @@ class Ramp(NamedTuple):
         return plain + (self.surplus * 3 * t_ms * left_ms << _FRACTION_BITS) // self.duration_ms**3
 
     def acceleration(self, t_ms: int) -> int:
-        """That of a jerk-limited ramp's shape, in 2^-16 of 1/64 unit per ms^2; a linear one may end in a step."""
+        """Return the acceleration after a time, in 2^-16 of 1/64 unit per ms^2, without the surplus.
+
+        It is 0 for a linear ramp, whose acceleration may end in a step.
+        """
         if self.blend_ms == 0:
             return 0
         left_ms = self.duration_ms - t_ms
@@ -126,9 +131,10 @@ class Ramp(NamedTuple):
         return change // self._divisor
 
     def piece_ms(self, t_ms: int) -> int:
-        """How long the segment that begins after a time is to last; none spans a bend of the acceleration.
+        """Return the duration of the segment that begins after a time, so that no segment spans a bend of acceleration.
 
-        Only where the two bends are too near to each other for a segment it spans both halves of the way between.
+        There is one exception: if the two bends are too near to each other for a segment between them, the segments
+        meet in the middle of the ramp, and each spans a bend.
         """
         between_ms = self.duration_ms - 2 * self.blend_ms
         if self.blend_ms == 0:
@@ -140,15 +146,15 @@ class Ramp(NamedTuple):
         left_ms = next(knot for knot in knots if knot > t_ms) - t_ms
         if left_ms <= PIECE_MS:
             return left_ms
-        return PIECE_MS if left_ms >= 2 * PIECE_MS else left_ms // 2
+        return PIECE_MS if left_ms >= 2 * PIECE_MS else left_ms // 2  # halves: no short segment is left over
 
     def mirrored(self) -> "Ramp":
-        """The same in the other direction."""
+        """Return the same ramp in the other direction."""
         return self._replace(from_velocity=-self.from_velocity, to_velocity=-self.to_velocity, surplus=-self.surplus)
 
 
 class Profile:
-    """Hands out the segments of a row of ramps, one after the other. Positions are rounded, not displacements."""
+    """Yields the segments of a sequence of ramps; rounds positions, not displacements, so that roundings do not add up."""
 
     def __init__(self, ramps: list[Ramp], skipped_ms: int = 0) -> None:
         self._ramps = deque(ramp for ramp in ramps if ramp.duration_ms)
@@ -157,7 +163,7 @@ class Profile:
         self._units = 0
 
     def next_segment(self) -> Segment | None:
-        """The next one; None at the end."""
+        """Return the next segment; None at the end."""
         if not self._ramps:
             return None
         ramp = self._ramps[0]
@@ -176,7 +182,10 @@ class Profile:
 
 
 def move(distance_units: int, velocity: int, acceleration: int, limits: Limits) -> Profile:
-    """Come to rest after a distance. A jerk-limited motion first takes back the present acceleration."""
+    """Return the profile to rest at a distance, from a velocity and an acceleration.
+
+    A jerk-limited motion first brings the acceleration to 0.
+    """
     unbend, velocity = _unbend(velocity, acceleration, limits)
     distance = distance_units << _PER_UNIT_BITS
     if unbend is None:
@@ -188,23 +197,24 @@ def move(distance_units: int, velocity: int, acceleration: int, limits: Limits) 
 
 
 def stop(velocity: int, acceleration: int, limits: Limits) -> Profile:
-    """Come to rest, at the nearest unit, wherever that is."""
+    """Return the shortest profile to rest; it ends at a whole unit."""
     unbend, velocity = _unbend(velocity, acceleration, limits)
     halt = _ramp(velocity, 0, limits.deceleration, limits.jerk)
     return Profile([halt]) if unbend is None else Profile([unbend, halt], skipped_ms=unbend.duration_ms // 2)
 
 
 def _unbend(velocity: int, acceleration: int, limits: Limits) -> tuple[Ramp | None, int]:
-    """The way to acceleration 0, as the second half of a ramp that is all blend, and the velocity after it.
+    """Return the way to acceleration 0, and the velocity after it; no ramp if the acceleration needs none.
 
-    Within the same jerk it is no longer than what was left of the ramp that it leaves. Within a lower one it would lead
-    beyond that ramp's velocities; the limit of the velocity goes before that of the jerk then.
+    The way is the second half of a ramp without constant acceleration, so its caller skips the first half. With the
+    jerk of the ramp that it leaves, it takes no longer than the rest of that ramp would. With a lower jerk it would
+    lead beyond that ramp's velocities; then the velocity limit has priority over the jerk limit.
     """
     if not limits.jerk or not acceleration:
         return None, velocity
     steep = abs(acceleration)
     room = max(0, limits.velocity - (velocity if acceleration > 0 else -velocity))
-    jerk = limits.jerk << (6 + _FRACTION_BITS)  # units/s^3 to 1/64 unit per ms^3, but for 10^9
+    jerk = limits.jerk << (6 + _FRACTION_BITS)  # units/s^3 to 2^-16 of 1/64 unit per ms^3, without the 10^-9
     half_ms = min(-(-steep * 1_000_000_000 // jerk), (room << (_FRACTION_BITS + 1)) // steep)
     half_ms = max(GRAIN_MS, half_ms)
     change = _rounded(acceleration * half_ms, _FRACTION_BITS + 1)
@@ -213,19 +223,20 @@ def _unbend(velocity: int, acceleration: int, limits: Limits) -> tuple[Ramp | No
 
 
 def _ramps_to(distance: int, velocity: int, limits: Limits) -> list[Ramp]:
-    """From a velocity without acceleration to rest at a distance in 1/128 unit, either of any sign."""
+    """Return the ramps from a velocity, at acceleration 0, to rest at a distance in 1/128 unit; both of any sign."""
     if distance < 0 or (distance == 0 and velocity < 0):
         return [ramp.mirrored() for ramp in _ramps_to(-distance, -velocity, limits)]
     halt = _ramp(velocity, 0, limits.deceleration, limits.jerk)
+    # Moving away from the target, or too fast to stop before it: first halt, then come back from rest.
     if velocity < 0 or (velocity > 0 and distance <= velocity * (halt.duration_ms - 1)):
         return [halt, *_ramps_to(distance - halt.distance, 0, limits)]
     return _approach(distance, velocity, limits) if distance else []
 
 
 def _approach(distance: int, velocity: int, limits: Limits) -> list[Ramp]:
-    """Forward, where the distance is enough to stop."""
+    """Return the ramps to a target ahead that is far enough to stop there."""
     peak = _peak(distance, velocity, limits)
-    if peak == 0:
+    if peak == 0:  # no room for a ramp to a peak: brake at once, or creep
         return [_brake(velocity, distance, limits) if velocity else _creep(distance, limits)]
     change = _ramp_to_peak(velocity, peak, limits)
     left = distance - change.distance
@@ -235,7 +246,10 @@ def _approach(distance: int, velocity: int, limits: Limits) -> list[Ramp]:
 
 
 def _peak(distance: int, velocity: int, limits: Limits) -> int:
-    """The highest velocity from which braking still ends in time; 0 if there is no such ramp."""
+    """Return the highest velocity from which the axis can still stop at the distance; 0 if there is none.
+
+    The distance needed grows with the peak, so the search is by halves.
+    """
     low = limits.velocity if velocity > limits.velocity else max(velocity, 1)
     if _reach(velocity, low, limits) > distance:
         return 0
@@ -250,6 +264,7 @@ def _peak(distance: int, velocity: int, limits: Limits) -> int:
 
 
 def _reach(velocity: int, peak: int, limits: Limits) -> int:
+    """Return the distance of the ramp to a peak and of braking from it."""
     return _ramp_to_peak(velocity, peak, limits).distance + _way_to_brake(peak, limits)
 
 
@@ -263,14 +278,20 @@ def _way_to_brake(velocity: int, limits: Limits) -> int:
 
 
 def _brake(velocity: int, distance: int, limits: Limits) -> Ramp:
-    """To rest at a distance that is hardly shorter than the shortest: longer, and giving back what that is too far."""
+    """Return the ramp to rest at an exact distance: brake longer, then subtract the excess distance.
+
+    The distance is at most slightly less than that of the shortest ramp.
+    """
     shortest = _ramp(velocity, 0, limits.deceleration, limits.jerk)
     duration_ms = max(shortest.duration_ms, -(-distance // velocity))
     return shortest._replace(duration_ms=duration_ms, surplus=distance - velocity * duration_ms)
 
 
 def _creep(distance: int, limits: Limits) -> Ramp:
-    """From rest to rest over a way too short to reach the smallest velocity: 6 D / T^2 is its acceleration."""
+    """Return the ramp from rest to rest over a distance too short for a ramp to even the smallest velocity.
+
+    It is a smoothstep alone, whose acceleration is 6 D / T^2.
+    """
     rate = min(limits.acceleration, limits.deceleration)
     return Ramp(
         0, 0, max(2 * GRAIN_MS, _root_up(-(-6 * distance * 1_000_000 // (rate << _PER_UNIT_BITS)))), 0, distance
@@ -278,9 +299,9 @@ def _creep(distance: int, limits: Limits) -> Ramp:
 
 
 def _ramp(from_velocity: int, to_velocity: int, acceleration: int, jerk: int) -> Ramp:
-    """The shortest ramp of whole milliseconds, but not shorter than the grain, within acceleration and jerk.
+    """Return the shortest ramp, of whole milliseconds and at least GRAIN_MS, that keeps acceleration and jerk.
 
-    With the blend's J and the duration's T milliseconds the acceleration is |dv| / (T - J), the jerk that over J.
+    With T ms of duration and J ms of blend the acceleration is |dv| / (T - J), and the jerk is that divided by J.
     """
     change = abs(to_velocity - from_velocity)
     if change == 0:
@@ -289,14 +310,14 @@ def _ramp(from_velocity: int, to_velocity: int, acceleration: int, jerk: int) ->
     if not jerk:
         return Ramp(from_velocity, to_velocity, max(GRAIN_MS, linear_ms))
     blend_ms = max(GRAIN_MS, -(-acceleration * 1000 // jerk))
-    if blend_ms <= linear_ms:
+    if blend_ms <= linear_ms:  # the acceleration reaches its limit
         return Ramp(from_velocity, to_velocity, linear_ms + blend_ms, blend_ms)
     blend_ms = max(GRAIN_MS, _root_up(-(-change * 1_000_000_000 // (jerk << 6))))
     return Ramp(from_velocity, to_velocity, 2 * blend_ms, blend_ms)
 
 
 def _root_up(square: int) -> int:
-    """The square root of a positive integer, rounded up; Newton's steps from above."""
+    """Return the square root of a positive integer, rounded up; by Newton's method from above."""
     root = 1 << ((square.bit_length() + 1) // 2)
     while (better := (root + square // root) >> 1) < root:
         root = better
@@ -304,5 +325,5 @@ def _root_up(square: int) -> int:
 
 
 def _rounded(value: int, bits: int) -> int:
-    """A fixed-point value to the nearest integer."""
+    """Round a fixed-point value to the nearest integer."""
     return (value + (1 << (bits - 1))) >> bits

@@ -1,7 +1,7 @@
-"""The software position limits 0x607D (CiA 402-2): within which an axis may be sent.
+"""The software position limits (607Dh, CiA 402-2), within which the host may move an axis.
 
-They are positions as 0x6064 shows them, home offset included. After power-up they are the ends of the i32 range, which
-switches them off.
+They are positions as the position actual value (6064h) shows them, home offset included. After power-up they are the
+ends of the i32 range, which switches them off.
 """
 
 from steptwin.controller.kernel import I32_MAX
@@ -13,17 +13,17 @@ _LOW, _HIGH = od.POSITION_LIMIT_MIN, od.POSITION_LIMIT_MAX
 
 
 class SoftLimits:
-    """One axis' limits, as the dictionary has them at each moment."""
+    """One axis' limits, read from the dictionary at every use."""
 
     def __init__(self, dictionary: ObjectDictionary) -> None:
         self._read_low, self._read_high = dictionary.reader(_LOW), dictionary.reader(_HIGH)
 
     def range(self) -> tuple[int, int]:
-        """Lowest and highest position that the axis may be sent to; the kernel's range is symmetric."""
+        """Return the lowest and highest position allowed. The kernel's range is symmetric, so -2^31 is not."""
         return max(self._read_low(), -I32_MAX), self._read_high()
 
     def clamped(self, position_units: int) -> int:
-        """The nearest position within the limits; where these contradict each other, the low one."""
+        """Return the nearest position within the limits; the low limit if it is above the high one."""
         low, high = self.range()
         return max(low, min(position_units, high))
 
@@ -31,9 +31,9 @@ class SoftLimits:
 def hull(
     start_units: int, velocity: int, displacement_units: int, end_velocity: int, duration_ms: int
 ) -> tuple[int, int]:
-    """Bounds of a segment's positions: the Bernstein coefficients of its cubic, p0, p0 + v0 T/3, p1 - v1 T/3, p1.
+    """Return the least and the greatest of a segment's Bernstein coefficients: p0, p0 + v0 T/3, p1 - v1 T/3, p1.
 
-    They are exact where the axis does not turn round within the segment.
+    They bound its positions, and are exact if the axis does not reverse within the segment.
     """
     end_units = start_units + displacement_units
     after_units = start_units + velocity * duration_ms // (3 * VELOCITY_PER_UNIT_PER_MS)

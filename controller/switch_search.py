@@ -1,8 +1,8 @@
-"""How an axis finds the edge of a switch that is its home, wherever it starts.
+"""Find the edge of the home or limit switch that defines an axis' home, from any start.
 
-Every method goes the same way: search for the switch fast, get in front of the edge that counts, cross it slowly. So
-the edge is always crossed in the same direction and at the same speed. The step counter is latched in the servo tick in
-which the inputs show the edge; then the axis ramps down and stands a little beyond.
+Every method takes the same way: search for the switch fast, move in front of the edge that counts, cross it slowly. So
+the axis always crosses the edge in the same direction and at the same speed. The step counter is latched in the servo
+tick in which the inputs show the edge; then the axis ramps down and stands a little behind it.
 """
 
 from enum import Enum, auto
@@ -16,44 +16,44 @@ from steptwin.protocol.homing_methods import NEGATIVE, POSITIVE, HomingMethod
 
 
 class Phase(Enum):
-    """How far a search is."""
+    """The phases of a search."""
 
     START = auto()
     SEARCH = auto()
-    """Fast, until the switch closes."""
+    """Move fast until the switch closes."""
     LEAVE = auto()
-    """Fast, from within the switch in the edge's direction, until it opens."""
+    """Move fast in the edge's direction, from within the switch until it opens."""
     TURN = auto()
-    """Braking at a limit switch."""
+    """Brake at a limit switch, before searching in the other direction."""
     BRAKE = auto()
-    """Braking after an edge of the switch."""
+    """Brake after an edge of the switch."""
     BACK = auto()
-    """Fast, against the edge's direction, until the edge is crossed."""
+    """Move fast against the edge's direction, until the edge is crossed."""
     EDGE = auto()
-    """Slowly, in the edge's direction, until the edge is crossed."""
+    """Move slowly in the edge's direction, until the edge is crossed and the step counter latched."""
     LATCHED = auto()
-    """Braking behind the edge that counts."""
+    """Brake behind the edge that counts."""
     DONE = auto()
     FAILED = auto()
 
 
 class SearchEvent(Enum):
-    """What happens to a search."""
+    """The events of a search."""
 
     AWAY = auto()
-    """The axis stands, the switch is open: on which side of it nobody knows."""
+    """The axis stands and the switch is open; on which side of the switch is unknown."""
     IN_FRONT = auto()
-    """The axis stands in front of the edge, seen in the edge's direction."""
+    """The axis stands in front of the edge, seen in the direction in which it is to be crossed."""
     BEHIND = auto()
     """The axis stands behind the edge."""
     CROSSED = auto()
-    """The switch has changed as the phase wants it."""
+    """The switch has changed to the level that the phase waits for."""
     LIMIT = auto()
-    """The limit switch ahead is closed, and the search has not turned round yet."""
+    """The limit switch ahead is closed, and the search may still reverse."""
     DEAD_END = auto()
-    """There is no way on: a limit switch or the end of the range of positions."""
+    """The axis cannot go on: a limit switch or the end of the i32 range."""
     WRONG_LIMIT = auto()
-    """A limit switch that is not ahead has closed."""
+    """The limit switch behind the axis has closed: the limit switches may be exchanged."""
     TIMEOUT = auto()
 
 
@@ -82,14 +82,14 @@ TRANSITIONS: dict[tuple[Phase, SearchEvent], Phase | HomingError] = {
     **{(phase, SearchEvent.WRONG_LIMIT): HomingError.WRONG_SWITCH for phase in _STROKES},
     **{(phase, SearchEvent.TIMEOUT): HomingError.TIMEOUT for phase in (*_STROKES, Phase.TURN, Phase.BRAKE)},
 }
-"""What follows on what; any other event changes nothing. An error leads to FAILED."""
+"""The phase that follows each event; any other event changes nothing. An error leads to FAILED."""
 
 _LIMIT_SWITCHES = DigitalInput.NEGATIVE_LIMIT | DigitalInput.POSITIVE_LIMIT
 _LIMIT_AHEAD = {POSITIVE: DigitalInput.POSITIVE_LIMIT, NEGATIVE: DigitalInput.NEGATIVE_LIMIT}
 
 
 class SwitchSearch:
-    """One search, from standstill to standstill; whoever started it looks at `phase` after every call."""
+    """One search, from standstill to standstill. Its owner reads `phase` after every call."""
 
     def __init__(
         self,
@@ -103,9 +103,9 @@ class SwitchSearch:
     ) -> None:
         self.phase = Phase.START
         self.error = HomingError.NONE
-        """Why it has failed, in FAILED."""
+        """The reason for FAILED."""
         self.latched_step = 0
-        """What the step counter said when the edge was seen, from LATCHED on."""
+        """The step counter when the edge was seen; valid from LATCHED on."""
         self._axis = axis
         self._motion = motion
         self._feed = feed
@@ -118,16 +118,16 @@ class SwitchSearch:
             Phase.EDGE: (method.edge_direction, slow),
         }
         self._direction = method.search_direction
-        """Of the stroke in progress or just over."""
+        """Direction of the stroke in progress or just ended."""
 
-    # --- what happens
+    # --- events
 
     def begin(self) -> None:
-        """Set off, from standstill."""
+        """Begin, from standstill."""
         self._stopped()
 
     def inputs_changed(self, inputs: DigitalInput) -> None:
-        """The inputs have these levels now."""
+        """Handle new input levels."""
         before, self._inputs = self._inputs, inputs
         closed = inputs & ~before
         if (inputs ^ before) & self._method.switch and self._closed is self._wanted:
@@ -138,14 +138,14 @@ class SwitchSearch:
             self._happens(SearchEvent.WRONG_LIMIT)
 
     def finished(self) -> None:
-        """The motion has come to its end, at rest."""
+        """Handle the end of a motion: the axis is at rest."""
         if self.phase in _STROKES:
             self._happens(SearchEvent.DEAD_END)
         else:
             self._stopped()
 
     def time_out(self) -> None:
-        """It has taken too long."""
+        """Fail: the timeout is over."""
         self._happens(SearchEvent.TIMEOUT)
 
     def _stopped(self) -> None:
@@ -153,9 +153,9 @@ class SwitchSearch:
 
     @property
     def _place(self) -> SearchEvent:
-        """Where the axis stands.
+        """The event that says where the axis stands.
 
-        With the switch open it is beyond the switch if it has just met it, on the side that it was moving to.
+        With the switch open, an axis that has just crossed it stands on the side that it was moving to.
         """
         if self._closed:
             return SearchEvent.BEHIND if self._method.closes else SearchEvent.IN_FRONT
@@ -169,23 +169,23 @@ class SwitchSearch:
 
     @property
     def _wanted(self) -> bool:
-        """How the switch is after the change that the stroke in progress is to bring about."""
+        """True if the stroke in progress waits for the switch to close, False if for it to open."""
         if self.phase is Phase.SEARCH:
             return True
         return self._method.closes is not (self.phase is Phase.BACK)
 
     @property
     def _limit_ahead(self) -> DigitalInput:
-        """The limit switch that the axis moves towards, unless that is the one looked for."""
+        """The limit switch that the axis moves towards, unless it is the switch searched for."""
         return _LIMIT_AHEAD[self._direction] & ~self._method.switch
 
     @property
     def _end_of_way(self) -> SearchEvent:
-        """What the limit switch ahead means."""
+        """The event that the limit switch ahead causes."""
         may_turn = self._method.turns and self._direction == self._method.search_direction
         return SearchEvent.LIMIT if self.phase is Phase.SEARCH and may_turn else SearchEvent.DEAD_END
 
-    # --- what follows
+    # --- reactions
 
     def _happens(self, event: SearchEvent) -> None:
         target = TRANSITIONS.get((self.phase, event))
@@ -202,7 +202,7 @@ class SwitchSearch:
             self._brake(target)
 
     def _move(self, phase: Phase, *, turned: bool) -> None:
-        """Go on until something happens, at the latest at the end of the range of positions."""
+        """Begin a stroke, which lasts until an event, at the latest until the end of the i32 range."""
         direction, limits = self._strokes[phase]
         self.phase = phase
         self._direction = -direction if turned and phase is Phase.SEARCH else direction

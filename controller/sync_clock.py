@@ -1,9 +1,9 @@
-"""The host's cycle as the board sees it: a slot for each SYNC, from half a period before it is due to half one after.
+"""Divide time into slots, one for each SYNC: from half a period before the SYNC is due to half a period after.
 
-What came with a SYNC is used when its slot has closed. So it does not matter when it came in its slot, and a slot that
-closes without one has lost its SYNC. The first SYNC sets the middle of the slots. After that only the mean of many
-SYNCs moves them, and only if that is far from the middle: jitter does nothing, the drift of one clock against the other
-is followed. The slots then grow or shrink by a little each until they are in place.
+A set-point is used when the slot of its SYNC has closed. So the SYNC may come at any time within its slot, and a slot
+that closes without a SYNC has lost it. The first SYNC sets the middle of the slots. After that only the mean of many
+SYNCs moves them, and only if it is far from the middle: so jitter has no effect, while the drift of one clock against
+the other is followed. To move, the slots grow or shrink by a little each until they are in place.
 """
 
 from typing import NamedTuple
@@ -13,11 +13,11 @@ from steptwin.protocol.timer import COUNTS_PER_US
 
 TICK_US = TICK_COUNTS // COUNTS_PER_US
 WINDOW = 128
-"""So many SYNCs make a mean. Jitter that is uniform in half a period either way has one of 1/40 period (rms)."""
+"""Number of SYNCs in a mean. Jitter uniform over half a period either way gives a mean of 1/40 period (rms)."""
 _DEAD_BAND = 8
-"""The mean is in place within so many parts of a period either way."""
+"""The slots stay while the mean is within 1/8 of a period from the middle."""
 _SHIFT = 512
-"""A slot grows or shrinks by one of so many parts of a period, and by 1 us at least: drift of 500 ppm is followed."""
+"""A slot grows or shrinks by 1/512 of a period, and by at least 1 us: so drift of 500 ppm is followed."""
 
 
 class Slot(NamedTuple):
@@ -25,35 +25,35 @@ class Slot(NamedTuple):
 
     end_us: int
     phase_us: int
-    """How long after its end the first of all slots closed: set-points keep that delay, to the microsecond."""
+    """Time from the end of the very first slot to its closing. Set-points keep that delay, to the microsecond."""
 
     @property
     def close_tick(self) -> int:
-        """The first servo tick that does not begin before the end: from then on the slot's SYNC may be used."""
+        """The first servo tick that begins at or after the end: the slot closes then."""
         return -(-self.end_us // TICK_US)
 
     @property
     def excess_us(self) -> int:
-        """By how much later it closes than it should: less than a tick either way, 0 before slots are moved."""
+        """Time by which the slot closes late: less than a tick either way, 0 until slots are moved."""
         return self.close_tick * TICK_US - self.end_us - self.phase_us
 
 
 class SyncClock:
-    """The slots of one board, which all axes that follow SYNC have in common: that keeps them in step."""
+    """The slots of one board. All axes that follow SYNC share them, which keeps the axes in step."""
 
     def __init__(self) -> None:
         self.slot = Slot(0, 0)
-        """The one that is open."""
+        """The open slot."""
         self._period_us = 0
         self._users: set[int] = set()
         self._heard_us = 0
         self._offsets_us = 0
         self._heard = 0
         self._shift_us = 0
-        """By how much the slots are still to be moved."""
+        """Time by which the slots must still be moved."""
 
     def join(self, axis: int, period_us: int, now_us: int) -> bool:
-        """An axis follows the SYNCs from the one on that has come now; False if others do with another period."""
+        """Let an axis follow from the SYNC received now; return False if other axes follow with another period."""
         if not self._users:
             self._period_us = period_us
             end_us = now_us + period_us // 2
@@ -65,11 +65,11 @@ class SyncClock:
         return axis in self._users
 
     def leave(self, axis: int) -> None:
-        """An axis does not follow any more. Without any the next one to join begins anew."""
+        """Let an axis follow no more. After the last has left, the next to join sets new slots."""
         self._users.discard(axis)
 
     def hear(self, now_us: int) -> int:
-        """A SYNC has come: 0 if it belongs to the open slot, 1 if it is the next one's. Each axis may tell of it."""
+        """Note a SYNC, once for all axes; return 0 if it belongs to the open slot, 1 if to the next."""
         ahead = int(now_us >= self.slot.end_us)
         if now_us != self._heard_us:
             self._heard_us = now_us
@@ -77,7 +77,7 @@ class SyncClock:
         return ahead
 
     def after(self, slot: Slot) -> Slot:
-        """The slot that follows on one which closes; the first axis that asks for it opens it."""
+        """Return the slot that follows one that closes. The first axis to call opens it."""
         if slot == self.slot:
             step_us = max(1, self._period_us // _SHIFT)
             shift_us = min(max(self._shift_us, -step_us), step_us)
@@ -86,7 +86,7 @@ class SyncClock:
         return self.slot
 
     def _measure(self, offset_us: int) -> None:
-        """Take in by how much a SYNC came after the middle of its slot; while the slots are moved it says little."""
+        """Add a SYNC's offset from the middle of its slot to the mean, unless the slots are being moved."""
         if self._shift_us:
             return
         self._offsets_us += offset_us
