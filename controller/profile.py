@@ -154,7 +154,7 @@ class Ramp(NamedTuple):
 
 
 class Profile:
-    """Yields the segments of a sequence of ramps; rounds positions, not displacements, so that roundings do not add up."""
+    """Yields the segments of a sequence of ramps. Positions are rounded, not displacements: roundings do not add up."""
 
     def __init__(self, ramps: list[Ramp], skipped_ms: int = 0) -> None:
         self._ramps = deque(ramp for ramp in ramps if ramp.duration_ms)
