@@ -1,4 +1,4 @@
-"""The command line's frame: one typer app, one way for a command to join it, one line and an exit code for an error."""
+"""The frame of the command line: commands join one typer app, and an error becomes one line and an exit code."""
 
 import gc
 import logging
@@ -32,28 +32,29 @@ COMMANDS: Final = {
 }
 """Each command, under its group and in the order of `steptwin --help`. Each is a module of this package."""
 
-EXAMPLES: Final[dict[str, tuple[str, ...]]] = {}
-"""The examples in each command's help."""
+EXAMPLES: Final[dict[str, list[str]]] = {}
+"""The two examples in each command's help."""
 
 _Function = TypeVar("_Function", bound=Callable[..., None])
 
 
-def command(*examples: str, negative_numbers: bool = False) -> Callable[[_Function], _Function]:
+def command(*examples: str, negatives: bool = False) -> Callable[[_Function], _Function]:
     """Return a decorator that adds a function to the command line, by its name and with its docstring as help.
 
     Args:
-        examples: command lines, shown at the end of its help.
-        negative_numbers: its arguments may be negative numbers, which otherwise look like options.
+        examples: the words behind the command's name in each example at the end of its help.
+        negatives: its arguments may be negative numbers, which otherwise look like options.
     """
 
     def add(function: _Function) -> _Function:
-        EXAMPLES[function.__name__] = examples
+        name = function.__name__
+        EXAMPLES[name] = [f"steptwin {name} {words}".rstrip() for words in examples]
         register = app.command(
             cls=Command,
-            rich_help_panel=next(group for group, names in COMMANDS.items() if function.__name__ in names),
+            rich_help_panel=next(group for group, names in COMMANDS.items() if name in names),
             help=paragraphs(function.__doc__ or ""),
-            epilog="\n".join(["Examples:", *examples]),
-            context_settings={"ignore_unknown_options": negative_numbers},
+            epilog="\n".join(["Examples:", *EXAMPLES[name]]),
+            context_settings={"ignore_unknown_options": negatives},
         )
         return register(function)
 
@@ -74,11 +75,11 @@ def _of_the_program(
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
     ] = False,
 ) -> None:
-    """Options of `steptwin` itself, before a command."""
+    """Take the options of `steptwin` itself, which stand before a command."""
 
 
 _YOUNG_OBJECTS: Final = 50_000
-"""So many more before garbage is collected: a command makes little of it, but its imports make objects that stay."""
+"""Number of new objects between two collections of garbage: imports make many objects, nearly all of which stay."""
 
 
 def main() -> None:
@@ -87,13 +88,13 @@ def main() -> None:
     sys.exit(run(sys.argv[1:]))
 
 
-# What the libraries have to say reaches the user as our own one line; without a handler it would print a second one.
+# The user sees an error of these libraries as our one line; without a handler, logging would print it once more.
 for library in ("can", "canopen"):
     logging.getLogger(library).addHandler(logging.NullHandler())
 
 
 def run(arguments: list[str]) -> int:
-    """Run one command; return its exit code, 130 if interrupted. Whatever went wrong is one line on stderr."""
+    """Run one command and print an error as one line on stderr; return the exit code, 130 if interrupted."""
     try:
         return int(app(args=arguments, standalone_mode=False) or 0)
     except StepTwinError as error:
@@ -106,6 +107,6 @@ def run(arguments: list[str]) -> int:
 
 def _complain(message: str, exit_code: int) -> int:
     if message:
-        message = message.replace("Value error, ", "")  # so the parser's library begins what our own types say
+        message = message.replace("Value error, ", "")  # pydantic, which typer parses with, puts this in front
         typer.echo(f"steptwin: {' '.join(message.split())}", err=True)
     return exit_code

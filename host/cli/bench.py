@@ -13,7 +13,7 @@ from steptwin.host.common.errors import InputError
 ROBOT_AND_JOB = "[ROBOT] [JOB]"
 
 
-@command("steptwin bench", "steptwin bench teaching-scara carry --json")
+@command("", "teaching-scara carry --json")
 def bench(
     words: Annotated[
         list[str] | None,

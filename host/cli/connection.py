@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
@@ -18,40 +19,22 @@ if TYPE_CHECKING:
 LIVE_PANEL: Final = "Live board"
 """Group in a command's help of the options that only a live board has."""
 
+_live_option = partial(typer.Option, rich_help_panel=LIVE_PANEL)
+
 Connect = Annotated[
     str | None,
-    typer.Option(
-        "--connect",
-        metavar="HOST[:PORT]",
-        help="Board behind a socketcand server, such as `steptwin serve`; port 29536 by default.",
-        rich_help_panel=LIVE_PANEL,
-    ),
+    _live_option("--connect", metavar="HOST[:PORT]", help="Board behind a socketcand server; port 29536 by default."),
 ]
 Interface = Annotated[
     str | None,
-    typer.Option(
-        "--interface",
-        "-i",
-        metavar="NAME",
-        help="Board on an interface of python-can, such as socketcan.",
-        rich_help_panel=LIVE_PANEL,
-    ),
+    _live_option("--interface", "-i", metavar="NAME", help="Board on an interface of python-can, such as socketcan."),
 ]
 Channel = Annotated[
-    str | None,
-    typer.Option(
-        "--channel", "-c", metavar="NAME", help="Channel of the interface or of the server.", rich_help_panel=LIVE_PANEL
-    ),
+    str | None, _live_option("--channel", "-c", metavar="NAME", help="Channel of the interface or of the server.")
 ]
 Bitrate = Annotated[
     int | None,
-    typer.Option(
-        "--bitrate",
-        "-b",
-        metavar="BIT/S",
-        help="Bit rate of the interface; by default the robot file's.",
-        rich_help_panel=LIVE_PANEL,
-    ),
+    _live_option("--bitrate", "-b", metavar="BIT/S", help="Bit rate of the interface; by default the robot file's."),
 ]
 
 

@@ -6,7 +6,7 @@ from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import RobotFile, RobotName, one_robot
 
 
-@command("steptwin dbc", "steptwin dbc lab-scara > arm.dbc")
+@command("", "lab-scara > arm.dbc")
 def dbc(robot: RobotName = None, robot_file: RobotFile = None) -> None:
     """Print a CAN database (DBC): a robot's axes in mm and degrees, or eight axes in wire units."""
     from steptwin.host.robots.robot import AXES_MAX

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
 
 
-@command("steptwin doctor lab-scara --connect 127.0.0.1", "steptwin doctor lab-scara -i pcan -c PCAN_USBBUS1 -b 500000")
+@command("lab-scara --connect 127.0.0.1", "lab-scara -i pcan -c PCAN_USBBUS1 -b 500000")
 def doctor(
     robot: RobotName = None,
     robot_file: RobotFile = None,

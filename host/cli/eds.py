@@ -5,7 +5,7 @@ import typer
 from steptwin.host.cli.app import command
 
 
-@command("steptwin eds", "steptwin eds > axis.eds")
+@command("", "> axis.eds")
 def eds() -> None:
     """Print the axis nodes' electronic data sheet (CiA 306)."""
     from steptwin.protocol.eds import render_eds

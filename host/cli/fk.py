@@ -12,11 +12,7 @@ from steptwin.host.common.errors import InputError
 POSE_KEYS = ("x_mm", "y_mm", "z_mm", "attitude_deg")
 
 
-@command(
-    "steptwin fk lab-scara 150 0 90 0",
-    "steptwin fk warehouse-scara 0 0 200 -60 120 -90 --json",
-    negative_numbers=True,
-)
+@command("lab-scara 150 0 90 0", "warehouse-scara 0 0 200 -60 120 -90 --json", negatives=True)
 def fk(
     words: Annotated[
         list[str] | None,

@@ -1,4 +1,4 @@
-"""How `--help` shows arguments and options: by words such as FILE instead of Python types."""
+"""Show arguments and options in `--help` by words such as FILE instead of Python types."""
 
 from typing import Any
 
@@ -23,7 +23,7 @@ class _Option(TyperOption):
 
 
 def _by_metavar(parameters: list[Any]) -> list[Any]:
-    """Make the parameters that typer has built show themselves by their metavars: typer takes no classes for them."""
+    """Turn parameters that typer has built into the classes above, which typer cannot be told to use."""
     for parameter in parameters:
         parameter.__class__ = _Argument if isinstance(parameter, TyperArgument) else _Option
     return parameters

@@ -12,10 +12,7 @@ from steptwin.host.cli.progress import progress_bar
 from steptwin.host.common.errors import InputError
 
 
-@command(
-    "steptwin home lab-scara --together --connect 127.0.0.1",
-    "steptwin home lab-scara --here '150 0 90 0' --connect 127.0.0.1",
-)
+@command("lab-scara --together --connect 127.0.0.1", "lab-scara --here '150 0 90 0' --connect 127.0.0.1")
 def home(
     robot: RobotName = None,
     robot_file: RobotFile = None,

@@ -13,10 +13,7 @@ if TYPE_CHECKING:
     from steptwin.host.robots.kinematics import Branch
 
 
-@command(
-    "steptwin ik teaching-scara --x 150 --y 60 --z -60 --phi 30",
-    "steptwin ik hybrid-arm --x 300 --y 0 --z 200 --phi 0",
-)
+@command("teaching-scara --x 150 --y 60 --z -60 --phi 30", "hybrid-arm --x 300 --y 0 --z 200 --phi 0")
 def ik(
     x: Annotated[str, typer.Option("--x", metavar="MM", help="Tool position x.")],
     y: Annotated[str, typer.Option("--y", metavar="MM", help="Tool position y.")],

@@ -7,7 +7,7 @@ from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
 from steptwin.host.cli.output import print_json, print_table
 
 
-@command("steptwin jobs warehouse-scara", "steptwin jobs --robot-file mine.toml")
+@command("warehouse-scara", "--robot-file mine.toml")
 def jobs(robot: RobotName = None, robot_file: RobotFile = None, as_json: AsJson = False) -> None:
     """List a robot's jobs with their options."""
     from steptwin.host.planning.jobs import job_names, job_options, job_summary

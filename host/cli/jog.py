@@ -12,11 +12,7 @@ from steptwin.host.cli.output import print_json
 from steptwin.host.common.errors import InputError
 
 
-@command(
-    "steptwin jog lab-scara th2 -10 --seconds 2 --connect 127.0.0.1",
-    "steptwin jog lab-scara d1 5 -i socketcan -c can0",
-    negative_numbers=True,
-)
+@command("lab-scara th2 -10 --seconds 2 --connect 127.0.0.1", "lab-scara d1 5 -i socketcan -c can0", negatives=True)
 def jog(
     words: Annotated[
         list[str] | None,

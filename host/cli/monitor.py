@@ -24,10 +24,7 @@ if TYPE_CHECKING:
 _POLL_S = 0.1
 
 
-@command(
-    "steptwin monitor lab-scara --node th2 --connect 127.0.0.1",
-    "steptwin monitor --service emcy --service nmt -i socketcan -c can0",
-)
+@command("lab-scara --node th2 --connect 127.0.0.1", "--service emcy --service nmt -i socketcan -c can0")
 def monitor(
     robot: RobotName = None,
     robot_file: RobotFile = None,

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
 
 @command(
-    "steptwin move lab-scara th2=30 th4=-45 --connect 127.0.0.1",
-    "steptwin move lab-scara --z 120 --speed 50 --connect 127.0.0.1",
-    negative_numbers=True,
+    "lab-scara th2=30 --connect 127.0.0.1",
+    "lab-scara --z 120 --speed 50 --connect 127.0.0.1",
+    negatives=True,
 )
 def move(
     words: Annotated[

@@ -1,4 +1,4 @@
-"""Name the command line's options in errors of the library, which names its own parameters."""
+"""Replace the library's parameters by the command line's options in error messages."""
 
 import re
 from collections.abc import Iterator

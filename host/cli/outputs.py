@@ -13,10 +13,7 @@ from steptwin.host.common.errors import InputError
 _LEVELS = {"on": True, "off": False}
 
 
-@command(
-    "steptwin outputs teaching-scara --connect 127.0.0.1",
-    "steptwin outputs teaching-scara gripper on --connect 127.0.0.1",
-)
+@command("teaching-scara --connect 127.0.0.1", "teaching-scara gripper on --connect 127.0.0.1")
 def outputs(
     words: Annotated[
         list[str] | None,

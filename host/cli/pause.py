@@ -8,7 +8,7 @@ from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, o
 from steptwin.host.cli.output import print_json
 
 
-@command("steptwin pause lab-scara --connect 127.0.0.1", "steptwin pause lab-scara -i socketcan -c can0")
+@command("lab-scara --connect 127.0.0.1", "lab-scara -i socketcan -c can0")
 def pause(
     robot: RobotName = None,
     robot_file: RobotFile = None,

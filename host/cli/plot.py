@@ -1,10 +1,9 @@
 """`steptwin plot DIR`: draw pictures of a stored run."""
 
-from enum import StrEnum
 from importlib.util import find_spec
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -19,15 +18,7 @@ if TYPE_CHECKING:
     from steptwin.host.record.plots import View
 
 
-class PictureFormat(StrEnum):
-    """The file formats of a picture."""
-
-    PNG = "png"
-    SVG = "svg"
-    PDF = "pdf"
-
-
-@command("steptwin plot out/drawer-pull", "steptwin plot out/drawer-pull --what edges,phases --at 2.5 --format svg")
+@command("out/drawer-pull", "out/drawer-pull --what edges,phases --at 2.5 --format svg")
 def plot(
     folder: RunDir,
     what: Annotated[
@@ -39,8 +30,8 @@ def plot(
         ),
     ] = None,
     form: Annotated[
-        PictureFormat, typer.Option("--format", metavar="FORMAT", help="png, or as vectors svg or pdf.")
-    ] = PictureFormat.PNG,
+        Literal["png", "svg", "pdf"], typer.Option("--format", metavar="FORMAT", help="png, or as vectors svg or pdf.")
+    ] = "png",
     at_s: Annotated[
         float | None,
         typer.Option("--at", metavar="SECONDS", help="For edges and phases: their middle; by default the fastest."),

@@ -6,7 +6,7 @@ from steptwin.host.cli.axis_states import print_axis_states
 from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
 
 
-@command("steptwin reset lab-scara --connect 127.0.0.1", "steptwin reset lab-scara --json --connect 127.0.0.1")
+@command("lab-scara --connect 127.0.0.1", "lab-scara --json --connect 127.0.0.1")
 def reset(
     robot: RobotName = None,
     robot_file: RobotFile = None,

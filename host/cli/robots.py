@@ -5,7 +5,7 @@ from steptwin.host.cli.arguments import AsJson
 from steptwin.host.cli.output import print_json, print_table
 
 
-@command("steptwin robots", "steptwin robots --json")
+@command("", "--json")
 def robots(as_json: AsJson = False) -> None:
     """List the robots that come with StepTwin."""
     from steptwin.host.robots import load_robot, robot_names

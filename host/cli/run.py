@@ -1,8 +1,7 @@
 """`steptwin run ROBOT JOB|FILE`: plan a motion, stream it to a board, verify the pulses."""
 
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -31,18 +30,11 @@ if TYPE_CHECKING:
     from steptwin.host.twin.kernels import Kernel
 
 
-class KernelChoice(StrEnum):
-    """The forms of the firmware's kernel; both make the same edges."""
-
-    AUTO = "auto"
-    PYTHON = "python"
-    NUMBA = "numba"
+_KernelName = Literal["auto", "python", "numba"]
+"""The forms of the firmware's kernel; both make the same edges."""
 
 
-@command(
-    "steptwin run warehouse-scara drawer-pull --out out/drawer-pull",
-    "steptwin run teaching-scara carry --approach --connect 127.0.0.1",
-)
+@command("warehouse-scara drawer-pull --out out/drawer-pull", "teaching-scara carry --approach --connect 127.0.0.1")
 def run(
     words: Annotated[
         list[str] | None,
@@ -71,11 +63,11 @@ def run(
     ] = None,
     driver_profile: DriverProfileName = None,
     kernel: Annotated[
-        KernelChoice,
+        _KernelName,
         typer.Option(
             metavar="NAME", help="Form of the firmware's kernel: python, numba (compiled), or auto: the faster."
         ),
-    ] = KernelChoice.AUTO,
+    ] = "auto",
     connect: Connect = None,
     interface: Interface = None,
     channel: Channel = None,
@@ -109,7 +101,7 @@ def run(
             "--stand-at": stand_at,
             "--cut-stream": cut_stream,
             "--driver-profile": driver_profile,
-            "--kernel": None if kernel is KernelChoice.AUTO else kernel,
+            "--kernel": None if kernel == "auto" else kernel,
         }
         _refuse(emulated, "an emulated")
         run_live(live, planned, job, repeat=repeat, approach=approach, as_json=as_json)
@@ -168,10 +160,10 @@ def _trajectory(robot: "Robot", job: str, options: dict[str, str]) -> "Trajector
     return read_trajectory(job, robot)
 
 
-def _kernel(choice: KernelChoice) -> "Kernel":
+def _kernel(choice: _KernelName) -> "Kernel":
     from steptwin.host.twin.kernels import KERNELS, fastest_kernel
 
-    if choice is KernelChoice.AUTO:
+    if choice == "auto":
         return fastest_kernel()
     try:
         return KERNELS[choice]()

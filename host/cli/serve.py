@@ -35,7 +35,7 @@ _YOUNG_OBJECTS = 700
 """Objects made between two collections of garbage; Python's own choice, which keeps each collection short."""
 
 
-@command("steptwin serve lab-scara --out out/live", "steptwin serve warehouse-scara --boards 4,2 --port 0")
+@command("lab-scara --out out/live", "warehouse-scara --boards 4,2 --port 0")
 def serve(
     robot: RobotName = None,
     robot_file: RobotFile = None,
@@ -141,7 +141,7 @@ def _run(served: "ServedBoard", announce: Callable[[], None]) -> BusError | None
 
 @contextmanager
 def _until_a_signal(served: "ServedBoard") -> Iterator[None]:
-    """Ctrl-C and SIGTERM end the loop in order; a second one interrupts whatever is going on."""
+    """Let Ctrl-C and SIGTERM end the board, so that its files are completed, while the block runs."""
 
     def stop(_number: int, _frame: object) -> None:
         served.stop()

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 _WATCH_EVERY_S = 0.5
 
 
-@command("steptwin status lab-scara --connect 127.0.0.1", "steptwin status lab-scara --watch -i socketcan -c can0")
+@command("lab-scara --connect 127.0.0.1", "lab-scara --watch -i socketcan -c can0")
 def status(
     robot: RobotName = None,
     robot_file: RobotFile = None,

@@ -6,7 +6,7 @@ from steptwin.host.cli.axis_states import print_axis_states
 from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
 
 
-@command("steptwin stop lab-scara --connect 127.0.0.1", "steptwin stop lab-scara -i socketcan -c can0")
+@command("lab-scara --connect 127.0.0.1", "lab-scara -i socketcan -c can0")
 def stop(
     robot: RobotName = None,
     robot_file: RobotFile = None,

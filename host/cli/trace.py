@@ -1,10 +1,9 @@
 """`steptwin trace DIR`: write the waveform of a stored run, for logic analysers, viewers and tables."""
 
 from dataclasses import replace
-from enum import StrEnum
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 import typer
 
@@ -20,41 +19,27 @@ if TYPE_CHECKING:
     from steptwin.host.verify import Evidence
 
 
-class FormatChoice(StrEnum):
-    """The formats of `steptwin.host.record.waveforms`, listed again: importing that would slow down `--help`."""
+_FormatName = Literal["vcd", "vcd-full", "csv", "npz", "mcap"]
+"""The formats of `steptwin.host.record.waveforms`, listed again: importing that would slow down `--help`."""
 
-    VCD = "vcd"
-    VCD_FULL = "vcd-full"
-    CSV = "csv"
-    NPZ = "npz"
-    MCAP = "mcap"
+_SCALED: Final = ("vcd", "vcd-full")
+"""Formats with a time unit."""
 
 
-_SCALED = (FormatChoice.VCD, FormatChoice.VCD_FULL)
-
-
-class ScaleChoice(StrEnum):
-    """The time scales of VCD files."""
-
-    US = "1us"
-    NS100 = "100ns"
-    NS10 = "10ns"
-
-
-@command("steptwin trace out/drawer-pull", "steptwin trace out/drawer-pull --format csv --axis th1,th2 --from 1 --to 2")
+@command("out/drawer-pull", "out/drawer-pull --format csv --axis th1,th2 --from 1 --to 2")
 def trace(
     folder: RunDir,
     form: Annotated[
-        FormatChoice,
+        _FormatName,
         typer.Option(
             "--format",
             metavar="FORMAT",
             help="vcd: 1-bit wires, for sigrok; vcd-full: with positions, states and currents, for GTKWave; csv, npz:"
             " the wires as a table, as arrays; mcap: everything, for Foxglove.",
         ),
-    ] = FormatChoice.VCD,
+    ] = "vcd",
     timescale: Annotated[
-        ScaleChoice | None,
+        Literal["1us", "100ns", "10ns"] | None,
         typer.Option(
             metavar="UNIT", help="Unit of time in VCD files: 1us (by default), 100ns, 10ns. A finer one slows sigrok."
         ),
@@ -88,7 +73,7 @@ def trace(
     signals = _chosen(_signals(folder, evidence, robot, Format(form)), evidence, axes)
     whole = from_s is None and to_s is None and not axes
     path = folder / (Format(form).file_name if whole else Format(form).part_file_name) if out is None else out
-    write_waveform(path, signals, window, Format(form), SCALES[timescale or ScaleChoice.US], robot.name)
+    write_waveform(path, signals, window, Format(form), SCALES[timescale or "1us"], robot.name)
     ends_s = window.time_s(window.from_counts), window.time_s(window.to_counts)
     if as_json:
         names = [signal.name for signal in signals]

@@ -26,7 +26,7 @@ PlanDir = Annotated[
 ]
 
 
-@command("steptwin verify out/drawer-pull", "steptwin verify out/live --plan out/virtual")
+@command("out/drawer-pull", "out/live --plan out/virtual")
 def verify(
     folder: RunDir,
     plan: PlanDir = None,

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from steptwin.host.robots.workspace import MonteCarlo, Scan
 
 
-@command("steptwin workspace lab-scara", "steptwin workspace hybrid-arm --phi -30 --z 700 --out out/workspace")
+@command("lab-scara", "hybrid-arm --phi -30 --z 700 --out out/workspace")
 def workspace(
     robot: RobotName = None,
     robot_file: RobotFile = None,

@@ -69,7 +69,7 @@ def test_it_fits_80_columns(name: str, capsys: pytest.CaptureFixture[str], monke
 def test_it_ends_with_two_examples(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     lines = [line.strip() for line in shown(capsys, name)]
     at = lines.index("Examples:")
-    assert lines[at + 1 : at + 3] == list(EXAMPLES[name])
+    assert lines[at + 1 : at + 3] == EXAMPLES[name]
     assert len(set(EXAMPLES[name])) == 2
     assert all(words_of(example)[0] == name for example in EXAMPLES[name])
 

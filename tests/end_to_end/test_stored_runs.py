@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from steptwin.host.cli.app import run
-from steptwin.host.cli.trace import FormatChoice
 from steptwin.host.record.folder import read_edges
-from steptwin.host.record.waveforms import HeldValues
+from steptwin.host.record.waveforms import Format, HeldValues
 from steptwin.host.record.waveforms.signal import Values
 from steptwin.host.verify.evidence import Int64Array
 from tests.end_to_end.command_line import refusal
@@ -20,7 +19,7 @@ from tests.host.record.waveforms.vcd_reader import read_vcd
 
 
 def _with_the_library_of(form: str) -> None:
-    if form == FormatChoice.MCAP:
+    if form == Format.MCAP:
         pytest.importorskip("mcap", reason="the extra `mcap` is not installed")
 
 
@@ -120,7 +119,7 @@ class TestTrace:
         signals = json.loads(capsys.readouterr().out)["signals"]
         assert list(dict.fromkeys(name.split("_")[0] for name in signals)) == ["th2", "d3"]
 
-    @pytest.mark.parametrize("form", FormatChoice)
+    @pytest.mark.parametrize("form", Format)
     @pytest.mark.parametrize("name", ["er", "er.vcd"])
     def test_the_file_has_the_name_that_was_asked_for(
         self, form: str, name: str, carry_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -132,7 +131,7 @@ class TestTrace:
         assert json.loads(capsys.readouterr().out)["file"] == out
         assert os.listdir(tmp_path) == [name]
 
-    @pytest.mark.parametrize("form", FormatChoice)
+    @pytest.mark.parametrize("form", Format)
     @pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(errno.ENOSPC, "No space left on device")])
     def test_broken_off_leaves_the_older_file(
         self, form: str, error: BaseException, carry_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
