@@ -18,8 +18,9 @@ from steptwin.host.robots.robot import Robot
 from steptwin.protocol.pvt import I24_MAX, I24_MIN
 
 _CHECK_MS: Final = 1
-"""Distance of the instants at which limits are checked; every PVT point is checked as well."""
+"""Time between two instants at which limits are checked; every PVT point is checked as well."""
 _LIMIT_TOLERANCE: Final = 1e-9
+"""Rounding error allowed beyond a limit: in mm or degrees for positions, as a part of the limit for speeds."""
 _REST_TOLERANCE: Final = 1e-9
 """Rounding error of a velocity of zero, in mm/s or deg/s."""
 _Q16: Final = 1 << 16
@@ -40,12 +41,14 @@ class Samples(NamedTuple):
 
 
 def check_joint_names(robot: Robot, trajectory: Trajectory) -> None:
+    """Check that the trajectory moves the robot's joints, in their order."""
     if trajectory.joint_names != robot.joint_names:
         given, right = " ".join(trajectory.joint_names), " ".join(robot.joint_names)
         raise InputError(f"the trajectory moves the joints {given}, but {robot.name} has {right}, in this order")
 
 
 def check_positions(robot: Robot, samples: Samples) -> None:
+    """Check that all values are finite and all positions within the joints' limits."""
     for i, joint in enumerate(robot.joints):
         _check_finite(joint, samples.t_s, samples.positions[:, i], samples.velocities[:, i])
         _check_range(joint, samples.t_s, samples.positions[:, i])
@@ -94,6 +97,7 @@ def _check_size(joint: Joint, t_s: FloatArray, values: FloatArray, limit: float,
 
 
 def check_rest(robot: Robot, samples: Samples) -> None:
+    """Check that the trajectory starts and ends at rest."""
     for i, joint in enumerate(robot.joints):
         for when, row in (("starts", 0), ("ends", -1)):
             velocity = samples.velocities[row, i]
@@ -105,6 +109,7 @@ def check_rest(robot: Robot, samples: Samples) -> None:
 
 
 def check_record_widths(robot: Robot, times_ms: Int64Array, points: FloatArray, velocities: FloatArray) -> None:
+    """Check that displacements and velocities, still floats, fit in the i24 fields of PVT records."""
     for values, what, unit in (
         (np.diff(points, axis=0), "displacement", "units"),
         (velocities, "velocity", "1/64 unit per ms"),

@@ -1,4 +1,4 @@
-"""Words for bad input."""
+"""Messages about bad input."""
 
 import pytest
 
@@ -16,7 +16,7 @@ from steptwin.host.common.errors import InputError
         (0.0, 0.0, ("0.000000000000", "0.000000000000")),
     ],
 )
-def test_two_numbers_are_told_apart(value: float, limit: float, texts: tuple[str, str]) -> None:
+def test_two_numbers_get_enough_decimals_to_differ(value: float, limit: float, texts: tuple[str, str]) -> None:
     assert apart(value, limit) == texts
 
 
@@ -26,7 +26,7 @@ def test_many_choices_are_counted() -> None:
     assert str(unknown("what", "x", names)) == f"what 'x' is unknown: there are {', '.join(names[:12])} and 2 more"
 
 
-def test_case_is_no_difference() -> None:
+def test_the_nearest_name_is_found_whatever_its_case() -> None:
     assert str(unknown("what", "SLOW-BORD", ["slow-board", "Fast"])).endswith("did you mean slow-board?")
     assert str(unknown("what", "fasst", ["slow-board", "Fast"])).endswith("did you mean Fast?")
 

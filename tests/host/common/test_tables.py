@@ -1,4 +1,4 @@
-"""Tables of untrusted documents: every value by key and type, every error with its key."""
+"""The reader of untrusted tables: it reads values by key and type, and each error begins with the key."""
 
 from enum import StrEnum
 
@@ -58,12 +58,12 @@ def test_each_error_begins_with_its_key(read: object, told: str) -> None:
 
 @pytest.mark.parametrize("read", [toml_table, json_table])
 @pytest.mark.parametrize("text", ["{", f"x = {'9' * 5000}", f"x = {'[' * 9999}"])
-def test_a_text_that_is_no_document(read: object, text: str) -> None:
+def test_a_text_that_is_not_a_document_is_refused(read: object, text: str) -> None:
     assert callable(read)
     assert complaint_of(lambda: read(text)).startswith("is not ")
 
 
-def test_finish_refuses_a_key_that_nobody_asked_for() -> None:
+def test_finish_refuses_a_key_that_was_not_read() -> None:
     table = toml_table("lower = 1\nuper = 2")
     table.number("lower")
     assert "upper" not in table

@@ -1,4 +1,4 @@
-"""A file is there whole or not at all, and what is no file is left alone."""
+"""Files appear whole or not at all; pipes and devices are written to directly."""
 
 import os
 from pathlib import Path
@@ -16,7 +16,7 @@ def write(path: Path, data: bytes = b"new", broken_off_by: BaseException | None 
 
 
 class TestAFile:
-    def test_comes_with_the_end_of_the_block(self, tmp_path: Path) -> None:
+    def test_the_file_appears_at_the_end_of_the_block(self, tmp_path: Path) -> None:
         path = tmp_path / "a.vcd"
         path.write_bytes(b"old")
         with whole_file(path) as file:
@@ -29,9 +29,7 @@ class TestAFile:
 
     @pytest.mark.parametrize("error", [ValueError(), KeyboardInterrupt()])
     @pytest.mark.parametrize("old", [None, b"old"])
-    def test_that_is_broken_off_leaves_what_was_there(
-        self, error: BaseException, old: bytes | None, tmp_path: Path
-    ) -> None:
+    def test_an_exception_keeps_the_older_file(self, error: BaseException, old: bytes | None, tmp_path: Path) -> None:
         path = tmp_path / "a.vcd"
         if old is not None:
             path.write_bytes(old)
@@ -39,7 +37,7 @@ class TestAFile:
             write(path, broken_off_by=error)
         assert {each.name: each.read_bytes() for each in tmp_path.iterdir()} == ({"a.vcd": old} if old else {})
 
-    def test_is_the_one_that_a_link_leads_to(self, tmp_path: Path) -> None:
+    def test_a_link_is_followed(self, tmp_path: Path) -> None:
         (tmp_path / "there").mkdir()
         link, path = tmp_path / "link", tmp_path / "there" / "a.vcd"
         link.symlink_to(path)
@@ -50,9 +48,7 @@ class TestAFile:
         assert os.listdir(path.parent) == ["a.vcd"]
 
     @pytest.mark.parametrize(("where", "error"), [("missing/a.vcd", FileNotFoundError), ("", IsADirectoryError)])
-    def test_that_cannot_be_written_is_named_as_it_was_asked_for(
-        self, where: str, error: type[OSError], tmp_path: Path
-    ) -> None:
+    def test_an_error_names_the_path_as_given(self, where: str, error: type[OSError], tmp_path: Path) -> None:
         with pytest.raises(error) as caught:
             write(tmp_path / where)
         assert caught.value.filename == str(tmp_path / where)
@@ -71,7 +67,7 @@ class TestWhatIsNoFile:
         assert pipe.is_fifo()
 
     @pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no /dev/full")
-    def test_a_device_that_is_full_stays(self, tmp_path: Path) -> None:
+    def test_a_full_device_is_not_removed(self, tmp_path: Path) -> None:
         device = tmp_path / "device"
         device.symlink_to("/dev/full")
         with pytest.raises(OSError, match=r"No space left on device: '.*/device'"):

@@ -1,4 +1,4 @@
-"""What robots cannot do is refused before anything moves: each message has joint or reach, time, value and limit."""
+"""Impossible motions are refused before anything moves; the message has joint or reach, time, value and limit."""
 
 import re
 from dataclasses import replace
@@ -33,11 +33,11 @@ class TestScrewOf10Mm:
     LEADS = ("travel_per_turn = 20.0", "travel_per_turn = 10.0")
 
     def lifted(self, robot: Robot, speed_mm_s: float) -> Plan:
-        """d1 up 200 mm at a speed and 400 mm/s^2."""
+        """Return d1 moved up by 200 mm at a speed and 400 mm/s^2."""
         law = Trapezoid.fastest(1.0, speed_mm_s / 200.0, 400.0 / 200.0)
         return plan(robot, JointMove(robot.joint_names, (0.0, 0.0, 30.0, 0.0), (200.0, 0.0, 30.0, 0.0), law))
 
-    def test_its_file_may_not_promise_140_mm_per_s(self) -> None:
+    def test_its_file_may_not_set_140_mm_per_s(self) -> None:
         told = complaint_of(lambda: parse_robot(self.TEXT.replace(*self.LEADS), "mine.toml"))
         assert told == (
             "mine.toml: joints.d1.speed_max: 140 mm/s takes 22.4 kHz of steps, more than the driver's 15.0 kHz"
@@ -70,12 +70,12 @@ TOO_BENT = rf"th3: 13\d\.\d+ deg at {TIME} is outside -130\.\.130 deg$"
     ],
 )
 def test_a_spiral_beyond_the_arm(x_mm: float, y_mm: float, pattern: str) -> None:
-    """Farther than 800 mm nothing reaches; nearer than 338.095 mm th3 would bend by more than 130 deg."""
+    """The reach ends at 800 mm; nearer than 338.095 mm th3 would bend by more than 130 deg."""
     assert re.match(pattern, refusal(LAB, "spiral", x_mm=str(x_mm), y_mm=str(y_mm)))
 
 
 def test_a_spiral_as_near_as_it_may_be() -> None:
-    """Around (0, 425) it comes within 338.49 mm of the base, which th3 says, too: r = 800 mm cos(th3 / 2)."""
+    """Around (0, 425) it comes within 338.49 mm of the base, in agreement with r = 800 mm cos(th3 / 2)."""
     trajectory = plan(LAB, make_job(LAB, "spiral", {"x_mm": "0", "y_mm": "425"})).trajectory
     th3 = trajectory.positions(np.arange(18_801) / 1000)[:, 2]
     u = np.linspace(0.0, 18.8, 18_801)
@@ -94,7 +94,7 @@ def test_th3_beyond_130_deg() -> None:
 
 
 STRONG = replace(LAB, joints=tuple(replace(joint, acceleration_max=1e6) for joint in LAB.joints))
-"""Its motors have any acceleration, so that speeds are left to refuse."""
+"""The laboratory robot without limits of acceleration, so that only its speeds are exceeded."""
 
 
 @pytest.mark.parametrize(
@@ -123,5 +123,5 @@ STRONG = replace(LAB, joints=tuple(replace(joint, acceleration_max=1e6) for join
     ],
 )
 def test_jobs_too_fast(robot: Robot, job: str, options: dict[str, str], pattern: str) -> None:
-    """The spiral's lift would have to start with six times its acceleration; its joints' speeds come after that."""
+    """The spiral's lift would need six times its acceleration at the start, before the joints exceed their speeds."""
     assert re.match(pattern, refusal(robot, job, **options))

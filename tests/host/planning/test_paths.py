@@ -1,4 +1,4 @@
-"""Tool paths: where they lead, how their poses change along them, and points that make none."""
+"""Tool paths: their poses, the derivatives of the poses, and points that are refused."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ ZIGZAG = np.array(
         [-8.0, -16.0, 12.0, 500.0],
     ]
 )
-"""With legs of 30, 40, 12, 55 and 13 mm; the attitude goes beyond a full turn."""
+"""A zigzag with legs of 30, 40, 12, 55 and 13 mm, whose attitude goes beyond a full turn."""
 
 PATHS: dict[str, ToolPath] = {
     "line": StraightLine((1.0, 2.0, 3.0, -170.0), (31.0, -38.0, 15.0, 170.0)),
@@ -41,7 +41,7 @@ def off_circle_mm(arc: Arc, points_mm: FloatArray) -> float:
 
 @pytest.mark.parametrize("name", PATHS)
 def test_derivatives_are_those_of_the_poses(name: str) -> None:
-    """Central differences over a micrometre; Akima's second derivative jumps at the points, which are left out."""
+    """Compared with central differences over 1 um, not at the points, where Akima's second derivative jumps."""
     path, h_mm = PATHS[name], 1e-3
     s_mm = np.setdiff1d(lengths_mm(path)[1:-1], [30.0, 70.0, 82.0, 137.0])
     differences = (path.poses(s_mm + h_mm) - path.poses(s_mm - h_mm)) / (2 * h_mm)
@@ -86,7 +86,7 @@ class TestArc:
 
     @given(st.tuples(*[st.floats(-100.0, 100.0)] * 9))
     def test_through_three_points_anywhere(self, numbers: tuple[float, ...]) -> None:
-        """It begins at the first, ends at the third and passes the second in between."""
+        """The arc begins at the first point, ends at the third and passes the second in between."""
         a, b, c = np.reshape(numbers, (3, 3))
         sides_mm = [np.linalg.norm(p - q) for p, q in ((a, b), (b, c), (a, c))]
         assume(np.linalg.norm(np.cross(b - a, c - a)) > 0.05 * max(sides_mm) ** 2)
@@ -141,7 +141,7 @@ class TestArc:
 class TestSampledPath:
     @pytest.mark.parametrize("smoothing", Smoothing)
     def test_it_passes_its_poses(self, smoothing: Smoothing) -> None:
-        """Its parameter is the polygon's length."""
+        """Its parameter at a pose is the polygon's length up to it."""
         path = SampledPath.through(ZIGZAG, smoothing)
         assert path.length_mm == 150.0
         assert path.poses(np.array([0.0, 30.0, 70.0, 82.0, 137.0, 150.0])) == pytest.approx(ZIGZAG, abs=1e-10)
@@ -157,7 +157,7 @@ class TestSampledPath:
         assert path.derivatives(s_mm) == pytest.approx(line.derivatives(s_mm), abs=1e-9)
 
     def test_the_spline_bends_evenly(self) -> None:
-        """At a pose the second derivative goes on, while Akima's jumps."""
+        """At a pose its second derivative is continuous, while Akima's jumps."""
         jumps = {}
         for smoothing in Smoothing:
             slopes = SampledPath.through(ZIGZAG, smoothing).derivatives(70.0 + np.array([-2e-6, -1e-6, 1e-6, 2e-6]))
@@ -167,7 +167,7 @@ class TestSampledPath:
         assert jumps[Smoothing.AKIMA] > 1e-2
 
     def test_akima_does_not_overshoot_beside_a_corner(self) -> None:
-        """How far the tool is beside the leg that leads to the corner's, which is straight."""
+        """Measured as the distance of the curve from the straight leg before the corner's leg."""
         corner = np.array([[x, y, 0, 0] for x, y in ((0, 0), (10, 0), (20, 0), (30, 0), (30, 10), (30, 20), (30, 30))])
         beside_mm = {
             smoothing: np.abs(SampledPath.through(corner, smoothing).poses(np.linspace(0.0, 20.0, 201))[:, 1]).max()
@@ -198,6 +198,6 @@ class TestSampledPath:
 
 
 @pytest.mark.parametrize("attitude_deg", [0.0, 90.0])
-def test_a_line_to_where_it_begins_is_refused(attitude_deg: float) -> None:
+def test_a_line_without_length_is_refused(attitude_deg: float) -> None:
     with pytest.raises(InputError, match=r"^a straight line of 0 mm has both ends at one place$"):
         StraightLine((1.0, 2.0, 3.0, 0.0), (1.0, 2.0, 3.0, attitude_deg))

@@ -1,4 +1,4 @@
-"""The planner: points on the wire, and every check on both sides of its limit."""
+"""The planner: points on the wire, and each check on both sides of its limit."""
 
 import dataclasses
 from collections.abc import Callable, Sequence
@@ -31,7 +31,7 @@ Scalar = Callable[[FloatArray], FloatArray]
 
 @dataclass(frozen=True)
 class OneJoint:
-    """The machine stands at home while one joint moves as told; fulfils Trajectory."""
+    """A motion of one joint from the home position by given functions; implements Trajectory."""
 
     position: Scalar
     velocity: Scalar
@@ -57,7 +57,7 @@ def moved_by(law: Trapezoid, axis: int = TH1) -> OneJoint:
 
 
 def law_of(speed: float) -> Trapezoid:
-    """About 40 deg at this top speed, which is reached in 0.2 s."""
+    """Return a law over about 40 deg at this highest speed, which is reached in 0.2 s."""
     steady_and_ramp_ms = round(40_000 / abs(speed)) + 200
     return Trapezoid(speed * steady_and_ramp_ms / 1000, (steady_and_ramp_ms + 200) / 1000, 0.2)
 
@@ -67,7 +67,7 @@ def zero(t_s: FloatArray) -> FloatArray:
 
 
 def swing(amplitude: float, period_s: float = 1.0, **changes: float) -> OneJoint:
-    """There and back: a (1 - cos wt)."""
+    """Return a motion forth and back: a (1 - cos wt)."""
     w = 2 * np.pi / period_s
     motion = OneJoint(lambda t: amplitude * (1 - np.cos(w * t)), lambda t: amplitude * w * np.sin(w * t), period_s)
     return dataclasses.replace(motion, **changes)  # type: ignore[arg-type]
@@ -86,7 +86,7 @@ def with_joint(name: str, **changes: object) -> Robot:
 
 
 def endless(name: str) -> Robot:
-    """A joint that may go as fast and accelerate as hard as it likes: only wire and driver limit it."""
+    """Return the robot with one joint whose speed only the wire and the driver limit."""
     return with_joint(name, speed_max=1e9, acceleration_max=1e12)
 
 
@@ -175,11 +175,11 @@ class TestJointLimits:
         assert complaint(swing(-60.001, 4.0)).startswith("th1: -120.0")
 
     def test_between_two_points(self) -> None:
-        """Points every 250 ms see 0, 50 and 100 %; the bump in between is seen on the grid of 1 ms."""
+        """Points every 250 ms miss the bump between them; the checks' grid of 1 ms sees it."""
         bump = OneJoint(lambda t: 121 * np.exp(-(((t - 0.125) / 0.01) ** 2)) * (t > 0), zero)
         assert complaint(bump, point_ms=250).endswith("s is outside -120..120 deg")
 
-    def test_a_hair_over_is_not_shown_as_the_limit(self) -> None:
+    def test_a_tiny_excess_is_not_shown_as_the_limit(self) -> None:
         assert complaint(swing(60.0000001, 4.0)).startswith("th1: 120.0000002 deg at t = 2.000 s")
 
 
@@ -216,7 +216,7 @@ class TestAcceleration:
 
 
 class TestStepRate:
-    """15 kHz at th1 are 337.5 deg/s."""
+    """At th1, 15 kHz are 337.5 deg/s."""
 
     @pytest.mark.parametrize("side", [-1, 1])
     def test_both_sides(self, side: int) -> None:
@@ -233,13 +233,13 @@ class TestStepRate:
         assert plan(slow, moved_by(law_of(89.9))).velocities.any()
 
     def test_long_segments_are_judged_as_the_firmware_judges_them(self) -> None:
-        """By the control points of the cubic's velocity: a sine of 14.04 kHz with a point every 200 ms has 15.9 kHz."""
+        """Judged by its Bernstein coefficients, a sine of 14.04 kHz with a point every 200 ms has 15.9 kHz."""
         sine = swing(316 / (2 * np.pi), 1.0)
         assert plan(endless("th1"), sine, 10).velocities.any()
         assert complaint(sine, endless("th1"), 200).startswith("th1: 15.9 kHz of steps at t = 0.200 s")
 
     def test_the_firmware_agrees_to_the_last_bit(self) -> None:
-        """What the kernel's `push` computes in Q16 steps, written down anew, is within its limit for a plan."""
+        """The values that the kernel's `push` computes in Q16 steps, computed anew here, are within its limit."""
         planned = plan(endless("th1"), moved_by(law_of(337.49)), 7)
         tail = 0
         for d, end, dt in zip(*planned.records()[3], strict=True):
@@ -249,10 +249,10 @@ class TestStepRate:
 
 
 class TestWire:
-    """Full steps make the wire's i24 matter: 512 full steps a segment, 8 full steps a millisecond."""
+    """With full steps the limits of i24 are in reach: 512 full steps per segment, 8 full steps per millisecond."""
 
     def robot(self) -> Robot:
-        """A slide with 10 full steps per mm whose driver takes anything."""
+        """Return a robot with a slide of 10 full steps per mm and a fast driver."""
         board = dataclasses.replace(ROBOT.board, step_rate_max_hz=125e3, steplen_ns=4000, stepspace_ns=4000)
         slide = with_joint("sx", transmission=Transmission(200, 1, 20.0), speed_max=1e9, acceleration_max=1e12)
         return dataclasses.replace(slide, board=board)
@@ -269,7 +269,7 @@ class TestWire:
 
     @pytest.mark.parametrize(("speed_mm_s", "fits"), [(200.0, True), (201.0, False)])
     def test_displacement(self, speed_mm_s: float, fits: bool) -> None:
-        """51.2 mm a segment: 200 mm/s for 255 ms are 51 mm, 201 mm/s are 51.255 mm."""
+        """The limit is 51.2 mm per segment: 200 mm/s for 255 ms are 51 mm, 201 mm/s are 51.255 mm."""
         trajectory = moved_by(Trapezoid(speed_mm_s * 1.755, 2.04, 0.285), axis=0)
         if fits:
             assert max(plan(self.robot(), trajectory, 255).records()[0].displacements_units) < 1 << 23
@@ -278,7 +278,7 @@ class TestWire:
             assert told.startswith("sx: a displacement of 8397619 units at t = 0.510 s does not fit")
 
     def test_a_velocity_beyond_every_integer(self) -> None:
-        """Near a singular pose speeds can be anything finite; they must not wrap on their way into an integer."""
+        """Near a singular pose speeds can be any finite number; they must not wrap when they become integers."""
         absurd = OneJoint(zero, lambda t: np.where((t > 0) & (t < 1), 1e300, 0.0))
         assert "does not fit a PVT record" in complaint(absurd)
 
@@ -324,7 +324,7 @@ class TestShape:
 
 
 class TestStart:
-    """Half a step at th1 is 0.01125 deg, at th3 0.01875 deg."""
+    """Half a step is 0.01125 deg at th1 and 0.01875 deg at th3."""
 
     @pytest.mark.parametrize(("axis", "half_step"), [(0, 0.0125), (2, 0.0015625), (3, 0.01125), (5, 0.01875)])
     @pytest.mark.parametrize("side", [-1, 1])

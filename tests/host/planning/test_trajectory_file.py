@@ -1,4 +1,4 @@
-"""Trajectory files: all accepted shapes give one motion, and what each kind of mistake is told."""
+"""Trajectory files: all accepted forms give the same motion; the error for each kind of mistake."""
 
 import json
 from collections.abc import Callable
@@ -32,7 +32,7 @@ MOVING_CSV = (
 
 
 def document(*, moving: bool = False, seconds: Callable[[float], Any] = float) -> dict[str, Any]:
-    """The same motion as JSON will have it."""
+    """Return the same motion as a JSON document."""
     points: list[dict[str, Any]] = [
         {"positions": list(row), "time_from_start": seconds(t_s)} for t_s, row in zip(TIMES_S, POSITIONS, strict=True)
     ]
@@ -67,7 +67,7 @@ def read(folder: Path, content: str | bytes, suffix: str = ".csv") -> Trajectory
 
 
 def complaint(folder: Path, content: str | bytes, suffix: str = ".csv") -> str:
-    """What a refused file is told, after its name."""
+    """Return the error for a file, without the file's name."""
     message = complaint_of(lambda: read(folder, content, suffix))
     file, separator, rest = message.partition(f"motion{suffix}: ")
     assert (file, bool(separator)) == (f"{folder}/", True)
@@ -112,7 +112,7 @@ POSITIONS_ONLY = [
 
 @pytest.mark.parametrize(("suffix", "content"), POSITIONS_ONLY)
 def test_positions_only(suffix: str, content: str | bytes, tmp_path: Path) -> None:
-    """A C2 spline from rest to rest: its acceleration does not jump at the middle point."""
+    """The motion is a C2 spline from rest to rest: its acceleration does not jump at the middle point."""
     trajectory = read(tmp_path, content, suffix)
     assert_passes_through(trajectory)
     assert trajectory.breakpoints_s == ()
@@ -144,7 +144,7 @@ def test_with_velocities(suffix: str, content: str, tmp_path: Path) -> None:
 
 
 def test_positions_only_may_come_at_any_time(tmp_path: Path) -> None:
-    """Only the end must be a whole millisecond."""
+    """Only the last time must be a whole millisecond."""
     trajectory = read(tmp_path, CSV.replace("0.5,", "0.50004,"))
     assert trajectory.positions(np.array([0.50004]))[0] == pytest.approx(POSITIONS[1])
 
@@ -157,7 +157,7 @@ def test_the_longest(tmp_path: Path) -> None:
     ("name", "is_file"),
     [("a.csv", True), ("dir/a.JSON", True), ("carry", False), ("a.csv.gz", False), ("csv", False), ("a.toml", False)],
 )
-def test_what_is_a_file(name: str, is_file: bool) -> None:
+def test_which_names_are_files(name: str, is_file: bool) -> None:
     assert is_trajectory_file(name) is is_file
 
 
@@ -208,12 +208,12 @@ class TestMistakesInACsv:
             pytest.param(MOVING_CSV.replace(",-2.5", ","), "line 3, v_th4: '' is not a number", id="of some points"),
         ],
     )
-    def test_are_told_with_their_line(self, content: str | bytes, words: str, tmp_path: Path) -> None:
+    def test_errors_name_the_line(self, content: str | bytes, words: str, tmp_path: Path) -> None:
         assert complaint(tmp_path, content).startswith(words)
 
 
 class TestTimes:
-    """CSV says the line, JSON the point; the first point is in line 2."""
+    """Errors name the line in CSV and the point in JSON; the first point is in line 2."""
 
     @pytest.mark.parametrize(
         ("times", "point", "words"),
@@ -231,7 +231,9 @@ class TestTimes:
         ],
     )
     @pytest.mark.parametrize("suffix", [".csv", ".json"])
-    def test_that_are_none(self, times: list[str], point: int, words: str, suffix: str, tmp_path: Path) -> None:
+    def test_wrong_times_are_refused(
+        self, times: list[str], point: int, words: str, suffix: str, tmp_path: Path
+    ) -> None:
         place = f"line {point + 1}, t" if suffix == ".csv" else f"point {point}, time_from_start"
         assert complaint(tmp_path, standing(times, suffix), suffix).startswith(f"{place}: {words}")
 
@@ -248,7 +250,7 @@ class TestTimes:
 
 
 def standing(times: list[str], suffix: str) -> str:
-    """A file of a robot that stands still."""
+    """Return a file in which the robot stands still."""
     if suffix == ".csv":
         return "\n".join([HEADER, *(f"{t},0,0,0,0" for t in times)])
     points = [{"positions": [0, 0, 0, 0], "time_from_start": float(t)} for t in times]
@@ -256,7 +258,7 @@ def standing(times: list[str], suffix: str) -> str:
 
 
 def at(made: dict[str, Any], point: int, **entries: Any) -> dict[str, Any]:
-    """The document with entries of one point changed; None removes one."""
+    """Return the document with entries of one point changed; None removes an entry."""
     made["points"][point] |= entries
     made["points"][point] = {key: value for key, value in made["points"][point].items() if value is not None}
     return made
@@ -305,7 +307,7 @@ class TestMistakesInAJson:
             pytest.param(TEXT.replace("-5.0, ", ""), "point 2, positions: 3 of them for 4 joints", id="ragged"),
         ],
     )
-    def test_are_told_with_their_point(self, content: str | bytes, words: str, tmp_path: Path) -> None:
+    def test_errors_name_the_point(self, content: str | bytes, words: str, tmp_path: Path) -> None:
         assert complaint(tmp_path, content, ".json").startswith(words)
 
     @pytest.mark.parametrize(
@@ -352,8 +354,8 @@ class TestMistakesInAJson:
     def test_of_one_point(self, made: dict[str, Any], words: str, tmp_path: Path) -> None:
         assert complaint(tmp_path, json.dumps(made), ".json").startswith(words)
 
-    def test_no_depth_is_too_deep_to_be_shown(self, tmp_path: Path) -> None:
-        """What the parser just reads must not be too deep for the message."""
+    def test_deep_nesting_can_be_shown_in_an_error(self, tmp_path: Path) -> None:
+        """A document that the parser can just read must not be too deep for the message."""
         for depth in range(880, 1000):
             nested = f'{{"joint_names": [{"[" * depth}{"]" * depth}], "points": []}}'
             assert complaint(tmp_path, nested, ".json").startswith(("joint_names: [[[[[[", "is not JSON: maximum"))
@@ -384,7 +386,7 @@ def read_or_refuse(content: bytes, suffix: str) -> None:
 
 @given(content=st.binary() | st.text().map(lambda text: text.encode("utf-8", "replace")))
 @pytest.mark.parametrize("suffix", [".csv", ".json"])
-def test_any_bytes_are_a_motion_or_refused(suffix: str, content: bytes) -> None:
+def test_any_bytes_give_a_motion_or_an_error(suffix: str, content: bytes) -> None:
     read_or_refuse(content, suffix)
 
 
@@ -395,7 +397,7 @@ FIELDS = st.sampled_from(["0", "0.5", "1", "-3", "1e-300", "1e9", "nan", "", '"'
     header=st.just(HEADER) | st.lists(FIELDS | st.text(max_size=3), max_size=6).map(",".join),
     rows=st.lists(st.lists(FIELDS, min_size=5, max_size=5) | st.lists(FIELDS, max_size=6), max_size=5),
 )
-def test_what_almost_is_csv(header: str, rows: list[list[str]]) -> None:
+def test_near_csv_gives_a_motion_or_an_error(header: str, rows: list[list[str]]) -> None:
     read_or_refuse("\n".join([header, *map(",".join, rows)]).encode(), ".csv")
 
 
@@ -404,7 +406,7 @@ def test_what_almost_is_csv(header: str, rows: list[list[str]]) -> None:
     position=st.floats(-1e9, 1e9),
     velocity=st.none() | st.floats(-1e9, 1e9),
 )
-def test_whatever_numbers_make_a_finite_motion_or_none(
+def test_any_numbers_give_a_finite_motion_or_an_error(
     times_s: list[float], position: float, velocity: float | None
 ) -> None:
     points = [
@@ -428,7 +430,7 @@ VALUES = st.recursive(LEAVES, lambda inner: st.lists(inner, max_size=4) | st.dic
     where=st.sampled_from(["document", "point", "position"]),
     value=VALUES,
 )
-def test_what_almost_is_a_joint_trajectory(entries: dict[str, Any], where: str, value: object) -> None:
+def test_near_json_gives_a_motion_or_an_error(entries: dict[str, Any], where: str, value: object) -> None:
     made = document()
     if where == "document":
         made |= entries

@@ -1,4 +1,4 @@
-"""What a robot's file says of switches and homing: its mistakes, and what the axis is told."""
+"""Switches and homing in a robot file: errors, and the settings that an axis gets."""
 
 from dataclasses import replace
 from importlib.resources import files
@@ -31,7 +31,7 @@ SEEN_AT = {
     29: (-2.0, 0),
     30: (-2.0, -1),
 }
-"""By the figures of CiA 402-2: the edge that is home, and how many steps beyond it the switch is seen to open."""
+"""By the figures of CiA 402-2: position of the home edge, and steps beyond it at which the switch opens."""
 
 
 @pytest.mark.parametrize("name", robot_names())
@@ -79,7 +79,7 @@ def test_every_joint_of_every_robot_can_be_homed(name: str) -> None:
         ("positive_limit = 190.0", "", "joints.th3.homing.method: 24 needs switches.positive_limit"),
     ],
 )
-def test_mistakes_are_told_with_their_key(old: str, new: str, words: str | None) -> None:
+def test_an_error_names_its_key(old: str, new: str, words: str | None) -> None:
     assert old in TEXT
     text = TEXT.replace(old, new, 1)
     if words is None:
@@ -100,7 +100,7 @@ def test_switches_and_homing_may_be_left_out() -> None:
 
 
 class TestSettings:
-    """sx: 8 microsteps, 40 steps and 81 920 units a mm."""
+    """The joint sx has 8 microsteps, 40 steps per mm and 81 920 units per mm."""
 
     def test_in_the_objects_units(self) -> None:
         joint = replace(SX, switches=ALL, homing=JointHoming(24, 100.0, 5.0, 400.0))
@@ -124,7 +124,7 @@ class TestSettings:
         edge, beyond_steps = SEEN_AT[method]
         assert settings.offset_units == round(edge * 81_920) + beyond_steps * 2_048
 
-    def test_here_needs_no_switch_and_is_zero(self) -> None:
+    def test_method_37_needs_no_switch_and_has_no_offset(self) -> None:
         settings = homing_settings(replace(SX, switches=JointSwitches(), homing=JointHoming(37, 100.0, 5.0, 400.0)))
         assert settings is not None
         assert settings.offset_units == 0

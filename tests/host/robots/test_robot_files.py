@@ -1,4 +1,4 @@
-"""Robot files: the figures of those that come along, and what each kind of mistake in a file is told."""
+"""Robot files: the figures of the five robots, and the error for each kind of mistake in a file."""
 
 import re
 from importlib.resources import files
@@ -44,12 +44,12 @@ def complaint(text: str) -> str:
 
 
 def changed(old: str, new: str) -> str:
-    """The file with the first occurrence of a line's beginning replaced."""
+    """Return the file with the first occurrence of a text replaced."""
     assert old in TEXT
     return TEXT.replace(old, new, 1)
 
 
-def test_the_robot_that_comes_along() -> None:
+def test_the_warehouse_robot() -> None:
     assert NAME in robot_names()
     assert ROBOT.name == NAME
     assert ROBOT.joint_names == ("sx", "sz", "L1", "th1", "th2", "th3")
@@ -82,7 +82,7 @@ FIGURES = """
     hybrid-arm        Z6    mm    160         0.00625    80     12800.0  480    -250   250    400
     hybrid-arm        th4   deg   8.888889    0.1125     180    1600.0   30     -360   360    1000
 """
-"""Steps per mm or degree, mm or degrees a pulse, top speed with its CLK and motor speed, range, acceleration."""
+"""Steps per mm or degree, travel per pulse, highest speed with its step rate and motor speed, range, acceleration."""
 
 ROWS = [line.split() for line in FIGURES.splitlines()[2:]]
 
@@ -106,7 +106,7 @@ def test_steps_per_unit_are_right_to_the_last_bit() -> None:
     assert [*ROBOT.steps_per_unit] == [40, 160, 320, 400 / 9, 400 / 9, 80 / 3]
 
 
-class TestEachRobotThatComesAlong:
+class TestEachRobot:
     @pytest.fixture(params=robot_names())
     def robot(self, request: pytest.FixtureRequest) -> Robot:
         return load_robot(request.param)
@@ -117,12 +117,12 @@ class TestEachRobotThatComesAlong:
         assert robot.title
 
     def test_makes_pulses_of_exactly_15_khz(self, robot: Robot) -> None:
-        """Each time is rounded up to counts of 72 MHz."""
+        """Both times of a pulse are rounded up to counts of 72 MHz."""
         board = robot.board
         counts = [-(-ns * 72 // 1000) for ns in (board.steplen_ns, board.stepspace_ns)]
         assert sum(counts) == 4800
         assert 72_000_000 / sum(counts) == board.step_rate_max_hz == board.driver_rate_max_hz == 15_000
-        assert board.steplen_ns == 1.1 * 30_000  # 10 % above what the chip asks for at 330 pF
+        assert board.steplen_ns == 1.1 * 30_000  # 10 % above the chip's minimum at 330 pF
         assert (board.osc_pf, board.bitrate) == (330, 1_000_000)
         assert (board.dirsetup_ns, board.dirhold_ns) == (15_000, 15_000)
 
@@ -131,14 +131,14 @@ class TestEachRobotThatComesAlong:
         assert np.all(home >= [joint.lower for joint in robot.joints])
         assert np.all(home <= [joint.upper for joint in robot.joints])
 
-    def test_is_at_home_where_its_kinematics_take_it_back(self, robot: Robot) -> None:
-        """Some branch of the home pose is home itself."""
+    def test_the_inverse_of_the_home_pose_is_home(self, robot: Robot) -> None:
+        """One branch of the home pose is the home position."""
         kinematics, home = make_kinematics(robot), np.array(robot.home)
         branches = kinematics.inverse(kinematics.forward(home[np.newaxis]), home)
         assert any(branch.reachable[0] and np.allclose(branch.joints[0], home, atol=1e-4) for branch in branches)
 
-    def test_says_of_each_number_where_it_is_from(self, robot: Robot) -> None:
-        """Stated, derived or assumed; a place is marked as a whole."""
+    def test_each_number_is_marked_with_its_origin(self, robot: Robot) -> None:
+        """[S]tated, [D]erived or [A]ssumed; a place has one mark for all its numbers."""
         text = (files("steptwin.host.robots") / f"{robot.name}.toml").read_text(encoding="utf-8")
         section = ""
         for line in text.splitlines():
@@ -307,7 +307,7 @@ class TestMistakesInAFile:
             pytest.param('name = "warehouse-scara"', 'colour = 1\nname = "x"', "colour: key 'colour' is", id="top"),
         ],
     )
-    def test_is_told_with_its_key(self, old: str, new: str, words: str) -> None:
+    def test_an_error_names_its_key(self, old: str, new: str, words: str) -> None:
         text = changed(old, new)
         if words == "home.th3: key 'th3' is unknown":
             text = text.replace("th3 = 30.0 # [S]\n", "th3 = 30.0 # [S]\nth4 = 0.0\n")
@@ -353,12 +353,12 @@ class TestMistakesInAFile:
     def test_of_outputs_and_places(self, old: str, new: str, words: str) -> None:
         assert complaint(changed(old, new)).startswith(f"mine.toml: {words}")
 
-    def test_outputs_and_places_that_are_no_tables(self) -> None:
+    def test_outputs_and_places_must_be_tables(self) -> None:
         text = TEXT[: TEXT.index("[outputs]")]
         for key in ("outputs", "places"):
             assert complaint(f"{key} = 3\n{text}") == f"mine.toml: {key}: 3 is not a table"
 
-    def test_a_table_that_is_none(self) -> None:
+    def test_a_section_must_be_a_table(self) -> None:
         head = TEXT[: TEXT.index("[kinematics]")]
         assert complaint(f"{head}kinematics = 3\n").startswith("mine.toml: kinematics: 3 is not a table")
         rest = TEXT[TEXT.index("[board]") : TEXT.index("[joints.sx]")]
@@ -391,7 +391,7 @@ class TestDrivers:
     @pytest.mark.parametrize("idle_percent", [20, 50])
     @pytest.mark.parametrize("fast_decay_percent", [0, 25, 50, 100])
     def test_may_have_switches(self, idle_percent: int, fast_decay_percent: int) -> None:
-        """All that the module's have, down to the levels at the chip and to the current that is left at standstill."""
+        """Every position of the module's switches: it sets the levels at the chip and the current at standstill."""
         settings = f"idle_percent = {idle_percent}\nfast_decay_percent = {fast_decay_percent}"
         text = changed("osc_pf = 330", f'driver_profile = "3a-module"\ncurrent_a = 2\n{settings}')
         robot = parse_robot(text, "mine.toml")
@@ -407,7 +407,7 @@ class TestDrivers:
     def test_the_smallest_capacitor_is_a_choice(self) -> None:
         assert parse_robot(changed("osc_pf = 330", "osc_pf = 64"), "mine.toml").board.osc_pf == 64
 
-    def test_are_those_that_the_emulator_has(self) -> None:
+    def test_the_profiles_are_the_emulators(self) -> None:
         assert tuple(PROFILES) == DRIVER_PROFILES
         assert tuple(name for name, profile in PROFILES.items() if profile.switched) == SWITCHED_PROFILES
         choices = {"idle_percent": IDLE_PERCENT, "fast_decay_percent": tuple(FAST_DECAY_PERCENT.values())}
@@ -427,7 +427,7 @@ VALUES = st.one_of(
 
 
 @given(place=st.sampled_from([i for i, line in enumerate(LINES) if re.match(r"\w+ = ", line)]), value=VALUES)
-def test_any_value_anywhere_makes_a_robot_or_a_complaint(place: int, value: str) -> None:
+def test_any_value_at_any_key_gives_a_robot_or_an_error(place: int, value: str) -> None:
     key = LINES[place].partition(" = ")[0]
     text = "\n".join([*LINES[:place], f"{key} = {value}", *LINES[place + 1 :]])
     try:
@@ -441,7 +441,7 @@ def test_any_value_anywhere_makes_a_robot_or_a_complaint(place: int, value: str)
 
 
 @given(st.binary().map(lambda content: content.decode("utf-8", "replace")) | st.text())
-def test_any_text_makes_a_complaint(text: str) -> None:
+def test_any_text_gives_an_error(text: str) -> None:
     assert complaint(text).startswith("mine.toml: ")
 
 
@@ -472,11 +472,11 @@ class TestLoading:
         with pytest.raises(InputError, match=r"^robot 'warehouse-skara' is unknown: did you mean warehouse-scara\?$"):
             load_robot("warehouse-skara")
 
-    def test_a_name_like_none_offers_all(self) -> None:
+    def test_a_name_near_none_offers_all(self) -> None:
         with pytest.raises(InputError, match=r"^robot 'zzz' is unknown: there are .*warehouse-scara"):
             load_robot("zzz")
 
-    def test_a_file_of_ones_own(self, tmp_path: Path) -> None:
+    def test_a_users_own_file(self, tmp_path: Path) -> None:
         file = tmp_path / "mine.toml"
         file.write_text(changed('name = "warehouse-scara"', 'name = "mine"'), encoding="utf-8")
         assert load_robot(str(file)).name == "mine"

@@ -46,7 +46,7 @@ class TestMonteCarlo:
         assert first.radius_mm == again.radius_mm
         assert first.radius_mm != other.radius_mm
 
-    def test_what_the_mechanism_forbids_is_left_out(self) -> None:
+    def test_samples_that_the_mechanism_cannot_take_are_left_out(self) -> None:
         """|z2| <= 150, with z2 = D k / 2 and k = sqrt(4 L^2 / (4 h^2 + D^2) - 1) of the sliders' distance D."""
         cloud = monte_carlo(load_robot("hybrid-arm"), 50_000, 2)
         rng = np.random.default_rng(2)
@@ -79,16 +79,16 @@ class TestMonteCarlo:
         with pytest.raises(InputError, match=rf"samples: {samples} is outside 1\.\.10000000"):
             monte_carlo(load_robot("lab-scara"), samples, 1)
 
-    def test_no_such_seed(self) -> None:
+    def test_a_negative_seed_is_refused(self) -> None:
         with pytest.raises(InputError, match="seed: -1 is below 0"):
             monte_carlo(load_robot("lab-scara"), 10, -1)
 
 
 def reachable_rad(l1_mm: float, l2_mm: float, shoulder_deg: float, elbow_rad: FloatArray) -> FloatArray:
-    """How much of a circle two links reach with a shoulder within +- a limit, at the radius of an elbow's angle.
+    """Return the part of a circle that two links reach with the shoulder within +- a limit, at an elbow's angle.
 
     The right arm's wrist is b = atan2(l2 sin e, l1 + l2 cos e) to the left of the upper arm, the left arm's b to the
-    right, and the two arcs overlap: 2 (limit + b), until that closes the circle.
+    right. The two arcs overlap and make 2 (limit + b), at most the whole circle.
     """
     b_rad = np.arctan2(l2_mm * np.sin(elbow_rad), l1_mm + l2_mm * np.cos(elbow_rad))
     width_rad: FloatArray = np.minimum(2.0 * (np.deg2rad(shoulder_deg) + b_rad), 2.0 * pi)
@@ -96,7 +96,7 @@ def reachable_rad(l1_mm: float, l2_mm: float, shoulder_deg: float, elbow_rad: Fl
 
 
 def planar_area_mm2(l1_mm: float, l2_mm: float, shoulder_deg: float, elbow_deg: float) -> float:
-    """Integral of r w dr, over the elbow's angle e: r dr = -l1 l2 sin e de."""
+    """Integrate r w dr over the elbow's angle e: r dr = -l1 l2 sin e de."""
     elbow_rad = np.linspace(0.0, np.deg2rad(elbow_deg), 200_001)
     width_rad = reachable_rad(l1_mm, l2_mm, shoulder_deg, elbow_rad)
     return float(np.trapezoid(width_rad * l1_mm * l2_mm * np.sin(elbow_rad), elbow_rad))
@@ -107,7 +107,7 @@ ARMS = {
     "teaching-scara": (95.0, 100.0, 130.0, 150.0),
     "calibration-scara": (250.0, 350.0, 130.0, 145.0),
 }
-"""Both links, and the limits of shoulder and elbow."""
+"""Lengths of both links, and limits of shoulder and elbow."""
 
 REACHES = {
     "lab-scara": (338.094609393, 800.0),
@@ -116,7 +116,7 @@ REACHES = {
     "warehouse-scara": (62.657078, 390.0),
     "hybrid-arm": (250.0, 550.0),
 }
-"""Warehouse: the elbow at 150 degrees has the wrist at 102.657078 mm, from where the tool may point inwards, 40 mm."""
+"""Warehouse: with the elbow at 150 degrees the wrist is at 102.657078 mm, and the tool may point 40 mm inwards."""
 
 HEIGHTS = {
     "lab-scara": (-150.0, 100.0),
@@ -155,7 +155,7 @@ class TestSections:
 
     @pytest.mark.parametrize("robot", ARMS)
     def test_full_circles_and_dead_sectors(self, robot: str) -> None:
-        """Even narrow dead sectors are seen: they lie about an axis, which the scan looks along."""
+        """The scan finds even narrow dead sectors, because they lie about an axis, which is on its grid."""
         l1_mm, l2_mm, shoulder_deg, _ = ARMS[robot]
         plan = scanned(robot).plan
         elbow_rad = np.arccos((plan.radii_mm**2 - l1_mm**2 - l2_mm**2) / (2.0 * l1_mm * l2_mm))
@@ -185,7 +185,7 @@ class TestSections:
         assert (wrist_mm.min(), wrist_mm.max()) == pytest.approx((102.657078, 350.0), abs=1e-6)
 
     def test_the_warehouse_arm_in_any_attitude(self) -> None:
-        """The area where some of many attitudes has the wrist within its own region, on a polar grid."""
+        """The area is that of the points of a polar grid at which one of many attitudes has the wrist in its region."""
         radius_mm = np.linspace(60.0, 392.0, 250)
         azimuth_rad = np.deg2rad(np.arange(-179.5, 180.0, 1.0))
         tool_rad = np.deg2rad(np.arange(0.0, 360.0, 3.0))
@@ -212,7 +212,7 @@ class TestSections:
         np.testing.assert_allclose(moved.plan.boundary_mm, expected_mm, rtol=0.0, atol=1e-6)
 
     def test_the_hybrid_arm(self) -> None:
-        """Each height is the sliders' stroke less the difference of the links' rises, at z2 = radius - 400."""
+        """Each height is the sliders' stroke minus the difference of the links' rises, at z2 = radius - 400."""
         sections = scanned("hybrid-arm")
         profile = sections.profile
         assert profile.area_mm2 == pytest.approx(126_839.592, rel=1e-5)
@@ -229,7 +229,7 @@ class TestSections:
         assert sections.profile.area_mm2 > 0.0
 
     def test_a_wrist_that_cannot_turn_limits_an_attitude(self) -> None:
-        """th4 within +-10 degrees leaves an arm whose links point, together, within 10 degrees of the attitude."""
+        """With th4 within +-10 degrees, th1 + th2 must be within 10 degrees of the attitude."""
         robot = load_robot("teaching-scara")
         stiff = dataclasses.replace(robot.joints[3], lower=-10.0, upper=10.0)
         narrow = scan(dataclasses.replace(robot, joints=(*robot.joints[:3], stiff)), 0.0)
@@ -237,8 +237,8 @@ class TestSections:
         assert np.max(np.abs(narrow.plan.boundary_mm[:, 1])) <= 95.0 + 100.0 * np.sin(np.deg2rad(10.0)) + 1e-6
 
     @pytest.mark.parametrize("robot", ARMS)
-    def test_boundaries_are_where_a_little_further_is_out_of_reach(self, robot: str) -> None:
-        """A micrometre to one side of each point is within reach, to the other side out of it."""
+    def test_boundary_points_are_on_the_edge_of_reach(self, robot: str) -> None:
+        """One micrometre to one side of each point is within reach, to the other side out of reach."""
         kinematics, plan = make_kinematics(load_robot(robot)), scanned(robot).plan
         for beyond_mm in (-1e-3, 1e-3):
             points_mm = plan.boundary_mm * (1.0 + beyond_mm / np.hypot(*plan.boundary_mm.T))[:, None]
@@ -250,7 +250,7 @@ class TestSections:
 
 
 def disc(x: FloatArray, y: FloatArray) -> BoolArray:
-    """Around (0.3, 0.2), with radius 1."""
+    """A disc with its centre at (0.3, 0.2) and radius 1."""
     return np.asarray((x - 0.3) ** 2 + (y - 0.2) ** 2 <= 1.0)
 
 
@@ -282,7 +282,7 @@ class TestStretches:
         turned = swapped(disc)
         assert extent(turned, lines, grid, stretches(turned, lines, grid)) == pytest.approx((-0.7, 1.3), abs=1e-9)
 
-    def test_nothing(self) -> None:
+    def test_a_region_with_nothing_inside(self) -> None:
         lines, grid = np.array([5.0, 6.0]), np.linspace(-1.0, 1.0, 5)
         found = stretches(disc, lines, grid)
         assert widths(found, 2).tolist() == [0.0, 0.0]

@@ -1,4 +1,4 @@
-"""The calibration robot's demonstration move."""
+"""The calibration robot's demo move."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The classroom robot's carrying: the paper's cubic and quintic, and picking with repetitions."""
+"""The classroom robot's carry job: the paper's cubic and quintic, and gripping with repetitions."""
 
 import numpy as np
 import pytest
@@ -23,14 +23,14 @@ GOLDEN_CUBIC = """
 0.990  -29.917528054  86.151758213  -56.234230176  137.920606143  35.750139461
 1.000  -29.926445076  86.177436050  -56.250990974  137.888910092  35.753580548
 """
-"""t, th1, th2, th4, x, y."""
+"""Rows of t, th1, th2, th4, x, y."""
 
 GOLDEN_QUINTIC = {
     10: (-0.822151427, 2.367471477, -1.545375779),
     33: (-14.964998707, 43.093817349, -28.128847290),
     50: (-27.063198215, 77.932308340, -50.869115608),
 }
-"""th1, th2, th4 at k of 66 in 0.99 s."""
+"""th1, th2, th4 at step k of 66 in 0.99 s."""
 
 
 def carry(**options: str) -> Trajectory:
@@ -66,18 +66,18 @@ def test_peak_speeds_are_half_way(options: dict[str, str], peaks_deg_s: tuple[fl
 
 
 def test_the_attitude_stays() -> None:
-    """qa and qb both have th1 + th2 + th4 = 0 to a millionth of a radian."""
+    """At qa and qb, th1 + th2 + th4 is 0 within a millionth of a radian."""
     poses = SCARA.forward(carry().positions(np.linspace(0.0, 1.0, 101)))
     assert np.abs(poses[:, 3]).max() < np.rad2deg(1.1e-6)
 
 
-def test_the_goals_triangle_is_of_another_arm() -> None:
-    """The paper's goal fits links in the ratio 5 : 3, not 95 : 100: cos th1, th2, th4 are 13/15, 1/15, 5/9."""
+def test_the_papers_goal_belongs_to_another_arm() -> None:
+    """The paper's goal fits links with the ratio 5 : 3, not 95 : 100: cos th1, th2, th4 are 13/15, 1/15, 5/9."""
     goal_rad = np.deg2rad(carry().positions(np.array([1.0]))[0])
     assert np.cos(goal_rad[[0, 1, 3]]) == pytest.approx([13 / 15, 1 / 15, 5 / 9], abs=4e-7)
 
 
-def test_repetitions_go_there_and_back() -> None:
+def test_repetitions_go_forth_and_back() -> None:
     trajectory = carry(repetitions="3")
     assert trajectory.duration_s == 5.0
     ends = trajectory.positions(np.arange(6.0))
@@ -86,7 +86,7 @@ def test_repetitions_go_there_and_back() -> None:
     assert trajectory.switchings == ()
 
 
-def test_picking_grips_down_there_and_nowhere_else() -> None:
+def test_the_gripper_switches_only_when_lowered() -> None:
     trajectory = carry(depth_mm="20", repetitions="2")
     assert [(s.output, s.on) for s in trajectory.switchings] == [("gripper", True), ("gripper", False)] * 2
     for switching in trajectory.switchings:
@@ -100,7 +100,7 @@ def test_picking_grips_down_there_and_nowhere_else() -> None:
 
 
 def test_too_fast_is_refused() -> None:
-    """The cubic's th2 needs 129.25 deg/s at 1 s, and 517 deg/s^2: at 0.72 s a tiny bit less than its 180 deg/s."""
+    """The cubic's th2 needs 129.25 deg/s and 517 deg/s^2 for 1 s; for 0.72 s it needs just under its 180 deg/s."""
     plan(ROBOT, carry(duration_s="0.72"))
     with pytest.raises(InputError, match=r"^th2: a speed of 182\.0\d* deg/s at t = 0\.355 s is more than 180"):
         plan(ROBOT, carry(duration_s="0.71"))

@@ -1,4 +1,4 @@
-"""The drawer pull against the reference figures, which were computed from the paper's geometry independently."""
+"""The drawer pull against reference figures, computed independently from the paper's geometry."""
 
 import dataclasses
 
@@ -55,7 +55,7 @@ def test_the_table(elbow: str, table: list[tuple[float, ...]]) -> None:
 
 
 @pytest.mark.parametrize("elbow", ["right", "left"])
-def test_the_tool_keeps_to_its_line(elbow: str) -> None:
+def test_the_tool_stays_on_its_line(elbow: str) -> None:
     poses = SCARA.forward(pull(elbow=elbow).positions(SAMPLES_S))
     assert np.abs(poses[:, [0, 2, 3]] - [275.0, 60.0, 90.0]).max() < 1e-9
     assert poses[0, 1] - poses[-1, 1] == pytest.approx(180.0, abs=1e-9)
@@ -80,7 +80,7 @@ def test_counts(
 
 
 def test_poses_from_whole_steps() -> None:
-    """What the tool is off by when every joint stands at its nearest step."""
+    """Error of the tool with every joint at its nearest whole step."""
     joints = pull().positions(SAMPLES_S)
     off = SCARA.forward(step_counts(joints) / ROBOT.steps_per_unit) - SCARA.forward(joints)
     assert np.hypot(off[:, 0], off[:, 1]).max() == pytest.approx(0.089622, abs=1e-6)
@@ -89,7 +89,7 @@ def test_poses_from_whole_steps() -> None:
 
 
 def test_speeds() -> None:
-    """The reference figures are means over 10 ms; the momentary speed, largest where a ramp ends, is a bit more."""
+    """The reference figures are means over 10 ms; the highest speed, at the end of a ramp, is slightly above."""
     trajectory = pull()
     means = np.abs(np.diff(trajectory.positions(SAMPLES_S), axis=0)).max(axis=0) / 0.01
     assert means[3:] == pytest.approx([6.088993, 5.056419, 5.387523], abs=1e-6)
@@ -118,7 +118,7 @@ def test_velocities_are_the_derivatives(elbow: str) -> None:
 
 
 def test_the_elbow_opens_until_the_wrist_passes_the_shoulder() -> None:
-    """There the wrist is 275 mm away: cos th2 = (275^2 - 200^2 - 150^2) / (2 200 150) = 0.21875."""
+    """There the wrist is 275 mm from the shoulder: cos th2 = (275^2 - 200^2 - 150^2) / (2 200 150) = 0.21875."""
     t_s = np.linspace(6.5, 7.0, 50_001)
     joints = pull().positions(t_s)
     widest = int(np.argmax(joints[:, 4]))
@@ -128,7 +128,7 @@ def test_the_elbow_opens_until_the_wrist_passes_the_shoulder() -> None:
 
 
 def test_an_arc_cosine_for_the_wrist_direction_fails_the_pull() -> None:
-    """As printed: alpha = acos(x / r) loses the sign of y once the wrist is on the near side of the shoulder."""
+    """The printed alpha = acos(x / r) loses the sign of y when the wrist is on the near side of the shoulder."""
     joints = pull().positions(SAMPLES_S)
     planned = SCARA.forward(joints)
     wrist_y = planned[:, 1] - 40.0
@@ -195,7 +195,7 @@ class TestOptions:
             job_options(ROBOT, "x")
 
 
-def test_a_robot_too_small_for_the_drawer_is_told_where_it_ends() -> None:
+def test_the_error_for_too_small_a_robot_says_where_it_ends() -> None:
     small = dataclasses.replace(ROBOT, geometry={"L2_mm": 50, "L3_mm": 50, "L4_mm": 40, "L5_mm": 40})
     with pytest.raises(
         InputError, match=r"^at t = 5\.\d+ s the tool's path breaks off: out of reach: shoulder to wrist 100\.\d+ mm is"

@@ -1,4 +1,4 @@
-"""A job's options: from texts to a dataclass, and what each kind of mistake is told."""
+"""A job's options: reading texts into a dataclass, and the error for each kind of mistake."""
 
 import dataclasses
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ ROBOT = load_robot("warehouse-scara")
 
 
 class Side(Enum):
-    """With a value that has a hyphen."""
+    """An enum with a hyphen in a value."""
 
     RIGHT = "right"
     FAR_LEFT = "far-left"
@@ -32,7 +32,7 @@ class Side(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """One of each kind."""
+    """One option of each kind."""
 
     side: Side = Side.RIGHT
     slot: str = place("A1", other_than="hand-over")
@@ -68,7 +68,7 @@ def test_a_text_becomes_a_value(name: str, text: str, field: str, value: object)
     assert type(getattr(options, field)) is type(value)
 
 
-def test_none_and_all() -> None:
+def test_no_options_and_all_options() -> None:
     assert parse_options(Options, {}, ROBOT) == Options()
     texts = {"side": "far-left", "slot": "A2", "pause-s": "1", "angle-deg": "2", "repetitions": "3", "L1-mm": "60"}
     assert parse_options(Options, texts, ROBOT) == Options(Side.FAR_LEFT, "A2", 1.0, 2.0, 3, 60.0)
@@ -104,7 +104,7 @@ def test_none_and_all() -> None:
         ("zzz", "1", "option 'zzz' is unknown: there are side, slot, pause_s, angle_deg, repetitions, L1_mm"),
     ],
 )
-def test_a_mistake_is_told(name: str, text: str, words: str) -> None:
+def test_a_mistake_is_reported(name: str, text: str, words: str) -> None:
     told = complaint_of(lambda: parse_options(Options, {name: text}, ROBOT))
     assert told.startswith(words)
 
@@ -117,14 +117,14 @@ def test_the_range_of_a_joint_is_the_robots() -> None:
 
 
 @pytest.mark.parametrize(("places", "words"), [({}, "none"), ({"B1": {"sx": 1.0}}, "B1")])
-def test_a_default_place_must_be_there(places: dict[str, dict[str, float]], words: str) -> None:
-    """Only the options' own file knows the default, only the robot's file its places."""
+def test_a_default_place_must_exist(places: dict[str, dict[str, float]], words: str) -> None:
+    """The default is set by the job, the places by the robot file, so they may not match."""
     robot = dataclasses.replace(ROBOT, places=places)
     with pytest.raises(InputError, match=rf"^option slot: 'A1' is unknown: (there are|did you mean) {words}"):
         parse_options(Options, {}, robot)
 
 
-def test_a_default_place_need_not_be_there_if_another_is_chosen() -> None:
+def test_a_default_place_may_be_missing_if_another_is_chosen() -> None:
     robot = dataclasses.replace(ROBOT, places={"B1": {"sx": 1.0}})
     assert parse_options(Options, {"slot": "B1"}, robot).slot == "B1"
 

@@ -1,4 +1,4 @@
-"""The warehouse robot's storing and fetching: where it goes, what it switches and when."""
+"""The warehouse robot's store and fetch jobs: their moves, and when their outputs switch."""
 
 import dataclasses
 
@@ -23,7 +23,7 @@ def job(name: str, **options: str) -> Trajectory:
 
 
 def pose_at(trajectory: Trajectory, switching: Switching) -> FloatArray:
-    """The tool's pose in the middle of a switching; at its ends it is the same."""
+    """Return the tool's pose in the middle of a switching, after checking that it is the same at both ends."""
     t_s = np.linspace(switching.from_s, switching.until_s, 11)
     poses = SCARA.forward(trajectory.positions(t_s))
     assert poses == pytest.approx(np.tile(poses[0], (11, 1)), abs=1e-9)
@@ -66,7 +66,7 @@ def test_storing_begins_above_the_box_and_fetching_ends_there() -> None:
 
 
 def test_slides_and_arm_never_move_together_at_the_shelf() -> None:
-    """The slides come first and the arm then, as the paper does it."""
+    """The slides move before the arm, as in the paper."""
     for name in ("store", "fetch"):
         trajectory = job(name)
         moving = np.abs(trajectory.velocities(np.arange(0.0, trajectory.duration_s, 0.005))) > 1e-9
@@ -91,7 +91,7 @@ def test_the_locked_hand_moves_straight_out() -> None:
         ({"outputs": {}}, "outputs: 'magnet' is unknown: there are none"),
     ],
 )
-def test_a_robot_file_without_what_it_takes(changes: dict[str, object], words: str) -> None:
+def test_a_robot_file_without_a_needed_place_or_output(changes: dict[str, object], words: str) -> None:
     robot = dataclasses.replace(ROBOT, **changes)  # type: ignore[arg-type]
     with pytest.raises(InputError, match=words):
         make_job(robot, "store", {})
@@ -99,7 +99,7 @@ def test_a_robot_file_without_what_it_takes(changes: dict[str, object], words: s
 
 @pytest.mark.parametrize("name", ["store", "fetch"])
 def test_an_arm_that_cannot_be_drawn_back(name: str) -> None:
-    """Links of 30 and 400 mm reach the drawer, but do not fold as far as in front of the shelf."""
+    """Links of 30 and 400 mm reach the drawer, but cannot fold back to the position in front of the shelf."""
     robot = dataclasses.replace(ROBOT, geometry={**ROBOT.geometry, "L2_mm": 30.0, "L3_mm": 400.0})
     with pytest.raises(
         InputError,
@@ -108,6 +108,6 @@ def test_an_arm_that_cannot_be_drawn_back(name: str) -> None:
         make_job(robot, name, {})
 
 
-def test_the_hand_over_is_no_slot() -> None:
+def test_the_hand_over_is_not_a_slot() -> None:
     with pytest.raises(InputError, match=r"option slot: 'hand-over' is unknown: there are A1, A2, B1, B2"):
         job("store", slot="hand-over")

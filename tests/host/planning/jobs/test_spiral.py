@@ -27,7 +27,7 @@ GOLDEN_RIGHT = """
 329  -360.625955525  344.416225239  8.225  158.225   -5.122498420  102.879124460  187.756626040
 376  -206.115398481  395.343649757  9.400  159.400  -28.594433304  112.260114816  173.665681513
 """
-"""k, x, y, z, d1, th2, th3, th4."""
+"""Rows of k, x, y, z, d1, th2, th3, th4."""
 
 GOLDEN_LEFT = {
     0: (88.187710192, -102.635625093, 75.552085099),
@@ -88,7 +88,7 @@ def test_law_b_changes_the_lift_only() -> None:
 
 
 def test_psi_turns_the_tool_only() -> None:
-    """With psi = 90 deg, th4 = th2 + th3: the paper's other reading."""
+    """With psi = 90 deg, th4 = th2 + th3, the other reading of the paper."""
     joints = spiral(psi_deg="90").positions(SAMPLES_S)
     assert joints[:, 3] == pytest.approx(joints[:, 1] + joints[:, 2], abs=1e-9)
 
@@ -120,7 +120,7 @@ def test_it_ends_with_the_last_point_at_rest() -> None:
         ),
     ],
 )
-def test_what_it_refuses(options: dict[str, str], words: str) -> None:
+def test_options_that_are_refused(options: dict[str, str], words: str) -> None:
     told = complaint_of(lambda: spiral(**options))
     assert told.startswith(words)
 

@@ -1,4 +1,4 @@
-"""Laws of every kind at random, and what they reach."""
+"""Random laws of every kind, and measures of a law."""
 
 import numpy as np
 from hypothesis import strategies as st
@@ -29,18 +29,18 @@ def durations_s() -> st.SearchStrategy[float]:
 
 
 def laws() -> st.SearchStrategy[Law]:
-    """Any law of any kind."""
+    """Draw a law of any kind."""
     cubics = st.builds(Cubic, DISTANCES, durations_s())
     quintics = st.builds(Quintic, DISTANCES, durations_s())
     return st.one_of(trapezoids(), cubics, quintics, s_curves())
 
 
 def instants_s(law: Law) -> FloatArray:
-    """A grid over the whole law with start, breakpoints and end."""
+    """Return a grid over the whole law with start, breakpoints and end."""
     grid_s = np.linspace(0.0, law.duration_s, 101)
     return np.unique(np.concatenate([grid_s, law.breakpoints_s, [law.duration_s]]))
 
 
 def peak_speed(law: Law) -> float:
-    """The highest on the grid, which contains the middle."""
+    """Return the highest speed on the grid, which contains the middle."""
     return float(np.abs(law.velocity(instants_s(law))).max())

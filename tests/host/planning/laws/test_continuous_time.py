@@ -15,13 +15,13 @@ def decades(lowest: float, highest: float) -> st.SearchStrategy[float]:
 
 
 def trapezoid_s(size: float, speed: float, acceleration: float) -> float:
-    """The speed reached is the limit, or what half of the distance leads to: v^2 = S a."""
+    """Return the optimum duration: the speed reached is the limit or, over half of the distance, v^2 = S a."""
     reached = min(speed, sqrt(size * acceleration))
     return size / reached + reached / acceleration
 
 
 def s_curve_s(size: float, speed: float, acceleration: float, jerk: float) -> float:
-    """Jerk lasts until the acceleration is reached, or the speed, j tj^2 = v, or half of the distance, 2 j tj^3 = S.
+    """Return the optimum: the jerk ends at the highest acceleration, speed, j tj^2 = v, or half distance, 2 j tj^3 = S.
 
     Then T = S/v + v/a + tj with the speed reached: the limit, or that of ramps that meet, S = v (v/a + tj).
     """
@@ -37,7 +37,7 @@ KINDS: dict[str, tuple[Callable[..., Law], Callable[..., float], int]] = {
     "quintic": (Quintic.fastest, lambda s, v, a: max(1.875 * s / v, sqrt(10.0 / sqrt(3.0) * s / a)), 1),
     "s-curve": (SCurve.fastest, s_curve_s, 4),
 }
-"""The choice, the optimum, and into how many equal phases a law may fall that each are rounded up."""
+"""The law's choice, the optimum, and the number of phases whose durations are rounded up."""
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -1,4 +1,4 @@
-"""What holds for every time law: from rest to rest, consistent derivatives, no way back, breakpoints on the grid."""
+"""Properties of every time law: rest at both ends, consistent derivatives, no reversal, breakpoints on the grid."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from steptwin.host.planning.laws import Cubic, Law, Quintic, SCurve, Trapezoid
 from tests.host.planning.laws.made import DISTANCES, durations_s, instants_s, laws, peak_speed, s_curves
 
-# Gauss-Legendre with 3 points: exact for velocities up to degree 5, and it never looks at a breakpoint.
+# Gauss-Legendre with 3 points: exact for velocities up to degree 5, and without nodes at breakpoints.
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(3)
 
 
@@ -23,7 +23,7 @@ def test_it_goes_from_rest_to_rest_over_the_whole_distance(law: Law) -> None:
 
 @given(laws())
 def test_velocity_and_acceleration_are_the_derivatives(law: Law) -> None:
-    """Their integrals between instants, none of which spans a breakpoint, are the differences, all but exactly."""
+    """Their integrals between instants without a breakpoint in between equal the differences, up to rounding."""
     t_s = instants_s(law)
     dt_s = np.diff(t_s)
     inside_s = (t_s[:-1] + dt_s / 2)[:, np.newaxis] + dt_s[:, np.newaxis] / 2 * NODES
@@ -42,7 +42,7 @@ def test_it_never_turns_back(law: Law) -> None:
 
 @given(st.one_of(s_curves(), st.builds(Quintic, DISTANCES, durations_s())))
 def test_the_soft_laws_acceleration_never_jumps(law: SCurve | Quintic) -> None:
-    """Within a microsecond, around a breakpoint too, it changes no more than by the highest jerk; 0 at both ends."""
+    """Within a microsecond, also at a breakpoint, it changes at most by the highest jerk; it is 0 at both ends."""
     before_s = np.clip(instants_s(law) - 0.5e-6, 0.0, law.duration_s - 1e-6)
     changes = law.acceleration(before_s + 1e-6) - law.acceleration(before_s)
     if isinstance(law, SCurve):

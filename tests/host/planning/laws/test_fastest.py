@@ -1,4 +1,4 @@
-"""The fastest law within limits: it keeps them, a millisecond less would not, and limits that make no sense."""
+"""The fastest laws: they keep their limits, a law 1 ms shorter would not, and senseless limits are refused."""
 
 from collections.abc import Callable
 from math import inf, nan, sqrt
@@ -38,7 +38,7 @@ def test_the_trapezoid_keeps_its_limits(distance: float, speed: float, accelerat
     ("kind", "speed_peak", "acceleration_peak"), [(Cubic, 1.5, 6.0), (Quintic, 15.0 / 8.0, 10.0 / sqrt(3.0))]
 )
 @given(distance=DISTANCES, speed=LIMITS, acceleration=LIMITS)
-def test_polynomials_keep_their_limits_and_barely(
+def test_polynomials_just_keep_their_limits(
     kind: type[Cubic | Quintic],
     speed_peak: float,
     acceleration_peak: float,
@@ -46,7 +46,7 @@ def test_polynomials_keep_their_limits_and_barely(
     speed: float,
     acceleration: float,
 ) -> None:
-    """The peaks are given in S/T and S/T^2."""
+    """The peaks are in S/T and S/T^2."""
     law = kind.fastest(distance, speed, acceleration)
     assert law.distance == distance
     assert speed_peak * abs(distance) / law.duration_s <= speed * KEPT
@@ -68,7 +68,7 @@ def test_the_s_curve_keeps_its_limits(distance: float, speed: float, acceleratio
     assert peak_jerk(law) <= jerk * KEPT
 
 
-# Limits for motions so short that all shorter laws can be tried, and that whole milliseconds are coarse.
+# Limits of short motions: all shorter laws can be tried, and whole milliseconds are coarse.
 SHORT = st.floats(-1.0, 1.0)
 SPEEDS = st.floats(0.5, 2.0).map(lambda exponent: 10.0**exponent)
 ACCELERATIONS = st.floats(2.0, 4.5).map(lambda exponent: 10.0**exponent)
@@ -77,7 +77,7 @@ JERKS = st.floats(4.0, 7.5).map(lambda exponent: 10.0**exponent)
 
 @given(SHORT, SPEEDS, ACCELERATIONS)
 def test_no_trapezoid_is_shorter(distance: float, speed: float, acceleration: float) -> None:
-    """Whatever its ramps, one that lasts a millisecond less exceeds a limit."""
+    """Every trapezoid that is 1 ms shorter exceeds a limit."""
     shorter_ms = round(1000 * Trapezoid.fastest(distance, speed, acceleration).duration_s) - 1
     ramps_ms = np.arange(1, shorter_ms // 2 + 1)
     speeds = 1e3 * abs(distance) / (shorter_ms - ramps_ms)
@@ -86,7 +86,7 @@ def test_no_trapezoid_is_shorter(distance: float, speed: float, acceleration: fl
 
 @given(SHORT, SPEEDS, ACCELERATIONS, JERKS)
 def test_no_s_curve_is_shorter(distance: float, speed: float, acceleration: float, jerk: float) -> None:
-    """Whatever its ramps and phases, one that lasts a millisecond less exceeds a limit."""
+    """Every S-curve that is 1 ms shorter exceeds a limit."""
     shorter_ms = round(1000 * SCurve.fastest(distance, speed, acceleration, jerk).duration_s) - 1
     ramps_ms, jerks_ms = np.meshgrid(np.arange(2, shorter_ms // 2 + 1), np.arange(1, shorter_ms // 4 + 1))
     ramps_ms, jerks_ms = ramps_ms[2 * jerks_ms <= ramps_ms], jerks_ms[2 * jerks_ms <= ramps_ms]
@@ -108,7 +108,7 @@ def test_by_hand() -> None:
 
 
 def test_a_shorter_ramp_may_make_a_shorter_motion() -> None:
-    """Ramps of 1.2 ms would meet after 2.4 ms: two of 2 ms take 4 ms, but 1 ms, slower, 3 ms."""
+    """Ramps of 1.2 ms would meet after 2.4 ms. Two of 2 ms take 4 ms, a slower motion with 1 ms takes 3 ms."""
     assert Trapezoid.fastest(1.44e-3, 1e3, 1e3) == Trapezoid(1.44e-3, 0.003, 0.001)
 
 
@@ -124,7 +124,7 @@ FASTEST: dict[str, Callable[[float, float, float, float], Law]] = {
     ("kind", "shortest_s"), [("trapezoid", 0.002), ("cubic", 0.001), ("quintic", 0.001), ("s-curve", 0.004)]
 )
 @pytest.mark.parametrize(("distance", "limit"), [(0.0, 1.0), (0.0, 1e-300), (1.0, 1e300)])
-def test_nothing_to_cover_and_nothing_to_keep(kind: str, shortest_s: float, distance: float, limit: float) -> None:
+def test_no_distance_and_no_limits(kind: str, shortest_s: float, distance: float, limit: float) -> None:
     law = FASTEST[kind](distance, limit, limit, limit)
     assert law.duration_s == shortest_s
     assert law.position(np.array([0.0, law.duration_s])).tolist() == [0.0, distance]
@@ -133,14 +133,14 @@ def test_nothing_to_cover_and_nothing_to_keep(kind: str, shortest_s: float, dist
 @pytest.mark.parametrize("kind", FASTEST)
 @pytest.mark.parametrize("limit", [0.0, -1.0, inf, nan])
 @pytest.mark.parametrize("which", ["speed_max", "acceleration_max"])
-def test_limits_that_are_none(kind: str, which: str, limit: float) -> None:
+def test_senseless_limits_are_refused(kind: str, which: str, limit: float) -> None:
     limits = {"speed_max": 1.0, "acceleration_max": 1.0} | {which: limit}
     with pytest.raises(InputError, match=rf"{which}: {limit:g} is not a finite number above 0"):
         FASTEST[kind](1.0, limits["speed_max"], limits["acceleration_max"], 1.0)
 
 
 @pytest.mark.parametrize("limit", [0.0, -1.0, inf, nan])
-def test_jerks_that_are_none(limit: float) -> None:
+def test_senseless_jerks_are_refused(limit: float) -> None:
     with pytest.raises(InputError, match=rf"jerk_max: {limit:g} is not a finite number above 0"):
         SCurve.fastest(1.0, 1.0, 1.0, limit)
 
@@ -164,6 +164,6 @@ def test_a_jerk_so_low_that_it_lasts_too_long() -> None:
 
 @pytest.mark.parametrize("kind", FASTEST)
 @pytest.mark.parametrize("distance", [inf, -inf, nan])
-def test_a_distance_that_is_none(kind: str, distance: float) -> None:
+def test_a_distance_must_be_finite(kind: str, distance: float) -> None:
     with pytest.raises(InputError, match="at most 1000000 s"):
         FASTEST[kind](distance, 1.0, 1.0, 1.0)

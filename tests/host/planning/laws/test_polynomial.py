@@ -1,4 +1,4 @@
-"""Cubic and quintic: values by hand, published numbers, peaks, and durations that are refused."""
+"""Cubic and quintic: hand-computed values, published numbers, peaks, and durations that are refused."""
 
 from math import degrees, sqrt
 
@@ -30,7 +30,7 @@ def test_the_quintic_by_hand() -> None:
 
 
 def cubic_coefficients(law: Cubic) -> tuple[float, float]:
-    """a2 and a3 of s = a2 t^2 + a3 t^3, from the acceleration 2 a2 + 6 a3 t."""
+    """Return a2 and a3 of s = a2 t^2 + a3 t^3, from the acceleration 2 a2 + 6 a3 t."""
     at_start, at_end = law.acceleration(np.array([0.0, law.duration_s])).tolist()
     return at_start / 2.0, (at_end - at_start) / (6.0 * law.duration_s)
 

@@ -1,4 +1,4 @@
-"""The jerk-limited law: values by hand, its phases, its peaks, and times that make none."""
+"""The jerk-limited law: hand-computed values, phases, peaks, and times that are refused."""
 
 from itertools import pairwise
 
@@ -24,8 +24,8 @@ def test_seven_phases_by_hand() -> None:
     assert LAW.acceleration(t_s).tolist() == [0.0, 4.0, 4.0, 4.0, 0.0, 0.0, 0.0, -4.0, -4.0, -4.0, 0.0]
 
 
-def test_phases_that_do_not_last() -> None:
-    """Ramps that meet, and acceleration that falls as soon as it has risen: four phases."""
+def test_phases_that_vanish() -> None:
+    """The ramps meet, and the acceleration falls as soon as it has risen: four phases."""
     law = SCurve(-2.0, 0.4, 0.2, 0.1)
     assert law.breakpoints_s == (0.1, 0.2, 0.3)
     t_s = np.array([0.05, 0.1, 0.2, 0.3, 0.4])
@@ -36,7 +36,7 @@ def test_phases_that_do_not_last() -> None:
 
 @given(s_curves())
 def test_the_jerk_is_constant_in_each_phase(law: SCurve) -> None:
-    """a / tj, 0, -a / tj, 0 and the same backwards."""
+    """The jerk is a / tj, 0, -a / tj, 0, and then the same backwards."""
     a = law.speed / (law.ramp_s - law.jerk_s)
     corners_s = [law.jerk_s, law.ramp_s - law.jerk_s, law.ramp_s]
     corners_s = [0.0, *corners_s, *(law.duration_s - t_s for t_s in reversed(corners_s)), law.duration_s]
@@ -47,7 +47,10 @@ def test_the_jerk_is_constant_in_each_phase(law: SCurve) -> None:
 @given(s_curves())
 def test_each_phase_is_one_cubic(law: SCurve) -> None:
     """The cubic through four points of a phase passes the fifth in its middle: a PVT segment is the law itself."""
-    u, weights = np.array([0.0, 0.25, 0.75, 1.0, 0.5]), np.array([-1.0, 4.0, 4.0, -1.0]) / 6.0  # Lagrange's at 1/2
+    u, weights = (
+        np.array([0.0, 0.25, 0.75, 1.0, 0.5]),
+        np.array([-1.0, 4.0, 4.0, -1.0]) / 6.0,
+    )  # Lagrange's coefficients at 1/2
     for begin_s, end_s in pairwise([0.0, *law.breakpoints_s, law.duration_s]):
         *around, middle = law.position(begin_s + (end_s - begin_s) * u)
         assert middle == pytest.approx(around @ weights, abs=1e-11 * abs(law.distance))
@@ -62,7 +65,7 @@ def test_between_the_ramps_the_speed_is_constant(law: SCurve) -> None:
 
 @given(s_curves())
 def test_it_cuts_the_corners_of_the_trapezoid(law: SCurve) -> None:
-    """With the same ramps both have the same speed between them, and cover as much in every phase of the trapezoid."""
+    """With equal ramps both laws have the same speed between them and cover the same distance in each phase."""
     trapezoid = Trapezoid(law.distance, law.duration_s, law.ramp_s)
     t_s = np.array([law.ramp_s, law.duration_s / 2, law.duration_s - law.ramp_s])
     assert law.speed == trapezoid.speed
@@ -86,13 +89,13 @@ def test_it_cuts_the_corners_of_the_trapezoid(law: SCurve) -> None:
         ((10.0, 2.0, float("nan")), ["jerk_s", "nan"]),
     ],
 )
-def test_times_that_make_no_s_curve(times_s: tuple[float, float, float], words: list[str]) -> None:
+def test_times_that_are_refused(times_s: tuple[float, float, float], words: list[str]) -> None:
     told = complaint_of(lambda: SCurve(1.0, *times_s))
     for word in words:
         assert word in told
 
 
-def test_times_just_right() -> None:
+def test_times_at_their_bounds() -> None:
     assert SCurve(1.0, 10.0, 5.0, 2.5).breakpoints_s == (2.5, 5.0, 7.5)
     assert SCurve(1.0, 0.004, 0.002, 0.001).breakpoints_s == (0.001, 0.002, 0.003)
     assert SCurve(1.0, 0.6, 0.1 + 0.2, 0.15).breakpoints_s == (0.15, 0.3, 0.45)  # 0.30000000000000004 s is 300 ms

@@ -1,4 +1,4 @@
-"""The trapezoidal time law, the law as the paper prints it, and times that make none."""
+"""The trapezoidal time law, the law as the paper prints it, and times that are refused."""
 
 import numpy as np
 import pytest
@@ -30,13 +30,13 @@ def test_ramps_that_meet_have_one_breakpoint() -> None:
 
 
 @given(trapezoids())
-def test_where_it_jumps_the_acceleration_is_that_after_the_jump(law: Trapezoid) -> None:
+def test_at_a_jump_the_acceleration_is_the_value_after_it(law: Trapezoid) -> None:
     jumps_s = np.array(law.breakpoints_s)
     assert law.acceleration(jumps_s).tolist() == law.acceleration(jumps_s + 1e-7).tolist()
 
 
 def as_printed(t_s: FloatArray, distance: float, duration_s: float, ramp_s: float) -> FloatArray:
-    """The paper's own formula: its first branch lacks the half, its third repeats the second."""
+    """Return the paper's formula: its first branch lacks the half, its third branch repeats the second."""
     v = distance / (duration_s - ramp_s)
     return np.where(t_s <= ramp_s, v * t_s**2 / ramp_s, v * (t_s - ramp_s / 2.0))
 
@@ -44,7 +44,7 @@ def as_printed(t_s: FloatArray, distance: float, duration_s: float, ramp_s: floa
 def test_the_printed_law_misses_the_180_mm() -> None:
     t_s = np.array([2.0, 2.0 + 1e-9, 10.0])
     printed = as_printed(t_s, 180.0, 10.0, 2.0)
-    assert printed == pytest.approx([45.0, 22.5, 202.5])  # a jump at the end of the ramp, then too far
+    assert printed == pytest.approx([45.0, 22.5, 202.5])  # it jumps at the end of the ramp and then goes too far
     assert PULL.position(t_s) == pytest.approx([22.5, 22.5, 180.0])
 
 
@@ -62,13 +62,13 @@ def test_the_printed_law_misses_the_180_mm() -> None:
         (float("inf"), 0.2, ["duration_s", "inf"]),
     ],
 )
-def test_times_that_make_no_trapezoid(duration_s: float, ramp_s: float, words: list[str]) -> None:
+def test_times_that_are_refused(duration_s: float, ramp_s: float, words: list[str]) -> None:
     told = complaint_of(lambda: Trapezoid(1.0, duration_s, ramp_s))
     for word in words:
         assert word in told
 
 
-def test_times_just_right() -> None:
+def test_times_at_their_bounds() -> None:
     assert Trapezoid(1.0, 10.0, 5.0).speed == 0.2
     assert Trapezoid(1.0, 0.002, 0.001).breakpoints_s == (0.001,)
     assert Trapezoid(1.0, 0.1 + 0.2, 0.1).breakpoints_s == (0.1, 0.2)  # 0.30000000000000004 s is 300 ms

@@ -1,4 +1,4 @@
-"""Composing a sequence: how fast joints go, where they are afterwards, when outputs switch, and what is refused."""
+"""Composing a sequence: speeds of joints, positions reached, times of switchings, and moves that are refused."""
 
 from dataclasses import replace
 
@@ -43,15 +43,15 @@ def only_part(moves: Composer) -> JointMove:
 
 
 @given(positions(), positions())
-def test_joints_keep_their_pace_and_go_no_slower_than_it_allows(start: FloatArray, goal: FloatArray) -> None:
-    """80 % of every joint's speed and acceleration, reached in a tenth of a second; one joint once needs it."""
+def test_joints_go_as_fast_as_their_pace_allows(start: FloatArray, goal: FloatArray) -> None:
+    """Moves use at most 80 % of each joint's speed and acceleration, reached in 0.1 s, and one joint reaches it."""
     moves = Composer(WAREHOUSE, start)
     moves.go(goal)
     if np.abs(goal - start).max() < 1e-9:
         assert moves.sequence().parts == ()
         return
     part = only_part(moves)
-    t_s = np.arange(round(1000 * part.duration_s) + 1) / 1000  # all breakpoints are among them
+    t_s = np.arange(round(1000 * part.duration_s) + 1) / 1000  # the grid contains all breakpoints
     speeds_max = np.array([joint.speed_max for joint in WAREHOUSE.joints])
     accelerations_max = np.array([joint.acceleration_max for joint in WAREHOUSE.joints])
     accelerations = part.accelerations(t_s)
@@ -62,14 +62,14 @@ def test_joints_keep_their_pace_and_go_no_slower_than_it_allows(start: FloatArra
         (np.abs(jerks) / accelerations_max).max() * JERK_TIME_S,
     ]
     assert max(used) <= PACE * (1.0 + 1e-6)
-    if part.duration_s > 0.5:  # else whole milliseconds are coarse
+    if part.duration_s > 0.5:  # for shorter moves whole milliseconds are coarse
         assert max(used) > 0.97 * PACE
     assert part.positions(np.array([0.0, part.duration_s])) == pytest.approx(np.array([start, goal]), abs=1e-9)
     assert moves.joints == pytest.approx(goal, abs=1e-9)
 
 
 def test_a_long_move_reaches_the_pace() -> None:
-    """sx: 240 mm/s after 0.7 s, 400 mm/s^2 after 0.1 s; S / v + v / a + tj."""
+    """sx reaches 240 mm/s after 0.7 s and 400 mm/s^2 after 0.1 s; the duration is S / v + v / a + tj."""
     moves = composer()
     moves.go_some({"sx": 1200.0})
     part = only_part(moves)
@@ -79,8 +79,8 @@ def test_a_long_move_reaches_the_pace() -> None:
 
 
 @given(positions(), positions())
-def test_going_to_where_it_is_adds_nothing(start: FloatArray, goal: FloatArray) -> None:
-    """Even where rounding keeps the end of a move from being its goal to the last bit."""
+def test_a_move_to_the_present_position_adds_nothing(start: FloatArray, goal: FloatArray) -> None:
+    """This holds although the end of a move differs from its goal by a rounding error."""
     moves = Composer(WAREHOUSE, start)
     moves.go(start)
     assert moves.sequence().parts == ()
@@ -90,8 +90,8 @@ def test_going_to_where_it_is_adds_nothing(start: FloatArray, goal: FloatArray) 
     assert moves.sequence().duration_s == 1.0
 
 
-def test_a_goal_that_is_none_is_refused() -> None:
-    """As inverse kinematics out of reach has it; silently staying would spoil all that follows."""
+def test_a_goal_of_nan_is_refused() -> None:
+    """Inverse kinematics gives NaN out of reach; a move that did nothing then would spoil all later moves."""
     with pytest.raises(InputError, match="nan"):
         composer().go(np.array([0.0, 0.0, 100.0, np.nan, np.nan, np.nan]))
 
@@ -104,14 +104,14 @@ def test_some_joints_go_and_the_others_stay() -> None:
         moves.go_some({"th": 1.0})
 
 
-def test_by_a_law_of_ones_own() -> None:
+def test_a_move_by_a_given_law() -> None:
     moves = composer(LAB)
     moves.go_by(Quintic(1.0, 1.6), np.array([160.0, 10.0, 40.0, 90.0]))
     assert only_part(moves).law == Quintic(1.0, 1.6)
     assert moves.joints.tolist() == [160.0, 10.0, 40.0, 90.0]
 
 
-def test_a_line_goes_on_from_where_the_tool_is() -> None:
+def test_a_line_begins_at_the_tools_position() -> None:
     moves = composer()
     moves.go_some({"sx": 300.0, "th1": 10.0})
     from_s = moves.sequence().duration_s
@@ -176,7 +176,7 @@ def test_a_sequence_is_what_was_composed_until_then() -> None:
         (LAB, "magnet", "outputs: 'magnet' is unknown: there are none"),
     ],
 )
-def test_an_output_that_there_is_not(robot: Robot, output: str, message: str) -> None:
+def test_an_unknown_output(robot: Robot, output: str, message: str) -> None:
     moves = composer(robot)
     told = complaint_of(lambda: moves.switch(output, on=True))
     assert told == message
@@ -190,8 +190,8 @@ def test_an_output_that_there_is_not(robot: Robot, output: str, message: str) ->
         ((0.0, 0.0, 0.0), "a straight line of 0 mm has both ends at one place"),
     ],
 )
-def test_a_line_that_cannot_be(way_mm: tuple[float, float, float], words: str) -> None:
-    """Home is 304 mm from the shoulder; after 5 s the line sets off at 100 mm/s."""
+def test_a_line_out_of_reach(way_mm: tuple[float, float, float], words: str) -> None:
+    """Home is 304 mm from the shoulder; after 5 s the line begins, at 100 mm/s."""
     moves = composer()
     moves.pause(5.0)
     told = complaint_of(lambda: moves.line("right", way_mm, Trapezoid(200.0, 4.0, 0.5)))
@@ -208,7 +208,7 @@ def test_a_line_on_the_other_branch() -> None:
 
 
 @pytest.mark.parametrize("duration_s", [0.0, -0.001, 0.0015, float("nan")])
-def test_a_pause_that_is_none(duration_s: float) -> None:
+def test_a_pause_must_last(duration_s: float) -> None:
     with pytest.raises(InputError, match=rf"^duration_s: {duration_s:g} s is not"):
         composer().pause(duration_s)
 

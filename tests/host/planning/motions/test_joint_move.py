@@ -1,4 +1,4 @@
-"""All joints along one law: in step with each other, straight in joint space, and within the slowest one's limits."""
+"""Joint moves: all joints in step, straight in joint space, and within each joint's limits."""
 
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ def test_it_goes_from_start_to_goal_at_rest(law: Law) -> None:
 
 
 @pytest.mark.parametrize("distance", [0.0, 0.5, -1.0, 90.0, np.nan])
-def test_a_law_that_would_end_elsewhere(distance: float) -> None:
+def test_a_law_of_another_distance_is_refused(distance: float) -> None:
     with pytest.raises(InputError, match=rf"^the law of a joint move covers {distance:g} instead of 1$"):
         JointMove(ROBOT.joint_names, START, GOAL, Cubic(distance, 1.0))
 
@@ -45,8 +45,8 @@ def test_a_law_that_would_end_elsewhere(distance: float) -> None:
     [
         ((70.0, 0.0, 0.0, 0.0), 2.0, 500.0 / 70.0),  # d1: 140 mm/s, 500 mm/s^2
         ((-70.0, 0.0, 0.0, 0.0), 2.0, 500.0 / 70.0),
-        ((0.0, 65.0, 0.0, 0.0), 2.0, 1500.0 / 65.0),  # the turning ones: 130 deg/s, 1500 deg/s^2
-        ((70.0, 65.0, -130.0, 13.0), 1.0, 500.0 / 70.0),  # th3 is the slowest, d1 the laziest
+        ((0.0, 65.0, 0.0, 0.0), 2.0, 1500.0 / 65.0),  # th2, th3, th4: 130 deg/s, 1500 deg/s^2
+        ((70.0, 65.0, -130.0, 13.0), 1.0, 500.0 / 70.0),  # th3 limits the speed, d1 the acceleration
         ((0.0, 0.0, 0.0, 0.0), np.inf, np.inf),
         ((1e-310, 0.0, 0.0, 0.0), np.inf, np.inf),
     ],
@@ -56,7 +56,7 @@ def test_limits_along_a_way(way: tuple[float, ...], speed: float, acceleration: 
 
 
 @given(st.tuples(*[st.floats(-300.0, 300.0).map(lambda way: round(way, 6))] * 4))
-def test_a_move_at_these_limits_keeps_every_joints_and_uses_one_up(way: tuple[float, ...]) -> None:
+def test_a_move_at_these_limits_just_keeps_the_joints(way: tuple[float, ...]) -> None:
     speed, acceleration = limits_along(ROBOT, np.array(way))
     for limit, joint_limits in (
         (speed, [joint.speed_max for joint in ROBOT.joints]),

@@ -1,4 +1,4 @@
-"""Motions through points: against exact arithmetic, against scipy's own, and what each kind of bad time is told."""
+"""Motions through points: against exact arithmetic, against scipy, and the error for each kind of wrong time."""
 
 from fractions import Fraction
 
@@ -29,7 +29,7 @@ def at_rest_everywhere(names: tuple[str, ...], times_s: FloatArray, positions: F
 
 @st.composite
 def samples(draw: st.DrawFn) -> tuple[FloatArray, FloatArray]:
-    """3 to 12 points of two joints, 20 to 500 ms apart, as a machine's may be."""
+    """Draw 3 to 12 points of two joints, 20 to 500 ms apart, as for a machine."""
     gaps_ms = draw(st.lists(st.integers(20, 500), min_size=2, max_size=11))
     position = st.floats(-180.0, 180.0)
     rows = draw(st.lists(st.tuples(position, position), min_size=len(gaps_ms) + 1, max_size=len(gaps_ms) + 1))
@@ -52,14 +52,14 @@ class TestEveryKind:
         assert motion.duration_s == times_s[-1]
         assert motion.switchings == ()
         assert motion.positions(times_s) == pytest.approx(positions, abs=1e-9)
-        assert motion.velocities(times_s[[0, -1]]) == pytest.approx(0.0, abs=1e-9)  # what the planner tolerates
+        assert motion.velocities(times_s[[0, -1]]) == pytest.approx(0.0, abs=1e-9)  # the planner's tolerance
 
     @pytest.mark.parametrize("factory", [*FACTORIES, "hermite"])
     @given(points=samples(), part=st.floats(0.1, 0.9))
     def test_velocity_and_acceleration_are_the_derivatives(
         self, factory: str, points: tuple[FloatArray, FloatArray], part: float
     ) -> None:
-        """By differences inside each piece, where the position is a cubic and the velocity a quadratic."""
+        """Compared with differences inside each piece, where the position is a cubic and the velocity a quadratic."""
         times_s, positions = points
         motion = made(factory, times_s, positions)
         gaps_s = np.diff(times_s)
@@ -90,7 +90,7 @@ class TestEveryKind:
             assert function(np.zeros(0)).shape == (0, 2)
 
     @pytest.mark.parametrize("factory", [*FACTORIES, "hermite"])
-    def test_joints_do_not_know_of_each_other(self, factory: str) -> None:
+    def test_joints_are_independent(self, factory: str) -> None:
         times_s, positions = np.array([0.0, 0.2, 0.7, 1.0]), np.array([[0.0, 9.0], [1.0, -5.0], [4.0, 2.0], [2.0, 0.0]])
         t_s = np.linspace(0.0, 1.0, 50)
         both = made(factory, times_s, positions).positions(t_s)
@@ -101,7 +101,7 @@ class TestEveryKind:
 class TestC2Spline:
     @given(points=samples())
     def test_acceleration_does_not_jump(self, points: tuple[FloatArray, FloatArray]) -> None:
-        """From the left by the straight line that it is in each piece."""
+        """Its value from the left is extrapolated from the piece before, in which it is a straight line."""
         times_s, positions = points
         motion = Sampled.c2_spline(NAMES, times_s, positions)
         before, middle = times_s[:-2], (times_s[:-2] + times_s[1:-1]) / 2
@@ -153,14 +153,14 @@ class TestC2Spline:
 
 class TestAkima:
     @given(points=samples())
-    def test_is_scipys_where_the_ends_do_not_reach(self, points: tuple[FloatArray, FloatArray]) -> None:
+    def test_is_scipys_away_from_the_ends(self, points: tuple[FloatArray, FloatArray]) -> None:
         times_s, positions = points
         inside_s = np.linspace(times_s[1], times_s[-2], 101)
         expected = Akima1DInterpolator(times_s, positions)(inside_s)
         assert Sampled.akima(NAMES, times_s, positions).positions(inside_s) == pytest.approx(expected, abs=1e-9)
 
-    def test_does_not_ring_beside_a_step(self) -> None:
-        """Where a spline overshoots: that is what Akima's slopes are for."""
+    def test_does_not_overshoot_beside_a_step(self) -> None:
+        """A C2 spline overshoots there; Akima's slopes avoid it."""
         times_s = np.arange(9.0)
         step = np.where(times_s < 4.5, 0.0, 10.0)[:, np.newaxis]
         rest_s = np.linspace(0.0, 3.0, 100)
@@ -179,7 +179,7 @@ class TestAkima:
 
 class TestHermite:
     def test_is_exact_on_a_cubic(self) -> None:
-        """In each joint another one, at uneven times."""
+        """Each joint has its own cubic; the times are uneven."""
         cubics = [np.polynomial.Polynomial([3.0, -2.0, 5.0, -1.5]), np.polynomial.Polynomial([-1.0, 0.0, 0.0, 4.0])]
         times_s = np.array([0.0, 0.125, 0.7, 0.701, 2.0])
         positions, velocities = (np.column_stack([cubic.deriv(order)(times_s) for cubic in cubics]) for order in (0, 1))
@@ -191,7 +191,7 @@ class TestHermite:
         assert motion.breakpoints_s == (0.125, 0.7, 0.701)
 
     def test_breakpoints_are_whole_milliseconds_to_the_last_bit(self) -> None:
-        """0.1 three times is not 0.3, and the planner's times are."""
+        """The float sum 0.1 + 0.1 + 0.1 is not 0.3, but the planner's time is."""
         times_s = np.cumsum([0.0, 0.1, 0.1, 0.1, 0.1])
         assert times_s[3] != 0.3
         assert Sampled.hermite(("a",), times_s, *np.zeros((2, 5, 1))).breakpoints_s == (0.1, 0.2, 0.3)
@@ -229,12 +229,12 @@ class TestBadTimes:
             ),
         ],
     )
-    def test_are_told(self, factory: str, times_s: list[float], words: str) -> None:
+    def test_wrong_times_are_refused(self, factory: str, times_s: list[float], words: str) -> None:
         assert complaint(factory, times_s) == words
 
     @pytest.mark.parametrize("factory", [*FACTORIES, "hermite"])
     def test_the_nearest_millisecond_is_never_0(self, factory: str) -> None:
-        """There the motion begins."""
+        """At 0 the motion begins."""
         assert complaint(factory, [0.0, 0.0001, 0.0002]).endswith("milliseconds: the nearest is 0.001 s")
 
     @pytest.mark.parametrize("factory", ["akima", "hermite"])
@@ -248,7 +248,7 @@ class TestBadTimes:
     def test_too_few_points(self, factory: str, times_s: list[float]) -> None:
         assert complaint(factory, times_s) == f"{len(times_s)} points: a motion takes at least 2"
 
-    def test_are_told_where_they_stand(self) -> None:
+    def test_errors_name_the_place(self) -> None:
         with pytest.raises(InputError, match=r"^row 7: 0\.5 s, but the first point is at 0 s$"):
             check_times(np.array([0.5, 1.0]), ["row 7", "row 8"])
 

@@ -1,4 +1,4 @@
-"""Motions one after another: nothing jumps where they meet, and times are those of the whole."""
+"""Sequences: nothing jumps where motions meet, and times count from the start of the whole."""
 
 from dataclasses import dataclass
 
@@ -26,7 +26,7 @@ ALL = Sequence(NAMES, PARTS, (0, 1000, 1250, 1750, 2550), SWITCHINGS)
 
 
 def test_duration_breakpoints_and_switchings() -> None:
-    """Each part's own breakpoints, later by its start, and where one part follows another."""
+    """The breakpoints are the parts', shifted by their starts, and the times at which one part follows another."""
     assert ALL.duration_s == 2.55
     assert ALL.breakpoints_s == (0.3, 0.7, 1.0, 1.25, 1.75, 1.85, 1.95, 2.35, 2.45)
     assert ALL.switchings == SWITCHINGS
@@ -48,14 +48,14 @@ def test_nothing_jumps_where_parts_meet() -> None:
     assert np.abs(ALL.velocities(meets_s)).max() == 0.0
 
 
-def test_before_and_after_it_stands_still() -> None:
-    """Rounding may ask for times a little outside; the last part's end is its own, exactly."""
+def test_it_stands_still_before_and_after() -> None:
+    """Times may be slightly outside by rounding; the end is exactly the last part's end."""
     outside_s = np.array([-1.0, -1e-12, 0.0, 2.55, 2.55 + 1e-12, 9.0])
     assert ALL.positions(outside_s).tolist() == [list(A)] * 6
     assert np.abs(ALL.velocities(outside_s)).max() < 1e-12
 
 
-def test_times_in_any_order_and_none() -> None:
+def test_times_in_any_order_and_no_times() -> None:
     t_s = np.linspace(0.0, 2.55, 301)
     order = np.random.default_rng(1).permutation(301)
     assert ALL.positions(t_s[order]).tolist() == ALL.positions(t_s)[order].tolist()
@@ -64,7 +64,7 @@ def test_times_in_any_order_and_none() -> None:
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """A part that returns the times which it is asked for."""
+    """A part that returns the times for which it is evaluated."""
 
     joint_names: tuple[str, ...] = ("a",)
     duration_s: float = 0.1
@@ -78,8 +78,8 @@ class Asked:
         return t_s[:, np.newaxis]
 
 
-def test_parts_are_asked_for_their_own_times_only() -> None:
-    """From 0 to their duration, to the last bit, whatever subtracting starts leaves: 0.3 - 0.2 is less than 0.1."""
+def test_parts_are_evaluated_within_their_own_times() -> None:
+    """Their times are within 0 and their duration to the last bit, although 0.3 - 0.2 is less than 0.1 in floats."""
     parts = tuple(Asked() for _ in range(40))
     many = Sequence(("a",), parts, tuple(range(0, 4001, 100)), ())
     asked_s = many.positions(np.arange(4001) / 1000)[:, 0]

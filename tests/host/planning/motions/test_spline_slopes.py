@@ -13,14 +13,14 @@ from steptwin.host.planning.motions.sampled import Sampled
 
 @st.composite
 def samples(draw: st.DrawFn) -> tuple[FloatArray, FloatArray]:
-    """3 to 13 points of one joint; tenths make many of them equal, which Akima's formula treats apart."""
+    """Draw 3 to 13 points of one joint; tenths make many equal slopes, a special case of Akima's formula."""
     gaps_ms = draw(st.lists(st.integers(10, 500), min_size=2, max_size=12))
     tenths = draw(st.lists(st.integers(-20, 20), min_size=len(gaps_ms) + 1, max_size=len(gaps_ms) + 1))
     return np.cumsum([0, *gaps_ms]) / 1000, np.array(tenths) / 10
 
 
 def clamped_slopes(t_s: FloatArray, q: FloatArray) -> FloatArray:
-    """The C2 spline's slopes m, 0 at both ends, by elimination in its tridiagonal equations.
+    """Return the C2 spline's slopes m, 0 at both ends, by elimination in its tridiagonal equations.
 
     With the gaps h and the chords' slopes d:
     h[i] m[i-1] + 2 (h[i-1] + h[i]) m[i] + h[i-1] m[i+1] = 3 (h[i] d[i-1] + h[i-1] d[i]).
@@ -39,7 +39,7 @@ def clamped_slopes(t_s: FloatArray, q: FloatArray) -> FloatArray:
 
 
 def akima_slope(m: FloatArray) -> float:
-    """At a point between the second and the third of four chords with the slopes m."""
+    """Return the slope at the point between the second and the third of four chords with the slopes m."""
     before, after = abs(m[1] - m[0]), abs(m[3] - m[2])
     if max(before, after) < 1e-9:
         return float((m[1] + m[2]) / 2)
@@ -47,14 +47,14 @@ def akima_slope(m: FloatArray) -> float:
 
 
 def akima_slopes(t_s: FloatArray, q: FloatArray) -> FloatArray:
-    """Two more chords on either side go on as those of a parabola; 0 at both ends, where our motions rest."""
+    """Return all slopes: two more chords on either side continue a parabola; 0 at both ends, where motions rest."""
     m = np.diff(q) / np.diff(t_s)
     m = np.array([3 * m[0] - 2 * m[1], 2 * m[0] - m[1], *m, 2 * m[-1] - m[-2], 3 * m[-1] - 2 * m[-2]])
     return np.array([0.0, *(akima_slope(m[i : i + 4]) for i in range(1, len(t_s) - 1)), 0.0])
 
 
 def cubics(t_s: FloatArray, knots_s: FloatArray, q: FloatArray, m: FloatArray) -> FloatArray:
-    """Through positions and slopes at knots, in Hermite's basis."""
+    """Return the cubics through positions and slopes at knots, in Hermite's basis."""
     i = np.clip(np.searchsorted(knots_s, t_s, side="right") - 1, 0, len(knots_s) - 2)
     h = knots_s[i + 1] - knots_s[i]
     u = (t_s - knots_s[i]) / h
@@ -68,7 +68,7 @@ Slopes = Callable[[FloatArray, FloatArray], FloatArray]
 
 @pytest.mark.parametrize(("make", "slopes_of"), [(Sampled.c2_spline, clamped_slopes), (Sampled.akima, akima_slopes)])
 @given(sampled=samples())
-def test_a_spline_is_its_equations(make: Maker, slopes_of: Slopes, sampled: tuple[FloatArray, FloatArray]) -> None:
+def test_a_spline_solves_its_equations(make: Maker, slopes_of: Slopes, sampled: tuple[FloatArray, FloatArray]) -> None:
     times_s, q = sampled
     motion, slopes = make(("a",), times_s, q[:, np.newaxis]), slopes_of(times_s, q)
     t_s = np.linspace(0.0, times_s[-1], 301)

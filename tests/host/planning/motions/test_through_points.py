@@ -32,12 +32,12 @@ def test_it_stands_where_points_repeat() -> None:
 
 
 def test_one_joint_may_stand_while_another_moves() -> None:
-    """Only a point that repeats altogether is a pause."""
+    """Only a point at which no joint moves makes a pause."""
     motion = through_points(NAMES, np.array([0.0, 0.5, 1.0]), np.array([[0.0, 0], [1, 0], [2, 0]]), PLACES[:3])
     assert isinstance(motion, Sampled)
 
 
-def test_a_file_that_only_stands() -> None:
+def test_points_that_only_repeat() -> None:
     motion = through_points(NAMES, np.array([0.0, 1.0]), np.array([[4.0, 5.0], [4.0, 5.0]]), PLACES[:2])
     assert motion.positions(np.array([0.5])) == pytest.approx(np.array([[4.0, 5.0]]))
 

@@ -1,4 +1,4 @@
-"""The tool along a path: the joints keep it there at every instant, turn without jumps, and what is refused."""
+"""Tool moves: the joints hold the tool on its path at every instant and turn without jumps; errors."""
 
 from functools import cache
 
@@ -22,17 +22,17 @@ HYBRID = load_robot("hybrid-arm")
 TH4 = 3
 
 START: Pose = (-300.0, 400.0, 0.0, 0.0)
-"""In the middle of the reach, with th4 at 178 deg."""
+"""A pose in the middle of the reach, with th4 at 178 deg."""
 
 
 def standing(branch: str, pose: Pose = START) -> FloatArray:
-    """The joints that take a pose."""
+    """Return the joints of a pose."""
     joints: FloatArray = SCARA.solve(np.array([pose]), branch).joints[0]
     return joints
 
 
 def turning(attitudes_deg: list[float]) -> SampledPath:
-    """Four poses on a bend, with these attitudes."""
+    """Return a curve through four poses with these attitudes."""
     places = np.array([[-300.0, 400.0, 0.0], [-200.0, 420.0, 0.0], [-100.0, 500.0, 0.0], [50.0, 600.0, 0.0]])
     return SampledPath.through(np.column_stack([places, attitudes_deg]), Smoothing.C2_SPLINE)
 
@@ -52,13 +52,13 @@ def moves() -> dict[str, ToolMove]:
 
 
 def along(path: ToolPath, duration_s: float = 4.0, from_s: float = 0.0, start: FloatArray | None = None) -> ToolMove:
-    """With the elbow to the right, by a cubic, from where the path begins if from nowhere else."""
+    """Return a move with the elbow on the right, by a cubic, by default from the beginning of the path."""
     start = SCARA.solve(path.poses(np.zeros(1)), "right").joints[0] if start is None else start
     return ToolMove.along(ROBOT, path, Cubic(path.length_mm, duration_s), "right", start, from_s)
 
 
 def instants_s(move: ToolMove) -> FloatArray:
-    """No whole milliseconds, on which everything was checked, but for the ends."""
+    """Return instants between the whole milliseconds, at which all was checked, and both ends."""
     return np.linspace(0.0, move.duration_s, 1237)
 
 
@@ -88,7 +88,7 @@ class TestEveryMove:
 
 @pytest.mark.parametrize("branch", ["right", "left"])
 def test_the_straight_line_is_straight(branch: str) -> None:
-    """The distance of every place from the line through both ends."""
+    """Every position is at distance 0 from the line through both ends."""
     poses = SCARA.forward(moves()[f"line, {branch}"].positions(np.linspace(0.0, 3.0, 501)))
     away = poses[:, :3] - LINE.start[:3]
     direction = np.subtract(LINE.goal, LINE.start)[:3] / LINE.length_mm
@@ -104,7 +104,7 @@ def test_the_arc_is_round() -> None:
 
 
 class TestTurns:
-    """th4 = 90 deg + th2 + th3 - attitude, from 178 deg on, within +-360 deg."""
+    """th4 = 90 deg + th2 + th3 - attitude, which begins at 178 deg and has the limits +-360 deg."""
 
     def test_th4_goes_on_beyond_half_a_turn(self) -> None:
         th4 = moves()["turns"].positions(np.linspace(0.0, 4.0, 4001))[:, TH4]
@@ -168,7 +168,7 @@ class TestRefusals:
         assert np.sin(np.deg2rad(th3)) == pytest.approx(0.01, abs=1e-6)
 
     @pytest.mark.parametrize("distance_mm", [223.0, -LINE.length_mm, LINE.length_mm + 1e-6, np.nan])
-    def test_a_law_that_would_end_elsewhere(self, distance_mm: float) -> None:
+    def test_a_law_of_another_distance_is_refused(self, distance_mm: float) -> None:
         with pytest.raises(InputError, match=r"^the law covers \S+ mm, the tool's path is 227\.156334 mm long$"):
             ToolMove.along(ROBOT, LINE, Cubic(distance_mm, 2.0), "right", standing("right"))
 
@@ -194,7 +194,7 @@ class TestRefusals:
 
 class TestFollowing:
     def test_the_turns_begin_near_the_machine_and_go_on(self) -> None:
-        """A circle of poses whose attitude makes two turns; limits are not asked."""
+        """The poses make a circle, their attitude two turns; the joints' limits are not checked."""
         w = np.linspace(0.0, 2.0 * np.pi, 201)
         poses = np.column_stack([-300 + 20 * np.cos(w), 400 + 20 * np.sin(w), 0 * w, -np.rad2deg(2.0 * w)])
         for th4 in (-190.0, 190.0):
@@ -203,8 +203,8 @@ class TestFollowing:
             assert joints[-1] - joints[0] == pytest.approx([0.0, 0.0, 0.0, 720.0], abs=1e-9)
             assert np.abs(np.diff(joints, axis=0)).max() < 10.0
 
-    def test_a_waist_and_a_gripper_turn_on(self) -> None:
-        """The hybrid arm's tool around its base, its attitude constant: th1 goes forth and th4 back."""
+    def test_waist_and_gripper_turn_beyond_half_a_turn(self) -> None:
+        """The hybrid arm's tool circles its base at constant attitude: th1 turns forwards, th4 backwards."""
         w = np.linspace(0.0, 4.0 * np.pi, 401)
         poses = np.column_stack([400 * np.cos(w), 400 * np.sin(w), 0 * w + 500, 0 * w])
         joints = follow(HYBRID, poses, w, "(+,+)", np.array(HYBRID.home))
@@ -220,7 +220,7 @@ class TestFollowing:
         ],
     )
     def test_where_the_path_breaks_off(self, pose: Pose, branch: str, words: str) -> None:
-        """The first of the poses that cannot be taken."""
+        """The message names the first pose that is not reachable."""
         good = (400.0, 0.0, 500.0, 0.0)
         poses = np.array([pose, pose] if branch == "(-,-)" else [good, good, pose, pose])
         t_s = np.array([1.5, 1.75, 2.0, 2.25])[-len(poses) :]
@@ -229,8 +229,8 @@ class TestFollowing:
 
 
 @pytest.mark.parametrize("th3_deg", [-180.0, 180.0])
-def test_half_a_turn_is_begun_where_the_joint_stands(th3_deg: float) -> None:
-    """-180 and 180 deg are one pose, of which the inverse gives the latter."""
+def test_at_half_a_turn_the_move_begins_at_the_joints_position(th3_deg: float) -> None:
+    """-180 and 180 deg are the same pose, for which the inverse gives 180 deg."""
     robot = load_robot("warehouse-scara")
     start = np.array([0.0, 0.0, 100.0, 20.0, 60.0, th3_deg])
     x_mm, y_mm, z_mm, attitude_deg = make_kinematics(robot).forward(start[np.newaxis])[0].tolist()

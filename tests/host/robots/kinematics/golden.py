@@ -6,7 +6,7 @@ Numbers = tuple[float, ...]
 
 
 class Golden(NamedTuple):
-    """Joints in mm and degrees, the pose that they take, and the branch that they are of."""
+    """Joints in mm and degrees, their tool pose, and the branch to which they belong."""
 
     robot: str
     branch: str
@@ -15,7 +15,7 @@ class Golden(NamedTuple):
 
 
 def rows(table: str) -> list[Numbers]:
-    """A table's numbers, line by line."""
+    """Return the numbers of a table, a list for each line."""
     return [tuple(map(float, line.split())) for line in table.strip().split("\n")]
 
 
@@ -91,12 +91,12 @@ OTHER_ELBOW: Final = [
     Golden("calibration-scara", "left", (25.992733089, -60, 10, -139.007266911), STATIC[16].pose),
     Golden("calibration-scara", "right", (39.278217156, 145, 75.5, 122.578217156), STATIC[18].pose),
 ]
-"""The calibration robot's static poses, taken the other way."""
+"""The calibration robot's static poses with the other elbow."""
 
 BEYOND_TH1: Final = Golden(
     "calibration-scara", "left", (-147.795772496, -120, 200, 92.204227504), (-225, 216.506350946, 100, 0)
 )
-"""The one that only one elbow takes: th1 ends at -130 degrees."""
+"""The pose that only one elbow reaches: th1 ends at -130 degrees."""
 
 FIVE_POINTS: Final = """
  400     0  600    0.000000000     3.772233983    3.772233983  400.000000   -32.455532

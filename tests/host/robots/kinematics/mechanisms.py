@@ -1,4 +1,4 @@
-"""The mechanisms as the generic tests take them: the five robots, and the calibration robot with its tool up."""
+"""The mechanisms for tests of all kinematics: the five robots, and the calibration robot with its tool up."""
 
 import dataclasses
 from dataclasses import dataclass
@@ -19,11 +19,11 @@ class Mechanism:
     """A robot with its kinematics.
 
     Attributes:
-        name: for people.
-        robot: its file.
-        kinematics: what is tested.
-        tool_down: whether its attitude is psi, of R = Rz(psi) Rx(180), and not phi, of R = Rz(phi).
-        posture: joints far from every limit and every singularity, of the usual branch.
+        name: Name for test ids.
+        robot: The robot.
+        kinematics: Kinematics under test.
+        tool_down: True if the attitude is psi of R = Rz(psi) Rx(180), false if it is phi of R = Rz(phi).
+        posture: Joints of the usual branch, far from every limit and singularity.
     """
 
     name: str
@@ -34,13 +34,13 @@ class Mechanism:
 
     @property
     def scara(self) -> Scara:
-        """The kinematics of one that is a SCARA."""
+        """Return a SCARA's kinematics, with the attributes that only a SCARA has."""
         if not isinstance(self.kinematics, Scara):
             raise TypeError(self.name)
         return self.kinematics
 
     def random_joints(self, count: int, seed: int) -> FloatArray:
-        """Uniform within the limits, where the mechanism gets: the hybrid arm's tool 250 to 550 mm from its waist."""
+        """Draw joints within the limits; the hybrid arm's only with the tool 250 to 550 mm from its waist."""
         lower = [joint.lower for joint in self.robot.joints]
         upper = [joint.upper for joint in self.robot.joints]
         joints = np.random.default_rng(seed).uniform(lower, upper, (3 * count, len(lower)))
@@ -50,7 +50,7 @@ class Mechanism:
         return joints[:count]
 
     def placed(self, axis: int, position: float) -> FloatArray:
-        """The posture with one joint elsewhere, shape (1, joints); the two sliders travel together."""
+        """Return the posture, of shape (1, joints), with one joint moved; the two sliders move together."""
         joints = np.array([self.posture])
         if isinstance(self.kinematics, HybridArm) and axis in (1, 2):
             joints[:, 1:3] = 0.8 * position
@@ -58,25 +58,25 @@ class Mechanism:
         return joints
 
     def own_branch(self, joints: FloatArray) -> str:
-        """The one that a single row of joints is in."""
+        """Return the branch of a single row of joints."""
         if isinstance(self.kinematics, Scara):
             return "right" if joints[0, self.kinematics.elbow] >= 0 else "left"
         return "(+,+)"
 
 
 def mechanism(name: str, tool_down: bool, *posture: float) -> Mechanism:
-    """One of the robots that come along."""
+    """Return the mechanism of one of the five robots."""
     robot = load_robot(name)
     return Mechanism(name, robot, make_kinematics(robot), tool_down, posture)
 
 
 def with_geometry(robot: Robot, **dimensions: float) -> Robot:
-    """The same robot but for some dimensions."""
+    """Return a robot with some dimensions changed."""
     return dataclasses.replace(robot, geometry={**robot.geometry, **dimensions})
 
 
 def tool_up(calibration: Mechanism) -> Mechanism:
-    """The calibration robot with its other twist."""
+    """Return the calibration robot with its tool up."""
     robot = with_geometry(calibration.robot, alpha3_deg=0.0)
     return Mechanism(f"{calibration.name}-up", robot, make_kinematics(robot), False, calibration.posture)
 
@@ -97,7 +97,7 @@ each_scara = pytest.mark.parametrize("mechanism", SCARAS, ids=lambda each: each.
 
 
 def hybrid_arm() -> HybridArm:
-    """With what only this kind of kinematics has."""
+    """Return the hybrid arm's kinematics, with the methods that only it has."""
     arm = HYBRID.kinematics
     if not isinstance(arm, HybridArm):
         raise TypeError(HYBRID.name)
@@ -105,14 +105,14 @@ def hybrid_arm() -> HybridArm:
 
 
 def pose_errors(found: FloatArray, poses: FloatArray) -> FloatArray:
-    """How far apart two arrays of poses are, in mm and degrees; full turns do not count."""
+    """Return the differences of two arrays of poses, in mm and degrees, without full turns."""
     errors = found - poses
     errors[:, 3] = (errors[:, 3] + 180.0) % 360.0 - 180.0
     return np.abs(errors)
 
 
 def own_solutions(mechanism: Mechanism, joints: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """The joints of the poses that joints take, found by the branch of each, and whether it says reachable."""
+    """Return the joints that the inverse finds for the joints' poses, each by its own branch, and whether reachable."""
     kinematics = mechanism.kinematics
     branches = kinematics.inverse(kinematics.forward(joints), joints)
     which = np.where(joints[:, kinematics.elbow] >= 0, 0, 1) if isinstance(kinematics, Scara) else 0

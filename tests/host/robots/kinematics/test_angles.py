@@ -1,4 +1,4 @@
-"""Angles in one circle."""
+"""Angles wrapped into one circle."""
 
 import numpy as np
 import pytest
@@ -10,10 +10,10 @@ from steptwin.host.robots.kinematics.angles import wrapped_deg
     ("angle_deg", "wrapped"),
     [(0, 0), (180, 180), (-180, 180), (181, -179), (-181, 179), (360, 0), (540, 180), (-540, 180), (725, 5)],
 )
-def test_turns_are_taken_away(angle_deg: float, wrapped: float) -> None:
+def test_full_turns_are_removed(angle_deg: float, wrapped: float) -> None:
     assert wrapped_deg(np.array([angle_deg], dtype=np.float64)).tolist() == [wrapped]
 
 
-def test_what_is_in_the_circle_stays_to_the_last_bit() -> None:
+def test_an_angle_in_the_circle_does_not_change_by_a_bit() -> None:
     angles_deg = np.random.default_rng(1).uniform(-180.0, 180.0, 10_000)
     assert wrapped_deg(angles_deg).tolist() == angles_deg.tolist()

@@ -9,7 +9,7 @@ from tests.host.robots.kinematics.mechanisms import BY_NAME, Mechanism, each_mec
 
 
 def printed_link(convention: Convention, alpha_deg: float, a_mm: float, d_mm: float, theta_deg: float) -> FloatArray:
-    """The two matrices as they stand in textbooks, multiplied out."""
+    """Return a link's matrix as textbooks print it, multiplied out."""
     c, s = np.cos(np.deg2rad(theta_deg)), np.sin(np.deg2rad(theta_deg))
     ca, sa = np.cos(np.deg2rad(alpha_deg)), np.sin(np.deg2rad(alpha_deg))
     standard = [[c, -s * ca, s * sa, a_mm * c], [s, c * ca, -c * sa, a_mm * s], [0, sa, ca, d_mm], [0, 0, 0, 1]]
@@ -77,7 +77,7 @@ PAPERS = {
         ["0, 0, 400, th1 + 90", "90, 0, z2 + 100, 0", "-90, 0, z3, -90", "0, 300, -120, th4"],
     ),
 }
-"""alpha, a, d, theta. The warehouse robot's slides are in no paper: they stand before its arm's rows."""
+"""Rows of alpha, a, d, theta. No paper gives the warehouse robot's slides, whose rows come before the arm's."""
 
 
 @pytest.mark.parametrize("name", PAPERS)

@@ -1,4 +1,4 @@
-"""What the papers print and what is wrong with it: each printed form misses a golden value that the code hits."""
+"""Errors in the papers: each printed formula misses a golden value that the code meets."""
 
 import dataclasses
 
@@ -29,7 +29,7 @@ class TestLab:
 
     @pytest.mark.parametrize("golden", [STATIC[1], STATIC[3]])
     def test_eq_5_o_x(self, golden: Golden) -> None:
-        """Printed: c4 c23 - s4 s23. It takes a plus: the column would not be square to the first one."""
+        """Printed: c4 c23 - s4 s23. The sign must be plus, or the column is not perpendicular to the first one."""
         _, th2, th3, th4 = golden.joints
         columns = LAB.kinematics.dh.transforms(LAB.kinematics.dh_variables(np.array([golden.joints])))[0, :3, :3]
         c4_c23, s4_s23 = cos_deg(th4) * cos_deg(th2 + th3), sin_deg(th4) * sin_deg(th2 + th3)
@@ -57,13 +57,13 @@ class TestWarehouse:
     """Jiang et al. 2019."""
 
     def test_cos_beta_with_x_twice_is_above_1(self) -> None:
-        """Printed: (x - l3 cos phi)^2 + (x - l3 sin phi)^2, where the second term is y's."""
+        """Printed: (x - l3 cos phi)^2 + (x - l3 sin phi)^2, where the second term must have y."""
         square = (275 - 40 * cos_deg(90)) ** 2 + (275 - 40 * sin_deg(90)) ** 2
         cos_beta = (square + 200**2 - 150**2) / (2 * 200 * np.sqrt(square))
         assert cos_beta == pytest.approx(1.025276, abs=1e-6)
 
     def test_alpha_from_an_arc_cosine_loses_the_sign_of_y(self) -> None:
-        """The drawer's end: the wrist is on the other side of the arm's axis, and the tool 100 mm away."""
+        """At the drawer's end the wrist is on the other side of the arm's axis: the printed form is 100 mm off."""
         poses = np.array([(275.0, row[0], 60.0, 90.0) for row in rows(DRAWER_RIGHT)])
         found = WAREHOUSE.kinematics.forward(self.printed_inverse(poses))
         errors_mm = np.hypot(*(found - poses)[:, :2].T)
@@ -73,7 +73,7 @@ class TestWarehouse:
 
     @staticmethod
     def printed_inverse(poses: FloatArray) -> FloatArray:
-        """The paper's, with y where it prints x twice; L1 and the attitude are as they should be."""
+        """Return the paper's joints, with y in place of its second x; L1 and the attitude are correct."""
         x_mm, y_mm = (
             poses[:, 0] - 40 * np.cos(np.deg2rad(poses[:, 3])),
             poses[:, 1] - 40 * np.sin(np.deg2rad(poses[:, 3])),
@@ -90,7 +90,7 @@ class TestTeaching:
 
     @pytest.mark.parametrize("golden", [STATIC[10], STATIC[12]])
     def test_eq_16_minus(self, golden: Golden) -> None:
-        """Printed: sin th2 cos th4 - cos th2 sin th4, for the sine of phi - th1. It takes a plus."""
+        """Printed: sin th2 cos th4 - cos th2 sin th4, for the sine of phi - th1. The sign must be plus."""
         th1, th2, _, th4 = golden.joints
         first, second = sin_deg(th2) * cos_deg(th4), cos_deg(th2) * sin_deg(th4)
         assert first + second == pytest.approx(sin_deg(golden.pose[3] - th1))
@@ -108,7 +108,7 @@ class TestCalibration:
     """ICMEMTC 2016."""
 
     def test_its_table_read_as_modified_is_no_scara(self) -> None:
-        """The text measures a and alpha as Craig does: then the tip is 350 mm from (250, 0) for every th2."""
+        """The text measures a and alpha as Craig does, but then the tip is 350 mm from (250, 0) for every th2."""
         joints = CALIBRATION.random_joints(1000, seed=1)
         modified = dataclasses.replace(CALIBRATION.kinematics.dh, convention=Convention.MODIFIED)
         tip_mm = modified.transforms(CALIBRATION.kinematics.dh_variables(joints))[:, :2, 3]
@@ -118,7 +118,7 @@ class TestCalibration:
 
 
 class TestHybrid:
-    """Zhou: the reading of what its lost figures leave open."""
+    """Zhou; its lost figures leave some formulas open."""
 
     @pytest.mark.parametrize("side", [-1, 1])
     @pytest.mark.parametrize("mode", WorkingMode)

@@ -1,4 +1,4 @@
-"""Golden joints and poses, both ways."""
+"""Golden joints and poses, forward and inverse."""
 
 import numpy as np
 import pytest
@@ -46,7 +46,7 @@ def test_inverse(golden: Golden) -> None:
     assert branch.reason(0) is None
 
 
-def test_a_pose_that_one_elbow_alone_takes() -> None:
+def test_a_pose_that_only_one_elbow_reaches() -> None:
     left = BY_NAME[BEYOND_TH1.robot].kinematics.solve(np.array([BEYOND_TH1.pose]), BEYOND_TH1.branch)
     assert left.joints[0] == pytest.approx(BEYOND_TH1.joints, abs=1e-6)
     assert left.reachable.tolist() == [False]
@@ -93,7 +93,7 @@ def test_the_pose_of_the_wrong_assembly_mode(row: Numbers) -> None:
 
 
 def test_the_laboratory_robots_monte_carlo() -> None:
-    """100 000 samples, all positions of the first joint drawn first, then those of the second one and so on."""
+    """100 000 samples: all positions of the first joint are drawn first, then those of the second one, and so on."""
     generator = np.random.default_rng(1)
     joints = np.column_stack([generator.uniform(joint.lower, joint.upper, 100_000) for joint in LAB.robot.joints])
     poses = LAB.kinematics.forward(joints)

@@ -1,4 +1,4 @@
-"""Why a pose cannot be taken, on both sides of each limit, and which turn and which slide a solution chooses."""
+"""Reasons why a pose is not reachable, on both sides of each limit; the turns and slides that a solution has."""
 
 import dataclasses
 
@@ -10,7 +10,7 @@ from steptwin.host.robots.kinematics import Kinematics, make_kinematics, within_
 from tests.host.robots.kinematics.mechanisms import ALL, BY_NAME, HYBRID, LAB, WAREHOUSE, Mechanism, each_mechanism
 
 WHOLE_CIRCLES = {"lab-scara": 3, "warehouse-scara": 5, "teaching-scara": 3, "calibration-scara": 3, "hybrid-arm": 3}
-"""The columns of the joints that take every angle: solutions wrap into their limits."""
+"""Columns of the joints that reach every angle: solutions wrap into their limits."""
 
 
 LIMITED = [
@@ -24,7 +24,7 @@ LIMITED = [
 
 @pytest.mark.parametrize(("mechanism", "axis", "side"), LIMITED)
 def test_every_limit(mechanism: Mechanism, axis: int, side: int) -> None:
-    """Rounding is forgiven, a tenth is not."""
+    """A rounding error beyond a limit is allowed, a tenth of a unit is not."""
     joint = mechanism.robot.joints[axis]
     limit = joint.upper if side > 0 else joint.lower
     for excess, reachable in ((-0.1, True), (0.0, True), (5e-10, True), (0.1, False)):
@@ -38,7 +38,7 @@ def test_every_limit(mechanism: Mechanism, axis: int, side: int) -> None:
 
 
 @each_mechanism
-def test_the_tool_takes_every_angle(mechanism: Mechanism) -> None:
+def test_the_tool_reaches_every_angle(mechanism: Mechanism) -> None:
     joints = np.tile(mechanism.posture, (721, 1))
     joints[:, WHOLE_CIRCLES[mechanism.robot.name]] += np.linspace(-360.0, 360.0, 721)
     branch = mechanism.kinematics.solve(mechanism.kinematics.forward(joints), mechanism.kinematics.branches[0], joints)
@@ -83,7 +83,7 @@ def test_within_limits(mechanism: Mechanism) -> None:
     ],
 )
 def test_reach(name: str, pose: tuple[float, ...], reason: str | None) -> None:
-    """By both elbows; the arm's limits end the reach of three robots before its links do."""
+    """By both elbows; for three robots the joints' limits end the reach before the links do."""
     kinematics = BY_NAME[name].kinematics
     for branch in kinematics.branches if name != "hybrid-arm" else kinematics.branches[:1]:
         solution = kinematics.solve(np.array([pose], dtype=np.float64), branch)
@@ -93,8 +93,8 @@ def test_reach(name: str, pose: tuple[float, ...], reason: str | None) -> None:
 
 
 @each_mechanism
-def test_what_nothing_reaches_has_no_joints(mechanism: Mechanism) -> None:
-    """Nor does it disturb its neighbours."""
+def test_a_pose_out_of_reach_has_no_joints(mechanism: Mechanism) -> None:
+    """The joints of the other poses are not affected."""
     poses = np.repeat(mechanism.kinematics.forward(np.array([mechanism.posture])), 3, axis=0)
     poses[1, 0] = 1e6
     for branch in mechanism.kinematics.inverse(poses, near=np.array(mechanism.posture)):
@@ -136,7 +136,7 @@ def test_a_wide_joint_takes_the_nearest_turn(
     assert branch.reachable.tolist() == [True]
 
 
-def test_each_pose_may_stand_elsewhere() -> None:
+def test_near_may_differ_from_pose_to_pose() -> None:
     joints = np.repeat(LAB.placed(3, 100.0), 3, axis=0)
     near = joints.copy()
     near[:, 3] = 0.0, -200.0, 300.0
@@ -166,7 +166,7 @@ def with_last_joint(mechanism: Mechanism, lower_deg: float, upper_deg: float) ->
 def test_a_joint_that_turns_by_a_circle_or_less(
     mechanism: Mechanism, lower_deg: float, upper_deg: float, th4: float, found: float, reachable: bool
 ) -> None:
-    """Where no turn is within the limits the angle stays in (-180, 180]."""
+    """If no turn is within the limits, the angle stays in (-180, 180]."""
     joints = mechanism.placed(0, -100.0) if mechanism is HYBRID else mechanism.placed(3, 0.0)
     joints[0, 3] = th4
     branch = with_last_joint(mechanism, lower_deg, upper_deg).solve(
@@ -178,7 +178,7 @@ def test_a_joint_that_turns_by_a_circle_or_less(
 
 @each_mechanism
 def test_near_moves_nothing_but_slides_and_wide_joints(mechanism: Mechanism) -> None:
-    """Standing one turn further, or anywhere, other joints are where the pose takes them."""
+    """Wherever the machine stands, the pose determines all other joints."""
     posture = np.array(mechanism.posture)
     pose = mechanism.kinematics.forward(posture[np.newaxis])
     turn = np.array([360.0 if joint.unit is Unit.DEG else 0.0 for joint in mechanism.robot.joints])

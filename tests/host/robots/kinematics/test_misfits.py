@@ -1,4 +1,4 @@
-"""Robots that do not fit their kinematics: each is refused in one line that begins with the key."""
+"""Robots that do not fit their kinematics: each error is one line and begins with the key."""
 
 import dataclasses
 
@@ -96,7 +96,7 @@ def test_other_joints(mechanism: Mechanism) -> None:
         ),
     ],
 )
-def test_dimensions_of_no_mechanism(mechanism: Mechanism, dimensions: dict[str, float], words: str) -> None:
+def test_impossible_dimensions(mechanism: Mechanism, dimensions: dict[str, float], words: str) -> None:
     assert complaint(with_geometry(mechanism.robot, **dimensions)) == words
 
 
@@ -114,6 +114,6 @@ def test_dimensions_that_just_fit(mechanism: Mechanism, dimensions: dict[str, fl
 
 
 @pytest.mark.parametrize("dimensions", [(float("nan"), 350.0), (150.0, float("nan")), (-1.0, 350.0)])
-def test_sliders_of_no_mechanism(dimensions: tuple[float, float]) -> None:
+def test_impossible_sliders(dimensions: tuple[float, float]) -> None:
     with pytest.raises(InputError, match="is not above 0 and below the links'"):
         SliderPair(*dimensions)

@@ -40,7 +40,7 @@ def test_forward_undoes_inverse(elbow: Elbow) -> None:
 
 
 class TestTheEdgeOfReach:
-    """Wrist distances of 50 and 350 mm. The tolerance of 1e-9 in c2 is 8.6e-8 mm outside, 6e-7 mm inside."""
+    """Wrist distances of 50 and 350 mm. A c2 tolerance of 1e-9 is 8.6e-8 mm outside, 6e-7 mm inside."""
 
     @pytest.mark.parametrize("elbow", Elbow)
     def test_both_edges_are_reached(self, elbow: Elbow) -> None:
@@ -49,7 +49,7 @@ class TestTheEdgeOfReach:
         assert ARM.reach_mm == (50.0, 350.0)
 
     @pytest.mark.parametrize("distance_mm", [350.0 + 5e-8, 50.0 - 4e-7])
-    def test_rounding_beyond_the_edge_is_forgiven(self, distance_mm: float) -> None:
+    def test_rounding_errors_beyond_the_edge_are_allowed(self, distance_mm: float) -> None:
         th1, th2 = ARM.inverse(at(distance_mm), at(0.0), Elbow.RIGHT)
         assert np.isfinite([th1, th2]).all()
         assert ARM.forward(th1, th2)[0] == pytest.approx([distance_mm], abs=1e-6)
@@ -79,12 +79,12 @@ def test_joint_velocities_are_those_of_finite_differences() -> None:
 
 def test_the_determinant_vanishes_where_the_arm_is_stretched_or_folded() -> None:
     assert ARM.determinant(np.deg2rad(at(0.0, 90.0, -90.0, 180.0))) == pytest.approx([0, 30_000, -30_000, 0], abs=1e-8)
-    with np.errstate(all="raise"):  # it says so by its result, without a warning
+    with np.errstate(all="raise"):  # a singular pose gives no numpy warning
         speeds = ARM.joint_velocities(at(0.0), at(0.0), at(1.0), at(0.0))
     assert not np.isfinite(speeds).any()
 
 
 @pytest.mark.parametrize("links", [(0.0, 150.0), (200.0, -1.0), (float("nan"), 150.0), (200.0, float("nan"))])
-def test_links_that_make_no_arm(links: tuple[float, float]) -> None:
+def test_links_must_be_longer_than_0(links: tuple[float, float]) -> None:
     with pytest.raises(InputError, match="make no arm"):
         Planar2R(*links)

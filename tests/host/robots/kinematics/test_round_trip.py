@@ -20,18 +20,18 @@ POSES = 10_000
 
 
 def platform_mm(poses: FloatArray) -> FloatArray:
-    """The hybrid arm's z2."""
+    """Return the hybrid arm's z2."""
     return np.asarray(np.hypot(poses[:, 0], poses[:, 1]) - 400.0)
 
 
 def is_above(poses: FloatArray, mode: WorkingMode) -> FloatArray:
-    """+1 or -1: mixed modes have the platform above its sliders' line on the side of the lower slider."""
+    """Return +1 or -1: in mixed modes the platform is above the sliders' line on the side of the lower slider."""
     left, right = mode.signs
     return np.full(len(poses), float(left)) if left == right else right * np.sign(platform_mm(poses))
 
 
 def taken(mechanism: Mechanism, poses: FloatArray, branch: Branch) -> FloatArray:
-    """Where a branch's joints take the tool; the hybrid arm in the assembly mode that belongs to branch and pose."""
+    """Return the poses of a branch's joints; the hybrid arm's in the assembly mode of the branch at each pose."""
     arm = mechanism.kinematics
     if not isinstance(arm, HybridArm):
         return arm.forward(branch.joints)
@@ -44,7 +44,7 @@ def taken(mechanism: Mechanism, poses: FloatArray, branch: Branch) -> FloatArray
     [pytest.param(each, name, id=f"{each.name} {name}") for each in ALL for name in each.kinematics.branches],
 )
 def test_forward_undoes_inverse(mechanism: Mechanism, name: str) -> None:
-    """The hybrid arm's mixed modes are singular at z2 = 0, where rounding grows without bound."""
+    """The hybrid arm's mixed modes are singular at z2 = 0, where rounding errors grow without bound."""
     joints = mechanism.random_joints(POSES + 200, seed=4)
     poses = mechanism.kinematics.forward(joints)
     if name in ("(+,-)", "(-,+)"):
@@ -56,7 +56,7 @@ def test_forward_undoes_inverse(mechanism: Mechanism, name: str) -> None:
 
 @each_mechanism
 def test_each_pose_is_found_again_by_its_own_branch(mechanism: Mechanism) -> None:
-    """Rounding grows as the singularity comes near; what is left of it without that is bounded."""
+    """Rounding errors grow near a singularity; multiplied by its measure they are bounded."""
     joints = mechanism.random_joints(POSES, seed=5)
     found, reachable = own_solutions(mechanism, joints)
     assert len(joints) == POSES
@@ -67,7 +67,7 @@ def test_each_pose_is_found_again_by_its_own_branch(mechanism: Mechanism) -> Non
 
 @each_mechanism
 def test_an_attitude_is_in_one_circle(mechanism: Mechanism) -> None:
-    """(-180, 180], whichever turn the tool is in; the postures' attitudes are exact."""
+    """Attitudes are in (-180, 180] for every turn of the tool; the postures' attitudes are exact."""
     attitudes = mechanism.kinematics.forward(mechanism.random_joints(1000, seed=9))[:, 3]
     assert np.all((attitudes > -180.0) & (attitudes <= 180.0))
     tool = 5 if mechanism.name == "warehouse-scara" else 3
@@ -107,7 +107,7 @@ def test_the_hybrid_arm_reaches_a_pose_in_its_own_assembly_mode_only(mode: Worki
     assert assembly.kept.tolist() == (is_above(poses, mode) > 0).tolist()
 
 
-def test_what_the_wrong_assembly_mode_is_told() -> None:
+def test_the_reason_for_the_wrong_assembly_mode() -> None:
     branch = hybrid_arm().solve(np.array([[400.0, 0.0, 600.0, 0.0]]), "(-,-)")
     words = "the machine is assembled with its platform above its sliders' line; this takes it to the other side"
     assert branch.reason(0) == words

@@ -14,7 +14,7 @@ def at(*values: float) -> FloatArray:
 
 
 def test_a_hand_case() -> None:
-    """Links of 350 mm across 150 mm rise by 316.23 mm; c right above a screw by 350 mm and 180.28 mm."""
+    """Links of 350 mm rise by 316.23 mm across 150 mm. With c right above a screw they rise by 350 mm and 180.28 mm."""
     rise_mm = np.sqrt(350.0**2 - 150.0**2)
     assert PAIR.inverse(at(0.0), at(0.0), WorkingMode.BOTH_BELOW) == pytest.approx(
         at(-rise_mm, -rise_mm)[:, np.newaxis]
@@ -60,23 +60,23 @@ def test_mixed_modes_change_their_assembly_in_the_middle(mode: WorkingMode, asse
     assert PAIR.assembly_of(at(-10.0, 0.0, 10.0), mode).tolist() == assemblies
 
 
-def test_how_far_apart_the_sliders_may_be() -> None:
+def test_the_largest_distance_of_the_sliders() -> None:
     """2 sqrt(L^2 - h^2); with the links in line c is half way between the sliders."""
     apart_mm = 632.455532
     for assembly in AssemblyMode:
         z2_mm, z3_mm = PAIR.forward(at(apart_mm / 2), at(-apart_mm / 2), assembly)
-        assert [*z2_mm, *z3_mm] == pytest.approx([0.0, 0.0], abs=0.05)  # k is the root of what rounding leaves
+        assert [*z2_mm, *z3_mm] == pytest.approx([0.0, 0.0], abs=0.05)  # k is the root of a rounding error
         assert np.isnan(PAIR.forward(at(apart_mm / 2 + 1e-6), at(-apart_mm / 2), assembly)).all()
 
 
-def test_how_far_sideways_c_may_be() -> None:
+def test_the_largest_sideways_travel_of_c() -> None:
     assert PAIR.reach_mm == 200.0
     assert np.isfinite(PAIR.inverse(at(-200.0, 200.0), at(0.0, 0.0), WorkingMode.BOTH_BELOW)).all()
     assert np.isnan(PAIR.inverse(at(-200.0 - 1e-9), at(0.0), WorkingMode.BOTH_BELOW)).any()
 
 
 def test_a_level_link_has_no_slider_velocity() -> None:
-    with np.errstate(all="raise"):  # it says so by its result, without a warning
+    with np.errstate(all="raise"):  # a singular pose gives no numpy warning
         velocities = PAIR.slider_velocities(at(0.0), at(-300.0), at(200.0), at(0.0), at(1.0), at(0.0))
     assert np.isfinite(velocities).tolist() == [[False], [True]]
 

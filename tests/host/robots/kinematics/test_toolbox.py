@@ -43,7 +43,7 @@ def warehouse() -> Any:
 
 
 def teaching() -> Any:
-    """Modified DH; the third variable lifts, as the paper's program has it."""
+    """Modified DH; the third variable lifts, as in the paper's program."""
     return rtb.DHRobot(
         [
             rtb.RevoluteMDH(alpha=0, a=0, d=0),
@@ -85,7 +85,7 @@ ROTARY: Final = {
     "calibration-scara": (0, 1, 3),
     "hybrid-arm": (0, 3),
 }
-"""Which of each model's four variables are angles."""
+"""Columns of the angles among the four variables of each model."""
 
 each_model = pytest.mark.parametrize(
     ("mechanism", "build"),
@@ -103,7 +103,7 @@ each_model = pytest.mark.parametrize(
 
 
 def model_variables(mechanism: Mechanism, joints: FloatArray) -> FloatArray:
-    """What the toolbox's model takes for our joints, shape (n, 4), in mm and radians."""
+    """Return the variables of the toolbox's model for our joints, of shape (n, 4), in mm and radians."""
     variables = joints[:, -4:].copy()
     if mechanism in (TEACHING, CALIBRATION):
         variables[:, 2] *= -1.0
@@ -116,14 +116,14 @@ def model_variables(mechanism: Mechanism, joints: FloatArray) -> FloatArray:
 
 
 def slid_mm(mechanism: Mechanism, joints: FloatArray) -> FloatArray:
-    """How far the slides below the arm carry it, shape (n, 3)."""
+    """Return the shift of the arm by its slides, of shape (n, 3)."""
     zero = np.zeros(len(joints))
     slides = (joints[:, 0], zero, joints[:, 1]) if mechanism is WAREHOUSE else (zero, zero, zero)
     return np.column_stack(slides)
 
 
 def attitudes(mechanism: Mechanism, poses: FloatArray) -> list[FloatArray]:
-    """Rz(phi), or Rz(psi) Rx(180), as the toolbox makes them."""
+    """Return Rz(phi), or Rz(psi) Rx(180), made by the toolbox."""
     tool = sm.SE3.Rx(HALF_TURN if mechanism.tool_down else 0.0)
     return [(sm.SE3.Rz(np.deg2rad(attitude_deg)) * tool).R for attitude_deg in poses[:, 3]]
 
@@ -158,7 +158,7 @@ def test_its_numerical_inverse_lands_on_one_of_our_branches(mechanism: Mechanism
 
 
 def variables_apart(mechanism: Mechanism, found: FloatArray, expected: FloatArray) -> float:
-    """The largest difference, in mm and radians; full turns do not count."""
+    """Return the largest difference, in mm and radians, without full turns."""
     apart = found - expected
     rotary = list(ROTARY[mechanism.name])
     apart[rotary] = (apart[rotary] + np.pi) % (2 * np.pi) - np.pi

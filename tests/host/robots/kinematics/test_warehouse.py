@@ -1,4 +1,4 @@
-"""What the warehouse robot alone has: slides that the pose leaves free."""
+"""The warehouse robot's slides, which a pose does not determine."""
 
 import numpy as np
 import pytest
@@ -21,11 +21,11 @@ def test_the_slides_shift_the_pose() -> None:
     assert np.abs(WAREHOUSE.kinematics.forward(joints) - expected).max() < 1e-9
 
 
-def test_the_slides_stay_where_the_caller_says() -> None:
+def test_the_slides_stay_as_in_near() -> None:
     pose = (1275.0, 169.903810568, 560.0, 90.0)
     held = right_of(*pose, near=np.array([1000.0, 500.0, 77.0, 77.0, 77.0, 77.0]))
     assert held.joints[0] == pytest.approx([1000, 500, 100, 0, 60, 30], abs=1e-6)
-    assert str(right_of(*pose).reason(0)).startswith("out of reach")  # from 0 it is
+    assert str(right_of(*pose).reason(0)).startswith("out of reach")  # with the slides at 0 it is reachable
 
 
 def test_each_pose_has_its_own_slides() -> None:
@@ -48,8 +48,8 @@ def test_each_pose_has_its_own_reason() -> None:
     assert str(branch.reason(2)).startswith("L1")
 
 
-def test_the_last_joint_takes_every_angle() -> None:
-    """It wraps into (-180, 180]: its limits are the whole circle."""
+def test_the_last_joint_reaches_every_angle() -> None:
+    """It wraps into (-180, 180], since its limits are the whole circle."""
     poses = np.column_stack([np.tile([[275.0, 0.0, 60.0]], (361, 1)), np.arange(-180.0, 181.0)])
     branch = WAREHOUSE.kinematics.solve(poses, "right")
     reached = np.isfinite(branch.joints[:, 5])
