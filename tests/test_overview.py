@@ -79,6 +79,13 @@ def test_the_overview_names_places() -> None:
     assert sum(1 for span in code_spans(OVERVIEW) if PLACE.fullmatch(span)) > 80
 
 
+def test_every_folder_and_room_is_in_the_house() -> None:
+    packages = [*ROOT.glob("*/__init__.py"), *ROOT.glob("host/*/__init__.py")]
+    folders = {f"`{path.parent.relative_to(ROOT).as_posix()}/`" for path in packages}
+    assert len(folders) > 14
+    assert {folder for folder in folders if folder not in OVERVIEW} == set()
+
+
 def test_the_questions_are_answered() -> None:
     """Each row of the table "Where do I change ...?" names at least one place."""
     table = OVERVIEW.partition("## Where do I change ...?")[2].partition("\n## ")[0]
