@@ -1,4 +1,4 @@
-# StepTwin: everything a newcomer or CI needs, in a virtual environment of its own under .venv.
+# Commands for newcomers and CI; all of them use a virtual environment of their own in .venv.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -6,7 +6,7 @@ OUT := out/drawer-pull
 
 .PHONY: demo test check lint coverage bench docs clean
 
-# Installs, runs the warehouse robot's drawer pull on the embedded board and says where the pictures are.
+# Install, run the warehouse robot's drawer pull on the embedded board and print where the pictures are.
 demo: $(VENV)/.installed
 	$(BIN)/steptwin run warehouse-scara drawer-pull --out $(OUT)
 
@@ -21,7 +21,7 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-# Lines and branches of firmware and protocol that the tests run; fails below 95 %.
+# Measure the lines and branches of firmware and protocol that the tests run; fail below 95 %.
 coverage: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest --numprocesses auto --dist worksteal tests/controller tests/protocol tests/host/client tests/emulator \
 		--cov=steptwin.controller --cov=steptwin.protocol --cov-branch --cov-fail-under=95 --cov-report=term-missing:skip-covered
@@ -29,7 +29,7 @@ coverage: $(VENV)/.installed-dev
 bench: $(VENV)/.installed-dev
 	$(BIN)/python -m steptwin.bench
 
-# Writes docs/robots.md and its pictures anew: from docs/robots/*.md, the robots' files, and a run of every job.
+# Generate docs/driver.md, docs/protocol.md and docs/robots.md with their pictures; for the last one every job is run.
 docs: $(VENV)/.installed
 	$(BIN)/python -m docs.generate
 
@@ -45,7 +45,7 @@ $(VENV)/.installed: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --editable '.[fast,plot]'
 	@touch $@
 
-# pip 25.1, which the line above sees to, is the first to know dependency groups.
+# Dependency groups need pip 25.1; the upgrade of pip above provides it.
 $(VENV)/.installed-dev: pyproject.toml $(VENV)/.installed
 	$(BIN)/python -m pip install --quiet --group dev
 	@touch $@

@@ -12,7 +12,10 @@ from steptwin.host.twin.board_under_test import BoardUnderTest
 
 pytest_plugins = ["pytester"]
 
-HEAVY = ["can", "canopen", "controller", "emulator", "matplotlib", "numba", "numpy", "protocol", "scipy"]
+HEAVY = [
+    *("can", "canopen", "matplotlib", "numba", "numpy", "scipy"),
+    *("steptwin.controller", "steptwin.emulator", "steptwin.protocol"),
+]
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -1,1 +1,1 @@
-"""Carries things with a classroom SCARA: a planner and a host program that know nothing of StepTwin."""
+"""Carry things with a classroom SCARA: a planner and a host program without any import of StepTwin."""

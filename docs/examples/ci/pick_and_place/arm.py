@@ -1,4 +1,4 @@
-"""The host program: enables the drives, sends points as PVT records and starts all axes with one SYNC."""
+"""Drive the arm: enable the drives, send points as PVT records and start all axes with one SYNC."""
 
 import time
 from collections.abc import Callable
@@ -27,7 +27,7 @@ class ArmError(Exception):
 
 
 class Arm:
-    """The arm's four axes on a network; `sleep` lets time pass, in seconds."""
+    """The arm's four axes on a network; `sleep` lets a number of seconds pass."""
 
     def __init__(self, network: canopen.Network, sleep: Callable[[float], None] = time.sleep) -> None:
         self._network = network
@@ -36,7 +36,7 @@ class Arm:
         self._nodes = [network.add_node(canopen.RemoteNode(i, canopen.ObjectDictionary())) for i in ids]
 
     def enable(self) -> None:
-        """Set the drivers up and put all drives into OPERATION ENABLED, in interpolated position mode."""
+        """Configure the drivers and lead all drives to OPERATION ENABLED in interpolated position mode."""
         self._network.send_message(0, bytes((1, ALL_NODES)))  # NMT start
         for node, microsteps in zip(self._nodes, MICROSTEPS, strict=True):
             self._write(node, 0x2000, 1, microsteps, 1)
@@ -46,11 +46,11 @@ class Arm:
                 self._write(node, 0x6040, 0, controlword, 2)
 
     def move(self, points: list[Point]) -> None:
-        """Make a motion that fits into the board's queue, and wait for its end.
+        """Make a motion whose points fit into the board's queue, and wait for its end.
 
         Raises:
             ArmError: a drive has stopped in fault.
-            ValueError: there are more points than the queue takes.
+            ValueError: the queue does not hold that many points.
         """
         if len(points) - 1 > QUEUE_RECORDS:
             raise ValueError(f"{len(points) - 1} records are more than the queue's {QUEUE_RECORDS}")
@@ -64,11 +64,11 @@ class Arm:
             self._sleep(0.01)
 
     def grip(self, *, closed: bool) -> None:
-        """Switch the gripper, which is wired to the last axis."""
+        """Close or open the gripper, which is wired to the last axis."""
         self._write(self._nodes[-1], 0x60FE, 1, OUT1 if closed else 0, 4)
 
     def _fill(self, node: canopen.RemoteNode, records: list[bytes]) -> None:
-        """Send records until the node has all of them: a frame may be lost."""
+        """Send records until the node has accepted all of them: a frame may be lost."""
         while (accepted := self._read(node, 0x2012, 1)) < len(records):
             for record in records[accepted:]:
                 self._network.send_message(0x500 + node.id, record)
@@ -88,7 +88,7 @@ class Arm:
 
 
 def _records(axis: int, points: list[Point]) -> list[bytes]:
-    """An axis' PVT records: displacement, end velocity in 1/64 unit per ms, duration in ms, sequence number."""
+    """Return an axis' PVT records: displacement, end velocity in 1/64 unit per ms, duration in ms, sequence number."""
     units = [round(point.positions[axis] * UNITS[axis]) for point in points]
     records = []
     for number, (i, j) in enumerate(pairwise(range(len(points)))):

@@ -1,13 +1,13 @@
-"""The planner: all joints from rest to rest along one quintic, as points for the board's PVT queue."""
+"""Plan moves of all joints from rest to rest along one quintic, as points for the board's PVT queue."""
 
 from typing import NamedTuple
 
 PERIOD_MS = 20
-"""From point to point."""
+"""Time from point to point."""
 
 
 class Point(NamedTuple):
-    """Where all joints are to be, in mm and degrees, and how fast, in mm/s and deg/s."""
+    """Positions of all joints, in mm and degrees, and their velocities, in mm/s and deg/s."""
 
     t_ms: int
     positions: tuple[float, ...]
@@ -15,7 +15,7 @@ class Point(NamedTuple):
 
 
 def plan_move(start: tuple[float, ...], goal: tuple[float, ...], duration_ms: int) -> list[Point]:
-    """From start to goal; the position along the way is 10 u^3 - 15 u^4 + 6 u^5."""
+    """Return the points from start to goal: after the part u of the time, 10 u^3 - 15 u^4 + 6 u^5 of the way."""
     return [_point(start, goal, duration_ms, t_ms) for t_ms in range(0, duration_ms + 1, PERIOD_MS)]
 
 

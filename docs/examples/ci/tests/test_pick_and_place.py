@@ -1,4 +1,4 @@
-"""The planner and the host program against an emulated board, in virtual time."""
+"""Test the planner and the host program against an emulated board, in virtual time."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from steptwin import BoardUnderTest, BusFault, BusFaultKind, EmergencyStop, Samp
 
 COUNTS_PER_S = 72_000_000
 HALF_A_STEP = 0.02
-"""Of any joint, in mm or degrees."""
+"""Half a step of any joint, in mm or degrees, at most."""
 MOVE = plan_move((0.0, 0.0, 0.0, 0.0), (45.0, -30.0, 10.0, 90.0), duration_ms=1000)
 
 
@@ -21,7 +21,7 @@ def arm(steptwin_board: BoardUnderTest) -> Arm:
 
 
 def planned(board: BoardUnderTest, points: list[Point]) -> Sampled:
-    """The same motion for the board's verification."""
+    """Return the same motion as a trajectory, for the board's verification."""
     times_s = np.array([point.t_ms / 1000 for point in points])
     positions, velocities = ([getattr(point, name) for point in points] for name in ("positions", "velocities"))
     return Sampled.hermite(board.robot.joint_names, times_s, np.array(positions), np.array(velocities))
@@ -59,7 +59,7 @@ def test_the_emergency_stop_is_noticed(steptwin_board: BoardUnderTest, arm: Arm)
 
 @pytest.mark.steptwin(stand_at={"th1": 100.0})
 def test_a_limit_switch_stops_the_arm(arm: Arm) -> None:
-    """It stands 35 degrees before the switch, and has not been homed."""
+    """The arm stands 35 degrees before the switch and has not been homed, so no software limit stops it first."""
     with pytest.raises(ArmError) as stopped:
         arm.move(MOVE)
     assert stopped.value.code == 0x8612
