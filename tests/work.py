@@ -1,4 +1,4 @@
-"""Count the work that a call does: unlike seconds, its bounds hold on a busy machine too."""
+"""Count the work that a call does; bounds on it hold on a busy machine too, unlike bounds on seconds."""
 
 import sys
 from collections.abc import Callable
@@ -9,7 +9,7 @@ from steptwin.host.planning.trajectory import Switching, Trajectory
 
 
 def function_calls(call: Callable[[], object]) -> int:
-    """Return the number of functions, of Python and of C, that a call calls: a loop over samples would show."""
+    """Return the number of calls of Python and C functions inside a call; a loop over samples would raise it."""
     calls = 0
 
     def count(_frame: FrameType, event: str, _argument: object) -> None:
@@ -26,10 +26,10 @@ def function_calls(call: Callable[[], object]) -> int:
 
 
 class CountingTrajectory:
-    """Counts the instants at which a trajectory is evaluated; fulfils Trajectory.
+    """Count the instants at which a trajectory is evaluated; fulfils Trajectory.
 
     Attributes:
-        instants: Number of instants at which positions or velocities were asked for.
+        instants: number of instants at which positions or velocities were evaluated.
     """
 
     def __init__(self, inner: Trajectory) -> None:

@@ -1,4 +1,4 @@
-"""Motions in closed form, and the evidence that a perfect board would leave of them."""
+"""Make motions in closed form, and the evidence that a perfect board would leave of them."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -24,10 +24,10 @@ from steptwin.host.verify import (
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 START_COUNTS = 3_600_000
-"""Where t = 0 lies in made evidence: 50 ms after boot, so that a forgotten offset shows."""
+"""Instant of t = 0 in made evidence: 50 ms after power-up, so that a forgotten offset shows."""
 
 ENABLE_COUNTS = 1_800_000
-"""When made drivers leave reset and are enabled."""
+"""Instant at which drivers in made evidence leave reset and are enabled."""
 
 CLK_HIGH_COUNTS = 2_376  # 33 us
 RUN = RunInfo("test-arm", "test", 1.0, BusReport(1_000_000, 0, 0.0), 1.05, 0.01)
@@ -60,12 +60,12 @@ class Motion:
 
 
 def line(start: float, rate: float) -> tuple[Scalar, Scalar]:
-    """Constant speed; the verifier needs no rest at the ends."""
+    """Return a motion at constant speed; the verifier needs no rest at the ends."""
     return lambda t: start + rate * t, lambda t: np.full_like(t, rate)
 
 
 def sines(terms: Sequence[tuple[float, float, float]], offset: float = 0.0) -> tuple[Scalar, Scalar]:
-    """A sum of amplitude * sin(omega t + phase) around an offset."""
+    """Return a sum of amplitude * sin(omega t + phase) around an offset."""
     amplitude, omega, phase = (np.array(column) for column in zip(*terms, strict=True))
     return (
         lambda t: offset + np.sin(np.outer(t, omega) + phase) @ amplitude,
@@ -74,7 +74,7 @@ def sines(terms: Sequence[tuple[float, float, float]], offset: float = 0.0) -> t
 
 
 def trapezoid(start: float, distance: float, duration_s: float, ramp_s: float) -> tuple[Scalar, Scalar]:
-    """From rest to rest at constant acceleration, speed and deceleration."""
+    """Return a motion from rest to rest at constant acceleration, speed and deceleration."""
     speed = distance / (duration_s - ramp_s)
 
     def position(t: FloatArray) -> FloatArray:
@@ -90,36 +90,36 @@ def trapezoid(start: float, distance: float, duration_s: float, ramp_s: float) -
 
 
 def motion(duration_s: float, *joints: tuple[Scalar, Scalar]) -> Motion:
-    """A trajectory of the given joints."""
+    """Return a trajectory of the given joints."""
     return Motion(duration_s, tuple(p for p, _ in joints), tuple(v for _, v in joints))
 
 
 def still(position: float) -> tuple[Scalar, Scalar]:
-    """A joint that does not move."""
+    """Return a joint that stands still."""
     return line(position, 0.0)
 
 
 def planar_forward(joints: FloatArray) -> FloatArray:
-    """A stage: the first joint is x in mm, the second y, the third the attitude in degrees; those missing are 0."""
+    """Forward kinematics of a stage: joints are x in mm, y in mm and attitude in degrees; missing joints are 0."""
     columns = np.zeros((len(joints), 3))
     columns[:, : joints.shape[1]] = joints[:, :3]
     return np.column_stack([columns[:, 0], columns[:, 1], np.zeros(len(joints)), columns[:, 2]])
 
 
 def expect(trajectory: Motion, *steps_per_unit: float) -> Expectation:
-    """A plan for the stage."""
+    """Return the expectation for a motion of the stage."""
     units = ("mm", "mm", "deg", *("deg",) * 5)[: len(steps_per_unit)]
     return Expectation(trajectory, np.array(steps_per_unit), units, planar_forward)
 
 
 def nearest_steps(expected: Expectation) -> tuple[int, ...]:
-    """The counters of a board that stands at the plan's start."""
+    """Return the counters of a board that stands at the start of the motion."""
     start = expected.trajectory.positions(np.zeros(1))[0] * expected.steps_per_unit
     return tuple(int(n) for n in np.floor(start + 0.5))
 
 
 def perfect_evidence(expected: Expectation) -> Evidence:
-    """What a board would leave that makes every ideal step in the nearest count of its timer."""
+    """Return the evidence of a board that makes every ideal step in the nearest count of its timer."""
     starts = nearest_steps(expected)
     ideal = ideal_steps(expected.trajectory, expected.steps_per_unit, starts)
     names = expected.trajectory.joint_names
@@ -148,7 +148,7 @@ def _perfect_axis(name: str, ideal: IdealSteps) -> AxisEvidence:
 
 
 def altered(evidence: Evidence, axis: int = 0, **changes: object) -> Evidence:
-    """The same evidence with some fields of one axis replaced."""
+    """Return the evidence with some fields of one axis replaced."""
     axes = list(evidence.axes)
     axes[axis] = replace(axes[axis], **changes)  # type: ignore[arg-type]
     return replace(evidence, axes=tuple(axes))

@@ -1,4 +1,4 @@
-"""The count around an instant, against a count of the steps by hand."""
+"""Compare the count around an instant with a count of the steps by hand."""
 
 import numpy as np
 from hypothesis import given
@@ -11,7 +11,7 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 from tests.host.verify.motions import NO_PHASES, NO_VIOLATIONS
 
 INSTANTS = st.integers(0, 40)
-"""In counts and so few that steps, and instants, often fall together."""
+"""Instants in counts, from a range so small that several steps and instants often coincide."""
 
 
 @given(
@@ -22,7 +22,7 @@ INSTANTS = st.integers(0, 40)
 def test_counts_just_before_and_just_after_an_instant(
     steps: list[tuple[int, int]], instants: list[int], start_counts: int
 ) -> None:
-    """A step at the very instant is made after the one and before the other; steps before t = 0 set the start."""
+    """A step at the instant itself lies between the two counts; steps before t = 0 set the start."""
     steps.sort(key=lambda step: step[0])
     instants.sort()
     none = np.empty(0, dtype=np.int64)

@@ -1,4 +1,4 @@
-"""The oracle against crossings worked out by hand, against closed forms, and against a loop in very small steps."""
+"""Compare the oracle with crossings computed by hand, with closed forms, and with a loop over very small time steps."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ H = 9 / 16
 
 
 def steps_of(joint: tuple[Scalar, Scalar], start: int, duration_s: float = 1.0, spu: float = 1.0) -> IdealSteps:
-    """The ideal steps of one joint alone."""
+    """Return the ideal steps of one joint alone."""
     return ideal_steps(motion(duration_s, joint), np.array([spu]), (start,))[0]
 
 
@@ -44,7 +44,7 @@ def test_a_sine_steps_at_the_arcsines_and_back_an_eighth_of_a_step_lower() -> No
 
 @pytest.mark.parametrize(("dip", "signs"), [(0.45, [1]), (0.4376, [1]), (0.4374, [1, -1, 1]), (0.3, [1, -1, 1])])
 def test_a_reversal_must_leave_the_hysteresis_to_step_back(dip: float, signs: list[int]) -> None:
-    """From 0 over a peak of 0.6 to a dip, and the same peak again: cosines between the extremes."""
+    """The motion goes from 0 over a peak of 0.6 to a dip and to the same peak again, with cosines between."""
     knots = np.array([0.0, 0.6, dip, 0.6])
 
     def position(t: FloatArray) -> FloatArray:
@@ -78,8 +78,8 @@ def test_rounding_noise_at_rest_makes_no_steps_and_solves_nothing() -> None:
 
 
 @pytest.mark.parametrize("turn_s", [0.5, 0.50037, 1.0 / 3.0])
-def test_a_touch_of_the_threshold_does_not_crash(turn_s: float) -> None:
-    """A parabola whose top is the threshold, to rounding: it may step up and back, and nothing else."""
+def test_a_motion_that_touches_a_threshold_steps_up_and_back_or_not_at_all(turn_s: float) -> None:
+    """The top of a parabola lies on the threshold except for rounding."""
     steps = steps_of((lambda t: H - (t - turn_s) ** 2, lambda t: -2.0 * (t - turn_s)), 0)
     assert steps.signs.tolist() in ([], [1, -1])
     assert np.abs(steps.time_s[:1] - turn_s).max(initial=0.0) < 1e-5
@@ -102,7 +102,7 @@ def test_a_start_beyond_a_threshold_steps_at_once() -> None:
     assert steps_of(line(3.0, -1.0), 0).signs.tolist() == [1, 1, 1, -1]
 
 
-def test_a_negative_conversion_turns_the_count_around() -> None:
+def test_a_negative_conversion_reverses_the_count() -> None:
     joint = sines([(7.7, 4.0, 0.3)])
     up, down = steps_of(joint, 23, spu=10.0), steps_of(joint, -23, spu=-10.0)
     np.testing.assert_array_equal(up.signs, -down.signs)
@@ -120,7 +120,7 @@ def test_axes_do_not_influence_each_other() -> None:
         np.testing.assert_allclose(axis.time_s, alone.time_s, rtol=0.0, atol=1e-10)
 
 
-def test_chunks_do_not_change_the_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_small_chunks_give_the_same_steps(monkeypatch: pytest.MonkeyPatch) -> None:
     joint = random_joint(3)
     whole = steps_of(joint, start_of(joint))
     monkeypatch.setattr(oracle, "SAMPLES_PER_CHUNK", 7)
@@ -131,7 +131,7 @@ def test_chunks_do_not_change_the_answer(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def random_joint(seed: int) -> tuple[Scalar, Scalar]:
-    """Five sines, up to some hundred steps per second, with many reversals of all sizes."""
+    """Return a sum of five sines: up to some hundred steps per second, with many reversals of all sizes."""
     rng = np.random.default_rng(seed)
     terms = [(rng.uniform(0.2, 12.0) / omega, omega, rng.uniform(0.0, 6.3)) for omega in rng.uniform(2.0, 60.0, 5)]
     return sines(terms, offset=rng.uniform(-100.0, 100.0))
@@ -142,7 +142,7 @@ def start_of(joint: tuple[Scalar, Scalar], spu: float = 1.0) -> int:
 
 
 def steps_by_loop(position_steps: FloatArray, counter: int) -> list[tuple[int, int]]:
-    """Sample index and sign of every step: the rule itself, one sample after the other."""
+    """Return sample index and sign of every step by the step rule, one sample after the other."""
     steps = []
     for i, p in enumerate(position_steps.tolist()):
         while abs(p - counter) >= H:
@@ -178,7 +178,7 @@ def test_every_crossing_lies_on_its_threshold(seed: int) -> None:
 
 
 def six_axes(duration_s: float) -> Motion:
-    """A drawer pull's size: three axes that move, three that do not."""
+    """Return a motion as large as a drawer pull: three axes move, three stand still."""
     return motion(
         duration_s,
         trapezoid(0.0, -42.0, duration_s, 2.0),

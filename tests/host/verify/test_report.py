@@ -1,4 +1,4 @@
-"""The verdict: perfect evidence passes with next to no error, and every kind of fault is caught and rightly counted."""
+"""Judge made evidence: perfect evidence passes with almost no error; every kind of fault is caught and counted."""
 
 import json
 from collections.abc import Callable
@@ -67,7 +67,7 @@ SWINGING = expect(
 
 
 def with_steps(evidence: Evidence, counts: Int64Array, signs: Int8Array) -> Evidence:
-    """The same evidence with other steps on its first axis, accepted pulses all of them."""
+    """Return the evidence with other steps on its first axis; every pulse is accepted."""
     return altered(
         evidence,
         step_counts=counts,
@@ -83,14 +83,14 @@ def without_step(evidence: Evidence, *index: int) -> Evidence:
 
 
 def with_extra_step(evidence: Evidence, index: int, sign: int) -> Evidence:
-    """A further step half a period after the given one."""
+    """Return the evidence with one more step, half a period after the given one."""
     first = evidence.axes[0]
     counts = np.insert(first.step_counts, index + 1, first.step_counts[index] + PERIOD_COUNTS // 2)
     return with_steps(evidence, counts, np.insert(first.step_signs, index + 1, np.int8(sign)))
 
 
 def with_moved_step(evidence: Evidence, index: int, dt_counts: int) -> Evidence:
-    """The given step later, or earlier if negative."""
+    """Return the evidence with the given step later, or earlier if negative."""
     first = evidence.axes[0]
     counts = first.step_counts.copy()
     counts[index] += dt_counts
@@ -98,14 +98,14 @@ def with_moved_step(evidence: Evidence, index: int, dt_counts: int) -> Evidence:
 
 
 def with_turned_step(evidence: Evidence, index: int) -> Evidence:
-    """The given step the wrong way."""
+    """Return the evidence with the given step in the wrong direction."""
     first = evidence.axes[0]
     signs = first.step_signs.copy()
     signs[index] *= -1
     return with_steps(evidence, first.step_counts, signs)
 
 
-def test_perfect_evidence_passes_with_next_to_no_error() -> None:
+def test_perfect_evidence_passes_with_almost_no_error() -> None:
     report = verify(SWINGING, perfect_evidence(SWINGING), RUN)
     assert report.passed
     assert report.reasons == ()
@@ -117,7 +117,7 @@ def test_perfect_evidence_passes_with_next_to_no_error() -> None:
 
 
 def test_figures_of_a_steady_axis_by_hand() -> None:
-    """The error is +-1/2 step around a sixteenth: 0.5625 just before each edge and 0.4375 just after."""
+    """The error is 1/2 + 1/16 = 0.5625 step just before each edge and 0.4375 step just after."""
     report = verify(STEADY, perfect_evidence(STEADY), RUN)
     (axis,) = report.axes
     assert (axis.steps_start, axis.steps_end, axis.pulses, axis.reversals) == (0, 1000, 1000, 0)
@@ -128,13 +128,13 @@ def test_figures_of_a_steady_axis_by_hand() -> None:
     assert axis.position_error_steps_max == pytest.approx(0.5625, abs=1e-6)
     assert (report.joints.start, report.joints.end) == ((0.0,), (100.0,))
     assert report.tool.position_error_mm_max == pytest.approx(0.05625, abs=1e-7)
-    squares = 1000 * (0.05625**2 + 0.04375**2)  # and no error at the start and at the end, before and after
+    squares = 1000 * (0.05625**2 + 0.04375**2)  # start and end have no error, just before and just after
     assert report.tool.position_error_mm_rms == pytest.approx((squares / 2004) ** 0.5, abs=1e-7)
     assert report.tool.attitude_error_deg_max == 0.0
 
 
-def test_clk_is_low_while_step_is_high_where_the_falling_edge_is_active() -> None:
-    """Pulses of 33 us every 1000 us; but of the last pause there is no end."""
+def test_clk_is_low_while_step_is_high_if_the_falling_edge_is_active() -> None:
+    """STEP has pulses of 33 us every 1000 us; the record does not contain the end of the last pause."""
     evidence = altered(perfect_evidence(STEADY), active_edge=ActiveEdge.FALLING)
     (axis,) = verify(STEADY, evidence, RUN).axes
     assert (axis.clk_high_us_min, axis.clk_low_us_min) == pytest.approx((967.0, 33.0))
@@ -168,7 +168,7 @@ FAULTS: dict[str, tuple[Callable[[Evidence], Evidence], int, int, float, float]]
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_fault_is_caught_and_rightly_counted(fault: str) -> None:
+def test_a_fault_is_caught_and_counted(fault: str) -> None:
     make, unmatched, end, position_steps, threshold_steps = FAULTS[fault]
     report = verify(STEADY, make(perfect_evidence(STEADY)), RUN)
     (axis,) = report.axes
@@ -189,7 +189,7 @@ def test_the_steps_around_a_lost_one_keep_their_partners() -> None:
 
 
 def counts_of(steps: float) -> int:
-    """How long the steady axis takes for a part of a step."""
+    """Return the time that the steady axis takes for a fraction of a step, in counts."""
     return round(steps * PERIOD_COUNTS)
 
 
@@ -207,7 +207,7 @@ def test_a_late_step_passes_up_to_the_position_limit(late_steps: float, passed: 
 
 @pytest.mark.parametrize(("early_steps", "passed"), [(0.0074, True), (0.0076, False), (0.1, False)])
 def test_an_early_step_passes_up_to_the_threshold_tolerance(early_steps: float, passed: bool) -> None:
-    """An early step brings the count nearer to the plan for a while: the position error alone would not tell."""
+    """An early step brings the count nearer to the plan for a while, so the position error alone does not show it."""
     report = verify(STEADY, with_moved_step(perfect_evidence(STEADY), 500, -counts_of(early_steps)), RUN)
     (axis,) = report.axes
     assert report.passed == passed
@@ -222,7 +222,7 @@ def test_the_limits_are_the_step_rule_plus_its_tolerance() -> None:
 
 
 def test_a_drift_is_caught_although_every_step_has_a_partner() -> None:
-    """A timer that is 20 ppm slow: the last of the 1000 steps comes 20 us, 0.02 steps late."""
+    """The timer is 20 ppm slow: the last of the 1000 steps comes 20 us late, which is 0.02 steps."""
     evidence = perfect_evidence(STEADY)
     counts = evidence.axes[0].step_counts
     slow = START_COUNTS + np.rint((counts - START_COUNTS) * 1.00002).astype(np.int64)
@@ -235,21 +235,21 @@ def test_a_drift_is_caught_although_every_step_has_a_partner() -> None:
 
 
 def test_an_offset_from_the_start_is_caught() -> None:
-    """One step off at t = 0, then the ideal pulses of the true start."""
+    """The count is one step off at t = 0; then come the ideal pulses of the true start."""
     report = verify(STEADY, altered(perfect_evidence(STEADY), start_steps=-1), RUN)
     assert not report.passed
     assert report.axes[0].steps_end == 999
     assert report.axes[0].position_error_steps_max == pytest.approx(1.5625, abs=1e-6)
 
 
-def test_violations_fail_a_run_that_is_right_otherwise() -> None:
+def test_violations_fail_an_otherwise_perfect_run() -> None:
     report = verify(STEADY, altered(perfect_evidence(STEADY), violations=THREE_VIOLATIONS), RUN)
     assert report.reasons == ("a: driver violations 3 (limit 0)",)
     assert report.axes[0].violations == 3
 
 
 def test_violations_are_grouped_by_axis_and_limit() -> None:
-    """The worst is what is furthest from the limit, on whichever side; times are the trajectory's."""
+    """The worst value is the one furthest from the limit, above or below; times are the trajectory's."""
     evidence = altered(perfect_evidence(SWINGING), axis=2, violations=THREE_VIOLATIONS)
     report = verify(SWINGING, evidence, RUN)
     assert report.violations == (
@@ -259,7 +259,7 @@ def test_violations_are_grouped_by_axis_and_limit() -> None:
     assert [group["count"] for group in report.to_dict()["violations"]] == [2, 1]
 
 
-def test_a_pulse_that_the_driver_did_not_accept_is_a_pulse_but_no_step() -> None:
+def test_a_pulse_that_the_driver_ignores_counts_as_a_pulse_but_not_as_a_step() -> None:
     evidence = perfect_evidence(STEADY)
     first = evidence.axes[0]
     steps = np.delete(first.step_counts, 500), np.delete(first.step_signs, 500)
@@ -267,7 +267,7 @@ def test_a_pulse_that_the_driver_did_not_accept_is_a_pulse_but_no_step() -> None
     assert (axis.pulses, axis.steps_end) == (1000, 999)
 
 
-GRAZES = [  # peak, whether the board stepped there, grazing and unmatched steps
+GRAZES = [  # peak, True if the board stepped there, number of grazing and of unmatched steps
     (0.5625 + 0.0003, True, 0, 0),
     (0.5625 + 0.0003, False, 2, 0),
     (0.5625 - 0.0003, True, 2, 0),
@@ -278,10 +278,8 @@ GRAZES = [  # peak, whether the board stepped there, grazing and unmatched steps
 
 
 @pytest.mark.parametrize(("peak", "made", "grazing", "unmatched"), GRAZES)
-def test_where_the_motion_grazes_a_threshold_both_answers_are_right(
-    peak: float, made: bool, grazing: int, unmatched: int
-) -> None:
-    """From 0 to the peak and back to 0 within a second: a step up at the peak and one down on the way back, or none."""
+def test_a_grazed_threshold_may_step_or_not(peak: float, made: bool, grazing: int, unmatched: int) -> None:
+    """From 0 to the peak and back to 0 within 1 s: a step up at the peak and one down on the way back, or no steps."""
     expected = expect(motion(1.0, sines([(-peak / 2.0, 2.0 * np.pi, np.pi / 2.0)], peak / 2.0)), 1.0)
     back_s = 1.0 - np.arccos(1.0 - 2.0 * 0.4375 / peak) / (2.0 * np.pi)
     times_s = np.array([0.5, back_s] if made else [])
@@ -292,8 +290,8 @@ def test_where_the_motion_grazes_a_threshold_both_answers_are_right(
     assert report.passed == (unmatched == 0)
 
 
-def test_a_turning_point_without_its_steps_is_seen_between_the_edges() -> None:
-    """Edges alone would not show it: no edge is near the peak that should have stepped up and back."""
+def test_missing_steps_at_a_turning_point_show_between_the_edges() -> None:
+    """The board should have stepped up and back at the peak; no edge is near it to show the error."""
     expected = expect(motion(1.0, sines([(-0.4, 2.0 * np.pi, np.pi / 2.0)], 0.4)), 1.0)
     evidence = with_steps(perfect_evidence(expected), np.empty(0, np.int64), np.empty(0, np.int8))
     (axis,) = verify(expected, evidence, RUN).axes
@@ -302,7 +300,7 @@ def test_a_turning_point_without_its_steps_is_seen_between_the_edges() -> None:
 
 
 def test_slow_crossings_have_no_timing_error() -> None:
-    """A reversal in the middle: the steps beside it come 10 us late, which at their speed is next to nothing."""
+    """The steps beside a reversal come 10 us late, which is a tiny distance at their speed."""
     expected = expect(motion(2.0, sines([(10.0, np.pi / 2.0, 0.0)])), 2000.0)
     evidence = perfect_evidence(expected)
     comparison = compare(expected, evidence)
@@ -314,7 +312,7 @@ def test_slow_crossings_have_no_timing_error() -> None:
     assert axis.threshold_error_steps_max > 1e-3
 
 
-def test_steps_before_the_start_only_set_where_it_is() -> None:
+def test_steps_before_the_start_only_set_the_count_at_the_start() -> None:
     expected = expect(motion(1.0, line(0.2, 100.0)), 10.0)
     evidence = perfect_evidence(expected)
     first = evidence.axes[0]
@@ -325,7 +323,7 @@ def test_steps_before_the_start_only_set_where_it_is() -> None:
     assert (report.axes[0].steps_start, report.axes[0].pulses) == (2, 1005)
 
 
-def test_steps_after_the_end_are_held_against_the_end() -> None:
+def test_steps_after_the_end_are_compared_with_the_end() -> None:
     evidence = perfect_evidence(STEADY)
     first = evidence.axes[0]
     counts = np.append(first.step_counts, START_COUNTS + 3 * COUNTS_PER_SECOND)
@@ -352,19 +350,19 @@ def test_angles_wrap_into_a_half_open_turn() -> None:
     assert wrapped_deg(angles).tolist() == [0.0, 180.0, 180.0, -179.0, 179.0, 180.0, -1.0]
 
 
-def test_a_plan_that_is_not_finite_is_refused() -> None:
+def test_a_planned_position_that_is_not_finite_is_refused() -> None:
     broken = expect(motion(1.0, still(0.0), (lambda t: np.where(t > 0.5, np.nan, 0.0), lambda t: 0.0 * t)), 1.0, 1.0)
     standing = expect(motion(1.0, still(0.0), still(0.0)), 1.0, 1.0)
     with pytest.raises(ValueError, match=r"planned position of b is nan at 0\.501 s"):
         verify(broken, perfect_evidence(standing), RUN)
 
 
-def test_other_axes_than_planned_are_refused() -> None:
+def test_evidence_of_other_axes_than_planned_is_refused() -> None:
     with pytest.raises(ValueError, match=r"evidence of axes \('a',\), but a plan of joints \('a', 'b', 'c', 'd'\)"):
         verify(SWINGING, perfect_evidence(STEADY), RUN)
 
 
-def test_a_plan_needs_one_conversion_per_joint() -> None:
+def test_an_expectation_needs_one_conversion_per_joint() -> None:
     with pytest.raises(ValueError, match="1 joints, but steps_per_unit"):
         Expectation(STEADY.trajectory, np.array([1.0, 2.0]), ("mm",), planar_forward)
 
@@ -395,7 +393,7 @@ def test_the_document_is_plain_json(document: dict[str, Any]) -> None:
     assert json.loads(json.dumps(document, allow_nan=False)) == document
 
 
-def test_rounding_hides_no_error() -> None:
+def test_rounding_keeps_the_digits_of_a_tiny_error() -> None:
     report = verify(STEADY, perfect_evidence(STEADY), RUN)
     tiny = replace(report.axes[0], position_error_steps_max=1.23456789012e-7)
     assert replace(report, axes=(tiny,)).to_dict()["axes"][0]["position_error_steps_max"] == 1.23456789e-7
@@ -413,7 +411,7 @@ def test_many_steps_in_many_chunks_give_the_same_report(monkeypatch: pytest.Monk
 
 
 def test_random_faults_never_pass() -> None:
-    """One step lost, added or turned anywhere on a moving axis fails the run and is counted."""
+    """A step lost or reversed anywhere on a moving axis fails the run and is counted."""
     rng = np.random.default_rng(11)
     evidence = perfect_evidence(SWINGING)
     steps = len(evidence.axes[0].step_counts)

@@ -1,4 +1,4 @@
-"""The vectorised root finder, on functions whose roots are known."""
+"""Solve functions whose roots are known with the vectorised root finder."""
 
 from collections.abc import Callable
 
@@ -33,7 +33,7 @@ def roots_of(names: list[str], tolerance: float = TOLERANCE) -> FloatArray:
 
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_each_function_alone(name: str) -> None:
-    accuracy = 1e-3 if name == "flat" else 2.0 * TOLERANCE  # a fifth power is zero to rounding long before its root
+    accuracy = 1e-3 if name == "flat" else 2.0 * TOLERANCE  # a fifth power rounds to zero far from its root
     assert abs(roots_of([name])[0] - FUNCTIONS[name][3]) <= accuracy
 
 

@@ -1,4 +1,4 @@
-"""Digital outputs against their plan: each change in its window, in order, and no other."""
+"""Verify digital outputs: each planned change in its window and in order, and no other change."""
 
 from dataclasses import replace
 
@@ -28,7 +28,7 @@ def reasons(planned: tuple[Switching, ...], *made: OutputChange) -> tuple[str, .
 
 
 @pytest.mark.parametrize("late_s", [0.0, 0.05, 0.1])
-def test_in_time(late_s: float) -> None:
+def test_changes_in_time_pass(late_s: float) -> None:
     expected = expect_switchings(GRIP, LET_GO)
     evidence = replace(perfect_evidence(expected), outputs=(change(0.2 + late_s, 1), change(0.7 + late_s, 0)))
     report = verify(expected, evidence, RUN)
@@ -50,15 +50,15 @@ def test_in_time(late_s: float) -> None:
         ((change(0.25, 1), change(0.75, 0), change(0.9, 1)), "outputs: 1 changes that were not planned (limit 0)"),
     ],
 )
-def test_what_fails(made: tuple[OutputChange, ...], words: str) -> None:
+def test_a_change_too_early_too_late_missing_or_wrong_fails(made: tuple[OutputChange, ...], words: str) -> None:
     assert words in reasons((GRIP, LET_GO), *made)
 
 
-def test_a_change_nobody_planned() -> None:
+def test_a_change_that_was_not_planned_fails() -> None:
     assert reasons((), change(0.5, 1)) == ("outputs: 1 changes that were not planned (limit 0)",)
     assert reasons(()) == ()
 
 
-def test_a_document_of_a_run_without_outputs() -> None:
+def test_the_document_of_a_run_without_outputs_has_an_empty_list() -> None:
     expected = expect_switchings()
     assert verify(expected, perfect_evidence(expected), RUN).to_dict()["outputs"] == []

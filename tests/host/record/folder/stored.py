@@ -1,4 +1,4 @@
-"""Evidence with something in every array, a comparison of evidence, and the arrays of a file."""
+"""Share evidence with values in every array, a comparison of evidence, and a reader of a file's arrays."""
 
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,7 @@ EVIDENCE = altered(
 
 
 def assert_same(first: object, second: object) -> None:
-    """Dataclasses of numbers and arrays, field by field."""
+    """Compare dataclasses of numbers and arrays field by field."""
     if isinstance(first, np.ndarray):
         np.testing.assert_array_equal(first, second)
     elif hasattr(first, "__slots__"):

@@ -1,4 +1,4 @@
-"""A folder read again: what was written comes back, and what cannot be read is said with file and key."""
+"""Write and read folders: every file reads back as written, and an error names file and key."""
 
 import errno
 import json
@@ -22,13 +22,13 @@ from steptwin.host.robots import load_robot
 from tests.host.record.folder.stored import EVIDENCE, arrays_of, assert_same
 
 
-def test_evidence_comes_back(tmp_path: Path) -> None:
+def test_evidence_reads_back_as_written(tmp_path: Path) -> None:
     write_edges(tmp_path / "edges.npz", EVIDENCE)
     assert_same(read_edges(tmp_path), EVIDENCE)
 
 
-class TestBrokenOff:
-    """What an earlier run has left stays as it was."""
+class TestInterruptedWriting:
+    """The file of an earlier run stays as it was."""
 
     @pytest.fixture(autouse=True)
     def _older(self, tmp_path: Path) -> Iterator[None]:
@@ -37,7 +37,7 @@ class TestBrokenOff:
         yield
         assert {each.name: each.read_bytes() for each in tmp_path.iterdir()} == {"file": b"old"}
 
-    def test_edges(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_of_edges(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         def full(file: BinaryIO, **_: object) -> None:
             file.write(b"half")
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -46,7 +46,7 @@ class TestBrokenOff:
         with pytest.raises(OSError, match="file"):
             write_edges(tmp_path / "file", EVIDENCE)
 
-    def test_the_motion(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_of_the_motion(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         def interrupted(*_: object) -> str:
             raise KeyboardInterrupt
 
@@ -60,7 +60,7 @@ class TestTheMotion:
     @pytest.mark.parametrize(
         ("name", "job"), [("warehouse-scara", "store"), ("hybrid-arm", "five-points"), ("lab-scara", "spiral")]
     )
-    def test_comes_back_to_the_tenth_of_a_thousandth_of_a_step(self, name: str, job: str, tmp_path: Path) -> None:
+    def test_reads_back_to_a_ten_thousandth_of_a_step(self, name: str, job: str, tmp_path: Path) -> None:
         robot = load_robot(name)
         made = plan(robot, make_job(robot, job, {}))
         write_motion(tmp_path / "trajectory.csv", made)
@@ -72,8 +72,8 @@ class TestTheMotion:
         assert off.max() <= CUBICS_OFF_STEPS
         assert len((tmp_path / "trajectory.csv").read_text().splitlines()) == 1 + len(made.times_ms)
 
-    def test_has_a_row_for_every_millisecond_where_points_are_too_far_apart(self, tmp_path: Path) -> None:
-        """A spline through points that are 3 ms apart in its middle: cubics of 10 ms miss it."""
+    def test_has_a_row_for_every_millisecond_if_points_are_too_far_apart(self, tmp_path: Path) -> None:
+        """The spline goes through points 3 ms apart in its middle, which cubics of 10 ms miss."""
         robot = load_robot("teaching-scara")
         times_s = np.array([0.0, 0.2, 0.203, 0.206, 0.4])
         positions = np.zeros((5, 4))
@@ -87,7 +87,7 @@ class TestTheMotion:
         assert off.max() <= CUBICS_OFF_STEPS
 
 
-def test_a_run_comes_back(stored_run: Path) -> None:
+def test_a_run_reads_back_as_written(stored_run: Path) -> None:
     stored = read_run(stored_run)
     document = json.loads((stored_run / "report.json").read_text())
     assert (stored.robot.name, stored.report.run.job) == ("warehouse-scara", "store")
@@ -99,7 +99,7 @@ def test_a_run_comes_back(stored_run: Path) -> None:
     assert changed_s == pytest.approx([o["changed_s"] for o in document["outputs"]])
 
 
-# --- what cannot be read
+# --- files that cannot be read
 
 
 def refusal_of_edges(tmp_path: Path, change: Callable[[dict[str, Any]], object]) -> InputError:
@@ -125,7 +125,7 @@ def said(error: InputError) -> str:
         "phase_a_ma", "phase_b_ma", "reset_counts", "reset_levels", "out2_counts", "out2_levels", "dcy1_levels",
     )
 )])  # fmt: skip
-def test_a_key_that_is_missing(key: str, tmp_path: Path) -> None:
+def test_a_missing_key_is_named(key: str, tmp_path: Path) -> None:
     assert said(refusal_of_edges(tmp_path, lambda arrays: arrays.pop(key))) == f"{key}: is missing"
 
 
@@ -145,7 +145,7 @@ def test_a_key_that_is_missing(key: str, tmp_path: Path) -> None:
         ("a_limit_units", np.array([1, 2]), "a_limit_units: is not a list of names"),
     ],
 )
-def test_a_value_of_another_kind(key: str, value: object, message: str, tmp_path: Path) -> None:
+def test_a_value_of_another_kind_is_refused(key: str, value: object, message: str, tmp_path: Path) -> None:
     error = refusal_of_edges(tmp_path, lambda arrays: arrays.update({key: value}))
     assert said(error) == message
     assert not isinstance(error, ContradictionError)
@@ -175,20 +175,22 @@ COUNT = EVIDENCE.axes[0].clk_rise_counts.size
         ("a_phase_b_ma", lambda v: v[1:], "1 values, but a_phase_counts has 2"),
     ],
 )
-def test_arrays_that_do_not_go_together(key: str, change: Callable[[Any], Any], message: str, tmp_path: Path) -> None:
+def test_arrays_that_do_not_fit_are_refused(
+    key: str, change: Callable[[Any], Any], message: str, tmp_path: Path
+) -> None:
     error = refusal_of_edges(tmp_path, lambda arrays: arrays.update({key: change(arrays[key])}))
     assert said(error).endswith(message)
     assert isinstance(error, ContradictionError)
 
 
 @pytest.mark.parametrize("content", [b"", b"junk", b"PK\x03\x04", b"\x93NUMPY\x01\x00"])
-def test_a_file_of_another_kind(content: bytes, tmp_path: Path) -> None:
+def test_a_file_of_another_kind_is_refused(content: bytes, tmp_path: Path) -> None:
     (tmp_path / "edges.npz").write_bytes(content)
     with pytest.raises(InputError, match=r"edges\.npz: cannot be read: "):
         read_edges(tmp_path)
 
 
-def test_a_file_that_is_damaged(tmp_path: Path) -> None:
+def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
     write_edges(tmp_path / "edges.npz", EVIDENCE)
     content = bytearray((tmp_path / "edges.npz").read_bytes())
     middle = content.index(b"a_clk_rise_counts.npy") + 60
@@ -203,13 +205,13 @@ def test_objects_are_not_unpickled(tmp_path: Path) -> None:
     assert "axes: cannot be read: Object arrays cannot be loaded" in str(error)
 
 
-def test_a_folder_that_is_none(tmp_path: Path) -> None:
+def test_a_folder_that_does_not_exist_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="nowhere: is not a folder of a run"):
         read_run(tmp_path / "nowhere")
 
 
 @pytest.mark.parametrize("name", ["report.json", "robot.toml", "trajectory.csv", "edges.npz"])
-def test_a_file_that_is_missing(name: str, stored_run: Path, tmp_path: Path) -> None:
+def test_a_missing_file_is_named(name: str, stored_run: Path, tmp_path: Path) -> None:
     shutil.copytree(stored_run, tmp_path / "copy")
     (tmp_path / "copy" / name).unlink()
     with pytest.raises(InputError) as caught:
@@ -236,7 +238,7 @@ def test_a_file_that_is_missing(name: str, stored_run: Path, tmp_path: Path) -> 
         (lambda d: d.update(fault={"message": "", "positions_agree": True}), "fault.joints: is missing"),
     ],
 )
-def test_a_report_of_another_form(
+def test_a_report_with_a_wrong_value_is_refused(
     change: Callable[[dict[str, Any]], object], message: str, stored_run: Path, tmp_path: Path
 ) -> None:
     shutil.copytree(stored_run, tmp_path / "copy")
@@ -250,20 +252,20 @@ def test_a_report_of_another_form(
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", "\xff"])
-def test_a_report_that_is_no_json_object(text: str, stored_run: Path, tmp_path: Path) -> None:
+def test_a_report_that_is_not_a_json_object_is_refused(text: str, stored_run: Path, tmp_path: Path) -> None:
     shutil.copytree(stored_run, tmp_path / "copy")
     (tmp_path / "copy" / "report.json").write_text(text, encoding="latin-1")
     with pytest.raises(InputError, match=r"report\.json: "):
         read_run(tmp_path / "copy")
 
 
-def test_axes_of_another_robot(stored_run: Path, tmp_path: Path) -> None:
+def test_axes_of_another_robot_are_refused(stored_run: Path, tmp_path: Path) -> None:
     shutil.copytree(stored_run, tmp_path / "copy")
     write_edges(tmp_path / "copy" / "edges.npz", EVIDENCE)
     with pytest.raises(InputError, match=r"edges\.npz: axes: a b, but robot\.toml has sx sz L1 th1 th2 th3"):
         read_run(tmp_path / "copy")
 
 
-def test_what_is_written_is_the_version_that_is_read(tmp_path: Path) -> None:
+def test_the_version_written_is_the_version_read(tmp_path: Path) -> None:
     write_edges(tmp_path / "edges.npz", EVIDENCE)
     assert arrays_of(tmp_path / "edges.npz")["folder_version"] == 1

@@ -1,4 +1,4 @@
-"""Edges that are spooled piece by piece make the file that edges written in one go make."""
+"""Edges spooled piece by piece make the same file as edges written at once."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -15,7 +15,7 @@ from tests.host.record.folder.stored import EVIDENCE, assert_same
 
 
 def piece_of(axis: AxisEvidence, from_counts: int, until_counts: int) -> AxisEvidence:
-    """What happens to an axis from an instant to before another; a pulse belongs to where it begins."""
+    """Return an axis' evidence in [from_counts, until_counts); a pulse belongs to the piece in which it begins."""
 
     def within(counts: np.ndarray, *others: np.ndarray) -> list[np.ndarray]:
         chosen = (counts >= from_counts) & (counts < until_counts)
@@ -60,7 +60,7 @@ def spool(path: Path, evidence: Evidence, cuts: list[int]) -> None:
 
 @settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(st.integers(0, 200_000_000), max_size=5))
-def test_pieces_are_joined(tmp_path: Path, cuts: list[int]) -> None:
+def test_pieces_read_back_joined(tmp_path: Path, cuts: list[int]) -> None:
     spool(tmp_path / "edges.npz", EVIDENCE, cuts)
     assert_same(read_edges(tmp_path), EVIDENCE)
     assert [entry.name for entry in tmp_path.iterdir()] == ["edges.npz"]
@@ -82,7 +82,7 @@ def test_equal_edges_make_equal_files(tmp_path: Path) -> None:
     assert (tmp_path / "one.npz").read_bytes() == (tmp_path / "two.npz").read_bytes()
 
 
-def test_a_run_that_is_killed_leaves_its_edges(tmp_path: Path) -> None:
+def test_a_killed_run_leaves_its_edges(tmp_path: Path) -> None:
     begun = EdgeSpool(tmp_path / "edges.npz")
     begun.append(EVIDENCE.axes[0])
     key = f"{EVIDENCE.axes[0].name}_clk_rise_counts"
@@ -91,7 +91,7 @@ def test_a_run_that_is_killed_leaves_its_edges(tmp_path: Path) -> None:
     )
 
 
-def test_a_new_run_takes_the_place_of_an_old_one_also_of_one_that_was_killed(tmp_path: Path) -> None:
+def test_a_new_run_replaces_an_old_one_and_a_killed_one(tmp_path: Path) -> None:
     path = tmp_path / "edges.npz"
     write_edges(path, EVIDENCE)
     killed = EdgeSpool(path)

@@ -1,4 +1,4 @@
-"""`steptwin verify`: the same verdict again, and no folder that was tampered with passes."""
+"""`steptwin verify` gives the same verdict again, and fails every folder that was changed."""
 
 import json
 import shutil
@@ -38,7 +38,7 @@ def test_a_run_passes_again_with_the_same_figures(stored_run: Path, capsys: pyte
     assert document["tool"] == pytest.approx(written["tool"], rel=1e-3)
 
 
-def test_for_people_it_says_what_the_run_said(stored_run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_its_words_are_those_of_the_run(stored_run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["verify", str(stored_run)]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[-1] == "warehouse-scara store: PASSED"
@@ -58,7 +58,7 @@ def moved(arrays: dict[str, Any], index: int, counts: int, *keys: str) -> None:
 
 
 def complaining(arrays: dict[str, Any], times: int) -> None:
-    """Over its first limit."""
+    """Let the driver of th2 break its first limit a number of times."""
     arrays["th2_violation_counts"] = arrays["th2_clk_rise_counts"][:times]
     arrays["th2_violation_which"] = np.zeros(times, np.int8)
     arrays["th2_violation_values"] = np.full(times, 29.0)
@@ -103,7 +103,7 @@ def test_edges_that_were_changed_fail(
     assert any(reason in line for line in document["reasons"]), document["reasons"]
 
 
-def test_a_rise_alone_cannot_go(stored_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_fall_without_a_rise_fails(stored_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = shutil.copytree(stored_run, tmp_path / "copy")
     arrays = arrays_of(folder / "edges.npz")
     without(arrays, 0, "th2_clk_rise_counts")
@@ -154,7 +154,7 @@ def test_frames_that_are_missing_fail(stored_run: Path, tmp_path: Path, capsys: 
     assert capsys.readouterr().err == f"steptwin: {folder}/bus.log: is missing\n"
 
 
-def test_what_is_no_archive_is_named_so(stored_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_of_another_kind_fails(stored_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = shutil.copytree(stored_run, tmp_path / "copy")
     (folder / "edges.npz").write_text("junk")
     assert run(["verify", str(folder)]) == 2
@@ -162,7 +162,7 @@ def test_what_is_no_archive_is_named_so(stored_run: Path, tmp_path: Path, capsys
 
 
 def test_another_motion_fails(stored_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """One point of th3 by a hundredth of a degree: a quarter of a step."""
+    """One point of th3 is moved by a hundredth of a degree, a quarter of a step."""
     folder = shutil.copytree(stored_run, tmp_path / "copy")
     lines = (folder / "trajectory.csv").read_text().splitlines()
     fields = lines[1000].split(",")
@@ -182,7 +182,7 @@ def test_another_robot_fails(stored_run: Path, tmp_path: Path, capsys: pytest.Ca
     assert any("th2: " in line for line in verify(capsys, folder, 1)["reasons"])
 
 
-def test_a_run_that_a_fault_ended_ends_so_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_run_that_ended_in_a_fault_gives_the_fault_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     command = ["run", "warehouse-scara", "drawer-pull", "--cut-stream", "3", "--out", str(tmp_path)]
     assert run(command) == 3
     first = capsys.readouterr()
@@ -196,7 +196,7 @@ def test_a_run_that_a_fault_ended_ends_so_again(tmp_path: Path, capsys: pytest.C
 
 
 def test_a_run_that_failed_fails_again(stored_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A folder of a run in which the driver complained, as it would be written."""
+    """The folder is that of a run in which a driver's limit was broken twice."""
     folder = shutil.copytree(stored_run, tmp_path / "copy")
     arrays = arrays_of(folder / "edges.npz")
     complaining(arrays, 2)
@@ -214,7 +214,7 @@ def test_a_run_that_failed_fails_again(stored_run: Path, tmp_path: Path, capsys:
 def test_other_drivers_get_the_same_verdict(
     profile: str, exit_code: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Late directions and lost pulses are no contradictions: a limit was broken."""
+    """Late directions and lost pulses do not contradict the pins, since a limit was broken."""
     command = ["run", "lab-scara", "spiral", "--driver-profile", profile, "--out", str(tmp_path), "--json"]
     capsys.readouterr()
     assert run(command) == exit_code
@@ -227,7 +227,7 @@ def test_other_drivers_get_the_same_verdict(
 
 
 def as_live(stored_run: Path, tmp_path: Path) -> Path:
-    """The folder as a served board would have left it: without plan and verdict."""
+    """Return the folder as a served board would have left it: without plan and verdict."""
     folder = tmp_path / "live"
     shutil.copytree(stored_run, folder)
     (folder / "trajectory.csv").unlink()
@@ -239,7 +239,7 @@ def as_live(stored_run: Path, tmp_path: Path) -> Path:
 def test_a_live_boards_folder_takes_the_plan_of_another(
     stored_run: Path, carry_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """With what the plan says of outputs; from a folder of the same robot, and only if it has none itself."""
+    """The plan includes the outputs; it must be of the same robot, and the folder must not have a plan itself."""
     live = as_live(stored_run, tmp_path)
     assert run(["verify", str(live)]) == 2
     assert capsys.readouterr().err == (

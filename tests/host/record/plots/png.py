@@ -1,4 +1,4 @@
-"""The size of a PNG file."""
+"""Read the size of a PNG file."""
 
 import struct
 from pathlib import Path
@@ -7,7 +7,7 @@ PNG_HEADER = b"\x89PNG\r\n\x1a\n"
 
 
 def pixels(path: Path) -> tuple[int, int]:
-    """Width and height from a PNG's first chunk."""
+    """Return width and height from the file's first chunk."""
     data = path.read_bytes()
     assert data[:8] == PNG_HEADER
     assert data[12:16] == b"IHDR"

@@ -1,4 +1,4 @@
-"""The pictures: that they are drawn for every kind of run, say what they show, and lose no peak."""
+"""Pictures are drawn for every kind of run, say what they show, and lose no peak."""
 
 import warnings
 from dataclasses import replace
@@ -38,7 +38,7 @@ VIEW = View(1.0, 0.05)
 
 
 def swinging() -> Comparison:
-    """Two axes that move, one of them to and fro, and one that stands."""
+    """Return a run with two axes that move, the first to and fro, and one that stands still."""
     expected = expect(
         motion(2.0, sines([(20.0, 3.0, 0.0)]), trapezoid(3.0, -50.0, 2.0, 0.5), still(7.5)), 80.0, 40.0, 10.0
     )
@@ -56,7 +56,7 @@ def single_step() -> Comparison:
 
 
 def silent() -> Comparison:
-    """A board that made nothing of its plan."""
+    """Return a run whose board made no pulse of its plan."""
     expected = swinging().expected
     none, no_signs = np.empty(0, np.int64), np.empty(0, np.int8)
     evidence = perfect_evidence(expected)
@@ -75,7 +75,7 @@ def silent() -> Comparison:
 
 
 def unheard() -> Comparison:
-    """Drivers that missed every pulse."""
+    """Return a run whose drivers missed every pulse."""
     expected = swinging().expected
     evidence = perfect_evidence(expected)
     for axis in range(2):
@@ -84,7 +84,7 @@ def unheard() -> Comparison:
 
 
 def dense() -> Comparison:
-    """More steps than a picture has columns: drawn thinned."""
+    """Return a run with more steps than a picture has columns, so that they are thinned."""
     expected = expect(motion(4.0, sines([(200.0, 2.0, 0.0)]), sines([(200.0, 2.0, 1.5)])), 80.0, 80.0)
     return compare(expected, perfect_evidence(expected))
 
@@ -115,12 +115,12 @@ def test_a_picture_says_what_it_shows(picture: str) -> None:
         labels = axes.get_ylabel() + axes.get_xlabel()
         place = axes.get_subplotspec()
         assert place is not None
-        beside = not place.is_first_col()  # with the unit of its neighbour
+        beside = not place.is_first_col()  # it shares the unit of its neighbour
         assert "[" in labels or labels.startswith("DIR") or beside or not axes.axison
 
 
 @pytest.mark.parametrize("picture", ["joints", "step-rates", "error", "timing", "jitter", "widths", "phases"])
-def test_joints_without_motion_are_a_note(picture: str) -> None:
+def test_joints_without_motion_are_named_in_a_note(picture: str) -> None:
     figure = PICTURES[picture](swinging(), RUN, VIEW)
     assert figure.get_supxlabel() == "Not shown, because without motion: c at 7.5 deg"
     names = {axes.get_ylabel().split(" ")[0] for axes in figure.axes}
@@ -128,7 +128,7 @@ def test_joints_without_motion_are_a_note(picture: str) -> None:
     assert "c" not in names
 
 
-def test_one_row_a_moving_joint() -> None:
+def test_each_moving_joint_has_a_row() -> None:
     comparison = swinging()
     rows = {name: len(draw(comparison, RUN, VIEW).axes) for name, draw in PICTURES.items()}
     assert rows == {
@@ -137,7 +137,7 @@ def test_one_row_a_moving_joint() -> None:
     }  # fmt: skip
 
 
-def test_the_third_coordinate_gets_a_view_if_it_moves() -> None:
+def test_a_third_coordinate_that_moves_gets_a_view() -> None:
     comparison = swinging()
 
     def lifted(joints: FloatArray) -> FloatArray:
@@ -147,8 +147,8 @@ def test_the_third_coordinate_gets_a_view_if_it_moves() -> None:
     assert len(PICTURES["tool-path"](compare(expected, comparison.evidence), RUN, VIEW).axes) == 6
 
 
-class TestAToolThatStands:
-    """With an x that is zero but for rounding, which differs from instant to instant."""
+class TestAToolThatStandsStill:
+    """Its x is zero except for rounding, which differs from instant to instant."""
 
     def comparison(self) -> Comparison:
         comparison = standing()
@@ -164,7 +164,7 @@ class TestAToolThatStands:
             warnings.simplefilter("error")
             assert len(write_plots(tmp_path, self.comparison(), RUN, PICTURES)) == len(PICTURES)
 
-    def test_is_seen_in_its_surroundings(self) -> None:
+    def test_is_drawn_with_its_surroundings(self) -> None:
         figure = PICTURES["tool-path"](self.comparison(), RUN, VIEW)
         figure.draw_without_rendering()
         whole, magnified, close = figure.axes
@@ -176,19 +176,19 @@ class TestAToolThatStands:
         assert [text.get_text() for text in magnified.texts] == ["the tool does not move"]
         assert close.axison
 
-    def test_has_no_limits_of_joints(self) -> None:
+    def test_has_no_limits_of_joints_in_its_error_picture(self) -> None:
         assert PICTURES["error"](self.comparison(), RUN, VIEW).axes[0].get_title(loc="left") == "whole motion"
         of_joints = PICTURES["error"](swinging(), RUN, VIEW).axes[0]
         assert of_joints.get_title(loc="left") == "whole motion; dashed: limit of 0.57 steps"
 
 
-def test_an_error_that_is_seen_already_is_not_magnified() -> None:
+def test_an_error_that_is_visible_is_not_magnified() -> None:
     titles = {run: PICTURES["tool-path"](RUNS[run](), RUN, VIEW).axes[1].get_title(loc="left") for run in RUNS}
     assert titles["silent"] == titles["unheard"] == "error not magnified"
     assert titles["swinging"].startswith("error magnified ")
 
 
-def test_a_run_draws_some_of_them_by_itself(tmp_path: Path) -> None:
+def test_a_run_draws_some_pictures_by_default(tmp_path: Path) -> None:
     assert [path.name for path in write_plots(tmp_path, single_step(), RUN)] == [
         f"{name}.png" for name in DEFAULT_PICTURES
     ]
@@ -204,7 +204,7 @@ def test_the_same_run_gives_the_same_picture(form: str, tmp_path: Path) -> None:
 
 class TestTheView:
     def test_is_where_steps_are_fastest(self) -> None:
-        """The sine's speed is greatest at its zeros: 60 mm/s at 80 steps/mm."""
+        """The sine is fastest at its zeros: 60 mm/s at 80 steps/mm."""
         moment = View().moment(swinging(), 12)
         assert min(abs(moment.at_s - zero) for zero in (0.0, np.pi / 3)) < 0.01
         assert moment.span_s == pytest.approx(12 / 4800, rel=1e-2)
@@ -214,11 +214,11 @@ class TestTheView:
         assert View().moment(standing(), 12) == View(0.5).moment(standing(), 160) == Moment(0.5, 1.0)
 
     @pytest.mark.parametrize("at_s", [None, 0.3, 1.0, 2.0])
-    def test_goes_by_pulses_even_if_no_driver_counts_them(self, at_s: float | None) -> None:
+    def test_depends_on_pulses_even_if_no_driver_counts_them(self, at_s: float | None) -> None:
         assert View(at_s).moment(unheard(), 12) == View(at_s).moment(swinging(), 12)
 
     def test_shows_some_steps_of_the_axis_that_is_fastest_there(self) -> None:
-        """At 0.52 s the trapezoid goes on at 33.3 mm/s and 40 steps/mm, the sine is nearly at rest."""
+        """At 0.52 s the trapezoid moves at 33.3 mm/s and 40 steps/mm; the sine is nearly at rest."""
         moment = View(np.pi / 6).moment(swinging(), 12)
         assert moment.span_s == pytest.approx(12 * 1.5 / 50 / 40, rel=0.1)
         assert (moment.from_s + moment.to_s) / 2 == pytest.approx(np.pi / 6)
@@ -234,12 +234,12 @@ def drawn_marks(figure: Figure, marker: str) -> FloatArray:
 
 
 class TestTheEdges:
-    def test_a_lane_for_each_pin_that_matters(self) -> None:
+    def test_step_and_dir_of_each_axis_have_a_lane(self) -> None:
         (axes,) = PICTURES["edges"](swinging(), RUN, VIEW).axes
         lanes = [label.get_text() for label in axes.get_yticklabels()]
         assert lanes == ["a STEP", "a DIR", "b STEP", "b DIR", "c STEP", "c DIR"]
 
-    def test_pins_that_change_there_get_one_too(self) -> None:
+    def test_other_pins_have_a_lane_if_they_change(self) -> None:
         """ENABLE and RESET go up 25 ms before the motion."""
         (axes,) = PICTURES["edges"](swinging(), RUN, View(0.0, 0.06)).axes
         assert [label.get_text() for label in axes.get_yticklabels()][:4] == ["a STEP", "a DIR", "a ENABLE", "a RESET"]
@@ -277,14 +277,14 @@ class TestTheEdges:
             ("unheard", View(1.0, 0.01), "no driver counted a step here"),
         ],
     )
-    def test_it_is_said_why_there_are_no_marks(self, run: str, view: View, said: str) -> None:
+    def test_the_label_says_why_there_are_no_marks(self, run: str, view: View, said: str) -> None:
         (axes,) = PICTURES["edges"](RUNS[run](), RUN, view).axes
         assert axes.get_xlabel().endswith(f" [ms]; {said}")
         assert not any(np.asarray(drawn.get_xdata()).size for drawn in axes.lines if drawn.get_marker() in ("^", "v"))
 
     @pytest.mark.parametrize("run", ["swinging", "unheard"])
     def test_intervals_are_those_of_the_pulses(self, run: str) -> None:
-        """At 1 s b goes at 33.3 mm/s and 40 steps/mm; c stands."""
+        """At 1 s b moves at 33.3 mm/s and 40 steps/mm; c stands still."""
         (axes,) = PICTURES["edges"](RUNS[run](), RUN, View(1.0, 0.01)).axes
         *said, heading = [text.get_text() for text in axes.texts]
         assert heading == "STEP interval at 0"
@@ -306,7 +306,7 @@ class TestTheEdges:
 
 class TestTheTiming:
     def rows(self, late_us: float) -> list[Axes]:
-        """Axis a to the count of the timer; axis b up to so much late or early, evenly."""
+        """Return the rows of axis a, exact to a count of the timer, and b, evenly up to `late_us` early and late."""
         comparison = swinging()
         steps = comparison.evidence.axes[1].step_counts
         spread = np.rint(72 * late_us * np.linspace(-1.0, 1.0, steps.size)).astype(np.int64)
@@ -329,13 +329,13 @@ class TestTheTiming:
             bars = [bar.get_height() for bar in row.patches if isinstance(bar, Rectangle)]
             assert sum(bars) == int(row.get_title(loc="right").split()[0]) > 1000
 
-    def test_the_label_says_what_the_axis_is(self) -> None:
+    def test_the_label_names_the_scale(self) -> None:
         label = self.rows(1.0)[-1].get_xlabel()
         assert "linear within one count of the board's timer, +-0.014 us, logarithmic beyond" in label
 
 
-def test_jitter_is_the_interval_beyond_the_ideal_one() -> None:
-    """One step 5 us late makes its interval 5 us longer and the next one 5 us shorter."""
+def test_jitter_is_the_interval_minus_the_ideal_interval() -> None:
+    """A step that is 5 us late makes the interval before it 5 us longer and the interval after it 5 us shorter."""
     comparison = dense()
     late = comparison.evidence.axes[0].step_counts.copy()
     late[5000] += 360
@@ -347,7 +347,7 @@ def test_jitter_is_the_interval_beyond_the_ideal_one() -> None:
     assert right.get_ylim() == left.get_ylim()
 
 
-def test_thinning_keeps_every_groups_extremes() -> None:
+def test_thinning_keeps_the_extremes_of_every_group() -> None:
     t_s = np.arange(100_003, dtype=np.float64)
     values = np.random.default_rng(2).normal(size=t_s.size)
     values[12_345] = 50.0
@@ -359,13 +359,13 @@ def test_thinning_keeps_every_groups_extremes() -> None:
     np.testing.assert_array_equal(values[thin_s.astype(int)], thin)
 
 
-def test_short_series_are_left_alone() -> None:
+def test_short_series_are_not_thinned() -> None:
     t_s = np.linspace(0.0, 1.0, 100)
     assert thinned(t_s, t_s)[0] is t_s
 
 
-def test_widths_beside_the_limits() -> None:
-    """High for 33 us, 3 us more than is asked for; low 5 us less than is asked for at the sine's fastest."""
+def test_widths_are_shown_with_their_distance_from_the_limits() -> None:
+    """CLK is high for 33 us, 3 us above the limit, and low for 5 us less than the limit where the sine is fastest."""
     limits = (DriverLimit("clk_high", "", 30.0, "us", ""), DriverLimit("clk_low", "", 180.0, "us", ""))
     evidence = altered(swinging().evidence, violations=replace(NO_VIOLATIONS, limits=limits))
     first, second = PICTURES["widths"](compare(swinging().expected, evidence), RUN, VIEW).axes
@@ -381,8 +381,8 @@ def test_widths_beside_the_limits() -> None:
     assert second.get_xlabel() == "duration [us]; a driver's CLK rises where the board's STEP rises"
 
 
-def test_widths_are_those_that_the_limits_are_for() -> None:
-    """With the falling edge active CLK is low while STEP is high, for 33 us."""
+def test_widths_and_limits_are_those_of_clk() -> None:
+    """If the falling edge is active, CLK is low while STEP is high, for 33 us."""
     limits = (DriverLimit("clk_high", "", 30.0, "us", ""), DriverLimit("clk_low", "", 150.0, "us", ""))
     evidence = swinging().evidence
     for axis in range(2):
@@ -397,8 +397,8 @@ def test_widths_are_those_that_the_limits_are_for() -> None:
     assert second.get_xlabel() == "duration [us]; a driver's CLK rises where the board's STEP falls"
 
 
-def test_of_several_limits_the_strictest_counts() -> None:
-    """The module's and its chip's; every pulse lasts the count that a module without inner delays asks for."""
+def test_the_strictest_of_several_limits_counts() -> None:
+    """Module and chip set limits; every pulse lasts the one count that a module without delays of its own needs."""
     limits = [("clk_high", 1 / 72), ("clk_low", 1 / 72), ("clk_high", 30.0), ("clk_period", 66.0), ("clk_high", 20.0)]
     violations = replace(NO_VIOLATIONS, limits=tuple(DriverLimit(rule, "", us, "us", "") for rule, us in limits))
     evidence = altered(swinging().evidence, violations=violations)
@@ -409,7 +409,7 @@ def test_of_several_limits_the_strictest_counts() -> None:
     assert first.get_xlim()[0] > 20
 
 
-def test_limits_that_are_near_to_each_other_share_a_label() -> None:
+def test_limits_near_to_each_other_share_a_label() -> None:
     limits = [("clk_high", 150.0), ("clk_low", 151.0), ("clk_period", 310.0)]
     violations = replace(NO_VIOLATIONS, limits=tuple(DriverLimit(rule, "", us, "us", "") for rule, us in limits))
     evidence = altered(swinging().evidence, violations=violations)
@@ -418,7 +418,7 @@ def test_limits_that_are_near_to_each_other_share_a_label() -> None:
     assert len(first.lines) == 3
 
 
-def test_limits_that_ask_for_nothing_are_not_drawn() -> None:
+def test_limits_without_a_least_duration_of_clk_are_not_drawn() -> None:
     limits = (DriverLimit("clk_low", "", -4.0, "us", ""), DriverLimit("mode_change", "", 0.0, "level", ""))
     evidence = altered(swinging().evidence, violations=replace(NO_VIOLATIONS, limits=limits))
     first, _ = PICTURES["widths"](compare(swinging().expected, evidence), RUN, VIEW).axes
@@ -426,7 +426,7 @@ def test_limits_that_ask_for_nothing_are_not_drawn() -> None:
 
 
 class TestThePhases:
-    """A field that turns once a second in sixteen steps, from 1 s on."""
+    """The field turns once a second in sixteen steps, from 1 s on."""
 
     def figure(self, view: View) -> Figure:
         sixteenths = np.arange(0, 64, 4)
@@ -445,7 +445,7 @@ class TestThePhases:
         assert field.get_xlim() == field.get_ylim() == (-1.15 * 1.5, 1.15 * 1.5)
 
     def test_hold_from_step_to_step(self) -> None:
-        """From 1.48 to 1.52 s: one step, at 1.5 s, to the field's half turn; the value before it goes on from there."""
+        """From 1.48 to 1.52 s there is one step, at 1.5 s, to the half turn of the field; the value before holds till then."""
         over_time = self.figure(View(1.5, 0.04)).axes[1]
         a, b = over_time.lines[:2]
         assert (a.get_label(), b.get_label()) == ("phase A", "phase B")
@@ -454,7 +454,7 @@ class TestThePhases:
         assert np.asarray(b.get_ydata()).tolist() == [0.574, 0.0, 0.0]
 
     def test_begin_at_power_up(self) -> None:
-        """Half of the span would be before the motion; the record goes back to count 0 only."""
+        """Half of the span lies before the motion, but the record begins at count 0."""
         assert self.figure(View(0.5, 1.0)).axes[1].get_xlim() == pytest.approx((-500.0, 500.0))
         power_up_ms = -1e3 * START_COUNTS / 72e6
         assert self.figure(View(0.0, 1.0)).axes[1].get_xlim() == pytest.approx((power_up_ms, 500.0))

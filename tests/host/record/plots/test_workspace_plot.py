@@ -1,4 +1,4 @@
-"""The picture of a workspace: that it is drawn, says what it shows, and is true to scale."""
+"""The picture of a workspace is drawn, says what it shows, and is true to scale."""
 
 from functools import cache
 from pathlib import Path
@@ -47,7 +47,7 @@ def test_it_is_true_to_scale_and_shows_cloud_and_boundary() -> None:
     np.testing.assert_array_equal(beside.lines[1].get_xydata(), scanned.profile.boundary_mm)
 
 
-def test_wide_views_are_put_one_above_the_other() -> None:
+def test_wide_views_are_stacked() -> None:
     above, beside = draw_workspace("warehouse-scara", *workspace_of("warehouse-scara")).axes
     assert above.get_position().y0 > beside.get_position().y0
     above, beside = draw_workspace("lab-scara", *workspace_of("lab-scara")).axes

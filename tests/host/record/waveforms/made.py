@@ -1,4 +1,4 @@
-"""Signals drawn at random and the plain history that they stand for."""
+"""Draw signals at random, each with the plain history that it stands for."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ LAST_COUNTS = 40_000
 
 @dataclass(frozen=True)
 class Made:
-    """A signal and the same as plain numbers: its value before all, then each instant with the value from there on."""
+    """A signal and its history in plain numbers: the first value, then instants with the value from there on."""
 
     signal: Signal
     before: float
@@ -22,13 +22,13 @@ class Made:
         return ([self.before] + [value for instant, value in self.history if instant <= counts])[-1]
 
     def changes(self, after: int, until: int) -> list[tuple[int, float]]:
-        """Instants at which the value differs from the one before, each once."""
+        """Return the instants at which the value differs from the one before, each instant once."""
         instants = sorted({instant for instant, _ in self.history if after < instant <= until})
         return [(instant, self.at(instant)) for instant in instants if self.at(instant) != self.at(instant - 1)]
 
 
 def instants(apart: int = 0, most: int = 60) -> st.SearchStrategy[list[int]]:
-    """Sorted instants at least so far apart."""
+    """Draw sorted instants that are at least `apart` counts apart."""
     return st.lists(st.integers(0, LAST_COUNTS), max_size=most).map(
         lambda values: [value + apart * i for i, value in enumerate(sorted(values))]
     )
@@ -36,7 +36,7 @@ def instants(apart: int = 0, most: int = 60) -> st.SearchStrategy[list[int]]:
 
 @st.composite
 def pulses(draw: st.DrawFn, axis: str, apart: int = 1) -> Made:
-    """A STEP pin whose edges are at least so far apart."""
+    """Draw a STEP pin whose edges are at least `apart` counts apart."""
     edges = draw(instants(apart))
     edges = edges[: len(edges) // 2 * 2]
     changes = Pulses(np.array(edges[0::2], np.int64), np.array(edges[1::2], np.int64))
@@ -44,12 +44,12 @@ def pulses(draw: st.DrawFn, axis: str, apart: int = 1) -> Made:
 
 
 @st.composite
-def levels(draw: st.DrawFn, axis: str, what: str, apart: int = 0) -> Made:
-    """A pin that is held at a level; levels may repeat, and change several times at one instant."""
+def levels(draw: st.DrawFn, axis: str, pin: str, apart: int = 0) -> Made:
+    """Draw a pin that is held at a level; levels may repeat, and change several times at one instant."""
     counts = draw(instants(apart))
     values = draw(st.lists(st.integers(0, 1), min_size=len(counts), max_size=len(counts)))
     changes = HeldValues(np.array(counts, np.int64), np.array(values, np.int8))
-    return Made(Signal(axis, what, SignalKind.WIRE, changes), 0, list(zip(counts, values, strict=True)))
+    return Made(Signal(axis, pin, SignalKind.WIRE, changes), 0, list(zip(counts, values, strict=True)))
 
 
 @st.composite

@@ -1,4 +1,4 @@
-"""MCAP files read back by the library that their users have."""
+"""Read MCAP files back with the library that their users have."""
 
 import json
 import sys

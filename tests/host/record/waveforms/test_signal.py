@@ -1,4 +1,4 @@
-"""Signals against their plain histories."""
+"""Compare signals with their plain histories."""
 
 from itertools import pairwise
 
@@ -17,18 +17,18 @@ INSTANT = st.integers(0, LAST_COUNTS + 100)
 
 
 @given(made=ANY_SIGNAL, counts=INSTANT)
-def test_the_value_at_an_instant_has_seen_a_change_at_it(made: Made, counts: int) -> None:
+def test_the_value_at_an_instant_includes_a_change_at_it(made: Made, counts: int) -> None:
     assert made.signal.changes.at(counts) == made.at(counts)
 
 
 @given(made=ANY_SIGNAL, ends=st.tuples(INSTANT, INSTANT).map(sorted))
-def test_changes_in_a_part(made: Made, ends: list[int]) -> None:
+def test_changes_between_two_instants(made: Made, ends: list[int]) -> None:
     counts, values = made.signal.changes.between(*ends)
     assert list(zip(counts.tolist(), values.tolist(), strict=True)) == made.changes(*ends)
 
 
 @given(made=ANY_SIGNAL, every=st.integers(2, 9))
-def test_between_marks_there_are_at_most_so_many_changes(made: Made, every: int) -> None:
+def test_marks_bound_the_number_of_changes(made: Made, every: int) -> None:
     borders = [-1, *made.signal.changes.marks(every).tolist(), LAST_COUNTS + 10_000]
     for after, until in pairwise(borders):
         assert len(made.changes(after, until - 1)) <= every

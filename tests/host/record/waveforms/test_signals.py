@@ -1,4 +1,4 @@
-"""Which signals a run has, and the drives' states from its bus log."""
+"""Check the signals of a run, and the drives' states from its bus log."""
 
 from pathlib import Path
 
@@ -49,7 +49,7 @@ def log_file(folder: Path, text: str = LOG) -> Path:
 
 
 def test_states_are_those_of_the_statuswords(tmp_path: Path) -> None:
-    """Other PDOs, PDOs of another length and bits that are no state's do not count, or tell nothing."""
+    """Other PDOs and PDOs of another length are ignored; bits that match no state make the state unknown."""
     first, second = drive_states(log_file(tmp_path), 2)
     changes = [(72_000, State.SWITCH_ON_DISABLED), (252_000, State.OPERATION_ENABLED), (72_000_000, State.FAULT)]
     counts, values = first.between(0, 10**9)
@@ -59,7 +59,7 @@ def test_states_are_those_of_the_statuswords(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("line", ["(1.5) can0 190#00", "(0000000000.000054) can0 190#0", "junk", "(0.000001) can0 19#"])
-def test_a_log_of_another_form_is_refused(line: str, tmp_path: Path) -> None:
+def test_a_log_in_another_format_is_refused(line: str, tmp_path: Path) -> None:
     path = log_file(tmp_path, LOG + line + "\n")
     with pytest.raises(InputError) as caught:
         drive_states(path, 2)

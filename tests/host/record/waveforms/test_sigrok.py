@@ -1,4 +1,4 @@
-"""The VCD file through sigrok's own import and stepper decoder: it counts what the drivers counted."""
+"""Read VCD files with sigrok's own import and stepper decoder: it counts the same steps as the drivers."""
 
 import re
 import shutil
@@ -19,7 +19,7 @@ POSITION = re.compile(r"(\d+)-(\d+) stepper_motor-1: (-?\d+) steps")
 
 
 def decoded(trace: Path, axis: str) -> np.ndarray[tuple[int, int], np.dtype[np.int64]]:
-    """For each pulse but the last: when it began, when the next one did, and the position in between."""
+    """Return for each pulse except the last: when it and the next one began, and the position between them."""
     assert SIGROK is not None
     done = subprocess.run(
         [
@@ -34,7 +34,7 @@ def decoded(trace: Path, axis: str) -> np.ndarray[tuple[int, int], np.dtype[np.i
 
 
 @pytest.mark.parametrize("scale", ["1us", "100ns"])
-def test_it_counts_what_the_drivers_counted(scale: str, carry_run: Path, tmp_path: Path) -> None:
+def test_sigrok_counts_the_drivers_steps(scale: str, carry_run: Path, tmp_path: Path) -> None:
     trace = tmp_path / "trace.vcd"
     assert run(["trace", str(carry_run), "--timescale", scale, "--out", str(trace)]) == 0
     moving = [axis for axis in read_edges(carry_run).axes if axis.step_signs.size]
@@ -47,8 +47,8 @@ def test_it_counts_what_the_drivers_counted(scale: str, carry_run: Path, tmp_pat
         np.testing.assert_array_equal(read[:, 2], np.cumsum(axis.step_signs[:-1], dtype=np.int64))
 
 
-def test_a_run_writes_a_file_that_it_reads(stored_run: Path) -> None:
-    """trace.vcd of a run of 31 s with pauses; th2 goes to and fro."""
+def test_sigrok_reads_the_file_of_a_run(stored_run: Path) -> None:
+    """The run lasts 31 s with pauses; th2 moves to and fro."""
     axis = next(axis for axis in read_edges(stored_run).axes if axis.name == "th2")
     assert np.unique(axis.step_signs).tolist() == [-1, 1]
     positions = decoded(stored_run / "trace.vcd", "th2")[:, 2]

@@ -1,4 +1,4 @@
-"""CSV and arrays against the plain histories."""
+"""Compare CSV files and arrays with plain histories."""
 
 import csv as standard_csv
 from io import StringIO

@@ -1,4 +1,4 @@
-"""Time scales against exact fractions; both sides of every rounding."""
+"""Compare time scales with exact fractions, on both sides of every rounding."""
 
 from fractions import Fraction
 
@@ -12,7 +12,7 @@ from steptwin.host.record.waveforms.timebase import COUNTS
 
 UNIT_S = {"1us": Fraction(1, 10**6), "100ns": Fraction(1, 10**7), "10ns": Fraction(1, 10**8)}
 ANY_COUNTS = st.integers(0, 72_000_000 * 3600 * 24)
-"""A day."""
+"""Any instant of a day."""
 
 
 @pytest.mark.parametrize("name", SCALES)

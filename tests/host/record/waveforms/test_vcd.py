@@ -1,4 +1,4 @@
-"""VCD files read back by a reader of their own: every change, its instant, initial values, and what is refused."""
+"""Read VCD files back with a reader that shares nothing with the writer: changes, instants, initial values."""
 
 from pathlib import Path
 
@@ -24,7 +24,7 @@ from tests.host.record.waveforms.made import LAST_COUNTS, TEXTS, Made, levels, n
 from tests.host.record.waveforms.vcd_reader import Dump, read_vcd
 
 APART = 72
-"""In counts: edges of a wire that are so far apart have different instants in every time scale."""
+"""Distance of a wire's edges in counts: so far apart they have different instants in every time scale."""
 
 WIRES = st.tuples(pulses("a", APART), levels("a", "dir", APART), pulses("b", APART), levels("b", "dir", APART))
 WINDOWS = st.tuples(st.integers(0, 30_000), st.integers(1, 20_000)).map(lambda w: Window(w[0], w[0] + w[1], 7_200))
@@ -51,7 +51,7 @@ def test_wires_read_back_as_they_were(scale: str, made: tuple[Made, ...], window
 
 @given(made=st.tuples(numbers("a"), texts("b")), window=WINDOWS)
 def test_numbers_and_texts_read_back_as_they_were(made: tuple[Made, Made], window: Window) -> None:
-    """Of several values at one instant of the file the last one is there."""
+    """The file holds the last of several values at one of its instants."""
     number, text = made
     dump = dump_of([one.signal for one in made], window, "100ns")
     assert (dump.types["a_position_mm"], dump.types["b_drive_state"]) == ("real 64", "string 1")
@@ -65,7 +65,7 @@ def test_numbers_and_texts_read_back_as_they_were(made: tuple[Made, Made], windo
 
 
 def test_many_edges_in_many_stretches() -> None:
-    """Three axes, half a million edges, one of them at rest in between: nothing is lost or doubled at a border."""
+    """Three axes, one of them at rest in between, have half a million edges: none is lost or doubled at a border."""
     rng = np.random.default_rng(1)
     rises = [np.cumsum(rng.integers(5_000, 9_000, 2 * CHANGES_PER_STRETCH // 3)) for _ in range(3)]
     rises[1] = rises[1][(rises[1] < 10**8) | (rises[1] > 2 * 10**8)]
@@ -78,7 +78,7 @@ def test_many_edges_in_many_stretches() -> None:
         assert [value for _, value in dump.changes[name][:3]] == ["1", "0", "1"]
 
 
-def test_a_change_at_the_very_beginning_is_an_initial_value_and_one_at_the_very_end_is_shown() -> None:
+def test_a_change_at_the_beginning_is_an_initial_value_and_a_change_at_the_end_is_shown() -> None:
     pin = Signal("a", "dir", SignalKind.WIRE, HeldValues(np.array([720, 7_200, 14_400]), np.array([1, 0, 1], np.int8)))
     dump = dump_of([pin], Window(720, 14_400, 0))
     assert dump.initial["a_dir"] == "1"
@@ -113,13 +113,13 @@ class TestAPulseTooShortForTheScale:
         assert not path.exists()
 
 
-def test_a_pulse_of_no_length_is_nothing() -> None:
-    """The firmware resets a driver within one count."""
+def test_a_pulse_without_length_is_left_out() -> None:
+    """The firmware resets a driver within one count of the timer."""
     pin = Signal("a", "reset", SignalKind.WIRE, HeldValues(np.array([100, 900, 900]), np.array([1, 0, 1], np.int8)))
     assert dump_of([pin], Window(0, LAST_COUNTS, 0)).changes["a_reset"] == [(1, "1")]
 
 
-def test_the_header_says_whose_and_where_zero_is() -> None:
+def test_the_header_names_the_run_and_the_instant_zero() -> None:
     pin = Signal("th 1", "dir", SignalKind.WIRE, HeldValues(np.array([720]), np.array([1], np.int8)))
     text = b"".join(vcd([pin], Window(0, 72_000, 36_000), SCALES["1us"], "arm $end job")).decode()
     dump = read_vcd(text)

@@ -1,4 +1,4 @@
-"""A reader of VCD files that shares nothing with the writer: word by word, as IEEE 1364-2005, clause 18, has it."""
+"""Read VCD files word by word (IEEE 1364-2005, clause 18); the reader shares nothing with the writer."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 @dataclass
 class Dump:
-    """A file's content: for each variable by name its type, its initial value and its changes with their instants."""
+    """Content of a file: for each variable by name its type, scope, initial value, and changes with their instants."""
 
     timescale: str = ""
     types: dict[str, str] = field(default_factory=dict)
@@ -15,11 +15,11 @@ class Dump:
     changes: dict[str, list[tuple[int, str]]] = field(default_factory=dict)
     instants: list[int] = field(default_factory=list)
     texts: list[str] = field(default_factory=list)
-    """Of comments and of the version."""
+    """Texts of the comments and of the version."""
 
 
 def read_vcd(text: str) -> Dump:
-    """Read a file; AssertionError where it breaks a rule that every reader relies on."""
+    """Read a file; raise AssertionError if it breaks a rule that every reader relies on."""
     words = iter(text.split())
     dump = Dump()
     names: dict[str, str] = {}
