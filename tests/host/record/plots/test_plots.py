@@ -445,7 +445,7 @@ class TestThePhases:
         assert field.get_xlim() == field.get_ylim() == (-1.15 * 1.5, 1.15 * 1.5)
 
     def test_hold_from_step_to_step(self) -> None:
-        """The view from 1.48 to 1.52 s holds one step, at 1.5 s, to half a turn; before it the value does not change."""
+        """The view from 1.48 to 1.52 s holds one step, at 1.5 s, to half a turn; before it the value holds."""
         over_time = self.figure(View(1.5, 0.04)).axes[1]
         a, b = over_time.lines[:2]
         assert (a.get_label(), b.get_label()) == ("phase A", "phase B")
