@@ -23,8 +23,9 @@ MODULE = re.compile(r"steptwin(\.\w+)+")
 
 
 def code_spans(text: str) -> list[str]:
-    """Return what stands between single backticks, outside of fenced blocks."""
-    return re.findall(r"`([^`\n]+)`", re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL))
+    """Return the texts between single backticks, outside of fenced blocks, each on one line."""
+    unfenced = re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL)
+    return [" ".join(span.split()) for span in re.findall(r"`([^`]+)`", unfenced)]
 
 
 def names_of(tree: ast.Module) -> set[str]:
