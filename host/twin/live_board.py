@@ -137,11 +137,11 @@ class LiveBoard:
     def _file(self, path: Path) -> TextIO:
         return self._files.enter_context(path.open("w", encoding="ascii"))
 
-    # --- what is recorded
+    # --- recording
 
     def _log(self, frame: Frame, counts: int) -> None:
         """Log a frame; called for every frame on the bus before its receivers get it."""
-        self._judge_motion()
+        self._follow_motion()
         if frame.cob_id == COB_SYNC and not self._in_motion:
             self._sync_counts = counts
             if self._plan:
@@ -149,8 +149,8 @@ class LiveBoard:
         for log in self._logs:
             log.write(log_line(counts, frame))
 
-    def _judge_motion(self) -> None:
-        """Decide whether the last SYNC started a motion: axes that move before the next frame were started by it."""
+    def _follow_motion(self) -> None:
+        """Note the start and the end of motions: axes that move before the frame after a SYNC were started by it."""
         if self._sync_counts is not None and self._in_motion:
             self._motion_start_counts = -(-self._sync_counts // TICK_COUNTS) * TICK_COUNTS
             if self._plan:
@@ -165,7 +165,7 @@ class LiveBoard:
 
     def record(self) -> None:
         """Write what has happened at the drivers since the last call to the files, and forget it."""
-        self._judge_motion()
+        self._follow_motion()
         for board in self._boards:
             traces = [board.take_trace(axis) for axis in range(board.config.axis_count)]
             changes = board.take_pin_changes()
@@ -176,7 +176,7 @@ class LiveBoard:
             log.flush()
 
     def _record_axis(self, joint: _JointTotals, trace: AxisTrace, axis: int, changes: Sequence[PinChange]) -> None:
-        """Record a joint's axis, by its number on the board whose pin changes these are."""
+        """Record a joint's axis, given its number on the board and the pin changes of that board."""
         joint.end_steps = joint.start_steps + trace.position_steps
         joint.pulses += trace.clk_rise_counts.size
         joint.violations += trace.violations.counts.size
@@ -196,7 +196,7 @@ class LiveBoard:
             (self._out / ROBOT).write_text(self.robot.toml, encoding="utf-8")
             write_report(self._out / REPORT, document | {VERSION_KEY: FOLDER_VERSION})
 
-    # --- what is said
+    # --- figures
 
     @property
     def simulated_s(self) -> float:

@@ -24,13 +24,13 @@ PUBLIC_CLASSES = [name for name in steptwin.__all__ if inspect.isclass(getattr(s
 
 
 def test_import_loads_nothing_else() -> None:
-    """So that it takes milliseconds: everything heavy comes with the first use of a name."""
+    """Everything heavy is imported at the first use of a name, so `import steptwin` takes milliseconds."""
     code = f"import sys, steptwin; print([n for n in sys.modules if n in {HEAVY} or n.startswith('steptwin.')])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
 
 
-def test_the_names_that_type_checkers_see_are_those_there_are() -> None:
+def test_type_checkers_see_the_same_names() -> None:
     tree = ast.parse(Path(steptwin.__file__).read_text(encoding="utf-8"))
     imports = [(node.module or "", node.names) for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
     seen = {alias.name: module for module, names in imports if module.startswith("steptwin.") for alias in names}
@@ -44,7 +44,7 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
         getattr(steptwin, "load_" + "robto")
 
 
-def test_the_version_is_the_package_s() -> None:
+def test_the_version_is_that_of_the_package() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert project["dynamic"] == ["version"]
     assert steptwin.__version__ == version("steptwin")
@@ -54,7 +54,7 @@ def test_the_version_is_the_package_s() -> None:
 
 
 def signature(function: Any) -> str:
-    """Parameters with their defaults, without types; a function as a default is `...`."""
+    """Return parameters with their defaults, without types; a function as a default reads `...`."""
     found = inspect.signature(function)
     parameters = [
         p.replace(annotation=p.empty, default=... if inspect.isfunction(p.default) else p.default)
@@ -78,7 +78,7 @@ def test_signature(name: str) -> None:
 
 @pytest.mark.parametrize("name", PUBLIC_CLASSES)
 def test_members(name: str) -> None:
-    """Every public member is on the page, but what the constructor takes or a base of Python's own has."""
+    """The page lists every public member; members of Python's own bases and constructor arguments may be left out."""
     cls = getattr(steptwin, name)
     heading, text = SECTIONS[name]
     told = dict(re.findall(r"`\.(\w+)(.*?)`", text))

@@ -1,4 +1,4 @@
-"""The wheel: one top-level name, the same from every kind of source, at home in other people's projects."""
+"""The wheel: one top-level name, the same contents from every kind of source, usable beside packages of any name."""
 
 import os
 import subprocess
@@ -12,7 +12,7 @@ import steptwin
 from tests.package.wheels import ROOT, build, contents, install, run_installed
 
 OWN_PACKAGES = ["bench", "controller", "emulator", "host", "protocol"]
-"""Names of folders of StepTwin that a user's project may have as well."""
+"""StepTwin's folders, whose names a user's project may give to packages of its own."""
 OWN_TEST = """
 import pytest
 
@@ -33,19 +33,19 @@ def test_both(steptwin_board):
 """
 
 
-def test_it_has_one_top_level_name(wheel: Path) -> None:
+def test_the_wheel_has_one_top_level_name(wheel: Path) -> None:
     top_level = {name.partition("/")[0] for name in contents(wheel)}
     assert top_level == {"steptwin", f"steptwin-{steptwin.__version__}.dist-info"}
 
 
-def test_every_module_of_the_checkout_is_in_it(wheel: Path) -> None:
+def test_the_wheel_has_every_module_of_the_checkout(wheel: Path) -> None:
     modules = {path.relative_to(ROOT) for folder in OWN_PACKAGES for path in (ROOT / folder).rglob("*.py")}
     names = set(contents(wheel))
     assert {f"steptwin/{module.as_posix()}" for module in modules} <= names
     assert {"steptwin/__main__.py", "steptwin/py.typed", "steptwin/host/robots/lab-scara.toml"} <= names
 
 
-def test_from_an_sdist_it_is_the_same(wheel: Path, tmp_path: Path) -> None:
+def test_the_wheel_from_an_sdist_is_the_same(wheel: Path, tmp_path: Path) -> None:
     sdist = build("sdist", ROOT, tmp_path / "sdist")
     with tarfile.open(sdist) as file:
         file.extractall(tmp_path, filter="data")
@@ -64,15 +64,15 @@ def test_a_clone_without_links_gives_a_working_wheel(tmp_path: Path) -> None:
     assert "lab-scara" in run_installed(installed, "-m", "steptwin", "robots", cwd=tmp_path)
 
 
-def test_it_runs_as_a_module(installed: Path, tmp_path: Path) -> None:
-    """And what runs is the wheel, not the checkout."""
+def test_the_package_runs_as_a_module(installed: Path, tmp_path: Path) -> None:
+    """The wheel runs, not the checkout."""
     assert "lab-scara" in run_installed(installed, "-m", "steptwin", "robots", cwd=tmp_path)
     where = run_installed(installed, "-c", "import steptwin; print(steptwin.__file__)", cwd=tmp_path)
     assert where == f"{installed / 'steptwin' / '__init__.py'}\n"
 
 
 def test_a_project_with_packages_of_the_same_names(installed: Path, tmp_path: Path) -> None:
-    """Its own packages and the fixture `steptwin_board` go together."""
+    """A test imports the project's packages and uses the fixture `steptwin_board`."""
     for name in OWN_PACKAGES:
         package = tmp_path / name
         package.mkdir()
@@ -83,7 +83,7 @@ def test_a_project_with_packages_of_the_same_names(installed: Path, tmp_path: Pa
 
 
 def test_coverage_is_measured_through_the_links(tmp_path: Path) -> None:
-    """By the files' own names, those that no test imports included; below the limit it fails."""
+    """The report names the real files, also those that no test imports; below the limit the run fails."""
     options = ["-p", "no:cacheprovider", "--cov=steptwin.controller", "--cov=steptwin.protocol", "--cov-fail-under=95"]
     command = [sys.executable, "-m", "pytest", "-q", "tests/protocol/test_sync.py", *options]
     environment = os.environ | {"COVERAGE_FILE": str(tmp_path / "coverage")}

@@ -1,4 +1,4 @@
-"""Build, read and install wheels without network: hatchling and all dependencies are already there."""
+"""Build, read and install wheels without network: hatchling and all dependencies are installed already."""
 
 import os
 import subprocess
