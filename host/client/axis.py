@@ -163,20 +163,18 @@ class AxisClient:
 
     def enable(self) -> None:
         """Lead the drive to OPERATION ENABLED, one controlword at a time; raise DeviceFaultError if it does not go."""
-        if not wait_until(self._link, self._step_to_enabled, _STATE_TIMEOUT_S, _STATUS_WAIT_S):
-            raise self._not_enabled(self.state())
+        state = State.NOT_READY_TO_SWITCH_ON
 
-    def _step_to_enabled(self) -> bool:
-        state = self.state()
-        if state is State.OPERATION_ENABLED:
-            return True
-        if state not in _ENABLING:
-            raise self._not_enabled(state)
-        self.write(od.CONTROLWORD, _ENABLING[state])
-        return False
+        def arrived() -> bool:
+            nonlocal state
+            state = self.state()
+            if state in _ENABLING:
+                self.write(od.CONTROLWORD, _ENABLING[state])
+            return state not in _ENABLING
 
-    def _not_enabled(self, state: State) -> DeviceFaultError:
-        return DeviceFaultError(f"{self.name}: cannot be enabled, the drive is in {state_text(state)}")
+        wait_until(self._link, arrived, _STATE_TIMEOUT_S, _STATUS_WAIT_S)
+        if state is not State.OPERATION_ENABLED:
+            raise DeviceFaultError(f"{self.name}: cannot be enabled, the drive is in {state_text(state)}")
 
     def disable(self) -> None:
         """Switch the drive's power off."""

@@ -1,11 +1,10 @@
-"""A link in real time to any bus that python-can knows, a served board's socketcand port among them."""
+"""Link in real time to a bus: a served board's socketcand port, or any interface of python-can."""
 
 import socket
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Final
 
 import can
@@ -19,44 +18,37 @@ from steptwin.host.common.errors import BusError
 
 _CONNECT_TIMEOUT_S: Final = 2.0
 _RECEIVE_CYCLE_S: Final = 0.05
-"""How long taking leave waits for the receiving thread, at most."""
+"""Longest time that disconnecting waits for the receiving thread."""
 _EMPTY_READS_MAX: Final = 1000
-"""So many empty reads one after the other without waiting are no commands cut in pieces: the server is gone."""
+"""More successive reads that return nothing at once mean a closed connection, not a command in pieces."""
 _AT_ONCE_S: Final = 0.001
 
 
 @dataclass(frozen=True, slots=True)
 class Connection:
-    """Which bus.
-
-    Attributes:
-        interface: as python-can calls it.
-        channel: of the interface; None: its default.
-        bitrate: in bit/s, for interfaces that set it.
-        host: of a socketcand server.
-        port: of a socketcand server.
-    """
+    """The choice of a bus: an interface of python-can, and for socketcand the server's host and TCP port."""
 
     interface: str
     channel: str | None = None
     bitrate: int | None = None
+    """In bit/s, for interfaces that set it; None, here and for the channel, takes the interface's default."""
     host: str | None = None
     port: int | None = None
 
     @property
     def title(self) -> str:
-        """Where that is, for people."""
+        """The bus as messages name it."""
         if self.host is not None:
             return f"{self.host}:{self.port}"
         return f"{self.interface} {self.channel}" if self.channel else self.interface
 
 
 def open_bus(connection: Connection) -> can.BusABC:
-    """Open it; BusError if that fails, whatever the interface has to say."""
+    """Open the bus; raise BusError, with the interface's reason, if it cannot be opened."""
     if connection.host is not None:
         with _bus_errors(connection.title):
             assert connection.port is not None
-            # python-can tries for ten seconds, without a pause, before it says that nobody is there
+            # python-can retries for ten seconds, without a pause, before it reports a refused connection
             socket.create_connection((connection.host, connection.port), _CONNECT_TIMEOUT_S).close()
             return _SocketcandBus(connection.channel or socketcand.CHANNEL, connection.host, connection.port)
     return open_python_can_bus(
@@ -65,7 +57,10 @@ def open_bus(connection: Connection) -> can.BusABC:
 
 
 class _SocketcandBus(SocketCanDaemonBus):
-    """python-can's, which takes a connection that the server has ended for one on which there is nothing to read."""
+    """python-can's socketcand bus, with an error when the server closes the connection.
+
+    python-can itself takes a closed connection for one on which nothing arrives.
+    """
 
     def __init__(self, channel: str, host: str, port: int) -> None:
         self._empty_reads = 0
@@ -83,18 +78,18 @@ class _SocketcandBus(SocketCanDaemonBus):
 
 
 class _EndOfReceiving(MessageListener):
-    """Lets the receiving thread end without a traceback: `BusNetwork.check` says why it did."""
+    """End the receiving thread without a traceback; `BusNetwork.check` raises its error instead."""
 
     def on_message_received(self, msg: can.Message) -> None:
-        """Frames are the network's matter."""
+        """Ignore the frame; the network's own listener takes it."""
 
     def on_error(self, _exc: Exception) -> None:
-        """The notifier has kept it, and tries again: not without a pause."""
+        """Pause before the notifier, which has stored the error, tries again."""
         time.sleep(_RECEIVE_CYCLE_S)
 
 
 class BusNetwork(canopen.Network):
-    """The canopen library's network; its errors are the command line's."""
+    """The canopen library's network, which raises BusError instead of python-can's errors."""
 
     NOTIFIER_CYCLE = _RECEIVE_CYCLE_S
 
@@ -104,41 +99,39 @@ class BusNetwork(canopen.Network):
         self._title = title
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        """Send a frame; BusError if the interface does not take it."""
+        """Send a frame; raise BusError if the interface does not take it."""
         with _bus_errors(self._title):
             super().send_message(can_id, data, remote)
 
     def check(self) -> None:
-        """Raise BusError if receiving has come to an end."""
+        """Raise BusError if the receiving thread has ended."""
         with _bus_errors(self._title):
             super().check()
 
 
 class BusLink:
-    """A connection to a real or a served bus; fulfils Link. A context manager: leaving it closes the bus."""
+    """A Link to a real or a served bus; a context manager that closes the bus at its end."""
 
     def __init__(self, bus: can.BusABC, title: str) -> None:
         self.network: canopen.Network = BusNetwork(bus, title)
         self.network.connect()
 
     def now_s(self) -> float:
-        """Seconds on a clock that nobody sets."""
+        """Return the seconds on the monotonic clock, which is never set."""
         return time.monotonic()
 
     def wait(self, dt_s: float) -> None:
-        """Sleep; BusError if nothing can be received any more."""
+        """Sleep; raise BusError if nothing can be received any more."""
         time.sleep(dt_s)
         self.network.check()
 
     def __enter__(self) -> "BusLink":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
         try:
             self.network.disconnect()
-        except BusError:  # it has broken down before: that has been said
+        except BusError:  # after an error, the one that is raised already counts
             if error is None:
                 raise
 

@@ -15,11 +15,7 @@ def check_interface(what: str, name: str) -> None:
 
 
 def open_python_can_bus(title: str, interface: str, **arguments: Any) -> can.BusABC:
-    """Open a bus; an argument that is None takes the interface's default.
-
-    Raises:
-        BusError: the interface cannot be opened; the message begins with `title`.
-    """
+    """Open a bus, with defaults for arguments that are None; raise BusError, headed by `title`, if it fails."""
     given = {name: value for name, value in arguments.items() if value is not None}
     try:
         return can.Bus(interface=interface, **given)

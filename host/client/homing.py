@@ -9,7 +9,8 @@ from typing import Final, NamedTuple
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.drive_status import FAULT_STATES
 from steptwin.host.client.link import Link
-from steptwin.host.client.waiting import POLL_S, REST_TIMEOUT_S, require, wait_until
+from steptwin.host.client.stopping import await_rest
+from steptwin.host.client.waiting import POLL_S, REST_TIMEOUT_S, wait_until
 from steptwin.host.client.words import state_text
 from steptwin.host.common.errors import BusError, DeviceFaultError, StepTwinError
 from steptwin.protocol import od
@@ -26,23 +27,18 @@ _TEXTS: Final[dict[int, str]] = {
 
 @dataclass(frozen=True, slots=True)
 class HomingSettings:
-    """The settings of an axis' homing, in the units of its dictionary entries.
-
-    Attributes:
-        method: the homing method (6098h).
-        search_units_per_s: speed during the search for the switch.
-        zero_units_per_s: speed at which the switch's edge is crossed.
-        acceleration_units_per_s2: acceleration of all ramps.
-        offset_units: position of the edge.
-        timeout_ms: longest duration; 0 sets no limit.
-    """
+    """The settings of an axis' homing, in the units of its dictionary entries."""
 
     method: int
     search_units_per_s: int
+    """Speed during the search for the switch."""
     zero_units_per_s: int
+    """Speed at which the switch's edge is crossed."""
     acceleration_units_per_s2: int
     offset_units: int
+    """Position of the edge."""
     timeout_ms: int
+    """Longest duration; 0 sets no limit."""
 
     def objects(self) -> list[tuple[int, int]]:
         """Return the entries that hold these settings, as (address, value)."""
@@ -140,9 +136,4 @@ def _release(link: Link, axes: Sequence[AxisClient]) -> None:
     for axis in axes:
         if axis.state() is State.OPERATION_ENABLED:
             axis.write(od.CONTROLWORD, ENABLE_OPERATION)
-    require(
-        link,
-        lambda: all(axis.read(od.STATUSWORD) & Status.TARGET_REACHED for axis in axes),
-        "the axes do not come to rest",
-        REST_TIMEOUT_S,
-    )
+    await_rest(link, axes)

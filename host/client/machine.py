@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import count
 from math import ceil
 
 from steptwin.host.client.axis import AxisClient
@@ -13,7 +14,7 @@ from steptwin.host.client.object_dictionary import object_dictionary
 from steptwin.host.client.output_schedule import OutputCommand
 from steptwin.host.client.starting import StreamStarter
 from steptwin.host.client.stream import Stream
-from steptwin.host.client.waiting import POLL_S, REPLY_TIMEOUT_S, REST_TIMEOUT_S, require
+from steptwin.host.client.waiting import POLL_S, REPLY_TIMEOUT_S, require
 from steptwin.host.common.axis_records import AxisRecords
 from steptwin.host.common.errors import BusError
 from steptwin.protocol import od
@@ -122,28 +123,13 @@ class Machine:
         the part of the axes that is homed. Raises as `homing.run_homings`; after an error no further axis is homed.
         """
         homings = [AxisHoming(axis, how) for axis, how in zip(self.axes, settings, strict=True) if how]
-        homed = 0
-
-        def one_homed() -> None:
-            nonlocal homed
-            homed += 1
-            progress(homed / len(homings))
-
+        homed = count(1)
         for group in [homings] if together else [[homing] for homing in homings]:
-            run_homings(self.link, group, one_homed)
+            run_homings(self.link, group, lambda: progress(next(homed) / len(homings)))
 
     def positions_units(self) -> list[int]:
         """Return the position actual value (6064h) of each axis, by its step counter."""
         return [axis.read(od.POSITION_ACTUAL) for axis in self.axes]
-
-    def await_standstill(self) -> None:
-        """Wait until no axis moves, in fault or not; raise BusError if they keep moving."""
-        require(
-            self.link,
-            lambda: all(axis.read(od.STATUSWORD) & Status.TARGET_REACHED for axis in self.axes),
-            "the axes do not come to rest",
-            REST_TIMEOUT_S,
-        )
 
     # --- trajectories
 

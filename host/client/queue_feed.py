@@ -103,15 +103,9 @@ class QueueFeed:
         i = self._sent
         if i == self._count or i - self._acknowledged >= self._free:
             return False
-        records = self._records
-        self._axis.send_record(
-            PvtRecord(
-                records.displacements_units[i],
-                records.end_velocities[i],
-                records.durations_ms[i],
-                i % SEQUENCE_MODULUS,
-            )
-        )
+        own = self._records
+        record = PvtRecord(own.displacements_units[i], own.end_velocities[i], own.durations_ms[i], i % SEQUENCE_MODULUS)
+        self._axis.send_record(record)
         self._sent = i + 1
         self._ever_sent = max(self._ever_sent, self._sent)
         return True

@@ -36,6 +36,11 @@ def quick_stop(link: Link, axes: Sequence[AxisClient]) -> None:
     link.network.send_message(COB_SYNC, b"")
     wait_until(link, lambda: all(map(_reacted, axes)), _REACTION_S)
     _each([axis for axis in axes if not _reacted(axis)], _stop_by_sdo)
+    require(link, lambda: all(map(_stopped, axes)), "the axes do not come to rest", REST_TIMEOUT_S)
+
+
+def await_rest(link: Link, axes: Sequence[AxisClient]) -> None:
+    """Wait until no axis moves, in fault or not; raise BusError if they keep moving."""
     require(link, lambda: all(map(_rests, axes)), "the axes do not come to rest", REST_TIMEOUT_S)
 
 
@@ -58,9 +63,13 @@ def _reacted(axis: AxisClient) -> bool:
     return axis.drive_status is not None and axis.drive_status.state in _REACTED
 
 
-def _rests(axis: AxisClient) -> bool:
+def _stopped(axis: AxisClient) -> bool:
     statusword = axis.read(od.STATUSWORD)
     return State.of(statusword) is not State.OPERATION_ENABLED and bool(statusword & Status.TARGET_REACHED)
+
+
+def _rests(axis: AxisClient) -> bool:
+    return bool(axis.read(od.STATUSWORD) & Status.TARGET_REACHED)
 
 
 def _stop_by_sdo(axis: AxisClient) -> None:

@@ -1,1 +1,1 @@
-"""What the commands for a live board do, without the command line: any link, in real or in virtual time."""
+"""Operate a robot's machine over any link, in real or virtual time: the live commands without their command line."""

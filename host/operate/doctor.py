@@ -1,4 +1,4 @@
-"""Is this machine fit to move? One check after the other, each with a verdict and what was found."""
+"""Check whether a machine is fit to move, one check after the other."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -7,8 +7,8 @@ from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.drive_status import FAULT_STATES
 from steptwin.host.client.words import error_text, state_text
 from steptwin.host.common.errors import BusError, DeviceFaultError
-from steptwin.host.operate.axis_settings import axis_settings
 from steptwin.host.operate.session import Session
+from steptwin.host.operate.setting_up import axis_settings
 from steptwin.host.operate.status import active_inputs, error_history
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, State, Status
@@ -16,26 +16,22 @@ from steptwin.protocol.objects import IDENTITY_DEVICE_TYPE
 
 
 class Check(NamedTuple):
-    """One finding.
-
-    Attributes:
-        name: of what was looked at.
-        passed: whether it is as it should be.
-        found: what there is, or what is wrong and what to do.
-        exit_code: of the command line if this is the worst that failed.
-    """
+    """The result of one check."""
 
     name: str
+    """The axis and the thing checked."""
     passed: bool
     found: str
+    """The value found, or the fault and its remedy."""
     exit_code: int = DeviceFaultError.exit_code
+    """The command line's exit code if this is the worst check that failed."""
 
 
 def examine(session: Session) -> Iterator[Check]:
-    """Look at everything; nothing on the machine changes.
+    """Make all checks; nothing on the machine changes.
 
     Raises:
-        InputError: a trajectory is running, whose host must not be disturbed by questions.
+        InputError: a trajectory is running; SDO requests would disturb the program that streams it.
     """
     session.require_idle("doctor")
     answering = []
@@ -84,7 +80,7 @@ def _drive(axis: AxisClient) -> Check:
 
 
 def _settings(session: Session, axis: AxisClient) -> Check:
-    """What the drive takes only while its power is off must be the robot's then; else the next motion writes it."""
+    """Check the microsteps, which a drive takes only while its power is off; then the next motion writes them."""
     wanted = axis_settings(session.robot.joint(axis.name), session.robot.board)
     found = axis.read(od.MICROSTEPS)
     powered = axis.state() in (State.SWITCHED_ON, State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE)

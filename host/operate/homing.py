@@ -1,4 +1,4 @@
-"""Homing a live machine by its switches, or telling it where it stands."""
+"""Home a live machine by its switches, or declare where it stands."""
 
 from steptwin.host.client import Progress
 from steptwin.host.common.errors import InputError
@@ -15,18 +15,18 @@ def home_robot(
     stay: bool = False,
     progress: Progress = lambda _: None,
 ) -> list[AxisState]:
-    """Home all joints that have a homing in the robot's file, then move to the robot's home position.
+    """Home all joints as the robot's file says, then move to the robot's home position.
 
     Args:
         session: the machine.
-        together: all joints at once instead of one after the other.
-        stay: leave the axes where homing ends.
-        progress: told which part of the joints is homed.
+        together: True homes all joints at once, False one after the other.
+        stay: True leaves the axes where homing ends.
+        progress: called with the part of the joints that is homed.
 
     Raises:
-        InputError: a joint has no homing, or somebody else moves the machine.
-        DeviceFaultError: a homing failed, a drive is in fault or was stopped.
-        BusError: no answer.
+        InputError: the file has no homing for a joint, or another program moves the machine.
+        DeviceFaultError: a homing failed, or a drive is in fault or was stopped.
+        BusError: a node does not answer.
     """
     settings = tuple(homing_settings(joint) for joint in session.robot.joints)
     for joint, how in zip(session.robot.joints, settings, strict=True):
@@ -40,7 +40,10 @@ def home_robot(
 
 
 def declare(session: Session, joints: list[float]) -> list[AxisState]:
-    """Tell the standing machine where it is, in mm and degrees; raises as `home` does, or for a joint off limits."""
+    """Declare where the standing machine is, in mm and degrees.
+
+    Raises as `home_robot`, and InputError if a joint is outside its limits.
+    """
     check_goal(session.robot, joints)
     with session.in_charge("home", known=False) as machine:
         machine.preset(session.units(joints))

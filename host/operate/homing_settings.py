@@ -1,4 +1,4 @@
-"""From a joint of a robot's file to what its axis is told for homing."""
+"""Convert a joint's homing in a robot's file to the homing settings of its axis."""
 
 from math import ceil, floor
 
@@ -10,11 +10,11 @@ from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 
 _TIMEOUT_MARGIN = 2.0
 _LATENCY_S = 0.05
-"""More than a stop waits for: a profile's segment in execution lasts up to 31 ms."""
+"""Longer than the delay before a stop begins: the profile segment in execution lasts up to 31 ms."""
 
 
 def homing_settings(joint: Joint) -> HomingSettings | None:
-    """How a joint's axis is homed; None if its file does not say."""
+    """Return the homing settings of a joint's axis; None if the robot's file has no homing for the joint."""
     homing = joint.homing
     if homing is None:
         return None
@@ -43,7 +43,10 @@ def _offset_units(joint: Joint, number: int) -> int:
 
 
 def _longest_s(joint: Joint, homing: JointHoming) -> float:
-    """A bound on a homing's duration: the travel to and fro and over the switch, then a braking distance slowly."""
+    """Return an upper bound of a homing's duration.
+
+    It allows for three times the whole travel at search speed, the ramps, and one braking distance at zero speed.
+    """
     switches, speed = joint.switches, homing.search_speed
     bottom = joint.lower if switches.negative_limit is None else switches.negative_limit
     top = joint.upper if switches.positive_limit is None else switches.positive_limit

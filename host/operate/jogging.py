@@ -1,4 +1,4 @@
-"""Jogging: one axis at a velocity, for a time or until somebody says stop."""
+"""Jog one joint at a speed, for a time or until Ctrl-C."""
 
 from dataclasses import dataclass
 from math import ceil, inf
@@ -17,7 +17,7 @@ from steptwin.protocol.datatypes import DataType
 
 @dataclass(frozen=True, slots=True)
 class Jogged:
-    """One axis that was jogged: positions in its unit, and whether the end of its travel stopped it."""
+    """A finished jog: start and end in the joint's unit, and whether a software position limit ended it."""
 
     joint: str
     start: float
@@ -26,7 +26,7 @@ class Jogged:
 
 
 def check_jog(robot: Robot, name: str, speed: float) -> Joint:
-    """The joint; InputError if there is none of that name or it cannot go so fast."""
+    """Return the joint of this name; raise InputError if it does not exist or the speed is not within its limit."""
     if name not in robot.joint_names:
         raise unknown("joint", name, robot.joint_names)
     joint = robot.joint(name)
@@ -37,19 +37,20 @@ def check_jog(robot: Robot, name: str, speed: float) -> Joint:
 
 
 def jog(session: Session, name: str, speed: float, seconds: float | None) -> Jogged:
-    """Move one joint, by ramps of its highest acceleration, until a time is over or it stands at its limit.
+    """Move one joint at a speed until a time is over or the joint stands at its limit.
 
-    An axis that knows where it is keeps the joint's limits, one that does not goes wherever it is sent. Ctrl-C ends it
-    by the same ramp.
+    All ramps have the joint's highest acceleration. An axis whose position is known keeps the joint's limits; any other
+    axis has no limits.
 
     Args:
         session: the machine.
-        name: of the joint.
-        speed: in mm/s or degrees/s.
-        seconds: how long, ramps up included; None: until KeyboardInterrupt, which ends it in order.
+        name: the joint's name.
+        speed: in mm/s or degrees/s; the sign is the direction.
+        seconds: duration, with the ramp up and without the ramp down. None jogs until KeyboardInterrupt, which then
+            ends the jog by a ramp and is not raised further.
 
     Raises:
-        InputError, DeviceFaultError, BusError: as `move`, but the position need not be known.
+        InputError, DeviceFaultError, BusError: as `move`, but the position may be unknown.
     """
     joint = check_jog(session.robot, name, speed)
     axis = session.machine.axes[session.robot.joints.index(joint)]
@@ -82,7 +83,10 @@ def _set_limits(axis: AxisClient, joint: Joint) -> None:
 
 
 def _lift_limits(axis: AxisClient) -> None:
-    """As after power-up: whoever sends trajectories has checked them, and homing counts from elsewhere."""
+    """Set the position limits to their values after power-up.
+
+    Trajectories are checked before they are sent, and homing must be free to move from an unknown position.
+    """
     axis.ensure(od.POSITION_LIMIT_MIN, DataType.INTEGER32.low)
     axis.ensure(od.POSITION_LIMIT_MAX, DataType.INTEGER32.high)
 

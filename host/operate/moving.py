@@ -1,4 +1,4 @@
-"""Moves of all axes to a joint position or a tool pose, by the axes' own profiles, arriving together."""
+"""Move all axes to a joint position or a tool pose by their own profiles, so that they arrive together."""
 
 from dataclasses import dataclass
 from math import ceil
@@ -16,12 +16,12 @@ from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 
 _VELOCITY_MIN_UNITS_PER_S = 16
-"""The firmware counts velocities in 1/64 unit per ms: slower would be none."""
+"""The firmware's smallest velocity, 1/64 unit per ms, is 15.6 units/s; a lower one would be 0."""
 
 
 @dataclass(frozen=True, slots=True)
 class Moved:
-    """A move that has been made: joint positions in mm and degrees, the duration as it was planned."""
+    """A finished move: joint positions in mm and degrees, and the planned duration."""
 
     start: list[float]
     goal: list[float]
@@ -30,7 +30,7 @@ class Moved:
 
 
 def check_goal(robot: Robot, goal: list[float]) -> None:
-    """Raise InputError, naming the first joint, unless a joint position is within the limits."""
+    """Raise InputError, naming the first joint, unless every joint's position is within its limits."""
     for joint, position in zip(robot.joints, goal, strict=True):
         if not joint.lower <= position <= joint.upper:
             text, _ = apart(position, joint.lower if position < joint.lower else joint.upper)
@@ -39,15 +39,15 @@ def check_goal(robot: Robot, goal: list[float]) -> None:
 
 
 def nearest_joints(robot: Robot, pose: list[float], near: list[float]) -> list[float]:
-    """The joint position that reaches a tool pose and takes the least time to get to.
+    """Return the joint position that reaches a tool pose and is reached in the least time.
 
     Args:
-        robot: whose tool it is.
+        robot: the robot.
         pose: x, y and z in mm and the attitude in degrees.
-        near: where the machine stands.
+        near: the joint position at which the machine stands.
 
     Raises:
-        InputError: no branch reaches it; the message says why not, branch by branch.
+        InputError: no branch of the inverse kinematics reaches the pose; the message gives each branch's reason.
     """
     standing = np.array(near)
     branches = make_kinematics(robot).inverse(np.array([pose]), standing)
@@ -61,7 +61,7 @@ def nearest_joints(robot: Robot, pose: list[float], near: list[float]) -> list[f
 
 
 def standing_joints(session: Session) -> list[float]:
-    """Where the machine stands, in mm and degrees; raises as `move` if it cannot be moved now."""
+    """Return the joint position at which the machine stands; raise as `move` if it cannot be moved now."""
     session.require_ready("move")
     return session.positions(session.demanded_units())
 
@@ -73,14 +73,14 @@ def move(
 
     Args:
         session: the machine.
-        goal: mm and degrees.
-        speed_percent: of what the joints' limits allow, for speed and acceleration.
-        progress: told which part of the longest way is covered.
+        goal: the joint position in mm and degrees.
+        speed_percent: percentage of the speeds and accelerations that the joints' limits allow.
+        progress: called with the part of the longest way that is covered.
 
     Raises:
-        InputError: a position outside its limits, or somebody else moves the machine.
-        DeviceFaultError: a drive is in fault, does not know where it is, or was stopped.
-        BusError: no answer.
+        InputError: a joint's goal is outside its limits, or another program moves the machine.
+        DeviceFaultError: a drive is in fault or was stopped, or its position is unknown.
+        BusError: a node does not answer.
     """
     check_goal(session.robot, goal)
     with session.in_charge("move"):
@@ -97,7 +97,7 @@ def move_within(
     speed_percent: float = 100.0,
     progress: Progress = lambda _: None,
 ) -> float:
-    """Make the move while in charge; return its planned duration in seconds."""
+    """Make a move inside `in_charge`; return its planned duration in seconds."""
     if start_units == goal_units:
         return 0.0
     moves, planned_s = synchronised(session.robot, start_units, goal_units, speed_percent)
@@ -108,16 +108,16 @@ def move_within(
 def synchronised(
     robot: Robot, start_units: list[int], goal_units: list[int], speed_percent: float
 ) -> tuple[list[ProfileMove], float]:
-    """What makes all axes arrive together: one trapezoid for all, with ramps of whole ms, scaled to each axis' way.
+    """Scale one trapezoid, with ramps of whole ms, to the way of each axis, so that all arrive together.
 
     Args:
-        robot: whose limits are kept.
-        start_units: where the axes stand.
-        goal_units: where they go, not all of it where they stand.
-        speed_percent: of the joints' limits.
+        robot: the robot whose limits are kept.
+        start_units: the position of each axis at the start.
+        goal_units: the position of each axis at the end; at least one differs from the start.
+        speed_percent: percentage of the speeds and accelerations that the joints' limits allow.
 
     Returns:
-        Every axis' move, and the duration in seconds.
+        The move of each axis, and the duration in seconds.
     """
     ways_units = np.subtract(goal_units, start_units)
     speed, acceleration = limits_along(robot, ways_units / robot.wire_units_per_unit)

@@ -1,4 +1,4 @@
-"""Stop, power off and fault reset, from whatever state the machine is in."""
+"""Stop a machine, switch its power off and reset its faults, in any state of its drives."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ from steptwin.protocol.cia402 import Control, State, Status
 
 @dataclass(frozen=True, slots=True)
 class AxisState:
-    """How an axis is afterwards: the drive's state, its position in mm or degrees and whether that is known."""
+    """The state of an axis' drive, its position in mm or degrees, and whether that position is known."""
 
     name: str
     state: str
@@ -24,30 +24,30 @@ class AxisState:
 
 
 def stop(session: Session) -> list[AxisState]:
-    """Stop all axes at once, by their quick stop; raises as `steptwin.host.client.stopping.quick_stop`."""
+    """Quick stop all axes at once; raises as `client.stopping.quick_stop`."""
     quick_stop(session.link, session.machine.axes)
     return axis_states(session)
 
 
 def emergency_stop(session: Session) -> list[AxisState]:
-    """Stop all axes at once, then take their power away; raises as `steptwin.host.client.stopping.power_off`."""
+    """Quick stop all axes at once, then switch their power off; raises as `client.stopping.power_off`."""
     power_off(session.link, session.machine.axes)
     return axis_states(session)
 
 
 def reset(session: Session) -> list[AxisState]:
-    """Reset the fault of every drive that is in fault; the drives are off afterwards.
+    """Reset every drive that is in fault; the power of all these drives is off afterwards.
 
     Raises:
+        InputError: a trajectory is running.
         DeviceFaultError: a drive stays in fault because the cause lasts.
-        BusError: no answer.
+        BusError: a node does not answer.
     """
     session.require_idle("reset")
     for axis in session.machine.axes:
         if axis.state() is State.FAULT:
-            axis.write(
-                od.CONSUMER_HEARTBEATS[0], 0
-            )  # the host that it watched is gone, or will say again that it is there
+            # The host that the axis watched may be gone; a host that lives makes it watch again.
+            axis.write(od.CONSUMER_HEARTBEATS[0], 0)
             axis.write(od.CONTROLWORD, 0)
             axis.write(od.CONTROLWORD, Control.FAULT_RESET)
     for axis in session.machine.axes:
@@ -59,11 +59,11 @@ def _await_reset(session: Session, axis: AxisClient) -> None:
     if not wait_until(session.link, lambda: axis.state() not in FAULT_STATES, REPLY_TIMEOUT_S):
         state, code = axis.state(), axis.read(od.ERROR_CODE)
         cause = f"{error_text(code)} (0x{code:04X})"
-        raise DeviceFaultError(f"{axis.name}: stays in {state_text(state)}, for the cause lasts: {cause}")
+        raise DeviceFaultError(f"{axis.name}: stays in {state_text(state)} because the cause lasts: {cause}")
 
 
 def axis_states(session: Session) -> list[AxisState]:
-    """Every axis' state and position, by SDO."""
+    """Read the state and the position of every axis by SDO."""
     states = []
     for axis, joint in zip(session.machine.axes, session.robot.joints, strict=True):
         statusword = axis.read(od.STATUSWORD)

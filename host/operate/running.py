@@ -1,25 +1,25 @@
-"""A job or a file on a live board: check where it stands, stream, compare where the axes end with the plan."""
+"""Run a plan on a live board: check where it stands, stream, compare the axes' end positions with the plan."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 from steptwin.host.client import Machine, Progress
 from steptwin.host.client.faults import check_enabled, check_faults
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.moving import move_within
-from steptwin.host.operate.output_commands import output_commands
 from steptwin.host.operate.session import Session
+from steptwin.host.operate.switching import output_commands
 from steptwin.host.planning.plan import Plan
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 
 END_ERROR_STEPS_MAX: Final = 0.5 + 1 / 16
-"""The firmware's hysteresis: how far the step counter may be from the position demanded."""
+"""The largest distance of the step counter from the demanded position, by the firmware's hysteresis."""
 
 
 @dataclass(frozen=True, slots=True)
 class AxisEnd:
-    """Where one axis stands after a run, by its step counter, and where the plan ends, in wire units."""
+    """The end of a run on one axis: the plan's end and the step counter, in wire units, and their difference."""
 
     name: str
     planned_units: int
@@ -28,13 +28,13 @@ class AxisEnd:
 
     @property
     def passed(self) -> bool:
-        """Whether it is at the step where it should be."""
+        """True if the axis stands at the planned step."""
         return abs(self.error_steps) <= END_ERROR_STEPS_MAX
 
 
 @dataclass(frozen=True, slots=True)
 class LiveOutcome:
-    """What a run on a live board leaves behind; the axes as after the last repetition."""
+    """The result of a run on a live board; the axes are those of the last repetition."""
 
     plan: Plan
     job: str
@@ -46,11 +46,11 @@ class LiveOutcome:
 
     @property
     def passed(self) -> bool:
-        """Whether every axis ended where it should, each time."""
+        """True if every axis ended at the planned step in every repetition."""
         return all(axis.passed for axis in self.axes)
 
     def to_dict(self) -> dict[str, Any]:
-        """As the JSON document says it."""
+        """Return the JSON document of the run."""
         names = self.plan.robot.joint_names
         return {
             "robot": self.plan.robot.name,
@@ -58,22 +58,14 @@ class LiveOutcome:
             "duration_s": self.plan.trajectory.duration_s,
             "passed": self.passed,
             "repetitions": self.repetitions,
-            "axes": [
-                {
-                    "name": axis.name,
-                    "planned_units": axis.planned_units,
-                    "end_units": axis.end_units,
-                    "error_steps": axis.error_steps,
-                }
-                for axis in self.axes
-            ],
+            "axes": [asdict(axis) for axis in self.axes],
             "joints": {"names": list(names), "start": self.start, "end": self.end},
             "wall_s": self.wall_s,
         }
 
 
 def check_repeatable(plan: Plan, repeat: int) -> None:
-    """InputError unless a plan may be run so often, one time after the other."""
+    """Raise InputError unless a plan can be run `repeat` times, one after the other."""
     if repeat < 1:
         raise InputError(f"repeat={repeat}: is not at least 1")
     for joint, start, end in zip(plan.robot.joints, plan.points_units[0], plan.points_units[-1], strict=True):
@@ -93,20 +85,21 @@ def execute_live(
     approach: bool = False,
     progress: Progress = lambda _: None,
 ) -> LiveOutcome:
-    """Run a plan on a live board; repetitions end at the first that does not end where it should.
+    """Run a plan on a live board; after a repetition that ends at another step than planned, stop repeating.
 
     Args:
         session: the machine.
-        plan: what to do.
-        job: how reports call it.
-        repeat: how many times.
-        approach: whether the machine moves to the start first, straight in joint space, from wherever it stands.
-        progress: told which part of the stream has been sent, for each repetition anew.
+        plan: the plan.
+        job: name of the motion in reports.
+        repeat: number of repetitions.
+        approach: True moves the machine to the plan's start first, straight in joint space.
+        progress: called with the part of the stream that has been sent, in each repetition from 0 to 1.
 
     Raises:
-        InputError: the machine stands elsewhere, or cannot repeat this, or somebody else moves it.
-        DeviceFaultError: a drive is in fault, was stopped or does not know where it is.
-        BusError: no answer.
+        InputError: the machine does not stand at the plan's start, the plan cannot be repeated, or another program
+            moves the machine.
+        DeviceFaultError: a drive is in fault or was stopped, or does not know its position.
+        BusError: a node does not answer.
     """
     check_repeatable(plan, repeat)
     session.require_ready("run")
@@ -117,7 +110,7 @@ def execute_live(
         repetitions, axes = 0, tuple[AxisEnd, ...]()
         while repetitions < repeat and all(axis.passed for axis in axes):
             move_within(session, session.demanded_units(), plan.start_units)
-            _stream(machine, plan, progress)
+            machine.run(plan.records(), plan.start_units, progress, output_commands(plan.robot, plan.trajectory))
             session.link.wait(_SETTLED_S)
             check_faults(session.link, machine.axes)
             check_enabled(machine.axes)
@@ -128,11 +121,7 @@ def execute_live(
 
 
 _SETTLED_S: Final = 0.02
-"""Longer than the last step and the last status report take."""
-
-
-def _stream(machine: Machine, plan: Plan, progress: Progress) -> None:
-    machine.run(plan.records(), plan.start_units, progress, output_commands(plan.robot, plan.trajectory))
+"""Longer than the last step and the last status report need after the end of a stream."""
 
 
 def _ends(machine: Machine, plan: Plan) -> tuple[AxisEnd, ...]:

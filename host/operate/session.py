@@ -1,4 +1,4 @@
-"""A robot on the bus: its machine, its units, and the rules for taking charge of a board that may be at work."""
+"""A robot on the bus: its machine, its units, and the rules for taking charge of a board that may be in use."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -13,48 +13,48 @@ from steptwin.host.client.stopping import quick_stop
 from steptwin.host.client.waiting import wait_until
 from steptwin.host.client.words import error_text, state_text
 from steptwin.host.common.errors import DeviceFaultError, InputError, StepTwinError
-from steptwin.host.operate.axis_settings import axis_settings
-from steptwin.host.robots.joint import Joint
+from steptwin.host.operate.setting_up import set_up
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
-from steptwin.protocol.cia402 import LINEAR_RAMP, State, Status
+from steptwin.protocol.cia402 import State, Status
 
 POSE_KEYS: Final = ("x_mm", "y_mm", "z_mm", "attitude_deg")
 _LISTEN_S: Final = 0.3
-"""Three times the event timer with which an OPERATIONAL node says how its drive is."""
-_HOLD_AFTER_QUICK_STOP: Final = 6
-"""0x605A: by the quick stop's ramp into QUICK STOP ACTIVE, in which the motor holds: a vertical axis stays up."""
+"""Three times the event timer with which an OPERATIONAL node reports its drive's status."""
 
 
 class Session:
-    """One robot behind one link."""
+    """One robot on one link."""
 
     def __init__(self, link: Link, robot: Robot) -> None:
         self.link = link
         self.robot = robot
         self.machine = Machine(link, robot.joint_names)
 
-    # --- what the nodes say without being asked
+    # --- what the nodes report by themselves
 
     def listen(self) -> None:
-        """Wait until every node has said how its drive is, or for so long that it would have been heard."""
+        """Wait until every node has reported its drive's status, but no longer than a report can take."""
         wait_until(self.link, lambda: all(axis.drive_status is not None for axis in self.machine.axes), _LISTEN_S)
 
     @property
     def streaming(self) -> bool:
-        """Whether some axis executes a trajectory, as last heard: its host must not be disturbed by SDO."""
+        """True while some axis reports that it executes a trajectory.
+
+        Then no SDO request may be sent: it could disturb the program that streams the trajectory.
+        """
         return any(axis.interpolating for axis in self.machine.axes)
 
     def require_present(self) -> None:
-        """Raise BusError if nodes have said nothing and do not answer either."""
+        """Raise BusError if a node neither reports its status nor answers."""
         self.listen()
         for axis in self.machine.axes:
             if axis.drive_status is None:
                 axis.read(od.DEVICE_TYPE)
 
     def require_idle(self, what: str) -> None:
-        """Raise InputError if somebody moves the machine, as far as it says so."""
+        """Raise InputError if an axis reports that it executes a trajectory; the message begins with `what`."""
         self.listen()
         if self.streaming:
             raise InputError(f"{what}: a trajectory is running; wait for its end, or stop it by `steptwin stop`")
@@ -62,19 +62,19 @@ class Session:
     # --- units
 
     def units(self, joints: list[float]) -> list[int]:
-        """Wire units of joint positions, rounded as the planner does."""
+        """Convert joint positions in mm and degrees to wire units, rounded as in a plan."""
         return [joint.to_units(position) for position, joint in zip(joints, self.robot.joints, strict=True)]
 
     def positions(self, units: list[int]) -> list[float]:
-        """Joint positions in mm and degrees."""
+        """Convert wire units to joint positions in mm and degrees."""
         return [joint.to_position(position) for position, joint in zip(units, self.robot.joints, strict=True)]
 
     def demanded_units(self) -> list[int]:
-        """Where the axes are to stand (0x6062): where the next motion begins."""
+        """Read the position demand value (6062h) of each axis, from which the next motion begins."""
         return [axis.read(od.POSITION_DEMAND) for axis in self.machine.axes]
 
     def pose(self, joints: list[float]) -> dict[str, float] | None:
-        """The tool's pose; None where the mechanism cannot be assembled."""
+        """Return the tool's pose at a joint position; None where the mechanism cannot be assembled."""
         pose = make_kinematics(self.robot).forward(np.array([joints]))[0]
         if not np.isfinite(pose).all():
             return None
@@ -83,33 +83,33 @@ class Session:
     # --- taking charge
 
     def require_ready(self, what: str, *, known: bool = True) -> None:
-        """See that the machine may be taken charge of; raises as `in_charge`."""
+        """Check that this program may take charge of the machine; raises as `in_charge`."""
         self.require_idle(what)
         for axis in self.machine.axes:
             self._check(axis, known=known)
 
     @contextmanager
     def in_charge(self, what: str, *, known: bool = True) -> Iterator[Machine]:
-        """The machine set up, watched and enabled; leaving by an error, or by Ctrl-C, stops all axes first.
+        """Take charge of the machine: set it up, let its axes watch this host, enable the drives.
 
-        The drives stay enabled afterwards and hold their positions.
+        Leaving the context by an error or by Ctrl-C stops all axes first. Afterwards the drives stay enabled and hold
+        their positions.
 
         Args:
-            what: is to be done, for messages.
-            known: whether the axes must know where they are.
+            what: name of the action, for messages.
+            known: True if every axis must know its position.
 
         Raises:
-            InputError: somebody else moves the machine.
-            DeviceFaultError: a drive is in fault, does not know where it is, or refuses what it is told.
-            BusError: no answer.
+            InputError: another program moves the machine.
+            DeviceFaultError: a drive is in fault, does not know its position, or refuses a value.
+            BusError: a node does not answer.
         """
         self.require_ready(what, known=known)
         try:
-            self.machine.adopt(tuple(self._objects(joint) for joint in self.robot.joints))
-            self.machine.enable()
+            set_up(self.machine, self.robot)
             yield self.machine
         except BaseException:
-            with suppress(StepTwinError):  # what went wrong first is what counts
+            with suppress(StepTwinError):  # the first error is the one to report
                 quick_stop(self.link, self.machine.axes)
             raise
         finally:
@@ -129,7 +129,3 @@ class Session:
             raise InputError(f"{axis.name}: is moving; wait for its end, or stop it by `steptwin stop`")
         if known and not statusword & Status.POSITION_KNOWN:
             raise DeviceFaultError(f"{axis.name}: does not know where it is: it must be homed first, `steptwin home`")
-
-    def _objects(self, joint: Joint) -> list[tuple[int, int]]:
-        objects = axis_settings(joint, self.robot.board).objects()
-        return [*objects, (od.QUICK_STOP_OPTION, _HOLD_AFTER_QUICK_STOP), (od.MOTION_PROFILE_TYPE, LINEAR_RAMP)]

@@ -1,7 +1,7 @@
-"""How a machine is: by what its nodes say themselves and, while nobody streams, by what they answer.
+"""Read a machine's status: from its nodes' own reports and, while no trajectory is streamed, by SDO.
 
-A node serves one SDO dialogue at a time, so a host that streams would be disturbed by questions: what only they tell is
-None then.
+A node serves one SDO dialogue at a time, so SDO requests could disturb a program that streams. While one does, values
+that only SDO can read are None.
 """
 
 from dataclasses import asdict, dataclass
@@ -21,78 +21,64 @@ from steptwin.protocol.pvt import PvtFlag
 
 @dataclass(frozen=True, slots=True)
 class QueueHealth:
-    """An axis' PVT queue; the counters are None while somebody streams.
-
-    Attributes:
-        free: places, of 64.
-        flags: what it reports now, in words.
-        accepted: records taken since power-up.
-        gaps: times that records were missing.
-        overflows: times that it was full.
-        underruns: times that it ran dry while the axis moved.
-        least_fill: records, while it ran.
-        delayed_steps: pulses that had to wait for the driver's timing.
-    """
+    """The PVT queue of an axis; the counters are None while a trajectory is streamed."""
 
     free: int
+    """Number of free places, of 64."""
     flags: tuple[str, ...]
+    """Names of the flags that are set."""
     accepted: int | None = None
+    """Number of records taken since power-up."""
     gaps: int | None = None
+    """Number of times that records were missing."""
     overflows: int | None = None
+    """Number of times that a record found the queue full."""
     underruns: int | None = None
+    """Number of times that the queue ran dry while the axis moved."""
     least_fill: int | None = None
+    """Smallest number of records in the queue while the axis ran."""
     delayed_steps: int | None = None
+    """Number of pulses that had to wait for the driver's timing."""
 
 
 @dataclass(frozen=True, slots=True)
 class AxisStatus:
-    """One axis.
-
-    Attributes:
-        name: of the joint.
-        node_id: of its node.
-        operational: whether the node exchanges process data.
-        state: of the drive, as CiA 402 writes it.
-        mode: of operation.
-        moving: whether it is on its way.
-        position: by the step counter, in `unit`.
-        position_known: whether that means anything.
-        unit: mm or deg.
-        error: the present one in words.
-        error_code: as CiA 402 numbers it, 0 for none.
-        history: earlier errors since power-up in words, the newest first.
-        inputs: that are active.
-        supply_v: of the motors.
-        temperature_degc: of the board.
-        queue: for trajectories; None if the node has not said anything about it.
-    """
+    """The status of one axis; values that only SDO can read are None while a trajectory is streamed."""
 
     name: str
     node_id: int
     operational: bool
+    """True while the node exchanges process data."""
     state: str
+    """The drive's state, as CiA 402 writes it."""
     mode: str
     moving: bool
     position: float
+    """The position by the step counter, in `unit`."""
     position_known: bool
+    """True if the position counts from the joint's zero."""
     unit: str
     error: str | None
     error_code: int | None
-    history: tuple[str, ...] | None
-    inputs: tuple[str, ...] | None
-    supply_v: float | None
-    temperature_degc: float | None
-    queue: QueueHealth | None
+    """The present error's code in CiA 402, 0 without error."""
+    history: tuple[str, ...] | None = None
+    """Errors since power-up, the newest first."""
+    inputs: tuple[str, ...] | None = None
+    """Names of the active digital inputs."""
+    supply_v: float | None = None
+    temperature_degc: float | None = None
+    queue: QueueHealth | None = None
+    """The PVT queue; None if the node has not reported it."""
 
     @property
     def in_fault(self) -> bool:
-        """Whether the drive is."""
+        """True while the drive is in fault or in its fault reaction."""
         return self.state.startswith("FAULT")
 
 
 @dataclass(frozen=True, slots=True)
 class MachineStatus:
-    """All axes, and the tool's pose if every position is known."""
+    """The status of all axes, and the tool's pose if every position is known."""
 
     robot: str
     streaming: bool
@@ -100,14 +86,13 @@ class MachineStatus:
     pose: dict[str, float] | None
 
     def to_dict(self) -> dict[str, Any]:
-        """As the JSON document says it."""
-        return {"robot": self.robot, "streaming": self.streaming, "axes": [asdict(a) for a in self.axes]} | {
-            "pose": self.pose
-        }
+        """Return the JSON document of the status."""
+        axes = [asdict(axis) for axis in self.axes]
+        return {"robot": self.robot, "streaming": self.streaming, "axes": axes, "pose": self.pose}
 
 
 def read_status(session: Session) -> MachineStatus:
-    """Ask how the machine is; nothing on it changes.
+    """Read the status of the machine; nothing on the machine changes.
 
     Raises:
         BusError: a node does not answer.
@@ -115,26 +100,23 @@ def read_status(session: Session) -> MachineStatus:
     session.listen()
     streaming = session.streaming
     pairs = zip(session.machine.axes, session.robot.joints, strict=True)
-    axes = tuple(_heard(axis, joint) if streaming else _asked(axis, joint) for axis, joint in pairs)
+    status_of = _status_by_reports if streaming else _status_by_sdo
+    axes = tuple(status_of(axis, joint) for axis, joint in pairs)
     known = all(axis.position_known for axis in axes)
     pose = session.pose([axis.position for axis in axes]) if known else None
     return MachineStatus(session.robot.name, streaming, axes, pose)
 
 
-def _heard(axis: AxisClient, joint: Joint) -> AxisStatus:
+def _status_by_reports(axis: AxisClient, joint: Joint) -> AxisStatus:
     status = axis.drive_status
     if status is None:
-        raise BusError(f"{axis.name}: node 0x{axis.node_id:02X} says nothing")
+        raise BusError(f"{axis.name}: node 0x{axis.node_id:02X} does not report its status")
     pvt = axis.pvt_status
     codes = axis.error_codes
     return AxisStatus(
         **_common(axis, joint, status.statusword, status.mode, status.position_units),
         error=error_text(codes[-1]) if status.in_fault and codes else None,
         error_code=codes[-1] if status.in_fault and codes else None,
-        history=None,
-        inputs=None,
-        supply_v=None,
-        temperature_degc=None,
         queue=None if pvt is None else QueueHealth(pvt.free, _flags(pvt.flags)),
     )
 
@@ -149,7 +131,7 @@ _QUEUE_COUNTERS = (
 )
 
 
-def _asked(axis: AxisClient, joint: Joint) -> AxisStatus:
+def _status_by_sdo(axis: AxisClient, joint: Joint) -> AxisStatus:
     read = axis.read
     code = read(od.ERROR_CODE)
     return AxisStatus(
@@ -179,13 +161,13 @@ def _common(axis: AxisClient, joint: Joint, statusword: int, mode: int, position
 
 
 def active_inputs(axis: AxisClient) -> tuple[str, ...]:
-    """The names of an axis' active inputs, by SDO."""
+    """Read the names of an axis' active inputs by SDO."""
     inputs = axis.read(od.DIGITAL_INPUTS)
     return tuple(words(bit) for bit in DigitalInput if inputs & bit)
 
 
 def error_history(axis: AxisClient) -> tuple[str, ...]:
-    """The errors since power-up in words, the newest first, by SDO."""
+    """Read the errors since power-up by SDO; return them in words, the newest first."""
     count = min(axis.read(od.ERROR_HISTORY_COUNT), HISTORY_DEPTH)
     codes = [axis.read(address) & 0xFFFF for address in od.ERROR_HISTORY[:count]]
     return tuple(f"{error_text(code)} (0x{code:04X})" for code in codes)

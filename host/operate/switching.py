@@ -1,14 +1,38 @@
-"""The digital outputs of a live board by the names in the robot's file."""
+"""Switch digital outputs by their names in the robot's file: at once, or while a trajectory runs."""
 
+from steptwin.host.client import OutputCommand
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.operate.output_commands import wired_outputs
 from steptwin.host.operate.session import Session
+from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
+from steptwin.protocol.cia402 import DigitalOutput
+
+
+def wired_outputs(robot: Robot) -> dict[str, tuple[int, DigitalOutput]]:
+    """Return the axis and the bit of every output in the robot's file."""
+    bits = tuple(DigitalOutput)
+    return {
+        name: (robot.joint_names.index(output.joint), bits[output.out - 1]) for name, output in robot.outputs.items()
+    }
+
+
+def output_commands(robot: Robot, trajectory: Trajectory) -> tuple[OutputCommand, ...]:
+    """Return the commands for all outputs that a trajectory switches."""
+    wired = wired_outputs(robot)
+    return tuple(
+        OutputCommand(*wired[switching.output], switching.on, switching.from_s) for switching in trajectory.switchings
+    )
 
 
 def read_outputs(session: Session) -> dict[str, bool]:
-    """Which output is on; raises BusError if a node does not answer."""
+    """Return whether each output is on.
+
+    Raises:
+        InputError: a trajectory is running; SDO requests would disturb the program that streams it.
+        BusError: a node does not answer.
+    """
     session.require_idle("outputs")
     levels = {}
     for name, (axis, bit) in wired_outputs(session.robot).items():
@@ -18,7 +42,7 @@ def read_outputs(session: Session) -> dict[str, bool]:
 
 
 def switch_output(session: Session, name: str, *, on: bool) -> dict[str, bool]:
-    """Switch one output and read all; InputError if there is none of that name."""
+    """Switch one output, then read all; raises as `read_outputs`, and InputError for an unknown name."""
     wired = wired_outputs(session.robot)
     if name not in wired:
         raise no_such_output(session.robot.name, name, list(wired))
@@ -29,5 +53,5 @@ def switch_output(session: Session, name: str, *, on: bool) -> dict[str, bool]:
 
 
 def no_such_output(robot: str, name: str, names: list[str]) -> InputError:
-    """The error for a name that does not exist."""
+    """Return the error for an output name that does not exist."""
     return unknown(f"output of {robot}", name, names)

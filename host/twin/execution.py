@@ -7,10 +7,11 @@ import numpy as np
 from steptwin.controller.backend import Kernel, fastest_kernel
 from steptwin.emulator.bus_faults import FaultScript
 from steptwin.host.client import Machine, Progress, object_dictionary
+from steptwin.host.client.stopping import await_rest
 from steptwin.host.common.axis_records import AxisRecords
 from steptwin.host.common.errors import DeviceFaultError, InputError
-from steptwin.host.operate.axis_settings import axis_settings
-from steptwin.host.operate.output_commands import output_commands
+from steptwin.host.operate.setting_up import set_up
+from steptwin.host.operate.switching import output_commands
 from steptwin.host.planning.plan import Plan
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.host.twin.outcome import Outcome, RunFault
@@ -56,10 +57,7 @@ def execute(
     start_joints = plan.start_joints if stand_at is None else stand_at
     board = EmbeddedBoard(plan.robot, start_joints, kernel, bus_faults, driver_profile_name=driver_profile)
     machine = Machine(board, plan.robot.joint_names)
-    machine.connect()
-    machine.configure(tuple(axis_settings(joint, plan.robot.board) for joint in plan.robot.joints))
-    machine.enable()
-    machine.preset(plan.start_units)
+    set_up(machine, plan.robot, plan.start_units)
     fault = None
     try:
         machine.run(records, plan.start_units, progress, output_commands(plan.robot, plan.trajectory))
@@ -67,7 +65,7 @@ def execute(
     except DeviceFaultError as error:
         if not board.started:
             raise
-        machine.await_standstill()
+        await_rest(board, machine.axes)
         fault = _fault(error, machine, board, plan)
     machine.disconnect()
     run = RunInfo(

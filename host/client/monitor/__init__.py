@@ -1,4 +1,4 @@
-"""CAN frames in CANopen's words: what `steptwin monitor` shows."""
+"""Decode CAN frames into CANopen's terms, for `steptwin monitor`."""
 
 from steptwin.host.client.monitor.decoder import SERVICES, Decoded, Decoder
 

@@ -1,6 +1,6 @@
-"""A CAN frame by the predefined connection set (CiA 301, section 7.3.5): service, node, and what it says.
+"""Decode a CAN frame by the predefined connection set (CiA 301, section 7.3.5): service, node and content.
 
-PDOs are read as they are mapped after power-up; who maps others sees the same bytes under wrong names.
+PDOs are decoded with the mapping after power-up; with another mapping the bytes appear under wrong names.
 """
 
 from collections.abc import Callable
@@ -31,33 +31,29 @@ _COB_TIME: Final = 0x100
 
 @dataclass(frozen=True, slots=True)
 class Decoded:
-    """One frame.
-
-    Attributes:
-        service: one of SERVICES.
-        title: what it is, with the number of a PDO.
-        node_id: whose it is; None for all or nobody's.
-        node: its name: the joint's, `host`, or its number.
-        text: what it says.
-        fields: of a PDO, by the object table.
-    """
+    """One decoded frame."""
 
     service: str
+    """One of SERVICES."""
     title: str
+    """The service, with the number of a PDO."""
     node_id: int | None
+    """The node that sends or receives the frame; None for all nodes or none."""
     node: str
+    """The name of that node: the joint's name, `host`, or the node id."""
     text: str
     fields: tuple[dict[str, Any], ...] = ()
+    """The values in a PDO, with their names in the object table."""
 
 
 class Decoder:
-    """Knows the names of the nodes, by their ids."""
+    """Decodes frames, with the nodes' names by their ids."""
 
     def __init__(self, names: dict[int, str]) -> None:
         self._names = {HOST_NODE_ID: "host"} | names
 
     def decode(self, cob_id: int, data: bytes) -> Decoded:
-        """Say what a frame with an 11-bit identifier is; what is no CANopen is `other`, with its bytes."""
+        """Decode a frame with an 11-bit identifier; a frame that is not CANopen is `other`, with its bytes."""
         if cob_id == COB_NMT:
             return self._nmt(data)
         if cob_id == COB_SYNC:
@@ -97,8 +93,8 @@ def _emcy(data: bytes) -> str:
     if len(data) != 8:
         return f"malformed: {data.hex(' ')}"
     code, register, detail = int.from_bytes(data[:2], "little"), data[2], int.from_bytes(data[3:], "little")
-    words = error_text(code) if code else "no error"
-    return f"{words} (0x{code:04X}), register 0x{register:02X}, detail {detail}"
+    error = error_text(code) if code else "no error"
+    return f"{error} (0x{code:04X}), register 0x{register:02X}, detail {detail}"
 
 
 def _heartbeat(data: bytes) -> str:

@@ -1,4 +1,4 @@
-"""Values by the object table: names and types of entries, and PDOs as they are mapped after power-up."""
+"""Name and format values by the object table, in SDO frames and in PDOs."""
 
 from typing import Any, Final
 
@@ -11,12 +11,12 @@ from steptwin.protocol.objects import ENTRIES
 
 
 def named_entry(index: int, subindex: int) -> Entry | None:
-    """The entry of the object table; None if there is none."""
+    """Return the entry of the object table; None if it does not exist."""
     return ENTRIES.get(od.address_of(index, subindex))
 
 
 def entry_text(index: int, subindex: int, data: bytes) -> str:
-    """An entry's value as it travels: a number, a text, or bytes if the table does not know it."""
+    """Return the value in an SDO frame as text: a number, a string, or bytes if the table does not have the entry."""
     entry = named_entry(index, subindex)
     if entry is None or (entry.data_type.size and entry.data_type.size != len(data)):
         return data.hex(" ")
@@ -27,13 +27,13 @@ def entry_text(index: int, subindex: int, data: bytes) -> str:
 
 
 def value_text(index: int, subindex: int, value: int) -> str:
-    """A number, with words for those that are codes."""
-    words = _WORDS.get(od.address_of(index, subindex))
-    return words(value) if words else str(value)
+    """Return a number as text, in words if it is a code."""
+    text_of = _TEXTS.get(od.address_of(index, subindex))
+    return text_of(value) if text_of else str(value)
 
 
 def pdo_fields(mapping: tuple[int, ...], data: bytes) -> list[dict[str, Any]] | None:
-    """The mapped entries with their values; None if the data are shorter than the mapping."""
+    """Return the mapped entries with their values; None if the data are shorter than the mapping."""
     entries = [ENTRIES[address] for address in mapping]
     if len(data) < sum(entry.data_type.size for entry in entries):
         return None
@@ -68,7 +68,7 @@ def _hexadecimal(value: int) -> str:
     return f"0x{value:X}"
 
 
-_WORDS: Final = {
+_TEXTS: Final = {
     od.STATUSWORD: _statusword,
     od.CONTROLWORD: lambda value: f"0x{value:04X}",
     od.MODE_OF_OPERATION: _mode,

@@ -1,4 +1,4 @@
-"""SDO frames in words (CiA 301, section 7.2.4.3): object, value, abort; the parts of longer transfers by their kind."""
+"""Describe SDO frames in words (CiA 301, section 7.2.4.3): object, value, abort code, or part of a longer transfer."""
 
 from typing import Final
 
@@ -12,17 +12,20 @@ _SERVER: Final = {0: "upload segment", 1: "download segment taken", 5: "block do
 
 
 def request_text(data: bytes) -> str:
-    """What a client asks of a node."""
+    """Describe a client's request to a node."""
     return _text(data, {1: "write", 2: "read"}, 1, _CLIENT)
 
 
 def response_text(data: bytes) -> str:
-    """What the node answers."""
+    """Describe a node's response."""
     return _text(data, {2: "is", 3: "written"}, 2, _SERVER)
 
 
 def _text(data: bytes, initiates: dict[int, str], with_value: int, others: dict[int, str]) -> str:
-    """By the command specifier, the first byte's upper three bits."""
+    """Describe a frame by its command specifier, the upper three bits of the first byte.
+
+    `initiates` names the specifiers that carry an object, `with_value` is the one that carries a value, too.
+    """
     if len(data) != 8:
         return f"malformed: {len(data)} bytes"
     specifier = data[0] >> 5
@@ -30,8 +33,7 @@ def _text(data: bytes, initiates: dict[int, str], with_value: int, others: dict[
         return f"{_object(data)} aborted: {_abort(int.from_bytes(data[4:], 'little'))}"
     if specifier not in initiates:
         return others.get(specifier, "unknown command")
-    said = initiates[specifier]
-    return f"{_object(data)} {said}{_value(data) if specifier == with_value else ''}"
+    return f"{_object(data)} {initiates[specifier]}{_value(data) if specifier == with_value else ''}"
 
 
 def _object(data: bytes) -> str:

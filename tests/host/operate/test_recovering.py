@@ -90,7 +90,7 @@ def test_a_reset_needs_the_cause_to_be_gone(steptwin: CommandLine, session: Sess
         move(session, GOAL)
     exit_code, out, err = steptwin.run("reset warehouse-scara")
     assert (exit_code, out) == (3, "")
-    assert err == "steptwin: th2: stays in FAULT, for the cause lasts: undervoltage (0x3220)\n"
+    assert err == "steptwin: th2: stays in FAULT because the cause lasts: undervoltage (0x3220)\n"
     axis.write(od.SUPPLY_VOLTAGE_MIN, 1000)
     assert states(steptwin, "reset")[TH2] == ("SWITCH ON DISABLED", True)
     move(session, GOAL)

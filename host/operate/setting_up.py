@@ -1,0 +1,56 @@
+"""Set a robot's machine up for motion, in virtual runs and on live boards alike."""
+
+from math import ceil
+from typing import Final
+
+from steptwin.host.client import AxisSettings, Machine
+from steptwin.host.robots.board_settings import BoardSettings
+from steptwin.host.robots.joint import Joint
+from steptwin.host.robots.robot import Robot
+from steptwin.protocol import od
+from steptwin.protocol.cia402 import LINEAR_RAMP
+from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+
+_HOLD_AFTER_QUICK_STOP: Final = 6
+"""Quick stop option code (605Ah): stop by the quick stop ramp, then hold the position, so a vertical axis stays up."""
+_FOR_AN_OPERATOR: Final = [(od.QUICK_STOP_OPTION, _HOLD_AFTER_QUICK_STOP), (od.MOTION_PROFILE_TYPE, LINEAR_RAMP)]
+
+
+def set_up(machine: Machine, robot: Robot, start_units: list[int] | None = None) -> None:
+    """Write a robot's settings into its axes, make them watch this host, and enable the drives.
+
+    Args:
+        machine: the robot's axes.
+        robot: the robot whose settings are written.
+        start_units: the position of each axis, for a board that has just been switched on for this host alone. Then
+            all settings are written without reading them first, and the positions are declared. None for a board
+            that may be set up, enabled and in use by other programs: then only values that differ are written,
+            nodes stay OPERATIONAL, and a quick stop leaves the drives holding their positions.
+
+    Raises:
+        DeviceFaultError: a drive is in fault or refuses a value.
+        BusError: a node does not answer or is no stepper axis.
+    """
+    settings = [axis_settings(joint, robot.board) for joint in robot.joints]
+    if start_units is None:
+        machine.adopt([[*own.objects(), *_FOR_AN_OPERATOR] for own in settings])
+        machine.enable()
+    else:
+        machine.connect()
+        machine.configure(settings)
+        machine.enable()
+        machine.preset(start_units)
+
+
+def axis_settings(joint: Joint, board: BoardSettings) -> AxisSettings:
+    """Return a joint's settings: the speed limit is the driver's, the deceleration of stops is the joint's."""
+    transmission = joint.transmission
+    return AxisSettings(
+        microsteps=transmission.microsteps,
+        steplen_ns=board.steplen_ns,
+        stepspace_ns=board.stepspace_ns,
+        dirsetup_ns=board.dirsetup_ns,
+        dirhold_ns=board.dirhold_ns,
+        velocity_max_units_per_s=ceil(board.step_rate_max_hz * UNITS_PER_FULL_STEP / transmission.microsteps),
+        deceleration_units_per_s2=ceil(joint.acceleration_max * transmission.wire_units_per_unit),
+    )
