@@ -58,7 +58,7 @@ def board_configs(
 
 
 def _switches(joints: Sequence[Joint]) -> Iterator[Switch]:
-    """Yield the switches of a board's joints; each limit switch stays closed as far as the end of travel."""
+    """Yield the switches of a board's joints; a limit switch is closed from its position to the end of travel."""
     for axis, joint in enumerate(joints):
         places = joint.switches
         if places.negative_limit is not None:

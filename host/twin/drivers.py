@@ -23,7 +23,7 @@ def driver_profile(board: BoardSettings, instead: str | None = None) -> DriverPr
 
 
 def fitted_module(board: BoardSettings, profile: DriverProfile, microsteps: int) -> Module:
-    """Return the driver module of an axis: set by the robot's file if the file names it, else with usual settings.
+    """Return an axis' driver module: with the robot file's settings if the file names this profile, else as usual.
 
     Raises:
         InputError: the module has no such setting.

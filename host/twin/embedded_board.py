@@ -62,7 +62,7 @@ class EmbeddedBoard:
         return self._simulation.now_s
 
     def wait(self, dt_s: float) -> None:
-        """Let simulated time pass: `dt_s` seconds, and the rest of a periodic frame that is on the bus then."""
+        """Let `dt_s` seconds of simulated time pass, and the rest of a periodic frame that is on the bus then."""
         self.network.run_until(self._simulation.now_counts + round(dt_s * COUNTS_PER_SECOND))
 
     def operate(self, operation: Operation) -> None:

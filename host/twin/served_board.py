@@ -1,4 +1,4 @@
-"""Serve a robot's board in real time to every program that speaks CAN, in a thread or until a signal."""
+"""Serve a robot's board in real time to every program that speaks CAN, in a thread of its own or in the caller's."""
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -157,5 +157,5 @@ class ServedBoard:
         self._loop.stop()
 
     def call_every(self, dt_s: float, callback: Callable[[], None]) -> None:
-        """Call back every `dt_s` seconds of wall time while the board runs; to be set up before it runs."""
+        """Call back every `dt_s` seconds of wall time while the board runs; must be called before it runs."""
         self._loop.call_every(dt_s, callback)

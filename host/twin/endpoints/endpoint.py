@@ -30,7 +30,7 @@ class Endpoint(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Disconnect; if the endpoint is attached to a loop, before that loop is closed."""
+        """Disconnect. An endpoint that is attached to a loop must be closed before the loop."""
 
     @abstractmethod
     def status(self) -> str:

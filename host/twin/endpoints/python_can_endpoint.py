@@ -54,7 +54,7 @@ class PythonCanEndpoint(Endpoint):
         return f"{self._name}, {unsent} frames not sent" if unsent else self._name
 
     def figures(self) -> dict[str, Any]:
-        """Return the bus' name, the frames left out because CANopen has none like them, and those lost each way."""
+        """Return the bus' name and the numbers of frames of another format, lost at reception and not sent."""
         bridge = self._bridge
         if not bridge:
             return {"name": self._name}

@@ -60,7 +60,7 @@ class SocketcandEndpoint(Endpoint):
         return f"{count} client{'' if count == 1 else 's'}"
 
     def figures(self) -> dict[str, Any]:
-        """Return the connections served, those ended by the server with its reasons, and the frames left out."""
+        """Return the numbers of connections served, of those ended by the server, and of frames of another format."""
         server = self._server
         if not server:
             return {}

@@ -13,7 +13,7 @@ from steptwin.host.twin.board_config import board_configs
 
 
 def checked(text: str, axes: int) -> tuple[int, ...]:
-    """The text's numbers; InputError if they are not valid."""
+    """Return the text's numbers; raise InputError if they are not valid."""
     counts = read_axes_per_board(text, axes)
     check_axes_per_board(counts, axes)
     return tuple(counts)

@@ -76,7 +76,7 @@ def no_plan(session: LiveSession, folder: Path) -> str:
 def test_a_motion_that_was_halted_has_no_plan(
     fast_kernel: Kernel, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """It took longer than its records last; verify says so."""
+    """The halt makes it longer than its records; verify gives the reason."""
     session = LiveSession(fast_kernel, tmp_path)
     prepare(session, *THERE_AND_BACK)
     session.send(SYNC)

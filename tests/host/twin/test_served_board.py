@@ -19,7 +19,7 @@ NMT_START_ALL = can.Message(arbitration_id=0x000, data=[1, 0], is_extended_id=Fa
 
 
 def answer(bus: can.BusABC, cob_id: int) -> can.Message:
-    """The next frame with this identifier."""
+    """Return the next frame with this identifier."""
     while (message := bus.recv(TIMEOUT_S)) is not None:
         if message.arbitration_id == cob_id:
             return message
