@@ -1,4 +1,4 @@
-"""Hold what a run leaves for the verifier: the pins as the drivers saw them and the steps that they accepted.
+"""Hold the evidence of a run: the pins as the drivers saw them and the steps that they accepted.
 
 Every instant is an int64 number of counts of the board's timer since power-up.
 """

@@ -1,4 +1,4 @@
-"""Hold what a run is verified against: the planned motion and the conversions of the robot that makes it."""
+"""Hold the expectation that a run is verified against: the planned motion and the robot's conversions."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

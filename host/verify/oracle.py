@@ -210,7 +210,7 @@ def _check_finite(trajectory: Trajectory, grid_s: FloatArray, position_steps: Fl
 
 
 def _turning_cells(velocity_hz: FloatArray) -> tuple[IndexArray, IndexArray]:
-    """Return cell and axis of every turning point between two of n samples; velocity_hz has shape (n, axes)."""
+    """Return cell (index of the sample before) and axis of every turning point; velocity_hz: shape (samples, axes)."""
     before, after = velocity_hz[:-1], velocity_hz[1:]
     overshoot_steps = np.minimum(np.abs(before), np.abs(after)) / SAMPLES_PER_SECOND
     cell, axis = np.nonzero((before * after < 0.0) & (overshoot_steps > NEGLIGIBLE_OVERSHOOT_STEPS))

@@ -32,8 +32,8 @@ def bracketed_roots(
 ) -> FloatArray:
     """Return the root of each of n functions, shape (n,), to within twice the tolerance.
 
-    All arrays have shape (n,). The signs of f_low and f_high differ, or one of them is 0. The root of an empty bracket
-    (low == high) is the bracket itself.
+    All arrays have shape (n,). The signs of f_low and f_high differ, or one of them is 0. An empty bracket
+    (low == high) is its own root.
     """
     roots = np.where(f_low == 0.0, low, high)
     which = np.flatnonzero((f_low != 0.0) & (f_high != 0.0) & (low < high))

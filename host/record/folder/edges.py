@@ -93,7 +93,7 @@ def edge_arrays(axis: AxisEvidence) -> dict[str, Array]:
 
 
 def _limit_arrays(name: str, limits: tuple[DriverLimit, ...]) -> dict[str, Array]:
-    """Return an array for each column of the table of limits; a violation names its limit by row."""
+    """Return an array for each column of the table of limits; a violation holds the row of its limit."""
     return {
         f"{name}_limit_rules": np.array([limit.rule for limit in limits], np.str_),
         f"{name}_limit_broken": np.array([limit.broken for limit in limits], np.str_),

@@ -18,7 +18,7 @@ BUS_LOG: Final = "bus.log"
 
 
 class ContradictionError(InputError):
-    """The files of a folder contradict themselves or each other, as no run leaves them."""
+    """Raised if the files of a folder contradict themselves or each other; no run leaves such files."""
 
 
 def existing_file(folder: Path, name: str) -> Path:

@@ -39,13 +39,13 @@ def read_run(folder: Path, plan_folder: Path | None = None) -> StoredRun:
 
     Args:
         folder: the run's folder.
-        plan_folder: a folder of the same robot, from which to take the planned trajectory and switching of outputs:
-            a served board knows only the PVT records that it has received of its plan.
+        plan_folder: a folder of the same robot, from which to take the planned trajectory and changes of outputs. A
+            live board's folder may need it: the board knows only the PVT records that it has received.
 
     Raises:
-        InputError: a file is missing or cannot be read, the message names file and key; or `plan_folder` must not
+        InputError: a file is missing or cannot be read (the message names file and key), or `plan_folder` must not
             replace the folder's own plan.
-        ContradictionError: the files do not go together.
+        ContradictionError: the files contradict themselves or each other.
     """
     report, robot = read_report(folder), read_robot(folder)
     motion = _motion(folder, robot, report) if plan_folder is None else _motion_of(plan_folder, folder, report, robot)

@@ -89,7 +89,7 @@ def _switching(table: Table) -> Switching:
 
 
 def _fault(table: Table) -> Mapping[str, Any] | None:
-    """Return the fault with all its keys, after a check of those that are read; None without a fault."""
+    """Check the keys of the fault that readers use, and return the whole fault; None without a fault."""
     if "fault" not in table.values:
         return None
     with table.section("fault") as fault:

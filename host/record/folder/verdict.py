@@ -51,9 +51,9 @@ def verify_folder(folder: Path, plan_folder: Path | None = None) -> FolderVerdic
     """Verify a stored run against its own plan, or against that of `plan_folder`.
 
     Raises:
-        InputError: a file is missing or cannot be read, the message names file and key; or `plan_folder` must not
+        InputError: a file is missing or cannot be read (the message names file and key), or `plan_folder` must not
             replace the folder's own plan.
-        ContradictionError: the files do not go together.
+        ContradictionError: the files contradict themselves or each other.
     """
     stored = read_run(folder, plan_folder)
     report = verify_comparison(stored.comparison, stored.report.run)

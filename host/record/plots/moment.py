@@ -27,7 +27,7 @@ class Moment:
         return self.at_s + self.span_s / 2.0
 
     def shown_ms(self, times_s: FloatArray) -> FloatArray:
-        """Return motion times as milliseconds from the instant."""
+        """Return motion times in milliseconds relative to the instant."""
         shown: FloatArray = 1e3 * (times_s - self.at_s)
         return shown
 
@@ -40,7 +40,7 @@ class View:
     span_s: float | None = None
 
     def moment(self, comparison: Comparison, intervals: int) -> Moment:
-        """Return the part to show: by default where pulses are fastest, and as long as a number of their intervals.
+        """Return the part to show: by default around the fastest pulses, `intervals` of their intervals long.
 
         Pulses count whether the driver accepts them or not. At an instant that the user asks for, the axis that is
         fastest there decides the span, which is never longer than the whole motion.
