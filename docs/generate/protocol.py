@@ -12,6 +12,7 @@ from steptwin.protocol.cia402 import (
     QUICK_STOP,
     SHUTDOWN,
     SWITCH_ON,
+    Control,
     ErrorCode,
     State,
 )
@@ -33,7 +34,7 @@ from steptwin.protocol.pdo_defaults import RPDO_DEFAULTS, TPDO_DEFAULTS
 PROTOCOL_PAGE: Final = DOCS / "protocol.md"
 
 _NOTICE: Final = "<!-- Made by `make docs` from docs/protocol/protocol.md and the object table: change those. -->"
-_CONTROLWORDS: Final = (SHUTDOWN, SWITCH_ON, ENABLE_OPERATION, DISABLE_VOLTAGE, QUICK_STOP, 0x80)
+_CONTROLWORDS: Final = (SHUTDOWN, SWITCH_ON, ENABLE_OPERATION, DISABLE_VOLTAGE, QUICK_STOP, Control.FAULT_RESET)
 _MAPPED: Final = {Mapping.NONE: "", Mapping.RECEIVE: "RPDO", Mapping.TRANSMIT: "TPDO", Mapping.BOTH: "both"}
 
 
@@ -75,7 +76,7 @@ def _pdos() -> str:
         name = f"TPDO{i}" if pdo.enabled else f"TPDO{i} (off)"
         inhibit, event_timer = _ms(pdo.inhibit_100us / 10), _ms(pdo.event_timer_ms)
         rows.append([name, str(pdo.transmission_type), inhibit, event_timer, _mapped(pdo.mapping)])
-    return table(["PDO", "type", "inhibit", "event timer", "holds"], rows, text_columns=5)
+    return table(["PDO", "type", "inhibit", "event timer", "contents"], rows, text_columns=5)
 
 
 def _mapped(mapping: tuple[int, ...]) -> str:
@@ -102,7 +103,7 @@ def _errors() -> str:
 
 def _objects() -> str:
     rows = [row for item in OBJECTS for row in _object_rows(item)]
-    columns = ["object", "name", "type", "access", "default", "range", "PDO"]
+    columns = ["object", "name", "type", "unit", "access", "default", "range", "PDO"]
     return table(columns, rows, text_columns=len(columns))
 
 
@@ -110,12 +111,13 @@ def _object_rows(item: DictionaryObject) -> list[list[str]]:
     rows = [[_key(item.index, subindex), entry.name, *_facts(entry)] for subindex, entry in item.entries.items()]
     if len(item.entries) == 1:
         return rows
-    return [[f"{item.index:04X}", f"**{item.name}**", "", "", "", "", ""], *rows]
+    return [[f"{item.index:04X}", f"**{item.name}**", *[""] * 6], *rows]
 
 
 def _facts(entry: Entry) -> list[str]:
     return [
         entry.data_type.name.lower(),
+        entry.unit.value,
         entry.access.value,
         _default(entry),
         _range(entry),
