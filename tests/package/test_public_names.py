@@ -94,6 +94,13 @@ def test_members(name: str) -> None:
             assert f"{member}{arguments}" == member + signature(function)
 
 
+@pytest.mark.parametrize(
+    "path", ["README.md", "docs/api.md", "docs/ci.md", "docs/examples/ci/tests/test_pick_and_place.py"]
+)
+def test_examples_use_public_names_only(path: str) -> None:
+    assert not re.findall(r"(?:from|import) steptwin\.\w+", (ROOT / path).read_text(encoding="utf-8"))
+
+
 def test_the_page_s_python_runs(tmp_path: Path) -> None:
     for code in re.findall(r"^```python\n(.*?)^```", PAGE, flags=re.MULTILINE | re.DOTALL):
         subprocess.run([sys.executable, "-W", "error", "-c", code], check=True, cwd=tmp_path)
