@@ -20,7 +20,7 @@ settings.load_profile("steptwin")
 
 @pytest.fixture(params=["python", "numba"])
 def kernel(request: pytest.FixtureRequest) -> Kernel:
-    """The kernel in both of its forms; the compiled one only where the extra `fast` is installed."""
+    """Return each form of the kernel in turn; the compiled one only where the extra `fast` is installed."""
     if request.param == "numba" and not find_spec("numba"):
         pytest.skip("the extra `fast` (numba) is not installed")
     return KERNELS[request.param]()
@@ -28,25 +28,25 @@ def kernel(request: pytest.FixtureRequest) -> Kernel:
 
 @pytest.fixture(scope="session")
 def fast_kernel() -> Kernel:
-    """The fastest kernel there is, for tests in which it does not matter which one runs."""
+    """Return the fastest installed kernel, for tests that do not depend on its form."""
     return KERNELS["numba" if find_spec("numba") else "python"]()
 
 
 @pytest.fixture(scope="session")
 def stored_run(tmp_path_factory: pytest.TempPathFactory, fast_kernel: Kernel) -> Path:
-    """What `run warehouse-scara store` leaves: 31 s with pauses, in which outputs switch."""
+    """Return the folder of `run warehouse-scara store`: 31 s with pauses, in which outputs switch."""
     return _written(tmp_path_factory.mktemp("store"), fast_kernel, "warehouse-scara", "store")
 
 
 @pytest.fixture(scope="session")
 def carry_run(tmp_path_factory: pytest.TempPathFactory, fast_kernel: Kernel) -> Path:
-    """What `run teaching-scara carry` leaves: 1 s, fast."""
+    """Return the folder of `run teaching-scara carry`: a fast motion of 1 s."""
     return _written(tmp_path_factory.mktemp("carry"), fast_kernel, "teaching-scara", "carry")
 
 
 @pytest.fixture(scope="session")
 def cut_run(tmp_path_factory: pytest.TempPathFactory, fast_kernel: Kernel) -> Path:
-    """The same of a host that hangs after half of its points: a run that ends in fault."""
+    """Return the folder of `carry` with a host that hangs after half of its points: a run that ends in fault."""
     options = ["--cut-stream", "0.5"]
     return _written(tmp_path_factory.mktemp("cut"), fast_kernel, "teaching-scara", "carry", options, exit_code=3)
 
@@ -54,7 +54,7 @@ def cut_run(tmp_path_factory: pytest.TempPathFactory, fast_kernel: Kernel) -> Pa
 def _written(
     folder: Path, kernel: Kernel, robot: str, job: str, options: Sequence[str] = (), exit_code: int = 0
 ) -> Path:
-    """Without pictures, which take longest."""
+    """Run a job and write its folder without pictures, which would take longest."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(writing, "find_spec", lambda _: None)
         assert run(["run", robot, job, "--kernel", kernel.name, "--out", str(folder), *options]) == exit_code

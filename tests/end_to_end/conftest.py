@@ -1,4 +1,4 @@
-"""What the tests of whole runs share."""
+"""Fixtures for tests of whole runs."""
 
 import pytest
 
@@ -8,5 +8,5 @@ from steptwin.controller.backend import Kernel
 
 @pytest.fixture(scope="session")
 def runs(fast_kernel: Kernel) -> Runs:
-    """Every job with its default options, each run once, when it is first asked for."""
+    """Return all jobs with default options; each is run once, when a test first asks for it."""
     return Runs(fast_kernel)

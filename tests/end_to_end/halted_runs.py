@@ -1,4 +1,4 @@
-"""Runs that are halted on the way, and their evidence in trajectory time, in which it can be held against the plan."""
+"""Run jobs that are paused on the way, and convert their evidence to trajectory time, to compare it with the plan."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -25,14 +25,14 @@ _POLL_S = 0.01
 
 
 class Break(NamedTuple):
-    """A pause as soon as the trajectory is known to have come so far, and how long it lasts from standstill on."""
+    """A pause: the trajectory time from which on it is asked for, and its duration from standstill on."""
 
     at_s: float
     lasts_s: float
 
 
 class Ramp(NamedTuple):
-    """From a tick on, the group's rate goes from one value to another, in parts of the full rate."""
+    """A ramp of the group's rate, in parts of the full rate: first tick, rates at both ends, number of ticks."""
 
     tick: int
     from_rate: float
@@ -42,7 +42,7 @@ class Ramp(NamedTuple):
 
 @dataclass(frozen=True)
 class HaltedRun:
-    """What a run left, whether each of its breaks found it moving, and how the group's rate went."""
+    """The outcome of a run, whether each of its breaks found it moving, and the ramps of the group's rate."""
 
     outcome: Outcome
     halted: tuple[bool, ...]
@@ -50,15 +50,15 @@ class HaltedRun:
 
     @property
     def evidence(self) -> Evidence:
-        """With the board's own instants."""
+        """The evidence with the board's own instants."""
         return self.outcome.comparison.evidence
 
     def verify(self) -> Report:
-        """The verifier's word on the evidence in trajectory time."""
+        """Verify the evidence in trajectory time."""
         return verify(self.outcome.comparison.expected, self.in_trajectory_time(), self.outcome.report.run)
 
     def in_trajectory_time(self) -> Evidence:
-        """All instants as if the clock had gone with the group."""
+        """Return the evidence with all instants in trajectory time, which passes at the group's rate."""
         outputs = tuple(
             replace(change, counts=int(self._warped(np.array([change.counts]))[0])) for change in self.evidence.outputs
         )
@@ -74,7 +74,7 @@ class HaltedRun:
         )
 
     def _warped(self, counts: Int64Array) -> Int64Array:
-        """The integral of the rate: within a tick it is constant, over a ramp its mean is that of the ramp's ends."""
+        """Integrate the rate up to each instant: it is constant within a tick, and changes linearly over a ramp."""
         if not counts.size:
             return counts
         rate = np.ones(int(counts.max()) // k.TICK_COUNTS + 1)
@@ -92,7 +92,7 @@ class HaltedRun:
 
 
 def run_with(kernel: Kernel, job: str, breaks: Sequence[Break], options: dict[str, str] | None = None) -> HaltedRun:
-    """A job of the warehouse robot with these breaks, made by the client that streams it."""
+    """Run a job of the warehouse robot; the client that streams it makes the breaks."""
     halted: list[bool] = []
     ramps: list[Ramp] = []
     begin = GroupTime.ramp

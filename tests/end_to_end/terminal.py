@@ -1,4 +1,4 @@
-"""Programs that want a terminal, in a pseudo terminal that remembers all they write."""
+"""Run programs that need a terminal in a pseudo terminal, and keep everything that they write."""
 
 import os
 import select
@@ -34,7 +34,7 @@ class Terminal:
         )
         os.close(slave)
         self.written = ""
-        """All so far."""
+        """Everything written so far."""
 
     def __enter__(self) -> "Terminal":
         return self
@@ -45,24 +45,24 @@ class Terminal:
         os.close(self._terminal)
 
     def await_text(self, text: str) -> None:
-        """Read until this has been written."""
+        """Read until the program has written this text."""
         deadline_s = time.monotonic() + TIMEOUT_S
         while text not in self.written:
             assert time.monotonic() < deadline_s, f"not within {TIMEOUT_S:g} s: {text!r} in {self.written!r}"
             self._read()
 
     def type(self, keys: str) -> None:
-        """As a user would."""
+        """Send keys, as a user does."""
         os.write(self._terminal, keys.encode())
 
     def interrupt(self) -> None:
-        """Press Ctrl-C until the program has ended: Python drops an interrupt that comes amid a finalizer."""
+        """Press Ctrl-C until the program has ended: Python drops an interrupt that comes during a finalizer."""
         while self._process.poll() is None:
             self._process.send_signal(signal.SIGINT)
             self._await_exit(_INTERRUPT_EVERY_S)
 
     def await_exit(self) -> int:
-        """Wait for the program's end, while it may still write; return its exit code."""
+        """Read what the program writes until it ends; return its exit code."""
         self._await_exit(TIMEOUT_S)
         assert self._process.returncode is not None, f"did not end after {self.written!r}"
         return self._process.returncode
@@ -73,7 +73,7 @@ class Terminal:
             self._read()
 
     def _read(self) -> None:
-        """What comes within a moment. Linux reports an error when the program has closed its end."""
+        """Read what comes within 50 ms. Linux reports an error when the program has closed its end."""
         if select.select([self._terminal], [], [], 0.05)[0]:
             try:
                 self.written += os.read(self._terminal, 1 << 16).decode(errors="replace")

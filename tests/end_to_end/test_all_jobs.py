@@ -13,7 +13,7 @@ from tests.end_to_end import fingerprints
 
 @dataclass(frozen=True)
 class Expected:
-    """A run's command, and what the papers' sampled motions give: rounded targets, pulses, errors of the tool."""
+    """A run's command, and the figures of the papers' sampled motions: rounded targets, pulses, errors of the tool."""
 
     command: str
     start: tuple[int, ...]
@@ -21,7 +21,7 @@ class Expected:
     pulses: tuple[int, ...] | None = None
     tool_mm: float | None = None
     sharpest_mm: float = 1.4
-    """By what factor the board's error may exceed the sampled one: it is looked at at every edge, with hysteresis."""
+    """Factor by which the board's error may exceed the sampled one: it is taken at every edge, with hysteresis."""
 
 
 RUNS = [
@@ -76,7 +76,7 @@ RUNS = [
 def test_job(
     expected: Expected, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The figures are those of the papers' motions, and every edge and frame is the byte that it always was."""
+    """The figures are those of the papers' motions, and every edge and frame is the same byte as before."""
     monkeypatch.setattr(writing, "find_spec", lambda _: None)  # no pictures
     assert run(["run", *expected.command.split(), "--json", "--out", str(tmp_path)]) == 0
     report = json.loads(capsys.readouterr().out)

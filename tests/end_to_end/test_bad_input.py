@@ -20,7 +20,7 @@ RUN = ["run", "warehouse-scara", "drawer-pull"]
 
 @pytest.fixture
 def frames(monkeypatch: pytest.MonkeyPatch) -> list[object]:
-    """Everything that anybody puts on any bus."""
+    """Record every frame that is sent on any bus."""
     sent: list[object] = []
     monkeypatch.setattr(CanController, "send", lambda _station, frame, _now: sent.append(frame))
     return sent
@@ -88,7 +88,7 @@ def test_one_line_and_exit_code_2(
 
 
 def test_a_robot_without_homing_is_told_of_here(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Before the bus is opened."""
+    """The message comes before the bus is opened."""
     homed = load_robot("teaching-scara").toml
     path = tmp_path / "mine.toml"
     path.write_text(re.sub(r"^\[joints\.th1\.homing\]\n(?:.+\n)+", "", homed, flags=re.MULTILINE))
@@ -111,7 +111,7 @@ def test_the_start_may_be_half_a_step_off(fast_kernel: Kernel, offset_deg: float
 
 
 def test_a_driver_that_is_slower_than_the_firmware_believes_fails_the_run(fast_kernel: Kernel) -> None:
-    """1000 pF at OSC asks for pulses of 90 us: the chip counts nothing, and the report says so."""
+    """With 1000 pF at OSC the chip needs pulses of 90 us: it counts nothing, and the report shows it."""
     robot = load_robot("warehouse-scara")
     slow = dataclasses.replace(robot, board=dataclasses.replace(robot.board, osc_pf=1000))
     planned = plan(slow, make_job(slow, "drawer-pull", {"duration_s": "2", "ramp_s": "0.5"}))

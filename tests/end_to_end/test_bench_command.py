@@ -1,4 +1,4 @@
-"""`steptwin bench`: one row a method, its columns, and bad arguments."""
+"""`steptwin bench`: a row for each method, its columns, and bad arguments."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""The commands beside `run`, and the installed program."""
+"""The commands for robots, maths and data sheets, and the installed program."""
 
 import json
 import subprocess
@@ -112,7 +112,7 @@ HEAVY = {"numpy", "scipy", "can", "canopen", "numba", "matplotlib"}
 
 
 def test_help_does_not_import_what_is_heavy() -> None:
-    """Start-up time is measured elsewhere; this keeps its causes out."""
+    """Heavy imports would make the program start slowly."""
     code = "import sys, steptwin.host.cli; print(*sorted(HEAVY & set(sys.modules)))".replace("HEAVY", str(HEAVY))
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert shown.stdout.strip() == ""

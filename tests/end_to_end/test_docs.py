@@ -1,4 +1,4 @@
-"""The pages that `make docs` writes are up to date, pictures and links are there, and the Python does what it says."""
+"""The pages that `make docs` writes are up to date; pictures and links exist; the Python blocks run."""
 
 import re
 import shlex
@@ -26,7 +26,7 @@ PICTURE_BYTES_MAX = 120_000
 
 
 def test_the_page_is_up_to_date(runs: Runs) -> None:
-    """Where this fails, `make docs` mends it; look at what changed."""
+    """If this fails, run `make docs` and review what changed."""
     assert render_page(runs) == TEXT
 
 
@@ -62,7 +62,7 @@ def test_python() -> None:
 
 
 def test_the_commands_for_waveforms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One after the other; the run itself draws no pictures here."""
+    """All commands in their order; the run itself draws no pictures here."""
     pytest.importorskip("matplotlib", reason="the extra `plot` (matplotlib) is not installed")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("steptwin.host.record.folder.writing.find_spec", lambda _: None)
@@ -84,7 +84,7 @@ def test_the_commands_for_waveforms(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.parametrize(("robot", "job"), SAMPLED)
 def test_runs_agree_with_the_papers_samples(robot: str, job: str, runs: Runs) -> None:
-    """The helix' 241 samples are too far apart to see where the sliders turn around."""
+    """The helix' 241 samples are too far apart to show where the sliders reverse."""
     sampled, report = SAMPLED[robot, job], runs.outcome(robot, job).report
     between_samples = 0.001 if job == "helix" else 0.0
     for axis, pulses in zip(report.axes, sampled.pulses, strict=True):

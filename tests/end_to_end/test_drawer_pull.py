@@ -76,7 +76,7 @@ def test_the_json_document_has_the_keys_of_the_contract(capsys: pytest.CaptureFi
 
 
 def test_faster_and_elsewhere(capsys: pytest.CaptureFixture[str]) -> None:
-    """In 2 s, with slides and lift elsewhere: the same arm counts, the world shifted."""
+    """In 2 s, with slides and lift elsewhere, the arm makes the same counts at another place."""
     options = ["duration_s=2", "ramp_s=0.5", "sx_mm=1000", "sz_mm=250.003", "L1_mm=150"]
     report = run_json(capsys, *COMMAND, *(word for option in options for word in ("-o", option)))
     assert report["passed"] is True
@@ -86,7 +86,7 @@ def test_faster_and_elsewhere(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def folder_bytes(folder: Path) -> dict[str, bytes]:
-    """Every file but the report, which holds the wall time, and the pictures."""
+    """All files are compared but the pictures and the report, which holds the wall time."""
     return {p.name: p.read_bytes() for p in folder.iterdir() if p.suffix not in {".json", ".png"}}
 
 
@@ -157,7 +157,7 @@ class TestAHangingHost:
         assert "EMCY 0xFF01" in captured.err
 
     def test_the_stop_is_a_ramp(self, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-        """After the cut step intervals only grow, and the last step comes within the time of the ramp."""
+        """After the cut, step intervals only grow, and the last step comes before the ramp ends."""
         run_json(capsys, *COMMAND, "--cut-stream", "3", "--out", str(tmp_path), exit_code=3)
         with np.load(tmp_path / "edges.npz") as edges:
             t_s = (edges["th1_step_counts"] - edges["start_counts"]) / 72e6
@@ -167,7 +167,7 @@ class TestAHangingHost:
         assert np.all(np.diff(after) > 0)
 
     def test_a_cut_must_lie_within_the_motion(self, capsys: pytest.CaptureFixture[str]) -> None:
-        """A cut that leaves nothing, or everything, is a mistake."""
+        """A cut that leaves no point, or all points, is refused."""
         for seconds in ("0", "0.009", "10"):
             assert run([*COMMAND, "--cut-stream", seconds]) == 2
             assert "--cut-stream" in capsys.readouterr().err

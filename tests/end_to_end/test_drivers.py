@@ -1,4 +1,4 @@
-"""Runs with other drivers than planner and firmware believe, and with those that a robot's file names."""
+"""Runs with drivers that planner and firmware do not know of, and with those that a robot's file names."""
 
 import dataclasses
 import json
@@ -42,7 +42,7 @@ class TestSlowBlueBoard:
     OPTIONS = ("--driver-profile", "slow-blue-board")
 
     def test_misses_every_step(self, capsys: pytest.CaptureFixture[str]) -> None:
-        """STEP is high for 33 us before the edge that it steps with; the board wants 150 us."""
+        """STEP is high for 33 us before the edge that steps; the board needs 150 us."""
         document = run_json(capsys, *DRAWER_PULL, *self.OPTIONS, exit_code=1)
         assert document["passed"] is False
         assert document["driver_profile"] == "slow-blue-board"
@@ -62,7 +62,7 @@ class TestSlowBlueBoard:
             assert axis["clk_high_us_min"] > 3000
         assert document["tool"]["position_error_mm_max"] > 100
 
-    def test_says_so(self, capsys: pytest.CaptureFixture[str]) -> None:
+    def test_the_report_for_people_names_the_broken_limit(self, capsys: pytest.CaptureFixture[str]) -> None:
         assert run([*DRAWER_PULL, *self.OPTIONS]) == 1
         lines = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
         (heading,) = [i for i, line in enumerate(lines) if line.startswith("CLK low too short before its rise")]
@@ -85,7 +85,7 @@ class TestSlowBlueBoard:
         assert json.loads((tmp_path / "report.json").read_text())["violations"][0]["count"] == 1846
 
     def test_with_the_times_that_it_asks_for(self, fast_kernel: Kernel) -> None:
-        """The step is the fall, so that DIR has to hold 150 us beyond the pulse."""
+        """The falling edge steps, so DIR must hold for 150 us after the pulse."""
         robot = with_board(
             "warehouse-scara",
             osc_pf=None,
@@ -103,7 +103,7 @@ class TestSlowBlueBoard:
 
 
 class TestThreeAmpModule:
-    """DIR takes 24 us to fall, STEP next to none: the robots' 15 us of setup are too short for some reversals."""
+    """DIR takes 24 us to fall, STEP hardly any time: the robots' 15 us of setup are too short for some reversals."""
 
     def test_a_late_dir_steps_the_wrong_way(self, capsys: pytest.CaptureFixture[str]) -> None:
         document = run_json(capsys, *SPIRAL, "--driver-profile", "3a-module", exit_code=1)
@@ -144,7 +144,7 @@ class TestThreeAmpModule:
     def test_settings_of_the_file_are_for_the_drivers_of_the_file(
         self, own: str | None, named: str | None, sense_a: float, edge: str
     ) -> None:
-        """2 A and steps with the falling edge, where the drivers are its own, however they are named."""
+        """The file's 2 A and falling edge apply exactly where the drivers are the file's, by whatever name."""
         osc_pf = None if own else 330
         robot = with_board("lab-scara", osc_pf=osc_pf, driver_profile=own, current_a=2.0, active_edge="falling")
         for module in board_config(robot, robot.home, named).modules:
@@ -171,12 +171,12 @@ class TestThreeAmpModule:
 
 @pytest.mark.parametrize("pf", [100, 1000])
 def test_chips_by_their_capacitor(pf: int, capsys: pytest.CaptureFixture[str]) -> None:
-    """33 us are enough for 100 pF, which asks for 10, and too short for 1000 pF, which asks for 90."""
+    """33 us are enough for 100 pF, which needs 10 us, and too short for 1000 pF, which needs 90 us."""
     document = run_json(capsys, *DRAWER_PULL, "--driver-profile", f"chip-{pf}pf", exit_code=0 if pf == 100 else 1)
     assert {group["limit"] for group in document["violations"]} == ({90.0} if pf == 1000 else set())
 
 
 def test_a_file_may_turn_the_active_edge(fast_kernel: Kernel) -> None:
-    """Then the bare chip counts falls, and the last one although nothing follows it."""
+    """Then the bare chip counts falling edges, including the last one, which no pulse follows."""
     robot = with_board("warehouse-scara", active_edge="falling")
     assert executed(robot, "drawer-pull", fast_kernel).report.passed

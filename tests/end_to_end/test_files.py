@@ -1,4 +1,4 @@
-"""Files of one's own: trajectories and robots on the command line, through the embedded board."""
+"""A user's own trajectory and robot files on the command line, run on the embedded board."""
 
 import json
 from importlib.resources import files
@@ -29,7 +29,7 @@ MOVING_CSV = """t,th4,d3,th2,th1,v_th4,v_d3,v_th2,v_th1
 
 
 def as_json(csv: str) -> str:
-    """The same points in the shape of a JointTrajectory."""
+    """Return the same points in the shape of ROS' JointTrajectory."""
     header, *rows = [line.split(",") for line in csv.split()]
     columns = [dict(zip(header, map(float, row), strict=True)) for row in rows]
     names = [name for name in header[1:] if not name.startswith("v_")]
@@ -49,7 +49,7 @@ def steps(robot: str, joint: str, position: float) -> int:
 
 
 def report_of(capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, Any]:
-    """What a run that passes reports."""
+    """Run a motion that must pass; return its report."""
     assert run(["run", *words, "--json"]) == 0
     report: dict[str, Any] = json.loads(capsys.readouterr().out)
     assert report["passed"] is True
@@ -59,7 +59,7 @@ def report_of(capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, Any]
 
 @pytest.fixture
 def no_frames(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nobody may put anything on any bus."""
+    """Fail if a frame is sent on any bus."""
     monkeypatch.setattr(CanController, "send", lambda *_: pytest.fail("a frame was sent"))
 
 
@@ -80,7 +80,7 @@ class TestATrajectoryFile:
     def test_may_be_what_another_run_wrote(
         self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
     ) -> None:
-        """`--out` leaves trajectory.csv behind: run again it goes the same way."""
+        """The trajectory.csv that `--out` writes makes the same motion again."""
         monkeypatch.setattr("steptwin.host.record.folder.writing.find_spec", lambda _: None)  # no pictures
         first = report_of(capsys, ROBOT, "carry", "--out", str(tmp_path))
         again = report_of(capsys, ROBOT, str(tmp_path / "trajectory.csv"))
@@ -91,7 +91,7 @@ class TestATrajectoryFile:
     def test_may_have_brackets_in_its_name(
         self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
     ) -> None:
-        """They mean something to the library that draws the progress bar, on a terminal."""
+        """The library that draws the progress bar takes brackets for markup, on a terminal."""
         monkeypatch.setenv("FORCE_COLOR", "1")
         (tmp_path / "[").mkdir()
         file = tmp_path / "[" / "x].csv"
@@ -150,7 +150,7 @@ class TestATrajectoryFile:
     def test_that_breaks_a_limit_is_refused(
         self, csv: str, words: list[str], capsys: pytest.CaptureFixture[str], tmp_path: Path
     ) -> None:
-        """Joint, value, time and limit are named; neither folder nor frame comes of it."""
+        """The message names joint, value, time and limit; no folder is made and no frame sent."""
         file = tmp_path / "motion.csv"
         file.write_text(csv, encoding="utf-8")
         line = refusal(capsys, "run", ROBOT, str(file), "--out", str(tmp_path / "out"))
@@ -178,7 +178,7 @@ def test_run_takes_one_job(words: list[str], line: str, capsys: pytest.CaptureFi
 
 
 def own_robot(folder: Path, name: str, changes: dict[str, str], file: str = "mine.toml") -> str:
-    """A copy of a robot that comes along, called `mine`, some texts of it changed wherever they are."""
+    """Write a copy of a robot of StepTwin, called `mine`, with some texts replaced; return its path."""
     text = (files("steptwin.host.robots") / f"{name}.toml").read_text(encoding="utf-8")
     for old, new in {f'name = "{name}"': 'name = "mine"', **changes}.items():
         assert old in text
@@ -258,7 +258,7 @@ class TestARobotOfOnesOwn:
         assert report_of(capsys, "--robot-file", file, "carry")["robot"] == "mine"
 
     def test_may_stand_where_its_name_would(self, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-        """If it ends in .toml; and a trajectory may be a file as well."""
+        """The path must end in .toml; the trajectory may be a file, too."""
         motion = tmp_path / "motion.csv"
         motion.write_text(CSV, encoding="utf-8")
         report = report_of(capsys, own_robot(tmp_path, ROBOT, {}), str(motion))
@@ -280,7 +280,7 @@ class TestARobotOfOnesOwn:
         assert carry["options"]["depth_mm"] == "0 (0..80 mm)"
 
     def test_may_use_brackets_in_its_names(self, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-        """They mean something to the library that prints tables."""
+        """The library that prints tables takes brackets for markup."""
         file = own_robot(tmp_path, "warehouse-scara", {"[places.B1]": '[places."[/B1]:x:"]'})
         assert run(["jobs", "--robot-file", file]) == 0
         assert "[/B1]:x:" in capsys.readouterr().out

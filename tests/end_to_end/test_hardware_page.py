@@ -1,4 +1,4 @@
-"""docs/hardware.md: its commands are understood, and the objects that it asks of a board are those that are used."""
+"""docs/hardware.md: its commands are valid, and it names exactly the objects that the commands use."""
 
 import re
 import shlex
@@ -28,7 +28,7 @@ def test_there_are_adapters() -> None:
 
 @pytest.mark.parametrize("words", ADAPTERS, ids=lambda words: words[words.index("-i") + 1])
 def test_an_adapter_that_is_not_there(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    """No usage error, but one line from the interface itself, and the exit code of a bus that does not work."""
+    """The command is valid: one line with the interface's own error, and the exit code of a bus that does not work."""
     words = ["no-such-device" if word in ("can0", "/dev/ttyACM0") else word for word in words]
     assert run(words[1:]) == BusError.exit_code
     captured = capsys.readouterr()
@@ -37,7 +37,7 @@ def test_an_adapter_that_is_not_there(words: list[str], capsys: pytest.CaptureFi
 
 
 def test_every_object_that_commands_rely_on_is_named() -> None:
-    """The page names every object that the modules which talk to the board read or write."""
+    """The page names every object that the client and the operator's commands read or write."""
     sources = [*(ROOT / "host" / "client").glob("*.py"), *(ROOT / "host" / "operate").glob("*.py")]
     known = {item.index for item in OBJECTS}
     names = {name for path in sources for name in re.findall(r"\bod\.([A-Z_]+)", path.read_text(encoding="utf-8"))}

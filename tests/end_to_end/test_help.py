@@ -24,7 +24,7 @@ def shown(capsys: pytest.CaptureFixture[str], *words: str) -> list[str]:
 
 
 def words_of(example: str) -> list[str]:
-    """The words of an example behind the program's name, without the redirection of its output."""
+    """Return the words of an example after the program's name, without a redirection of its output."""
     program, *words = shlex.split(example.partition(" > ")[0])
     assert program == "steptwin"
     return words
@@ -53,7 +53,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
 
 @pytest.mark.parametrize("name", ["", *NAMES])
 def test_it_fits_80_columns(name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    """No line is longer, and no name of an option or a value is broken to make it fit."""
+    """No line is longer, and no name of an option or of its value is broken over two lines."""
     monkeypatch.setenv("COLUMNS", "80")
     lines = shown(capsys, *name.split())
     assert max(map(len, lines)) <= 80
@@ -76,7 +76,7 @@ def test_it_ends_with_two_examples(name: str, capsys: pytest.CaptureFixture[str]
 
 @pytest.mark.parametrize(("name", "example"), EVERY_EXAMPLE, ids=[example for _, example in EVERY_EXAMPLE])
 def test_an_example_is_understood(name: str, example: str) -> None:
-    """Its options and their values are of the right kind; robots and joints are looked up when it runs."""
+    """Its options exist and their values are of the right kind; robots and joints are looked up later."""
     command_of(name).make_context(name, words_of(example)[1:])
 
 
@@ -91,7 +91,7 @@ def test_an_example_runs(example: str, monkeypatch: pytest.MonkeyPatch, tmp_path
 def test_an_example_for_a_live_board_gets_as_far_as_the_bus(
     example: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Its robot, joints, numbers and options are right; then the bus is not there."""
+    """Robot, joints, numbers and options are right: the first error is the missing bus."""
 
     def no_bus(*_: object) -> None:
         raise BusError("no bus in this test")

@@ -1,4 +1,4 @@
-"""The commands as programs against a served board, in real time, each its own process."""
+"""The live commands, each a process of its own, on a served board in real time."""
 
 import re
 import subprocess
@@ -27,7 +27,7 @@ def test_a_homed_machine_runs_a_job_to_its_planned_end() -> None:
 
 @in_real_time
 def test_a_run_that_is_stopped() -> None:
-    """By another process, long before its end: exit code 3, and the machine knows where it is."""
+    """Another process stops it long before its end: exit code 3, and the machine's position stays known."""
     with serving(ROBOT) as server:
         assert server.run("home", ROBOT, "--here", HOME) == 0
         running = server.start("run", ROBOT, "drawer-pull", "--approach", "-o", "duration_s=120")

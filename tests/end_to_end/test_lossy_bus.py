@@ -1,4 +1,4 @@
-"""The drawer pull on a bad bus: what vanishes is sent again, in order, what is disturbed the controllers repeat."""
+"""The drawer pull on a bad bus: the host sends lost records again, in order; CAN repeats disturbed frames."""
 
 import pytest
 
@@ -12,12 +12,12 @@ RPDO4 = range(0x510, 0x518)
 
 
 def losing(part: float) -> FaultScript:
-    """This part of all PVT records gets lost on the way."""
+    """Return a script that loses this part of all PVT records."""
     return FaultScript([BusFault(BusFaultKind.LOSS, RPDO4, rate=part)], seed=1)
 
 
 @pytest.mark.parametrize("part", [0.002, 0.01, 0.05])
-def test_losses_are_made_good(fast_kernel: Kernel, part: float) -> None:
+def test_lost_records_are_sent_again(fast_kernel: Kernel, part: float) -> None:
     script = losing(part)
     outcome = drawer_pull(fast_kernel, script)
     assert len(script.struck) > 5
@@ -44,7 +44,7 @@ def test_a_dead_line_never_starts(fast_kernel: Kernel) -> None:
 
 
 def test_a_noisy_line_costs_bits_and_nothing_else(fast_kernel: Kernel) -> None:
-    """One attempt in twenty is disturbed: CAN itself repeats it, no record is missing and no node complains."""
+    """One attempt in twenty is disturbed: CAN itself repeats it, no record is missing and no node reports an error."""
     script = FaultScript([BusFault(BusFaultKind.CORRUPTION, rate=0.05)], seed=1)
     outcome = drawer_pull(fast_kernel, script)
     assert len(script.struck) > 300

@@ -1,4 +1,4 @@
-"""The drawer pull while the host's heartbeat stays away: a controlled stop, and a fault that says so."""
+"""The drawer pull without the host's heartbeat: a controlled stop, and a fault that names the heartbeat."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ ARM = range(3, 6)
 
 
 def run_without_heartbeat(kernel: Kernel) -> Outcome:
-    """From 3 s after power-up on, heartbeats do not reach the board any more."""
+    """Run the drawer pull; from 3 s after power-up on, no heartbeat reaches the board."""
     script = FaultScript([BusFault(BusFaultKind.LOSS, (HEARTBEAT,), from_counts=SILENT_COUNTS)])
     return drawer_pull(kernel, script)
 
@@ -34,7 +34,7 @@ def test_it_ends_in_a_fault_that_names_the_heartbeat(lost: Outcome) -> None:
 
 
 def test_the_arm_stops_by_a_ramp(lost: Outcome) -> None:
-    """It keeps to the plan until the time is over and is at rest within a few hundredths of a second."""
+    """It follows the plan until the heartbeat's time is over and is at rest within 50 ms."""
     heard = [counts for counts, frame in lost.bus_log if frame.cob_id == HEARTBEAT and counts < SILENT_COUNTS]
     lost_counts = max(heard) + TIMEOUT_COUNTS
     evidence = lost.comparison.evidence
@@ -47,5 +47,5 @@ def test_the_arm_stops_by_a_ramp(lost: Outcome) -> None:
     assert evidence.axes[3].step_counts[-1] > lost_counts - 10 * MS
 
 
-def test_it_does_so_every_time(fast_kernel: Kernel, lost: Outcome) -> None:
+def test_it_makes_the_same_run_every_time(fast_kernel: Kernel, lost: Outcome) -> None:
     assert run_without_heartbeat(fast_kernel).bus_log == lost.bus_log

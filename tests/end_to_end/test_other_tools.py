@@ -1,4 +1,4 @@
-"""Other people's programs, unmodified, on a served board and on recorded logs, as docs/tools.md shows them."""
+"""Unmodified programs of other projects on a served board and on recorded logs, as docs/tools.md shows."""
 
 import re
 import shlex
@@ -27,7 +27,7 @@ ROBOT = "teaching-scara"
 NODE = 0x10
 TARGET_STEPS = 100
 STEP = 1024
-"""Units of a step at 16 microsteps."""
+"""Wire units in a step at 16 microsteps."""
 TARGET_DEG = 2.8125
 """100 steps of 360 / (200 * 16 * 4) deg."""
 STATUS_SHOWN = "37 06 01 00 90 01 00"
@@ -43,25 +43,25 @@ class Served(NamedTuple):
 
 
 def shown(start: str) -> list[str]:
-    """The words of the one command of the page that begins like this."""
+    """Return the words of the page's only command that begins with this text."""
     lines = [line for language, block in blocks_of(PAGE) if language == "sh" for line in block.splitlines()]
     (line,) = (line for line in lines if line.startswith(start))
     return shlex.split(line)
 
 
 def program(name: str) -> str:
-    """The one that is installed beside the interpreter."""
+    """Return the path of a program that is installed beside the interpreter."""
     return str(Path(sysconfig.get_path("scripts")) / name)
 
 
 def started(served: Served, words: list[str], **variables: str) -> Terminal:
-    """A program on the served board, with these variables in its environment."""
+    """Start a program on the served board, with these variables in its environment."""
     name, *arguments = [word.replace(PORT_SHOWN, served.port) for word in words]
     return Terminal([program(name), *arguments], served.folder, **variables)
 
 
 def done(words: list[str], folder: Path, log: str = "") -> subprocess.CompletedProcess[str]:
-    """A program that has read what lies in the folder, and this on its standard input."""
+    """Run a program in the folder, with the log on its standard input, until it ends."""
     name, *arguments = words
     return subprocess.run(
         [program(name), *arguments], cwd=folder, input=log, capture_output=True, text=True, check=False
@@ -70,7 +70,7 @@ def done(words: list[str], folder: Path, log: str = "") -> subprocess.CompletedP
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """With what `steptwin eds` and `steptwin dbc` print."""
+    """Make a folder with the output of `steptwin eds` and `steptwin dbc`."""
     folder = tmp_path_factory.mktemp("tools")
     for words in (shown("steptwin eds"), shown("steptwin dbc")):
         with (folder / words[-1]).open("w", encoding="utf-8") as file:
@@ -86,7 +86,7 @@ def served(folder: Path) -> Iterator[Served]:
 
 @pytest.fixture(scope="module")
 def node(served: Served) -> Iterator[BaseNode402]:
-    """An axis that the canopen library's own CiA 402 node has brought to a target, from this process."""
+    """Move an axis to a target with the canopen library's own CiA 402 node, from this process."""
     with canopen.Network() as network:
         network.connect(interface="socketcand", channel="vcan0", host="127.0.0.1", port=int(served.port))
         node = BaseNode402(NODE, str(served.folder / "axis.eds"))  # type: ignore[no-untyped-call]
@@ -118,7 +118,7 @@ def test_canopen(node: BaseNode402) -> None:
 
 
 def recorded(node: BaseNode402, log: Path) -> bool:
-    """Make some traffic; whether the log has some TPDO by now, and thereby what came before."""
+    """Make some traffic; return whether the log contains a TPDO, and so everything before it."""
     assert "SIMULATED" in node.sdo[0x1008].raw
     return log.exists() and " 190#" in log.read_text()
 
@@ -154,7 +154,7 @@ def test_can_viewer(served: Served) -> None:
 @pytest.mark.usefixtures("node")
 @pytest.mark.parametrize("configured", [False, True], ids=["options", "canrc"])
 def test_cantools_monitor(served: Served, tmp_path: Path, *, configured: bool) -> None:
-    """Its bus by options or by python-can's configuration file; only one message, so that its lines stay in place."""
+    """Options or python-can's configuration file name the bus; one message only, so that its lines stay in place."""
     words = shown("cantools monitor")
     if configured:
         words = words[: words.index("-i")]
@@ -194,7 +194,7 @@ def test_canopen_lens_finds_a_fault(cut_run: Path, folder: Path) -> None:
 @pytest.mark.skipif(TSHARK is None, reason="tshark is not installed (apt install tshark)")
 @pytest.mark.parametrize("suffix", [".log", ".blf"])
 def test_tshark(suffix: str, cut_run: Path, folder: Path) -> None:
-    """Its CANopen dissector on every frame of a run, whose SDO transfers are all expedited; also after a conversion."""
+    """Its CANopen dissector reads every frame of a run (all SDO transfers are expedited), also after a conversion."""
     log = cut_run / BUS_LOG
     given = log if suffix == ".log" else folder / "can.blf"
     if given != log:
@@ -212,7 +212,7 @@ def test_tshark(suffix: str, cut_run: Path, folder: Path) -> None:
 
 
 def dissected(line: str) -> tuple[int, int, int, int]:
-    """Function code, node id, index and error code of a line of a log, by CiA 301."""
+    """Return function code, node id, index and error code of a line of a log, as CiA 301 defines them."""
     identifier, data_hex = line.rsplit(maxsplit=1)[-1].split("#")
     cob_id, data = int(identifier, 16), bytes.fromhex(data_hex)
     function_code, node_id = cob_id >> 7, cob_id & 0x7F

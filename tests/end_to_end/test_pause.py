@@ -18,14 +18,14 @@ def planned(fast_kernel: Kernel) -> HaltedRun:
 
 
 def places(run: HaltedRun) -> list[list[int]]:
-    """Every place that each counter took, one after the other."""
+    """Return all values of each axis' counter, in their order."""
     return [[int(place) for place in axis.start_steps + np.cumsum(axis.step_signs)] for axis in run.evidence.axes]
 
 
 def steps_off_the_path(
     before: AxisEvidence, after: AxisEvidence, th1_before: AxisEvidence, th1_after: AxisEvidence
 ) -> NDArray[np.float64]:
-    """How far each step lies outside the piece of the path on which th1 says that the arm is, in steps of its axis.
+    """Return how far each step lies outside the piece of the path between two steps of th1, in steps of its axis.
 
     th1 moves one way only. A step made between two of its steps belongs between the same two in the planned motion.
     """
@@ -38,7 +38,7 @@ def steps_off_the_path(
 
 
 def late_s(run: HaltedRun, planned: HaltedRun) -> float:
-    """How much later than planned th1 makes its last step."""
+    """Return by how many seconds th1 makes its last step later than planned."""
     ends = [each.evidence.axes[TH1].step_counts[-1] - each.evidence.start_counts for each in (run, planned)]
     return float(ends[0] - ends[1]) / 72e6
 

@@ -1,4 +1,4 @@
-"""The README's commands and its Python do what it says."""
+"""The README's commands and its Python blocks do what the page tells."""
 
 import shlex
 import shutil
@@ -21,7 +21,7 @@ COMMANDS = [
 
 @pytest.mark.parametrize("line", COMMANDS)
 def test_command(line: str, carry_run: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Each ends with 0, the one whose stream is cut with 3, the one whose drivers are slow with 1."""
+    """Each exits with 0, but the run whose stream is cut with 3, and the run with slow drivers with 1."""
     monkeypatch.chdir(tmp_path)
     words = shlex.split(line.split(">", maxsplit=1)[0], comments=True)
     if words[1] in {"trace", "plot", "verify"}:
@@ -48,7 +48,7 @@ def test_the_csv_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
 
 
 def test_it_shows_what_the_demo_prints(capsys: pytest.CaptureFixture[str]) -> None:
-    """All lines but those with wall times or a place."""
+    """The README shows all lines but those with wall times."""
     assert run(["run", "warehouse-scara", "drawer-pull"]) == 0
     printed = [line for line in capsys.readouterr().out.splitlines() if "SIMULATED" not in line]
     assert len(printed) >= 10

@@ -1,4 +1,4 @@
-"""`steptwin serve` as a program: what it says, what it records, how it ends."""
+"""`steptwin serve` as a program: its output, its records, its end."""
 
 import json
 import os
@@ -30,7 +30,7 @@ from tests.end_to_end.served import in_real_time, serving
 
 ROBOT = "warehouse-scara"
 STEPS_AT_MS = {0: 0, 10: 0, 70: 40, 110: 25}
-"""Where the fourth axis is at rest: a cubic leads from one to the next."""
+"""Positions in steps at which the fourth axis rests, by time in ms; a cubic connects two of them."""
 RECORDS = [
     PvtRecord(1024 * (STEPS_AT_MS[end] - STEPS_AT_MS[begin]), 0, end - begin, sequence)
     for sequence, (begin, end) in enumerate(pairwise(STEPS_AT_MS))
@@ -38,7 +38,7 @@ RECORDS = [
 
 
 def frames_of_a_motion() -> list[Frame]:
-    """NMT start, enable in interpolated position mode, records, start by SYNC."""
+    """Return NMT start, enabling in interpolated position mode, PVT records and the SYNC that starts them."""
     node = 0x13
     enabling = [Frame(0x200 + node, bytes((word, 0, 7))) for word in (0x06, 0x07, 0x0F)]
     records = [Frame(0x500 + node, record.encode()) for record in RECORDS]
@@ -47,7 +47,7 @@ def frames_of_a_motion() -> list[Frame]:
 
 
 def in_virtual_time() -> list[int]:
-    """When the same frames make steps there, in counts from the tick after the SYNC."""
+    """Return when the same frames make steps in virtual time, in counts from the tick after the SYNC."""
     robot = load_robot(ROBOT)
     simulation = Simulation([Board(board_config(robot, robot.home), fastest_kernel())], Bus(robot.board.bitrate))
     for frame in frames_of_a_motion():
@@ -60,7 +60,7 @@ def in_virtual_time() -> list[int]:
 
 
 def move(client: RawClient) -> None:
-    """Send the motion frame by frame and wait until the axis has gone and come back."""
+    """Send the motion frame by frame and wait until it has ended."""
     for frame in frames_of_a_motion():
         client.send(f"< send {frame.cob_id:x} {len(frame.data)} {frame.data.hex(' ')} >".encode())
     flags = 1 << 4
@@ -127,7 +127,7 @@ def test_ctrl_c_ends_it_as_well_after_what_docs_live_md_shows() -> None:
 
 
 def test_on_an_interface_of_python_can_with_a_terminal() -> None:
-    """There the status line says how it goes, until the end."""
+    """On a terminal, the status line shows the board's state until the end."""
     terminal, stderr = os.openpty()
     process = subprocess.Popen(
         [*PROGRAM, "serve", ROBOT, "-i", "virtual", "-c", "here", "-b", "250000"],
@@ -195,8 +195,8 @@ def test_what_is_refused(options: list[str], complaint: str, capsys: pytest.Capt
     assert len(captured.err.splitlines()) == 1
 
 
-def test_a_place_that_no_motion_leads_to_is_warned_of(capsys: pytest.CaptureFixture[str]) -> None:
-    """The machine may be pushed there by hand; before a port that cannot be is refused."""
+def test_standing_outside_the_limits_is_warned_of(capsys: pytest.CaptureFixture[str]) -> None:
+    """A machine may be pushed there by hand. The warning comes before the wrong port is refused."""
     assert run(["serve", ROBOT, "--stand-at", "0 0 100 0 155.5 30", "--port", "80"]) == 2
     warning, refusal = capsys.readouterr().err.splitlines()
     assert warning.startswith("steptwin: warning: --stand-at: th2: 155.5 deg is outside -150..150 deg")
@@ -220,7 +220,7 @@ def test_other_machines_may_be_allowed() -> None:
 
 
 def test_no_edge_is_lost_between_two_takes() -> None:
-    """Taken piece by piece, a trace is what it is as a whole."""
+    """Pieces of a trace, put together, are the whole trace."""
     robot = load_robot(ROBOT)
     assert standing_steps(robot, list(robot.home))[3] == 0
     board = Board(board_config(robot, robot.home), fastest_kernel())

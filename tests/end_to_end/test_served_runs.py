@@ -1,4 +1,4 @@
-"""The same run on a served board and in virtual time; and a host that is killed in the middle of one."""
+"""The same run on a served board and in virtual time, and a host that is killed during a run."""
 
 import json
 import re
@@ -20,7 +20,7 @@ t,sx,sz,L1,th1,th2,th3
 0.8,9,2,104,7,50,36
 1.2,4,3,103,12,57,21
 """
-"""From the robot's home; all joints move, and some turn back."""
+"""Points from the robot's home on: all joints move, and some reverse."""
 ROBOT = "warehouse-scara"
 HOME = "0 0 100 0 60 30"
 NODES = range(0x10, 0x16)
@@ -36,7 +36,7 @@ def points(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 @pytest.fixture(scope="module")
 def virtual(points: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of the run in virtual time, without pictures."""
+    """Run the points in virtual time; return the folder, without pictures."""
     folder = tmp_path_factory.mktemp("virtual")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(writing, "find_spec", lambda _: None)
@@ -49,7 +49,7 @@ def virtual(points: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_live_it_makes_the_same_edges_as_in_virtual_time(
     boards: str, points: str, virtual: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """To the count, from the servo tick in which it begins; and the verifier finds nothing wrong with them."""
+    """The edges agree to the count, from the servo tick in which the motion begins, and the verifier passes them."""
     live = tmp_path / "live"
     with serving(ROBOT, "--boards", boards, "--out", str(live)) as server:
         assert server.run("home", ROBOT, "--here", HOME) == 0
@@ -74,7 +74,7 @@ def test_live_it_makes_the_same_edges_as_in_virtual_time(
 
 
 class Witness:
-    """A client that sends nothing and keeps all that it is shown."""
+    """A client that sends nothing and keeps all frames that it receives."""
 
     def __init__(self, port: int) -> None:
         self._client = RawClient(port)
@@ -86,7 +86,7 @@ class Witness:
         self._seen += self._client.expect(text) + text
 
     def await_end(self) -> list[str]:
-        """All frames until it is hung up on, as IDENTIFIER#DATA."""
+        """Return all frames until the server disconnects, as IDENTIFIER#DATA."""
         self._seen += self._client.until_hung_up()
         self._client.close()
         return [f"{identifier}#{data}" for identifier, data in SHOWN.findall(self._seen.decode("ascii"))]
@@ -94,7 +94,7 @@ class Witness:
 
 @in_real_time
 def test_a_host_that_is_killed_in_the_middle(points: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """kill -9: its axes miss its heartbeat and stop; others have seen everything; after a reset it works as before."""
+    """After kill -9 the axes miss the heartbeat and stop; another client sees every frame; a reset is all it takes."""
     log, slow_points = tmp_path / "run.log", tmp_path / "slow.csv"
     slow_points.write_text(re.sub(r"^0\.(\d)", r"\g<1>0", POINTS, flags=re.MULTILINE).replace("\n1.2,", "\n120,"))
     with serving(ROBOT, "--log", str(log)) as server:

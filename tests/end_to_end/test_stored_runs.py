@@ -1,4 +1,4 @@
-"""`steptwin trace` and `steptwin plot` on what a run has left."""
+"""`steptwin trace` and `steptwin plot` on the folder of a run."""
 
 import errno
 import json
@@ -25,7 +25,7 @@ def _with_the_library_of(form: str) -> None:
 
 class TestTrace:
     def test_every_edge_of_every_axis(self, carry_run: Path, tmp_path: Path) -> None:
-        """At 10 ns each instant is one count's."""
+        """At 10 ns, each instant stands for exactly one count."""
         out = tmp_path / "all.vcd"
         assert run(["trace", str(carry_run), "--timescale", "10ns", "--out", str(out)]) == 0
         dump = read_vcd(out.read_text())
@@ -42,8 +42,8 @@ class TestTrace:
         assert run(["trace", str(carry_run), "--out", str(out)]) == 0
         assert out.read_bytes() == (carry_run / "trace.vcd").read_bytes()
 
-    def test_a_window_begins_with_the_levels_that_are_there(self, carry_run: Path, tmp_path: Path) -> None:
-        """At every rise of a pulse of th2 STEP is 1 already, one count before it is 0."""
+    def test_a_window_begins_with_the_present_levels(self, carry_run: Path, tmp_path: Path) -> None:
+        """At the rise of a pulse of th2, STEP is already 1; one count earlier it is 0."""
         evidence = read_edges(carry_run)
         axis = evidence.axes[1]
         rise = int(axis.clk_rise_counts[100])
@@ -136,7 +136,7 @@ class TestTrace:
     def test_broken_off_leaves_the_older_file(
         self, form: str, error: BaseException, carry_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        """Amid the writing, when some signals' changes have been read."""
+        """The error comes during writing, when the changes of some signals have been read."""
         _with_the_library_of(form)
         out = tmp_path / "trace"
         out.write_bytes(b"old")
@@ -178,7 +178,7 @@ class TestTrace:
             assert refusal(capsys, command, str(tmp_path)) == f"{tmp_path / first}: is missing"
 
     def test_needs_neither_report_nor_plan(self, carry_run: Path, tmp_path: Path) -> None:
-        """As of a board that was moved by hand."""
+        """Such a folder comes from a board without a planned motion."""
         for name in ("edges.npz", "robot.toml"):
             shutil.copy(carry_run / name, tmp_path)
         assert run(["trace", str(tmp_path)]) == 0
@@ -200,7 +200,7 @@ class TestPlot:
             assert path.read_text().startswith("<?xml")
 
     def test_a_stored_run_has_the_pictures_of_the_run(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-        """To the byte, also those of errors: the cubics in the folder are not quite what the job has planned."""
+        """They agree to the byte, even those of errors, although the folder's cubics only approximate the job's plan."""
         folder = tmp_path / "run"
         assert run(["run", "calibration-scara", "demo", "--out", str(folder)]) == 0
         names = ["joints", "step-rates", "tool-path", "error", "timing"]
@@ -213,7 +213,7 @@ class TestPlot:
     def test_a_live_boards_folder_takes_the_plan_of_another(
         self, carry_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
-        """The folder as a served board leaves it that does not know what it was to do."""
+        """The folder is one of a served board that does not know its plan."""
         live, words = tmp_path / "live", ["--what", "joints,timing", "--format", "svg"]
         shutil.copytree(carry_run, live)
         (live / "trajectory.csv").unlink()

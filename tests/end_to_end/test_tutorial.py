@@ -1,4 +1,4 @@
-"""docs/tutorial.md: its commands in its terminals, with what it says that they print."""
+"""docs/tutorial.md: its commands, typed in its terminals, print what the page shows."""
 
 import doctest
 import re
@@ -29,7 +29,7 @@ LIKE_SHOWN = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
 
 class Step(NamedTuple):
-    """A command, in which terminal it is typed, and what is shown below it."""
+    """A command, the number of its terminal, and the output that the page shows."""
 
     terminal: int
     command: str
@@ -69,7 +69,7 @@ class Terminals:
         self._running[step.terminal] = step, process
 
     def serve(self, step: Step) -> None:
-        """As `start`, on a free port, which is what the second line says."""
+        """Start the server on a free port, which its second line shows."""
         self.start(step._replace(command=f"{step.command} --port 0"))
         _, process = self._running[step.terminal]
         assert process.stdout
@@ -79,7 +79,7 @@ class Terminals:
         self._running[step.terminal] = step, process
 
     def interrupt(self, step: Step) -> None:
-        """Ctrl-C; what is shown comes after it."""
+        """Press Ctrl-C; the page shows the output after it."""
         _, process = self._running[step.terminal]
         process.send_signal(signal.SIGINT)
         self._running[step.terminal] = step, process
@@ -100,7 +100,7 @@ class Terminals:
         return terminal in self._running
 
     def await_records(self, terminal: int) -> None:
-        """Wait, without a word on the bus, until the command there sends PVT records to the first axis."""
+        """Listen on the bus until the command in this terminal sends PVT records to the first axis."""
         step, process = self._running[terminal]
         deadline_s = time.monotonic() + COMMAND_TIMEOUT_S
         with can.Bus(interface="socketcand", channel="vcan0", host="127.0.0.1", port=int(self._port)) as bus:
@@ -135,7 +135,7 @@ def test_the_session(tmp_path: Path) -> None:
 
 
 def play(terminals: Terminals) -> None:
-    """Type the page's commands; one goes on while those in terminals of higher numbers are typed, and no longer."""
+    """Type the page's commands; each runs on while commands in terminals of higher numbers are typed, and no longer."""
     for step, following in pairwise([*STEPS, Step(0, "", "")]):
         if step.command == "^C":
             terminals.interrupt(step)
@@ -152,7 +152,7 @@ def play(terminals: Terminals) -> None:
             terminals.finish(step.terminal)
 
 
-def test_all_that_it_is_to_show_is_there() -> None:
+def test_the_page_shows_every_command_that_it_should() -> None:
     shown = {step.command.split()[1] for step in STEPS if step.command.startswith("steptwin ")}
     wanted = "serve doctor status home move run monitor pause resume stop verify trace"
     assert shown == set(wanted.split())
