@@ -200,7 +200,7 @@ class TestPlot:
             assert path.read_text().startswith("<?xml")
 
     def test_a_stored_run_has_the_pictures_of_the_run(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-        """They agree to the byte, even those of errors, although the folder's cubics only approximate the job's plan."""
+        """They agree byte by byte, even those of errors, though the folder's cubics only approximate the plan."""
         folder = tmp_path / "run"
         assert run(["run", "calibration-scara", "demo", "--out", str(folder)]) == 0
         names = ["joints", "step-rates", "tool-path", "error", "timing"]
