@@ -1,4 +1,4 @@
-"""Read the tables of TOML and JSON documents that nobody has checked yet.
+"""Read tables of TOML and JSON documents that may contain anything.
 
 A reader asks for each value by its key and type. The InputError for a wrong value begins with the key, as in
 `joints.th1.microsteps: 8.5 is not a whole number`.
@@ -19,11 +19,11 @@ Choice = TypeVar("Choice", bound=StrEnum)
 Made = TypeVar("Made")
 
 LARGEST: Final = 1e9
-"""Bound on the size of numbers in files: no length, time, count or rate of a machine is larger."""
+"""Largest size of a number in a document: no length, time, count or rate of a machine is larger."""
 
 
 def toml_table(text: str) -> "Table":
-    """Return the table of a TOML text, in which `Table.finish` takes a key that nobody asked for as an error."""
+    """Return the table of a TOML text; raise InputError for any other text."""
     try:
         return Table(tomllib.loads(text), "table")
     except (ValueError, RecursionError) as error:  # also an integer of thousands of digits, arrays within arrays
@@ -31,7 +31,7 @@ def toml_table(text: str) -> "Table":
 
 
 def json_table(text: str) -> "Table":
-    """Return the object that a JSON text is; raise InputError for any other text."""
+    """Return the object of a JSON text; raise InputError for any other text."""
     try:
         document = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -40,7 +40,7 @@ def json_table(text: str) -> "Table":
 
 
 def number_at(place: str, value: object) -> float:
-    """Return a number from a document; raise InputError, with its place in front, unless it is finite and small."""
+    """Return a value as a number; raise InputError, with its place in front, unless it is one up to LARGEST in size."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise InputError(f"{place}: {short(value)} is not a number")
     if not abs(value) <= LARGEST:
@@ -61,18 +61,18 @@ class Table:
             raise InputError(f"{short(values)} is not a {kind}")
         self.values: Mapping[str, object] = values
         self._kind = kind
-        self._asked: list[str] = []
+        self._known: list[str] = []
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.values)
 
     def __contains__(self, key: str) -> bool:
-        """Return whether an optional key is there; the key counts as asked for."""
-        self._asked.append(key)
+        """Return whether an optional key is there; this marks the key as known."""
+        self._known.append(key)
         return key in self.values
 
     def text(self, key: str, *, empty: bool = True) -> str:
-        """Return a text; unless `empty`, it must have a character."""
+        """Return a text, which may be empty only if `empty` is true."""
         value = self._take(key)
         if not isinstance(value, str) or not (value or empty):
             raise InputError(f"{key}: {short(value)} is not a text")
@@ -103,14 +103,14 @@ class Table:
         return self._take(key) is None
 
     def choice(self, key: str, choices: type[Choice]) -> Choice:
-        """Return the member of an enumeration whose value the text is."""
+        """Return the member of an enumeration with the text as its value."""
         value = self.text(key)
         if value not in list(choices):
             raise InputError(f"{key}: {value!r} is not one of {', '.join(choices)}")
         return choices(value)
 
     def optional(self, key: str, read: Callable[[str], Made]) -> Made | None:
-        """Return what one of this table's methods reads, or None if the key is not there."""
+        """Return the value that `read`, one of this table's methods, returns for a key; None if the key is missing."""
         return read(key) if key in self else None
 
     def elements(self, key: str) -> list[object]:
@@ -121,7 +121,7 @@ class Table:
         return value
 
     def each(self, key: str, make: Callable[["Table"], Made]) -> tuple[Made, ...]:
-        """Return what `make` makes of every table in a list."""
+        """Return `make(table)` for every table in a list."""
         made = []
         for i, value in enumerate(self.elements(key)):
             with prefixed(f"{key}[{i}]: "):
@@ -130,7 +130,7 @@ class Table:
 
     @contextmanager
     def section(self, key: str) -> Iterator["Table"]:
-        """Enter the table under a key; errors inside get the key in front."""
+        """Enter the table under a key; errors in the block get the key in front."""
         value = self._take(key)
         with prefixed(f"{key}: "):
             table = Table(value, self._kind)
@@ -138,18 +138,18 @@ class Table:
             yield table
 
     def check_keys(self, allowed: Iterable[str]) -> None:
-        """Raise InputError if there is another key than these, with the nearest of them."""
+        """Raise InputError, with the nearest allowed keys, if there is a key that is not allowed."""
         allowed = list(allowed)
         for key in self.values:
             if key not in allowed:
                 raise InputError(f"{key}: {unknown('key', key, allowed)}")
 
     def finish(self) -> None:
-        """Raise InputError if there is a key that has not been asked for."""
-        self.check_keys(self._asked)
+        """Raise InputError if the table has a key that was not read."""
+        self.check_keys(self._known)
 
     def _take(self, key: str) -> object:
-        self._asked.append(key)
+        self._known.append(key)
         if key not in self.values:
             raise InputError(f"{key}: is missing")
         return self.values[key]

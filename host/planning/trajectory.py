@@ -32,7 +32,7 @@ class Trajectory(Protocol):
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """The joints in the robot's order."""
+        """Names of the joints, in the robot's order."""
         ...
 
     @property

@@ -69,7 +69,7 @@ class Arm:
         return float(self._home_pose[2])
 
     def reachable(self, radius_mm: FloatArray, azimuth_deg: FloatArray, z_mm: FloatArray) -> BoolArray:
-        """Return, of shape (n,), whether a branch reaches positions, which are cylindrical about the arm's axis."""
+        """Return, of shape (n,), whether a branch reaches positions in cylindrical coordinates, each of shape (n,)."""
         azimuth_rad = np.deg2rad(azimuth_deg)
         x_mm, y_mm = self.axis_x_mm + radius_mm * np.cos(azimuth_rad), radius_mm * np.sin(azimuth_rad)
         if self.attitude_deg is not None:
