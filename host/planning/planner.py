@@ -11,15 +11,7 @@ import numpy as np
 from steptwin.host.common.arrays import Int64Array
 from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.checks import (
-    Samples,
-    check_joint_names,
-    check_positions,
-    check_record_widths,
-    check_rest,
-    check_speeds,
-    check_step_rates,
-)
+from steptwin.host.planning import checks
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot
@@ -37,18 +29,18 @@ def plan(robot: Robot, trajectory: Trajectory, point_ms: int = DEFAULT_POINT_MS)
             acceleration or step rate, does not start and end at rest, or does not fit in PVT records; the message
             names joint, time, value and limit.
     """
-    check_joint_names(robot, trajectory)
+    checks.check_joint_names(robot, trajectory)
     times_ms = _point_times_ms(trajectory, point_ms)
-    samples = Samples.of(trajectory, times_ms)
-    check_positions(robot, samples)
-    check_rest(robot, samples)
+    samples = checks.Samples.of(trajectory, times_ms)
+    checks.check_positions(robot, samples)
+    checks.check_rest(robot, samples)
     at_points = np.searchsorted(samples.t_s, times_ms / 1000)
     points = robot.to_units(samples.positions[at_points])
     velocities = np.round(samples.velocities[at_points] * robot.wire_units_per_unit * VELOCITY_PER_UNIT_PER_MS / 1000)
-    check_record_widths(robot, times_ms, points, velocities)  # floats still, which integers could not all hold
+    checks.check_record_widths(robot, times_ms, points, velocities)  # as floats, which cannot overflow
     made = Plan(robot, trajectory, times_ms, points.astype(np.int64), velocities.astype(np.int64))
-    check_step_rates(made)
-    check_speeds(robot, samples)
+    checks.check_step_rates(made)
+    checks.check_speeds(robot, samples)
     return made
 
 

@@ -28,12 +28,7 @@ PHASE_CURRENT_MAX_A: Final = 3.0
 OSC_PF_MIN: Final = 64
 """Smallest capacitor at the OSC pin: a smaller one sets the oscillator above 600 kHz, its operating range."""
 
-_TIMING_MIN_NS: Final = {
-    "steplen_ns": PULSE_NS_MIN,
-    "stepspace_ns": PULSE_NS_MIN,
-    "dirsetup_ns": 0,
-    "dirhold_ns": 0,
-}
+_TIMING_MIN_NS: Final = {"steplen_ns": PULSE_NS_MIN, "stepspace_ns": PULSE_NS_MIN, "dirsetup_ns": 0, "dirhold_ns": 0}
 """Lower limits of the step timing (2001h)."""
 
 

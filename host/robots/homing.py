@@ -9,16 +9,13 @@ from steptwin.protocol.homing_methods import HOME_HERE, HOME_HERE_OBSOLETE, HOMI
 
 @dataclass(frozen=True, slots=True)
 class JointHoming:
-    """The homing of a joint; speeds in its unit/s, acceleration in unit/s^2.
+    """The homing of a joint; raises InputError for a value out of range.
 
     Attributes:
         method: The homing method (6098h).
-        search_speed: Speed of the search for the switch.
-        zero_speed: Speed at which the axis crosses the switch's edge.
-        acceleration: Acceleration of all ramps.
-
-    Raises:
-        InputError: an unknown method, a value that is not above 0, or a zero speed above the search speed.
+        search_speed: Speed of the search for the switch, in the joint's unit/s.
+        zero_speed: Speed at which the axis crosses the switch's edge, at most `search_speed`.
+        acceleration: Acceleration of all ramps, in the joint's unit/s^2.
     """
 
     method: int

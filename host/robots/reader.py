@@ -18,11 +18,7 @@ from steptwin.host.robots.transmission import Transmission
 
 
 def parse_robot(text: str, source: str) -> Robot:
-    """Return the robot that a TOML text describes; messages name `source`, the text's origin.
-
-    Raises:
-        InputError: the text is not TOML, a key is missing or unknown, or a value is of the wrong type or out of range.
-    """
+    """Return the robot that a TOML text describes; raise InputError, with `source` and the key, for a wrong text."""
     with prefixed(f"{source}: "):
         table = toml_table(text)
         robot = replace(_robot(table), toml=text)

@@ -27,16 +27,13 @@ def _needed_keys(method: HomingMethod) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True)
 class JointSwitches:
-    """The positions of a joint's switches, in the joint's unit; None for an edge that the joint does not have.
+    """The positions of a joint's switches, in its unit; None for a missing edge. Raises InputError for a wrong order.
 
     Attributes:
         negative_limit: The negative limit switch is closed here and below.
         positive_limit: The positive limit switch is closed here and above.
         home_from: Lower edge of the home switch, which is closed above it; None: closed from the end of travel.
         home_to: Upper edge of the home switch, which is closed below it; None: closed to the end of travel.
-
-    Raises:
-        InputError: an edge is not below another one that it must be below.
     """
 
     negative_limit: float | None = None

@@ -13,7 +13,7 @@ MICROSTEPS: Final = (1, 2, 8, 16)
 
 @dataclass(frozen=True, slots=True)
 class Transmission:
-    """The ratio between motor steps and joint travel.
+    """The ratio between motor steps and joint travel; raises InputError for a value out of range.
 
     Attributes:
         full_steps_per_rev: Full steps of the motor in one turn; 200 for the usual 1.8 deg.
@@ -21,9 +21,6 @@ class Transmission:
         travel_per_turn: Joint travel per turn of the driven shaft: 360 degrees, or a screw's lead or a pulley's
             circumference in mm.
         ratio: Motor turns per turn of the driven shaft.
-
-    Raises:
-        InputError: a value out of range.
     """
 
     full_steps_per_rev: int

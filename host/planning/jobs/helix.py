@@ -39,10 +39,7 @@ def helix(robot: Robot, options: HelixOptions) -> Trajectory:
     """Return the helix as Akima's splines in the joints, from rest to rest.
 
     PVT points are at whole milliseconds, but a step lasts 80 s / 240. So each sample is taken at the nearest whole
-    millisecond and holds the helix's pose of that time.
-
-    Raises:
-        InputError: the duration is not a whole number of milliseconds, or the mechanism does not reach the helix.
+    millisecond and holds the helix's pose of that time. Raise InputError if the mechanism does not reach the helix.
     """
     end_ms = whole_ms("duration_s", options.duration_s)
     t_s = np.round(np.arange(STEPS + 1) * end_ms / STEPS) / 1000

@@ -48,10 +48,8 @@ def joint_position(default: float, joint: str) -> Any:
 def parse_options(options: type[Options], texts: Mapping[str, str], robot: Robot) -> Options:
     """Return the options from their texts; the type of a field's default tells an enum, a place and a number apart.
 
-    A default place is looked up like a given one, since the robot file may lack it.
-
-    Raises:
-        InputError: an unknown name, with the nearest ones, or a wrong value, with the choices or the range.
+    A default place is looked up like a given one, since the robot file may lack it. Raise InputError for an unknown
+    name, with the nearest ones, or a wrong value, with the choices or the range.
     """
     known = _fields(options)
     texts = {name.replace("-", "_"): text for name, text in texts.items()}

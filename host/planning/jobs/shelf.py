@@ -111,10 +111,9 @@ class _Shelf:
 
 
 def store(robot: Robot, options: ShelfOptions) -> Trajectory:
-    """Return the motion that starts above a box at the hand-over and ends in front of the slot with the box in it.
+    """Return the motion that brings a box from the hand-over to the slot.
 
-    Raises:
-        InputError: a place or an output is missing in the robot file, or a pose is out of reach.
+    Raise InputError if the robot file lacks a place or an output, or if a pose is out of reach.
     """
     shelf = _Shelf(robot, options)
     moves = shelf.above_box()

@@ -20,10 +20,7 @@ class _Polynomial:
 
     Attributes:
         distance: S, in any unit.
-        duration_s: T, a whole number of milliseconds.
-
-    Raises:
-        InputError: the duration is not a whole number of milliseconds above 0.
+        duration_s: T, a whole number of milliseconds above 0; raises InputError for any other.
     """
 
     distance: float

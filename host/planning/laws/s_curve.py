@@ -24,14 +24,11 @@ class SCurve:
 
     Source: L. Biagiotti, C. Melchiorri, "Trajectory Planning for Automatic Machines and Robots", section 3.4.
 
-    Attributes:
+    Attributes (a time that breaks its rule raises InputError):
         distance: S, in any unit; may be negative.
         duration_s: T, a whole number of milliseconds.
         ramp_s: t1, a whole number of milliseconds, up to half of T.
         jerk_s: tj, a whole number of milliseconds, up to half of t1.
-
-    Raises:
-        InputError: a time is not a whole number of milliseconds, or not within the bounds above.
     """
 
     distance: float

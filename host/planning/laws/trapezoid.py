@@ -22,13 +22,10 @@ class Trapezoid:
     the paper prints the first branch twice as large, so that it jumps at t1, and repeats the second branch as the
     third, which ends beyond S.
 
-    Attributes:
+    Attributes (a time that breaks its rule raises InputError):
         distance: S, in any unit, may be negative; velocities are in that unit per second.
         duration_s: T, a whole number of milliseconds.
         ramp_s: t1, a whole number of milliseconds, up to half of T.
-
-    Raises:
-        InputError: a time is not a whole number of milliseconds, or not within the bounds above.
     """
 
     distance: float

@@ -35,10 +35,8 @@ _THERE: Final = 1e-9
 class Composer:
     """A sequence under construction, which begins at `joints`, of shape (joints,); `sequence` returns it.
 
-    Each move begins where the one before ended, and `joints` is the position reached.
-
-    Raises:
-        InputError: from each method, if the robot cannot make the move; times in the messages are the sequence's.
+    Each move begins where the one before ended, and `joints` is the position reached. Every move raises InputError if
+    the robot cannot make it; times in the messages are the sequence's.
     """
 
     robot: Robot

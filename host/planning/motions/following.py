@@ -15,10 +15,8 @@ def follow(robot: Robot, poses: FloatArray, t_s: FloatArray, branch: str, near: 
     """Return joints of shape (n, joints) for tool poses of shape (n, 4) along a path, at times of shape (n,).
 
     They begin at the turns nearest to `near`, of shape (joints,), and continue without jumps of a whole turn. The
-    planner checks the joints' limits, this function does not.
-
-    Raises:
-        InputError: the path leaves the mechanism's reach or comes near a singularity; the message says when.
+    planner checks the joints' limits, this function does not. It raises InputError, with the time, if the path leaves
+    the mechanism's reach or comes near a singularity.
     """
     kinematics = make_kinematics(robot)
     if branch not in kinematics.branches:

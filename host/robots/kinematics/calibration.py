@@ -52,7 +52,6 @@ def calibration_scara(robot: Robot) -> Scara:
         shoulder=0,
         elbow=1,
         wrist=3,
-        heading_deg=0.0,
         height_mm=geometry.d1_mm,
         lift_sign=-1,
         wrist_sign=_WRIST_SIGNS[geometry.alpha3_deg],

@@ -47,6 +47,5 @@ def lab_scara(robot: Robot) -> Scara:
         wrist=3,
         heading_deg=90.0,
         height_mm=-geometry.d5_mm,
-        lift_sign=1,
         wrist_sign=-1,
     )

@@ -35,8 +35,8 @@ class Scara:
         dh: The same mechanism as a DH table, with the joints' names as variables.
         arm: The two links.
         lift: Column of the lift; likewise shoulder, elbow and wrist.
-        heading_deg: h, the arm's direction at shoulder = elbow = 0.
         height_mm: z0, the tool's height with the lift at 0.
+        heading_deg: h, the arm's direction at shoulder = elbow = 0.
         lift_sign: -1 if the lift pushes the tool down, otherwise 1.
         wrist_sign: w, -1 if the tool points down, otherwise 1.
         tool_mm: l_tool, the tool's distance from the wrist's axis, in the direction of the attitude.
@@ -50,10 +50,10 @@ class Scara:
     shoulder: int
     elbow: int
     wrist: int
-    heading_deg: float
     height_mm: float
-    lift_sign: int
-    wrist_sign: int
+    heading_deg: float = 0.0
+    lift_sign: int = 1
+    wrist_sign: int = 1
     tool_mm: float = 0.0
     slides: tuple[tuple[int, int], ...] = ()
 

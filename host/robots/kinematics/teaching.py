@@ -45,8 +45,6 @@ def teaching_scara(robot: Robot) -> Scara:
         shoulder=0,
         elbow=1,
         wrist=3,
-        heading_deg=0.0,
         height_mm=geometry.d4_mm,
         lift_sign=-1,
-        wrist_sign=1,
     )

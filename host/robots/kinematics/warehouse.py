@@ -17,14 +17,7 @@ from steptwin.host.robots.kinematics.planar2r import Planar2R
 from steptwin.host.robots.kinematics.scara import Scara
 from steptwin.host.robots.robot import Robot
 
-_JOINTS: Final = {
-    "sx": Unit.MM,
-    "sz": Unit.MM,
-    "L1": Unit.MM,
-    "th1": Unit.DEG,
-    "th2": Unit.DEG,
-    "th3": Unit.DEG,
-}
+_JOINTS: Final = {"sx": Unit.MM, "sz": Unit.MM, "L1": Unit.MM, "th1": Unit.DEG, "th2": Unit.DEG, "th3": Unit.DEG}
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,10 +50,7 @@ def warehouse_scara(robot: Robot) -> Scara:
         shoulder=3,
         elbow=4,
         wrist=5,
-        heading_deg=0.0,
         height_mm=-geometry.L4_mm,
-        lift_sign=1,
-        wrist_sign=1,
         tool_mm=geometry.L5_mm,
         slides=((0, 0), (1, 2)),
     )

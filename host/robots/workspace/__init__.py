@@ -4,13 +4,4 @@ from steptwin.host.robots.workspace.arm import ATTITUDES
 from steptwin.host.robots.workspace.monte_carlo import SAMPLES_MAX, MonteCarlo, monte_carlo
 from steptwin.host.robots.workspace.sections import PlanSection, ProfileSection, Scan, scan
 
-__all__ = [
-    "ATTITUDES",
-    "SAMPLES_MAX",
-    "MonteCarlo",
-    "PlanSection",
-    "ProfileSection",
-    "Scan",
-    "monte_carlo",
-    "scan",
-]
+__all__ = ["ATTITUDES", "SAMPLES_MAX", "MonteCarlo", "PlanSection", "ProfileSection", "Scan", "monte_carlo", "scan"]
