@@ -24,9 +24,9 @@ class SCurve:
 
     Source: L. Biagiotti, C. Melchiorri, "Trajectory Planning for Automatic Machines and Robots", section 3.4.
 
-    Attributes (a time that breaks its rule raises InputError):
+    Attributes:
         distance: S, in any unit; may be negative.
-        duration_s: T, a whole number of milliseconds.
+        duration_s: T, a whole number of milliseconds above 0; a time out of its range raises InputError.
         ramp_s: t1, a whole number of milliseconds, up to half of T.
         jerk_s: tj, a whole number of milliseconds, up to half of t1.
     """

@@ -22,9 +22,9 @@ class Trapezoid:
     the paper prints the first branch twice as large, so that it jumps at t1, and repeats the second branch as the
     third, which ends beyond S.
 
-    Attributes (a time that breaks its rule raises InputError):
+    Attributes:
         distance: S, in any unit, may be negative; velocities are in that unit per second.
-        duration_s: T, a whole number of milliseconds.
+        duration_s: T, a whole number of milliseconds above 0; a time out of its range raises InputError.
         ramp_s: t1, a whole number of milliseconds, up to half of T.
     """
 
