@@ -1,10 +1,10 @@
-"""SDO abort codes (CiA 301 table 22) and the exception that carries one through the device side."""
+"""SDO abort codes (CiA 301 table 22), and the exception by which the device side refuses an access."""
 
 from enum import IntEnum
 
 
 class AbortCode(IntEnum):
-    """Why an SDO transfer ends without success."""
+    """Reason for which an SDO transfer is aborted."""
 
     TOGGLE_NOT_ALTERNATED = 0x0503_0000
     COMMAND_UNKNOWN = 0x0504_0001
@@ -29,7 +29,7 @@ class AbortCode(IntEnum):
 
 
 class SdoAbortError(Exception):
-    """An access to the object dictionary is refused; SDO answers with the code, a PDO drops the value."""
+    """Refusal of an access to the object dictionary: SDO answers with the code, a PDO drops the value."""
 
     def __init__(self, code: AbortCode) -> None:
         super().__init__(f"{code.name} (0x{code:08X})")

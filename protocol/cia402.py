@@ -1,4 +1,4 @@
-"""The words of CiA 402 (IEC 61800-7-201) that drive and master share: states, modes, control, status and errors."""
+"""States, modes, control bits, status bits and error codes of CiA 402 (IEC 61800-7-201), shared by drive and master."""
 
 from enum import Enum, IntEnum, IntFlag
 from functools import cache
@@ -18,14 +18,14 @@ class State(Enum):
 
     def __init__(self, mask: int, bits: int) -> None:
         self.mask = mask
-        """Which bits of the statusword tell the states apart."""
+        """Bits of the statusword that tell this state from the others."""
         self.bits = bits
-        """What the state contributes to the statusword."""
+        """Values of these bits in this state."""
 
     @classmethod
     @cache
     def of(cls, statusword: int) -> "State":
-        """Read the state from a statusword; raise ValueError if its bits are no state's."""
+        """Return the state that a statusword shows; raise ValueError if it shows none."""
         for state in cls:
             if statusword & state.mask == state.bits:
                 return state
@@ -33,19 +33,19 @@ class State(Enum):
 
 
 class Control(IntEnum):
-    """Bits of the controlword 0x6040; combined they are plain integers."""
+    """Bits of the controlword (6040h); combined bits are plain integers."""
 
     SWITCH_ON = 1 << 0
     ENABLE_VOLTAGE = 1 << 1
     QUICK_STOP = 1 << 2
-    """Active low: a quick stop is asked for by clearing it."""
+    """Active low: the bit is cleared to command a quick stop."""
     ENABLE_OPERATION = 1 << 3
     START = 1 << 4
-    """Homing: start; interpolated position: enable; profile position: new set-point."""
+    """Homing: start; interpolated position: enable; profile position: new setpoint."""
     CHANGE_AT_ONCE = 1 << 5
-    """Profile position: do not wait for the set-point in progress."""
+    """Profile position: take the new setpoint at once, without waiting for the one in progress."""
     RELATIVE = 1 << 6
-    """Profile position: the target counts from the one before."""
+    """Profile position: the target is relative to the target before it."""
     FAULT_RESET = 1 << 7
     HALT = 1 << 8
 
@@ -55,11 +55,11 @@ SWITCH_ON = 0x07
 ENABLE_OPERATION = 0x0F
 DISABLE_VOLTAGE = 0x00
 QUICK_STOP = 0x02
-"""The controlwords that CiA 402 names."""
+"""Controlwords of the commands that CiA 402 names."""
 
 
 class Status(IntEnum):
-    """Bits of the statusword 0x6041 beside those of the state; combined they are plain integers."""
+    """Bits of the statusword (6041h) beside those of the state; combined bits are plain integers."""
 
     VOLTAGE_ENABLED = 1 << 4
     WARNING = 1 << 7
@@ -74,11 +74,11 @@ class Status(IntEnum):
     HOMING_ERROR = 1 << 13
     FOLLOWING_ERROR = 1 << 13
     POSITION_KNOWN = 1 << 14
-    """The manufacturer's: the axis was homed since power-up and has not been cut off while it moved."""
+    """Manufacturer-specific: set from homing on, until the drive is disabled while the axis moves."""
 
 
 class Mode(IntEnum):
-    """Modes of operation, objects 0x6060 and 0x6061."""
+    """Values of modes of operation (6060h) and of its display (6061h)."""
 
     NONE = 0
     PROFILE_POSITION = 1
@@ -89,23 +89,23 @@ class Mode(IntEnum):
 
     @property
     def supported_bit(self) -> int:
-        """The mode's bit in 0x6502."""
+        """The mode's bit in supported drive modes (6502h)."""
         return 1 << (self - 1) if self else 0
 
 
 class DigitalInput(IntFlag):
-    """Bits of 0x60FD (CiA 402-2); from bit 16 on they are the manufacturer's. A set bit is an input that is active."""
+    """Bits of the digital inputs (60FDh, CiA 402-2), set while the input is active; from bit 16 on manufacturer's."""
 
     NEGATIVE_LIMIT = 1 << 0
     POSITIVE_LIMIT = 1 << 1
     HOME = 1 << 2
     ESTOP = 1 << 16
     DRIVER_PROTECT = 1 << 17
-    """The driver chip has switched itself off because it is too hot."""
+    """Set while the driver chip is switched off by its thermal shutdown."""
 
 
 class DigitalOutput(IntFlag):
-    """Bits of 0x60FE:01 and of its mask :02: OUT1 and OUT2 at the axis' connector.
+    """Bits of the digital outputs (60FEh:01) and of their mask (:02): OUT1 and OUT2 at the axis' connector.
 
     CiA 402-2 leaves bits 16 to 31 to the manufacturer; bit 0 would be a brake, which this board does not have.
     """
@@ -115,7 +115,7 @@ class DigitalOutput(IntFlag):
 
 
 class AbortConnection(IntEnum):
-    """What a drive does when it has lost its host, object 0x6007 (CiA 402 table 41)."""
+    """Reactions of a drive to the loss of its host: abort connection option code (6007h, CiA 402 table 41)."""
 
     NO_ACTION = 0
     FAULT_SIGNAL = 1
@@ -124,41 +124,41 @@ class AbortConnection(IntEnum):
 
 
 PVT_SUBMODE = -1
-"""0x60C0: the manufacturer's interpolation, position-velocity-time records."""
+"""Interpolation sub mode (60C0h) of position-velocity-time records; negative values are manufacturer-specific."""
 
 
 class HomingError(IntEnum):
-    """Why a homing has failed: object 0x2020:02 and the detail of EMCY 0xFF05."""
+    """Reason for which a homing has failed: object 2020h:02, and the detail of EMCY FF05h."""
 
     NONE = 0
     NOT_FOUND = 1
-    """The search came to the end of travel, or to both ends where the method turns round, without the switch."""
+    """The search reached the end of travel, or both ends if the method turns round, without meeting the switch."""
     STUCK = 2
-    """The switch was found, but the way over its edge ended at a limit switch: it did not open, or did not close."""
+    """The switch was found, but did not open or close again before the axis reached a limit switch."""
     WRONG_SWITCH = 3
-    """A limit switch closed behind the axis or, of two that should be apart, the one of the other end."""
+    """A limit switch closed towards which the axis does not move."""
     TIMEOUT = 4
-    """It took longer than 0x2020:01."""
+    """The homing took longer than its timeout (2020h:01)."""
     NO_SPEED = 5
-    """The axis' speed limit leaves no motion."""
+    """The axis' speed limit is too low for any motion."""
 
 
 LINEAR_RAMP = 0
 JERK_LIMITED_RAMP = 3
-"""0x6086; the other two of CiA 402, sin^2 and jerk-free, are not offered."""
+"""Motion profile types (6086h) of this drive; CiA 402's sin^2 and jerk-free ramps are not offered."""
 
 
 class ErrorCode(IntEnum):
-    """What 0x603F and EMCY say (CiA 402 table 25, CiA 301 table 26; 0xFFxx is the manufacturer's)."""
+    """Error codes of object 603Fh and of EMCY (CiA 402 table 25, CiA 301 table 26; FFxxh is manufacturer-specific)."""
 
     NONE = 0x0000
     OVERVOLTAGE = 0x3210
     UNDERVOLTAGE = 0x3220
     TEMPERATURE = 0x4310
-    """Detail 0: the board; 1: the driver chip, which has switched itself off."""
+    """Detail 0: the board is too hot; 1: the driver chip is, and has switched itself off."""
     PARAMETER = 0x6320
     CAN_OVERRUN = 0x8110
-    """A message was lost because nobody fetched its predecessors from the CAN controller."""
+    """A message was lost because the CAN controller's receive FIFO was full."""
     CAN_ERROR_PASSIVE = 0x8120
     HEARTBEAT_LOST = 0x8130
     CAN_BUS_OFF_RECOVERED = 0x8140
@@ -168,32 +168,32 @@ class ErrorCode(IntEnum):
     OVERSPEED = 0x8400
     FOLLOWING_ERROR = 0x8611
     LIMIT_SWITCH = 0x8612
-    """CiA 402's "reference limit". Detail 0: the negative one; 1: the positive one."""
+    """CiA 402's "reference limit". Detail 0: negative limit switch; 1: positive limit switch."""
     SYNC_CONTROLLER = 0x8700
-    """Too many SYNCs (detail 0) or set-points (detail 1) of cyclic synchronous position have not come in time."""
+    """Too many SYNCs (detail 0) or setpoints (detail 1) of cyclic synchronous position came late or not at all."""
     ESTOP = 0x9000
     """CiA 301's "external error"."""
     PVT_UNDERRUN = 0xFF01
     GROUP_STOPPED = 0xFF02
-    """Another axis of the group has a fault; this one stopped with it."""
+    """Another axis of the group has a fault, with which this axis stopped."""
     SEGMENT_REFUSED = 0xFF03
     LATE_STEP = 0xFF04
-    """A step had to wait for the driver's timing for more than one servo tick."""
+    """A step had to wait more than one servo tick until the driver's timing allowed it."""
     HOMING_FAILED = 0xFF05
-    """No fault: the axis stops and stays enabled. The detail is a HomingError."""
+    """Not a fault: the axis stops and stays enabled. The detail is a HomingError."""
 
     @property
     def communication(self) -> bool:
-        """Whether it is an error of the bus, which goes when its cause goes, not by a fault reset."""
+        """True for errors of the bus, which end with their cause and not by a fault reset."""
         return self >> 8 in (0x81, 0x82)
 
     @property
     def register(self) -> int:
-        """The error register 0x1001 that goes with it (CiA 301, table 48); every error sets bit 0, generic."""
+        """Bits that the error sets in the error register (1001h, CiA 301 table 48): always bit 0, "generic error"."""
         if self == ErrorCode.NONE:
             return 0
         return 0x01 | (0x10 if self.communication else _REGISTER_BITS[self >> 12])
 
 
 _REGISTER_BITS = {0x3: 0x04, 0x4: 0x08, 0x6: 0x20, 0x8: 0x20, 0x9: 0x00, 0xF: 0x80}
-"""By the code's first digit: voltage, temperature, device profile (twice), none, manufacturer."""
+"""Bits by the code's first hexadecimal digit: voltage, temperature, device profile (twice), none, manufacturer."""

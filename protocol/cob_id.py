@@ -1,4 +1,4 @@
-"""The rules for COB-ID entries that may be written: PDOs' and EMCY's (CiA 301, sections 7.3.5 and 7.5.2)."""
+"""Rules for writing the COB-ID entries of PDOs and of EMCY (CiA 301, sections 7.3.5 and 7.5.2)."""
 
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.frame import COB_ID_INVALID, COB_ID_MASK
@@ -8,9 +8,10 @@ _RESTRICTED = ((0x000, 0x080), (0x101, 0x180), (0x581, 0x5FF), (0x601, 0x67F), (
 
 
 def check_cob_id(old: int, new: int, flags: int = 0) -> None:
-    """Let a COB-ID entry become `new`: 11 bits, nobody else's, no bits above but `flags` and "invalid".
+    """Check whether a COB-ID entry may change from `old` to `new`.
 
-    A valid one's identifier may not change: it must be made invalid first.
+    The identifier has 11 bits and belongs to no other service; of the bits above it only `flags` and "invalid" may be
+    set. The identifier of a valid entry may not change: the entry must be made invalid first.
 
     Raises:
         SdoAbortError: the value is refused.

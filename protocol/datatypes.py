@@ -1,10 +1,10 @@
-"""CANopen's data types as used here, with their little-endian codecs (CiA 301, section 7.1.6)."""
+"""The data types of CANopen that this board uses, and their little-endian codecs (CiA 301, section 7.1.6)."""
 
 from enum import IntEnum
 
 
 class DataType(IntEnum):
-    """Codes of CiA 301 table 44, with the bytes on the wire (0 for a string, whose length is its own) and the sign."""
+    """Codes of CiA 301 table 44, each with its size in bytes (0 for a string, which has any length) and its sign."""
 
     INTEGER8 = 0x02, 1, True
     INTEGER16 = 0x03, 2, True
@@ -18,12 +18,12 @@ class DataType(IntEnum):
     size: int
     signed: bool
     low: int
-    """The least value."""
+    """Least value of the type."""
     high: int
-    """The greatest value."""
+    """Greatest value of the type."""
 
     def __new__(cls, code: int, size: int, signed: bool) -> "DataType":
-        """A code of the standard's and its range: two's complement, or from 0."""
+        """Make a member from its code and compute its range: two's complement if signed, else from 0."""
         member = int.__new__(cls, code)
         member._value_ = code
         member.size, member.signed = size, signed

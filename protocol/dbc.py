@@ -1,7 +1,7 @@
-"""A CAN database (DBC) of a board's traffic, written from the object table: loggers and analysers name every signal.
+"""Write a CAN database (DBC) of a board's traffic from the object table, by which loggers and analysers name signals.
 
-Each axis has its PDOs as they are mapped by default, its emergency and its heartbeat; NMT, SYNC and SDO are shared or
-plain bytes. An axis may say how many wire units make one mm or degree: positions are then decoded in these.
+Each axis has its PDOs in their default mapping, its emergency, its heartbeat and its SDO; NMT and SYNC are shared. An
+axis may say how many wire units make one mm or degree: positions and speeds are then decoded in mm or degrees.
 """
 
 import re
@@ -39,12 +39,12 @@ _TIMES = (EntryUnit.MS, EntryUnit.US)
 
 @dataclass(frozen=True, slots=True)
 class AxisNames:
-    """How an axis appears.
+    """Name and unit of an axis in the database.
 
     Attributes:
-        name: begins the names of its messages.
+        name: first part of the names of the axis' messages.
         unit: "mm" or "deg"; empty for wire units.
-        units_per_unit: wire units in one of them, 1 for wire units.
+        units_per_unit: number of wire units in one `unit`; 1 for wire units.
     """
 
     name: str
@@ -81,7 +81,7 @@ class _Message:
 
 
 def render_dbc(axes: tuple[AxisNames, ...]) -> str:
-    """Return the DBC text of a board with these axes, from the first node id on."""
+    """Return the DBC text of a board with these axes; node ids count from the default first one."""
     messages = [*_shared(), *(m for i, axis in enumerate(axes) for m in _axis_messages(axis, FIRST_NODE_ID + i))]
     parts = [
         'VERSION ""',
@@ -157,7 +157,7 @@ def _identifier(name: str) -> str:
 
 
 def _value_tables(messages: list[_Message]) -> Iterator[str]:
-    """Names for values: NMT commands and states. The statusword's states need a mask, which a DBC does not know."""
+    """Name the values of NMT commands and states; a DBC cannot name drive states, which need a mask."""
     commands = " ".join(f'{command.value} "{command.name}"' for command in NmtCommand)
     yield f"VAL_ {COB_NMT} Command {commands} ;"
     states = " ".join(f'{state.value} "{state.name}"' for state in NmtState)

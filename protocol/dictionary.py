@@ -1,4 +1,4 @@
-"""The values behind the object table of one node, with the checks of CiA 301 and hooks for what lives elsewhere."""
+"""Hold the values of one node's object dictionary, with the checks of CiA 301 and hooks for values kept elsewhere."""
 
 from collections.abc import Callable
 from functools import partial
@@ -11,16 +11,16 @@ from steptwin.protocol.objects import ENTRIES
 ReadHook = Callable[[], int]
 WriteHook = Callable[[int], None]
 FlashPage = dict[int, int]
-"""A node's stored parameters, by address. Its owner keeps it while the power is off."""
+"""A node's stored parameters by address; the page's owner keeps it while the power is off."""
 _INDICES = frozenset(address >> 8 for address in ENTRIES)
 
 
 class ObjectDictionary:
     """One node's object dictionary.
 
-    `read` and `write` are the bus's way in: they check access, length and range and raise SdoAbortError. `get` and
-    `set` are the firmware's: `set` stores whatever it is given. A read hook supplies a value that lives elsewhere; a
-    write hook acts on a value that passed the checks, before it is stored, and may refuse it with SdoAbortError.
+    The bus uses `read` and `write`, which check access, length and range and raise SdoAbortError. The firmware uses
+    `get` and `set`, which check nothing. A read hook supplies a value that is kept elsewhere. A write hook acts on a
+    value that has passed the checks, before it is stored, and may refuse it with SdoAbortError.
     """
 
     def __init__(self, node_id: int, *, stored: FlashPage | None = None) -> None:
@@ -32,14 +32,14 @@ class ObjectDictionary:
             for address, entry in self.entries.items()
             if entry.data_type is not DataType.VISIBLE_STRING
         }
-        """Of all but strings, which are constants."""
+        """Values after power-up without a stored one; strings are left out, since they are constants."""
         self._values: dict[int, int] = {}
         self._bounds = {
             address: _bounds(entry)
             for address, entry in self.entries.items()
             if entry.low is not None or entry.high is not None
         }
-        """Of the entries whose range is narrower than that of their type."""
+        """Ranges of the entries whose range is narrower than that of their type."""
         self.read_hooks: dict[int, ReadHook] = {}
         self.write_hooks: dict[int, WriteHook] = {}
         self.reset()
@@ -58,29 +58,26 @@ class ObjectDictionary:
         return self.read_hooks[address]() if address in self.read_hooks else self._values[address]
 
     def reader(self, address: int) -> ReadHook:
-        """What returns the present value of a numeric entry, for those who need it with every frame.
-
-        Like a writer it is to be asked for when all hooks are in place.
-        """
+        """Return a bound getter of a numeric entry, for hot paths; call this after all hooks are installed."""
         return self.read_hooks.get(address) or partial(self._values.__getitem__, address)
 
     def set(self, address: int, value: int) -> None:
-        """Store a value as the firmware's own, without checks or hooks."""
+        """Store a value of the firmware's own, without checks or hooks."""
         self._values[address] = value
 
     def count(self, address: int) -> None:
-        """Add one to a counter, which stays at its greatest value."""
+        """Add one to a counter, unless it has reached the greatest value of its type."""
         if self._values[address] < self.entries[address].data_type.high:
             self._values[address] += 1
 
     def writer(self, address: int) -> WriteHook:
-        """What stores a value of an entry as `put` does, for those who need it with every frame."""
+        """Return a bound `put` of an entry, for hot paths; call this after all hooks are installed."""
         if address in self._bounds or address in self.write_hooks:
             return partial(self.put, address)
         return partial(self._values.__setitem__, address)
 
     def put(self, address: int, value: int) -> None:
-        """Store a value that came over the bus, decoded from its type: range, write hook, then the store.
+        """Store a decoded value that came over the bus: check its range, call the write hook, then store it.
 
         Raises:
             SdoAbortError: the value is out of range or the hook refuses it.
@@ -97,7 +94,7 @@ class ObjectDictionary:
         """Return an entry's bytes.
 
         Raises:
-            SdoAbortError: no such object or sub-index, or it is write-only.
+            SdoAbortError: the object or sub-index does not exist, or the entry is write-only.
         """
         entry = self._entry(address)
         if entry.access is Access.WRITE_ONLY:
@@ -110,7 +107,8 @@ class ObjectDictionary:
         """Write an entry from its bytes.
 
         Raises:
-            SdoAbortError: no such object or sub-index, read-only, wrong length, out of range, or refused.
+            SdoAbortError: the entry does not exist or is read-only, or the value has the wrong length, is out of range
+                or is refused by the write hook.
         """
         size = self.size_to_write(address)
         if len(data) > size:
@@ -120,10 +118,10 @@ class ObjectDictionary:
         self.put(address, decode(self._entry(address).data_type, data))
 
     def size_to_write(self, address: int) -> int:
-        """How many bytes an entry takes.
+        """Return the number of bytes that a write to an entry must have.
 
         Raises:
-            SdoAbortError: no such object or sub-index, or it is read-only.
+            SdoAbortError: the object or sub-index does not exist, or the entry is read-only.
         """
         entry = self._entry(address)
         if entry.access not in (Access.READ_WRITE, Access.WRITE_ONLY):

@@ -1,4 +1,4 @@
-"""The electronic data sheet of an axis node, written from the object table (CiA 306-1)."""
+"""Write the electronic data sheet (EDS) of an axis node from the object table (CiA 306-1)."""
 
 import configparser
 import io
@@ -13,7 +13,7 @@ _MANUFACTURER_FIRST, _MANUFACTURER_LAST = 0x2000, 0x5FFF
 _PDO_MAPPINGS = frozenset(od.RPDO_MAPPING + od.TPDO_MAPPING)
 _RATES_KBIT = (10, 20, 50, 125, 250, 500, 800, 1000)
 _FILE_DATE = {"Time": "12:00AM", "Date": "01-01-2026"}
-"""Fixed, so that the same table always gives the same bytes."""
+"""A fixed date, so that the same table always gives the same bytes."""
 
 
 def render_eds() -> str:
@@ -103,7 +103,7 @@ def _add_object(eds: configparser.RawConfigParser, item: DictionaryObject) -> No
             "ObjectType": "0x7",
             **_entry(entry),
         }
-        if subindex and item.index in _PDO_MAPPINGS:  # index, subindex and bits: digits that belong apart
+        if subindex and item.index in _PDO_MAPPINGS:  # hexadecimal shows index, sub-index and bits
             eds[f"{section}sub{subindex:X}"]["DefaultValue"] = f"0x{entry.default:08X}"
 
 

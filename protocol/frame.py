@@ -16,7 +16,7 @@ BITRATES = (125_000, 250_000, 500_000, 1_000_000)
 COB_NMT = 0x000
 COB_SYNC = 0x080
 COB_EMCY = 0x080
-"""Plus the node id, as all below; the node id 0 of the same number is SYNC."""
+"""The node id is added to this and to all below; 080h itself is SYNC."""
 COB_TPDO = (0x180, 0x280, 0x380, 0x480)
 COB_RPDO = (0x200, 0x300, 0x400, 0x500)
 COB_SDO_RESPONSE = 0x580
@@ -24,11 +24,11 @@ COB_SDO_REQUEST = 0x600
 COB_HEARTBEAT = 0x700
 
 FIRST_NODE_ID = 0x10
-"""The node id of a board's first axis, unless it is set otherwise; the others count on from it."""
+"""Node id of a board's first axis by default; the other axes count on from it."""
 NODE_ID_MAX = 0x7F
 
 HOST_NODE_ID = 0x7F
-"""The node id under which the host sends its heartbeat: the last one, which no axis has."""
+"""Node id with which the host sends its heartbeat: the last one, which no axis has."""
 
 COB_ID_INVALID = 1 << 31
 """Set in a PDO's or EMCY's COB-ID entry: the object does not exist."""

@@ -1,8 +1,8 @@
-"""The heartbeat consumer: which other nodes a node listens to, and when it has lost one (CiA 301, section 7.2.8.3.2).
+"""Watch the heartbeats of other nodes and notice when one is lost (CiA 301, section 7.2.8.3.2).
 
-Object 0x1016 names the producers: node id in bits 16 to 23, time in ms in bits 0 to 15; an entry with a time of 0 or a
-node id outside of 1 to 127 watches nobody. Watching begins with the first heartbeat. A lost producer is watched again
-from its next heartbeat on. A boot-up message is no heartbeat: who says it has just forgotten what it was doing.
+The consumer heartbeat time (1016h) names the producers: node id in bits 16 to 23, time in ms in bits 0 to 15. An entry
+with a time of 0 or a node id outside of 1 to 127 is unused. Watching begins with a producer's first heartbeat, and
+again with the next one after a loss. A boot-up message does not count: its sender has just restarted.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ _STATE_MASK = 0x7F
 
 @dataclass(slots=True)
 class _Watch:
-    """One producer that is watched; `deadline_us` is None while none of its heartbeats is awaited."""
+    """One watched producer; `deadline_us` is None before its first heartbeat and after its loss."""
 
     node_id: int
     timeout_us: int
@@ -29,41 +29,41 @@ class _Watch:
 
 
 class HeartbeatConsumer:
-    """Watches the producers that 0x1016 names."""
+    """Watches the producers that the consumer heartbeat time (1016h) names."""
 
     def __init__(self, dictionary: ObjectDictionary) -> None:
         self._dictionary = dictionary
         self._watches: dict[int, _Watch] = {}
-        """By the address of the entry that names the producer."""
+        """Watched producers, by the address of the entry that names each."""
         for address in od.CONSUMER_HEARTBEATS:
             dictionary.write_hooks[address] = partial(self._write, address)
         self.changed = True
-        """Whether the producers may be others since somebody last looked."""
+        """True when the set of producers may have changed; the reader resets it."""
 
     def restart(self) -> None:
-        """Begin anew with what the dictionary holds: nobody has been heard."""
+        """Watch the producers that the dictionary names; none of them has been heard yet."""
         self._watches.clear()
         for address in od.CONSUMER_HEARTBEATS:
             self._watch(address, self._dictionary.get(address))
 
     @property
     def producers(self) -> list[int]:
-        """The node ids that are watched."""
+        """Node ids of the watched producers."""
         return [watch.node_id for watch in self._watches.values()]
 
     @property
     def lost(self) -> list[int]:
-        """The node ids that were lost and have not come back."""
+        """Node ids of the producers that were lost and have not come back."""
         return [watch.node_id for watch in self._watches.values() if watch.lost]
 
     @property
     def due_us(self) -> int | None:
-        """When the next producer is lost if it stays silent."""
+        """Instant at which the next producer counts as lost if it stays silent; None if none is awaited."""
         deadlines = [watch.deadline_us for watch in self._watches.values() if watch.deadline_us is not None]
         return min(deadlines, default=None)
 
     def receive(self, node_id: int, data: bytes, now_us: int) -> bool:
-        """A heartbeat of a node has arrived; True if the node was lost and is back."""
+        """Take a heartbeat of a node; return True if the node was lost and is back."""
         if len(data) != 1 or data[0] & _STATE_MASK == NmtState.INITIALISING:
             return False
         for watch in self._watches.values():
@@ -74,7 +74,7 @@ class HeartbeatConsumer:
         return False
 
     def poll(self, now_us: int) -> list[int]:
-        """The node ids that are lost as of now, each once."""
+        """Return the node ids of the producers that have become lost by now, each once."""
         late = [w for w in self._watches.values() if w.deadline_us is not None and w.deadline_us <= now_us]
         for watch in late:
             watch.deadline_us = None
@@ -82,7 +82,7 @@ class HeartbeatConsumer:
         return [watch.node_id for watch in late]
 
     def _write(self, address: int, word: int) -> None:
-        """A node may be named once (abort code as CiA 301, section 7.5.2.16 prescribes)."""
+        """Watch another producer; a node may be named once (abort code of CiA 301, section 7.5.2.16)."""
         node_id = _node_of(word)
         if node_id and any(w.node_id == node_id for i, w in self._watches.items() if i != address):
             raise SdoAbortError(AbortCode.INCOMPATIBLE)
@@ -97,6 +97,6 @@ class HeartbeatConsumer:
 
 
 def _node_of(word: int) -> int:
-    """The node id of an entry; 0 if the entry watches nobody."""
+    """Return the node id of an entry; 0 if the entry is unused."""
     node_id = word >> 16
     return node_id if word & 0xFFFF and node_id <= 127 else 0

@@ -1,10 +1,10 @@
-"""Network management of one node: its state machine and its heartbeat (CiA 301, sections 7.2.8 and 7.3.2)."""
+"""Network management (NMT) of one node: its states and its heartbeat (CiA 301, sections 7.2.8 and 7.3.2)."""
 
 from enum import IntEnum
 
 
 class NmtState(IntEnum):
-    """A node's state; the value is what its heartbeat says."""
+    """A node's state; the value is the one in its heartbeat."""
 
     INITIALISING = 0
     STOPPED = 4
@@ -13,7 +13,7 @@ class NmtState(IntEnum):
 
 
 class NmtCommand(IntEnum):
-    """The command specifiers of the NMT service."""
+    """Command specifiers of the NMT service."""
 
     START = 1
     STOP = 2
@@ -23,10 +23,10 @@ class NmtCommand(IntEnum):
 
 
 class ErrorBehaviour(IntEnum):
-    """What a communication error does to the node's state, object 0x1029:01 (CiA 301, section 7.5.2.27)."""
+    """State to which a communication error leads: error behaviour (1029h:01, CiA 301, section 7.5.2.27)."""
 
     PRE_OPERATIONAL = 0
-    """From OPERATIONAL only."""
+    """Applies in OPERATIONAL only."""
     NO_CHANGE = 1
     STOPPED = 2
 
@@ -38,25 +38,25 @@ _TARGETS = {
     NmtCommand.RESET_NODE: NmtState.INITIALISING,
     NmtCommand.RESET_COMMUNICATION: NmtState.INITIALISING,
 }
-"""Every command is valid in every state after boot-up; INITIALISING leads on to PRE-OPERATIONAL by itself."""
+"""State to which each command leads, from any state; INITIALISING leads on to PRE-OPERATIONAL by itself."""
 
 _COMMANDS = frozenset(NmtCommand)
 
 
 def command_for(data: bytes, node_id: int) -> NmtCommand | None:
-    """Read an NMT frame; None if it is malformed, unknown or meant for another node (0 means all)."""
+    """Return the command of an NMT frame; None if it is malformed, unknown or for another node (0 means all nodes)."""
     if len(data) != 2 or data[0] not in _COMMANDS or data[1] not in (0, node_id):
         return None
     return NmtCommand(data[0])
 
 
 def target_of(command: NmtCommand) -> NmtState:
-    """The state that a command leads to."""
+    """Return the state to which a command leads."""
     return _TARGETS[command]
 
 
 def after_error(state: NmtState, behaviour: int) -> NmtState:
-    """The state that a communication error leads to."""
+    """Return the state to which a communication error leads."""
     if behaviour == ErrorBehaviour.STOPPED:
         return NmtState.STOPPED
     if behaviour == ErrorBehaviour.PRE_OPERATIONAL and state is NmtState.OPERATIONAL:
@@ -65,19 +65,19 @@ def after_error(state: NmtState, behaviour: int) -> NmtState:
 
 
 class HeartbeatProducer:
-    """Says the node's state every `period_us`; 0 switches it off."""
+    """Announces the node's state every `period_us`; 0 switches the heartbeat off."""
 
     def __init__(self) -> None:
         self.period_us = 0
         self.due_us: int | None = None
 
     def set_period(self, period_us: int, now_us: int) -> None:
-        """Object 0x1017 was written: the first heartbeat comes at once."""
+        """Take a new producer heartbeat time (1017h); the first heartbeat is due at once."""
         self.period_us = period_us
         self.due_us = now_us if period_us else None
 
     def poll(self, now_us: int) -> bool:
-        """Whether a heartbeat is to be sent now."""
+        """Return True if a heartbeat is to be sent now."""
         if self.due_us is None or now_us < self.due_us:
             return False
         self.due_us += self.period_us

@@ -31,7 +31,7 @@ STEPS, REVOLUTIONS, RECORDS = EntryUnit.STEPS, EntryUnit.REVOLUTIONS, EntryUnit.
 UNITS_PER_FULL_STEP = 16_384
 """Wire units in a full step, whatever the microstep setting."""
 FULL_STEPS_PER_REVOLUTION = 200
-"""Of a 1.8 degree motor. The board's positions are the motor's: the host knows gears and spindles."""
+"""Full steps of a 1.8 degree motor. The board's positions are the motor's; the host converts by gears and spindles."""
 _UNITS_PER_REVOLUTION = UNITS_PER_FULL_STEP * FULL_STEPS_PER_REVOLUTION
 
 IDENTITY_DEVICE_TYPE = 0x0004_0192
@@ -243,7 +243,7 @@ _NAMES = {
         od.BUFFER_SIZE_MAX: "Interpolation data configuration",
     },
 }
-"""Names of the objects that have several entries, by the first of these."""
+"""Names of the objects that have several entries, by the address of the first one."""
 
 
 def _rpdo(number: int, pdo: PdoDefault) -> dict[int, Entry]:

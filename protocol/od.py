@@ -1,25 +1,24 @@
-"""The address of every entry of the object dictionary, by name: index << 8 | sub-index.
+"""Names for the addresses of all entries of the object dictionary; an address is index << 8 | sub-index.
 
-Everything that reads or writes an entry names it here; only what stands on the wire, in an EDS or in a message is split
-into index and sub-index again. A name carries its unit where the entry is not in the dictionary's usual ones, which
-`objects.py` gives with each entry.
+All code that reads or writes an entry names it by these. Only frames, the EDS and messages split an address into index
+and sub-index again. A name ends with a unit where the unit is easily mistaken; `objects.py` has the unit of each entry.
 """
 
 from typing import Final
 
 
 def address_of(index: int, subindex: int = 0) -> int:
-    """The address of an entry by its place: for PDO parameters, lists, and what comes from the wire."""
+    """Return an entry's address from its index and sub-index, for PDO parameters and requests from the wire."""
     return index << 8 | subindex
 
 
 def index_and_subindex(address: int) -> tuple[int, int]:
-    """Where an entry stands."""
+    """Return the index and the sub-index of an address."""
     return address >> 8, address & 0xFF
 
 
 def place_text(address: int) -> str:
-    """An entry as messages and logs write it, such as 0x607D:01."""
+    """Return an address as messages and logs write it, such as 0x607D:01."""
     return f"0x{address >> 8:04X}:{address & 0xFF:02X}"
 
 

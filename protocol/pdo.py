@@ -1,10 +1,11 @@
-"""The device's process data: mappings, transmission types, inhibit times and event timers (CiA 301, section 7.2.2).
+"""Send and receive process data: mappings, transmission types, inhibit times, event timers (CiA 301, section 7.2.2).
 
-Types 1 to 240 are sent with every n-th SYNC, type 0 with a SYNC before which what they carry has changed, 254 and 255
-by changes and their event timer. A received PDO of type 0 to 240 takes effect with the next SYNC.
+A transmit PDO of type 1 to 240 is sent with every n-th SYNC, one of type 0 with the first SYNC after its values have
+changed, one of type 254 or 255 when a value changes and by its event timer. A receive PDO of type 0 to 240 takes effect
+with the next SYNC.
 
-PDOs are made from the dictionary's communication and mapping entries whenever one of these changes; what they carry
-is decoded and encoded by shifting one integer, so a mapping of any widths costs the same few operations.
+PDOs are rebuilt from the dictionary's communication and mapping entries whenever one of these changes. Their values are
+decoded and encoded by shifting one integer, so a mapping of any widths costs the same few operations.
 """
 
 from typing import NamedTuple
@@ -26,7 +27,7 @@ _MS_US = 1000
 
 
 class _Field(NamedTuple):
-    """One mapped entry: where it lies in the PDO's integer."""
+    """One mapped entry and its place in the PDO's integer."""
 
     address: int
     shift: int
@@ -35,7 +36,7 @@ class _Field(NamedTuple):
 
 
 def _fields(dictionary: ObjectDictionary, mapping_index: int) -> tuple[list[_Field], int]:
-    """Read a mapping: its fields and its length in bytes."""
+    """Return the fields of a mapping and its length in bytes."""
     fields, shift = [], 0
     for subindex in range(1, dictionary.get(address_of(mapping_index)) + 1):
         word = dictionary.get(address_of(mapping_index, subindex))
@@ -47,13 +48,13 @@ def _fields(dictionary: ObjectDictionary, mapping_index: int) -> tuple[list[_Fie
 
 
 class ReceivePdo:
-    """One RPDO as it stands in the dictionary."""
+    """One receive PDO, as the dictionary describes it."""
 
     def __init__(self, dictionary: ObjectDictionary, number: int) -> None:
         communication = od.RPDO_COMMUNICATION[number]
         self.cob_id = dictionary.get(address_of(communication, od.PDO_COB_ID))
         self.exists = not self.cob_id & COB_ID_INVALID
-        """Whether its COB-ID is valid."""
+        """True if its COB-ID is valid."""
         self.synchronous = dictionary.get(address_of(communication, od.PDO_TRANSMISSION_TYPE)) <= _LAST_SYNCHRONOUS
         fields, self._length = _fields(dictionary, od.RPDO_MAPPING[number])
         self._writers = [
@@ -61,10 +62,10 @@ class ReceivePdo:
         ]
         self._latched: bytes | None = None
         self.refused = 0
-        """Mapped values that the dictionary did not take."""
+        """Number of mapped values that the dictionary has refused."""
 
     def receive(self, data: bytes) -> ErrorCode:
-        """Take a frame: apply it now, or latch it for the next SYNC. Returns PDO length errors."""
+        """Take a frame: apply it now, or latch it for the next SYNC; return the error in its length, or NONE."""
         if len(data) < self._length:
             return ErrorCode.PDO_TOO_SHORT
         if self.synchronous:
@@ -74,7 +75,7 @@ class ReceivePdo:
         return ErrorCode.PDO_TOO_LONG if len(data) > self._length else ErrorCode.NONE
 
     def on_sync(self) -> None:
-        """Apply what was latched since the last SYNC."""
+        """Apply the frame that was latched last, if one came since the last SYNC."""
         if self._latched is not None:
             data, self._latched = self._latched, None
             self._apply(data)
@@ -89,13 +90,13 @@ class ReceivePdo:
 
 
 class TransmitPdo:
-    """One TPDO as it stands in the dictionary, with its timers."""
+    """One transmit PDO, as the dictionary describes it, with its timers."""
 
     def __init__(self, dictionary: ObjectDictionary, number: int, now_us: int) -> None:
         communication = od.TPDO_COMMUNICATION[number]
         self.cob_id = dictionary.get(address_of(communication, od.PDO_COB_ID))
         self.exists = not self.cob_id & COB_ID_INVALID
-        """Whether its COB-ID is valid."""
+        """True if its COB-ID is valid."""
         self.transmission_type = dictionary.get(address_of(communication, od.PDO_TRANSMISSION_TYPE))
         self._inhibit_us = dictionary.get(address_of(communication, od.PDO_INHIBIT_TIME)) * _INHIBIT_UNIT_US
         self._event_timer_us = dictionary.get(address_of(communication, od.PDO_EVENT_TIMER)) * _MS_US
@@ -115,17 +116,17 @@ class TransmitPdo:
 
     @property
     def event_driven(self) -> bool:
-        """Whether changes of the mapped values send it."""
+        """True if the PDO is sent when a mapped value changes."""
         return self.transmission_type >= _FIRST_EVENT_DRIVEN
 
     def trigger(self) -> None:
-        """One of the mapped values has changed: send as soon as the inhibit time allows."""
+        """Send as soon as the inhibit time allows, because a mapped value has changed."""
         self._wanted = True
 
     def on_sync(self, counter: int = 0) -> Frame | None:
-        """Count a SYNC; return the frame if the transmission type asks for it now.
+        """Count a SYNC; return the frame if the transmission type requires one now.
 
-        The first SYNC that counts is the one with the start value, if there is one (CiA 301, section 7.5.2.37).
+        If the PDO has a SYNC start value, counting begins with the SYNC that carries it (CiA 301, section 7.5.2.37).
         """
         if self.transmission_type > _LAST_SYNCHRONOUS or self._awaited_counter not in (0, counter):
             return None
@@ -143,7 +144,7 @@ class TransmitPdo:
 
     @property
     def due_us(self) -> int | None:
-        """When it wants to be polled next."""
+        """Instant at which `poll` next returns a frame; None if only an event or a SYNC can cause one."""
         if not self.event_driven:
             return None
         if self._wanted:
@@ -151,7 +152,7 @@ class TransmitPdo:
         return max(self._timer_us, self._not_before_us) if self._event_timer_us else None
 
     def poll(self, now_us: int) -> Frame | None:
-        """Return the frame if it is due."""
+        """Return the frame if it is due, else None."""
         due_us = self.due_us
         if due_us is None or now_us < due_us:
             return None
@@ -168,7 +169,7 @@ class TransmitPdo:
 
 
 class ProcessData:
-    """All PDOs of a node, rebuilt from the dictionary after every change of their parameters."""
+    """All PDOs of a node; `refresh` rebuilds them from the dictionary after their parameters have changed."""
 
     def __init__(self, dictionary: ObjectDictionary) -> None:
         self._dictionary = dictionary
@@ -179,11 +180,11 @@ class ProcessData:
         for communication, mapping in zip(od.TPDO_COMMUNICATION, od.TPDO_MAPPING, strict=True):
             self._install_hooks(communication, mapping, Mapping.TRANSMIT)
         self.configurable = True
-        """PDO parameters may be written in PRE-OPERATIONAL only."""
+        """True in PRE-OPERATIONAL, the only state in which PDO parameters may be written."""
         self._changed = True
 
     def refresh(self, now_us: int) -> bool:
-        """Rebuild the PDOs if their parameters changed; True if they did."""
+        """Rebuild the PDOs if their parameters have changed; return True if they have."""
         if not self._changed:
             return False
         self._changed = False
@@ -192,11 +193,11 @@ class ProcessData:
         return True
 
     def invalidate(self) -> None:
-        """The parameters changed behind the hooks, or the timers must start anew."""
+        """Let the next `refresh` rebuild the PDOs: their parameters were reset, or their timers must start anew."""
         self._changed = True
 
     def changed(self, address: int) -> None:
-        """A value that the device may report by itself has changed: trigger the TPDOs that carry it."""
+        """Trigger the transmit PDOs that carry an entry whose value has changed."""
         for pdo in self.transmit_pdos:
             if address in pdo.addresses:
                 pdo.trigger()
@@ -223,13 +224,13 @@ class ProcessData:
         check_cob_id(self._dictionary.get(address_of(communication, od.PDO_COB_ID)), value, COB_ID_NO_RTR)
 
     def _write_transmission_type(self, value: int) -> None:
-        """241 to 251 are reserved, 252 and 253 are for remote frames, which this device does not answer."""
+        """Refuse types 241 to 251, which are reserved, and 252 and 253, which need remote frames."""
         self._write_parameter()
         if _LAST_SYNCHRONOUS < value < _FIRST_EVENT_DRIVEN:
             raise SdoAbortError(AbortCode.VALUE_RANGE)
 
     def _write_while_invalid(self, communication: int) -> None:
-        """Mapping, inhibit time and SYNC start value are fixed while the PDO exists."""
+        """Refuse a change of mapping, inhibit time or SYNC start value while the PDO exists."""
         self._write_parameter()
         if not self._dictionary.get(address_of(communication, od.PDO_COB_ID)) & COB_ID_INVALID:
             raise SdoAbortError(AbortCode.DEVICE_STATE)

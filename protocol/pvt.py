@@ -1,7 +1,8 @@
-"""The PVT record and its flow control: position-velocity-time points over one 8-byte PDO.
+"""The PVT record and its flow control: a position-velocity-time point in one 8-byte PDO.
 
-A record carries its sequence number. The device takes exactly the next one, ignores what it already has and drops
-what comes after a gap, so that a host may resend freely; the host counts credits against the free places reported.
+Each record carries a sequence number. The device takes exactly the next one, ignores those that it already has and
+drops those that come after a gap, so that a host may resend freely. The host sends no more records than the device has
+reported free places for.
 """
 
 from enum import Enum, IntEnum
@@ -13,11 +14,11 @@ SEQUENCE_MODULUS = 256
 I24_MIN, I24_MAX = -(1 << 23), (1 << 23) - 1
 DURATION_MAX_MS = 255
 VELOCITY_PER_UNIT_PER_MS = 64
-"""The record's velocity counts in 1/64 unit per millisecond."""
+"""Unit of the record's velocity: 1/64 wire unit per millisecond."""
 
 
 class PvtRecord(NamedTuple):
-    """One cubic segment as it travels: from the previous record's end, to this displacement and velocity."""
+    """One cubic segment on the wire: displacement from the previous record's end, end velocity, duration."""
 
     displacement_units: int
     end_velocity: int
@@ -25,7 +26,7 @@ class PvtRecord(NamedTuple):
     sequence: int
 
     def encode(self) -> bytes:
-        """The eight bytes of RPDO4; OverflowError if a field leaves its width."""
+        """Return the eight bytes of RPDO4; raise OverflowError if a value exceeds its field."""
         return (
             self.displacement_units.to_bytes(3, "little", signed=True)
             + self.end_velocity.to_bytes(3, "little", signed=True)
@@ -34,7 +35,7 @@ class PvtRecord(NamedTuple):
 
 
 class PvtStatus(NamedTuple):
-    """Object 0x2012 as TPDO3 carries it."""
+    """PVT status (2012h) as TPDO3 carries it."""
 
     next_sequence: int
     free: int
@@ -44,14 +45,14 @@ class PvtStatus(NamedTuple):
 
     @classmethod
     def decode(cls, data: bytes) -> "PvtStatus":
-        """Read it from the eight bytes of TPDO3; ValueError for any other length."""
+        """Return the status in the eight bytes of TPDO3; raise ValueError for any other length."""
         if len(data) != 8:
             raise ValueError(f"a PVT status has 8 bytes, not {len(data)}")
         return cls(data[0], data[1], data[2], data[3], int.from_bytes(data[4:8], "little"))
 
 
 class PvtFlag(IntEnum):
-    """Bits of object 0x2012:03; combined they are plain integers."""
+    """Bits of the flags in PVT status (2012h:03); combined bits are plain integers."""
 
     GAP = 1
     OVERFLOW = 2
@@ -64,7 +65,7 @@ class PvtFlag(IntEnum):
 
 
 class Verdict(Enum):
-    """What the device does with a record that has arrived."""
+    """Decision of the device on a record that has arrived."""
 
     PUSH = "push"
     STALE = "already there: ignored"
@@ -73,7 +74,7 @@ class Verdict(Enum):
 
 
 def judge(sequence: int, next_sequence: int, free: int) -> Verdict:
-    """Decide on a record by its distance from the one expected, modulo 256: half the circle behind is old."""
+    """Decide on a record by its distance from the expected one, modulo 256: up to 128 behind counts as old."""
     ahead = (sequence - next_sequence) % SEQUENCE_MODULUS
     if ahead >= SEQUENCE_MODULUS // 2:
         return Verdict.STALE

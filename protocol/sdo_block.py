@@ -1,9 +1,9 @@
-"""SDO block transfers, server side, after their initiation (CiA 301, sections 7.2.4.3.9 to 7.2.4.3.16).
+"""Serve SDO block transfers after their initiation (CiA 301, sections 7.2.4.3.9 to 7.2.4.3.16).
 
-Blocks of up to 127 segments go one way, one acknowledgement comes back per block, and a CRC-16-CCITT closes the whole,
-if the client asked for one. A segment's first byte is its number in the block, with bit 7 set in the last of all, where
-other frames have their command. Blocks that come in here are so short that no number looks like a command that
-initiates a transfer: a client that begins anew in the middle of a block is understood.
+Blocks of up to 127 segments go one way and each block is acknowledged; a CRC-16-CCITT ends the transfer if the client
+asked for one. The first byte of a segment is its number in the block, with bit 7 set in the last segment of all; other
+frames have their command there. Download blocks are kept so short that no segment number looks like a command that
+initiates a transfer, so that a client may start anew in the middle of a block.
 """
 
 from binascii import crc_hqx
@@ -13,7 +13,7 @@ from steptwin.protocol.abort import AbortCode, SdoAbortError
 SEGMENT_BYTES = 7
 BLOCK_SIZE_MAX = 127
 DOWNLOAD_BLOCK_SIZE = 31
-"""The largest size for which segments, 0x01..0x1F and 0x81..0x9F, and initiations, from 0x20 and 0xA0 on, differ."""
+"""Largest size for which first bytes of segments, 01h..1Fh and 81h..9Fh, differ from initiations, 20h.. and A0h.."""
 
 _ACKNOWLEDGEMENT, _UPLOAD_END = 0xA2, 0xC1
 _LAST = 0x80
@@ -21,18 +21,18 @@ _SEQUENCE = 0x7F
 
 
 def is_segment(request: bytes) -> bool:
-    """Whether a frame that arrives within a block can be one of its segments."""
+    """Return True if a frame that arrives within a block can be one of its segments."""
     return 1 <= request[0] & _SEQUENCE <= DOWNLOAD_BLOCK_SIZE
 
 
 class BlockDownload:
-    """Data coming in."""
+    """A block download in progress: data from the client."""
 
     def __init__(self, index: int, subindex: int, limit: int, announced: int | None, *, with_crc: bool) -> None:
         self.index = index
         self.subindex = subindex
         self.receiving = True
-        """Whether segments are due; False once the last has come and the end is due."""
+        """True while segments are due; False when the last has come and the end of the transfer is due."""
         self._limit = limit
         self._announced = announced
         self._with_crc = with_crc
@@ -40,9 +40,9 @@ class BlockDownload:
         self._received = 0
 
     def segment(self, request: bytes) -> list[bytes]:
-        """Take a segment; the one that closes a block is answered.
+        """Take a segment; return the acknowledgement if it is the last of its block, else nothing.
 
-        Out of order it is dropped; the acknowledgement then makes the client send again from the one that is missing.
+        A segment out of order is dropped; the acknowledgement makes the client send again from the missing one on.
         """
         number, last = request[0] & _SEQUENCE, bool(request[0] & _LAST)
         if number == self._received + 1:
@@ -57,7 +57,7 @@ class BlockDownload:
         return [bytes((_ACKNOWLEDGEMENT, received, DOWNLOAD_BLOCK_SIZE)) + bytes(5)]
 
     def end(self, request: bytes) -> bytes:
-        """The client says how much of the last segment is filling and what the CRC is; return the data."""
+        """End the transfer with the client's last request, which has the fill bytes and the CRC; return the data."""
         if self.receiving:
             raise SdoAbortError(AbortCode.COMMAND_UNKNOWN)
         data = bytes(self._data[: len(self._data) - (request[0] >> 2 & 7)])
@@ -69,7 +69,7 @@ class BlockDownload:
 
 
 class BlockUpload:
-    """Data going out."""
+    """A block upload in progress: data to the client."""
 
     def __init__(self, index: int, subindex: int, data: bytes, block_size: int, *, with_crc: bool) -> None:
         self.index = index
@@ -78,7 +78,7 @@ class BlockUpload:
         self._left = data
         self._started = False
         self._sent = 0
-        """Segments of the block under way; 0 before the first block and after the last."""
+        """Number of segments in the block under way; 0 before the first block and after the last."""
         self._set_block_size(block_size)
 
     def _set_block_size(self, block_size: int) -> None:
@@ -87,7 +87,7 @@ class BlockUpload:
         self._block_size = block_size
 
     def _block(self) -> list[bytes]:
-        """The next block, from the first byte that is not acknowledged."""
+        """Return the segments of the next block, from the first byte that is not acknowledged."""
         parts = [self._left[i : i + SEGMENT_BYTES] for i in range(0, len(self._left), SEGMENT_BYTES)] or [b""]
         parts, rest = parts[: self._block_size], parts[self._block_size :]
         self._sent = len(parts)
@@ -97,14 +97,14 @@ class BlockUpload:
         return segments
 
     def start(self) -> list[bytes]:
-        """The client is ready for the first block."""
+        """Return the first block, for which the client is ready."""
         if self._started:
             raise SdoAbortError(AbortCode.COMMAND_UNKNOWN)
         self._started = True
         return self._block()
 
     def acknowledge(self, request: bytes) -> list[bytes]:
-        """The client has so many segments of the block: send what follows, or the end."""
+        """Take the acknowledgement of a block; return the next block, or the end of the transfer."""
         if not self._sent:
             raise SdoAbortError(AbortCode.COMMAND_UNKNOWN)
         received = request[1]

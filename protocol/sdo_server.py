@@ -1,4 +1,4 @@
-"""The device's SDO server: expedited, segmented and block transfers (CiA 301, section 7.2.4.3), bytes in, bytes out."""
+"""Serve SDO requests: expedited, segmented and block transfers (CiA 301, section 7.2.4.3), bytes in, bytes out."""
 
 from dataclasses import dataclass
 
@@ -32,32 +32,32 @@ _INITIATE, _END, _ACKNOWLEDGE = 0, 1, 2
 
 @dataclass(slots=True)
 class _Segmented:
-    """A segmented transfer under way: what is still to send, or what has arrived."""
+    """A segmented transfer under way; `data` is still to be sent if it is an upload, else what has arrived."""
 
     index: int
     subindex: int
     upload: bool
     data: bytes
     limit: int = 0
-    """Bytes that a download may have in all."""
+    """Number of bytes that a download may have in all."""
     toggle: int = 0
 
 
 class SdoServer:
-    """One server on one object dictionary; a new initiate replaces a transfer that was left unfinished."""
+    """One server on one object dictionary; a new initiation replaces a transfer that was left unfinished."""
 
     def __init__(self, dictionary: ObjectDictionary) -> None:
         self._dictionary = dictionary
         self._transfer: _Segmented | BlockDownload | BlockUpload | None = None
         self.dropped = 0
-        """Requests that were no SDO at all (not 8 bytes) and got no answer."""
+        """Number of requests that did not have 8 bytes, as every SDO has, and got no answer."""
 
     def reset(self) -> None:
-        """Forget a transfer under way, as a communication reset does."""
+        """Drop a transfer under way, as a communication reset does."""
         self._transfer = None
 
     def handle(self, request: bytes) -> list[bytes]:
-        """Answer one request: with a frame, a block of them, or none where the standard prescribes silence."""
+        """Answer one request: with one frame, with a block of frames, or with none where the standard says so."""
         if len(request) != 8:
             self.dropped += 1
             return []
@@ -183,9 +183,10 @@ class SdoServer:
         return transfer.acknowledge(request) if command == _ACKNOWLEDGE else transfer.start()
 
     def _block_upload_initiate(self, request: bytes, index: int, subindex: int) -> bytes:
-        """The client's threshold for changing to a segmented transfer is an offer, which is not taken.
+        """Initiate an upload; ignore the client's offer of a segmented transfer below a threshold.
 
-        The CRC is answered as it was asked for, here and for a download: some clients take the answer as an agreement.
+        The answer confirms a CRC exactly if the client asked for one, here and for a download: some clients take the
+        answer as an agreement.
         """
         data = self._dictionary.read(address_of(index, subindex))
         self._transfer = BlockUpload(index, subindex, data, request[4], with_crc=bool(request[0] & _CRC))
@@ -194,7 +195,7 @@ class SdoServer:
 
 
 def _initiates(first_byte: int) -> bool:
-    """Whether a request begins a transfer, and so names an object."""
+    """Return True if a request begins a transfer, and so names an object."""
     command = first_byte >> 5
     if command == _BLOCK_DOWNLOAD:
         return not first_byte & _BLOCK_DOWNLOAD_END

@@ -1,8 +1,8 @@
-"""Storing parameters in flash and restoring the defaults: objects 0x1010 and 0x1011 (CiA 301, 7.5.2.13 and 7.5.2.14).
+"""Store parameters in flash and restore their defaults: objects 1010h and 1011h (CiA 301, 7.5.2.13 and 7.5.2.14).
 
-What is stored is what a reset of the node or of its communication brings back. "load" erases: the defaults are valid
-from the next such reset on. What a PDO may write commands the drive rather than configures it and is not stored, so
-that no axis begins to move, and no output to switch, because power came back; the profile's limits are the exception.
+A reset of the node or of its communication brings the stored values back. "load" erases them: the defaults are valid
+from the next such reset on. Entries that a PDO may write are commands, not configuration, and are not stored, so that
+no axis moves and no output switches because the power came back; the profile's limits are the exception.
 """
 
 from collections.abc import Callable
@@ -16,14 +16,14 @@ from steptwin.protocol.objects import PARAMETER_GROUPS, RESTORES, STORES
 
 _SAVE, _LOAD = (int.from_bytes(word, "little") for word in (b"save", b"load"))
 _ON_COMMAND = 1
-"""What reading 0x1010 and 0x1011 says: parameters are stored, or restored, when they are told to, not by themselves."""
+"""Value that 1010h and 1011h read as: parameters are stored and restored on command, not by themselves."""
 _PROFILE_LIMITS = frozenset((od.PROFILE_VELOCITY, od.PROFILE_ACCELERATION, od.PROFILE_DECELERATION))
-"""Parameters although a PDO may write them: by themselves they move nothing."""
+"""Entries that are stored although a PDO may write them: by themselves they move nothing."""
 _NO_PARAMETERS = frozenset((od.ERROR_HISTORY_COUNT, *STORES, *RESTORES))
 
 
 class ParameterStorage:
-    """Keeps a node's parameters in its flash page; `busy` says when writing flash would disturb the board."""
+    """Keeps a node's parameters in its flash page; `busy` is true while writing flash would disturb the board."""
 
     def __init__(self, dictionary: ObjectDictionary, page: FlashPage, busy: Callable[[], bool]) -> None:
         self._dictionary = dictionary

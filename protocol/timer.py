@@ -1,7 +1,7 @@
-"""The board's timer, in whose counts every instant and every pulse is told."""
+"""Frequency of the board's timer; instants and durations on the board are in its counts."""
 
 from typing import Final
 
 COUNTS_PER_US: Final = 72
-"""An STM32F103 clocks its timers with 72 MHz (RM0008, section 7.2)."""
+"""The STM32F103 clocks its timers with 72 MHz (RM0008, section 7.2)."""
 COUNTS_PER_SECOND: Final = 1_000_000 * COUNTS_PER_US
