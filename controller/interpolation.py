@@ -8,6 +8,8 @@ CANopen master can map it into a PDO, or write it by SDO. The sequence number is
 queues the record. The other three are read by `ObjectDictionary.reader`, which costs one call for each.
 """
 
+from collections.abc import Callable
+
 from steptwin.controller.axis_context import AxisContext
 from steptwin.controller.axis_stop import AxisStop
 from steptwin.controller.drive_mode import DriveMode
@@ -18,7 +20,7 @@ from steptwin.controller.stops import DISABLES
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import Control, ErrorCode, Status
-from steptwin.protocol.pvt import QUEUE_DEPTH, SEQUENCE_MODULUS, PvtFlag, Verdict, judge
+from steptwin.protocol.pvt import QUEUE_DEPTH, SEQUENCE_MODULUS, PvtFlag, PvtRecord, Verdict, judge
 
 _STOP = DISABLES[1]
 """A falling enable bit stops the queue by the slow down ramp, as "disable operation" may."""
@@ -39,6 +41,8 @@ class Interpolation(DriveMode):
         self._closed = False
         self.ready = False
         """True while the drive is enabled in this mode: a queue with records is then armed."""
+        self.on_record: Callable[[PvtRecord], None] | None = None
+        """Called with each record that the queue has taken, if set."""
         self._install_hooks()
         dictionary = context.dictionary
         self._limits = SoftLimits(dictionary)
@@ -80,6 +84,9 @@ class Interpolation(DriveMode):
         if self._sticky:
             self._sticky &= ~(PvtFlag.GAP | PvtFlag.OVERFLOW)
         self._dictionary.count(od.PVT_ACCEPTED)
+        if self.on_record:
+            record = PvtRecord(self._displacement_units(), self._end_velocity(), self._duration_ms(), sequence)
+            self.on_record(record)
 
     def _push(self, displacement_units: int, end_velocity: int, duration_ms: int) -> Refusal:
         """Queue a segment, unless it leads out of the soft limits; from beyond a limit it may only lead back."""

@@ -1,5 +1,6 @@
 """The emulated board: the firmware, its TB6560s, the wires between them and a record of what went over these."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from steptwin.controller.backend import Kernel
@@ -16,6 +17,7 @@ from steptwin.emulator.switches import Switch
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.dictionary import FlashPage
 from steptwin.protocol.frame import FIRST_NODE_ID
+from steptwin.protocol.pvt import PvtRecord
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +56,8 @@ class Board:
         """The tick at whose start the drivers' own Protect pins want to be looked at next; None: they stay high."""
         self._hot = False
         """Whether one of these is low."""
+        self._on_record: dict[int, Callable[[PvtRecord], None]] = {}
+        """Listeners to the records of each axis' queue."""
         self._power_up()
         self._heat_due_tick = self._next_heat_tick()
 
@@ -71,7 +75,14 @@ class Board:
         """The levels of the inputs that the firmware has seen."""
         self._look_at_once = self._inputs.levels != self._seen
         """Whether the inputs are to be looked at as soon as a tick begins."""
+        for axis, listener in self._on_record.items():
+            self.on_record(axis, listener)
         self._monitored = [self._drivers.count(axis) for axis in range(self.config.axis_count)]
+
+    def on_record(self, axis: int, listener: Callable[[PvtRecord], None]) -> None:
+        """Call a listener with each PVT record that an axis' queue takes from now on."""
+        self._on_record[axis] = listener
+        self.firmware.nodes[axis].drive.interpolation.on_record = listener
 
     def boot(self, now_counts: int) -> None:
         """Switch the board on: its nodes announce themselves."""

@@ -3,19 +3,14 @@
 The firmware's positions begin wherever a host has preset them; those of the machine are what its drivers have counted.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
 from steptwin.emulator.board import Board
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.received_plan import HALTED, ReceivedPlan
-from steptwin.protocol import od
-from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
-from steptwin.protocol.pvt import PvtRecord
-
-_FIELDS = (od.PVT_DISPLACEMENT, od.PVT_END_VELOCITY, od.PVT_DURATION_MS)
 
 
 class LivePlan:
@@ -43,7 +38,7 @@ class LivePlan:
         self._offset_units = [0] * len(axes)
         """Difference from the firmware's positions to those of the machine at that SYNC."""
         for joint, (board, axis) in enumerate(axes):
-            _tap_records(board.firmware.nodes[axis].dictionary, partial(self._received.accept, joint))
+            board.on_record(axis, partial(self._received.accept, joint))
 
     @property
     def lacking(self) -> str | None:
@@ -93,17 +88,3 @@ class LivePlan:
 
     def _on_machine(self, units: list[int]) -> list[int]:
         return [each + offset for each, offset in zip(units, self._offset_units, strict=True)]
-
-
-def _tap_records(dictionary: ObjectDictionary, accept: Callable[[PvtRecord], None]) -> None:
-    """Show each record that an axis' firmware takes into its queue."""
-    queue_it = dictionary.write_hooks[od.PVT_SEQUENCE]
-
-    def tapped(sequence: int) -> None:
-        before = dictionary.get(od.PVT_NEXT_SEQUENCE)
-        queue_it(sequence)
-        if dictionary.get(od.PVT_NEXT_SEQUENCE) != before:
-            displacement_units, end_velocity, duration_ms = map(dictionary.get, _FIELDS)
-            accept(PvtRecord(displacement_units, end_velocity, duration_ms, sequence))
-
-    dictionary.write_hooks[od.PVT_SEQUENCE] = tapped

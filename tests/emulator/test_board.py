@@ -266,3 +266,21 @@ def switch_on(simulation: Simulation) -> int:
         simulation.send(Frame(cob_id, bytes.fromhex(data)))
     simulation.boards[0].drain()
     return [change.counts for change in simulation.boards[0].pin_changes if change.pin is Pin.ENABLE][-1]
+
+
+def test_a_listener_is_told_of_each_record_that_the_queue_takes_also_after_a_power_cycle(
+    simulation: Simulation,
+) -> None:
+    taken: list[PvtRecord] = []
+    simulation.boards[0].on_record(0, taken.append)
+    start = Frame(0, bytes((1, 0)))
+    first, second, gap, other = (PvtRecord(5, 64, 10, sequence) for sequence in (0, 1, 3, 0))
+    simulation.send(start)
+    for record in (first, second, second, gap):
+        simulation.send(Frame(0x500 + NODE, record.encode()))
+    simulation.send(Frame(0x500 + NODE + 1, other.encode()))
+    assert taken == [first, second]
+    simulation.power_cycle()
+    simulation.send(start)
+    simulation.send(Frame(0x500 + NODE, first.encode()))
+    assert taken == [first, second, first]
