@@ -1,4 +1,4 @@
-"""The emulated board: the firmware, its TB6560s, the wires between them and a record of what went over these."""
+"""The emulated board: the firmware, its drivers, its CAN controller and the inputs that the machine gives it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -22,59 +22,64 @@ from steptwin.protocol.pvt import PvtRecord
 
 @dataclass(frozen=True, slots=True)
 class BoardConfig:
-    """What is soldered, plugged and set: how many axes, the OSC capacitors, the node ids, the machine's switches."""
+    """Hardware of a board: number of axes, OSC capacitors, node ids, driver modules, the machine's switches."""
 
     axis_count: int
     osc_pf: tuple[float, ...]
     first_node_id: int = FIRST_NODE_ID
-    """The first axis' node id; the others count on from it."""
+    """Node id of the first axis; the next axes have the next ids."""
     read_latency_counts: int = 0
-    """How long after its arrival the processor fetches a message from the CAN controller: by default at once."""
+    """Counts from a message's arrival until the processor fetches it from the CAN controller."""
     switches: tuple[Switch, ...] = ()
     start_steps: tuple[int, ...] = ()
-    """Where each axis of the machine stands when the board is made, in steps from its true zero; none given: all 0."""
+    """Position of each axis of the machine when the board is made, in steps from its true zero; empty: all 0."""
     modules: tuple[Module, ...] = ()
-    """What is around each chip; none for chips on the board itself."""
+    """The module around each chip; empty for chips on the board itself."""
 
 
 class Board:
-    """One board on the bus. Pulses are computed ahead in batches; the drivers look at them when somebody looks."""
+    """One board on the bus.
+
+    Pulses are computed ahead in batches; the drivers process them on demand. Most methods decide how far time may pass
+    before the firmware must see its inputs again, so they belong together; inputs, drivers and CAN controller are parts
+    of their own.
+    """
 
     def __init__(self, config: BoardConfig, kernel: Kernel, flash: list[FlashPage] | None = None) -> None:
-        """A board fresh from the factory, or with what another one had in its flash."""
+        """Make a board without power; `flash` holds parameters that were stored before, None for a new board."""
         self.config = config
         self.flash: list[FlashPage] = [{} for _ in range(config.axis_count)] if flash is None else flash
-        """What the firmware has stored, a page for each axis: all that outlives the power."""
+        """Parameters that the firmware has stored, a page for each axis: they outlive the power."""
         self._kernel = kernel
         modules = config.modules or (Module(),) * config.axis_count
         self._inputs = BoardInputs(config.switches, config.start_steps or (0,) * config.axis_count)
         self._drivers = DriverBank(config.osc_pf, modules, self._inputs)
         self._measurements = Measurements()
         self._held_protects = [False] * config.axis_count
-        """The Protect pins that somebody holds low."""
+        """True for each axis whose Protect pin is held low from outside."""
         self._heat_due_tick: int | None = None
-        """The tick at whose start the drivers' own Protect pins want to be looked at next; None: they stay high."""
+        """Tick at whose start the drivers' own Protect pins must be read next; None while they stay high."""
         self._hot = False
-        """Whether one of these is low."""
+        """True while a driver holds its own Protect pin low."""
         self._on_record: dict[int, Callable[[PvtRecord], None]] = {}
         """Listeners to the records of each axis' queue."""
         self._power_up()
         self._heat_due_tick = self._next_heat_tick()
 
     def _power_up(self) -> None:
-        """Firmware and CAN controller as they are with power."""
+        """Make the firmware and the CAN controller anew, as power-up does."""
         self.firmware = Firmware(
             self._kernel, self.config.axis_count, self.flash, self.config.first_node_id, self._monitor
         )
         self.can = CanController(
             self.firmware.receive, self.firmware.on_can_error, self.firmware.hears, self.config.read_latency_counts
         )
-        """The CAN controller; what it says to the bus it says in `poll`."""
+        """The CAN controller; `poll` hands it the firmware's frames."""
         self._inputs.count_anew()
         self._seen = [DigitalInput(0)] * self.config.axis_count
-        """The levels of the inputs that the firmware has seen."""
+        """Levels of the inputs that the firmware has seen last."""
         self._look_at_once = self._inputs.levels != self._seen
-        """Whether the inputs are to be looked at as soon as a tick begins."""
+        """True if the inputs must be read at the start of the next tick."""
         for axis, listener in self._on_record.items():
             self.on_record(axis, listener)
         self._monitored = [self._drivers.count(axis) for axis in range(self.config.axis_count)]
@@ -85,16 +90,16 @@ class Board:
         self.firmware.nodes[axis].drive.interpolation.on_record = listener
 
     def boot(self, now_counts: int) -> None:
-        """Switch the board on: its nodes announce themselves."""
+        """Switch the board on; its nodes announce themselves."""
         self._drivers.supply(SUPPLIES, now_counts, 1)
         self.firmware.boot(now_counts)
         self.poll(now_counts)
 
     def power_cycle(self, now_counts: int) -> None:
-        """Switch the supply off and on: all pins fall, the firmware begins anew. Motors and clock stay as they are.
+        """Switch the supply off and on: all pins fall and the firmware starts anew. Motors and clock stay as they are.
 
-        `can` is another one afterwards, which nobody has attached to the bus yet. A pulse that has begun still ends,
-        since no supply is gone within microseconds; what would come after it does not.
+        `can` is a new one afterwards, which the caller attaches to the bus. A pulse that has begun still ends, since no
+        supply is gone within microseconds; later pulses do not come.
         """
         self._take_pins()
         self._drivers.drop_pins(now_counts)
@@ -109,13 +114,13 @@ class Board:
 
     @property
     def moving(self) -> bool:
-        """Whether the board may have something to say at any tick: a motion runs, or one just over passed a switch."""
+        """True while an event is possible at any tick: a motion runs, or a switch of the last one may still change."""
         return self._inputs.unsettled or any(
             self.firmware.motion.running(axis) for axis in range(self.config.axis_count)
         )
 
     def operate(self, operation: Operation, now_counts: int) -> None:
-        """Do something to the machine. The firmware sees inputs with the next tick, measured values at once."""
+        """Operate the machine. The firmware sees inputs with the next tick, measured values at once."""
         match operation:
             case EmergencyStop(pressed):
                 self._inputs.emergency_stop = pressed
@@ -133,9 +138,9 @@ class Board:
         self.firmware.measure(measurements.supply_10mv, measurements.temperature_decidegc, now_counts)
 
     def advance(self, until_counts: int) -> int:
-        """Let time pass; return the instant reached: earlier than asked for if there are frames to send.
+        """Let time pass; return the instant reached, which is earlier than `until_counts` if there are frames to send.
 
-        No tick is computed before the firmware has seen the inputs at its start.
+        A tick is computed only after the firmware has seen the inputs at its start.
         """
         motion = self.firmware.motion
         if until_counts < motion.tick * TICK_COUNTS:
@@ -143,7 +148,7 @@ class Board:
         while (due_tick := self._due_tick) is not None and due_tick * TICK_COUNTS <= until_counts:
             due_counts = due_tick * TICK_COUNTS
             if motion.tick < due_tick:
-                reached = self._advance_freely(due_counts - 1)  # what happens at the start of the tick comes after
+                reached = self._advance_freely(due_counts - 1)  # the start of the tick itself comes after the look
                 if reached < due_counts - 1:
                     return reached
             if (self._look_at_once or self._heat_is_due or self._inputs.may_have_changed(motion)) and self._look():
@@ -152,7 +157,7 @@ class Board:
 
     @property
     def _due_tick(self) -> int | None:
-        """The next tick at whose start the inputs are to be looked at."""
+        """Next tick at whose start the inputs must be read; None while they stay as they are."""
         motion = self.firmware.motion
         if self._look_at_once:
             return motion.tick
@@ -162,7 +167,7 @@ class Board:
         return due_tick
 
     def _look(self) -> bool:
-        """Let the firmware see the inputs at the start of the tick to come; whether they have changed."""
+        """Read the inputs at the start of the next tick and show them to the firmware; return True if they changed."""
         motion = self.firmware.motion
         self.drain()
         self._inputs.look(motion)
@@ -183,21 +188,24 @@ class Board:
         return self._heat_due_tick is not None and self._heat_due_tick <= self.firmware.motion.tick
 
     def _look_at_protect(self, axis: int) -> bool:
-        """See the pin as it is at the start of the tick to come; whether the driver itself holds it low."""
+        """Read a Protect pin at the start of the next tick; return True if the driver itself holds it low."""
         tick_counts = self.firmware.motion.tick * TICK_COUNTS
         low = not self._drivers.drivers[axis].protect_level(tick_counts)
         self._inputs.protects[axis] = low or self._held_protects[axis]
         return low
 
     def _next_heat_tick(self) -> int | None:
-        """Up to the start of which tick no driver switches itself off, as far as that is known now."""
+        """Return the tick up to whose start no driver will switch itself off; None if no driver ever will.
+
+        The estimate assumes the highest power; the nearer a shutdown is, the closer it comes.
+        """
         tick = self.firmware.motion.tick
         stays = (driver.protect_stays_until(tick * TICK_COUNTS) for driver in self._drivers.drivers)
         ticks = [max(-(-counts // TICK_COUNTS), tick + 1) for counts in stays if counts is not None]
         return min(ticks, default=None)
 
     def _advance_freely(self, until_counts: int) -> int:
-        """Let time pass in which no input changes."""
+        """Let time pass during which no input changes; return the instant reached."""
         motion = self.firmware.motion
         reached = self.firmware.advance(until_counts)
         while reached < until_counts and motion.room_ticks == 0:
@@ -206,7 +214,7 @@ class Board:
         return reached
 
     def poll(self, now_counts: int) -> None:
-        """Let the processor do what is due: look at its inputs, fetch messages, then send."""
+        """Let the processor do its due work: read its inputs, fetch messages, then send."""
         firmware = self.firmware
         if self._look_at_once and firmware.motion.tick * TICK_COUNTS == now_counts:
             self._look()
@@ -220,7 +228,7 @@ class Board:
 
     @property
     def next_due_counts(self) -> int | None:
-        """When the board next does something by itself."""
+        """Instant of the board's next work of its own; None if there is none."""
         due_counts, read_counts = self.firmware.next_due_counts, self.can.next_due_counts
         if due_counts is None or (read_counts is not None and read_counts < due_counts):
             due_counts = read_counts
@@ -233,17 +241,17 @@ class Board:
         return due_counts
 
     def quiet_until(self, counts: int) -> bool:
-        """Whether it is known by now that nothing happens up to an instant: it is within a tick computed already."""
+        """Return True if nothing can happen up to an instant: it lies within a tick that is computed already."""
         due_counts = self.next_due_counts
         return counts < self.firmware.motion.tick * TICK_COUNTS and (due_counts is None or due_counts > counts)
 
     def drain(self) -> None:
-        """Show the drivers all pulses placed so far."""
+        """Let the drivers process all pulses computed so far."""
         self._take_pins()
         self._drivers.show(self.firmware.motion.take_edges(), self.firmware.motion.tick * TICK_COUNTS)
 
     def _monitor(self, axis: int) -> DriverMonitor:
-        """What has become of an axis' pulses since power-up, those of the tick in progress included."""
+        """Return what became of an axis' pulses since power-up, including those of the tick in progress."""
         self.drain()
         counted, before = self._drivers.count(axis), self._monitored[axis]
         return DriverMonitor(*(now - then for now, then in zip(counted, before, strict=True)))
@@ -259,28 +267,28 @@ class Board:
         return self._drivers.pin_changes
 
     def output_changes(self) -> list[PinChange]:
-        """Every change of a digital output so far, in order of time; all outputs are 0 before their first."""
+        """Return all changes of digital outputs so far, in order of time; outputs are 0 at first."""
         self.drain()
         return [change for change in self._drivers.pin_changes if change.pin in OUTPUT_PINS]
 
     def take_pin_changes(self) -> list[PinChange]:
-        """Hand out what `pin_changes` holds, and forget it."""
+        """Return `pin_changes` and clear it."""
         self.drain()
         changes, self._drivers.pin_changes = self._drivers.pin_changes, []
         return changes
 
     def position_steps(self, axis: int) -> int:
-        """Where an axis' driver has brought its motor since power-up."""
+        """Return the steps that an axis' driver has counted since power-up."""
         self.drain()
         return self._drivers.drivers[axis].position_steps
 
     def take_trace(self, axis: int) -> AxisTrace:
-        """As `trace`, and forget it: the next one begins here. So a board may run for ever."""
+        """Return the trace of an axis and begin the next one here, so that a board may run for ever."""
         trace = self.trace(axis)
         self._drivers.forget(axis)
         return trace
 
     def trace(self, axis: int) -> AxisTrace:
-        """Return everything that happened at an axis' driver so far and was not taken."""
+        """Return the trace of an axis since power-up, or since it was taken last."""
         self.drain()
         return self._drivers.trace(axis, self.firmware.motion.tick * TICK_COUNTS)

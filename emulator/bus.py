@@ -1,4 +1,4 @@
-"""A CAN bus in virtual time: arbitration by identifier, exact frame lengths, errors, one record of all that passed."""
+"""A CAN bus in virtual time: arbitration by identifier, exact lengths of frames, errors, bus-off, a log."""
 
 from array import array
 from collections.abc import Callable
@@ -15,23 +15,23 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 _VALID_BEFORE_END_BITS: Final = INTERMISSION_BITS + 1
 """A receiver takes a frame as valid at the last but one bit of EOF (ISO 11898-1)."""
 _ACK_SLOT_END_BITS: Final = UNSTUFFED_TAIL_BITS - 2
-"""From the end of the ACK slot to the end of the frame."""
+"""Bits from the end of the ACK slot to the end of the frame."""
 _FLAG_BITS: Final = 6
 _ECHOED_FLAG_BITS: Final = 7
-"""The sender's error flag and, one bit later, those of the receivers whom it tells."""
+"""Bits of the sender's error flag and, one bit later, of the receivers' flags that answer it."""
 _DELIMITER_BITS: Final = 8
 _SUSPEND_BITS: Final = 8
-"""An error passive station waits so much longer after a frame of its own (ISO 11898-1, suspend transmission)."""
+"""Bits that an error passive station waits longer after a frame of its own (ISO 11898-1, suspend transmission)."""
 _RECESSIVE_SEQUENCE_BITS: Final = 11
 _STUFF_ERROR_BITS: Final = 6
-"""So many equal bits in a row, and every station knows that the frame is broken."""
+"""Number of equal bits in a row by which every station sees that a frame is broken."""
 
 
 Log = Callable[[Frame, int], None]
 
 
 class _Outcome(Enum):
-    """What becomes of a transmission."""
+    """Result of a transmission."""
 
     VALID = auto()
     DISTURBED = auto()
@@ -41,17 +41,19 @@ class _Outcome(Enum):
 class Bus:
     """The wire between the stations.
 
-    Work goes by events: `next_event_counts` says when something happens on the wire, `step` does what is due then and
-    hands valid frames to their receivers.
+    Work goes by events: `next_event_counts` says when the next event on the wire is due, `step` executes it and hands
+    valid frames to their receivers. The methods share the state of one transmission, from arbitration to its end, and
+    the list of stations in bus-off, so they belong together; frame lengths, error counters and scripted faults are
+    elsewhere (`can_timing`, `fault_confinement`, `bus_faults`).
     """
 
     def __init__(self, bitrate: int, faults: FaultScript | None = None, log: Log | None = None) -> None:
-        """Lay the wire.
+        """Make a bus without stations.
 
         Args:
             bitrate: one of BITRATES.
-            faults: what disturbs it.
-            log: is told each frame and when it became valid; by default the bus keeps them all.
+            faults: script of faults; none by default.
+            log: called with each frame and the instant at which it became valid; by default the bus keeps them.
         """
         if bitrate not in BITRATES:
             raise ValueError(f"bit rate {bitrate} is not one of {', '.join(map(str, BITRATES))}")
@@ -59,37 +61,37 @@ class Bus:
         self.bit_counts = COUNTS_PER_SECOND // bitrate
         self._log = log or self._keep
         self.log_counts = array("q")
-        """When each frame became valid at its receivers, unless somebody else keeps the log."""
+        """Instant at which each frame became valid at its receivers; empty if `log` was given."""
         self.log_frames: list[Frame] = []
         self.frames = 0
-        """How many became valid."""
+        """Number of frames that became valid."""
         self.error_frames = 0
-        """Transmissions that ended in an error frame."""
+        """Number of transmissions that ended in an error frame."""
         self.busy_bits = 0
         self.next_event_counts: int | None = None
-        """When a transmission is decided, the next arbitration is held or a station comes back from bus-off."""
+        """Instant at which a transmission ends, the next arbitration is held or a station returns from bus-off."""
         self.busy = False
-        """Whether a frame is on the wire or a station has one to send, now or when it is back from bus-off."""
+        """True while a frame is on the wire, or a station has one to send now or after its bus-off."""
         self._faults = faults or FaultScript()
         self._delayed: list[Frame] = []
-        """Frames that the script has delayed and that wait still."""
+        """Frames that the script has delayed and that still wait."""
         self._stations: list[CanController] = []
         self._off: list[CanController] = []
         """The stations in bus-off."""
         self._on_bus = 0
-        """How many stations take part."""
+        """Number of stations that are not in bus-off."""
         self._frame: Frame | None = None
-        """What is on the wire."""
+        """Frame on the wire; None while the wire is free."""
         self._decided_counts = 0
-        """When it is valid, or when its error flag is over."""
+        """Instant at which that frame is valid, or at which its error flag ends."""
         self._outcome = _Outcome.VALID
         self._senders: list[CanController] = []
         self._outdone: list[CanController] = []
-        """The stations that began to send another frame with the same identifier."""
+        """Stations that began to send a different frame with the same identifier."""
         self._missed_by: list[CanController] = []
         self._free_counts = 0
         self._idle_since_counts = 0
-        """Up to here recessive bits are counted for the stations in bus-off."""
+        """Instant up to which recessive bits are counted for the stations in bus-off."""
 
     def attach(self, station: CanController) -> None:
         """Connect a station's controller to the wire."""
@@ -98,7 +100,7 @@ class Bus:
         self._note_who_is_off()
 
     def _submitted(self, now_counts: int) -> None:
-        """A station has a frame to send; it takes part in the next arbitration."""
+        """Let a station that has a frame to send take part in the next arbitration."""
         if self._frame is None and not (self.busy and self.next_event_counts == self._free_counts):
             self._free_counts = max(self._free_counts, now_counts)
             self._schedule()
@@ -120,7 +122,7 @@ class Bus:
         self.next_event_counts = next_counts
 
     def step(self, now_counts: int) -> None:
-        """Do what is due by now: end a transmission, or bring stations back from bus-off and hold an arbitration."""
+        """Execute the event that is due: the end of a transmission, a return from bus-off, an arbitration."""
         if self.next_event_counts is None or self.next_event_counts > now_counts:
             return
         if self._frame:
@@ -135,10 +137,10 @@ class Bus:
     # --- a transmission
 
     def _arbitrate(self, now_counts: int) -> None:
-        """The lowest identifier wins. Stations that send the same one go on together, unaware of each other.
+        """Let the frame with the lowest identifier win; stations with equal identifiers send on together.
 
-        As soon as their bits differ, those with a recessive one have a bit error. The error flag of an error active one
-        destroys the frame; that of an error passive one is recessive and does the others no harm.
+        Where the bits of these differ, the stations with a recessive bit have a bit error. The error flag of an error
+        active station destroys the frame; that of an error passive one is recessive and harms nobody.
         """
         if self._free_counts > now_counts:
             return
@@ -169,7 +171,7 @@ class Bus:
             self._begin(frame, senders, outdone, fault, now_counts)
 
     def _strike(self, frame: Frame, now_counts: int) -> BusFault | None:
-        """Ask the script; frames are told apart by identity, since a sender may send the same bytes again."""
+        """Return the scripted fault of an attempt; delayed frames are known by identity, since bytes may repeat."""
         return self._faults.strike(frame, now_counts, delayed=any(frame is delayed for delayed in self._delayed))
 
     def _hold(self, frame: Frame, senders: list[CanController], until_counts: int) -> None:
@@ -178,7 +180,7 @@ class Bus:
             station.silent_until_counts = max(station.silent_until_counts, until_counts)
 
     def _missing(self, fault: BusFault) -> list[CanController]:
-        """The stations that a loss concerns."""
+        """Return the stations that do not receive the frame because of a LOSS."""
         if fault.kind is not BusFaultKind.LOSS:
             return []
         return self._stations if fault.receiver is None else self._stations[fault.receiver : fault.receiver + 1]
@@ -200,7 +202,7 @@ class Bus:
         fault: BusFault | None,
         now_counts: int,
     ) -> None:
-        """Put a frame on the wire. A disturbance is found at the end of the CRC, where it costs most."""
+        """Put a frame on the wire. A disturbance is noticed at the end of the CRC, where it costs most time."""
         bits = frame_bits(frame)
         decided_bits = bits - _VALID_BEFORE_END_BITS
         self._outcome = _Outcome.VALID
@@ -271,9 +273,9 @@ class Bus:
     # --- power
 
     def exchange(self, gone: CanController, fresh: CanController, now_counts: int) -> None:
-        """A station has lost its power and has it back: another controller takes its place on the wire.
+        """Replace the controller of a station that has lost its power and has it back.
 
-        A frame that it was sending breaks off. One that is on the wire it does not hear.
+        A frame that the station was sending breaks off. A frame that is on the wire does not reach the new controller.
         """
         self._stations[self._stations.index(gone)] = fresh
         fresh.submitted = self._submitted
@@ -285,9 +287,9 @@ class Bus:
             self._schedule()
 
     def _drop_out(self, gone: CanController, fresh: CanController, now_counts: int) -> None:
-        """What becomes of a transmission when a station drops out.
+        """Take a station out of the transmission in progress.
 
-        Without its only sender the wire stays recessive: a stuff error, unless there are no stuffed bits any more.
+        Without its only sender the wire stays recessive, which is a stuff error while stuffed bits are due.
         """
         self._senders = [station for station in self._senders if station is not gone]
         self._outdone = [station for station in self._outdone if station is not gone]
@@ -310,13 +312,13 @@ class Bus:
             station.recovery_sequences_left -= sequences
 
     def _count_idle(self, now_counts: int) -> None:
-        """Up to now the wire was idle; a sequence that has only begun does not count."""
+        """Count the recessive sequences of an idle wire up to now; an incomplete sequence does not count."""
         idle_counts = now_counts - self._idle_since_counts
         self._count_recessive(idle_counts // (_RECESSIVE_SEQUENCE_BITS * self.bit_counts))
         self._idle_since_counts = now_counts
 
     def _recovery_counts(self, station: CanController) -> int:
-        """When a station has seen enough if the wire stays idle."""
+        """Return the instant at which a station leaves bus-off if the wire stays idle."""
         bits = _RECESSIVE_SEQUENCE_BITS * max(station.recovery_sequences_left, 0)
         return self._idle_since_counts + bits * self.bit_counts
 
@@ -327,7 +329,7 @@ class Bus:
         self._note_who_is_off()
 
     def throw_off(self, station: CanController, now_counts: int) -> None:
-        """Send a station into bus-off while the wire is idle; its recessive bits count from now."""
+        """Put a station into bus-off while the wire is idle; its recessive bits count from now."""
         self._count_idle(now_counts)
         station.force_bus_off(now_counts)
         self._note_who_is_off()
@@ -339,5 +341,5 @@ class Bus:
 
 
 def _bits_in_order(frame: Frame) -> tuple[int, int, bytes]:
-    """The fields that differ between frames, in their order on the wire: the lesser is dominant first."""
+    """Return the fields that differ between frames in their order on the wire; the lesser frame is dominant first."""
     return frame.cob_id, len(frame.data), frame.data

@@ -1,4 +1,4 @@
-"""Scripted faults of the bus, as data: which frames, from when to when, how often. The same script, the same faults."""
+"""Scripted faults of the bus, as data: which frames, from when to when, how often. Equal scripts give equal faults."""
 
 from collections.abc import Container, Sequence
 from dataclasses import dataclass
@@ -9,32 +9,33 @@ from steptwin.protocol.frame import COB_ID_MASK, Frame
 
 
 class BusFaultKind(Enum):
-    """What happens to an attempt to send a frame."""
+    """Effect of a fault on an attempt to send a frame."""
 
     LOSS = "loss"
-    """The frame passes and is acknowledged, but does not reach its receivers' processors: nobody notices."""
+    """The frame is sent and acknowledged, but does not reach its receivers' processors; no station notices."""
     CORRUPTION = "corruption"
-    """A disturbance: an error frame follows, counters move, the sender tries again."""
+    """The frame is disturbed: an error frame follows, error counters rise, the sender tries again."""
     DELAY = "delay"
-    """The sender's controller is held up before it takes part in the arbitration; once for each frame."""
+    """The sender waits before it takes part in the arbitration; once for each frame."""
     BUS_OFF = "bus-off"
-    """The sender goes into bus-off, as after 32 disturbed attempts in a row; the frame is sent after it is back."""
+    """The sender goes into bus-off, as after 32 disturbed attempts in a row, and sends the frame after it."""
 
 
 @dataclass(frozen=True, slots=True)
 class BusFault:
-    """One line of the script. It strikes attempts to send that fulfil all conditions.
+    """One line of the script. It strikes the attempts to send that fulfil all its conditions.
 
     Attributes:
-        kind: what happens.
-        cob_ids: whose frames: a range, a set, a tuple of identifiers.
-        from_counts: the first instant at which it may strike.
-        until_counts: the first instant at which it may no more.
-        rate: the part of the attempts that it strikes, drawn from the script's seeded generator.
-        skip: how many attempts it lets pass first.
-        count: how often it strikes at most.
-        delay_counts: how long a DELAY holds the sender up.
-        receiver: the only station that a LOSS concerns, by its place on the bus: 0 the host, 1 the first board.
+        kind: its effect.
+        cob_ids: identifiers of the frames that it may strike.
+        from_counts: first instant at which it may strike.
+        until_counts: first instant at which it may strike no more; None for no end.
+        rate: part of the attempts that it strikes, 0 to 1, drawn from the script's seeded generator.
+        skip: number of attempts that it lets pass first.
+        count: greatest number of strikes; None for no limit.
+        delay_counts: time by which a DELAY holds the sender up.
+        receiver: the only station that a LOSS concerns, by its place on the bus: 0 the host, 1 the first board; None
+            for all.
     """
 
     kind: BusFaultKind
@@ -54,25 +55,25 @@ class BusFault:
             raise ValueError(f"delay_counts: {self.delay_counts} is not above 0")
 
     def concerns(self, frame: Frame, now_counts: int) -> bool:
-        """Whether identifier and time fit."""
+        """Return True if the frame's identifier and the time fit."""
         if now_counts < self.from_counts or (self.until_counts is not None and now_counts >= self.until_counts):
             return False
         return frame.cob_id in self.cob_ids
 
 
 class FaultScript:
-    """Faults in the order in which they are asked, with what they have done."""
+    """Faults in the order in which they are tried, and the record of their strikes."""
 
     def __init__(self, faults: Sequence[BusFault] = (), seed: int = 0) -> None:
         self.faults = tuple(faults)
         self.struck: list[tuple[int, BusFault, Frame]] = []
-        """Every strike: when, by which fault, which frame."""
+        """Every strike: instant, fault and frame."""
         self._random = Random(seed)
         self._concerned = [0] * len(self.faults)
         self._strikes = [0] * len(self.faults)
 
     def strike(self, frame: Frame, now_counts: int, *, delayed: bool) -> BusFault | None:
-        """The fault that strikes an attempt to send, if any; a frame that was delayed is not delayed again."""
+        """Return the fault that strikes an attempt to send, or None; a delayed frame is not delayed again."""
         for number, fault in enumerate(self.faults):
             if delayed and fault.kind is BusFaultKind.DELAY:
                 continue

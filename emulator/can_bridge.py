@@ -1,7 +1,7 @@
-"""A live board on a bus of python-can: virtual, SocketCAN, socketcand, an adapter.
+"""Connect a live board to a bus of python-can: virtual, SocketCAN, socketcand, an adapter.
 
-To the simulated bus the real one is the host's interface. A frame so passes two buses and arrives by its own length
-later than on one; answers likewise.
+The simulated bus sees the real one as the host's interface. A frame passes both buses, so it arrives later by its own
+length than on one bus; so does the answer.
 """
 
 import threading
@@ -15,11 +15,11 @@ from steptwin.emulator.live_loop import LiveLoop
 from steptwin.protocol.frame import COB_ID_MASK, Frame
 
 WINDOW_FRAMES: Final = 16
-"""Frames from the real bus that wait for the simulated one at most; they are of one bit rate, so it is rarely two."""
+"""Greatest number of frames that wait for the simulated bus; at equal bit rates it is rarely two."""
 INBOX_MAX: Final = 4096
-"""Received frames that wait beyond these; what comes then is lost, as in a controller that nobody reads."""
+"""Greatest number of received frames that wait beyond these; later ones are lost, as in a full CAN controller."""
 _READ_S: Final = 0.2
-"""How often the reading thread sees whether it is still wanted."""
+"""Interval at which the reading thread checks whether the bridge is closed."""
 
 
 class _Received(NamedTuple):
@@ -32,13 +32,13 @@ class CanBridge:
 
     def __init__(self, loop: LiveLoop, bus: can.BusABC) -> None:
         self.foreign_frames = 0
-        """Frames from the bus that are no classical data frames with an 11-bit identifier: dropped."""
+        """Number of dropped frames from the bus: not classical data frames with an 11-bit identifier."""
         self.overruns = 0
-        """Frames from the bus that were lost because too many waited."""
+        """Number of frames from the bus that were lost because too many waited."""
         self.unsent_frames = 0
-        """Frames that the bus did not take."""
+        """Number of frames that the bus did not take."""
         self.failure: str | None = None
-        """Why the bus is of no use any more."""
+        """Error for which the bus has become useless; None while it works."""
         self._loop = loop
         self._live: LiveSimulation = loop.live
         self._bus = bus
@@ -58,7 +58,7 @@ class CanBridge:
         self._reader.join()
         self._bus.shutdown()
 
-    # --- in, in a thread of its own: few interfaces can be waited for together with anything else
+    # --- in, in a thread of its own, because most interfaces offer nothing that `select` could wait for
 
     def _read(self) -> None:
         while not self._closing:

@@ -1,9 +1,8 @@
-"""The STM32F103's CAN controller, bxCAN (RM0008, chapter 24), with the driver that feeds and empties it.
+"""The STM32F103's CAN controller, bxCAN (RM0008, chapter 24), with the software that fills and empties it.
 
-Three transmit mailboxes go out by identifier, lowest first (TXFP = 0), unless they are to go out in order; what finds
-none free waits in the driver's queue, in order, and moves up as soon as a mailbox is free. Two receive FIFOs hold three
-messages each; what comes to a full one is lost (RFLM = 1) and flagged as overrun. After bus-off the controller comes
-back by itself (ABOM = 1).
+Three transmit mailboxes are sent by identifier, the lowest first (TXFP = 0), unless `in_order` is set. A frame that
+finds no mailbox free waits in the software's queue. Two receive FIFOs hold three messages each; a message that comes to
+a full FIFO is lost (RFLM = 1) and flagged as overrun. After bus-off the controller returns by itself (ABOM = 1).
 """
 
 from bisect import insort
@@ -18,7 +17,7 @@ from steptwin.protocol.frame import COB_SDO_REQUEST, NODE_ID_MAX, Frame
 MAILBOXES: Final = 3
 FIFO_DEPTH: Final = 3
 RECOVERY_SEQUENCES: Final = 128
-"""How many times 11 recessive bits a controller must see before it leaves bus-off (ISO 11898-1; RM0008, 24.7.6)."""
+"""Number of sequences of 11 recessive bits before a controller leaves bus-off (ISO 11898-1; RM0008, 24.7.6)."""
 
 _SDO_REQUESTS: Final = range(COB_SDO_REQUEST + 1, COB_SDO_REQUEST + NODE_ID_MAX + 1)
 
@@ -27,13 +26,13 @@ Filter = Callable[[int], bool]
 
 
 class ErrorListener(Protocol):
-    """Is told when an error of the controller occurs and when it is over."""
+    """Called when an error of the controller occurs and when it is over."""
 
     def __call__(self, code: ErrorCode, now_counts: int, /, *, active: bool) -> None: ...
 
 
 def unheard(_frame: Frame, _now_counts: int) -> None:
-    """For a station that does not care what arrives, or when its frames have gone out."""
+    """Ignore frames: for a station without a receiver or without interest in its sent frames."""
 
 
 def _everything(_cob_id: int) -> bool:
@@ -41,11 +40,11 @@ def _everything(_cob_id: int) -> bool:
 
 
 def _nothing(_code: ErrorCode, _now_counts: int, *, active: bool) -> None:
-    """For a station that does not care how its controller is."""
+    """Ignore the controller's errors."""
 
 
 class CanController:
-    """One station on the bus. `submitted` and `next_due_counts` are for whoever connects and drives it."""
+    """One station on the bus. The bus sets `submitted`; the owner calls `poll` at `next_due_counts`."""
 
     def __init__(
         self,
@@ -60,45 +59,45 @@ class CanController:
         """Connect a processor.
 
         Args:
-            receive: takes a message and the instant.
-            on_error: hears of overrun, error passive and the way back from bus-off.
-            passes: the acceptance filter: whether a COB-ID is to be received at all.
-            read_latency_counts: how long after its arrival a message is fetched from its FIFO. 0, an interrupt without
-                delay, never overruns.
-            on_sent: hears of each frame of its own that has gone out, and when.
-            in_order: mailboxes go out in the order in which they were filled (TXFP = 1), not by identifier.
+            receive: called with each message and the instant.
+            on_error: called at overrun, error passive and the return from bus-off.
+            passes: acceptance filter: returns True if a COB-ID is received.
+            read_latency_counts: time from a message's arrival until it is fetched from its FIFO. 0, an interrupt
+                without delay, never overruns.
+            on_sent: called with each frame of the station's own that was sent, and the instant.
+            in_order: True to send mailboxes in the order in which they were filled (TXFP = 1), not by identifier.
         """
         self.errors = FaultConfinement()
         self.state = ErrorState.ACTIVE
         self.on_bus = True
-        """Whether it takes part: sends, receives, acknowledges; not so in bus-off."""
+        """True while the station sends, receives and acknowledges; False in bus-off."""
         self.read_latency_counts = read_latency_counts
         self.mailboxes: list[Frame] = []
-        """What waits for the bus, in the order in which it goes out.
+        """Frames that wait for the bus, in the order in which they are sent.
 
-        No two have the same identifier: of equals bxCAN sends the one in the lower mailbox first, which need not be the
-        older. The driver lets a frame wait until its identifier is in no mailbox."""
+        No two have the same identifier: of two such frames bxCAN sends the one in the lower mailbox first, which need
+        not be the older. A frame waits in the queue until no mailbox has its identifier."""
         self.submitted: Callable[[int], None] = lambda _now_counts: None
-        """The bus wants to know when there is something to send."""
+        """Called when there is a frame to send; the bus sets it."""
         self.silent_until_counts = 0
-        """The station does not begin to send before this."""
+        """Instant before which the station does not begin to send."""
         self.recovery_sequences_left = 0
-        """In bus-off: how many times 11 recessive bits are still missing."""
+        """Number of sequences of 11 recessive bits that are still missing, in bus-off."""
         self.overruns = 0
-        """Messages lost so far because their FIFO was full."""
+        """Number of messages lost so far because their FIFO was full."""
         self.receive = receive
         self.on_sent = on_sent
         self._in_order = in_order
         self._on_error = on_error
         self._active: set[ErrorCode] = set()
-        """The errors that have occurred and are not over."""
+        """Errors that have occurred and are not over."""
         self._passes = passes
         self._queue: deque[Frame] = deque()
         self._fifos: tuple[deque[Frame], deque[Frame]] = (deque(), deque())
         self._overrun = False
-        """Whether a FIFO's overrun flag is up (FOVR)."""
+        """True while a FIFO's overrun flag is set (FOVR)."""
         self.next_due_counts: int | None = None
-        """When the processor fetches what is in the FIFOs."""
+        """Instant at which the processor empties the FIFOs; None while they are empty."""
 
     # --- out
 
@@ -122,7 +121,7 @@ class CanController:
                 insort(mailboxes, queue.popleft())
 
     def sent(self, frame: Frame, now_counts: int) -> None:
-        """A frame has gone out and was acknowledged."""
+        """Remove a frame that was sent and acknowledged."""
         self.mailboxes.remove(frame)
         self.on_sent(frame, now_counts)
         if self._queue:
@@ -134,7 +133,7 @@ class CanController:
     # --- in
 
     def received(self, frame: Frame, now_counts: int) -> None:
-        """A frame on the bus is valid: the filter decides whether and where it is stored."""
+        """Take a valid frame from the bus, unless the filter rejects it."""
         if self.errors.receive_errors or self._active:
             self.errors.received()
             self._note_good_frame(now_counts)
@@ -146,7 +145,7 @@ class CanController:
             self._store(frame, now_counts)
 
     def _store(self, frame: Frame, now_counts: int) -> None:
-        """SDO requests have FIFO 1, so that they cannot push process data out of FIFO 0."""
+        """Store a message in its FIFO: SDO requests in FIFO 1, so as not to displace process data in FIFO 0."""
         number = int(frame.cob_id in _SDO_REQUESTS)
         if len(self._fifos[number]) == FIFO_DEPTH:
             self.overruns += 1
@@ -157,7 +156,7 @@ class CanController:
             self.next_due_counts = now_counts + self.read_latency_counts
 
     def poll(self, now_counts: int) -> None:
-        """Let the processor empty both FIFOs if it is its time. An overrun is over when it finds no flag any more."""
+        """Let the processor empty both FIFOs if it is due. An overrun is over when the flag is found clear."""
         if self.next_due_counts is None or self.next_due_counts > now_counts:
             return
         self.next_due_counts = None
@@ -173,12 +172,12 @@ class CanController:
     # --- errors
 
     def sending_failed(self, now_counts: int, *, acknowledged: bool = True) -> None:
-        """Our frame met an error: it stays in its mailbox and is sent again (NART = 0)."""
+        """Count an error in a frame of this station; the frame stays in its mailbox and is sent again (NART = 0)."""
         self.errors.sending_failed(acknowledged=acknowledged)
         self._note_worse_state(now_counts)
 
     def receiving_failed(self, now_counts: int) -> None:
-        """Somebody else's frame met an error."""
+        """Count an error in another station's frame."""
         self.errors.receiving_failed()
         self._note_worse_state(now_counts)
 
@@ -204,10 +203,7 @@ class CanController:
         self._note_error(ErrorCode.CAN_BUS_OFF_RECOVERED, now_counts, active=False)
 
     def recover(self, now_counts: int) -> None:
-        """Enough recessive bits have passed since bus-off: be error active again.
-
-        The way back is news, and an error until a frame has passed.
-        """
+        """Become error active again after bus-off; report the return as an error until a frame has passed."""
         self.errors.reset()
         self.state = ErrorState.ACTIVE
         self.on_bus = True
@@ -215,7 +211,7 @@ class CanController:
         self._note_error(ErrorCode.CAN_ERROR_PASSIVE, now_counts, active=False)
 
     def _note_error(self, code: ErrorCode, now_counts: int, *, active: bool) -> None:
-        """Tell the processor what it does not know yet."""
+        """Tell the processor of an error that occurred or is over, once."""
         if active is (code in self._active):
             return
         if active:

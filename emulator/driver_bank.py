@@ -1,4 +1,4 @@
-"""The drivers of a board: the wires from the firmware's pins to them, and the record of all that went over these."""
+"""The drivers of a board, the wires from the firmware's pins to them and the record of all edges on these wires."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -36,7 +36,7 @@ _FIRST_OFF = (Pin.ENABLE, Pin.RESET)
 
 @dataclass(frozen=True, slots=True)
 class AxisTrace:
-    """Everything that happened at one driver, times in counts since boot; DIR levels are those after each edge."""
+    """Everything that happened at one driver; times in counts since boot, DIR levels after each edge."""
 
     clk_rise_counts: Int64Array
     clk_fall_counts: Int64Array
@@ -55,8 +55,8 @@ class AxisTrace:
 class DriverBank:
     """The drivers of all axes.
 
-    Pulses are computed ahead in batches: `show` lets the drivers process those that have come, and tells the inputs the
-    steps that were counted.
+    Pulses are computed ahead in batches: `show` lets the drivers process a batch and reports the counted steps to the
+    inputs, since a step may reach a switch.
     """
 
     def __init__(self, osc_pf: Sequence[float], modules: Sequence[Module], inputs: BoardInputs) -> None:
