@@ -80,17 +80,9 @@ class ServedBoard:
         if axes_per_board is not None:
             check_axes_per_board(axes_per_board, len(robot.joints))
         folder = None if out is None else prepare_folder(out)
+        self.endpoint = open_endpoint(host, port, interface, channel, bits_per_s, allow_remote=allow_remote)
         with ExitStack() as on_error:
-            self.endpoint = on_error.enter_context(
-                open_endpoint(
-                    host=host,
-                    port=port,
-                    allow_remote=allow_remote,
-                    interface=interface,
-                    channel=channel,
-                    bitrate=bits_per_s,
-                )
-            )
+            on_error.callback(self.endpoint.close)
             self.board = LiveBoard(
                 robot,
                 standing,

@@ -6,13 +6,7 @@ from steptwin.host.twin.endpoints.endpoint import Endpoint
 
 
 def open_endpoint(
-    *,
-    host: str | None,
-    port: int | None,
-    allow_remote: bool,
-    interface: str | None,
-    channel: str | None,
-    bitrate: int,
+    host: str | None, port: int | None, interface: str | None, channel: str | None, bitrate: int, *, allow_remote: bool
 ) -> Endpoint:
     """Listen for socketcand clients, or join the bus of a python-can interface if one is named.
 

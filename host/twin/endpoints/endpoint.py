@@ -7,7 +7,7 @@ from steptwin.emulator.live_loop import LiveLoop
 
 
 class Endpoint(ABC):
-    """A listening socket or a bus of python-can, open from its construction until `close`; a context manager."""
+    """A listening socket or a bus of python-can, open from its construction until `close`."""
 
     kind: ClassVar[str]
     """Key under which the report holds its figures."""
@@ -17,12 +17,6 @@ class Endpoint(ABC):
     """TCP port of a listening socket."""
     remote: bool = False
     """True if other machines reach a listening socket."""
-
-    def __enter__(self) -> "Endpoint":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     @abstractmethod
     def attach(self, loop: LiveLoop) -> None:
