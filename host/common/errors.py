@@ -12,8 +12,6 @@ class StepTwinError(Exception):
 class NotVerifiedError(StepTwinError):
     """A stored run contradicts itself and cannot be verified; the message names file and key."""
 
-    exit_code = 1
-
 
 class InputError(StepTwinError):
     """The input is wrong; the message names the value, the limit and the nearest valid choice."""

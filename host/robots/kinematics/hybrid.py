@@ -40,10 +40,10 @@ SINGULAR: Final = 0.005
 
 @dataclass(frozen=True, slots=True)
 class HybridGeometry:
-    """The dimensions.
+    """The dimensions, in this order.
 
-    In this order: half the distance between the screws, the links' length, the height of the mechanism's frame, the
-    radial offsets from waist to frame and from platform to tool, the tool's drop, and the platform's largest |z2|.
+    Half the distance between the screws, the links' length, the height of the mechanism's frame, the radial offsets
+    from waist to frame and from platform to tool, the tool's drop, and the platform's largest |z2|.
     """
 
     h_mm: float
@@ -180,14 +180,8 @@ class HybridArm:
 
     def _reach(self, z2_mm: FloatArray) -> Constraint:
         kept = np.abs(z2_mm) <= self.z2_max_mm + LIMIT_TOLERANCE
-        return Constraint(
-            "out of reach: waist to tool",
-            "mm",
-            self.radius_mm + z2_mm,
-            self.radius_mm - self.z2_max_mm,
-            self.radius_mm + self.z2_max_mm,
-            kept,
-        )
+        nearest_mm, farthest_mm = self.radius_mm - self.z2_max_mm, self.radius_mm + self.z2_max_mm
+        return Constraint("out of reach: waist to tool", "mm", self.radius_mm + z2_mm, nearest_mm, farthest_mm, kept)
 
     def _assembly(self, z2_mm: FloatArray, mode: WorkingMode) -> Constraint:
         assembly = self.sliders.assembly_of(z2_mm, mode)

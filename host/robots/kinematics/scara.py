@@ -23,7 +23,7 @@ from steptwin.host.robots.kinematics.dh import DhTable
 from steptwin.host.robots.kinematics.planar2r import Elbow, Planar2R
 
 SINGULAR: Final = 0.005
-"""Least |sin(elbow)|, 0.29 degrees from a stretched or folded arm: closer to 0 the arm is near singular."""
+"""Least |sin(elbow)|, 0.29 degrees from a stretched or folded arm: below it the arm is near singular."""
 
 
 @dataclass(frozen=True, slots=True)
