@@ -115,14 +115,8 @@ def _object_rows(item: DictionaryObject) -> list[list[str]]:
 
 
 def _facts(entry: Entry) -> list[str]:
-    return [
-        entry.data_type.name.lower(),
-        entry.unit.value,
-        entry.access.value,
-        _default(entry),
-        _range(entry),
-        _MAPPED[entry.mapping],
-    ]
+    data_type, unit, access = entry.data_type.name.lower(), entry.unit.value, entry.access.value
+    return [data_type, unit, access, _default(entry), _range(entry), _MAPPED[entry.mapping]]
 
 
 def _default(entry: Entry) -> str:
