@@ -9,6 +9,7 @@ from steptwin.host.client import AxisSettings, Machine
 from steptwin.host.common.axis_records import AxisRecords
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.protocol import od
 from steptwin.protocol.frame import (
     COB_EMCY,
     COB_HEARTBEAT,
@@ -22,6 +23,7 @@ from steptwin.protocol.frame import (
     HOST_NODE_ID,
     Frame,
 )
+from steptwin.protocol.objects import ENTRIES
 from steptwin.protocol.pvt import PvtStatus
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -86,8 +88,8 @@ def _sdo(data: bytes) -> str:
     index, subindex = int.from_bytes(data[1:3], "little"), data[3]
     command = _SDO_COMMANDS.get(data[0], "answer")
     value = int.from_bytes(data[4:8], "little", signed=True)
-    written = f" {value}" if command in ("write", "answer") else ""
-    return f"SDO {command} {index:04X}:{subindex:02X}{written}"
+    entry = f"{index:04X}:{subindex:02X} {ENTRIES[od.address_of(index, subindex)].short_name}"
+    return f"SDO {command} {entry} = {value}" if command in ("write", "answer") else f"SDO {command} {entry}"
 
 
 def _controlword(data: bytes) -> str:
