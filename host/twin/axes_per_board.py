@@ -17,7 +17,9 @@ def read_axes_per_board(text: str, axes: int) -> list[int]:
     """Return the number of axes of each board from a text such as `4,2`; raise InputError if it has another form."""
     words = text.split(",")
     if not all(map(_COUNT.fullmatch, words)):
-        raise InputError(f"axes_per_board={text}: is no list of each board's axes, as in {_listed(_spread([4], axes))}")
+        raise InputError(
+            f"axes_per_board={text}: does not list the axes of each board, as in {_listed(_spread([4], axes))}"
+        )
     return [int(word) for word in words]
 
 
@@ -26,10 +28,10 @@ def check_axes_per_board(counts: Sequence[int], axes: int) -> None:
     given, nearest = _listed(counts), _listed(_spread(counts, axes))
     for count in counts:
         if not 1 <= count <= AXES_MAX:
-            limits = f"a board of {count} axes, it drives 1 to {AXES_MAX}"
+            limits = f"a board drives 1 to {AXES_MAX} axes, not {count}"
             raise InputError(f"axes_per_board={given}: {limits}; try {nearest}")
     if sum(counts) != axes:
-        raise InputError(f"axes_per_board={given}: {sum(counts)} axes, and the robot has {axes}; try {nearest}")
+        raise InputError(f"axes_per_board={given}: {sum(counts)} axes in all, but the robot has {axes}; try {nearest}")
 
 
 def _spread(counts: Sequence[int], axes: int) -> list[int]:

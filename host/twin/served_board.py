@@ -72,7 +72,7 @@ class ServedBoard:
             OSError: a file cannot be written.
         """
         if bitrate is not None and bitrate not in BITRATES:
-            raise InputError(f"bitrate={bitrate}: is none of {', '.join(map(str, BITRATES))}")
+            raise InputError(f"bitrate={bitrate}: is not one of {', '.join(map(str, BITRATES))}")
         if not SPEED_MIN <= speed <= SPEED_MAX:
             raise InputError(f"speed={speed:g}: is not from {SPEED_MIN:g} to {SPEED_MAX:g}")
         bits_per_s = bitrate or robot.board.bitrate

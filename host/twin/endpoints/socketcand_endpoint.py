@@ -17,7 +17,7 @@ _PORTS: Final = range(1024, 1 << 16)
 _BACKLOG: Final = 64
 _REASONS: Final = {
     errno.EADDRINUSE: "is in use; port=0 takes a free one",
-    errno.EADDRNOTAVAIL: "is no address of this machine",
+    errno.EADDRNOTAVAIL: "is not an address of this machine",
 }
 
 
@@ -77,7 +77,7 @@ def _listen(host: str, port: int, *, allow_remote: bool) -> socket.socket:
     try:
         family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
     except (OSError, UnicodeError) as error:
-        raise InputError(f"host={host}: is no address of this machine") from error
+        raise InputError(f"host={host}: is not an address of this machine") from error
     if not allow_remote and not _is_loopback(str(address[0])):
         raise InputError(f"host={host}: other machines could drive this board; allow_remote=True permits it")
     try:

@@ -30,14 +30,14 @@ def test_valid_numbers(text: str, axes: int, counts: tuple[int, ...]) -> None:
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("4,3", "7 axes, and the robot has 6; try 4,2"),
-        ("4,1", "5 axes, and the robot has 6; try 4,1,1"),
-        ("9", "a board of 9 axes, it drives 1 to 8; try 6"),
-        ("0,6", "a board of 0 axes, it drives 1 to 8; try 1,5"),
-        ("", "is no list of each board's axes, as in 4,2"),
-        ("4,", "is no list of each board's axes, as in 4,2"),
-        ("-1,7", "is no list of each board's axes, as in 4,2"),
-        ("9" * 5000, "is no list of each board's axes, as in 4,2"),
+        ("4,3", "7 axes in all, but the robot has 6; try 4,2"),
+        ("4,1", "5 axes in all, but the robot has 6; try 4,1,1"),
+        ("9", "a board drives 1 to 8 axes, not 9; try 6"),
+        ("0,6", "a board drives 1 to 8 axes, not 0; try 1,5"),
+        ("", "does not list the axes of each board, as in 4,2"),
+        ("4,", "does not list the axes of each board, as in 4,2"),
+        ("-1,7", "does not list the axes of each board, as in 4,2"),
+        ("9" * 5000, "does not list the axes of each board, as in 4,2"),
     ],
 )
 def test_invalid_numbers(text: str, complaint: str) -> None:

@@ -61,10 +61,10 @@ def test_errors_in_the_block_end_the_board_and_pass_on(fast_kernel: Kernel) -> N
         ({"port": 80}, "port=80: is neither 0 nor from 1024 to 65535"),
         ({"host": "0.0.0.0"}, "host=0.0.0.0: other machines could drive this board; allow_remote=True permits it"),
         ({"speed": 0.0}, "speed=0: is not from 0.001 to 1000"),
-        ({"bitrate": 1}, "bitrate=1: is none of 125000, 250000, 500000, 1000000"),
+        ({"bitrate": 1}, "bitrate=1: is not one of 125000, 250000, 500000, 1000000"),
         ({"channel": "can0"}, "channel=can0: needs interface=NAME"),
         ({"interface": "virtual", "port": 5000}, "port=5000: is for a socketcand server, not for interface=virtual"),
-        ({"axes_per_board": [3, 2]}, "axes_per_board=3,2: 5 axes, and the robot has 4; try 3,1"),
+        ({"axes_per_board": [3, 2]}, "axes_per_board=3,2: 5 axes in all, but the robot has 4; try 3,1"),
         ({"stand_at": [0.0]}, "stand_at: 1 values for the 4 joints d1 th2 th3 th4"),
     ],
 )
