@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from steptwin.host.planning.jobs.job import Job
-from steptwin.host.planning.jobs.options import joint_position, number, whole_number
+from steptwin.host.planning.jobs.options import joint_position, number
 from steptwin.host.planning.laws import Cubic, Law, Quintic
 from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.trajectory import Trajectory
@@ -45,7 +45,7 @@ class CarryOptions:
     law: Polynomial = Polynomial.CUBIC
     duration_s: float = number(1.0, 0.01, 60.0, "s")
     depth_mm: float = joint_position(0.0, "d3")
-    repetitions: int = whole_number(1, 1, 1000, "times")
+    repetitions: int = number(1, 1, 1000, "times")
 
 
 def carry(robot: Robot, options: CarryOptions) -> Trajectory:

@@ -26,12 +26,7 @@ class Range:
 
 
 def number(default: float, lower: float, upper: float, unit: str) -> Any:
-    """Return a dataclass field for a number with a range; typed Any, as `dataclasses.field` is typed as its default."""
-    return field(default=default, metadata={"range": Range(lower, upper, unit)})
-
-
-def whole_number(default: int, lower: int, upper: int, unit: str) -> Any:
-    """Return a dataclass field for a whole number with a range."""
+    """Return a dataclass field for a number with a range, a whole number if the default is an int."""
     return field(default=default, metadata={"range": Range(lower, upper, unit)})
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Final
 
 from steptwin.host.common.bad_input import unknown
-from steptwin.host.robots.kinematics.base import Branch, Constraint, Kinematics, singularity_measure, within_limits
+from steptwin.host.robots.kinematics.base import Branch, Kinematics
 from steptwin.host.robots.kinematics.calibration import calibration_scara
 from steptwin.host.robots.kinematics.hybrid import HybridArm
 from steptwin.host.robots.kinematics.lab import lab_scara
@@ -18,7 +18,6 @@ from steptwin.host.robots.robot import Robot
 __all__ = [
     "AssemblyMode",
     "Branch",
-    "Constraint",
     "Elbow",
     "HybridArm",
     "Kinematics",
@@ -27,8 +26,6 @@ __all__ = [
     "SliderPair",
     "WorkingMode",
     "make_kinematics",
-    "singularity_measure",
-    "within_limits",
 ]
 
 _KINDS: Final[dict[str, Callable[[Robot], Kinematics]]] = {

@@ -14,7 +14,6 @@ from steptwin.host.planning.jobs.options import (
     number,
     parse_options,
     place,
-    whole_number,
 )
 from steptwin.host.robots import load_robot, robot_names
 from steptwin.host.robots.switches import JointSwitches
@@ -38,7 +37,7 @@ class Options:
     slot: str = place("A1", other_than="hand-over")
     pause_s: float = number(0.5, 0.001, 60.0, "s")
     angle_deg: float = number(0.0, -180.0, 180.0, "deg")
-    repetitions: int = whole_number(1, 1, 1000, "times")
+    repetitions: int = number(1, 1, 1000, "times")
     L1_mm: float = joint_position(100.0, "L1")
 
 

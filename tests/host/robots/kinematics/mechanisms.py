@@ -9,8 +9,9 @@ import pytest
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots import load_robot
+from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.kinematics import HybridArm, Kinematics, Scara, make_kinematics
-from steptwin.host.robots.kinematics.base import BoolArray
+from steptwin.host.robots.kinematics.base import BoolArray, joint_constraints
 from steptwin.host.robots.robot import Robot
 
 
@@ -119,3 +120,15 @@ def own_solutions(mechanism: Mechanism, joints: FloatArray) -> tuple[FloatArray,
     rows = np.arange(len(joints))
     found = np.stack([branch.joints for branch in branches])[which, rows]
     return found, np.stack([branch.reachable for branch in branches])[which, rows]
+
+
+def singularity_measure(kinematics: Kinematics, joints: FloatArray) -> FloatArray:
+    """Return, of shape (n,), the distance of joints from the nearest singularity, from 0 to 1."""
+    values = [constraint.values for constraint in kinematics.singularities(joints)]
+    return np.asarray(np.minimum.reduce(values))
+
+
+def within_limits(limits: tuple[Joint, ...], joints: FloatArray) -> BoolArray:
+    """Return, of shape (n,), whether joints of shape (n, joints) keep all their limits."""
+    kept: BoolArray = np.logical_and.reduce([constraint.kept for constraint in joint_constraints(limits, joints)])
+    return kept

@@ -6,8 +6,17 @@ import numpy as np
 import pytest
 
 from steptwin.host.robots.joint import Unit
-from steptwin.host.robots.kinematics import Kinematics, make_kinematics, within_limits
-from tests.host.robots.kinematics.mechanisms import ALL, BY_NAME, HYBRID, LAB, WAREHOUSE, Mechanism, each_mechanism
+from steptwin.host.robots.kinematics import Kinematics, make_kinematics
+from tests.host.robots.kinematics.mechanisms import (
+    ALL,
+    BY_NAME,
+    HYBRID,
+    LAB,
+    WAREHOUSE,
+    Mechanism,
+    each_mechanism,
+    within_limits,
+)
 
 WHOLE_CIRCLES = {"lab-scara": 3, "warehouse-scara": 5, "teaching-scara": 3, "calibration-scara": 3, "hybrid-arm": 3}
 """Columns of the joints that reach every angle: solutions wrap into their limits."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.robots.kinematics import AssemblyMode, Branch, HybridArm, WorkingMode, singularity_measure
+from steptwin.host.robots.kinematics import AssemblyMode, Branch, HybridArm, WorkingMode
 from tests.host.robots.kinematics.mechanisms import (
     ALL,
     HYBRID,
@@ -14,6 +14,7 @@ from tests.host.robots.kinematics.mechanisms import (
     hybrid_arm,
     own_solutions,
     pose_errors,
+    singularity_measure,
 )
 
 POSES = 10_000

@@ -7,8 +7,15 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.robots.kinematics import singularity_measure
-from tests.host.robots.kinematics.mechanisms import CALIBRATION, HYBRID, LAB, TEACHING, WAREHOUSE, Mechanism
+from tests.host.robots.kinematics.mechanisms import (
+    CALIBRATION,
+    HYBRID,
+    LAB,
+    TEACHING,
+    WAREHOUSE,
+    Mechanism,
+    singularity_measure,
+)
 
 rtb = pytest.importorskip("roboticstoolbox", reason="roboticstoolbox-python is not installed: nothing to compare with")
 sm = pytest.importorskip("spatialmath", reason="spatialmath-python is not installed: nothing to compare with")

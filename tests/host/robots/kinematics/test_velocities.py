@@ -4,8 +4,15 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.robots.kinematics import singularity_measure
-from tests.host.robots.kinematics.mechanisms import HYBRID, LAB, Mechanism, each_mechanism, each_scara, hybrid_arm
+from tests.host.robots.kinematics.mechanisms import (
+    HYBRID,
+    LAB,
+    Mechanism,
+    each_mechanism,
+    each_scara,
+    hybrid_arm,
+    singularity_measure,
+)
 
 L_MM, H_MM = 350.0, 150.0
 """Length of the hybrid arm's links, and half the distance between its screws."""
