@@ -62,10 +62,7 @@ class AxisHoming(NamedTuple):
 def run_homings(link: Link, homings: Sequence[AxisHoming], one_homed: Callable[[], None]) -> None:
     """Home some enabled axes at the same time and wait until all are homed; if one fails, stop the others.
 
-    Args:
-        link: the bus.
-        homings: the axes, with their settings.
-        one_homed: called whenever one of the axes is homed.
+    `one_homed` is called whenever one of the axes is homed.
 
     Raises:
         DeviceFaultError: a homing failed, or a drive is in fault or was switched off; the message says why.

@@ -151,10 +151,7 @@ class Machine:
     ) -> Stream:
         """Start a trajectory from its first point, where the axes must stand; `wait` tends it until its end.
 
-        Args:
-            records: of every axis, with the same durations.
-            start_units: the first point.
-            outputs: the outputs to switch on the way.
+        The records of all axes have the same durations. The outputs are switched on the way.
 
         Raises:
             DeviceFaultError: an axis stands elsewhere, does not know where it stands, or refuses a record.

@@ -86,10 +86,7 @@ class QueueFeed:
             )
 
     def check_running(self) -> None:
-        """Raise DeviceFaultError if the axis came to rest before it had all records.
-
-        A queue that runs dry between two records at rest is no underrun, so the board reports no fault.
-        """
+        """Raise DeviceFaultError if the queue ran dry while the axis rested, for which the board reports no fault."""
         status = self._axis.pvt_status
         if status is not None and not status.flags & PvtFlag.RUNNING and not self.all_acknowledged:
             raise DeviceFaultError(f"{self._axis.name}: ran out of records at rest before the end of its stream")

@@ -35,7 +35,7 @@ def quick_stop(link: Link, axes: Sequence[AxisClient]) -> None:
         axis.send_latched_controlword(QUICK_STOP)
     link.network.send_message(COB_SYNC, b"")
     wait_until(link, lambda: all(map(_reacted, axes)), _REACTION_S)
-    _each([axis for axis in axes if not _reacted(axis)], _stop_by_sdo)
+    _each([axis for axis in axes if not _reacted(axis)], lambda axis: axis.write(od.CONTROLWORD, QUICK_STOP))
     require(link, lambda: all(map(_stopped, axes)), "the axes do not come to rest", REST_TIMEOUT_S)
 
 
@@ -70,10 +70,6 @@ def _stopped(axis: AxisClient) -> bool:
 
 def _rests(axis: AxisClient) -> bool:
     return bool(axis.read(od.STATUSWORD) & Status.TARGET_REACHED)
-
-
-def _stop_by_sdo(axis: AxisClient) -> None:
-    axis.write(od.CONTROLWORD, QUICK_STOP)
 
 
 def _each(axes: Sequence[AxisClient], do: Callable[[AxisClient], None]) -> None:

@@ -15,13 +15,9 @@ def home_robot(
     stay: bool = False,
     progress: Progress = lambda _: None,
 ) -> list[AxisState]:
-    """Home all joints as the robot's file says, then move to the robot's home position.
+    """Home the joints as the robot's file says, one after the other or all together, then move to its home position.
 
-    Args:
-        session: the machine.
-        together: True homes all joints at once, False one after the other.
-        stay: True leaves the axes where homing ends.
-        progress: called with the part of the joints that is homed.
+    With `stay` the axes stay where homing ends. `progress` is called with the part of the joints that is homed.
 
     Raises:
         InputError: the file has no homing for a joint, or another program moves the machine.

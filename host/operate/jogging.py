@@ -40,14 +40,8 @@ def jog(session: Session, name: str, speed: float, seconds: float | None) -> Jog
     """Move one joint at a speed until a time is over or the joint stands at its limit.
 
     All ramps have the joint's highest acceleration. An axis whose position is known keeps the joint's limits; any other
-    axis has no limits.
-
-    Args:
-        session: the machine.
-        name: the joint's name.
-        speed: in mm/s or degrees/s; the sign is the direction.
-        seconds: duration, with the ramp up and without the ramp down. None jogs until KeyboardInterrupt, which then
-            ends the jog by a ramp and is not raised further.
+    axis has no limits. The speed is in mm/s or degrees/s; its sign is the direction. The time includes the ramp up.
+    Without a time the joint moves until KeyboardInterrupt, which then ends the jog by a ramp and is not raised further.
 
     Raises:
         InputError, DeviceFaultError, BusError: as `move`, but the position may be unknown.

@@ -39,15 +39,10 @@ def check_goal(robot: Robot, goal: list[float]) -> None:
 
 
 def nearest_joints(robot: Robot, pose: list[float], near: list[float]) -> list[float]:
-    """Return the joint position that reaches a tool pose and is reached in the least time.
+    """Return the joint position that has a tool pose and is reached in the least time from the joint position `near`.
 
-    Args:
-        robot: the robot.
-        pose: x, y and z in mm and the attitude in degrees.
-        near: the joint position at which the machine stands.
-
-    Raises:
-        InputError: no branch of the inverse kinematics reaches the pose; the message gives each branch's reason.
+    The pose is x, y and z in mm and the attitude in degrees. Raises InputError if no branch of the inverse kinematics
+    reaches it; the message gives each branch's reason.
     """
     standing = np.array(near)
     branches = make_kinematics(robot).inverse(np.array([pose]), standing)
@@ -71,11 +66,8 @@ def move(
 ) -> Moved:
     """Move all joints to a position, straight in joint space.
 
-    Args:
-        session: the machine.
-        goal: the joint position in mm and degrees.
-        speed_percent: percentage of the speeds and accelerations that the joints' limits allow.
-        progress: called with the part of the longest way that is covered.
+    The goal is in mm and degrees. `speed_percent` is the part of the joints' speed and acceleration limits to use.
+    `progress` is called with the part of the longest way that is covered.
 
     Raises:
         InputError: a joint's goal is outside its limits, or another program moves the machine.
@@ -110,14 +102,8 @@ def synchronised(
 ) -> tuple[list[ProfileMove], float]:
     """Scale one trapezoid, with ramps of whole ms, to the way of each axis, so that all arrive together.
 
-    Args:
-        robot: the robot whose limits are kept.
-        start_units: the position of each axis at the start.
-        goal_units: the position of each axis at the end; at least one differs from the start.
-        speed_percent: percentage of the speeds and accelerations that the joints' limits allow.
-
-    Returns:
-        The move of each axis, and the duration in seconds.
+    At least one axis must have a way. `speed_percent` is the part of the joints' speed and acceleration limits to use.
+    Return the move of each axis, and the duration in seconds.
     """
     ways_units = np.subtract(goal_units, start_units)
     speed, acceleration = limits_along(robot, ways_units / robot.wire_units_per_unit)

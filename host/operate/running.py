@@ -85,15 +85,10 @@ def execute_live(
     approach: bool = False,
     progress: Progress = lambda _: None,
 ) -> LiveOutcome:
-    """Run a plan on a live board; after a repetition that ends at another step than planned, stop repeating.
+    """Run a plan `repeat` times on a live board; stop after a repetition that ends at another step than planned.
 
-    Args:
-        session: the machine.
-        plan: the plan.
-        job: name of the motion in reports.
-        repeat: number of repetitions.
-        approach: True moves the machine to the plan's start first, straight in joint space.
-        progress: called with the part of the stream that has been sent, in each repetition from 0 to 1.
+    Reports name the motion `job`. With `approach` the machine moves to the plan's start first, straight in joint space.
+    `progress` is called with the part of the stream that has been sent, in each repetition from 0 to 1.
 
     Raises:
         InputError: the machine does not stand at the plan's start, the plan cannot be repeated, or another program
@@ -125,10 +120,8 @@ _SETTLED_S: Final = 0.02
 
 
 def _ends(machine: Machine, plan: Plan) -> tuple[AxisEnd, ...]:
-    ends = []
-    for joint, planned, end in zip(
-        plan.robot.joints, plan.points_units[-1].tolist(), machine.positions_units(), strict=True
-    ):
-        error_steps = (end - planned) * joint.transmission.microsteps / UNITS_PER_FULL_STEP
-        ends.append(AxisEnd(joint.name, planned, end, error_steps))
-    return tuple(ends)
+    ends = zip(plan.robot.joints, plan.points_units[-1].tolist(), machine.positions_units(), strict=True)
+    return tuple(
+        AxisEnd(joint.name, planned, end, (end - planned) * joint.transmission.microsteps / UNITS_PER_FULL_STEP)
+        for joint, planned, end in ends
+    )

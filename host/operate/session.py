@@ -93,11 +93,7 @@ class Session:
         """Take charge of the machine: set it up, let its axes watch this host, enable the drives.
 
         Leaving the context by an error or by Ctrl-C stops all axes first. Afterwards the drives stay enabled and hold
-        their positions.
-
-        Args:
-            what: name of the action, for messages.
-            known: True if every axis must know its position.
+        their positions. `what` names the action in messages; with `known` every axis must know its position.
 
         Raises:
             InputError: another program moves the machine.

@@ -19,13 +19,9 @@ _FOR_AN_OPERATOR: Final = [(od.QUICK_STOP_OPTION, _HOLD_AFTER_QUICK_STOP), (od.M
 def set_up(machine: Machine, robot: Robot, start_units: list[int] | None = None) -> None:
     """Write a robot's settings into its axes, make them watch this host, and enable the drives.
 
-    Args:
-        machine: the robot's axes.
-        robot: the robot whose settings are written.
-        start_units: the position of each axis, for a board that has just been switched on for this host alone. Then
-            all settings are written without reading them first, and the positions are declared. None for a board
-            that may be set up, enabled and in use by other programs: then only values that differ are written,
-            nodes stay OPERATIONAL, and a quick stop leaves the drives holding their positions.
+    With `start_units` the board has just been switched on, for this host alone: all settings are written without
+    reading them first, and the axes' positions are declared. Without it the board may be set up, enabled and in use:
+    only values that differ are written, nodes stay OPERATIONAL, and drives hold their positions after a quick stop.
 
     Raises:
         DeviceFaultError: a drive is in fault or refuses a value.

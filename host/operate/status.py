@@ -87,8 +87,7 @@ class MachineStatus:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the JSON document of the status."""
-        axes = [asdict(axis) for axis in self.axes]
-        return {"robot": self.robot, "streaming": self.streaming, "axes": axes, "pose": self.pose}
+        return asdict(self)
 
 
 def read_status(session: Session) -> MachineStatus:
@@ -112,11 +111,11 @@ def _status_by_reports(axis: AxisClient, joint: Joint) -> AxisStatus:
     if status is None:
         raise BusError(f"{axis.name}: node 0x{axis.node_id:02X} does not report its status")
     pvt = axis.pvt_status
-    codes = axis.error_codes
+    code = axis.error_codes[-1] if status.in_fault and axis.error_codes else None
     return AxisStatus(
         **_common(axis, joint, status.statusword, status.mode, status.position_units),
-        error=error_text(codes[-1]) if status.in_fault and codes else None,
-        error_code=codes[-1] if status.in_fault and codes else None,
+        error=error_text(code) if code else None,
+        error_code=code,
         queue=None if pvt is None else QueueHealth(pvt.free, _flags(pvt.flags)),
     )
 

@@ -1,8 +1,11 @@
-"""The warehouse robot on an embedded board, ready to run, and records for it."""
+"""Share the warehouse robot on an embedded board, a machine that is ready to run, records, and a second program."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
+import canopen
 import pytest
+from canopen.network import PeriodicMessageTask
 
 from steptwin.host.client import AxisSettings, Machine
 from steptwin.host.common.axis_records import AxisRecords
@@ -12,34 +15,56 @@ from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.host.twin.embedded_network import EmbeddedNetwork
 from steptwin.protocol.frame import Frame
 
-_WHOLE = load_robot("warehouse-scara")
-_JOINTS = tuple(replace(joint, switches=JointSwitches(), homing=None) for joint in _WHOLE.joints)
-ROBOT = replace(_WHOLE, joints=_JOINTS)
-"""Without switches: its records know no limits."""
+WAREHOUSE = load_robot("warehouse-scara")
+ROBOT = replace(
+    WAREHOUSE, joints=tuple(replace(joint, switches=JointSwitches(), homing=None) for joint in WAREHOUSE.joints)
+)
+"""The robot without switches, because the tests' records leave the joints' limits."""
+SX, SZ, L1, TH1, TH2, TH3 = range(6)
 START = [0.0, 0.0, 100.0, 0.0, 60.0, 30.0]
 SETTINGS = AxisSettings(16, 33_000, 33_666, 15_000, 15_000, 15_360_000, 10_000_000)
 AXES = len(START)
+STEP = 1024
+"""Units of a step at 16 microsteps."""
 HEARTBEAT = 0x77F
-"""The COB-ID of the host's."""
+"""The COB-ID of the host's heartbeat."""
+
+
+def connected(board: EmbeddedBoard) -> Machine:
+    """Return a machine whose nodes are PRE-OPERATIONAL and whose drives are off."""
+    machine = Machine(board, ROBOT.joint_names)
+    machine.connect()
+    return machine
 
 
 def ready(board: EmbeddedBoard) -> Machine:
-    """A machine that is enabled and stands at 0 units everywhere."""
-    machine = Machine(board, ROBOT.joint_names)
-    machine.connect()
-    machine.configure(tuple(replace(SETTINGS, microsteps=joint.transmission.microsteps) for joint in ROBOT.joints))
+    """Return a machine that is enabled and stands at 0 units on every axis."""
+    machine = connected(board)
+    machine.configure([replace(SETTINGS, microsteps=joint.transmission.microsteps) for joint in ROBOT.joints])
     machine.enable()
     machine.preset([0] * AXES)
     return machine
 
 
 def still(count: int, duration_ms: int) -> tuple[AxisRecords, ...]:
-    """Records of a trajectory that goes nowhere."""
+    """Return the records of a trajectory in which no axis moves."""
     return (AxisRecords([0] * count, [0] * count, [duration_ms] * count),) * AXES
 
 
+def travelling(count: int, duration_ms: int = 20) -> tuple[AxisRecords, ...]:
+    """Return records that move th1 at 4 steps/ms, with a ramp in the first and in the last record.
+
+    The other axes stand.
+    """
+    velocity = 4 * STEP * 64
+    displacements = [2 * STEP * duration_ms, *[4 * STEP * duration_ms] * (count - 2), 2 * STEP * duration_ms]
+    records = list(still(count, duration_ms))
+    records[TH1] = AxisRecords(displacements, [velocity] * (count - 1) + [0], [duration_ms] * count)
+    return tuple(records)
+
+
 def silence_heartbeat(patch: pytest.MonkeyPatch) -> None:
-    """From now on no heartbeat of the host gets on the bus."""
+    """Keep the host's heartbeat off the bus from now on."""
     send = EmbeddedNetwork.send_message
 
     def without_heartbeat(network: EmbeddedNetwork, can_id: int, data: bytes, remote: bool = False) -> None:
@@ -50,14 +75,43 @@ def silence_heartbeat(patch: pytest.MonkeyPatch) -> None:
 
 
 def frames_to(board: EmbeddedBoard, cob_id: int, head: bytes = b"") -> list[Frame]:
-    """What has been sent under a COB-ID, with data that begin so."""
+    """Return the frames sent under a COB-ID whose data begin with `head`."""
     return [frame for _, frame in board.bus_log if frame.cob_id == cob_id and frame.data.startswith(head)]
 
 
-def travelling(count: int, duration_ms: int = 20) -> tuple[AxisRecords, ...]:
-    """th1 from rest to rest at 4 kHz of steps, the first and the last record being its ramps; the others stand."""
-    velocity = 4 * 1024 * 64
-    displacements = [2 * 1024 * duration_ms, *[4 * 1024 * duration_ms] * (count - 2), 2 * 1024 * duration_ms]
-    th1 = AxisRecords(displacements, [velocity] * (count - 1) + [0], [duration_ms] * count)
-    standing = still(count, duration_ms)
-    return (*standing[:3], th1, *standing[4:])
+def sdo_requests(board: EmbeddedBoard, begin: int) -> list[Frame]:
+    """Return the SDO requests in the bus log from its entry `begin` on."""
+    return [frame for _, frame in board.bus_log[begin:] if 0x600 < frame.cob_id < 0x680]
+
+
+class Neighbour(canopen.Network):
+    """The link of another program on the same bus.
+
+    While it waits, time passes for both programs: by `wait`, if given, so that the first program can do its work.
+    """
+
+    def __init__(
+        self, board: EmbeddedBoard, patch: pytest.MonkeyPatch, wait: Callable[[float], None] | None = None
+    ) -> None:
+        super().__init__()
+        self._board = board
+        self.wait = wait or board.wait
+        self._hear_first = board.network.notify
+        patch.setattr(board.network, "notify", self._hear)
+
+    def _hear(self, can_id: int, data: bytearray, timestamp: float) -> None:
+        self._hear_first(can_id, data, timestamp)
+        self.notify(can_id, data, timestamp)
+
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
+        self._board.network.send_message(can_id, data, remote)
+
+    def send_periodic(self, can_id: int, data: bytes, period: float, remote: bool = False) -> PeriodicMessageTask:
+        return self._board.network.send_periodic(can_id, data, period, remote)
+
+    @property
+    def network(self) -> canopen.Network:
+        return self
+
+    def now_s(self) -> float:
+        return self._board.now_s()

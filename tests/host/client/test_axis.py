@@ -1,34 +1,25 @@
-"""The client when a node refuses, is silent, or reports what it should not."""
+"""The client when a node refuses a request, does not answer, or sends a malformed report."""
 
 import pytest
 
-from steptwin.controller.backend import Kernel
-from steptwin.host.client import AxisSettings, Machine
+from steptwin.host.client import Machine
 from steptwin.host.client.words import error_text
 from steptwin.host.common.errors import BusError, DeviceFaultError
-from steptwin.host.robots import load_robot
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
+from steptwin.protocol.cia402 import ENABLE_OPERATION, Control, Mode
 from steptwin.protocol.frame import Frame
-
-START = [0.0, 0.0, 100.0, 0.0, 60.0, 30.0]
-SETTINGS = AxisSettings(16, 33_000, 33_666, 15_000, 15_000, 15_360_000, 10_000_000)
-
-
-@pytest.fixture
-def board(fast_kernel: Kernel) -> EmbeddedBoard:
-    return EmbeddedBoard(load_robot("warehouse-scara"), START, fast_kernel)
+from tests.host.client.machines import AXES, ROBOT, SETTINGS, STEP, SX, TH1, TH2, connected
 
 
 @pytest.fixture
 def machine(board: EmbeddedBoard) -> Machine:
-    made = Machine(board, ("sx", "sz", "L1", "th1", "th2", "th3"))
-    made.connect()
-    return made
+    """A machine whose drives are off."""
+    return connected(board)
 
 
 def test_objects_are_read_and_written(machine: Machine) -> None:
-    th1 = machine.axes[3]
+    th1 = machine.axes[TH1]
     th1.write(od.STEPSPACE_NS, 40_000)
     assert th1.read(od.STEPSPACE_NS) == 40_000
     assert th1.read(od.SUPPORTED_DRIVE_MODES) == 0b1110_0101
@@ -44,34 +35,34 @@ def test_objects_are_read_and_written(machine: Machine) -> None:
 )
 def test_a_refusal_names_axis_object_and_value(machine: Machine, address: int, value: int, words: str) -> None:
     with pytest.raises(DeviceFaultError, match=f"th2: .*{words}"):
-        machine.axes[4].write(address, value)
+        machine.axes[TH2].write(address, value)
     assert DeviceFaultError.exit_code == 3
 
 
 def test_reading_what_is_write_only_is_refused(machine: Machine) -> None:
     with pytest.raises(DeviceFaultError, match="sx: reading 0x60C4:06 was refused"):
-        machine.axes[0].read(od.BUFFER_CLEAR)
+        machine.axes[SX].read(od.BUFFER_CLEAR)
 
 
 def test_a_node_that_is_not_there(board: EmbeddedBoard) -> None:
     with pytest.raises(BusError, match="seventh: node 0x16 does not answer"):
-        Machine(board, ("sx", "sz", "L1", "th1", "th2", "th3", "seventh")).connect()
+        Machine(board, (*ROBOT.joint_names, "seventh")).connect()
     with pytest.raises(BusError, match="seventh"):
-        Machine(board, ("sx", "sz", "L1", "th1", "th2", "th3", "seventh")).axes[6].write(od.CONTROLWORD, 0)
+        Machine(board, (*ROBOT.joint_names, "seventh")).axes[6].write(od.CONTROLWORD, 0)
 
 
 def test_a_drive_that_cannot_be_enabled(machine: Machine, board: EmbeddedBoard) -> None:
-    """A drive in QUICK STOP ACTIVE is no step on the way; a fault does not go away by enabling."""
-    machine.configure((SETTINGS,) * 6)
+    """An underrun leaves the drive in FAULT, and enabling does not reset a fault."""
+    machine.configure((SETTINGS,) * AXES)
     machine.enable()
-    th1 = machine.axes[3]
-    th1.write(od.MODE_OF_OPERATION, 7)
+    th1 = machine.axes[TH1]
+    th1.write(od.MODE_OF_OPERATION, Mode.INTERPOLATED_POSITION)
     for sequence in range(5):  # 4 kHz and no end: an underrun
-        velocity = 4 * 1024 * 64
-        displacement = 40 * 1024 if sequence == 0 else 80 * 1024
+        velocity = 4 * STEP * 64
+        displacement = 40 * STEP if sequence == 0 else 80 * STEP
         data = displacement.to_bytes(3, "little") + velocity.to_bytes(3, "little") + bytes((20, sequence))
         board.network.send_message(0x513, data)
-    th1.write(od.CONTROLWORD, 0x1F)
+    th1.write(od.CONTROLWORD, ENABLE_OPERATION | Control.START)
     board.wait(2.0)
     assert th1.in_fault
     assert th1.error_codes == [0xFF01]
@@ -91,7 +82,7 @@ def test_remote_frames_do_not_exist_here(board: EmbeddedBoard) -> None:
 
 
 def test_malformed_reports_are_ignored(machine: Machine, board: EmbeddedBoard) -> None:
-    th1 = machine.axes[3]
+    th1 = machine.axes[TH1]
     board.network.notify(0x193, bytearray(b"\x08"), 0.0)
     board.network.notify(0x393, bytearray(7), 0.0)
     assert not th1.in_fault
@@ -100,7 +91,7 @@ def test_malformed_reports_are_ignored(machine: Machine, board: EmbeddedBoard) -
 
 def test_the_bus_log_holds_every_frame_once(machine: Machine, board: EmbeddedBoard) -> None:
     before = len(board.bus_log)
-    machine.axes[0].read(od.DEVICE_TYPE)
+    machine.axes[SX].read(od.DEVICE_TYPE)
     request, response = board.bus_log[before:]
     assert request[1] == Frame(0x610, bytes.fromhex("4000100000000000"))
     assert response[1] == Frame(0x590, bytes.fromhex("4300100092010400"))

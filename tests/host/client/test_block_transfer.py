@@ -1,17 +1,12 @@
-"""SDO block transfer over the whole emulated board: the library's blocking client, its frames on the simulated bus."""
+"""SDO block transfer by the canopen library's blocking client over the simulated bus."""
 
 import canopen
 from canopen.sdo.client import SdoClient
 
-from steptwin.controller.backend import Kernel
-from steptwin.host.robots import load_robot
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 
-START = [0.0, 0.0, 100.0, 0.0, 60.0, 30.0]
 
-
-def test_a_block_goes_up_and_down(fast_kernel: Kernel) -> None:
-    board = EmbeddedBoard(load_robot("warehouse-scara"), START, fast_kernel)
+def test_a_block_goes_up_and_down(board: EmbeddedBoard) -> None:
     node = canopen.RemoteNode(0x12, canopen.ObjectDictionary())  # type: ignore[no-untyped-call]
     board.network.add_node(node)
     sdo: SdoClient = node.sdo

@@ -1,4 +1,4 @@
-"""TPDO1 as the client reads it."""
+"""Decoding of TPDO1."""
 
 import pytest
 

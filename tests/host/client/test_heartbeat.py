@@ -1,9 +1,8 @@
-"""The host's heartbeat in virtual time: when it is sent, and what the board does when it stays away."""
+"""The host's heartbeat in virtual time: when it is sent, and how the board reacts when it stops."""
 
 import numpy as np
 import pytest
 
-from steptwin.controller.backend import Kernel
 from steptwin.host.client import Machine
 from steptwin.host.client.heartbeat import PERIOD_S, TIMEOUT_MS
 from steptwin.host.client.pausing import pause_trajectory
@@ -17,24 +16,13 @@ from tests.host.client.machines import (
     HEARTBEAT,
     ROBOT,
     SETTINGS,
-    START,
+    STEP,
+    TH1,
     frames_to,
     ready,
     silence_heartbeat,
     travelling,
 )
-
-TH1 = 3
-
-
-@pytest.fixture
-def board(fast_kernel: Kernel) -> EmbeddedBoard:
-    return EmbeddedBoard(ROBOT, START, fast_kernel)
-
-
-@pytest.fixture
-def machine(board: EmbeddedBoard) -> Machine:
-    return ready(board)
 
 
 def beats_s(board: EmbeddedBoard) -> list[float]:
@@ -50,7 +38,7 @@ def states(machine: Machine) -> list[State]:
 
 
 def test_it_beats_while_the_client_waits(board: EmbeddedBoard, machine: Machine) -> None:
-    """Also through one long wait, and at its times, not some time after them."""
+    """During one long wait, too, each heartbeat is sent at its own time."""
     board.wait(3.0)
     machine.wait(2.0)
     assert np.diff(beats_s(board)) == pytest.approx(PERIOD_S, abs=0.0005)
@@ -104,7 +92,7 @@ def test_a_host_may_come_again(board: EmbeddedBoard, machine: Machine) -> None:
 def test_a_host_that_stays_silent_is_told_so(
     board: EmbeddedBoard, machine: Machine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It goes on feeding, but cannot be heard: the axes leave OPERATIONAL and say why by EMCY alone."""
+    """The host feeds the queues, but its heartbeat is lost: the axes leave OPERATIONAL and report only by EMCY."""
     machine.start(travelling(101), [0] * AXES)
     machine.wait(1.0)
     silence_heartbeat(monkeypatch)
@@ -121,7 +109,7 @@ def test_a_host_that_stays_silent_is_told_so(
 def test_a_host_that_dies_leaves_no_motion(
     board: EmbeddedBoard, machine: Machine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Neither heartbeat nor records any more: a ramp from 4 kHz at 9766 steps/s^2, before the queue is dry."""
+    """Heartbeat and records stop: the axis ramps down from 4 kHz at 9766 steps/s^2 before its queue is dry."""
     machine.start(travelling(101), [0] * AXES)
     machine.wait(1.0)
     silence_heartbeat(monkeypatch)
@@ -135,7 +123,7 @@ def test_a_host_that_dies_leaves_no_motion(
     assert np.all(np.diff(braking) > -1e-6)
     assert [axis.violations.counts.size for axis in evidence.axes] == [0] * AXES
     assert states(machine) == [State.FAULT] * AXES
-    assert machine.positions_units()[TH1] == board.driver_positions()[TH1] * 1024
+    assert machine.positions_units()[TH1] == board.driver_positions()[TH1] * STEP
     assert {code for axis in machine.axes for code in axis.error_codes} == {ErrorCode.HEARTBEAT_LOST}
 
 
@@ -154,7 +142,7 @@ def test_a_paused_machine_is_watched_too(
 
 
 def test_repeated_frames_stop_and_skip_what_they_have_missed(board: EmbeddedBoard) -> None:
-    """Every 50 us is more than the bus can carry: no backlog is left."""
+    """A frame every 50 us is more than the bus can carry; no backlog builds up."""
     fast = board.network.send_periodic(0x77E, b"\x05", 50e-6)
     slow = board.network.send_periodic(0x77D, b"\x05", 0.01)
     board.wait(0.1)

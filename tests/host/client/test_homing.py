@@ -1,4 +1,4 @@
-"""The client homes whole machines on the embedded board: from anywhere, by their files; what it says when it fails."""
+"""The client homes whole machines on the embedded board, from any position, and reports why a homing failed."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from steptwin.controller.backend import Kernel
 from steptwin.emulator.operations import EmergencyStop, Scheduled
-from steptwin.host.client import AxisSettings, HomingSettings, Machine
+from steptwin.host.client import HomingSettings, Machine
 from steptwin.host.common.errors import BusError, DeviceFaultError
 from steptwin.host.operate.homing_settings import homing_settings
 from steptwin.host.robots import load_robot, robot_names
@@ -19,16 +19,13 @@ from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, Control, ErrorCode, Mode, State
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
-
-WAREHOUSE = load_robot("warehouse-scara")
-SETTINGS = AxisSettings(16, 33_000, 33_666, 15_000, 15_000, 1, 10_000_000)
-L1, TH1, TH3 = 2, 3, 5
+from tests.host.client.machines import L1, SETTINGS, TH1, TH3, WAREHOUSE
 
 
 def machine_of(
     robot: Robot, start: list[float], kernel: Kernel, schedule: Iterable[Scheduled] = ()
 ) -> tuple[EmbeddedBoard, Machine]:
-    """An enabled machine that does not know where it is."""
+    """Return a board and its enabled machine, whose position is unknown."""
     board = EmbeddedBoard(robot, start, kernel, schedule=schedule)
     machine = Machine(board, robot.joint_names)
     machine.connect()
@@ -47,13 +44,13 @@ def machine_of(
 
 
 def how(robot: Robot, *joints: str) -> tuple[HomingSettings | None, ...]:
-    """How a robot's joints are homed, all of them or some."""
+    """Return the homing settings of all joints, or of some; None for the others."""
     names = joints or robot.joint_names
     return tuple(homing_settings(joint) if joint.name in names else None for joint in robot.joints)
 
 
 def steps_said(robot: Robot, machine: Machine) -> list[float]:
-    """Where the firmware says that the axes are, in steps."""
+    """Return the axes' positions as the firmware reports them, in steps."""
     return [
         units * joint.transmission.microsteps / UNITS_PER_FULL_STEP
         for units, joint in zip(machine.positions_units(), robot.joints, strict=True)
@@ -63,7 +60,7 @@ def steps_said(robot: Robot, machine: Machine) -> list[float]:
 @pytest.mark.parametrize("together", [False, True])
 @pytest.mark.parametrize("name", robot_names())
 def test_every_robot_by_its_file(fast_kernel: Kernel, name: str, together: bool) -> None:
-    """Afterwards the firmware knows to the step where the machine is."""
+    """After homing, the firmware's position is exact to the step."""
     robot = load_robot(name)
     board, machine = machine_of(robot, list(robot.home), fast_kernel)
     told: list[float] = []
@@ -76,7 +73,7 @@ def test_every_robot_by_its_file(fast_kernel: Kernel, name: str, together: bool)
 @settings(max_examples=10)
 @given(data=st.data())
 def test_from_anywhere(fast_kernel: Kernel, data: st.DataObject) -> None:
-    """Within the limits or on their switches; twice, and the second time it is where it was."""
+    """Homing works from within the limits and from on the switches; a second homing gives the same position."""
     joints = WAREHOUSE.joints
     start = [data.draw(st.floats(joint.lower - 8, joint.upper + 8), label=joint.name) for joint in joints]
     start[0], start[1] = min(start[0], 60.0), min(start[1], 40.0)  # the slides are long and slow
@@ -107,7 +104,7 @@ def test_a_homed_axis_goes_where_it_is_sent(fast_kernel: Kernel) -> None:
 
 
 def without_home_switch() -> Robot:
-    """The machine as somebody has built it: the wrist's switch is not plugged in."""
+    """Return the machine with the wrist's home switch not plugged in."""
     wrist = replace(WAREHOUSE.joints[TH3], switches=JointSwitches(-190.0, 190.0), homing=None)
     return replace(WAREHOUSE, joints=(*WAREHOUSE.joints[:TH3], wrist))
 
@@ -121,7 +118,7 @@ class TestFailures:
         assert machine.axes[TH3].error_codes == [ErrorCode.HOMING_FAILED]
 
     def test_one_that_fails_stops_the_others(self, fast_kernel: Kernel) -> None:
-        """th3 fails early, sx would have taken long."""
+        """th3 fails early, while sx is still searching."""
         board, machine = machine_of(without_home_switch(), [500.0, *WAREHOUSE.home[1:5], 185.0], fast_kernel)
         told: list[float] = []
         with pytest.raises(DeviceFaultError, match=r"^th3: homing failed"):

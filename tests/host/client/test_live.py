@@ -1,23 +1,20 @@
-"""Other people's programs, unmodified, on a live board: python-can's socketcand interface, canopen's 402 node."""
+"""Other masters, unmodified, on a live board: python-can's socketcand interface, canopen's CiA 402 node."""
 
-import io
 import time
 from collections.abc import Callable, Iterator
 
 import can
 import canopen
 import pytest
-from canopen.objectdictionary import eds
-from canopen.profiles.p402 import BaseNode402
 
 from steptwin.emulator.can_bridge import INBOX_MAX, CanBridge
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import Status
-from steptwin.protocol.eds import render_eds
 from tests.emulator.live_rig import TIMEOUT_S, LiveRig, await_true
+from tests.host.client.machines import STEP
+from tests.host.client.other_masters import Node402, node402
 
 NODE = 0x11
-STEP = 1024
-"""Units of a step at 16 microsteps."""
 
 MakeNetwork = Callable[[], canopen.Network]
 
@@ -30,7 +27,7 @@ def rig() -> Iterator[LiveRig]:
 
 @pytest.fixture
 def connect(rig: LiveRig) -> Iterator[MakeNetwork]:
-    """Makes networks, as many as one likes."""
+    """Return a function that connects another network at each call."""
     networks = []
 
     def make() -> canopen.Network:
@@ -44,22 +41,21 @@ def connect(rig: LiveRig) -> Iterator[MakeNetwork]:
         network.disconnect()
 
 
-def add_node(network: canopen.Network) -> BaseNode402:
-    dictionary = eds.import_eds(io.StringIO(render_eds()), NODE)  # type: ignore[no-untyped-call]
-    node = BaseNode402(NODE, dictionary)  # type: ignore[no-untyped-call]
+def add_node(network: canopen.Network, node_id: int = NODE) -> Node402:
+    """Add a node that waits long enough for answers on a busy computer."""
+    node = node402(network, node_id)
     node.sdo.RESPONSE_TIMEOUT = TIMEOUT_S
     node.TIMEOUT_SWITCH_OP_MODE = node.TIMEOUT_SWITCH_STATE_FINAL = TIMEOUT_S
-    network.add_node(node)
     return node
 
 
 def test_the_device_says_that_it_is_simulated(connect: MakeNetwork) -> None:
     node = add_node(connect())
-    assert "SIMULATED" in node.sdo[0x1008].raw
+    assert "SIMULATED" in node.sdo["Manufacturer device name"].raw
 
 
 def test_a_402_node_makes_a_profile_move(rig: LiveRig, connect: MakeNetwork) -> None:
-    """By its own means: load_configuration, setup_402_state_machine, TPDOs, states, operation modes."""
+    """The node uses its own methods: load_configuration, setup_402_state_machine, TPDOs, states, operation modes."""
     node = add_node(connect())
     node.nmt.state = "PRE-OPERATIONAL"
     node.load_configuration()
@@ -69,28 +65,25 @@ def test_a_402_node_makes_a_profile_move(rig: LiveRig, connect: MakeNetwork) -> 
     node.state = "SWITCHED ON"
     node.op_mode = "PROFILED POSITION"
     node.state = "OPERATION ENABLED"
-    node.sdo[0x607A].raw = 300 * STEP
+    node.write(od.TARGET_POSITION, 300 * STEP)
     node.controlword = 0x1F
-    await_true(lambda: bool(node.sdo[0x6041].raw & Status.SETPOINT_ACKNOWLEDGED), "the set-point is taken")
+    await_true(lambda: bool(node.read(od.STATUSWORD) & Status.SETPOINT_ACKNOWLEDGED), "the set-point is taken")
     node.controlword = 0x0F
-    await_true(lambda: node.sdo[0x6064].raw == 300 * STEP, "the axis is there")
-    await_true(lambda: bool(node.sdo[0x6041].raw & Status.TARGET_REACHED), "it says so")
+    await_true(lambda: node.read(od.POSITION_ACTUAL) == 300 * STEP, "the axis is there")
+    await_true(lambda: bool(node.read(od.STATUSWORD) & Status.TARGET_REACHED), "it says so")
     assert rig.board.trace(1).position_steps == 300
     assert rig.live.ticks.count > 100
 
 
 def test_two_masters_at_once(connect: MakeNetwork) -> None:
-    """Both read, many times; the answers to one are seen by the other, of another node."""
-    first, second = add_node(connect()), connect()
-    other = canopen.RemoteNode(NODE - 1, eds.import_eds(io.StringIO(render_eds()), NODE - 1))  # type: ignore[no-untyped-call]
-    other.sdo.RESPONSE_TIMEOUT = TIMEOUT_S
-    second.add_node(other)
+    """Both masters read many times; each sees the answers that the other's node sends, too."""
+    first, other = add_node(connect()), add_node(connect(), NODE - 1)
     for _ in range(50):
-        assert first.sdo[0x1000].raw == other.sdo[0x1000].raw == 0x00040192
+        assert first.read(od.DEVICE_TYPE) == other.read(od.DEVICE_TYPE) == 0x00040192
 
 
 def bridge_to(bus: can.BusABC) -> tuple[LiveRig, CanBridge]:
-    """The same board on a bus of python-can instead."""
+    """Return a live board connected to a bus of python-can instead of a socketcand server."""
     rig = LiveRig(speed=20)
     rig.server.close()
     return rig, CanBridge(rig.loop, bus)
@@ -114,7 +107,7 @@ READ_TYPE = can.Message(arbitration_id=0x610, data=bytes.fromhex("40001000000000
 
 
 def receive(bus: can.BusABC, cob_id: int) -> can.Message:
-    """The next one with this identifier."""
+    """Receive frames until one has this identifier; return it."""
     deadline_s = time.monotonic() + TIMEOUT_S
     while time.monotonic() < deadline_s:
         message = bus.recv(TIMEOUT_S)
@@ -146,7 +139,7 @@ def test_what_is_no_classical_data_frame_stays_outside(bridged: tuple[LiveRig, C
 
 
 def test_a_flood_is_cut_and_counted(bridged: tuple[LiveRig, CanBridge], virtual: can.BusABC) -> None:
-    """Far more than the simulated bus takes; whatever has not been cut passes, and so do two boot-up messages."""
+    """Of far more frames than the bus takes, each passes or is counted as cut; two boot-up messages pass, too."""
     rig, bridge = bridged
     count = 4 * INBOX_MAX
     for _ in range(count):
@@ -157,7 +150,7 @@ def test_a_flood_is_cut_and_counted(bridged: tuple[LiveRig, CanBridge], virtual:
 
 
 class BrokenBus(can.BusABC):
-    """An interface whose cable is pulled."""
+    """An interface that fails as if its cable were pulled."""
 
     def __init__(self, error: Exception, *, sending: bool) -> None:
         super().__init__("broken")

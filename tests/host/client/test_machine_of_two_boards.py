@@ -1,4 +1,4 @@
-"""One machine of sixteen axes on two boards: one start, one halt, one end."""
+"""One machine of sixteen axes on two boards: it starts, halts and ends as one."""
 
 import pytest
 
@@ -9,14 +9,15 @@ from steptwin.emulator.simulation import Simulation
 from steptwin.host.client import Machine
 from steptwin.host.client.pausing import pause_trajectory, resume_trajectory
 from steptwin.host.twin.embedded_network import EmbeddedNetwork
-from tests.host.client.machines import SETTINGS, still, travelling
+from steptwin.protocol.timer import COUNTS_PER_SECOND
+from tests.host.client.machines import SETTINGS, STEP, TH1, still, travelling
 
 AXES = 8
-MOVING = (3, 13)
+MOVING = (TH1, 13)
 
 
 class TwoBoards:
-    """Fulfils Link."""
+    """A Link to two boards on one bus."""
 
     def __init__(self, kernel: Kernel) -> None:
         boards = [Board(BoardConfig(AXES, (330.0,) * AXES, first_node_id=node), kernel) for node in (0x10, 0x18)]
@@ -28,7 +29,7 @@ class TwoBoards:
         return self.simulation.now_s
 
     def wait(self, dt_s: float) -> None:
-        self.network.run_until(self.simulation.now_counts + round(dt_s * 72e6))
+        self.network.run_until(self.simulation.now_counts + round(dt_s * COUNTS_PER_SECOND))
 
 
 @pytest.fixture
@@ -37,7 +38,7 @@ def link(fast_kernel: Kernel) -> TwoBoards:
 
 
 def test_it_starts_halts_and_ends_together(link: TwoBoards) -> None:
-    """Every board ramps down by itself: here in the same time, because the same axes move on both."""
+    """Each board ramps down by itself, here in the same time, because the same axis moves on both."""
     machine = Machine(link, tuple(f"axis {i}" for i in range(2 * AXES)))
     machine.connect()
     machine.configure((SETTINGS,) * (2 * AXES))
@@ -45,18 +46,18 @@ def test_it_starts_halts_and_ends_together(link: TwoBoards) -> None:
     machine.preset([0] * (2 * AXES))
     records = list(still(101, 20)[:1] * (2 * AXES))
     for axis in MOVING:
-        records[axis] = travelling(101)[3]
+        records[axis] = travelling(101)[TH1]
     run = machine.start(tuple(records), [0] * (2 * AXES))
     machine.wait(0.5)
     assert pause_trajectory(machine)
     rest_units = machine.positions_units()
-    assert rest_units[3] == pytest.approx(rest_units[13], abs=3 * 4 * 1024)
+    assert rest_units[TH1] == pytest.approx(rest_units[13], abs=3 * 4 * STEP)
     machine.wait(10.0)
     assert machine.positions_units() == rest_units
     resume_trajectory(machine)
     machine.wait(3.0)
     assert run.ended
-    end_units = [100 * 80 * 1024 if axis in MOVING else 0 for axis in range(2 * AXES)]
+    end_units = [100 * 80 * STEP if axis in MOVING else 0 for axis in range(2 * AXES)]
     assert machine.positions_units() == end_units
     machine.disable()
     machine.disconnect()

@@ -1,31 +1,29 @@
-"""Digital outputs through the client: switched one by one, at their times, and not waited for."""
+"""Digital outputs switched by the client: one by one, at their times, without delaying the motion."""
 
 import pytest
 
 from steptwin.controller.backend import Kernel
 from steptwin.host.client import Machine, OutputCommand
-from steptwin.host.robots import load_robot
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.host.verify import OutputChange
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalOutput
 from steptwin.protocol.frame import COB_SYNC
-from tests.host.client.machines import AXES, frames_to, ready, still
+from tests.host.client.machines import AXES, START, SX, TH3, WAREHOUSE, connected, frames_to, ready, still
 
 MAGNET, LOCK = DigitalOutput.OUT1, DigitalOutput.OUT2
-TH3 = 5
 
 
 @pytest.fixture
 def board(fast_kernel: Kernel) -> EmbeddedBoard:
-    return EmbeddedBoard(load_robot("warehouse-scara"), [0.0, 0.0, 100.0, 0.0, 60.0, 30.0], fast_kernel)
+    """The board with the switches and the outputs of the robot's file."""
+    return EmbeddedBoard(WAREHOUSE, START, fast_kernel)
 
 
 @pytest.fixture
 def machine(board: EmbeddedBoard) -> Machine:
-    made = Machine(board, ("sx", "sz", "L1", "th1", "th2", "th3"))
-    made.connect()
-    return made
+    """A machine whose drives are off."""
+    return connected(board)
 
 
 def changes(board: EmbeddedBoard) -> list[OutputChange]:
@@ -42,12 +40,12 @@ def test_one_output_leaves_the_others_alone(machine: Machine, board: EmbeddedBoa
 
 
 def test_what_nothing_is_wired_to_is_no_evidence(machine: Machine, board: EmbeddedBoard) -> None:
-    machine.axes[0].switch_output(MAGNET, on=True)
+    machine.axes[SX].switch_output(MAGNET, on=True)
     assert changes(board) == []
 
 
 def test_outputs_are_switched_at_their_times(board: EmbeddedBoard) -> None:
-    """Not before the record that begins then, nor much later; the one at the end when that is reached."""
+    """Each output switches within 25 ms after its time, the last one at the trajectory's end, and none before."""
     machine = ready(board)
     commands = (
         OutputCommand(TH3, LOCK, on=True, from_s=0.5),
@@ -72,7 +70,7 @@ def test_an_output_amid_a_record_waits_for_the_next(board: EmbeddedBoard) -> Non
 
 
 def test_the_board_is_asked_only_when_it_matters(board: EmbeddedBoard) -> None:
-    """A few times an output, not with every look at the clock."""
+    """The client reads the record number a few times for each output, not at every poll."""
     machine = ready(board)
     commands = tuple(OutputCommand(TH3, MAGNET, on=bool(i % 2), from_s=0.3 * i) for i in range(1, 10))
     machine.run(still(300, 10), [0] * AXES, lambda _: None, commands)

@@ -1,11 +1,9 @@
-"""Halting a trajectory and letting it go on: who may do it, when there is nothing to halt, and how it ends."""
+"""Pause and resume: by which program, without a trajectory, and how the trajectory ends."""
 
 from collections.abc import Callable
 
-import canopen
 import pytest
 
-from steptwin.controller.backend import Kernel
 from steptwin.host.client import Machine, OutputCommand
 from steptwin.host.client.pausing import pause_trajectory, resume_trajectory
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
@@ -13,51 +11,29 @@ from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, Control, DigitalOutput
 from steptwin.protocol.frame import Frame
-from tests.host.client.machines import AXES, ROBOT, START, frames_to, ready, silence_heartbeat, still, travelling
+from tests.host.client.machines import (
+    AXES,
+    ROBOT,
+    STEP,
+    TH1,
+    TH2,
+    TH3,
+    Neighbour,
+    frames_to,
+    ready,
+    sdo_requests,
+    silence_heartbeat,
+    still,
+    travelling,
+)
 
-TH1, TH2, TH3 = 3, 4, 5
 RUN = ENABLE_OPERATION | Control.START
-FAR = 100 * 80 * 1024
-"""Units that 101 records of `travelling` cover."""
-
-
-@pytest.fixture
-def board(fast_kernel: Kernel) -> EmbeddedBoard:
-    return EmbeddedBoard(ROBOT, START, fast_kernel)
-
-
-@pytest.fixture
-def machine(board: EmbeddedBoard) -> Machine:
-    return ready(board)
+FAR = 100 * 80 * STEP
+"""Distance in units of 101 records of `travelling`."""
 
 
 def controlwords(board: EmbeddedBoard, axis: int) -> list[Frame]:
     return frames_to(board, 0x210 + axis)
-
-
-class NextDoor(canopen.Network):
-    """The network of another process on the same bus; while it waits, the first one may do its work."""
-
-    def __init__(self, board: EmbeddedBoard, wait: Callable[[float], None], patch: pytest.MonkeyPatch) -> None:
-        super().__init__()
-        self._board = board
-        self.wait = wait
-        self._hear_first = board.network.notify
-        patch.setattr(board.network, "notify", self._hear)
-
-    def _hear(self, can_id: int, data: bytearray, timestamp: float) -> None:
-        self._hear_first(can_id, data, timestamp)
-        self.notify(can_id, data, timestamp)
-
-    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        self._board.network.send_message(can_id, data, remote)
-
-    @property
-    def network(self) -> canopen.Network:
-        return self
-
-    def now_s(self) -> float:
-        return self._board.now_s()
 
 
 def test_it_rests_and_goes_on_to_its_end(board: EmbeddedBoard, machine: Machine) -> None:
@@ -94,13 +70,13 @@ def test_saying_it_twice_changes_nothing(machine: Machine) -> None:
 
 
 def test_a_trajectory_that_ends_while_it_is_halted(board: EmbeddedBoard, machine: Machine) -> None:
-    """0.1 s before its end there is no room to halt: it ends, and the next one is not held by what was asked for."""
+    """Within 0.1 s of its end a trajectory cannot halt: it ends, and the halt request does not hold the next one."""
     run = machine.start(travelling(20), [0] * AXES)
     machine.wait(0.3)
     assert pause_trajectory(machine) is False
     machine.wait(0.05)
     assert run.ended
-    assert machine.positions_units() == [0, 0, 0, 19 * 80 * 1024, 0, 0]
+    assert machine.positions_units() == [0, 0, 0, 19 * 80 * STEP, 0, 0]
     assert [frame.data[:2] for frame in controlwords(board, TH1)] == [b"\x1f\x01", b"\x1f\x00"]
     machine.preset([0] * AXES)
     machine.run(travelling(20), [0] * AXES, lambda _: None)
@@ -124,8 +100,8 @@ def test_there_is_nothing_to_halt(board: EmbeddedBoard, what: str, change: Calla
 
 
 def test_another_host_may_do_it(board: EmbeddedBoard, machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It sends no SDO, of which a node serves one at a time, and the host that streams waits as long as it takes."""
-    other = Machine(NextDoor(board, machine.wait, monkeypatch), ROBOT.joint_names)
+    """The other host sends no SDO request, and the host that streams waits for any length of time."""
+    other = Machine(Neighbour(board, monkeypatch, machine.wait), ROBOT.joint_names)
     run = machine.start(travelling(101), [0] * AXES)
     machine.wait(1.0)
     begin = len(board.bus_log)
@@ -136,14 +112,14 @@ def test_another_host_may_do_it(board: EmbeddedBoard, machine: Machine, monkeypa
     resume_trajectory(other)
     machine.wait(2.0)
     assert run.ended
-    assert not [frame for _, frame in board.bus_log[begin:] if frame.cob_id in range(0x600, 0x680)]
+    assert not sdo_requests(board, begin)
     with pytest.raises(InputError, match="nothing to pause"):
         pause_trajectory(other)
 
 
 def test_another_host_hears_of_a_fault(board: EmbeddedBoard, machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The host that streams dies while the axes slow down: that is no end of the trajectory."""
-    other = Machine(NextDoor(board, board.wait, monkeypatch), ROBOT.joint_names)
+    """The host that streams dies while the axes slow down: the pause raises its fault instead of reporting an end."""
+    other = Machine(Neighbour(board, monkeypatch), ROBOT.joint_names)
     machine.start(travelling(101), [0] * AXES)
     machine.wait(1.0)
     silence_heartbeat(monkeypatch)
@@ -152,7 +128,7 @@ def test_another_host_hears_of_a_fault(board: EmbeddedBoard, machine: Machine, m
 
 
 def test_the_halt_bit_of_one_axis_is_enough(machine: Machine) -> None:
-    """Whoever has set it: `resume` clears it."""
+    """One axis' halt bit halts the group, and `resume_trajectory` clears it."""
     run = machine.start(travelling(101), [0] * AXES)
     machine.axes[TH2].write(od.CONTROLWORD, RUN | Control.HALT)
     machine.wait(30.0)
@@ -163,7 +139,7 @@ def test_the_halt_bit_of_one_axis_is_enough(machine: Machine) -> None:
 
 
 def test_records_that_do_not_go_on_without_a_halt_are_an_error(board: EmbeddedBoard, machine: Machine) -> None:
-    """A board that does not say that it is halted."""
+    """The axes halt, but their reports do not arrive."""
     machine.start(travelling(101), [0] * AXES)
     for axis in machine.axes:
         board.network.unsubscribe(0x180 + axis.node_id)
@@ -174,7 +150,7 @@ def test_records_that_do_not_go_on_without_a_halt_are_an_error(board: EmbeddedBo
 
 
 def test_the_longest_record_and_the_slowest_ramp_are_no_error(board: EmbeddedBoard, machine: Machine) -> None:
-    """A deceleration so low that the ramp takes 16 s: the last records of 255 ms take seconds each."""
+    """With the lowest deceleration the ramp takes 16 s and its last records of 255 ms take seconds each."""
     for axis in machine.axes:
         axis.write(od.PROFILE_DECELERATION, 1)
     run = machine.start(travelling(60, 255), [0] * AXES)
@@ -199,7 +175,7 @@ def test_a_fault_ends_the_waiting(board: EmbeddedBoard, machine: Machine) -> Non
 
 
 def test_an_output_waits_for_the_trajectory(board: EmbeddedBoard, machine: Machine) -> None:
-    """Its time has come, but before the host could see that, the machine was halted."""
+    """The machine is halted at the output's time, before the host knows that this time has come."""
     th3 = machine.axes[TH3]
     run = machine.start(still(100, 20), [0] * AXES, (OutputCommand(TH3, DigitalOutput.OUT1, on=True, from_s=0.5),))
     started_s = board.now_s()

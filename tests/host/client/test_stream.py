@@ -1,4 +1,4 @@
-"""Streaming on the embedded board: refused records, long and short segments, what goes over the bus for them."""
+"""Streaming on the embedded board: refused records, long and short segments, and the frames sent for them."""
 
 from dataclasses import replace
 from math import floor
@@ -18,40 +18,35 @@ from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.host.twin.execution import execute
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DISABLE_VOLTAGE
-from tests.host.client.machines import AXES, ROBOT, START, frames_to, ready, still, travelling
+from tests.host.client.machines import AXES, ROBOT, START, TH1, connected, frames_to, ready, still, travelling
 
 
 def run(machine: Machine, records: tuple[AxisRecords, ...]) -> None:
     machine.run(records, [0] * AXES, lambda _: None)
 
 
-@pytest.fixture
-def board(fast_kernel: Kernel) -> EmbeddedBoard:
-    return EmbeddedBoard(ROBOT, START, fast_kernel)
-
-
 @pytest.mark.parametrize("refused", [5, 100], ids=["before the start", "on the way"])
 def test_a_refused_record_ends_the_run_with_its_number(board: EmbeddedBoard, refused: int) -> None:
-    """200 000 units in 10 ms are 19.5 kHz of steps."""
+    """A record of 200 000 units in 10 ms means 19.5 kHz of steps, which the board refuses."""
     records = list(still(200, 10))
     displacements = [0] * 200
     displacements[refused] = 200_000
-    records[3] = records[3]._replace(displacements_units=displacements)
+    records[TH1] = records[TH1]._replace(displacements_units=displacements)
     machine = ready(board)
     with pytest.raises(DeviceFaultError, match=rf"^th1: the board has refused record {refused + 1} of 200 \(EMCY 0x"):
         run(machine, tuple(records))
-    assert machine.axes[3].error_codes == [0xFF03]
+    assert machine.axes[TH1].error_codes == [0xFF03]
 
 
 def test_records_that_wait_for_a_place_in_a_full_queue_are_sent_once(board: EmbeddedBoard) -> None:
-    """Segments of 255 ms free a place four times a second; that is no reason to think that records are lost."""
+    """Segments of 255 ms free a place four times a second; the client must not take the wait for a loss."""
     run(ready(board), still(100, 255))
     assert [len(frames_to(board, 0x510 + axis)) for axis in range(AXES)] == [100] * AXES
 
 
 @pytest.mark.parametrize("point_ms", [1, 2, 3])
 def test_short_segments_do_not_starve(fast_kernel: Kernel, point_ms: int) -> None:
-    """64 records of 1 ms are gone in 64 ms: the places that they leave must be heard of sooner."""
+    """A queue of 64 records of 1 ms lasts 64 ms, so the board must report free places more often."""
     planned = plan(ROBOT, make_job(ROBOT, "drawer-pull", {"duration_s": "2", "ramp_s": "0.5"}), point_ms)
     outcome = execute(planned, "drawer-pull", fast_kernel)
     assert outcome.fault is None
@@ -59,7 +54,7 @@ def test_short_segments_do_not_starve(fast_kernel: Kernel, point_ms: int) -> Non
 
 
 def test_status_reports_follow_the_shortest_segment(board: EmbeddedBoard) -> None:
-    """Long segments leave the nodes' timer alone, and it comes back after short ones."""
+    """Short segments shorten the nodes' event timer, longer ones restore it, and long ones leave it alone."""
     machine = ready(board)
     write_timer = bytes.fromhex("2b021805")
     run(machine, still(40, 10))
@@ -76,7 +71,7 @@ def test_status_reports_follow_the_shortest_segment(board: EmbeddedBoard) -> Non
 @pytest.mark.parametrize("off_units", [-0.6, -0.4, 0.0, 0.4])
 @pytest.mark.parametrize("half_step", [400.5, -400.5])
 def test_the_machine_stands_where_the_firmware_puts_it(fast_kernel: Kernel, off_units: float, half_step: float) -> None:
-    """The firmware rounds positions to wire units and these to steps: 0.4 units below half a step is half a step."""
+    """The firmware rounds to wire units, then to steps: 0.4 units below half a step count as half a step."""
     sx = ROBOT.joints[0].transmission
     units_per_step = 16_384 // sx.microsteps
     units = half_step * units_per_step + off_units
@@ -87,7 +82,7 @@ def test_the_machine_stands_where_the_firmware_puts_it(fast_kernel: Kernel, off_
 
 
 class AtFullSpeed:
-    """sx as fast as its driver can, between two ramps of constant acceleration; fulfils Trajectory."""
+    """A trajectory of sx at its driver's highest step rate, between two ramps of constant acceleration."""
 
     joint_names = ROBOT.joint_names
     duration_s = 1.0
@@ -106,14 +101,14 @@ class AtFullSpeed:
 
 
 def without_reserve() -> Robot:
-    """CLK for 15 kHz to a hair: 33 000 ns are 2376 counts, 33 667 ns are 2424.02, that is 2425."""
+    """Return a robot whose CLK is a hair too slow for 15 kHz: 33 000 ns are 2376 counts, 33 667 ns are 2425."""
     board = replace(ROBOT.board, stepspace_ns=33_667, step_rate_max_hz=14_999)
     fast = replace(ROBOT.joints[0], speed_max=1e3, acceleration_max=1e4)
     return replace(ROBOT, board=board, joints=(fast, *ROBOT.joints[1:]))
 
 
 def test_the_planner_refuses_what_the_firmware_would(fast_kernel: Kernel) -> None:
-    """72 MHz / 4801 counts are 14 996.9 Hz; where the planner says yes, so does the board."""
+    """The limit is 72 MHz / 4801 counts = 14 996.9 Hz; the planner and the board draw it alike."""
     robot = without_reserve()
     assert robot.board.driver_rate_max_hz == 72e6 / 4801
     assert ROBOT.board.driver_rate_max_hz == 15_000
@@ -130,8 +125,7 @@ def set_heartbeats(machine: Machine, period_ms: int) -> None:
 
 def test_a_bus_that_the_nodes_fill_is_a_bus_error(fast_kernel: Kernel) -> None:
     slow = replace(ROBOT, board=replace(ROBOT.board, bitrate=125_000))
-    machine = Machine(EmbeddedBoard(slow, START, fast_kernel), ROBOT.joint_names)
-    machine.connect()
+    machine = connected(EmbeddedBoard(slow, START, fast_kernel))
     with pytest.raises(BusError, match="keep the bus busy at 125 kbit/s") as caught:
         set_heartbeats(machine, period_ms=1)
     assert caught.value.exit_code == 4
@@ -141,7 +135,7 @@ def test_an_axis_that_was_cut_off_in_motion_must_be_homed_first(board: EmbeddedB
     machine = ready(board)
     machine.start(travelling(20), [0] * AXES)
     machine.wait(0.1)
-    machine.axes[3].write(od.CONTROLWORD, DISABLE_VOLTAGE)
-    machine.axes[3].enable()
+    machine.axes[TH1].write(od.CONTROLWORD, DISABLE_VOLTAGE)
+    machine.axes[TH1].enable()
     with pytest.raises(DeviceFaultError, match="th1: does not know where it is"):
         machine.start(still(5, 20), [0] * AXES)

@@ -1,4 +1,4 @@
-"""Bounds of trajectory time from the numbers of executed records."""
+"""Bounds of trajectory time, from the sequence numbers of executed records."""
 
 import pytest
 

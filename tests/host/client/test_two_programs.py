@@ -1,15 +1,14 @@
-"""Two programs ask the same node: each sees the other's answers, and waits for its own or asks again."""
+"""Two programs ask the same node: each sees the other's answers and waits for its own, or asks again."""
 
 from collections.abc import Callable
 
 import pytest
 
-from steptwin.controller.backend import Kernel
 from steptwin.host.client import AxisClient
 from steptwin.host.common.errors import BusError, DeviceFaultError
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
-from tests.host.client.machines import ROBOT, START, ready
+from tests.host.client.machines import ready
 
 IS_TWO_BYTES_OF_6064 = bytes.fromhex("4b64600034120000")
 WRITTEN_6064 = bytes.fromhex("6064600000000000")
@@ -17,13 +16,8 @@ NO_SUCH_OBJECT_5FFF = bytes.fromhex("80ff5f0000000206")
 WRITTEN_607F = bytes.fromhex("607f600000000000")
 
 
-@pytest.fixture
-def board(fast_kernel: Kernel) -> EmbeddedBoard:
-    return EmbeddedBoard(ROBOT, START, fast_kernel)
-
-
 def answers_first(board: EmbeddedBoard, patch: pytest.MonkeyPatch, answer: bytes, times: int) -> None:
-    """For so many requests to node 0x10 an answer that another program is waiting for comes first."""
+    """Let an answer to another program arrive before the answer to each of the next `times` requests to node 0x10."""
     send: Callable[[int, bytes, bool], None] = board.network.send_message
     left = [times]
 
@@ -45,7 +39,7 @@ def axis(board: EmbeddedBoard) -> AxisClient:
 def test_answers_about_other_objects(
     board: EmbeddedBoard, axis: AxisClient, monkeypatch: pytest.MonkeyPatch, answer: bytes
 ) -> None:
-    """However many."""
+    """Any number of answers about other objects is dropped."""
     answers_first(board, monkeypatch, answer, times=1000)
     assert axis.read(od.MAX_PROFILE_VELOCITY) == 15_360_000
     axis.write(od.TARGET_POSITION, 4711)
@@ -55,7 +49,7 @@ def test_answers_about_other_objects(
 def test_another_dialogue_about_the_same_object(
     board: EmbeddedBoard, axis: AxisClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The other program has written what this one reads: it asks again."""
+    """The other program writes the object that this one reads, so this one asks again."""
     answers_first(board, monkeypatch, WRITTEN_607F, times=4)
     assert axis.read(od.MAX_PROFILE_VELOCITY) == 15_360_000
 

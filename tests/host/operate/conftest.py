@@ -1,4 +1,4 @@
-"""What the tests of commands for a live board share."""
+"""Fixtures of the tests that operate a live board."""
 
 import pytest
 
@@ -15,7 +15,7 @@ def board(fast_kernel: Kernel) -> EmbeddedBoard:
 
 @pytest.fixture
 def session(board: EmbeddedBoard) -> Session:
-    """Of a machine that knows where it is."""
+    """A session on a machine whose position is known."""
     return preset(board, HOME)
 
 

@@ -1,4 +1,4 @@
-"""Jogging: for a time, to the end of travel, until Ctrl-C."""
+"""Jogging for a time, up to a limit, until Ctrl-C."""
 
 from collections.abc import Sequence
 
@@ -12,12 +12,13 @@ from steptwin.host.operate.recovering import axis_states
 from steptwin.host.operate.session import Session
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
-from tests.host.operate.sessions import HALF_STEPS, HOME, ROBOT, SX, TH1, CommandLine, board_at
+from tests.host.client.machines import SX, TH1
+from tests.host.operate.sessions import HALF_STEPS, HOME, ROBOT, CommandLine, board_at
 
 
 @pytest.mark.parametrize("speed", [20.0, -20.0])
 def test_it_stops_by_time(board: EmbeddedBoard, session: Session, speed: float) -> None:
-    """Up and down by the same ramp: the way is the speed times the time, to what looking every 10 ms leaves."""
+    """Both ramps are the same, so the way is the speed times the time, except for the 10 ms between two polls."""
     jogged = jog(session, "th1", speed, 1.5)
     assert jogged.end - jogged.start == pytest.approx(1.5 * speed, abs=0.05 * 20)
     assert not jogged.at_limit
@@ -37,7 +38,7 @@ def test_the_end_of_travel_stops_it(board: EmbeddedBoard, session: Session) -> N
 
 
 def test_an_axis_that_does_not_know_where_it_is_goes_anywhere(fast_kernel: Kernel) -> None:
-    """The slide stands at 300 mm but counts from 0, its lower limit."""
+    """The slide stands at 300 mm but counts from 0, its lower limit, and passes that limit."""
     session = Session(board_at([300.0, *HOME[1:]], fast_kernel), ROBOT)
     assert jog(session, "sx", -10.0, 2.0).end == pytest.approx(-20.0, abs=0.5)
 

@@ -1,4 +1,4 @@
-"""Moves: all axes arrive together and within a step, limits are kept, and nobody is disturbed."""
+"""Moves: all axes arrive together and within a step, limits are kept, and other programs are not disturbed."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,8 @@ from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from steptwin.protocol.timer import COUNTS_PER_SECOND
-from tests.host.operate.sessions import HALF_STEPS, HOME, ROBOT, TH2, TH3, CommandLine, Neighbour, preset
+from tests.host.client.machines import TH2, TH3, Neighbour, sdo_requests
+from tests.host.operate.sessions import HALF_STEPS, HOME, ROBOT, CommandLine, preset
 
 GOAL = [400.0, 0.0, 120.0, 30.0, 40.0, -60.0]
 
@@ -26,7 +27,7 @@ def test_it_arrives_within_a_step_as_the_drivers_count(board: EmbeddedBoard, ses
 
 
 def test_all_axes_start_and_arrive_together(board: EmbeddedBoard, session: Session) -> None:
-    """They leave in one tick; whole milliseconds and the last steps' slowness leave some ms at the end."""
+    """All axes start in one tick; rounding to whole milliseconds and slow last steps spread the arrivals by some ms."""
     begun_s = board.now_s()
     planned_s = move(session, GOAL).planned_s
     evidence = board.evidence()
@@ -39,7 +40,7 @@ def test_all_axes_start_and_arrive_together(board: EmbeddedBoard, session: Sessi
 
 
 def test_one_trapezoid_for_all() -> None:
-    """Speed and acceleration are in proportion to the ways, and the tightest joint is at its limit, within a ms."""
+    """Speeds and accelerations are proportional to the ways, and no joint exceeds its limits."""
     start, goal = [0] * 6, [1_000_000, 0, -300_000, 2_000_000, 40_000, 7]
     moves, planned_s = synchronised(ROBOT, start, goal, 100.0)
     per_unit = ROBOT.wire_units_per_unit
@@ -61,7 +62,7 @@ def test_standing_there_already_moves_nothing(board: EmbeddedBoard, session: Ses
 
 
 def test_the_nearest_branch() -> None:
-    """Both elbows reach it; the machine takes the one that it has."""
+    """Both elbow branches reach the pose; the machine keeps the one it stands in."""
     for near in ([0.0, 0.0, 100.0, 0.0, 60.0, 30.0], [0.0, 0.0, 100.0, 60.0, -60.0, 30.0]):
         pose = [float(value) for value in make_kinematics(ROBOT).forward(np.array([near]))[0]]
         assert nearest_joints(ROBOT, pose, near) == pytest.approx(near, abs=1e-6)
@@ -139,14 +140,10 @@ def test_somebody_else_moves_it(session: Session, board: EmbeddedBoard, monkeypa
 
 
 def test_only_what_differs_is_written(board: EmbeddedBoard, session: Session) -> None:
-    """Step timing cannot be written while the drives are on, and they are: left so by the host before."""
+    """The drives are still enabled, so a write of step timing or microsteps would be refused."""
     begin = len(board.bus_log)
     move(session, GOAL)
-    written = {
-        frame.data[1:4]
-        for _, frame in board.bus_log[begin:]
-        if 0x600 < frame.cob_id < 0x680 and frame.data[0] >> 5 == 1
-    }
+    written = {frame.data[1:4] for frame in sdo_requests(board, begin) if frame.data[0] >> 5 == 1}
     assert not {bytes(key) for key in written} & {b"\x00\x20\x01", b"\x01\x20\x01", b"\x7f\x60\x00"}
     assert not [frame for _, frame in board.bus_log[begin:] if frame.cob_id == 0]
 

@@ -1,4 +1,4 @@
-"""Stop, power off, fault reset: from every state, with and without process data."""
+"""Stop, power off and fault reset: from every state, with and without process data."""
 
 import pytest
 
@@ -8,8 +8,8 @@ from steptwin.host.operate.recovering import emergency_stop, reset, stop
 from steptwin.host.operate.session import Session
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
-from tests.host.client.machines import silence_heartbeat
-from tests.host.operate.sessions import HOME, ROBOT, TH2, CommandLine, Neighbour
+from tests.host.client.machines import TH2, Neighbour, silence_heartbeat
+from tests.host.operate.sessions import HOME, ROBOT, CommandLine
 
 GOAL = [400.0, 0.0, 120.0, 30.0, 40.0, -60.0]
 
@@ -22,7 +22,7 @@ def states(steptwin: CommandLine, command: str) -> list[tuple[str, bool]]:
 def test_all_axes_stop_in_the_same_tick(
     board: EmbeddedBoard, session: Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One SYNC after the latched controlwords; nothing by SDO, and no axis has to be told twice."""
+    """One SYNC follows the latched controlwords; no axis needs a quick stop by SDO."""
     other = Session(Neighbour(board, monkeypatch), ROBOT)
     begin: list[int] = []
 
@@ -99,7 +99,7 @@ def test_a_reset_needs_the_cause_to_be_gone(steptwin: CommandLine, session: Sess
 def test_a_lost_host_is_a_fault_that_can_be_reset(
     board: EmbeddedBoard, session: Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The axes watch the host while it moves them, not after it has taken leave."""
+    """The axes watch the host while it moves them, and no longer after it has disconnected."""
     board.wait(5.0)
     move(session, GOAL)
 

@@ -1,4 +1,4 @@
-"""Runs on a live board: where they start, how they end, who may interfere, how often."""
+"""Runs on a live board: start, end, repetitions, and other programs that interfere."""
 
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,8 @@ from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.trajectory_file import read_trajectory
 from steptwin.host.twin.embedded_board import EmbeddedBoard
-from tests.host.operate.sessions import HALF_STEPS, ROBOT, SX, CommandLine, Neighbour
+from tests.host.client.machines import SX, Neighbour, sdo_requests
+from tests.host.operate.sessions import HALF_STEPS, ROBOT, CommandLine
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +86,7 @@ def test_a_stop_by_another_program_ends_it(
 def test_others_may_look_on(
     board: EmbeddedBoard, session: Session, pull: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Without a question by SDO: the host that streams has the nodes for itself."""
+    """`status` beside a run sends no SDO request, and a move beside it is refused."""
     other = Session(Neighbour(board, monkeypatch), ROBOT)
     move(session, pull.start_joints)
     seen: list[MachineStatus] = []
@@ -94,7 +95,7 @@ def test_others_may_look_on(
         if fraction > 0.5 and not seen:
             begin = len(board.bus_log)
             seen.append(read_status(other))
-            assert not [frame for _, frame in board.bus_log[begin:] if 0x600 < frame.cob_id < 0x680]
+            assert not sdo_requests(board, begin)
             with pytest.raises(InputError, match=r"^move: a trajectory is running; "):
                 move(other, pull.start_joints)
 
@@ -108,7 +109,7 @@ def test_others_may_look_on(
 
 
 def test_again_and_again(session: Session, tmp_path: Path) -> None:
-    """A file that ends where it starts, at home."""
+    """A trajectory that ends where it starts can be repeated."""
     home = ",".join(map(str, ROBOT.home))
     away = ",".join(map(str, [50.0, *ROBOT.home[1:]]))
     file = tmp_path / "there-and-back.csv"
@@ -149,7 +150,7 @@ def test_the_command(steptwin: CommandLine) -> None:
 def test_pause_and_resume_by_another_program(
     board: EmbeddedBoard, session: Session, steptwin: CommandLine, pull: Plan
 ) -> None:
-    """The commands in the middle of a run: it takes that much longer, and ends where planned."""
+    """Pause and resume in the middle of a run: it takes longer and ends where planned."""
     seen: list[dict[str, Any]] = []
 
     def halfway(fraction: float) -> None:

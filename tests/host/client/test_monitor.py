@@ -1,4 +1,4 @@
-"""Frames in words: golden lines, whatever comes on the bus, and the command on a bus in memory."""
+"""Decoded frames: expected lines, any junk on the bus, and the command on a bus in memory."""
 
 import json
 import threading
@@ -8,12 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from steptwin.controller.backend import Kernel
 from steptwin.host.cli.app import run
 from steptwin.host.client.monitor import SERVICES, Decoder
 from steptwin.host.operate.moving import move
-from steptwin.host.operate.session import Session
-from steptwin.host.twin.embedded_board import EmbeddedBoard
-from tests.host.operate.sessions import ROBOT
+from tests.host.operate.sessions import HOME, ROBOT, board_at, preset
 
 DECODER = Decoder(dict(enumerate(ROBOT.joint_names, start=0x10)))
 
@@ -86,8 +85,10 @@ def test_junk_is_shown_never_raises(cob_id: int, data: bytes) -> None:
     assert "\n" not in decoded.text
 
 
-def test_the_fields_of_a_real_session(board: EmbeddedBoard, session: Session) -> None:
-    """What TPDO1 said last is where the board is."""
+def test_the_fields_of_a_real_session(fast_kernel: Kernel) -> None:
+    """The last decoded TPDO1 of each axis gives its position."""
+    board = board_at(HOME, fast_kernel)
+    session = preset(board, HOME)
     move(session, [20.0, *ROBOT.home[1:]])
     board.wait(0.5)
     last = {}
@@ -101,7 +102,7 @@ def test_the_fields_of_a_real_session(board: EmbeddedBoard, session: Session) ->
 
 
 def monitored(arguments: str, frames: list[tuple[int, bytes]]) -> int:
-    """The exit code of a monitor that sees these frames, again and again until it has enough."""
+    """Return the exit code of a monitor to which these frames are sent again and again until it ends."""
     done = threading.Event()
     with can.Bus(interface="virtual", channel="test-monitor") as bus:
 

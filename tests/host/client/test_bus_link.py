@@ -1,4 +1,4 @@
-"""The link in real time, on python-can's bus in memory and on sockets."""
+"""The link in real time, on python-can's bus in memory and on a socket."""
 
 import socket
 import threading
@@ -42,7 +42,7 @@ def free_port() -> int:
 
 
 def test_nobody_listens(capsys: pytest.CaptureFixture[str]) -> None:
-    """At once, not after python-can's ten seconds of trying."""
+    """The error comes at once, not after python-can's ten seconds of retries."""
     port = free_port()
     with pytest.raises(BusError, match=rf"^127\.0\.0\.1:{port}: Connection refused$"):
         open_bus(Connection("socketcand", None, None, "127.0.0.1", port))
@@ -82,7 +82,7 @@ class Server:
 
 
 def test_a_server_that_hangs_up() -> None:
-    """python-can itself would read nothing for ever."""
+    """The link raises an error; python-can itself would wait for frames without end."""
     server = Server()
     try:
         bus = open_bus(Connection("socketcand", None, None, "127.0.0.1", server.port))

@@ -1,0 +1,54 @@
+"""The canopen library's own CiA 402 nodes: masters that share no code with the client."""
+
+import io
+
+import canopen
+from canopen.objectdictionary import eds
+from canopen.profiles.p402 import BaseNode402
+from canopen.sdo.base import SdoVariable
+
+from steptwin.protocol import od
+from steptwin.protocol.eds import render_eds
+from steptwin.protocol.frame import COB_TPDO
+
+
+class Node402(BaseNode402):
+    """The library's node, with a typed id and with access to entries by their names in `od`."""
+
+    id: int
+
+    def read(self, address: int) -> int:
+        """Read a numeric entry by SDO."""
+        return int(self._entry(address).raw)
+
+    def write(self, address: int, value: int) -> None:
+        """Write a numeric entry by SDO."""
+        self._entry(address).raw = value
+
+    def _entry(self, address: int) -> SdoVariable:
+        index, subindex = od.index_and_subindex(address)
+        found = self.sdo[index]
+        return found if isinstance(found, SdoVariable) else found[subindex]
+
+
+def node402(network: canopen.Network, node_id: int) -> Node402:
+    """Add a node whose object dictionary is read from the EDS."""
+    node = Node402(node_id, eds.import_eds(io.StringIO(render_eds()), node_id))  # type: ignore[no-untyped-call]
+    network.add_node(node)
+    return node
+
+
+def set_up_without_tpdo1(node: Node402) -> None:
+    """Set up the library's state machine, with TPDO1 off, so that it reads the statusword by SDO.
+
+    The library waits in a thread for a TPDO that it takes for periodic, while simulated time stands still.
+    """
+    node.nmt.state = "PRE-OPERATIONAL"
+    node.write(od.address_of(od.TPDO_COMMUNICATION[0], od.PDO_COB_ID), 1 << 31 | COB_TPDO[0] + node.id)
+    node.setup_402_state_machine()  # type: ignore[no-untyped-call]
+
+
+def enable(node: Node402) -> None:
+    """Lead the drive to OPERATION ENABLED, state by state."""
+    for state in ("READY TO SWITCH ON", "SWITCHED ON", "OPERATION ENABLED"):
+        node.state = state

@@ -1,0 +1,95 @@
+"""`status`: after power-up, with known positions, with a fault, watching, without an answer."""
+
+import json
+
+import pytest
+
+from steptwin.host.common.errors import BusError
+from steptwin.host.operate.session import Session
+from steptwin.host.operate.status import read_status
+from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.protocol import od
+from tests.host.client.machines import TH2, sdo_requests
+from tests.host.operate.sessions import HOME, ROBOT, CommandLine
+
+
+def test_a_machine_after_power_up(steptwin: CommandLine, board: EmbeddedBoard) -> None:
+    """`status` changes nothing: it sends no NMT command and no SDO write."""
+    begin = len(board.bus_log)
+    document = steptwin.json("status warehouse-scara")
+    sent = [frame for _, frame in board.bus_log[begin:]]
+    assert not [frame for frame in sent if frame.cob_id == 0]
+    assert not [frame for frame in sdo_requests(board, begin) if frame.data[0] >> 5 == 1]
+    assert document["pose"] is None
+    assert [axis["name"] for axis in document["axes"]] == list(ROBOT.joint_names)
+    axis = document["axes"][TH2]
+    assert (axis["operational"], axis["state"], axis["position_known"]) == (False, "SWITCH ON DISABLED", False)
+    assert (axis["error"], axis["history"], axis["moving"]) == (None, [], False)
+    assert axis["queue"] == {
+        "free": 64,
+        "flags": ["empty"],
+        "accepted": 0,
+        "gaps": 0,
+        "overflows": 0,
+        "underruns": 0,
+        "least_fill": axis["queue"]["least_fill"],
+        "delayed_steps": 0,
+    }
+
+
+def test_a_machine_that_knows_where_it_is(steptwin: CommandLine, session: Session) -> None:
+    document = steptwin.json("status warehouse-scara")
+    pose = session.pose(HOME)
+    assert pose is not None
+    assert document["pose"] == pytest.approx(pose, abs=0.1)
+    assert [axis["position"] for axis in document["axes"]] == pytest.approx(HOME, abs=0.02)
+    exit_code, out, err = steptwin.run("status warehouse-scara")
+    assert (exit_code, err) == (0, "")
+    assert "OPERATION ENABLED" in out
+    assert "tool: x " in out
+
+
+@pytest.mark.usefixtures("session")
+def test_a_queue_that_takes_nothing_is_closed(steptwin: CommandLine) -> None:
+    assert steptwin.run("move warehouse-scara th1=5")[0] == 0
+    assert "th1: process data; queue closed (empty); " in steptwin.run("status warehouse-scara")[1]
+
+
+def test_a_fault_is_the_exit_code(steptwin: CommandLine, session: Session) -> None:
+    session.machine.disable()
+    session.machine.axes[TH2].write(od.SUPPLY_VOLTAGE_MIN, 5000)  # no supply has 50 V
+    session.machine.axes[TH2].write(od.CONTROLWORD, 6)
+    session.machine.axes[TH2].write(od.CONTROLWORD, 7)
+    exit_code, out, err = steptwin.run("status warehouse-scara --json")
+    assert (exit_code, err) == (3, "steptwin: th2: the drive is in FAULT: undervoltage\n")
+    assert json.loads(out)["axes"][TH2]["history"] == ["undervoltage (0x3220)"]
+
+
+def test_watching_is_for_people(steptwin: CommandLine) -> None:
+    exit_code, _, err = steptwin.run("status warehouse-scara --watch --json")
+    assert exit_code == 2
+    assert err.startswith("steptwin: --watch and --json: give only one of them")
+
+
+def test_watching_goes_on_until_ctrl_c(
+    steptwin: CommandLine, board: EmbeddedBoard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wait, looks = board.wait, []
+
+    def wait_or_interrupt(dt_s: float) -> None:
+        if dt_s > 0.1:
+            looks.append(dt_s)
+            if len(looks) == 3:
+                raise KeyboardInterrupt
+        wait(dt_s)
+
+    monkeypatch.setattr(board, "wait", wait_or_interrupt)
+    exit_code, out, err = steptwin.run("status warehouse-scara --watch")
+    assert (exit_code, err) == (130, "")
+    assert out.count("tool: unknown") == 3
+
+
+def test_nobody_there(board: EmbeddedBoard, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(board.network, "send_message", lambda *_: None)
+    with pytest.raises(BusError, match=r"^sx: node 0x10 does not answer"):
+        read_status(Session(board, ROBOT))
