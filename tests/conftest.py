@@ -9,7 +9,7 @@ from hypothesis import settings
 
 from steptwin.controller.backend import KERNELS, Kernel
 from steptwin.host.cli.app import run
-from steptwin.host.record.folder import writing
+from tests.without_pictures import without_pictures
 
 # No timing is asserted in a test, not even by the framework; and every run draws the same examples, so that a change
 # is judged by what it changed. `pytest --hypothesis-profile=explore` draws new ones.
@@ -55,7 +55,6 @@ def _written(
     folder: Path, kernel: Kernel, robot: str, job: str, options: Sequence[str] = (), exit_code: int = 0
 ) -> Path:
     """Run a job and write its folder without pictures, which would take longest."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(writing, "find_spec", lambda _: None)
+    with without_pictures():
         assert run(["run", robot, job, "--kernel", kernel.name, "--out", str(folder), *options]) == exit_code
     return folder

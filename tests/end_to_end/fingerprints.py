@@ -15,10 +15,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-import pytest
 
 from steptwin.host.cli.app import run
-from steptwin.host.record.folder import writing
+from tests.without_pictures import without_pictures
 
 FILE = Path(__file__).with_suffix(".json")
 INTEGERS = ("bus.log", "edges.npz")
@@ -63,8 +62,7 @@ def _measured(command: str) -> dict[str, str]:
 
 def main() -> int:
     """Run every job, without pictures; print what differs."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(writing, "find_spec", lambda _: None)
+    with without_pictures():
         now = {command: _measured(command) for command in stored()}
     if "--write" in sys.argv:
         FILE.write_text(json.dumps(now, indent=1) + "\n", encoding="ascii")

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from steptwin.host.cli.app import run
-from steptwin.host.record.folder import writing
 from tests.end_to_end import fingerprints
+from tests.without_pictures import without_pictures
 
 
 @dataclass(frozen=True)
@@ -73,12 +73,10 @@ RUNS = [
 
 
 @pytest.mark.parametrize("expected", RUNS, ids=lambda expected: expected.command)
-def test_job(
-    expected: Expected, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_job(expected: Expected, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The figures are those of the papers' motions, and every edge and frame is the same byte as before."""
-    monkeypatch.setattr(writing, "find_spec", lambda _: None)  # no pictures
-    assert run(["run", *expected.command.split(), "--json", "--out", str(tmp_path)]) == 0
+    with without_pictures():
+        assert run(["run", *expected.command.split(), "--json", "--out", str(tmp_path)]) == 0
     report = json.loads(capsys.readouterr().out)
     assert report["passed"] is True
     axes = report["axes"]

@@ -18,6 +18,7 @@ from docs.generate.waveform_pictures import WAVEFORM_PAGE
 from steptwin.host.cli.app import run
 from steptwin.host.robots import robot_names
 from tests.end_to_end.pages import ROOT
+from tests.without_pictures import without_pictures
 
 TEXT = PAGE.read_text(encoding="utf-8")
 BENCHMARKS = (PAGE.parent / "benchmarks.md").read_text(encoding="utf-8")
@@ -65,12 +66,12 @@ def test_the_commands_for_waveforms(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     """All commands in their order; the run itself draws no pictures here."""
     pytest.importorskip("matplotlib", reason="the extra `plot` (matplotlib) is not installed")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("steptwin.host.record.folder.writing.find_spec", lambda _: None)
     block = re.findall(r"^```\n(.*?)^```", WAVEFORM_PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)[0]
     commands = [shlex.split(line, comments=True) for line in block.splitlines()]
     assert len(commands) == 7
-    for words in commands:
-        assert run(words[1:]) == 0, words
+    with without_pictures():
+        for words in commands:
+            assert run(words[1:]) == 0, words
     left = {path.relative_to("out").as_posix() for path in Path("out").rglob("*.*")}
     assert left >= {
         "helix/trace.vcd",

@@ -12,6 +12,7 @@ from steptwin.emulator.can_controller import CanController
 from steptwin.host.cli.app import run
 from steptwin.host.robots import load_robot
 from tests.end_to_end.command_line import refusal
+from tests.without_pictures import without_pictures
 
 ROBOT = "teaching-scara"
 CSV = """t,th1,th2,d3,th4
@@ -77,12 +78,10 @@ class TestATrajectoryFile:
             assert axis["position_error_steps_max"] <= 0.57
         assert report["axes"][1]["steps_start"] == steps(ROBOT, "th2", 10.0)
 
-    def test_may_be_what_another_run_wrote(
-        self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-    ) -> None:
+    def test_may_be_what_another_run_wrote(self, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
         """The trajectory.csv that `--out` writes makes the same motion again."""
-        monkeypatch.setattr("steptwin.host.record.folder.writing.find_spec", lambda _: None)  # no pictures
-        first = report_of(capsys, ROBOT, "carry", "--out", str(tmp_path))
+        with without_pictures():
+            first = report_of(capsys, ROBOT, "carry", "--out", str(tmp_path))
         again = report_of(capsys, ROBOT, str(tmp_path / "trajectory.csv"))
         for before, after in zip(first["axes"], again["axes"], strict=True):
             assert after["steps_end"] == before["steps_end"]

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from steptwin.host.cli.app import run
-from steptwin.host.record.folder import read_edges, writing
+from steptwin.host.record.folder import read_edges
 from tests.emulator.live_rig import RawClient
 from tests.end_to_end.served import in_real_time, serving
+from tests.without_pictures import without_pictures
 
 POINTS = """\
 t,sx,sz,L1,th1,th2,th3
@@ -38,8 +39,7 @@ def points(tmp_path_factory: pytest.TempPathFactory) -> str:
 def virtual(points: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Run the points in virtual time; return the folder, without pictures."""
     folder = tmp_path_factory.mktemp("virtual")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(writing, "find_spec", lambda _: None)
+    with without_pictures():
         assert run(["run", ROBOT, points, "--out", str(folder)]) == 0
     return folder
 
