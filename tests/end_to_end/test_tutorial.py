@@ -125,7 +125,7 @@ class Terminals:
             server[1].kill()
             server[1].wait()
         if isinstance(error, Exception):
-            explain(error, "the server", late_ms_of(report))
+            explain(error, late_ms_of(report))
 
 
 @in_real_time
