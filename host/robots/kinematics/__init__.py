@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Final
 
 from steptwin.host.common.bad_input import unknown
-from steptwin.host.robots.kinematics.base import Branch, Kinematics
+from steptwin.host.robots.kinematics.base import Branch, Kinematics, within_limits
 from steptwin.host.robots.kinematics.calibration import calibration_scara
 from steptwin.host.robots.kinematics.hybrid import HybridArm
 from steptwin.host.robots.kinematics.lab import lab_scara
@@ -26,6 +26,7 @@ __all__ = [
     "SliderPair",
     "WorkingMode",
     "make_kinematics",
+    "within_limits",
 ]
 
 _KINDS: Final[dict[str, Callable[[Robot], Kinematics]]] = {

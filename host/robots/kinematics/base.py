@@ -136,6 +136,12 @@ class Kinematics(Protocol):
         ...
 
 
+def within_limits(limits: tuple[Joint, ...], joints: FloatArray) -> BoolArray:
+    """Return, of shape (n,), whether joints of shape (n, joints) keep all their limits."""
+    kept: BoolArray = np.logical_and.reduce([constraint.kept for constraint in joint_constraints(limits, joints)])
+    return kept
+
+
 def joint_constraints(limits: tuple[Joint, ...], joints: FloatArray) -> tuple[Constraint, ...]:
     """Return the joints' limits as constraints on positions of shape (n, joints)."""
     return tuple(_joint_constraint(joint, joints[:, axis]) for axis, joint in enumerate(limits))

@@ -9,9 +9,8 @@ import pytest
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots import load_robot
-from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.kinematics import HybridArm, Kinematics, Scara, make_kinematics
-from steptwin.host.robots.kinematics.base import BoolArray, joint_constraints
+from steptwin.host.robots.kinematics.base import BoolArray
 from steptwin.host.robots.robot import Robot
 
 
@@ -126,9 +125,3 @@ def singularity_measure(kinematics: Kinematics, joints: FloatArray) -> FloatArra
     """Return, of shape (n,), the distance of joints from the nearest singularity, from 0 to 1."""
     values = [constraint.values for constraint in kinematics.singularities(joints)]
     return np.asarray(np.minimum.reduce(values))
-
-
-def within_limits(limits: tuple[Joint, ...], joints: FloatArray) -> BoolArray:
-    """Return, of shape (n,), whether joints of shape (n, joints) keep all their limits."""
-    kept: BoolArray = np.logical_and.reduce([constraint.kept for constraint in joint_constraints(limits, joints)])
-    return kept

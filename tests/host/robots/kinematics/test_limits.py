@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from steptwin.host.robots.joint import Unit
-from steptwin.host.robots.kinematics import Kinematics, make_kinematics
+from steptwin.host.robots.kinematics import Kinematics, make_kinematics, within_limits
 from tests.host.robots.kinematics.mechanisms import (
     ALL,
     BY_NAME,
@@ -15,7 +15,6 @@ from tests.host.robots.kinematics.mechanisms import (
     WAREHOUSE,
     Mechanism,
     each_mechanism,
-    within_limits,
 )
 
 WHOLE_CIRCLES = {"lab-scara": 3, "warehouse-scara": 5, "teaching-scara": 3, "calibration-scara": 3, "hybrid-arm": 3}
