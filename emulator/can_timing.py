@@ -1,9 +1,9 @@
-"""How many bits a CAN data frame takes on the wire, stuffing included (ISO 11898-1, classical base format).
+"""Count the bits of a CAN data frame on the wire, stuff bits included (ISO 11898-1, classical base format).
 
 Fields: SOF 1, identifier 11, RTR 1, IDE 1, r0 1, DLC 4, data 8n, CRC 15; then, unstuffed, CRC delimiter 1, ACK 2,
-EOF 7 and intermission 3. After five equal bits a stuff bit of the other value follows and begins the next run. Both
-CRC and stuffing go by the byte through tables, since every frame of a run passes here. The CRC is linear: each byte
-adds what it would come to with zeros around it.
+EOF 7 and intermission 3. After five equal bits a stuff bit of the other value follows and begins the next run. Tables
+give CRC and stuff bits a byte at a time, since every frame of a run passes here. The CRC is linear: it is the XOR of
+the CRCs that each byte would have alone, with zeros in place of the others.
 """
 
 from functools import cache
@@ -12,19 +12,19 @@ from typing import TypeAlias
 from steptwin.protocol.frame import Frame
 
 UNSTUFFED_TAIL_BITS = 13
-"""From the end of the CRC to the end of the intermission."""
+"""Bits from the end of the CRC to the end of the intermission."""
 INTERMISSION_BITS = 3
 _CRC_POLYNOMIAL = 0x4599
 _RUN_LENGTH = 5
 _HEADER_BITS = 19
 _DATA_BYTES_MAX = 8
 
-# A stuffing state is 4 * last bit + length of its run - 1; a run of five never stands, its stuff bit follows at once.
+# A stuffing state is 4 * last bit + length of its run - 1; a run of five is no state: its stuff bit follows at once.
 _RUNS_PER_LEVEL = 4
 
 
 def _stuff(state: int, value: int, width: int) -> tuple[int, int]:
-    """Pass `width` bits of value, most significant first, from a state: the state after them and the stuff bits."""
+    """Pass the `width` bits of a value, most significant first; return the state after them and the stuff bits."""
     last, run = state // _RUNS_PER_LEVEL, state % _RUNS_PER_LEVEL + 1
     stuffed = 0
     for position in range(width - 1, -1, -1):
@@ -38,7 +38,7 @@ def _stuff(state: int, value: int, width: int) -> tuple[int, int]:
 
 
 def _crc_after_zeros(crc: int, zeros: int) -> int:
-    """What a CRC comes to when so many zero bits follow."""
+    """Return what a CRC becomes when this number of zero bits follows."""
     for _ in range(zeros):
         crc = (crc << 1 ^ (_CRC_POLYNOMIAL if crc & 0x4000 else 0)) & 0x7FFF
     return crc
@@ -52,12 +52,12 @@ def _crc_tables() -> tuple[tuple[int, ...], ...]:
 
 
 _CRC_TABLES = _crc_tables()
-"""Of the last eight bytes, the very last one at the end: what each value adds to the CRC."""
+"""For each of the last eight bytes, the very last at the end: the contribution of each value to the CRC."""
 
 _Row: TypeAlias = "list[tuple[_Row, int]]"
-"""Of one stuffing state, for each value that may follow: the row of the state after it, and the stuff bits.
+"""Row of one stuffing state: for each value that may follow, the row of the next state and the number of stuff bits.
 
-The values are those of 8 bits, then, from _SEVEN_BITS on, those of 7.
+The first 256 places are for values of 8 bits; from _SEVEN_BITS on they are for values of 7 bits.
 """
 _SEVEN_BITS = 256
 
@@ -76,8 +76,11 @@ _ROWS = _rows()
 
 @cache
 def _header(cob_id: int, length: int) -> tuple[int, tuple[tuple[int, ...], ...], _Row, int]:
-    """What SOF .. DLC, which depend on identifier and length only, add to the CRC, the CRC tables of the bytes that
-    follow, and the stuffing state's row and the stuff bits so far."""
+    """Return what the header, SOF to DLC, means for the rest of the frame; it depends on identifier and length only.
+
+    The parts: its contribution to the CRC, the CRC tables of the bytes that follow, the row of the stuffing state after
+    it, and its stuff bits.
+    """
     bits = cob_id << 7 | length
     crc = 0
     for position in range(_HEADER_BITS - 1, -1, -1):

@@ -1,9 +1,9 @@
 """The switches of the single-axis "3 A" TB6560 module (BL-TB6560-V2.0): current, excitation, decay, idle current.
 
-SW1 to SW3 connect sense resistors in parallel, 0.33, 0.5 and 1.2 ohm as read off a photograph of the board, and S1 is
-TQ1. With I = 0.5 V / R that gives the 14 printed currents within 0.1 A. Which of the switches
-carries which resistor, and what S2 to S6 do, follows from the chip's tables and the boards' descriptions, not from a
-schematic: for S2 they disagree, ON is taken for 50 %.
+SW1 to SW3 connect sense resistors in parallel, 0.33, 0.5 and 1.2 ohm as read from a photograph of the board; S1 is TQ1.
+With I = 0.5 V / R that gives the 14 printed currents within 0.1 A. The resistor of each switch and the functions of S2
+to S6 follow from the chip's tables and from sellers' descriptions, not from a schematic. The descriptions of S2
+disagree: ON is taken as 50 %.
 """
 
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ from steptwin.emulator.tb6560.pins import EXCITATIONS, FAST_DECAY_PERCENT, Input
 
 
 class CurrentSetting(NamedTuple):
-    """A row of the table on the board: the printed current, and which switches are ON for it."""
+    """A row of the table on the board: the printed current, and the switches that are ON for it."""
 
     printed_a: float
     sw1: bool
@@ -41,18 +41,18 @@ CURRENT_SETTINGS: Final = (
 )
 
 IDLE_PERCENT: Final = (20, 50)
-"""Current at standstill, in percent of the full one, by S2."""
+"""Currents at standstill that S2 selects, in percent of the full current."""
 
 _SENSE_OHM: Final = {"sw1": 0.33, "sw2": 0.5, "sw3": 1.2}
 
 
 @dataclass(frozen=True, slots=True)
 class DipSwitches:
-    """How a module's switches are set.
+    """Positions of a module's switches; True is ON.
 
     Attributes:
-        current: the row of the current table, which is SW1, SW2, SW3 and S1.
-        s2: ON: 50 % of the full current at standstill, else 20 %.
+        current: row of the current table, which sets SW1, SW2, SW3 and S1.
+        s2: 50 % of the full current at standstill if ON, else 20 %.
         s3: M1.
         s4: M2.
         s5: DCY1.
@@ -68,12 +68,12 @@ class DipSwitches:
 
     @property
     def sense_ohm(self) -> float:
-        """The sense resistors that are switched on, in parallel."""
+        """Resistance of the sense resistors that are switched on, in parallel."""
         return 1 / sum(1 / ohm for name, ohm in _SENSE_OHM.items() if getattr(self.current, name))
 
     @property
     def running(self) -> dict[Input, int]:
-        """The chip's inputs that the switches hold, while the motor moves."""
+        """Levels of the chip's inputs that the switches set, while the motor moves."""
         return {
             Input.M1: int(self.s3),
             Input.M2: int(self.s4),
@@ -85,15 +85,15 @@ class DipSwitches:
 
     @property
     def standing(self) -> dict[Input, int]:
-        """The torque inputs at standstill: 50 % with TQ2 alone, 20 % with both."""
+        """Levels of the torque inputs at standstill: TQ2 alone for 50 %, both for 20 %."""
         return {Input.TQ1: int(not self.s2), Input.TQ2: 1}
 
 
 def switches_for(current_a: float, microsteps: int, fast_decay_percent: int = 0, idle_percent: int = 50) -> DipSwitches:
-    """How to set the switches.
+    """Return the positions of the switches for a current, microstep mode, fast decay and idle current.
 
     Raises:
-        ValueError: there is no such setting; the message names the nearest.
+        ValueError: the switches have no such setting; the message names the nearest ones.
     """
     current = {setting.printed_a: setting for setting in CURRENT_SETTINGS}.get(current_a)
     if current is None:

@@ -1,10 +1,10 @@
-"""The board around a TB6560: optocouplers, what its sellers ask for, its active edge, its switches.
+"""Describe the module around a TB6560: optocouplers, required timing, active edge, switches.
 
-What the controller puts on the terminals STEP, DIR and EN reaches the chip's pins late, each through its own part and
-later one way than the other. So a pulse can get lost, and a DIR that left in time can arrive after its CLK: then that
-step goes the wrong way. Where a board's inner delays are unknown but somebody has found out which times it needs, these
-are its requirements, and outside them the worst case is taken: pulses are lost, DIR is read as late, or as early, as it
-may be. `input_stage` does all that.
+Levels at the terminals STEP, DIR and EN reach the chip's pins late, each through its own part, and rises later or
+earlier than falls. So a pulse can get lost, and a DIR edge that was in time at the terminals can arrive after its CLK:
+that step then goes the wrong way. Where the delays inside a module are unknown but its users know which times it needs,
+these are its requirements. Outside them the worst case is taken: pulses are lost, and DIR is read as late, or as early,
+as the requirements leave open. `input_stage` models all this.
 """
 
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ from steptwin.emulator.tb6560 import SENSE_OHM, Cooling
 
 
 class ClkEdge(StrEnum):
-    """The edge at the STEP terminal that makes the chip's CLK rise."""
+    """The edge at the STEP terminal with which the chip's CLK rises."""
 
     RISING = "rising"
     FALLING = "falling"
@@ -24,20 +24,20 @@ class ClkEdge(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Coupler:
-    """An optocoupler, or a wire: how long a level takes through it, in ns at the chip's pin."""
+    """An optocoupler or a wire, with its delays in ns for a level that becomes high or low at the chip's pin."""
 
     to_high_ns: int = 0
     to_low_ns: int = 0
 
     @property
     def delay(self) -> Delay:
-        """In counts, rounded up."""
+        """The delays in counts, rounded up."""
         return Delay(counts_of_ns(self.to_high_ns), counts_of_ns(self.to_low_ns))
 
 
 @dataclass(frozen=True, slots=True)
 class Requirements:
-    """The times that a board asks for at its terminals, by LinuxCNC's names; a step is active after the active edge."""
+    """Times that a module requires at its terminals, by LinuxCNC's names; STEP is active after the active edge."""
 
     steplen_ns: int = 0
     stepspace_ns: int = 0
@@ -47,19 +47,20 @@ class Requirements:
 
 @dataclass(frozen=True, slots=True)
 class Module:
-    """The board around one chip; by default nothing but wires.
+    """The module around one chip; by default nothing but wires.
 
     Attributes:
-        clk: from STEP to CLK.
-        direction: from DIR to CW/CCW.
-        enable: from EN to ENABLE; a low-active terminal is the wiring's business.
-        requirements: what the board asks for beyond the couplers.
-        active_edge: which edge of STEP is the step.
-        switches: where the board has its own; then it follows CLK, DIR and EN alone, and RESET is high with the supply.
-        idle_ms: how long after the last step the switches' idle current begins; found nowhere, so assumed.
-        sense_ohm: resistors at NFA and NFB, where they are not switched.
-        cooling: of the chip.
-        source: where the figures are from.
+        clk: part between STEP and CLK.
+        direction: part between DIR and CW/CCW.
+        enable: part between EN and ENABLE; the wiring takes care of a low-active terminal.
+        requirements: times that the module requires beyond those of the couplers.
+        active_edge: edge of STEP that makes the step.
+        switches: the module's own switches, if it has any: it then follows CLK, DIR and EN alone, and RESET is high
+            with the supply.
+        idle_ms: time from the last step until the switches' idle current begins; assumed, since no source gives it.
+        sense_ohm: resistors at NFA and NFB, unless switches set them.
+        cooling: what cools the chip.
+        source: origin of the figures.
     """
 
     clk: Coupler = Coupler()
@@ -75,12 +76,12 @@ class Module:
 
     @property
     def chip_sense_ohm(self) -> float:
-        """The resistors that the chip has."""
+        """Sense resistance at the chip."""
         return self.switches.sense_ohm if self.switches else self.sense_ohm
 
     @property
     def only_wires(self) -> bool:
-        """Whether the chip's pins are the terminals."""
+        """True if the terminals are the chip's pins."""
         couplers = (self.clk, self.direction, self.enable)
         plain = self.active_edge is ClkEdge.RISING and self.requirements == Requirements()
         return plain and couplers == (Coupler(),) * 3 and self.switches is None

@@ -1,6 +1,6 @@
-"""Drivers that one meets, as data: the chip by its capacitor, the 3 A module, the slow blue board.
+"""Common drivers, as data: the bare chip with its capacitor, the 3 A module, the slow blue board.
 
-Figures marked [A] are assumed: their source gives none, or only a range.
+Figures marked [A] are assumed: sources give none, or only a range.
 """
 
 from dataclasses import dataclass, replace
@@ -14,17 +14,17 @@ from steptwin.emulator.tb6560.outputs import SENSE_VOLT
 
 @dataclass(frozen=True, slots=True)
 class DriverProfile:
-    """What is soldered where the board's axis connectors end.
+    """A kind of driver at a board's axis connector, and its usual settings.
 
     Attributes:
-        name: as in a robot's file and on the command line.
-        title: one line for people.
-        osc_pf: the capacitor at the chip's OSC pin.
-        module: what is around the chip, but for the switches.
-        switched: whether the module has the switches of `dip_switches`.
-        current_a: phase current at full torque, unless something else is asked for.
-        idle_percent: with switches, part of it that is left at standstill, unless something else is asked for.
-        fast_decay_percent: with switches, part of each chopping period with fast decay, likewise.
+        name: its name in robot files and on the command line.
+        title: description in one line.
+        osc_pf: capacitor at the chip's OSC pin.
+        module: the module around the chip, without its switches' positions.
+        switched: True if the module has the switches of `dip_switches`.
+        current_a: usual phase current at full torque.
+        idle_percent: usual current at standstill in percent of `current_a`, if the module has switches.
+        fast_decay_percent: usual part of each chopping period with fast decay, if the module has switches.
     """
 
     name: str
@@ -45,10 +45,10 @@ class DriverProfile:
         idle_percent: int | None = None,
         fast_decay_percent: int | None = None,
     ) -> Module:
-        """The module of one axis, set for its excitation mode; None is what is usual with it.
+        """Return the module of one axis, set for its microstep mode; None takes the usual setting.
 
         Raises:
-            ValueError: the switches have no such setting, or there are none for it.
+            ValueError: the switches have no such setting, or the module has no switches.
         """
         current_a = self.current_a if current_a is None else current_a
         idle = self.idle_percent if idle_percent is None else idle_percent
@@ -64,7 +64,7 @@ class DriverProfile:
 
 
 def bare_chip(osc_pf: int) -> DriverProfile:
-    """The chip on the board itself, without anything between."""
+    """Return the profile of a chip on the board itself, with this OSC capacitor and wires alone."""
     return DriverProfile(
         f"chip-{osc_pf}pf", f"TB6560AHQ wired straight to the board, {osc_pf} pF at OSC", osc_pf, Module()
     )
@@ -102,4 +102,4 @@ PROFILES: Final = {
     profile.name: profile
     for profile in (bare_chip(100), bare_chip(330), bare_chip(1000), THREE_AMP_MODULE, SLOW_BLUE_BOARD)
 }
-"""By name."""
+"""Profiles by their names."""

@@ -1,10 +1,10 @@
-"""A module at work: what its terminals see in, what arrives at its chip's pins out, and what the controller broke.
+"""Pass edges from a module's terminals to its chip's pins, and note the module's limits that they break.
 
-To know what becomes of a pulse the stage needs to see what follows it: for so long as the module's requirements reach.
-So it holds everything back until its fate is certain, and cutting the input into other pieces changes nothing.
+Whether a pulse gets through depends on the edges that follow it, as far as the module's requirements reach. So the
+stage holds each pulse back until its fate is certain; dividing the input into other pieces changes nothing.
 
-Its parts live from the supply of the chip: as VM falls, ENABLE and CW/CCW at the chip are low already, whatever the
-terminals have, and ENABLE gets there again only once VM is up.
+The module's parts have the chip's supply: when VM falls, ENABLE and CW/CCW at the chip are low already, whatever the
+levels at the terminals, and ENABLE rises again only when VM is up.
 """
 
 from typing import Final, NamedTuple
@@ -20,17 +20,17 @@ from steptwin.emulator.tb6560 import Input, LevelChange, Limit, LimitUnit, Pins,
 _LONG_AGO: Final = -(1 << 60)
 
 _CLK_HIGH, _CLK_LOW, _SETUP, _HOLD = 0, 1, 2, 4
-"""Indices of the limits. DIR has two of each, for its levels 0 and 1: couplers are faster one way."""
+"""Indices of the limits. Setup and hold have two limits each, for DIR's levels 0 and 1, because the delays differ."""
 
 
 class _Pulses(NamedTuple):
-    """Pulses by their active edge, times at the terminals in counts, all arrays of one length."""
+    """Pulses by their active edges; times at the terminals in counts, all arrays of one length."""
 
     origins: Int64Array
-    """The rises at the STEP terminal that began them."""
+    """Rises at the STEP terminal with which the pulses began."""
     edges: Int64Array
     low_counts: Int64Array
-    """How long the chip's CLK is low before, if the couplers were wires."""
+    """Time for which the chip's CLK is low before each pulse, if the couplers were wires."""
     high_counts: Int64Array
 
     def where(self, kept: NDArray[np.bool_] | slice) -> "_Pulses":
@@ -38,7 +38,7 @@ class _Pulses(NamedTuple):
 
 
 class InputStage:
-    """From the terminals of one module to the pins of its chip, which needs CLK high for so long."""
+    """The way from one module's terminals to its chip's pins; the chip needs CLK high for `clk_width_min_counts`."""
 
     def __init__(self, module: Module, clk_width_min_counts: int) -> None:
         self._module = module
@@ -55,25 +55,25 @@ class InputStage:
                 self._foresight_counts,
             )
         )
-        """Longer than anything that can happen to an edge."""
+        """Time after which an edge has no influence any more."""
         self.meant_steps = 0
-        """Pulses whose fate is certain, signed by DIR as they began."""
+        """Pulses whose fate is certain, each signed by DIR at its begin."""
         self._rises, self._falls = NO_COUNTS, NO_COUNTS
         self._last_fall_counts = _LONG_AGO
         self._dir_counts, self._dir_levels = NO_COUNTS, NO_LEVELS
         self._dir_before = 0
-        """DIR's level before the first edge that is remembered."""
+        """DIR's level before the first edge that is kept."""
         self._chip_dir_level = 0
         self._changes: list[LevelChange] = []
         self._enable_changes: list[LevelChange] = []
         self._enable_level = self._supplied = 0
-        """EN at the terminal, and VM."""
+        """Levels of EN at the terminal and of VM."""
         self._switchboard = Switchboard(module.switches, module.idle_ms) if module.switches else None
         self._passed: list[Int64Array] = []
         self._origins: list[Int64Array] = []
 
     def _make_limits(self) -> tuple[Limit, ...]:
-        """What the module asks for, and what its couplers need so as not to lose a pulse, or DIR its race with CLK."""
+        """Return the module's requirements, or stricter ones with which the couplers lose no pulse and no DIR edge."""
         asked, clk = self._module.requirements, self._clk
         width_counts = max(counts_of_ns(asked.steplen_ns), clk.to_high - clk.to_low + 1)
         space_counts = max(counts_of_ns(asked.stepspace_ns), clk.to_low - clk.to_high + 1)
@@ -87,8 +87,10 @@ class InputStage:
         return tuple(Limit(rule, counts, LimitUnit.COUNTS, self._module.source) for rule, counts in figures)
 
     def _make_foresight(self, clk_width_min_counts: int) -> int:
-        """How long after a rise of the chip's CLK its fate is certain: beyond DIR's hold time and, where the pulse ends
-        with the next one's begin, when it is long enough for the module and the chip.
+        """Return the time from a rise of the chip's CLK until its fate is certain.
+
+        DIR's hold time is over then; and where a pulse ends with the next one's begin, it is long enough for the module
+        and the chip.
         """
         after_edge = max(limit.value for limit in self._limits[_HOLD:])
         if self._module.active_edge is ClkEdge.FALLING:
@@ -98,39 +100,39 @@ class InputStage:
 
     @property
     def held_pulses(self) -> int:
-        """Pulses whose fate is not certain yet."""
+        """Number of pulses whose fate is not certain yet."""
         return self._rises.size
 
     @property
     def waiting(self) -> bool:
-        """Whether something is on its way to the chip although nothing more comes in."""
+        """True while edges are on their way to the chip, even if no more come in."""
         idle_to_come = self._switchboard is not None and self._switchboard.waiting
         return bool(self._rises.size or self._changes or self._enable_changes or idle_to_come)
 
     @property
     def violation_count(self) -> int:
-        """How often the module did not get what it asks for, so far."""
+        """Number of violations of the module's limits so far."""
         return self._log.count
 
     @property
     def violations(self) -> Violations:
-        """What the controller did not give the module."""
+        """Violations of the module's limits that are not forgotten."""
         return self._log.all()
 
     def forget(self) -> None:
-        """What has passed, but for the counts."""
+        """Drop the record of passed pulses and violations, but keep the counts."""
         self._passed.clear()
         self._origins.clear()
         self._log.forget()
 
     def origins(self, rises: Int64Array) -> Int64Array:
-        """The STEP rises at the terminals that rises at the chip's CLK come from."""
+        """Return the rises of STEP at the terminals from which rises of the chip's CLK come."""
         at = np.searchsorted(joined(self._passed, np.int64), rises)
         found: Int64Array = joined(self._origins, np.int64)[at]
         return found
 
     def take(self, pins: Pins) -> Pins:
-        """Take the next stretch at the terminals; return the next stretch at the chip's pins."""
+        """Take the next stretch of edges at the terminals; return the next stretch at the chip's pins."""
         self._remember(pins)
         arrived_counts = pins.until_counts - self._foresight_counts
         settled = self._settled(pins.until_counts, arrived_counts)
@@ -186,12 +188,12 @@ class InputStage:
         self._enable_changes.append(late)
 
     def _drop_enable(self, counts: int) -> None:
-        """Changes of ENABLE that were over before they got through."""
+        """Drop changes of ENABLE that have not got through by an instant."""
         while self._enable_changes and self._enable_changes[-1].counts >= counts:
             self._enable_changes.pop()
 
     def _forget(self, pulses: int, arrived_counts: int) -> None:
-        """All pulses that were settled, and DIR edges that no later pulse has to do with."""
+        """Drop the settled pulses, and DIR edges that are too old to influence a later pulse."""
         if pulses:
             self._last_fall_counts = int(self._falls[pulses - 1])
         self._rises, self._falls = self._rises[pulses:], self._falls[pulses:]
@@ -203,10 +205,10 @@ class InputStage:
     # --- pulses
 
     def _settled(self, until_counts: int, arrived_counts: int) -> _Pulses:
-        """The pulses whose fate is certain.
+        """Return the pulses whose fate is certain.
 
-        With the falling edge active, the chip's CLK is high until the next pulse begins: the last one's has been high
-        until now at least.
+        If the falling edge is active, the chip's CLK is high until the next pulse begins; in the last pulse it has been
+        high at least until now.
         """
         rises, falls = self._rises, self._falls
         if self._module.active_edge is ClkEdge.RISING:
@@ -227,10 +229,10 @@ class InputStage:
     # --- direction
 
     def _levels(self, edges: Int64Array, rises: Int64Array) -> Int8Array:
-        """What the chip reads at its CLK rises, which come from these active edges at the terminals.
+        """Return the level of DIR that the chip reads at each rise of its CLK.
 
-        DIR is what has arrived through its coupler. Where the module's requirements are broken it is read at the
-        earliest or latest instant that they leave open.
+        Usually it is the level that has arrived through the coupler. Where an active edge breaks the module's
+        requirements, DIR is read at the earliest or latest instant that they leave open.
         """
         counts, levels = self._dir.passed(self._dir_counts, self._dir_levels)
         read, late, early = (
@@ -245,7 +247,7 @@ class InputStage:
     def _chip_direction(
         self, rises: Int64Array, levels: Int8Array, changes: tuple[LevelChange, ...]
     ) -> tuple[Int64Array, Int8Array]:
-        """The edges of CW/CCW at the chip: as it is read with each rise of CLK, and low as VM falls."""
+        """Return the edges of CW/CCW at the chip: its level as read at each rise of CLK, and low when VM falls."""
         off = [change.counts for change in changes if change.pin is Input.VM and not change.level]
         if off:
             at = np.searchsorted(rises, off)
@@ -255,7 +257,7 @@ class InputStage:
         return rises[turned], levels[turned]
 
     def _broken(self, limit: int, edges: Int64Array, turns: NDArray[np.intp]) -> NDArray[np.bool_]:
-        """Which active edges are too near to a DIR edge, given by its index, which may be out of range; noted."""
+        """Note and return the active edges too near to a DIR edge, which is given by an index, perhaps out of range."""
         broken = np.zeros(edges.size, dtype=np.bool_)
         near = (turns >= 0) & (turns < self._dir_counts.size)
         distances = np.abs(self._dir_counts[turns[near]] - edges[near])
@@ -267,7 +269,7 @@ class InputStage:
         return broken
 
     def _note(self, limit: int, edges: Int64Array, values: Int64Array) -> None:
-        """At the time at which the chip's CLK rises, or would: so they are in order with what the chip notes."""
+        """Note violations at the instants at which the chip's CLK rises, or would: in order with the chip's own."""
         self._log.note(limit, edges + self._clk.to_high, values)
 
     # --- inputs that are held at a level

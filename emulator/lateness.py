@@ -1,14 +1,14 @@
-"""How late things were: a histogram of bounded size, whatever the number of things."""
+"""Measure lateness in a histogram whose size is bounded, whatever the number of events."""
 
 from typing import Final
 
 _SUBDIVISION_BITS: Final = 4
-"""16 classes to each doubling: a figure read from the histogram is at most 1/16 too large."""
+"""16 classes for each doubling: a figure read from the histogram is at most 1/16 too large."""
 _CLASSES: Final = 1 << _SUBDIVISION_BITS
 
 
 class Lateness:
-    """Durations in nanoseconds; what is early counts as 0."""
+    """Histogram of lateness in nanoseconds; an early event counts as 0."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -16,7 +16,7 @@ class Lateness:
         self._counts: dict[int, int] = {}
 
     def add(self, late_ns: int) -> None:
-        """Take in one more."""
+        """Add the lateness of one event."""
         late_ns = max(late_ns, 0)
         self.count += 1
         self.max_ns = max(self.max_ns, late_ns)
@@ -24,7 +24,7 @@ class Lateness:
         self._counts[number] = self._counts.get(number, 0) + 1
 
     def percentile_ns(self, percent: float) -> int:
-        """What so many percent of all do not exceed, to the upper end of its class; 0 without any."""
+        """Return a bound that this part of all events does not exceed, the upper end of a class; 0 without events."""
         seen = 0
         for number in sorted(self._counts):
             seen += self._counts[number]
@@ -34,7 +34,7 @@ class Lateness:
 
 
 def _class_of(late_ns: int) -> int:
-    """Below 32 ns each has a class of its own; above, they go by the first five bits."""
+    """Return the class of a lateness: one for each nanosecond below 32 ns, above that one for each first five bits."""
     shift = max(late_ns.bit_length() - _SUBDIVISION_BITS - 1, 0)
     return shift * _CLASSES + (late_ns >> shift)
 

@@ -1,9 +1,9 @@
-"""Real time: the simulation of virtual time, paced by the wall clock, which comes in as an argument.
+"""Run the simulation in real time: pace it by the wall clock, whose time is an argument of each call.
 
-What comes in at an instant of the wall clock enters the simulated bus at the corresponding count, never before what has
-been simulated already. So lateness of the process changes nothing on the board; it changes when others get to see it,
-and that is measured: for each servo tick of a motion, when its edges are known, and for each frame of a board, when it
-has been handed on.
+A frame that comes in at an instant of the wall clock enters the simulated bus at the corresponding count, but never
+before the time that is simulated already. So a late process changes nothing on the board, only the time at which others
+see it. This lateness is measured: for each servo tick of a motion until its edges are known, and for each frame of a
+board until it is handed on.
 """
 
 from collections import deque
@@ -21,13 +21,13 @@ from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 SLICE_COUNTS: Final = COUNTS_PER_SECOND // 100
-"""So much is simulated at most before others have their turn, when there is something to catch up with."""
+"""Greatest stretch of time that is simulated at once while catching up, so that sockets have their turn."""
 _FAR_COUNTS: Final = 1 << 62
 
 Sender = Hashable
-"""Whoever sends through the host's interface."""
+"""Identifies a sender behind the host's interface."""
 Viewer = Callable[[Frame, int, Sender | None], None]
-"""Is shown a frame, the instant in counts at which it became valid, and who sent it: None for a board."""
+"""Called with a frame, the instant in counts at which it became valid, and its sender: None for a board."""
 
 
 class _Incoming(NamedTuple):
@@ -37,31 +37,31 @@ class _Incoming(NamedTuple):
 
 
 class LiveSimulation:
-    """A simulation in real time, with several senders behind the host's one interface, as sockets are behind `can0`."""
+    """A simulation in real time; several senders share the host's one interface, as sockets share `can0`."""
 
     def __init__(self, simulation: Simulation, pacer: Pacer) -> None:
         self.simulation = simulation
         self.pacer = pacer
         self.epoch_us = 0
-        """When the boards were switched on, in us since 1970, for those who want to know the time of a frame."""
+        """Time at which the boards were switched on, in us since 1970; gives frames a time of day."""
         self.view: Viewer = lambda _frame, _counts, _sender: None
         """Called with every frame on the bus."""
         self.ticks = Lateness()
-        """Of the servo ticks in which something may happen: while anything moves, and a little longer."""
+        """Lateness of the servo ticks in which an event is possible: while an axis moves, and a little longer."""
         self.frames = Lateness()
-        """Of the boards' frames."""
+        """Lateness of the boards' frames."""
         self._incoming: deque[_Incoming] = deque()
         self._senders: dict[Frame, deque[Sender]] = {}
-        """Who sent the frames that wait for the bus; equal ones go out in the order in which they came."""
+        """Senders of the frames that wait for the bus; equal frames are sent in the order in which they came."""
         self._due_counts: list[int] = []
-        """When what has been simulated since `settle` happened: frames."""
+        """Instants of the boards' frames since `settle`."""
         self._ticks = range(0)
-        """The servo ticks simulated since `settle`."""
+        """Servo ticks simulated since `settle`."""
         simulation.host.receive = self._heard
         simulation.host.on_sent = self._sent
 
     def send(self, frame: Frame, sender: Sender, now_ns: int) -> None:
-        """Something has come in that is to be sent; not for an instant before one that was given earlier."""
+        """Queue a frame that has come in at an instant; instants may not decrease from call to call."""
         self._incoming.append(_Incoming(self.pacer.counts_at(now_ns), frame, sender))
 
     def _heard(self, frame: Frame, counts: int) -> None:
@@ -78,12 +78,12 @@ class LiveSimulation:
     # --- time
 
     def start(self, now_ns: int, epoch_us: int) -> None:
-        """Switch the boards on now, which is also `epoch_us` since 1970; not later than the first `advance`."""
+        """Switch the boards on now, which is `epoch_us` since 1970; call this before the first `advance`."""
         self.pacer.start_ns = now_ns
         self.epoch_us = epoch_us
 
     def advance(self, now_ns: int) -> None:
-        """Simulate up to an instant, or a slice if that is far ahead."""
+        """Simulate up to an instant, but at most one slice while the boards are busy."""
         simulation = self.simulation
         from_counts = simulation.now_counts
         moving = self.moving
@@ -99,7 +99,7 @@ class LiveSimulation:
             self._ticks = range(-(-from_counts // TICK_COUNTS), -(-simulation.now_counts // TICK_COUNTS))
 
     def _until_counts(self, now_ns: int, *, moving: bool) -> int:
-        """How far to simulate; over time in which nothing happens, at once."""
+        """Return the count up to which to simulate; time without events is passed at once."""
         goal_counts = self.pacer.counts_at(now_ns)
         slice_end_counts = self.simulation.now_counts + SLICE_COUNTS
         if moving or goal_counts <= slice_end_counts:
@@ -107,7 +107,7 @@ class LiveSimulation:
         return max(slice_end_counts, self.simulation.next_event_counts(goal_counts))
 
     def settle(self, now_ns: int) -> None:
-        """What has been simulated is handed on by now: note how late that was."""
+        """Note the lateness of everything simulated since the last call, which is handed on by now."""
         for tick in self._ticks:
             self.ticks.add(now_ns - self.pacer.ns_at(tick * TICK_COUNTS))
         for counts in self._due_counts:
@@ -117,15 +117,15 @@ class LiveSimulation:
 
     @property
     def moving(self) -> bool:
-        """Whether a motion runs, or is just over: each tick may be the one in which something happens."""
+        """True while a motion runs or has just ended, so that any tick may bring an event."""
         return any(board.moving for board in self.simulation.boards)
 
     @property
     def due_ns(self) -> int:
-        """When `advance` has something to do, as far as it is known."""
+        """Instant at which `advance` next has work, as far as it is known."""
         now_counts = self.simulation.now_counts
         due_counts = _FAR_COUNTS
-        if self.moving:  # a tick is simulated when time passes beyond its begin
+        if self.moving:  # a tick is simulated as soon as time passes its begin
             due_counts = -(-now_counts // TICK_COUNTS) * TICK_COUNTS + 1
         if self._incoming:
             due_counts = min(due_counts, self._incoming[0].counts)
@@ -133,7 +133,7 @@ class LiveSimulation:
 
 
 def warm_up(kernel: Kernel) -> None:
-    """Load or compile the kernel's functions, which happens at their first call and takes its time."""
+    """Call the kernel's functions once, because the first call loads or compiles them, which takes long."""
     motion = Motion(kernel, 1)
     motion.configure(0, StepConfig(1, 1_000, 1_000, 0, 0, velocity_max_units_per_s=1 << 20))
     motion.push(0, 0, 0, 1)

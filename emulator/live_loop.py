@@ -1,7 +1,7 @@
-"""The loop of a live board: sleeps until a socket or the board has something, lets it happen, hands it on.
+"""Run a live board: sleep until a socket is ready or the board has work, simulate, hand frames on.
 
-One thread does everything. A sleep ends some 50 us late (Linux' timer slack), so while a frame is on the simulated bus
-the loop looks instead of sleeping: somebody waits for the answer.
+One thread does everything. A sleep ends some 50 us late (Linux' timer slack), so the loop polls without sleeping while
+a frame is on the simulated bus, because a client waits for the answer.
 """
 
 import selectors
@@ -16,20 +16,20 @@ from typing import Final
 from steptwin.emulator.live import LiveSimulation
 
 LOOK_NS: Final = 200_000
-"""What is due so soon while the bus is busy is waited for with open eyes: 8 bytes at 1 Mbit/s last 135 us at most."""
+"""Time that is polled away instead of slept while the bus is busy: 8 bytes at 1 Mbit/s last 135 us at most."""
 _SLEEP_MAX_NS: Final = 1_000_000_000
 
 Callback = Callable[[], None]
 
 
 class LiveLoop:
-    """Runs a live simulation until it is stopped; a context manager."""
+    """Runs a live simulation until it is stopped; a context manager that closes its sockets."""
 
     def __init__(self, live: LiveSimulation) -> None:
         self.live = live
         self.hand_on: Callback = lambda: None
-        """Called after each stretch of simulation: send what there is to send."""
-        self._selector = selectors.SelectSelector()  # of all selectors the one that sleeps for less than a millisecond
+        """Called after each stretch of simulation, to send waiting frames."""
+        self._selector = selectors.SelectSelector()  # the only selector that can sleep for less than a millisecond
         self._timers: list[tuple[int, int, Callback]] = []
         self._numbers = count()
         self._stopping = False
@@ -48,13 +48,13 @@ class LiveLoop:
 
     @staticmethod
     def now_ns() -> int:
-        """The wall clock of pacer and timers."""
+        """Return the time of the wall clock that pacer and timers use."""
         return time.monotonic_ns()
 
     # --- what else happens
 
     def watch(self, sock: socket.socket, events: int, callback: Callback) -> None:
-        """Call back when a socket is ready for any of these events; none of them: never."""
+        """Call back whenever a socket is ready for any of these events; 0 ends the watching."""
         watched = sock.fileno() in self._selector.get_map()
         if not events:
             if watched:
@@ -65,11 +65,11 @@ class LiveLoop:
             self._selector.register(sock, events, callback)
 
     def call_after(self, dt_s: float, callback: Callback) -> None:
-        """Call back once after so many seconds of wall time."""
+        """Call back once after a duration of wall time."""
         heappush(self._timers, (self.now_ns() + round(dt_s * 1e9), next(self._numbers), callback))
 
     def call_every(self, dt_s: float, callback: Callback) -> None:
-        """Call back again and again."""
+        """Call back repeatedly, each time a duration of wall time after the last call."""
 
         def again() -> None:
             callback()
@@ -78,12 +78,12 @@ class LiveLoop:
         self.call_after(dt_s, again)
 
     def wake(self) -> None:
-        """End a sleep; from any thread and from signal handlers."""
-        with suppress(BlockingIOError):  # it has been woken often enough
+        """End a sleep; may be called from any thread and from signal handlers."""
+        with suppress(BlockingIOError):  # a full buffer wakes the loop anyway
             self._waker.send(b"\0")
 
     def stop(self) -> None:
-        """Let `run` return; from any thread and from signal handlers."""
+        """Let `run` return; may be called from any thread and from signal handlers."""
         self._stopping = True
         self.wake()
 
@@ -93,7 +93,7 @@ class LiveLoop:
     # --- the loop
 
     def run(self) -> None:
-        """Switch the board on and keep it going until `stop`."""
+        """Switch the boards on and simulate them until `stop`."""
         live, select = self.live, self._selector.select
         live.start(self.now_ns(), time.time_ns() // 1000)
         while not self._stopping:

@@ -1,4 +1,4 @@
-"""What a module's switches put on the chip's inputs: always the same, and less torque at standstill."""
+"""Set the chip's inputs by a module's switches: fixed levels while it runs, and less torque at standstill."""
 
 from collections.abc import Sequence
 
@@ -21,13 +21,13 @@ class Switchboard:
 
     @property
     def waiting(self) -> bool:
-        """Whether the idle current is to come."""
+        """True while the idle current has yet to begin."""
         return self._supplied and not self._idle
 
     def changes(self, outside: Sequence[LevelChange], rises: Int64Array, until_counts: int) -> tuple[LevelChange, ...]:
-        """The next stretch at the chip's inputs, from what comes from outside and from the rises of CLK.
+        """Return the changes at the chip's inputs up to an instant, from changes outside and from the rises of CLK.
 
-        From outside only the supplies and ENABLE get to the chip.
+        From outside only the supplies and ENABLE reach the chip.
         """
         found: list[LevelChange] = []
         for change in outside:
@@ -48,7 +48,7 @@ class Switchboard:
         return [change, *held] if level else [*reversed(held), change]
 
     def _rest(self, rises: Int64Array, until_counts: int) -> list[LevelChange]:
-        """Less torque when CLK has rested for long enough, and full torque with its next rise."""
+        """Return the changes of torque: less when CLK has rested for the idle time, full with its next rise."""
         if not self._supplied:
             return []
         times = np.concatenate(([self._last_rise_counts], rises))

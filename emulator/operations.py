@@ -1,4 +1,4 @@
-"""What happens to a machine beside its motion, as data: now, or at instants that are fixed beforehand."""
+"""Operations on a machine beside its motion, as data, and the schedule of those at fixed instants."""
 
 from collections import deque
 from collections.abc import Iterable
@@ -8,14 +8,14 @@ from typing import NamedTuple
 
 @dataclass(frozen=True, slots=True)
 class EmergencyStop:
-    """The e-stop button is pressed or pulled out; the input is the board's, all axes see it."""
+    """The emergency stop button is pressed or pulled out; all axes of the board see it."""
 
     pressed: bool
 
 
 @dataclass(frozen=True, slots=True)
 class DriverProtect:
-    """Somebody holds a driver's Protect pin low, as a chip that is too hot does itself, or lets it go."""
+    """A driver's Protect pin is held low from outside, as a chip in thermal shutdown does itself, or released."""
 
     axis: int
     active: bool
@@ -23,14 +23,14 @@ class DriverProtect:
 
 @dataclass(frozen=True, slots=True)
 class Supply:
-    """The motor supply's voltage in 10 mV."""
+    """The motor supply gets this voltage, in 10 mV."""
 
     supply_10mv: int
 
 
 @dataclass(frozen=True, slots=True)
 class BoardTemperature:
-    """In 0.1 degC."""
+    """The board gets this temperature, in 0.1 degC."""
 
     temperature_decidegc: int
 
@@ -39,7 +39,7 @@ Operation = EmergencyStop | DriverProtect | Supply | BoardTemperature
 
 
 class Scheduled(NamedTuple):
-    """An operation, its instant in counts since boot, and the number of the board to which it happens."""
+    """An operation, its instant in counts since boot, and the number of its board."""
 
     counts: int
     operation: Operation
@@ -47,15 +47,15 @@ class Scheduled(NamedTuple):
 
 
 class Schedule:
-    """Operations in order of time; those of one instant in the order given."""
+    """Operations in order of time; those of one instant keep the order given."""
 
     def __init__(self, scheduled: Iterable[Scheduled] = ()) -> None:
         self._waiting = deque(sorted(scheduled, key=lambda item: item.counts))
         self.next_counts = self._waiting[0].counts if self._waiting else None
-        """When the next one is due."""
+        """Instant of the next operation; None if there is none."""
 
     def take_due(self, now_counts: int) -> list[Scheduled]:
-        """Hand out, once, what is due by now."""
+        """Return the operations that are due by now, and remove them."""
         due = []
         while self._waiting and self._waiting[0].counts <= now_counts:
             due.append(self._waiting.popleft())

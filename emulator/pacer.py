@@ -1,4 +1,4 @@
-"""The wall clock as the board's clock: which count of 72 MHz it is at an instant, and the other way round."""
+"""Convert between instants of the wall clock and counts of the board's 72 MHz clock."""
 
 from fractions import Fraction
 from typing import Final
@@ -12,12 +12,12 @@ _SPEED_PARTS: Final = 1_000_000
 
 
 class Pacer:
-    """Counts since the board was switched on at `start_ns`; `speed` simulated seconds go by in a second.
+    """Counts since the boards were switched on at `start_ns`; `speed` simulated seconds pass in a second.
 
-    All in integers, so that nothing drifts.
+    It computes in integers, so that nothing drifts.
 
     Raises:
-        ValueError: a speed that is not from SPEED_MIN to SPEED_MAX.
+        ValueError: the speed is not from SPEED_MIN to SPEED_MAX.
     """
 
     def __init__(self, start_ns: int, speed: float = 1.0) -> None:
@@ -25,14 +25,14 @@ class Pacer:
             raise ValueError(f"speed {speed:g} is not from {SPEED_MIN:g} to {SPEED_MAX:g}")
         rate = Fraction(speed).limit_denominator(_SPEED_PARTS) * Fraction(COUNTS_PER_SECOND, _NS_PER_SECOND)
         self.start_ns = start_ns
-        """When the boards are switched on; may be put off until then."""
+        """Instant at which the boards are switched on; may be set later until then."""
         self.speed = speed
         self._counts, self._per_ns = rate.numerator, rate.denominator
 
     def counts_at(self, now_ns: int) -> int:
-        """The last count that has begun."""
+        """Return the last count that has begun at an instant."""
         return (now_ns - self.start_ns) * self._counts // self._per_ns
 
     def ns_at(self, counts: int) -> int:
-        """The first nanosecond of a count."""
+        """Return the first nanosecond of a count."""
         return self.start_ns - (-counts * self._per_ns // self._counts)

@@ -1,7 +1,7 @@
-"""Virtual time: one clock, one thread, events in order. The same inputs give the same bytes.
+"""Simulate boards and a bus in virtual time: one clock, one thread, events in order; equal inputs give equal bytes.
 
-The host stands outside: it sends frames, lets time pass and is handed the frames that reach it. All boards are switched
-on together and count the same 72 MHz: real ones, each with a crystal of its own, would be apart by some 20 ppm.
+The host stands outside: it sends frames, lets time pass and is given the frames that reach it. All boards are switched
+on together and count the same 72 MHz; real boards, each with its own crystal, would differ by some 20 ppm.
 """
 
 from collections.abc import Iterable, Sequence
@@ -15,28 +15,28 @@ from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 _SILENCE_MAX_S = 1
-"""How long a frame and its answers may take until the bus is silent: some 1000 frames at 125 kbit/s."""
+"""Greatest time from a frame until the bus is silent again: some 1000 frames at 125 kbit/s."""
 
 
 class BusOverloadError(Exception):
-    """The boards alone keep the bus busy for ever."""
+    """The boards' own frames keep the bus busy without end."""
 
 
 class Simulation:
-    """Boards and a host on one bus. `now_counts` is 72 MHz counts since the boards were switched on."""
+    """Boards and a host on one bus; `now_counts` is the time in 72 MHz counts since the boards were switched on."""
 
     def __init__(self, boards: Sequence[Board], bus: Bus, schedule: Iterable[Scheduled] = ()) -> None:
-        """Switch the boards on; `schedule` says what will happen to their machines, and when."""
+        """Switch the boards on; `schedule` holds operations on their machines and the instants of these."""
         self._schedule = Schedule(schedule)
         self.boards = tuple(boards)
         self._late_readers = [board for board in self.boards if board.config.read_latency_counts]
-        """The boards whose processors do not fetch a message as soon as it is there."""
+        """Boards whose processors fetch messages with a delay."""
         self.bus = bus
         self.now_counts = 0
         self.host = CanController(unheard, in_order=True)
         """The host's interface: it takes every frame at once and sends in order, as SocketCAN's drivers do.
 
-        Who wants to hear of frames sets its `receive` and `on_sent`."""
+        The host sets `receive` and `on_sent` to be told of frames."""
         bus.attach(self.host)
         for board in self.boards:
             bus.attach(board.can)
@@ -44,14 +44,14 @@ class Simulation:
             board.boot(0)
 
     def power_cycle(self, number: int = 0) -> None:
-        """Switch a board off and on again; the others, the host and the clock go on."""
+        """Switch a board off and on again; the other boards, the host and the clock go on."""
         board = self.boards[number]
         without_power = board.can
         board.power_cycle(self.now_counts)
         self.bus.exchange(without_power, board.can, self.now_counts)
 
     def operate(self, operation: Operation, number: int = 0) -> None:
-        """Do something to the machine of a board, now."""
+        """Execute an operation on the machine of a board, now."""
         self.boards[number].operate(operation, self.now_counts)
         self.boards[number].poll(self.now_counts)
 
@@ -61,10 +61,10 @@ class Simulation:
         return self.now_counts / COUNTS_PER_SECOND
 
     def send(self, frame: Frame) -> None:
-        """Send a frame as the host and run on until the bus is silent again: answers have then arrived.
+        """Send a frame as the host and run until the bus is silent again: answers have then arrived.
 
         Raises:
-            BusOverloadError: the bus does not fall silent, because the boards have more to say than fits on it.
+            BusOverloadError: the bus does not fall silent, because the boards send more than fits on it.
         """
         was_silent = not self.bus.busy
         self.host.send(frame, self.now_counts)
@@ -80,7 +80,7 @@ class Simulation:
             self._advance_to(give_up_counts + 1)
 
     def _skip_intermission(self) -> None:
-        """An idle bus takes a frame at once; after another one, as soon as it may, if no board has a say before."""
+        """Go to the begin of the frame just sent, the end of the intermission, if no board has an event before."""
         begin_counts = self.bus.next_event_counts
         if begin_counts is None:
             return
@@ -93,17 +93,17 @@ class Simulation:
         self.bus.step(self.now_counts)
 
     def run_until(self, until_counts: int) -> None:
-        """Let time pass to an instant."""
+        """Let time pass up to an instant."""
         while self.now_counts < until_counts:
             self._advance_to(until_counts)
 
     @property
     def _messages_wait(self) -> bool:
-        """Whether a board's processor has not yet fetched a message that has reached it."""
+        """True while a board's processor has not yet fetched a message that has reached its CAN controller."""
         return any(board.can.next_due_counts is not None for board in self._late_readers)
 
     def next_event_counts(self, until_counts: int) -> int:
-        """When something happens by itself, as far as it is known; the instant given if that comes first."""
+        """Return the instant of the next known event, or `until_counts` if that is earlier."""
         goal, event_counts = until_counts, self.bus.next_event_counts
         if event_counts is not None and event_counts < goal:
             goal = event_counts
@@ -117,9 +117,9 @@ class Simulation:
         return goal
 
     def _advance_to(self, until_counts: int) -> None:
-        """Go to the next event, but not beyond an instant, and do what is due there."""
+        """Go to the next event, but not beyond an instant, and execute what is due there."""
         goal_counts = self.next_event_counts(until_counts)
-        # Even if no time passes: what a tick just computed has brought about may still have to be seen to.
+        # This is needed even if no time passes: a tick just computed may have left work to do.
         now_counts = self._advance_boards(max(goal_counts, self.now_counts))
         self.now_counts = now_counts
         self.bus.step(now_counts)
@@ -130,10 +130,11 @@ class Simulation:
             board.poll(now_counts)
 
     def _advance_boards(self, goal_counts: int) -> int:
-        """Let the boards' time pass; return the instant that all of them have reached: no board is ahead of another.
+        """Let time pass on all boards; return the instant that all of them have reached.
 
-        A motion may ask for attention at any tick, which is known only when it is computed. So boards that move
-        together go tick by tick; one that moves alone goes first, and those at rest follow to where it stopped.
+        A motion may need attention at any tick, and that is known only when the tick is computed. So boards that move
+        at the same time go tick by tick. A board that moves alone goes first, and those at rest follow to the instant
+        that it has reached.
         """
         if len(self.boards) == 1:
             return self.boards[0].advance(goal_counts)

@@ -1,16 +1,16 @@
-"""The protocol of socketcand as its server speaks it, without I/O: bytes in; frames to send, and bytes, out.
+"""Speak the protocol of a socketcand server, without I/O: bytes in; frames to send, and bytes, out.
 
-Source: doc/protocol.md of github.com/linux-can/socketcand, and what python-can's client does. Of its modes only RAW is
-served, which is the one that python-can uses. `< hi >` greets; then
+Sources: doc/protocol.md of github.com/linux-can/socketcand, and the behaviour of python-can's client. Only the mode RAW
+is served, which python-can uses. The server greets with `< hi >`; then
 
-    < open vcan0 >                       < ok >      whatever the bus is called, there is one
+    < open vcan0 >                       < ok >      any name opens the only bus
     < rawmode >                          < ok >
     < send 201 3 1 2 ff >                            hexadecimal identifier, length, bytes
     < echo >                             < echo >
-                                         < frame 181 1700000000.123456 0102A0 >      what others have sent
+                                         < frame 181 1700000000.123456 0102A0 >      a frame of another sender
 
-python-can compares a whole `recv` with `< ok >`, so nothing may follow it soon: what is to be delivered is held back
-until the client's first `send`, or until `break_silence`.
+python-can compares a whole `recv` with `< ok >`, so nothing may follow it soon: frames for the client are held back
+until its first `send`, or until `break_silence`.
 """
 
 import re
@@ -20,7 +20,7 @@ from typing import Final
 from steptwin.protocol.frame import COB_ID_MASK, Frame
 
 COMMAND_MAX: Final = 512
-"""Bytes from < to >; the longest command that anybody means, an FD frame, has 220."""
+"""Greatest number of bytes from < to >; the longest legal command, an FD frame, has 220."""
 
 _BETWEEN: Final = b" \t\r\n"
 _SEND: Final = re.compile(rb"<\s*send\s+([0-9A-Fa-f]{1,3}|[0-9A-Fa-f]{8})\s+([0-8])((?:\s+[0-9A-Fa-f]{1,2})*)\s*>")
@@ -28,13 +28,13 @@ _WORDS: Final = re.compile(rb"<\s*([a-z]+)((?:\s+[^\s<>]+)*)\s*>")
 
 
 class Mode(Enum):
-    """Where in the dialogue a client is."""
+    """State of the dialogue with a client."""
 
     NO_BUS = auto()
     BUS_OPEN = auto()
     RAW = auto()
     CLOSED = auto()
-    """It has sent something that is no protocol, and is to be disconnected."""
+    """The client broke the protocol and must be disconnected."""
 
 
 _MODES: Final = {
@@ -42,9 +42,9 @@ _MODES: Final = {
     (Mode.BUS_OPEN, b"rawmode"): Mode.RAW,
     (Mode.RAW, b"rawmode"): Mode.RAW,
 }
-"""The commands that are answered by `< ok >`, and the mode after them."""
+"""Commands that are answered by `< ok >`, and the mode after each."""
 _FOREIGN: Final = (b"sendrtr", b"fdsend")
-"""Commands that send frames of other kinds, which the board would not understand."""
+"""Commands that send frames of other kinds, which the board would not accept."""
 _SENDING: Final = (Mode.BUS_OPEN, Mode.RAW)
 
 
@@ -54,24 +54,24 @@ class SocketcandSession:
     def __init__(self) -> None:
         self.mode = Mode.NO_BUS
         self.complaint = ""
-        """Why the session is closed."""
+        """Reason why the session is closed."""
         self.outbox = bytearray(b"< hi >")
-        """What is to be sent to the client; whoever sends it takes it out."""
+        """Bytes to send to the client; the server removes what it has sent."""
         self.foreign_frames = 0
-        """Remote frames, CAN FD frames and frames with 29-bit identifiers: dropped."""
+        """Number of dropped frames: remote frames, CAN FD frames and frames with 29-bit identifiers."""
         self._inbox = bytearray()
         self._held: bytearray | None = None
-        """What is delivered during the silence after `rawmode`; None: there is none."""
+        """Frames held back during the silence after `rawmode`; None outside of it."""
 
     # --- in
 
     def feed(self, data: bytes) -> None:
-        """Take what has come from the client; `next_frame` makes something of it."""
+        """Take bytes that have come from the client, for `next_frame` to read."""
         if self.mode is not Mode.CLOSED:
             self._inbox += data
 
     def next_frame(self) -> Frame | None:
-        """The next frame that the client sends; None: more bytes are needed, or the session is closed."""
+        """Return the next frame that the client sends; None if more bytes are needed or the session is closed."""
         while (command := self._next_command()) is not None:
             sending = _SEND.fullmatch(command)
             if sending and self.mode in _SENDING:
@@ -84,7 +84,7 @@ class SocketcandSession:
         return None
 
     def _next_command(self) -> bytes | None:
-        """Cut the next command out of the inbox. What stands between commands must be blank."""
+        """Cut the next command out of the inbox; only blanks may stand between commands."""
         self._inbox = self._inbox.lstrip(_BETWEEN)
         if not self._inbox:
             return None
@@ -139,29 +139,29 @@ class SocketcandSession:
 
     @property
     def silent(self) -> bool:
-        """Whether what is delivered is held back after `rawmode`."""
+        """True while frames are held back after `rawmode`."""
         return self._held is not None
 
     @property
     def backlog_bytes(self) -> int:
-        """What waits to be sent to the client."""
+        """Number of bytes that wait to be sent to the client."""
         return len(self.outbox) + len(self._held or b"")
 
     def deliver(self, text: bytes) -> None:
-        """Show the client a frame, as `frame_text` makes it, if it wants to see frames."""
+        """Queue a frame's text, from `frame_text`, for a client in the mode RAW."""
         if self._held is not None:
             self._held += text
         elif self.mode is Mode.RAW:
             self.outbox += text
 
     def break_silence(self) -> None:
-        """Let go of what was held back."""
+        """Release the frames that were held back."""
         if self._held is not None:
             self.outbox += self._held
             self._held = None
 
 
 def frame_text(frame: Frame, time_us: int) -> bytes:
-    """How a client is shown a frame; `time_us` since 1970. An empty one has two spaces before >, as clients expect."""
+    """Return a frame as clients are sent it; `time_us` since 1970. Without data two spaces precede >: clients expect it."""
     seconds, us = divmod(time_us, 1_000_000)
     return f"< frame {frame.cob_id:03X} {seconds}.{us:06d} {frame.data.hex().upper()} >".encode("ascii")

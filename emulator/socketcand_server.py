@@ -1,7 +1,7 @@
-"""Clients of a live board over TCP, as socketcand serves them: python-can's interface `socketcand` and all built on it.
+"""Serve clients of a live board over TCP as socketcand does: python-can's interface `socketcand` and all built on it.
 
-Nothing is lost for a client: what it sends waits in its socket while the bus is busy with what it has sent before; what
-it is shown waits here until it reads. One that does not read is disconnected before that becomes too much.
+A client loses no frames: those that it sends wait in its socket while the bus is busy with its earlier ones; those for
+it wait here until it reads. A client that does not read is disconnected before too many bytes wait.
 """
 
 import logging
@@ -18,13 +18,13 @@ from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_US
 
 CLIENTS_MAX: Final = 250
-"""The loop's `select` takes a thousand files at most; each client has one."""
+"""Greatest number of clients; the loop's `select` takes a thousand files at most, and each client is one."""
 SILENCE_S: Final = 0.1
-"""How long a client that does not send is shown nothing after `rawmode`: by then it has read the answer."""
+"""Silence after `rawmode` towards a client that does not send: by its end the client has read the answer."""
 WINDOW_FRAMES: Final = 16
-"""A client's frames that wait for the bus at most; others have to wait behind them for some 2 ms at 1 Mbit/s."""
+"""Greatest number of a client's frames that wait for the bus; other clients wait behind them some 2 ms at 1 Mbit/s."""
 BACKLOG_MAX_BYTES: Final = 1 << 20
-"""What a client may leave unread, beside what the operating system's buffers hold: some 20 000 frames."""
+"""Bytes that a client may leave unread beside the operating system's buffers: some 20 000 frames."""
 _SEND_BUFFER_BYTES: Final = 1 << 18
 _READ_BYTES: Final = 4096
 
@@ -39,27 +39,27 @@ class _Client:
         self.name = name
         self.session = SocketcandSession()
         self.waiting_frames = 0
-        """Frames of it that wait for the bus."""
+        """Number of its frames that wait for the bus."""
         self.events = 0
-        """What its socket is watched for."""
+        """Events for which its socket is watched."""
         self.gone = False
 
 
 class SocketcandServer:
-    """Serves the clients of a listening socket, which becomes its own."""
+    """Serves the clients of a listening socket, which the server owns and closes."""
 
     def __init__(self, loop: LiveLoop, listener: socket.socket) -> None:
         self.served = 0
-        """Connections so far."""
+        """Number of connections so far."""
         self.disconnected: Counter[str] = Counter()
-        """How many connections were ended from this side, by reason."""
+        """Number of connections that the server ended, by reason."""
         self._foreign_frames = 0
         self._loop = loop
         self._live: LiveSimulation = loop.live
         self._listener = listener
         self._clients: list[_Client] = []
         self._restless: dict[_Client, None] = {}
-        """Those for whom there is something to do in `hand_on`."""
+        """Clients for which `hand_on` has work; a dict keeps their order."""
         listener.setblocking(False)
         loop.watch(listener, EVENT_READ, self._accept)
         loop.hand_on = self._hand_on
@@ -67,16 +67,16 @@ class SocketcandServer:
 
     @property
     def clients(self) -> int:
-        """How many are connected."""
+        """Number of connected clients."""
         return len(self._clients)
 
     @property
     def foreign_frames(self) -> int:
-        """Frames from clients that this bus does not know, and that were dropped."""
+        """Number of dropped frames of clients, of kinds that this bus does not carry."""
         return self._foreign_frames + sum(client.session.foreign_frames for client in self._clients)
 
     def close(self) -> None:
-        """Disconnect everybody."""
+        """Disconnect all clients and close the listening socket."""
         if self._listener.fileno() < 0:
             return
         self._loop.watch(self._listener, 0, self._accept)
@@ -90,7 +90,7 @@ class SocketcandServer:
         try:
             sock, address = self._listener.accept()
         except OSError:
-            return  # it has hung up already, or there are too many files
+            return  # the client has hung up already, or too many files are open
         sock.setblocking(False)
         self.served += 1
         if len(self._clients) >= CLIENTS_MAX:
@@ -110,7 +110,7 @@ class SocketcandServer:
         self._forget(client)
 
     def _forget(self, client: _Client) -> None:
-        """Frames that it has sent go their way still."""
+        """Close a client's connection; frames that it has sent are still delivered."""
         client.gone = True
         self._foreign_frames += client.session.foreign_frames
         self._clients.remove(client)
@@ -121,7 +121,7 @@ class SocketcandServer:
     # --- a client has something to say, or reads on
 
     def _ready(self, client: _Client) -> None:
-        """Its socket can be read or written."""
+        """Serve a client whose socket can be read or written."""
         if client.waiting_frames < WINDOW_FRAMES:
             self._read(client)
         if not client.gone:
@@ -141,7 +141,7 @@ class SocketcandServer:
             self._forget(client)
 
     def _tend(self, client: _Client) -> None:
-        """Pass its frames on as far as they may go, answer it, see what to wait for."""
+        """Pass a client's frames on while its window has room, send it its answers, choose the events to wait for."""
         session = client.session
         was_silent = session.silent
         while client.waiting_frames < WINDOW_FRAMES and (frame := session.next_frame()):
@@ -159,7 +159,7 @@ class SocketcandServer:
             self._watch(client)
 
     def _write(self, client: _Client) -> bool:
-        """Send as much as goes; return whether the client is still there."""
+        """Send as much as the socket takes; return False if the client is gone."""
         outbox = client.session.outbox
         try:
             del outbox[: client.socket.send(outbox)]

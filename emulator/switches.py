@@ -1,7 +1,7 @@
-"""Switches along an axis: where they are closed, as data, and how far an axis is from changing one.
+"""Switches along an axis: the positions at which they are closed, and the distance of the axis to the next change.
 
-Positions are steps of the machine: what the axis' driver has counted, from the machine's true zero. The firmware does
-not know these; homing is how it learns them.
+Positions are steps from the machine's true zero, as the axis' driver counts them. The firmware does not know these; it
+learns them by homing.
 """
 
 from collections.abc import Sequence
@@ -14,17 +14,17 @@ _KINDS = (DigitalInput.NEGATIVE_LIMIT, DigitalInput.POSITIVE_LIMIT, DigitalInput
 
 @dataclass(frozen=True, slots=True)
 class Switch:
-    """A switch at an axis' connector and the positions at which it is closed, which is active.
+    """A switch at an axis' connector and the stretch over which it is closed; closed is active.
 
     Attributes:
-        axis: on the board.
-        input: which of the axis' inputs it is wired to.
-        from_steps: the lowest position at which it closes; None: there is none.
-        to_steps: the highest one; None: there is none.
-        hysteresis_steps: so much farther out it opens again.
+        axis: number of the axis on the board.
+        input: input of the axis to which it is wired.
+        from_steps: lowest position at which it closes; None for no lower end.
+        to_steps: highest position at which it closes; None for no upper end.
+        hysteresis_steps: distance beyond the stretch at which it opens again.
 
     Raises:
-        ValueError: no such input, or a stretch that is no stretch.
+        ValueError: the input is not a switch input, the stretch is empty or endless, or the hysteresis is negative.
     """
 
     axis: int
@@ -44,11 +44,11 @@ class Switch:
             raise ValueError(f"hysteresis_steps {self.hysteresis_steps} is negative")
 
     def closed_at(self, position_steps: int, *, before: bool) -> bool:
-        """Whether it is closed; `before`: whether it was closed so far."""
+        """Return True if it is closed at a position; `before` is True if it was closed until now."""
         return self._outside(position_steps) <= (self.hysteresis_steps if before else 0)
 
     def steps_to_change(self, position_steps: int, *, closed: bool) -> int:
-        """How many steps it takes at least until it changes: 1 or more."""
+        """Return the least number of steps until it changes: 1 or more."""
         if not closed:
             return self._outside(position_steps)
         ways = []
@@ -59,14 +59,14 @@ class Switch:
         return min(ways) + self.hysteresis_steps + 1
 
     def _outside(self, position_steps: int) -> int:
-        """How many steps the position is beside the stretch; 0 or less within it."""
+        """Return the distance of a position from the stretch in steps; 0 or less within it."""
         below = 0 if self.from_steps is None else self.from_steps - position_steps
         above = 0 if self.to_steps is None else position_steps - self.to_steps
         return max(below, above)
 
 
 class AxisSwitches:
-    """An axis' switches and where it stands."""
+    """An axis' switches and its position."""
 
     def __init__(self, switches: Sequence[Switch], position_steps: int) -> None:
         self.position_steps = position_steps
@@ -76,14 +76,14 @@ class AxisSwitches:
         return bool(self._closed)
 
     def move(self, steps: int) -> None:
-        """Let the axis be elsewhere and the switches follow. What happened on the way leaves no trace."""
+        """Move the axis and let the switches follow; switches that it passed completely do not change."""
         self.position_steps += steps
         for switch, closed in self._closed.items():
             self._closed[switch] = switch.closed_at(self.position_steps, before=closed)
 
     @property
     def levels(self) -> DigitalInput:
-        """The inputs whose switches are closed."""
+        """Inputs whose switches are closed."""
         levels = DigitalInput(0)
         for switch, closed in self._closed.items():
             if closed:
@@ -92,7 +92,7 @@ class AxisSwitches:
 
     @property
     def steps_to_change(self) -> int:
-        """How many steps it takes at least until one of the switches changes; there must be one."""
+        """Least number of steps until one of the switches changes; the axis must have a switch."""
         return min(
             switch.steps_to_change(self.position_steps, closed=closed) for switch, closed in self._closed.items()
         )

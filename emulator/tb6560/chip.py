@@ -1,13 +1,13 @@
-"""The chip: which CLK pulses it counts, what it notes of those that drive it, and its outputs.
+"""Model the chip: count CLK pulses, note violations of its operating range, follow its outputs.
 
-It counts rising CLK edges; the level of CW/CCW at the edge gives the direction (page 10). RESET low forces the initial
-state and ignores CLK; ENABLE low switches only the outputs off while the counter follows CLK (page 11). Operating
-range: CLK up to 15 kHz (page 7), high for at least t_W(CLK) (page 8). M1 and M2 change only in reset (page 15). VDD
-comes first, then VM, then the inputs, RESET and ENABLE last; off in reverse (page 28). CLK and CW/CCW are inputs as
-well; CLK, which comes as pulses, is judged by its rises. CW/CCW has no setup or hold time in the datasheet.
+The chip counts rising CLK edges; the level of CW/CCW at the edge gives the direction (page 10). RESET low forces the
+initial state and ignores CLK; ENABLE low switches only the outputs off while the counter follows CLK (page 11).
+Operating range: CLK up to 15 kHz (page 7), high for at least t_W(CLK) (page 8). M1 and M2 change only in reset (page
+15). VDD comes first, then VM, then the inputs, RESET and ENABLE last; off in reverse (page 28). CLK and CW/CCW are
+inputs as well; CLK, which comes as pulses, is judged by its rises. CW/CCW has no setup or hold time in the datasheet.
 
-Outside the operating range nothing is guaranteed. The model takes the worst case: a pulse that breaks a limit does
-not count.
+Outside the operating range the datasheet guarantees nothing. The model takes the worst case: a pulse that breaks a
+limit does not count.
 """
 
 from dataclasses import dataclass
@@ -30,24 +30,24 @@ CLK_RATE_MAX_HZ: Final = 15_000
 PERIOD_MIN_COUNTS: Final = COUNTS_PER_SECOND // CLK_RATE_MAX_HZ
 
 CURRENT_MAX_A: Final = 3.0
-"""Operating range of the AHQ's outputs (pages 6 to 8); 3.5 A, beyond which it is destroyed, are for moments."""
+"""Operating range of the AHQ's outputs (pages 6 to 8); 3.5 A is the absolute maximum, for moments."""
 
 SENSE_OHM: Final = 0.33
-"""Resistors at NFA and NFB, for 1.5 A, unless something else is said."""
+"""Default resistors at NFA and NFB, for 1.5 A."""
 
 _DATASHEET: Final = "TB6560AHQ datasheet, page"
 _CLK_WIDTH, _CLK_PERIOD, _MODE, _VM_RISES, _INPUT_RISES, _VM_FALLS, _VDD_FALLS, _HOT = range(8)
 _LATE_COUNTS: Final = COUNTS_PER_MS
-"""So much later than pulses that it precedes a change of an input may come: the firmware computes a tick ahead."""
+"""Greatest time by which a change of an input may come after later pulses: the firmware computes a tick ahead."""
 
 _SUPPLIES: Final = (Input.VDD, Input.VM)
 _LIVE: Final = (Input.VDD, Input.RESET)
-"""What has to be high for CLK to be heard."""
+"""Inputs that must be high for CLK to count."""
 _INPUTS: Final = tuple(pin for pin in Input if pin not in _SUPPLIES)
 
 
 class _PowerStep(NamedTuple):
-    """A step of the power sequence: as one of `pins` takes `level`, all of `others` have to be at `needed`."""
+    """A step of the power sequence: when one of `pins` takes `level`, all of `others` must be at `needed`."""
 
     pins: tuple[Input, ...]
     level: int
@@ -62,13 +62,13 @@ _POWER_STEPS: Final = {
     _VM_FALLS: _PowerStep((Input.VM,), 0, _INPUTS, 0, "level of an input as VM falls"),
     _VDD_FALLS: _PowerStep((Input.VDD,), 0, (Input.VM,), 0, "level of VM as VDD falls"),
 }
-"""Page 28, on and off. Of CLK and CW/CCW, which are no `Input`, `_check_edges` takes care."""
+"""Page 28, on and off. `_check_edges` checks CLK and CW/CCW, which are not members of `Input`."""
 
 
 def _limits(clk_width_counts: int) -> tuple[Limit, ...]:
-    """In the order of the indices above.
+    """Return the limits in the order of the indices above.
 
-    OVER_TEMPERATURE is broken where the junction's temperature crosses the limit: its value is the limit.
+    OVER_TEMPERATURE is broken when the junction's temperature crosses the limit: the value noted is the limit.
     """
     return (
         Limit(Rule.CLK_HIGH, clk_width_counts, LimitUnit.COUNTS, f"{_DATASHEET} 8"),
@@ -84,15 +84,15 @@ def _limits(clk_width_counts: int) -> tuple[Limit, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Pins:
-    """What happened at a driver's inputs since the last look: times in counts, sorted, levels after each edge.
+    """One stretch of edges at a driver's inputs: sorted times in counts, and the level after each edge.
 
     Attributes:
         clk_rise_counts: shape (pulses,).
-        clk_fall_counts: shape (pulses,), the fall that ends each of them.
+        clk_fall_counts: shape (pulses,), the fall that ends each pulse.
         dir_counts: shape (d,).
         dir_levels: shape (d,).
-        changes: of the inputs that are held at a level.
-        until_counts: everything before this instant is in this look or in an earlier one.
+        changes: changes of the inputs that are held at a level.
+        until_counts: all edges before this instant are in this stretch or in an earlier one.
     """
 
     clk_rise_counts: Int64Array
@@ -107,8 +107,8 @@ class Tb6560:
     """One chip, at first without supply and with all inputs low: in reset, disabled, direction CW.
 
     Raises:
-        ValueError: a capacitor or resistor that is none, or outside the operating range: its oscillator too fast, its
-            peak current too high.
+        ValueError: the capacitor or the resistor is not positive, or outside the operating range: the oscillator would
+            be too fast, or the peak current too high.
     """
 
     def __init__(self, osc_pf: float, sense_ohm: float = SENSE_OHM, cooling: Cooling | None = None) -> None:
@@ -121,15 +121,15 @@ class Tb6560:
             )
         self.clk_width_min_counts = clk_width_min_counts(osc_pf)
         self.position_steps = 0
-        """Steps counted since power-up, through every reset; DIR high counts up."""
+        """Steps counted since power-up, also through resets; steps with DIR high count up."""
         self.lost_steps = 0
-        """Pulses seen less steps counted, both signed."""
+        """Signed pulses less signed steps counted."""
         self._sense_ohm = sense_ohm
         self._junction = Junction(cooling or Cooling())
         self._levels = dict.fromkeys(Input, 0)
         self._origin = Origin(dict(self._levels), initial_field(self._levels), shut_down=0, from_counts=0)
         self._before = (NO_COUNTS, NO_LEVELS)
-        """Steps that are forgotten, but for the outputs."""
+        """Forgotten steps that the outputs still need."""
         self._hot_from_counts = 0
         self._changes: list[LevelChange] = []
         self._dir_level = 0
@@ -143,10 +143,10 @@ class Tb6560:
     # --- inputs
 
     def feed(self, pins: Pins) -> tuple[Int64Array, Int8Array]:
-        """Let the chip see the next stretch of its pins; every rise comes with its fall.
+        """Process the next stretch of edges at the chip's pins; every rise comes with its fall.
 
         Returns:
-            When each step was counted and which way, +1 or -1, as in `steps`.
+            Instant of each counted step, and its sign, +1 or -1, as in `steps`.
         """
         was_live, was_supplied = self._live, self._levels[Input.VM]
         live_edges: list[tuple[int, int]] = []
@@ -169,7 +169,7 @@ class Tb6560:
         return int(all(self._levels[pin] for pin in _LIVE))
 
     def _count(self, pins: Pins, was_live: int, live_edges: list[tuple[int, int]]) -> tuple[Int64Array, Int8Array]:
-        """Tell which rises are steps: usually all of them, which is found out by their two minima."""
+        """Find the rises that are steps. Usually all are, which two minima show without a mask for each limit."""
         rises = pins.clk_rise_counts
         high_counts = pins.clk_fall_counts - rises
         period_counts = np.empty_like(rises)
@@ -193,7 +193,7 @@ class Tb6560:
         return rises, signs
 
     def _take(self, change: LevelChange) -> bool:
-        """Take one input's level; return whether it is a new one."""
+        """Take one input's level; return True if it differs from the one before."""
         counts, pin, level = change
         if self._levels[pin] == level:
             return False
@@ -216,7 +216,7 @@ class Tb6560:
                 self._log.note_one(limit, counts, 1 - step.needed)
 
     def _check_edges(self, pins: Pins, vm_edges: list[tuple[int, int]], was_supplied: int) -> None:
-        """CLK and CW/CCW in the power sequence: no rise without VM, and CW/CCW low as VM falls."""
+        """Check CLK and CW/CCW in the power sequence: no rise without VM, and CW/CCW low when VM falls."""
         for rises in (pins.clk_rise_counts, pins.dir_counts[pins.dir_levels == 1]):
             unsupplied = rises[~_levels_of(rises, vm_edges, was_supplied)]
             self._log.note(_INPUT_RISES, unsupplied, np.zeros_like(unsupplied))
@@ -225,7 +225,7 @@ class Tb6560:
         self._log.note(_VM_FALLS, high, np.ones_like(high))
 
     def _power_w(self) -> float:
-        """What the outputs dissipate if they are on."""
+        """Return the power that the outputs dissipate unless they are shut down."""
         level = self._levels
         if not (level[Input.VDD] and level[Input.VM] and level[Input.ENABLE]):
             return 0.0
@@ -233,21 +233,21 @@ class Tb6560:
         return self._dissipated_w(phases, TORQUE_PERCENT[level[Input.TQ2], level[Input.TQ1]])
 
     def _dissipated_w(self, phases: int, torque_percent: int) -> float:
-        """With the full current in one phase, or in both."""
+        """Return the power with the full current in one phase, or in both."""
         current_a = SENSE_VOLT / self._sense_ohm * torque_percent / 100
         return phases * current_a**2 * ON_RESISTANCE_OHM
 
-    # --- what came of it
+    # --- results
 
     @property
     def steps(self) -> tuple[Int64Array, Int8Array]:
-        """When each counted step was made and which way, +1 or -1."""
+        """Instant of each counted step, and its sign, +1 or -1."""
         return joined(self._steps, np.int64), joined(self._signs, np.int8)
 
     def forget(self) -> None:
-        """Keep the counts and forget their history: steps, violations and the outputs' instants begin anew."""
+        """Keep the counts and drop their history: steps, violations and the outputs' instants start anew."""
         if not (self._steps or self._changes or self._before[0].size or self._junction.shutdowns(self._until_counts)):
-            return  # nothing has happened since the last time
+            return  # there is nothing to drop
         outputs, kept_counts = self.outputs, self._until_counts - _LATE_COUNTS
         told_counts = int(outputs.instants().max(initial=max(self._until_counts, outputs.from_counts) - 1)) + 1
         self._origin = outputs.at(kept_counts, told_counts)
@@ -264,40 +264,40 @@ class Tb6560:
 
     @property
     def violation_count(self) -> int:
-        """How many limits were broken so far."""
+        """Number of violations of limits so far."""
         return self._log.count + len(self._hot_counts())
 
     @property
     def violations(self) -> Violations:
-        """All broken limits so far, in order of time."""
+        """All violations so far, in order of time."""
         hot_counts = np.array(self._hot_counts(), dtype=np.int64)
         return self._log.with_more(_HOT, hot_counts, np.full_like(hot_counts, SHUTDOWN_CELSIUS))
 
     def _hot_counts(self) -> list[int]:
-        """When it became too hot, each time that is not forgotten."""
+        """Return the instants of thermal shutdowns that are not forgotten."""
         changes = self._junction.shutdowns(self._until_counts)
         return [counts for counts, shut_down in changes if shut_down and counts >= self._hot_from_counts]
 
     @property
     def outputs(self) -> Outputs:
-        """The bridges and MO, at any instant so far."""
+        """Bridges and MO, for any instant so far."""
         (counts, signs), (counts_before, signs_before) = self.steps, self._before
         steps = np.concatenate((counts_before, counts)), np.concatenate((signs_before, signs))
         shutdowns = self._junction.shutdowns(self._until_counts)
         return Outputs(self._origin, self._changes, steps, shutdowns, self._sense_ohm)
 
     def junction_celsius(self, counts: int) -> float:
-        """The junction's temperature at an instant; beyond what was fed, if all inputs stay as they are."""
+        """Return the junction's temperature at an instant; for later than `feed` has reached, if no input changes."""
         return self._junction.celsius(counts)
 
     def protect_level(self, counts: int) -> int:
-        """The Protect pin with a pull-up at an instant, like `junction_celsius`: low while shut down."""
+        """Return the level of the Protect pin with a pull-up, at an instant as in `junction_celsius`; low: shut down."""
         return 1 - int(self._junction.shut_down(counts))
 
     def protect_stays_until(self, counts: int) -> int | None:
-        """Up to when Protect stays as it is at an instant, whatever CLK and inputs do but RESET and VDD; None: always.
+        """Return the instant up to which Protect keeps its level, unless RESET or VDD changes; None: always.
 
-        As good as that is known: the nearer to it, the better. A shutdown's end is known exactly.
+        The instant of a shutdown is a lower bound, which is closer the nearer the shutdown is; its end is exact.
         """
         return self._junction.shutdown_not_before(counts, self._dissipated_w(phases=2, torque_percent=100))
 

@@ -1,7 +1,7 @@
-"""The four excitation modes: which currents flow in which state, where each mode begins, and when MO says so.
+"""The four excitation modes: phase currents in each state, and the initial state, in which MO is low.
 
-The field's angle is counted in sixteenths of a full step, 64 a cycle. Clockwise it grows: A is its cosine, B its
-sine, in the steps of the vector table on page 8. Two-phase excitation is the exception: both currents are always full.
+The field's angle counts sixteenths of a full step, 64 in a cycle, and grows clockwise. The current of A is its cosine,
+that of B its sine, in the steps of the vector table on page 8. In two-phase excitation both currents are always full.
 """
 
 from enum import IntEnum
@@ -15,11 +15,11 @@ CYCLE_SIXTEENTHS: Final = 64
 _QUARTER: Final = CYCLE_SIXTEENTHS // 4
 
 VECTOR_PERCENT: Final = (100, 100, 98, 96, 92, 88, 83, 77, 71, 63, 56, 47, 38, 29, 20, 10, 0)
-"""The current of a phase, in percent of its peak, from 0 to 90 degrees away from it (page 8, typical values)."""
+"""Current of a phase in percent of its peak, at 0 to 90 degrees from the peak (page 8, typical values)."""
 
 
 class Excitation(IntEnum):
-    """A mode by the datasheet's name; its value is the steps it makes of a full step."""
+    """A mode by the datasheet's name; its value is the number of steps in a full step."""
 
     TWO_PHASE = 1
     ONE_TWO_PHASE = 2
@@ -28,22 +28,22 @@ class Excitation(IntEnum):
 
     @property
     def step_sixteenths(self) -> int:
-        """How far a step turns the field."""
+        """Angle by which a step turns the field."""
         return 16 // self
 
     @property
     def initial_sixteenths(self) -> int:
-        """The field's angle in the initial state: A full and B full negative in two-phase, else A alone (page 9)."""
+        """Angle of the field in the initial state: A full and B full negative in two-phase, else A alone (page 9)."""
         return CYCLE_SIXTEENTHS - _QUARTER // 2 if self is Excitation.TWO_PHASE else 0
 
     def nearest_state(self, sixteenths: int) -> int:
-        """The mode's own angle at an angle or next below it."""
+        """Return the mode's own angle that is equal to an angle or next below it."""
         past = (sixteenths - self.initial_sixteenths) % self.step_sixteenths
         return (sixteenths - past) % CYCLE_SIXTEENTHS
 
 
 def phase_percent(excitation: Excitation) -> Int8Array:
-    """Shape (64, 2): the currents of A and B by the field's angle; angles that the mode does not take are 0."""
+    """Return the currents of A and B by the field's angle, shape (64, 2); 0 at angles that the mode does not take."""
     percent = np.zeros((CYCLE_SIXTEENTHS, 2), dtype=np.int8)
     for sixteenths in states(excitation).tolist():
         a, b = _cosine(sixteenths), _cosine(sixteenths - _QUARTER)
@@ -53,7 +53,7 @@ def phase_percent(excitation: Excitation) -> Int8Array:
 
 
 def states(excitation: Excitation) -> Int64Array:
-    """The field's angles in clockwise order, the initial state first (pages 12 to 14)."""
+    """Return the mode's angles in clockwise order, the initial state first (pages 12 to 14)."""
     turned = np.arange(0, CYCLE_SIXTEENTHS, excitation.step_sixteenths)
     return (excitation.initial_sixteenths + turned) % CYCLE_SIXTEENTHS
 

@@ -1,4 +1,4 @@
-"""What a driver asks of those who drive it, and the record of where it did not get it."""
+"""Limits that a driver sets to the signals at its inputs, and the record of their violations."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -9,7 +9,7 @@ from steptwin.emulator.edges import NO_COUNTS, NO_LEVELS, Int8Array, Int64Array
 
 
 class Rule(Enum):
-    """What was broken, and what the model lets follow from it."""
+    """A rule that can be broken, and the consequence in the model."""
 
     CLK_HIGH = "CLK high too short: step missed"
     CLK_LOW = "CLK low too short before its rise: step missed"
@@ -22,7 +22,7 @@ class Rule(Enum):
 
 
 class LimitUnit(Enum):
-    """What a limit and its values are measured in."""
+    """Unit of a limit and of the values that break it."""
 
     COUNTS = "counts"
     LEVEL = "level"
@@ -31,7 +31,7 @@ class LimitUnit(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """A rule with its figure, and who says so."""
+    """A rule with its figure and the source of the figure."""
 
     rule: Rule
     value: int
@@ -41,13 +41,13 @@ class Limit:
 
 @dataclass(frozen=True, slots=True)
 class Violations:
-    """Every broken limit in order of time, as arrays of equal length.
+    """Violations of limits in order of time, as arrays of equal length.
 
     Attributes:
-        limits: those that there are.
-        counts: shape (n,), when.
-        which: shape (n,), the index of the limit.
-        values: shape (n,), what was there, in the limit's unit.
+        limits: all limits that can be broken.
+        counts: shape (n,), the instants.
+        which: shape (n,), the indices of the limits.
+        values: shape (n,), the values found, in the limits' units.
     """
 
     limits: tuple[Limit, ...]
@@ -56,16 +56,16 @@ class Violations:
     values: Int64Array
 
     def rules(self) -> list[Rule]:
-        """The rule that each of them broke."""
+        """Return the rule that each violation broke."""
         return [self.limits[index].rule for index in self.which.tolist()]
 
     def margins(self) -> Int64Array:
-        """Shape (n,): value - limit."""
+        """Return value - limit of each violation, shape (n,)."""
         return self.values - np.array([limit.value for limit in self.limits], dtype=np.int64)[self.which]
 
 
 def merged(parts: list[Violations]) -> Violations:
-    """All of them in order of time; of those at one instant, the earlier part's first."""
+    """Return the violations of all parts in order of time; at equal instants the earlier part comes first."""
     limits = tuple(limit for part in parts for limit in part.limits)
     offsets = np.cumsum([0, *(len(part.limits) for part in parts)])
     counts = np.concatenate([NO_COUNTS, *(part.counts for part in parts)])
@@ -78,7 +78,7 @@ def merged(parts: list[Violations]) -> Violations:
 
 
 class ViolationLog:
-    """Where a part of the driver notes what it did not get."""
+    """The record in which a part of the driver notes violations of its limits."""
 
     def __init__(self, limits: tuple[Limit, ...]) -> None:
         self._limits = limits
@@ -86,26 +86,26 @@ class ViolationLog:
         self.count = 0
 
     def note(self, limit: int, counts: Int64Array, values: Int64Array) -> None:
-        """Note that a limit, by its index, was broken at some instants."""
+        """Note that a limit, given by its index, was broken at some instants."""
         if counts.size:
             self.count += counts.size
             self._parts.append(_of_one_limit(limit, counts, values))
 
     def note_one(self, limit: int, counts: int, value: int) -> None:
-        """Note a single one."""
+        """Note one violation."""
         self.note(limit, np.array([counts], dtype=np.int64), np.array([value], dtype=np.int64))
 
     def forget(self) -> None:
-        """Keep the count alone."""
+        """Drop the violations, but keep their number."""
         self._parts.clear()
 
     def all(self) -> Violations:
-        """Everything so far."""
+        """Return the violations that are not forgotten."""
         found = merged(self._parts)
         return Violations(self._limits, found.counts, found.which, found.values)
 
     def with_more(self, limit: int, counts: Int64Array, values: Int64Array) -> Violations:
-        """Everything so far and some of one limit, which are not noted for good."""
+        """Return these and further violations of one limit, without noting the further ones."""
         found = merged([*self._parts, _of_one_limit(limit, counts, values)])
         return Violations(self._limits, found.counts, found.which, found.values)
 

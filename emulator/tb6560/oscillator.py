@@ -1,4 +1,4 @@
-"""The oscillator of the chopper: its capacitor sets the chopping rate and the shortest CLK pulse that is seen."""
+"""The chopper's oscillator, whose capacitor sets the chopping rate and the shortest CLK pulse that counts."""
 
 from math import ceil
 from typing import Final
@@ -6,23 +6,23 @@ from typing import Final
 from steptwin.protocol.timer import COUNTS_PER_US
 
 OSCILLATIONS_PER_CHOP: Final = 4
-"""Pages 16 and 20."""
+"""Periods of the oscillator in one chopping period (pages 16 and 20)."""
 
 OSCILLATOR_MAX_HZ: Final = 600_000
-"""Operating range (pages 6 to 8), which has no lower end."""
+"""Upper end of the operating range (pages 6 to 8), which has no lower end."""
 
 OSC_PF_MIN: Final = 64
-"""The smallest whole capacitor with which the oscillator keeps to it, by the formula of `oscillator_hz`."""
+"""Smallest capacitor, in whole pF, with which the oscillator keeps to it by the formula of `oscillator_hz`."""
 
 _CLK_WIDTH_MIN_US: Final = {100.0: 10.0, 330.0: 30.0, 1000.0: 90.0}
-"""t_W(CLK) at the capacitors for which it is stated (page 8); only that at 330 pF is tested in production."""
+"""t_W(CLK) at the capacitors for which the datasheet states it (page 8); only 330 pF is tested in production."""
 
 
 def oscillator_hz(osc_pf: float) -> float:
-    """Frequency at a capacitor, by the datasheet's approximation (page 25): 400 kHz at 100 pF.
+    """Return the frequency at a capacitor by the datasheet's approximation (page 25): 400 kHz at 100 pF.
 
     Raises:
-        ValueError: no such capacitor, or one with which the oscillator is too fast.
+        ValueError: the capacitor is not positive, or so small that the oscillator is too fast.
     """
     if not osc_pf > 0:
         raise ValueError(f"the OSC capacitor is {osc_pf} pF; it must be positive, for example 330")
@@ -36,12 +36,12 @@ def oscillator_hz(osc_pf: float) -> float:
 
 
 def chopping_hz(osc_pf: float) -> float:
-    """How often a second the current is regulated."""
+    """Return the chopping rate: how many times a second the current is regulated."""
     return oscillator_hz(osc_pf) / OSCILLATIONS_PER_CHOP
 
 
 def clk_width_min_counts(osc_pf: float) -> int:
-    """Minimum CLK high time in timer counts: the datasheet's figure where it has one, else four oscillator periods.
+    """Return the minimum CLK high time in timer counts: the datasheet's figure, or else 4 oscillator periods.
 
     Raises:
         ValueError: as `oscillator_hz`.

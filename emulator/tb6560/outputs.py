@@ -1,4 +1,4 @@
-"""What the chip's outputs do at any instant, worked out from the steps it has counted and its inputs' history."""
+"""Compute the chip's outputs at any instant from its counted steps and the history of its inputs."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
@@ -11,10 +11,10 @@ from steptwin.emulator.tb6560.pins import EXCITATIONS, TORQUE_PERCENT, Input, Le
 from steptwin.protocol.timer import COUNTS_PER_US
 
 SENSE_VOLT: Final = 0.5
-"""Charging stops where the sense resistor has this (V_NF, typical, pages 6 to 8)."""
+"""Voltage at the sense resistor at which charging stops (V_NF, typical, pages 6 to 8)."""
 
 ENABLE_DELAY: Final = Delay(to_high=3 * COUNTS_PER_US, to_low=2 * COUNTS_PER_US)
-"""From ENABLE to the outputs (typical, pages 6 to 8)."""
+"""Delay from ENABLE to the outputs (typical, pages 6 to 8)."""
 
 Levels = Mapping[Input, int]
 
@@ -22,7 +22,7 @@ _NEVER: Final = int(np.iinfo(np.int64).min)
 
 
 class Field(NamedTuple):
-    """Where the field stands, in sixteenths of a full step, and the mode; initial while the chip is in reset."""
+    """Angle of the field in sixteenths of a full step, and the mode; `initial` is True while the chip is in reset."""
 
     sixteenths: int
     excitation: Excitation
@@ -30,13 +30,13 @@ class Field(NamedTuple):
 
 
 class Origin(NamedTuple):
-    """What the outputs' history begins with.
+    """State with which the outputs' history begins.
 
     Attributes:
-        levels: of the inputs.
-        field: as the motor has it.
-        shut_down: 1 while the outputs are shut down.
-        from_counts: since when nobody has asked for `Outputs.instants`.
+        levels: levels of the inputs.
+        field: angle and mode of the field.
+        shut_down: 1 if the outputs are shut down, else 0.
+        from_counts: instant from which `Outputs.instants` begins.
     """
 
     levels: Levels
@@ -46,7 +46,7 @@ class Origin(NamedTuple):
 
 
 class _Stretch(NamedTuple):
-    """From an instant on the field turns by the same angle each step."""
+    """Time from an instant on in which each step turns the field by the same angle."""
 
     from_counts: int
     steps_before: int
@@ -54,10 +54,11 @@ class _Stretch(NamedTuple):
 
 
 class Outputs:
-    """The bridges and MO of one chip, from what has happened to it since an origin.
+    """Bridges and MO of one chip, by its steps and inputs since an origin.
 
-    Every query takes instants in counts, shape (n,), in any order. The chopper is not resolved: currents are those that
-    it regulates to. It takes a new target on with the next edge of the oscillator (page 20), within 7.7 us at 330 pF.
+    Every query takes instants in counts, shape (n,), in any order. Chopping is not resolved: currents are the values to
+    which the chopper regulates. It takes a new value with the next edge of the oscillator (page 20), within 7.7 us at
+    330 pF.
     """
 
     def __init__(
@@ -71,7 +72,7 @@ class Outputs:
         self._origin = origin
         self._changes = tuple(changes)
         self.steps = steps
-        """When the field was turned and which way, +1 or -1."""
+        """Instants at which the field was turned, and the signs, +1 or -1."""
         self._step_counts = steps[0]
         self._turned = np.concatenate(([0], np.cumsum(steps[1], dtype=np.int64)))
         self._shutdowns = shutdowns
@@ -80,7 +81,7 @@ class Outputs:
         self._from_counts = np.array([stretch.from_counts for stretch in self._stretches], dtype=np.int64)
 
     def _follow(self) -> Iterator[_Stretch]:
-        """The stretches between changes of RESET and mode."""
+        """Yield the stretches between changes of RESET, VDD and mode."""
         levels = dict(self._origin.levels)
         stretch = _Stretch(_NEVER, 0, self._origin.field)
         yield stretch
@@ -99,7 +100,7 @@ class Outputs:
             yield stretch
 
     def at(self, counts: int, from_counts: int) -> Origin:
-        """All that is before an instant as an origin, with the instants from another one on."""
+        """Return the state at an instant as an origin, whose `instants` begin at `from_counts`."""
         levels = dict(self._origin.levels)
         levels |= {change.pin: change.level for change in self._changes if change.counts < counts}
         stretch = self._stretches[int(np.searchsorted(self._from_counts, counts)) - 1]
@@ -109,9 +110,9 @@ class Outputs:
         return Origin(levels, field, (shut_down or [self._origin.shut_down])[-1], from_counts)
 
     def instants(self) -> Int64Array:
-        """Sorted instants at which anything may change, between which nothing does.
+        """Return the sorted instants at which an output may change; between them none does.
 
-        What lies before the origin's begin of them, but has become known only now, counts as that.
+        An instant before the origin's `from_counts`, which has become known only now, is moved to that.
         """
         changes = np.array([change.counts for change in self._changes], dtype=np.int64)
         enabled, _ = ENABLE_DELAY.passed(*self._edges(Input.ENABLE))
@@ -121,11 +122,11 @@ class Outputs:
 
     @property
     def from_counts(self) -> int:
-        """Where `instants` begins: 0, or where it ended for an earlier origin."""
+        """Instant from which `instants` begins: 0, or the end of those of an earlier origin."""
         return self._origin.from_counts
 
     def sixteenths(self, counts: Int64Array) -> Int64Array:
-        """The field's angle in sixteenths of a full step, 0 to 63; it grows clockwise, DIR low."""
+        """Return the field's angle in sixteenths of a full step, 0 to 63; it grows clockwise, with DIR low."""
         at = np.searchsorted(self._from_counts, counts, side="right") - 1
         turned = self._turned[np.searchsorted(self._step_counts, counts, side="right")]
         begun = np.array([stretch.steps_before for stretch in self._stretches], dtype=np.int64)[at]
@@ -136,18 +137,18 @@ class Outputs:
         return sixteenths
 
     def angle_deg(self, counts: Int64Array) -> FloatArray:
-        """The field's electrical angle, 0 to below 360 degrees: a cycle is four full steps."""
+        """Return the field's electrical angle, 0 to below 360 degrees; a cycle is four full steps."""
         return np.asarray(self.sixteenths(counts) * (360 / CYCLE_SIXTEENTHS), dtype=np.float64)
 
     def mo_levels(self, counts: Int64Array) -> Int8Array:
-        """The MO pin with a pull-up: low in the initial state, which comes round once a cycle, and in reset."""
+        """Return the MO pin with a pull-up: low in reset, and in the initial state, which comes once a cycle."""
         at = np.searchsorted(self._from_counts, counts, side="right") - 1
         initial = np.array([stretch.field.initial for stretch in self._stretches])[at]
         angles = np.array([stretch.field.excitation.initial_sixteenths for stretch in self._stretches])[at]
         return np.where(initial | (self.sixteenths(counts) == angles), 0, 1).astype(np.int8)
 
     def currents_a(self, counts: Int64Array) -> FloatArray:
-        """Shape (n, 2): the currents in phases A and B in ampere, positive from OUT_P to OUT_M."""
+        """Return the currents in phases A and B in ampere, shape (n, 2), positive from OUT_P to OUT_M."""
         at = np.searchsorted(self._from_counts, counts, side="right") - 1
         excitations = np.array([stretch.field.excitation for stretch in self._stretches])[at]
         angles = self.sixteenths(counts)
@@ -166,7 +167,7 @@ class Outputs:
         return chosen
 
     def _on(self, counts: Int64Array) -> Int8Array:
-        """Whether current flows at all: supplied, enabled and not shut down."""
+        """Return 1 where current flows: the chip is supplied, enabled and not shut down; else 0."""
         before = self._origin.levels[Input.ENABLE]
         enabled = _sampled(counts, *ENABLE_DELAY.passed(*self._edges(Input.ENABLE)), before)
         shut_down = _sampled(counts, *_arrays(self._shutdowns), self._origin.shut_down)
@@ -182,7 +183,7 @@ class Outputs:
 
 
 def initial_field(levels: Levels) -> Field:
-    """The field in reset."""
+    """Return the field in reset."""
     excitation = EXCITATIONS[levels[Input.M2], levels[Input.M1]]
     return Field(excitation.initial_sixteenths, excitation, initial=True)
 
@@ -200,6 +201,6 @@ def _arrays(edges: Sequence[tuple[int, int]]) -> tuple[Int64Array, Int8Array]:
 
 
 def _sampled(counts: Int64Array, edges: Int64Array, levels: Int8Array, before: int) -> Int8Array:
-    """A pin's level at instants in any order, and before its first edge."""
+    """Return a pin's level at instants in any order; `before` is its level before the first edge."""
     history = np.concatenate((np.array([before], dtype=np.int8), levels))
     return history[np.searchsorted(edges, counts, side="right")]

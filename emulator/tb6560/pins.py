@@ -1,4 +1,4 @@
-"""The chip's 25 pins and what the levels at its inputs select, as the datasheet's tables give them."""
+"""The chip's 25 pins, and the settings that the levels at its inputs select, from the datasheet's tables."""
 
 from enum import Enum
 from typing import Final, NamedTuple
@@ -7,12 +7,12 @@ from steptwin.emulator.tb6560.excitation import Excitation
 
 
 class PinKind(Enum):
-    """What a pin is electrically."""
+    """Electrical kind of a pin."""
 
     INPUT = "input"
     """Logic input with a pull-down of 100 kOhm: low while nothing is connected."""
     OPEN_DRAIN = "open drain"
-    """Low, or let go; high only by a pull-up outside. Sinks up to 1 mA."""
+    """Low or open; high only by a pull-up outside. Sinks up to 1 mA."""
     BRIDGE = "bridge"
     """An end of a motor's phase."""
     PASSIVE = "passive"
@@ -61,7 +61,7 @@ PINS: Final = (
 
 
 class Input(Enum):
-    """The pins that are held at a level. VM stands for VMA and VMB together; a supply is high when it is up."""
+    """Pins that are held at a level. VM stands for VMA and VMB together; a supply is high when it is up."""
 
     VDD = "VDD"
     VM = "VM"
@@ -89,10 +89,10 @@ EXCITATIONS: Final = {
     (1, 0): Excitation.FOUR_W_ONE_TWO_PHASE,
     (1, 1): Excitation.TWO_W_ONE_TWO_PHASE,
 }
-"""By the levels of M2 and M1 (page 9)."""
+"""Modes by the levels of M2 and M1 (page 9)."""
 
 TORQUE_PERCENT: Final = {(0, 0): 100, (0, 1): 75, (1, 0): 50, (1, 1): 20}
-"""Part of the full current, by the levels of TQ2 and TQ1 (page 10)."""
+"""Parts of the full current by the levels of TQ2 and TQ1 (page 10)."""
 
 FAST_DECAY_PERCENT: Final = {(0, 0): 0, (0, 1): 25, (1, 0): 50, (1, 1): 100}
-"""Part of each chopping period, at its end, in which the current decays fast, by DCY2 and DCY1 (page 10)."""
+"""Parts of each chopping period, at its end, with fast decay, by the levels of DCY2 and DCY1 (page 10)."""

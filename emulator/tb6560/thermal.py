@@ -1,16 +1,17 @@
-"""How hot the chip becomes, and the shutdown that its Protect pin tells of.
+"""Model the chip's temperature, and the thermal shutdown that its Protect pin reports.
 
-The model is one thermal resistance and one thermal capacity between the junction and the ambient air: with the power P
-dissipated since then, the junction goes exponentially to ambient + P R, with the time constant R C. P is I^2 Ron of
-both phases, Ron = 0.6 ohm being the typical upper and lower transistor together (pages 6 to 8): in microstep modes the
-currents are a cosine and a sine, which makes I_peak^2 Ron; in two-phase mode both are full, which makes twice as much.
+The model is one thermal resistance and one thermal capacity between the junction and the ambient air: at a power P, the
+junction approaches ambient + P R exponentially, with the time constant R C. P is I^2 Ron of both phases, where Ron =
+0.6 ohm is the typical upper and lower transistor together (pages 6 to 8): in microstep modes the currents are a cosine
+and a sine, which makes I_peak^2 Ron; in two-phase mode both are full, which makes twice as much.
 
-R = 25 K/W without a heat sink follows from 5 W that may be dissipated at 25 degC, where 150 degC is the limit (pages 6
+R = 25 K/W without a heat sink follows from the 5 W that may be dissipated at 25 degC, with a limit of 150 degC (pages 6
 to 8). The capacity is not in the datasheet: 4 J/K is assumed, 10 g of copper and plastic.
 
 At 170 degC (170 +- 20, pages 6 to 8) the outputs switch off and Protect goes low. The datasheet gives a hysteresis of
-20 K and names no latch; the model is the stricter reading: off until RESET is low with the junction at 150 degC or
-below, which may come about by an edge of RESET or, while it is low, by cooling down. RESET is a level (page 11).
+20 K and mentions no latch; the model takes the stricter reading: the outputs stay off until RESET is low with the
+junction at 150 degC or below, which an edge of RESET brings about or, while RESET is low, cooling down. RESET is a
+level (page 11).
 """
 
 from bisect import bisect_right
@@ -30,7 +31,7 @@ ON_RESISTANCE_OHM: Final = 0.6
 
 @dataclass(frozen=True, slots=True)
 class Cooling:
-    """What takes the chip's heat away; the default is the bare package in still air."""
+    """Cooling of the chip; the default is the bare package in still air."""
 
     resistance_k_per_w: float = 25.0
     capacity_j_per_k: float = 4.0
@@ -38,55 +39,55 @@ class Cooling:
 
     @property
     def time_constant_counts(self) -> float:
-        """In which 63 % of a change of temperature are over."""
+        """Time in which 63 % of a change of temperature is over."""
         return self.resistance_k_per_w * self.capacity_j_per_k * COUNTS_PER_SECOND
 
 
 class _Span(NamedTuple):
-    """From an instant on the junction goes from one temperature towards another, until a shutdown or its end."""
+    """Time from an instant on in which the junction goes from one temperature towards another."""
 
     from_counts: int
     start_celsius: float
     steady_celsius: float
     shut_down: bool
     until_counts: int | None
-    """None: for good, if all stays as it is."""
+    """Instant at which a shutdown begins or ends; None if that does not happen without a change from outside."""
 
 
 class Junction:
-    """The junction's temperature at any instant since power-up, when it was at ambient."""
+    """The junction's temperature at any instant since power-up, at which it is ambient."""
 
     def __init__(self, cooling: Cooling) -> None:
         self._cooling = cooling
         self._power_w = 0.0
         self._in_reset = False
         self._spans = [_Span(0, cooling.ambient_celsius, cooling.ambient_celsius, shut_down=False, until_counts=None)]
-        """As far as somebody has asked; while `_in_reset` shutdowns may come and go for ever."""
+        """Spans up to the latest instant of a query; while RESET is low, shutdowns may come and go without end."""
 
     def heat(self, counts: int, power_w: float) -> None:
-        """From an instant on, the outputs would dissipate this power if they were not shut down."""
+        """Set the power that the outputs dissipate from an instant on, unless they are shut down."""
         self._power_w = power_w
         self._turn(counts)
 
     def reset(self, counts: int, *, low: bool) -> None:
-        """From an instant on RESET is low, which ends a shutdown as soon as it is cool enough, or no more."""
+        """Set RESET from an instant on; while it is low, a shutdown ends as soon as the junction is cool enough."""
         self._in_reset = low
         self._turn(counts)
 
     def celsius(self, counts: int) -> float:
-        """The temperature at an instant."""
+        """Return the temperature at an instant."""
         span = self._span(counts)
         left = exp(-(counts - span.from_counts) / self._cooling.time_constant_counts)
         return span.steady_celsius + (span.start_celsius - span.steady_celsius) * left
 
     def shut_down(self, counts: int) -> bool:
-        """Whether the outputs are shut down at an instant."""
+        """Return True if the outputs are shut down at an instant."""
         return self._span(counts).shut_down
 
     def shutdown_not_before(self, counts: int, power_max_w: float) -> int | None:
-        """Before when the outputs cannot be shut down, seen from an instant, by no more than a power.
+        """Return the instant before which no shutdown can begin at up to this power, seen from `counts`; None: never.
 
-        While they are, when that ends; None: never.
+        During a shutdown, return the instant of its end instead; None if it does not end without a change of RESET.
         """
         span = self._span(counts)
         if span.shut_down:
@@ -98,11 +99,11 @@ class Junction:
         return counts + floor(part * self._cooling.time_constant_counts)
 
     def forget(self, counts: int) -> None:
-        """Everything before an instant."""
+        """Drop the history before an instant."""
         del self._spans[: max(self._at(counts), 0)]
 
     def shutdowns(self, until_counts: int) -> list[tuple[int, int]]:
-        """As far as it is not forgotten: when the outputs were shut down, 1, and when they came back, 0."""
+        """Return the instants at which a shutdown began, 1, or ended, 0, unless they are forgotten."""
         self._reach(until_counts)
         known = [span for span in self._spans if span.from_counts <= until_counts]
         return [
@@ -113,19 +114,19 @@ class Junction:
         return self._spans[max(self._at(counts), 0)]
 
     def _at(self, counts: int) -> int:
-        """The index of the span at an instant, -1 before the first."""
+        """Return the index of the span at an instant, -1 before the first."""
         self._reach(counts)
         return bisect_right(self._spans, counts, key=attrgetter("from_counts")) - 1
 
     def _reach(self, counts: int) -> None:
-        """Follow the spans up to an instant: each one that ends turns a shutdown on or off."""
+        """Compute the spans up to an instant; each end of a span begins or ends a shutdown."""
         while (last := self._spans[-1]).until_counts is not None and last.until_counts <= counts:
             self._begin(last.until_counts, RELEASE_CELSIUS if last.shut_down else SHUTDOWN_CELSIUS, not last.shut_down)
 
     def _turn(self, counts: int) -> None:
-        """Something is another way from an instant on."""
+        """Begin a new span at an instant, because power or RESET has changed."""
         start_celsius, shut_down = self.celsius(counts), self.shut_down(counts)
-        while self._spans[-1].from_counts > counts:  # what was to come if all had stayed as it was
+        while self._spans[-1].from_counts > counts:  # these spans assumed that nothing would change
             self._spans.pop()
         self._begin(counts, start_celsius, shut_down and not (self._in_reset and start_celsius <= RELEASE_CELSIUS))
 
@@ -140,6 +141,6 @@ class Junction:
         self._spans.append(_Span(counts, start_celsius, steady_celsius, shut_down, until_counts))
 
     def _counts_to(self, celsius: float, start_celsius: float, steady_celsius: float) -> int:
-        """How long it takes to a temperature on the way from one to another."""
+        """Return the time to reach a temperature on the way from one to another."""
         part = log((steady_celsius - start_celsius) / (steady_celsius - celsius))
         return ceil(part * self._cooling.time_constant_counts)
