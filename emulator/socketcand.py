@@ -162,6 +162,6 @@ class SocketcandSession:
 
 
 def frame_text(frame: Frame, time_us: int) -> bytes:
-    """Return a frame as clients are sent it; `time_us` since 1970. Without data two spaces precede >: clients expect it."""
+    """Return a frame as sent to clients; `time_us` since 1970. Without data two spaces precede >, as clients expect."""
     seconds, us = divmod(time_us, 1_000_000)
     return f"< frame {frame.cob_id:03X} {seconds}.{us:06d} {frame.data.hex().upper()} >".encode("ascii")

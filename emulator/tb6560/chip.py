@@ -291,7 +291,7 @@ class Tb6560:
         return self._junction.celsius(counts)
 
     def protect_level(self, counts: int) -> int:
-        """Return the level of the Protect pin with a pull-up, at an instant as in `junction_celsius`; low: shut down."""
+        """Return the level of the Protect pin with a pull-up, as `junction_celsius` at an instant: low if shut down."""
         return 1 - int(self._junction.shut_down(counts))
 
     def protect_stays_until(self, counts: int) -> int | None:
