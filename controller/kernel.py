@@ -1,21 +1,25 @@
-"""The motion kernel: queued cubic segments in, CLK and DIR edges out, integers throughout.
+"""The motion kernel: turn queued cubic segments into CLK and DIR edges, in integers throughout.
 
 Once per servo tick (250 us) every running axis evaluates its cubic Hermite segment in Q16 steps,
 
     p(s) = p0 + ((c s + b) s + a) s,    s = (i << 30) // n,    i of n ticks,
 
-and places the steps of that tick on the chord between two evaluations: the counter goes up when p reaches
-counter + H and down when it reaches counter - H, with H = 1/2 + 1/16 step of hysteresis.
+and places the steps of that tick on the chord between two evaluations. The counter goes up when p reaches counter + H
+and down when p reaches counter - H, with H = 1/2 + 1/16 step: the sixteenth is hysteresis.
 
-The functions here are an integer subset of Python over flat, indexable storage, the way the C of a Cortex-M3 would
-be written. Run as they stand, on lists, they are the reference: unbounded integers would show any overflow. Compiled
-by numba on int64 arrays (see `backend`) they give the same bits. `axes` holds AXIS_FIELDS integers for each axis,
-`queue` QUEUE_DEPTH entries of SEGMENT_FIELDS for each axis, `group` the GROUP_FIELDS of the axes that halt together,
-`clk` and `direction` one row of edges for each axis.
+The functions are written in an integer subset of Python over flat, indexable storage, as C for a Cortex-M3 would be.
+Run as plain Python on lists they are the reference: unbounded integers would show any overflow. Compiled by numba on
+int64 arrays (see `backend`) they give the same bits. The storage is
 
-A halt slows trajectory time instead of the axes: in each tick the axes of the group advance i not by 1 but by the
-group's rate, which ramps linearly to 0 and back. The rate is a function of the tick alone and i is kept in Q16 ticks,
-so that axes which are in step stay so to the last bit, and the path is the planned one.
+    axes        AXIS_FIELDS integers for each axis,
+    queue       QUEUE_DEPTH entries of SEGMENT_FIELDS integers for each axis,
+    group       the GROUP_FIELDS integers of the axes that halt together,
+    clk         one row of CLK edges for each axis: rise, fall, rise, fall ... in timer counts,
+    direction   one row of DIR edges for each axis: 2 * counts + level.
+
+A halt slows trajectory time instead of the axes. In each tick the axes of the group advance i by the group's rate
+instead of by 1, and the rate ramps linearly to 0 and back. The rate is a function of the tick alone and i is kept in
+Q16 ticks, so that axes in step stay so to the last bit and keep to the planned path.
 """
 
 from collections.abc import Callable
@@ -25,10 +29,10 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 def _decorator() -> Callable[[Function], Function]:
-    """With the extra `fast`, numba compiles a kernel function into those that call it; it stays plain Python too.
+    """Return the decorator that lets numba (extra `fast`) compile a function into its callers; plain Python stays too.
 
-    Inlined and without numba's runtime, as nothing is allocated: its count of references to the arrays, which it takes
-    at every call, would cost as much as a tick's evaluation.
+    The functions are inlined and compiled without numba's runtime, since they allocate nothing: counting references to
+    the arrays at every call would cost as much as evaluating a tick.
     """
     try:
         from numba.extending import register_jitable
@@ -46,21 +50,21 @@ TICKS_PER_MS = 4
 
 STEP_Q16 = 1 << 16
 THRESHOLD_Q16 = STEP_Q16 // 2 + STEP_Q16 // 16
-"""H: how far the demand leaves the counter before a step is made; the sixteenth keeps noise from chattering."""
+"""H, the distance from counter to demand at which a step is made; the sixteenth prevents chatter on a threshold."""
 
 ROUNDING_Q16 = 4
-"""More than three rounding shifts can change an evaluation by."""
+"""More than the three rounding shifts of an evaluation can change it by."""
 
 FULL_RATE_Q16 = 1 << 16
-"""Trajectory time runs as fast as time: one tick a tick."""
+"""Rate at which trajectory time runs as fast as real time: one tick a tick."""
 
 QUEUE_DEPTH = 64
 DURATION_MAX_MS = 255
 I32_MAX = (1 << 31) - 1
 NEVER_COUNTS = -(1 << 62)
-"""The time of an edge that has not happened yet."""
+"""Time of an edge that has not happened yet."""
 NEVER_TICK = 1 << 62
-"""A tick that does not come."""
+"""A tick that never comes."""
 
 # Fields of one axis in `axes`: its configuration,
 MICROSTEPS = 0
@@ -114,7 +118,7 @@ SEGMENT_TICKS = 4
 SEGMENT_END_VELOCITY = 5
 SEGMENT_FIELDS = 6
 
-# What can ask for the firmware's attention in a tick.
+# Why an axis needs the firmware's attention in a tick.
 EVENT_NONE = 0
 EVENT_FINISHED = 1
 EVENT_UNDERRUN = 2
@@ -129,25 +133,26 @@ REFUSED_TOO_FAST = 4
 REFUSED_POSITION = 5
 
 Cells = Any
-"""list[int] or an int64 array: what the kernel's functions index."""
+"""list[int] or an int64 array."""
 Rows = Any
 """list[list[int]] or a two-dimensional int64 array."""
 
 
 @kernel_function
 def way_q16(velocity: int, duration_ticks: int, microsteps: int) -> int:
-    """How far a velocity in 1/64 unit per ms leads, in Q16 steps, rounded once."""
+    """Return the distance, in Q16 steps, that a velocity in 1/64 unit per ms covers; rounded once."""
     return (velocity * duration_ticks * microsteps + 32) >> 6
 
 
 @kernel_function
 def push(axes: Cells, queue: Cells, axis: int, displacement_units: int, end_velocity: int, duration_ticks: int) -> int:
-    """Queue the cubic from the tail of the queue to the tail + displacement; return why not, or ACCEPTED.
+    """Queue the cubic from the tail of the queue to the tail + displacement; return ACCEPTED or why it is refused.
 
-    Displacement in wire units (1/16 384 full step), end velocity in 1/64 unit per ms. With D the displacement,
-    a = v0 dt and e = v1 dt, all in Q16 steps: b = 3D - 2a - e, c = a + e - 2D. The velocity is a quadratic whose
-    Bernstein coefficients are a, 3D - a - e and e (over dt), so these three bound the step rate; with them inside
-    i32 every intermediate of the evaluation is too. A refused segment leaves everything as it was.
+    The displacement is in wire units (1/16 384 full step), the end velocity in 1/64 unit per ms. With D the
+    displacement, a = v0 dt and e = v1 dt, all in Q16 steps: b = 3D - 2a - e, c = a + e - 2D. The velocity is a
+    quadratic with the Bernstein coefficients a, 3D - a - e and e (over dt), so these three bound the step rate. With
+    all values checked below inside i32, every intermediate of the evaluation is inside i32 too. A refused segment
+    changes nothing.
     """
     base = axis * AXIS_FIELDS
     count = axes[base + QUEUE_COUNT]
@@ -186,7 +191,7 @@ def push(axes: Cells, queue: Cells, axis: int, displacement_units: int, end_velo
 
 @kernel_function
 def next_segment(axes: Cells, queue: Cells, axis: int) -> bool:
-    """Take the oldest segment off the queue and make it the running one; False when there is none."""
+    """Take the oldest segment off the queue and make it the running one; return False if there is none."""
     base = axis * AXIS_FIELDS
     count = axes[base + QUEUE_COUNT]
     if count == 0:
@@ -211,14 +216,16 @@ def next_segment(axes: Cells, queue: Cells, axis: int) -> bool:
 def place_steps(
     axes: Cells, clk: Cells, direction: Cells, base: int, tick_counts: int, travel: int, to_threshold: int, up: int
 ) -> bool:
-    """Place the steps of one tick, all of them up or down (1 or 0); False if one is over a tick late.
+    """Place the steps of one tick, all of them up or down (1 or 0); return False if one is over a tick late.
 
     The chord is `travel` long and crosses the first threshold after `to_threshold` (Q16 steps). The crossings are
-    evenly spaced: the first at to_threshold * interval, then one interval each. A rise waits until the last CLK fall
-    is stepspace old and the last DIR edge dirsetup old; a DIR edge waits until the last rise is dirhold old, and at
-    least a count: at the rise itself the driver reads DIR. All four are measured from the edges really placed.
+    evenly spaced: the first is at to_threshold * interval, each further one an interval later. A rise waits until the
+    last CLK fall is stepspace old and the last DIR edge dirsetup old. A DIR edge waits until the last rise is dirhold
+    old, and at least one count, because the driver reads DIR at the rise itself. All these times count from the edges
+    really placed.
     """
-    if travel <= 0 or to_threshold > travel:  # less than 0 it never is, but so the compiler divides without signs
+    # `travel` is never negative; testing for it lets the compiler divide unsigned.
+    if travel <= 0 or to_threshold > travel:
         return True
     earliest = axes[base + EARLIEST_RISE_COUNTS]
     level = up ^ axes[base + DIR_INVERTED]
@@ -233,14 +240,14 @@ def place_steps(
     due_q16 = (to_threshold * interval_q16) >> 16
     steplen = axes[base + STEPLEN_COUNTS]
     pulse = steplen + axes[base + STEPSPACE_COUNTS]
-    first = axes[base + CLK_EDGES] & I32_MAX  # never negative: told so, the compiler makes the loop one of vectors
+    first = axes[base + CLK_EDGES] & I32_MAX  # never negative; the mask shows it, so that the loop is vectorised
     last = first + 2 * steps
     axes[base + COUNTER] += steps if up else -steps
     axes[base + CLK_EDGES] = last
     rise = tick_counts + (due_q16 >> 16)
     if earliest > rise or pulse > interval_q16 >> 16:
         return place_waiting_steps(axes, clk, base, first, last, tick_counts, due_q16, interval_q16, earliest)
-    # The first step need not wait and the others come no closer than a pulse: all are placed where they are due.
+    # The first step need not wait, and the others are at least a pulse apart: all are placed when they are due.
     for k in range(first, last, 2):
         rise = tick_counts + (due_q16 >> 16)
         clk[k] = rise
@@ -263,10 +270,10 @@ def place_waiting_steps(
     interval_q16: int,
     earliest: int,
 ) -> bool:
-    """Place steps as the edges first .. last - 1, each when it is due or, later, when the driver is ready for it.
+    """Place the edges first .. last - 1: each step when it is due, or later when the driver is ready for it.
 
-    A pulse is longer than all intervals between a tick's crossings or than none. So lateness only grows or only falls
-    within a tick, and the worst is the first or the last step's.
+    Return False if a step is over a tick late. The crossings of a tick are equally spaced: if a pulse is longer than
+    their interval, lateness grows from step to step; if not, it shrinks. So the first or the last step is the latest.
     """
     steplen = axes[base + STEPLEN_COUNTS]
     pulse = steplen + axes[base + STEPSPACE_COUNTS]
@@ -290,10 +297,10 @@ def place_waiting_steps(
 
 @kernel_function
 def group_time_q16(group: Cells, tick: int) -> int:
-    """Trajectory time from the begin of the group's ramp to the start of `tick`, in Q16 ticks.
+    """Return the trajectory time from the start of the group's ramp to the start of `tick`, in Q16 ticks.
 
-    After j of K ticks it is r0 j + (r1 - r0) j^2 / 2K, rounded down; then it grows by r1 a tick. So a ramp covers
-    (r0 + r1) K / 2, however long it is, and ramps of an even number of ticks between full rate and 0 whole ticks.
+    After j of the ramp's K ticks it is r0 j + (r1 - r0) j^2 / 2K, rounded down; then it grows by r1 a tick. So a ramp
+    covers (r0 + r1) K / 2. Between full rate and 0, with an even number of ticks, that is a whole number of ticks.
     """
     since = tick - group[RAMP_TICK]
     ramped = min(since, group[RAMP_TICKS])
@@ -305,10 +312,10 @@ def group_time_q16(group: Cells, tick: int) -> int:
 
 @kernel_function
 def makes_no_step(start: int, a: int, b: int, c: int) -> bool:
-    """Whether a segment that starts this far from the counter surely comes to none of its thresholds.
+    """Return True if a segment that starts at this distance from the counter cannot reach a threshold.
 
     A cubic stays within its Bernstein coefficients: start, start + a/3, end - e/3 and end, with e = a + 2b + 3c. They
-    are taken three times, and so is what evaluation may round by.
+    are multiplied by three to avoid the division, and so are the threshold and the rounding of an evaluation.
     """
     end = 3 * (start + a + b + c)
     farthest = max(abs(3 * start), abs(3 * start + a), abs(end - a - 2 * b - 3 * c), abs(end))
@@ -319,8 +326,9 @@ def makes_no_step(start: int, a: int, b: int, c: int) -> bool:
 def run_ticks(axes: Cells, clk: Cells, direction: Cells, base: int, tick: int, until_tick: int, rate_q16: int) -> int:
     """Evaluate the segment at the end of each tick and place the steps, to `until_tick` or to a late step.
 
-    Trajectory time advances by `rate_q16` a tick, so (i << 30) // n needs additions only. It is negative where the
-    segment begins within the tick. Returns the tick reached; EVENT says if a step was late.
+    Trajectory time advances by `rate_q16` a tick, so (i << 30) // n is updated by additions: quotient and remainder
+    are carried from tick to tick. Trajectory time is negative where the segment begins within the tick. Return the
+    tick reached; EVENT tells if a step was late.
     """
     half = 1 << 29
     start = axes[base + START_Q16]
@@ -334,7 +342,8 @@ def run_ticks(axes: Cells, clk: Cells, direction: Cells, base: int, tick: int, u
     s_per_tick = (rate_q16 << 14) // n
     s_remainder_per_tick = (rate_q16 << 14) % n
     on_time = True
-    if makes_no_step(start - axes[base + COUNTER] * STEP_Q16, a, b, c):  # where it comes to is all that matters
+    if makes_no_step(start - axes[base + COUNTER] * STEP_Q16, a, b, c):
+        # Only the position at the end is needed: skip to the last tick.
         tick = max(tick, until_tick - 1)
     since_q16 = elapsed_q16 + (tick - from_tick) * rate_q16
     s = (since_q16 << 14) // n
@@ -348,7 +357,7 @@ def run_ticks(axes: Cells, clk: Cells, direction: Cells, base: int, tick: int, u
         q = ((c * s + half) >> 30) + b
         q = ((q * s + half) >> 30) + a
         q = start + ((q * s + half) >> 30)
-        # A call for each direction: the compiler makes a version of each, which is faster by a sixth.
+        # One call for each direction: the compiler inlines a version for each, which is faster by a sixth.
         counter_q16 = axes[base + COUNTER] * STEP_Q16
         tick_counts = tick * TICK_COUNTS
         if q - counter_q16 >= THRESHOLD_Q16:
@@ -368,7 +377,7 @@ def run_ticks(axes: Cells, clk: Cells, direction: Cells, base: int, tick: int, u
 
 @kernel_function
 def full_rate_from(axes: Cells, group: Cells, axis: int, tick: int) -> int:
-    """The first tick, not before `tick`, from which on an axis' time runs at full rate."""
+    """Return the first tick, not before `tick`, from which on an axis' trajectory time runs at full rate."""
     if axes[axis * AXIS_FIELDS + IN_GROUP] == 0:
         return tick
     if group[RATE_TO_Q16] != FULL_RATE_Q16:
@@ -380,11 +389,11 @@ def full_rate_from(axes: Cells, group: Cells, axis: int, tick: int) -> int:
 def advance_axis(
     axes: Cells, queue: Cells, group: Cells, clk: Cells, direction: Cells, axis: int, tick: int, until_tick: int
 ) -> int:
-    """Run one axis from the start of `tick` to the start of `until_tick`, or until it asks for attention.
+    """Run one axis from the start of `tick` to the start of `until_tick`, or until it needs attention.
 
-    Returns the tick reached; if that is before `until_tick`, EVENT says why. At full rate the whole ticks of a segment
-    are run at once. Ticks of another rate are run one by one, and so are those within which a segment ends: what is
-    left of them goes into the next segment. Without one the axis rests for what is left.
+    Return the tick reached; if it is before `until_tick`, EVENT tells why. At full rate all whole ticks of a segment
+    are run in one call. A tick at another rate is run alone, and so is a tick within which a segment ends: the rest of
+    the tick belongs to the next segment, or the axis rests if there is none.
     """
     base = axis * AXIS_FIELDS
     if axes[base + RUNNING] == 1:
@@ -398,14 +407,14 @@ def advance_axis(
             rate_q16 = group_time_q16(group, tick + 1) - group_time_q16(group, tick)
             ticks = 1
             if rate_q16 == 0 and tick >= group[RAMP_TICK] + group[RAMP_TICKS]:
-                return until_tick
-        if left_q16 == 0:  # the last step of the segment was late
+                return until_tick  # the group has halted
+        if left_q16 == 0:  # the call before stopped at the segment's end, for a late step
             ticks = 0
         elif left_q16 < rate_q16:
             if next_segment(axes, queue, axis):
-                axes[base + ELAPSED_Q16] = -left_q16
+                axes[base + ELAPSED_Q16] = -left_q16  # it begins within the tick
             else:
-                rate_q16 = left_q16
+                rate_q16 = left_q16  # to the segment's very end
         tick = run_ticks(axes, clk, direction, base, tick, min(tick + ticks, until_tick), rate_q16)
         if axes[base + EVENT] != EVENT_NONE:
             return tick
@@ -427,16 +436,16 @@ def advance(
     tick: int,
     until_tick: int,
 ) -> tuple[int, int]:
-    """Run all axes from `tick` to `until_tick` or to the first tick in which one of them asks for attention.
+    """Run all axes from `tick` to `until_tick`, or to the first tick at which one of them needs attention.
 
-    The group's ramp must not begin after `tick`. `before` is as long as `axes` and is written over. Returns the tick
-    reached, and how many axes ask there: EVENT says what for.
+    The group's ramp must not begin after `tick`. `before` is as long as `axes` and is overwritten. Return the tick
+    reached and the number of axes that need attention there; their EVENT tells why.
     """
     before[:] = axes
     reached = until_tick
     for axis in range(axis_count):
         reached = advance_axis(axes, queue, group, clk[axis], direction[axis], axis, tick, reached)
-    if reached < until_tick:  # axes run one after the other: take those that ran too far back to the common tick
+    if reached < until_tick:  # axes run one after the other, and some ran too far: repeat up to the common tick
         axes[:] = before
         for axis in range(axis_count):
             advance_axis(axes, queue, group, clk[axis], direction[axis], axis, tick, reached)
@@ -448,9 +457,9 @@ def advance(
 
 @kernel_function
 def demand_rate(axes: Cells, axis: int) -> int:
-    """Slope of the present segment, or of the last one at its end: a + 2 b s + 3 c s^2 in Q16 steps a duration.
+    """Return the slope of the present segment, or of the last one at its end, in Q16 steps per duration.
 
-    This is at full rate; the group's rate scales it.
+    That is a + 2 b s + 3 c s^2 at full rate; the caller scales it by the group's rate.
     """
     base = axis * AXIS_FIELDS
     s = (axes[base + ELAPSED_Q16] << 14) // axes[base + DURATION_TICKS]
