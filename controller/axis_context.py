@@ -3,6 +3,7 @@
 from steptwin.controller.axis_errors import AxisErrors
 from steptwin.controller.board_context import BoardContext
 from steptwin.controller.pins import AxisPins
+from steptwin.controller.position_reference import PositionReference
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.dictionary import FlashPage, ObjectDictionary
 from steptwin.protocol.heartbeat_consumer import HeartbeatConsumer
@@ -10,7 +11,7 @@ from steptwin.protocol.pdo import ProcessData
 
 
 class AxisContext:
-    """One axis' object dictionary, its ways to the outside, and the time of the call being served."""
+    """One axis' dictionary, process data, errors, pins and position reference; the time of the call being served."""
 
     def __init__(self, axis: int, node_id: int, flash_page: FlashPage, board: BoardContext) -> None:
         self.axis = axis
@@ -21,6 +22,7 @@ class AxisContext:
         self.heartbeats = HeartbeatConsumer(self.dictionary)
         self.errors = AxisErrors(self.dictionary, self.heartbeats, self.touch)
         self.pins = AxisPins()
+        self.reference = PositionReference(axis, board.motion, board.monitor)
         self.now_us = 0
         """Time of the call being served."""
         self.touched = False

@@ -10,7 +10,6 @@ from steptwin.controller.driver_settings import DriverSettings
 from steptwin.controller.homing import Homing
 from steptwin.controller.interpolation import Interpolation
 from steptwin.controller.pins import Pin
-from steptwin.controller.position_reference import PositionReference
 from steptwin.controller.power_states import ENERGISED, next_state
 from steptwin.controller.profile_feed import ProfileFeed
 from steptwin.controller.profile_position import ProfilePosition
@@ -51,10 +50,9 @@ class AxisDrive:
         self._controlword = 0
         self._after_stop: State | None = None
         """State to enter when the stop in progress has ended."""
-        self.reference = PositionReference(context.axis, context.motion, context.board.monitor)
         self.settings = DriverSettings(context.dictionary, context.pins.set)
-        self.supervision = Supervision(context, self.reference)
-        self.stop = AxisStop(context, self.reference)
+        self.supervision = Supervision(context)
+        self.stop = AxisStop(context)
         self.interpolation = Interpolation(context, self.stop)
         self.feed = ProfileFeed(context, self.interpolation)
         self._profile_velocity = ProfileVelocity(context, self.feed)
@@ -62,7 +60,7 @@ class AxisDrive:
             Mode.NONE: DriveMode(context),
             Mode.PROFILE_POSITION: ProfilePosition(context, self.feed),
             Mode.PROFILE_VELOCITY: self._profile_velocity,
-            Mode.HOMING: Homing(context, self.feed, self.interpolation, self.supervision, self.reference),
+            Mode.HOMING: Homing(context, self.feed, self.interpolation, self.supervision),
             Mode.INTERPOLATED_POSITION: self.interpolation,
             Mode.CYCLIC_SYNCHRONOUS_POSITION: CyclicPosition(context, self.interpolation, self.stop),
         }
@@ -173,7 +171,7 @@ class AxisDrive:
     def select_microsteps(self, microsteps: int) -> None:
         """Select another excitation mode; its reset turns the rotor to that mode's initial angle, uncounted."""
         self.settings.set_microsteps(microsteps)
-        self.reference.lose()
+        self._context.reference.lose()
 
     # --- states
 
@@ -277,7 +275,7 @@ class AxisDrive:
     def statusword(self) -> int:
         """Return the statusword (6041h): the bits of the state, the drive and the mode."""
         word = self.state.bits | Status.VOLTAGE_ENABLED
-        if self.reference.known:
+        if self._context.reference.known:
             word |= Status.POSITION_KNOWN
         if self.mode_number in _FOLLOWING_MODES and self.supervision.following_error:
             word |= Status.FOLLOWING_ERROR

@@ -2,7 +2,6 @@
 
 from steptwin.controller.axis_context import AxisContext
 from steptwin.controller.motion import STOP_MAX_MS
-from steptwin.controller.position_reference import PositionReference
 from steptwin.controller.stops import HALTS, StopKind
 from steptwin.protocol import od
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
@@ -11,11 +10,11 @@ from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 class AxisStop:
     """Stops one axis; a stop without a ramp at speed costs it its position reference."""
 
-    def __init__(self, context: AxisContext, reference: PositionReference) -> None:
+    def __init__(self, context: AxisContext) -> None:
         self._axis = context.axis
         self._motion = context.motion
         self._dictionary = context.dictionary
-        self._reference = reference
+        self._reference = context.reference
 
     def duration_ms(self, kind: StopKind) -> int:
         """Return how long a stop from the present velocity takes: at least 1 ms, at most STOP_MAX_MS."""

@@ -20,7 +20,6 @@ from enum import Enum, auto
 from steptwin.controller.axis_context import AxisContext
 from steptwin.controller.drive_mode import DriveMode
 from steptwin.controller.interpolation import Interpolation
-from steptwin.controller.position_reference import PositionReference
 from steptwin.controller.profile import Limits
 from steptwin.controller.profile_feed import ProfileFeed
 from steptwin.controller.supervision import Supervision
@@ -46,19 +45,12 @@ class Homing(DriveMode):
     """Starts and ends homings, and sets the position reference; `SwitchSearch` makes the motion."""
 
     def __init__(
-        self,
-        context: AxisContext,
-        feed: ProfileFeed,
-        records: Interpolation,
-        supervision: Supervision,
-        reference: PositionReference,
+        self, context: AxisContext, feed: ProfileFeed, records: Interpolation, supervision: Supervision
     ) -> None:
         super().__init__(context)
-        self._errors = context.errors
         self._feed = feed
         self._records = records
         self._supervision = supervision
-        self._reference = reference
         self._state = _State.IDLE
         self._search: SwitchSearch | None = None
         """The search in progress in SEARCHING."""
@@ -145,12 +137,12 @@ class Homing(DriveMode):
 
     def _attain(self) -> None:
         self._end(_State.DONE)
-        self._reference.set()
+        self._context.reference.set()
 
     def _fail(self, error: HomingError) -> None:
         self._end(_State.FAILED)
         self._dictionary.set(od.HOMING_ERROR, error)
-        self._errors.report(ErrorCode.HOMING_FAILED, error)
+        self._context.errors.report(ErrorCode.HOMING_FAILED, error)
 
     def _end(self, state: _State) -> None:
         self._state = state
@@ -158,7 +150,7 @@ class Homing(DriveMode):
 
     def _clear_error(self) -> None:
         if self._state is _State.FAILED:
-            self._errors.resolved(ErrorCode.HOMING_FAILED)
+            self._context.errors.resolved(ErrorCode.HOMING_FAILED)
 
     # --- events
 
@@ -213,4 +205,4 @@ class Homing(DriveMode):
         """
         if self._state is _State.FAILED:
             return Status.HOMING_ERROR
-        return Status.HOMING_ATTAINED if self._state is _State.DONE and self._reference.known else 0
+        return Status.HOMING_ATTAINED if self._state is _State.DONE and self._context.reference.known else 0

@@ -20,7 +20,7 @@ def install_present_values(context: AxisContext, drive: AxisDrive) -> None:
         od.POSITION_DEMAND: lambda: _saturated(motion.demand_units(axis)),
         od.POSITION_ACTUAL: lambda: _saturated(motion.counter_units(axis)),
         od.VELOCITY_ACTUAL: lambda: motion.velocity(axis) * 1000 // VELOCITY_PER_UNIT_PER_MS,
-        od.FOLLOWING_ERROR_ACTUAL: lambda: _saturated(drive.reference.following_error_units),
+        od.FOLLOWING_ERROR_ACTUAL: lambda: _saturated(context.reference.following_error_units),
         od.POSITION_DEMAND_STEPS: lambda: motion.demand_steps(axis),
         od.DIGITAL_INPUTS: lambda: drive.supervision.inputs,
     }

@@ -8,7 +8,6 @@ moves towards it, so that it can be moved away. The following error trips it aft
 from collections.abc import Iterator
 
 from steptwin.controller.axis_context import AxisContext
-from steptwin.controller.position_reference import PositionReference
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode
 from steptwin.protocol.objects import WINDOW_OFF
@@ -24,13 +23,13 @@ DRIVER = 1
 class Supervision:
     """Watches one axis and trips its drive."""
 
-    def __init__(self, context: AxisContext, reference: PositionReference) -> None:
+    def __init__(self, context: AxisContext) -> None:
         self._axis = context.axis
         self._motion = context.motion
         self._dictionary = context.dictionary
         self._measurements = context.board.measurements
         self._trip = context.trip
-        self._reference = reference
+        self._reference = context.reference
         self._off_window_us: int | None = None
         """Time since which the following error has been out of its window; None while it is within."""
         self._watches_limits = self._watches_following = False
