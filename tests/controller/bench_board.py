@@ -7,9 +7,8 @@ from steptwin.controller.firmware import Firmware
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, State, Status
 from steptwin.protocol.frame import Frame
-
-MS = 72_000
-"""A millisecond in timer counts."""
+from steptwin.protocol.pvt import PvtRecord
+from tests.controller.units import MS
 
 
 class BenchBoard:
@@ -62,6 +61,10 @@ class BenchBoard:
         """The state of an axis' drive."""
         return self.firmware.nodes[axis].drive.state
 
+    def flags(self, axis: int = 0) -> int:
+        """Return the flags of the PVT status (2012h:03)."""
+        return self.value(od.PVT_FLAGS, axis)
+
     def has(self, bit: Status, axis: int = 0) -> bool:
         """Whether a bit of the statusword is set."""
         return bool(self.value(od.STATUSWORD, axis) & bit)
@@ -104,11 +107,7 @@ class BenchBoard:
 
     def record(self, displacement: int, velocity: int, duration_ms: int, sequence: int, axis: int = 0) -> None:
         """Send a PVT record by RPDO4."""
-        data = (
-            displacement.to_bytes(3, "little", signed=True)
-            + velocity.to_bytes(3, "little", signed=True)
-            + bytes((duration_ms, sequence))
-        )
+        data = PvtRecord(displacement, velocity, duration_ms, sequence).encode()
         self.send(0x500 + self.firmware.nodes[axis].node_id, data)
 
     def start(self) -> None:

@@ -7,10 +7,9 @@ from itertools import accumulate
 from steptwin.controller.backend import Kernel
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Mode
-from tests.controller.bench_board import MS, BenchBoard
+from tests.controller.bench_board import BenchBoard
+from tests.controller.units import MS
 
-STEP = 1024
-"""Units of a step at 16 microsteps."""
 FIRST_SYNC_COUNTS = 5 * MS + 12_345
 """In the middle of a servo tick."""
 

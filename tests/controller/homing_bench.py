@@ -11,9 +11,8 @@ from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, HomingError, Mode, Status
 from tests.controller.bench_board import BenchBoard
+from tests.controller.units import MS, STEP
 
-STEP = 1024
-"""Units of a step at 16 microsteps."""
 START, HALT = 0x10, 0x100
 FAST_STEPS_PER_S, SLOW_STEPS_PER_S, ACCELERATION_STEPS_PER_S2 = 2_000, 400, 40_000
 
@@ -21,7 +20,7 @@ Closed = Callable[[int], bool]
 
 
 @dataclass
-class Machine:
+class SlidingMachine:
     """Which switches are closed at a position in steps; the slider stands at `position`."""
 
     position: int = 0
@@ -38,7 +37,7 @@ class Machine:
 class HomingBench(BenchBoard):
     """One axis, enabled in homing mode; `wait` goes from servo tick to servo tick."""
 
-    def __init__(self, kernel: Kernel, machine: Machine) -> None:
+    def __init__(self, kernel: Kernel, machine: SlidingMachine) -> None:
         super().__init__(kernel)
         self.machine = machine
         self.rises: list[tuple[int, int]] = []
@@ -58,7 +57,7 @@ class HomingBench(BenchBoard):
         self.write(od.HOMING_ACCELERATION, ACCELERATION_STEPS_PER_S2 * STEP)
 
     def wait(self, dt_ms: float) -> None:
-        until = self.now + round(dt_ms * 72_000)
+        until = self.now + round(dt_ms * MS)
         while self.now < until:
             boundary = (self.now // TICK_COUNTS + 1) * TICK_COUNTS
             self._pass_until(min(until, boundary - 1))
@@ -132,8 +131,8 @@ class HomingBench(BenchBoard):
     def bits(self) -> tuple[int, int, int]:
         """Target reached, homing attained, homing error: bits 10, 12 and 13."""
         word = self.value(od.STATUSWORD)
-        wanted = (Status.TARGET_REACHED, Status.HOMING_ATTAINED, Status.HOMING_ERROR)
-        return tuple(int(bool(word & bit)) for bit in wanted)  # type: ignore[return-value]
+        reached, attained = bool(word & Status.TARGET_REACHED), bool(word & Status.HOMING_ATTAINED)
+        return int(reached), int(attained), int(bool(word & Status.HOMING_ERROR))
 
     def strokes(self) -> list[list[int]]:
         """The demanded velocities in steps/s, tick by tick, from standstill to standstill or to a turn."""

@@ -16,10 +16,11 @@ from steptwin.controller.cyclic_position import NO_SET_POINT, NO_SYNC
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode, Mode, State, Status
-from tests.controller.bench_board import MS, BenchBoard
-from tests.controller.cyclic_bench import FIRST_SYNC_COUNTS, STEP, CyclicBench, first_tick, ramped
+from tests.controller.bench_board import BenchBoard
+from tests.controller.cyclic_bench import FIRST_SYNC_COUNTS, CyclicBench, first_tick, ramped
+from tests.controller.exact_hermite import ExactHermite
 from tests.controller.kernel_rig import Timing, pin_timing_faults
-from tests.controller.test_kernel_oracle import ExactHermite
+from tests.controller.units import MS, STEP
 
 PERIODS = pytest.mark.parametrize("period_ms", [1, 2, 5, 10])
 ENABLE, HALT, QUICK_STOP, DISABLE = 0x0F, 0x10F, 0x02, 0x07

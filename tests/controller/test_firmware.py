@@ -13,28 +13,8 @@ from steptwin.protocol.cia402 import DigitalOutput, ErrorCode, State
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.nmt import NmtState
 from steptwin.protocol.pvt import PvtFlag
-from tests.controller.bench_board import MS, BenchBoard
-
-STEP = 1024
-"""Units of a step at 16 microsteps."""
-
-
-@pytest.fixture
-def board(fast_kernel: Kernel) -> BenchBoard:
-    return BenchBoard(fast_kernel)
-
-
-@pytest.fixture
-def pair(fast_kernel: Kernel) -> BenchBoard:
-    return BenchBoard(fast_kernel, axes=2)
-
-
-def flags(board: BenchBoard, axis: int = 0) -> int:
-    return board.value(od.PVT_FLAGS, axis)
-
-
-def state(board: BenchBoard, axis: int = 0) -> State:
-    return board.firmware.nodes[axis].drive.state
+from tests.controller.bench_board import BenchBoard
+from tests.controller.units import MS, STEP
 
 
 def emergencies(board: BenchBoard, axis: int = 0) -> list[int]:
@@ -76,7 +56,7 @@ class TestNetwork:
         board.nmt(1)
         board.send(0x210, b"\x06\x00\x07")
         assert (board.value(od.CONTROLWORD), board.value(od.MODE_OF_OPERATION_DISPLAY)) == (6, 7)
-        assert state(board) is State.READY_TO_SWITCH_ON
+        assert board.state() is State.READY_TO_SWITCH_ON
 
     def test_heartbeat(self, board: BenchBoard) -> None:
         board.write(od.PRODUCER_HEARTBEAT_TIME, 100)
@@ -108,9 +88,9 @@ class TestNetwork:
         board.start()
         board.wait(500)
         board.send(0x510, b"")
-        assert state(board) is State.FAULT
+        assert board.state() is State.FAULT
         board.nmt(0x81)
-        assert state(board) is State.SWITCH_ON_DISABLED
+        assert board.state() is State.SWITCH_ON_DISABLED
         assert [
             board.value(address)
             for address in (od.ERROR_REGISTER, od.ERROR_HISTORY_COUNT, od.ERROR_HISTORY[0], od.ERROR_CODE)
@@ -123,7 +103,7 @@ class TestNetwork:
         board.enable()
         board.write(od.HOME_OFFSET, 5)
         board.nmt(0x81)
-        assert state(board) is State.SWITCH_ON_DISABLED
+        assert board.state() is State.SWITCH_ON_DISABLED
         assert (board.value(od.HOME_OFFSET), board.value(od.MODE_OF_OPERATION_DISPLAY)) == (0, 0)
 
     def test_statusword_is_reported_when_it_changes_and_every_100_ms(self, board: BenchBoard) -> None:
@@ -222,7 +202,7 @@ class TestConfiguration:
         board.record(75 * 10 * STEP, 15 * STEP * 64, 100, 0)
         board.record(15 * 250 * STEP, 15 * STEP * 64, 250, 1)
         assert board.write(address, value) == 0
-        assert (board.value(od.BUFFER_POSITION), board.value(od.PVT_FREE_RECORDS), flags(board)) == (
+        assert (board.value(od.BUFFER_POSITION), board.value(od.PVT_FREE_RECORDS), board.flags()) == (
             0,
             0,
             PvtFlag.EMPTY,
@@ -338,14 +318,14 @@ class TestOutputs:
         board.record(20 * STEP, 64 * STEP, 20, 0)
         board.start()
         board.wait(21)
-        assert state(board) is State.FAULT_REACTION_ACTIVE
+        assert board.state() is State.FAULT_REACTION_ACTIVE
         board.wait(1000)
-        assert state(board) is State.FAULT
+        assert board.state() is State.FAULT
         board.write(od.CONTROLWORD, 0x80)
         board.enable()
         for word in (0x02, 0x06, 0x00):
             board.write(od.CONTROLWORD, word)
-        assert state(board) is State.SWITCH_ON_DISABLED
+        assert board.state() is State.SWITCH_ON_DISABLED
         assert self.changes(board) == []
 
     @pytest.mark.parametrize("command", [0x01, 0x02, 0x80, 0x82])
@@ -430,14 +410,14 @@ class TestInterpolation:
         for axis in (0, 1):
             pair.record(10 * STEP, 0, 20, 0, axis)
             pair.record(-3 * STEP, 0, 20, 1, axis)
-            assert flags(pair, axis) == PvtFlag.ARMED
+            assert pair.flags(axis) == PvtFlag.ARMED
         pair.wait(5.1)
         pair.start()
-        assert flags(pair) & PvtFlag.RUNNING
+        assert pair.flags() & PvtFlag.RUNNING
         assert pair.value(od.STATUSWORD) & 1 << 12
         pair.wait(100)
         assert [pair.value(od.POSITION_ACTUAL, axis) for axis in (0, 1)] == [7 * STEP, 7 * STEP]
-        assert flags(pair) == PvtFlag.EMPTY
+        assert pair.flags() == PvtFlag.EMPTY
         assert not pair.value(od.STATUSWORD) & 1 << 12
         assert pair.value(od.STATUSWORD) & 1 << 10
         first, second = (edges.clk_counts for edges in pair.firmware.motion.take_edges())
@@ -450,14 +430,14 @@ class TestInterpolation:
         board.wait(1.1)  # in tick 4, which lasts from 1.00 to 1.25 ms
         board.start()
         board.wait(1.14)  # a record of 1 ms that began with tick 5 ends with tick 8, at 2.25 ms
-        assert flags(board) & PvtFlag.RUNNING
+        assert board.flags() & PvtFlag.RUNNING
         board.wait(0.02)
-        assert not flags(board) & PvtFlag.RUNNING
+        assert not board.flags() & PvtFlag.RUNNING
 
     def test_flow_control(self, board: BenchBoard) -> None:
         board.enable()
         board.record(1, 0, 10, 1)  # record 0 is missing
-        assert flags(board) & PvtFlag.GAP
+        assert board.flags() & PvtFlag.GAP
         assert (board.value(od.PVT_NEXT_SEQUENCE), board.value(od.PVT_FREE_RECORDS), board.value(od.PVT_GAPS)) == (
             0,
             64,
@@ -465,8 +445,8 @@ class TestInterpolation:
         )
         for sequence in range(65):
             board.record(1, 0, 10, sequence)
-        assert flags(board) & PvtFlag.OVERFLOW
-        assert not flags(board) & PvtFlag.GAP
+        assert board.flags() & PvtFlag.OVERFLOW
+        assert not board.flags() & PvtFlag.GAP
         assert (board.value(od.PVT_NEXT_SEQUENCE), board.value(od.PVT_FREE_RECORDS), board.value(od.PVT_OVERFLOWS)) == (
             64,
             0,
@@ -489,7 +469,7 @@ class TestInterpolation:
         board.enable()
         board.record(100, 0, 10, 0)
         assert board.write(od.BUFFER_CLEAR, 0) == 0
-        assert (board.value(od.PVT_NEXT_SEQUENCE), board.value(od.PVT_FREE_RECORDS), flags(board)) == (
+        assert (board.value(od.PVT_NEXT_SEQUENCE), board.value(od.PVT_FREE_RECORDS), board.flags()) == (
             0,
             64,
             PvtFlag.EMPTY,
@@ -503,10 +483,10 @@ class TestInterpolation:
     def test_a_refused_record_is_flagged_and_reported(self, board: BenchBoard) -> None:
         board.enable()
         board.record(1000 * STEP, 0, 10, 0)
-        assert flags(board) & PvtFlag.REJECTED
+        assert board.flags() & PvtFlag.REJECTED
         assert board.frames(0x090) == [bytes.fromhex("03ff 81 0004000000")]  # refusal 4, sequence 0
         assert board.value(od.PVT_NEXT_SEQUENCE) == 0
-        assert state(board) is State.OPERATION_ENABLED
+        assert board.state() is State.OPERATION_ENABLED
         board.record(1000 * STEP, 0, 10, 0)
         assert emergencies(board) == [0xFF03], "sent again, it is the same error"
         board.write(od.BUFFER_CLEAR, 0)
@@ -522,7 +502,7 @@ class TestInterpolation:
             board.record(10, 0, 5, sent % 256)
             board.wait(5)
         board.wait(300)
-        assert flags(board) == PvtFlag.EMPTY
+        assert board.flags() == PvtFlag.EMPTY
         assert board.value(od.POSITION_DEMAND) == 7000
         assert board.value(od.PVT_NEXT_SEQUENCE) == 700 % 256
         assert board.value(od.PVT_LEAST_FILL) >= 38
@@ -547,16 +527,16 @@ class TestStops:
         self.moving(pair, records=5)
         pair.record(-80 * STEP, -4 * STEP * 64, 20, 5, axis=1)
         pair.wait(49)
-        assert state(pair, 0) is State.OPERATION_ENABLED
+        assert pair.state(0) is State.OPERATION_ENABLED
         pair.wait(2)
-        assert state(pair, 0) is State.FAULT_REACTION_ACTIVE
+        assert pair.state(0) is State.FAULT_REACTION_ACTIVE
         pair.wait(98)
-        assert state(pair, 0) is State.FAULT_REACTION_ACTIVE
+        assert pair.state(0) is State.FAULT_REACTION_ACTIVE
         pair.wait(10)
-        assert state(pair, 0) is state(pair, 1) is State.FAULT
+        assert pair.state(0) is pair.state(1) is State.FAULT
         assert (emergencies(pair, 0), emergencies(pair, 1)) == ([0xFF01], [0xFF02])
         assert pair.value(od.ERROR_CODE) == ErrorCode.PVT_UNDERRUN
-        assert flags(pair, 0) & PvtFlag.UNDERRUN
+        assert pair.flags(0) & PvtFlag.UNDERRUN
         assert pair.value(od.PVT_UNDERRUNS) == 1
         assert pair.value(od.POSITION_DEMAND, 0) == pytest.approx((40 + 320 + 15) * STEP, abs=200 * STEP)
         assert abs(pair.value(od.FOLLOWING_ERROR_ACTUAL, 0)) <= 0.57 * STEP
@@ -566,15 +546,15 @@ class TestStops:
         self.moving(pair, records=5)
         pair.record(-40 * STEP, 0, 20, 5, axis=1)
         pair.wait(300)
-        assert (state(pair, 0), state(pair, 1)) == (State.FAULT, State.OPERATION_ENABLED)
+        assert (pair.state(0), pair.state(1)) == (State.FAULT, State.OPERATION_ENABLED)
         assert pair.value(od.POSITION_DEMAND, 1) == -(40 + 320 + 40) * STEP
 
     def test_fault_is_reset_and_the_axis_works_on(self, board: BenchBoard) -> None:
         self.moving(board, records=3)
         board.wait(300)
-        assert state(board) is State.FAULT
+        assert board.state() is State.FAULT
         board.write(od.CONTROLWORD, 0x80)
-        assert state(board) is State.SWITCH_ON_DISABLED
+        assert board.state() is State.SWITCH_ON_DISABLED
         assert emergencies(board) == [0xFF01, 0]
         assert board.value(od.ERROR_CODE) == board.value(od.ERROR_REGISTER) == 0
         board.write(od.BUFFER_CLEAR, 0)
@@ -588,20 +568,20 @@ class TestStops:
     def test_quick_stop_ramps_down_then_switches_off(self, board: BenchBoard) -> None:
         self.moving(board)
         board.write(od.CONTROLWORD, 0x02)
-        assert state(board) is State.QUICK_STOP_ACTIVE
+        assert board.state() is State.QUICK_STOP_ACTIVE
         board.wait(98)
-        assert state(board) is State.QUICK_STOP_ACTIVE
+        assert board.state() is State.QUICK_STOP_ACTIVE
         board.wait(10)
-        assert state(board) is State.SWITCH_ON_DISABLED
+        assert board.state() is State.SWITCH_ON_DISABLED
         assert abs(board.value(od.FOLLOWING_ERROR_ACTUAL)) <= 0.57 * STEP
 
     def test_interpolation_is_stopped_by_its_enable_bit(self, board: BenchBoard) -> None:
         self.moving(board)
         board.write(od.CONTROLWORD, 0x0F)
         board.wait(110)
-        assert state(board) is State.OPERATION_ENABLED
+        assert board.state() is State.OPERATION_ENABLED
         assert not board.firmware.motion.running(0)
-        assert not flags(board) & PvtFlag.RUNNING
+        assert not board.flags() & PvtFlag.RUNNING
 
     @pytest.mark.parametrize("words", [(0x02, 0x0F, 0x1F), (0x0F, 0x1F), (0x11F, 0x0F, 0x1F)])
     def test_a_start_bit_during_a_ramp_does_not_cut_it_short(self, board: BenchBoard, words: tuple[int, ...]) -> None:
@@ -615,7 +595,7 @@ class TestStops:
             assert abs(board.value(od.POSITION_DEMAND) - previous) <= STEP + 1
             previous = board.value(od.POSITION_DEMAND)
         assert not board.firmware.motion.running(0)
-        assert state(board) is State.OPERATION_ENABLED
+        assert board.state() is State.OPERATION_ENABLED
 
     def test_homing_waits_for_standstill(self, board: BenchBoard) -> None:
         self.moving(board)
@@ -639,7 +619,7 @@ class TestStops:
             board.wait(10)
         assert not board.firmware.motion.running(0)
         assert (board.value(od.PVT_NEXT_SEQUENCE), board.value(od.PVT_FREE_RECORDS)) == (8, 0)
-        assert flags(board) & PvtFlag.OVERFLOW
+        assert board.flags() & PvtFlag.OVERFLOW
         assert board.write(od.BUFFER_CLEAR, 0) == 0
         assert (board.value(od.PVT_NEXT_SEQUENCE), board.value(od.PVT_FREE_RECORDS)) == (0, 64)
 
@@ -649,14 +629,14 @@ class TestStops:
         board.record(8 * STEP, end_velocity, 20, 0)
         board.start()
         board.wait(19.9)
-        assert state(board) is State.OPERATION_ENABLED
+        assert board.state() is State.OPERATION_ENABLED
 
     def test_voltage_cut_in_the_tick_before_an_underrun_stays_cut(self, board: BenchBoard) -> None:
         self.just_before_the_end(board, 64 * STEP)
         board.firmware.take_pins()
         board.write(od.CONTROLWORD, 0x00)
         board.wait(500)
-        assert state(board) is State.SWITCH_ON_DISABLED
+        assert board.state() is State.SWITCH_ON_DISABLED
         assert [(change.pin, change.level) for change in board.firmware.take_pins()] == [(Pin.ENABLE, 0)]
         assert emergencies(board) == []
 
@@ -665,11 +645,11 @@ class TestStops:
         board.write(od.QUICK_STOP_DECELERATION, 20_000 * STEP)
         board.write(od.PROFILE_DECELERATION, 20_000 * STEP)
         board.write(od.CONTROLWORD, 0x02)
-        assert state(board) is State.QUICK_STOP_ACTIVE
+        assert board.state() is State.QUICK_STOP_ACTIVE
         board.wait(45)
-        assert state(board) is State.QUICK_STOP_ACTIVE
+        assert board.state() is State.QUICK_STOP_ACTIVE
         board.wait(15)
-        assert state(board) is State.SWITCH_ON_DISABLED
+        assert board.state() is State.SWITCH_ON_DISABLED
         assert board.value(od.POSITION_DEMAND) == pytest.approx((8 + 25) * STEP, abs=2)
         assert emergencies(board) == []
 
@@ -681,12 +661,12 @@ class TestStops:
             board.write(od.CONTROLWORD, word)
         board.wait(100)
         assert board.value(od.STATUSWORD) & 1 << 10
-        assert not flags(board) & PvtFlag.RUNNING
+        assert not board.flags() & PvtFlag.RUNNING
 
     def test_a_fault_does_not_switch_a_drive_on(self, board: BenchBoard) -> None:
         with board.firmware.nodes[0].acting(0) as drive:
             drive.fault(ErrorCode.GROUP_STOPPED, detail=0, stop_ms=10)
-        assert state(board) is State.SWITCH_ON_DISABLED
+        assert board.state() is State.SWITCH_ON_DISABLED
         assert emergencies(board) == []
 
     def at_the_end_of_the_range(self, board: BenchBoard) -> None:
@@ -705,9 +685,9 @@ class TestStops:
     def test_a_fault_without_room_for_its_ramp_ends_in_fault(self, board: BenchBoard) -> None:
         self.at_the_end_of_the_range(board)
         board.wait(31)
-        assert state(board) is State.FAULT
+        assert board.state() is State.FAULT
         board.write(od.CONTROLWORD, 0x80)
-        assert state(board) is State.SWITCH_ON_DISABLED
+        assert board.state() is State.SWITCH_ON_DISABLED
 
     @pytest.mark.parametrize(
         ("word", "target"),
@@ -724,10 +704,10 @@ class TestStops:
         self.at_the_end_of_the_range(board)
         board.wait(25)
         board.write(od.CONTROLWORD, word)
-        assert state(board) is target
+        assert board.state() is target
         assert board.value(od.PVT_FREE_RECORDS) == 0
         board.wait(1000)
-        assert state(board) is target
+        assert board.state() is target
 
     @pytest.mark.parametrize(
         ("words", "target"),
@@ -749,7 +729,7 @@ class TestStops:
         assert board.firmware.motion.running(0)
         board.wait(110)
         assert not board.firmware.motion.running(0)
-        assert state(board) is target
+        assert board.state() is target
 
     def test_a_command_repeated_during_its_ramp_changes_nothing(self, board: BenchBoard) -> None:
         """A controlword that comes every 0.1 ms must not begin the ramp anew each time: it would never end."""
@@ -757,27 +737,27 @@ class TestStops:
         for _ in range(1020):
             board.write(od.CONTROLWORD, 0x07)
             board.wait(0.1)
-        assert state(board) is State.SWITCHED_ON
+        assert board.state() is State.SWITCHED_ON
 
     def test_disable_operation_ramps_down_first(self, board: BenchBoard) -> None:
         self.moving(board)
         board.write(od.CONTROLWORD, 0x07)
-        assert state(board) is State.OPERATION_ENABLED
+        assert board.state() is State.OPERATION_ENABLED
         board.wait(110)
-        assert state(board) is State.SWITCHED_ON
+        assert board.state() is State.SWITCHED_ON
 
     def test_disable_voltage_cuts_at_once(self, board: BenchBoard) -> None:
         self.moving(board)
         board.firmware.motion.take_edges()
         board.write(od.CONTROLWORD, 0x00)
-        assert state(board) is State.SWITCH_ON_DISABLED
+        assert board.state() is State.SWITCH_ON_DISABLED
         board.wait(100)
         assert len(board.firmware.motion.take_edges()[0].clk_counts) == 0
 
     def test_quick_stop_at_rest_switches_off_at_once(self, board: BenchBoard) -> None:
         board.enable()
         board.write(od.CONTROLWORD, 0x02)
-        assert state(board) is State.SWITCH_ON_DISABLED
+        assert board.state() is State.SWITCH_ON_DISABLED
 
     def test_steps_that_come_too_late_are_a_fault(self, board: BenchBoard) -> None:
         """A DIR setup of 1 ms delays the first step after a sharp reversal by more than a tick."""

@@ -6,10 +6,9 @@ from steptwin.controller.backend import KERNELS, Kernel
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import State, Status
 from steptwin.protocol.pvt import PvtFlag
-from tests.controller.bench_board import MS, BenchBoard
+from tests.controller.bench_board import BenchBoard
+from tests.controller.units import MS, STEP
 
-STEP = 1024
-"""Units of a step at 16 microsteps."""
 RUN, HALT = 0x1F, 0x11F
 RAMP_MS = 100
 """From 4 kHz at 40 000 steps/s^2."""
@@ -45,21 +44,13 @@ def position(board: BenchBoard, axis: int = 0) -> int:
     return board.value(od.POSITION_DEMAND, axis)
 
 
-def flags(board: BenchBoard, axis: int = 0) -> int:
-    return board.value(od.PVT_FLAGS, axis)
-
-
 def status(board: BenchBoard, axis: int = 0) -> int:
     return board.value(od.STATUSWORD, axis)
 
 
-def state(board: BenchBoard, axis: int = 0) -> State:
-    return board.firmware.nodes[axis].drive.state
-
-
 def ended(board: BenchBoard) -> bool:
     """Both axes have come to their ends as planned."""
-    ends = [(position(board, axis), board.value(od.POSITION_ACTUAL, axis), flags(board, axis)) for axis in range(2)]
+    ends = [(position(board, axis), board.value(od.POSITION_ACTUAL, axis), board.flags(axis)) for axis in range(2)]
     return ends == [(END_UNITS, END_UNITS, PvtFlag.EMPTY), (-END_UNITS, -END_UNITS, PvtFlag.EMPTY)]
 
 
@@ -75,10 +66,10 @@ def test_one_axis_halts_all_and_all_go_on(pair: BenchBoard) -> None:
     assert (position(pair), position(pair, 1)) == (rest, -rest)
     pair.write(od.CONTROLWORD, RUN, axis=1)
     pair.wait(640 - 50 - 100 - 2 + 100)
-    assert flags(pair) & PvtFlag.RUNNING
+    assert pair.flags() & PvtFlag.RUNNING
     pair.wait(5)
     assert ended(pair)
-    assert state(pair) is state(pair, 1) is State.OPERATION_ENABLED
+    assert pair.state() is pair.state(1) is State.OPERATION_ENABLED
 
 
 def test_what_the_axes_say_meanwhile(pair: BenchBoard) -> None:
@@ -93,7 +84,7 @@ def test_what_the_axes_say_meanwhile(pair: BenchBoard) -> None:
     for axis in range(2):
         assert status(pair, axis) & Status.IP_ACTIVE
         assert status(pair, axis) & Status.TARGET_REACHED
-        assert flags(pair, axis) & PvtFlag.RUNNING
+        assert pair.flags(axis) & PvtFlag.RUNNING
         assert pair.value(od.VELOCITY_ACTUAL, axis) == 0
     reports = [(t, frame) for t, frame in pair.sent if frame.cob_id == 0x191]
     rested = next(t for t, frame in reports if t > 60 * MS and frame.data[1] & Status.TARGET_REACHED >> 8)
@@ -151,11 +142,11 @@ def test_the_queue_fills_while_all_rest(fast_kernel: Kernel) -> None:
         for i in range(64 - queued):
             board.record(0, 0, 20, 16 + i, axis)
     assert board.value(od.BUFFER_POSITION) == 64
-    assert not flags(board) & PvtFlag.OVERFLOW
+    assert not board.flags() & PvtFlag.OVERFLOW
     board.write(od.CONTROLWORD, RUN)
     board.wait(16 * 20 + 54 * 20 + 100)
     assert position(board) == (16 - 1) * 80 * STEP
-    assert flags(board) == PvtFlag.EMPTY
+    assert board.flags() == PvtFlag.EMPTY
 
 
 def test_a_motion_started_during_a_halt_waits_and_starts_as_planned(fast_kernel: Kernel) -> None:
@@ -230,7 +221,7 @@ def test_the_end_of_the_axis_that_holds_releases_nobody(fast_kernel: Kernel) -> 
     board.wait(50)
     board.write(od.CONTROLWORD, HALT, axis=0)
     board.wait(1000)
-    assert flags(board, 0) == PvtFlag.EMPTY
+    assert board.flags(0) == PvtFlag.EMPTY
     rest = position(board, 1)
     board.wait(1000)
     assert position(board, 1) == rest
@@ -267,13 +258,13 @@ class TestStopsDuringAHalt:
         start = position(pair)
         pair.write(od.CONTROLWORD, word)
         pair.wait(48)
-        assert state(pair) is not target
+        assert pair.state() is not target
         pair.wait(4)
-        assert state(pair) is target
+        assert pair.state() is target
         assert position(pair) - start == pytest.approx(50 * STEP, abs=2 * STEP)
         pair.wait(1000)
         assert status(pair, 1) & Status.TARGET_REACHED
-        assert flags(pair, 1) & PvtFlag.RUNNING
+        assert pair.flags(1) & PvtFlag.RUNNING
         pair.write(od.CONTROLWORD, RUN, axis=1)
         pair.wait(1000)
         assert position(pair, 1) == -END_UNITS
@@ -294,9 +285,9 @@ class TestStopsDuringAHalt:
         rest = position(pair)
         pair.write(od.CONTROLWORD, word)
         pair.wait(200)
-        assert state(pair) is target
+        assert pair.state() is target
         assert abs(position(pair) - rest) <= 1
-        assert (position(pair, 1), flags(pair, 1) & PvtFlag.RUNNING) == (-rest, PvtFlag.RUNNING)
+        assert (position(pair, 1), pair.flags(1) & PvtFlag.RUNNING) == (-rest, PvtFlag.RUNNING)
         assert pair.value(od.PVT_FREE_RECORDS) == 0
 
     def test_a_queue_that_runs_dry_on_the_ramp_stops_the_group(self, fast_kernel: Kernel) -> None:
@@ -317,10 +308,10 @@ class TestStopsDuringAHalt:
         board.wait(70)
         board.write(od.CONTROLWORD, HALT)
         board.wait(12)
-        assert state(board) is state(board, 1) is State.FAULT_REACTION_ACTIVE
+        assert board.state() is board.state(1) is State.FAULT_REACTION_ACTIVE
         assert board.value(od.VELOCITY_ACTUAL) < 3700 * STEP
         board.wait(100)
-        assert state(board) is state(board, 1) is State.FAULT
+        assert board.state() is board.state(1) is State.FAULT
         assert 0 <= position(board, 1) - position(board) < STEP
         assert position(board) == pytest.approx((280 + 158) * STEP, abs=6 * STEP)
         assert board.value(od.PVT_UNDERRUNS) == 1

@@ -15,14 +15,13 @@ from steptwin.controller.group_ramp import ramp_group
 from steptwin.controller.motion import STOP_MAX_MS, TICKS_PER_SECOND, AxisEvent, Motion, Refusal
 from steptwin.controller.step_config import StepConfig
 from tests.controller.kernel_rig import KernelRig, Timing, pin_timing_faults
+from tests.controller.units import STEP
 
 FULL = k.FULL_RATE_Q16
-STEP_UNITS = 1024
-"""At 16 microsteps."""
-KHZ = 64 * STEP_UNITS
+KHZ = 64 * STEP
 """1000 steps a second in the record's units of 1/64 unit per ms."""
-CONFIG = StepConfig(16, 33_000, 33_666, 15_000, 15_000, velocity_max_units_per_s=15_000 * STEP_UNITS)
-DECELERATION = 40_000 * STEP_UNITS
+CONFIG = StepConfig(16, 33_000, 33_666, 15_000, 15_000, velocity_max_units_per_s=15_000 * STEP)
+DECELERATION = 40_000 * STEP
 
 Record = tuple[int, int, int]
 
@@ -36,12 +35,12 @@ def sampled(rate_hz: float, sine_hz: float, duration_ms: int, point_ms: int) -> 
     else:
         speeds_hz = rate_hz * np.clip(np.minimum(times_s, times_s[-1] - times_s) / 0.1, 0, 1)
         steps = np.concatenate(([0.0], np.cumsum((speeds_hz[1:] + speeds_hz[:-1]) / 2 * point_ms / 1000)))
-    units = np.floor(steps * STEP_UNITS + 0.5).astype(int)
+    units = np.floor(steps * STEP + 0.5).astype(int)
     velocities = np.round(speeds_hz / 1000 * KHZ).astype(int)
     return [(int(d), int(v), point_ms) for d, v in zip(np.diff(units), velocities[1:], strict=True)]
 
 
-class Run:
+class GroupRun:
     """Three axes of one group with points every 20, 10 and 40 ms: a fast line and two sines, 1.2 s."""
 
     PLAN = (sampled(9000, 0, 1200, 20), sampled(900, 2.5, 1200, 10), sampled(700, 1.25 / 1.5, 1200, 40))
@@ -80,7 +79,7 @@ class Run:
                 self.clk[axis] += [int(counts) for counts in edges.clk_counts]
                 self.directions[axis] += [int(word) for word in edges.direction]
 
-    def finish(self) -> "Run":
+    def finish(self) -> "GroupRun":
         while any(self.motion.running(axis) for axis in range(len(self.PLAN))):
             self.pass_ticks(1)
         return self
@@ -95,13 +94,13 @@ class Run:
 
 
 @pytest.fixture(scope="module")
-def planned(fast_kernel: Kernel) -> Run:
-    return Run(fast_kernel, group=False).finish()
+def planned(fast_kernel: Kernel) -> GroupRun:
+    return GroupRun(fast_kernel, group=False).finish()
 
 
-def scripted(kernel: Kernel, *script: tuple[int, bool], deceleration: int = DECELERATION) -> Run:
+def scripted(kernel: Kernel, *script: tuple[int, bool], deceleration: int = DECELERATION) -> GroupRun:
     """Let ticks pass, then halt or go on, and so on; then to the end."""
-    run = Run(kernel, deceleration=deceleration)
+    run = GroupRun(kernel, deceleration=deceleration)
     for ticks, hold in script:
         run.pass_ticks(ticks)
         run.hold(hold=hold)
@@ -115,13 +114,13 @@ SCRIPTS = {
     "again and again": tuple((157, hold) for hold in (True, False) * 12),
     "resumed while it slows down": ((1501, True), (300, False)),
     "halted while it speeds up": ((1501, True), (1500, False), (411, True), (2000, False)),
-    "in the last segment": ((Run.TICKS - 30, True), (2000, False)),
+    "in the last segment": ((GroupRun.TICKS - 30, True), (2000, False)),
     "in the first segment": ((7, True), (2000, False)),
 }
 
 
 @pytest.mark.parametrize("name", SCRIPTS)
-def test_every_edge_lies_on_the_planned_path(fast_kernel: Kernel, planned: Run, name: str) -> None:
+def test_every_edge_lies_on_the_planned_path(fast_kernel: Kernel, planned: GroupRun, name: str) -> None:
     """The fast axis' edges tell where on the path the machine is; the other axes' edges then fall where planned.
 
     The k-th edge of an axis has the same place on the path as the k-th of the motion that was not halted. So the
@@ -137,9 +136,9 @@ def test_every_edge_lies_on_the_planned_path(fast_kernel: Kernel, planned: Run, 
 
 
 @pytest.mark.parametrize("name", SCRIPTS)
-def test_it_ends_where_planned_with_good_pulses(fast_kernel: Kernel, planned: Run, name: str) -> None:
+def test_it_ends_where_planned_with_good_pulses(fast_kernel: Kernel, planned: GroupRun, name: str) -> None:
     run = scripted(fast_kernel, *SCRIPTS[name])
-    assert run.demands[-1] == planned.demands[-1] == [sum(d for d, _, _ in plan) for plan in Run.PLAN]
+    assert run.demands[-1] == planned.demands[-1] == [sum(d for d, _, _ in plan) for plan in GroupRun.PLAN]
     for axis in range(3):
         assert run.motion.counter_units(axis) == planned.motion.counter_units(axis)
         directions = [(word >> 1, word & 1) for word in run.directions[axis]]
@@ -151,7 +150,7 @@ def test_it_ends_where_planned_with_good_pulses(fast_kernel: Kernel, planned: Ru
     assert len({tick for tick, _ in ends}) == 1  # in step to the end
 
 
-def test_it_lasts_as_planned_and_the_pause(fast_kernel: Kernel, planned: Run) -> None:
+def test_it_lasts_as_planned_and_the_pause(fast_kernel: Kernel, planned: GroupRun) -> None:
     """A ramp of T takes T/2 longer than the path it covers: 9 kHz at 40 000 steps/s^2 are 900 ticks, down and up."""
     run = scripted(fast_kernel, (1501, True), (3000, False))
     assert next((tick, event) for tick, axis, event in run.events if axis == 0) == (1501 + 900, AxisEvent.HALTED)
@@ -161,9 +160,9 @@ def test_it_lasts_as_planned_and_the_pause(fast_kernel: Kernel, planned: Run) ->
     assert not [t for t in run.rises(0) if (1501 + 900) * k.TICK_COUNTS + 4800 < t < 4501 * k.TICK_COUNTS]
 
 
-def test_whole_ramps_only_shift_the_rest_of_the_motion(fast_kernel: Kernel, planned: Run) -> None:
+def test_whole_ramps_only_shift_the_rest_of_the_motion(fast_kernel: Kernel, planned: GroupRun) -> None:
     """Two ramps of 900 ticks cover 900 ticks of the path, none more and none less: later edges are later, no other."""
-    run = Run(fast_kernel)
+    run = GroupRun(fast_kernel)
     for ticks, hold in ((1501, True), (3000, False)):
         run.pass_ticks(ticks)
         run.motion.group.hold(1, hold=hold)
@@ -180,14 +179,14 @@ def test_whole_ramps_only_shift_the_rest_of_the_motion(fast_kernel: Kernel, plan
 @pytest.mark.parametrize("name", ["once", "resumed while it slows down", "halted while it speeds up"])
 def test_no_axis_decelerates_harder_than_allowed(fast_kernel: Kernel, name: str, deceleration_hz_per_s: int) -> None:
     """Where the plan has constant speed all acceleration is the ramp's; over 20 ticks units hardly blur it."""
-    run = scripted(fast_kernel, *SCRIPTS[name], deceleration=deceleration_hz_per_s * STEP_UNITS)
-    fast = np.array(run.demands)[:, 0] / STEP_UNITS
+    run = scripted(fast_kernel, *SCRIPTS[name], deceleration=deceleration_hz_per_s * STEP)
+    fast = np.array(run.demands)[:, 0] / STEP
     on_the_line = (fast > 450 + 1) & (fast < fast[-1] - 450 - 1)
     over = 20
     speeds_hz = (fast[over:] - fast[:-over]) / over * TICKS_PER_SECOND
     accelerations = (speeds_hz[over:] - speeds_hz[:-over]) / over * TICKS_PER_SECOND
     accelerations = np.abs(accelerations[on_the_line[: -2 * over] & on_the_line[2 * over :]])
-    blur = 4 / STEP_UNITS / over**2 * TICKS_PER_SECOND**2
+    blur = 4 / STEP / over**2 * TICKS_PER_SECOND**2
     assert 0.95 * deceleration_hz_per_s < accelerations.max() <= deceleration_hz_per_s + blur
 
 
@@ -196,19 +195,19 @@ def test_the_ramp_fits_what_is_coming_too(kernel: Kernel) -> None:
     for deceleration_hz_per_s, ticks in ((20_000, 1600), (200_000, 20)):
         motion = Motion(kernel, 1)
         motion.configure(0, CONFIG)
-        for record in ((10 * STEP_UNITS, KHZ, 20), (45 * STEP_UNITS, 8 * KHZ, 10), (80 * STEP_UNITS, 8 * KHZ, 10)):
+        for record in ((10 * STEP, KHZ, 20), (45 * STEP, 8 * KHZ, 10), (80 * STEP, 8 * KHZ, 10)):
             assert motion.push(0, *record) is Refusal.ACCEPTED
         motion.start(0, in_group=True)
         motion.advance(40)
         motion.group.hold(0, hold=True)
-        ramp_group(motion, [deceleration_hz_per_s * STEP_UNITS])
+        ramp_group(motion, [deceleration_hz_per_s * STEP])
         assert motion.group.rest_tick == 40 + ticks
 
 
 def test_the_ramp_lasts_at_most_as_long_as_a_stop(kernel: Kernel) -> None:
     motion = Motion(kernel, 1)
     motion.configure(0, CONFIG)
-    motion.push(0, 10 * STEP_UNITS, KHZ, 20)
+    motion.push(0, 10 * STEP, KHZ, 20)
     motion.start(0, in_group=True)
     motion.advance(40)
     motion.group.hold(0, hold=True)
@@ -219,7 +218,7 @@ def test_the_ramp_lasts_at_most_as_long_as_a_stop(kernel: Kernel) -> None:
 def test_a_queue_that_runs_dry_while_slowing_down_is_an_underrun(kernel: Kernel) -> None:
     motion = Motion(kernel, 1)
     motion.configure(0, CONFIG)
-    motion.push(0, 40 * STEP_UNITS, 4 * KHZ, 20)
+    motion.push(0, 40 * STEP, 4 * KHZ, 20)
     motion.start(0, in_group=True)
     motion.advance(60)
     motion.group.hold(0, hold=True)
@@ -233,7 +232,7 @@ def test_velocity_is_scaled(kernel: Kernel) -> None:
     """Half way down the ramp of 400 ticks from 4 kHz the axis runs at 2 kHz, and then rests."""
     motion = Motion(kernel, 1)
     motion.configure(0, CONFIG)
-    for record in ((40 * STEP_UNITS, 4 * KHZ, 20), (1000 * STEP_UNITS, 4 * KHZ, 250)):
+    for record in ((40 * STEP, 4 * KHZ, 20), (1000 * STEP, 4 * KHZ, 250)):
         motion.push(0, *record)
     motion.start(0, in_group=True)
     motion.advance(80)
@@ -320,7 +319,7 @@ def planned_steps(records: list[Record], t_ms: Fraction) -> Fraction:
     """The position of a chain of cubics, at rest at its start and left where it ends, at 16 microsteps."""
     start, v0 = Fraction(0), Fraction(0)
     for displacement_units, end_velocity, dt_ms in records:
-        d, v1 = Fraction(displacement_units, STEP_UNITS), Fraction(end_velocity, KHZ)
+        d, v1 = Fraction(displacement_units, STEP), Fraction(end_velocity, KHZ)
         if t_ms < dt_ms:
             s = t_ms / dt_ms
             a, e = v0 * dt_ms, v1 * dt_ms

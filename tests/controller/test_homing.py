@@ -18,10 +18,10 @@ from tests.controller.homing_bench import (
     HALT,
     SLOW_STEPS_PER_S,
     START,
-    STEP,
     HomingBench,
-    Machine,
+    SlidingMachine,
 )
+from tests.controller.units import STEP
 
 NEGATIVE, POSITIVE, HOME = DigitalInput.NEGATIVE_LIMIT, DigitalInput.POSITIVE_LIMIT, DigitalInput.HOME
 LEFT, RIGHT = -600, 600
@@ -73,7 +73,7 @@ SPEED_SLACK = 26
 """1/64 unit per ms: what the profile's rounding to whole units may add to a speed."""
 
 
-def machine(method: int, position: int) -> Machine:
+def machine(method: int, position: int) -> SlidingMachine:
     """A slider with limit switches at both ends and the home switch that the method is for."""
     home: Callable[[int], bool] = {
         19: lambda p: p >= EDGE,
@@ -81,7 +81,7 @@ def machine(method: int, position: int) -> Machine:
         21: lambda p: p <= EDGE,
         22: lambda p: p <= EDGE,
     }.get(method, lambda p: FIRST <= p <= LAST)
-    return Machine(position, {NEGATIVE: lambda p: p <= LEFT, POSITIVE: lambda p: p >= RIGHT, HOME: home})
+    return SlidingMachine(position, {NEGATIVE: lambda p: p <= LEFT, POSITIVE: lambda p: p >= RIGHT, HOME: home})
 
 
 def bench_for(kernel: Kernel, method: int, position: int, **switches: Callable[[int], bool]) -> HomingBench:
@@ -211,7 +211,7 @@ def test_home_repeats_within_one_step(
             POSITIVE: Sticky(1_500, 10**6, hysteresis),
             HOME: Sticky(*bounds, hysteresis),
         }
-        bench = HomingBench(fast_kernel, Machine(start, switches))
+        bench = HomingBench(fast_kernel, SlidingMachine(start, switches))
         bench.write(od.HOMING_SEARCH_SPEED, fast * STEP)
         bench.write(od.HOMING_ZERO_SPEED, slow * STEP)
         bench.write(od.HOMING_ACCELERATION, acceleration * STEP)

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from steptwin.controller import kernel as k
 from steptwin.controller.backend import KERNELS, Kernel, compiled_kernel, python_kernel
 from tests.controller.kernel_rig import KernelRig, Timing, timing_faults
+from tests.controller.units import MS, STEP
 
-UNITS_PER_STEP = 1024
-"""At 16 microsteps."""
-ONE_STEP_PER_MS = 64 * UNITS_PER_STEP
+ONE_STEP_PER_MS = 64 * STEP
 """A velocity of 1 kHz of steps in the record's units of 1/64 unit per ms."""
 
 
@@ -22,10 +21,10 @@ def test_constant_speed_by_hand(kernel: Kernel) -> None:
     """1 kHz from a standing counter: step i is due when the demand reaches i + 9/16, so at (i + 9/16) ms."""
     rig = KernelRig(kernel)
     rig.set(k.TAIL_VELOCITY, ONE_STEP_PER_MS)
-    assert rig.push(10 * UNITS_PER_STEP, ONE_STEP_PER_MS, 10) == k.ACCEPTED
+    assert rig.push(10 * STEP, ONE_STEP_PER_MS, 10) == k.ACCEPTED
     assert rig.start()
     assert rig.advance(40) == 40
-    assert rig.rises() == [72_000 * i + 40_500 for i in range(10)]
+    assert rig.rises() == [MS * i + 40_500 for i in range(10)]
     assert rig.falls() == [rise + 2376 for rise in rig.rises()]
     assert rig.dir_edges() == [(2 * k.TICK_COUNTS, 1)]  # at the start of the tick of the first step
     assert rig.get(k.COUNTER) == 10
@@ -35,13 +34,13 @@ def test_constant_speed_by_hand(kernel: Kernel) -> None:
 def test_rest_to_rest_cubic_by_hand(kernel: Kernel) -> None:
     """p = 4 (3 s^2 - 2 s^3) steps in 8 ms passes 2 at half time; the four thresholds lie symmetrically about it."""
     rig = KernelRig(kernel)
-    rig.push(4 * UNITS_PER_STEP, 0, 8)
+    rig.push(4 * STEP, 0, 8)
     rig.start()
     assert rig.advance(32) == 32
     assert rig.get(k.EVENT) == k.EVENT_FINISHED
     assert rig.get(k.POSITION_Q16) == 4 << 16
     for rise, threshold in zip(rig.rises(), (0.5625, 1.5625, 2.5625, 3.5625), strict=True):
-        s = rise / (8 * 72_000)
+        s = rise / (8 * MS)
         assert 4 * (3 * s * s - 2 * s**3) == pytest.approx(threshold, abs=2e-3)
 
 
@@ -107,7 +106,7 @@ class TestRefusals:
         limit = 15 * ONE_STEP_PER_MS
         rig = KernelRig(kernel)
         rig.set(k.TAIL_VELOCITY, sign * limit)
-        displacement = sign * 150 * UNITS_PER_STEP
+        displacement = sign * 150 * STEP
         before = rig.snapshot()
         assert rig.push(displacement, sign * (limit + 1), 10) == k.REFUSED_TOO_FAST
         assert rig.snapshot() == before
@@ -115,7 +114,7 @@ class TestRefusals:
 
     def test_speed_between_the_points_counts_too(self, kernel: Kernel) -> None:
         """From rest to rest the middle Bernstein coefficient is 3D/dt: 5 steps per ms of mean speed is the limit."""
-        at_limit = 5 * UNITS_PER_STEP * 10
+        at_limit = 5 * STEP * 10
         assert KernelRig(kernel).push(at_limit, 0, 10) == k.ACCEPTED
         assert KernelRig(kernel).push(at_limit + 1, 0, 10) == k.REFUSED_TOO_FAST
 
@@ -138,7 +137,7 @@ class TestPulseTiming:
         """20 kHz asked of a driver that makes 15 kHz: every rise but the first waits its turn."""
         rig = KernelRig(kernel, rate_limit_q16_per_ms=20 * k.STEP_Q16)
         rig.set(k.TAIL_VELOCITY, 20 * ONE_STEP_PER_MS)
-        rig.push(20 * UNITS_PER_STEP, 20 * ONE_STEP_PER_MS, 1)
+        rig.push(20 * STEP, 20 * ONE_STEP_PER_MS, 1)
         rig.start()
         rig.advance(4)
         rises = rig.rises()
@@ -150,13 +149,13 @@ class TestPulseTiming:
         """20 kHz demanded at 15 kHz falls behind by a quarter of the time: a tick of lag after about four ticks."""
         rig = KernelRig(kernel, rate_limit_q16_per_ms=20 * k.STEP_Q16)
         rig.set(k.TAIL_VELOCITY, 20 * ONE_STEP_PER_MS)
-        rig.push(2000 * UNITS_PER_STEP, 20 * ONE_STEP_PER_MS, 100)
+        rig.push(2000 * STEP, 20 * ONE_STEP_PER_MS, 100)
         rig.start()
         reached = rig.advance(400)
         assert 3 <= reached <= 6
         assert rig.asking == 1
         assert rig.get(k.EVENT) == k.EVENT_LATE_STEP
-        due = (len(rig.rises()) - 1 + 0.5625) / 20 * 72_000
+        due = (len(rig.rises()) - 1 + 0.5625) / 20 * MS
         assert k.TICK_COUNTS < rig.rises()[-1] - due < 1.4 * k.TICK_COUNTS
 
     def test_a_late_step_is_seen_although_the_tick_catches_up(self, kernel: Kernel) -> None:
@@ -185,8 +184,8 @@ class TestPulseTiming:
         """A sharp reversal: DIR comes dirhold after the last rise up, the next rise dirsetup after DIR."""
         timing = Timing(steplen=500, stepspace=500, dirsetup=9_000, dirhold=12_000)
         rig = KernelRig(kernel, timing=timing, rate_limit_q16_per_ms=60 * k.STEP_Q16)
-        rig.push(20 * UNITS_PER_STEP, 0, 1)
-        rig.push(-20 * UNITS_PER_STEP, 0, 1)
+        rig.push(20 * STEP, 0, 1)
+        rig.push(-20 * STEP, 0, 1)
         rig.start()
         rig.advance(8)
         assert timing_faults(rig, timing) == []
@@ -363,7 +362,7 @@ def test_what_limits_the_edges_is_the_wire_unit_and_the_chord(fast_kernel: Kerne
     """At 88 000 steps/s^2 the bound is half a unit of rounding, the chord's sagitta a dt^2 / 8, a little arithmetic."""
     peak_hz, sine_hz = 14_000, 1.0
     acceleration = 2 * math.pi * sine_hz * peak_hz
-    bound = 0.5 / UNITS_PER_STEP + acceleration * 250e-6**2 / 8 + 2e-4
+    bound = 0.5 / STEP + acceleration * 250e-6**2 / 8 + 2e-4
     error = np.abs(ideal_error_of_a_sine(fast_kernel, peak_hz, sine_hz)).max()
     assert bound / 2 < error < bound
 
@@ -373,7 +372,7 @@ def ideal_error_of_a_sine(kernel: Kernel, peak_hz: int, sine_hz: float) -> NDArr
     omega = 2 * math.pi * sine_hz
     amplitude = peak_hz / omega
     seconds = np.arange(round(100 / sine_hz) + 1) / 100
-    units = np.floor(amplitude * (1 - np.cos(omega * seconds)) * UNITS_PER_STEP + 0.5).astype(int)
+    units = np.floor(amplitude * (1 - np.cos(omega * seconds)) * STEP + 0.5).astype(int)
     velocities = np.round(peak_hz * np.sin(omega * seconds) / 1000 * ONE_STEP_PER_MS).astype(int)
     rig = KernelRig(kernel, edges=1 << 17)
     for i, (displacement, velocity) in enumerate(zip(np.diff(units), velocities[1:], strict=True)):

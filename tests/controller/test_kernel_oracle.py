@@ -7,40 +7,15 @@ from hypothesis import strategies as st
 
 from steptwin.controller import kernel as k
 from steptwin.controller.backend import python_kernel
+from tests.controller.exact_hermite import ExactHermite
 from tests.controller.kernel_rig import KernelRig, Timing
+from tests.controller.units import MS
 
 TICKS_PER_MS = 4
 H = Fraction(9, 16)
 Q16 = Fraction(1, 1 << 16)
 FAST_PINS = Timing(steplen=1, stepspace=1, dirsetup=0, dirhold=0)
 """Pulse timing out of the way: what is tested here is where steps are due."""
-
-
-class ExactHermite:
-    """A cubic Hermite segment over rationals: positions in steps, velocities in steps per ms, time in ms."""
-
-    def __init__(self, p0: Fraction, v0: Fraction, p1: Fraction, v1: Fraction, dt_ms: Fraction | int) -> None:
-        self.p0, self.v0, self.p1, self.v1, self.dt_ms = p0, v0, p1, v1, dt_ms
-
-    def position(self, t_ms: Fraction) -> Fraction:
-        s = t_ms / self.dt_ms
-        return (
-            self.p0 * (1 + 2 * s) * (1 - s) ** 2
-            + self.v0 * self.dt_ms * s * (1 - s) ** 2
-            + self.p1 * s * s * (3 - 2 * s)
-            + self.v1 * self.dt_ms * s * s * (s - 1)
-        )
-
-    def acceleration_max(self) -> Fraction:
-        """Largest |p''| in steps per ms^2: it is linear in time, so it lies at an end."""
-        d, t = self.p1 - self.p0, self.dt_ms
-        at_start = (6 * d / t - 4 * self.v0 - 2 * self.v1) / t
-        at_end = (-6 * d / t + 2 * self.v0 + 4 * self.v1) / t
-        return max(abs(at_start), abs(at_end))
-
-    def speed_max(self) -> Fraction:
-        """A bound on |p'|: the Bernstein coefficients of the velocity."""
-        return max(abs(self.v0), abs(3 * (self.p1 - self.p0) / self.dt_ms - self.v0 - self.v1), abs(self.v1))
 
 
 @given(
@@ -69,7 +44,7 @@ def test_positions_and_edges_against_exact_arithmetic(
     )
     position_bound = 5 * Q16
     sagitta = exact.acceleration_max() * Fraction(1, TICKS_PER_MS) ** 2 / 8
-    edge_bound = position_bound + sagitta + 4 * exact.speed_max() / 72_000 + 4 * Q16
+    edge_bound = position_bound + sagitta + 4 * exact.speed_max() / MS + 4 * Q16
 
     rig.start()
     counter, seen = 0, 0
@@ -79,7 +54,7 @@ def test_positions_and_edges_against_exact_arithmetic(
         assert abs(p - exact.position(Fraction(tick + 1, TICKS_PER_MS))) <= position_bound
         assert abs(p - rig.get(k.COUNTER)) < H  # no step is missing
         for rise, sign in list(zip(rig.rises(), rig.signs(), strict=True))[seen:]:
-            due = exact.position(Fraction(rise, 72_000))
+            due = exact.position(Fraction(rise, MS))
             assert abs(due - (counter + sign * H)) <= edge_bound
             counter += sign
             seen += 1

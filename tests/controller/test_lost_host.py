@@ -2,20 +2,13 @@
 
 import pytest
 
-from steptwin.controller.backend import Kernel
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import AbortConnection, ErrorCode, State
 from steptwin.protocol.nmt import ErrorBehaviour, NmtState
 from tests.controller.bench_board import BenchBoard
+from tests.controller.units import STEP
 
 HOST = 0x7F
-STEP = 1024
-"""Units of a step at 16 microsteps."""
-
-
-@pytest.fixture
-def pair(fast_kernel: Kernel) -> BenchBoard:
-    return BenchBoard(fast_kernel, axes=2)
 
 
 def watch_host(board: BenchBoard, *axes: int, timeout_ms: int = 50) -> None:

@@ -11,8 +11,9 @@ from steptwin.controller.backend import Kernel, python_kernel
 from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.controller.motion import STOP_MAX_MS, AxisEvent, Motion, Refusal, stop_segments
 from steptwin.controller.step_config import StepConfig, counts_of_ns
+from tests.controller.units import STEP
 
-CONFIG = StepConfig(16, 33_000, 33_666, 15_000, 15_000, velocity_max_units_per_s=20_000 * 1024)
+CONFIG = StepConfig(16, 33_000, 33_666, 15_000, 15_000, velocity_max_units_per_s=20_000 * STEP)
 
 
 def moving(kernel: Kernel, axes: int = 1, config: StepConfig = CONFIG) -> Motion:
@@ -36,7 +37,7 @@ def test_default_pulse_timing_allows_exactly_15_khz() -> None:
 
 
 def test_rate_limit_is_the_lower_of_velocity_and_pulse_timing() -> None:
-    assert StepConfig(16, 33_000, 33_666, 0, 0, 1024 * 1000).rate_limit_q16_per_ms == 1 << 16
+    assert StepConfig(16, 33_000, 33_666, 0, 0, STEP * 1000).rate_limit_q16_per_ms == 1 << 16
     assert StepConfig(8, 33_000, 33_666, 0, 0, 2048 * 1000).rate_limit_q16_per_ms == 1 << 16
 
 
@@ -50,7 +51,7 @@ def test_preset_keeps_the_fraction_of_a_step(kernel: Kernel) -> None:
     for units, steps in ((511, 0), (512, 1), (-512, 0), (-513, -1), (1_000_000, 977)):
         motion.preset(0, units)
         assert motion.demand_units(0) == units
-        assert motion.counter_units(0) == steps * 1024
+        assert motion.counter_units(0) == steps * STEP
 
 
 def test_reconfiguring_moves_no_counter(kernel: Kernel) -> None:
@@ -61,23 +62,23 @@ def test_reconfiguring_moves_no_counter(kernel: Kernel) -> None:
     motion.advance(40)
     motion.take_events()
     assert (motion.demand_units(0), motion.counter_units(0)) == (570, 0)
-    motion.configure(0, StepConfig(16, 40_000, 40_000, 0, 0, 1024))
+    motion.configure(0, StepConfig(16, 40_000, 40_000, 0, 0, STEP))
     assert (motion.demand_units(0), motion.counter_units(0)) == (570, 0)
 
 
 @pytest.mark.parametrize(("microsteps", "counter_units"), [(1, 16_384), (2, 24_576), (8, 20_480)])
 def test_a_new_microstep_setting_keeps_the_place(kernel: Kernel, microsteps: int, counter_units: int) -> None:
     motion = moving(kernel)
-    motion.preset(0, 20 * 1024 + 100)
-    motion.configure(0, StepConfig(microsteps, 33_000, 33_666, 0, 0, 1024))
-    assert (motion.demand_units(0), motion.counter_units(0)) == (20 * 1024, counter_units)
+    motion.preset(0, 20 * STEP + 100)
+    motion.configure(0, StepConfig(microsteps, 33_000, 33_666, 0, 0, STEP))
+    assert (motion.demand_units(0), motion.counter_units(0)) == (20 * STEP, counter_units)
 
 
 def test_stop_lasts_as_asked_and_ends_at_rest(kernel: Kernel) -> None:
     """From 8 kHz in 100 ms: 400 steps of stopping distance, the motor at most half a step from the demand."""
     motion = moving(kernel)
-    assert motion.push(0, 400 * 1024, 8 * 65_536, 100) is Refusal.ACCEPTED
-    assert motion.push(0, 2040 * 1024, 8 * 65_536, 255) is Refusal.ACCEPTED
+    assert motion.push(0, 400 * STEP, 8 * 65_536, 100) is Refusal.ACCEPTED
+    assert motion.push(0, 2040 * STEP, 8 * 65_536, 255) is Refusal.ACCEPTED
     motion.start(0)
     motion.advance(500)
     before = motion.demand_units(0)
@@ -89,7 +90,7 @@ def test_stop_lasts_as_asked_and_ends_at_rest(kernel: Kernel) -> None:
     assert not motion.running(0)
     expected = velocity * 100 / 2 / 64
     assert motion.demand_units(0) - before == pytest.approx(expected, abs=1)
-    assert abs(motion.demand_units(0) - motion.counter_units(0)) <= 0.5626 * 1024
+    assert abs(motion.demand_units(0) - motion.counter_units(0)) <= 0.5626 * STEP
 
 
 @pytest.mark.parametrize("answer", [lambda motion: motion.flush(0), lambda motion: motion.stop(0, 10)])
@@ -121,8 +122,8 @@ def test_a_stop_without_room_for_its_ramp_is_dead(kernel: Kernel) -> None:
 
 def test_the_longest_stop_still_fits_the_queue(kernel: Kernel) -> None:
     motion = moving(kernel)
-    motion.push(0, 40 * 1024, 65_536, 80)
-    motion.push(0, 80 * 1024, 65_536, 80)
+    motion.push(0, 40 * STEP, 65_536, 80)
+    motion.push(0, 80 * STEP, 65_536, 80)
     motion.start(0)
     motion.advance(320)
     motion.stop(0, STOP_MAX_MS)
@@ -198,7 +199,7 @@ def test_advance_stops_for_draining_before_edges_can_overflow(kernel: Kernel) ->
 def test_faster_pulses_leave_room_for_fewer_ticks(kernel: Kernel) -> None:
     motion = moving(kernel)
     slow = motion.room_ticks
-    motion.configure(0, StepConfig(16, 4_000, 4_000, 0, 0, 125_000 * 1024))
+    motion.configure(0, StepConfig(16, 4_000, 4_000, 0, 0, 125_000 * STEP))
     assert motion.room_ticks == pytest.approx(slow * (15 // 4 + 2) / (125 // 4 + 2), rel=0.01)
 
 

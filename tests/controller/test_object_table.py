@@ -4,7 +4,6 @@ from collections.abc import Iterator
 
 import pytest
 
-from steptwin.controller.backend import Kernel
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.datatypes import DataType, encode
@@ -45,11 +44,6 @@ RULES: dict[tuple[int, int], Outcome] = {
     **dict(pdo_rules()),
 }
 """Entries with rules beyond their range."""
-
-
-@pytest.fixture
-def board(fast_kernel: Kernel) -> BenchBoard:
-    return BenchBoard(fast_kernel)
 
 
 def named(value: object) -> str | None:

@@ -18,7 +18,7 @@ ENOUGH = 500
 
 
 @dataclass
-class Run:
+class ExecutedProfile:
     """Segments as executed from a velocity, with what the kernel's cubics do between their ends."""
 
     velocity: int
@@ -29,7 +29,7 @@ class Run:
     accelerations: list[tuple[int, float, float]] = field(default_factory=list)
     """Duration, and acceleration at begin and end in 1/64 unit per ms^2."""
 
-    def take(self, profile: Profile, count: int = ENOUGH) -> "Run":
+    def take(self, profile: Profile, count: int = ENOUGH) -> "ExecutedProfile":
         for _ in range(count):
             segment = profile.next_segment()
             if segment is None:
@@ -78,7 +78,7 @@ def steepest(limits: Limits) -> float:
 @given(limits=st.one_of(linear, smooth), distance=distances)
 @example(limits=Limits(1, 1, 1), distance=3)
 def test_from_rest_it_ends_at_the_target_within_all_limits(limits: Limits, distance: int) -> None:
-    run = Run(0).take(move(distance, 0, 0, limits))
+    run = ExecutedProfile(0).take(move(distance, 0, 0, limits))
     assert run.fastest_excess <= limits.velocity
     assert run.acceleration_excess <= steepest(limits) * (ACROSS_A_BEND if limits.jerk else 1 + 1e-9)
     assert all(GRAIN_MS <= segment.duration_ms <= PIECE_MS for segment in run.segments)
@@ -89,7 +89,7 @@ def test_from_rest_it_ends_at_the_target_within_all_limits(limits: Limits, dista
 @given(limits=st.one_of(linear, smooth), distance=distances, velocity=st.integers(-960_000, 960_000))
 def test_from_any_velocity_it_ends_at_the_target(limits: Limits, distance: int, velocity: int) -> None:
     """Also the wrong way, too near to stop and faster than allowed: that is taken back by the deceleration."""
-    run = Run(velocity).take(move(distance, velocity, 0, limits))
+    run = ExecutedProfile(velocity).take(move(distance, velocity, 0, limits))
     assert run.fastest_excess <= max(limits.velocity, abs(velocity))
     assert run.acceleration_excess <= steepest(limits) * (1 + 3 / GRAIN_MS) * ACROSS_A_BEND
     if len(run.segments) < ENOUGH:
@@ -106,7 +106,7 @@ def test_from_any_velocity_it_ends_at_the_target(limits: Limits, distance: int, 
 def test_a_new_target_with_new_limits_on_the_way(
     first: Limits, second: Limits, distance: int, change_after: int, target: int
 ) -> None:
-    run = Run(0).take(move(distance, 0, 0, first), change_after)
+    run = ExecutedProfile(0).take(move(distance, 0, 0, first), change_after)
     acceleration = run.segments[-1].end_acceleration if run.segments else 0
     run.take(move(target - run.units, run.velocity, acceleration, second))
     assert run.fastest_excess <= max(first.velocity, second.velocity) + 1
@@ -117,7 +117,7 @@ def test_a_new_target_with_new_limits_on_the_way(
 
 @given(limits=st.one_of(linear, smooth), velocity=st.integers(-960_000, 960_000))
 def test_a_stop_never_turns_round(limits: Limits, velocity: int) -> None:
-    run = Run(velocity).take(stop(velocity, 0, limits))
+    run = ExecutedProfile(velocity).take(stop(velocity, 0, limits))
     assert run.acceleration_excess <= limits.deceleration * PER_S2 * ACROSS_A_BEND
     if len(run.segments) < ENOUGH:
         assert run.velocity == 0
@@ -133,7 +133,7 @@ def test_jerk_limited_motions_have_no_steps_in_their_acceleration(
     limits: Limits, distance: int, change_after: int
 ) -> None:
     """Also where a new target takes over: the present acceleration is taken back within the jerk."""
-    run = Run(0).take(move(distance, 0, 0, limits), change_after)
+    run = ExecutedProfile(0).take(move(distance, 0, 0, limits), change_after)
     run.take(move(2 * distance, run.velocity, run.segments[-1].end_acceleration, limits))
     blended = [(0, 0.0, 0.0), *run.accelerations]
     jerk = limits.jerk * 64 / 10**9
@@ -146,7 +146,7 @@ def test_jerk_limited_motions_have_no_steps_in_their_acceleration(
 def test_a_trapezoid_takes_its_time() -> None:
     """100 000 units at 64 units per ms with ramps of 100 ms: 1662.5 ms, and less than 5 grains more."""
     limits = Limits(64 * 64, 640_000, 640_000)
-    run = Run(0).take(move(100_000, 0, 0, limits))
+    run = ExecutedProfile(0).take(move(100_000, 0, 0, limits))
     total_ms = sum(segment.duration_ms for segment in run.segments)
     assert total_ms == pytest.approx(1662.5, abs=5 * GRAIN_MS)
     assert max(segment.end_velocity for segment in run.segments) == 64 * 64
@@ -155,7 +155,7 @@ def test_a_trapezoid_takes_its_time() -> None:
 def test_a_jerk_limited_ramp_takes_its_time() -> None:
     """To 100 units per ms at 1 unit per ms^2 and 0.02 units per ms^3: 100 ms + 50 ms."""
     limits = Limits(6400, 1_000_000, 1_000_000, 20_000_000)
-    run = Run(0).take(move(10**6, 0, 0, limits), 40)
+    run = ExecutedProfile(0).take(move(10**6, 0, 0, limits), 40)
     ended = [segment.end_velocity for segment in run.segments]
     at_speed = ended.index(6400)
     assert sum(segment.duration_ms for segment in run.segments[: at_speed + 1]) == 150
@@ -169,7 +169,7 @@ def test_no_distance_is_no_motion(jerk: int) -> None:
 
 def test_too_near_to_stop_it_overshoots_and_comes_back() -> None:
     """From 100 units per ms at 1 unit per ms^2 it needs 5000 units to stop; at 1000 it turns round."""
-    run = Run(6400).take(move(1000, 6400, 0, Limits(6400, 1_000_000, 1_000_000)))
+    run = ExecutedProfile(6400).take(move(1000, 6400, 0, Limits(6400, 1_000_000, 1_000_000)))
     position, farthest = 0, 0
     for segment in run.segments:
         position += segment.displacement_units

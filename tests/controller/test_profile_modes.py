@@ -9,9 +9,8 @@ from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.cia402 import ErrorCode, Mode, State, Status
 from tests.controller.bench_board import BenchBoard
+from tests.controller.units import STEP
 
-STEP = 1024
-"""Units of a step at 16 microsteps."""
 NEW, AT_ONCE, RELATIVE, HALT = 0x10, 0x20, 0x40, 0x100
 
 

@@ -16,15 +16,16 @@ from steptwin.controller.backend import KERNELS, Kernel
 from steptwin.controller.pins import Pin
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, Mode, State, Status
-from tests.controller.bench_board import MS, BenchBoard
+from tests.controller.bench_board import BenchBoard
 from tests.controller.kernel_rig import Timing, pin_timing_faults
+from tests.controller.units import MS, STEP
 
 AXES = 2
-ACCELERATION = 40_000 * 1024
+ACCELERATION = 40_000 * STEP
 """Of every ramp of a profile, a stop or a fault, in units/s2."""
 RAMPS = (od.PROFILE_ACCELERATION, od.PROFILE_DECELERATION, od.QUICK_STOP_DECELERATION, od.HOMING_ACCELERATION)
-VELOCITY_MAX = 4_000 * 1024
-ROUNDING = 4 * 1024
+VELOCITY_MAX = 4_000 * STEP
+ROUNDING = 4 * STEP
 """What velocities per ms may differ by: 1/64 unit per ms, a ramp of whole ms, units at the ends of segments."""
 
 axes = st.integers(0, AXES - 1)
@@ -37,7 +38,7 @@ OBJECTS = {
     od.HALT_OPTION: (1, 2),
     od.FAULT_REACTION_OPTION: (0, 1, 2),
     od.ABORT_CONNECTION_OPTION: (0, 1, 2, 3),
-    od.FOLLOWING_ERROR_WINDOW: (0, 576, 1024, 2**32 - 1),
+    od.FOLLOWING_ERROR_WINDOW: (0, 576, STEP, 2**32 - 1),
     od.POSITION_WINDOW: (0, 512, 2**32 - 1),
     od.TARGET_POSITION: (0, 1000, -300_000, 2_000_000, 2**31 - 1),
     od.HOME_OFFSET: (0, 500, -1_000_000),

@@ -8,8 +8,8 @@ from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.cia402 import Mode, State, Status
 from tests.controller.bench_board import BenchBoard
+from tests.controller.units import STEP
 
-STEP = 1024
 SPEED = 2000 * STEP
 SLOW_MS, QUICK_MS = 100, 50
 """How long the two ramps take from SPEED."""

@@ -2,23 +2,17 @@
 
 import pytest
 
-from steptwin.controller.backend import Kernel
 from steptwin.controller.pins import Pin
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.cia402 import State
 from steptwin.protocol.frame import COB_ID_INVALID
 from tests.controller.bench_board import BenchBoard
+from tests.controller.units import STEP
 
 SAVE = int.from_bytes(b"save", "little")
 LOAD = int.from_bytes(b"load", "little")
-STEP = 1024
 RESET_NODE, RESET_COMMUNICATION = 0x81, 0x82
-
-
-@pytest.fixture
-def pair(fast_kernel: Kernel) -> BenchBoard:
-    return BenchBoard(fast_kernel, axes=2)
 
 
 CHANGES = ((od.PRODUCER_HEARTBEAT_TIME, 500), (od.STEPLEN_NS, 40_000), (od.HOME_OFFSET, 77))

@@ -11,8 +11,8 @@ from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode, Mode, State, Status
 from steptwin.protocol.frame import Frame
 from tests.controller.bench_board import BenchBoard
+from tests.controller.units import STEP
 
-STEP = 1024
 RAMP_MS = 50
 NEGATIVE, POSITIVE = DigitalInput.NEGATIVE_LIMIT, DigitalInput.POSITIVE_LIMIT
 NOTHING = DigitalInput(0)
