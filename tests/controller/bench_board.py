@@ -1,4 +1,4 @@
-"""A firmware on a table: frames go in and come out at chosen instants, there is no bus and no driver."""
+"""A firmware without bus or driver: tests send frames and read its answers at chosen instants."""
 
 import struct
 
@@ -12,7 +12,7 @@ from tests.controller.units import MS
 
 
 class BenchBoard:
-    """Talks to a firmware directly; `sent` collects what it says."""
+    """Talks to a firmware directly; `sent` collects its frames, with their instants."""
 
     def __init__(self, kernel: Kernel, axes: int = 1) -> None:
         self.firmware = Firmware(kernel, axes)
@@ -26,7 +26,7 @@ class BenchBoard:
         self.sent += [(self.now, frame) for frame in self.firmware.take_frames()]
 
     def wait(self, dt_ms: float) -> None:
-        """Let time pass, stopping wherever the firmware has something to do."""
+        """Let time pass, stopping whenever the firmware has work to do."""
         until = self.now + round(dt_ms * MS)
         while self.now < until:
             due = self.firmware.next_due_counts
@@ -52,13 +52,13 @@ class BenchBoard:
         self._fetch()
 
     def measure(self, supply_10mv: int = 2400, temperature_decidegc: int = 250) -> None:
-        """Let the board's analogue inputs say something else."""
+        """Set the readings of the board's analogue inputs."""
         self.firmware.measure(supply_10mv, temperature_decidegc, self.now)
         self.firmware.poll(self.now)
         self._fetch()
 
     def state(self, axis: int = 0) -> State:
-        """The state of an axis' drive."""
+        """Return the state of an axis' drive."""
         return self.firmware.nodes[axis].drive.state
 
     def flags(self, axis: int = 0) -> int:
@@ -66,11 +66,11 @@ class BenchBoard:
         return self.value(od.PVT_FLAGS, axis)
 
     def has(self, bit: Status, axis: int = 0) -> bool:
-        """Whether a bit of the statusword is set."""
+        """Return whether a bit of the statusword is set."""
         return bool(self.value(od.STATUSWORD, axis) & bit)
 
     def errors(self, axis: int = 0) -> list[int]:
-        """The error codes that an axis has reported by EMCY, ends of errors left out."""
+        """Return the error codes that an axis has reported by EMCY, without the ends of errors."""
         frames = self.frames(0x080 + self.firmware.nodes[axis].node_id)
         codes = [int.from_bytes(data[:2], "little") for data in frames if data]
         return [code for code in codes if code]
@@ -90,11 +90,11 @@ class BenchBoard:
         return int.from_bytes(answer[4:], "little") if answer[0] == 0x80 else 0
 
     def value(self, address: int, axis: int = 0) -> int:
-        """What the dictionary says now."""
+        """Return the present value of an entry."""
         return self.firmware.nodes[axis].dictionary.get(address)
 
     def frames(self, cob_id: int) -> list[bytes]:
-        """Everything sent with an identifier."""
+        """Return the data of all frames sent with a COB-ID."""
         return [frame.data for _, frame in self.sent if frame.cob_id == cob_id]
 
     def enable(self, mode: int = 7) -> None:

@@ -1,4 +1,4 @@
-"""A host of cyclic synchronous position: sends set-points and SYNCs to a bench board, when it likes."""
+"""A host for cyclic synchronous position, which sends set-points and SYNCs to a bench board at chosen times."""
 
 import struct
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ FIRST_SYNC_COUNTS = 5 * MS + 12_345
 
 
 def ramped(velocity_units: int, acceleration_units: int, cycles: int, start_units: int = 0) -> list[int]:
-    """Set-points that speed up from rest by so much a period, and a period, and then go on at constant velocity."""
+    """Return set-points that accelerate from rest, by units per period in each period, to a constant velocity."""
     sign = 1 if velocity_units > 0 else -1
     speeds = (min(i * acceleration_units, abs(velocity_units)) for i in range(1, cycles + 1))
     return list(accumulate((sign * speed for speed in speeds), initial=start_units))
@@ -28,7 +28,7 @@ class CyclicBench(BenchBoard):
         super().__init__(kernel, axes)
         self.period_ms = period_ms
         self.ppm = ppm
-        """By how much the host's clock is slow."""
+        """Parts per million by which the host's clock is slow."""
         self.cycles = 0
         self.held: list[int | None] = [None] * axes
         """The last set-points sent."""
@@ -46,7 +46,7 @@ class CyclicBench(BenchBoard):
         self.wait((counts - self.now) / MS)
 
     def cycle(self, *points: int | None, sync: bool = True, late_counts: int = 0) -> None:
-        """One cycle of the host: a set-point for each axis, None for a lost one, and SYNC."""
+        """Do one cycle of the host: send a set-point to each axis, except for None, and SYNC."""
         self.until(self.due_counts + late_counts)
         for axis, point in enumerate(points):
             if point is not None:
@@ -57,7 +57,7 @@ class CyclicBench(BenchBoard):
         self.cycles += 1
 
     def follow(self, points: Sequence[int]) -> None:
-        """The same set-points for all axes."""
+        """Send the same set-points to all axes."""
         for point in points:
             self.cycle(*[point] * len(self.firmware.nodes))
 
@@ -67,12 +67,12 @@ class CyclicBench(BenchBoard):
             self.cycle(*self.held)
 
     def skip(self) -> None:
-        """Leave out the cycles whose time is over."""
+        """Leave out the cycles whose time has passed."""
         while self.due_counts < self.now:
             self.cycles += 1
 
 
 def first_tick(period_ms: int) -> int:
-    """Where the cubic of cycle 0 begins: a tick after the first one that is half a period after its SYNC."""
+    """Return the tick in which the cubic of cycle 0 begins: a tick after the slot of its SYNC closes."""
     half_us = FIRST_SYNC_COUNTS // 72 + 500 * period_ms
     return -(-half_us // 250) + 1

@@ -1,6 +1,6 @@
-"""A bench board with a machine behind it: an axis whose pulses move a slider past switches, looked at tick by tick.
+"""A bench board with a machine: an axis whose pulses move a slider past switches, checked tick by tick.
 
-What the switches do is said here once more, without the emulator: its switches are held against these.
+The switches are modelled here independently of the emulator, whose tests compare its switches with these.
 """
 
 from collections.abc import Callable
@@ -20,8 +20,8 @@ Closed = Callable[[int], bool]
 
 
 @dataclass
-class SlidingMachine:
-    """Which switches are closed at a position in steps; the slider stands at `position`."""
+class Slider:
+    """A slider at `position`, in steps, and the switches that are closed at each position."""
 
     position: int = 0
     switches: dict[DigitalInput, Closed] = field(default_factory=dict)
@@ -35,13 +35,13 @@ class SlidingMachine:
 
 
 class HomingBench(BenchBoard):
-    """One axis, enabled in homing mode; `wait` goes from servo tick to servo tick."""
+    """One axis, enabled in homing mode; `wait` advances from servo tick to servo tick."""
 
-    def __init__(self, kernel: Kernel, machine: SlidingMachine) -> None:
+    def __init__(self, kernel: Kernel, machine: Slider) -> None:
         super().__init__(kernel)
         self.machine = machine
         self.rises: list[tuple[int, int]] = []
-        """Instant and sign of every step."""
+        """Instant and sign of every step made."""
         self.edges: list[tuple[int, DigitalInput]] = []
         """Every change of the inputs: the tick at whose start the firmware saw it, in counts, and the levels."""
         self.velocities: list[int] = []
@@ -66,7 +66,7 @@ class HomingBench(BenchBoard):
                 self._pass_until(boundary)
 
     def _pass_until(self, until: int) -> None:
-        """Stop wherever the firmware has something to do."""
+        """Let time pass, stopping whenever the firmware has work to do."""
         while True:
             due = self.firmware.next_due_counts
             goal = until if due is None else max(self.now, min(until, due))
@@ -102,7 +102,7 @@ class HomingBench(BenchBoard):
             self.firmware.set_inputs([levels], boundary)
             self._fetch()
 
-    # --- commands and what comes of them
+    # --- commands and results
 
     def word(self, bits: int = 0) -> None:
         assert self.write(od.CONTROLWORD, 0x0F | bits) == 0
@@ -135,7 +135,7 @@ class HomingBench(BenchBoard):
         return int(reached), int(attained), int(bool(word & Status.HOMING_ERROR))
 
     def strokes(self) -> list[list[int]]:
-        """The demanded velocities in steps/s, tick by tick, from standstill to standstill or to a turn."""
+        """Return one list for each stroke, from standstill to standstill or reversal: its velocities tick by tick."""
         strokes: list[list[int]] = []
         last = 0
         for velocity in self.velocities:
@@ -152,11 +152,11 @@ class HomingBench(BenchBoard):
 
     @property
     def emergencies(self) -> list[tuple[int, int]]:
-        """Code and detail of every EMCY."""
+        """Code and detail of every EMCY sent."""
         return [(int.from_bytes(data[:2], "little"), data[3]) for data in self.frames(0x090)]
 
     @property
     def zero_steps(self) -> int:
-        """Where, on the machine, the step counter reads 0."""
+        """The slider's position at which the step counter reads 0."""
         assert self.value(od.POSITION_ACTUAL) % STEP == 0
         return self.machine.position - self.value(od.POSITION_ACTUAL) // STEP

@@ -1,4 +1,4 @@
-"""A kernel on its own, without firmware: storage, configuration and a way to read its edges as plain lists."""
+"""A kernel without firmware: its storage, its configuration and its edges as plain lists."""
 
 from bisect import bisect_left
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ class KernelRig:
         self.count = axes
         self.tick = 0
         self.asking = 0
-        """How many axes asked for attention where the last advance ended."""
+        """Number of axes that needed attention where the last advance ended."""
         self.axes = kernel.cells(axes * k.AXIS_FIELDS)
         self.axes_before = kernel.cells(axes * k.AXIS_FIELDS)
         self.queue = kernel.cells(axes * k.QUEUE_DEPTH * k.SEGMENT_FIELDS)
@@ -69,14 +69,14 @@ class KernelRig:
         return self.kernel.next_segment(self.axes, self.queue, axis)
 
     def ramp(self, rate_q16: int, ticks: int) -> None:
-        """Let the group's rate go from where it is to another one in so many ticks."""
+        """Ramp the group's rate to another one within a number of ticks."""
         self.group[k.RATE_FROM_Q16] = self.time.rate_q16(self.tick)
         self.group[k.RATE_TO_Q16] = rate_q16
         self.group[k.RAMP_TICK] = self.tick
         self.group[k.RAMP_TICKS] = ticks
 
     def advance(self, ticks: int) -> int:
-        """Go on, all axes together; the tick reached."""
+        """Run all axes for a number of ticks at most; return the tick reached."""
         self.tick, self.asking = self.kernel.advance(
             self.axes,
             self.axes_before,
@@ -101,7 +101,7 @@ class KernelRig:
         return [(word >> 1, word & 1) for word in words]
 
     def signs(self, axis: int = 0) -> list[int]:
-        """Which way each rise moves the motor, from the pins alone."""
+        """Return the direction in which each rise moves the motor, from the pins alone."""
         edges = self.dir_edges(axis)
         signs, level, i = [], 0, 0
         for rise in self.rises(axis):
@@ -112,7 +112,7 @@ class KernelRig:
         return signs
 
     def snapshot(self) -> tuple[list[int], list[list[int]], list[list[tuple[int, int]]]]:
-        """Everything that two kernels must agree on, bit for bit."""
+        """Return all results on which two kernels must agree, bit for bit."""
         rows = range(self.count)
         return (
             [int(value) for value in self.axes],
@@ -122,14 +122,14 @@ class KernelRig:
 
 
 def timing_faults(rig: KernelRig, timing: Timing, axis: int = 0) -> list[str]:
-    """What is wrong with the edges that a kernel has emitted for an axis."""
+    """Return the timing violations in the edges that a kernel has placed for an axis."""
     return pin_timing_faults(rig.rises(axis), rig.falls(axis), rig.dir_edges(axis), timing)
 
 
 def pin_timing_faults(
     rises: list[int], falls: list[int], directions: list[tuple[int, int]], timing: Timing
 ) -> list[str]:
-    """Re-execute edges against the four windows of the driver, with no knowledge of how they were made."""
+    """Return the edges that violate one of the driver's four times, without knowing how they were made."""
     faults = [
         f"pulse {i} is {fall - rise} counts high"
         for i, (rise, fall) in enumerate(zip(rises, falls, strict=True))

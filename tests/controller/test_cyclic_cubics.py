@@ -1,4 +1,4 @@
-"""The arithmetic of cyclic synchronous position against rationals and against the kernel that takes its cubics."""
+"""The arithmetic of cyclic synchronous position, checked with exact fractions and with the kernel."""
 
 from fractions import Fraction
 
@@ -17,7 +17,7 @@ RATES_Q16 = st.integers(4, 125 << 16).map(lambda rate: rate & -4)
 
 @given(units=st.tuples(points, points, points), after_us=st.integers(-249, 249), period_us=st.integers(1000, 10_020))
 def test_the_parabola_goes_through_all_three(units: tuple[int, int, int], after_us: int, period_us: int) -> None:
-    """By Lagrange's formula and its derivative, each rounded once."""
+    """Compare with Lagrange's formula and its derivative, each rounded once."""
     t = Fraction(after_us, period_us)
     p0, p1, p2 = units
     position = p0 * (t + 1) * (t + 2) / 2 - p1 * t * (t + 2) + p2 * t * (t + 1) / 2
@@ -64,7 +64,7 @@ def test_the_kernel_takes_every_slowed_cubic_and_none_that_is_better(
     share=st.fractions(-1, 1, max_denominator=100),
 )
 def test_the_room_before_a_limit_is_kept(room_units: int, displacement: int, duration_ms: int, share: Fraction) -> None:
-    """Two cubics that meet in a knot, from rest there and back: both hulls end at the limit at most."""
+    """Two cubics from rest to a knot and back: the hulls of both stay within the limit."""
     velocity = int(share * highest_velocity(room_units, 1000 * duration_ms))
     _, most = hull(0, 0, displacement, velocity, duration_ms)
     assert most <= displacement + room_units + 1

@@ -1,4 +1,4 @@
-"""Cyclic synchronous position through the whole firmware: what becomes of set-points, SYNCs and limits."""
+"""Cyclic synchronous position through the whole firmware: set-points, SYNCs and limits."""
 
 import math
 import random
@@ -25,11 +25,11 @@ from tests.controller.units import MS, STEP
 PERIODS = pytest.mark.parametrize("period_ms", [1, 2, 5, 10])
 ENABLE, HALT, QUICK_STOP, DISABLE = 0x0F, 0x10F, 0x02, 0x07
 LIMIT = 15_000 * STEP
-"""What the default pulse timing can make, in units per second."""
+"""The highest speed of the default pulse timing, in units per second."""
 
 
 class Planned:
-    """The motion that docs/canopen.md promises, over rationals: units and ms, from the tick in which it begins."""
+    """The motion that docs/canopen.md promises, in exact arithmetic: units and ms, from the tick in which it begins."""
 
     def __init__(self, points: list[int], period_ms: int) -> None:
         self.period_ms = period_ms
@@ -47,12 +47,12 @@ class Planned:
 
 
 def elapsed_ms(board: CyclicBench) -> Fraction:
-    """How far the motion has been computed, since the cubic of the first cycle began."""
+    """Return the time for which the motion has been computed, since the cubic of the first cycle began."""
     return Fraction(board.firmware.motion.tick - first_tick(board.period_ms), 4)
 
 
 def sine(peak_hz: float, sine_hz: float, cycles: int, period_ms: int) -> list[int]:
-    """A (1 - cos wt) in units, from rest, that runs into its peak speed of so many steps/s."""
+    """Return set-points of A (1 - cos wt) in units, from rest, with a peak speed of `peak_hz` steps/s."""
     omega = 2 * math.pi * sine_hz
     amplitude = peak_hz / omega * STEP
     return [round(amplitude * (1 - math.cos(omega * i * period_ms / 1000))) for i in range(cycles)]
@@ -63,7 +63,7 @@ Edges = tuple[list[int], list[int], list[tuple[int, int]]]
 
 
 def both(board: BenchBoard) -> list[Edges]:
-    """Every axis' edges since the last call."""
+    """Return every axis' edges since the last call."""
     axes = []
     for pins in board.firmware.motion.take_edges():
         clk = [int(counts) for counts in pins.clk_counts]
@@ -72,12 +72,12 @@ def both(board: BenchBoard) -> list[Edges]:
 
 
 def edges(board: BenchBoard, axis: int = 0) -> Edges:
-    """One axis' edges since the last call."""
+    """Return one axis' edges since the last call."""
     return both(board)[axis]
 
 
 def signs(rises: list[int], directions: list[tuple[int, int]]) -> Iterator[int]:
-    """Which way each rise moves the motor, by DIR at that time; DIR is low at first."""
+    """Yield the direction in which each rise moves the motor, by DIR at that time; DIR is low at first."""
     times = [counts for counts, _ in directions]
     levels = [0, *(level for _, level in directions)]
     for rise in rises:
@@ -85,7 +85,7 @@ def signs(rises: list[int], directions: list[tuple[int, int]]) -> Iterator[int]:
 
 
 def fault_of(board: BenchBoard, axis: int = 0) -> tuple[int, int]:
-    """Code and detail of the last EMCY that was an error."""
+    """Return code and detail of the last EMCY that reported an error."""
     data = [frame for frame in board.frames(0x090 + axis) if frame[:2] != b"\0\0"][-1]
     return int.from_bytes(data[:2], "little"), int.from_bytes(data[3:], "little")
 
@@ -93,7 +93,7 @@ def fault_of(board: BenchBoard, axis: int = 0) -> tuple[int, int]:
 class TestFollowing:
     @PERIODS
     def test_a_sine_against_exact_arithmetic(self, kernel: Kernel, period_ms: int) -> None:
-        """Every tick within a unit, on the axis' way out and back."""
+        """At every tick the demand is within a unit of the exact motion, on the way out and back."""
         points = sine(2000, 2, 1000 // period_ms, period_ms)
         planned = Planned(points, period_ms)
         board = CyclicBench(kernel, period_ms)
@@ -125,7 +125,7 @@ class TestFollowing:
                 assert abs(board.firmware.motion.demand_units(0) - exact_units) <= 1
 
     @PERIODS
-    def test_how_near_it_comes_to_the_host_s_own_curve(self, fast_kernel: Kernel, period_ms: int) -> None:
+    def test_the_deviation_from_the_host_s_own_curve_is_bounded(self, fast_kernel: Kernel, period_ms: int) -> None:
         """14 kHz at 1 Hz: 0.032 T^3 P''' and T^4 P''''/384 between set-points, the chord within a tick and half a unit.
 
         In the first two periods the parabola does not know of the sudden acceleration a: up to 0.04 a T^2.
@@ -197,7 +197,7 @@ class TestFollowing:
         assert board.value(od.POSITION_DEMAND) == 0
         assert board.state() is not State.FAULT
 
-    def test_what_was_written_before_is_no_set_point(self, fast_kernel: Kernel) -> None:
+    def test_a_target_written_before_enabling_is_no_set_point(self, fast_kernel: Kernel) -> None:
         board = CyclicBench(fast_kernel, 1)
         board.write(od.CONTROLWORD, 0x07)
         board.write(od.TARGET_POSITION, 10**8)
@@ -225,8 +225,8 @@ class TestTiming:
         assert len(runs[0][0]) > 1500
         assert runs[0] == runs[1]
 
-    def test_one_that_comes_later_than_that_is_lost(self, fast_kernel: Kernel) -> None:
-        """A parabola: the bridge is wrong by the acceleration, so that a lost set-point shows."""
+    def test_a_sync_later_than_half_a_period_is_lost(self, fast_kernel: Kernel) -> None:
+        """On a parabola the bridge is wrong by the acceleration, so that a lost set-point shows."""
         points = [50 * i * i for i in range(20)]
         runs = []
         for late_ms in (0, 4.9, 5.1):
@@ -241,7 +241,7 @@ class TestTiming:
     @pytest.mark.parametrize("anchor", [-1, 1])
     @pytest.mark.parametrize("period_ms", [1, 10])
     def test_jitter_of_the_first_sync_too(self, fast_kernel: Kernel, period_ms: int, anchor: int) -> None:
-        """A quarter of a period either way from the first SYNC on; where that was the worst the slots are moved."""
+        """SYNCs come up to a quarter of a period early or late. If the first is the worst, the slots are moved."""
         board = CyclicBench(fast_kernel, period_ms)
         drawn = random.Random(7)
         quarter = period_ms * MS / 4
@@ -254,7 +254,7 @@ class TestTiming:
     @pytest.mark.parametrize("ppm", [-200, 200])
     @pytest.mark.parametrize(("period_ms", "seconds"), [(1, 12), (10, 120)])
     def test_drift(self, fast_kernel: Kernel, period_ms: int, seconds: int, ppm: int) -> None:
-        """Clocks that drift by more than two periods: the axis stays in time to an eighth of a period and a little."""
+        """The clocks drift by more than two periods: the axis stays within an eighth of a period and a little."""
         board = CyclicBench(fast_kernel, period_ms, ppm=ppm)
         points = ramped(500 * period_ms, 10 * period_ms, 1000 * seconds // period_ms)
         delay_ms = first_tick(period_ms) / 4 + period_ms - FIRST_SYNC_COUNTS / MS
@@ -281,7 +281,7 @@ class TestLosses:
         return board
 
     def go_on(self, board: CyclicBench, cycles: int = 1) -> None:
-        """What the host would send next, as if it had sent all before."""
+        """The set-points that the host would send next, had it sent all before."""
         for _ in range(cycles):
             board.cycle(self.due_point(board))
 
@@ -362,7 +362,7 @@ class TestSpeed:
     def test_both_sides_of_the_limit(
         self, fast_kernel: Kernel, period_ms: int, sign: int, excess: int, fails: bool
     ) -> None:
-        """15 kHz are 15 360 units a ms; the rise to that is slow, the last unit is one too many."""
+        """15 kHz are 15 360 units per ms. The set-points approach that slowly; the last one is a unit too far."""
         limit = LIMIT // 1000 * period_ms
         board = CyclicBench(fast_kernel, period_ms)
         points = ramped(sign * limit, limit // 30, 80)
@@ -407,8 +407,8 @@ class TestSpeed:
         assert board.value(od.POSITION_DEMAND) == units
         assert board.state() is State.OPERATION_ENABLED
 
-    def test_one_that_never_catches_up_is_too_fast_in_the_end(self, fast_kernel: Kernel) -> None:
-        """The host's clock is 2000 ppm fast, and so is its notion of the limit."""
+    def test_an_axis_that_never_catches_up_trips_for_overspeed(self, fast_kernel: Kernel) -> None:
+        """The host's clock is 2000 ppm fast, so its set-points at the limit are too fast by that."""
         board = CyclicBench(fast_kernel, 10, ppm=-2000)
         points = ramped(LIMIT // 100, LIMIT // 1000, 700)
         board.follow(points[:300])
@@ -420,7 +420,9 @@ class TestSpeed:
 class TestSoftLimits:
     @pytest.mark.parametrize("sign", [1, -1])
     @pytest.mark.parametrize(("period_ms", "peak_hz"), [(1, 3000), (5, 9000), (10, 14_000)])
-    def test_a_sine_beyond_them_is_cut(self, fast_kernel: Kernel, sign: int, period_ms: int, peak_hz: float) -> None:
+    def test_a_sine_beyond_the_limits_stops_at_them(
+        self, fast_kernel: Kernel, sign: int, period_ms: int, peak_hz: float
+    ) -> None:
         """Above 2/3 of the axis' speed there is no cubic that ends at the limit in time: it falls behind."""
         points = [sign * point for point in sine(peak_hz, 2, 500 // period_ms, period_ms)]
         limit = sign * max(abs(point) for point in points) // 2
@@ -442,7 +444,7 @@ class TestSoftLimits:
         assert board.value(od.POSITION_DEMAND) == points[-1]
         assert board.state() is State.OPERATION_ENABLED
 
-    def test_bit_11_is_there_while_set_points_are_beyond(self, fast_kernel: Kernel) -> None:
+    def test_bit_11_is_set_while_set_points_are_beyond_a_limit(self, fast_kernel: Kernel) -> None:
         board = CyclicBench(fast_kernel, 1)
         board.write(od.POSITION_LIMIT_MAX, 10_000)
         points = ramped(100, 10, 200)
@@ -467,7 +469,7 @@ class TestSoftLimits:
 
 
 class TestStops:
-    """At 600 000 units/s the ramps take 30 ms (0x6084) and 15 ms (0x6085)."""
+    """At 600 000 units/s the ramps take 30 ms (profile deceleration) and 15 ms (quick stop deceleration)."""
 
     @pytest.fixture
     def moving(self, fast_kernel: Kernel) -> CyclicBench:
@@ -478,7 +480,7 @@ class TestStops:
         return board
 
     def goes_on(self, board: CyclicBench, cycles: int) -> None:
-        """The host does not care."""
+        """The host goes on sending set-points."""
         for _ in range(cycles):
             board.cycle(ramped(3000, 100, board.cycles)[-1])
 
@@ -499,7 +501,7 @@ class TestStops:
         assert moving.value(od.POSITION_DEMAND) == here
         assert moving.state() is State.OPERATION_ENABLED
 
-    def test_a_released_halt_wants_the_host_to_start_from_the_position(self, moving: CyclicBench) -> None:
+    def test_after_a_halt_the_host_must_start_from_the_position(self, moving: CyclicBench) -> None:
         moving.write(od.CONTROLWORD, HALT)
         self.goes_on(moving, 20)
         moving.write(od.CONTROLWORD, ENABLE)
@@ -507,7 +509,7 @@ class TestStops:
         assert moving.has(Status.FOLLOWS_COMMAND)
         assert moving.value(od.VELOCITY_ACTUAL) == 600_000
 
-    def test_a_host_that_does_not_is_stopped(self, moving: CyclicBench) -> None:
+    def test_a_host_that_starts_elsewhere_is_stopped(self, moving: CyclicBench) -> None:
         moving.write(od.CONTROLWORD, HALT)
         self.goes_on(moving, 60)
         moving.write(od.CONTROLWORD, ENABLE)
@@ -604,9 +606,9 @@ class TestGroup:
         board.settle()
         (first, *_), (second, *_) = both(board)
         assert len(first) == 200
-        assert first[1:] == second[1:]  # before its very first step the second one had to set DIR
+        assert first[1:] == second[1:]  # the second axis had to set DIR before its very first step
 
-    def test_an_axis_sets_off_when_the_others_would_if_they_move_or_not(self, fast_kernel: Kernel) -> None:
+    def test_an_axis_at_rest_starts_in_the_same_tick_whether_others_move_or_not(self, fast_kernel: Kernel) -> None:
         way = [0] * 20 + [round(200 * STEP * (1 - math.cos(math.pi * i / 40)) / 2) for i in range(41)]
         runs = []
         for other in (0, 1):
@@ -650,7 +652,7 @@ class TestGroup:
 AXES = 2
 Point = int | Fraction | None
 Cycle = tuple[list[Point], bool, float]
-"""Set-points, whether there is a SYNC, and how late it is in periods.
+"""The set-points of a cycle, whether its SYNC is sent, and how late it is in periods.
 
 A set-point is in units, or by how much of the way that the axis can make in a period it differs from the one before.
 """
@@ -675,7 +677,7 @@ CAUSES = {ErrorCode.OVERSPEED, ErrorCode.SYNC_CONTROLLER, ErrorCode.GROUP_STOPPE
     limits=st.tuples(st.integers(-300_000, 0), st.integers(0, 300_000)),
 )
 @settings(max_examples=200)
-def test_whatever_comes_the_axes_follow_or_say_why_not(
+def test_any_cycles_are_followed_or_end_in_a_reported_fault(
     fast_kernel: Kernel,
     script: list[Cycle],
     period_ms: int,
@@ -683,7 +685,7 @@ def test_whatever_comes_the_axes_follow_or_say_why_not(
     speed: int,
     limits: tuple[int, int],
 ) -> None:
-    """Never too fast, never beyond the soft limits but by a fault's ramp, pulses as the driver needs them."""
+    """The axes are never too fast, pass a soft limit only in a fault's ramp, and keep the driver's pulse timing."""
     board = CyclicBench(fast_kernel, period_ms, AXES)
     for axis in range(AXES):
         board.write(od.CONTROLWORD, 0, axis)
@@ -725,8 +727,10 @@ def test_whatever_comes_the_axes_follow_or_say_why_not(
     ways=st.lists(st.one_of(shares, st.sampled_from([Fraction(-1), Fraction(0), Fraction(1)])), max_size=60),
     period_ms=st.integers(1, 10),
 )
-def test_what_the_axis_can_do_is_never_a_fault(fast_kernel: Kernel, ways: list[Fraction], period_ms: int) -> None:
-    """Whole reversals from one period to the next: it may fall behind, by less than a period, and catches up."""
+def test_set_points_within_the_axis_speed_are_never_a_fault(
+    fast_kernel: Kernel, ways: list[Fraction], period_ms: int
+) -> None:
+    """Full reversals from one period to the next: the axis may fall behind by less than a period, and catches up."""
     reach = LIMIT // 1000 * period_ms
     points = list(accumulate((int(way * reach) for way in ways), initial=0))
     board = CyclicBench(fast_kernel, period_ms)

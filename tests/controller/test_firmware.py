@@ -1,4 +1,4 @@
-"""The firmware as a whole: what frames make it do, and what it says, at which instant."""
+"""The firmware as a whole: its reactions to frames and its own frames, each at the right instant."""
 
 import pytest
 from hypothesis import given
@@ -50,7 +50,7 @@ class TestNetwork:
         board.send(0x610, bytes.fromhex("4000100000000000"))
         assert len(board.frames(0x590)) == 1
 
-    def test_process_data_count_in_operational_only(self, board: BenchBoard) -> None:
+    def test_process_data_is_taken_in_operational_only(self, board: BenchBoard) -> None:
         board.send(0x210, b"\x06\x00\x07")
         assert board.value(od.CONTROLWORD) == 0
         board.nmt(1)
@@ -73,7 +73,7 @@ class TestNetwork:
         assert board.frames(0x710)[-1] == b"\0"
 
     def test_reset_communication_drops_emergencies_that_wait(self, board: BenchBoard) -> None:
-        board.write(od.EMCY_INHIBIT_TIME, 10_000)  # one a second
+        board.write(od.EMCY_INHIBIT_TIME, 10_000)  # one EMCY a second
         board.nmt(1)
         for _ in range(3):
             board.send(0x510, b"")
@@ -196,8 +196,8 @@ class TestConfiguration:
         ("address", "value"),
         [(od.MAX_PROFILE_VELOCITY, 1), (od.STEPLEN_NS, 500_000), (od.DIRHOLD_NS, 0), (od.MICROSTEPS, 8)],
     )
-    def test_records_that_wait_do_not_outlive_their_limits(self, board: BenchBoard, address: int, value: int) -> None:
-        """The room for edges follows from the limits: records that the old ones let in would not fit."""
+    def test_new_limits_drop_the_records_that_wait(self, board: BenchBoard, address: int, value: int) -> None:
+        """The room for edges follows the new limits: records accepted within the old ones would not fit."""
         board.nmt(1)
         board.record(75 * 10 * STEP, 15 * STEP * 64, 100, 0)
         board.record(15 * 250 * STEP, 15 * STEP * 64, 250, 1)
@@ -207,7 +207,7 @@ class TestConfiguration:
             0,
             PvtFlag.EMPTY,
         )
-        board.record(0, 0, 10, 2)  # numbers 0 and 1 are gone: what follows them must not move the axis either
+        board.record(0, 0, 10, 2)  # records 0 and 1 are gone: the one after them must not move the axis either
         assert (board.value(od.BUFFER_POSITION), board.value(od.PVT_NEXT_SEQUENCE)) == (0, 2)
         assert board.write(od.BUFFER_CLEAR, 0) == 0
         board.record(0, 0, 10, 0)
@@ -251,11 +251,11 @@ class TestOutputs:
         ]:
             assert board.write(address, value) == 0
 
-    def test_they_are_off_after_power_up(self, pair: BenchBoard) -> None:
+    def test_outputs_are_off_after_power_up(self, pair: BenchBoard) -> None:
         assert (pair.value(od.DIGITAL_OUTPUTS), pair.value(od.DIGITAL_OUTPUTS_MASK)) == (0, self.BOTH)
         assert self.changes(pair) == []
 
-    def test_each_follows_its_bit_in_the_instant_of_the_frame(self, pair: BenchBoard) -> None:
+    def test_each_output_follows_its_bit_in_the_instant_of_the_frame(self, pair: BenchBoard) -> None:
         expected = []
         for value, pin, level in ((1 << 17, Pin.OUT2, 1), (3 << 16, Pin.OUT1, 1), (1 << 16, Pin.OUT2, 0)):
             pair.wait(1.23)
@@ -310,7 +310,7 @@ class TestOutputs:
         board.send(0x080, b"")
         assert self.changes(board) == [PinChange(board.now, 0, Pin.OUT2, 1)]
 
-    def test_drive_states_and_faults_leave_them(self, board: BenchBoard) -> None:
+    def test_drive_states_and_faults_leave_outputs_as_they_are(self, board: BenchBoard) -> None:
         """A gripper must hold its load while the drive starts, stops, fails and recovers."""
         board.write(od.DIGITAL_OUTPUTS, self.BOTH)
         self.changes(board)
@@ -329,14 +329,16 @@ class TestOutputs:
         assert self.changes(board) == []
 
     @pytest.mark.parametrize("command", [0x01, 0x02, 0x80, 0x82])
-    def test_network_states_and_reset_communication_leave_them(self, board: BenchBoard, command: int) -> None:
+    def test_network_states_and_reset_communication_leave_outputs_as_they_are(
+        self, board: BenchBoard, command: int
+    ) -> None:
         board.write(od.DIGITAL_OUTPUTS, self.OUT1)
         self.changes(board)
         board.nmt(command)
         assert self.changes(board) == []
         assert board.value(od.DIGITAL_OUTPUTS) == self.OUT1
 
-    def test_reset_node_switches_those_of_that_node_off(self, pair: BenchBoard) -> None:
+    def test_reset_node_switches_off_the_outputs_of_that_node(self, pair: BenchBoard) -> None:
         for axis in (0, 1):
             pair.write(od.DIGITAL_OUTPUTS_MASK, self.OUT2, axis)
             pair.write(od.DIGITAL_OUTPUTS, self.BOTH, axis)
@@ -346,7 +348,7 @@ class TestOutputs:
         assert self.changes(pair) == [PinChange(pair.now, 1, Pin.OUT2, 0)]
         assert (pair.value(od.DIGITAL_OUTPUTS, axis=1), pair.value(od.DIGITAL_OUTPUTS_MASK, axis=1)) == (0, self.BOTH)
 
-    def test_boot_switches_them_off(self, board: BenchBoard) -> None:
+    def test_boot_switches_outputs_off(self, board: BenchBoard) -> None:
         board.write(od.DIGITAL_OUTPUTS, self.OUT1)
         board.firmware.boot(board.now)
         assert self.switched(board) == [(Pin.OUT1, 1), (Pin.OUT1, 0)]
@@ -391,16 +393,17 @@ class TestHoming:
 
     @pytest.mark.parametrize("units", [2**31 - 1, -(2**31)])
     def test_at_the_ends_of_the_range_reports_stay_inside_it(self, board: BenchBoard, units: int) -> None:
-        """At full steps the counter rounds to a step beyond the range; what is reported are its ends."""
+        """At full steps the counter rounds to a step beyond the i32 range; the objects report the ends of the range."""
         board.write(od.MICROSTEPS, 1)
         board.enable(mode=6)
         board.write(od.HOME_OFFSET, units)
         board.write(od.CONTROLWORD, 0x1F)
-        for index in (0x6062, 0x6064, 0x60F4):
+        for address in (od.POSITION_DEMAND, od.POSITION_ACTUAL, od.FOLLOWING_ERROR_ACTUAL):
+            index, _ = od.index_and_subindex(address)
             board.send(0x610, bytes((0x40, index & 0xFF, index >> 8, 0, 0, 0, 0, 0)))
             answer = board.frames(0x590)[-1]
             assert answer[0] == 0x43
-            if index != 0x60F4:
+            if address != od.FOLLOWING_ERROR_ACTUAL:
                 assert int.from_bytes(answer[4:], "little", signed=True) == units
 
 
@@ -452,7 +455,7 @@ class TestInterpolation:
             0,
             1,
         )
-        board.record(1, 0, 10, 5)  # old: silently ignored
+        board.record(1, 0, 10, 5)  # an old record: ignored without a flag
         assert board.value(od.PVT_ACCEPTED) == 64
 
     def test_each_flag_is_one_event_only(self, board: BenchBoard) -> None:
@@ -522,8 +525,9 @@ class TestStops:
         board.start()
         board.wait(50)
 
-    def test_underrun_stops_the_group_and_says_why(self, pair: BenchBoard) -> None:
-        """Axis 0 runs dry at 4 kHz; both ramp down in the same 100 ms, with their own codes, and stay known."""
+    def test_underrun_stops_the_group_and_is_reported(self, pair: BenchBoard) -> None:
+        """Axis 0 runs out of records at 4 kHz; both axes ramp down in the same 100 ms, report their own codes, and keep
+        their reference."""
         self.moving(pair, records=5)
         pair.record(-80 * STEP, -4 * STEP * 64, 20, 5, axis=1)
         pair.wait(49)
@@ -624,7 +628,7 @@ class TestStops:
         assert (board.value(od.PVT_NEXT_SEQUENCE), board.value(od.PVT_FREE_RECORDS)) == (0, 64)
 
     def just_before_the_end(self, board: BenchBoard, end_velocity: int) -> None:
-        """One record of 20 ms: the kernel has computed its last tick, the clock stands in it."""
+        """Run one record of 20 ms until the kernel has computed its last tick and the clock is within that tick."""
         board.enable()
         board.record(8 * STEP, end_velocity, 20, 0)
         board.start()
@@ -719,7 +723,7 @@ class TestStops:
             ((0x07, 0x02), State.SWITCH_ON_DISABLED),
         ],
     )
-    def test_the_last_command_during_a_ramp_says_what_comes_after(
+    def test_the_last_command_during_a_ramp_decides_the_state_after_it(
         self, board: BenchBoard, words: tuple[int, ...], target: State
     ) -> None:
         self.moving(board)
@@ -732,7 +736,7 @@ class TestStops:
         assert board.state() is target
 
     def test_a_command_repeated_during_its_ramp_changes_nothing(self, board: BenchBoard) -> None:
-        """A controlword that comes every 0.1 ms must not begin the ramp anew each time: it would never end."""
+        """A controlword repeated every 0.1 ms must not restart the ramp each time: it would never end."""
         self.moving(board)
         for _ in range(1020):
             board.write(od.CONTROLWORD, 0x07)

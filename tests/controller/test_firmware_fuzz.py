@@ -1,4 +1,4 @@
-"""Random commands in any order and at any time: what must be true of the board whatever a host does to it."""
+"""Random commands in any order and at any time: invariants of the board that no host can break."""
 
 import struct
 from collections.abc import Callable
@@ -22,18 +22,18 @@ axes = st.integers(0, AXES - 1)
 
 
 def action(function: Callable[..., object], *arguments: st.SearchStrategy[object]) -> st.SearchStrategy[Action]:
-    """A strategy for calls of a method of the board with drawn arguments."""
+    """Return a strategy for calls of a method of the board with drawn arguments."""
     return st.tuples(*arguments).map(lambda drawn: lambda board: (function(board, *drawn), None)[1])
 
 
 def records(board: BenchBoard, axis: int, segments: list[tuple[int, int, int]]) -> None:
-    """Send records with the numbers that the axis expects."""
+    """Send records with the sequence numbers that the axis expects."""
     for displacement, velocity, duration_ms in segments:
         board.record(displacement, velocity, duration_ms, board.value(od.PVT_NEXT_SEQUENCE, axis), axis)
 
 
 def cycles(board: BenchBoard, axis: int, ways: list[int]) -> None:
-    """Send set-points, each with a SYNC and for a millisecond."""
+    """Send set-points a millisecond apart, each with a SYNC."""
     for way in ways:
         board.send(0x410 + axis, struct.pack("<i", board.value(od.POSITION_DEMAND, axis) + way))
         board.send(0x080, b"")
@@ -87,7 +87,7 @@ def check(board: BenchBoard) -> None:
 
 
 def check_outputs(board: BenchBoard) -> None:
-    """Every change is one, in order of time, and the last levels are those that 0x60FE asks for."""
+    """Check that every change is a new level, in order of time, and that the last levels are those of object 60FEh."""
     changes = [change for change in board.firmware.take_pins() if change.pin in OUTPUT_PINS]
     assert changes == sorted(changes, key=lambda change: change.counts)
     levels: dict[tuple[int, Pin], int] = {(axis, pin): 0 for axis in range(AXES) for pin in OUTPUT_PINS}
@@ -100,7 +100,7 @@ def check_outputs(board: BenchBoard) -> None:
 
 
 def release(board: BenchBoard) -> None:
-    """Clear every axis' halt bit, so that what is halted comes to its end."""
+    """Clear every axis' halt bit, so that halted motions come to their end."""
     board.nmt(1)
     for axis in range(AXES):
         board.write(od.CONTROLWORD, board.value(od.CONTROLWORD, axis) & ~0x100, axis)
@@ -108,8 +108,8 @@ def release(board: BenchBoard) -> None:
 
 @given(script=st.lists(actions, max_size=40))
 @settings(max_examples=150)
-def test_truths_hold_after_every_command(fast_kernel: Kernel, script: list[Action]) -> None:
-    """Nothing raises; nothing moves disabled; counter and outputs follow; every edge keeps the pulse timing."""
+def test_invariants_hold_after_every_command(fast_kernel: Kernel, script: list[Action]) -> None:
+    """No frame raises, no disabled axis moves, counter and outputs follow commands, edges keep the pulse timing."""
     board = BenchBoard(fast_kernel, AXES)
     board.enable()
     for act in script:
@@ -117,7 +117,7 @@ def test_truths_hold_after_every_command(fast_kernel: Kernel, script: list[Actio
         check(board)
     release(board)
     for axis in range(AXES):
-        board.write(od.CONTROLWORD, 0x07, axis)  # profile velocity has no end of its own
+        board.write(od.CONTROLWORD, 0x07, axis)  # a motion in profile velocity does not end by itself
     board.wait(3000)
     check(board)
     check_outputs(board)

@@ -1,4 +1,4 @@
-"""Bit 8 of the controlword on the board: who is halted by it, what is said meanwhile, and how it ends."""
+"""Bit 8 of the controlword on the board: the axes it halts, their status during the halt, and its end."""
 
 import pytest
 
@@ -11,12 +11,12 @@ from tests.controller.units import MS, STEP
 
 RUN, HALT = 0x1F, 0x11F
 RAMP_MS = 100
-"""From 4 kHz at 40 000 steps/s^2."""
+"""Duration of the ramp from 4 kHz at 40 000 steps/s^2."""
 
 
 @pytest.fixture
 def pair(fast_kernel: Kernel) -> BenchBoard:
-    """Both axes run at 4 kHz, axis 1 the other way, with 20 ms records: 0.64 s from rest to rest; 50 ms are over."""
+    """Both axes run at 4 kHz, axis 1 backwards, with 20 ms records: 50 ms of 0.64 s from rest to rest have passed."""
     return running(BenchBoard(fast_kernel, axes=2))
 
 
@@ -49,13 +49,14 @@ def status(board: BenchBoard, axis: int = 0) -> int:
 
 
 def ended(board: BenchBoard) -> bool:
-    """Both axes have come to their ends as planned."""
+    """Return whether both axes have come to their ends as planned."""
     ends = [(position(board, axis), board.value(od.POSITION_ACTUAL, axis), board.flags(axis)) for axis in range(2)]
     return ends == [(END_UNITS, END_UNITS, PvtFlag.EMPTY), (-END_UNITS, -END_UNITS, PvtFlag.EMPTY)]
 
 
 def test_one_axis_halts_all_and_all_go_on(pair: BenchBoard) -> None:
-    """A ramp of 100 ms from 4 kHz covers 200 steps. Then rest, then on to the planned end, 0.1 s and the pause late."""
+    """A ramp of 100 ms from 4 kHz covers 200 steps. After the rest the axes reach the planned end, 0.1 s and the pause
+    late."""
     before = position(pair)
     pair.write(od.CONTROLWORD, HALT, axis=1)
     pair.wait(RAMP_MS + 1)
@@ -72,8 +73,8 @@ def test_one_axis_halts_all_and_all_go_on(pair: BenchBoard) -> None:
     assert pair.state() is pair.state(1) is State.OPERATION_ENABLED
 
 
-def test_what_the_axes_say_meanwhile(pair: BenchBoard) -> None:
-    """Interpolation stays active; the target counts as reached once the axes rest, and that is reported at once."""
+def test_the_status_of_the_axes_during_a_halt(pair: BenchBoard) -> None:
+    """Interpolation stays active. Target reached is set, and reported, as soon as the axes rest."""
     pair.write(od.CONTROLWORD, HALT)
     for axis in range(2):
         assert status(pair, axis) & (Status.IP_ACTIVE | Status.TARGET_REACHED) == Status.IP_ACTIVE
@@ -96,7 +97,7 @@ def test_what_the_axes_say_meanwhile(pair: BenchBoard) -> None:
         assert not pair.frames(0x190 + axis)[-1][1] & Status.TARGET_REACHED >> 8
 
 
-def test_all_axes_must_let_go(pair: BenchBoard) -> None:
+def test_the_group_resumes_when_all_halt_bits_are_cleared(pair: BenchBoard) -> None:
     for axis in range(2):
         pair.write(od.CONTROLWORD, HALT, axis)
     pair.wait(200)
@@ -123,7 +124,7 @@ def test_a_sync_halts_and_releases_too(pair: BenchBoard) -> None:
 
 
 @pytest.mark.parametrize("waits_ms", [(30, 40, 20), (1, 1, 1), (150, 30, 300), (0, 0, 0)])
-def test_it_may_change_its_mind_at_any_time(pair: BenchBoard, waits_ms: tuple[int, ...]) -> None:
+def test_a_halt_may_be_released_and_repeated_at_any_time(pair: BenchBoard, waits_ms: tuple[int, ...]) -> None:
     for ms in waits_ms:
         for word in (HALT, RUN):
             pair.write(od.CONTROLWORD, word)
@@ -150,7 +151,7 @@ def test_the_queue_fills_while_all_rest(fast_kernel: Kernel) -> None:
 
 
 def test_a_motion_started_during_a_halt_waits_and_starts_as_planned(fast_kernel: Kernel) -> None:
-    """All are started by one SYNC, one of them halted: none moves. Released, they start as they would have then."""
+    """One SYNC starts both axes, one of them with its halt bit set: neither moves. Released, they start as planned."""
     plain, halted = BenchBoard(fast_kernel, axes=2), BenchBoard(fast_kernel, axes=2)
     for board in (plain, halted):
         board.enable()
@@ -192,7 +193,7 @@ def test_an_axis_may_join_a_halted_group(pair: BenchBoard) -> None:
 
 
 def test_axes_that_do_not_interpolate_are_untouched(pair: BenchBoard) -> None:
-    """Axis 1 ramps down from 4 kHz in 50 ms, halt or no halt; a halt bit in another mode halts nobody."""
+    """Axis 1 ramps down from 4 kHz in 50 ms, with or without a halt; a halt bit in another mode halts no other axis."""
     pair.write(od.CONTROLWORD, 0x0F, axis=1)
     start = position(pair, 1)
     pair.write(od.CONTROLWORD, HALT, axis=0)
@@ -207,8 +208,8 @@ def test_axes_that_do_not_interpolate_are_untouched(pair: BenchBoard) -> None:
     assert position(pair) == END_UNITS
 
 
-def test_the_end_of_the_axis_that_holds_releases_nobody(fast_kernel: Kernel) -> None:
-    """Its queue ends while the group slows down; the others stay halted until its bit is cleared."""
+def test_an_axis_that_ends_with_its_halt_bit_set_keeps_the_group_halted(fast_kernel: Kernel) -> None:
+    """An axis' queue ends while the group slows down; the others stay halted until its bit is cleared."""
     board = BenchBoard(fast_kernel, axes=2)
     board.write(od.QUICK_STOP_DECELERATION, 10_000 * STEP, 1)
     board.write(od.PROFILE_DECELERATION, 10_000 * STEP, 1)
@@ -231,8 +232,8 @@ def test_the_end_of_the_axis_that_holds_releases_nobody(fast_kernel: Kernel) -> 
     assert position(board, 1) == (40 * 20 + 10) * STEP
 
 
-def test_a_group_that_is_gone_leaves_no_halt_behind(pair: BenchBoard) -> None:
-    """What starts later without a halt bit runs at full rate from its first tick."""
+def test_a_group_that_has_ended_leaves_no_halt_behind(pair: BenchBoard) -> None:
+    """An axis started later, without a halt bit, runs at full rate from its first tick."""
     pair.write(od.CONTROLWORD, HALT)
     pair.wait(60)
     for axis in range(2):
@@ -279,7 +280,7 @@ class TestStopsDuringAHalt:
         ],
     )
     def test_at_rest_they_move_nothing(self, pair: BenchBoard, word: int, target: State) -> None:
-        """The queue is closed as by any stop; the halt bit that is still set keeps the other axis halted."""
+        """Any stop closes the queue; the halt bit, which is still set, keeps the other axis halted."""
         pair.write(od.CONTROLWORD, HALT)
         pair.wait(200)
         rest = position(pair)
@@ -290,7 +291,7 @@ class TestStopsDuringAHalt:
         assert (position(pair, 1), pair.flags(1) & PvtFlag.RUNNING) == (-rest, PvtFlag.RUNNING)
         assert pair.value(od.PVT_FREE_RECORDS) == 0
 
-    def test_a_queue_that_runs_dry_on_the_ramp_stops_the_group(self, fast_kernel: Kernel) -> None:
+    def test_a_queue_that_runs_out_on_the_ramp_stops_the_group(self, fast_kernel: Kernel) -> None:
         """Halted with 10 ms of records left at 4 kHz: an underrun, and the stop starts from what is left of 4 kHz.
 
         Axis 0 runs dry within a tick and rests for what is left of it, less than a step.
@@ -316,7 +317,7 @@ class TestStopsDuringAHalt:
         assert position(board) == pytest.approx((280 + 158) * STEP, abs=6 * STEP)
         assert board.value(od.PVT_UNDERRUNS) == 1
 
-    def test_a_reset_node_holds_nobody(self, pair: BenchBoard) -> None:
+    def test_a_reset_node_halts_no_other_axis(self, pair: BenchBoard) -> None:
         pair.write(od.CONTROLWORD, HALT)
         pair.wait(200)
         pair.nmt(0x81, node=0x10)

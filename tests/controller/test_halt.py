@@ -19,7 +19,7 @@ from tests.controller.units import STEP
 
 FULL = k.FULL_RATE_Q16
 KHZ = 64 * STEP
-"""1000 steps a second in the record's units of 1/64 unit per ms."""
+"""1000 steps/s as a record's velocity, in 1/64 unit per ms."""
 CONFIG = StepConfig(16, 33_000, 33_666, 15_000, 15_000, velocity_max_units_per_s=15_000 * STEP)
 DECELERATION = 40_000 * STEP
 
@@ -27,7 +27,7 @@ Record = tuple[int, int, int]
 
 
 def sampled(rate_hz: float, sine_hz: float, duration_ms: int, point_ms: int) -> list[Record]:
-    """A (1 - cos wt) with this peak step rate, or a line with smooth ends for 0 Hz, as records."""
+    """Return records of A (1 - cos wt) with this peak step rate; of a line with smooth ends for 0 Hz."""
     times_s = np.arange(duration_ms // point_ms + 1) * point_ms / 1000
     if sine_hz:
         omega = 2 * math.pi * sine_hz
@@ -99,7 +99,7 @@ def planned(fast_kernel: Kernel) -> GroupRun:
 
 
 def scripted(kernel: Kernel, *script: tuple[int, bool], deceleration: int = DECELERATION) -> GroupRun:
-    """Let ticks pass, then halt or go on, and so on; then to the end."""
+    """Let ticks pass, then halt or resume, for each pair of the script; then run to the end."""
     run = GroupRun(kernel, deceleration=deceleration)
     for ticks, hold in script:
         run.pass_ticks(ticks)
@@ -147,10 +147,10 @@ def test_it_ends_where_planned_with_good_pulses(fast_kernel: Kernel, planned: Gr
     ends = [(tick, event) for tick, _, event in run.events if event is not AxisEvent.HALTED]
     assert len(ends) == 3
     assert {event for _, event in ends} == {AxisEvent.FINISHED}
-    assert len({tick for tick, _ in ends}) == 1  # in step to the end
+    assert len({tick for tick, _ in ends}) == 1  # the axes stay in step to the end
 
 
-def test_it_lasts_as_planned_and_the_pause(fast_kernel: Kernel, planned: GroupRun) -> None:
+def test_it_takes_the_planned_time_and_the_pause(fast_kernel: Kernel, planned: GroupRun) -> None:
     """A ramp of T takes T/2 longer than the path it covers: 9 kHz at 40 000 steps/s^2 are 900 ticks, down and up."""
     run = scripted(fast_kernel, (1501, True), (3000, False))
     assert next((tick, event) for tick, axis, event in run.events if axis == 0) == (1501 + 900, AxisEvent.HALTED)
@@ -161,7 +161,7 @@ def test_it_lasts_as_planned_and_the_pause(fast_kernel: Kernel, planned: GroupRu
 
 
 def test_whole_ramps_only_shift_the_rest_of_the_motion(fast_kernel: Kernel, planned: GroupRun) -> None:
-    """Two ramps of 900 ticks cover 900 ticks of the path, none more and none less: later edges are later, no other."""
+    """Two ramps of 900 ticks cover exactly 900 ticks of the path: later edges are the same, only later."""
     run = GroupRun(fast_kernel)
     for ticks, hold in ((1501, True), (3000, False)):
         run.pass_ticks(ticks)
@@ -178,7 +178,7 @@ def test_whole_ramps_only_shift_the_rest_of_the_motion(fast_kernel: Kernel, plan
 @pytest.mark.parametrize("deceleration_hz_per_s", [20_000, 40_000, 400_000])
 @pytest.mark.parametrize("name", ["once", "resumed while it slows down", "halted while it speeds up"])
 def test_no_axis_decelerates_harder_than_allowed(fast_kernel: Kernel, name: str, deceleration_hz_per_s: int) -> None:
-    """Where the plan has constant speed all acceleration is the ramp's; over 20 ticks units hardly blur it."""
+    """Where the plan has constant speed, all acceleration is the ramp's; over 20 ticks, rounding hardly shows."""
     run = scripted(fast_kernel, *SCRIPTS[name], deceleration=deceleration_hz_per_s * STEP)
     fast = np.array(run.demands)[:, 0] / STEP
     on_the_line = (fast > 450 + 1) & (fast < fast[-1] - 450 - 1)
@@ -190,8 +190,8 @@ def test_no_axis_decelerates_harder_than_allowed(fast_kernel: Kernel, name: str,
     assert 0.95 * deceleration_hz_per_s < accelerations.max() <= deceleration_hz_per_s + blur
 
 
-def test_the_ramp_fits_what_is_coming_too(kernel: Kernel) -> None:
-    """1 kHz now, 8 kHz from 10 ms on: the ramp is as long as 8 kHz need, but only if it gets that far."""
+def test_the_ramp_suits_the_faster_segments_that_follow(kernel: Kernel) -> None:
+    """1 kHz now, 8 kHz from 10 ms on: the ramp lasts as long as 8 kHz needs, but only if it reaches that part."""
     for deceleration_hz_per_s, ticks in ((20_000, 1600), (200_000, 20)):
         motion = Motion(kernel, 1)
         motion.configure(0, CONFIG)
@@ -215,7 +215,7 @@ def test_the_ramp_lasts_at_most_as_long_as_a_stop(kernel: Kernel) -> None:
     assert motion.group.rest_tick == 40 + STOP_MAX_MS * k.TICKS_PER_MS
 
 
-def test_a_queue_that_runs_dry_while_slowing_down_is_an_underrun(kernel: Kernel) -> None:
+def test_a_queue_that_runs_out_while_slowing_down_is_an_underrun(kernel: Kernel) -> None:
     motion = Motion(kernel, 1)
     motion.configure(0, CONFIG)
     motion.push(0, 40 * STEP, 4 * KHZ, 20)
@@ -225,7 +225,7 @@ def test_a_queue_that_runs_dry_while_slowing_down_is_an_underrun(kernel: Kernel)
     ramp_group(motion, [DECELERATION])
     motion.advance(1000)
     assert motion.take_events() == [(0, AxisEvent.UNDERRUN)]
-    assert 0 < motion.velocity(0) < 4 * KHZ  # what a stop has to start from
+    assert 0 < motion.velocity(0) < 4 * KHZ  # the velocity from which a stop must start
 
 
 def test_velocity_is_scaled(kernel: Kernel) -> None:
@@ -257,7 +257,7 @@ SEGMENTS = st.lists(
 
 
 def ramped(rig: KernelRig, ramps: list[tuple[int, int, int]], ticks_at_once: int) -> None:
-    """Pass ticks, then ramp to a rate, and so on; at the end at full rate until all is done."""
+    """Let ticks pass, then ramp to a rate, for each pair of the script; then run at full rate to the end."""
     for ticks, rate_q16, ramp_ticks in [*ramps, (1, FULL, 0), (4000, FULL, 0)]:
         end = rig.tick + ticks
         while rig.tick < end:
@@ -316,7 +316,7 @@ def test_the_demand_is_the_plan_at_the_scaled_time(segments: list[Record], ramps
 
 
 def planned_steps(records: list[Record], t_ms: Fraction) -> Fraction:
-    """The position of a chain of cubics, at rest at its start and left where it ends, at 16 microsteps."""
+    """Return the position, in steps at 16 microsteps, of a chain of cubics that starts at rest and stays at its end."""
     start, v0 = Fraction(0), Fraction(0)
     for displacement_units, end_velocity, dt_ms in records:
         d, v1 = Fraction(displacement_units, STEP), Fraction(end_velocity, KHZ)

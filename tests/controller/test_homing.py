@@ -1,4 +1,4 @@
-"""Homing through the whole firmware, on a machine with switches, held against the figures of CiA 402-2."""
+"""Homing through the whole firmware, on a machine with switches, compared with the figures of CiA 402-2."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from tests.controller.homing_bench import (
     SLOW_STEPS_PER_S,
     START,
     HomingBench,
-    SlidingMachine,
+    Slider,
 )
 from tests.controller.units import STEP
 
@@ -27,9 +27,9 @@ NEGATIVE, POSITIVE, HOME = DigitalInput.NEGATIVE_LIMIT, DigitalInput.POSITIVE_LI
 LEFT, RIGHT = -600, 600
 """The limit switches are closed at these positions and beyond."""
 FIRST, LAST = -20, 30
-"""The home switch of methods 23 to 30 is closed from here to there: less than the way to stop from the fast speed."""
+"""The home switch of methods 23 to 30 is closed between these; that is less than the distance of a stop from fast."""
 EDGE = 10
-"""The home switch of methods 19 and 20 is closed from here on, that of 21 and 22 up to here."""
+"""The home switch of methods 19 and 20 is closed from this position on, that of 21 and 22 up to it."""
 
 FIGURES: dict[int, tuple[int, int]] = {
     17: (LEFT + 1, 1),
@@ -65,27 +65,27 @@ FIRST_MOVES = {
     29: {-300: -1, 5: -1, 300: -1},
     30: {-300: -1, 5: -1, 300: -1},
 }
-"""Where a method moves first, by where it starts."""
+"""The direction in which a method moves first, by its start."""
 
 STARTS = (-640, -600, -599, -300, -21, -20, 9, 10, 11, 30, 31, 300, 599, 600, 640)
 
 SPEED_SLACK = 26
-"""1/64 unit per ms: what the profile's rounding to whole units may add to a speed."""
+"""Most that the profile's rounding to whole units may add to a speed, in 1/64 unit per ms."""
 
 
-def machine(method: int, position: int) -> SlidingMachine:
-    """A slider with limit switches at both ends and the home switch that the method is for."""
+def machine(method: int, position: int) -> Slider:
+    """Return a slider with limit switches at both ends and the home switch of a method."""
     home: Callable[[int], bool] = {
         19: lambda p: p >= EDGE,
         20: lambda p: p >= EDGE,
         21: lambda p: p <= EDGE,
         22: lambda p: p <= EDGE,
     }.get(method, lambda p: FIRST <= p <= LAST)
-    return SlidingMachine(position, {NEGATIVE: lambda p: p <= LEFT, POSITIVE: lambda p: p >= RIGHT, HOME: home})
+    return Slider(position, {NEGATIVE: lambda p: p <= LEFT, POSITIVE: lambda p: p >= RIGHT, HOME: home})
 
 
 def bench_for(kernel: Kernel, method: int, position: int, **switches: Callable[[int], bool]) -> HomingBench:
-    """A bench with that machine, some switches of which may be others."""
+    """Return a bench with that slider; `switches` replace some of its switches."""
     slider = machine(method, position)
     slider.switches |= {DigitalInput[name]: closed for name, closed in switches.items()}
     return HomingBench(kernel, slider)
@@ -115,7 +115,7 @@ class TestMethods:
     @pytest.mark.parametrize("method", FIGURES)
     @pytest.mark.parametrize("start", [-300, 5, 300])
     def test_two_speeds_and_one_acceleration(self, fast_kernel: Kernel, method: int, start: int) -> None:
-        """The last stroke is the slow one, over the edge; no speed and no acceleration is ever above."""
+        """The last stroke crosses the edge slowly; no stroke exceeds its speed or acceleration."""
         bench = bench_for(fast_kernel, method, start)
         bench.home(method)
         *searching, crossing = bench.strokes()
@@ -123,14 +123,14 @@ class TestMethods:
         assert speed(SLOW_STEPS_PER_S) - 1 <= max(map(abs, crossing)) <= speed(SLOW_STEPS_PER_S) + SPEED_SLACK
         fastest = max(abs(velocity) for stroke in searching for velocity in stroke)
         assert fastest <= speed(FAST_STEPS_PER_S) + SPEED_SLACK
-        assert fastest >= speed(FAST_STEPS_PER_S) - 1 or start == 5  # from there the way is too short
+        assert fastest >= speed(FAST_STEPS_PER_S) - 1 or start == 5  # from there the distance is too short
         steepest = ACCELERATION_STEPS_PER_S2 * STEP * 64 // 1_000_000 // 4
         pairs = zip([0, *bench.velocities], [*bench.velocities, 0], strict=True)
         assert max(abs(later - earlier) for earlier, later in pairs) <= steepest + 4
 
     @pytest.mark.parametrize("method", FIGURES)
     def test_the_edge_is_seen_within_the_slow_stroke(self, fast_kernel: Kernel, method: int) -> None:
-        """The last change of the inputs but for what the ramp behind it may pass is the edge's."""
+        """Return the edge: the last change of the inputs, except those that the ramp behind the edge may pass."""
         bench = bench_for(fast_kernel, method, 300)
         bench.home(method)
         edge, direction = FIGURES[method]
@@ -143,12 +143,12 @@ class TestMethods:
         assert all(sign == direction for _, sign in bench.rises[last_pass:])
 
     @pytest.mark.parametrize("method", [35, 37])
-    def test_here_is_here_and_nothing_moves(self, fast_kernel: Kernel, method: int) -> None:
+    def test_methods_35_and_37_home_where_the_axis_stands(self, fast_kernel: Kernel, method: int) -> None:
         bench = bench_for(fast_kernel, method, 123)
         bench.home(method, offset_units=-1500)
         assert (bench.value(od.POSITION_DEMAND), bench.rises) == (-1500, [])
 
-    def test_just_these_are_supported(self, fast_kernel: Kernel) -> None:
+    def test_only_these_methods_are_supported(self, fast_kernel: Kernel) -> None:
         bench = bench_for(fast_kernel, 17, 0)
         taken = [method for method in range(-128, 128) if bench.write(od.HOMING_METHOD, method) == 0]
         listed = [bench.value(address) for address in od.SUPPORTED_HOMING_METHODS]
@@ -166,7 +166,7 @@ class TestMethods:
 
 @dataclass
 class Sticky:
-    """A switch that lets go only some steps farther out than where it closes, as real ones do."""
+    """A switch with hysteresis, as real ones have: it opens some steps farther out than it closes."""
 
     first: int
     last: int
@@ -211,7 +211,7 @@ def test_home_repeats_within_one_step(
             POSITIVE: Sticky(1_500, 10**6, hysteresis),
             HOME: Sticky(*bounds, hysteresis),
         }
-        bench = HomingBench(fast_kernel, SlidingMachine(start, switches))
+        bench = HomingBench(fast_kernel, Slider(start, switches))
         bench.write(od.HOMING_SEARCH_SPEED, fast * STEP)
         bench.write(od.HOMING_ZERO_SPEED, slow * STEP)
         bench.write(od.HOMING_ACCELERATION, acceleration * STEP)
@@ -240,8 +240,8 @@ class TestResult:
         bench.wait(2_000)
         assert bench.machine.position == EDGE
 
-    def test_it_owes_no_step(self, fast_kernel: Kernel) -> None:
-        """The shift of the coordinates is in whole steps: demand and counter stand to each other as before."""
+    def test_no_step_is_due_after_homing(self, fast_kernel: Kernel) -> None:
+        """The coordinates shift by whole steps: the difference of demand and counter stays."""
         for start in range(-60, -40):
             bench = bench_for(fast_kernel, 20, start)
             bench.home(20, offset_units=500)
@@ -263,7 +263,7 @@ class TestResult:
         assert bench.value(od.STATUSWORD) & Status.POSITION_KNOWN
         assert bench.firmware.motion.running(0) is False
 
-    def test_it_stays_done_until_another_begins_or_the_position_is_lost(self, fast_kernel: Kernel) -> None:
+    def test_it_stays_attained_until_another_begins_or_the_reference_is_lost(self, fast_kernel: Kernel) -> None:
         bench = bench_for(fast_kernel, 20, -100)
         bench.home(20)
         bench.word()
@@ -309,7 +309,7 @@ class TestResult:
 
 class TestErrors:
     def failed(self, bench: HomingBench, method: int, error: HomingError) -> None:
-        """A homing that stops, says why and leaves all else as it was."""
+        """A failed homing stops, reports its error and changes nothing else."""
         known = bench.value(od.STATUSWORD) & Status.POSITION_KNOWN
         zero = bench.zero_steps
         bench.begin(method, offset_units=77 * STEP)
@@ -395,7 +395,7 @@ class TestErrors:
         assert (bench.zero_steps, bench.error, bench.value(od.ERROR_REGISTER)) == (EDGE, HomingError.NONE, 0)
         assert bench.emergencies[-1][0] == 0
 
-    def test_leaving_the_mode_ends_it_too_but_the_reason_can_still_be_read(self, fast_kernel: Kernel) -> None:
+    def test_leaving_the_mode_ends_the_error_but_its_reason_can_still_be_read(self, fast_kernel: Kernel) -> None:
         bench = bench_for(fast_kernel, 20, 0, HOME=lambda _: False)
         self.failed(bench, 20, HomingError.NOT_FOUND)
         bench.write(od.MODE_OF_OPERATION, Mode.PROFILE_POSITION)
@@ -405,7 +405,7 @@ class TestErrors:
 
 class TestTimeout:
     def seen_after_us(self, kernel: Kernel, timeout_ms: int) -> tuple[HomingBench, int]:
-        """Home, with success or not; return when the edge was seen, after the start, in us."""
+        """Home, with success or not; return the time from the start until the edge was seen, in us."""
         bench = bench_for(kernel, 21, 200)
         bench.write(od.HOMING_TIMEOUT_MS, timeout_ms)
         begun = bench.now
@@ -414,7 +414,7 @@ class TestTimeout:
         return bench, (bench.edges[-1][0] - begun) // 72
 
     def test_both_sides(self, fast_kernel: Kernel) -> None:
-        """It is the edge that must be seen in time, not the end of the ramp behind it."""
+        """The timeout applies to the edge, not to the end of the ramp behind it."""
         bench, edge_us = self.seen_after_us(fast_kernel, 0)
         assert (bench.bits, bench.zero_steps) == ((1, 1, 0), EDGE + 1)
         enough_ms = edge_us // 1000 + 1
@@ -434,7 +434,7 @@ class TestTimeout:
 
 class TestInterruption:
     def searching(self, kernel: Kernel, method: int = 20, start: int = -300) -> HomingBench:
-        """A bench in full search."""
+        """Return a bench whose axis searches at full speed."""
         bench = bench_for(kernel, method, start)
         bench.begin(method)
         bench.wait(120)
@@ -542,7 +542,7 @@ class TestInterruption:
         bench.nmt(129)
         made = len(bench.rises)
         bench.wait(100)
-        assert len(bench.rises) - made <= 1  # what the tick in progress had placed
+        assert len(bench.rises) - made <= 1  # the step that the tick in progress had placed
         assert bench.state() is State.SWITCH_ON_DISABLED
 
     def test_an_emergency_stop_is_a_fault(self, fast_kernel: Kernel) -> None:
@@ -551,8 +551,8 @@ class TestInterruption:
         bench.wait(200)
         assert (bench.state(), bench.value(od.ERROR_CODE)) == (State.FAULT, ErrorCode.ESTOP)
 
-    def test_a_stop_behind_the_edge_that_the_mode_has_not_made_loses_it(self, fast_kernel: Kernel) -> None:
-        """Coordinates are set at rest: who cuts the ramp short has not homed."""
+    def test_another_stop_behind_the_edge_leaves_the_axis_not_homed(self, fast_kernel: Kernel) -> None:
+        """Coordinates are set at rest: cutting the ramp short leaves the axis not homed."""
         bench = bench_for(fast_kernel, 20, -40)
         bench.write(od.HOMING_ACCELERATION, 2_000 * STEP)
         bench.begin(20)

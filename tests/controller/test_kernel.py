@@ -1,4 +1,4 @@
-"""The kernel by hand-computable cases, by its limits on both sides, and by what must not depend on how it is called."""
+"""The kernel in hand-computed cases, at its limits on both sides, and independent of how its calls are divided."""
 
 import math
 
@@ -14,11 +14,11 @@ from tests.controller.kernel_rig import KernelRig, Timing, timing_faults
 from tests.controller.units import MS, STEP
 
 ONE_STEP_PER_MS = 64 * STEP
-"""A velocity of 1 kHz of steps in the record's units of 1/64 unit per ms."""
+"""1000 steps/s as a record's velocity, in 1/64 unit per ms."""
 
 
 def test_constant_speed_by_hand(kernel: Kernel) -> None:
-    """1 kHz from a standing counter: step i is due when the demand reaches i + 9/16, so at (i + 9/16) ms."""
+    """At 1 kHz from a counter at rest, step i is due when the demand reaches i + 9/16: at (i + 9/16) ms."""
     rig = KernelRig(kernel)
     rig.set(k.TAIL_VELOCITY, ONE_STEP_PER_MS)
     assert rig.push(10 * STEP, ONE_STEP_PER_MS, 10) == k.ACCEPTED
@@ -45,7 +45,7 @@ def test_rest_to_rest_cubic_by_hand(kernel: Kernel) -> None:
 
 
 def test_a_reversal_within_the_hysteresis_makes_no_step(kernel: Kernel) -> None:
-    """Up over one threshold and back to just above the lower one: 9/16 - 1/8 of a step below it is still no step."""
+    """Move up over one threshold and back to just above the lower one, 9/16 - 1/8 step below: no step down."""
     rig = KernelRig(kernel)
     rig.push(600, 0, 10)  # 0.586 step: one step up at 0.5625
     rig.push(-130, 0, 10)  # down to 0.459 > 1 - 9/16
@@ -134,7 +134,7 @@ class TestRefusals:
 
 class TestPulseTiming:
     def test_steps_wait_for_stepspace_and_are_counted(self, kernel: Kernel) -> None:
-        """20 kHz asked of a driver that makes 15 kHz: every rise but the first waits its turn."""
+        """20 kHz for a driver that makes 15 kHz: every rise except the first must wait."""
         rig = KernelRig(kernel, rate_limit_q16_per_ms=20 * k.STEP_Q16)
         rig.set(k.TAIL_VELOCITY, 20 * ONE_STEP_PER_MS)
         rig.push(20 * STEP, 20 * ONE_STEP_PER_MS, 1)
@@ -336,7 +336,7 @@ class TestIndependence:
         assert run(short).snapshot() == run([total]).snapshot()
 
     def test_axes_that_ran_too_far_come_back_to_the_common_tick(self, kernel: Kernel) -> None:
-        """Axis 1 finishes first: axis 0, computed before it, must stand at the same tick, as if run alone to there."""
+        """Axis 1 finishes first: axis 0, computed before it, must be at the same tick, as if run alone up to it."""
         both, alone = KernelRig(kernel, axes=2), KernelRig(kernel, axes=2)
         for rig in (both, alone):
             rig.push(30_000, 0, 50, 0)
@@ -358,7 +358,7 @@ def test_sine_edges_lie_within_a_thousandth_of_a_step(fast_kernel: Kernel, peak_
     assert len(edges) == pytest.approx(2 * peak_hz / (math.pi * sine_hz), abs=4)
 
 
-def test_what_limits_the_edges_is_the_wire_unit_and_the_chord(fast_kernel: Kernel) -> None:
+def test_edge_errors_come_from_the_wire_unit_and_the_chord(fast_kernel: Kernel) -> None:
     """At 88 000 steps/s^2 the bound is half a unit of rounding, the chord's sagitta a dt^2 / 8, a little arithmetic."""
     peak_hz, sine_hz = 14_000, 1.0
     acceleration = 2 * math.pi * sine_hz * peak_hz

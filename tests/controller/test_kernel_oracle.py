@@ -1,4 +1,4 @@
-"""The kernel against an oracle in exact rational arithmetic that shares nothing with it but the rules' statement."""
+"""The kernel against an oracle in exact rational arithmetic, which shares only the statement of the rules with it."""
 
 from fractions import Fraction
 
@@ -15,7 +15,7 @@ TICKS_PER_MS = 4
 H = Fraction(9, 16)
 Q16 = Fraction(1, 1 << 16)
 FAST_PINS = Timing(steplen=1, stepspace=1, dirsetup=0, dirhold=0)
-"""Pulse timing out of the way: what is tested here is where steps are due."""
+"""Pulse timing so fast that no step waits: these tests check when steps are due."""
 
 
 @given(
@@ -52,7 +52,7 @@ def test_positions_and_edges_against_exact_arithmetic(
         rig.advance(1)
         p = rig.get(k.POSITION_Q16) * Q16
         assert abs(p - exact.position(Fraction(tick + 1, TICKS_PER_MS))) <= position_bound
-        assert abs(p - rig.get(k.COUNTER)) < H  # no step is missing
+        assert abs(p - rig.get(k.COUNTER)) < H  # every step due has been made
         for rise, sign in list(zip(rig.rises(), rig.signs(), strict=True))[seen:]:
             due = exact.position(Fraction(rise, MS))
             assert abs(due - (counter + sign * H)) <= edge_bound
@@ -73,7 +73,7 @@ def test_positions_and_edges_against_exact_arithmetic(
 def test_every_intermediate_of_an_accepted_segment_fits_a_cortex_m3(
     start_velocity: int, displacement: int, end_velocity: int, duration_ticks: int, microsteps: int
 ) -> None:
-    """Operands of each multiplication in i32 (one SMULL), products in i64, whatever the wire may ask for."""
+    """The operands of each multiplication fit i32 (one SMULL) and products fit i64, for every value on the wire."""
     rig = KernelRig(python_kernel(), microsteps=microsteps, rate_limit_q16_per_ms=k.I32_MAX)
     rig.set(k.TAIL_VELOCITY, start_velocity)
     assume(rig.push_ticks(displacement, end_velocity, duration_ticks) == k.ACCEPTED)

@@ -1,4 +1,4 @@
-"""A host that falls silent: heartbeat consumer 0x1016, reactions 0x6007 and 0x1029, and its return."""
+"""A host that falls silent and returns: heartbeat consumer (1016h) and the reactions by 6007h and 1029h."""
 
 import pytest
 
@@ -21,7 +21,7 @@ def beat(board: BenchBoard) -> None:
 
 
 def moving(board: BenchBoard) -> None:
-    """Both axes run at 4 kHz, axis 1 the other way, with records enough for 1 s."""
+    """Run both axes at 4 kHz, axis 1 backwards, with records for 1 s."""
     for axis in (0, 1):
         assert board.write(od.QUICK_STOP_DECELERATION, 40_000 * STEP, axis) == 0
     board.enable()
@@ -48,7 +48,7 @@ def test_nothing_is_watched_by_default(pair: BenchBoard) -> None:
     assert errors(pair, 0) == []
 
 
-def test_a_host_that_beats_is_not_lost(pair: BenchBoard) -> None:
+def test_a_host_that_sends_heartbeats_is_not_lost(pair: BenchBoard) -> None:
     watch_host(pair, 0, 1)
     moving(pair)
     for _ in range(10):
@@ -151,7 +151,7 @@ def test_a_drive_that_is_off_reports_and_stays_as_it_is(pair: BenchBoard) -> Non
 
 
 def test_a_host_that_comes_back_resets_the_fault_and_works_on(pair: BenchBoard) -> None:
-    """The error goes with the fault reset, or with the heartbeat if that comes later."""
+    """The fault reset resolves the error, or the heartbeat if it comes later."""
     watch_host(pair, 0, 1)
     moving(pair)
     beat(pair)
@@ -180,7 +180,7 @@ def test_a_communication_reset_ends_the_watch(pair: BenchBoard) -> None:
 
 
 def test_a_halted_machine_whose_host_is_lost_ends_in_fault(pair: BenchBoard) -> None:
-    """Trajectory time stands still then; the fault must not wait for a resume that never comes."""
+    """In a halt trajectory time stands still; the fault reaction must not wait for a resume that never comes."""
     watch_host(pair, 0, 1, timeout_ms=500)
     moving(pair)
     beat(pair)

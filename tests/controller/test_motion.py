@@ -27,7 +27,7 @@ def moving(kernel: Kernel, axes: int = 1, config: StepConfig = CONFIG) -> Motion
     ("ns", "counts"), [(0, 0), (1, 1), (13, 1), (14, 2), (30_000, 2160), (33_000, 2376), (33_666, 2424)]
 )
 def test_nanoseconds_round_up_to_counts(ns: int, counts: int) -> None:
-    """One count is 13.89 ns; a minimum must never come out shorter."""
+    """One count is 13.89 ns; a minimum time must never become shorter."""
     assert counts_of_ns(ns) == counts
 
 
@@ -55,7 +55,7 @@ def test_preset_keeps_the_fraction_of_a_step(kernel: Kernel) -> None:
 
 
 def test_reconfiguring_moves_no_counter(kernel: Kernel) -> None:
-    """After a motion the demand may be 9/16 step from the counter; the motor is where the counter says."""
+    """After a motion the demand may be 9/16 step from the counter; the motor is at the counter."""
     motion = moving(kernel)
     motion.push(0, 570, 0, 10)  # 0.557 step: no step yet
     motion.start(0)
@@ -94,7 +94,7 @@ def test_stop_lasts_as_asked_and_ends_at_rest(kernel: Kernel) -> None:
 
 
 @pytest.mark.parametrize("answer", [lambda motion: motion.flush(0), lambda motion: motion.stop(0, 10)])
-def test_an_event_that_waits_for_its_tick_is_answered_by_flush_and_stop(
+def test_flush_and_stop_cancel_an_event_that_waits_for_its_tick(
     kernel: Kernel, answer: Callable[[Motion], None]
 ) -> None:
     """The kernel is up to a tick ahead of the board's clock; until the event is taken the axis counts as running."""
@@ -161,7 +161,7 @@ def test_stop_ramps_are_straight_lines_to_zero(velocity: int, duration_ms: int) 
 def test_a_stop_from_anywhere_keeps_position_and_ends(
     displacement: int, end_velocity: int, duration_ms: int, at_tick: int, stop_ms: int
 ) -> None:
-    """Whatever the segment and whenever it is stopped: no jump, no speed beyond the one at the stop, then rest."""
+    """For any segment stopped at any time: no jump, no speed above that at the stop, then rest."""
     motion = moving(python_kernel())
     assume(motion.push(0, displacement, end_velocity, duration_ms) is Refusal.ACCEPTED)
     motion.start(0)

@@ -1,4 +1,4 @@
-"""The whole object table of a node, walked by SDO: what may be read and written, and why the rest may not."""
+"""The whole object table of a node, by SDO: every entry is read and written, or refused with the right abort code."""
 
 from collections.abc import Iterator
 
@@ -19,7 +19,7 @@ DONE = 0
 RANGE, STATE = AbortCode.VALUE_RANGE, AbortCode.DEVICE_STATE
 
 Outcome = tuple[int, int]
-"""What becomes of writing the least and the greatest value of the range."""
+"""The results of writing the least and the greatest value of the range."""
 
 
 def pdo_rules() -> Iterator[tuple[tuple[int, int], Outcome]]:
@@ -37,9 +37,9 @@ def pdo_rules() -> Iterator[tuple[tuple[int, int], Outcome]]:
 
 RULES: dict[tuple[int, int], Outcome] = {
     **{(index, i): (AbortCode.NOT_STORED,) * 2 for index in (0x1010, 0x1011) for i in range(1, 5)},  # no signature
-    (0x1014, 0): (RANGE, RANGE),  # no identifier
-    (0x6060, 0): (RANGE, RANGE),  # no mode
-    (0x60C1, 4): (RANGE, DONE),  # 0 is expected, but the record has no duration; 255 is the one before
+    (0x1014, 0): (RANGE, RANGE),  # neither value is a COB-ID
+    (0x6060, 0): (RANGE, RANGE),  # neither value is a mode
+    (0x60C1, 4): (RANGE, DONE),  # 0 is the number expected, but the record's duration is 0; 255 is an old record
     (0x605A, 0): (DONE, DONE),
     **dict(pdo_rules()),
 }
@@ -63,7 +63,7 @@ def head(index: int, subindex: int) -> bytes:
 
 
 def abort_of(answer: bytes) -> int:
-    """The abort code of an answer, 0 if it is none."""
+    """Return the abort code of an answer; 0 if it is not an abort."""
     return int.from_bytes(answer[4:], "little") if answer[0] == 0x80 else 0
 
 
@@ -83,7 +83,7 @@ def download(board: BenchBoard, index: int, subindex: int, data: bytes) -> int:
 
 
 def upload(board: BenchBoard, index: int, subindex: int) -> bytes | int:
-    """Read; return the bytes or the abort code."""
+    """Read an entry; return its bytes or the abort code."""
     answer = request(board, b"\x40" + head(index, subindex) + bytes(4))
     if answer[0] == 0x80:
         return abort_of(answer)

@@ -1,4 +1,4 @@
-"""The CiA 402 state machine against two independent statements of it: the standard's table and canopen's."""
+"""The CiA 402 state machine against two independent statements: the standard's table and the canopen library's."""
 
 import pytest
 from canopen.profiles.p402 import State402
@@ -19,7 +19,7 @@ BY_CONTROLWORD: dict[State, dict[int, State]] = {
     State.FAULT_REACTION_ACTIVE: {},
     State.FAULT: {0x80: SOD},
 }
-"""What each of the standard's controlwords does in each state; those not named change nothing."""
+"""The state to which each of the standard's controlwords leads from each state; others change nothing."""
 
 
 @pytest.mark.parametrize("state", list(State))
@@ -30,7 +30,7 @@ def test_the_standards_table(state: State, controlword: int) -> None:
 
 @pytest.mark.parametrize("state", list(State))
 def test_only_bits_0_to_3_and_7_count(state: State) -> None:
-    """Every one of the 65 536 controlwords does what its command bits alone do, whatever came before."""
+    """Each of the 65 536 controlwords has the effect of its command bits alone, after any previous word."""
     for previous in (0x00, 0x80):
         for command_bits in (*range(16), *range(0x80, 0x90)):
             expected = next_state(state, command_bits, previous)
@@ -46,7 +46,7 @@ def test_fault_is_left_by_a_rising_edge_only() -> None:
 
 
 def test_the_canopen_library_agrees_on_every_transition_it_knows() -> None:
-    """Each (from, to) -> controlword of the library's master moves our drive the same way."""
+    """Each controlword of the library's master moves our drive between the states that the library expects."""
     automatic = {"START", "NOT READY TO SWITCH ON", "FAULT REACTION ACTIVE"}
     checked = 0
     for (before, after), controlword in State402.TRANSITIONTABLE.items():

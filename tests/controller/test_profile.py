@@ -1,4 +1,4 @@
-"""The profile generator: ends at the very unit, keeps its limits up to the rounding that its module states."""
+"""The profile generator ends exactly at the target and keeps its limits, up to the rounding that its module states."""
 
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -10,24 +10,24 @@ from hypothesis import strategies as st
 from steptwin.controller.profile import GRAIN_MS, PIECE_MS, Limits, Profile, Segment, move, stop
 
 PER_S2 = 64 / 1_000_000
-"""1/64 unit per ms^2 in a unit per s^2."""
+"""A unit per s^2 in 1/64 unit per ms^2."""
 ACROSS_A_BEND = 11 / 9 + 1e-9
 """How a cubic over a bend of the acceleration exceeds it: 1 + x - x^2 where the last x = 1/3 of it is constant."""
 ENOUGH = 500
-"""Segments after which a long motion is left alone."""
+"""Number of segments after which a test leaves a long motion."""
 
 
 @dataclass
 class ExecutedProfile:
-    """Segments as executed from a velocity, with what the kernel's cubics do between their ends."""
+    """Segments executed from a velocity, with the speeds and accelerations of the kernel's cubics."""
 
     velocity: int
     segments: list[Segment] = field(default_factory=list)
     units: int = 0
     fastest_excess: float = 0.0
-    """The highest speed of a segment's hull in 1/64 unit per ms, without what rounding may add."""
+    """The highest speed of a segment's hull in 1/64 unit per ms, less the most that rounding adds."""
     accelerations: list[tuple[int, float, float]] = field(default_factory=list)
-    """Duration, and acceleration at begin and end in 1/64 unit per ms^2."""
+    """Duration of each segment, and its acceleration at start and end in 1/64 unit per ms^2."""
 
     def take(self, profile: Profile, count: int = ENOUGH) -> "ExecutedProfile":
         for _ in range(count):
@@ -51,17 +51,17 @@ class ExecutedProfile:
 
     @property
     def acceleration_excess(self) -> float:
-        """The highest acceleration without what rounding may add."""
+        """The highest acceleration, less the most that rounding adds."""
         return max((max(abs(a), abs(b)) - rounding(t) for t, a, b in self.accelerations), default=0.0)
 
 
 def speed_rounding(duration_ms: int) -> float:
-    """3 / T + 1/64 units per ms."""
+    """Return the bound 3 / T + 1/64 units per ms, in 1/64 unit per ms."""
     return 64 * 3 / duration_ms + 1
 
 
 def rounding(duration_ms: int) -> float:
-    """(6 / T + 1/16) / T units per ms^2."""
+    """Return the bound (6 / T + 1/16) / T units per ms^2, in 1/64 unit per ms^2."""
     return 64 * (6 / duration_ms + 1 / 16) / duration_ms
 
 
@@ -88,7 +88,7 @@ def test_from_rest_it_ends_at_the_target_within_all_limits(limits: Limits, dista
 
 @given(limits=st.one_of(linear, smooth), distance=distances, velocity=st.integers(-960_000, 960_000))
 def test_from_any_velocity_it_ends_at_the_target(limits: Limits, distance: int, velocity: int) -> None:
-    """Also the wrong way, too near to stop and faster than allowed: that is taken back by the deceleration."""
+    """Starts may also move the wrong way, be too near to stop or too fast: the deceleration corrects them."""
     run = ExecutedProfile(velocity).take(move(distance, velocity, 0, limits))
     assert run.fastest_excess <= max(limits.velocity, abs(velocity))
     assert run.acceleration_excess <= steepest(limits) * (1 + 3 / GRAIN_MS) * ACROSS_A_BEND
@@ -132,19 +132,19 @@ def test_a_stop_never_turns_round(limits: Limits, velocity: int) -> None:
 def test_jerk_limited_motions_have_no_steps_in_their_acceleration(
     limits: Limits, distance: int, change_after: int
 ) -> None:
-    """Also where a new target takes over: the present acceleration is taken back within the jerk."""
+    """This holds also where a new target takes over: the present acceleration goes to 0 within the jerk."""
     run = ExecutedProfile(0).take(move(distance, 0, 0, limits), change_after)
     run.take(move(2 * distance, run.velocity, run.segments[-1].end_acceleration, limits))
     blended = [(0, 0.0, 0.0), *run.accelerations]
     jerk = limits.jerk * 64 / 10**9
     for (t0, _, before), (t1, after, _) in pairwise(blended):
-        # The ramp that hits the target may bend a little: it gives whole milliseconds back.
+        # The last ramp may bend a little: it subtracts the distance of whole milliseconds too many.
         give_back = 3 * 64 * 15_000 / 1000
         assert abs(after - before) <= rounding(t0 or t1) + rounding(t1) + jerk * PIECE_MS + give_back
 
 
 def test_a_trapezoid_takes_its_time() -> None:
-    """100 000 units at 64 units per ms with ramps of 100 ms: 1662.5 ms, and less than 5 grains more."""
+    """100 000 units at 64 units per ms with ramps of 100 ms take 1662.5 ms, and less than 5 GRAIN_MS more."""
     limits = Limits(64 * 64, 640_000, 640_000)
     run = ExecutedProfile(0).take(move(100_000, 0, 0, limits))
     total_ms = sum(segment.duration_ms for segment in run.segments)
@@ -153,7 +153,7 @@ def test_a_trapezoid_takes_its_time() -> None:
 
 
 def test_a_jerk_limited_ramp_takes_its_time() -> None:
-    """To 100 units per ms at 1 unit per ms^2 and 0.02 units per ms^3: 100 ms + 50 ms."""
+    """To 100 units per ms at 1 unit per ms^2 and 0.02 units per ms^3 the ramp takes 100 ms + 50 ms."""
     limits = Limits(6400, 1_000_000, 1_000_000, 20_000_000)
     run = ExecutedProfile(0).take(move(10**6, 0, 0, limits), 40)
     ended = [segment.end_velocity for segment in run.segments]
@@ -168,7 +168,7 @@ def test_no_distance_is_no_motion(jerk: int) -> None:
 
 
 def test_too_near_to_stop_it_overshoots_and_comes_back() -> None:
-    """From 100 units per ms at 1 unit per ms^2 it needs 5000 units to stop; at 1000 it turns round."""
+    """From 100 units per ms at 1 unit per ms^2 a stop takes 5000 units; for a target at 1000 the axis reverses."""
     run = ExecutedProfile(6400).take(move(1000, 6400, 0, Limits(6400, 1_000_000, 1_000_000)))
     position, farthest = 0, 0
     for segment in run.segments:

@@ -15,7 +15,7 @@ NEW, AT_ONCE, RELATIVE, HALT = 0x10, 0x20, 0x40, 0x100
 
 
 class ProfileBench(BenchBoard):
-    """A bench board whose one axis is enabled in a mode, with the words of the profile modes."""
+    """A bench board with one axis, enabled in a profile mode, and that mode's controlwords."""
 
     def __init__(self, kernel: Kernel, mode: Mode) -> None:
         super().__init__(kernel)
@@ -28,7 +28,7 @@ class ProfileBench(BenchBoard):
         assert self.write(od.CONTROLWORD, 0x0F | bits) == 0
 
     def set_point(self, target: int, bits: int = 0) -> None:
-        """A whole handshake."""
+        """Give a set-point, with its whole handshake."""
         assert self.write(od.TARGET_POSITION, target) == 0
         self.word(NEW | bits)
         assert self.has(Status.SETPOINT_ACKNOWLEDGED)
@@ -43,7 +43,7 @@ class ProfileBench(BenchBoard):
         raise AssertionError(f"no {bit!r} in {timeout_ms} ms")
 
     def steps(self) -> int:
-        """CLK rises since the last call."""
+        """Return the number of CLK rises since the last call."""
         return len(self.firmware.motion.take_edges()[0].clk_counts) // 2
 
     @property
@@ -79,7 +79,7 @@ class TestPosition:
         assert board.steps() == 0
 
     def test_a_move_takes_the_time_of_its_trapezoid(self, pp: ProfileBench) -> None:
-        """4000 steps at 4 kHz with ramps of 100 ms: 1.1 s, and the grain of the profile."""
+        """4000 steps at 4 kHz with ramps of 100 ms take 1.1 s, and the profile's rounding to whole milliseconds."""
         pp.set_point(4000 * STEP)
         pp.wait(500)
         assert pp.speed_steps_per_s == pytest.approx(4000, abs=1)
@@ -108,7 +108,7 @@ class TestPosition:
         pp.set_point(1000 * STEP)
         assert pp.has(Status.SETPOINT_ACKNOWLEDGED)
         pp.write(od.TARGET_POSITION, -5 * STEP)
-        pp.word(NEW)  # there is no room for a third
+        pp.word(NEW)  # only one set-point can wait: this third one is not taken
         pp.word()
         highest = 0
         while pp.has(Status.SETPOINT_ACKNOWLEDGED):
@@ -220,7 +220,7 @@ class TestPosition:
         pp.until(Status.TARGET_REACHED)
         assert pp.write(od.MODE_OF_OPERATION, Mode.PROFILE_VELOCITY) == 0
 
-    def test_a_target_beyond_all_ends_is_still_a_plan(self, pp: ProfileBench) -> None:
+    def test_a_target_beyond_the_i32_range_is_still_planned(self, pp: ProfileBench) -> None:
         pp.set_point(-(2**31))
         assert pp.has(Status.INTERNAL_LIMIT)
         pp.wait(1000)
@@ -235,7 +235,7 @@ class TestPosition:
         assert (pp.value(od.POSITION_DEMAND), pp.steps()) == (100 * STEP, 100)
 
     def test_as_fast_as_the_pulse_timing_allows(self, pp: ProfileBench) -> None:
-        """A higher profile velocity is no error; the axis' limit holds, but for the margin of rounding."""
+        """A profile velocity above the axis' limit is allowed: the axis keeps the limit, less a rounding margin."""
         pp.write(od.PROFILE_VELOCITY, 2**32 - 1)
         pp.write(od.PROFILE_ACCELERATION, 2**32 - 1)
         pp.set_point(30_000 * STEP)
@@ -256,7 +256,7 @@ class TestPosition:
         pp.write(od.MODE_OF_OPERATION, Mode.PROFILE_POSITION)
         pp.set_point(2**31 - 1)
         pp.wait(200)
-        pp.write(od.PROFILE_DECELERATION, 1000 * STEP)  # now there is no room to stop
+        pp.write(od.PROFILE_DECELERATION, 1000 * STEP)  # now the distance is too short to stop
         pp.set_point(0, AT_ONCE)
         pp.wait(2000)
         assert pp.state() is State.FAULT
@@ -394,12 +394,12 @@ changes = st.tuples(
     st.sampled_from([10**4, 10**6, 10**7, 2**32 - 1]),  # velocity
     st.sampled_from([10**7, 10**8, 2**32 - 1]),  # acceleration
     st.sampled_from([10**7, 10**8, 2**32 - 1]),  # deceleration
-    st.sampled_from([0, 0.3, 5, 16, 60, 150]),  # ms until the next
+    st.sampled_from([0, 0.3, 5, 16, 60, 150]),  # ms until the next command
 )
 
 
 @given(script=st.lists(changes, min_size=1, max_size=8), microsteps=st.sampled_from([1, 2, 8, 16]))
-def test_whatever_the_set_points_the_queue_neither_runs_dry_nor_is_refused(
+def test_for_any_set_points_the_queue_neither_runs_out_nor_is_refused(
     fast_kernel: Kernel, script: list[tuple[int, int, int, int, int, int, float]], microsteps: int
 ) -> None:
     board = ProfileBench(fast_kernel, Mode.NONE)

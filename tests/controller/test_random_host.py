@@ -22,11 +22,11 @@ from tests.controller.units import MS, STEP
 
 AXES = 2
 ACCELERATION = 40_000 * STEP
-"""Of every ramp of a profile, a stop or a fault, in units/s2."""
+"""Acceleration of every ramp of a profile, a stop or a fault, in units/s2."""
 RAMPS = (od.PROFILE_ACCELERATION, od.PROFILE_DECELERATION, od.QUICK_STOP_DECELERATION, od.HOMING_ACCELERATION)
 VELOCITY_MAX = 4_000 * STEP
 ROUNDING = 4 * STEP
-"""What velocities per ms may differ by: 1/64 unit per ms, a ramp of whole ms, units at the ends of segments."""
+"""Most that velocities a ms apart may differ beyond the ramp: 1/64 unit per ms, whole milliseconds, whole units."""
 
 axes = st.integers(0, AXES - 1)
 INPUTS = (DigitalInput(0), *DigitalInput, DigitalInput.NEGATIVE_LIMIT | DigitalInput.POSITIVE_LIMIT)
@@ -62,12 +62,12 @@ OBJECTS = {
 }
 writes = st.sampled_from([(address, value) for address, values in OBJECTS.items() for value in values])
 spells = st.integers(0, 200)
-"""How long a motion is watched, in ms."""
+"""Time for which a motion is watched, in ms."""
 Step = Callable[["WatchedBoard"], None]
 
 
 class WatchedBoard(BenchBoard):
-    """A bench board with an observer at its pins, who counts steps and remembers what was on when."""
+    """A bench board with an observer at its pins, which counts steps and records when drivers were enabled."""
 
     def __init__(self, kernel: Kernel) -> None:
         super().__init__(kernel, AXES)
@@ -76,7 +76,7 @@ class WatchedBoard(BenchBoard):
         self.dir_edges: list[list[tuple[int, int]]] = [[] for _ in range(AXES)]
         self.enabled: list[list[tuple[int, int]]] = [[(-1, 0)] for _ in range(AXES)]
         self.steps = [0] * AXES
-        """Where the axis is by the observer's count, from the last position that it was told."""
+        """Position of each axis by the observer's count, from the last position that was set."""
         preset = self.firmware.motion.preset
 
         def watched_preset(axis: int, position_units: int) -> None:
@@ -87,7 +87,7 @@ class WatchedBoard(BenchBoard):
         self.firmware.motion.preset = watched_preset  # type: ignore[method-assign]
 
     def observe(self) -> None:
-        """Take down what the pins have done."""
+        """Record the changes of the pins."""
         for axis, edges in enumerate(self.firmware.motion.take_edges()):
             rises = [int(counts) for counts in edges.clk_counts[0::2]]
             words = [int(word) for word in edges.direction]
@@ -103,13 +103,13 @@ class WatchedBoard(BenchBoard):
                 self.enabled[change.axis].append((change.counts, change.level))
 
     def trace(self) -> tuple[object, ...]:
-        """Everything that came out of the board."""
+        """Return every edge, enable change and frame of the board."""
         self.observe()
         return self.rises, self.falls, self.dir_edges, self.enabled, self.sent
 
 
 class RandomHost(RuleBasedStateMachine):
-    """Steps are kept to be done again."""
+    """A host that does random steps, and records them so that they can be repeated on the other kernel."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -121,7 +121,7 @@ class RandomHost(RuleBasedStateMachine):
         step(self.board)
 
     def now(self, step: Step) -> None:
-        """A step that takes no time: who ends a motion at once must own up to it."""
+        """Do a step that takes no time. An axis that ends a motion at once must give up its position reference."""
         velocities = [self.board.firmware.motion.velocity(axis) for axis in range(AXES)]
         self.do(step)
         for axis, velocity in enumerate(velocities):
@@ -152,7 +152,7 @@ class RandomHost(RuleBasedStateMachine):
 
     @rule(mode=st.sampled_from(Mode))
     def recover(self, mode: int) -> None:
-        """All is well again, and every drive enabled."""
+        """Restore inputs and supply, and enable every drive."""
 
         def walk(board: WatchedBoard) -> None:
             board.set_inputs(DigitalInput(0))
@@ -214,13 +214,13 @@ class RandomHost(RuleBasedStateMachine):
 
     @rule(axis=axes)
     def flip(self, axis: int) -> None:
-        """Every switch of an axis changes."""
+        """Change every switch of an axis."""
         switches = DigitalInput.NEGATIVE_LIMIT | DigitalInput.POSITIVE_LIMIT | DigitalInput.HOME
         self.now(lambda board: board.set_inputs(board.inputs[axis] ^ switches, axis))
 
     @rule(lengths=st.tuples(st.integers(1, 40), st.integers(1, 40)), unit=st.integers(-100_000, 100_000), slices=spells)
     def stream(self, lengths: tuple[int, int], unit: int, slices: int) -> None:
-        """Both axes go away and come back in step, on long paths; the shorter one runs dry on the way."""
+        """Stream both axes out and back in step, on long paths; the shorter queue runs out on the way."""
         self.recover(Mode.INTERPOLATED_POSITION)
 
         def walk(board: WatchedBoard) -> None:
@@ -240,7 +240,7 @@ class RandomHost(RuleBasedStateMachine):
         slices=spells,
     )
     def cycle(self, speeds: list[int], period_ms: int, slices: int) -> None:
-        """One axis follows set-points, the other one half of them, until they no longer come."""
+        """Send set-points to one axis and half of them to the other, then stop sending."""
         self.recover(Mode.CYCLIC_SYNCHRONOUS_POSITION)
         for axis in range(AXES):
             self.write((od.INTERPOLATION_PERIOD, period_ms), axis)
@@ -318,7 +318,7 @@ class RandomHost(RuleBasedStateMachine):
         self.watch(slices)
 
     def watch(self, slices: int) -> None:
-        """Let time pass in milliseconds, with an eye on velocities."""
+        """Let time pass millisecond by millisecond, and check the velocities."""
         for _ in range(slices):
             self.watch_one_ms()
 
@@ -337,10 +337,10 @@ class RandomHost(RuleBasedStateMachine):
                 assert abs(now - before[axis]) <= ACCELERATION / 1000 + ROUNDING, "too much acceleration"
 
     def velocity(self, axis: int) -> int:
-        """Demanded, in units per second."""
+        """Return the demanded velocity in units per second."""
         return self.board.firmware.motion.velocity(axis) * 1000 // 64
 
-    # --- truths
+    # --- invariants
 
     @invariant()
     def counters_follow_edges(self) -> None:
@@ -374,7 +374,7 @@ class RandomHost(RuleBasedStateMachine):
             assert State.of(self.board.value(od.STATUSWORD, axis)) is self.board.state(axis)
 
     def teardown(self) -> None:
-        """Pulse timing; then the same again."""
+        """Check the pulse timing, then repeat all steps on the other kernel and compare."""
         for axis in range(AXES):
             edges = self.board.rises[axis], self.board.falls[axis], self.board.dir_edges[axis]
             assert pin_timing_faults(*edges, Timing()) == []

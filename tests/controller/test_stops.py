@@ -1,4 +1,4 @@
-"""How an axis stops for commands: the option codes 605A to 605D, each to its end, and what is known afterwards."""
+"""Stops by command: each option code (605Ah to 605Dh) to its end, and the position reference after it."""
 
 import pytest
 
@@ -12,14 +12,14 @@ from tests.controller.units import STEP
 
 SPEED = 2000 * STEP
 SLOW_MS, QUICK_MS = 100, 50
-"""How long the two ramps take from SPEED."""
+"""Durations of the two ramps from SPEED."""
 
 SHUTDOWN, DISABLE, QUICK_STOP, DISABLE_VOLTAGE, ENABLE, HALT = 0x06, 0x07, 0x02, 0x00, 0x0F, 0x10F
 
 
 @pytest.fixture
 def moving(fast_kernel: Kernel) -> BenchBoard:
-    """An axis that was told where it is and moves at SPEED, in profile velocity."""
+    """A board whose axis has its position reference and moves at SPEED, in profile velocity mode."""
     board = BenchBoard(fast_kernel)
     board.enable(Mode.HOMING)
     board.write(od.CONTROLWORD, 0x1F)
@@ -39,7 +39,7 @@ def moving(fast_kernel: Kernel) -> BenchBoard:
 
 
 def pulses(board: BenchBoard) -> int:
-    """CLK pulses since the last call."""
+    """Return the number of CLK pulses since the last call."""
     return len(board.firmware.motion.take_edges()[0].clk_counts) // 2
 
 
@@ -48,7 +48,7 @@ def energised(board: BenchBoard) -> bool:
 
 
 def comes_to_rest(board: BenchBoard, ramp_ms: int, end: State) -> None:
-    """The drive is on for the whole ramp, at half speed in its middle, and stands in the end state after it."""
+    """Check that the drive is on for the whole ramp, at half speed in its middle, and then at rest in the end state."""
     start = board.value(od.POSITION_DEMAND)
     board.wait(ramp_ms / 2)
     assert energised(board)
@@ -64,7 +64,7 @@ def comes_to_rest(board: BenchBoard, ramp_ms: int, end: State) -> None:
 
 
 def is_cut(board: BenchBoard, end: State) -> None:
-    """No pulse follows; nobody knows where the motor has come to rest."""
+    """Check that no pulse follows and that the position reference is lost."""
     pulses(board)
     board.wait(100)
     assert pulses(board) == 0
@@ -97,7 +97,7 @@ def test_a_quick_stop_that_stays_can_be_left_both_ways(moving: BenchBoard) -> No
     moving.write(od.CONTROLWORD, ENABLE)
     assert moving.state() is State.OPERATION_ENABLED
     moving.write(od.CONTROLWORD, QUICK_STOP)
-    assert moving.state() is State.QUICK_STOP_ACTIVE  # at rest already, and it stays
+    assert moving.state() is State.QUICK_STOP_ACTIVE  # at rest already; the drive stays in this state
     moving.write(od.CONTROLWORD, DISABLE_VOLTAGE)
     assert moving.state() is State.SWITCH_ON_DISABLED
 
@@ -134,7 +134,7 @@ def test_a_disabled_drive_keeps_its_current_and_one_shut_down_does_not(moving: B
     assert energised(moving)
     moving.write(od.CONTROLWORD, SHUTDOWN)
     assert not energised(moving)
-    assert moving.has(Status.POSITION_KNOWN)  # it stood
+    assert moving.has(Status.POSITION_KNOWN)  # it was at rest
 
 
 def test_a_quick_stop_hurries_a_slow_ramp_up(moving: BenchBoard) -> None:
@@ -189,7 +189,7 @@ def test_halt_of_a_group(fast_kernel: Kernel, option: int, ramp_ms: int) -> None
         (od.FAULT_REACTION_OPTION, {0, 1, 2}),
     ],
 )
-def test_options_that_a_stepper_has_not_are_refused(fast_kernel: Kernel, address: int, values: set[int]) -> None:
+def test_options_that_a_stepper_does_not_have_are_refused(fast_kernel: Kernel, address: int, values: set[int]) -> None:
     board = BenchBoard(fast_kernel)
     refusals = {AbortCode.VALUE_RANGE, AbortCode.VALUE_TOO_LOW, AbortCode.VALUE_TOO_HIGH}
     for value in range(-2, 9):

@@ -1,4 +1,4 @@
-"""Parameters that outlive a reset and the power: objects 0x1010 and 0x1011 (CiA 301, 7.5.2.13 and 7.5.2.14)."""
+"""Parameters that survive a reset and a power cycle: objects 1010h and 1011h (CiA 301, 7.5.2.13 and 7.5.2.14)."""
 
 import pytest
 
@@ -35,26 +35,36 @@ def test_nothing_is_stored_unasked(pair: BenchBoard) -> None:
 
 
 @pytest.mark.parametrize(
-    ("subindex", "kept"),
-    [(1, [True, True, True]), (2, [True, False, False]), (3, [False, False, True]), (4, [False, True, False])],
+    ("store", "kept"),
+    [
+        (od.STORE_ALL, [True, True, True]),
+        (od.STORE_COMMUNICATION, [True, False, False]),
+        (od.STORE_APPLICATION, [False, False, True]),
+        (od.STORE_BOARD, [False, True, False]),
+    ],
 )
-def test_each_sub_index_saves_its_group(pair: BenchBoard, subindex: int, kept: list[bool]) -> None:
+def test_each_sub_index_saves_its_group(pair: BenchBoard, store: int, kept: list[bool]) -> None:
     change(pair)
-    assert pair.write(od.address_of(0x1010, subindex), SAVE) == 0
-    assert pair.value(od.address_of(0x1010, subindex)) == 1
+    assert pair.write(store, SAVE) == 0
+    assert pair.value(store) == 1
     pair.nmt(RESET_NODE)
     assert changed(pair) == kept
     assert changed(pair, axis=1) == [False] * 3
 
 
 @pytest.mark.parametrize(
-    ("subindex", "kept"),
-    [(1, [False, False, False]), (2, [False, True, True]), (3, [True, True, False]), (4, [True, False, True])],
+    ("restore", "kept"),
+    [
+        (od.RESTORE_ALL, [False, False, False]),
+        (od.RESTORE_COMMUNICATION, [False, True, True]),
+        (od.RESTORE_APPLICATION, [True, True, False]),
+        (od.RESTORE_BOARD, [True, False, True]),
+    ],
 )
-def test_each_sub_index_restores_its_group_at_the_next_reset(pair: BenchBoard, subindex: int, kept: list[bool]) -> None:
+def test_each_sub_index_restores_its_group_at_the_next_reset(pair: BenchBoard, restore: int, kept: list[bool]) -> None:
     change(pair)
     pair.write(od.STORE_ALL, SAVE)
-    assert pair.write(od.address_of(0x1011, subindex), LOAD) == 0
+    assert pair.write(restore, LOAD) == 0
     assert changed(pair) == [True] * 3
     pair.nmt(RESET_NODE)
     assert changed(pair) == kept
@@ -79,7 +89,7 @@ def test_wrong_signatures(pair: BenchBoard, address: int, word: int) -> None:
 
 
 def test_stored_services_are_at_work_after_boot(pair: BenchBoard) -> None:
-    """Heartbeat, heartbeat consumer, EMCY inhibit time and step timing live outside of the dictionary."""
+    """Heartbeat, heartbeat consumer, EMCY inhibit time and step timing are also kept outside the dictionary."""
     for address, value in (
         (od.EMCY_INHIBIT_TIME, 10_000),
         (od.CONSUMER_HEARTBEATS[0], 0x7F_0064),
@@ -144,7 +154,7 @@ def test_commands_are_not_stored(pair: BenchBoard) -> None:
 
 
 @pytest.mark.parametrize("address", [od.PROFILE_VELOCITY, od.PROFILE_ACCELERATION, od.PROFILE_DECELERATION])
-def test_a_profile_keeps_its_limits(pair: BenchBoard, address: int) -> None:
+def test_stored_profile_limits_return_after_a_reset(pair: BenchBoard, address: int) -> None:
     pair.write(address, 12_345)
     pair.write(od.STORE_APPLICATION, SAVE)
     pair.nmt(RESET_NODE)

@@ -1,4 +1,4 @@
-"""What stops an axis against its host's will: switches, e-stop, voltage, temperature, following error."""
+"""Faults that stop an axis: switches, e-stop, voltage, temperature, following error."""
 
 from collections.abc import Callable
 
@@ -20,7 +20,7 @@ RESET = 0x80
 
 
 def configure(board: BenchBoard) -> None:
-    """Tell every axis where it is; ramps of 40 000 steps/s2."""
+    """Set every axis' position reference and ramps of 40 000 steps/s2."""
     board.enable(Mode.HOMING)
     for axis in range(len(board.inputs)):
         board.write(od.CONTROLWORD, 0x1F, axis)
@@ -51,7 +51,7 @@ def board(fast_kernel: Kernel) -> BenchBoard:
 
 @pytest.fixture
 def trio(fast_kernel: Kernel) -> BenchBoard:
-    """Two axes that interpolate and one that stands, enabled."""
+    """A board with two axes that interpolate and one that is enabled at rest."""
     board = BenchBoard(fast_kernel, axes=3)
     configure(board)
     board.write(od.MODE_OF_OPERATION, Mode.PROFILE_POSITION, 2)
@@ -104,17 +104,17 @@ class TestLimitSwitches:
         assert board.state() is State.FAULT
         assert (
             abs(board.value(od.POSITION_DEMAND) - stood) < 20 * STEP
-        )  # caught within a millisecond or two of its start
+        )  # detected within a millisecond or two of its start
 
-    def test_interpolating_axes_stop_with_it_and_say_so(self, trio: BenchBoard) -> None:
+    def test_interpolating_axes_stop_with_it_and_report_it(self, trio: BenchBoard) -> None:
         trio.set_inputs(POSITIVE, 1)
         assert [trio.state(axis) for axis in (0, 1)] == [State.FAULT_REACTION_ACTIVE] * 2
         trio.wait(RAMP_MS + 5)
         assert [trio.errors(axis) for axis in range(3)] == [[ErrorCode.GROUP_STOPPED], [ErrorCode.LIMIT_SWITCH], []]
-        assert trio.state(2) is State.OPERATION_ENABLED  # it was not in the group
+        assert trio.state(2) is State.OPERATION_ENABLED  # it is not in the group
         assert (
             abs(trio.value(od.POSITION_DEMAND) - trio.value(od.POSITION_DEMAND, 1)) <= 1
-        )  # the tool kept its direction
+        )  # the tool keeps its direction
 
 
 class TestSoftLimits:
@@ -130,12 +130,14 @@ class TestSoftLimits:
         return [int.from_bytes(data[3:], "little") for data in frames]
 
     @pytest.mark.parametrize(("displacement", "refused"), [(1000, False), (1001, True), (-1000, False), (-1001, True)])
-    def test_a_record_may_end_on_them(self, board: BenchBoard, displacement: int, refused: bool) -> None:
+    def test_a_record_may_end_on_a_limit(self, board: BenchBoard, displacement: int, refused: bool) -> None:
         assert bool(self.record_ends(board, -1000, 1000, (displacement, 0))) is refused
 
     @pytest.mark.parametrize(("velocity", "refused"), [(150 * 64, False), (151 * 64, True)])
-    def test_nor_may_it_bulge_beyond(self, board: BenchBoard, velocity: int, refused: bool) -> None:
-        """To 0 and back with an end velocity: the hull reaches v T / 3 before the end, 1000 units for 150 a ms."""
+    def test_a_record_may_not_lead_beyond_a_limit_on_its_way(
+        self, board: BenchBoard, velocity: int, refused: bool
+    ) -> None:
+        """To 0 with an end velocity: the hull reaches v T / 3 before the end, 1000 units for 150 units per ms."""
         assert bool(self.record_ends(board, -1000, 10**6, (0, velocity))) is refused
 
     def test_the_rejection_names_its_reason(self, board: BenchBoard) -> None:
@@ -160,7 +162,7 @@ class TestEstop:
             assert trio.has(Status.POSITION_KNOWN, axis)
 
     @pytest.mark.parametrize("option", [0, 1, 2])
-    def test_the_ramp_is_the_quick_stop_whatever_605e_says(self, board: BenchBoard, option: int) -> None:
+    def test_the_ramp_is_the_quick_stop_for_any_fault_reaction_option(self, board: BenchBoard, option: int) -> None:
         board.write(od.FAULT_REACTION_OPTION, option)
         jog(board)
         board.wait(200)
@@ -213,12 +215,12 @@ LEVELS: dict[str, LevelCase] = {
         False,
     ),
 }
-"""What happens, what is just allowed, the error with its register, and whether the axis can still ramp down."""
+"""The cause, the last value allowed, the error with its register, and whether the axis can still ramp down."""
 
 
 @pytest.mark.parametrize("case", LEVELS.values(), ids=LEVELS)
 def test_levels(board: BenchBoard, case: LevelCase) -> None:
-    """Each trips beyond its limit and not on it, holds the fault while it lasts, and lets the machine work on after."""
+    """Each cause trips beyond its limit, not at it, and prevents the fault reset while it lasts."""
     happens, is_allowed, code, register, ramps = case
     jog(board)
     board.wait(200)
@@ -248,7 +250,7 @@ def test_levels(board: BenchBoard, case: LevelCase) -> None:
 def test_undervoltage_of_one_board_stops_all_its_axes(trio: BenchBoard) -> None:
     trio.measure(supply_10mv=800)
     assert [trio.state(axis) for axis in range(3)] == [State.FAULT] * 3
-    assert [trio.has(Status.POSITION_KNOWN, axis) for axis in range(3)] == [False, False, True]  # the last one stood
+    assert [trio.has(Status.POSITION_KNOWN, axis) for axis in range(3)] == [False, False, True]  # axis 2 was at rest
 
 
 @pytest.mark.parametrize(("option", "ramp_ms"), [(0, 0), (1, 100), (2, 50)])
@@ -267,7 +269,7 @@ def test_fault_reactions(board: BenchBoard, option: int, ramp_ms: int) -> None:
 
 
 class SlippingBoard(BenchBoard):
-    """A bench board whose drivers have lost as many steps as the test says."""
+    """A bench board whose monitor reports the lost steps that the test sets."""
 
     def __init__(self, kernel: Kernel) -> None:
         super().__init__(kernel)
@@ -289,7 +291,7 @@ class TestFollowingError:
         board.wait(200)
         return board
 
-    def test_it_is_the_drivers_counter_against_the_demand(self, slipping: SlippingBoard) -> None:
+    def test_it_is_the_demand_less_the_count_of_the_driver(self, slipping: SlippingBoard) -> None:
         slipping.lost_steps = 7
         assert abs(slipping.value(od.FOLLOWING_ERROR_ACTUAL) - 7 * STEP) <= 0.57 * STEP
         assert slipping.value(od.ROTOR_POSITION_STEPS) == -7
@@ -310,7 +312,7 @@ class TestFollowingError:
         assert slipping.errors() == [ErrorCode.FOLLOWING_ERROR]
         assert slipping.value(od.ERROR_REGISTER) == 0x21
 
-    def test_a_short_one_is_forgiven(self, slipping: SlippingBoard) -> None:
+    def test_a_short_following_error_is_no_fault(self, slipping: SlippingBoard) -> None:
         for _ in range(3):
             slipping.lost_steps = 20
             slipping.wait(80)
@@ -318,7 +320,7 @@ class TestFollowingError:
             slipping.wait(80)
         assert slipping.state() is State.OPERATION_ENABLED
 
-    def test_a_new_reference_forgets_it(self, slipping: SlippingBoard) -> None:
+    def test_a_new_reference_resets_it(self, slipping: SlippingBoard) -> None:
         slipping.lost_steps = 50
         slipping.wait(300)
         assert slipping.state() is State.FAULT
@@ -339,7 +341,7 @@ class TestFollowingError:
         assert board.state() is State.OPERATION_ENABLED
 
     @pytest.mark.parametrize("mode", [Mode.PROFILE_POSITION, Mode.CYCLIC_SYNCHRONOUS_POSITION])
-    def test_bit_13_where_it_says_so(self, slipping: SlippingBoard, mode: Mode) -> None:
+    def test_bit_13_shows_it_in_the_modes_that_define_it(self, slipping: SlippingBoard, mode: Mode) -> None:
         slipping.write(od.TARGET_VELOCITY, 0)
         slipping.wait(100)
         slipping.write(od.MODE_OF_OPERATION, mode)
@@ -350,7 +352,7 @@ class TestFollowingError:
 
 class TestPositionWindow:
     def moved(self, board: BenchBoard, window_units: int, time_ms: int) -> None:
-        """To 100.5 steps: the counter stands half a step off."""
+        """Move to 100.5 steps: the counter is then half a step off."""
         board.write(od.POSITION_WINDOW, window_units)
         board.write(od.POSITION_WINDOW_TIME_MS, time_ms)
         board.write(od.MODE_OF_OPERATION, Mode.PROFILE_POSITION)
@@ -362,12 +364,12 @@ class TestPositionWindow:
             board.wait(1)
 
     @pytest.mark.parametrize(("window_units", "reached"), [(STEP // 2, True), (STEP // 2 - 1, False)])
-    def test_reached_is_within_it(self, board: BenchBoard, window_units: int, reached: bool) -> None:
+    def test_target_reached_requires_the_window(self, board: BenchBoard, window_units: int, reached: bool) -> None:
         self.moved(board, window_units, 0)
         board.wait(1)
         assert board.has(Status.TARGET_REACHED) is reached
 
-    def test_for_its_time(self, board: BenchBoard) -> None:
+    def test_target_reached_requires_the_window_time(self, board: BenchBoard) -> None:
         self.moved(board, STEP, 20)
         board.wait(17)
         assert not board.has(Status.TARGET_REACHED)
@@ -376,7 +378,7 @@ class TestPositionWindow:
 
 
 def test_inputs_are_reported_at_once(board: BenchBoard) -> None:
-    """TPDO4 is event driven: 60FD and 603F."""
+    """TPDO4 is event-driven: digital inputs (60FDh) and error code (603Fh)."""
     board.sent.clear()
     board.set_inputs(DigitalInput.HOME)
     assert board.frames(0x490) == [b"\x04\0\0\0\0\0"]
@@ -425,7 +427,7 @@ def test_time_stamp_counts_on_from_what_is_written(board: BenchBoard) -> None:
     assert int.from_bytes(answer[4:], "little") == 5_003_000
 
 
-def test_frames_for_nobody_change_nothing(board: BenchBoard) -> None:
+def test_frames_with_unknown_cob_ids_change_nothing(board: BenchBoard) -> None:
     before = board.firmware.dropped_frames
     board.firmware.receive(Frame(0x7FF, b""), board.now)
     assert board.firmware.dropped_frames == before + 1

@@ -1,4 +1,4 @@
-"""The slots of the board by themselves: which SYNC is whose, what moves them, and how fast."""
+"""The SYNC slots alone: the slot of each SYNC, and when and how fast slots are moved."""
 
 import random
 
@@ -12,7 +12,7 @@ START_US = 10_123
 
 
 class Host:
-    """Sends a SYNC a period to a clock with one axis."""
+    """Sends one SYNC each period to a clock with one axis."""
 
     def __init__(self, period_us: int) -> None:
         self.period_us = period_us
@@ -22,7 +22,7 @@ class Host:
         self.syncs = 1
 
     def send(self, late_us: int) -> int:
-        """The next slot opens, its SYNC comes; returns how long the slot is."""
+        """Open the next slot and send its SYNC; return the duration of the slot."""
         slot = self.clock.slot
         opened = self.clock.after(slot)
         self.clock.hear(START_US + self.syncs * self.period_us + late_us)
@@ -31,7 +31,7 @@ class Host:
 
     @property
     def middle_us(self) -> int:
-        """How far the slots have been moved."""
+        """Time by which the slots have been moved."""
         return self.clock.slot.end_us - START_US - self.period_us // 2 - (self.syncs - 1) * self.period_us
 
 
@@ -55,7 +55,7 @@ def test_a_slot_reaches_half_a_period_either_way(period_us: int) -> None:
         assert host.clock.slot.excess_us == 0
 
 
-def test_each_axis_may_tell_of_a_sync_and_open_the_next_slot() -> None:
+def test_each_axis_may_report_a_sync_and_open_the_next_slot() -> None:
     alone, shared = Host(1000), Host(1000)
     assert shared.clock.join(1, 1000, START_US + 10)
     for i in range(1, 4 * WINDOW):
@@ -79,7 +79,7 @@ def test_one_period_at_a_time() -> None:
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize(("late_us", "moves"), [(125, False), (127, True)])
 def test_the_mean_moves_them_if_it_is_beyond_an_eighth(late_us: int, moves: bool, sign: int) -> None:
-    """The very first SYNC, at 0, is one of the 128."""
+    """The very first SYNC, at 0, counts among the 128 of the mean."""
     host = Host(1000)
     lengths_us = {host.send(sign * late_us) for _ in range(WINDOW - 1)}
     assert lengths_us == {1000}
@@ -99,7 +99,7 @@ def test_a_slot_grows_or_shrinks_by_little(period_us: int) -> None:
 @pytest.mark.parametrize("seed", range(20))
 @pytest.mark.parametrize("period_us", [1000, 10_000])
 def test_jitter_moves_nothing(period_us: int, seed: int) -> None:
-    """Half a period either way, for 1000 SYNCs."""
+    """SYNCs come up to half a period early or late, 1000 times."""
     host, drawn = Host(period_us), random.Random(seed)
     assert {host.send(drawn.randrange(-period_us // 2, period_us // 2)) for _ in range(1000)} == {period_us}
 
@@ -107,7 +107,7 @@ def test_jitter_moves_nothing(period_us: int, seed: int) -> None:
 @pytest.mark.parametrize("ppm", [-500, -200, -20, 20, 200, 500])
 @pytest.mark.parametrize("period_us", [1000, 10_000])
 def test_drift_is_followed(period_us: int, ppm: int) -> None:
-    """However long it lasts, a SYNC is never further from the middle of its slot than a quarter."""
+    """A drift of any duration leaves every SYNC within a quarter of a period from the middle of its slot."""
     host = Host(period_us)
     for i in range(20_000):
         late_us = i * period_us * ppm // 1_000_000

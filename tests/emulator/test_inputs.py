@@ -26,8 +26,13 @@ from steptwin.protocol.cia402 import DigitalInput, ErrorCode, State
 from steptwin.protocol.frame import COB_SYNC, Frame
 from steptwin.protocol.pvt import PvtRecord
 from tests.controller.bench_board import BenchBoard
-from tests.controller.homing_bench import ACCELERATION_STEPS_PER_S2, FAST_STEPS_PER_S, SLOW_STEPS_PER_S, HomingBench
-from tests.controller.homing_bench import Machine as Slider
+from tests.controller.homing_bench import (
+    ACCELERATION_STEPS_PER_S2,
+    FAST_STEPS_PER_S,
+    SLOW_STEPS_PER_S,
+    HomingBench,
+    Slider,
+)
 
 MS = 72_000
 STEP = 1024
