@@ -61,10 +61,9 @@ class AxisErrors:
         self._resolve(lambda code, detail: code in _PDO_LENGTH_ERRORS and detail == number + 1)
 
     def acknowledge_faults(self) -> None:
-        """Resolve the errors that have no cause any more, once the drive is not in fault (or no longer).
+        """Resolve the drive's errors, and the lost heartbeats whose producer has returned.
 
-        The drive's own errors end with the fault reset, a lost heartbeat when the producer is heard again. Other
-        communication errors are resolved by the frames that prove the communication works.
+        Other communication errors are resolved by the frames that prove that communication works again.
         """
         self._resolve(self._is_over)
 

@@ -42,13 +42,9 @@ def parabola(points_units: tuple[int, int, int], after_us: int, period_us: int) 
 
 
 def highest_velocity(room_units: int, duration_us: int) -> int:
-    """Return the highest velocity at a knot that keeps both cubics meeting there within a soft limit.
+    """Return the highest velocity at a knot, `room_units` from a soft limit, that keeps cubics within the limit.
 
-    A cubic stays between p0, p0 + v0 T/3, p1 - v1 T/3 and p1 (see `soft_limits.hull`).
-
-    Args:
-        room_units: distance from the knot to the limit.
-        duration_us: duration of the longer of the two cubics.
+    A cubic of at most `duration_us` stays between p0, p0 + v0 T/3, p1 - v1 T/3 and p1 (see `soft_limits.hull`).
     """
     return 3 * room_units * _PER_UNIT_PER_US // duration_us
 

@@ -11,8 +11,6 @@ from steptwin.protocol.dictionary import ObjectDictionary
 IDLE_AFTER_US = 500_000
 """Time that an axis must stand before its torque is lowered to the rest torque (2000h:04)."""
 
-_TORQUE, _DECAY, _IDLE_TORQUE = od.TORQUE_PERCENT, od.FAST_DECAY_PERCENT, od.REST_TORQUE_PERCENT
-
 
 class DriverSettings:
     """Sets the driver's torque and decay pins, and its excitation mode when the step configuration changes."""
@@ -23,8 +21,9 @@ class DriverSettings:
         self._idle = False
         self.due_us: int | None = None
         """Time at which a standing axis' torque is lowered; None if that has happened or does not apply."""
-        for key, levels in ((_TORQUE, TORQUE_LEVELS), (_DECAY, DECAY_LEVELS), (_IDLE_TORQUE, TORQUE_LEVELS)):
-            dictionary.write_hooks[key] = partial(_check, levels)
+        dictionary.write_hooks[od.TORQUE_PERCENT] = partial(_check, TORQUE_LEVELS)
+        dictionary.write_hooks[od.REST_TORQUE_PERCENT] = partial(_check, TORQUE_LEVELS)
+        dictionary.write_hooks[od.FAST_DECAY_PERCENT] = partial(_check, DECAY_LEVELS)
 
     def set_microsteps(self, microsteps: int) -> None:
         """Select the excitation mode. The chip takes a new one only in reset (page 15), which also resets its angle."""
@@ -39,7 +38,7 @@ class DriverSettings:
             self._idle, self.due_us = False, None
         elif not self._idle and self.due_us is None and get(od.REST_TORQUE_PERCENT) != get(od.TORQUE_PERCENT):
             self.due_us = now_us + IDLE_AFTER_US
-        self._set(Pin.TQ2, Pin.TQ1, TORQUE_LEVELS[get(_IDLE_TORQUE if self._idle else _TORQUE)])
+        self._set(Pin.TQ2, Pin.TQ1, TORQUE_LEVELS[get(od.REST_TORQUE_PERCENT if self._idle else od.TORQUE_PERCENT)])
         self._set(Pin.DCY2, Pin.DCY1, DECAY_LEVELS[get(od.FAST_DECAY_PERCENT)])
 
     def poll(self, now_us: int) -> None:

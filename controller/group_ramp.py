@@ -10,12 +10,7 @@ from steptwin.controller.motion import STOP_MAX_MS, TICKS_PER_SECOND, Motion
 
 
 def ramp_group(motion: Motion, decelerations_units_per_s2: Sequence[int]) -> None:
-    """Halt the group or resume it, as its axes request, from the next tick on.
-
-    Args:
-        motion: the motion of all axes.
-        decelerations_units_per_s2: the limit of every axis of the board.
-    """
+    """Halt or resume the group, as its axes request, from the next tick on, within each axis' deceleration limit."""
     group = motion.group
     # Where the plan has every axis at rest, v dr/dt is 0 at any slope: the rate may change at once.
     moves = any(motion.planned_velocity(axis) for axis in group.members)

@@ -199,10 +199,7 @@ class Homing(DriveMode):
         return self._state not in (_State.WAITING, _State.SEARCHING) and super().target_reached()
 
     def status_bits(self) -> int:
-        """Return bits 12, homing attained, and 13, homing error.
-
-        Bit 12 falls when the position reference is lost or another homing starts.
-        """
+        """Return bits 12, homing attained, until the reference is lost or a homing starts, and 13, homing error."""
         if self._state is _State.FAILED:
             return Status.HOMING_ERROR
         return Status.HOMING_ATTAINED if self._state is _State.DONE and self._context.reference.known else 0

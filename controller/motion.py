@@ -80,10 +80,7 @@ class Motion:
         self.starts = 0
         """Number of times that an axis has been started. While it stays the same, no other axis has begun to run."""
         self.events: dict[int, AxisEvent] = {}
-        """Events at the start of `tick`, by axis, until `take_events`.
-
-        The board's clock may not have reached that tick yet; a flush or stop of the axis before then cancels it.
-        """
+        """Events at the start of `tick`, by axis; a flush or stop before the board's clock gets there cancels them."""
         self._configs = [UNCONFIGURED] * count
         for axis in range(count):
             self._set(axis, k.LAST_RISE_COUNTS, k.NEVER_COUNTS)

@@ -55,9 +55,6 @@ class AxisPins:
             self.changes.append((pin, level))
 
     def switch_outputs(self, outputs: int) -> None:
-        """Set the digital outputs by the bits of object 60FEh.
-
-        Any drive state may switch them, and no state or fault switches them back: a gripper must not drop its load.
-        """
+        """Set the digital outputs (60FEh), in any drive state. No fault resets them: a gripper must hold its load."""
         for pin, bit in OUTPUT_PINS.items():
             self.set(pin, int(bool(outputs & bit)))

@@ -118,10 +118,7 @@ class Ramp(NamedTuple):
         return plain + (self.surplus * 3 * t_ms * left_ms << _FRACTION_BITS) // self.duration_ms**3
 
     def acceleration(self, t_ms: int) -> int:
-        """Return the acceleration after a time, in 2^-16 of 1/64 unit per ms^2, without the surplus.
-
-        It is 0 for a linear ramp, whose acceleration may end in a step.
-        """
+        """Return the acceleration after a time, in 2^-16 of 1/64 unit per ms^2; 0 for a linear ramp, which may step."""
         if self.blend_ms == 0:
             return 0
         left_ms = self.duration_ms - t_ms
@@ -246,10 +243,7 @@ def _approach(distance: int, velocity: int, limits: Limits) -> list[Ramp]:
 
 
 def _peak(distance: int, velocity: int, limits: Limits) -> int:
-    """Return the highest velocity from which the axis can still stop at the distance; 0 if there is none.
-
-    The distance needed grows with the peak, so the search is by halves.
-    """
+    """Return the highest velocity from which the axis can still stop at the distance, by bisection; 0 if none."""
     low = limits.velocity if velocity > limits.velocity else max(velocity, 1)
     if _reach(velocity, low, limits) > distance:
         return 0
@@ -280,7 +274,7 @@ def _way_to_brake(velocity: int, limits: Limits) -> int:
 def _brake(velocity: int, distance: int, limits: Limits) -> Ramp:
     """Return the ramp to rest at an exact distance: brake longer, then subtract the excess distance.
 
-    The distance is at most slightly less than that of the shortest ramp.
+    The distance is at least that of the shortest ramp, less a millisecond's worth.
     """
     shortest = _ramp(velocity, 0, limits.deceleration, limits.jerk)
     duration_ms = max(shortest.duration_ms, -(-distance // velocity))
@@ -288,10 +282,7 @@ def _brake(velocity: int, distance: int, limits: Limits) -> Ramp:
 
 
 def _creep(distance: int, limits: Limits) -> Ramp:
-    """Return the ramp from rest to rest over a distance too short for a ramp to even the smallest velocity.
-
-    It is a smoothstep alone, whose acceleration is 6 D / T^2.
-    """
+    """Return a smoothstep from rest to rest, too short for any velocity; its acceleration is 6 D / T^2."""
     rate = min(limits.acceleration, limits.deceleration)
     return Ramp(
         0, 0, max(2 * GRAIN_MS, _root_up(-(-6 * distance * 1_000_000 // (rate << _PER_UNIT_BITS)))), 0, distance

@@ -9,14 +9,13 @@ from steptwin.protocol import od
 from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
-_LOW, _HIGH = od.POSITION_LIMIT_MIN, od.POSITION_LIMIT_MAX
-
 
 class SoftLimits:
     """One axis' limits, read from the dictionary at every use."""
 
     def __init__(self, dictionary: ObjectDictionary) -> None:
-        self._read_low, self._read_high = dictionary.reader(_LOW), dictionary.reader(_HIGH)
+        self._read_low = dictionary.reader(od.POSITION_LIMIT_MIN)
+        self._read_high = dictionary.reader(od.POSITION_LIMIT_MAX)
 
     def range(self) -> tuple[int, int]:
         """Return the lowest and highest position allowed. The kernel's range is symmetric, so -2^31 is not."""
