@@ -107,13 +107,13 @@ class AxisNode:
     def _reset_application(self) -> None:
         """Lose everything that a power cycle would lose, except the position of a standing axis."""
         self.drive.reset()
-        self.dictionary.reset(0x2000)
+        self.dictionary.reset(first_index=0x2000)
         self._steps.apply()
         self._emergency.forget()
         self.pins.switch_outputs(0)
 
     def _reset_communication(self) -> None:
-        self.dictionary.reset(0x1000, 0x1FFF)
+        self.dictionary.reset(last_index=0x1FFF)
         self._sdo.reset()
         self._set_heartbeat_period(self.dictionary.get(od.PRODUCER_HEARTBEAT_TIME))
         self._errors.reset_communication()

@@ -8,7 +8,7 @@ from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 
 class AxisStop:
-    """Stops one axis; a stop without a ramp at speed costs it its position reference."""
+    """Stops one axis; an axis that is stopped at speed without a ramp loses its position reference."""
 
     def __init__(self, context: AxisContext) -> None:
         self._axis = context.axis
@@ -34,7 +34,7 @@ class AxisStop:
         return self._dictionary.get(self.halt_kind.value)
 
     def ramp_down(self, kind: StopKind, duration_ms: int | None = None) -> None:
-        """Stop with constant deceleration, within `duration_ms` if given; stop dead where the range leaves no room."""
+        """Stop with constant deceleration, within `duration_ms` if given; at once if the ramp leaves the i32 range."""
         velocity = self._motion.velocity(self._axis)
         self._motion.stop(self._axis, self.duration_ms(kind) if duration_ms is None else duration_ms)
         if velocity and not self._motion.running(self._axis):

@@ -55,7 +55,7 @@ _FIXED_REACTIONS = {
 
 
 def fault_stop(code: ErrorCode, detail: int, option: int) -> StopKind:
-    """Return how an axis stops for an error: by its fault reaction option code, unless the error fixes it."""
+    """Return how an axis stops for an error: by its fault reaction option code, unless the error prescribes it."""
     if code is ErrorCode.TEMPERATURE and detail:  # the driver chip has switched itself off
         return StopKind.CUT
     return _FIXED_REACTIONS.get(code, FAULT_REACTIONS[option])

@@ -130,7 +130,7 @@ def test_a_stored_pdo_is_mapped_after_a_reset(pair: BenchBoard) -> None:
 
 
 def test_commands_are_not_stored(pair: BenchBoard) -> None:
-    """Power that comes back must not move an axis or switch an output."""
+    """When the power returns, no axis may move and no output may switch."""
     pair.enable()
     for address, value in (
         (od.DIGITAL_OUTPUTS, 1 << 16),
