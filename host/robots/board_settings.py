@@ -12,22 +12,16 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 DRIVER_PROFILES: Final = ("chip-100pf", "chip-330pf", "chip-1000pf", "3a-module", "slow-blue-board")
 """Driver profiles that the emulated board can have."""
-
 SWITCHED_PROFILES: Final = ("3a-module",)
 """Driver profiles whose module has DIP switches."""
-
 SWITCH_CHOICES: Final = {"idle_percent": (20, 50), "fast_decay_percent": (0, 25, 50, 100)}
 """Values of these settings that the DIP switches offer."""
-
 DRIVER_SETTINGS: Final = ("current_a", "active_edge", *SWITCH_CHOICES)
 """Keys of a robot file that set its drivers."""
-
 PHASE_CURRENT_MAX_A: Final = 3.0
 """Upper end of a TB6560AHQ's operating range."""
-
 OSC_PF_MIN: Final = 64
 """Smallest capacitor at the OSC pin: a smaller one sets the oscillator above 600 kHz, its operating range."""
-
 _TIMING_MIN_NS: Final = {"steplen_ns": PULSE_NS_MIN, "stepspace_ns": PULSE_NS_MIN, "dirsetup_ns": 0, "dirhold_ns": 0}
 """Lower limits of the step timing (2001h)."""
 
