@@ -36,7 +36,7 @@ def print_table(columns: list[str], rows: list[list[str]], *, text_columns: int 
         table.add_column(column, justify="left" if is_text else "right", no_wrap=not is_text, overflow="fold")
     for row in rows:
         table.add_row(*row)
-    console = Console(highlight=False, markup=False, emoji=False)  # brackets in a robot's names are no markup
+    console = Console(highlight=False, markup=False, emoji=False)  # brackets in names are text
     if text_columns < len(columns):  # a text may wrap; a cropped number would read as another number
         console.width = max(console.width, Console(width=_UNBOUNDED).measure(table).maximum)
     console.print(table)

@@ -51,7 +51,7 @@ def frames(monkeypatch: pytest.MonkeyPatch) -> list[object]:
         pytest.param([*RUN, "-o", "duration_s=1.0005"], ["1.0005", "millisecond"], id="duration in whole ms"),
         pytest.param([*RUN, "--stand-at", "0 0 100 0 61 30"], ["th2", "60", "61", "deg"], id="start elsewhere"),
         pytest.param([*RUN, "--stand-at", "0 0 100"], ["--stand-at", "3", "6"], id="too few joints"),
-        pytest.param([*RUN, "--stand-at", "0 0 a 0 0 0"], ["--stand-at", "'a'"], id="joint that is no number"),
+        pytest.param([*RUN, "--stand-at", "0 0 a 0 0 0"], ["--stand-at", "'a'"], id="joint that is not a number"),
         pytest.param([*RUN, "--out", "/dev/null/x"], ["--out", "/dev/null"], id="folder that cannot be"),
         pytest.param(
             [*RUN, "--driver-profile", "slow-blue"], ["driver profile", "slow-blue", "slow-blue-board"], id="driver"

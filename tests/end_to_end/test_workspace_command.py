@@ -99,9 +99,9 @@ def test_without_matplotlib_it_says_so(
     [
         pytest.param([*LAB, "--samples", "0"], ["samples", "0", "1..10000000"], id="too few samples"),
         pytest.param([*LAB, "--samples", "10000001"], ["samples", "10000001", "1..10000000"], id="too many samples"),
-        pytest.param([*LAB, "--samples", "many"], ["--samples", "integer"], id="samples that are no number"),
+        pytest.param([*LAB, "--samples", "many"], ["--samples", "integer"], id="samples that are not a number"),
         pytest.param([*LAB, "--seed", "-1"], ["seed", "-1", "0"], id="seed below 0"),
-        pytest.param([*LAB, "--phi", "north"], ["--phi", "'north'"], id="attitude that is no number"),
+        pytest.param([*LAB, "--phi", "north"], ["--phi", "'north'"], id="attitude that is not a number"),
         pytest.param([*LAB, "--z", "nan"], ["--z", "nan", "finite"], id="height that is not finite"),
         pytest.param([*LAB, "--out", "/dev/null/x"], ["--out", "/dev/null"], id="folder that cannot be"),
         pytest.param(["workspace", "lab-skara"], ["lab-skara", "lab-scara"], id="robot"),
