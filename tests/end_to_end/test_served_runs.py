@@ -4,6 +4,7 @@ import json
 import re
 import signal
 from pathlib import Path
+from tempfile import mkdtemp
 
 import numpy as np
 import pytest
@@ -50,7 +51,7 @@ def test_live_it_makes_the_same_edges_as_in_virtual_time(
     boards: str, points: str, virtual: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The edges agree to the count, from the servo tick in which the motion begins, and the verifier passes them."""
-    live = tmp_path / "live"
+    live = Path(mkdtemp(dir=tmp_path))
     with serving(ROBOT, "--boards", boards, "--out", str(live)) as server:
         assert server.run("home", ROBOT, "--here", HOME) == 0
         assert server.run("run", ROBOT, points) == 0
@@ -95,7 +96,8 @@ class Witness:
 @in_real_time
 def test_a_host_that_is_killed_in_the_middle(points: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """After kill -9 the axes miss the heartbeat and stop; another client sees every frame; a reset is all it takes."""
-    log, slow_points = tmp_path / "run.log", tmp_path / "slow.csv"
+    folder = Path(mkdtemp(dir=tmp_path))
+    log, slow_points = folder / "run.log", folder / "slow.csv"
     slow_points.write_text(re.sub(r"^0\.(\d)", r"\g<1>0", POINTS, flags=re.MULTILINE).replace("\n1.2,", "\n120,"))
     with serving(ROBOT, "--log", str(log)) as server:
         witness = Witness(server.port)
