@@ -116,8 +116,8 @@ def in_real_time(test: Callable[_P, None]) -> Callable[_P, None]:
     """Repeat a test that fails while this computer is too slow for real time; let any other failure stand.
 
     So a busy computer makes the test slow, not red. A stream that runs dry, or a missed heartbeat or answer, says
-    nothing about StepTwin when processes had to wait for a processor. Fixtures are made once: each attempt needs a folder
-    of its own in `tmp_path`.
+    nothing about StepTwin when processes had to wait for a processor. Fixtures are made once, so each attempt needs a
+    folder of its own in `tmp_path`.
     """
 
     @functools.wraps(test)
