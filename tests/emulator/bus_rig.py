@@ -1,4 +1,4 @@
-"""A bus with stations of which nobody but the test knows what they do."""
+"""A bus with stations that the test controls."""
 
 from steptwin.emulator.bus import Bus
 from steptwin.emulator.bus_faults import FaultScript
@@ -8,13 +8,13 @@ from steptwin.protocol.frame import Frame
 
 
 class BusRig:
-    """A bus with stations that note what each of them hears, as (counts, frame)."""
+    """A bus whose stations note each frame that they receive, as (counts, frame)."""
 
     def __init__(self, bitrate: int = 1_000_000, stations: int = 2, faults: FaultScript | None = None) -> None:
         self.bus = Bus(bitrate, faults)
         self.heard: list[list[tuple[int, Frame]]] = [[] for _ in range(stations)]
         self.errors: list[tuple[int, int, ErrorCode, bool]] = []
-        """(counts, station, code, active)."""
+        """Reported errors as (counts, station, code, active)."""
         self.stations = [self._station(number) for number in range(stations)]
 
     def _station(self, number: int) -> CanController:
@@ -23,7 +23,7 @@ class BusRig:
         return station
 
     def controller(self, number: int) -> CanController:
-        """A controller that notes what it hears as a station."""
+        """Return a controller that notes the frames and errors of a station."""
 
         def note_error(code: ErrorCode, counts: int, *, active: bool) -> None:
             self.errors.append((counts, number, code, active))
@@ -36,5 +36,5 @@ class BusRig:
             self.bus.step(now)
 
     def bits(self, count: int) -> int:
-        """So many bits in counts."""
+        """Return the duration of a number of bits in counts."""
         return count * self.bus.bit_counts

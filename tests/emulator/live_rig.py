@@ -1,4 +1,4 @@
-"""A live board behind a socketcand server in a thread of this process, and clients that know the protocol's bytes."""
+"""A live board behind a socketcand server in a thread of this process, and clients that speak the protocol."""
 
 import selectors
 import socket
@@ -17,11 +17,11 @@ from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.socketcand_server import SocketcandServer
 
 TIMEOUT_S = 120.0
-"""For whatever must happen; nothing waits for so long unless it fails."""
+"""Limit of every wait; only a failing test reaches it, however busy the machine is."""
 
 
 def await_true(condition: Callable[[], bool], what: str) -> None:
-    """Wait until something has come about in another thread or process."""
+    """Wait until a condition holds that another thread or process brings about."""
     deadline_s = time.monotonic() + TIMEOUT_S
     while not condition():
         assert time.monotonic() < deadline_s, f"not within {TIMEOUT_S:g} s: {what}"
@@ -66,14 +66,14 @@ class LiveRig:
         assert self._error is None
 
     def client(self, receive_buffer_bytes: int | None = None) -> "RawClient":
-        """Connect a client, which is in raw mode then."""
+        """Connect a client and bring it into raw mode."""
         client = RawClient(self.port, receive_buffer_bytes)
         self._clients.callback(client.close)
         return client
 
 
 class RawClient:
-    """Speaks bytes."""
+    """A client that sends and reads bytes."""
 
     def __init__(self, port: int, receive_buffer_bytes: int | None = None) -> None:
         self._socket = socket.socket()
@@ -82,7 +82,7 @@ class RawClient:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer_bytes)
         self._socket.connect(("127.0.0.1", port))
         self.text = b""
-        """What has been read and not yet expected."""
+        """Bytes that were read and not expected yet."""
         self.expect(b"< hi >")
         for command in (b"< open vcan0 >", b"< rawmode >"):
             self.send(command)
@@ -92,7 +92,7 @@ class RawClient:
         self._socket.sendall(text)
 
     def expect(self, text: bytes) -> bytes:
-        """Read until this has come; return what came before it."""
+        """Read until these bytes have come; return the bytes before them."""
         while text not in self.text:
             more = self._socket.recv(1 << 16)
             assert more, f"disconnected before {text!r} after {self.text!r}"
@@ -101,12 +101,12 @@ class RawClient:
         return before
 
     def frames(self, count: int) -> list[str]:
-        """The next frames, as IDENTIFIER#DATA."""
+        """Return the next frames, as IDENTIFIER#DATA."""
         shown = [self.expect(b" >") for _ in range(count)]
         return ["#".join(text.decode("ascii").split(" ")[i] for i in (2, 4)) for text in shown]
 
     def until_hung_up(self) -> bytes:
-        """All that still comes."""
+        """Return all bytes up to the end of the connection."""
         while True:
             try:
                 more = self._socket.recv(1 << 16)
@@ -118,7 +118,7 @@ class RawClient:
 
     @property
     def readable(self) -> bool:
-        """Whether there is something to read just now."""
+        """Return True if bytes can be read now."""
         with selectors.DefaultSelector() as selector:
             selector.register(self._socket, selectors.EVENT_READ)
             return bool(selector.select(0))

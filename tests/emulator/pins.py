@@ -1,4 +1,4 @@
-"""Pin stretches for drivers, put together by hand."""
+"""Stretches of edges at a driver's pins, made by hand."""
 
 from collections.abc import Iterable, Sequence
 
@@ -13,7 +13,7 @@ PERIOD = 4800
 FOREVER = 10**12
 
 POWER_UP = tuple(LevelChange(0, pin, 1) for pin in (Input.VDD, Input.VM, Input.RESET, Input.ENABLE))
-"""As the datasheet asks for it."""
+"""The power-up sequence of the datasheet."""
 
 
 def pins(
@@ -23,19 +23,19 @@ def pins(
     changes: Iterable[LevelChange] = (),
     until: int = FOREVER,
 ) -> Pins:
-    """Pulses by rise and width, DIR edges and input changes as (counts, level)."""
+    """Return a stretch from the rises of pulses and their width, DIR edges as (counts, level) and input changes."""
     rise = np.array(rises, dtype=np.int64)
     dirs = np.array(directions, dtype=np.int64).reshape(-1, 2)
     return Pins(rise, rise + np.array(widths), dirs[:, 0], dirs[:, 1].astype(np.int8), tuple(changes), until)
 
 
 def at(counts: int, **levels: int) -> tuple[LevelChange, ...]:
-    """Inputs by name take levels."""
+    """Return changes of inputs, given by name, at an instant."""
     return tuple(LevelChange(counts, Input[name], level) for name, level in levels.items())
 
 
 def cut(whole: Pins, instants: Iterable[int]) -> list[Pins]:
-    """The same in pieces, as somebody who looks at these instants would see it."""
+    """Divide a stretch at these instants."""
     pieces, first = [], -FOREVER
     for until in (*sorted(instants), whole.until_counts):
         pulses = (first <= whole.clk_rise_counts) & (whole.clk_rise_counts < until)

@@ -16,9 +16,16 @@ from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, DigitalOutput
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.pvt import PvtRecord
+from tests.emulator.simulations import STEP, wait, write
 
-MS = 72_000
 NODE = 0x10
+SLOW_TIMING = {
+    od.STEPLEN_NS: 160_000,
+    od.STEPSPACE_NS: 160_000,
+    od.DIRSETUP_NS: 150_000,
+    od.DIRHOLD_NS: 320_000,
+}
+"""A step timing that is slow enough for all driver profiles."""
 OUT1, OUT2 = DigitalOutput.OUT1, DigitalOutput.OUT2
 
 
@@ -44,10 +51,6 @@ def switch(simulation: Simulation, levels: int, axis: int = 0) -> int:
     return send(simulation, Frame(0x600 + NODE + axis, request))
 
 
-def wait(simulation: Simulation, dt_ms: float) -> None:
-    simulation.run_until(simulation.now_counts + round(dt_ms * MS))
-
-
 def test_outputs_change_in_the_instant_of_their_frame(simulation: Simulation) -> None:
     wait(simulation, 1.7)
     first = switch(simulation, OUT1)
@@ -69,7 +72,7 @@ def test_they_stand_among_all_changes_of_held_pins(simulation: Simulation) -> No
 
 def test_an_output_switches_in_the_middle_of_a_motion(simulation: Simulation) -> None:
     """50 steps in 100 ms: pulses are computed ahead, outputs are not."""
-    record = PvtRecord(50 * 1024, 0, 100, 0)
+    record = PvtRecord(50 * STEP, 0, 100, 0)
     simulation.send(Frame(0x000, b"\x01\x00"))
     for word in (0x06, 0x07, 0x0F):
         simulation.send(Frame(0x200 + NODE, bytes((word, 0, 7))))
@@ -89,12 +92,6 @@ def start(simulation: Simulation, record: PvtRecord) -> None:
         simulation.send(frame)
 
 
-def write(simulation: Simulation, index: int, value: int, subindex: int = 0) -> None:
-    """Write a 32-bit object of the first axis by SDO."""
-    head = bytes((0x23, index & 0xFF, index >> 8, subindex))
-    simulation.send(Frame(0x600 + NODE, head + value.to_bytes(4, "little")))
-
-
 def home_offset(board: Board) -> int:
     return board.firmware.nodes[0].dictionary.get(od.HOME_OFFSET)
 
@@ -103,18 +100,18 @@ class TestPower:
     SAVE = int.from_bytes(b"save", "little")
 
     def test_what_is_stored_outlives_it_and_nothing_else(self, simulation: Simulation) -> None:
-        write(simulation, 0x607C, 77)
+        write(simulation, NODE, od.HOME_OFFSET, 77)
         simulation.power_cycle()
         assert home_offset(simulation.boards[0]) == 0
-        write(simulation, 0x607C, 77)
-        write(simulation, 0x1010, self.SAVE, subindex=1)
-        write(simulation, 0x607C, 78)
+        write(simulation, NODE, od.HOME_OFFSET, 77)
+        write(simulation, NODE, od.STORE_ALL, self.SAVE)
+        write(simulation, NODE, od.HOME_OFFSET, 78)
         simulation.power_cycle()
         assert home_offset(simulation.boards[0]) == 77
 
     def test_another_board_knows_what_it_is_given(self, simulation: Simulation, fast_kernel: Kernel) -> None:
-        write(simulation, 0x607C, 77)
-        write(simulation, 0x1010, self.SAVE, subindex=1)
+        write(simulation, NODE, od.HOME_OFFSET, 77)
+        write(simulation, NODE, od.STORE_ALL, self.SAVE)
         config = simulation.boards[0].config
         assert home_offset(Board(config, fast_kernel)) == 0
         assert home_offset(Board(config, fast_kernel, simulation.boards[0].flash)) == 77
@@ -140,7 +137,7 @@ class TestPower:
         for round_ in (1, 2):
             for cob_id, data in ((0x000, "0110"), (0x210, "060007"), (0x210, "070007"), (0x210, "0f0007")):
                 simulation.send(Frame(cob_id, bytes.fromhex(data)))
-            start(simulation, PvtRecord(20 * 1024, 0, 100, 0))
+            start(simulation, PvtRecord(20 * STEP, 0, 100, 0))
             wait(simulation, 50)
             simulation.power_cycle()
             wait(simulation, 200)
@@ -158,9 +155,9 @@ class TestPower:
         profile = PROFILES[drivers]
         board = Board(BoardConfig(1, (profile.osc_pf,), modules=(profile.fitted(16),)), fast_kernel)
         simulation = Simulation([board], Bus(1_000_000))
-        for units, until_ms in ((20 * 1024, off_ms), (-10 * 1024, 200)):
-            for subindex, ns in enumerate((160_000, 160_000, 150_000, 320_000), start=1):  # enough for all of them
-                write(simulation, 0x2001, ns, subindex)
+        for units, until_ms in ((20 * STEP, off_ms), (-10 * STEP, 200)):
+            for address, ns in SLOW_TIMING.items():
+                write(simulation, NODE, address, ns)
             switch_on(simulation)
             start(simulation, PvtRecord(units, 0, 100, 0))
             wait(simulation, until_ms)
@@ -204,7 +201,7 @@ class TestDrivers:
     def test_steps_turn_the_field(self, simulation: Simulation) -> None:
         """Ten steps up, which are counterclockwise."""
         switch_on(simulation)
-        start(simulation, PvtRecord(10 * 1024, 0, 100, 0))
+        start(simulation, PvtRecord(10 * STEP, 0, 100, 0))
         wait(simulation, 200)
         outputs = simulation.boards[0].trace(0).outputs
         steps = simulation.boards[0].trace(0).position_steps
@@ -234,7 +231,7 @@ class TestDrivers:
         board = Board(BoardConfig(1, (330.0,), switches=(switch,), modules=(module,)), fast_kernel)
         simulation = Simulation([board], Bus(1_000_000))
         switch_on(simulation)
-        start(simulation, PvtRecord(11 * 1024, 0, 100, 0))
+        start(simulation, PvtRecord(11 * STEP, 0, 100, 0))
         wait(simulation, 150)
         assert board.trace(0).position_steps == 11
         seen = DigitalInput(board.firmware.nodes[0].dictionary.get(od.DIGITAL_INPUTS))
@@ -247,7 +244,7 @@ class TestDrivers:
         board = Board(BoardConfig(1, (330.0,), modules=(deaf,)), fast_kernel)
         simulation = Simulation([board], Bus(1_000_000))
         switch_on(simulation)
-        start(simulation, PvtRecord(10 * 1024, 0, 100, 0))
+        start(simulation, PvtRecord(10 * STEP, 0, 100, 0))
         wait(simulation, 150)
         read = [
             board.firmware.nodes[0].dictionary.get(address)

@@ -12,8 +12,8 @@ from steptwin.emulator.simulation import Simulation
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.frame import Frame
+from tests.emulator.simulations import MS
 
-MS = 72_000
 LATENCY = 5 * MS
 
 

@@ -14,9 +14,9 @@ from steptwin.emulator.driver_module import ClkEdge, Coupler, Module, Requiremen
 from steptwin.emulator.driver_profiles import SLOW_BLUE_BOARD, THREE_AMP_MODULE
 from steptwin.emulator.tb6560 import Input, LevelChange, Pins, Rule, Tb6560
 from tests.emulator.pins import POWER_UP, WIDTH, at, cut, pins
+from tests.emulator.simulations import MS
 
 US = 72
-MS = 72_000
 UP = ((1, 1),)
 
 THREE_AMP = THREE_AMP_MODULE.fitted(16)

@@ -14,8 +14,8 @@ from steptwin.emulator.driver_module import Coupler, Module
 from steptwin.emulator.driver_profiles import SLOW_BLUE_BOARD, THREE_AMP_MODULE
 from steptwin.emulator.tb6560 import Cooling, Input, LevelChange, Outputs
 from tests.emulator.pins import POWER_UP, at, cut, pins
+from tests.emulator.simulations import MS
 
-MS = 72_000
 END = 2_000_000
 CRUMB = Cooling(resistance_k_per_w=300, capacity_j_per_k=1e-5)
 """Too hot within some ms."""

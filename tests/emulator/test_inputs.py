@@ -33,9 +33,8 @@ from tests.controller.homing_bench import (
     HomingBench,
     Slider,
 )
+from tests.emulator.simulations import MS, STEP
 
-MS = 72_000
-STEP = 1024
 NEGATIVE, POSITIVE, HOME = DigitalInput.NEGATIVE_LIMIT, DigitalInput.POSITIVE_LIMIT, DigitalInput.HOME
 NONE = DigitalInput(0)
 

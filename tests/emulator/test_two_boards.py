@@ -9,12 +9,13 @@ from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.emulator.board import Board, BoardConfig
 from steptwin.emulator.bus import Bus
 from steptwin.emulator.simulation import Simulation
+from steptwin.protocol import od
 from steptwin.protocol.frame import COB_SYNC, Frame
 from steptwin.protocol.pvt import PvtRecord
+from tests.emulator.simulations import MS, STEP, wait, write
 
-MS = 72_000
 FIRST, SECOND = 0x10, 0x12
-STEP = 1024
+RPDO1_COB_ID = od.address_of(od.RPDO_COMMUNICATION[0], od.PDO_COB_ID)
 
 
 def simulation_of(kernel: Kernel, *first_nodes: int) -> Simulation:
@@ -28,16 +29,6 @@ def simulation_of(kernel: Kernel, *first_nodes: int) -> Simulation:
 @pytest.fixture
 def simulation(fast_kernel: Kernel) -> Simulation:
     return simulation_of(fast_kernel, FIRST, SECOND)
-
-
-def wait(simulation: Simulation, dt_ms: float) -> None:
-    simulation.run_until(simulation.now_counts + round(dt_ms * MS))
-
-
-def write(simulation: Simulation, node: int, index: int, subindex: int, value: int) -> None:
-    """Write four bytes by SDO."""
-    request = b"\x23" + index.to_bytes(2, "little") + bytes((subindex,)) + value.to_bytes(4, "little")
-    simulation.send(Frame(0x600 + node, request))
 
 
 def start(simulation: Simulation, motions: dict[int, list[PvtRecord]]) -> int:
@@ -117,7 +108,7 @@ def test_a_power_cycle_concerns_one_board_only(simulation: Simulation, fast_kern
     assert not simulation.boards[0].moving
     edges = simulation.boards[1].trace(0).clk_rise_counts - begin
     assert np.array_equal(edges, edges_alone(fast_kernel, long))
-    write(simulation, FIRST, 0x6083, 0, 1)
+    write(simulation, FIRST, od.PROFILE_ACCELERATION, 1)
     assert sent_by(simulation, 0x580 + FIRST)[-1][1] == bytes.fromhex("6083600000000000")
 
 
@@ -148,8 +139,8 @@ def test_boards_in_motion_never_part_by_a_tick(simulation: Simulation) -> None:
 def test_a_board_hears_the_other_if_its_pdos_say_so(simulation: Simulation) -> None:
     """RPDO1 of the second listens to TPDO1 of the first, which is longer than its mapping: 0x8220."""
     assert not simulation.boards[1].firmware.hears(0x180 + FIRST)
-    write(simulation, SECOND, 0x1400, 1, 1 << 31 | 0x180 + FIRST)
-    write(simulation, SECOND, 0x1400, 1, 0x180 + FIRST)
+    write(simulation, SECOND, RPDO1_COB_ID, 1 << 31 | 0x180 + FIRST)
+    write(simulation, SECOND, RPDO1_COB_ID, 0x180 + FIRST)
     assert simulation.boards[1].firmware.hears(0x180 + FIRST)
     simulation.send(Frame(0x000, b"\x01\x00"))
     wait(simulation, 50)
