@@ -25,7 +25,7 @@ _STATE_TIMEOUT_S: Final = 2.0
 _DIALOGUES_MAX: Final = 5
 _NO_ANSWER: Final = "No SDO response received"
 """Message with which the canopen library reports a timeout; it raises the same exception for other errors."""
-_BROKEN_IN_UPON: Final = (0x0503_0000, 0x0504_0001)
+_DISTURBED: Final = (0x0503_0000, 0x0504_0001)
 """Abort codes caused by another client: its request came between the segments of a string that this one reads."""
 _Answer = TypeVar("_Answer")
 _ENABLING: Final = {
@@ -68,7 +68,7 @@ class AxisClient:
 
     @property
     def in_fault(self) -> bool:
-        """True while the drive is in fault, or has lost this host: then its node reports by EMCY only."""
+        """True while the drive is in fault or has lost this host, which a node reports by EMCY only."""
         if self.drive_status is not None and self.drive_status.in_fault:
             return True
         active = self._node.emcy.active
@@ -101,7 +101,7 @@ class AxisClient:
         """Return one line that names the error which the node reported last."""
         codes = self.error_codes
         if not codes:
-            return f"{self.name}: the drive is in fault and has not said why"
+            return f"{self.name}: the drive is in fault and has reported no error code"
         return f"{self.name}: {error_text(codes[-1])} (EMCY 0x{codes[-1]:04X})"
 
     # --- objects
@@ -142,7 +142,7 @@ class AxisClient:
                 return exchange()
             except canopen.SdoAbortedError as error:
                 left -= 1
-                if not left or error.code not in _BROKEN_IN_UPON:
+                if not left or error.code not in _DISTURBED:
                     raise DeviceFaultError(f"{self.name}: {what} was refused: {error}") from error
             except canopen.SdoCommunicationError as error:
                 left -= 1
@@ -162,17 +162,17 @@ class AxisClient:
         return self.read(od.PVT_EXECUTING_SEQUENCE)
 
     def enable(self) -> None:
-        """Lead the drive to OPERATION ENABLED, one controlword at a time; raise DeviceFaultError if it does not go."""
+        """Lead the drive to OPERATION ENABLED, one controlword at a time; raise DeviceFaultError if it stays elsewhere."""
         state = State.NOT_READY_TO_SWITCH_ON
 
-        def arrived() -> bool:
+        def settled() -> bool:
             nonlocal state
             state = self.state()
             if state in _ENABLING:
                 self.write(od.CONTROLWORD, _ENABLING[state])
             return state not in _ENABLING
 
-        wait_until(self._link, arrived, _STATE_TIMEOUT_S, _STATUS_WAIT_S)
+        wait_until(self._link, settled, _STATE_TIMEOUT_S, _STATUS_WAIT_S)
         if state is not State.OPERATION_ENABLED:
             raise DeviceFaultError(f"{self.name}: cannot be enabled, the drive is in {state_text(state)}")
 

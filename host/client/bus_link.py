@@ -131,7 +131,7 @@ class BusLink:
     def __exit__(self, kind: object, error: object, trace: object) -> None:
         try:
             self.network.disconnect()
-        except BusError:  # after an error, the one that is raised already counts
+        except BusError:  # an error that is raised already says why
             if error is None:
                 raise
 

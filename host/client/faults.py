@@ -1,13 +1,22 @@
-"""Notice, by what the axes report, that a fault or another program has ended a motion."""
+"""Follow the axes' own reports, and notice that a fault or another program has ended a motion."""
 
 from collections.abc import Sequence
+from typing import Final
 
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.link import Clock
-from steptwin.host.client.waiting import POLL_S
+from steptwin.host.client.waiting import POLL_S, wait_until
 from steptwin.host.client.words import state_text
 from steptwin.host.common.errors import DeviceFaultError
 from steptwin.protocol.cia402 import ErrorCode, State
+
+_REPORT_TIMEOUT_S: Final = 0.3
+"""Three times the event timer with which an OPERATIONAL node reports its drive's status."""
+
+
+def await_reports(clock: Clock, axes: Sequence[AxisClient]) -> None:
+    """Wait until every axis has reported its drive's status, but no longer than OPERATIONAL nodes need for it."""
+    wait_until(clock, lambda: all(axis.drive_status is not None for axis in axes), _REPORT_TIMEOUT_S)
 
 
 def check_faults(clock: Clock, axes: Sequence[AxisClient]) -> None:

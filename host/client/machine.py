@@ -50,9 +50,9 @@ class Machine:
 
     def _check_types(self) -> None:
         for axis in self.axes:
-            device_type = axis.read(od.DEVICE_TYPE)
-            if device_type != IDENTITY_DEVICE_TYPE:
-                raise BusError(f"{axis.name}: node 0x{axis.node_id:02X} is no stepper axis: type 0x{device_type:08X}")
+            found = axis.read(od.DEVICE_TYPE)
+            if found != IDENTITY_DEVICE_TYPE:
+                raise BusError(f"{axis.name}: node 0x{axis.node_id:02X} is not a stepper axis: type 0x{found:08X}")
 
     def configure(self, settings: Sequence[AxisSettings]) -> None:
         """Write every axis' settings, make it watch this host, then let the nodes exchange process data."""
@@ -70,7 +70,7 @@ class Machine:
 
         Raises:
             DeviceFaultError: an axis refuses a value; it takes its driver's settings only while its power is off.
-            BusError: a node does not answer or is no stepper axis.
+            BusError: a node does not answer or is not a stepper axis.
         """
         self._check_types()
         self._heartbeat.start()
@@ -154,7 +154,7 @@ class Machine:
         The records of all axes have the same durations. The outputs are switched on the way.
 
         Raises:
-            DeviceFaultError: an axis stands elsewhere, does not know where it stands, or refuses a record.
+            DeviceFaultError: an axis stands elsewhere, its position is unknown, or it refuses a record.
             BusError: a node does not answer, or a queue does not fill.
         """
         self._stream = self._starter.start(records, start_units, outputs)

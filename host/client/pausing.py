@@ -7,15 +7,13 @@ request could disturb a dialogue of that program, since a node serves one at a t
 from typing import Final
 
 from steptwin.host.client.axis import AxisClient
-from steptwin.host.client.faults import check_faults
+from steptwin.host.client.faults import await_reports, check_faults
 from steptwin.host.client.machine import Machine
-from steptwin.host.client.waiting import REPLY_TIMEOUT_S, REST_TIMEOUT_S, require, wait_until
+from steptwin.host.client.waiting import REPLY_TIMEOUT_S, REST_TIMEOUT_S, require
 from steptwin.host.common.errors import InputError
 from steptwin.protocol.cia402 import ENABLE_OPERATION, Control
 
 _RUN: Final = ENABLE_OPERATION | Control.START
-_REPORT_TIMEOUT_S: Final = 0.3
-"""Three times the event timer with which an OPERATIONAL node reports its drive's status."""
 
 
 def pause_trajectory(machine: Machine) -> bool:
@@ -63,7 +61,7 @@ def resume_trajectory(machine: Machine) -> None:
 
 def _running(machine: Machine, what: str) -> list[AxisClient]:
     """Return the axes that execute records; a node that is not OPERATIONAL sends no report and executes none."""
-    wait_until(machine, lambda: all(axis.drive_status is not None for axis in machine.axes), _REPORT_TIMEOUT_S)
+    await_reports(machine, machine.axes)
     running = [axis for axis in machine.axes if axis.interpolating]
     if not running:
         raise InputError(f"nothing to {what}: no axis runs a trajectory")

@@ -46,7 +46,7 @@ class StreamStarter:
         self._set_status_period(min(durations_ms))
         for axis in self._axes:
             if not axis.read(od.STATUSWORD) & Status.POSITION_KNOWN:
-                raise DeviceFaultError(f"{axis.name}: does not know where it is: it must be homed first")
+                raise DeviceFaultError(f"{axis.name}: the position is unknown: home the axis first")
         for axis, start in zip(self._axes, start_units, strict=True):
             _prepare(axis, start)
         feeds = [QueueFeed(axis, own, self._link.now_s()) for axis, own in zip(self._axes, records, strict=True)]

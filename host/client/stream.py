@@ -64,7 +64,7 @@ class Stream:
 
         Raises:
             DeviceFaultError: an axis is in fault, was stopped, refuses a record or has run out of records.
-            BusError: an axis no longer reports its status, or does not go on though nothing halts it.
+            BusError: an axis no longer reports its status, or the motion stalls although nothing halts it.
         """
         now_s = self._link.now_s()
         check_faults(self._link, self._axes)
@@ -95,4 +95,4 @@ class Stream:
             self._progress_s = now_s
             self._progress_at_s = self._reached.least_s
         elif now_s - self._progress_s > _STALL_S:
-            raise BusError(f"the motion has not gone on for {_STALL_S:g} s at {self._progress_at_s:g} s of its time")
+            raise BusError(f"the motion has stalled for {_STALL_S:g} s at {self._progress_at_s:g} s of its time")

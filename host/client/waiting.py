@@ -11,9 +11,9 @@ POLL_S: Final = 0.010
 REST_TIMEOUT_S: Final = 20.0
 """Longest wait for axes to come to rest; a ramp lasts at most as long as a queue of the longest records, 16.3 s."""
 REPLY_TIMEOUT_S: Final = 1.0
-"""Longest wait for a drive to do what it was told at once."""
+"""Longest wait for a reaction that a drive shows at once."""
 SILENCE_S: Final = 1.0
-"""Ten times the event timer of the status reports: a board that stays silent for this long is gone."""
+"""Longest time without a status report, ten times their event timer; after it the board counts as lost."""
 
 
 def wait_until(clock: Clock, condition: Callable[[], bool], timeout_s: float, poll_s: float = POLL_S) -> bool:

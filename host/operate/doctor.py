@@ -54,7 +54,7 @@ def _answers(axis: AxisClient) -> Check:
     except DeviceFaultError as error:
         return Check(name, False, str(error))
     if device_type != IDENTITY_DEVICE_TYPE:
-        return Check(name, False, f"is no stepper axis: type 0x{device_type:08X}", BusError.exit_code)
+        return Check(name, False, f"is not a stepper axis: type 0x{device_type:08X}", BusError.exit_code)
     return Check(name, True, f"type 0x{device_type:08X}, {versions}")
 
 
@@ -71,7 +71,7 @@ def _examine_axis(session: Session, axis: AxisClient) -> Iterator[Check]:
 def _drive(axis: AxisClient) -> Check:
     state, code = axis.state(), axis.read(od.ERROR_CODE)
     if state in FAULT_STATES:
-        found = f"{state_text(state)}: {error_text(code)} (0x{code:04X}); when its cause is gone: `steptwin reset`"
+        found = f"{state_text(state)}: {error_text(code)} (0x{code:04X}); remove the cause, then `steptwin reset`"
         return Check(f"{axis.name} drive", False, found)
     history = error_history(axis)
     return Check(

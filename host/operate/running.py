@@ -93,7 +93,7 @@ def execute_live(
     Raises:
         InputError: the machine does not stand at the plan's start, the plan cannot be repeated, or another program
             moves the machine.
-        DeviceFaultError: a drive is in fault or was stopped, or does not know its position.
+        DeviceFaultError: a drive is in fault or was stopped, or has no known position.
         BusError: a node does not answer.
     """
     check_repeatable(plan, repeat)

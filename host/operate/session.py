@@ -9,8 +9,8 @@ import numpy as np
 from steptwin.host.client import Link, Machine
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.drive_status import FAULT_STATES, at_rest
+from steptwin.host.client.faults import await_reports
 from steptwin.host.client.stopping import quick_stop
-from steptwin.host.client.waiting import wait_until
 from steptwin.host.client.words import error_text, state_text
 from steptwin.host.common.errors import DeviceFaultError, InputError, StepTwinError
 from steptwin.host.operate.setting_up import set_up
@@ -20,8 +20,6 @@ from steptwin.protocol import od
 from steptwin.protocol.cia402 import State, Status
 
 POSE_KEYS: Final = ("x_mm", "y_mm", "z_mm", "attitude_deg")
-_LISTEN_S: Final = 0.3
-"""Three times the event timer with which an OPERATIONAL node reports its drive's status."""
 
 
 class Session:
@@ -34,10 +32,6 @@ class Session:
 
     # --- what the nodes report by themselves
 
-    def listen(self) -> None:
-        """Wait until every node has reported its drive's status, but no longer than a report can take."""
-        wait_until(self.link, lambda: all(axis.drive_status is not None for axis in self.machine.axes), _LISTEN_S)
-
     @property
     def streaming(self) -> bool:
         """True while some axis reports that it executes a trajectory.
@@ -48,14 +42,14 @@ class Session:
 
     def require_present(self) -> None:
         """Raise BusError if a node neither reports its status nor answers."""
-        self.listen()
+        await_reports(self.link, self.machine.axes)
         for axis in self.machine.axes:
             if axis.drive_status is None:
                 axis.read(od.DEVICE_TYPE)
 
     def require_idle(self, what: str) -> None:
         """Raise InputError if an axis reports that it executes a trajectory; the message begins with `what`."""
-        self.listen()
+        await_reports(self.link, self.machine.axes)
         if self.streaming:
             raise InputError(f"{what}: a trajectory is running; wait for its end, or stop it by `steptwin stop`")
 
@@ -97,7 +91,7 @@ class Session:
 
         Raises:
             InputError: another program moves the machine.
-            DeviceFaultError: a drive is in fault, does not know its position, or refuses a value.
+            DeviceFaultError: a drive is in fault, has no known position, or refuses a value.
             BusError: a node does not answer.
         """
         self.require_ready(what, known=known)
@@ -119,9 +113,9 @@ class Session:
             code = axis.read(od.ERROR_CODE)
             raise DeviceFaultError(
                 f"{axis.name}: the drive is in {state_text(state)}: {error_text(code)} (0x{code:04X}); "
-                "when its cause is gone: `steptwin reset`"
+                "remove the cause, then `steptwin reset`"
             )
         if not at_rest(statusword, axis.read(od.MODE_OF_OPERATION_DISPLAY)):
             raise InputError(f"{axis.name}: is moving; wait for its end, or stop it by `steptwin stop`")
         if known and not statusword & Status.POSITION_KNOWN:
-            raise DeviceFaultError(f"{axis.name}: does not know where it is: it must be homed first, `steptwin home`")
+            raise DeviceFaultError(f"{axis.name}: the position is unknown: home the machine first, `steptwin home`")

@@ -25,7 +25,7 @@ def set_up(machine: Machine, robot: Robot, start_units: list[int] | None = None)
 
     Raises:
         DeviceFaultError: a drive is in fault or refuses a value.
-        BusError: a node does not answer or is no stepper axis.
+        BusError: a node does not answer or is not a stepper axis.
     """
     settings = [axis_settings(joint, robot.board) for joint in robot.joints]
     if start_units is None:

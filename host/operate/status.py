@@ -9,6 +9,7 @@ from typing import Any
 
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.drive_status import at_rest
+from steptwin.host.client.faults import await_reports
 from steptwin.host.client.words import error_text, mode_text, state_text, words
 from steptwin.host.common.errors import BusError
 from steptwin.host.operate.session import Session
@@ -96,7 +97,7 @@ def read_status(session: Session) -> MachineStatus:
     Raises:
         BusError: a node does not answer.
     """
-    session.listen()
+    await_reports(session.link, session.machine.axes)
     streaming = session.streaming
     pairs = zip(session.machine.axes, session.robot.joints, strict=True)
     status_of = _status_by_reports if streaming else _status_by_sdo

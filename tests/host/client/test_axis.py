@@ -57,7 +57,7 @@ def test_a_drive_that_cannot_be_enabled(machine: Machine, board: EmbeddedBoard) 
     machine.enable()
     th1 = machine.axes[TH1]
     th1.write(od.MODE_OF_OPERATION, Mode.INTERPOLATED_POSITION)
-    for sequence in range(5):  # 4 kHz and no end: an underrun
+    for sequence in range(5):  # 4 kHz without a ramp to rest: an underrun
         velocity = 4 * STEP * 64
         displacement = 40 * STEP if sequence == 0 else 80 * STEP
         data = displacement.to_bytes(3, "little") + velocity.to_bytes(3, "little") + bytes((20, sequence))
@@ -71,7 +71,7 @@ def test_a_drive_that_cannot_be_enabled(machine: Machine, board: EmbeddedBoard) 
         th1.enable()
 
 
-def test_unknown_codes_are_said_to_be_so() -> None:
+def test_unknown_error_codes() -> None:
     assert error_text(0xFF01) == "pvt underrun"
     assert error_text(0x1234) == "unknown error"
 

@@ -41,7 +41,7 @@ def free_port() -> int:
     return port
 
 
-def test_nobody_listens(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_refused_connection(capsys: pytest.CaptureFixture[str]) -> None:
     """The error comes at once, not after python-can's ten seconds of retries."""
     port = free_port()
     with pytest.raises(BusError, match=rf"^127\.0\.0\.1:{port}: Connection refused$"):
@@ -66,7 +66,7 @@ class Server:
         self._thread.start()
 
     def _serve(self) -> None:
-        self._server.accept()[0].close()  # the look whether anybody is there
+        self._server.accept()[0].close()  # the client's test whether the port is open
         client, _ = self._server.accept()
         with client:
             client.sendall(b"< hi >")

@@ -17,7 +17,7 @@ def test_golden() -> None:
 
 
 @pytest.mark.parametrize("data", ["", "371607fbffff", "371607fbffffff00", "010007fbffffff"])
-def test_what_is_no_status(data: str) -> None:
+def test_malformed_data_are_refused(data: str) -> None:
     with pytest.raises(ValueError, match="status"):
         DriveStatus.decode(bytes.fromhex(data))
 

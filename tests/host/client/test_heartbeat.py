@@ -56,12 +56,12 @@ def test_it_beats_between_the_frames_of_a_long_dialogue(board: EmbeddedBoard, ma
     assert emergencies(board) == []
 
 
-def test_it_begins_when_the_axes_are_told_to_listen(board: EmbeddedBoard) -> None:
+def test_it_begins_when_the_axes_are_configured(board: EmbeddedBoard) -> None:
     machine = Machine(board, ROBOT.joint_names)
     machine.connect()
     board.wait(1.0)
     assert beats_s(board) == []
-    for _ in range(2):  # the second time it beats already
+    for _ in range(2):  # the second time the heartbeat has been started already
         machine.configure((SETTINGS,) * AXES)
         board.wait(1.0)
     assert np.diff(beats_s(board)) == pytest.approx(PERIOD_S, abs=0.002)
@@ -70,7 +70,7 @@ def test_it_begins_when_the_axes_are_told_to_listen(board: EmbeddedBoard) -> Non
         assert axis.read(od.ABORT_CONNECTION_OPTION) == 1
 
 
-def test_a_host_that_takes_leave_is_not_lost(board: EmbeddedBoard, machine: Machine) -> None:
+def test_a_host_that_disconnects_is_not_lost(board: EmbeddedBoard, machine: Machine) -> None:
     machine.disconnect()
     left_s = board.now_s()
     board.wait(2.0)
@@ -80,7 +80,7 @@ def test_a_host_that_takes_leave_is_not_lost(board: EmbeddedBoard, machine: Mach
     machine.disconnect()
 
 
-def test_a_host_may_come_again(board: EmbeddedBoard, machine: Machine) -> None:
+def test_a_host_may_reconnect(board: EmbeddedBoard, machine: Machine) -> None:
     machine.disable()
     machine.disconnect()
     board.wait(2.0)
@@ -89,7 +89,7 @@ def test_a_host_may_come_again(board: EmbeddedBoard, machine: Machine) -> None:
     assert emergencies(board) == []
 
 
-def test_a_host_that_stays_silent_is_told_so(
+def test_a_silent_host_is_reported_as_lost(
     board: EmbeddedBoard, machine: Machine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The host feeds the queues, but its heartbeat is lost: the axes leave OPERATIONAL and report only by EMCY."""

@@ -49,7 +49,7 @@ def how(robot: Robot, *joints: str) -> tuple[HomingSettings | None, ...]:
     return tuple(homing_settings(joint) if joint.name in names else None for joint in robot.joints)
 
 
-def steps_said(robot: Robot, machine: Machine) -> list[float]:
+def reported_steps(robot: Robot, machine: Machine) -> list[float]:
     """Return the axes' positions as the firmware reports them, in steps."""
     return [
         units * joint.transmission.microsteps / UNITS_PER_FULL_STEP
@@ -63,10 +63,10 @@ def test_every_robot_by_its_file(fast_kernel: Kernel, name: str, together: bool)
     """After homing, the firmware's position is exact to the step."""
     robot = load_robot(name)
     board, machine = machine_of(robot, list(robot.home), fast_kernel)
-    told: list[float] = []
-    machine.home_axes(how(robot), told.append, together=together)
-    assert steps_said(robot, machine) == board.driver_positions()
-    assert told == [(i + 1) / len(robot.joints) for i in range(len(robot.joints))]
+    heard: list[float] = []
+    machine.home_axes(how(robot), heard.append, together=together)
+    assert reported_steps(robot, machine) == board.driver_positions()
+    assert heard == [(i + 1) / len(robot.joints) for i in range(len(robot.joints))]
     assert [axis.state() for axis in machine.axes] == [State.OPERATION_ENABLED] * len(robot.joints)
 
 
@@ -80,7 +80,7 @@ def test_from_anywhere(fast_kernel: Kernel, data: st.DataObject) -> None:
     board, machine = machine_of(WAREHOUSE, start, fast_kernel)
     for _ in range(2):
         machine.home_axes(how(WAREHOUSE), together=True)
-        assert steps_said(WAREHOUSE, machine) == board.driver_positions()
+        assert reported_steps(WAREHOUSE, machine) == board.driver_positions()
 
 
 def test_one_by_one_the_others_stand(fast_kernel: Kernel) -> None:
@@ -120,10 +120,10 @@ class TestFailures:
     def test_one_that_fails_stops_the_others(self, fast_kernel: Kernel) -> None:
         """th3 fails early, while sx is still searching."""
         board, machine = machine_of(without_home_switch(), [500.0, *WAREHOUSE.home[1:5], 185.0], fast_kernel)
-        told: list[float] = []
+        heard: list[float] = []
         with pytest.raises(DeviceFaultError, match=r"^th3: homing failed"):
-            machine.home_axes(how(WAREHOUSE, "sx", "th3"), told.append, together=True)
-        assert told == []
+            machine.home_axes(how(WAREHOUSE, "sx", "th3"), heard.append, together=True)
+        assert heard == []
         at_rest = board.driver_positions()
         board.wait(1.0)
         assert board.driver_positions() == at_rest
@@ -143,7 +143,7 @@ class TestFailures:
         board, machine = machine_of(robot, list(WAREHOUSE.home), fast_kernel)
         settings = list(how(WAREHOUSE, "th1"))
         machine.axes[TH1].disable()
-        machine.axes[TH1].write(od.POLARITY, 0xC0)  # the axis runs the other way: each end has the other's switch
+        machine.axes[TH1].write(od.POLARITY, 0xC0)  # the axis runs backwards, so each end has the other's switch
         machine.axes[TH1].enable()
         with pytest.raises(DeviceFaultError, match=r"^th1: homing failed: a limit switch closed that should not"):
             machine.home_axes(tuple(settings))
@@ -154,7 +154,7 @@ class TestFailures:
         board, machine = machine_of(WAREHOUSE, list(WAREHOUSE.home), fast_kernel, schedule)
         with pytest.raises(DeviceFaultError, match=r"^th1: estop \(EMCY 0x9000\)$"):
             machine.home_axes(how(WAREHOUSE, "th1"))
-        assert 1.0 <= board.now_s() < 1.3  # noticed at once, and waited for until all axes stand
+        assert 1.0 <= board.now_s() < 1.3  # noticed at once, then the ramp until all axes stand
 
     @pytest.mark.parametrize(
         ("word", "words"),
@@ -164,7 +164,7 @@ class TestFailures:
             (ENABLE_OPERATION, "th1: homing was interrupted"),
         ],
     )
-    def test_somebody_interferes(self, fast_kernel: Kernel, word: int, words: str) -> None:
+    def test_another_program_interferes(self, fast_kernel: Kernel, word: int, words: str) -> None:
         _, machine = machine_of(WAREHOUSE, [-4.0, *WAREHOUSE.home[1:]], fast_kernel)
 
         def interfere(_: float) -> None:
@@ -173,7 +173,7 @@ class TestFailures:
         with pytest.raises(DeviceFaultError, match=rf"^{words}$"):
             machine.home_axes(how(WAREHOUSE, "sx", "th1"), interfere, together=True)
 
-    def test_an_axis_that_never_says_how_it_went(self, fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_a_homing_that_neither_ends_nor_fails(self, fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch) -> None:
         board, machine = machine_of(WAREHOUSE, list(WAREHOUSE.home), fast_kernel)
         monkeypatch.setattr(machine.axes[TH1], "read", lambda *_: 0x0237)
         begun_s = board.now_s()

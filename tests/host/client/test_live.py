@@ -49,7 +49,7 @@ def add_node(network: canopen.Network, node_id: int = NODE) -> Node402:
     return node
 
 
-def test_the_device_says_that_it_is_simulated(connect: MakeNetwork) -> None:
+def test_the_device_name_tells_that_it_is_simulated(connect: MakeNetwork) -> None:
     node = add_node(connect())
     assert "SIMULATED" in node.sdo["Manufacturer device name"].raw
 
@@ -70,7 +70,7 @@ def test_a_402_node_makes_a_profile_move(rig: LiveRig, connect: MakeNetwork) -> 
     await_true(lambda: bool(node.read(od.STATUSWORD) & Status.SETPOINT_ACKNOWLEDGED), "the set-point is taken")
     node.controlword = 0x0F
     await_true(lambda: node.read(od.POSITION_ACTUAL) == 300 * STEP, "the axis is there")
-    await_true(lambda: bool(node.read(od.STATUSWORD) & Status.TARGET_REACHED), "it says so")
+    await_true(lambda: bool(node.read(od.STATUSWORD) & Status.TARGET_REACHED), "the axis reports its arrival")
     assert rig.board.trace(1).position_steps == 300
     assert rig.live.ticks.count > 100
 
@@ -125,7 +125,7 @@ def test_on_a_bus_of_python_can(virtual: can.BusABC) -> None:
         assert not answer.is_extended_id
 
 
-def test_what_is_no_classical_data_frame_stays_outside(bridged: tuple[LiveRig, CanBridge], virtual: can.BusABC) -> None:
+def test_only_classical_data_frames_pass(bridged: tuple[LiveRig, CanBridge], virtual: can.BusABC) -> None:
     for foreign in (
         can.Message(arbitration_id=0x610, is_extended_id=True),
         can.Message(arbitration_id=0x610, is_extended_id=False, is_remote_frame=True),

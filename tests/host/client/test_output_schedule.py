@@ -39,7 +39,7 @@ def test_one_output_leaves_the_others_alone(machine: Machine, board: EmbeddedBoa
     assert th3.read(od.DIGITAL_OUTPUTS) == LOCK
 
 
-def test_what_nothing_is_wired_to_is_no_evidence(machine: Machine, board: EmbeddedBoard) -> None:
+def test_outputs_without_a_wire_leave_no_evidence(machine: Machine, board: EmbeddedBoard) -> None:
     machine.axes[SX].switch_output(MAGNET, on=True)
     assert changes(board) == []
 

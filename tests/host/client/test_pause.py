@@ -55,7 +55,7 @@ def test_it_rests_and_goes_on_to_its_end(board: EmbeddedBoard, machine: Machine)
     assert machine.positions_units() == [0, 0, 0, FAR, 0, 0]
 
 
-def test_saying_it_twice_changes_nothing(machine: Machine) -> None:
+def test_repeated_requests_change_nothing(machine: Machine) -> None:
     run = machine.start(travelling(101), [0] * AXES)
     resume_trajectory(machine)
     machine.wait(0.5)
@@ -83,7 +83,9 @@ def test_a_trajectory_that_ends_while_it_is_halted(board: EmbeddedBoard, machine
 
 
 @pytest.mark.parametrize(("what", "change"), [("pause", pause_trajectory), ("resume", resume_trajectory)])
-def test_there_is_nothing_to_halt(board: EmbeddedBoard, what: str, change: Callable[[Machine], object]) -> None:
+def test_without_a_trajectory_there_is_nothing_to_halt(
+    board: EmbeddedBoard, what: str, change: Callable[[Machine], object]
+) -> None:
     def nothing(machine: Machine) -> None:
         with pytest.raises(InputError, match=f"^nothing to {what}: no axis runs a trajectory$") as caught:
             change(machine)
@@ -145,7 +147,7 @@ def test_records_that_do_not_go_on_without_a_halt_are_an_error(board: EmbeddedBo
         board.network.unsubscribe(0x180 + axis.node_id)
     machine.axes[TH2].write(od.CONTROLWORD, RUN | Control.HALT)
     machine.wait(4.9)
-    with pytest.raises(BusError, match=r"^the motion has not gone on for 5 s at 0\.\d+ s of its time$"):
+    with pytest.raises(BusError, match=r"^the motion has stalled for 5 s at 0\.\d+ s of its time$"):
         machine.wait(1.0)
 
 
@@ -171,7 +173,7 @@ def test_a_fault_ends_the_waiting(board: EmbeddedBoard, machine: Machine) -> Non
     board.network.send_message(0x77E, b"\x05")
     with pytest.raises(DeviceFaultError, match=r"^th1: heartbeat lost \(EMCY 0x8130\)$"):
         machine.wait(1.0)
-    machine.wait(0.1)  # what has failed is not tended any more
+    machine.wait(0.1)  # a failed stream is tended no more
 
 
 def test_an_output_waits_for_the_trajectory(board: EmbeddedBoard, machine: Machine) -> None:

@@ -137,5 +137,5 @@ def test_an_axis_that_was_cut_off_in_motion_must_be_homed_first(board: EmbeddedB
     machine.wait(0.1)
     machine.axes[TH1].write(od.CONTROLWORD, DISABLE_VOLTAGE)
     machine.axes[TH1].enable()
-    with pytest.raises(DeviceFaultError, match="th1: does not know where it is"):
+    with pytest.raises(DeviceFaultError, match="th1: the position is unknown"):
         machine.start(still(5, 20), [0] * AXES)

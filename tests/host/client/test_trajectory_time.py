@@ -29,7 +29,7 @@ def test_numbers_wrap(stride: int) -> None:
         assert reached.least_s == executing / 100
 
 
-def test_a_number_from_before_is_no_news() -> None:
+def test_old_numbers_are_ignored() -> None:
     reached = TrajectoryTime([10] * 1000, now_s=0.0)
     reached.report(255, now_s=1.0)  # nothing is executed yet
     assert reached.least_s == 0.0

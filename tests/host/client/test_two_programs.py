@@ -54,7 +54,9 @@ def test_another_dialogue_about_the_same_object(
     assert axis.read(od.MAX_PROFILE_VELOCITY) == 15_360_000
 
 
-def test_there_is_an_end(board: EmbeddedBoard, axis: AxisClient, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_client_gives_up_after_five_dialogues(
+    board: EmbeddedBoard, axis: AxisClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
     answers_first(board, monkeypatch, WRITTEN_607F, times=5)
     with pytest.raises(BusError, match=r"^sx: node 0x10 does not answer \(Unexpected response 0x60\)$"):
         axis.read(od.MAX_PROFILE_VELOCITY)

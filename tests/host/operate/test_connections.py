@@ -22,6 +22,6 @@ from steptwin.host.cli.app import run
         ("-i virtual -b 0", "--bitrate 0: is not above 0 bit/s"),
     ],
 )
-def test_connections_that_are_none(capsys: pytest.CaptureFixture[str], options: str, message: str) -> None:
+def test_invalid_connections(capsys: pytest.CaptureFixture[str], options: str, message: str) -> None:
     assert run(["status", "warehouse-scara", *options.split()]) == 2
     assert capsys.readouterr() == ("", f"steptwin: {message}\n")

@@ -27,7 +27,7 @@ def test_the_machine_may_stay_at_its_switches(steptwin: CommandLine) -> None:
     assert [axis["position"] for axis in document["axes"]] != pytest.approx(HOME, abs=0.05)
 
 
-def test_telling_it_where_it_stands(steptwin: CommandLine, board: EmbeddedBoard) -> None:
+def test_declaring_the_position(steptwin: CommandLine, board: EmbeddedBoard) -> None:
     before = board.driver_positions()
     document = steptwin.json(f"home warehouse-scara --here '{HOME_TEXT}'")
     assert all(axis["position_known"] for axis in document["axes"])

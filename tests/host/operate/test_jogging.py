@@ -37,7 +37,7 @@ def test_the_end_of_travel_stops_it(board: EmbeddedBoard, session: Session) -> N
     assert session.machine.axes[TH1].read(od.POSITION_LIMIT_MIN) == -(1 << 31)
 
 
-def test_an_axis_that_does_not_know_where_it_is_goes_anywhere(fast_kernel: Kernel) -> None:
+def test_an_axis_of_unknown_position_has_no_limits(fast_kernel: Kernel) -> None:
     """The slide stands at 300 mm but counts from 0, its lower limit, and passes that limit."""
     session = Session(board_at([300.0, *HOME[1:]], fast_kernel), ROBOT)
     assert jog(session, "sx", -10.0, 2.0).end == pytest.approx(-20.0, abs=0.5)
@@ -61,7 +61,7 @@ def interrupted_after(looks: int, patch: pytest.MonkeyPatch) -> None:
     patch.setattr(profile_motion, "check_enabled", check_or_interrupt)
 
 
-def test_ctrl_c_is_how_it_ends(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_ends_a_jog_without_a_time(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
     interrupted_after(100, monkeypatch)
     jogged = jog(session, "th1", 20.0, None)
     assert jogged.end - jogged.start == pytest.approx(20.0, abs=1.5)

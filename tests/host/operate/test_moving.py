@@ -82,8 +82,8 @@ def test_beyond_a_limit_nothing_is_sent(board: EmbeddedBoard, session: Session) 
     move(session, [*HOME[:TH2], joint.upper, *HOME[TH3:]])
 
 
-def test_an_axis_that_does_not_know_where_it_is(board: EmbeddedBoard) -> None:
-    with pytest.raises(DeviceFaultError, match=r"^sx: does not know where it is: .*`steptwin home`$"):
+def test_an_axis_of_unknown_position(board: EmbeddedBoard) -> None:
+    with pytest.raises(DeviceFaultError, match=r"^sx: the position is unknown: .*`steptwin home`$"):
         move(Session(board, ROBOT), GOAL)
 
 
@@ -118,14 +118,14 @@ def test_ctrl_c_stops_all_axes(board: EmbeddedBoard, session: Session) -> None:
 
 def test_a_fault_is_named(session: Session) -> None:
     session.machine.disable()
-    session.machine.axes[TH2].write(od.SUPPLY_VOLTAGE_MIN, 5000)  # no supply has 50 V
+    session.machine.axes[TH2].write(od.SUPPLY_VOLTAGE_MIN, 5000)  # above the 24 V of the supply
     with pytest.raises(DeviceFaultError, match=r"^th2: cannot be enabled, the drive is in FAULT$"):
         move(session, GOAL)
     with pytest.raises(DeviceFaultError, match=r"^th2: the drive is in FAULT: undervoltage \(0x3220\); .*reset`$"):
         move(session, GOAL)
 
 
-def test_somebody_else_moves_it(session: Session, board: EmbeddedBoard, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_program_moves_it(session: Session, board: EmbeddedBoard, monkeypatch: pytest.MonkeyPatch) -> None:
     other = Session(Neighbour(board, monkeypatch), ROBOT)
     seen: list[object] = []
 

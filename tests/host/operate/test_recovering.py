@@ -67,14 +67,14 @@ def test_an_emergency_stop_in_motion_keeps_the_position(
     assert session.machine.positions_units() == counted
 
 
-def test_nodes_without_process_data_are_told_by_sdo(board: EmbeddedBoard, session: Session) -> None:
+def test_nodes_without_process_data_are_stopped_by_sdo(board: EmbeddedBoard, session: Session) -> None:
     board.network.nmt.state = "PRE-OPERATIONAL"
     begin = len(board.bus_log)
     assert [state.state for state in stop(session)] == ["QUICK STOP ACTIVE"] * 6
     assert not [frame for _, frame in board.bus_log[begin:] if frame.cob_id == 0]
 
 
-def test_nobody_answers(monkeypatch: pytest.MonkeyPatch, board: EmbeddedBoard) -> None:
+def test_no_node_answers(monkeypatch: pytest.MonkeyPatch, board: EmbeddedBoard) -> None:
     monkeypatch.setattr(board.network, "send_message", lambda *_: None)
     session = Session(board, ROBOT)
     for do in (stop, emergency_stop, reset):
@@ -85,7 +85,7 @@ def test_nobody_answers(monkeypatch: pytest.MonkeyPatch, board: EmbeddedBoard) -
 def test_a_reset_needs_the_cause_to_be_gone(steptwin: CommandLine, session: Session) -> None:
     axis = session.machine.axes[TH2]
     session.machine.disable()
-    axis.write(od.SUPPLY_VOLTAGE_MIN, 5000)  # no supply has 50 V
+    axis.write(od.SUPPLY_VOLTAGE_MIN, 5000)  # above the 24 V of the supply
     with pytest.raises(DeviceFaultError, match="FAULT"):
         move(session, GOAL)
     exit_code, out, err = steptwin.run("reset warehouse-scara")
@@ -116,7 +116,7 @@ def test_a_lost_host_is_a_fault_that_can_be_reset(
 
 
 @pytest.mark.usefixtures("session")
-def test_there_is_nothing_to_pause(steptwin: CommandLine) -> None:
+def test_without_a_trajectory_there_is_nothing_to_pause(steptwin: CommandLine) -> None:
     for command in ("pause", "resume"):
         message = f"steptwin: nothing to {command}: no axis runs a trajectory\n"
         assert steptwin.run(f"{command} warehouse-scara") == (2, "", message)

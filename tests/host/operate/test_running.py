@@ -83,7 +83,7 @@ def test_a_stop_by_another_program_ends_it(
     assert execute_live(session, pull, "drawer-pull", approach=True).passed
 
 
-def test_others_may_look_on(
+def test_another_program_may_read_the_status(
     board: EmbeddedBoard, session: Session, pull: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """`status` beside a run sends no SDO request, and a move beside it is refused."""
@@ -108,7 +108,7 @@ def test_others_may_look_on(
     assert all(axis.moving and axis.supply_v is None and axis.queue and axis.queue.free < 64 for axis in status.axes)
 
 
-def test_again_and_again(session: Session, tmp_path: Path) -> None:
+def test_repetitions(session: Session, tmp_path: Path) -> None:
     """A trajectory that ends where it starts can be repeated."""
     home = ",".join(map(str, ROBOT.home))
     away = ",".join(map(str, [50.0, *ROBOT.home[1:]]))
@@ -120,7 +120,7 @@ def test_again_and_again(session: Session, tmp_path: Path) -> None:
     assert outcome.to_dict()["repetitions"] == 3
 
 
-def test_what_does_not_end_where_it_starts_is_not_repeated(pull: Plan) -> None:
+def test_a_plan_that_ends_elsewhere_is_not_repeated(pull: Plan) -> None:
     check_repeatable(pull, 1)
     with pytest.raises(InputError, match=r"^repeat=2: \w+ starts at .* and ends at "):
         check_repeatable(pull, 2)

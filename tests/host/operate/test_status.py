@@ -37,7 +37,7 @@ def test_a_machine_after_power_up(steptwin: CommandLine, board: EmbeddedBoard) -
     }
 
 
-def test_a_machine_that_knows_where_it_is(steptwin: CommandLine, session: Session) -> None:
+def test_a_machine_of_known_position(steptwin: CommandLine, session: Session) -> None:
     document = steptwin.json("status warehouse-scara")
     pose = session.pose(HOME)
     assert pose is not None
@@ -57,7 +57,7 @@ def test_a_queue_that_takes_nothing_is_closed(steptwin: CommandLine) -> None:
 
 def test_a_fault_is_the_exit_code(steptwin: CommandLine, session: Session) -> None:
     session.machine.disable()
-    session.machine.axes[TH2].write(od.SUPPLY_VOLTAGE_MIN, 5000)  # no supply has 50 V
+    session.machine.axes[TH2].write(od.SUPPLY_VOLTAGE_MIN, 5000)  # above the 24 V of the supply
     session.machine.axes[TH2].write(od.CONTROLWORD, 6)
     session.machine.axes[TH2].write(od.CONTROLWORD, 7)
     exit_code, out, err = steptwin.run("status warehouse-scara --json")
@@ -65,7 +65,7 @@ def test_a_fault_is_the_exit_code(steptwin: CommandLine, session: Session) -> No
     assert json.loads(out)["axes"][TH2]["history"] == ["undervoltage (0x3220)"]
 
 
-def test_watching_is_for_people(steptwin: CommandLine) -> None:
+def test_watching_excludes_json(steptwin: CommandLine) -> None:
     exit_code, _, err = steptwin.run("status warehouse-scara --watch --json")
     assert exit_code == 2
     assert err.startswith("steptwin: --watch and --json: give only one of them")
@@ -89,7 +89,7 @@ def test_watching_goes_on_until_ctrl_c(
     assert out.count("tool: unknown") == 3
 
 
-def test_nobody_there(board: EmbeddedBoard, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_node_answers(board: EmbeddedBoard, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(board.network, "send_message", lambda *_: None)
     with pytest.raises(BusError, match=r"^sx: node 0x10 does not answer"):
         read_status(Session(board, ROBOT))

@@ -34,6 +34,6 @@ def test_outputs_that_do_not_exist(steptwin: CommandLine, words: str, message: s
     assert steptwin.run(f"outputs warehouse-scara {words}") == (2, "", f"steptwin: {message}\n")
 
 
-def test_an_output_of_no_name_is_not_switched(board: EmbeddedBoard) -> None:
+def test_an_unknown_output_is_not_switched(board: EmbeddedBoard) -> None:
     with pytest.raises(InputError, match=r"^output of warehouse-scara 'gripper' is unknown: "):
         switch_output(Session(board, ROBOT), "gripper", on=True)
