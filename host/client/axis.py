@@ -162,7 +162,7 @@ class AxisClient:
         return self.read(od.PVT_EXECUTING_SEQUENCE)
 
     def enable(self) -> None:
-        """Lead the drive to OPERATION ENABLED, one controlword at a time; raise DeviceFaultError if it stays elsewhere."""
+        """Lead the drive to OPERATION ENABLED by its controlwords; raise DeviceFaultError if it stays elsewhere."""
         state = State.NOT_READY_TO_SWITCH_ON
 
         def settled() -> bool:
