@@ -225,13 +225,13 @@ class AxisNode:
 
     @contextmanager
     def acting(self, now_us: int) -> Iterator[AxisDrive]:
-        """Let the caller act on the drive, then send what has changed."""
+        """Let the caller act on the drive, then report the changes."""
         self._context.now_us = now_us
         yield self.drive
         self._settle()
 
     def review(self, now_us: int) -> None:
-        """Send what has changed by an event outside this node, such as a halt of its group."""
+        """Report the changes caused outside this node, for example by a halt of its group."""
         self._context.now_us = now_us
         self._settle()
 

@@ -16,14 +16,12 @@ from steptwin.controller.drive_mode import DriveMode
 from steptwin.controller.kernel import I32_MAX
 from steptwin.controller.motion import Refusal
 from steptwin.controller.soft_limits import SoftLimits, hull
-from steptwin.controller.stops import DISABLES
+from steptwin.controller.stops import StopKind
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import Control, ErrorCode, Status
 from steptwin.protocol.pvt import QUEUE_DEPTH, SEQUENCE_MODULUS, PvtFlag, PvtRecord, Verdict, judge
 
-_STOP = DISABLES[1]
-"""A falling enable bit stops the queue by the slow down ramp, as "disable operation" may."""
 _STICKY = {Verdict.GAP: PvtFlag.GAP, Verdict.FULL: PvtFlag.OVERFLOW}
 
 
@@ -85,8 +83,7 @@ class Interpolation(DriveMode):
             self._sticky &= ~(PvtFlag.GAP | PvtFlag.OVERFLOW)
         self._dictionary.count(od.PVT_ACCEPTED)
         if self.on_record:
-            record = PvtRecord(self._displacement_units(), self._end_velocity(), self._duration_ms(), sequence)
-            self.on_record(record)
+            self.on_record(PvtRecord(self._displacement_units(), self._end_velocity(), self._duration_ms(), sequence))
 
     def _push(self, displacement_units: int, end_velocity: int, duration_ms: int) -> Refusal:
         """Queue a segment, unless it leads out of the soft limits; from beyond a limit it may only lead back."""
@@ -132,13 +129,13 @@ class Interpolation(DriveMode):
     # --- the mode
 
     def control(self, controlword: int, previous: int) -> None:
-        """Start the queue in the next tick when the enable bit rises; stop it when the bit falls.
+        """Start the queue in the next tick when the enable bit rises; slow it down to rest when the bit falls.
 
         The halt bit concerns the group (see `Firmware`): a queue started during a halt rests at its first record.
         """
         enabled = controlword & Control.START
         if self._running and not enabled:
-            self._stop.ramp_down(_STOP)
+            self._stop.ramp_down(StopKind.SLOW_DOWN)
             self.interrupted()
         elif enabled and not previous & Control.START and self._start():
             self._running = True

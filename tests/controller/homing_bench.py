@@ -78,7 +78,7 @@ class HomingBench(BenchBoard):
                 return
 
     def _tick(self, boundary: int) -> None:
-        """Move the slider by the steps of the tick just over, then let the firmware see its switches."""
+        """Move the slider by the steps of the tick that has ended, then show its switches to the firmware."""
         edges = self.firmware.motion.take_edges()[0]
         directions = [(int(word) >> 1, int(word) & 1) for word in edges.direction]
         for rise in map(int, edges.clk_counts[::2]):

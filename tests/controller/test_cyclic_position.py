@@ -126,9 +126,10 @@ class TestFollowing:
 
     @PERIODS
     def test_the_deviation_from_the_host_s_own_curve_is_bounded(self, fast_kernel: Kernel, period_ms: int) -> None:
-        """14 kHz at 1 Hz: 0.032 T^3 P''' and T^4 P''''/384 between set-points, the chord within a tick and half a unit.
+        """The bound is 0.032 T^3 P''' and T^4 P''''/384 between set-points, the chord within a tick, and half a unit.
 
-        In the first two periods the parabola does not know of the sudden acceleration a: up to 0.04 a T^2.
+        In the first two periods the parabola has not seen the sudden acceleration a: that adds up to 0.04 a T^2.
+        The peak rate is 14 kHz, the sine has 1 Hz.
         """
         peak_hz, omega, period_s = 14_000.0, 2 * math.pi, period_ms / 1000
         cycles = 1000 // period_ms
@@ -654,7 +655,7 @@ Point = int | Fraction | None
 Cycle = tuple[list[Point], bool, float]
 """The set-points of a cycle, whether its SYNC is sent, and how late it is in periods.
 
-A set-point is in units, or by how much of the way that the axis can make in a period it differs from the one before.
+A set-point is in units, or a fraction: its distance from the one before, relative to the most possible in a period.
 """
 
 

@@ -526,8 +526,7 @@ class TestStops:
         board.wait(50)
 
     def test_underrun_stops_the_group_and_is_reported(self, pair: BenchBoard) -> None:
-        """Axis 0 runs out of records at 4 kHz; both axes ramp down in the same 100 ms, report their own codes, and keep
-        their reference."""
+        """Axis 0 runs out of records at 4 kHz. Both ramp down in 100 ms, with their own codes, and stay referenced."""
         self.moving(pair, records=5)
         pair.record(-80 * STEP, -4 * STEP * 64, 20, 5, axis=1)
         pair.wait(49)

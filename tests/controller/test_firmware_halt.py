@@ -55,8 +55,7 @@ def ended(board: BenchBoard) -> bool:
 
 
 def test_one_axis_halts_all_and_all_go_on(pair: BenchBoard) -> None:
-    """A ramp of 100 ms from 4 kHz covers 200 steps. After the rest the axes reach the planned end, 0.1 s and the pause
-    late."""
+    """A ramp of 100 ms from 4 kHz covers 200 steps. The axes reach the planned end 0.1 s and the pause later."""
     before = position(pair)
     pair.write(od.CONTROLWORD, HALT, axis=1)
     pair.wait(RAMP_MS + 1)
@@ -292,9 +291,9 @@ class TestStopsDuringAHalt:
         assert pair.value(od.PVT_FREE_RECORDS) == 0
 
     def test_a_queue_that_runs_out_on_the_ramp_stops_the_group(self, fast_kernel: Kernel) -> None:
-        """Halted with 10 ms of records left at 4 kHz: an underrun, and the stop starts from what is left of 4 kHz.
+        """A halt with only 10 ms of records left at 4 kHz is an underrun; the stop starts from the speed then left.
 
-        Axis 0 runs dry within a tick and rests for what is left of it, less than a step.
+        Axis 0 runs out of records within a tick and rests for the remainder of it, less than a step.
         """
         board = BenchBoard(fast_kernel, axes=2)
         for axis in range(2):

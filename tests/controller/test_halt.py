@@ -121,11 +121,11 @@ SCRIPTS = {
 
 @pytest.mark.parametrize("name", SCRIPTS)
 def test_every_edge_lies_on_the_planned_path(fast_kernel: Kernel, planned: GroupRun, name: str) -> None:
-    """The fast axis' edges tell where on the path the machine is; the other axes' edges then fall where planned.
+    """The fast axis' edges show the machine's place on the path; there the other axes' edges are as planned.
 
-    The k-th edge of an axis has the same place on the path as the k-th of the motion that was not halted. So the
-    planned instant of an edge, and the one that axis 0 shows at its real instant, differ by the distance along the
-    path; times the axis' speed of at most 0.9 step a millisecond this is its distance from the path.
+    The k-th edge of an axis is at the same place on the path as the k-th edge of the motion without a halt. Axis 0's
+    edges convert the real instant of another axis' edge to a planned instant. Its difference from the edge's own
+    planned instant, times the axis' speed of at most 0.9 step per ms, is the distance from the path.
     """
     run = scripted(fast_kernel, *SCRIPTS[name])
     for axis, rate_per_count in ((1, 900 / 72e6), (2, 700 / 72e6)):
@@ -289,9 +289,9 @@ def test_both_kernels_and_any_cut_of_time_give_the_same_bits(
 @given(segments=SEGMENTS, ramps=RAMPS)
 @settings(max_examples=150)
 def test_the_demand_is_the_plan_at_the_scaled_time(segments: list[Record], ramps: list[tuple[int, int, int]]) -> None:
-    """Against exact sums of mean rates and exact cubics; the bound is that of the evaluation at full rate.
+    """Compare with exact sums of mean rates and exact cubics; the bound is that of an evaluation at full rate.
 
-    Only the sums are rounded down to a Q16 tick, each from the begin of its ramp.
+    Only the sums are rounded, down to a Q16 tick, each from the start of its ramp.
     """
     rig = KernelRig(python_kernel(), timing=Timing(1, 1, 0, 0), rate_limit_q16_per_ms=100 * k.STEP_Q16)
     accepted = [segment for segment in segments if rig.push(*segment) == k.ACCEPTED]

@@ -226,8 +226,9 @@ class TestPulseTiming:
     def test_steps_wait_exactly_if_they_must(
         self, name: str, units_per_ms: int, sign: int, start_units: int, wait_counts: int, pulse_beyond_interval: int
     ) -> None:
-        """One tick of constant speed, with the driver ready just before or after the first step is due, and pulses
-        just shorter or longer than the intervals: each rise is at the later of its due time and a pulse after the last.
+        """In a tick of constant speed each rise is at its due time or a pulse after the last rise, whichever is later.
+
+        The driver is ready just before or after the first step is due; pulses are just under or over an interval.
         """
         if name == "numba":
             pytest.importorskip("numba", reason="the extra `fast` (numba) is not installed")

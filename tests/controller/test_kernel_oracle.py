@@ -29,8 +29,10 @@ FAST_PINS = Timing(steplen=1, stepspace=1, dirsetup=0, dirhold=0)
 def test_positions_and_edges_against_exact_arithmetic(
     microsteps: int, start_velocity: int, displacement: int, end_velocity: int, duration_ticks: int
 ) -> None:
-    """Bounds: 3 roundings of half a Q16 unit and 2 of the coefficients' for positions; for edges the chord's sagitta
-    a dt^2 / 8 more, one count of time at full speed and the interval's truncation."""
+    """Positions are within 3 roundings of half a Q16 unit and 2 of the coefficients.
+
+    For edges the bound adds the chord's sagitta a dt^2 / 8, one count of time at full speed and the interval's
+    truncation."""
     rig = KernelRig(python_kernel(), microsteps=microsteps, timing=FAST_PINS, rate_limit_q16_per_ms=60 << 16)
     rig.set(k.TAIL_VELOCITY, start_velocity)
     assume(rig.push_ticks(displacement, end_velocity, duration_ticks) == k.ACCEPTED)

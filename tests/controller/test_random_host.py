@@ -1,7 +1,7 @@
 """A board under a random host: valid commands, junk, switches, brown-outs and silence, for thousands of steps.
 
-After each step some truths must hold that are told from the outside: from pins, edges and what the bus can read. At the
-end of a run everything is done again on another board with the other kernel, which must give the same bytes.
+After each step the tests check invariants from outside: from pins, edges and objects read over the bus. At the end of a
+run all steps are repeated on a board with the other kernel, which must give the same bytes.
 """
 
 from collections.abc import Callable
