@@ -1,4 +1,4 @@
-"""The emulated board on its bus: what it records of the pins that the firmware holds at a level."""
+"""The emulated board on its bus: pin changes, power cycles, wiring to the chips, lost steps, records."""
 
 import numpy as np
 import pytest
@@ -42,11 +42,11 @@ def send(simulation: Simulation, frame: Frame) -> int:
 
 
 SIXTEENTHS = (Pin.M2, Pin.RESET)
-"""The pins that are high at power-up: the chip leaves its reset in the mode of 16 microsteps."""
+"""Pins that are high at power-up: the chip leaves its reset in the mode of 16 microsteps."""
 
 
 def switch(simulation: Simulation, levels: int, axis: int = 0) -> int:
-    """Write 0x60FE:01 by SDO; return the instant of the request."""
+    """Write the digital outputs (60FEh:01) by SDO; return the instant of the request."""
     request = bytes.fromhex("23fe6001") + levels.to_bytes(4, "little")
     return send(simulation, Frame(0x600 + NODE + axis, request))
 
@@ -63,7 +63,7 @@ def test_outputs_change_in_the_instant_of_their_frame(simulation: Simulation) ->
     assert simulation.boards[0].output_changes() == simulation.boards[0].output_changes() == expected
 
 
-def test_they_stand_among_all_changes_of_held_pins(simulation: Simulation) -> None:
+def test_outputs_are_among_all_pin_changes(simulation: Simulation) -> None:
     instant = switch(simulation, OUT1)
     simulation.boards[0].drain()
     powered = [PinChange(0, axis, pin, 1) for axis in (0, 1) for pin in SIXTEENTHS]
@@ -99,7 +99,7 @@ def home_offset(board: Board) -> int:
 class TestPower:
     SAVE = int.from_bytes(b"save", "little")
 
-    def test_what_is_stored_outlives_it_and_nothing_else(self, simulation: Simulation) -> None:
+    def test_only_stored_parameters_outlive_it(self, simulation: Simulation) -> None:
         write(simulation, NODE, od.HOME_OFFSET, 77)
         simulation.power_cycle()
         assert home_offset(simulation.boards[0]) == 0
@@ -109,7 +109,7 @@ class TestPower:
         simulation.power_cycle()
         assert home_offset(simulation.boards[0]) == 77
 
-    def test_another_board_knows_what_it_is_given(self, simulation: Simulation, fast_kernel: Kernel) -> None:
+    def test_another_board_begins_with_a_given_flash(self, simulation: Simulation, fast_kernel: Kernel) -> None:
         write(simulation, NODE, od.HOME_OFFSET, 77)
         write(simulation, NODE, od.STORE_ALL, self.SAVE)
         config = simulation.boards[0].config
@@ -151,7 +151,7 @@ class TestPower:
     def test_goes_in_order_in_the_middle_of_a_motion_too(
         self, fast_kernel: Kernel, drivers: str, off_ms: float
     ) -> None:
-        """DIR is high, ENABLE too. The next motion goes down, which DIR need not change for at the firmware."""
+        """DIR and ENABLE are high. The next motion goes down, for which the firmware need not change DIR."""
         profile = PROFILES[drivers]
         board = Board(BoardConfig(1, (profile.osc_pf,), modules=(profile.fitted(16),)), fast_kernel)
         simulation = Simulation([board], Bus(1_000_000))
@@ -209,7 +209,7 @@ class TestDrivers:
         assert outputs.sixteenths(np.array([simulation.now_counts])).tolist() == [64 - steps]
 
     def test_protect_goes_low_with_the_heat(self, fast_kernel: Kernel) -> None:
-        """A chip as light as a crumb gets hot within some ms, once it is enabled; the other one stays cold."""
+        """A chip of tiny heat capacity gets hot within some ms, once it is enabled; the other one stays cold."""
         crumb = Module(cooling=Cooling(resistance_k_per_w=200, capacity_j_per_k=1e-4))
         board = Board(BoardConfig(2, (330.0, 330.0), modules=(crumb, Module())), fast_kernel)
         simulation = Simulation([board], Bus(1_000_000))
@@ -226,7 +226,7 @@ class TestDrivers:
     def test_the_last_step_of_a_motion_may_close_a_switch(
         self, fast_kernel: Kernel, module: Module, switch_steps: int, closed: bool
     ) -> None:
-        """Also where the driver knows only a millisecond later that it was one."""
+        """This holds also if the driver counts the step only a millisecond later."""
         switch = Switch(0, DigitalInput.HOME, from_steps=switch_steps)
         board = Board(BoardConfig(1, (330.0,), switches=(switch,), modules=(module,)), fast_kernel)
         simulation = Simulation([board], Bus(1_000_000))
@@ -238,8 +238,8 @@ class TestDrivers:
         assert bool(seen & DigitalInput.HOME) == closed
         assert not board.moving
 
-    def test_the_firmware_may_read_what_was_lost(self, fast_kernel: Kernel) -> None:
-        """Objects 2F00:01 to 03: ten steps of which the chip sees none, each a violation."""
+    def test_the_firmware_reads_lost_steps_and_violations(self, fast_kernel: Kernel) -> None:
+        """Objects 2F00h:01 to :03: the chip counts none of ten steps, and each is a violation."""
         deaf = Module(requirements=Requirements(steplen_ns=40_000))
         board = Board(BoardConfig(1, (330.0,), modules=(deaf,)), fast_kernel)
         simulation = Simulation([board], Bus(1_000_000))
@@ -258,7 +258,7 @@ class TestDrivers:
 
 
 def switch_on(simulation: Simulation) -> int:
-    """Axis 0 to OPERATION ENABLED for interpolation; return the instant in which ENABLE rose."""
+    """Bring axis 0 to OPERATION ENABLED for interpolation; return the instant at which ENABLE rose."""
     for cob_id, data in ((0x000, "0110"), (0x210, "060007"), (0x210, "070007"), (0x210, "0f0007")):
         simulation.send(Frame(cob_id, bytes.fromhex(data)))
     simulation.boards[0].drain()

@@ -97,7 +97,7 @@ def test_every_station_but_the_sender_hears_a_frame() -> None:
 
 
 def test_equal_frames_at_once_are_one_on_the_wire() -> None:
-    """Two boards with the same node ids send the same boot-up messages: nobody notices."""
+    """Two boards with the same node ids send the same boot-up messages: no station notices."""
     rig = BusRig(stations=3)
     for station in rig.stations[:2]:
         station.send(Frame(0x710, b"\0"), 0)
@@ -108,7 +108,7 @@ def test_equal_frames_at_once_are_one_on_the_wire() -> None:
 
 
 def test_two_senders_of_one_identifier_disturb_each_other_until_they_are_passive() -> None:
-    """After 16 attempts the flag of the one with a recessive bit is recessive too: first the other's frame passes."""
+    """After 16 attempts the flag of the sender with the recessive bit is recessive too: the other's frame passes."""
     rig = BusRig(stations=3)
     for byte, station in ((1, rig.stations[0]), (0, rig.stations[1])):
         station.send(Frame(0x181, bytes((byte,))), 0)
@@ -135,7 +135,7 @@ def test_a_shorter_frame_of_the_same_identifier_is_dominant_first() -> None:
 
 
 def test_an_outdone_sender_that_never_pauses_leaves_the_bus() -> None:
-    """Passive, it loses 8 with every other frame of its rival; in between it is suspended and the rival is alone."""
+    """Passive, it counts 8 errors with every other frame of its rival; in between it is suspended."""
     rig = BusRig(stations=3)
     for byte, station in enumerate(rig.stations[:2]):
         for _ in range(100):
@@ -148,7 +148,7 @@ def test_an_outdone_sender_that_never_pauses_leaves_the_bus() -> None:
 
 
 def test_a_sender_alone_repeats_for_ever_but_stays_on_the_bus() -> None:
-    """Nobody acknowledges. Sixteen failures make it passive; from then on it pauses 8 bits more and counts no more."""
+    """No station acknowledges. After 16 failures it is passive, pauses 8 bits more and counts no further errors."""
     rig = BusRig(stations=1)
     frame = Frame(0x181, b"\x55")
     failed_bits = frame_bits(frame) - 11 + 6 + 8 + 3
@@ -230,7 +230,7 @@ class TestPower:
 
     @pytest.mark.parametrize(("bits_before_end", "passes"), [(14, False), (13, True), (5, True)])
     def test_a_frame_whose_last_dominant_bit_is_out_passes(self, bits_before_end: int, *, passes: bool) -> None:
-        """What follows the CRC is recessive or somebody else's."""
+        """After the CRC its bits are recessive or sent by other stations."""
         rig = self.rig_with_a_frame_under_way()
         self.exchange(rig, 0, rig.bits(frame_bits(self.FRAME) - bits_before_end))
         rig.run()

@@ -1,4 +1,4 @@
-"""Scripted faults: which attempts they strike, and what becomes of these."""
+"""Scripted faults: the attempts that they strike, and their effects."""
 
 import pytest
 
@@ -12,7 +12,7 @@ from tests.emulator.bus_rig import BusRig
 FRAME = Frame(0x200, b"\x55")
 BITS = frame_bits(FRAME)
 ERROR_BITS = BITS - 13 + 7 + 8 + 3
-"""Up to the end of the CRC; error flag and echo, delimiter, intermission."""
+"""Bits of a disturbed frame: up to the end of the CRC, then error flag and echo, delimiter, intermission."""
 
 
 def rig_with(*faults: BusFault, stations: int = 2) -> BusRig:
@@ -96,7 +96,7 @@ def test_a_delay_holds_up_its_sender_once() -> None:
     assert rig.bus.log_counts[1] == 1_000_000 + rig.bits(BITS - 4)
 
 
-def test_a_fault_has_its_time() -> None:
+def test_a_fault_strikes_within_its_time_only() -> None:
     script = FaultScript([BusFault(BusFaultKind.LOSS, from_counts=100, until_counts=200)])
     struck = [counts for counts in range(0, 300, 50) if script.strike(FRAME, counts, delayed=False)]
     assert struck == [100, 150]
@@ -112,7 +112,7 @@ def test_a_rate_is_drawn_from_the_seed() -> None:
     assert 250 < sum(strikes(1)) < 350
 
 
-def test_nonsense_is_refused() -> None:
+def test_impossible_rates_and_delays_are_refused() -> None:
     with pytest.raises(ValueError, match="rate"):
         BusFault(BusFaultKind.LOSS, rate=1.5)
     with pytest.raises(ValueError, match="delay_counts"):

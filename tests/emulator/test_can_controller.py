@@ -18,7 +18,7 @@ LATENCY = 5 * MS
 
 
 class Station:
-    """A controller with a bus, a partner, and a note of what it says to its processor."""
+    """A controller on a bus with a partner; it notes the messages and errors that its processor gets."""
 
     def __init__(self, read_latency_counts: int = 0) -> None:
         self.heard: list[tuple[int, Frame]] = []
@@ -56,7 +56,7 @@ def test_mailboxes_go_by_identifier_and_the_queue_by_age() -> None:
     assert station.passed == [0x300, 0x400, 0x100, 0x500, 0x600]
 
 
-def test_mailboxes_in_order_and_news_of_what_has_gone_out() -> None:
+def test_mailboxes_in_order_and_a_call_for_each_frame_sent() -> None:
     sent: list[tuple[int, int]] = []
     can = CanController(
         lambda _frame, _counts: None, on_sent=lambda frame, counts: sent.append((counts, frame.cob_id)), in_order=True
@@ -90,7 +90,7 @@ def test_without_latency_nothing_is_stored() -> None:
     assert station.can.overruns == 0
 
 
-def test_what_the_filter_does_not_pass_takes_no_place() -> None:
+def test_filtered_messages_take_no_place_in_a_fifo() -> None:
     station = Station(LATENCY)
     station.partner.send(Frame(0x7FF, b""), 0)
     station.run()
@@ -98,7 +98,7 @@ def test_what_the_filter_does_not_pass_takes_no_place() -> None:
 
 
 def test_a_late_processor_finds_three_messages_in_each_fifo() -> None:
-    """SDO requests have a FIFO of their own; the first messages stay, the fourth is lost; told once for each FIFO."""
+    """SDO requests have a FIFO of their own; the first three messages stay, the fourth is lost."""
     station = Station(LATENCY)
     for cob_id in (0x200, 0x201, 0x202, 0x203, 0x204, 0x610, 0x611):
         station.partner.send(Frame(cob_id, b""), 0)

@@ -26,7 +26,7 @@ LATE_DIR = 24 * US - 6
 
 
 def driven(module: Module, *stretches: Pins, osc_pf: float = 330) -> Driver:
-    """Supplied, then these stretches, then long enough for everything to have arrived."""
+    """Return a driver with its supply after these stretches, and after the time that all edges take to arrive."""
     driver = Driver(osc_pf, module)
     driver.feed(pins(changes=POWER_UP, until=1))
     for stretch in stretches:
@@ -35,7 +35,7 @@ def driven(module: Module, *stretches: Pins, osc_pf: float = 330) -> Driver:
 
 
 def found(driver: Driver) -> list[tuple[Rule, int, int]]:
-    """Rule, value and limit of each violation."""
+    """Return rule, value and limit of each violation."""
     violations = driver.violations
     limits = [violations.limits[index].value for index in violations.which.tolist()]
     return list(zip(violations.rules(), violations.values.tolist(), limits, strict=True))
@@ -68,7 +68,7 @@ class TestLateDirection:
         assert len(found(driver)) == (sign < 0)
 
     def test_each_reversal_costs_two_steps_of_position(self) -> None:
-        """There and back with 15 us of setup, as Marlin allows a TB6560: every way back begins with a step too far."""
+        """Move to and fro with 15 us of setup, as Marlin has it for a TB6560: each way back begins wrong."""
         rises = [100_000 + i * 10_000 for i in range(40)]
         turns = [(rises[i] - 15 * US, 1 - i // 10 % 2) for i in range(0, 40, 10)]
         driver = driven(THREE_AMP, pins(rises, directions=turns))
@@ -79,7 +79,7 @@ class TestLateDirection:
         assert driven(Module(), pins(rises, directions=turns)).position_steps == 0
 
     def test_several_steps_go_the_wrong_way_where_clk_is_fast(self) -> None:
-        """100 us through a slow part, a rise every 67 us: two of them are past before it."""
+        """DIR takes 100 us through a slow part and CLK rises every 67 us: two rises come before it."""
         module = Module(direction=Coupler(100_000, 100_000))
         driver = driven(module, pins([100_000 + i * 4800 for i in range(4)], directions=[(99_000, 1)]))
         assert driver.steps[1].tolist() == [-1, -1, 1, 1]
@@ -101,15 +101,15 @@ class TestLateDirection:
 
 class TestPulses:
     @pytest.mark.parametrize(("width", "steps"), [(30 * US + 360, 1), (30 * US + 359, 0)])
-    def test_asymmetry_shortens_what_the_chip_sees(self, width: int, steps: int) -> None:
-        """5 us later up than down."""
+    def test_unequal_delays_shorten_the_pulse_at_the_chip(self, width: int, steps: int) -> None:
+        """Rises are 5 us later than falls."""
         driver = driven(Module(clk=Coupler(to_high_ns=5_000)), pins([50_000], width))
         assert driver.steps[0].size == steps
         assert found(driver) == ([] if steps else [(Rule.CLK_HIGH, 30 * US - 1, 30 * US)])
 
     @pytest.mark.parametrize(("width", "rule"), [(360, None), (361, Rule.CLK_HIGH)])
     def test_a_pulse_may_not_get_through_at_all(self, width: int, rule: Rule | None) -> None:
-        """Then the chip saw nothing, and the limit is the coupler's."""
+        """Then the chip sees no pulse, and the broken limit is the coupler's."""
         driver = driven(Module(clk=Coupler(to_high_ns=5_000)), pins([50_000], width))
         assert not driver.steps[0].size
         limits = [(value, limit) for _, value, limit in found(driver)]
@@ -117,12 +117,12 @@ class TestPulses:
 
     @pytest.mark.parametrize(("gap", "steps"), [(40 * US + 1, 2), (40 * US, 1)])
     def test_pulses_may_run_into_one(self, gap: int, steps: int) -> None:
-        """40 us later down than up: a shorter pause is none."""
+        """Falls are 40 us later than rises: a shorter pause disappears."""
         driver = driven(Module(clk=Coupler(to_low_ns=40_000)), pins([50_000, 50_000 + WIDTH + gap]))
         assert driver.steps[0].size == steps
         assert found(driver) == ([] if steps == 2 else [(Rule.CLK_LOW, 40 * US, 40 * US + 1)])
 
-    def test_lost_steps_are_those_meant_less_those_counted(self) -> None:
+    def test_lost_steps_are_steps_at_the_terminals_less_steps_counted(self) -> None:
         """One pulse too short for the module, one for the chip, one of the other direction that is counted."""
         rises, widths = [50_000, 60_000, 70_000, 90_000], [WIDTH, 100, WIDTH - 1, WIDTH]
         module = Module(requirements=Requirements(steplen_ns=10_000))
@@ -182,7 +182,7 @@ class TestRequirements:
         assert found(self.driver) == [(Rule.DIR_HOLD, hold, self.LIMIT)] * missing
 
     def test_the_last_pulse_of_all_counts_too(self) -> None:
-        """Nothing ever ends the time that CLK is high after it."""
+        """No later pulse ends the time for which CLK is high after it."""
         assert self.steps([self.FALL - 20_000], [20_000]) == [1]
         assert self.driver.chip.steps[0].tolist() == [self.FALL]
         assert self.driver.steps[0].tolist() == [self.FALL - 20_000]
@@ -196,7 +196,7 @@ class TestRequirements:
 
 class TestSwitches:
     def test_the_firmware_does_not_reach_what_the_switches_hold(self) -> None:
-        """RESET is high with the supply, the mode is the switches', here 1/8."""
+        """RESET is high with the supply, and the switches set the mode, here 1/8."""
         module = THREE_AMP_MODULE.fitted(8)
         driver = driven(module, pins([10_000, 20_000], changes=at(15_000, RESET=0, M1=0)))
         assert driver.position_steps == -2
@@ -253,7 +253,7 @@ class TestSwitches:
 
 
 class TestSupply:
-    """What is between terminals and chip lives from the chip's supply."""
+    """The parts between terminals and chip have the chip's supply."""
 
     ON = at(1000 * US, VDD=1, VM=1)
     OFF = at(2000 * US, VM=0, VDD=0)
@@ -350,7 +350,7 @@ DELAYS = st.builds(Coupler, st.integers(0, 60_000), st.integers(0, 60_000))
 
 
 def through(coupler: Coupler, edges: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    """One edge after the other: a new one calls off those that would still come later than it."""
+    """Pass edges one by one: a new edge cancels those that would arrive after it."""
     arriving: list[tuple[int, int]] = []
     for counts, level in edges:
         arrival = counts + coupler.delay.of(level)

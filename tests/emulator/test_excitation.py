@@ -22,7 +22,7 @@ B_SIXTEENTHS = [
 
 
 def half_wave(values: list[int]) -> list[int]:
-    """The second half of a cycle is the first one negated."""
+    """Return a cycle whose second half is the negated first half."""
     return values + [-value for value in values]
 
 
@@ -39,7 +39,7 @@ FIRST = 100_000
 
 
 def chip_in_mode(m2: int, m1: int, *changes: LevelChange, sense_ohm: float = 0.5) -> Tb6560:
-    """Supplied, out of reset and enabled; 0.5 ohm make 1 A."""
+    """Return a chip with supply, out of reset and enabled; 0.5 ohm make 1 A."""
     chip = Tb6560(330, sense_ohm)
     supplies, released = POWER_UP[:2], POWER_UP[2:]
     chip.feed(pins(changes=(*supplies, *at(0, M2=m2, M1=m1), *released, *changes), until=1))

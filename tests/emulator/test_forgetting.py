@@ -1,4 +1,4 @@
-"""A driver whose history is taken piece by piece: the pieces together are the whole, and nothing stays in memory."""
+"""A driver whose history is taken in pieces: the pieces together are the whole history, and memory stays bounded."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -18,7 +18,7 @@ from tests.emulator.simulations import MS
 
 END = 2_000_000
 CRUMB = Cooling(resistance_k_per_w=300, capacity_j_per_k=1e-5)
-"""Too hot within some ms."""
+"""Cooling with which the chip is too hot within some ms."""
 MODULES = [
     Module(),
     Module(cooling=CRUMB),
@@ -112,7 +112,7 @@ def test_nothing_stays_in_memory(module: Module) -> None:
 
 
 def size_of(thing: object, depth: int = 5) -> int:
-    """How many items its lists and arrays hold, and those of all that it is made of."""
+    """Return the number of items in an object's lists and arrays, and in those of all its parts."""
     if isinstance(thing, np.ndarray):
         return thing.size
     if isinstance(thing, (list, tuple)):

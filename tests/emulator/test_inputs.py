@@ -1,4 +1,4 @@
-"""The board's inputs: each switch is seen to change at the start of the tick after the driver's count has passed it."""
+"""The board's inputs: a switch changes for the firmware with the tick after the driver's count has passed its edge."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -82,7 +82,7 @@ def expected(board: Board, until_counts: int) -> Seen:
 
 
 def _places(trace: AxisTrace, ticks: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Where the driver's count is at the start of each tick: steps made before it."""
+    """Return the driver's count at the start of each tick: the steps made before it."""
     sums = np.concatenate(([0], np.cumsum(trace.step_signs, dtype=np.int64)))
     return sums[np.searchsorted(trace.step_counts, ticks)]
 
@@ -133,7 +133,7 @@ class TestEdges:
 
     @pytest.mark.parametrize("edge", range(700, 760))
     def test_at_full_speed(self, fast_kernel: Kernel, edge: int) -> None:
-        """15 kHz, three or four steps a tick: none passes a switch unseen."""
+        """At 15 kHz an axis makes three or four steps a tick, and passes no switch unseen."""
         board = board_of(fast_kernel, 1, Switch(0, HOME, from_steps=edge))
         seen = watched(board)
         simulation = Simulation([board], Bus(1_000_000))
@@ -149,7 +149,7 @@ class TestEdges:
     def test_a_pulse_that_has_to_wait_counts_in_the_tick_in_which_it_comes(
         self, fast_kernel: Kernel, edge: int
     ) -> None:
-        """DIR wants to be stable for 255 us: after each turn the first rise comes a tick after its crossing."""
+        """DIR must be stable for 255 us: after each turn the first rise comes a tick after its crossing."""
         board = board_of(fast_kernel, 1, Switch(0, HOME, from_steps=edge))
         seen = watched(board)
         simulation = Simulation([board], Bus(1_000_000))
@@ -223,7 +223,7 @@ class TestEdges:
 
 
 class BoardBench(BenchBoard):
-    """A bench on which a whole board lies: pulses go to its drivers, frames go without a bus."""
+    """A bench with a whole board: pulses go to its drivers, frames go without a bus."""
 
     def __init__(self, kernel: Kernel, board: Board) -> None:
         super().__init__(kernel)
@@ -272,7 +272,7 @@ def errors(board: Board) -> list[int]:
 
 
 class TestOperations:
-    def test_the_emergency_stop_is_everybodys_and_seen_with_the_next_tick(self, fast_kernel: Kernel) -> None:
+    def test_all_axes_see_the_emergency_stop_with_the_next_tick(self, fast_kernel: Kernel) -> None:
         board = board_of(fast_kernel, 3)
         simulation = enabled(board)
         simulation.run_until(simulation.now_counts + 1234)
@@ -438,7 +438,7 @@ class TestHeat:
         assert seen == [[]] * 5
 
     def test_on_two_boards_of_which_one_moves(self, board: Board, fast_kernel: Kernel) -> None:
-        """The one at rest gets hot, and says so in time."""
+        """The board at rest gets hot, and its firmware sees it in time."""
         mover = Board(BoardConfig(1, (330.0,), first_node_id=0x20), fast_kernel)
         simulation = Simulation([mover, board], Bus(1_000_000))
         seen = watched(board)
@@ -448,7 +448,7 @@ class TestHeat:
         assert [counts for counts, _ in seen] == [-(-hot_counts // TICK_COUNTS) * TICK_COUNTS]
         assert mover.trace(0).position_steps == 300
 
-    def test_a_pin_that_somebody_holds_low_stays_low(self, board: Board) -> None:
+    def test_a_pin_that_is_held_low_stays_low(self, board: Board) -> None:
         simulation = Simulation([board], Bus(1_000_000), [Scheduled(5 * MS, DriverProtect(1, active=True))])
         switch_on(simulation, board)
         simulation.run_until(100 * MS)
@@ -504,7 +504,7 @@ class TestMonitor:
 
 class TestPowerCycle:
     def test_the_machine_stays_as_it_is(self, fast_kernel: Kernel) -> None:
-        """Where it stands, its switches, its button and its supply; the new firmware is told of them."""
+        """Its position, switches, button and supply stay, and the new firmware sees them."""
         board = board_of(fast_kernel, 1, Switch(0, HOME, 45, 60))
         simulation = Simulation([board], Bus(1_000_000))
         run(simulation, {0x10: records_through([(50, 60)])}, 300)
@@ -518,7 +518,7 @@ class TestPowerCycle:
         assert dictionary.get(od.DIGITAL_INPUTS) == HOME | DigitalInput.ESTOP
 
     def test_the_next_motion_is_followed_past_the_switches(self, fast_kernel: Kernel) -> None:
-        """It is the new firmware's first one, as the one before the power cycle was the old one's."""
+        """It is the new firmware's first motion, as the one before the power cycle was the old firmware's."""
         board = board_of(fast_kernel, 1, Switch(0, HOME, 70, 80))
         simulation = Simulation([board], Bus(1_000_000))
         run(simulation, {0x10: records_through([(50, 60)])}, 300)

@@ -1,4 +1,4 @@
-"""The histogram of lateness: small, and right to a sixteenth."""
+"""The histogram of lateness: of bounded size, and right to a sixteenth."""
 
 import pytest
 from hypothesis import given
@@ -24,7 +24,7 @@ def test_small_ones_are_exact() -> None:
     assert [lateness.percentile_ns(percent) for percent in (0, 50, 75, 100)] == [0, 15, 23, 31]
 
 
-def test_what_is_early_is_not_late() -> None:
+def test_early_events_count_as_not_late() -> None:
     assert lateness_of([-5, -1]).percentile_ns(100) == 0
 
 

@@ -93,7 +93,7 @@ def test_a_frame_enters_at_its_instant() -> None:
     assert [frame.cob_id for frame in live.simulation.bus.log_frames] == [0x710, 0x000, 0x711]
 
 
-def test_but_never_in_the_past() -> None:
+def test_a_late_frame_does_not_enter_in_the_past() -> None:
     live = live_board(KERNEL)
     catch_up(live, 10 * MS)
     live.send(Frame(0x000, b"\x02\x00"), "a client", 5 * MS)
@@ -101,7 +101,7 @@ def test_but_never_in_the_past() -> None:
     assert live.simulation.bus.log_counts[-1] > live.pacer.counts_at(10 * MS)
 
 
-def test_everybody_sees_everything_and_who_sent_it(fast_kernel: Kernel) -> None:
+def test_the_viewer_sees_every_frame_and_its_sender(fast_kernel: Kernel) -> None:
     live = live_board(fast_kernel)
     seen: list[tuple[Frame, Sender | None]] = []
     live.view = lambda frame, _, sender: seen.append((frame, sender))

@@ -43,6 +43,6 @@ def test_speeds_that_are_allowed(speed: float) -> None:
 
 
 @pytest.mark.parametrize("speed", [0.0, -1.0, SPEED_MIN * 0.999, SPEED_MAX * 1.001, float("nan"), float("inf")])
-def test_speeds_that_are_none(speed: float) -> None:
+def test_speeds_out_of_range(speed: float) -> None:
     with pytest.raises(ValueError, match=r"is not from 0.001 to 1000"):
         Pacer(0, speed)

@@ -1,4 +1,4 @@
-"""Virtual time: what a sender may rely on, and when it gives up."""
+"""Virtual time: answers have arrived when `send` returns, and a bus that is always busy ends in an error."""
 
 import pytest
 
@@ -12,7 +12,7 @@ SECOND = 72_000_000
 
 
 def heartbeat(axis: int, period_ms: int) -> Frame:
-    """Write 0x1017 by SDO."""
+    """Return the SDO request that writes the producer heartbeat time (1017h)."""
     return Frame(0x610 + axis, bytes.fromhex("2b171000") + period_ms.to_bytes(4, "little"))
 
 
@@ -36,7 +36,7 @@ def test_answers_have_arrived_when_send_returns(fast_kernel: Kernel) -> None:
 
 
 @pytest.mark.parametrize("boards", [1, 2])
-def test_what_one_board_may_say_two_may_not(fast_kernel: Kernel, boards: int) -> None:
+def test_the_frames_of_two_boards_may_be_too_many_where_those_of_one_are_not(fast_kernel: Kernel, boards: int) -> None:
     """Heartbeats of 6 ms: 1333 frames a second from each board."""
     config = [BoardConfig(8, (330.0,) * 8, first_node_id=0x10 + 8 * number) for number in range(boards)]
     simulation = Simulation([Board(c, fast_kernel) for c in config], Bus(125_000))

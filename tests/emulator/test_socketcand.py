@@ -1,4 +1,4 @@
-"""The dialogue with one client, byte by byte: what it may say, what it is answered, and that nothing raises."""
+"""The dialogue with one client, byte by byte: its commands, the answers, and that no input raises an error."""
 
 import pytest
 from can import Message
@@ -74,7 +74,7 @@ class TestWhatItIsShown:
         session.deliver(self.TEXT)
         assert session.outbox == b"< hi >< ok >"
 
-    def test_silence_after_rawmode_until_somebody_ends_it(self) -> None:
+    def test_silence_after_rawmode_until_it_is_broken(self) -> None:
         session, _ = talk(OPENED)
         assert session.silent
         session.deliver(self.TEXT)

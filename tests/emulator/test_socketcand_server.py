@@ -1,4 +1,4 @@
-"""A real server on the loopback: several clients, rude ones among them, and none is the others' concern."""
+"""A real server on the loopback with several clients: faulty ones do not disturb the others."""
 
 import socket
 import struct
@@ -21,7 +21,7 @@ def rig() -> Iterator[LiveRig]:
 
 
 def ask(client: RawClient) -> None:
-    """Read object 0x1000 of the first axis."""
+    """Read the device type (1000h) of the first axis."""
     client.send(READ_TYPE)
     assert client.frames(1) == [TYPE]
 
@@ -150,8 +150,8 @@ def test_one_that_does_not_read_is_disconnected_and_no_one_else() -> None:
             client.expect(TYPE[4:].encode())
 
 
-def test_nothing_is_kept_of_what_has_passed() -> None:
-    """Neither by the bus nor by whoever has sent and shown it."""
+def test_passed_frames_are_not_kept_in_memory() -> None:
+    """Neither the bus nor the server keeps them."""
     with LiveRig(speed=50) as rig:
         one, two = rig.client(), rig.client()
         for _ in range(10):

@@ -45,7 +45,7 @@ def test_hysteresis_keeps_it_closed_a_little_farther_out() -> None:
 
 @given(SWITCHES, st.integers(-100, 100), st.booleans())
 def test_the_distance_is_the_way_to_the_next_change(switch: Switch, position: int, closed: bool) -> None:
-    """Against trying every place around: none nearer changes it, one of those at the distance does."""
+    """Try every position around: none that is nearer changes the switch, one at the distance does."""
     closed = switch.closed_at(position, before=closed)
     distance = switch.steps_to_change(position, closed=closed)
     assert distance >= 1
@@ -76,6 +76,6 @@ def test_an_axis_has_all_of_its_own() -> None:
         ((0, HOME, 4, 4, -1), "hysteresis_steps -1 is negative"),
     ],
 )
-def test_what_is_no_switch(arguments: tuple[int, ...], words: str) -> None:
+def test_impossible_switches_are_refused(arguments: tuple[int, ...], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         Switch(*arguments)  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""What the chip counts and notes: direction, RESET, ENABLE, supplies, and each limit on both sides."""
+"""The steps that the chip counts and the violations that it notes, with each limit on both sides."""
 
 import numpy as np
 import pytest

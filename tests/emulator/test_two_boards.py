@@ -1,4 +1,4 @@
-"""Two boards on one bus: one clock, one SYNC, frames of each for the other, and neither ahead of the other."""
+"""Two boards on one bus: one clock, one SYNC, frames for each other, and neither board ahead of the other."""
 
 import numpy as np
 import pytest
@@ -71,7 +71,7 @@ def test_one_sync_starts_both_in_the_same_tick(simulation: Simulation) -> None:
 
 
 def test_a_board_that_stops_does_not_hurry_or_hold_the_other(simulation: Simulation, fast_kernel: Kernel) -> None:
-    """The first board starves at speed after 40 ms and says so at once; the second makes the edges it makes alone."""
+    """The first board has an underrun at speed after 40 ms and reports it; the second runs as it does alone."""
     long = [PvtRecord((-1) ** i * 40 * STEP, 0, 100, i) for i in range(4)]
     starving = [PvtRecord(20 * STEP, 64 * STEP, 40, 0)]
     begin = start(simulation, {FIRST: starving, SECOND: long})
@@ -87,7 +87,7 @@ def test_a_board_that_stops_does_not_hurry_or_hold_the_other(simulation: Simulat
 
 
 def edges_alone(kernel: Kernel, records: list[PvtRecord]) -> NDArray[np.int64]:
-    """The rises that the second board's first axis makes with nobody else on the bus, from the start of the motion."""
+    """Return the rises of the second board's first axis without another board, counted from the motion's start."""
     alone = simulation_of(kernel, SECOND)
     begin = start(alone, {SECOND: records})
     wait(alone, 500)

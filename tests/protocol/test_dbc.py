@@ -1,4 +1,4 @@
-"""The CAN database, read by cantools: every frame of a run decodes to what the planner and the dictionary say."""
+"""The CAN database, read by cantools: messages, signals, units and value names."""
 
 from typing import Any
 

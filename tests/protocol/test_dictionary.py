@@ -1,4 +1,4 @@
-"""The object dictionary as the firmware uses it: counters, and what is looked up once for use with every frame."""
+"""The object dictionary as the firmware uses it: counters, and the getters and setters of hot paths."""
 
 import pytest
 
@@ -51,7 +51,7 @@ def test_a_writer_stores_where_there_is_nothing_to_check() -> None:
 
 @pytest.mark.parametrize(("value", "code"), [(241, AbortCode.VALUE_TOO_HIGH), (240, None), (0, None)])
 def test_a_writer_keeps_the_range(value: int, code: AbortCode | None) -> None:
-    """The synchronous counter's overflow value goes up to 240 (CiA 301, object 1019)."""
+    """The synchronous counter overflow value (1019h) is at most 240."""
     dictionary = ObjectDictionary(0x10)
     dictionary.set(od.SYNC_COUNTER_OVERFLOW, 3)
     write = dictionary.writer(od.SYNC_COUNTER_OVERFLOW)

@@ -1,4 +1,4 @@
-"""The heartbeat consumer: whom it watches, when it loses them, when they are back (CiA 301, 7.5.2.16)."""
+"""The heartbeat consumer: the producers that it watches, their loss and their return (CiA 301, 7.5.2.16)."""
 
 import pytest
 
@@ -56,14 +56,14 @@ def test_each_producer_has_its_own_time() -> None:
 
 
 @pytest.mark.parametrize("data", [b"", b"\0", b"\x80", b"\5\5"], ids=["empty", "boot-up", "toggled boot-up", "long"])
-def test_what_is_no_heartbeat_does_not_count(data: bytes) -> None:
+def test_boot_up_messages_and_wrong_lengths_do_not_count(data: bytes) -> None:
     consumer = consumer_of(0x7F_0064)
     assert not consumer.receive(0x7F, data, 0)
     assert consumer.due_us is None
 
 
 @pytest.mark.parametrize("word", [0, 0x7F_0000, 0x00_0064, 0x80_0064, 0xFF_FFFF])
-def test_entries_that_watch_nobody(word: int) -> None:
+def test_unused_entries(word: int) -> None:
     assert consumer_of(word, word).producers == []
 
 

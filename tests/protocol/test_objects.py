@@ -13,7 +13,7 @@ COUNTS = {od.address_of(item.index) for item in OBJECTS if item.code is not Obje
 
 
 def named_addresses() -> list[int]:
-    """Return all addresses that have names in `od`; what is below 100000h there is an index or a sub-index."""
+    """Return all addresses that have names in `od`; values below 100000h are indexes or sub-indexes."""
     values = [value for name, value in vars(od).items() if name.isupper()]
     addresses = [each for value in values for each in (value if isinstance(value, tuple) else (value,))]
     return [address for address in addresses if address >= 0x1000_00]

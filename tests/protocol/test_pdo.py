@@ -1,4 +1,4 @@
-"""PDOs: decoding and encoding by the mapping, and the rules of changing their parameters (CiA 301, 7.5.2.36)."""
+"""PDOs: decoding and encoding by their mapping, transmission, and changes of their parameters (CiA 301, 7.5.2.36)."""
 
 import pytest
 from hypothesis import given
@@ -116,7 +116,7 @@ class TestTransmission:
         assert pdo.poll(100_000) is not None
         assert pdo.due_us == 200_000
 
-    def test_changes_of_what_is_not_mapped_do_not_send(self) -> None:
+    def test_changes_of_entries_that_are_not_mapped_do_not_send(self) -> None:
         _, pdos = process_data()
         pdos.changed(od.ERROR_CODE)
         assert [pdo.due_us for pdo in pdos.transmit_pdos] == [100_000, None, 100_000, 0]
@@ -157,7 +157,7 @@ class TestTransmission:
         counters = [1, 2, 3, 4, 5, 1, 2, 3]
         assert [pdo.on_sync(counter) is not None for counter in counters] == [0, 0, 0, 1, 0, 1, 0, 1]
 
-    def test_without_a_counter_the_start_value_means_nothing(self) -> None:
+    def test_without_a_sync_counter_the_start_value_is_ignored(self) -> None:
         dictionary, pdos = process_data()
         write(dictionary, 0x1801, 6, 3)
         pdos.refresh(0)
@@ -235,7 +235,7 @@ class TestConfiguration:
             pytest.param(0x1018_0120, id="constant"),
         ],
     )
-    def test_what_cannot_be_mapped(self, word: int) -> None:
+    def test_entries_that_cannot_be_mapped(self, word: int) -> None:
         dictionary, _ = process_data()
         write(dictionary, 0x1400, 1, 0x210 | INVALID)
         write(dictionary, 0x1600, 0, 0)

@@ -19,7 +19,7 @@ BLOB = bytes(i * 7 % 251 for i in range(2000))
 
 
 class BlobDictionary(ObjectDictionary):
-    """A dictionary with one long object besides, 0x2F10, as no axis has it."""
+    """A dictionary with one long object more, 2F10h, which no axis has."""
 
     def __init__(self) -> None:
         super().__init__(NODE)
@@ -42,7 +42,7 @@ Filter = Callable[[bytes], bool]
 
 
 class LoopBack(canopen.Network):
-    """A network that delivers within send: requests to the server, its answers to the client."""
+    """A network that delivers inside `send`: requests to the server, its answers to the client."""
 
     def __init__(self, server: SdoServer, arrives: Filter = lambda _data: True) -> None:
         super().__init__()
@@ -141,7 +141,7 @@ class TestWithTheCanopenClient:
 
 
 def exchange(server: SdoServer, *requests: str) -> list[str]:
-    """The answers to the last of these requests."""
+    """Return the answers to the last of these requests."""
     answers: list[bytes] = []
     for request in requests:
         answers = server.handle(bytes.fromhex(request))
@@ -154,7 +154,7 @@ WRITE_OFFSET = "c6 7c 60 00 04 00 00 00"
 OFFSET = bytes.fromhex("40 e2 01 00")
 SEGMENT = "81 40 e2 01 00 00 00 00"
 END = f"cd {crc_hqx(OFFSET, 0).to_bytes(2, 'little').hex(' ')} 00 00 00 00 00"
-"""Three bytes of the only segment are filling."""
+"""End of the download; three bytes of its only segment are fill bytes."""
 
 
 def abort(code: int, head: str) -> list[str]:
@@ -173,7 +173,7 @@ class TestRawUpload:
         assert exchange(server, "a1 00 00 00 00 00 00 00") == []
         assert exchange(server, START) == abort(0x0504_0001, "00 00 00")
 
-    def test_what_is_not_acknowledged_is_sent_again_in_blocks_of_the_new_size(self) -> None:
+    def test_segments_without_acknowledgement_are_sent_again_in_blocks_of_the_new_size(self) -> None:
         server = SdoServer(ObjectDictionary(NODE))
         exchange(server, READ_NAME, START)
         again = exchange(server, "a2 02 02 00 00 00 00 00")
@@ -194,7 +194,7 @@ class TestRawUpload:
         assert exchange(server, "a2 05 7f 00 00 00 00 00") == abort(0x0504_0001, "00 00 00")
 
     @pytest.mark.parametrize("requests", [[START, START], ["a2 01 7f 00 00 00 00 00"], ["60 00 00 00 00 00 00 00"]])
-    def test_what_is_not_due(self, requests: list[str]) -> None:
+    def test_requests_that_are_not_due(self, requests: list[str]) -> None:
         server = SdoServer(ObjectDictionary(NODE))
         assert exchange(server, READ_NAME, *requests) == abort(0x0504_0001, "08 10 00")
 

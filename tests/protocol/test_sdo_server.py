@@ -12,7 +12,7 @@ from steptwin.protocol.sdo_server import SdoServer
 NODE = 0x12
 ENTRIES = [(item, subindex, entry) for item in OBJECTS for subindex, entry in item.entries.items()]
 PDO_PARAMETERS = range(0x1400, 0x1C00)
-"""Their rules of writing are the PDO tests' matter."""
+"""Objects whose rules of writing the PDO tests check."""
 
 
 def server() -> SdoServer:
@@ -108,7 +108,7 @@ def test_an_abort_from_the_client_is_obeyed_in_silence() -> None:
 
 
 @pytest.mark.parametrize("length", range(8))
-def test_what_is_not_eight_bytes_is_dropped_and_counted(length: int) -> None:
+def test_requests_without_eight_bytes_are_dropped_and_counted(length: int) -> None:
     sdo = server()
     assert sdo.handle(bytes(length)) == []
     assert sdo.dropped == 1

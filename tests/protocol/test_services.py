@@ -155,7 +155,7 @@ class TestEmergency:
 
 class TestPvt:
     def test_verdicts_over_the_whole_circle(self) -> None:
-        """All 256 x 256 pairs: the expected number is taken, half the circle behind it is old, the rest is a gap."""
+        """All 256 x 256 pairs: the expected number is taken, up to 128 behind it is old, the rest is a gap."""
         for expected in range(256):
             for sequence in range(256):
                 ahead = (sequence - expected) % 256
@@ -170,7 +170,7 @@ class TestPvt:
         assert PvtRecord(-2, 0x01_0203, 10, 255).encode() == bytes.fromhex("feffff 030201 0a ff")
 
     @pytest.mark.parametrize("displacement", [1 << 23, -(1 << 23) - 1])
-    def test_record_refuses_what_does_not_fit(self, displacement: int) -> None:
+    def test_record_refuses_values_beyond_its_fields(self, displacement: int) -> None:
         with pytest.raises(OverflowError):
             PvtRecord(displacement, 0, 1, 0).encode()
 

@@ -12,7 +12,7 @@ from steptwin.protocol.sync import SyncConsumer
     ("overflow", "data", "counter"),
     [(0, b"", 0), (0, b"\1", None), (2, b"", None), (2, b"\2", 2), (240, b"\xf0", 240), (240, b"\1\1", None)],
 )
-def test_the_counter_is_there_if_it_is_agreed_on(overflow: int, data: bytes, counter: int | None) -> None:
+def test_sync_carries_a_counter_if_an_overflow_value_is_set(overflow: int, data: bytes, counter: int | None) -> None:
     dictionary = ObjectDictionary(0x10)
     sync = SyncConsumer(dictionary)
     dictionary.write(od.SYNC_COUNTER_OVERFLOW, bytes((overflow,)))
