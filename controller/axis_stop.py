@@ -41,7 +41,7 @@ class AxisStop:
             self._reference.lose()
 
     def cut(self) -> None:
-        """End all pulses now. A motor in motion coasts, uncounted."""
+        """End all pulses now. A motor in motion coasts on, and its steps are not counted."""
         if self._motion.velocity(self._axis):
             self._reference.lose()
         self._motion.flush(self._axis)

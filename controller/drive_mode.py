@@ -47,7 +47,7 @@ class DriveMode:
         """Handle the end of a motion: the axis is at rest."""
 
     def interrupted(self) -> None:
-        """Give up: the drive stops the mode's motion, leaves OPERATION ENABLED or changes to another mode."""
+        """Abandon the mode's motion: the drive stops it, leaves OPERATION ENABLED or changes to another mode."""
 
     def target_reached(self) -> bool:
         """Return bit 10 of the statusword; by default, standstill."""

@@ -152,7 +152,7 @@ class Firmware:
                 self._collect(node, now_counts)
 
     def _route(self) -> None:
-        """Note which services of which nodes take each COB-ID; repeated when a node's COB-IDs change."""
+        """List the services that take each COB-ID; called again whenever a node's COB-IDs change."""
         self._routes = {}
         for node in self.nodes:
             node.routes_changed = False

@@ -161,7 +161,7 @@ class Homing(DriveMode):
             self._conclude()
 
     def finished(self) -> None:
-        """Handle standstill, at the end of a stroke or a ramp, of this mode or not."""
+        """Handle standstill, after a stroke or ramp of this mode or after any other motion."""
         if not self._feed.finished():
             return
         if self._search:

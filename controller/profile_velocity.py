@@ -65,7 +65,7 @@ class ProfileVelocity(DriveMode):
             self._follow(self._dictionary.get(od.TARGET_VELOCITY))
 
     def interrupted(self) -> None:
-        """Give up the motion: the drive stops or leaves OPERATION ENABLED."""
+        """Abandon the motion: the drive stops or leaves OPERATION ENABLED."""
         self._feed.abandon()
         self._enabled = self._halted = False
         self._velocity = 0
