@@ -57,10 +57,7 @@ def open_bus(connection: Connection) -> can.BusABC:
 
 
 class _SocketcandBus(SocketCanDaemonBus):
-    """python-can's socketcand bus, with an error when the server closes the connection.
-
-    python-can itself takes a closed connection for one on which nothing arrives.
-    """
+    """python-can's socketcand bus, which by itself takes a closed connection for one on which nothing arrives."""
 
     def __init__(self, channel: str, host: str, port: int) -> None:
         self._empty_reads = 0

@@ -1,4 +1,4 @@
-"""The interface between the client and a bus: a CANopen network, and the clock by which the board lives."""
+"""The interface between the client and a bus: a CANopen network, and the board's clock."""
 
 from typing import Protocol
 
@@ -6,10 +6,10 @@ import canopen
 
 
 class Clock(Protocol):
-    """A clock, simulated or real, and the way to let time pass on it."""
+    """A clock, simulated or real, on which time can be let pass."""
 
     def now_s(self) -> float:
-        """Return the seconds on the clock by which the board lives."""
+        """Return the seconds on the board's clock."""
         ...
 
     def wait(self, dt_s: float) -> None:

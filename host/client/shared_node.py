@@ -17,10 +17,7 @@ _OBJECT: Final = slice(1, 4)
 
 
 class SharedSdoClient(SdoClient):
-    """An SDO client that drops answers about other objects than the one it asked for.
-
-    Segments carry no object, so those of two clients can still be mixed up.
-    """
+    """An SDO client that drops answers about other objects; segments carry no object and can still be mixed up."""
 
     _awaited: bytes | None = None
 

@@ -17,10 +17,7 @@ SILENCE_S: Final = 1.0
 
 
 def wait_until(clock: Clock, condition: Callable[[], bool], timeout_s: float, poll_s: float = POLL_S) -> bool:
-    """Wait until a condition is true; return False if it is still false after `timeout_s`.
-
-    The condition is checked first, so no time passes if it is true already.
-    """
+    """Wait until a condition, checked first, is true; return False if it is still false after `timeout_s`."""
     deadline_s = clock.now_s() + timeout_s
     while not condition():
         if clock.now_s() >= deadline_s:

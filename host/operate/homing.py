@@ -9,11 +9,7 @@ from steptwin.host.operate.session import Session
 
 
 def home_robot(
-    session: Session,
-    *,
-    together: bool = False,
-    stay: bool = False,
-    progress: Progress = lambda _: None,
+    session: Session, *, together: bool = False, stay: bool = False, progress: Progress = lambda _: None
 ) -> list[AxisState]:
     """Home the joints as the robot's file says, one after the other or all together, then move to its home position.
 

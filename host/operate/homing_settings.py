@@ -43,10 +43,7 @@ def _offset_units(joint: Joint, number: int) -> int:
 
 
 def _longest_s(joint: Joint, homing: JointHoming) -> float:
-    """Return an upper bound of a homing's duration.
-
-    It allows for three times the whole travel at search speed, the ramps, and one braking distance at zero speed.
-    """
+    """Return an upper bound: three travels at search speed, all ramps, and one braking distance at zero speed."""
     switches, speed = joint.switches, homing.search_speed
     bottom = joint.lower if switches.negative_limit is None else switches.negative_limit
     top = joint.upper if switches.positive_limit is None else switches.positive_limit

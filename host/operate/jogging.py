@@ -77,10 +77,7 @@ def _set_limits(axis: AxisClient, joint: Joint) -> None:
 
 
 def _lift_limits(axis: AxisClient) -> None:
-    """Set the position limits to their values after power-up.
-
-    Trajectories are checked before they are sent, and homing must be free to move from an unknown position.
-    """
+    """Set the position limits to their values after power-up: trajectories are checked, and homing must move freely."""
     axis.ensure(od.POSITION_LIMIT_MIN, DataType.INTEGER32.low)
     axis.ensure(od.POSITION_LIMIT_MAX, DataType.INTEGER32.high)
 

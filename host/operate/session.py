@@ -34,10 +34,7 @@ class Session:
 
     @property
     def streaming(self) -> bool:
-        """True while some axis reports that it executes a trajectory.
-
-        Then no SDO request may be sent: it could disturb the program that streams the trajectory.
-        """
+        """True while an axis reports that it executes a trajectory; SDO requests could disturb the program behind it."""
         return any(axis.interpolating for axis in self.machine.axes)
 
     def require_present(self) -> None:

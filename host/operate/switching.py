@@ -27,12 +27,7 @@ def output_commands(robot: Robot, trajectory: Trajectory) -> tuple[OutputCommand
 
 
 def read_outputs(session: Session) -> dict[str, bool]:
-    """Return whether each output is on.
-
-    Raises:
-        InputError: a trajectory is running; SDO requests would disturb the program that streams it.
-        BusError: a node does not answer.
-    """
+    """Read whether each output is on; raise InputError while a trajectory runs, BusError if a node does not answer."""
     session.require_idle("outputs")
     levels = {}
     for name, (axis, bit) in wired_outputs(session.robot).items():

@@ -22,10 +22,7 @@ def response_text(data: bytes) -> str:
 
 
 def _text(data: bytes, initiates: dict[int, str], with_value: int, others: dict[int, str]) -> str:
-    """Describe a frame by its command specifier, the upper three bits of the first byte.
-
-    `initiates` names the specifiers that carry an object, `with_value` is the one that carries a value, too.
-    """
+    """Describe a frame by its command specifier; those in `initiates` carry an object, `with_value` a value, too."""
     if len(data) != 8:
         return f"malformed: {len(data)} bytes"
     specifier = data[0] >> 5
