@@ -6,7 +6,7 @@ import canopen
 
 
 class Clock(Protocol):
-    """A clock, simulated or real, on which time can be let pass."""
+    """A clock, simulated or real."""
 
     def now_s(self) -> float:
         """Return the seconds on the board's clock."""

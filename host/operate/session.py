@@ -34,7 +34,7 @@ class Session:
 
     @property
     def streaming(self) -> bool:
-        """True while an axis reports that it executes a trajectory; SDO requests could disturb the program behind it."""
+        """True while an axis reports that it executes a trajectory; SDO requests could disturb its program."""
         return any(axis.interpolating for axis in self.machine.axes)
 
     def require_present(self) -> None:
