@@ -140,7 +140,7 @@ class Bus:
         """Let the frame with the lowest identifier win; stations with equal identifiers send on together.
 
         Where the bits of these differ, the stations with a recessive bit have a bit error. The error flag of an error
-        active station destroys the frame; that of an error passive one is recessive and harms nobody.
+        active station destroys the frame; that of an error passive one is recessive and harmless.
         """
         if self._free_counts > now_counts:
             return
@@ -190,7 +190,7 @@ class Bus:
             return _Outcome.DISTURBED
         if outdone and any(station.state is not ErrorState.PASSIVE for station in outdone):
             return _Outcome.DISTURBED
-        if self._on_bus == len(senders) + len(outdone):  # nobody listens
+        if self._on_bus == len(senders) + len(outdone):  # no station is left to acknowledge
             return _Outcome.UNACKNOWLEDGED
         return _Outcome.VALID
 

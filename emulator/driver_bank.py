@@ -25,7 +25,7 @@ WIRING = {
     Pin.DCY1: Input.DCY1,
     Pin.DCY2: Input.DCY2,
 }
-"""Which pin of the driver each pin of the firmware is wired to."""
+"""The driver's pin to which each pin of the firmware is wired."""
 
 SUPPLIES = (Input.VDD, Input.VM)
 """The drivers' supplies, in the order in which the board switches them on."""

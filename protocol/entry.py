@@ -1,4 +1,4 @@
-"""What an entry of the object dictionary is: its name, type, access, unit, default and range."""
+"""Describe entries and objects of the dictionary: name, type, access, unit, default and range."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -25,7 +25,7 @@ class Mapping(Enum):
 
 
 class EntryUnit(Enum):
-    """What an entry counts in; the value is how its name in the EDS says it."""
+    """Unit of an entry's value; the member's value is the text for it in the EDS."""
 
     NONE = ""
     POSITION = "units"
@@ -51,16 +51,9 @@ class EntryUnit(Enum):
 class Entry:
     """One readable or writable value.
 
-    Attributes:
-        title: the name, with "{unit}" where the name says the unit, and an explanation after a colon.
-        data_type: its type on the wire.
-        access: who may do what by SDO.
-        default: the value after power-up; it counts from the node id if `plus_node_id` is set.
-        low: least value that may be written; None for the least of the type.
-        high: greatest value that may be written; None for the greatest of the type.
-        mapping: into which PDOs it may be mapped.
-        plus_node_id: True if the default counts from the node id.
-        unit: what it counts in.
+    `title` is the name, with "{unit}" where it says the unit, and perhaps an explanation after a colon. `default` is
+    the value after power-up, to which the node id is added if `plus_node_id`. `low` and `high` bound the values that
+    may be written; None is the bound of the type.
     """
 
     title: str

@@ -21,7 +21,7 @@ HOME_HERE_OBSOLETE: Final = 35
 
 @dataclass(frozen=True, slots=True)
 class HomingMethod:
-    """Which edge of which switch is home, and how the axis gets there."""
+    """The switch edge that is home, and the way by which the axis finds it."""
 
     switch: DigitalInput
     edge_direction: int
