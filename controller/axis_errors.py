@@ -29,14 +29,11 @@ class AxisErrors:
             read[address] = partial(self._history, i)
         write[od.ERROR_HISTORY_COUNT] = lambda _: self.producer.history.clear()
         write[od.EMCY_COB_ID] = lambda cob_id: check_cob_id(dictionary.get(od.EMCY_COB_ID), cob_id)
-        write[od.EMCY_INHIBIT_TIME] = self._write_inhibit
+        write[od.EMCY_INHIBIT_TIME] = partial(setattr, self.producer, "inhibit")
 
     def _history(self, i: int) -> int:
         history = self.producer.history
         return history[i] if i < len(history) else 0
-
-    def _write_inhibit(self, inhibit: int) -> None:
-        self.producer.inhibit = inhibit
 
     def reset_communication(self) -> None:
         """Resolve the communication errors, drop the frames that wait, read the inhibit time again."""

@@ -284,9 +284,8 @@ def _brake(velocity: int, distance: int, limits: Limits) -> Ramp:
 def _creep(distance: int, limits: Limits) -> Ramp:
     """Return a ramp from rest to rest over a very short distance: a smoothstep alone, with acceleration 6 D / T^2."""
     rate = min(limits.acceleration, limits.deceleration)
-    return Ramp(
-        0, 0, max(2 * GRAIN_MS, _root_up(-(-6 * distance * 1_000_000 // (rate << _PER_UNIT_BITS)))), 0, distance
-    )
+    shortest_ms = _root_up(-(-6 * distance * 1_000_000 // (rate << _PER_UNIT_BITS)))
+    return Ramp(0, 0, max(2 * GRAIN_MS, shortest_ms), surplus=distance)
 
 
 def _ramp(from_velocity: int, to_velocity: int, acceleration: int, jerk: int) -> Ramp:
