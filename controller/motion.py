@@ -8,10 +8,10 @@ from steptwin.controller import kernel as k
 from steptwin.controller.backend import Kernel
 from steptwin.controller.group_time import GroupTime
 from steptwin.controller.kernel import Cells
-from steptwin.controller.step_config import UNCONFIGURED, StepConfig, counts_of_ns
+from steptwin.controller.step_config import UNCONFIGURED, StepConfig
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
-from steptwin.protocol.timer import COUNTS_PER_SECOND
+from steptwin.protocol.timer import COUNTS_PER_SECOND, counts_of_ns
 
 TICKS_PER_SECOND = COUNTS_PER_SECOND // k.TICK_COUNTS
 STOP_MAX_MS = k.QUEUE_DEPTH * k.DURATION_MAX_MS

@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 
 from steptwin.controller import kernel as k
-from steptwin.protocol.timer import COUNTS_PER_SECOND
+from steptwin.protocol.timer import COUNTS_PER_SECOND, counts_of_ns
 
-NS_PER_SECOND = 1_000_000_000
 REVERSED = 0xC0
 """Value of the polarity (607Eh): bit 7 reverses positions, bit 6 velocities."""
 INVERT_DIR = 0x02
@@ -43,8 +42,3 @@ class StepConfig:
 
 UNCONFIGURED = StepConfig(1, 1_000_000, 1_000_000, 0, 0, velocity_max_units_per_s=0)
 """The configuration of an axis that refuses every motion."""
-
-
-def counts_of_ns(duration_ns: int) -> int:
-    """Convert a minimum time to timer counts, rounded up so that it is kept."""
-    return -(-duration_ns * COUNTS_PER_SECOND // NS_PER_SECOND)

@@ -11,8 +11,9 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from steptwin.emulator.dip_switches import DipSwitches
-from steptwin.emulator.edges import Delay, counts_of_ns
+from steptwin.emulator.edges import Delay
 from steptwin.emulator.tb6560 import SENSE_OHM, Cooling
+from steptwin.protocol.timer import counts_of_ns
 
 
 class ClkEdge(StrEnum):

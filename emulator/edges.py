@@ -6,9 +6,6 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-NS_PER_MS = 1_000_000
-COUNTS_PER_MS = 72_000
-
 Int64Array = NDArray[np.int64]
 Int8Array = NDArray[np.int8]
 FloatArray = NDArray[np.float64]
@@ -16,11 +13,6 @@ Scalar = TypeVar("Scalar", bound=np.generic)
 
 NO_COUNTS = np.empty(0, dtype=np.int64)
 NO_LEVELS = np.empty(0, dtype=np.int8)
-
-
-def counts_of_ns(duration_ns: int) -> int:
-    """Return the least number of counts that lasts at least as long."""
-    return -(-duration_ns * COUNTS_PER_MS // NS_PER_MS)
 
 
 def levels_at(times: Int64Array, edges: Int64Array, levels: Int8Array, before: int) -> Int8Array:

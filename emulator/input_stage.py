@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steptwin.emulator.driver_module import ClkEdge, Module
-from steptwin.emulator.edges import NO_COUNTS, NO_LEVELS, Int8Array, Int64Array, counts_of_ns, joined, levels_at
+from steptwin.emulator.edges import NO_COUNTS, NO_LEVELS, Int8Array, Int64Array, joined, levels_at
 from steptwin.emulator.module_switchboard import Switchboard
 from steptwin.emulator.tb6560 import Input, LevelChange, Limit, LimitUnit, Pins, Rule, ViolationLog, Violations
+from steptwin.protocol.timer import counts_of_ns
 
 _LONG_AGO: Final = -(1 << 60)
 

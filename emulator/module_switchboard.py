@@ -5,8 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from steptwin.emulator.dip_switches import DipSwitches
-from steptwin.emulator.edges import COUNTS_PER_MS, Int64Array
+from steptwin.emulator.edges import Int64Array
 from steptwin.emulator.tb6560 import Input, LevelChange
+from steptwin.protocol.timer import COUNTS_PER_MS
 
 
 class Switchboard:

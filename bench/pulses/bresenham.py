@@ -15,9 +15,7 @@ from steptwin.bench.pulses.compiled import compiled
 from steptwin.bench.pulses.motions import PlannedMotion
 from steptwin.bench.pulses.pulses import Placed
 from steptwin.bench.pulses.rule import counter_at
-from steptwin.protocol.timer import COUNTS_PER_SECOND
-
-COUNTS_PER_MS = COUNTS_PER_SECOND // 1000
+from steptwin.protocol.timer import COUNTS_PER_MS
 
 
 def bresenham(motion: PlannedMotion) -> Placed:

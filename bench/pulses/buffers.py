@@ -10,8 +10,8 @@ import numpy as np
 from steptwin.bench.loads import Int64Array
 from steptwin.bench.pulses.motions import PlannedMotion
 from steptwin.bench.pulses.pulses import AxisPulses, Placed
-from steptwin.controller.step_config import counts_of_ns
 from steptwin.host.robots.board_settings import BoardSettings
+from steptwin.protocol.timer import counts_of_ns
 
 REPEATS = 3
 """Number of timed runs, of which the fastest counts; one run before them compiles and touches the pages."""

@@ -18,9 +18,8 @@ from steptwin.bench.pulses.motions import PlannedMotion
 from steptwin.bench.pulses.pulses import Placed
 from steptwin.bench.pulses.rule import THRESHOLD_Q16
 from steptwin.host.common.arrays import FloatArray
-from steptwin.protocol.timer import COUNTS_PER_SECOND
+from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 
-COUNTS_PER_MS = COUNTS_PER_SECOND // 1000
 Q32 = 1 << 32
 THRESHOLD_Q32 = THRESHOLD_Q16 << 16
 

@@ -6,10 +6,11 @@ import numpy as np
 
 from steptwin.bench.pulses.pulses import AxisPulses
 from steptwin.emulator.driver import Driver
-from steptwin.emulator.edges import COUNTS_PER_MS, NO_COUNTS, NO_LEVELS
+from steptwin.emulator.edges import NO_COUNTS, NO_LEVELS
 from steptwin.emulator.tb6560 import Input, LevelChange, Pins
 from steptwin.host.robots.board_settings import BoardSettings
 from steptwin.host.twin.drivers import driver_profile, fitted_module
+from steptwin.protocol.timer import COUNTS_PER_MS
 
 _POWERED: Final = tuple(LevelChange(0, pin, 1) for pin in (Input.VDD, Input.VM, Input.RESET, Input.ENABLE))
 _BEGIN_COUNTS: Final = COUNTS_PER_MS

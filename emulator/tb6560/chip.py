@@ -17,14 +17,14 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from steptwin.emulator.edges import COUNTS_PER_MS, NO_COUNTS, NO_LEVELS, Int8Array, Int64Array, joined, levels_at
+from steptwin.emulator.edges import NO_COUNTS, NO_LEVELS, Int8Array, Int64Array, joined, levels_at
 from steptwin.emulator.tb6560.excitation import Excitation
 from steptwin.emulator.tb6560.limits import Limit, LimitUnit, Rule, ViolationLog, Violations
 from steptwin.emulator.tb6560.oscillator import clk_width_min_counts
 from steptwin.emulator.tb6560.outputs import SENSE_VOLT, Origin, Outputs, initial_field
 from steptwin.emulator.tb6560.pins import EXCITATIONS, TORQUE_PERCENT, Input, LevelChange
 from steptwin.emulator.tb6560.thermal import ON_RESISTANCE_OHM, SHUTDOWN_CELSIUS, Cooling, Junction
-from steptwin.protocol.timer import COUNTS_PER_SECOND
+from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 
 CLK_RATE_MAX_HZ: Final = 15_000
 PERIOD_MIN_COUNTS: Final = COUNTS_PER_SECOND // CLK_RATE_MAX_HZ

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from steptwin.controller.backend import Kernel, python_kernel
 from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.controller.motion import STOP_MAX_MS, AxisEvent, Motion, Refusal, stop_segments
-from steptwin.controller.step_config import StepConfig, counts_of_ns
+from steptwin.controller.step_config import StepConfig
+from steptwin.protocol.timer import counts_of_ns
 from tests.controller.units import STEP
 
 CONFIG = StepConfig(16, 33_000, 33_666, 15_000, 15_000, velocity_max_units_per_s=20_000 * STEP)

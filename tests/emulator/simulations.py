@@ -1,9 +1,9 @@
 """What tests of simulated boards share: time, SDO writes, and units of motion."""
 
-from steptwin.emulator.edges import COUNTS_PER_MS
 from steptwin.emulator.simulation import Simulation
 from steptwin.protocol.frame import COB_SDO_REQUEST, Frame
 from steptwin.protocol.od import index_and_subindex
+from steptwin.protocol.timer import COUNTS_PER_MS
 
 MS = COUNTS_PER_MS
 STEP = 1024
