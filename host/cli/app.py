@@ -9,6 +9,7 @@ from typing import Annotated, Final, TypeVar
 import typer
 from typer.exceptions import TyperException
 
+from steptwin import __version__
 from steptwin.host.cli.help_page import Command, Commands, paragraphs
 from steptwin.host.common.errors import InputError, StepTwinError
 
@@ -63,9 +64,7 @@ def command(*examples: str, negatives: bool = False) -> Callable[[_Function], _F
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        from importlib.metadata import version
-
-        typer.echo(f"steptwin {version('steptwin')}")
+        typer.echo(f"steptwin {__version__}")
         raise typer.Exit
 
 
