@@ -27,7 +27,7 @@ _SEND: Final = re.compile(rb"<\s*send\s+([0-9A-Fa-f]{1,3}|[0-9A-Fa-f]{8})\s+([0-
 _WORDS: Final = re.compile(rb"<\s*([a-z]+)((?:\s+[^\s<>]+)*)\s*>")
 
 
-class Mode(Enum):
+class SessionMode(Enum):
     """State of the dialogue with a client."""
 
     NO_BUS = auto()
@@ -38,21 +38,21 @@ class Mode(Enum):
 
 
 _MODES: Final = {
-    (Mode.NO_BUS, b"open"): Mode.BUS_OPEN,
-    (Mode.BUS_OPEN, b"rawmode"): Mode.RAW,
-    (Mode.RAW, b"rawmode"): Mode.RAW,
+    (SessionMode.NO_BUS, b"open"): SessionMode.BUS_OPEN,
+    (SessionMode.BUS_OPEN, b"rawmode"): SessionMode.RAW,
+    (SessionMode.RAW, b"rawmode"): SessionMode.RAW,
 }
 """Commands that are answered by `< ok >`, and the mode after each."""
 _FOREIGN: Final = (b"sendrtr", b"fdsend")
 """Commands that send frames of other kinds, which the board would not accept."""
-_SENDING: Final = (Mode.BUS_OPEN, Mode.RAW)
+_SENDING: Final = (SessionMode.BUS_OPEN, SessionMode.RAW)
 
 
 class SocketcandSession:
     """The dialogue with one client."""
 
     def __init__(self) -> None:
-        self.mode = Mode.NO_BUS
+        self.mode = SessionMode.NO_BUS
         self.complaint = ""
         """Reason why the session is closed."""
         self.outbox = bytearray(b"< hi >")
@@ -67,7 +67,7 @@ class SocketcandSession:
 
     def feed(self, data: bytes) -> None:
         """Take bytes that have come from the client, for `next_frame` to read."""
-        if self.mode is not Mode.CLOSED:
+        if self.mode is not SessionMode.CLOSED:
             self._inbox += data
 
     def next_frame(self) -> Frame | None:
@@ -119,9 +119,9 @@ class SocketcandSession:
             self.mode = _MODES[self.mode, name]
             self.break_silence()
             self.outbox += b"< ok >"
-            if self.mode is Mode.RAW:
+            if self.mode is SessionMode.RAW:
                 self._held = bytearray()
-        elif name == b"echo" and self.mode is not Mode.NO_BUS:
+        elif name == b"echo" and self.mode is not SessionMode.NO_BUS:
             self.outbox += b"< echo >"
         elif name in _FOREIGN and self.mode in _SENDING:
             self.foreign_frames += 1
@@ -129,7 +129,7 @@ class SocketcandSession:
             self._close("unknown command")
 
     def _close(self, complaint: str) -> None:
-        self.mode = Mode.CLOSED
+        self.mode = SessionMode.CLOSED
         self.complaint = complaint
         self.outbox += f"< error {complaint} >".encode("ascii")
         self._inbox.clear()
@@ -151,7 +151,7 @@ class SocketcandSession:
         """Queue a frame's text, from `frame_text`, for a client in the mode RAW."""
         if self._held is not None:
             self._held += text
-        elif self.mode is Mode.RAW:
+        elif self.mode is SessionMode.RAW:
             self.outbox += text
 
     def break_silence(self) -> None:

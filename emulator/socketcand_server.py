@@ -13,7 +13,7 @@ from typing import Final
 
 from steptwin.emulator.live import LiveSimulation, Sender
 from steptwin.emulator.live_loop import LiveLoop
-from steptwin.emulator.socketcand import Mode, SocketcandSession, frame_text
+from steptwin.emulator.socketcand import SessionMode, SocketcandSession, frame_text
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_US
 
@@ -151,7 +151,7 @@ class SocketcandServer:
             self._loop.call_after(SILENCE_S, partial(self._end_silence, client))
         if session.outbox and not self._write(client):
             return
-        if session.mode is Mode.CLOSED:
+        if session.mode is SessionMode.CLOSED:
             self._disconnect(client, "junk")
         elif session.backlog_bytes > BACKLOG_MAX_BYTES:
             self._disconnect(client, "reads too slowly")

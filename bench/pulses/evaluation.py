@@ -48,7 +48,7 @@ class Figures:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class AxisErrors:
+class StepErrors:
     """Errors of one axis.
 
     Attributes:
@@ -71,7 +71,7 @@ def ideal_of(motion: PlannedMotion) -> tuple[IdealSteps, ...]:
 def figures_of(motion: PlannedMotion, ideal: tuple[IdealSteps, ...], method: Method) -> Figures:
     """Let a method place a motion and measure the result."""
     placed = method.place(motion)
-    errors = [axis_errors(motion, axis, ideal[axis], pulses) for axis, pulses in enumerate(placed.axes)]
+    errors = [step_errors(motion, axis, ideal[axis], pulses) for axis, pulses in enumerate(placed.axes)]
     steps = np.concatenate([axis.steps for axis in errors])
     timing_us = np.abs(np.concatenate([axis.timing_us for axis in errors]))
     p50, p99, worst = np.percentile(timing_us, [50, 99, 100]).tolist() if timing_us.size else [None] * 3
@@ -93,7 +93,7 @@ def figures_of(motion: PlannedMotion, ideal: tuple[IdealSteps, ...], method: Met
     )
 
 
-def axis_errors(motion: PlannedMotion, axis: int, ideal: IdealSteps, pulses: AxisPulses) -> AxisErrors:
+def step_errors(motion: PlannedMotion, axis: int, ideal: IdealSteps, pulses: AxisPulses) -> StepErrors:
     """Measure the pulses of one axis."""
     made_s, signs = pulses.rise_counts / COUNTS_PER_SECOND, pulses.signs
     pairing = pair(ideal.start_steps, ideal.time_s, ideal.signs, made_s, signs)
@@ -105,7 +105,7 @@ def axis_errors(motion: PlannedMotion, axis: int, ideal: IdealSteps, pulses: Axi
     steady = np.abs(np.diff(speeds_hz)) < STEADY * speeds_hz[1:]
     thresholds = ideal.start_steps + np.cumsum(signs, dtype=np.int64) - signs + signs * THRESHOLD_STEPS
     planned = _positions(motion, axis, made_s)
-    return AxisErrors(
+    return StepErrors(
         planned - thresholds, late_us[fast], np.diff(late_us)[neighbours & same_way & steady & fast[1:]], pairing
     )
 

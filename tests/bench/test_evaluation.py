@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from steptwin.bench.pulses.cortex_m3 import Cycles, load_percent
-from steptwin.bench.pulses.evaluation import AxisErrors, axis_errors, figures_of, ideal_of
+from steptwin.bench.pulses.evaluation import StepErrors, figures_of, ideal_of, step_errors
 from steptwin.bench.pulses.pairing import pair
 from steptwin.bench.pulses.pulses import AxisPulses, Method, Placed
 from steptwin.bench.pulses.violations import violations
@@ -14,8 +14,8 @@ from steptwin.host.robots.board_settings import ActiveEdge
 from tests.bench.lines import BOARD, EXACT_COUNTS, LINE, STEPS, upward
 
 
-def errors_of(pulses: AxisPulses) -> AxisErrors:
-    return axis_errors(LINE, 0, ideal_of(LINE)[0], pulses)
+def errors_of(pulses: AxisPulses) -> StepErrors:
+    return step_errors(LINE, 0, ideal_of(LINE)[0], pulses)
 
 
 def test_exact_steps_have_no_error() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from steptwin.bench.pulses.austin import ramp
-from steptwin.bench.pulses.evaluation import axis_errors, ideal_of
+from steptwin.bench.pulses.evaluation import ideal_of, step_errors
 from steptwin.bench.pulses.methods import DDA_HZ, methods
 from steptwin.bench.pulses.motions import PlannedMotion, Sines, motion_of_job, sines
 from steptwin.bench.pulses.pulses import Method
@@ -53,7 +53,7 @@ def test_a_dda_steps_on_its_grid_and_at_most_a_period_late(base_hz: int, fast_ke
     motion = sines("sine", Sines((1,), 3000.0, 1.0), BOARD)
     (pulses,) = method(fast_kernel, f"dda-{base_hz // 1000}k").place(motion).axes
     assert (pulses.rise_counts % (72_000_000 // base_hz) == 0).all()
-    errors = axis_errors(motion, 0, ideal_of(motion)[0], pulses)
+    errors = step_errors(motion, 0, ideal_of(motion)[0], pulses)
     upward, downward = np.array_split(errors.timing_us, 2)
     for late_us in (upward[50:-50], downward[50:-50]):
         assert late_us.min() > -2

@@ -9,7 +9,7 @@ from can.interfaces.socketcand.socketcand import (
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.emulator.socketcand import COMMAND_MAX, Mode, SocketcandSession, frame_text
+from steptwin.emulator.socketcand import COMMAND_MAX, SessionMode, SocketcandSession, frame_text
 from steptwin.protocol.frame import Frame
 
 OPENED = b"< open vcan0 >< rawmode >"
@@ -30,7 +30,7 @@ class TestDialogue:
     def test_greeting_open_rawmode_send(self) -> None:
         session, frames = talk(b"< open vcan0 >", b"< rawmode >", b"< send 201 8 1 2 a0 0 0 0 0 ff >")
         assert session.outbox == b"< hi >< ok >< ok >"
-        assert session.mode is Mode.RAW
+        assert session.mode is SessionMode.RAW
         assert frames == [Frame(0x201, bytes.fromhex("0102a000000000ff"))]
 
     @pytest.mark.parametrize(
@@ -124,18 +124,18 @@ class TestJunk:
     def test_it_ends_the_session(self, junk: bytes, complaint: str) -> None:
         session, frames = talk(OPENED, junk, b"< send 1 0 >")
         assert frames == []
-        assert session.mode is Mode.CLOSED
+        assert session.mode is SessionMode.CLOSED
         assert session.complaint == complaint
         assert session.outbox.endswith(f"< error {complaint} >".encode())
 
     def test_what_came_before_it_counts(self) -> None:
         session, frames = talk(OPENED, b"< send 1 0 >< junk >< send 2 0 >")
         assert frames == [Frame(1, b"")]
-        assert session.mode is Mode.CLOSED
+        assert session.mode is SessionMode.CLOSED
 
     @pytest.mark.parametrize("early", [b"< rawmode >", b"< send 1 0 >", b"< echo >"])
     def test_first_a_bus_is_opened(self, early: bytes) -> None:
-        assert talk(early)[0].mode is Mode.CLOSED
+        assert talk(early)[0].mode is SessionMode.CLOSED
 
     def test_the_longest_command(self) -> None:
         head, tail = b"< send 1 0", b">"
@@ -161,7 +161,7 @@ def test_splitting_changes_nothing(frames: list[Frame], junk: bool, data: st.Dat
     split, whole = talk(*pieces), talk(text)
     assert split[1] == whole[1] == frames
     assert split[0].outbox == whole[0].outbox
-    assert split[0].mode is whole[0].mode is (Mode.CLOSED if junk else Mode.RAW)
+    assert split[0].mode is whole[0].mode is (SessionMode.CLOSED if junk else SessionMode.RAW)
 
 
 @given(st.binary(max_size=600), st.data())
