@@ -180,6 +180,7 @@ class AxisDrive:
         self.energised = state in ENERGISED
         self._context.pins.set(Pin.ENABLE, int(self.energised))
         self._after_stop = None
+        self._profile_velocity.void_target()  # only a target given in OPERATION ENABLED moves an axis
         if state is not State.OPERATION_ENABLED:
             self.mode.interrupted()
         if self.energised and not was_energised:

@@ -64,11 +64,17 @@ class ProfileVelocity(DriveMode):
         if self._feed.finished() and not was_moving:
             self._follow(self._dictionary.get(od.TARGET_VELOCITY))
 
+    def void_target(self) -> None:
+        """Forget the target velocity, so that a host which enables the drive later does not set it moving unawares."""
+        self._dictionary.set(od.TARGET_VELOCITY, 0)
+        self._wanted_units_per_s = 0
+
     def interrupted(self) -> None:
-        """Abandon the motion: the drive stops or leaves OPERATION ENABLED."""
+        """Abandon the motion and its target: the drive stops, leaves OPERATION ENABLED or changes to another mode."""
         self._feed.abandon()
         self._enabled = self._halted = False
         self._velocity = 0
+        self.void_target()
 
     def target_reached(self) -> bool:
         """Return bit 10: the axis has the target velocity, within its limits; during a halt, it stands."""

@@ -9,11 +9,23 @@ from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import LINEAR_RAMP
+from steptwin.protocol.datatypes import DataType
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 
 _HOLD_AFTER_QUICK_STOP: Final = 6
 """Quick stop option code (605Ah): stop by the quick stop ramp, then hold the position, so a vertical axis stays up."""
-_FOR_AN_OPERATOR: Final = [(od.QUICK_STOP_OPTION, _HOLD_AFTER_QUICK_STOP), (od.MOTION_PROFILE_TYPE, LINEAR_RAMP)]
+NO_POSITION_LIMITS: Final = [
+    (od.POSITION_LIMIT_MIN, DataType.INTEGER32.low),
+    (od.POSITION_LIMIT_MAX, DataType.INTEGER32.high),
+]
+"""The software position limits after power-up: trajectories are checked by the host, and homing must move freely."""
+_FOR_AN_OPERATOR: Final = [
+    (od.TARGET_VELOCITY, 0),
+    *NO_POSITION_LIMITS,
+    (od.QUICK_STOP_OPTION, _HOLD_AFTER_QUICK_STOP),
+    (od.MOTION_PROFILE_TYPE, LINEAR_RAMP),
+]
+"""The values with which an operator's action begins, whatever an earlier program left: targets at rest come first."""
 
 
 def set_up(machine: Machine, robot: Robot, start_units: list[int] | None = None) -> None:
@@ -21,7 +33,8 @@ def set_up(machine: Machine, robot: Robot, start_units: list[int] | None = None)
 
     With `start_units` the board has just been switched on, for this host alone: all settings are written without
     reading them first, and the axes' positions are declared. Without it the board may be set up, enabled and in use:
-    only values that differ are written, nodes stay OPERATIONAL, and drives hold their positions after a quick stop.
+    only values that differ are written, nodes stay OPERATIONAL, drives hold their positions after a quick stop, and no
+    velocity or position limit of an earlier program remains.
 
     Raises:
         DeviceFaultError: a drive is in fault or refuses a value.

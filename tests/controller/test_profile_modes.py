@@ -1,5 +1,7 @@
 """Profile position and profile velocity through the whole firmware: handshake, steps made, limits, stops."""
 
+from collections.abc import Callable
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -7,7 +9,7 @@ from hypothesis import strategies as st
 from steptwin.controller.backend import Kernel, python_kernel
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode
-from steptwin.protocol.cia402 import ErrorCode, Mode, State, Status
+from steptwin.protocol.cia402 import DigitalInput, ErrorCode, Mode, State, Status
 from tests.controller.bench_board import BenchBoard
 from tests.controller.units import STEP
 
@@ -278,6 +280,68 @@ class TestVelocity:
             pv.wait(50)
             assert pv.has(Status.TARGET_REACHED)
         assert pv.state() is State.OPERATION_ENABLED
+
+    @pytest.mark.parametrize(
+        "leave",
+        [
+            lambda pv: pv.write(od.CONTROLWORD, 0x00),
+            lambda pv: pv.write(od.CONTROLWORD, 0x02),
+            lambda pv: pv.write(od.CONTROLWORD, 0x06),
+            lambda pv: pv.write(od.CONTROLWORD, 0x07),
+            lambda pv: pv.set_inputs(DigitalInput.ESTOP),
+            lambda pv: pv.measure(supply_10mv=900),
+            lambda pv: pv.nmt(0x81),
+            lambda pv: pv.write(od.CONSUMER_HEARTBEATS[0], 0x7F_0032) or pv.send(0x77F, b"\x05"),
+        ],
+        ids=[
+            "disable voltage",
+            "quick stop",
+            "shutdown",
+            "disable operation",
+            "e-stop",
+            "supply",
+            "reset",
+            "lost host",
+        ],
+    )
+    def test_a_target_does_not_outlive_operation_enabled(
+        self, pv: ProfileBench, leave: Callable[[ProfileBench], object]
+    ) -> None:
+        pv.write(od.TARGET_VELOCITY, 2000 * STEP)
+        pv.wait(200)
+        leave(pv)
+        pv.wait(500)
+        assert pv.state() is not State.OPERATION_ENABLED
+        pv.set_inputs(DigitalInput(0))
+        pv.measure()
+        pv.write(od.CONSUMER_HEARTBEATS[0], 0)
+        pv.steps()
+        pv.write(od.CONTROLWORD, 0x80)
+        pv.enable(Mode.PROFILE_VELOCITY)
+        pv.wait(500)
+        assert (pv.state(), pv.value(od.TARGET_VELOCITY), pv.steps()) == (State.OPERATION_ENABLED, 0, 0)
+        pv.write(od.TARGET_VELOCITY, 100 * STEP)
+        pv.wait(500)
+        assert pv.steps() > 0
+
+    def test_a_target_given_before_the_drive_is_enabled_is_void(self, kernel: Kernel) -> None:
+        pv = ProfileBench(kernel, Mode.PROFILE_VELOCITY)
+        pv.write(od.CONTROLWORD, 0x07)
+        pv.write(od.TARGET_VELOCITY, 100 * STEP)
+        pv.word()
+        pv.wait(500)
+        assert (pv.value(od.TARGET_VELOCITY), pv.steps()) == (0, 0)
+
+    def test_a_target_does_not_outlive_its_mode(self, pv: ProfileBench) -> None:
+        pv.write(od.TARGET_VELOCITY, 100 * STEP)
+        pv.word(HALT)
+        pv.until(Status.TARGET_REACHED)
+        pv.steps()
+        for mode in (Mode.PROFILE_POSITION, Mode.PROFILE_VELOCITY):
+            assert pv.write(od.MODE_OF_OPERATION, mode) == 0
+        pv.word()
+        pv.wait(500)
+        assert (pv.value(od.TARGET_VELOCITY), pv.steps()) == (0, 0)
 
     def test_the_mean_velocity_is_exact(self, pv: ProfileBench) -> None:
         """1234 steps/s are 1 263 616 units/s, to the grid of 1/64 unit per ms; nothing drifts in 8 s."""

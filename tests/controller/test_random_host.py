@@ -15,7 +15,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 from steptwin.controller.backend import KERNELS, Kernel
 from steptwin.controller.pins import Pin
 from steptwin.protocol import od
-from steptwin.protocol.cia402 import DigitalInput, Mode, State, Status
+from steptwin.protocol.cia402 import Control, DigitalInput, Mode, State, Status
 from tests.controller.bench_board import BenchBoard
 from tests.controller.kernel_rig import Timing, pin_timing_faults
 from tests.controller.units import MS, STEP
@@ -77,6 +77,10 @@ class WatchedBoard(BenchBoard):
         self.enabled: list[list[tuple[int, int]]] = [[(-1, 0)] for _ in range(AXES)]
         self.steps = [0] * AXES
         """Position of each axis by the observer's count, from the last position that was set."""
+        self.given = [False] * AXES
+        """Whether the host has given a target, or started a motion, since the drive was enabled."""
+        for axis in range(AXES):
+            self.watch_targets(axis)
         preset = self.firmware.motion.preset
 
         def watched_preset(axis: int, position_units: int) -> None:
@@ -85,6 +89,25 @@ class WatchedBoard(BenchBoard):
             self.steps[axis] = self.firmware.motion.counter_steps(axis)
 
         self.firmware.motion.preset = watched_preset  # type: ignore[method-assign]
+
+    def watch_targets(self, axis: int) -> None:
+        """Note each target and each start that an axis takes while its drive is enabled."""
+        drive, hooks = self.firmware.nodes[axis].drive, self.firmware.nodes[axis].dictionary.write_hooks
+
+        def watched(address: int, starts: Callable[[int], bool]) -> None:
+            obey = hooks[address]
+
+            def write(value: int) -> None:
+                was_enabled = drive.state is State.OPERATION_ENABLED
+                obey(value)
+                enabled = drive.state is State.OPERATION_ENABLED
+                self.given[axis] = enabled and ((self.given[axis] and was_enabled) or starts(value))
+
+            hooks[address] = write
+
+        watched(od.TARGET_VELOCITY, lambda _: True)
+        watched(od.TARGET_POSITION, lambda _: True)
+        watched(od.CONTROLWORD, lambda word: bool(word & Control.START))
 
     def observe(self) -> None:
         """Record the changes of the pins."""
@@ -326,12 +349,15 @@ class RandomHost(RuleBasedStateMachine):
         motion = self.board.firmware.motion
         before = [self.velocity(axis) for axis in range(AXES)]
         streaming = [node.drive.mode.coordinated for node in self.board.firmware.nodes]
+        enabled = [node.drive.state is State.OPERATION_ENABLED for node in self.board.firmware.nodes]
         step: Step = lambda board: board.wait(1)  # noqa: E731
         self.script.append(step)
         step(self.board)
         for axis in range(AXES):
             now = self.velocity(axis)
             assert abs(now) <= VELOCITY_MAX, "too fast"
+            if enabled[axis] and not before[axis] and not self.board.given[axis]:
+                assert not now, "an axis that was only enabled sets off"
             cut = not self.board.has(Status.POSITION_KNOWN, axis) and not motion.running(axis)
             if not (cut or streaming[axis]):
                 assert abs(now - before[axis]) <= ACCELERATION / 1000 + ROUNDING, "too much acceleration"

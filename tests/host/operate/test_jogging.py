@@ -12,8 +12,16 @@ from steptwin.host.operate.recovering import axis_states
 from steptwin.host.operate.session import Session
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
+from steptwin.protocol.cia402 import Mode
 from tests.host.client.machines import SX, TH1
 from tests.host.operate.sessions import HALF_STEPS, HOME, ROBOT, CommandLine, board_at
+
+AT_REST = [0, -(1 << 31), (1 << 31) - 1]
+
+
+def left_by(axis: AxisClient) -> list[int]:
+    """Return an axis' target velocity and position limits."""
+    return [axis.read(address) for address in (od.TARGET_VELOCITY, od.POSITION_LIMIT_MIN, od.POSITION_LIMIT_MAX)]
 
 
 @pytest.mark.parametrize("speed", [20.0, -20.0])
@@ -74,6 +82,25 @@ def test_ctrl_c_before_the_time_is_over_stops_all_axes(
     interrupted_after(100, monkeypatch)
     assert steptwin.run("jog warehouse-scara th1 20 --seconds 10")[:2] == (130, "")
     assert [state.state for state in axis_states(session)] == ["QUICK STOP ACTIVE"] * 6
+    assert left_by(session.machine.axes[TH1]) == AT_REST
+
+
+def test_taking_charge_begins_with_targets_at_rest(board: EmbeddedBoard, session: Session) -> None:
+    """A program that was killed has left a target velocity and limits; where the axis stands, a limit holds it."""
+    th1 = session.machine.axes[TH1]
+    here = th1.read(od.POSITION_ACTUAL)
+    for address, value in (
+        (od.MODE_OF_OPERATION, Mode.PROFILE_VELOCITY),
+        (od.POSITION_LIMIT_MAX, here),
+        (od.TARGET_VELOCITY, 1_000_000),
+    ):
+        th1.write(address, value)
+    board.wait(0.5)
+    standing = board.driver_positions()
+    with session.in_charge("nothing"):
+        assert left_by(th1) == AT_REST
+        board.wait(0.5)
+    assert board.driver_positions() == standing
 
 
 def test_speeds_have_limits() -> None:
