@@ -3,9 +3,10 @@
 from steptwin.emulator.simulation import Simulation
 from steptwin.protocol.frame import COB_SDO_REQUEST, Frame
 from steptwin.protocol.od import index_and_subindex
-from steptwin.protocol.timer import COUNTS_PER_MS
+from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 
 MS = COUNTS_PER_MS
+SECOND = COUNTS_PER_SECOND
 STEP = 1024
 """Wire units in a step, at 16 microsteps."""
 

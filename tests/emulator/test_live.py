@@ -16,9 +16,8 @@ from steptwin.emulator.simulation import Simulation
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.pvt import PvtRecord
 
-MS = 1_000_000
-"""In nanoseconds."""
-TICK = 250_000
+MS_NS = 1_000_000
+TICK_NS = 250_000
 NODE = 0x10
 KERNEL = fastest_kernel()
 
@@ -67,21 +66,21 @@ def run(arrivals: list[tuple[int, Frame]], wakes_ns: list[int], end_ns: int) -> 
     return outcome(live)
 
 
-END_NS = 150 * MS
-DELAYS = st.lists(st.integers(0, 3 * MS), min_size=14, max_size=14)
+END_NS = 150 * MS_NS
+DELAYS = st.lists(st.integers(0, 3 * MS_NS), min_size=14, max_size=14)
 WAKES = st.lists(st.integers(0, END_NS), max_size=60).map(sorted)
 
 
 @settings(max_examples=30)
 @given(DELAYS, WAKES)
-@example([MS] * 14, [])
+@example([MS_NS] * 14, [])
 def test_lateness_changes_nothing(delays_ns: list[int], wakes_ns: list[int]) -> None:
     """However seldom the process wakes up, frames and edges are those of one that is always in time."""
     times_ns = np.cumsum(delays_ns).tolist()
     arrivals = list(zip(times_ns, motion(0) + motion(1), strict=True))
-    in_time = run(arrivals, list(range(0, END_NS, TICK)), END_NS)
+    in_time = run(arrivals, list(range(0, END_NS, TICK_NS)), END_NS)
     assert run(arrivals, wakes_ns, END_NS) == in_time
-    if min(delays_ns) == MS:  # one by one, in their order
+    if min(delays_ns) == MS_NS:  # one by one, in their order
         assert [len(edges) for edges in in_time[1]] == [50, 50]
 
 
@@ -89,16 +88,16 @@ def test_a_frame_enters_at_its_instant() -> None:
     """20 us after boot; the two boot-up messages are on the bus, and have the higher identifiers."""
     live = live_board(KERNEL)
     live.send(Frame(0x000, b"\x02\x00"), "a client", 20_000)
-    catch_up(live, 10 * MS)
+    catch_up(live, 10 * MS_NS)
     assert [frame.cob_id for frame in live.simulation.bus.log_frames] == [0x710, 0x000, 0x711]
 
 
 def test_a_late_frame_does_not_enter_in_the_past() -> None:
     live = live_board(KERNEL)
-    catch_up(live, 10 * MS)
-    live.send(Frame(0x000, b"\x02\x00"), "a client", 5 * MS)
-    catch_up(live, 11 * MS)
-    assert live.simulation.bus.log_counts[-1] > live.pacer.counts_at(10 * MS)
+    catch_up(live, 10 * MS_NS)
+    live.send(Frame(0x000, b"\x02\x00"), "a client", 5 * MS_NS)
+    catch_up(live, 11 * MS_NS)
+    assert live.simulation.bus.log_counts[-1] > live.pacer.counts_at(10 * MS_NS)
 
 
 def test_the_viewer_sees_every_frame_and_its_sender(fast_kernel: Kernel) -> None:
@@ -106,10 +105,10 @@ def test_the_viewer_sees_every_frame_and_its_sender(fast_kernel: Kernel) -> None
     seen: list[tuple[Frame, Sender | None]] = []
     live.view = lambda frame, _, sender: seen.append((frame, sender))
     request = Frame(0x610, bytes.fromhex("4000100000000000"))
-    live.send(request, "one", 2 * MS)
-    live.send(request, "two", 2 * MS)
-    live.send(Frame(0x123, b"x"), "one", 2 * MS)
-    catch_up(live, 4 * MS)
+    live.send(request, "one", 2 * MS_NS)
+    live.send(request, "two", 2 * MS_NS)
+    live.send(Frame(0x123, b"x"), "one", 2 * MS_NS)
+    catch_up(live, 4 * MS_NS)
     boots = [(Frame(0x710, b"\0"), None), (Frame(0x711, b"\0"), None)]
     answer = (Frame(0x590, bytes.fromhex("4300100092010400")), None)
     assert seen[:2] == boots
@@ -126,38 +125,38 @@ class TestWhenItIsDue:
         assert live.due_ns == 0
         catch_up(live, 1_000)
         assert live.due_ns == pytest.approx(54_000, abs=1_000)
-        catch_up(live, 10 * MS)
+        catch_up(live, 10 * MS_NS)
         assert live.due_ns > 10**15
 
     def test_in_motion_with_each_tick(self, fast_kernel: Kernel) -> None:
         live = live_board(fast_kernel)
         for frame in motion():
-            live.send(frame, "a client", 2 * MS)
-        catch_up(live, 20 * MS + 100_000)
+            live.send(frame, "a client", 2 * MS_NS)
+        catch_up(live, 20 * MS_NS + 100_000)
         assert live.moving
-        assert live.pacer.counts_at(live.due_ns) == live.pacer.counts_at(20 * MS + TICK) + 1
-        catch_up(live, 200 * MS)
+        assert live.pacer.counts_at(live.due_ns) == live.pacer.counts_at(20 * MS_NS + TICK_NS) + 1
+        catch_up(live, 200 * MS_NS)
         assert not live.moving
 
     def test_for_what_has_come_in_at_once(self, fast_kernel: Kernel) -> None:
         live = live_board(fast_kernel)
-        catch_up(live, 10 * MS)
-        live.send(Frame(0x123, b""), "a client", 12 * MS)
-        assert live.pacer.counts_at(live.due_ns) == live.pacer.counts_at(12 * MS)
+        catch_up(live, 10 * MS_NS)
+        live.send(Frame(0x123, b""), "a client", 12 * MS_NS)
+        assert live.pacer.counts_at(live.due_ns) == live.pacer.counts_at(12 * MS_NS)
 
     def test_a_long_sleep_at_rest_is_over_at_once(self, fast_kernel: Kernel) -> None:
         live = live_board(fast_kernel)
-        catch_up(live, 10 * MS)
-        live.advance(3600 * 1000 * MS)
+        catch_up(live, 10 * MS_NS)
+        live.advance(3600 * 1000 * MS_NS)
         assert live.simulation.now_counts == 3600 * 72_000_000
 
     def test_in_motion_others_have_their_turn(self, fast_kernel: Kernel) -> None:
         live = live_board(fast_kernel)
         for frame in motion():
-            live.send(frame, "a client", 2 * MS)
-        catch_up(live, 10 * MS)
+            live.send(frame, "a client", 2 * MS_NS)
+        catch_up(live, 10 * MS_NS)
         before = live.simulation.now_counts
-        live.advance(90 * MS)
+        live.advance(90 * MS_NS)
         assert live.simulation.now_counts == before + SLICE_COUNTS
 
 
@@ -166,9 +165,9 @@ class TestLateness:
         """Ticks begin at whole multiples of 250 us: seen 90 us after each they are late by that."""
         live = live_board(fast_kernel)
         for frame in motion():
-            live.send(frame, "a client", 2 * MS)
-        catch_up(live, 10 * MS)
-        for now_ns in range(10 * MS, 60 * MS, TICK):
+            live.send(frame, "a client", 2 * MS_NS)
+        catch_up(live, 10 * MS_NS)
+        for now_ns in range(10 * MS_NS, 60 * MS_NS, TICK_NS):
             live.ticks.count = 0
             catch_up(live, now_ns + 90_000)
             assert live.ticks.count == 1
@@ -177,24 +176,24 @@ class TestLateness:
     def test_of_ticks_caught_up_with(self, fast_kernel: Kernel) -> None:
         live = live_board(fast_kernel)
         for frame in motion():
-            live.send(frame, "a client", 2 * MS)
-        catch_up(live, 10 * MS + 100)
+            live.send(frame, "a client", 2 * MS_NS)
+        catch_up(live, 10 * MS_NS + 100)
         live.ticks.max_ns = live.ticks.count = 0
-        catch_up(live, 15 * MS)
+        catch_up(live, 15 * MS_NS)
         assert live.ticks.count == 19
-        assert live.ticks.max_ns == 5 * MS - TICK
+        assert live.ticks.max_ns == 5 * MS_NS - TICK_NS
 
     def test_at_rest_there_are_none(self, fast_kernel: Kernel) -> None:
         live = live_board(fast_kernel)
-        catch_up(live, 100 * MS)
+        catch_up(live, 100 * MS_NS)
         assert live.ticks.count == 0
 
     def test_of_frames(self, fast_kernel: Kernel) -> None:
         """The boot-up messages were valid after some 54 and 111 us."""
         live = live_board(fast_kernel)
-        catch_up(live, 1 * MS)
+        catch_up(live, 1 * MS_NS)
         assert live.frames.count == 2
-        assert live.frames.max_ns == pytest.approx(1 * MS - 54_000, abs=1_000)
+        assert live.frames.max_ns == pytest.approx(1 * MS_NS - 54_000, abs=1_000)
 
 
 def test_warming_up_calls_every_function_of_the_kernel(kernel: Kernel) -> None:

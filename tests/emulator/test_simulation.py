@@ -7,8 +7,7 @@ from steptwin.emulator.board import Board, BoardConfig
 from steptwin.emulator.bus import Bus
 from steptwin.emulator.simulation import BusOverloadError, Simulation
 from steptwin.protocol.frame import Frame
-
-SECOND = 72_000_000
+from tests.emulator.simulations import SECOND
 
 
 def heartbeat(axis: int, period_ms: int) -> Frame:

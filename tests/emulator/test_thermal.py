@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from steptwin.emulator.tb6560 import Cooling, Rule, Tb6560
 from steptwin.emulator.tb6560.thermal import Junction
 from tests.emulator.pins import POWER_UP, at, pins
+from tests.emulator.simulations import SECOND
 
-SECOND = 72_000_000
 BARE = Cooling()
 """25 K/W, 100 s, 25 degC."""
 
