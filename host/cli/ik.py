@@ -1,7 +1,7 @@
 """`steptwin ik ROBOT --x --y --z --phi`: compute all joint positions that reach a tool pose."""
 
 from math import isfinite
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
@@ -10,10 +10,16 @@ from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, finite_num
 from steptwin.host.cli.output import print_json, print_table
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from steptwin.host.robots.kinematics import Branch
 
 
-@command("teaching-scara --x 150 --y 60 --z -60 --phi 30", "hybrid-arm --x 300 --y 0 --z 200 --phi 0")
+_OUT_OF_REACH: Final = 1
+"""Exit code if no branch reaches the pose."""
+
+
+@command("teaching-scara --x 150 --y 60 --z -60 --phi 30", "hybrid-arm --x 350 --y 150 --z 500 --phi 0")
 def ik(
     x: Annotated[str, typer.Option("--x", metavar="MM", help="Tool position x.")],
     y: Annotated[str, typer.Option("--y", metavar="MM", help="Tool position y.")],
@@ -27,7 +33,10 @@ def ik(
     robot_file: RobotFile = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compute joint positions from a tool pose (inverse kinematics): every branch, and why one is out of reach."""
+    """Compute joint positions from a tool pose (inverse kinematics): every branch, and why one is out of reach.
+
+    Exit code 1: no branch reaches the pose.
+    """
     import numpy as np
 
     from steptwin.host.robots.kinematics import make_kinematics
@@ -38,12 +47,18 @@ def ik(
     branches = make_kinematics(loaded).inverse(np.array([pose]), standing)
     if as_json:
         print_json({"robot": loaded.name, "branches": [_document(branch, loaded.joint_names) for branch in branches]})
-        return
+    else:
+        _print_branches(branches, loaded.joint_names)
+    if not any(branch.reachable[0] for branch in branches):
+        raise typer.Exit(_OUT_OF_REACH)
+
+
+def _print_branches(branches: "Sequence[Branch]", names: tuple[str, ...]) -> None:
     rows = [
         [branch.name, "yes" if branch.reachable[0] else "no", *map(_figure, branch.joints[0].tolist())]
         for branch in branches
     ]
-    print_table(["branch", "reachable", *loaded.joint_names], rows, text_columns=2)
+    print_table(["branch", "reachable", *names], rows, text_columns=2)
     for branch in branches:
         if not branch.reachable[0]:
             typer.echo(f"{branch.name}: {branch.reason(0)}")

@@ -77,13 +77,13 @@ def test_ik_holds_the_slides_where_the_machine_stands(capsys: pytest.CaptureFixt
 
 
 def test_ik_says_why_not(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["ik", "warehouse-scara", "--x", "500", "--y", "0", "--z", "60", "--phi", "0", "--json"]) == 0
+    assert run(["ik", "warehouse-scara", "--x", "500", "--y", "0", "--z", "60", "--phi", "0", "--json"]) == 1
     right, _ = json.loads(capsys.readouterr().out)["branches"]
     assert right["reachable"] is False
     assert "reach" in right["reason"]
     assert "350" in right["reason"]
     assert right["joints"]["th1"] is None
-    assert run(["ik", "warehouse-scara", "--x", "500", "--y", "0", "--z", "60", "--phi", "0"]) == 0
+    assert run(["ik", "warehouse-scara", "--x", "500", "--y", "0", "--z", "60", "--phi", "0"]) == 1
     assert "left: out of reach" in capsys.readouterr().out
 
 
