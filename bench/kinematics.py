@@ -64,7 +64,7 @@ def _figure(
 
 
 def _best_s(*calculations: Callable[[], object]) -> list[float]:
-    """Return each calculation's shortest time; they take turns, so that a slow moment of the machine meets all."""
+    """Return each calculation's shortest time; they take turns, so that a slow moment of the machine affects all."""
     best_s = [float("inf")] * len(calculations)
     for _ in range(REPEATS):
         for which, calculate in enumerate(calculations):

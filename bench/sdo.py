@@ -10,6 +10,6 @@ _WRITE = 0x22
 
 
 def sdo_write(axis: int, address: int, value: int) -> Frame:
-    """Request that an axis writes `value` to an entry."""
+    """Return the SDO request that writes `value` to an entry of an axis."""
     data = struct.pack("<BHBi", _WRITE, *od.index_and_subindex(address), value)
     return Frame(COB_SDO_REQUEST + FIRST_NODE_ID + axis, data)

@@ -257,7 +257,7 @@ class AxisDrive:
         self.supervision.watch(now_us, switches=not self.mode.seeks_switches)
 
     def dues_us(self) -> Iterator[int | None]:
-        """Yield the times at which the parts of the drive want to be polled."""
+        """Yield the time of the next poll of each part of the drive; None if a part waits for nothing."""
         yield self.feed.due_us
         yield self.supervision.due_us
         yield self.settings.due_us

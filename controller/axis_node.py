@@ -42,7 +42,7 @@ class AxisNode:
         self.pins = context.pins
         self._motion = board.motion
         self._clock_zero_us = 0
-        """When the high resolution time stamp (1013h) was 0."""
+        """Time at which the high resolution time stamp (1013h) was 0."""
         self._statusword = 0
         self._sdo = SdoServer(self.dictionary)
         self._sync = SyncConsumer(self.dictionary)
@@ -73,7 +73,7 @@ class AxisNode:
         self._heartbeat.set_period(period_ms * 1000, self._context.now_us)
 
     def _board_moves(self) -> bool:
-        """Return whether an axis of the board moves: an STM32F103 halts while it writes its flash, without steps."""
+        """Return whether an axis of the board moves: while an STM32F103 writes its flash, it cannot make steps."""
         return any(self._motion.running(axis) for axis in range(self._motion.axis_count))
 
     # --- power-up and network management

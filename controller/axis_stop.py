@@ -26,7 +26,7 @@ class AxisStop:
 
     @property
     def halt_kind(self) -> StopKind:
-        """How the axis halts, by the halt option code (605Dh)."""
+        """The kind of stop that the halt option code (605Dh) selects."""
         return HALTS[self._dictionary.get(od.HALT_OPTION)]
 
     def halt_deceleration(self) -> int:

@@ -20,7 +20,7 @@ class Knot(NamedTuple):
 
 
 class Cubic(NamedTuple):
-    """A cubic, which begins at the position and the velocity at which the one before it ended."""
+    """A cubic, which begins at the position and the velocity at which the cubic before it ended."""
 
     displacement_units: int
     end_velocity: int
@@ -57,9 +57,9 @@ def slowed(wanted: Cubic, start_velocity: int, limit: int, room: int, ticks: int
     duration of the cubic, as the kernel computes them.
     """
     middle_q16 = 3 * microsteps << 2
-    """What a unit of D adds to the middle bound."""
+    """Share of one unit of D in the middle bound."""
     velocity_q16 = ticks * microsteps
-    """What a velocity of 64, one unit per ms, adds to a bound (see `way_q16`)."""
+    """Share of a velocity of 64, one unit per ms, in a bound (see `way_q16`)."""
     most = min(limit, room)
     limit_q16, most_q16 = way_q16(limit, ticks, microsteps), way_q16(most, ticks, microsteps)
     start_q16 = way_q16(start_velocity, ticks, microsteps)

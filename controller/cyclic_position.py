@@ -2,7 +2,7 @@
 
 The set-point is the target position (607Ah). It is used when the slot of its SYNC closes (see `SyncClock`): a cubic of
 one period T, which ends at the set-point, then begins with the next servo tick. The cubic begins with the velocity at
-which the one before ended, and ends with the velocity of the parabola through the last three set-points. For set-points
+which the last one ended, and ends with the velocity of the parabola through the last three set-points. For set-points
 P(kT) of a smooth motion that velocity is wrong by T^2 P'''/3. Between the set-points the axis is then off by at most
 0.032 T^3 P''': T times that velocity times the largest s (1 - s) (1 - 2s), which is 0.096. Where the acceleration jumps
 by a, the axis is off by 4/27 T (a T/4) = 0.037 a T^2.
@@ -12,13 +12,13 @@ to a tick before or after they should, and each cubic ends where the parabola is
 speed differs by 1/512 or, at 1 ms, by 1/1000; in the first period by twice that.
 
 From rest the axis follows from the next SYNC on, so the host begins with the position demand (6062h). A set-point
-farther from the one before than the axis can move in the time between is a fault. After a sudden start the middle of a
+farther from the last one than the axis can move in the time between is a fault. After a sudden start the middle of a
 cubic may need more speed than the axis has: the axis then falls behind and catches up, and falling behind by a period
 is a fault. A set-point beyond the soft limits is moved to the limit (bit 11), and no cubic leads beyond the limits.
 
 A slot without SYNC, or whose SYNC came without a set-point, is bridged with the velocity of the slot before. Each such
 slot adds three to a count, each set-point takes one away, and more than nine is a fault (EtherCAT's object 10F1h counts
-so). At rest a lost slot is no loss: the axis holds its position, and without SYNC it stops following.
+so). At rest a lost slot does no harm: the axis holds its position, and without SYNC it stops following.
 
 Halt (bit 8) ramps to rest by the halt option code (605Dh). The axis follows again after the bit has been cleared and a
 SYNC has come; as at the beginning, the host starts from the position demand.
@@ -47,7 +47,7 @@ NO_SYNC, NO_SET_POINT = 0, 1
 
 
 class _Received(NamedTuple):
-    """What a slot has received so far."""
+    """Receptions of a slot so far: whether its SYNC has come, and its set-point."""
 
     sync: bool
     set_point_units: int | None
@@ -73,7 +73,7 @@ class CyclicPosition(DriveMode):
         """True while a set-point has been written that no SYNC has taken yet."""
         self._slot = self._clock.slot
         self._received = [_NOTHING, _NOTHING]
-        """What the open slot has received, and what came early for the next one."""
+        """Receptions of the open slot, and those that came early for the next slot."""
         self._points_units = (0, 0, 0)
         """Set-points of the last three slots, bridged ones included, the newest first."""
         self._taken_units = 0
@@ -252,5 +252,5 @@ class CyclicPosition(DriveMode):
 
     @property
     def _reach_units(self) -> int:
-        """How far the axis can move in a period, in units."""
+        """Longest distance that the axis can move in a period, in units."""
         return self._velocity_limit * self._dictionary.get(od.INTERPOLATION_PERIOD) // VELOCITY_PER_UNIT_PER_MS

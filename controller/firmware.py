@@ -89,12 +89,12 @@ class Firmware:
         board = BoardContext(self.motion, self._measurements, monitor, SyncClock(), self._trip)
         self.nodes = tuple(AxisNode(axis, first_node_id + axis, page, board) for axis, page in enumerate(pages))
         self.dropped_frames = 0
-        """Number of frames whose COB-ID none of the nodes listens to."""
+        """Number of frames whose COB-ID no node listens to."""
         self._frames: list[Frame] = []
         self._pins: list[PinChange] = []
         self._routes: dict[int, list[tuple[AxisNode, Handler]]] = {}
         self._dues_us: list[int | None] = [None] * axis_count
-        """Time at which each node wants to be polled, as last collected."""
+        """Time of each node's next poll, as last collected."""
         self._due_counts: int | None = None
         """The earliest of these: time passes in small steps, and asking every node at each would be slow."""
 
@@ -223,7 +223,7 @@ class Firmware:
 
     @property
     def next_due_counts(self) -> int | None:
-        """The next instant at which something happens on the board by itself, as far as it is known."""
+        """The next known instant at which the board has work to do without a frame or an input."""
         due_counts = self._due_counts
         if not self.motion.events:
             return due_counts
@@ -288,7 +288,7 @@ class Firmware:
     # --- out
 
     def _collect(self, node: AxisNode, now_counts: int) -> None:
-        """Fetch a node's frames and pin changes, follow its COB-IDs, note when it wants to be polled."""
+        """Fetch a node's frames and pin changes, follow its COB-IDs, note the time of its next poll."""
         if node.routes_changed:
             self._route()
         if node.due_us != self._dues_us[node.axis]:

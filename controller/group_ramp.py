@@ -1,4 +1,4 @@
-"""How fast the group's trajectory time may be halted: a ramp within every axis' deceleration limit.
+"""Halt and resume the group's trajectory time by a ramp within every axis' deceleration limit.
 
 See `group_time` for the formula. The speeds come from the segments that the ramp will cover, as far as they are queued.
 """

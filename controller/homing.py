@@ -7,7 +7,7 @@ step. Methods 35 and 37 set the position of the standing axis to the home offset
 step, the demand may then lie between two steps.
 
 All ramps keep the homing acceleration, except a halt with the quick stop ramp (605Dh = 2). Soft limits do not apply,
-and limit switches are no faults while the mode itself moves the axis. An error stops the axis; the drive stays enabled
+and limit switches are not faults while the mode itself moves the axis. An error stops the axis; the drive stays enabled
 and the position keeps its count. A falling bit 4 aborts. Halt (bit 8) interrupts; when it ends, the homing begins again
 from where the axis stands.
 

@@ -53,7 +53,7 @@ THRESHOLD_Q16 = STEP_Q16 // 2 + STEP_Q16 // 16
 """H, the distance from counter to demand at which a step is made; the sixteenth prevents chatter on a threshold."""
 
 ROUNDING_Q16 = 4
-"""More than the three rounding shifts of an evaluation can change it by."""
+"""Upper bound of the error that the three rounding shifts of an evaluation make together."""
 
 FULL_RATE_Q16 = 1 << 16
 """Rate at which trajectory time runs as fast as real time: one tick a tick."""

@@ -14,7 +14,7 @@ class Measurements:
 
 
 class DriverMonitor(NamedTuple):
-    """What one axis' driver made of the pulses since power-up: the emulator's object (2F00h)."""
+    """Counts of one axis' driver since power-up, which the emulator's object (2F00h) shows."""
 
     rotor_steps: int
     """Number of steps that the driver has counted, signed."""

@@ -23,7 +23,7 @@ EDGE_CAPACITY = 1 << 16
 
 
 class AxisEvent(IntEnum):
-    """Why an axis needs the firmware's attention."""
+    """Reason for which an axis needs the firmware's attention."""
 
     NONE = k.EVENT_NONE
     FINISHED = k.EVENT_FINISHED
@@ -34,7 +34,7 @@ class AxisEvent(IntEnum):
 
 
 class Refusal(IntEnum):
-    """Why a segment was refused, or ACCEPTED."""
+    """Reason for which a segment was refused, or ACCEPTED."""
 
     ACCEPTED = k.ACCEPTED
     QUEUE_FULL = k.REFUSED_QUEUE_FULL

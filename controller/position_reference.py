@@ -1,4 +1,4 @@
-"""Whether an axis knows its position, and how far its rotor has fallen behind since it was told."""
+"""Track whether an axis knows its position, and how far its rotor has fallen behind the step counter."""
 
 from steptwin.controller.measurements import Monitor
 from steptwin.controller.motion import Motion
@@ -22,7 +22,7 @@ class PositionReference:
         """True from a homing on, until the axis may have moved without counting."""
 
     def set(self) -> None:
-        """Note that the axis has been told its position: the rotor is where the counter says."""
+        """Note that homing has set the position: the rotor is where the counter says."""
         self.known = True
         self._lost_before_steps = self._monitor(self._axis).lost_steps
 
@@ -32,7 +32,7 @@ class PositionReference:
 
     @property
     def lost_units(self) -> int:
-        """How far the rotor has fallen behind the step counter since the reference was set."""
+        """Distance by which the rotor has fallen behind the step counter since the reference was set."""
         lost_steps = self._monitor(self._axis).lost_steps - self._lost_before_steps
         return lost_steps * UNITS_PER_FULL_STEP // self._motion.config(self._axis).microsteps
 

@@ -10,7 +10,7 @@ from steptwin.protocol.cia402 import Control, State
 
 
 class Command(Enum):
-    """The command in a controlword. A command that is no transition of the present state changes nothing."""
+    """The command in a controlword. A command without a transition from the present state changes nothing."""
 
     SHUTDOWN = "shutdown"
     SWITCH_ON = "switch on"
@@ -66,7 +66,7 @@ def command_of(controlword: int, previous: int) -> Command:
 
 
 def next_state(state: State, controlword: int, previous: int) -> State:
-    """Return the state that a controlword leads to; the same state if the word is no command there.
+    """Return the state that a controlword leads to; the same state if no transition belongs to the word.
 
     A rising fault reset bit is a command in FAULT only; in other states the word's other bits count.
     """

@@ -1,4 +1,4 @@
-"""How one axis makes its steps: microsteps, pulse timing, speed limit and direction."""
+"""The step configuration of one axis: microsteps, pulse timing, speed limit and direction."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""How one axis makes its steps, as the objects of its dictionary set it."""
+"""Pass the step configuration of one axis from its object dictionary to the motion and the driver."""
 
 from functools import partial
 
@@ -19,14 +19,14 @@ _ADDRESSES = (
     od.POLARITY,
     od.INVERT_MASK,
 )
-"""In the order of StepConfig's fields."""
+"""Addresses of the entries, in the order of StepConfig's fields."""
 
 _CHOICES = {
     od.MICROSTEPS: tuple(MODE_LEVELS),
     od.INVERT_MASK: (0, INVERT_DIR),
     od.POLARITY: (0, REVERSED),  # position and velocity can only be reversed together
 }
-"""The values allowed, for the entries of which the object table gives no range."""
+"""The values allowed, for the entries whose range the object table does not give."""
 
 
 class StepSettings:
@@ -51,7 +51,7 @@ class StepSettings:
         self.apply({address: value})
 
     def apply(self, changes: dict[int, int] | None = None) -> None:
-        """Configure the motion and the driver as the dictionary says, with entries changed that are being written."""
+        """Configure the motion and the driver as the dictionary says; `changes` holds values that are being written."""
         changes = changes or {}
         axis, motion, get = self._context.axis, self._context.motion, self._context.dictionary.get
         config = StepConfig(*(changes.get(address, get(address)) for address in _ADDRESSES))

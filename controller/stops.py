@@ -1,4 +1,4 @@
-"""How an axis is brought to rest: the option codes of CiA 402 as tables."""
+"""Tables of the option codes of CiA 402: how an axis is brought to rest in each case."""
 
 from enum import Enum
 from typing import NamedTuple
@@ -8,7 +8,7 @@ from steptwin.protocol.cia402 import ErrorCode, State
 
 
 class StopKind(Enum):
-    """How an axis stops; the value is the address of the entry that holds the deceleration."""
+    """Kind of stop of an axis; the value is the address of the entry that holds the deceleration."""
 
     CUT = None
     """End the pulses at once. At speed the motor then coasts, and its position is unknown."""
@@ -17,7 +17,7 @@ class StopKind(Enum):
 
 
 class QuickStop(NamedTuple):
-    """How a quick stop goes, and the state in which it ends."""
+    """Kind of a quick stop, and the state in which it ends."""
 
     kind: StopKind
     end: State

@@ -1,8 +1,8 @@
 """Watch one axis while its driver is on: switches, voltage, temperature, following error.
 
-Causes that are levels (e-stop, the driver's Protect pin, voltage, temperature) trip the drive when they appear or when
+Causes that last (e-stop, the driver's Protect pin, voltage, temperature) trip the drive when they appear or when
 the driver is switched on, and no fault can be reset while they last. A limit switch trips the drive only while the axis
-moves towards it, so that it can be moved away. The following error trips it after the following error timeout (6066h).
+moves towards it: away from it the axis may move. The following error trips it after its timeout (6066h).
 """
 
 from collections.abc import Iterator
@@ -41,7 +41,7 @@ class Supervision:
     # --- causes that are levels
 
     def causes(self) -> Iterator[tuple[ErrorCode, int]]:
-        """Yield each error, with its detail, that forbids the driver to be on now."""
+        """Yield each error, with its detail, for which the driver must be off now."""
         if self.inputs & DigitalInput.ESTOP:
             yield ErrorCode.ESTOP, 0
         if self.inputs & DigitalInput.DRIVER_PROTECT:
@@ -55,7 +55,7 @@ class Supervision:
             yield ErrorCode.TEMPERATURE, 0
 
     def check(self) -> None:
-        """Trip the drive for every error that forbids the driver to be on."""
+        """Trip the drive for every error for which the driver must be off."""
         for code, detail in self.causes():
             self._trip(code, detail)
 
@@ -75,7 +75,7 @@ class Supervision:
             self.due_us = now_us + period_us
 
     def poll(self, now_us: int) -> None:
-        """Check what is watched, if it is due."""
+        """Check limit switches and following error, those that are watched, if the check is due."""
         if self.due_us is None or now_us < self.due_us:
             return
         self.due_us = None

@@ -43,7 +43,7 @@ class SearchEvent(Enum):
     AWAY = auto()
     """The axis stands and the switch is open; on which side of the switch is unknown."""
     IN_FRONT = auto()
-    """The axis stands in front of the edge, seen in the direction in which it is to be crossed."""
+    """The axis stands in front of the edge, seen in the direction in which the axis must cross it."""
     BEHIND = auto()
     """The axis stands behind the edge."""
     CROSSED = auto()

@@ -67,7 +67,7 @@ class Board:
         self._heat_due_tick = self._next_heat_tick()
 
     def _power_up(self) -> None:
-        """Make the firmware and the CAN controller anew, as power-up does."""
+        """Make a new firmware and a new CAN controller, as power-up does."""
         self.firmware = Firmware(
             self._kernel, self.config.axis_count, self.flash, self.config.first_node_id, self._monitor
         )
@@ -75,7 +75,7 @@ class Board:
             self.firmware.receive, self.firmware.on_can_error, self.firmware.hears, self.config.read_latency_counts
         )
         """The CAN controller; `poll` hands it the firmware's frames."""
-        self._inputs.count_anew()
+        self._inputs.restart_count()
         self._seen = [DigitalInput(0)] * self.config.axis_count
         """Levels of the inputs that the firmware has seen last."""
         self._look_at_once = self._inputs.levels != self._seen
@@ -96,10 +96,10 @@ class Board:
         self.poll(now_counts)
 
     def power_cycle(self, now_counts: int) -> None:
-        """Switch the supply off and on: all pins fall and the firmware starts anew. Motors and clock stay as they are.
+        """Switch the supply off and on: all pins fall and the firmware restarts. Motors and clock stay as they are.
 
-        `can` is a new one afterwards, which the caller attaches to the bus. A pulse that has begun still ends, since no
-        supply is gone within microseconds; later pulses do not come.
+        Afterwards `can` is a new controller, which the caller attaches to the bus. A pulse that has begun still ends,
+        since no supply falls within microseconds; later pulses do not come.
         """
         self._take_pins()
         self._drivers.drop_pins(now_counts)
@@ -114,7 +114,7 @@ class Board:
 
     @property
     def moving(self) -> bool:
-        """True while an event is possible at any tick: a motion runs, or a switch of the last one may still change."""
+        """True while an event is possible at any tick: a motion runs, or the last one may still change a switch."""
         return self._inputs.unsettled or any(
             self.firmware.motion.running(axis) for axis in range(self.config.axis_count)
         )
@@ -197,7 +197,7 @@ class Board:
     def _next_heat_tick(self) -> int | None:
         """Return the tick up to whose start no driver will switch itself off; None if no driver ever will.
 
-        The estimate assumes the highest power; the nearer a shutdown is, the closer it comes.
+        The estimate assumes the highest power; the nearer a shutdown is, the more exact it becomes.
         """
         tick = self.firmware.motion.tick
         stays = (driver.protect_stays_until(tick * TICK_COUNTS) for driver in self._drivers.drivers)
@@ -251,7 +251,7 @@ class Board:
         self._drivers.show(self.firmware.motion.take_edges(), self.firmware.motion.tick * TICK_COUNTS)
 
     def _monitor(self, axis: int) -> DriverMonitor:
-        """Return what became of an axis' pulses since power-up, including those of the tick in progress."""
+        """Return the driver's counts for an axis since power-up, including the pulses of the tick in progress."""
         self.drain()
         counted, before = self._drivers.count(axis), self._monitored[axis]
         return DriverMonitor(*(now - then for now, then in zip(counted, before, strict=True)))
@@ -263,7 +263,7 @@ class Board:
 
     @property
     def pin_changes(self) -> list[PinChange]:
-        """Changes of the pins that the firmware holds at a level, as far as the drivers have been shown them."""
+        """Changes, already shown to the drivers, of the pins that the firmware holds at a level."""
         return self._drivers.pin_changes
 
     def output_changes(self) -> list[PinChange]:

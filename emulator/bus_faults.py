@@ -29,11 +29,11 @@ class BusFault:
         kind: its effect.
         cob_ids: identifiers of the frames that it may strike.
         from_counts: first instant at which it may strike.
-        until_counts: first instant at which it may strike no more; None for no end.
+        until_counts: first instant at which it can no longer strike; None for no end.
         rate: part of the attempts that it strikes, 0 to 1, drawn from the script's seeded generator.
         skip: number of attempts that it lets pass first.
         count: greatest number of strikes; None for no limit.
-        delay_counts: time by which a DELAY holds the sender up.
+        delay_counts: time for which a DELAY makes the sender wait.
         receiver: the only station that a LOSS concerns, by its place on the bus: 0 the host, 1 the first board; None
             for all.
     """
@@ -55,7 +55,7 @@ class BusFault:
             raise ValueError(f"delay_counts: {self.delay_counts} is not above 0")
 
     def concerns(self, frame: Frame, now_counts: int) -> bool:
-        """Return True if the frame's identifier and the time fit."""
+        """Return True if the fault may strike a frame with this identifier at this time."""
         if now_counts < self.from_counts or (self.until_counts is not None and now_counts >= self.until_counts):
             return False
         return frame.cob_id in self.cob_ids

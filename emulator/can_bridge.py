@@ -15,9 +15,9 @@ from steptwin.emulator.live_loop import LiveLoop
 from steptwin.protocol.frame import COB_ID_MASK, Frame
 
 WINDOW_FRAMES: Final = 16
-"""Greatest number of frames that wait for the simulated bus; at equal bit rates it is rarely two."""
+"""Greatest number of frames that wait for the simulated bus; at equal bit rates it is rarely above one."""
 INBOX_MAX: Final = 4096
-"""Greatest number of received frames that wait beyond these; later ones are lost, as in a full CAN controller."""
+"""Greatest number of received frames in the inbox; further ones are lost, as in a full CAN controller."""
 _READ_S: Final = 0.2
 """Interval at which the reading thread checks whether the bridge is closed."""
 
@@ -38,7 +38,7 @@ class CanBridge:
         self.unsent_frames = 0
         """Number of frames that the bus did not take."""
         self.failure: str | None = None
-        """Error for which the bus has become useless; None while it works."""
+        """Error that made the bus unusable; None while it works."""
         self._loop = loop
         self._live: LiveSimulation = loop.live
         self._bus = bus

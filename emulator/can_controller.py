@@ -1,8 +1,8 @@
-"""The STM32F103's CAN controller, bxCAN (RM0008, chapter 24), with the software that fills and empties it.
+"""Model the STM32F103's CAN controller, bxCAN (RM0008, chapter 24), and the software that fills and empties it.
 
 Three transmit mailboxes are sent by identifier, the lowest first (TXFP = 0), unless `in_order` is set. A frame that
-finds no mailbox free waits in the software's queue. Two receive FIFOs hold three messages each; a message that comes to
-a full FIFO is lost (RFLM = 1) and flagged as overrun. After bus-off the controller returns by itself (ABOM = 1).
+finds no mailbox free waits in the software's queue. Two receive FIFOs hold three messages each; a message for a
+full FIFO is lost (RFLM = 1) and flagged as overrun. After bus-off the controller returns automatically (ABOM = 1).
 """
 
 from bisect import insort
@@ -75,8 +75,8 @@ class CanController:
         self.mailboxes: list[Frame] = []
         """Frames that wait for the bus, in the order in which they are sent.
 
-        No two have the same identifier: of two such frames bxCAN sends the one in the lower mailbox first, which need
-        not be the older. A frame waits in the queue until no mailbox has its identifier."""
+        All identifiers differ: of two equal ones bxCAN would send the frame in the lower mailbox first, which may be
+        the newer. So a frame waits in the queue until no mailbox has its identifier."""
         self.submitted: Callable[[int], None] = lambda _now_counts: None
         """Called when there is a frame to send; the bus sets it."""
         self.silent_until_counts = 0
@@ -156,7 +156,7 @@ class CanController:
             self.next_due_counts = now_counts + self.read_latency_counts
 
     def poll(self, now_counts: int) -> None:
-        """Let the processor empty both FIFOs if it is due. An overrun is over when the flag is found clear."""
+        """Let the processor empty both FIFOs if it is due. An overrun has ended when its flag is clear."""
         if self.next_due_counts is None or self.next_due_counts > now_counts:
             return
         self.next_due_counts = None

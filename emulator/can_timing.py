@@ -19,7 +19,7 @@ _RUN_LENGTH = 5
 _HEADER_BITS = 19
 _DATA_BYTES_MAX = 8
 
-# A stuffing state is 4 * last bit + length of its run - 1; a run of five is no state: its stuff bit follows at once.
+# A stuffing state is 4 * last bit + length of its run - 1; a run of five is not a state: its stuff bit follows at once.
 _RUNS_PER_LEVEL = 4
 
 
@@ -38,7 +38,7 @@ def _stuff(state: int, value: int, width: int) -> tuple[int, int]:
 
 
 def _crc_after_zeros(crc: int, zeros: int) -> int:
-    """Return what a CRC becomes when this number of zero bits follows."""
+    """Return the CRC after this number of further zero bits."""
     for _ in range(zeros):
         crc = (crc << 1 ^ (_CRC_POLYNOMIAL if crc & 0x4000 else 0)) & 0x7FFF
     return crc
@@ -52,7 +52,7 @@ def _crc_tables() -> tuple[tuple[int, ...], ...]:
 
 
 _CRC_TABLES = _crc_tables()
-"""For each of the last eight bytes, the very last at the end: the contribution of each value to the CRC."""
+"""Contribution of each byte value to the CRC: one table for each of the last eight bytes, in the order of sending."""
 
 _Row: TypeAlias = "list[tuple[_Row, int]]"
 """Row of one stuffing state: for each value that may follow, the row of the next state and the number of stuff bits.
@@ -76,10 +76,10 @@ _ROWS = _rows()
 
 @cache
 def _header(cob_id: int, length: int) -> tuple[int, tuple[tuple[int, ...], ...], _Row, int]:
-    """Return what the header, SOF to DLC, means for the rest of the frame; it depends on identifier and length only.
+    """Return the effect of the header, SOF to DLC, on the rest of the frame, from the identifier and the length.
 
-    The parts: its contribution to the CRC, the CRC tables of the bytes that follow, the row of the stuffing state after
-    it, and its stuff bits.
+    The parts: the header's contribution to the CRC, the CRC tables of the bytes that follow, the row of the stuffing
+    state after the header, and the number of its stuff bits.
     """
     bits = cob_id << 7 | length
     crc = 0
@@ -94,7 +94,7 @@ def frame_bits(frame: Frame) -> int:
     """Return the frame's length in bits from SOF to the end of the intermission: 47 + 8n + stuff bits."""
     data = frame.data
     crc, crc_tables, row, stuffed = _header(frame.cob_id, len(data))
-    for byte, crc_of in zip(data, crc_tables):  # noqa: B905  (equally long; to be told costs time)
+    for byte, crc_of in zip(data, crc_tables):  # noqa: B905  (equally long; the check costs time)
         crc ^= crc_of[byte]
         row, more = row[byte]
         stuffed += more

@@ -99,9 +99,9 @@ def switches_for(current_a: float, microsteps: int, fast_decay_percent: int = 0,
     if current is None:
         nearest = sorted(CURRENT_SETTINGS, key=lambda setting: abs(setting.printed_a - current_a))[:2]
         choices = " and ".join(f"{setting.printed_a:g} A" for setting in sorted(nearest))
-        raise ValueError(f"{current_a:g} A is none of the module's settings: the nearest are {choices}")
+        raise ValueError(f"{current_a:g} A is not one of the module's settings: the nearest are {choices}")
     m2, m1 = _levels(EXCITATIONS, microsteps, "steps of a full step")
-    dcy2, dcy1 = _levels(FAST_DECAY_PERCENT, fast_decay_percent, "% of fast decay")
+    dcy2, dcy1 = _levels(FAST_DECAY_PERCENT, fast_decay_percent, "% fast decay")
     if idle_percent not in IDLE_PERCENT:
         raise ValueError(f"{idle_percent} % at standstill is neither 20 % nor 50 %")
     return DipSwitches(current, s2=idle_percent == 50, s3=bool(m1), s4=bool(m2), s5=bool(dcy1), s6=bool(dcy2))
@@ -111,4 +111,4 @@ def _levels(table: Mapping[tuple[int, int], int], wanted: int, what: str) -> tup
     for levels, value in table.items():
         if value == wanted:
             return levels
-    raise ValueError(f"{wanted} {what} is none of {', '.join(str(int(value)) for value in table.values())}")
+    raise ValueError(f"{wanted} {what} is not one of {', '.join(str(int(value)) for value in table.values())}")

@@ -36,7 +36,7 @@ class Driver:
 
     @property
     def held_pulses(self) -> int:
-        """Number of pulses of which it is not yet known whether the chip counts them."""
+        """Number of pulses whose fate is not certain yet: the chip may or may not count them."""
         return self._stage.held_pulses if self._stage else 0
 
     @property
@@ -46,7 +46,7 @@ class Driver:
 
     @property
     def lost_steps(self) -> int:
-        """Signed steps at the terminals less signed steps counted; a step the wrong way makes two."""
+        """Signed steps at the terminals less signed steps counted; a step in the wrong direction counts as two."""
         return self._stage.meant_steps - self.chip.position_steps if self._stage else self.chip.lost_steps
 
     @property
@@ -71,7 +71,7 @@ class Driver:
         return self.chip.outputs
 
     def forget(self) -> None:
-        """Keep the counts and drop their history: steps, violations and the outputs' instants start anew."""
+        """Drop the recorded steps, violations and changes of the outputs, but keep how many there were."""
         self.chip.forget()
         if self._stage:
             self._stage.forget()

@@ -87,7 +87,7 @@ class DriverBank:
             self.set_pin(PinChange(now_counts, axis, pin, 0))
 
     def supply(self, supplies: Iterable[Input], now_counts: int, level: int) -> None:
-        """Switch supplies of all drivers, one after the other."""
+        """Switch these supplies at every driver, one supply after the other."""
         for supply in supplies:
             for changes in self._waiting:
                 changes.append(LevelChange(now_counts, supply, level))
@@ -106,14 +106,14 @@ class DriverBank:
                 self._dir_levels[axis] = int(pins.dir_levels[-1]) if pins.dir_levels.size else self._dir_levels[axis]
 
     def cut_off(self, all_edges: Sequence[PinEdges], counts: int) -> list[PinEdges]:
-        """Return what is left of pulses when the power goes: those that have begun, and DIR falls if it is high."""
+        """Return the edges that remain when the power goes: begun pulses end, and DIR falls if it is high."""
         befores = zip(all_edges, self._dir_levels, strict=True)
         return [_cut_off(edges, dir_level, counts) for edges, dir_level in befores]
 
     # --- out
 
     def count(self, axis: int) -> DriverMonitor:
-        """Return what an axis' driver has made of the pulses that it has seen."""
+        """Return the counts of an axis' driver, over all pulses that it has seen."""
         driver = self.drivers[axis]
         return DriverMonitor(driver.position_steps, driver.lost_steps, driver.violation_count)
 

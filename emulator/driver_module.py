@@ -2,9 +2,9 @@
 
 Levels at the terminals STEP, DIR and EN reach the chip's pins late, each through its own part, and rises later or
 earlier than falls. So a pulse can get lost, and a DIR edge that was in time at the terminals can arrive after its CLK:
-that step then goes the wrong way. Where the delays inside a module are unknown but its users know which times it needs,
-these are its requirements. Outside them the worst case is taken: pulses are lost, and DIR is read as late, or as early,
-as the requirements leave open. `input_stage` models all this.
+that step then goes the wrong way. Some modules have unknown delays, but
+their users know which times they need: these times are the requirements. Where they are not kept the worst case is
+taken: pulses are lost, and DIR is read as late, or as early, as they leave open. `input_stage` models all this.
 """
 
 from dataclasses import dataclass, field
@@ -38,7 +38,7 @@ class Coupler:
 
 @dataclass(frozen=True, slots=True)
 class Requirements:
-    """Times that a module requires at its terminals, by LinuxCNC's names; STEP is active after the active edge."""
+    """Times that a module requires at its terminals, under LinuxCNC's names; a pulse begins with the active edge."""
 
     steplen_ns: int = 0
     stepspace_ns: int = 0

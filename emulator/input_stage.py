@@ -1,7 +1,7 @@
 """Pass edges from a module's terminals to its chip's pins, and note the module's limits that they break.
 
-Whether a pulse gets through depends on the edges that follow it, as far as the module's requirements reach. So the
-stage holds each pulse back until its fate is certain; dividing the input into other pieces changes nothing.
+Whether a pulse reaches the chip depends on the edges that follow it, for as long as the module's requirements say. So
+the stage holds each pulse back until its fate is certain. The result does not depend on how the input is divided.
 
 The module's parts have the chip's supply: when VM falls, ENABLE and CW/CCW at the chip are low already, whatever the
 levels at the terminals, and ENABLE rises again only when VM is up.
@@ -31,7 +31,7 @@ class _Pulses(NamedTuple):
     """Rises at the STEP terminal with which the pulses began."""
     edges: Int64Array
     low_counts: Int64Array
-    """Time for which the chip's CLK is low before each pulse, if the couplers were wires."""
+    """Time for which the chip's CLK would be low before each pulse if the couplers were wires."""
     high_counts: Int64Array
 
     def where(self, kept: NDArray[np.bool_] | slice) -> "_Pulses":
@@ -58,7 +58,7 @@ class InputStage:
         )
         """Time after which an edge has no influence any more."""
         self.meant_steps = 0
-        """Pulses whose fate is certain, each signed by DIR at its begin."""
+        """Pulses whose fate is certain, each signed by DIR at its beginning."""
         self._rises, self._falls = NO_COUNTS, NO_COUNTS
         self._last_fall_counts = _LONG_AGO
         self._dir_counts, self._dir_levels = NO_COUNTS, NO_LEVELS
@@ -90,7 +90,7 @@ class InputStage:
     def _make_foresight(self, clk_width_min_counts: int) -> int:
         """Return the time from a rise of the chip's CLK until its fate is certain.
 
-        DIR's hold time is over then; and where a pulse ends with the next one's begin, it is long enough for the module
+        DIR's hold time is over then; and where a pulse ends when the next begins, it is long enough for the module
         and the chip.
         """
         after_edge = max(limit.value for limit in self._limits[_HOLD:])

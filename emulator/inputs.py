@@ -47,8 +47,8 @@ class BoardInputs:
             for axis, protect in zip(self._axes, self.protects, strict=True)
         ]
 
-    def count_anew(self) -> None:
-        """Start anew with the motion's count of starts, because the firmware was restarted."""
+    def restart_count(self) -> None:
+        """Expect the motion's count of starts to begin at 0 again, because the firmware has restarted."""
         self._starts_seen = 0
 
     @property

@@ -99,7 +99,7 @@ class LiveSimulation:
             self._ticks = range(-(-from_counts // TICK_COUNTS), -(-simulation.now_counts // TICK_COUNTS))
 
     def _until_counts(self, now_ns: int, *, moving: bool) -> int:
-        """Return the count up to which to simulate; time without events is passed at once."""
+        """Return the count up to which to simulate: at most a slice in motion, on to the next event at rest."""
         goal_counts = self.pacer.counts_at(now_ns)
         slice_end_counts = self.simulation.now_counts + SLICE_COUNTS
         if moving or goal_counts <= slice_end_counts:
@@ -125,7 +125,7 @@ class LiveSimulation:
         """Instant at which `advance` next has work, as far as it is known."""
         now_counts = self.simulation.now_counts
         due_counts = _FAR_COUNTS
-        if self.moving:  # a tick is simulated as soon as time passes its begin
+        if self.moving:  # a tick is simulated as soon as time passes its start
             due_counts = -(-now_counts // TICK_COUNTS) * TICK_COUNTS + 1
         if self._incoming:
             due_counts = min(due_counts, self._incoming[0].counts)

@@ -16,7 +16,7 @@ from typing import Final
 from steptwin.emulator.live import LiveSimulation
 
 LOOK_NS: Final = 200_000
-"""Time that is polled away instead of slept while the bus is busy: 8 bytes at 1 Mbit/s last 135 us at most."""
+"""Time for which the loop polls instead of sleeping while the bus is busy: 8 bytes at 1 Mbit/s last 135 us at most."""
 _SLEEP_MAX_NS: Final = 1_000_000_000
 
 Callback = Callable[[], None]

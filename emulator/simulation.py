@@ -80,7 +80,7 @@ class Simulation:
             self._advance_to(give_up_counts + 1)
 
     def _skip_intermission(self) -> None:
-        """Go to the begin of the frame just sent, the end of the intermission, if no board has an event before."""
+        """Go to the beginning of the frame just sent, the end of the intermission, if no board has an event before."""
         begin_counts = self.bus.next_event_counts
         if begin_counts is None:
             return

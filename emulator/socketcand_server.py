@@ -22,7 +22,7 @@ CLIENTS_MAX: Final = 250
 SILENCE_S: Final = 0.1
 """Silence after `rawmode` towards a client that does not send: by its end the client has read the answer."""
 WINDOW_FRAMES: Final = 16
-"""Greatest number of a client's frames that wait for the bus; other clients wait behind them some 2 ms at 1 Mbit/s."""
+"""Greatest number of one client's frames that wait for the bus; they delay other clients by 2 ms at 1 Mbit/s."""
 BACKLOG_MAX_BYTES: Final = 1 << 20
 """Bytes that a client may leave unread beside the operating system's buffers: some 20 000 frames."""
 _SEND_BUFFER_BYTES: Final = 1 << 18

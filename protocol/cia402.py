@@ -43,7 +43,7 @@ class Control(IntEnum):
     START = 1 << 4
     """Homing: start; interpolated position: enable; profile position: new setpoint."""
     CHANGE_AT_ONCE = 1 << 5
-    """Profile position: take the new setpoint at once, without waiting for the one in progress."""
+    """Profile position: take the new setpoint at once, without waiting until the present one is reached."""
     RELATIVE = 1 << 6
     """Profile position: the target is relative to the target before it."""
     FAULT_RESET = 1 << 7

@@ -1,4 +1,4 @@
-"""Rules for writing the COB-ID entries of PDOs and of EMCY (CiA 301, sections 7.3.5 and 7.5.2)."""
+"""Check new values of the COB-ID entries of PDOs and of EMCY (CiA 301, sections 7.3.5 and 7.5.2)."""
 
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.frame import COB_ID_INVALID, COB_ID_MASK

@@ -7,7 +7,7 @@ from steptwin.protocol.datatypes import DataType
 
 
 class Access(Enum):
-    """Who may do what by SDO; the value is the EDS keyword (CiA 306)."""
+    """Access to an entry by SDO; the value is the EDS keyword (CiA 306)."""
 
     CONST = "const"
     READ_ONLY = "ro"
@@ -16,7 +16,7 @@ class Access(Enum):
 
 
 class Mapping(Enum):
-    """Into which PDOs an entry may be mapped."""
+    """The kinds of PDO into which an entry may be mapped."""
 
     NONE = 0
     RECEIVE = 1
@@ -93,7 +93,7 @@ class ObjectCode(Enum):
 
 @dataclass(frozen=True, slots=True)
 class DictionaryObject:
-    """An index of the dictionary with its entries by sub-index; a variable has the one entry 0."""
+    """An index of the dictionary with its entries by sub-index; a variable has only entry 0."""
 
     index: int
     name: str

@@ -41,7 +41,7 @@ class HeartbeatConsumer:
         """True when the set of producers may have changed; the reader resets it."""
 
     def restart(self) -> None:
-        """Watch the producers that the dictionary names; none of them has been heard yet."""
+        """Watch the producers that the dictionary names, each from its next heartbeat on."""
         self._watches.clear()
         for address in od.CONSUMER_HEARTBEATS:
             self._watch(address, self._dictionary.get(address))

@@ -14,9 +14,9 @@ from steptwin.protocol.cia402 import DigitalInput
 POSITIVE, NEGATIVE = 1, -1
 
 HOME_HERE: Final = 37
-"""The method by which the present position is the home position."""
+"""Number of the method that takes the present position as home."""
 HOME_HERE_OBSOLETE: Final = 35
-"""The same method under its old number."""
+"""Old number of the same method."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from enum import IntEnum
 
 
 class NmtState(IntEnum):
-    """A node's state; the value is the one in its heartbeat."""
+    """A node's state; the value is its code in the heartbeat."""
 
     INITIALISING = 0
     STOPPED = 4
@@ -77,7 +77,7 @@ class HeartbeatProducer:
         self.due_us = now_us if period_us else None
 
     def poll(self, now_us: int) -> bool:
-        """Return True if a heartbeat is to be sent now."""
+        """Return True if a heartbeat is due now."""
         if self.due_us is None or now_us < self.due_us:
             return False
         self.due_us += self.period_us

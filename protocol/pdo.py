@@ -193,7 +193,7 @@ class ProcessData:
         return True
 
     def invalidate(self) -> None:
-        """Let the next `refresh` rebuild the PDOs: their parameters were reset, or their timers must start anew."""
+        """Let the next `refresh` rebuild the PDOs: their parameters were reset, or their timers must restart."""
         self._changed = True
 
     def changed(self, address: int) -> None:

@@ -3,7 +3,7 @@
 Blocks of up to 127 segments go one way and each block is acknowledged; a CRC-16-CCITT ends the transfer if the client
 asked for one. The first byte of a segment is its number in the block, with bit 7 set in the last segment of all; other
 frames have their command there. Download blocks are kept so short that no segment number looks like a command that
-initiates a transfer, so that a client may start anew in the middle of a block.
+initiates a transfer, so that a client may begin a new transfer in the middle of a block.
 """
 
 from binascii import crc_hqx

@@ -32,7 +32,7 @@ _INITIATE, _END, _ACKNOWLEDGE = 0, 1, 2
 
 @dataclass(slots=True)
 class _Segmented:
-    """A segmented transfer under way; `data` is still to be sent if it is an upload, else what has arrived."""
+    """A segmented transfer under way; `data` is the part of an upload still to send, or of a download received."""
 
     index: int
     subindex: int
@@ -50,7 +50,7 @@ class SdoServer:
         self._dictionary = dictionary
         self._transfer: _Segmented | BlockDownload | BlockUpload | None = None
         self.dropped = 0
-        """Number of requests that did not have 8 bytes, as every SDO has, and got no answer."""
+        """Number of requests that got no answer, because they did not have the 8 bytes of an SDO."""
 
     def reset(self) -> None:
         """Drop a transfer under way, as a communication reset does."""

@@ -16,7 +16,7 @@ from steptwin.protocol.objects import PARAMETER_GROUPS, RESTORES, STORES
 
 _SAVE, _LOAD = (int.from_bytes(word, "little") for word in (b"save", b"load"))
 _ON_COMMAND = 1
-"""Value that 1010h and 1011h read as: parameters are stored and restored on command, not by themselves."""
+"""Value that 1010h and 1011h read as: parameters are stored and restored on command, not automatically."""
 _PROFILE_LIMITS = frozenset((od.PROFILE_VELOCITY, od.PROFILE_ACCELERATION, od.PROFILE_DECELERATION))
 """Entries that are stored although a PDO may write them: by themselves they move nothing."""
 _NO_PARAMETERS = frozenset((od.ERROR_HISTORY_COUNT, *STORES, *RESTORES))

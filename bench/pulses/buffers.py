@@ -14,7 +14,7 @@ from steptwin.host.robots.board_settings import BoardSettings
 from steptwin.protocol.timer import counts_of_ns
 
 REPEATS = 3
-"""Number of timed runs, of which the fastest counts; one run before them compiles and touches the pages."""
+"""Number of timed runs; the fastest counts. One run before them compiles and touches the pages."""
 
 
 class PinTimes(NamedTuple):

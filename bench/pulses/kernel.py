@@ -14,7 +14,7 @@ from steptwin.host.robots.board_settings import BoardSettings
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 
 REPEATS = 3
-"""Number of timed runs, of which the fastest counts; one run before them compiles."""
+"""Number of timed runs; the fastest counts. One run before them compiles."""
 
 
 def kernel_method(kernel: Kernel, motion: PlannedMotion) -> Placed:

@@ -1,4 +1,4 @@
-"""Draw the pictures of docs/benchmarks.md: `python -m steptwin.bench.pulses.pictures [DIR]` measures anew."""
+"""Draw the pictures of docs/benchmarks.md: `python -m steptwin.bench.pulses.pictures [DIR]` measures again."""
 
 import sys
 from collections.abc import Callable

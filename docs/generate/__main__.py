@@ -1,4 +1,4 @@
-"""Write docs/driver.md, docs/protocol.md, docs/robots.md and their pictures anew: `python -m docs.generate`."""
+"""Write docs/driver.md, docs/protocol.md, docs/robots.md and their pictures again: `python -m docs.generate`."""
 
 from docs.generate.driver import DRIVER_PAGE, render_driver
 from docs.generate.driver_pictures import write_driver_pictures

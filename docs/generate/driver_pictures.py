@@ -26,7 +26,7 @@ _END: Final = 700 * _US
 
 
 def write_driver_pictures() -> None:
-    """Draw the picture anew."""
+    """Draw the picture again."""
     write_picture(LATE_DIR, _late_dir)
 
 

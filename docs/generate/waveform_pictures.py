@@ -15,7 +15,7 @@ _VIEWS: Final = {"edges": View(1.94, 0.06), "phases": DEFAULT_VIEW, "jitter": DE
 
 
 def write_waveform_pictures(runs: Runs) -> None:
-    """Draw the pictures anew."""
+    """Draw the pictures again."""
     outcome = runs.outcome("hybrid-arm", "helix")
     for name, view in _VIEWS.items():
         path = DOCS / "pictures" / f"waveform-{name}.png"

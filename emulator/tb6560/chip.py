@@ -193,7 +193,7 @@ class Tb6560:
         return rises, signs
 
     def _take(self, change: LevelChange) -> bool:
-        """Take one input's level; return True if it differs from the one before."""
+        """Take one input's level; return True if it differs from the level before."""
         counts, pin, level = change
         if self._levels[pin] == level:
             return False
@@ -245,7 +245,7 @@ class Tb6560:
         return joined(self._steps, np.int64), joined(self._signs, np.int8)
 
     def forget(self) -> None:
-        """Keep the counts and drop their history: steps, violations and the outputs' instants start anew."""
+        """Drop the recorded steps, violations and changes of the outputs, but keep how many there were."""
         if not (self._steps or self._changes or self._before[0].size or self._junction.shutdowns(self._until_counts)):
             return  # there is nothing to drop
         outputs, kept_counts = self.outputs, self._until_counts - _LATE_COUNTS

@@ -78,7 +78,7 @@ def _of_the_program(
 
 
 _YOUNG_OBJECTS: Final = 50_000
-"""Number of new objects between two collections of garbage: imports make many objects, nearly all of which stay."""
+"""Number of new objects between two collections of garbage: imports make many objects, and nearly all stay."""
 
 
 def main() -> None:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
 
 LIVE_PANEL: Final = "Live board"
-"""Group in a command's help of the options that only a live board has."""
+"""Title of the group of options, in a command's help, that only a live board has."""
 
 _live_option = partial(typer.Option, rich_help_panel=LIVE_PANEL)
 

@@ -20,7 +20,7 @@ _CONNECT_TIMEOUT_S: Final = 2.0
 _RECEIVE_CYCLE_S: Final = 0.05
 """Longest time that disconnecting waits for the receiving thread."""
 _EMPTY_READS_MAX: Final = 1000
-"""More successive reads that return nothing at once mean a closed connection, not a command in pieces."""
+"""Largest number of empty reads in a row while a command arrives in pieces; more mean a closed connection."""
 _AT_ONCE_S: Final = 0.001
 
 
@@ -57,7 +57,7 @@ def open_bus(connection: Connection) -> can.BusABC:
 
 
 class _SocketcandBus(SocketCanDaemonBus):
-    """python-can's socketcand bus, which by itself takes a closed connection for one on which nothing arrives."""
+    """python-can's socketcand bus, extended to notice a closed connection, which python-can takes for a silent one."""
 
     def __init__(self, channel: str, host: str, port: int) -> None:
         self._empty_reads = 0

@@ -11,7 +11,7 @@ from steptwin.host.common.errors import DeviceFaultError
 from steptwin.protocol.cia402 import ErrorCode, State
 
 _REPORT_TIMEOUT_S: Final = 0.3
-"""Three times the event timer with which an OPERATIONAL node reports its drive's status."""
+"""Time limit for a report: three times the event timer with which an OPERATIONAL node reports its drive's status."""
 
 
 def await_reports(clock: Clock, axes: Sequence[AxisClient]) -> None:

@@ -18,7 +18,7 @@ from steptwin.protocol.cia402 import ENABLE_OPERATION, Control, Mode, Status
 from steptwin.protocol.frame import COB_SYNC
 
 _STALL_S: Final = 5.0
-"""Longer than a step takes, unless the motion lasts for hours."""
+"""Time limit for the next step; only in a motion of hours does a step take longer."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.pvt import QUEUE_DEPTH, SEQUENCE_MODULUS, PvtFlag, PvtRecord, PvtStatus
 
 _GAP_HOLD_S: Final = 0.025
-"""Two round trips, at the status reports' inhibit time of 10 ms."""
+"""Time after a gap in which a further gap does not count: two round trips, at the reports' inhibit time of 10 ms."""
 _RESEND_AFTER_S: Final = 0.25
 
 

@@ -19,15 +19,15 @@ from steptwin.protocol.pvt import PvtFlag
 
 _PRELOAD_RECORDS: Final = 32
 _PRELOAD_TIMEOUT_S: Final = 5.0
-"""Long enough to send lost records again a few times on a bad line."""
+"""Time limit for filling the queues: on a bad line lost records can be sent again a few times."""
 _STATUS_PERIOD: Final = od.address_of(od.TPDO_COMMUNICATION[2], od.PDO_EVENT_TIMER)
-"""The event timer with which TPDO3 reports a queue's free places."""
+"""Address of the event timer with which TPDO3 reports a queue's free places."""
 _STATUS_PERIOD_MAX_MS: Final = TPDO_DEFAULTS[2].event_timer_ms
-"""The value after power-up."""
+"""Longest period of these reports: the event timer's value after power-up."""
 _STATUS_PERIOD_MIN_MS: Final = 10
-"""The inhibit time of TPDO3; the client looks no more often."""
+"""Shortest period of these reports: the inhibit time of TPDO3, at which the client polls."""
 _STATUS_PERIOD_SEGMENTS: Final = 20
-"""With a report every 20 segments, three come before a queue of 64 runs dry."""
+"""Number of segments from one report to the next: three reports come before a queue of 64 runs dry."""
 
 
 class StreamStarter:

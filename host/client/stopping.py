@@ -19,7 +19,7 @@ from steptwin.protocol.cia402 import QUICK_STOP, State, Status
 from steptwin.protocol.frame import COB_SYNC
 
 _REACTION_S: Final = 0.05
-"""Ten times the longest delay before a changed status is sent."""
+"""Time for an axis to react: ten times the longest delay before a changed status is sent."""
 _REACTED: Final = (State.QUICK_STOP_ACTIVE, State.SWITCH_ON_DISABLED, *FAULT_STATES)
 
 

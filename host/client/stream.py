@@ -12,7 +12,7 @@ from steptwin.host.client.waiting import POLL_S
 from steptwin.host.common.errors import BusError
 
 _STALL_S: Final = 5.0
-"""The longest record, 255 ms, takes up to sqrt(2 * 0.255 * 16.3) = 2.9 s at the end of the slowest ramp of a halt."""
+"""Time limit for a record: 255 ms at most last sqrt(2 * 0.255 * 16.3) = 2.9 s at the end of the slowest halt ramp."""
 
 
 class Stream:
@@ -49,7 +49,7 @@ class Stream:
 
     @property
     def trajectory_s(self) -> float:
-        """The trajectory time reached at least: the begin of the record last reported as executing."""
+        """The trajectory time reached at least: the beginning of the record last reported as executing."""
         return self._reached.least_s
 
     @property

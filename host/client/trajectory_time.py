@@ -1,6 +1,6 @@
 """Bound the trajectory time that a group of axes has reached, by the record that one of them reports as executing.
 
-Trajectory time passes as fast as the clock or, while the group halts, more slowly. So it lies between the begin of the
+Trajectory time passes as fast as the clock or, while the group halts, more slowly. So it lies between the start of the
 record executed and that record's end plus the time since the report.
 """
 
@@ -18,7 +18,7 @@ class TrajectoryTime:
 
     def __init__(self, durations_ms: list[int], now_s: float) -> None:
         self._begins_ms = [0, *accumulate(durations_ms)]
-        """The begin of every record, then the end of the last."""
+        """The beginning of every record, then the end of the last."""
         self._executing = 0
         self._reported_s = now_s
 

@@ -10,7 +10,7 @@ from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 
 _TIMEOUT_MARGIN = 2.0
 _LATENCY_S = 0.05
-"""Longer than the delay before a stop begins: the profile segment in execution lasts up to 31 ms."""
+"""Bound of the delay before a stop begins: the profile segment in execution lasts up to 31 ms."""
 
 
 def homing_settings(joint: Joint) -> HomingSettings | None:

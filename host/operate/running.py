@@ -116,7 +116,7 @@ def execute_live(
 
 
 _SETTLED_S: Final = 0.02
-"""Longer than the last step and the last status report need after the end of a stream."""
+"""Time after the end of a stream by which the last step and the last status report have come."""
 
 
 def _ends(machine: Machine, plan: Plan) -> tuple[AxisEnd, ...]:

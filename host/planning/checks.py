@@ -20,7 +20,7 @@ from steptwin.protocol.pvt import I24_MAX, I24_MIN
 _CHECK_MS: Final = 1
 """Time between two instants at which limits are checked; every PVT point is checked as well."""
 _LIMIT_TOLERANCE: Final = 1e-9
-"""Rounding error allowed beyond a limit: in mm or degrees for positions, as a part of the limit for speeds."""
+"""Rounding error allowed beyond a limit: in mm or degrees for positions, as a fraction of the limit for speeds."""
 _REST_TOLERANCE: Final = 1e-9
 """Rounding error of a velocity of zero, in mm/s or deg/s."""
 _Q16: Final = 1 << 16

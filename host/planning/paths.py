@@ -2,7 +2,7 @@
 
 A path gives poses of shape (n, 4), x_mm, y_mm, z_mm and attitude_deg, and their derivatives by the length s in mm, for
 lengths of shape (n,) in [0, length_mm]. The attitude turns in proportion to the length. The paths share this file
-because this convention, of which each is a few formulas, is all that they consist of.
+because each is only a few formulas that follow this convention.
 """
 
 from dataclasses import dataclass
@@ -132,7 +132,7 @@ def _centre(a: FloatArray, b: FloatArray, c: FloatArray, normal: FloatArray) -> 
 
 
 class Smoothing(Enum):
-    """How a curve goes through its points: with continuous curvature (C2), or without overshoot at corners (Akima)."""
+    """Shape of a curve through points: with continuous curvature (C2), or without overshoot at corners (Akima)."""
 
     C2_SPLINE = "c2-spline"
     AKIMA = "akima"

@@ -13,12 +13,12 @@ _LIMITS: Final = {DigitalInput.NEGATIVE_LIMIT: _NEGATIVE, DigitalInput.POSITIVE_
 
 
 def _edge_key(method: HomingMethod) -> str:
-    """Return the key of the edge that is home."""
+    """Return the key of the edge that a method takes as home."""
     return _LIMITS.get(method.switch) or (_FROM if method.at_lower_edge else _TO)
 
 
 def _needed_keys(method: HomingMethod) -> tuple[str, ...]:
-    """Return the keys of all edges that a method needs, the one that is home first."""
+    """Return the keys of all edges that a method needs, the home edge first."""
     if not method.turns:
         return (_edge_key(method),)
     turn = DigitalInput.POSITIVE_LIMIT if method.search_direction == POSITIVE else DigitalInput.NEGATIVE_LIMIT
@@ -56,7 +56,7 @@ class JointSwitches:
             raise InputError(f"switches.positive_limit: {positive:g} {unit} is not above upper, {upper:g} {unit}")
 
     def edge(self, method: HomingMethod) -> float | None:
-        """Return the position of the edge that is home by a method; None if the joint has no such edge."""
+        """Return the position of the edge that a method takes as home; None if the joint has no such edge."""
         position: float | None = getattr(self, _edge_key(method))
         return position
 

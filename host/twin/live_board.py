@@ -46,7 +46,7 @@ RECORD_EVERY_S: Final = 0.5
 
 @dataclass(slots=True)
 class _JointTotals:
-    """What a joint's driver has done since power-up.
+    """Totals of a joint's driver since power-up.
 
     Attributes:
         name: of the joint.

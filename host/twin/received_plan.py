@@ -36,7 +36,7 @@ class ReceivedPlan:
         self._file: TextIO | None = None
         self._robot = robot
         self._recent = [deque[PvtRecord](maxlen=QUEUE_DEPTH) for _ in robot.joints]
-        """The last records of each joint, of which some may wait in its queue when a motion begins."""
+        """The last records of each joint; some of them may wait in its queue when a motion begins."""
         self._pending = [deque[PvtRecord]() for _ in robot.joints]
         """Records of the motion that are not in a row yet."""
         self._moving: list[int] = []
@@ -76,7 +76,7 @@ class ReceivedPlan:
         self._write_rows()
 
     def fail(self, reason: str) -> None:
-        """Give the plan up: the machine does not do what the records say."""
+        """Give up the plan: the machine does not move as the records say."""
         if self._lacking is None:
             self._lacking = reason
 

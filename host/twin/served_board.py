@@ -107,7 +107,7 @@ class ServedBoard:
 
     @property
     def title(self) -> str:
-        """Where the board is, and how to connect to it, in one line."""
+        """The place of the board and the way to connect to it, in one line."""
         return self.endpoint.title
 
     def report(self) -> dict[str, Any]:
@@ -145,7 +145,7 @@ class ServedBoard:
             raise BusError(self.endpoint.failure)
 
     def stop(self) -> None:
-        """Let the board end; may be called from any thread and from signal handlers."""
+        """End the board; may be called from any thread and from signal handlers."""
         self._loop.stop()
 
     def call_every(self, dt_s: float, callback: Callable[[], None]) -> None:

@@ -4,7 +4,7 @@ The step rule, with H = 1/2 + 1/16 step: a counter n goes up when p(t) >= n + H 
 the planned joint position in steps. The oracle applies the rule to the trajectory's own continuous functions. It shares
 nothing with the firmware that it judges: no integers, no ticks, no chords.
 
-The method: sample the motion every millisecond; solve its turning points and add them. Between two extremes the motion
+The method: sample the motion every millisecond; find its turning points and add them. Between two extremes the motion
 is then monotone and passes its thresholds in order. Two samples bracket each crossing; solve all crossings together.
 """
 
@@ -113,7 +113,7 @@ class _AxisCounter:
         return IdealSteps(self._start_steps, time_s, signs, speeds_hz, np.concatenate(self._turning_s))
 
     def _run(self, t_s: FloatArray, position_steps: FloatArray, first: int, last: int) -> _Brackets | None:
-        """Return the crossings in the monotone run of samples from first to last, both included; None without any."""
+        """Return the crossings in the monotone run of samples from first to last, both included; None if none."""
         distance_steps = float(position_steps[last]) - self._counter
         if abs(distance_steps) < THRESHOLD_STEPS:
             return None

@@ -60,7 +60,7 @@ def pulse_facts(axis: AxisEvidence) -> PulseFacts:
 
 
 def clk_durations(axis: AxisEvidence) -> ClkDurations:
-    """Return the durations of which the record has both ends."""
+    """Return all durations whose two ends are on record."""
     rises, falls = axis.clk_rise_counts, axis.clk_fall_counts
     pulses_counts, pauses_counts = falls - rises, rises[1:] - falls[:-1]
     if axis.active_edge is ActiveEdge.FALLING:

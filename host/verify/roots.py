@@ -1,4 +1,4 @@
-"""Solve roots of many functions at once, each inside its own bracket, without derivatives.
+"""Find the roots of many functions at once, each inside its own bracket, without derivatives.
 
 Chandrupatla's method interpolates inversely quadratically if three points promise convergence, and bisects otherwise. A
 smooth function costs about five evaluations, any continuous function hardly more than bisection.

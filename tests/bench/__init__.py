@@ -1,1 +1,1 @@
-"""Tests that the benchmarks measure correctly; none of them asserts how long anything takes."""
+"""Tests that the benchmarks measure correctly; no test asserts how long anything takes."""

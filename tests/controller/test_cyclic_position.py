@@ -424,7 +424,7 @@ class TestSoftLimits:
     def test_a_sine_beyond_the_limits_stops_at_them(
         self, fast_kernel: Kernel, sign: int, period_ms: int, peak_hz: float
     ) -> None:
-        """Above 2/3 of the axis' speed there is no cubic that ends at the limit in time: it falls behind."""
+        """Above 2/3 of the axis' speed no cubic ends at the limit in time: the axis falls behind."""
         points = [sign * point for point in sine(peak_hz, 2, 500 // period_ms, period_ms)]
         limit = sign * max(abs(point) for point in points) // 2
         board = CyclicBench(fast_kernel, period_ms)
@@ -655,7 +655,7 @@ Point = int | Fraction | None
 Cycle = tuple[list[Point], bool, float]
 """The set-points of a cycle, whether its SYNC is sent, and how late it is in periods.
 
-A set-point is in units, or a fraction: its distance from the one before, relative to the most possible in a period.
+A set-point is in units, or a fraction: its distance from the last one, as a part of the greatest possible in a period.
 """
 
 

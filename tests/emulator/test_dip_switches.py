@@ -49,10 +49,10 @@ def test_idle_torque(idle: int) -> None:
 @pytest.mark.parametrize(
     ("setting", "words"),
     [
-        ({"current_a": 1.3, "microsteps": 16}, r"1\.3 A is none of the module's settings: .* 1\.2 A and 1\.4 A"),
-        ({"current_a": 9, "microsteps": 16}, r"9 A is none .* 2\.6 A and 3 A"),
-        ({"current_a": 1, "microsteps": 4}, "4 steps of a full step is none of 1, 2, 16, 8"),
-        ({"current_a": 1, "microsteps": 1, "fast_decay_percent": 30}, "30 % of fast decay is none of 0, 25, 50, 100"),
+        ({"current_a": 1.3, "microsteps": 16}, r"1\.3 A is not one of the module's settings: .* 1\.2 A and 1\.4 A"),
+        ({"current_a": 9, "microsteps": 16}, r"9 A is not one .* 2\.6 A and 3 A"),
+        ({"current_a": 1, "microsteps": 4}, "4 steps of a full step is not one of 1, 2, 16, 8"),
+        ({"current_a": 1, "microsteps": 1, "fast_decay_percent": 30}, "30 % fast decay is not one of 0, 25, 50, 100"),
         ({"current_a": 1, "microsteps": 1, "idle_percent": 0}, "0 % at standstill is neither 20 % nor 50 %"),
     ],
 )

@@ -242,7 +242,7 @@ class TestSwitches:
         assert less == pytest.approx(full / 0.75 / 2)
 
     def test_power_cycle(self) -> None:
-        """The idle circuit begins anew, the switches' levels go and come with the supply."""
+        """The idle circuit starts again; the switches' levels go and come with the supply."""
         changes = (*at(600 * MS, VM=0, VDD=0), *at(700 * MS, VDD=1, VM=1))
         driver = driven(THREE_AMP, pins([800 * MS], changes=changes, until=1150 * MS))
         currents = driver.outputs.currents_a(np.array([599 * MS, 650 * MS, 701 * MS]))[:, 0].tolist()

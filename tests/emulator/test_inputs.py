@@ -101,7 +101,7 @@ def run(simulation: Simulation, motions: dict[int, list[PvtRecord]], until_ms: i
 
 
 def records_through(points: list[tuple[int, int]]) -> list[PvtRecord]:
-    """From rest to rest through positions in steps, each a number of ms after the one before."""
+    """From rest to rest through positions in steps, each a number of ms after the last one."""
     places = [0, *(place for place, _ in points)]
     return [
         PvtRecord((after - before) * STEP, 0, duration_ms, i)
@@ -494,7 +494,7 @@ class TestMonitor:
         assert monitored(board) == [0, -20, 120]
         assert board.firmware.nodes[0].dictionary.get(od.FOLLOWING_ERROR_ACTUAL) == -20 * STEP
 
-    def test_a_power_cycle_begins_anew(self, fast_kernel: Kernel) -> None:
+    def test_a_power_cycle_resets_the_counts(self, fast_kernel: Kernel) -> None:
         board = board_of(fast_kernel, 1, osc_pf=1000.0)
         simulation = Simulation([board], Bus(1_000_000))
         run(simulation, {0x10: records_through([(50, 60)])}, 300)
@@ -518,7 +518,7 @@ class TestPowerCycle:
         assert dictionary.get(od.DIGITAL_INPUTS) == HOME | DigitalInput.ESTOP
 
     def test_the_next_motion_is_followed_past_the_switches(self, fast_kernel: Kernel) -> None:
-        """It is the new firmware's first motion, as the one before the power cycle was the old firmware's."""
+        """The new firmware counts this motion as its first, as the old firmware did before the power cycle."""
         board = board_of(fast_kernel, 1, Switch(0, HOME, 70, 80))
         simulation = Simulation([board], Bus(1_000_000))
         run(simulation, {0x10: records_through([(50, 60)])}, 300)

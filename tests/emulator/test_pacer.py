@@ -30,7 +30,7 @@ def test_a_day_has_all_its_counts() -> None:
 
 @given(STARTS, SPEEDS, COUNTS)
 def test_the_first_nanosecond_of_a_count(start_ns: int, speed: float, counts: int) -> None:
-    """A count may last less than a nanosecond, so that it has none of its own: then it is the next one's."""
+    """A count may be so short that no nanosecond begins in it: then the first nanosecond after it is returned."""
     pacer = Pacer(start_ns, speed)
     ns = pacer.ns_at(counts)
     assert pacer.counts_at(ns) >= counts

@@ -164,7 +164,7 @@ def test_passed_frames_are_not_kept_in_memory() -> None:
         assert not rig.live._incoming  # noqa: SLF001
 
 
-def test_after_closing_nobody_is_connected() -> None:
+def test_after_closing_no_client_is_connected() -> None:
     with LiveRig() as rig:
         client = RawClient(rig.port)
     assert client.until_hung_up() == b""

@@ -56,7 +56,7 @@ def test_the_wheel_from_an_sdist_is_the_same(wheel: Path, tmp_path: Path) -> Non
 def test_a_clone_without_links_gives_a_working_wheel(tmp_path: Path) -> None:
     """Without link support, as on Windows, git writes each link as a file that contains the link's target."""
     if not (ROOT / ".git").exists():
-        pytest.skip("this is no clone")
+        pytest.skip("this is not a clone")
     clone = tmp_path / "clone"
     subprocess.run(["git", "-c", "core.symlinks=false", "clone", "--quiet", ROOT, clone], check=True)
     assert (clone / "steptwin" / "host").read_text() == "../host"

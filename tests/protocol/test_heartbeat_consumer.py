@@ -75,12 +75,12 @@ def test_a_node_is_named_once() -> None:
         write(dictionary, 1, 0x7F_00C8)
     assert caught.value.code is AbortCode.INCOMPATIBLE
     assert dictionary.get(od.CONSUMER_HEARTBEATS[0]) == 0
-    write(dictionary, 1, 0x7F_0000)  # a time of 0 names nobody
+    write(dictionary, 1, 0x7F_0000)  # a time of 0 names no producer
     write(dictionary, 2, 0x7F_00C8)  # its own entry may change
     assert consumer.producers == [0x7F]
 
 
-def test_writing_an_entry_begins_anew() -> None:
+def test_writing_an_entry_restarts_its_watch() -> None:
     dictionary = ObjectDictionary(0x10)
     consumer = HeartbeatConsumer(dictionary)
     write(dictionary, 1, 0x7F_0064)

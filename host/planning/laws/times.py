@@ -50,7 +50,7 @@ def shortest_ms(by_speed_ms: float, by_ramp_ms: Callable[[int], float], shortest
     T - t1 is S / v. It has three lower bounds: the speed's, the acceleration's, which falls with a longer ramp, and the
     ramp itself, since the ramps must not overlap. While the acceleration's bound is the largest, a longer ramp saves at
     least as much time as it takes; after that, every further millisecond of the ramp is lost. So the best ramp is the
-    first one for which the acceleration's bound is not the largest, or the one before.
+    first one for which the acceleration's bound is not the largest, or is 1 ms shorter.
 
     Args:
         by_speed_ms: Least T - t1 at which the speed keeps its limit.

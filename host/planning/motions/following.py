@@ -1,4 +1,4 @@
-"""Inverse kinematics along a tool path: checked, and without jumps of a joint."""
+"""Solve the inverse kinematics along a tool path: checked, and without jumps of a joint."""
 
 import numpy as np
 
@@ -32,7 +32,7 @@ def follow(robot: Robot, poses: FloatArray, t_s: FloatArray, branch: str, near: 
 
 
 def _turns_deg(first_deg: float, near_deg: float) -> float:
-    """Return the full turns, in degrees, from the first angle to `near_deg`; 0 unless both are the same direction."""
+    """Return the degrees from `first_deg` to `near_deg` if they are whole turns, else 0."""
     turns_deg = 360.0 * round((near_deg - first_deg) / 360.0)
     return turns_deg if abs(first_deg + turns_deg - near_deg) < LIMIT_TOLERANCE else 0.0
 

@@ -89,8 +89,8 @@ class Sampled:
 def check_times(times_s: FloatArray, places: Sequence[str] = (), *, all_whole_ms: bool = False) -> None:
     """Raise InputError unless points at these times can be a motion; messages name the times by `places`.
 
-    There must be at least 2 times, all finite, the first one 0, each later than the one before, and the last one, or
-    with `all_whole_ms` each, a whole millisecond.
+    There must be at least 2 times, all finite. They begin at 0 and rise. The last time, or with `all_whole_ms` every
+    time, must be a whole millisecond.
     """
     if len(times_s) < 2:
         raise InputError(f"{len(times_s)} points: a motion takes at least 2")

@@ -32,7 +32,7 @@ class Pause:
 
 @dataclass(frozen=True, slots=True)
 class Sequence:
-    """Motions, each of which begins where the one before ended; implements Trajectory.
+    """Motions in a row, each begins where the last one ended; implements Trajectory.
 
     Attributes:
         joint_names: Names of the robot's joints.

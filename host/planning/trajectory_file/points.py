@@ -18,7 +18,7 @@ LONGEST_S: Final = 3600.0
 
 @dataclass(frozen=True, slots=True)
 class Points:
-    """What a file says, in the order of its columns.
+    """The contents of a trajectory file, in the order of its columns.
 
     Attributes:
         joint_names: one for each column.

@@ -33,7 +33,7 @@ _INT16: Final = (-(1 << 15), (1 << 15) - 1)
 
 
 class AxisTotals(NamedTuple):
-    """Facts of an axis that do not grow with its edges."""
+    """Facts of an axis whose size does not depend on its edges."""
 
     name: str
     start_steps: int
@@ -54,7 +54,7 @@ def write_edges(path: Path, evidence: Evidence) -> None:
 
 
 def header_arrays(start_counts: int, axes: Sequence[AxisTotals]) -> dict[str, Array | np.int64]:
-    """Return all arrays by key except those of `edge_arrays`."""
+    """Return all arrays, by key, except those of `edge_arrays`."""
     values: dict[str, Array | np.int64] = {
         VERSION_KEY: np.int64(FOLDER_VERSION),
         "counts_per_second": np.int64(COUNTS_PER_SECOND),
@@ -69,7 +69,7 @@ def header_arrays(start_counts: int, axes: Sequence[AxisTotals]) -> dict[str, Ar
 
 
 def edge_arrays(axis: AxisEvidence) -> dict[str, Array]:
-    """Return by key the arrays that grow with an axis' edges."""
+    """Return the arrays, by key, whose length depends on an axis' edges."""
     name, violations, phases = axis.name, axis.violations, axis.phases
     arrays: dict[str, Array] = {
         f"{name}_clk_rise_counts": axis.clk_rise_counts,

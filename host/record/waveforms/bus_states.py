@@ -20,7 +20,7 @@ _PDO_BYTES: Final = sum(ENTRIES[address].data_type.size for address in TPDO_DEFA
 
 
 def drive_states(log: Path, axes: int) -> tuple[HeldValues, ...]:
-    """Return the state of each axis' drive over time, to the microsecond of the log.
+    """Return the state of each axis' drive over time; its instants are those of the log, in whole microseconds.
 
     Raises:
         InputError: a line is not in candump's format; the message names file and line.

@@ -67,7 +67,7 @@ class HeldValues:
         return self._after(int(np.searchsorted(self.counts, counts, side="right")))
 
     def between(self, after: int, until: int) -> tuple[Int64Array, Values]:
-        """As Changes.between; a value equal to the one before does not count as a change."""
+        """As Changes.between; a repeated value does not count as a change."""
         first, last = np.searchsorted(self.counts, (after, until), side="right").tolist()
         counts, values = self.counts[first:last], self.values[first:last]
         final = np.append(counts[1:] != counts[:-1], True) if counts.size else np.empty(0, np.bool_)

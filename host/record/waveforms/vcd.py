@@ -24,7 +24,7 @@ _BEHIND: Final = {SignalKind.WIRE: "", SignalKind.REAL: " ", SignalKind.TEXT: " 
 
 _FIRST_CODE: Final = ord("!")
 _CODES: Final = 94
-"""Number of printable ASCII characters, of which codes are made."""
+"""Number of printable ASCII characters: codes are made of these."""
 
 
 def vcd(signals: Sequence[Signal], window: Window, scale: TimeScale, title: str) -> Iterator[bytes]:

@@ -1,4 +1,4 @@
-"""Denavit-Hartenberg tables as data: an independent way to each pose, and the tables that papers print.
+"""Denavit-Hartenberg tables as data, in the form that papers print; they give each pose in an independent way.
 
 Papers use two conventions:
 
@@ -43,7 +43,7 @@ class Parameter:
         return f"{signed} {'-' if self.constant < 0 else '+'} {abs(self.constant):g}" if self.constant else signed
 
     def values(self, variables: Variables) -> FloatArray:
-        """Return the values, of shape (n,), or () for a constant."""
+        """Return the parameter's values, of shape (n,), or () for a constant."""
         if not self.variable:
             return np.asarray(self.constant)
         return self.constant + self.sign * variables[self.variable]

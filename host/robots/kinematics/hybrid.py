@@ -108,7 +108,7 @@ class HybridArm:
 
     @property
     def branches(self) -> tuple[str, ...]:
-        """The working modes, `(+,+)` first: the signs of sliders 5 and 6, + for a slider below the platform."""
+        """Names of the working modes, `(+,+)` first: signs of sliders 5 and 6, + for a slider below the platform."""
         return tuple(mode.value for mode in WorkingMode)
 
     def dh_variables(self, joints: FloatArray) -> dict[str, FloatArray]:

@@ -19,7 +19,7 @@ from steptwin.host.common.errors import InputError
 
 
 class WorkingMode(Enum):
-    """Whether sliders 5 and 6 are below c (+) or above it (-); machines work in the first mode."""
+    """Sides of sliders 5 and 6: below c (+) or above it (-); machines work in the first mode."""
 
     BOTH_BELOW = "(+,+)"
     RIGHT_ABOVE = "(+,-)"
@@ -33,7 +33,7 @@ class WorkingMode(Enum):
 
 
 class AssemblyMode(Enum):
-    """Whether c is above or below the line through the sliders."""
+    """Side of the line through the sliders on which c is."""
 
     ABOVE = 1
     BELOW = -1
@@ -72,7 +72,7 @@ class SliderPair:
         return z3_mm - left_sign * left_rise, z3_mm - right_sign * right_rise
 
     def assembly_of(self, z2_mm: FloatArray, mode: WorkingMode) -> FloatArray:
-        """Return the assembly mode, +1 or -1, in which a working mode has c there; 0 where a mixed mode is singular."""
+        """Return the assembly mode, +1 or -1, of a working mode with c at this z2; 0 where a mixed mode is singular."""
         (left_sign, right_sign), (left_rise, right_rise) = mode.signs, self._rises(z2_mm)
         above = (self.h_mm - z2_mm) * left_sign * left_rise + (self.h_mm + z2_mm) * right_sign * right_rise
         return np.sign(above)

@@ -12,7 +12,7 @@ class Endpoint(ABC):
     kind: ClassVar[str]
     """Key under which the report holds its figures."""
     title: str
-    """Where the board is, and how to connect to it."""
+    """The place of the board, and the way to connect to it."""
     port: int | None = None
     """TCP port of a listening socket."""
     remote: bool = False

@@ -1,4 +1,4 @@
-"""`doctor`: each check passes on a healthy machine and names what is wrong on another; an absent server."""
+"""`doctor`: each check passes on a healthy machine and names the fault of an unfit one; an absent server."""
 
 import json
 

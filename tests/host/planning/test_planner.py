@@ -239,7 +239,7 @@ class TestStepRate:
         assert complaint(sine, endless("th1"), 200).startswith("th1: 15.9 kHz of steps at t = 0.200 s")
 
     def test_the_firmware_agrees_to_the_last_bit(self) -> None:
-        """The values that the kernel's `push` computes in Q16 steps, computed anew here, are within its limit."""
+        """The values that the kernel's `push` computes in Q16 steps, computed again here, are within its limit."""
         planned = plan(endless("th1"), moved_by(law_of(337.49)), 7)
         tail = 0
         for d, end, dt in zip(*planned.records()[3], strict=True):

@@ -66,7 +66,7 @@ def prepare(session: LiveSession, *records: PvtRecord, nodes: tuple[int, ...] = 
 
 
 def no_plan(session: LiveSession, folder: Path) -> str:
-    """End a session without a plan, of which no file is left; return the reason."""
+    """End a session that leaves no file of a plan; return the reason for that."""
     session.end()
     assert not list(folder.glob("trajectory.*"))
     reason: str = json.loads((folder / "report.json").read_text())["no_plan"]

@@ -22,7 +22,7 @@ class Made:
         return ([self.before] + [value for instant, value in self.history if instant <= counts])[-1]
 
     def changes(self, after: int, until: int) -> list[tuple[int, float]]:
-        """Return the instants at which the value differs from the one before, each instant once."""
+        """Return the instants at which the value changes, each instant once."""
         instants = sorted({instant for instant, _ in self.history if after < instant <= until})
         return [(instant, self.at(instant)) for instant in instants if self.at(instant) != self.at(instant - 1)]
 

@@ -74,7 +74,7 @@ def calibration() -> Any:
 
 
 def hybrid() -> Any:
-    """The equivalent serial chain R-P-P-R in modified DH, of which z2 and z3 are variables."""
+    """The equivalent serial chain R-P-P-R in modified DH; z2 and z3 are variables."""
     return rtb.DHRobot(
         [
             rtb.RevoluteMDH(alpha=0, a=0, d=400, offset=QUARTER_TURN),
