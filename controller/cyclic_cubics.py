@@ -20,7 +20,7 @@ class Knot(NamedTuple):
 
 
 class Cubic(NamedTuple):
-    """A cubic, which begins at the position and the velocity at which the cubic before it ended."""
+    """A cubic, which begins at the position and the velocity at which the previous cubic ended."""
 
     displacement_units: int
     end_velocity: int

@@ -2,18 +2,18 @@
 
 The set-point is the target position (607Ah). It is used when the slot of its SYNC closes (see `SyncClock`): a cubic of
 one period T, which ends at the set-point, then begins with the next servo tick. The cubic begins with the velocity at
-which the last one ended, and ends with the velocity of the parabola through the last three set-points. For set-points
-P(kT) of a smooth motion that velocity is wrong by T^2 P'''/3. Between the set-points the axis is then off by at most
-0.032 T^3 P''': T times that velocity times the largest s (1 - s) (1 - 2s), which is 0.096. Where the acceleration jumps
-by a, the axis is off by 4/27 T (a T/4) = 0.037 a T^2.
+which the previous one ended, and ends with the velocity of the parabola through the last three set-points. For
+set-points P(kT) of a smooth motion that velocity is wrong by T^2 P'''/3. Between the set-points the axis is then off by
+at most 0.032 T^3 P''': T times that velocity times the largest s (1 - s) (1 - 2s), which is 0.096. Where the
+acceleration jumps by a, the axis is off by 4/27 T (a T/4) = 0.037 a T^2.
 
 Cubics last whole servo ticks. Slots are moved when the clocks of host and board drift apart; from then on they close up
 to a tick before or after they should, and each cubic ends where the parabola is at that time. While slots are moved the
 speed differs by 1/512 or, at 1 ms, by 1/1000; in the first period by twice that.
 
 From rest the axis follows from the next SYNC on, so the host begins with the position demand (6062h). A set-point
-farther from the last one than the axis can move in the time between is a fault. After a sudden start the middle of a
-cubic may need more speed than the axis has: the axis then falls behind and catches up, and falling behind by a period
+farther from the previous one than the axis can move in the time between is a fault. After a sudden start the middle of
+a cubic may need more speed than the axis has: the axis then falls behind and catches up, and falling behind by a period
 is a fault. A set-point beyond the soft limits is moved to the limit (bit 11), and no cubic leads beyond the limits.
 
 A slot without SYNC, or whose SYNC came without a set-point, is bridged with the velocity of the slot before. Each such

@@ -75,7 +75,7 @@ class Supervision:
             self.due_us = now_us + period_us
 
     def poll(self, now_us: int) -> None:
-        """Check limit switches and following error, those that are watched, if the check is due."""
+        """Make the check that is due, if any: of limit switches, following error, or both."""
         if self.due_us is None or now_us < self.due_us:
             return
         self.due_us = None

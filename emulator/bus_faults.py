@@ -16,7 +16,7 @@ class BusFaultKind(Enum):
     CORRUPTION = "corruption"
     """The frame is disturbed: an error frame follows, error counters rise, the sender tries again."""
     DELAY = "delay"
-    """The sender waits before it takes part in the arbitration; once for each frame."""
+    """The sender waits before it takes part in the arbitration. A frame is delayed only once."""
     BUS_OFF = "bus-off"
     """The sender goes into bus-off, as after 32 disturbed attempts in a row, and sends the frame after it."""
 

@@ -2,9 +2,9 @@
 
 Levels at the terminals STEP, DIR and EN reach the chip's pins late, each through its own part, and rises later or
 earlier than falls. So a pulse can get lost, and a DIR edge that was in time at the terminals can arrive after its CLK:
-that step then goes the wrong way. Some modules have unknown delays, but
-their users know which times they need: these times are the requirements. Where they are not kept the worst case is
-taken: pulses are lost, and DIR is read as late, or as early, as they leave open. `input_stage` models all this.
+that step then goes the wrong way. Some modules have unknown delays, but their users know which times they need: these
+times are the requirements. Where they are not kept the worst case is taken: pulses are lost, and DIR is read as late,
+or as early, as they leave open. `input_stage` models all this.
 """
 
 from dataclasses import dataclass, field

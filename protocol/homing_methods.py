@@ -1,4 +1,4 @@
-"""The homing methods of CiA 402-2 that need no index pulse, as data for the drive that homes and the host that asks.
+"""The homing methods of CiA 402-2 that need no index pulse, as data for the drive and for the host.
 
 Methods 17 to 30 are methods 1 to 14 without the pulse: home is where a switch changes while the axis crosses its edge
 in one direction. The home switch of methods 19 and 20 is closed from its edge to the positive end of travel, that of

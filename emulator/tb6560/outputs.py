@@ -57,8 +57,8 @@ class Outputs:
     """Bridges and MO of one chip, by its steps and inputs since an origin.
 
     Every query takes instants in counts, shape (n,), in any order. Chopping is not resolved: currents are the values to
-    which the chopper regulates. It takes a new value with the next edge of the oscillator (page 20), within 7.7 us at
-    330 pF.
+    which the chopper regulates. A new value begins with the next edge of the oscillator (page 20), within 7.7 us
+    at 330 pF.
     """
 
     def __init__(

@@ -12,7 +12,7 @@ from steptwin.host.client.waiting import POLL_S
 from steptwin.host.common.errors import BusError
 
 _STALL_S: Final = 5.0
-"""Time limit for a record: 255 ms at most last sqrt(2 * 0.255 * 16.3) = 2.9 s at the end of the slowest halt ramp."""
+"""Time limit for a record: one of 255 ms takes up to sqrt(2 * 0.255 * 16.3) = 2.9 s at the end of a slow halt ramp."""
 
 
 class Stream:

@@ -124,7 +124,7 @@ def check_record_widths(robot: Robot, times_ms: Int64Array, points: FloatArray, 
 
 
 def check_step_rates(made: Plan) -> None:
-    """Check step rates as the firmware does, so that it refuses no record of a plan for its speed."""
+    """Check step rates as the firmware does, so that the firmware accepts the speed of every record of a plan."""
     dt_ms = np.diff(made.times_ms)[:, np.newaxis]
     rates_hz = _velocity_hulls_q16(made) * (1000 / _Q16) / dt_ms
     limit_hz = (

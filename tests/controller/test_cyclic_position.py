@@ -655,7 +655,7 @@ Point = int | Fraction | None
 Cycle = tuple[list[Point], bool, float]
 """The set-points of a cycle, whether its SYNC is sent, and how late it is in periods.
 
-A set-point is in units, or a fraction: its distance from the last one, as a part of the greatest possible in a period.
+A set-point is in units, or a fraction: its distance from the previous one, as a part of the greatest in a period.
 """
 
 

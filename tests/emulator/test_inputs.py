@@ -101,7 +101,7 @@ def run(simulation: Simulation, motions: dict[int, list[PvtRecord]], until_ms: i
 
 
 def records_through(points: list[tuple[int, int]]) -> list[PvtRecord]:
-    """From rest to rest through positions in steps, each a number of ms after the last one."""
+    """From rest to rest through positions in steps, each a number of ms after the previous one."""
     places = [0, *(place for place, _ in points)]
     return [
         PvtRecord((after - before) * STEP, 0, duration_ms, i)

@@ -98,7 +98,7 @@ class SCurve:
         return Trapezoid(self.speed, self.ramp_s, self.jerk_s)
 
     def _into_ramp_s(self, t_s: FloatArray) -> FloatArray:
-        """Return the time within the first ramp, or from the end within the mirrored second one; t1 in between."""
+        """Return the time since the start in the first ramp, the time to the end in the second, and t1 in between."""
         return np.minimum(np.minimum(t_s, self.duration_s - t_s), self.ramp_s)
 
     def _covered(self, t_s: FloatArray) -> FloatArray:

@@ -35,7 +35,7 @@ _THERE: Final = 1e-9
 class Composer:
     """A sequence under construction, which begins at `joints`, of shape (joints,); `sequence` returns it.
 
-    Each move begins where the last one ended, and `joints` is the position reached. Every move raises InputError if
+    Each move begins where the previous one ended, and `joints` is the position reached. Every move raises InputError if
     the robot cannot make it; times in the messages are the sequence's.
     """
 

@@ -32,7 +32,7 @@ class Pause:
 
 @dataclass(frozen=True, slots=True)
 class Sequence:
-    """Motions in a row, each begins where the last one ended; implements Trajectory.
+    """Motions in a row: each begins where the previous one ended; implements Trajectory.
 
     Attributes:
         joint_names: Names of the robot's joints.

@@ -16,8 +16,8 @@ def through_points(
 ) -> Sampled | Sequence:
     """Return C2 splines through positions of shape (points, joints) at times of shape (points,).
 
-    A point that repeats the last one makes a pause, since a spline through both would overshoot there. Messages name
-    the points' times by `places`. Raise InputError as `check_times`, or if a pause is not in whole milliseconds.
+    A point that repeats the previous one makes a pause, since a spline through both would overshoot there. Messages
+    name the points' times by `places`. Raise InputError as `check_times`, or if a pause is not in whole milliseconds.
     """
     stands = (np.diff(positions, axis=0) == 0.0).all(axis=1).tolist()
     if not any(stands):

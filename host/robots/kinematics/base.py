@@ -80,7 +80,7 @@ class Branch:
 
     @property
     def reachable(self) -> BoolArray:
-        """Shape (n,): true where every constraint is kept."""
+        """True for each pose at which every constraint is kept, shape (n,)."""
         reachable: BoolArray = np.logical_and.reduce([constraint.kept for constraint in self.constraints])
         return reachable
 
