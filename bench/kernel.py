@@ -10,8 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from steptwin.bench.loads import AXES, UNLIMITED, Int64Array, Load, constant, ready, run, sine
+from steptwin.bench.loads import AXES, UNLIMITED, Load, constant, ready, run, sine
 from steptwin.controller.backend import Kernel
+from steptwin.host.common.arrays import Int64Array
 
 REPEATS = 5
 STEPS = 5_000_000

@@ -20,7 +20,6 @@ MICROSTEPS = 16
 UNITS_PER_STEP = 1024
 AXES = 7
 
-Int64Array = NDArray[np.int64]
 Record = tuple[int, int, int]
 """A PVT record: displacement in units, end velocity in 1/64 unit per ms, duration in ms."""
 

@@ -13,13 +13,12 @@ Atmel application note AVR446, "Linear speed control of stepper motor", 2006.
 
 from math import floor, sqrt
 
-from steptwin.bench.loads import Int64Array
 from steptwin.bench.pulses.buffers import Buffers, PinTimes, place_with
 from steptwin.bench.pulses.compiled import compiled
 from steptwin.bench.pulses.motions import PlannedMotion
 from steptwin.bench.pulses.pulses import Placed
 from steptwin.bench.pulses.rule import THRESHOLD_Q16, counter_at
-from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 CONSTANT_FROM_STEPS = 1 << 30

@@ -9,12 +9,12 @@ Source: Grbl 1.1, stepper.c (segment buffer at ACCELERATION_TICKS_PER_SECOND = 1
 
 import numpy as np
 
-from steptwin.bench.loads import Int64Array
 from steptwin.bench.pulses.buffers import Buffers, place_with
 from steptwin.bench.pulses.compiled import compiled
 from steptwin.bench.pulses.motions import PlannedMotion
 from steptwin.bench.pulses.pulses import Placed
 from steptwin.bench.pulses.rule import counter_at
+from steptwin.host.common.arrays import Int64Array
 from steptwin.protocol.timer import COUNTS_PER_MS
 
 

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from steptwin.bench.loads import Int64Array
 from steptwin.bench.pulses.motions import PlannedMotion
 from steptwin.bench.pulses.pulses import AxisPulses, Placed
+from steptwin.host.common.arrays import Int64Array
 from steptwin.host.robots.board_settings import BoardSettings
 from steptwin.protocol.timer import counts_of_ns
 

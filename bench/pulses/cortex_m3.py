@@ -9,9 +9,9 @@ from typing import Final
 
 import numpy as np
 
-from steptwin.bench.loads import Int64Array
 from steptwin.bench.pulses.motions import PlannedMotion
 from steptwin.controller.motion import TICKS_PER_SECOND
+from steptwin.host.common.arrays import Int64Array
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 CYCLES_PER_SECOND: Final = 72_000_000

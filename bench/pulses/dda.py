@@ -11,13 +11,12 @@ Source: LinuxCNC, src/hal/components/stepgen.c and its manual page (position mod
 
 from math import floor
 
-from steptwin.bench.loads import Int64Array
 from steptwin.bench.pulses.buffers import Buffers, PinTimes, place_with
 from steptwin.bench.pulses.compiled import compiled
 from steptwin.bench.pulses.motions import PlannedMotion
 from steptwin.bench.pulses.pulses import Placed
 from steptwin.bench.pulses.rule import THRESHOLD_Q16
-from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 
 Q32 = 1 << 32

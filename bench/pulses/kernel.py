@@ -4,12 +4,13 @@ from math import ceil
 
 import numpy as np
 
-from steptwin.bench.loads import Int64Array, Record, run_records
+from steptwin.bench.loads import Record, run_records
 from steptwin.bench.pulses.motions import PlannedMotion
 from steptwin.bench.pulses.pulses import AxisPulses, Placed
 from steptwin.controller.backend import Kernel
 from steptwin.controller.motion import Motion, PinEdges
 from steptwin.controller.step_config import StepConfig
+from steptwin.host.common.arrays import Int64Array
 from steptwin.host.robots.board_settings import BoardSettings
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 

@@ -9,8 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from steptwin.bench.loads import AXES, MICROSTEPS, POINT_MS, UNITS_PER_STEP, Int64Array
-from steptwin.host.common.arrays import FloatArray
+from steptwin.bench.loads import AXES, MICROSTEPS, POINT_MS, UNITS_PER_STEP
+from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.trajectory import Switching, Trajectory

@@ -9,9 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from steptwin.bench.loads import Int64Array
-from steptwin.bench.pulses.pulses import Int8Array
-from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.arrays import FloatArray, Int8Array, Int64Array
 from steptwin.host.verify.roots import IndexArray
 
 

@@ -5,12 +5,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from steptwin.bench.loads import Int64Array
 from steptwin.bench.pulses.motions import PlannedMotion
-
-Int8Array = NDArray[np.int8]
+from steptwin.host.common.arrays import Int8Array, Int64Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -25,10 +25,8 @@ from steptwin.host.verify.verifier import (
     verify_comparison,
 )
 from steptwin.host.verify.violations import ViolationReport
-from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 __all__ = [
-    "COUNTS_PER_SECOND",
     "POSITION_ERROR_LIMIT_STEPS",
     "THRESHOLD_TOLERANCE_STEPS",
     "AxisEvidence",

@@ -6,7 +6,8 @@ direction. After a violation the driver's model decides, and the run has failed 
 
 import numpy as np
 
-from steptwin.host.verify.evidence import AxisEvidence, Int8Array, Int64Array
+from steptwin.host.common.arrays import Int8Array, Int64Array
+from steptwin.host.verify.evidence import AxisEvidence
 
 
 def contradictions(axis: AxisEvidence) -> list[str]:

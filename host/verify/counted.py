@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from steptwin.host.common.arrays import FloatArray
-from steptwin.host.verify.evidence import AxisEvidence, Int8Array, Int64Array
+from steptwin.host.common.arrays import FloatArray, Int8Array, Int64Array
+from steptwin.host.verify.evidence import AxisEvidence
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 

@@ -6,15 +6,8 @@ Every instant is an int64 number of counts of the board's timer since power-up.
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.arrays import FloatArray, Int8Array, Int16Array, Int64Array
 from steptwin.host.robots.board_settings import ActiveEdge
-
-Int64Array = NDArray[np.int64]
-Int16Array = NDArray[np.int16]
-Int8Array = NDArray[np.int8]
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,9 +15,8 @@ from math import ceil, floor
 
 import numpy as np
 
-from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.arrays import FloatArray, Int8Array
 from steptwin.host.planning.trajectory import Trajectory
-from steptwin.host.verify.evidence import Int8Array
 from steptwin.host.verify.roots import IndexArray, bracketed_roots
 
 HYSTERESIS_STEPS = 1 / 16

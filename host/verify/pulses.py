@@ -5,8 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from steptwin.host.common.arrays import Int64Array
 from steptwin.host.robots.board_settings import ActiveEdge
-from steptwin.host.verify.evidence import AxisEvidence, Int64Array
+from steptwin.host.verify.evidence import AxisEvidence
 from steptwin.protocol.timer import COUNTS_PER_US
 
 

@@ -12,6 +12,7 @@ from steptwin.controller.backend import Kernel
 from steptwin.controller.group_time import GroupTime
 from steptwin.host.client import Machine, OutputCommand, Progress
 from steptwin.host.client.pausing import pause_trajectory, resume_trajectory
+from steptwin.host.common.arrays import Int64Array
 from steptwin.host.common.axis_records import AxisRecords
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
@@ -19,7 +20,6 @@ from steptwin.host.robots import load_robot
 from steptwin.host.twin.execution import execute
 from steptwin.host.twin.outcome import Outcome
 from steptwin.host.verify import AxisEvidence, Evidence, Report, verify
-from steptwin.host.verify.evidence import Int64Array
 
 _POLL_S = 0.01
 

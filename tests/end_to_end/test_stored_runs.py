@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from steptwin.host.cli.app import run
+from steptwin.host.common.arrays import Int64Array
 from steptwin.host.record.folder import read_edges
 from steptwin.host.record.waveforms import Format, HeldValues
 from steptwin.host.record.waveforms.signal import Values
-from steptwin.host.verify.evidence import Int64Array
 from tests.end_to_end.command_line import refusal
 from tests.host.record.waveforms.vcd_reader import read_vcd
 

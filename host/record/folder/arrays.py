@@ -8,11 +8,10 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.arrays import FloatArray, Int8Array, Int16Array, Int64Array
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.record.folder.layout import ContradictionError
-from steptwin.host.verify.evidence import Int8Array, Int16Array, Int64Array
 
 Choice = TypeVar("Choice", bound=StrEnum)
 

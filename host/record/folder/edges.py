@@ -7,6 +7,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from steptwin.host.common.arrays import Int64Array
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.whole_file import whole_file
@@ -21,7 +22,6 @@ from steptwin.host.record.folder.layout import (
 )
 from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.verify import AxisEvidence, DriverLimit, DriverViolations, Evidence, LevelEdges, Phases
-from steptwin.host.verify.evidence import Int64Array
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 PINS: Final = ("reset", "enable", "m1", "m2", "tq1", "tq2", "dcy1", "dcy2", "out1", "out2")

@@ -10,11 +10,11 @@ from typing import Any, BinaryIO, Final
 
 import numpy as np
 
+from steptwin.host.common.arrays import Int64Array
 from steptwin.host.common.errors import InputError
 from steptwin.host.record.waveforms.merging import Merged, initial_values, merged
 from steptwin.host.record.waveforms.signal import Signal, SignalKind
 from steptwin.host.record.waveforms.timebase import COUNTS, NANOSECONDS, Window
-from steptwin.host.verify.evidence import Int64Array
 
 _JSON_TYPES: Final = {SignalKind.WIRE: "integer", SignalKind.REAL: "number", SignalKind.TEXT: "string"}
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from steptwin.host.common.arrays import Int64Array
 from steptwin.host.common.errors import InputError
 from steptwin.host.record.waveforms.signal import Signal, SignalKind, Values, stretches
 from steptwin.host.record.waveforms.text import Text, chosen, spelt, stacked
 from steptwin.host.record.waveforms.timebase import TimeScale, Window
-from steptwin.host.verify.evidence import Int64Array
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 

@@ -10,8 +10,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from steptwin.host.common.arrays import Int64Array
 from steptwin.host.record.waveforms.timebase import TimeScale, Window
-from steptwin.host.verify.evidence import Int64Array
 
 Values = NDArray[Any]
 

@@ -6,11 +6,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from steptwin.host.common.arrays import Int64Array
 from steptwin.host.record.waveforms.merging import initial_values, merged
 from steptwin.host.record.waveforms.signal import Signal, Values
 from steptwin.host.record.waveforms.text import Text, constant, decimals, lines, matrix, seconds
 from steptwin.host.record.waveforms.timebase import COUNTS, NANOSECONDS, Window
-from steptwin.host.verify.evidence import Int64Array
 
 HEADER: Final = "counts,t_s,signal,value\n"
 

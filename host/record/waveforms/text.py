@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from steptwin.host.verify.evidence import Int64Array
+from steptwin.host.common.arrays import Int64Array
 
 Text = NDArray[np.uint8]
 

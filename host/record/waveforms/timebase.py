@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from steptwin.host.verify.evidence import Int64Array
+from steptwin.host.common.arrays import Int64Array
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 

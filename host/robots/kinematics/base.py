@@ -9,16 +9,14 @@ from dataclasses import dataclass, fields
 from typing import Final, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.common.bad_input import apart, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.joint import Joint, Unit
 from steptwin.host.robots.kinematics.dh import DhTable
 from steptwin.host.robots.robot import Robot
 
-BoolArray = NDArray[np.bool_]
 Geometry = TypeVar("Geometry")
 
 LIMIT_TOLERANCE: Final = 1e-9

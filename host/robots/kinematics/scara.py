@@ -15,10 +15,10 @@ from typing import Final
 
 import numpy as np
 
-from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.kinematics.angles import wrapped_deg
-from steptwin.host.robots.kinematics.base import BoolArray, Branch, Constraint, joint_constraints, nearest_turns
+from steptwin.host.robots.kinematics.base import Branch, Constraint, joint_constraints, nearest_turns
 from steptwin.host.robots.kinematics.dh import DhTable
 from steptwin.host.robots.kinematics.planar2r import Elbow, Planar2R
 

@@ -5,9 +5,8 @@ from typing import Final, Self
 
 import numpy as np
 
-from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.robots.kinematics import Kinematics, Scara, make_kinematics
-from steptwin.host.robots.kinematics.base import BoolArray
 from steptwin.host.robots.robot import Robot
 
 ATTITUDES: Final = 36

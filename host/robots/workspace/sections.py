@@ -14,8 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from steptwin.host.common.arrays import FloatArray
-from steptwin.host.robots.kinematics.base import BoolArray
+from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.workspace.arm import Arm
 from steptwin.host.robots.workspace.stretches import Region, Stretches, edges, extent, stretches, swapped, widths

@@ -11,8 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from steptwin.host.common.arrays import FloatArray
-from steptwin.host.robots.kinematics.base import BoolArray
+from steptwin.host.common.arrays import BoolArray, FloatArray
 
 Region = Callable[[FloatArray, FloatArray], BoolArray]
 """A function that returns whether points, given by their coordinates of shape (n,), are inside."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.arrays import FloatArray, Int8Array, Int64Array
 from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.robots.kinematics.angles import wrapped_deg
 from steptwin.host.verify import (
@@ -22,7 +22,6 @@ from steptwin.host.verify import (
     compare,
     verify,
 )
-from steptwin.host.verify.evidence import Int8Array, Int64Array
 from steptwin.host.verify.pulses import clk_durations
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 from tests.host.verify.motions import (

@@ -7,10 +7,9 @@ from typing import Final
 import numpy as np
 import pytest
 
-from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import HybridArm, Kinematics, Scara, make_kinematics
-from steptwin.host.robots.kinematics.base import BoolArray
 from steptwin.host.robots.robot import Robot
 
 

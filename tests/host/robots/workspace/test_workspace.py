@@ -7,11 +7,10 @@ from math import pi
 import numpy as np
 import pytest
 
-from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots import load_robot, robot_names
 from steptwin.host.robots.kinematics import make_kinematics
-from steptwin.host.robots.kinematics.base import BoolArray
 from steptwin.host.robots.workspace import SAMPLES_MAX, Scan, monte_carlo, scan
 from steptwin.host.robots.workspace.stretches import edges, extent, stretches, swapped, widths
 
