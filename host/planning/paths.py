@@ -75,9 +75,9 @@ class Arc:
         centre_mm: shape (3,), the circle's centre.
         outward: shape (3,), unit vector from the centre to the start.
         onward: shape (3,), unit vector of the motion at the start.
-        radius_mm: Radius of the circle.
-        sweep_rad: Angle from start to goal, above 0 and below 2 pi.
-        attitudes_deg: Attitudes at start and goal.
+        radius_mm: radius of the circle.
+        sweep_rad: angle from start to goal, above 0 and below 2 pi.
+        attitudes_deg: attitudes at start and goal.
     """
 
     centre_mm: FloatArray
@@ -143,7 +143,7 @@ class SampledPath:
     """A curve through poses; its parameter is the length of the polygon through them, in mm. Made by `through`.
 
     Attributes:
-        curve: Piecewise cubic of the four pose coordinates.
+        curve: piecewise cubic of the four pose coordinates.
     """
 
     curve: "PPoly"

@@ -16,8 +16,8 @@ class Plan:
     """A checked trajectory as points on the wire, made by `planner.plan`; its arrays are read-only.
 
     Attributes:
-        robot: The robot that moves.
-        trajectory: The motion from which the points were sampled.
+        robot: the robot that moves.
+        trajectory: the motion from which the points were sampled.
         times_ms: shape (points,), whole milliseconds, from 0 to the end.
         points_units: shape (points, joints), absolute positions in wire units.
         velocities: shape (points, joints), in 1/64 unit per ms; 0 at both ends.

@@ -11,10 +11,10 @@ class Switching:
     """A change of a digital output during a motion, while the machine stands still.
 
     Attributes:
-        output: Name of the output in the robot file.
-        on: Its new level.
-        from_s: Time of the motion from which the output may change.
-        until_s: Time by which it must have changed, since the machine moves on.
+        output: name of the output in the robot file.
+        on: its new level.
+        from_s: time of the motion from which the output may change.
+        until_s: time by which it must have changed, since the machine moves on.
     """
 
     output: str

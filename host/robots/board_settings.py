@@ -38,19 +38,19 @@ class BoardSettings:
     """The settings of the board; the names of the pulses' times are LinuxCNC's. None: the drivers' usual setting.
 
     Attributes:
-        bitrate: Bit rate of the CAN bus, in bit/s.
-        osc_pf: Capacitor at each TB6560's OSC pin, which sets the shortest CLK pulse that it accepts; None if
+        bitrate: bit rate of the CAN bus, in bit/s.
+        osc_pf: capacitor at each TB6560's OSC pin, which sets the shortest CLK pulse that it accepts; None if
             `driver_profile` sets it.
-        steplen_ns: Time for which CLK is high.
-        stepspace_ns: Least time for which CLK is low.
-        dirsetup_ns: Time for which DIR is stable before CLK rises.
-        dirhold_ns: Time for which DIR is stable after CLK has risen.
-        step_rate_max_hz: Highest step rate that a driver gets.
-        driver_profile: Name of the drivers' profile; None for TB6560s on the board itself.
-        current_a: Phase current at full torque.
-        active_edge: The edge of STEP at which the drivers step.
-        idle_percent: Part of the current that flows at standstill, for drivers with a switch for it.
-        fast_decay_percent: Part of a chopping period with fast decay, for drivers with a switch for it.
+        steplen_ns: time for which CLK is high.
+        stepspace_ns: least time for which CLK is low.
+        dirsetup_ns: time for which DIR is stable before CLK rises.
+        dirhold_ns: time for which DIR is stable after CLK has risen.
+        step_rate_max_hz: highest step rate that a driver gets.
+        driver_profile: name of the drivers' profile; None for TB6560s on the board itself.
+        current_a: phase current at full torque.
+        active_edge: the edge of STEP at which the drivers step.
+        idle_percent: part of the current that flows at standstill, for drivers with a switch for it.
+        fast_decay_percent: part of a chopping period with fast decay, for drivers with a switch for it.
 
     Raises:
         InputError: a value out of range, or pulses too long for the step rate.

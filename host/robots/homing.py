@@ -12,10 +12,10 @@ class JointHoming:
     """The homing of a joint; raises InputError for a value out of range.
 
     Attributes:
-        method: The homing method (6098h).
-        search_speed: Speed of the search for the switch, in the joint's unit/s.
-        zero_speed: Speed at which the axis crosses the switch's edge, at most `search_speed`.
-        acceleration: Acceleration of all ramps, in the joint's unit/s^2.
+        method: the homing method (6098h).
+        search_speed: speed of the search for the switch, in the joint's unit/s.
+        zero_speed: speed at which the axis crosses the switch's edge, at most `search_speed`.
+        acceleration: acceleration of all ramps, in the joint's unit/s^2.
     """
 
     method: int

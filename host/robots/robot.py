@@ -22,16 +22,16 @@ class Robot:
     """A machine, as its robot file describes it.
 
     Attributes:
-        name: Name on the command line.
-        title: Title, one line.
-        kinematics: Kind of mechanism, a name that `steptwin.host.robots.kinematics` knows.
-        geometry: Dimensions of the mechanism in mm and degrees, by name.
-        joints: Joints, in the order of their axes on the board.
-        home: Joint positions, in joint order, that the machine takes after homing.
-        board: Settings that all axes share.
-        outputs: Digital outputs of the board, by the name of the device wired to them.
-        places: Joint positions that jobs go to, by name; a place may name only some of the joints.
-        toml: Text of the robot file; empty for a robot that was not read from a file.
+        name: name on the command line.
+        title: title, one line.
+        kinematics: kind of mechanism, a name that `steptwin.host.robots.kinematics` knows.
+        geometry: dimensions of the mechanism in mm and degrees, by name.
+        joints: joints, in the order of their axes on the board.
+        home: joint positions, in joint order, that the machine takes after homing.
+        board: settings that all axes share.
+        outputs: digital outputs of the board, by the name of the device wired to them.
+        places: joint positions that jobs go to, by name; a place may name only some of the joints.
+        toml: text of the robot file; empty for a robot that was not read from a file.
 
     Raises:
         InputError: no joints or more than a board drives, a position outside a joint's limits, a place without joints,

@@ -30,10 +30,10 @@ class JointSwitches:
     """The positions of a joint's switches, in its unit; None for a missing edge. Raises InputError for a wrong order.
 
     Attributes:
-        negative_limit: The negative limit switch is closed here and below.
-        positive_limit: The positive limit switch is closed here and above.
-        home_from: Lower edge of the home switch, which is closed above it; None: closed from the end of travel.
-        home_to: Upper edge of the home switch, which is closed below it; None: closed to the end of travel.
+        negative_limit: the negative limit switch is closed here and below.
+        positive_limit: the positive limit switch is closed here and above.
+        home_from: lower edge of the home switch, which is closed above it; None: closed from the end of travel.
+        home_to: upper edge of the home switch, which is closed below it; None: closed to the end of travel.
     """
 
     negative_limit: float | None = None

@@ -16,11 +16,11 @@ class Transmission:
     """The ratio between motor steps and joint travel; raises InputError for a value out of range.
 
     Attributes:
-        full_steps_per_rev: Full steps of the motor in one turn; 200 for the usual 1.8 deg.
-        microsteps: Microsteps per full step, as set at the driver.
-        travel_per_turn: Joint travel per turn of the driven shaft: 360 degrees, or a screw's lead or a pulley's
+        full_steps_per_rev: full steps of the motor in one turn; 200 for the usual 1.8 deg.
+        microsteps: microsteps per full step, as set at the driver.
+        travel_per_turn: joint travel per turn of the driven shaft: 360 degrees, or a screw's lead or a pulley's
             circumference in mm.
-        ratio: Motor turns per turn of the driven shaft.
+        ratio: motor turns per turn of the driven shaft.
     """
 
     full_steps_per_rev: int

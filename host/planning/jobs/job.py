@@ -14,10 +14,10 @@ class Job(Generic[Options]):
     """A job of a kind of robot.
 
     Attributes:
-        name: Name on the command line.
-        summary: Summary, one line.
-        options: Frozen dataclass whose fields are made by `steptwin.host.planning.jobs.options`, each with a default.
-        build: Function that returns the trajectory for a robot and options; it raises InputError if there is none.
+        name: name on the command line.
+        summary: summary, one line.
+        options: frozen dataclass whose fields are made by `steptwin.host.planning.jobs.options`, each with a default.
+        build: function that returns the trajectory for a robot and options; it raises InputError if there is none.
     """
 
     name: str

@@ -17,9 +17,9 @@ class JointMove:
     """The motion q(t) = start + (goal - start) s(t); implements Trajectory.
 
     Attributes:
-        joint_names: Names of the robot's joints.
-        start: Joint positions at t = 0, in mm and degrees.
-        goal: Joint positions at the end.
+        joint_names: names of the robot's joints.
+        start: joint positions at t = 0, in mm and degrees.
+        goal: joint positions at the end.
         law: s(t), whose distance must be 1.
     """
 

@@ -32,10 +32,10 @@ class Sampled:
     """A motion of all joints along a piecewise cubic curve; implements Trajectory.
 
     Attributes:
-        joint_names: Names of the robot's joints.
-        curve: Curve from seconds to joint positions of shape (joints,), in mm and degrees.
-        breakpoints_s: Times at which the acceleration jumps.
-        switchings: Changes of outputs during the motion.
+        joint_names: names of the robot's joints.
+        curve: curve from seconds to joint positions of shape (joints,), in mm and degrees.
+        breakpoints_s: times at which the acceleration jumps.
+        switchings: changes of outputs during the motion.
     """
 
     joint_names: tuple[str, ...]

@@ -35,10 +35,10 @@ class Sequence:
     """Motions in a row: each begins where the previous one ended; implements Trajectory.
 
     Attributes:
-        joint_names: Names of the robot's joints.
-        parts: The motions, at least one.
-        starts_ms: Start of each part, and then the end of the last one.
-        switchings: Changes of outputs during the motion.
+        joint_names: names of the robot's joints.
+        parts: the motions, at least one.
+        starts_ms: start of each part, and then the end of the last one.
+        switchings: changes of outputs during the motion.
     """
 
     joint_names: tuple[str, ...]

@@ -32,14 +32,14 @@ class ToolMove:
     Made by `along`. Positions and velocities are exact at every instant, not interpolated between solutions.
 
     Attributes:
-        joint_names: Names of the robot's joints.
-        kinematics: Kinematics of the robot.
-        branch: Branch of the inverse kinematics.
-        path: Path of the tool.
-        law: Length travelled, from 0 to the path's length.
+        joint_names: names of the robot's joints.
+        kinematics: kinematics of the robot.
+        branch: branch of the inverse kinematics.
+        path: path of the tool.
+        law: length travelled, from 0 to the path's length.
         guide_s: shape (m,), times for which the joints' turns are stored.
         guide_joints: shape (m, joints), the joints at these times, without jumps of a whole turn.
-        rotary: Columns of the rotary joints.
+        rotary: columns of the rotary joints.
     """
 
     joint_names: tuple[str, ...]

@@ -28,13 +28,13 @@ class Constraint:
     """A quantity that must stay between two limits, at each of n poses.
 
     Attributes:
-        quantity: Name of the quantity, with which a complaint begins.
-        unit: Unit of the values and limits; empty for a plain number.
+        quantity: name of the quantity, with which a complaint begins.
+        unit: unit of the values and limits; empty for a plain number.
         values: shape (n,).
-        lower: Lower limit.
-        upper: Upper limit.
+        lower: lower limit.
+        upper: upper limit.
         kept: shape (n,), true where the value is between the limits; false for NaN.
-        complaint_text: Complaint to use in place of the values, for a quantity whose values would not help a reader.
+        complaint_text: complaint to use in place of the values, for a quantity whose values would not help a reader.
     """
 
     quantity: str
@@ -60,10 +60,10 @@ class Branch:
     """One branch of the inverse kinematics at n poses.
 
     Attributes:
-        name: Name of the branch, such as `right`.
+        name: name of the branch, such as `right`.
         joints: shape (n, joints), beyond their limits where the pose requires it, NaN where the pose is out of reach.
-        mechanism: Constraints of the mechanism itself.
-        limits: Constraints of the joints' limits.
+        mechanism: constraints of the mechanism itself.
+        limits: constraints of the joints' limits.
     """
 
     name: str

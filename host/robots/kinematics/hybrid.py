@@ -60,12 +60,12 @@ class HybridArm:
     """The kinematics of the hybrid arm; implements Kinematics.
 
     Attributes:
-        limits: The joints th1, Z5, Z6, th4, whose limits decide only whether a pose is reachable.
-        sliders: The parallel mechanism.
+        limits: the joints th1, Z5, Z6, th4, whose limits decide only whether a pose is reachable.
+        sliders: the parallel mechanism.
         radius_mm: rho at z2 = 0.
-        height_mm: The tool's height at z3 = 0.
-        z2_max_mm: Largest |z2| allowed.
-        dh: The equivalent serial chain R-P-P-R, with th1, z2, z3, th4 as variables.
+        height_mm: the tool's height at z3 = 0.
+        z2_max_mm: largest |z2| allowed.
+        dh: the equivalent serial chain R-P-P-R, with th1, z2, z3, th4 as variables.
     """
 
     limits: tuple[Joint, ...]

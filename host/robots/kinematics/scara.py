@@ -31,16 +31,16 @@ class Scara:
     """The kinematics of one mechanism of the family; implements Kinematics.
 
     Attributes:
-        limits: The joints in axis order, whose limits decide only whether a pose is reachable.
-        dh: The same mechanism as a DH table, with the joints' names as variables.
-        arm: The two links.
-        lift: Column of the lift; likewise shoulder, elbow and wrist.
+        limits: the joints in axis order, whose limits decide only whether a pose is reachable.
+        dh: the same mechanism as a DH table, with the joints' names as variables.
+        arm: the two links.
+        lift: column of the lift; likewise shoulder, elbow and wrist.
         height_mm: z0, the tool's height with the lift at 0.
         heading_deg: h, the arm's direction at shoulder = elbow = 0.
         lift_sign: -1 if the lift pushes the tool down, otherwise 1.
         wrist_sign: w, -1 if the tool points down, otherwise 1.
         tool_mm: l_tool, the tool's distance from the wrist's axis, in the direction of the attitude.
-        slides: Pairs of a joint's column and the coordinate of the pose that it shifts, 0 for x or 2 for z.
+        slides: pairs of a joint's column and the coordinate of the pose that it shifts, 0 for x or 2 for z.
     """
 
     limits: tuple[Joint, ...]

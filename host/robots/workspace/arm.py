@@ -30,11 +30,11 @@ class Arm:
     """A robot with its slides at their home positions.
 
     Attributes:
-        robot: The whole machine.
-        kinematics: The kinematics of the whole machine.
+        robot: the whole machine.
+        kinematics: the kinematics of the whole machine.
         home: shape (joints,), the home position, at which the slides stay.
         axis_x_mm: x of the arm's own axis, which is at y = 0.
-        attitude_deg: Attitude of the tool; None if any attitude is allowed.
+        attitude_deg: attitude of the tool; None if any attitude is allowed.
     """
 
     robot: Robot

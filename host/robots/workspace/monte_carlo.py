@@ -26,11 +26,11 @@ class MonteCarlo:
     """The tool positions at random joint positions within their limits, slides included.
 
     Attributes:
-        samples: Number of joint positions drawn.
-        seed: Seed of the generator.
-        counted: Number of them that the mechanism can take; only they count for what follows.
-        radius_mm: Least and greatest distance from the base's axis x = y = 0; None if `counted` is 0.
-        z_mm: Least and greatest height; None if `counted` is 0.
+        samples: number of joint positions drawn.
+        seed: seed of the generator.
+        counted: number of them that the mechanism can take; only they count for what follows.
+        radius_mm: least and greatest distance from the base's axis x = y = 0; None if `counted` is 0.
+        z_mm: least and greatest height; None if `counted` is 0.
         cloud_mm: shape (n, 3), the first tool positions, at most `CLOUD_MAX`.
     """
 

@@ -31,9 +31,9 @@ class PlanSection:
     """The tool positions within reach at one height.
 
     Attributes:
-        z_mm: Height of the section.
-        radius_mm: Least and greatest distance from the arm's axis; None if nothing is within reach.
-        area_mm2: Area of the section.
+        z_mm: height of the section.
+        radius_mm: least and greatest distance from the arm's axis; None if nothing is within reach.
+        area_mm2: area of the section.
         radii_mm: shape (n,), the radii of the integral, rising.
         reachable_deg: shape (n,), the part of the circle at each radius that is within reach.
         boundary_mm: shape (m, 2), points x, y on the boundary, in no order.
@@ -52,10 +52,10 @@ class ProfileSection:
     """The tool positions within reach in a half plane that begins at the arm's axis.
 
     Attributes:
-        azimuth_deg: Direction of the half plane.
-        radius_mm: Least and greatest distance from the arm's axis; None if nothing is within reach.
-        z_mm: Least and greatest height; None if nothing is within reach.
-        area_mm2: Area of the section.
+        azimuth_deg: direction of the half plane.
+        radius_mm: least and greatest distance from the arm's axis; None if nothing is within reach.
+        z_mm: least and greatest height; None if nothing is within reach.
+        area_mm2: area of the section.
         radii_mm: shape (n,), the radii of the integral, rising.
         reachable_mm: shape (n,), the height within reach at each radius.
         boundary_mm: shape (m, 2), points radius, z on the boundary, in no order.
@@ -75,11 +75,11 @@ class Scan:
     """Both sections.
 
     Attributes:
-        attitude_deg: Attitude of the tool; None if any attitude is allowed.
-        slides: Positions of the slides, which shift the whole arm, by name, in mm.
+        attitude_deg: attitude of the tool; None if any attitude is allowed.
+        slides: positions of the slides, which shift the whole arm, by name, in mm.
         axis_x_mm: x of the arm's axis, which is at y = 0.
-        plan: The section from above.
-        profile: The section from the side.
+        plan: the section from above.
+        profile: the section from the side.
     """
 
     attitude_deg: float | None
@@ -138,10 +138,10 @@ class _Rows:
     """A section as rows of equal radius.
 
     Attributes:
-        radius_mm: Least and greatest radius; None if nothing is within reach.
+        radius_mm: least and greatest radius; None if nothing is within reach.
         radii_mm: shape (n,), the radii of the rows.
         weights_mm: shape (n,), the weights of the rows in an integral over the radius.
-        found: Stretches of the other coordinate within reach.
+        found: stretches of the other coordinate within reach.
         edges: shape (m, 2), radius and other coordinate of points on the boundary.
     """
 

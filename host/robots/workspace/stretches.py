@@ -34,9 +34,9 @@ class Stretches:
     """The parts of lines that are inside, in the order of the lines and along each; all arrays of shape (n,).
 
     Attributes:
-        line: Index of the line.
-        begin: Second coordinate of the part's beginning.
-        end: Second coordinate of its end.
+        line: index of the line.
+        begin: second coordinate of the part's beginning.
+        end: second coordinate of its end.
     """
 
     line: NDArray[np.intp]
