@@ -104,7 +104,11 @@ class Motion:
             self._set_microsteps(axis, config.microsteps)
         self._configs[axis] = config
         self._edges_per_tick = _edges_per_tick(self._configs)
-        self._set(axis, k.STEPLEN_COUNTS, counts_of_ns(config.steplen_ns))
+        steplen_counts = counts_of_ns(config.steplen_ns)
+        # A pulse that is already placed keeps its length: with a shorter one from now on, it rose that much later.
+        rise_counts = max(self._get(axis, k.LAST_RISE_COUNTS), self.last_fall_counts(axis) - steplen_counts)
+        self._set(axis, k.LAST_RISE_COUNTS, rise_counts)
+        self._set(axis, k.STEPLEN_COUNTS, steplen_counts)
         self._set(axis, k.STEPSPACE_COUNTS, counts_of_ns(config.stepspace_ns))
         self._set(axis, k.DIRSETUP_COUNTS, counts_of_ns(config.dirsetup_ns))
         self._set(axis, k.DIRHOLD_COUNTS, counts_of_ns(config.dirhold_ns))

@@ -9,7 +9,7 @@ from steptwin.controller.firmware import Firmware
 from steptwin.controller.pins import OUTPUT_PINS, Pin, PinChange
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode
-from steptwin.protocol.cia402 import DigitalOutput, ErrorCode, State
+from steptwin.protocol.cia402 import DigitalOutput, ErrorCode, Mode, State
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.nmt import NmtState
 from steptwin.protocol.pvt import PvtFlag
@@ -27,6 +27,26 @@ class TestBoot:
         assert [frame for _, frame in board.sent] == [Frame(0x710 + i, b"\0") for i in range(8)]
         assert all(node.nmt_state is NmtState.PRE_OPERATIONAL for node in board.firmware.nodes)
         assert all(node.drive.state is State.SWITCH_ON_DISABLED for node in board.firmware.nodes)
+
+    @pytest.mark.parametrize("node", [0, 0x10])
+    @pytest.mark.parametrize("ms_after", [0.1, 0.4, 0.9, 1.2])
+    def test_a_reset_lets_a_long_pulse_end(self, board: BenchBoard, node: int, ms_after: float) -> None:
+        """The pulse of 1 ms has been placed with a setting that the reset takes back to 33 us."""
+        board.write(od.STEPLEN_NS, 1_000_000)
+        board.enable(Mode.PROFILE_VELOCITY)
+        board.write(od.TARGET_VELOCITY, 100 * STEP)
+        board.firmware.motion.take_edges()
+        clk: list[int] = []
+        while not clk:
+            board.wait(0.25)
+            clk = [int(counts) for counts in board.firmware.motion.take_edges()[0].clk_counts]
+        rise, fall = clk
+        assert fall - rise == 1000 * 72
+        board.firmware.take_pins()
+        board.wait(max(0.0, rise / MS + ms_after - board.now / MS))
+        board.nmt(0x81, node)
+        (change,) = [change for change in board.firmware.take_pins() if change.pin is Pin.ENABLE]
+        assert (change.level, change.counts) == (0, max(fall, board.now))
 
     @pytest.mark.parametrize("axes", [0, 9])
     def test_a_board_has_one_to_eight_axes(self, fast_kernel: Kernel, axes: int) -> None:

@@ -24,6 +24,7 @@ AXES = 2
 ACCELERATION = 40_000 * STEP
 """Acceleration of every ramp of a profile, a stop or a fault, in units/s2."""
 RAMPS = (od.PROFILE_ACCELERATION, od.PROFILE_DECELERATION, od.QUICK_STOP_DECELERATION, od.HOMING_ACCELERATION)
+LONG_PULSE_NS = 1_000_000
 VELOCITY_MAX = 4_000 * STEP
 ROUNDING = 4 * STEP
 """Most that velocities a ms apart may differ beyond the ramp: 1/64 unit per ms, whole milliseconds, whole units."""
@@ -53,6 +54,7 @@ OBJECTS = {
     od.TARGET_VELOCITY: (0, 15, 1_000_000, -VELOCITY_MAX, 2**31 - 1),
     od.BUFFER_CLEAR: (0,),
     od.MICROSTEPS: (1, 2, 8, 16),
+    od.STEPLEN_NS: (33_000, 33_000, LONG_PULSE_NS),
     od.REST_TORQUE_PERCENT: (20, 50, 100),
     od.GROUP_STOP: (0, 1),
     od.POLARITY: (0, 0xC0),
@@ -400,10 +402,16 @@ class RandomHost(RuleBasedStateMachine):
             assert State.of(self.board.value(od.STATUSWORD, axis)) is self.board.state(axis)
 
     def teardown(self) -> None:
-        """Check the pulse timing, then repeat all steps on the other kernel and compare."""
+        """Check the pulse timing and ENABLE, then repeat all steps on the other kernel and compare."""
         for axis in range(AXES):
             edges = self.board.rises[axis], self.board.falls[axis], self.board.dir_edges[axis]
-            assert pin_timing_faults(*edges, Timing()) == []
+            faults = pin_timing_faults(*edges, Timing())
+            assert [
+                fault for fault in faults if not fault.endswith(f"is {LONG_PULSE_NS * MS // 10**6} counts high")
+            ] == []
+            pulses = zip(self.board.rises[axis], self.board.falls[axis], strict=True)
+            changes = [counts for counts, _ in self.board.enabled[axis]]
+            assert not [pulse for pulse in pulses if any(pulse[0] <= counts < pulse[1] for counts in changes)]
         again = WatchedBoard(KERNELS["numba" if find_spec("numba") else "python"]())
         for step in self.script:
             step(again)
