@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from steptwin.emulator.operations import BoardTemperature, DriverProtect, EmergencyStop, Scheduled, Supply
     from steptwin.host.common.errors import BusError, DeviceFaultError, InputError, NotVerifiedError, StepTwinError
     from steptwin.host.planning.jobs import job_names, job_options, make_job
+    from steptwin.host.planning.laws import Cubic, Quintic, SCurve, Trapezoid
     from steptwin.host.planning.motions.composer import Composer
     from steptwin.host.planning.motions.sampled import Sampled
     from steptwin.host.planning.plan import Plan
@@ -34,6 +35,7 @@ __all__ = [
     "BusFault",
     "BusFaultKind",
     "Composer",
+    "Cubic",
     "DeviceFaultError",
     "DriverProtect",
     "EmergencyStop",
@@ -42,13 +44,16 @@ __all__ = [
     "NotVerifiedError",
     "Outcome",
     "Plan",
+    "Quintic",
     "Robot",
+    "SCurve",
     "Sampled",
     "Scheduled",
     "ServedBoard",
     "StepTwinError",
     "Supply",
     "Trajectory",
+    "Trapezoid",
     "execute",
     "job_names",
     "job_options",
@@ -64,6 +69,7 @@ _MODULES = {
     "emulator.operations": ("BoardTemperature", "DriverProtect", "EmergencyStop", "Scheduled", "Supply"),
     "host.common.errors": ("BusError", "DeviceFaultError", "InputError", "NotVerifiedError", "StepTwinError"),
     "host.planning.jobs": ("job_names", "job_options", "make_job"),
+    "host.planning.laws": ("Cubic", "Quintic", "SCurve", "Trapezoid"),
     "host.planning.motions.composer": ("Composer",),
     "host.planning.motions.sampled": ("Sampled",),
     "host.planning.plan": ("Plan",),

@@ -8,7 +8,7 @@ from steptwin.host.client.profile_motion import drive_at, follow, halt_axis, rep
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.session import Session
-from steptwin.host.operate.setting_up import NO_POSITION_LIMITS
+from steptwin.host.operate.setting_up import clear_targets
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
@@ -51,20 +51,18 @@ def jog(session: Session, name: str, speed: float, seconds: float | None) -> Jog
     per_unit = joint.transmission.wire_units_per_unit
     with session.in_charge("jog", known=False):
         start_units = axis.read(od.POSITION_ACTUAL)
+        _set_limits(axis, joint)
         velocity = round(speed * per_unit) or (1 if speed > 0 else -1)
+        drive_at(axis, velocity, ceil(joint.acceleration_max * per_unit))
+        until_s = session.link.now_s() + (inf if seconds is None else seconds)
         try:
-            _set_limits(axis, joint)
-            drive_at(axis, velocity, ceil(joint.acceleration_max * per_unit))
-            until_s = session.link.now_s() + (inf if seconds is None else seconds)
-            try:
-                follow(session.link, [axis], lambda: session.link.now_s() >= until_s or _at_limit(axis))
-            except KeyboardInterrupt:
-                if seconds is not None:
-                    raise
-            at_limit = _at_limit(axis)
-            halt_axis(session.link, axis)
-        finally:
-            _clear(axis)
+            follow(session.link, [axis], lambda: session.link.now_s() >= until_s or _at_limit(axis))
+        except KeyboardInterrupt:
+            if seconds is not None:
+                raise
+        at_limit = _at_limit(axis)
+        halt_axis(session.link, axis)
+        clear_targets([axis])
         end_units = axis.read(od.POSITION_ACTUAL)
     return Jogged(name, start_units / per_unit, end_units / per_unit, at_limit)
 
@@ -75,12 +73,6 @@ def _set_limits(axis: AxisClient, joint: Joint) -> None:
     per_unit = joint.transmission.wire_units_per_unit
     axis.ensure(od.POSITION_LIMIT_MIN, ceil(joint.lower * per_unit))
     axis.ensure(od.POSITION_LIMIT_MAX, int(joint.upper * per_unit // 1))
-
-
-def _clear(axis: AxisClient) -> None:
-    """Take back the target and the limits of the jog, however it ended."""
-    for address, value in ((od.TARGET_VELOCITY, 0), *NO_POSITION_LIMITS):
-        axis.ensure(address, value)
 
 
 def _at_limit(axis: AxisClient) -> bool:

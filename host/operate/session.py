@@ -13,7 +13,7 @@ from steptwin.host.client.faults import await_reports
 from steptwin.host.client.stopping import quick_stop
 from steptwin.host.client.words import error_text, state_text
 from steptwin.host.common.errors import DeviceFaultError, InputError, StepTwinError
-from steptwin.host.operate.setting_up import set_up
+from steptwin.host.operate.setting_up import clear_targets, set_up
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
@@ -83,8 +83,9 @@ class Session:
     def in_charge(self, what: str, *, known: bool = True) -> Iterator[Machine]:
         """Take charge of the machine: set it up, let its axes watch this host, enable the drives.
 
-        Leaving the context by an error or by Ctrl-C stops all axes first. Afterwards the drives stay enabled and hold
-        their positions. `what` names the action in messages; with `known` every axis must know its position.
+        Leaving the context by an error or by Ctrl-C stops all axes first and takes back their targets. Afterwards the
+        drives stay enabled and hold their positions. `what` names the action in messages; with `known` every axis must
+        know its position.
 
         Raises:
             InputError: another program moves the machine.
@@ -98,6 +99,7 @@ class Session:
         except BaseException:
             with suppress(StepTwinError):  # the first error is the one to report
                 quick_stop(self.link, self.machine.axes)
+                clear_targets(self.machine.axes)
             raise
         finally:
             with suppress(StepTwinError):

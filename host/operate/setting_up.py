@@ -1,9 +1,10 @@
 """Set a robot's machine up for motion, in virtual runs and on live boards alike."""
 
+from collections.abc import Iterable
 from math import ceil
 from typing import Final
 
-from steptwin.host.client import AxisSettings, Machine
+from steptwin.host.client import AxisClient, AxisSettings, Machine
 from steptwin.host.robots.board_settings import BoardSettings
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
@@ -14,18 +15,17 @@ from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 
 _HOLD_AFTER_QUICK_STOP: Final = 6
 """Quick stop option code (605Ah): stop by the quick stop ramp, then hold the position, so a vertical axis stays up."""
-NO_POSITION_LIMITS: Final = [
+_NO_TARGETS: Final = [
+    (od.TARGET_VELOCITY, 0),
     (od.POSITION_LIMIT_MIN, DataType.INTEGER32.low),
     (od.POSITION_LIMIT_MAX, DataType.INTEGER32.high),
 ]
-"""The software position limits after power-up: trajectories are checked by the host, and homing must move freely."""
+"""No velocity, and then no position limits, at which an axis may stand: planned motions are checked by the host."""
 _FOR_AN_OPERATOR: Final = [
-    (od.TARGET_VELOCITY, 0),
-    *NO_POSITION_LIMITS,
+    *_NO_TARGETS,
     (od.QUICK_STOP_OPTION, _HOLD_AFTER_QUICK_STOP),
     (od.MOTION_PROFILE_TYPE, LINEAR_RAMP),
 ]
-"""The values with which an operator's action begins, whatever an earlier program left: targets at rest come first."""
 
 
 def set_up(machine: Machine, robot: Robot, start_units: list[int] | None = None) -> None:
@@ -49,6 +49,13 @@ def set_up(machine: Machine, robot: Robot, start_units: list[int] | None = None)
         machine.configure(settings)
         machine.enable()
         machine.preset(start_units)
+
+
+def clear_targets(axes: Iterable[AxisClient]) -> None:
+    """Take back a target velocity and position limits, as `set_up` does for an operator; raises as it does."""
+    for axis in axes:
+        for address, value in _NO_TARGETS:
+            axis.ensure(address, value)
 
 
 def axis_settings(joint: Joint, board: BoardSettings) -> AxisSettings:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from steptwin.host.client.bus_link import BusLink, Connection, open_bus
+from steptwin.host.client.waiting import require
 from steptwin.host.operate.jogging import jog
 from steptwin.host.operate.recovering import reset
 from steptwin.host.operate.session import Session
@@ -19,6 +20,7 @@ from tests.end_to_end.served import Server, in_real_time, serving
 ROBOT = load_robot("warehouse-scara")
 TH1 = ROBOT.joint_names.index("th1")
 HOME = "0 0 100 0 60 30"
+MOVING = (State.OPERATION_ENABLED, State.FAULT_REACTION_ACTIVE)
 JOG = ("jog", ROBOT.name, "th1", "-10", "--seconds", "60")
 
 End = Callable[[Server, subprocess.Popen[str]], object]
@@ -39,12 +41,11 @@ def test_a_jog_that_was_ended_does_not_go_on(end: str) -> None:
             session = Session(link, ROBOT)
             th1 = session.machine.axes[TH1]
             jogging = server.start(*JOG)
-            while not th1.read(od.VELOCITY_ACTUAL):
-                assert jogging.poll() is None, jogging.communicate()
+            require(link, lambda: bool(th1.read(od.VELOCITY_ACTUAL)), "the jog does not begin", TIMEOUT_S)
             ENDS[end](server, jogging)
             jogging.communicate(timeout=TIMEOUT_S)
-            while th1.state() in (State.OPERATION_ENABLED, State.FAULT_REACTION_ACTIVE) or th1.read(od.VELOCITY_ACTUAL):
-                link.wait(0.01)  # a killed program is missed after 350 ms
+            # A killed program is missed after 350 ms.
+            require(link, lambda: th1.state() not in MOVING and not th1.read(od.VELOCITY_ACTUAL), "no stop", TIMEOUT_S)
             reset(session)
             stood_units = th1.read(od.POSITION_ACTUAL)
             jog(session, "L1", 5.0, 0.5)
