@@ -18,6 +18,7 @@ TIMEOUT_MS: Final = 350
 """Two heartbeats may be lost and the third half a period late; a queue of 64 records of 10 ms lasts longer."""
 WATCH_HOST: Final = HOST_NODE_ID << 16 | TIMEOUT_MS
 """The consumer heartbeat time (1016h) that makes a node watch this host."""
+_FRAME: Final = COB_HEARTBEAT + HOST_NODE_ID, bytes((NmtState.OPERATIONAL,))
 
 
 class Heartbeat:
@@ -30,8 +31,11 @@ class Heartbeat:
     def start(self) -> None:
         """Send the first frame now and repeat it, unless the heartbeat has been started already."""
         if self._task is None:
-            frame = COB_HEARTBEAT + HOST_NODE_ID, bytes((NmtState.OPERATIONAL,))
-            self._task = self._network.send_periodic(*frame, PERIOD_S)
+            self._task = self._network.send_periodic(*_FRAME, PERIOD_S)
+
+    def beat(self) -> None:
+        """Send one frame at once: a node monitors this host from the first heartbeat that it receives (CiA 301)."""
+        self._network.send_message(*_FRAME)
 
     def stop(self) -> None:
         """Stop sending; axes that still watch this host take it for lost."""

@@ -78,6 +78,7 @@ class Machine:
             for address, value in (*entries, (od.ABORT_CONNECTION_OPTION, AbortConnection.FAULT_SIGNAL)):
                 axis.ensure(address, value)
             axis.write(od.CONSUMER_HEARTBEATS[0], WATCH_HOST)
+        self._heartbeat.beat()  # before anything moves, so that even a host that is killed at once is missed
         if not all(axis.read(od.STATUSWORD) & Status.REMOTE for axis in self.axes):
             self.link.network.nmt.state = "OPERATIONAL"
 

@@ -56,6 +56,19 @@ def test_it_beats_between_the_frames_of_a_long_dialogue(board: EmbeddedBoard, ma
     assert emergencies(board) == []
 
 
+def test_a_host_that_dies_as_soon_as_it_has_adopted_the_board_is_missed(
+    board: EmbeddedBoard, machine: Machine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    machine.disconnect()
+    board.wait(1.0)
+    successor = Machine(board, ROBOT.joint_names)
+    successor.adopt([[]] * AXES)
+    silence_heartbeat(monkeypatch)
+    board.wait(TIMEOUT_MS / 1000 + 0.5)
+    assert states(successor) == [State.FAULT] * AXES
+    assert [axis.error_codes for axis in successor.axes] == [[ErrorCode.HEARTBEAT_LOST]] * AXES
+
+
 def test_it_begins_when_the_axes_are_configured(board: EmbeddedBoard) -> None:
     machine = Machine(board, ROBOT.joint_names)
     machine.connect()
