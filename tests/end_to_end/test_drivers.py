@@ -127,7 +127,7 @@ class TestThreeAmpModule:
 
     def test_has_no_other_currents_than_its_switches(self, fast_kernel: Kernel) -> None:
         robot = with_board("teaching-scara", osc_pf=None, driver_profile="3a-module", current_a=1.3)
-        with pytest.raises(InputError, match=r"^board\.current_a: 1\.3 A is none .* 1\.2 A and 1\.4 A$"):
+        with pytest.raises(InputError, match=r"^board\.current_a: 1\.3 A is not one of .* 1\.2 A and 1\.4 A$"):
             executed(robot, "carry", fast_kernel)
 
     @pytest.mark.parametrize(
