@@ -18,7 +18,6 @@ from steptwin.host.twin.standing import standing_steps
 from steptwin.host.verify import BusReport, Evidence
 from steptwin.host.verify.wiring import output_changes
 from steptwin.protocol.frame import COB_SYNC, Frame
-from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 _BOOT_S = 0.01
 """Time from power-up to the host's arrival: by then the nodes have sent their boot-up messages."""
@@ -59,11 +58,11 @@ class EmbeddedBoard:
 
     def now_s(self) -> float:
         """Return the simulated seconds since power-up."""
-        return self._simulation.now_s
+        return self.network.now_s()
 
     def wait(self, dt_s: float) -> None:
         """Let `dt_s` seconds of simulated time pass, and the rest of a periodic frame that is on the bus then."""
-        self.network.run_until(self._simulation.now_counts + round(dt_s * COUNTS_PER_SECOND))
+        self.network.wait(dt_s)
 
     def operate(self, operation: Operation) -> None:
         """Do an operation on the machine now, such as EmergencyStop(pressed=True)."""

@@ -1,21 +1,22 @@
 """Connect the canopen library to a simulated bus, without threads and without waiting."""
 
 import canopen
-from canopen.network import PeriodicMessageTask
+from canopen.network import Callback, PeriodicMessageTask
 
 from steptwin.emulator.simulation import BusOverloadError, Simulation
 from steptwin.host.common.errors import BusError
 from steptwin.host.twin.repeated_frames import RepeatedFrames
+from steptwin.host.twin.simulated_waiting import wait_in_simulated_time
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 
 class EmbeddedNetwork(canopen.Network):
-    """The canopen library's network on a simulated bus.
+    """The canopen library's network on a simulated bus; fulfils the client's Clock.
 
-    `send_message` returns when the bus is silent again, so the library's blocking calls find their answers already
-    there: nothing waits and no thread is needed. A periodic frame is sent when simulated time reaches its instant,
-    while the client waits or before the next frame that the client sends.
+    `send_message` returns when the bus is silent again, so the library's requests find their answers already there. Its
+    waits for other frames let simulated time pass. So nothing blocks and no thread is needed. A periodic frame is sent
+    when simulated time reaches its instant, while the client waits or before the next frame that the client sends.
     """
 
     def __init__(self, simulation: Simulation) -> None:
@@ -23,6 +24,23 @@ class EmbeddedNetwork(canopen.Network):
         self._simulation = simulation
         self._repeated = RepeatedFrames(simulation)
         simulation.host.receive = self._frame_arrived
+
+    def now_s(self) -> float:
+        """Return the simulated seconds since power-up."""
+        return self._simulation.now_s
+
+    def wait(self, dt_s: float) -> None:
+        """Let `dt_s` seconds of simulated time pass, and the rest of a periodic frame that is on the bus then."""
+        until_counts = self._simulation.now_counts + round(dt_s * COUNTS_PER_SECOND)
+        while (due_counts := self._repeated.due_counts) is not None and due_counts < until_counts:
+            self._simulation.run_until(due_counts)
+            self._send_due()
+        self._simulation.run_until(until_counts)
+
+    def subscribe(self, can_id: int, callback: Callback) -> None:
+        """Have a function called with each frame of an identifier; what it belongs to then waits in simulated time."""
+        wait_in_simulated_time(getattr(callback, "__self__", None), self)
+        super().subscribe(can_id, callback)
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
         """Send a data frame, and let simulated time pass until the bus is silent.
@@ -48,13 +66,6 @@ class EmbeddedNetwork(canopen.Network):
     def _send_due(self) -> None:
         for frame in self._repeated.take_due():
             self.send_message(frame.cob_id, frame.data)
-
-    def run_until(self, until_counts: int) -> None:
-        """Let simulated time pass to an instant, or to the end of a periodic frame that is on the bus then."""
-        while (due_counts := self._repeated.due_counts) is not None and due_counts < until_counts:
-            self._simulation.run_until(due_counts)
-            self._send_due()
-        self._simulation.run_until(until_counts)
 
     def _frame_arrived(self, frame: Frame, counts: int) -> None:
         self.notify(frame.cob_id, bytearray(frame.data), counts / COUNTS_PER_SECOND)

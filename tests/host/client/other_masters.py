@@ -9,7 +9,6 @@ from canopen.sdo.base import SdoVariable
 
 from steptwin.protocol import od
 from steptwin.protocol.eds import render_eds
-from steptwin.protocol.frame import COB_TPDO
 
 
 class Node402(BaseNode402):
@@ -25,6 +24,10 @@ class Node402(BaseNode402):
         """Write a numeric entry by SDO."""
         self._entry(address).raw = value
 
+    def status(self) -> int:
+        """Return the statusword of the next TPDO1; `statusword` is the last one's."""
+        return int(self.check_statusword())  # type: ignore[no-untyped-call]
+
     def _entry(self, address: int) -> SdoVariable:
         index, subindex = od.index_and_subindex(address)
         found = self.sdo[index]
@@ -38,13 +41,9 @@ def node402(network: canopen.Network, node_id: int) -> Node402:
     return node
 
 
-def set_up_without_tpdo1(node: Node402) -> None:
-    """Set up the library's state machine, with TPDO1 off, so that it reads the statusword by SDO.
-
-    The library waits in a thread for a TPDO that it takes for periodic, while simulated time stands still.
-    """
+def set_up(node: Node402) -> None:
+    """Set up the library's state machine with the PDOs that the node has after power-up."""
     node.nmt.state = "PRE-OPERATIONAL"
-    node.write(od.address_of(od.TPDO_COMMUNICATION[0], od.PDO_COB_ID), 1 << 31 | COB_TPDO[0] + node.id)
     node.setup_402_state_machine()  # type: ignore[no-untyped-call]
 
 

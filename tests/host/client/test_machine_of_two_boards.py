@@ -9,7 +9,6 @@ from steptwin.emulator.simulation import Simulation
 from steptwin.host.client import Machine
 from steptwin.host.client.pausing import pause_trajectory, resume_trajectory
 from steptwin.host.twin.embedded_network import EmbeddedNetwork
-from steptwin.protocol.timer import COUNTS_PER_SECOND
 from tests.host.client.machines import SETTINGS, STEP, TH1, still, travelling
 
 AXES = 8
@@ -29,7 +28,7 @@ class TwoBoards:
         return self.simulation.now_s
 
     def wait(self, dt_s: float) -> None:
-        self.network.run_until(self.simulation.now_counts + round(dt_s * COUNTS_PER_SECOND))
+        self.network.wait(dt_s)
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode, Status
 from tests.host.client.machines import START, STEP, TH1, WAREHOUSE
-from tests.host.client.other_masters import Node402, enable, node402, set_up_without_tpdo1
+from tests.host.client.other_masters import Node402, enable, node402, set_up
 
 NODE = 0x13
 
@@ -23,7 +23,7 @@ def board(fast_kernel: Kernel) -> EmbeddedBoard:
 def node(board: EmbeddedBoard) -> Node402:
     """A node in OPERATION ENABLED."""
     made = node402(board.network, NODE)
-    set_up_without_tpdo1(made)
+    set_up(made)
     made.nmt.state = "OPERATIONAL"
     enable(made)
     return made
@@ -36,11 +36,11 @@ def test_profile_position(board: EmbeddedBoard, node: Node402) -> None:
     assert node.op_mode == "PROFILED POSITION"
     node.write(od.TARGET_POSITION, 750 * STEP)
     node.controlword = 0x1F
-    assert node.statusword & Status.SETPOINT_ACKNOWLEDGED
+    assert node.status() & Status.SETPOINT_ACKNOWLEDGED
     node.controlword = 0x0F
-    assert not node.statusword & Status.TARGET_REACHED
+    assert not node.status() & Status.TARGET_REACHED
     board.wait(2.0)
-    assert node.statusword & Status.TARGET_REACHED
+    assert node.status() & Status.TARGET_REACHED
     assert node.read(od.POSITION_ACTUAL) == 750 * STEP
     moved = [now - then for now, then in zip(board.driver_positions(), before, strict=True)]
     assert moved == [0, 0, 0, 750, 0, 0]
@@ -50,11 +50,11 @@ def test_profile_velocity(board: EmbeddedBoard, node: Node402) -> None:
     node.op_mode = "PROFILED VELOCITY"
     node.write(od.TARGET_VELOCITY, -1000 * STEP)
     board.wait(1.0)
-    assert node.statusword & Status.TARGET_REACHED
+    assert node.status() & Status.TARGET_REACHED
     assert node.read(od.VELOCITY_ACTUAL) == -1000 * STEP
     node.write(od.TARGET_VELOCITY, 0)
     board.wait(1.0)
-    assert node.statusword & Status.ZERO_SPEED
+    assert node.status() & Status.ZERO_SPEED
 
 
 @pytest.mark.parametrize("period_ms", [1, 10])
@@ -84,7 +84,7 @@ def test_cyclic_synchronous_position(board: EmbeddedBoard, node: Node402, period
     assert node.read(od.POSITION_ACTUAL) == start
     assert node.state == "OPERATION ENABLED"
     node.op_mode = "PROFILED POSITION"
-    assert not node.statusword & Status.FOLLOWS_COMMAND
+    assert not node.status() & Status.FOLLOWS_COMMAND
 
 
 def homing_node(node: Node402, method: int) -> Node402:
@@ -114,6 +114,6 @@ def test_homing_that_fails(board: EmbeddedBoard, node: Node402) -> None:
     """th1 has no home switch: the search ends at the positive limit switch."""
     assert not homing_node(node, 20).homing()  # type: ignore[no-untyped-call]
     board.wait(0.5)
-    assert node.statusword & Status.HOMING_ERROR
+    assert node.status() & Status.HOMING_ERROR
     assert node.emcy.log[-1].code == ErrorCode.HOMING_FAILED
     assert node.state == "OPERATION ENABLED"

@@ -12,7 +12,7 @@ from steptwin.protocol.cia402 import Status
 from steptwin.protocol.homing_methods import HOME_HERE
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 from tests.host.client.machines import STEP
-from tests.host.client.other_masters import Node402, enable, node402, set_up_without_tpdo1
+from tests.host.client.other_masters import Node402, enable, node402, set_up
 
 AXES = 8
 FIRST_NODES = (0x10, 0x18)
@@ -37,7 +37,7 @@ def nodes(network: EmbeddedNetwork) -> list[Node402]:
     """All axes in OPERATION ENABLED."""
     made = [node402(network, node_id) for node_id in NODES]
     for node in made:
-        set_up_without_tpdo1(node)
+        set_up(node)
     network.nmt.state = "OPERATIONAL"
     for node in made:
         enable(node)
@@ -86,7 +86,7 @@ def test_all_axes_move_by_profile_position(simulation: Simulation, nodes: list[N
         node.op_mode = "PROFILED POSITION"
         node.write(od.TARGET_POSITION, distance(node) * STEP)
         node.controlword = 0x1F
-    assert not any(node.statusword & Status.TARGET_REACHED for node in nodes)
+        assert not node.read(od.STATUSWORD) & Status.TARGET_REACHED
     wait(simulation, 2000)
     assert all(node.statusword & Status.TARGET_REACHED for node in nodes)
     assert [node.read(od.POSITION_ACTUAL) for node in nodes] == [distance(node) * STEP for node in nodes]
