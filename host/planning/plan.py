@@ -7,6 +7,7 @@ import numpy as np
 from steptwin.host.common.arrays import Int64Array
 from steptwin.host.common.axis_records import AxisRecords
 from steptwin.host.common.errors import InputError
+from steptwin.host.planning.peaks import Peak
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot
 
@@ -21,6 +22,7 @@ class Plan:
         times_ms: shape (points,), whole milliseconds, from 0 to the end.
         points_units: shape (points, joints), absolute positions in wire units.
         velocities: shape (points, joints), in 1/64 unit per ms; 0 at both ends.
+        peaks: highest step rate, speed and acceleration of each joint, all within their limits.
     """
 
     robot: Robot
@@ -28,6 +30,7 @@ class Plan:
     times_ms: Int64Array
     points_units: Int64Array
     velocities: Int64Array
+    peaks: tuple[Peak, ...]
 
     def __post_init__(self) -> None:
         for array in (self.times_ms, self.points_units, self.velocities):

@@ -12,7 +12,9 @@ from steptwin.host.common.arrays import Int64Array
 from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning import checks
+from steptwin.host.planning.peaks import speed_peaks, step_rate_peaks
 from steptwin.host.planning.plan import Plan
+from steptwin.host.planning.samples import Samples
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.pvt import DURATION_MAX_MS, VELOCITY_PER_UNIT_PER_MS
@@ -31,17 +33,16 @@ def plan(robot: Robot, trajectory: Trajectory, point_ms: int = DEFAULT_POINT_MS)
     """
     checks.check_joint_names(robot, trajectory)
     times_ms = _point_times_ms(trajectory, point_ms)
-    samples = checks.Samples.of(trajectory, times_ms)
+    samples = Samples.of(trajectory, times_ms)
     checks.check_positions(robot, samples)
     checks.check_rest(robot, samples)
     at_points = np.searchsorted(samples.t_s, times_ms / 1000)
     points = robot.to_units(samples.positions[at_points])
     velocities = np.round(samples.velocities[at_points] * robot.wire_units_per_unit * VELOCITY_PER_UNIT_PER_MS / 1000)
     checks.check_record_widths(robot, times_ms, points, velocities)  # as floats, which cannot overflow
-    made = Plan(robot, trajectory, times_ms, points.astype(np.int64), velocities.astype(np.int64))
-    checks.check_step_rates(made)
-    checks.check_speeds(robot, samples)
-    return made
+    peaks = (*step_rate_peaks(robot, times_ms, points, velocities), *speed_peaks(robot, samples))
+    checks.check_peaks(peaks)
+    return Plan(robot, trajectory, times_ms, points.astype(np.int64), velocities.astype(np.int64), peaks)
 
 
 def _point_times_ms(trajectory: Trajectory, point_ms: int) -> Int64Array:

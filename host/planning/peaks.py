@@ -1,0 +1,106 @@
+"""The highest speed, acceleration and step rate of each joint in a motion, beside their limits."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+from math import floor
+from typing import Final
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray, Int64Array
+from steptwin.host.planning.samples import Samples
+from steptwin.host.robots.robot import Robot
+
+_ROUNDING: Final = 1e-9
+"""Rounding error allowed beyond a limit of speed or acceleration, as a fraction of it."""
+_Q16: Final = 1 << 16
+
+
+class Quantity(StrEnum):
+    """A quantity with a limit."""
+
+    SPEED = "speed"
+    ACCELERATION = "mean acceleration over 1 ms"
+    STEP_RATE = "step rate"
+
+
+@dataclass(frozen=True, slots=True)
+class Peak:
+    """The highest value of a quantity at a joint, and when the motion has it.
+
+    Attributes:
+        quantity: quantity that has the peak.
+        joint: name of the joint.
+        value: size of the peak, in `unit`.
+        limit: limit of the size, in `unit`.
+        unit: unit of value and limit.
+        t_s: time of the peak; for a step rate the beginning of its PVT record.
+    """
+
+    quantity: Quantity
+    joint: str
+    value: float
+    limit: float
+    unit: str
+    t_s: float
+
+    @property
+    def percent(self) -> float:
+        """The peak as percentage of its limit."""
+        return 100.0 * self.value / self.limit
+
+    @property
+    def exceeded(self) -> bool:
+        """True if the peak is beyond its limit: by more than rounding errors, or for a step rate at all.
+
+        The firmware compares step rates as integers, so the planner must not pass what the firmware refuses.
+        """
+        return self.value > self.limit * (1.0 if self.quantity is Quantity.STEP_RATE else 1.0 + _ROUNDING)
+
+
+def speed_peaks(robot: Robot, samples: Samples) -> Iterator[Peak]:
+    """Yield the peaks of speed and acceleration, joint by joint.
+
+    The acceleration is the mean over each interval of the grid, inside which it does not jump.
+    """
+    t_s, velocities = samples.t_s, samples.velocities
+    accelerations = np.diff(velocities, axis=0) / np.diff(t_s)[:, np.newaxis]
+    for i, joint in enumerate(robot.joints):
+        for quantity, values, limit, unit in (
+            (Quantity.SPEED, velocities[:, i], joint.speed_max, f"{joint.unit}/s"),
+            (Quantity.ACCELERATION, accelerations[:, i], joint.acceleration_max, f"{joint.unit}/s^2"),
+        ):
+            sizes = np.abs(values)
+            worst = int(np.argmax(sizes))
+            yield Peak(quantity, joint.name, float(sizes[worst]), limit, unit, float(t_s[worst]))
+
+
+def step_rate_peaks(robot: Robot, times_ms: Int64Array, points: FloatArray, velocities: FloatArray) -> Iterator[Peak]:
+    """Yield the peaks of the step rates, in Hz, as the firmware bounds them for each PVT record.
+
+    `points` are whole wire units and `velocities` whole 1/64 units per ms, both of shape (points, joints) and within
+    the widths of PVT records. The firmware's limit is in Q16 steps per ms.
+    """
+    dt_ms = np.diff(times_ms)[:, np.newaxis]
+    hulls_q16 = _velocity_hulls_q16(robot, dt_ms, points.astype(np.int64), velocities.astype(np.int64))
+    rates_hz = hulls_q16 * (1000 / _Q16) / dt_ms
+    limit_hz = floor(robot.board.driver_rate_max_hz * _Q16 / 1000) * 1000 / _Q16
+    for i, joint in enumerate(robot.joints):
+        worst = int(np.argmax(rates_hz[:, i]))
+        at_s = float(times_ms[worst]) / 1000
+        yield Peak(Quantity.STEP_RATE, joint.name, float(rates_hz[worst, i]), limit_hz, "Hz", at_s)
+
+
+def _velocity_hulls_q16(robot: Robot, dt_ms: Int64Array, points: Int64Array, velocities: Int64Array) -> Int64Array:
+    """Return a bound of each cubic's velocity, of shape (segments, joints), in Q16 steps per segment duration.
+
+    With the displacement D, a = v0 dt and e = v1 dt, the velocity is a quadratic with the Bernstein coefficients a,
+    3D - a - e and e. Its size nowhere exceeds the largest of theirs. Rounding is the firmware's.
+    """
+    microsteps = np.array([joint.transmission.microsteps for joint in robot.joints])
+    distance = np.diff(points, axis=0) * microsteps << 2
+    a = velocities[:-1] * dt_ms * microsteps + 8 >> 4
+    e = velocities[1:] * dt_ms * microsteps + 8 >> 4
+    hulls: Int64Array = np.maximum.reduce([np.abs(a), np.abs(3 * distance - a - e), np.abs(e)])
+    return hulls

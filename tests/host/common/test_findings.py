@@ -1,0 +1,30 @@
+"""Findings: every error of an input, in order."""
+
+import pytest
+
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.findings import Findings
+
+
+def test_collects_one_error_of_each_block_and_goes_on() -> None:
+    findings = Findings()
+    for number in (1, 2, 3):
+        with findings.collecting(f"step {number}: "):
+            if number != 2:
+                raise InputError(f"{number} is odd")
+    assert findings.messages == ["step 1: 1 is odd", "step 3: 3 is odd"]
+    with pytest.raises(InputError, match=r"^step 1: 1 is odd$"):
+        findings.raise_first()
+
+
+def test_an_input_without_errors_raises_nothing() -> None:
+    findings = Findings()
+    with findings.collecting():
+        pass
+    findings.raise_first()
+    assert not findings.messages
+
+
+def test_other_errors_are_not_findings() -> None:
+    with pytest.raises(ZeroDivisionError), Findings().collecting():
+        _ = 1 / 0
