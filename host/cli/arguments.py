@@ -2,13 +2,14 @@
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from steptwin.host.cli.option_names import naming_options
 from steptwin.host.cli.output import warn
-from steptwin.host.common.bad_input import unknown
+from steptwin.host.common import numbers
+from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
@@ -32,9 +33,6 @@ DriverProfileName = Annotated[
         " current_a and the like.",
     ),
 ]
-
-_LARGEST: Final = 1e9
-"""Largest size of a number on the command line: no machine is larger in mm or degrees."""
 
 
 def robot_and_rest(words: list[str], robot_file: str | None) -> "tuple[Robot, list[str]]":
@@ -86,13 +84,8 @@ def joint_values(texts: list[str], names: tuple[str, ...], what: str) -> list[fl
 
 def finite_number(text: str, what: str) -> float:
     """Return a finite number up to 1e9 in size; InputError for anything else."""
-    try:
-        value = float(text)
-    except ValueError:
-        raise InputError(f"{what}: '{text}' is not a number") from None
-    if not abs(value) <= _LARGEST:
-        raise InputError(f"{what}: {text} is not a finite number up to {_LARGEST:g}")
-    return value
+    with prefixed(f"{what}: "):
+        return numbers.finite_number(text)
 
 
 def out_folder(out: str | None) -> Path | None:

@@ -76,7 +76,7 @@ def _host_and_port(text: str) -> tuple[str, int]:
     host, colon, port = text.rpartition(":")
     if not colon:
         host, port = text, str(socketcand.PORT)
-    if not host or not port.isdecimal() or not 0 < int(port) < 1 << 16:
+    if not host or not (port.isascii() and port.isdecimal()) or not 0 < int(port) < 1 << 16:
         raise InputError(f"--connect {text}: is not of the form HOST:PORT, such as 127.0.0.1:{socketcand.PORT}")
     return host, int(port)
 

@@ -13,6 +13,7 @@ from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, c
 from steptwin.host.cli.output import print_json
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import BusError, InputError
+from steptwin.host.common.numbers import whole
 from steptwin.protocol.frame import NODE_ID_MAX
 
 if TYPE_CHECKING:
@@ -107,7 +108,7 @@ def _node_id(text: str, names: dict[int, str]) -> int:
     if text in by_name:
         return by_name[text]
     try:
-        node_id = int(text, 0)
+        node_id = whole(text, 0)
     except ValueError:
         raise unknown("--node", text, [*by_name, "a number such as 0x10"]) from None
     if not 1 <= node_id <= NODE_ID_MAX:

@@ -10,16 +10,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from enum import StrEnum
 from reprlib import repr as short
-from typing import Final, TypeVar
+from typing import TypeVar
 
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.numbers import LARGEST
 
 Choice = TypeVar("Choice", bound=StrEnum)
 Made = TypeVar("Made")
-
-LARGEST: Final = 1e9
-"""Largest size of a number in a document: no length, time, count or rate of a machine is larger."""
 
 
 def toml_table(text: str) -> "Table":

@@ -3,6 +3,7 @@
 from importlib.resources import files
 
 from steptwin.host.common.bad_input import prefixed, unknown
+from steptwin.host.common.file_limits import ROBOT_BYTES_MAX
 from steptwin.host.common.text_file import read_text
 from steptwin.host.robots.reader import parse_robot
 from steptwin.host.robots.robot import Robot
@@ -31,5 +32,5 @@ def load_robot(name: str) -> Robot:
 def load_robot_file(path: str) -> Robot:
     """Return the robot in a file of any name; raise InputError as `load_robot` does."""
     with prefixed(f"{path}: "):
-        text = read_text(path)
+        text = read_text(path, ROBOT_BYTES_MAX)
     return parse_robot(text, path)

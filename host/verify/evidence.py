@@ -110,6 +110,12 @@ class AxisEvidence:
     phases: Phases
     pins: Mapping[str, LevelEdges]
 
+    @property
+    def last_counts(self) -> int:
+        """Instant of the last edge of any pin; 0 without edges."""
+        edges = (self.clk_fall_counts, self.dir_edge_counts, *(pin.counts for pin in self.pins.values()))
+        return max((int(counts[-1]) for counts in edges if counts.size), default=0)
+
 
 @dataclass(frozen=True, slots=True)
 class OutputChange:

@@ -16,6 +16,7 @@ from math import ceil, floor
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int8Array
+from steptwin.host.common.errors import InputError
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.verify.roots import IndexArray, bracketed_roots
 
@@ -31,6 +32,9 @@ SAMPLES_PER_CHUNK = 8192
 
 CROSSINGS_PER_CHUNK = 65_536
 """Number of crossings solved at once, for the same reason."""
+
+CROSSINGS_MAX = 1 << 26
+"""Number of ideal steps of all axes together: an hour of six axes at 3 kHz each; they take 2.5 GB."""
 
 TIME_TOLERANCE_S = 1e-11
 NEGLIGIBLE_OVERSHOOT_STEPS = 1e-9
@@ -94,6 +98,10 @@ class _AxisCounter:
         self._turning_s: list[FloatArray] = []
         self._solved: list[tuple[FloatArray, Int8Array, FloatArray]] = []
 
+    def passes(self, position_steps: FloatArray) -> float:
+        """Return about how many crossings `follow` will find in the samples; it may be infinite."""
+        return float(np.abs(np.diff(position_steps, prepend=self._counter)).sum())
+
     def follow(self, t_s: FloatArray, position_steps: FloatArray) -> list[_Brackets]:
         """Return the crossings in samples that contain every extreme and begin where the last samples ended."""
         extremes = _extremes(position_steps)
@@ -146,13 +154,18 @@ def ideal_steps(
             at t = 0.
 
     Raises:
+        InputError: the motion takes more than CROSSINGS_MAX steps.
         ValueError: a planned position is not finite.
     """
     counters = [_AxisCounter(axis, start) for axis, start in enumerate(start_steps)]
+    passed = 0.0
     for grid_s in _grids(trajectory.duration_s):
         parts = [_NO_BRACKETS]
         samples = _samples(trajectory, steps_per_unit, grid_s)
-        for counter, (t_s, position_steps) in zip(counters, samples, strict=True):
+        for name, counter, (t_s, position_steps) in zip(trajectory.joint_names, counters, samples, strict=True):
+            passed += counter.passes(position_steps)
+            if passed > CROSSINGS_MAX:
+                raise InputError(f"{name}: from its count at the start, the plan takes more than {CROSSINGS_MAX} steps")
             parts += counter.follow(t_s, position_steps)
         brackets = _Brackets.joined(parts)
         time_s, speeds_hz = _solve(trajectory, steps_per_unit, brackets)

@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.numbers import decimal
 from steptwin.host.robots.robot import Robot
 
 Options = TypeVar("Options")
@@ -105,7 +106,7 @@ def _choices(default: Enum) -> dict[str, Enum]:
 
 def _number(name: str, text: str, allowed: Range) -> float:
     try:
-        value = float(text)
+        value = decimal(text)
     except ValueError:
         raise InputError(f"option {name}: {text!r} is not a number (valid: {allowed})") from None
     if not allowed.lower <= value <= allowed.upper:

@@ -7,8 +7,7 @@ procedures", J. ACM 17(4), 1970). Both begin and end at rest, as every motion mu
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isfinite
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, Final, Self, overload
 
 import numpy as np
 import scipy
@@ -86,6 +85,27 @@ class Sampled:
         return np.asarray(self.curve(t_s, 2))
 
 
+@dataclass(frozen=True, slots=True)
+class NumberedPlaces(Sequence[str]):
+    """The places of points in their input, for messages: a text with the point's own number, made when asked for."""
+
+    text: str
+    numbers: Sequence[int]
+
+    @overload
+    def __getitem__(self, i: int) -> str: ...
+
+    @overload
+    def __getitem__(self, i: slice) -> "NumberedPlaces": ...
+
+    def __getitem__(self, i: int | slice) -> "str | NumberedPlaces":
+        chosen = self.numbers[i]
+        return self.text.format(chosen) if isinstance(chosen, int) else NumberedPlaces(self.text, chosen)
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+
 def check_times(times_s: FloatArray, places: Sequence[str] = (), *, all_whole_ms: bool = False) -> None:
     """Raise InputError unless points at these times can be a motion; messages name the times by `places`.
 
@@ -94,11 +114,11 @@ def check_times(times_s: FloatArray, places: Sequence[str] = (), *, all_whole_ms
     """
     if len(times_s) < 2:
         raise InputError(f"{len(times_s)} points: a motion takes at least 2")
-    places = places or [f"the time of point {i}" for i in range(1, len(times_s) + 1)]
-    points = list(zip(places, times_s.tolist(), strict=True))
-    for place, t_s in points:
-        if not isfinite(t_s):
-            raise InputError(f"{place}: {t_s:g} s is not finite")
+    places = places or NumberedPlaces("the time of point {}", range(1, len(times_s) + 1))
+    finite = np.isfinite(times_s)
+    if not finite.all():
+        i = int(np.argmin(finite))
+        raise InputError(f"{places[i]}: {times_s[i]:g} s is not finite")
     if times_s[0] != 0.0:
         raise InputError(f"{places[0]}: {times_s[0]:.9g} s, but the first point is at 0 s")
     increasing = np.diff(times_s) >= _GAP_MIN_S
@@ -108,8 +128,9 @@ def check_times(times_s: FloatArray, places: Sequence[str] = (), *, all_whole_ms
             f"{places[i + 1]}: {times_s[i + 1]:.9g} s is not at least 1 us after"
             f" the {times_s[i]:.9g} s of the point before"
         )
-    for place, t_s in points if all_whole_ms else points[-1:]:
-        check_whole_ms(place, t_s)
+    times_ms = 1000.0 * times_s
+    for i in np.flatnonzero(times_ms != np.rint(times_ms)).tolist() if all_whole_ms else [len(times_s) - 1]:
+        check_whole_ms(places[i], float(times_s[i]))
 
 
 def check_whole_ms(place: str, t_s: float) -> None:

@@ -11,17 +11,21 @@ has `joint_names`, and `points` with `positions`, `time_from_start` and optional
 from typing import Final
 
 from steptwin.host.common.bad_input import prefixed
-from steptwin.host.common.text_file import read_text
+from steptwin.host.common.file_limits import CSV_BYTES_MAX, JSON_BYTES_MAX
+from steptwin.host.common.text_file import opened_text, read_text
 from steptwin.host.planning.motions.sampled import Sampled
 from steptwin.host.planning.motions.sequence import Sequence
 from steptwin.host.planning.trajectory_file.csv_points import read_csv
 from steptwin.host.planning.trajectory_file.json_points import read_json
-from steptwin.host.planning.trajectory_file.points import LONGEST_S
+from steptwin.host.planning.trajectory_file.points import LONGEST_S, Points
 from steptwin.host.robots.robot import Robot
 
 __all__ = ["LONGEST_S", "SUFFIXES", "is_trajectory_file", "read_trajectory"]
 
 SUFFIXES: Final = (".csv", ".json")
+
+_ENCODING: Final = "utf-8-sig"
+"""UTF-8, with a byte order mark or without."""
 
 
 def is_trajectory_file(name: str) -> bool:
@@ -36,5 +40,11 @@ def read_trajectory(path: str, robot: Robot) -> Sampled | Sequence:
         InputError: the file cannot be read or a value in it is wrong; the message names the file and the place in it.
     """
     with prefixed(f"{path}: "):
-        text = read_text(path, "utf-8-sig")
-        return (read_json(text) if path.lower().endswith(".json") else read_csv(text)).motion(robot)
+        return _points(path).motion(robot)
+
+
+def _points(path: str) -> Points:
+    if path.lower().endswith(".json"):
+        return read_json(read_text(path, JSON_BYTES_MAX, _ENCODING))
+    with opened_text(path, CSV_BYTES_MAX, _ENCODING) as file:
+        return read_csv(file)

@@ -1,35 +1,59 @@
-"""Read the points of a CSV trajectory."""
+"""Read the points of a CSV trajectory, line by line, so that memory holds no more than the numbers."""
 
 import csv
+from array import array
+from collections.abc import Iterator
 from reprlib import repr as short
-from typing import Final
+from typing import Final, TextIO
+
+import numpy as np
 
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.tables import LARGEST
+from steptwin.host.common.file_limits import COLUMNS_MAX, LINE_CHARS_MAX, POINTS_MAX
+from steptwin.host.common.numbers import finite_number
+from steptwin.host.planning.motions.sampled import NumberedPlaces
 from steptwin.host.planning.trajectory_file.points import Points
 
 _VELOCITY: Final = "v_"
 """Prefix of a joint's name in the header of its velocities."""
 
 
-def read_csv(text: str) -> Points:
+def read_csv(file: TextIO) -> Points:
     """Return the points; skip empty lines and those that begin with #. InputErrors begin with the line's number."""
-    lines = [(i, line) for i, line in enumerate(text.split("\n"), start=1) if line.strip() and line.strip()[0] != "#"]
-    if not lines:
+    lines = _lines(file)
+    head = next(lines, None)
+    if head is None:
         raise InputError("is empty: a header t,<joint>,... was expected")
-    header = _fields(*lines[0])
-    with prefixed(f"line {lines[0][0]}: "):
+    header = _fields(*head)
+    with prefixed(f"line {head[0]}: "):
         joints, moving = _columns(header)
-    rows = [_row(_fields(i, line), header, i) for i, line in lines[1:]]
+    numbers, line_numbers = array("d"), array("q")
+    for i, line in lines:
+        if len(line_numbers) == POINTS_MAX:
+            raise InputError(f"line {i}: is beyond {POINTS_MAX} points, one each millisecond of an hour")
+        numbers.extend(_row(_fields(i, line), header, i))
+        line_numbers.append(i)
+    table = np.frombuffer(numbers).reshape(len(line_numbers), len(header))
     columns = {name: i for i, name in enumerate(header)}
     return Points(
         joints,
-        [f"line {i}, t" for i, _ in lines[1:]],
-        [row[0] for row in rows],
-        [[row[columns[name]] for name in joints] for row in rows],
-        [[row[columns[_VELOCITY + name]] for name in joints] for row in rows] if moving else None,
+        NumberedPlaces("line {}, t", line_numbers),
+        table[:, 0],
+        table[:, [columns[name] for name in joints]],
+        table[:, [columns[_VELOCITY + name] for name in joints]] if moving else None,
     )
+
+
+def _lines(file: TextIO) -> Iterator[tuple[int, str]]:
+    """Yield each line that holds something, with its number."""
+    i = 0
+    while line := file.readline(LINE_CHARS_MAX + 1):
+        i += 1
+        if len(line) > LINE_CHARS_MAX:
+            raise InputError(f"line {i}: has more than {LINE_CHARS_MAX} characters")
+        if line.strip() and line.strip()[0] != "#":
+            yield i, line.removesuffix("\n")
 
 
 def _fields(i: int, line: str) -> list[str]:
@@ -45,6 +69,8 @@ def _columns(header: list[str]) -> tuple[list[str], bool]:
     """Return the joints, and whether there are velocities."""
     if header[0] != "t":
         raise InputError(f"the header begins with {short(header[0])} instead of 't'")
+    if len(header) > COLUMNS_MAX:
+        raise InputError(f"{len(header)} columns, more than {COLUMNS_MAX}: t, and position and velocity of 8 joints")
     for name in header:
         if header.count(name) > 1:
             raise InputError(f"column {name!r} appears {header.count(name)} times")
@@ -63,14 +89,10 @@ def _columns(header: list[str]) -> tuple[list[str], bool]:
 def _row(row: list[str], header: list[str], line: int) -> list[float]:
     if len(row) != len(header):
         raise InputError(f"line {line}: {len(row)} fields, the header has {len(header)}")
-    return [_number(field, f"line {line}, {name}") for field, name in zip(row, header, strict=True)]
-
-
-def _number(field: str, place: str) -> float:
-    try:
-        value = float(field)
-    except ValueError:
-        raise InputError(f"{place}: {short(field)} is not a number") from None
-    if not abs(value) <= LARGEST:
-        raise InputError(f"{place}: {short(field)} is not a finite number up to {LARGEST:g}")
-    return value
+    values = []
+    for field, name in zip(row, header, strict=True):
+        try:
+            values.append(finite_number(field))
+        except InputError as error:
+            raise InputError(f"line {line}, {name}: {error}") from error
+    return values

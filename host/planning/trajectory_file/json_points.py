@@ -3,10 +3,15 @@
 from reprlib import repr as short
 from typing import Final
 
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Table, json_table, number_at
+from steptwin.host.planning.motions.sampled import NumberedPlaces
 from steptwin.host.planning.trajectory_file.points import Points
+from steptwin.host.robots.robot import AXES_MAX
 
 _DOCUMENT_KEYS: Final = ("header", "joint_names", "points")
 _POINT_KEYS: Final = ("positions", "velocities", "accelerations", "effort", "time_from_start")
@@ -25,13 +30,21 @@ def read_json(text: str) -> Points:
     moving = [bool(point.values.get("velocities")) for point in points]
     if any(moving) and not all(moving):
         raise InputError(f"point {moving.index(False) + 1}: has no velocities, other points have some")
+    if len(names) > AXES_MAX:
+        raise InputError(f"joint_names: {len(names)} names, more than the {AXES_MAX} joints that a board drives")
     return Points(
         names,
-        [f"point {i}, time_from_start" for i in range(1, len(points) + 1)],
-        [_seconds(point, i) for i, point in enumerate(points, start=1)],
-        [_numbers(point, "positions", names, i) for i, point in enumerate(points, start=1)],
-        [_numbers(point, "velocities", names, i) for i, point in enumerate(points, start=1)] if any(moving) else None,
+        NumberedPlaces("point {}, time_from_start", range(1, len(points) + 1)),
+        np.array([_seconds(point, i) for i, point in enumerate(points, start=1)]),
+        _rows(points, "positions", names),
+        _rows(points, "velocities", names) if any(moving) else None,
     )
+
+
+def _rows(points: list[Table], key: str, names: list[str]) -> FloatArray:
+    """Return an array of shape (points, names), for no points too."""
+    rows = [_numbers(point, key, names, i) for i, point in enumerate(points, start=1)]
+    return np.array(rows).reshape(len(points), len(names))
 
 
 def _name(value: object) -> str:

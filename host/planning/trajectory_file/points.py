@@ -1,10 +1,12 @@
 """The points of a trajectory file, whatever its format, and the motion through them."""
 
+from collections.abc import Sequence as Texts
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.motions.sampled import Sampled, check_times
@@ -23,31 +25,29 @@ class Points:
     Attributes:
         joint_names: one for each column.
         places: where each point's time stands in the file, for messages.
-        times_s: one for each point.
-        positions: one row for each point, in mm and degrees.
+        times_s: shape (points,).
+        positions: shape (points, columns), in mm and degrees.
         velocities: likewise, in mm/s and deg/s; None if the file gives none.
     """
 
     joint_names: list[str]
-    places: list[str]
-    times_s: list[float]
-    positions: list[list[float]]
-    velocities: list[list[float]] | None
+    places: Texts[str]
+    times_s: FloatArray
+    positions: FloatArray
+    velocities: FloatArray | None
 
     def motion(self, robot: Robot) -> Sampled | Sequence:
         """Return the motion through the points; raise InputError if the joints or times are not a robot's motion."""
         columns = self._columns(robot)
-        shape = len(self.times_s), len(columns)  # numpy cannot tell the shape of an empty list
-        times_s = np.array(self.times_s)
-        positions = np.array(self.positions).reshape(shape)[:, columns]
-        for place, t_s in zip(self.places, self.times_s, strict=True):
-            if t_s > LONGEST_S:
-                raise InputError(f"{place}: {t_s:.9g} s is more than {LONGEST_S:g} s")
+        times_s, positions = self.times_s, self.positions[:, columns]
+        late = times_s > LONGEST_S
+        if late.any():
+            i = int(np.argmax(late))
+            raise InputError(f"{self.places[i]}: {times_s[i]:.9g} s is more than {LONGEST_S:g} s")
         check_times(times_s, self.places, all_whole_ms=self.velocities is not None)
         if self.velocities is None:
             return through_points(robot.joint_names, times_s, positions, self.places)
-        velocities = np.array(self.velocities).reshape(shape)[:, columns]
-        return Sampled.hermite(robot.joint_names, times_s, positions, velocities)
+        return Sampled.hermite(robot.joint_names, times_s, positions, self.velocities[:, columns])
 
     def _columns(self, robot: Robot) -> list[int]:
         """Return the column of each of the robot's joints."""

@@ -1,9 +1,8 @@
 """Read the arrays of an .npz file by key, and check kind, shape and order of each."""
 
-import zlib
 from enum import StrEnum
+from reprlib import repr as short
 from typing import Any, Final, TypeVar
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +11,13 @@ from steptwin.host.common.arrays import FloatArray, Int8Array, Int16Array, Int64
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.record.folder.layout import ContradictionError
+from steptwin.host.record.folder.npz_file import NpzFile
 
 Choice = TypeVar("Choice", bound=StrEnum)
 
-UNREADABLE: Final = (BadZipFile, EOFError, OSError, ValueError, zlib.error)
-"""Exceptions of numpy for a file that is damaged or not an .npz file."""
+INSTANT_MAX: Final = 1 << 53
+"""Last instant that a recording may have, in counts: 4 years. Floats hold it exactly, and 10 times as many
+nanoseconds are still int64."""
 
 
 class Arrays:
@@ -26,14 +27,21 @@ class Arrays:
     ContradictionError if its values do not fit another array; the message begins with the key.
     """
 
-    def __init__(self, stored: Any) -> None:  # an NpzFile, whose values have no type
+    def __init__(self, stored: NpzFile) -> None:
         self._stored = stored
 
-    def integer(self, key: str) -> int:
+    def integer(self, key: str, bounds: tuple[int, int]) -> int:
+        """Return one whole number within bounds."""
         value = self._array(key)
         if value.ndim != 0 or value.dtype.kind != "i":
             raise InputError(f"{key}: is not one whole number")
+        if not bounds[0] <= value <= bounds[1]:
+            raise ContradictionError(f"{key}: {value} is beyond {bounds[0]}..{bounds[1]}")
         return int(value)
+
+    def instant(self, key: str) -> int:
+        """Return one instant, in counts since power-up."""
+        return self.integer(key, (0, INSTANT_MAX))
 
     def names(self, key: str) -> tuple[str, ...]:
         value = self._array(key)
@@ -45,21 +53,24 @@ class Arrays:
         value = self._array(key)
         if value.ndim != 0 or value.dtype.kind != "U":
             raise InputError(f"{key}: is not one text")
-        if str(value) not in list(choices):
-            raise InputError(f"{key}: {str(value)!r} is not one of {', '.join(choices)}")
-        return choices(str(value))
+        text = str(value)
+        if text not in list(choices):
+            raise InputError(f"{key}: {short(text)} is not one of {', '.join(choices)}")
+        return choices(text)
 
     def instants(self, key: str) -> Int64Array:
         """Return sorted instants, in counts since power-up."""
         values = self._integers(key).astype(np.int64, copy=False)
-        if values.size and (values[0] < 0 or (np.diff(values) < 0).any()):
+        if values.size and (values[0] < 0 or (values[1:] < values[:-1]).any()):  # a difference could overflow
             raise ContradictionError(f"{key}: the instants are not in order of time")
+        if values.size and values[-1] > INSTANT_MAX:
+            raise ContradictionError(f"{key}: goes up to {values[-1]} counts, beyond {INSTANT_MAX}")
         return values
 
     def one_of_two(self, key: str, choices: tuple[int, int], like: str, length: int) -> Int8Array:
         """Return one of two numbers for each of the `length` elements of the array `like`."""
         values = self.bounded(key, choices, like, length).astype(np.int8)
-        if not np.isin(values, choices).all():
+        if not ((values == choices[0]) | (values == choices[1])).all():
             raise ContradictionError(f"{key}: contains other numbers than {choices[0]} and {choices[1]}")
         return values
 
@@ -91,10 +102,7 @@ class Arrays:
         if key not in self._stored:
             raise InputError(f"{key}: is missing")
         with prefixed(f"{key}: "):
-            try:
-                return np.asarray(self._stored[key])
-            except UNREADABLE as error:
-                raise InputError(f"cannot be read: {error}") from error
+            return self._stored.array(key)
 
 
 def _check_length(key: str, values: NDArray[Any], like: str, length: int) -> None:

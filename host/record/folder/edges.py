@@ -11,7 +11,7 @@ from steptwin.host.common.arrays import Int64Array
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.whole_file import whole_file
-from steptwin.host.record.folder.arrays import UNREADABLE, Arrays
+from steptwin.host.record.folder.arrays import Arrays
 from steptwin.host.record.folder.layout import (
     EDGES,
     FOLDER_VERSION,
@@ -20,7 +20,9 @@ from steptwin.host.record.folder.layout import (
     check_version,
     existing_file,
 )
+from steptwin.host.record.folder.npz_file import opened_npz
 from steptwin.host.robots.board_settings import ActiveEdge
+from steptwin.host.robots.robot import AXES_MAX
 from steptwin.host.verify import AxisEvidence, DriverLimit, DriverViolations, Evidence, LevelEdges, Phases
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -30,6 +32,8 @@ PINS: Final = ("reset", "enable", "m1", "m2", "tq1", "tq2", "dcy1", "dcy2", "out
 Array = NDArray[Any]
 
 _INT16: Final = (-(1 << 15), (1 << 15) - 1)
+_INT32: Final = (-(1 << 31), (1 << 31) - 1)
+_INT64: Final = (-(1 << 63), (1 << 63) - 1)
 
 
 class AxisTotals(NamedTuple):
@@ -111,22 +115,19 @@ def read_edges(folder: Path) -> Evidence:
         ContradictionError: arrays do not fit each other.
     """
     path = existing_file(folder, EDGES)
-    with prefixed(f"{path}: "):
-        try:
-            with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-                return _evidence(Arrays(stored))
-        except UNREADABLE as error:
-            # Numpy takes a file that is not an archive for a pickle, and advises to load it as one.
-            reason = "it is not an npz file" if "pickled" in str(error) else error
-            raise InputError(f"cannot be read: {reason}") from error
+    with prefixed(f"{path}: "), opened_npz(path) as stored:
+        return _evidence(Arrays(stored))
 
 
 def _evidence(arrays: Arrays) -> Evidence:
-    check_version(arrays.integer(VERSION_KEY))
-    counts_per_second = arrays.integer("counts_per_second")
+    check_version(arrays.integer(VERSION_KEY, _INT64))
+    counts_per_second = arrays.integer("counts_per_second", _INT64)
     if counts_per_second != COUNTS_PER_SECOND:
         raise InputError(f"counts_per_second: {counts_per_second} is not {COUNTS_PER_SECOND}")
-    return Evidence(arrays.integer("start_counts"), tuple(_axis(arrays, name) for name in arrays.names("axes")))
+    names = arrays.names("axes")
+    if not 1 <= len(names) <= AXES_MAX or len(set(names)) < len(names):
+        raise ContradictionError(f"axes: has {len(names)} names, not 1 to {AXES_MAX} different ones")
+    return Evidence(arrays.instant("start_counts"), tuple(_axis(arrays, name) for name in names))
 
 
 def _axis(arrays: Arrays, name: str) -> AxisEvidence:
@@ -135,7 +136,7 @@ def _axis(arrays: Arrays, name: str) -> AxisEvidence:
     steps = arrays.instants(f"{name}_step_counts")
     return AxisEvidence(
         name=name,
-        start_steps=arrays.integer(f"{name}_start_steps"),
+        start_steps=arrays.integer(f"{name}_start_steps", _INT32),
         clk_rise_counts=rises,
         clk_fall_counts=falls,
         active_edge=arrays.choice(f"{name}_active_edge", ActiveEdge),

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from steptwin.host.common.bad_input import prefixed
+from steptwin.host.common.file_limits import REPORT_BYTES_MAX
 from steptwin.host.common.tables import Table, json_table
 from steptwin.host.common.text_file import read_text
 from steptwin.host.common.whole_file import whole_file
@@ -55,7 +56,7 @@ def read_report(folder: Path) -> StoredReport:
     """
     path = existing_file(folder, REPORT)
     with prefixed(f"{path}: "):
-        return _report(json_table(read_text(str(path))))
+        return _report(json_table(read_text(str(path), REPORT_BYTES_MAX)))
 
 
 def _report(table: Table) -> StoredReport:

@@ -9,12 +9,16 @@ from steptwin.host.record.bus_log import count_frames
 from steptwin.host.record.folder.layout import BUS_LOG, REPORT, existing_file
 from steptwin.host.record.folder.reading import StoredRun, read_run
 from steptwin.host.verify import Report, contradictions, verify_comparison
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 _OF_THE_EDGES: Final = (
     "name", "steps_start", "steps_end", "pulses", "reversals", "peak_rate_hz", "clk_high_us_min", "clk_low_us_min",
     "violations", "mean_step_interval_us", "active_edge",
 )  # fmt: skip
 """Figures that depend on the edges alone: verifying again gives them to the last digit."""
+
+_END_S: Final = 1e-3
+"""Time by which the end of the run may be rounded in the report."""
 
 _MS: Final = 3
 """Decimals of a duration: motions last whole milliseconds."""
@@ -58,8 +62,21 @@ def verify_folder(folder: Path, plan_folder: Path | None = None) -> FolderVerdic
     stored = read_run(folder, plan_folder)
     report = verify_comparison(stored.comparison, stored.report.run)
     inner = [line for axis in stored.comparison.evidence.axes for line in contradictions(axis)]
-    tampered = (*inner, *_frames_missing(folder, stored), *_differences(stored, report))
+    tampered = (*inner, *_after_the_end(stored), *_frames_missing(folder, stored), *_differences(stored, report))
     return FolderVerdict(report, stored.report.driver_profile, tampered, stored.report.fault)
+
+
+def _after_the_end(stored: StoredRun) -> list[str]:
+    """Return a line for each axis with an edge after the end of the run; a live board may be recorded beyond its report."""
+    if stored.report.passed is None:
+        return []
+    end_s = stored.report.run.simulated_s
+    lasts_s = ((axis.name, axis.last_counts / COUNTS_PER_SECOND) for axis in stored.comparison.evidence.axes)
+    return [
+        f"{name}: an edge at {last_s:.3f} s since power-up, but {REPORT} says simulated_s = {end_s:.3f}"
+        for name, last_s in lasts_s
+        if last_s > end_s + _END_S
+    ]
 
 
 def _frames_missing(folder: Path, stored: StoredRun) -> list[str]:

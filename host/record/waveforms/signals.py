@@ -36,11 +36,8 @@ def everything(evidence: Evidence, robot: Robot, states: Sequence[HeldValues]) -
 
 def whole_record(evidence: Evidence) -> Window:
     """Return the window from power-up to the last edge of any pin."""
-    ends = [evidence.start_counts]
-    for axis in evidence.axes:
-        pins = (axis.clk_fall_counts, axis.dir_edge_counts, *(edges.counts for edges in axis.pins.values()))
-        ends += [int(counts[-1]) for counts in pins if counts.size]
-    return Window(0, max(ends), evidence.start_counts)
+    last_counts = max(axis.last_counts for axis in evidence.axes)
+    return Window(0, max(evidence.start_counts, last_counts), evidence.start_counts)
 
 
 def _wires(axis: AxisEvidence, pins: Sequence[str]) -> Iterator[Signal]:

@@ -1,0 +1,59 @@
+"""Limits on the files that the host reads, so that no file takes more memory or time than its size explains.
+
+A reader checks them before it takes the memory. They are far above what StepTwin itself writes; the reason stands
+beside each.
+"""
+
+from typing import Final
+
+from steptwin.host.common.errors import InputError
+
+KIB: Final = 1 << 10
+MIB: Final = 1 << 20
+GIB: Final = 1 << 30
+
+ROBOT_BYTES_MAX: Final = 256 * KIB
+"""A robot file with every key of eight joints and its comments has some 8 KiB."""
+NAME_CHARS_MAX: Final = 64
+"""Longest name in a robot file: it stands in table heads, headings of pictures and names of arrays."""
+TITLE_CHARS_MAX: Final = 200
+"""Longest title of a robot: one line."""
+
+REPORT_BYTES_MAX: Final = 16 * MIB
+"""A report has some 500 bytes for each axis and for each kind of violation, 10 KiB in all."""
+
+POINTS_MAX: Final = 3_600_001
+"""Points of a trajectory file: one each millisecond of the longest motion, an hour. As numbers they take 490 MB."""
+COLUMNS_MAX: Final = 17
+"""Columns of a CSV trajectory: the time, and position and velocity of the eight joints that a board drives."""
+LINE_CHARS_MAX: Final = 8 * KIB
+"""Characters of a CSV line: 17 numbers with all their digits have 450."""
+CSV_BYTES_MAX: Final = 2 * GIB
+"""A CSV trajectory is read line by line; with all points, eight joints and all digits it has 1.3 GB."""
+JSON_BYTES_MAX: Final = 64 * MIB
+"""A JSON trajectory is read at once and takes ten times its size; half a million points of six joints fit."""
+
+LOG_LINE_CHARS_MAX: Final = 256
+"""Characters of a line of bus.log: StepTwin's have at most 50."""
+
+ARRAYS_BYTES_MAX: Final = 16 * GIB
+"""All arrays of edges.npz: a step takes 38 bytes in them (both edges of CLK, the step, the phase currents), so 24 h of
+six axes at 800 steps/s each, 415 million steps, fit."""
+ARRAYS_RATIO_MAX: Final = 100
+"""All arrays over the size of edges.npz: recordings compress to a third, and at a steady speed to a sixth."""
+ARRAYS_BYTES_FREE: Final = 16 * MIB
+"""Size of all arrays up to which any ratio is accepted: an axis at rest compresses well."""
+
+
+def size_text(size_bytes: int) -> str:
+    """Return a size in the largest unit of which there is at least one."""
+    for unit, name in ((GIB, "GiB"), (MIB, "MiB"), (KIB, "KiB")):
+        if size_bytes >= unit:
+            return f"{size_bytes / unit:.4g} {name}"
+    return f"{size_bytes} bytes"
+
+
+def check_size(size_bytes: int, limit_bytes: int) -> None:
+    """Raise InputError if a file is longer than its limit."""
+    if size_bytes > limit_bytes:
+        raise InputError(f"has {size_bytes} bytes, more than {size_text(limit_bytes)}")
