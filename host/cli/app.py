@@ -4,6 +4,7 @@ import gc
 import logging
 import sys
 from collections.abc import Callable
+from io import TextIOWrapper
 from typing import Annotated, Final, TypeVar
 
 import typer
@@ -11,6 +12,7 @@ from typer.exceptions import TyperException
 
 from steptwin import __version__
 from steptwin.host.cli.help_page import Command, Commands, paragraphs
+from steptwin.host.cli.output import say
 from steptwin.host.common.errors import InputError, StepTwinError
 
 app = typer.Typer(
@@ -64,7 +66,7 @@ def command(*examples: str, negatives: bool = False) -> Callable[[_Function], _F
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"steptwin {__version__}")
+        say(f"steptwin {__version__}")
         raise typer.Exit
 
 
@@ -84,6 +86,8 @@ _YOUNG_OBJECTS: Final = 50_000
 def main() -> None:
     """Run the command line and leave with its exit code."""
     gc.set_threshold(_YOUNG_OBJECTS)
+    if isinstance(sys.stdout, TextIOWrapper):  # on a terminal with few characters the others are escaped
+        sys.stdout.reconfigure(errors="backslashreplace")
     sys.exit(run(sys.argv[1:]))
 
 
@@ -102,10 +106,12 @@ def run(arguments: list[str]) -> int:
         return _complain(error.format_message(), InputError.exit_code)
     except OSError as error:
         return _complain(f"{error.filename or 'output'}: {error.strerror}", InputError.exit_code)
+    except MemoryError:
+        return _complain("the input takes more memory than there is", InputError.exit_code)
 
 
 def _complain(message: str, exit_code: int) -> int:
     if message:
         message = message.replace("Value error, ", "")  # pydantic, which typer parses with, puts this in front
-        typer.echo(f"steptwin: {' '.join(message.split())}", err=True)
+        say(f"steptwin: {' '.join(message.split())}", err=True)
     return exit_code

@@ -7,7 +7,7 @@ import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, robot_and_rest
-from steptwin.host.cli.output import print_json, print_table
+from steptwin.host.cli.output import print_json, print_table, say
 from steptwin.host.common.errors import InputError
 
 ROBOT_AND_JOB = "[ROBOT] [JOB]"
@@ -29,7 +29,7 @@ def bench(
     from steptwin.host.twin.kernels import fastest_kernel
 
     if not find_spec("numba"):
-        typer.echo("numba is not installed (pip install 'steptwin[fast]'): this takes minutes", err=True)
+        say("numba is not installed (pip install 'steptwin[fast]'): this takes minutes", err=True)
     if words or robot_file is not None:
         robot, rest = robot_and_rest(words or [], robot_file)
         if len(rest) > 1:

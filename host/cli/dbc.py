@@ -1,9 +1,8 @@
 """`steptwin dbc [ROBOT]`: print the CAN database for loggers and analysers."""
 
-import typer
-
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import RobotFile, RobotName, one_robot
+from steptwin.host.cli.output import print_text
 
 
 @command("", "lab-scara > arm.dbc")
@@ -19,4 +18,4 @@ def dbc(robot: RobotName = None, robot_file: RobotFile = None) -> None:
             AxisNames(joint.name, joint.unit, joint.transmission.wire_units_per_unit)
             for joint in one_robot(robot, robot_file).joints
         )
-    typer.echo(render_dbc(axes), nl=False)
+    print_text(render_dbc(axes))

@@ -7,7 +7,7 @@ import typer
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
 from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, connection, opened_link, required
-from steptwin.host.cli.output import print_json
+from steptwin.host.cli.output import print_json, say
 from steptwin.host.common.errors import BusError
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def _checks(robot: "Robot", found: "Connection", *, show: bool) -> "list[Check]"
     def add(check: "Check") -> None:
         checks.append(check)
         if show:
-            typer.echo(f"[{' OK ' if check.passed else 'FAIL'}] {check.name}: {check.found}")
+            say(f"[{' OK ' if check.passed else 'FAIL'}] {check.name}: {check.found}")
 
     try:
         with opened_link(found) as link:

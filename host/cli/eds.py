@@ -1,8 +1,7 @@
 """`steptwin eds`: print the device description for CANopen tools."""
 
-import typer
-
 from steptwin.host.cli.app import command
+from steptwin.host.cli.output import print_text
 
 
 @command("", "> axis.eds")
@@ -10,4 +9,4 @@ def eds() -> None:
     """Print the axis nodes' electronic data sheet (CiA 306)."""
     from steptwin.protocol.eds import render_eds
 
-    typer.echo(render_eds(), nl=False)
+    print_text(render_eds())

@@ -6,7 +6,7 @@ import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, joint_values, robot_and_rest
-from steptwin.host.cli.output import print_json
+from steptwin.host.cli.output import print_json, say
 from steptwin.host.common.errors import InputError
 
 POSE_KEYS = ("x_mm", "y_mm", "z_mm", "attitude_deg")
@@ -31,7 +31,7 @@ def fk(
     for joint, value in zip(loaded.joints, values, strict=True):
         if not joint.lower <= value <= joint.upper:
             limits = f"{joint.lower:g}..{joint.upper:g} {joint.unit}"
-            typer.echo(f"note: {joint.name} = {value:g} is outside its limits {limits}", err=True)
+            say(f"note: {joint.name} = {value:g} is outside its limits {limits}", err=True)
     pose = make_kinematics(loaded).forward(np.array([values]))[0]
     if not np.isfinite(pose).all():
         raise InputError(f"joints of {loaded.name}: the mechanism cannot be assembled at {' '.join(joints)}")
@@ -43,4 +43,4 @@ def fk(
     if as_json:
         print_json(document)
     else:
-        typer.echo("x {:.6f} mm, y {:.6f} mm, z {:.6f} mm, attitude {:.6f} deg".format(*pose))
+        say("x {:.6f} mm, y {:.6f} mm, z {:.6f} mm, attitude {:.6f} deg".format(*pose))

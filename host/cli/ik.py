@@ -7,7 +7,7 @@ import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, finite_number, joint_values, one_robot
-from steptwin.host.cli.output import print_json, print_table
+from steptwin.host.cli.output import print_json, print_table, say
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -61,7 +61,7 @@ def _print_branches(branches: "Sequence[Branch]", names: tuple[str, ...]) -> Non
     print_table(["branch", "reachable", *names], rows, text_columns=2)
     for branch in branches:
         if not branch.reachable[0]:
-            typer.echo(f"{branch.name}: {branch.reason(0)}")
+            say(f"{branch.name}: {branch.reason(0)}")
 
 
 def _document(branch: "Branch", names: tuple[str, ...]) -> dict[str, Any]:

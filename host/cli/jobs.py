@@ -1,10 +1,8 @@
 """`steptwin jobs ROBOT`: list a robot's jobs, its named trajectories, with their options."""
 
-import typer
-
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
-from steptwin.host.cli.output import print_json, print_table
+from steptwin.host.cli.output import print_json, print_table, say
 
 
 @command("warehouse-scara", "--robot-file mine.toml")
@@ -20,6 +18,6 @@ def jobs(robot: RobotName = None, robot_file: RobotFile = None, as_json: AsJson 
         print_json({"robot": loaded.name, "jobs": listed})
         return
     for name, summary in summaries.items():
-        typer.echo(f"{name}: {summary}")
+        say(f"{name}: {summary}")
     rows = [[name, option, text] for name, options in found.items() for option, text in options.items()]
     print_table(["job", "option", "default (valid)"], rows, text_columns=3)

@@ -8,7 +8,7 @@ import typer
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, finite_number, robot_and_rest
 from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
-from steptwin.host.cli.output import print_json
+from steptwin.host.cli.output import print_json, say
 from steptwin.host.common.errors import InputError
 
 
@@ -48,4 +48,4 @@ def jog(
         return
     unit = loaded.joint(jogged.joint).unit
     at_limit = ", at the end of its travel" if jogged.at_limit else ""
-    typer.echo(f"{jogged.joint}: from {jogged.start:.4f} to {jogged.end:.4f} {unit}{at_limit}")
+    say(f"{jogged.joint}: from {jogged.start:.4f} to {jogged.end:.4f} {unit}{at_limit}")

@@ -6,7 +6,7 @@ import typer
 
 from steptwin.host.cli.connection import opened_link
 from steptwin.host.cli.option_names import naming_options
-from steptwin.host.cli.output import print_json, print_table
+from steptwin.host.cli.output import print_json, print_table, say
 from steptwin.host.cli.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -46,4 +46,4 @@ def _print(outcome: "LiveOutcome") -> None:
     print_table(["axis", "unit", "end", "err steps"], rows, text_columns=2)
     times = "" if outcome.repetitions == 1 else f", {outcome.repetitions} times"
     verdict = "ended where planned" if outcome.passed else "ENDED ELSEWHERE"
-    typer.echo(f"{outcome.plan.robot.name} {outcome.job}{times}: {verdict}")
+    say(f"{outcome.plan.robot.name} {outcome.job}{times}: {verdict}")

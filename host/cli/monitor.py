@@ -10,7 +10,7 @@ import typer
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
 from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, connection, required
-from steptwin.host.cli.output import print_json
+from steptwin.host.cli.output import print_json, say
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.common.numbers import whole
@@ -73,7 +73,7 @@ def monitor(
                 if as_json:
                     documents.append(_document(message, decoded))
                 else:
-                    typer.echo(_line(message, decoded))
+                    say(_line(message, decoded))
                 if shown == count:
                     break
         except KeyboardInterrupt:

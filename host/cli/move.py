@@ -15,7 +15,7 @@ from steptwin.host.cli.arguments import (
     robot_and_rest,
 )
 from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
-from steptwin.host.cli.output import pose_text, print_json
+from steptwin.host.cli.output import pose_text, print_json, say
 from steptwin.host.cli.progress import progress_bar
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
@@ -89,9 +89,9 @@ def move(
         }
         print_json({"robot": loaded.name, **figures, "pose": reached})
         return
-    typer.echo(", ".join(f"{name} {position:.4f}" for name, position in zip(names, moved.end, strict=True)))
+    say(", ".join(f"{name} {position:.4f}" for name, position in zip(names, moved.end, strict=True)))
     if reached is not None:
-        typer.echo(pose_text(reached))
+        say(pose_text(reached))
 
 
 def _joints(robot: "Robot", words: list[str]) -> dict[str, float]:

@@ -1,11 +1,9 @@
 """`steptwin pause ROBOT --connect ...`: halt the trajectory that runs on a live board."""
 
-import typer
-
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
 from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
-from steptwin.host.cli.output import print_json
+from steptwin.host.cli.output import print_json, say
 
 
 @command("lab-scara --connect 127.0.0.1", "lab-scara -i socketcan -c can0")
@@ -28,4 +26,4 @@ def pause(
     if as_json:
         print_json({"robot": loaded.name, "halted": halted})
     else:
-        typer.echo("halted" if halted else "not halted: the trajectory ended first")
+        say("halted" if halted else "not halted: the trajectory ended first")

@@ -10,7 +10,7 @@ import typer
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, chosen_names
 from steptwin.host.cli.option_names import naming_options
-from steptwin.host.cli.output import print_json
+from steptwin.host.cli.output import print_json, say
 from steptwin.host.cli.verify import PlanDir, RunDir
 from steptwin.host.common.errors import InputError
 
@@ -59,7 +59,7 @@ def plot(
     if as_json:
         print_json({"files": [str(path) for path in paths]})
     else:
-        typer.echo("\n".join(map(str, paths)))
+        say(*map(str, paths))
 
 
 def _names(what: list[str] | None) -> list[str]:

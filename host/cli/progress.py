@@ -4,6 +4,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from steptwin.host.common.printable import printable
+
 if TYPE_CHECKING:
     from steptwin.host.client import Progress
 
@@ -17,5 +19,5 @@ def progress_bar(title: str) -> "Iterator[Progress]":
 
     console = Console(stderr=True)
     with RichProgress(console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(escape(title), total=1.0)
+        task = bar.add_task(escape(printable(title)), total=1.0)
         yield lambda fraction: bar.update(task, completed=fraction)

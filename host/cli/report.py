@@ -3,9 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, Final
 
-import typer
-
-from steptwin.host.cli.output import print_table
+from steptwin.host.cli.output import print_table, say
 
 EXIT_NOT_VERIFIED: Final = 1
 
@@ -23,34 +21,34 @@ def fault_line(fault: Mapping[str, Any]) -> str:
 def print_report(document: Mapping[str, Any]) -> None:
     """Print the whole report, the verdict last."""
     if document["driver_profile"] != USUAL_DRIVERS:
-        typer.echo(f"drivers: {document['driver_profile']}")
+        say(f"drivers: {document['driver_profile']}")
     print_table(list(_COLUMNS), [_row(axis) for axis in document["axes"]])
     moving = [axis for axis in document["axes"] if axis["pulses"]]
     if moving:
         inverted = ", low while STEP is high" if moving[0]["active_edge"] == "falling" else ""
-        typer.echo(f"CLK: high {_least(moving, 'clk_high_us_min')}, low {_least(moving, 'clk_low_us_min')}{inverted}")
+        say(f"CLK: high {_least(moving, 'clk_high_us_min')}, low {_least(moving, 'clk_low_us_min')}{inverted}")
     changes = [output for output in document["outputs"] if output["changed_s"] is not None]
     if changes:
         said = (f"{o['name']} {'on' if o['on'] else 'off'} {o['changed_s']:.3f} s" for o in changes)
-        typer.echo(f"outputs: {', '.join(said)}")
+        say(f"outputs: {', '.join(said)}")
     _print_violations(document["violations"])
     tool, bus = document["tool"], document["bus"]
-    typer.echo(
+    say(
         f"tool: {tool['position_error_mm_max']:.4f} mm max, {tool['position_error_mm_rms']:.4f} mm rms, "
         f"{tool['attitude_error_deg_max']:.4f} deg max"
     )
-    typer.echo(f"bus: {bus['frames']} frames at {bus['bitrate'] // 1000} kbit/s, {bus['load_percent']:.1f} % load")
-    typer.echo(
-        f"SIMULATED {document['simulated_s']:.2f} s in {document['wall_s']:.2f} s, "
-        f"{document['simulated_s'] / document['wall_s']:.0f} x real time"
-    )
-    typer.echo(f"{document['robot']} {document['job']}: {_verdict(document)}")
+    say(f"bus: {bus['frames']} frames at {bus['bitrate'] // 1000} kbit/s, {bus['load_percent']:.1f} % load")
+    simulated_s, wall_s = document["simulated_s"], document["wall_s"]
+    speed = f", {simulated_s / wall_s:.0f} x real time" if wall_s else ""  # a stored report may say 0
+    say(f"SIMULATED {simulated_s:.2f} s in {wall_s:.2f} s{speed}")
+    verdict, *reasons = _verdict(document)
+    say(f"{document['robot']} {document['job']}: {verdict}", *(f"  {reason}" for reason in reasons))
 
 
 def _print_violations(violations: list[dict[str, Any]]) -> None:
     """Print a table for each broken rule, with a row for each axis that broke it."""
     for what, source in dict.fromkeys((v["broken"], v["source"]) for v in violations):
-        typer.echo(f"{what} ({source})")
+        say(f"{what} ({source})")
         same = [v for v in violations if (v["broken"], v["source"]) == (what, source)]
         unit = same[0]["unit"]
         rows = [
@@ -59,10 +57,11 @@ def _print_violations(violations: list[dict[str, Any]]) -> None:
         print_table(["axis", "times", f"worst {unit}", f"limit {unit}", "first s"], rows)
 
 
-def _verdict(document: Mapping[str, Any]) -> str:
+def _verdict(document: Mapping[str, Any]) -> list[str]:
+    """Return the verdict, and the reasons of a failed one."""
     if "fault" in document:
-        return "STOPPED BY A FAULT"
-    return "PASSED" if document["passed"] else "\n  ".join(["FAILED", *document["reasons"]])
+        return ["STOPPED BY A FAULT"]
+    return ["PASSED"] if document["passed"] else ["FAILED", *document["reasons"]]
 
 
 def _least(axes: list[dict[str, Any]], key: str) -> str:

@@ -1,11 +1,9 @@
 """`steptwin resume ROBOT --connect ...`: continue the trajectory that was halted on a live board."""
 
-import typer
-
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
 from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
-from steptwin.host.cli.output import print_json
+from steptwin.host.cli.output import print_json, say
 
 
 @command("lab-scara --connect 127.0.0.1", "lab-scara -i socketcan -c can0")
@@ -28,4 +26,4 @@ def resume(
     if as_json:
         print_json({"robot": loaded.name, "halted": False})
     else:
-        typer.echo("goes on")
+        say("goes on")

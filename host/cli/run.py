@@ -19,7 +19,7 @@ from steptwin.host.cli.arguments import (
 from steptwin.host.cli.connection import LIVE_PANEL, Bitrate, Channel, Connect, Interface, connection
 from steptwin.host.cli.live_run import run_live
 from steptwin.host.cli.option_names import naming_options
-from steptwin.host.cli.output import print_json
+from steptwin.host.cli.output import print_json, say
 from steptwin.host.cli.progress import progress_bar
 from steptwin.host.cli.report import EXIT_NOT_VERIFIED, fault_line, print_report
 from steptwin.host.common.errors import DeviceFaultError, InputError
@@ -173,7 +173,7 @@ def _kernel(choice: _KernelName) -> "Kernel":
 
 def _say_where(folder: Path, *, pictures: bool, to_stderr: bool) -> None:
     if pictures:
-        typer.echo(f"report, edges, bus log and pictures are in {folder}/", err=to_stderr)
+        say(f"report, edges, bus log and pictures are in {folder}/", err=to_stderr)
     else:
-        typer.echo(f"report, edges and bus log are in {folder}/", err=to_stderr)
-        typer.echo("no pictures: matplotlib is not installed (pip install 'steptwin[plot]')", err=True)
+        say(f"report, edges and bus log are in {folder}/", err=to_stderr)
+        say("no pictures: matplotlib is not installed (pip install 'steptwin[plot]')", err=True)

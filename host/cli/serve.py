@@ -21,7 +21,7 @@ from steptwin.host.cli.arguments import (
     warn_of_settings_left_out,
 )
 from steptwin.host.cli.option_names import naming_options
-from steptwin.host.cli.output import print_json, print_table, warn
+from steptwin.host.cli.output import print_json, print_table, say, warn
 from steptwin.host.cli.report import USUAL_DRIVERS
 from steptwin.host.common import socketcand
 from steptwin.host.common.errors import BusError, InputError
@@ -105,7 +105,7 @@ def serve(
         )
     if served.endpoint.remote:
         warn(f"{served.title}: other machines can drive this board")
-    failure = _run(served, lambda: typer.echo(_banner(served), err=as_json))
+    failure = _run(served, lambda: say(*_banner(served), err=as_json))
     document = served.report()
     if as_json:
         print_json(document)
@@ -180,15 +180,17 @@ def _status(served: "ServedBoard") -> str:
     )
 
 
-def _banner(served: "ServedBoard") -> str:
+def _banner(served: "ServedBoard") -> list[str]:
     board = served.board
     name = board.driver_profile.name
     drivers = "" if name == USUAL_DRIVERS else f", drivers: {name}"
-    return (
+    return [
         f"SIMULATED {board.robot.name}: {' '.join(board.robot.joint_names)}, "
         f"nodes {_nodes(board.axes_per_board)}, {board.bus.bitrate // 1000} kbit/s, "
-        f"{board.live.pacer.speed:g} x real time{drivers}\n{served.title}\nCtrl-C ends it"
-    )
+        f"{board.live.pacer.speed:g} x real time{drivers}",
+        served.title,
+        "Ctrl-C ends it",
+    ]
 
 
 def _nodes(axes_per_board: Sequence[int]) -> str:
@@ -215,9 +217,9 @@ def _print_report(document: dict[str, Any], folder: Path | None) -> None:
     ]
     print_table(["axis", "start", "end", "pulses", "broken"], rows)
     bus, real_time = document["bus"], document["real_time"]
-    typer.echo(f"bus: {bus['frames']} frames at {bus['bitrate'] // 1000} kbit/s, {bus['load_percent']:.1f} % load")
+    say(f"bus: {bus['frames']} frames at {bus['bitrate'] // 1000} kbit/s, {bus['load_percent']:.1f} % load")
     for what, text in _late(real_time).items():
-        typer.echo(f"{what} late, ms (p50 p99 max): {text}, of {real_time[what]['count']}")
-    typer.echo(f"SIMULATED {document['simulated_s']:.1f} s in {document['wall_s']:.1f} s")
+        say(f"{what} late, ms (p50 p99 max): {text}, of {real_time[what]['count']}")
+    say(f"SIMULATED {document['simulated_s']:.1f} s in {document['wall_s']:.1f} s")
     if folder is not None:
-        typer.echo(f"report, edges and bus log are in {folder}/")
+        say(f"report, edges and bus log are in {folder}/")

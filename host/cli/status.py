@@ -7,7 +7,7 @@ import typer
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
 from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
-from steptwin.host.cli.output import pose_text, print_json, print_table
+from steptwin.host.cli.output import pose_text, print_json, print_table, say
 from steptwin.host.common.errors import DeviceFaultError, InputError
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def status(
         seen = read_status(session)
         while watch:
             _print(seen)
-            typer.echo()
+            say("")
             session.link.wait(_WATCH_EVERY_S)
             seen = read_status(session)
     if as_json:
@@ -53,13 +53,13 @@ def _print(seen: "MachineStatus") -> None:
     columns = ["axis", "unit", "state", "mode", "moves", "error", "known", "position"]
     print_table(columns, [_row(axis) for axis in seen.axes], text_columns=len(columns) - 1)
     if seen.pose is not None:
-        typer.echo(pose_text(seen.pose))
+        say(pose_text(seen.pose))
     else:
-        typer.echo("tool: unknown, since not every axis knows where it is")
+        say("tool: unknown, since not every axis knows where it is")
     for axis in seen.axes:
-        typer.echo(f"{axis.name}: {_health(axis)}")
+        say(f"{axis.name}: {_health(axis)}")
     if seen.streaming:
-        typer.echo("a trajectory is running: no questions are asked, so that its host is not disturbed")
+        say("a trajectory is running: no questions are asked, so that its host is not disturbed")
 
 
 def _row(axis: "AxisStatus") -> list[str]:

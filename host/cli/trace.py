@@ -9,7 +9,7 @@ import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, chosen_names
-from steptwin.host.cli.output import print_json
+from steptwin.host.cli.output import print_json, say
 from steptwin.host.cli.verify import RunDir
 from steptwin.host.common.errors import InputError
 
@@ -79,7 +79,7 @@ def trace(
         names = [signal.name for signal in signals]
         print_json({"file": str(path), "format": form, "signals": names, "from_s": ends_s[0], "to_s": ends_s[1]})
     else:
-        typer.echo(f"{path}: {len(signals)} signals from {ends_s[0]:.6f} to {ends_s[1]:.6f} s of the motion")
+        say(f"{path}: {len(signals)} signals from {ends_s[0]:.6f} to {ends_s[1]:.6f} s of the motion")
 
 
 def _signals(folder: Path, evidence: "Evidence", robot: "Robot", form: "Format") -> "list[Signal]":

@@ -9,7 +9,7 @@ import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, finite_number, one_robot, out_folder
-from steptwin.host.cli.output import print_json, print_table
+from steptwin.host.cli.output import print_json, print_table, say
 
 if TYPE_CHECKING:
     from steptwin.host.robots.workspace import MonteCarlo, Scan
@@ -104,10 +104,10 @@ def _print_figures(document: dict[str, Any]) -> None:
     columns = ["", "radius min mm", "radius max mm", "z min mm", "z max mm", "area mm2"]
     print_table(columns, [[name, *(_figure(figures, key) for key in _KEYS)] for name, figures in rows.items()])
     left_out = f", {cloud['left_out']} left out: the mechanism forbids them" if cloud["left_out"] else ""
-    typer.echo(f"Monte Carlo: {cloud['samples']} samples with seed {cloud['seed']}{left_out}")
+    say(f"Monte Carlo: {cloud['samples']} samples with seed {cloud['seed']}{left_out}")
     attitude = "any attitude" if plan["attitude_deg"] is None else f"attitude {plan['attitude_deg']:g} deg"
     slides = "".join(f", {name} = {position_mm:g} mm" for name, position_mm in plan["slides"].items())
-    typer.echo(f"sections: {attitude}{slides}, radius about the arm's axis")
+    say(f"sections: {attitude}{slides}, radius about the arm's axis")
 
 
 def _figure(figures: dict[str, Any], key: str) -> str:
@@ -120,6 +120,6 @@ def _figure(figures: dict[str, Any], key: str) -> str:
 
 def _say_where(folder: Path, *, pictures: bool, to_stderr: bool) -> None:
     what = "figures and picture are" if pictures else "figures are"
-    typer.echo(f"{what} in {folder}/", err=to_stderr)
+    say(f"{what} in {folder}/", err=to_stderr)
     if not pictures:
-        typer.echo("no picture: matplotlib is not installed (pip install 'steptwin[plot]')", err=True)
+        say("no picture: matplotlib is not installed (pip install 'steptwin[plot]')", err=True)

@@ -10,12 +10,16 @@ from steptwin.host.common.errors import InputError
 _MS_TOLERANCE = 1e-6
 """Milliseconds by which a duration may miss a whole one, since floats cannot hold most decimal fractions."""
 
+_CHARS_SHOWN = 100
+"""Number of characters of an unknown name that a message or a picture shows at most."""
+
 _CHOICES_LISTED = 12
 """Number of choices that a message lists at most."""
 
 
 def unknown(what: str, given: str, choices: Iterable[str]) -> InputError:
     """Return the error for an unknown name; its message offers the nearest names, or lists all if none is near."""
+    given = shortened(given)
     names = list(choices)
     by_lower_case = {name.lower(): name for name in names}
     near = [by_lower_case[name] for name in get_close_matches(given.lower(), by_lower_case, n=3)]
@@ -25,6 +29,11 @@ def unknown(what: str, given: str, choices: Iterable[str]) -> InputError:
     if len(names) > _CHOICES_LISTED:
         listed += f" and {len(names) - _CHOICES_LISTED} more"
     return InputError(f"{what} {given!r} is unknown: there are {listed}")
+
+
+def shortened(text: str) -> str:
+    """Return a text from outside with at most 100 characters and three points."""
+    return text if len(text) <= _CHARS_SHOWN else f"{text[:_CHARS_SHOWN]}..."
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from enum import StrEnum
 from reprlib import repr as short
 from typing import TypeVar
 
-from steptwin.host.common.bad_input import prefixed, unknown
+from steptwin.host.common.bad_input import prefixed, shortened, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.numbers import LARGEST
 
@@ -46,6 +46,14 @@ def number_at(place: str, value: object) -> float:
     return float(value)
 
 
+def check_name(name: str, chars_max: int) -> None:
+    """Raise InputError unless a name has at most so many characters, all of them printable."""
+    if len(name) > chars_max:
+        raise InputError(f"{short(name)} has {len(name)} characters: a name has at most {chars_max}")
+    if not name.isprintable():
+        raise InputError(f"{name!r} has characters that cannot be printed")
+
+
 class Table:
     """A table of a document, whose values are read by key and type.
 
@@ -59,14 +67,12 @@ class Table:
             raise InputError(f"{short(values)} is not a {kind}")
         self.values: Mapping[str, object] = values
         self._kind = kind
-        self._known: list[str] = []
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.values)
 
     def __contains__(self, key: str) -> bool:
-        """Return whether an optional key is there; this marks the key as known."""
-        self._known.append(key)
+        """Return whether an optional key is there."""
         return key in self.values
 
     def text(self, key: str, *, empty: bool = True) -> str:
@@ -74,6 +80,13 @@ class Table:
         value = self._take(key)
         if not isinstance(value, str) or not (value or empty):
             raise InputError(f"{key}: {short(value)} is not a text")
+        return value
+
+    def name(self, key: str, chars_max: int) -> str:
+        """Return a text of printable characters, at least one and at most `chars_max`."""
+        value = self.text(key, empty=False)
+        with prefixed(f"{key}: "):
+            check_name(value, chars_max)
         return value
 
     def number(self, key: str) -> float:
@@ -140,14 +153,9 @@ class Table:
         allowed = list(allowed)
         for key in self.values:
             if key not in allowed:
-                raise InputError(f"{key}: {unknown('key', key, allowed)}")
-
-    def finish(self) -> None:
-        """Raise InputError if the table has a key that was not read."""
-        self.check_keys(self._known)
+                raise InputError(f"{shortened(key)}: {unknown('key', key, allowed)}")
 
     def _take(self, key: str) -> object:
-        self._known.append(key)
         if key not in self.values:
             raise InputError(f"{key}: is missing")
         return self.values[key]

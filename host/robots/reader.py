@@ -1,12 +1,14 @@
 """Read a robot's TOML file. Every error begins with the file and the key, as in `joints.th1.microsteps: ...`."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import fields, replace
+from typing import Final
 
 from steptwin.host.common.bad_input import apart, prefixed
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.tables import Table, toml_table
+from steptwin.host.common.file_limits import NAME_CHARS_MAX, TITLE_CHARS_MAX
+from steptwin.host.common.tables import Table, check_name, toml_table
 from steptwin.host.robots.board_settings import ActiveEdge, BoardSettings
 from steptwin.host.robots.homing import JointHoming
 from steptwin.host.robots.joint import Joint, Unit
@@ -22,43 +24,70 @@ def parse_robot(text: str, source: str) -> Robot:
     with prefixed(f"{source}: "):
         table = toml_table(text)
         robot = replace(_robot(table), toml=text)
-        table.finish()
         make_kinematics(robot)  # only to check kind and dimensions
         _check_speeds(robot)
         return robot
 
 
+_ROBOT: Final = ("name", "title", "kinematics", "board", "joints", "home", "outputs", "places")
+_JOINT: Final = (
+    *("unit", "lower", "upper", "speed_max", "acceleration_max", "full_steps_per_rev", "microsteps"),
+    *("travel_per_turn", "ratio", "switches", "homing"),
+)
+_OF_ANOTHER_UNIT: Final = {Unit.MM: "ratio", Unit.DEG: "travel_per_turn"}
+
+
 @contextmanager
-def _section(table: Table, key: str, *, optional: bool = False) -> Iterator[Table]:
-    """Enter the table under a key; a key in it that is not read is an error. A missing optional table is empty."""
+def _section(table: Table, key: str, known: Iterable[str] | None = None, *, optional: bool = False) -> Iterator[Table]:
+    """Enter the table under a key; a missing optional table is empty.
+
+    A key that is not known is an error before any is read: a mistyped key is named, not the key that it should be. With
+    None, the keys are names that the file gives.
+    """
     if optional and key not in table:
         yield Table({}, "table")
         return
     with table.section(key) as section:
+        if known is not None:
+            section.check_keys(known)
         yield section
-        section.finish()
+
+
+def _keys(settings: "type[BoardSettings | JointHoming | JointSwitches | Output]") -> list[str]:
+    """Return the keys of a table that has one for each field of a dataclass."""
+    return [field.name for field in fields(settings)]
+
+
+@contextmanager
+def _named_tables(table: Table, key: str, *, optional: bool = False) -> Iterator[Table]:
+    """Enter the table under a key, whose keys are names."""
+    with _section(table, key, optional=optional) as section:
+        for name in section:
+            check_name(name, NAME_CHARS_MAX)
+        yield section
 
 
 def _robot(table: Table) -> Robot:
-    name, title = table.text("name", empty=False), table.text("title", empty=False)
+    table.check_keys(_ROBOT)
+    name, title = table.name("name", NAME_CHARS_MAX), table.name("title", TITLE_CHARS_MAX)
     with _section(table, "kinematics") as mechanism:
         kind = mechanism.text("kind")
         geometry = {key: mechanism.number(key) for key in mechanism if key != "kind"}
-    with _section(table, "board") as settings:
+    with _section(table, "board", _keys(BoardSettings)) as settings:
         board = _board(settings)
-    with _section(table, "joints") as tables:
+    with _named_tables(table, "joints") as tables:
         joints = tuple(_joint(tables, key) for key in tables)
-    with _section(table, "home") as positions:
+    with _section(table, "home", [joint.name for joint in joints]) as positions:
         home = tuple(positions.number(joint.name) for joint in joints)
-    with _section(table, "outputs", optional=True) as wiring:
+    with _named_tables(table, "outputs", optional=True) as wiring:
         outputs = {key: _output(wiring, key) for key in wiring}
-    with _section(table, "places", optional=True) as tables:
+    with _named_tables(table, "places", optional=True) as tables:
         places = {key: _place(tables, key) for key in tables}
     return Robot(name, title, kind, geometry, joints, home, board, outputs, places)
 
 
 def _output(wiring: Table, name: str) -> Output:
-    with _section(wiring, name) as table:
+    with _section(wiring, name, _keys(Output)) as table:
         return Output(joint=table.text("joint"), out=table.integer("out"))
 
 
@@ -85,8 +114,9 @@ def _board(table: Table) -> BoardSettings:
 
 
 def _joint(tables: Table, name: str) -> Joint:
-    with _section(tables, name) as table:
+    with _section(tables, name, _JOINT) as table:
         unit = table.choice("unit", Unit)
+        table.check_keys(key for key in _JOINT if key != _OF_ANOTHER_UNIT[unit])
         return Joint(
             name=name,
             unit=unit,
@@ -101,7 +131,7 @@ def _joint(tables: Table, name: str) -> Joint:
 
 
 def _switches(joint: Table) -> JointSwitches:
-    with _section(joint, "switches", optional=True) as table:
+    with _section(joint, "switches", _keys(JointSwitches), optional=True) as table:
         return JointSwitches(
             negative_limit=table.optional("negative_limit", table.number),
             positive_limit=table.optional("positive_limit", table.number),
@@ -111,7 +141,7 @@ def _switches(joint: Table) -> JointSwitches:
 
 
 def _homing(joint: Table) -> JointHoming:
-    with _section(joint, "homing") as table:
+    with _section(joint, "homing", _keys(JointHoming)) as table:
         return JointHoming(
             method=table.integer("method"),
             search_speed=table.number("search_speed"),

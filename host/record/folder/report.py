@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from steptwin.host.common.bad_input import prefixed
+from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import REPORT_BYTES_MAX
 from steptwin.host.common.tables import Table, json_table
 from steptwin.host.common.text_file import read_text
@@ -78,11 +79,18 @@ def _run(table: Table) -> RunInfo:
     return RunInfo(
         robot=table.text("robot"),
         job=table.text("job"),
-        duration_s=table.number("duration_s"),
+        duration_s=_duration_s(table, "duration_s"),
         bus=traffic,
-        simulated_s=table.number("simulated_s"),
-        wall_s=table.number("wall_s"),
+        simulated_s=_duration_s(table, "simulated_s"),
+        wall_s=_duration_s(table, "wall_s"),
     )
+
+
+def _duration_s(table: Table, key: str) -> float:
+    value_s = table.number(key)
+    if value_s < 0.0:
+        raise InputError(f"{key}: {value_s:g} s is below 0")
+    return value_s
 
 
 def _switching(table: Table) -> Switching:

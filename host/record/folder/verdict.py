@@ -67,7 +67,7 @@ def verify_folder(folder: Path, plan_folder: Path | None = None) -> FolderVerdic
 
 
 def _after_the_end(stored: StoredRun) -> list[str]:
-    """Return a line for each axis with an edge after the end of the run; a live board may be recorded beyond its report."""
+    """Return a line for each axis with an edge after the run's end; a live board may be recorded beyond its report."""
     if stored.report.passed is None:
         return []
     end_s = stored.report.run.simulated_s

@@ -3,14 +3,20 @@
 Figures are made without pyplot, which needs a window system and keeps global state.
 """
 
-from collections.abc import Sequence
+import warnings
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Tick
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.bad_input import shortened
+from steptwin.host.common.printable import printable
 from steptwin.host.verify import Comparison, RunInfo
 from steptwin.host.verify.deviation import critical_instants
 
@@ -51,8 +57,20 @@ STYLE: Any = {  # Any: matplotlib spells out every key as a literal type in some
 def new_figure(run: RunInfo, what: str, height_inches: float) -> Figure:
     """Return an empty figure whose heading names the run and the picture, and says that the run is simulated."""
     figure = Figure(figsize=(WIDTH_INCHES, height_inches + HEADING_INCHES), layout="constrained")
-    figure.suptitle(f"{run.robot} · {run.job} · {what} (SIMULATED)", x=0.01, ha="left", weight="bold")
+    robot, job = (printable(shortened(name)) for name in (run.robot, run.job))
+    figure.suptitle(f"{robot} · {job} · {what} (SIMULATED)", x=0.01, ha="left", weight="bold")
     return figure
+
+
+def save_figure(figure: Figure, path: Path, metadata: Mapping[str, Any]) -> None:
+    """Write a picture. Its texts may hold names from files: `$x^$` is no formula there; only tick labels have some."""
+    of_ticks = {label for tick in figure.findobj(Tick) for label in (tick.label1, tick.label2)}
+    for text in figure.findobj(Text):
+        if text not in of_ticks:
+            text.set_parse_math(False)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")  # drawn as an empty box
+        figure.savefig(path, dpi=DOTS_PER_INCH, metadata=dict(metadata))
 
 
 def rows_of_axes(figure: Figure, rows: int, columns: int = 1, **options: Any) -> list[list[Axes]]:

@@ -7,7 +7,7 @@ from typing import Final
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from steptwin.host.record.plots.canvas import DOTS_PER_INCH, STYLE
+from steptwin.host.record.plots.canvas import STYLE, save_figure
 from steptwin.host.record.plots.edges import draw_edges
 from steptwin.host.record.plots.error import draw_error
 from steptwin.host.record.plots.jitter import draw_jitter
@@ -50,7 +50,7 @@ CLOSE_UPS: Final = ("edges", "phases")
 DEFAULT_VIEW: Final = View()
 """View that leaves the choice to each picture."""
 
-_UNDATED: Final = {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
+_UNDATED: Final[dict[str, dict[str, None]]] = {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
 """Metadata without a date, so that the same run gives the same bytes."""
 
 
@@ -73,6 +73,6 @@ def write_plots(
             path = out_dir / f"{name}.{form}"
             figure = PICTURES[name](comparison, run, view)
             figure.align_ylabels()
-            figure.savefig(path, dpi=DOTS_PER_INCH, metadata=_UNDATED[form])
+            save_figure(figure, path, _UNDATED[form])
             paths.append(path)
     return paths

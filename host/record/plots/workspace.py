@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.record.plots.canvas import COUNTED, DOTS_PER_INCH, HEADING_INCHES, STYLE, WIDTH_INCHES, write_inside
+from steptwin.host.record.plots.canvas import COUNTED, HEADING_INCHES, STYLE, WIDTH_INCHES, save_figure, write_inside
 from steptwin.host.robots.workspace import MonteCarlo, Scan
 
 CLOUD: Final = "0.6"
@@ -29,7 +29,7 @@ _LABELS_INCHES: Final = 0.7
 def write_workspace(path: Path, robot: str, cloud: MonteCarlo, scanned: Scan) -> None:
     """Draw the picture into a PNG file."""
     with mpl.rc_context(STYLE):
-        draw_workspace(robot, cloud, scanned).savefig(path, dpi=DOTS_PER_INCH)
+        save_figure(draw_workspace(robot, cloud, scanned), path, {})
 
 
 def draw_workspace(robot: str, cloud: MonteCarlo, scanned: Scan) -> Figure:

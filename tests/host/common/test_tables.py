@@ -4,7 +4,7 @@ from enum import StrEnum
 
 import pytest
 
-from steptwin.host.common.tables import Table, json_table, number_at, toml_table
+from steptwin.host.common.tables import Table, check_name, json_table, number_at, toml_table
 from tests.host.complaints import complaint_of
 
 
@@ -43,7 +43,7 @@ def test_values_are_read_by_key_and_type() -> None:
         (lambda: TABLE.truth("two"), "two: 2 is neither true nor false"),
         (lambda: TABLE.choice("text", Colour), "text: 'a' is not one of red, green"),
         (lambda: TABLE.elements("two"), "two: 2 is not a list"),
-        (lambda: TABLE.each("many", Table.finish), "many[0]: 1 is not a JSON object"),
+        (lambda: TABLE.each("many", lambda table: table), "many[0]: 1 is not a JSON object"),
         (lambda: TABLE.section("two").__enter__(), "two: 2 is not a JSON object"),
         (lambda: TABLE.check_keys(["texts"]), "text: key 'text' is unknown: did you mean texts?"),
         (lambda: number_at("here", 1.5e9), "here: 1500000000.0 is not a finite number up to 1e+09"),
@@ -63,11 +63,19 @@ def test_a_text_that_is_not_a_document_is_refused(read: object, text: str) -> No
     assert complaint_of(lambda: read(text)).startswith("is not ")
 
 
-def test_finish_refuses_a_key_that_was_not_read() -> None:
-    table = toml_table("lower = 1\nuper = 2")
-    table.number("lower")
-    assert "upper" not in table
-    assert complaint_of(table.finish) == "uper: key 'uper' is unknown: did you mean upper?"
+@pytest.mark.parametrize(
+    ("name", "chars_max", "told"),
+    [
+        ("x" * 9, 8, "'xxxxxxxxx' has 9 characters: a name has at most 8"),
+        ("a\x1b[31m", 8, r"'a\x1b[31m' has characters that cannot be printed"),
+        ("a\u202e", 8, r"'a\u202e' has characters that cannot be printed"),
+        ("a\n", 8, r"'a\n' has characters that cannot be printed"),
+    ],
+)
+def test_a_name_is_short_and_printable(name: str, chars_max: int, told: str) -> None:
+    assert complaint_of(lambda: check_name(name, chars_max)) == told
+    check_name("Größe θ₁ [$]", 12)
+    check_name("x" * chars_max, chars_max)
 
 
 def test_the_largest_number_is_accepted() -> None:
