@@ -9,12 +9,16 @@ from pathlib import Path
 from typing import Final
 
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.file_limits import LOG_LINE_CHARS_MAX
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_US
 
 CHANNEL: Final = "steptwin0"
 
-_LINE: Final = re.compile(r"\((\d+)\.(\d{6})\) \S+ ([0-9A-F]{3})#([0-9A-F]*)\n?")
+_LINE: Final = re.compile(r"\((\d{1,10})\.(\d{6})\) \S+ ([0-7][0-9A-F]{2})#((?:[0-9A-F]{2}){0,8})\n?")
+"""A frame with an 11-bit identifier; ten digits of seconds are 317 years, which int64 holds in counts."""
+
+_CHUNK_BYTES: Final = 1 << 20
 
 
 def log_line(counts: int, frame: Frame) -> str:
@@ -30,15 +34,21 @@ def read_frames(log: Path) -> Iterator[tuple[int, Frame]]:
         InputError: a line is not in candump's format; the message names file and line.
     """
     with log.open(encoding="ascii", errors="replace") as lines:
-        for number, line in enumerate(lines, start=1):
+        number = 0
+        while line := lines.readline(LOG_LINE_CHARS_MAX + 1):
+            number += 1
             match = _LINE.fullmatch(line)
-            if not match or len(match[4]) % 2:
+            if not match:
                 raise InputError(f"{log}: line {number}: is not in candump's format")
             us = int(match[1]) * 1_000_000 + int(match[2])
             yield us * COUNTS_PER_US, Frame(int(match[3], 16), bytes.fromhex(match[4]))
 
 
 def count_frames(log: Path) -> int:
-    """Return the number of frames, without looking at them."""
-    with log.open("rb") as lines:
-        return sum(1 for _ in lines)
+    """Return the number of frames: of lines, whatever they hold, the last one with or without its end."""
+    frames, last = 0, b"\n"
+    with log.open("rb") as file:
+        while chunk := file.read(_CHUNK_BYTES):
+            frames += chunk.count(b"\n")
+            last = chunk[-1:]
+    return frames + (last != b"\n")

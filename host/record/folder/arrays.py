@@ -2,7 +2,7 @@
 
 from enum import StrEnum
 from reprlib import repr as short
-from typing import Any, Final, TypeVar
+from typing import Any, Final, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +11,22 @@ from steptwin.host.common.arrays import FloatArray, Int8Array, Int16Array, Int64
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.record.folder.layout import ContradictionError
-from steptwin.host.record.folder.npz_file import NpzFile
 
 Choice = TypeVar("Choice", bound=StrEnum)
 
 INSTANT_MAX: Final = 1 << 53
 """Last instant that a recording may have, in counts: 4 years. Floats hold it exactly, and 10 times as many
 nanoseconds are still int64."""
+
+
+class ArrayStore(Protocol):
+    """Arrays by key, such as those of an .npz file."""
+
+    def __contains__(self, key: str) -> bool: ...
+
+    def array(self, key: str) -> NDArray[Any]:
+        """Return an array of numbers or texts; raise InputError if it cannot be read."""
+        ...
 
 
 class Arrays:
@@ -27,7 +36,7 @@ class Arrays:
     ContradictionError if its values do not fit another array; the message begins with the key.
     """
 
-    def __init__(self, stored: NpzFile) -> None:
+    def __init__(self, stored: ArrayStore) -> None:
         self._stored = stored
 
     def integer(self, key: str, bounds: tuple[int, int]) -> int:

@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from steptwin.host.common.errors import InputError
 from steptwin.host.record.bus_log import read_frames
 from steptwin.host.record.waveforms.signal import HeldValues
 from steptwin.protocol.cia402 import State
@@ -23,10 +24,14 @@ def drive_states(log: Path, axes: int) -> tuple[HeldValues, ...]:
     """Return the state of each axis' drive over time; its instants are those of the log, in whole microseconds.
 
     Raises:
-        InputError: a line is not in candump's format; the message names file and line.
+        InputError: a line is not in candump's format (the message names file and line), or the lines are not in order.
     """
     changes: list[list[tuple[int, int]]] = [[] for _ in range(axes)]
+    last_counts = 0
     for counts, (cob_id, data) in read_frames(log):
+        if counts < last_counts:
+            raise InputError(f"{log}: the instants are not in order of time")
+        last_counts = counts
         axis = cob_id - COB_TPDO[0] - FIRST_NODE_ID
         if 0 <= axis < axes and len(data) == _PDO_BYTES:
             changes[axis].append((counts, _state(int.from_bytes(data[:2], "little"))))
