@@ -4,6 +4,9 @@ A frame that comes in at an instant of the wall clock enters the simulated bus a
 before the time that is simulated already. So a late process changes nothing on the board, only the time at which others
 see it. This lateness is measured: for each servo tick of a motion until its edges are known, and for each frame of a
 board until it is handed on.
+
+A process that was held up has not seen what came in meanwhile, so the board must not live through that time without it:
+its clock stands instead (`stand`), and the frames enter at the count at which it stood.
 """
 
 from collections import deque
@@ -17,6 +20,7 @@ from steptwin.controller.step_config import StepConfig
 from steptwin.emulator.lateness import Lateness
 from steptwin.emulator.pacer import Pacer
 from steptwin.emulator.simulation import Simulation
+from steptwin.emulator.stalls import STALL_NS, Stalls
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -31,7 +35,7 @@ Viewer = Callable[[Frame, int, Sender | None], None]
 
 
 class _Incoming(NamedTuple):
-    counts: int
+    now_ns: int
     frame: Frame
     sender: Sender
 
@@ -50,6 +54,8 @@ class LiveSimulation:
         """Lateness of the servo ticks in which an event is possible: while an axis moves, and a little longer."""
         self.frames = Lateness()
         """Lateness of the boards' frames."""
+        self.stalls = Stalls()
+        """Times for which the boards' clock stood."""
         self._incoming: deque[_Incoming] = deque()
         self._senders: dict[Frame, deque[Sender]] = {}
         """Senders of the frames that wait for the bus; equal frames are sent in the order in which they came."""
@@ -62,7 +68,7 @@ class LiveSimulation:
 
     def send(self, frame: Frame, sender: Sender, now_ns: int) -> None:
         """Queue a frame that has come in at an instant; instants may not decrease from call to call."""
-        self._incoming.append(_Incoming(self.pacer.counts_at(now_ns), frame, sender))
+        self._incoming.append(_Incoming(now_ns, frame, sender))
 
     def _heard(self, frame: Frame, counts: int) -> None:
         self._due_counts.append(counts)
@@ -82,15 +88,33 @@ class LiveSimulation:
         self.pacer.start_ns = now_ns
         self.epoch_us = epoch_us
 
+    def stand(self, late_ns: int) -> bool:
+        """Let the boards' clock stand for as long as the process has just been held up, unless it can catch up.
+
+        After it, let all frames that have come in meanwhile be sent before time advances. They belong to the count at
+        which the clock stood: as if they had come the moment before.
+
+        Args:
+            late_ns: the time that has passed since the process wanted to look for frames and to `advance`.
+
+        Returns:
+            True if the clock has stood.
+        """
+        if late_ns <= STALL_NS:
+            return False
+        self.pacer.stand(late_ns)
+        self.stalls.add(late_ns)
+        return True
+
     def advance(self, now_ns: int) -> None:
         """Simulate up to an instant, but at most one slice while the boards are busy."""
         simulation = self.simulation
         from_counts = simulation.now_counts
         moving = self.moving
         until_counts = self._until_counts(now_ns, moving=moving)
-        incoming = self._incoming
-        while incoming and incoming[0].counts <= until_counts:
-            counts, frame, sender = incoming.popleft()
+        incoming, counts_at = self._incoming, self.pacer.counts_at
+        while incoming and (counts := counts_at(incoming[0].now_ns)) <= until_counts:
+            _, frame, sender = incoming.popleft()
             simulation.run_until(counts)
             self._senders.setdefault(frame, deque()).append(sender)
             simulation.host.send(frame, simulation.now_counts)
@@ -128,8 +152,8 @@ class LiveSimulation:
         if self.moving:  # a tick is simulated as soon as time passes its start
             due_counts = -(-now_counts // TICK_COUNTS) * TICK_COUNTS + 1
         if self._incoming:
-            due_counts = min(due_counts, self._incoming[0].counts)
-        return self.pacer.ns_at(self.simulation.next_event_counts(due_counts))
+            due_counts = min(due_counts, self.pacer.counts_at(self._incoming[0].now_ns))
+        return self.pacer.ns_at(max(self.simulation.next_event_counts(due_counts), now_counts))
 
 
 def warm_up(kernel: Kernel) -> None:

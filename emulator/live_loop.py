@@ -2,6 +2,9 @@
 
 One thread does everything. A sleep ends some 50 us late (Linux' timer slack), so the loop polls without sleeping while
 a frame is on the simulated bus, because a client waits for the answer.
+
+When the loop wakes too late, it was held up and has not seen what the sockets received: the boards' clock then stands
+for that time. Time never advances beyond the last look at the sockets, wherever in the loop the process is held up.
 """
 
 import selectors
@@ -25,11 +28,26 @@ Callback = Callable[[], None]
 class LiveLoop:
     """Runs a live simulation until it is stopped; a context manager that closes its sockets."""
 
-    def __init__(self, live: LiveSimulation) -> None:
+    def __init__(
+        self,
+        live: LiveSimulation,
+        clock_ns: Callable[[], int] = time.monotonic_ns,
+        selector: selectors.BaseSelector | None = None,
+    ) -> None:
+        """Prepare to run a simulation.
+
+        Args:
+            live: the simulation.
+            clock_ns: wall clock that pacer and timers use.
+            selector: sleeps until a socket is ready; by default `select`, the only one that sleeps less than 1 ms.
+        """
         self.live = live
+        self.now_ns = clock_ns
+        self.looked_ns = 0
+        """Instant of the last look at the sockets; a frame read since then has come in at this instant."""
         self.hand_on: Callback = lambda: None
         """Called after each stretch of simulation, to send waiting frames."""
-        self._selector = selectors.SelectSelector()  # the only selector that can sleep for less than a millisecond
+        self._selector = selector or selectors.SelectSelector()
         self._timers: list[tuple[int, int, Callback]] = []
         self._numbers = count()
         self._stopping = False
@@ -45,11 +63,6 @@ class LiveLoop:
         self._selector.close()
         self._waker.close()
         self._woken.close()
-
-    @staticmethod
-    def now_ns() -> int:
-        """Return the time of the wall clock that pacer and timers use."""
-        return time.monotonic_ns()
 
     # --- what else happens
 
@@ -97,21 +110,27 @@ class LiveLoop:
         live, select = self.live, self._selector.select
         live.start(self.now_ns(), time.time_ns() // 1000)
         while not self._stopping:
-            for key, _ in select(self._sleep_s()):
+            wake_ns = self._wake_ns()
+            ready = select(self._sleep_s(wake_ns))
+            self.looked_ns = self.now_ns()
+            if live.stand(self.looked_ns - wake_ns):
+                ready = select(0)  # what came while the process was held up, perhaps after `select` had looked
+            for key, _ in ready:
                 key.data()
-            live.advance(self.now_ns())
+            live.advance(self.looked_ns)
             self.hand_on()
             now_ns = self.now_ns()
             live.settle(now_ns)
             while self._timers and self._timers[0][0] <= now_ns:
                 heappop(self._timers)[2]()
 
-    def _sleep_s(self) -> float:
-        now_ns = self.now_ns()
-        due_ns = min(self.live.due_ns, now_ns + _SLEEP_MAX_NS)
-        if self._timers:
-            due_ns = min(due_ns, self._timers[0][0])
-        left_ns = due_ns - now_ns
+    def _wake_ns(self) -> int:
+        """Return the instant at which the loop next has work, as far as it is known."""
+        wake_ns = min(self.live.due_ns, self.now_ns() + _SLEEP_MAX_NS)
+        return min(wake_ns, self._timers[0][0]) if self._timers else wake_ns
+
+    def _sleep_s(self, wake_ns: int) -> float:
+        left_ns = wake_ns - self.now_ns()
         if left_ns <= 0 or (left_ns < LOOK_NS and self.live.simulation.bus.busy):
             return 0.0
         return left_ns / 1e9

@@ -146,7 +146,7 @@ class SocketcandServer:
         was_silent = session.silent
         while client.waiting_frames < WINDOW_FRAMES and (frame := session.next_frame()):
             client.waiting_frames += 1
-            self._live.send(frame, client, self._loop.now_ns())
+            self._live.send(frame, client, self._loop.looked_ns)
         if session.silent and not was_silent:
             self._loop.call_after(SILENCE_S, partial(self._end_silence, client))
         if session.outbox and not self._write(client):

@@ -37,6 +37,18 @@ def test_the_first_nanosecond_of_a_count(start_ns: int, speed: float, counts: in
     assert pacer.counts_at(ns - 1) < counts
 
 
+@given(STARTS, SPEEDS, COUNTS, st.integers(0, 1 << 40))
+def test_while_it_stands_no_count_begins(start_ns: int, speed: float, counts: int, dt_ns: int) -> None:
+    """The count at the end of the pause is that at its beginning, and all later ones begin later by it."""
+    pacer = Pacer(start_ns, speed)
+    before_ns = pacer.ns_at(counts)
+    reached = pacer.counts_at(before_ns)
+    pacer.stand(dt_ns)
+    assert pacer.counts_at(before_ns + dt_ns) == reached
+    assert pacer.ns_at(counts) == before_ns + dt_ns
+    assert pacer.stood_ns == dt_ns
+
+
 @pytest.mark.parametrize("speed", [SPEED_MIN, SPEED_MAX])
 def test_speeds_that_are_allowed(speed: float) -> None:
     assert Pacer(0, speed).ns_at(72_000_000) == pytest.approx(1e9 / speed)
