@@ -2,6 +2,7 @@
 
 import gc
 import signal
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import accumulate
@@ -28,9 +29,14 @@ from steptwin.host.common.errors import BusError, InputError
 
 if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
+    from steptwin.host.twin.live_board import LiveBoard
     from steptwin.host.twin.served_board import ServedBoard
 
 _STATUS_EVERY_S = 0.5
+_WARN_EVERY_S = 10.0
+"""Shortest time from one warning of a slow computer to the next."""
+_WARN_FROM_MS = 100.0
+"""Time, since the last warning, for which the board's clock must have stood to be worth another one."""
 _YOUNG_OBJECTS = 700
 """Objects made between two collections of garbage; Python's own choice, which keeps each collection short."""
 
@@ -130,6 +136,7 @@ def _run(served: "ServedBoard", announce: Callable[[], None]) -> BusError | None
     with _until_a_signal(served), _status_line(served) as update:
         announce()
         served.call_every(_STATUS_EVERY_S, update)
+        served.call_every(_STATUS_EVERY_S, _SlownessWarning(served.board).look)
         gc.freeze()  # numba leaves so many objects that one collection of them all lasts several ticks
         gc.set_threshold(_YOUNG_OBJECTS)
         try:
@@ -137,6 +144,31 @@ def _run(served: "ServedBoard", announce: Callable[[], None]) -> BusError | None
         except BusError as error:
             return error
     return None
+
+
+class _SlownessWarning:
+    """Warns that the computer is too slow for the board, soon after its clock stood, but not too often."""
+
+    def __init__(self, board: "LiveBoard") -> None:
+        self._board = board
+        self._warned_ms = 0.0
+        self._not_before_s = 0.0
+
+    def look(self) -> None:
+        """Warn if there is a reason."""
+        stalls, now_s = self._board.stalls(), time.monotonic()
+        if now_s >= self._not_before_s and stalls["total_ms"] - self._warned_ms >= _WARN_FROM_MS:
+            self._warned_ms = stalls["total_ms"]
+            self._not_before_s = now_s + _WARN_EVERY_S
+            warn(_stood(stalls))
+
+
+def _stood(stalls: dict[str, float]) -> str:
+    times = "once" if stalls["count"] == 1 else f"{stalls['count']} times"
+    return (
+        f"computer too slow: the board's clock stood {times}, {stalls['total_ms'] / 1000:.2f} s in all, "
+        f"longest {stalls['longest_ms']:.0f} ms"
+    )
 
 
 @contextmanager
@@ -220,6 +252,8 @@ def _print_report(document: dict[str, Any], folder: Path | None) -> None:
     say(f"bus: {bus['frames']} frames at {bus['bitrate'] // 1000} kbit/s, {bus['load_percent']:.1f} % load")
     for what, text in _late(real_time).items():
         say(f"{what} late, ms (p50 p99 max): {text}, of {real_time[what]['count']}")
+    if real_time["stalls"]["count"]:
+        say(_stood(real_time["stalls"]))
     say(f"SIMULATED {document['simulated_s']:.1f} s in {document['wall_s']:.1f} s")
     if folder is not None:
         say(f"report, edges and bus log are in {folder}/")

@@ -217,6 +217,11 @@ class LiveBoard:
         """Return how late the servo ticks of motions and the board's frames were, in us of the wall clock."""
         return {"ticks": _figures(self.live.ticks), "frames": _figures(self.live.frames)}
 
+    def stalls(self) -> dict[str, float]:
+        """Return how often the board's clock stood because the computer was too slow, and for how long, in ms."""
+        stalls = self.live.stalls
+        return {"count": stalls.count, "total_ms": stalls.total_ns / 1e6, "longest_ms": stalls.longest_ns / 1e6}
+
     def report(self) -> dict[str, Any]:
         """Return the figures as of the last `record`, under the keys of report.json (docs/live.md)."""
         joints = self._joints
@@ -253,7 +258,7 @@ class LiveBoard:
                 "frames": self.bus.frames,
                 "load_percent": round(self.bus_load_percent, 3),
             },
-            "real_time": {"speed": self.live.pacer.speed, **self.lateness()},
+            "real_time": {"speed": self.live.pacer.speed, **self.lateness(), "stalls": self.stalls()},
             "simulated_s": round(self.simulated_s, 6),
             "wall_s": round(self.wall_s, 6),
         }

@@ -81,10 +81,12 @@ class Server:
 
 
 def late_ms_of(report: str) -> float:
-    """Return by how many milliseconds a server was late at most, from its report as text or as JSON."""
+    """Return for how many milliseconds at most a server was late or its clock stood, by its report in text or JSON."""
     in_ms = re.findall(r"late, ms \(p50 p99 max\): \S+ \S+ ([\d.]+)", report)
     in_us = re.findall(r'"late_us_max": ([\d.]+)', report)
-    return max([float(text) for text in in_ms] + [float(text) / 1000 for text in in_us])
+    stood_texts = re.findall(r'longest (\d+) ms|"longest_ms": ([\d.]+)', report)
+    stood = [float(text or number) for text, number in stood_texts]
+    return max([float(text) for text in in_ms] + [float(text) / 1000 for text in in_us] + stood)
 
 
 @contextmanager
