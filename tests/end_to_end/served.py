@@ -17,6 +17,7 @@ from tests.end_to_end.command_line import PROGRAM
 LATE_MS: Final = 100.0
 """Lateness from which on a failure may be the computer's: an axis misses its host's heartbeat after 350 ms."""
 ATTEMPTS: Final = 8
+_SLOWNESS: Final = re.compile(r"steptwin: warning: computer too slow: .*\n")
 _P = ParamSpec("_P")
 
 
@@ -31,6 +32,7 @@ class Server:
         process: the program.
         banner: the lines that it printed first.
         port: where it listens.
+        slowness: the warnings at its end that the computer is too slow, which tests of other things do not expect.
     """
 
     def __init__(self, robot: str, *options: str) -> None:
@@ -46,6 +48,7 @@ class Server:
         port = re.search(r"port=(\d+)", self.banner[1])
         assert port, self.banner
         self.port = int(port[1])
+        self.slowness: list[str] = []
 
     def connected(self, *words: str) -> list[str]:
         """Return the words of a command for this board."""
@@ -70,10 +73,20 @@ class Server:
         return document
 
     def end(self, number: signal.Signals) -> tuple[int, str, str]:
-        """Send a signal; return exit code, stdout and stderr."""
+        """Send a signal; return exit code, stdout and stderr without `slowness`."""
         self.process.send_signal(number)
         out, err = self.process.communicate(timeout=TIMEOUT_S)
-        return self.process.returncode, out, err
+        self.slowness = _SLOWNESS.findall(err)
+        return self.process.returncode, out, _SLOWNESS.sub("", err)
+
+    @contextmanager
+    def held_up(self) -> Iterator[None]:
+        """Hold the process up while the block runs, as a computer does that has no time for it."""
+        self.process.send_signal(signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            self.process.send_signal(signal.SIGCONT)
 
     def late_ms(self) -> float:
         """End the server; return by how many milliseconds it was late at most, as its report says."""
