@@ -64,7 +64,7 @@ class CanBridge:
         while not self._closing:
             try:
                 message = self._bus.recv(_READ_S)
-            except (can.CanError, OSError) as error:
+            except Exception as error:  # each driver raises its own
                 self._fail(error)
                 return
             if message is not None:
@@ -101,7 +101,7 @@ class CanBridge:
             self._bus.send(message)
         except can.CanError:
             self.unsent_frames += 1
-        except OSError as error:
+        except Exception as error:
             self._fail(error)
 
 

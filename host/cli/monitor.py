@@ -12,7 +12,7 @@ from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
 from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, connection, required
 from steptwin.host.cli.output import print_json, say
 from steptwin.host.common.bad_input import unknown
-from steptwin.host.common.errors import BusError, InputError
+from steptwin.host.common.errors import InputError
 from steptwin.host.common.numbers import whole
 from steptwin.protocol.frame import NODE_ID_MAX
 
@@ -85,14 +85,12 @@ def monitor(
 
 def _messages(bus: "can.BusABC", title: str, seconds: float | None) -> "Iterator[can.Message]":
     """Yield data frames with 11-bit identifiers as they come, until the time is over."""
-    import can
+    from steptwin.host.client.can_bus import bus_errors
 
     until_s = None if seconds is None else time.monotonic() + seconds
     while until_s is None or time.monotonic() < until_s:
-        try:
+        with bus_errors(title):
             message = bus.recv(_POLL_S)
-        except (can.CanError, OSError) as error:
-            raise BusError(f"{title}: {error}") from error
         if message and not (message.is_extended_id or message.is_remote_frame or message.is_error_frame):
             yield message
 

@@ -6,7 +6,7 @@ from contextlib import suppress
 from typing import Final, TypeVar
 
 import canopen
-from canopen.objectdictionary import ObjectDictionary
+from canopen.objectdictionary import ObjectDictionary, ObjectDictionaryError
 from canopen.sdo.base import SdoVariable
 
 from steptwin.host.client.drive_status import DriveStatus
@@ -147,9 +147,18 @@ class AxisClient:
             except canopen.SdoCommunicationError as error:
                 left -= 1
                 if not left or str(error) == _NO_ANSWER:
-                    silent = f"{self.name}: node 0x{self.node_id:02X} does not answer ({error})"
-                    raise BusError(silent) from error
+                    raise BusError(self._unanswered(str(error))) from error
+            except ObjectDictionaryError as error:
+                wrong = f"node 0x{self.node_id:02X} answers with a wrong number of bytes"
+                raise BusError(f"{self.name}: {what}: {wrong}") from error
             self._link.wait(_STATUS_WAIT_S)
+
+    def _unanswered(self, error: str) -> str:
+        """Return the message for a request without a valid answer."""
+        malformed = sum(client.malformed for client in self._node.sdo_channels)
+        dropped = f"; {malformed} answers without 8 bytes were dropped" if malformed else ""
+        how = "does not answer" if error == _NO_ANSWER else "gives no valid answer"
+        return f"{self.name}: node 0x{self.node_id:02X} {how} ({error}{dropped})"
 
     # --- the drive
 

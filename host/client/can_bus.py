@@ -1,11 +1,13 @@
 """Open any bus that python-can knows, for a client or for a board, with errors in one line."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import can
 
 from steptwin.host.common.bad_input import unknown
-from steptwin.host.common.errors import BusError
+from steptwin.host.common.errors import BusError, StepTwinError
 
 
 def check_interface(what: str, name: str) -> None:
@@ -17,8 +19,17 @@ def check_interface(what: str, name: str) -> None:
 def open_python_can_bus(title: str, interface: str, **arguments: Any) -> can.BusABC:
     """Open a bus, with defaults for arguments that are None; raise BusError, headed by `title`, if it fails."""
     given = {name: value for name, value in arguments.items() if value is not None}
-    try:
+    with bus_errors(title):
         return can.Bus(interface=interface, **given)
+
+
+@contextmanager
+def bus_errors(title: str) -> Iterator[None]:
+    """Turn every error of an interface into a BusError, headed by `title`."""
+    try:
+        yield
+    except StepTwinError:
+        raise
     except Exception as error:  # each driver raises its own: kvaser's a NameError if canlib is missing
         raise BusError(f"{title}: {reason(error)}") from error
 

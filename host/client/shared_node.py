@@ -2,34 +2,48 @@
 
 CiA 301 intends an SDO channel for one client. With several clients, each sees the answers to all of them. An answer
 that begins a transfer, or refuses one, carries the object that was asked for (section 7.2.4.3); by it a client can tell
-its own answers.
+its own answers. What a node may not answer is dropped and counted: frames that have not 8 bytes, strings without end.
 """
 
 from typing import Final
 
 from canopen import RemoteNode
 from canopen.sdo.client import SdoClient
+from canopen.sdo.exceptions import SdoCommunicationError
 
 _COMMAND_MASK: Final = 0xE0
 _INITIATE: Final = (0x20, 0x40)
 """Client command specifiers that carry an object: initiate download, initiate upload."""
+_NEXT_SEGMENT: Final = 0x60
+"""Client command specifier that asks for a segment."""
 _OBJECT: Final = slice(1, 4)
+_ANSWER_BYTES: Final = 8
+SEGMENTS_MAX: Final = 64
+"""Greatest number of segments of an answer, 448 bytes: the longest string of these nodes has 40."""
 
 
 class SharedSdoClient(SdoClient):
     """An SDO client that drops answers about other objects; segments carry no object and can still be mixed up."""
 
+    malformed = 0
+    """Number of answers that were dropped because they have not 8 bytes (CiA 301, 7.2.4.3)."""
     _awaited: bytes | None = None
+    _segments = 0
 
     def send_request(self, request: bytearray) -> None:
-        """Send a request and remember the object it asks for."""
-        initiates = request[0] & _COMMAND_MASK in _INITIATE
-        self._awaited = bytes(request[_OBJECT]) if initiates else None
+        """Send a request and remember the object it asks for; raise SdoCommunicationError at an endless answer."""
+        command = request[0] & _COMMAND_MASK
+        self._awaited = bytes(request[_OBJECT]) if command in _INITIATE else None
+        self._segments = self._segments + 1 if command == _NEXT_SEGMENT else 0
+        if self._segments > SEGMENTS_MAX:
+            raise SdoCommunicationError(f"an answer of more than {SEGMENTS_MAX} segments")
         super().send_request(request)  # type: ignore[no-untyped-call]
 
     def on_response(self, can_id: int, data: bytearray, timestamp: float) -> None:
         """Take an answer, unless it is to another program."""
-        if self._awaited is None or bytes(data[_OBJECT]) == self._awaited:
+        if len(data) != _ANSWER_BYTES:
+            self.malformed += 1
+        elif self._awaited is None or bytes(data[_OBJECT]) == self._awaited:
             super().on_response(can_id, data, timestamp)  # type: ignore[no-untyped-call]
 
 

@@ -22,15 +22,16 @@ def open_endpoint(
         return SocketcandEndpoint(
             host or socketcand.LOOPBACK, socketcand.PORT if port is None else port, allow_remote=allow_remote
         )
+    from steptwin.host.client.bus_link import Connection
     from steptwin.host.twin.endpoints.python_can_endpoint import PythonCanEndpoint
 
-    more: dict[str, str | int] = {}
+    connection = Connection(interface, channel, bitrate)
     if interface == "socketcand":
-        more = {"host": host or socketcand.LOOPBACK, "port": port or socketcand.PORT}
+        connection = Connection(interface, channel, None, host or socketcand.LOOPBACK, port or socketcand.PORT)
     else:
         for name, value in (("host", host), ("port", port)):
             if value is not None:
                 raise InputError(f"{name}={value}: is for a socketcand server, not for interface={interface}")
     if allow_remote:
         raise InputError(f"allow_remote=True: is for listening, not for interface={interface}")
-    return PythonCanEndpoint(interface, channel, bitrate, more)
+    return PythonCanEndpoint(connection)

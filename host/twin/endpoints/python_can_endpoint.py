@@ -3,7 +3,8 @@
 from typing import TYPE_CHECKING, Any
 
 from steptwin.emulator.live_loop import LiveLoop
-from steptwin.host.client.can_bus import check_interface, open_python_can_bus
+from steptwin.host.client.bus_link import Connection, open_bus
+from steptwin.host.client.can_bus import check_interface
 from steptwin.host.twin.endpoints.endpoint import Endpoint
 
 if TYPE_CHECKING:
@@ -20,18 +21,11 @@ class PythonCanEndpoint(Endpoint):
 
     kind = "interface"
 
-    def __init__(self, interface: str, channel: str | None, bitrate: int, more: dict[str, Any]) -> None:
-        """Open the bus.
-
-        Args:
-            interface: python-can's name of the interface.
-            channel: of the interface; None: its default.
-            bitrate: in bit/s, for the interfaces that set it.
-            more: further arguments of the interface.
-        """
-        check_interface("interface", interface)
-        self._name = f"{interface} {channel}" if channel else interface
-        self._bus = open_python_can_bus(self._name, interface, channel=channel, bitrate=bitrate, **more)
+    def __init__(self, connection: Connection) -> None:
+        """Open the bus."""
+        check_interface("interface", connection.interface)
+        self._name = connection.title
+        self._bus = open_bus(connection)
         self._bridge: CanBridge | None = None
         self.title = f"on python-can's interface {self._name}"
 

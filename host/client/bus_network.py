@@ -1,0 +1,71 @@
+"""The canopen library's network on a bus in real time: errors of the bus become BusErrors, in every thread."""
+
+import time
+from typing import Any, Final
+
+import can
+import canopen
+from can.broadcastmanager import ThreadBasedCyclicSendTask
+from canopen.network import MessageListener, PeriodicMessageTask
+
+from steptwin.host.client.can_bus import bus_errors
+
+_RECEIVE_CYCLE_S: Final = 0.05
+"""Longest time that disconnecting waits for the receiving thread."""
+
+
+class _EndOfReceiving(MessageListener):
+    """End the receiving thread without a traceback; `BusNetwork.check` raises its error instead."""
+
+    def on_message_received(self, msg: can.Message) -> None:
+        """Ignore the frame; the network's own listener takes it."""
+
+    def on_error(self, _exc: Exception) -> None:
+        """Pause before the notifier, which has stored the error, tries again."""
+        time.sleep(_RECEIVE_CYCLE_S)
+
+
+class _LastingTask(PeriodicMessageTask):
+    """A periodic frame whose thread, where the interface needs one, tries again after an error.
+
+    Without this the thread would end with a traceback; the error shows in every other use of the bus.
+    """
+
+    _task: Any
+
+    def _start(self) -> None:
+        self._task = self.bus.send_periodic(self.msg, self.period, autostart=False)
+        if isinstance(self._task, ThreadBasedCyclicSendTask):
+            self._task.on_error = lambda _: True
+        self._task.start()
+
+
+class BusNetwork(canopen.Network):
+    """The canopen library's network, which raises BusError instead of python-can's errors."""
+
+    NOTIFIER_CYCLE = _RECEIVE_CYCLE_S
+    NOTIFIER_SHUTDOWN_TIMEOUT = 0.5
+
+    def __init__(self, bus: can.BusABC, title: str) -> None:
+        super().__init__(bus)
+        self.listeners.append(_EndOfReceiving(self))
+        self._title = title
+
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
+        """Send a frame; raise BusError if the interface does not take it."""
+        with bus_errors(self._title):
+            super().send_message(can_id, data, remote)
+
+    def send_periodic(self, can_id: int, data: bytes, period: float, remote: bool = False) -> PeriodicMessageTask:
+        """Send a frame every `period` seconds until the task that is returned is stopped."""
+        return _LastingTask(can_id, data, period, self.bus, remote)
+
+    def check(self) -> None:
+        """Raise BusError if the receiving thread has ended."""
+        with bus_errors(self._title):
+            super().check()
+
+    def disconnect(self) -> None:
+        """Close the bus; raise BusError if that fails, or if the receiving thread has ended before."""
+        with bus_errors(self._title):
+            super().disconnect()
