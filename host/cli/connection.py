@@ -73,9 +73,14 @@ def connection(
 
 
 def _host_and_port(text: str) -> tuple[str, int]:
+    """Split HOST:PORT; an IPv6 address stands in brackets, as in URLs (RFC 3986), since it has colons itself."""
     host, colon, port = text.rpartition(":")
-    if not colon:
+    if not colon or text.endswith("]"):
         host, port = text, str(socketcand.PORT)
+    if host.startswith("[") and host.endswith("]"):
+        host = host[1:-1]
+    elif ":" in host:
+        raise InputError(f"--connect {text}: put an IPv6 address in brackets, such as [::1]:{socketcand.PORT}")
     if not host or not (port.isascii() and port.isdecimal()) or not 0 < int(port) < 1 << 16:
         raise InputError(f"--connect {text}: is not of the form HOST:PORT, such as 127.0.0.1:{socketcand.PORT}")
     return host, int(port)

@@ -20,9 +20,10 @@ def estop(
 
     This is stop category 1 of IEC 60204-1, in software: it does not replace an emergency stop switch.
     """
+    from steptwin.host.client.stopping import saying_if_unsure
     from steptwin.host.operate.recovering import emergency_stop
 
     loaded = one_robot(robot, robot_file)
-    with opened_session(loaded, connect, interface, channel, bitrate) as session:
+    with saying_if_unsure(), opened_session(loaded, connect, interface, channel, bitrate) as session:
         states = emergency_stop(session)
     print_axis_states(loaded, states, as_json=as_json)

@@ -18,9 +18,10 @@ def pause(
 ) -> None:
     """Halt the running trajectory on its path; the program that streams it keeps the queue filled."""
     from steptwin.host.client.pausing import pause_trajectory
+    from steptwin.host.client.stopping import saying_if_unsure
 
     loaded = one_robot(robot, robot_file)
-    with opened_session(loaded, connect, interface, channel, bitrate) as session:
+    with saying_if_unsure(), opened_session(loaded, connect, interface, channel, bitrate) as session:
         session.require_present()
         halted = pause_trajectory(session.machine)
     if as_json:

@@ -17,9 +17,10 @@ def stop(
     as_json: AsJson = False,
 ) -> None:
     """Stop all axes together by a quick stop; they hold their positions afterwards."""
+    from steptwin.host.client.stopping import saying_if_unsure
     from steptwin.host.operate.recovering import stop
 
     loaded = one_robot(robot, robot_file)
-    with opened_session(loaded, connect, interface, channel, bitrate) as session:
+    with saying_if_unsure(), opened_session(loaded, connect, interface, channel, bitrate) as session:
         states = stop(session)
     print_axis_states(loaded, states, as_json=as_json)

@@ -11,7 +11,7 @@ from canopen.sdo.base import SdoVariable
 
 from steptwin.host.client.drive_status import DriveStatus
 from steptwin.host.client.link import Link
-from steptwin.host.client.shared_node import SharedNode
+from steptwin.host.client.shared_node import Patience, SharedNode
 from steptwin.host.client.waiting import wait_until
 from steptwin.host.client.words import error_text, state_text
 from steptwin.host.common.errors import BusError, DeviceFaultError
@@ -44,7 +44,7 @@ class AxisClient:
     the drive's state, and process data out and in.
     """
 
-    def __init__(self, link: Link, name: str, node_id: int, dictionary: ObjectDictionary) -> None:
+    def __init__(self, link: Link, name: str, node_id: int, dictionary: ObjectDictionary, patience: Patience) -> None:
         self.name = name
         self.node_id = node_id
         self.drive_status: DriveStatus | None = None
@@ -52,7 +52,7 @@ class AxisClient:
         self.pvt_status: PvtStatus | None = None
         """The last report by TPDO3; None before the first."""
         self._link = link
-        self._node: canopen.RemoteNode = link.network.add_node(SharedNode(node_id, dictionary))
+        self._node: canopen.RemoteNode = link.network.add_node(SharedNode(node_id, dictionary, patience))
         link.network.subscribe(COB_TPDO[0] + node_id, self._on_drive_status)
         link.network.subscribe(COB_TPDO[2] + node_id, self._on_pvt_status)
 

@@ -12,6 +12,7 @@ from steptwin.host.client.homing import AxisHoming, HomingSettings, run_homings
 from steptwin.host.client.link import Link
 from steptwin.host.client.object_dictionary import object_dictionary
 from steptwin.host.client.output_schedule import OutputCommand
+from steptwin.host.client.shared_node import Patience
 from steptwin.host.client.starting import StreamStarter
 from steptwin.host.client.stream import Stream
 from steptwin.host.client.waiting import POLL_S, REPLY_TIMEOUT_S, require
@@ -35,8 +36,10 @@ class Machine:
 
     def __init__(self, link: Link, names: tuple[str, ...]) -> None:
         self.link = link
-        dictionary = object_dictionary()
-        self.axes = tuple(AxisClient(link, name, FIRST_NODE_ID + i, dictionary) for i, name in enumerate(names))
+        dictionary, patience = object_dictionary(), Patience()
+        self.axes = tuple(
+            AxisClient(link, name, FIRST_NODE_ID + i, dictionary, patience) for i, name in enumerate(names)
+        )
         self._heartbeat = Heartbeat(link.network)
         self._starter = StreamStarter(link, self.axes)
         self._stream: Stream | None = None

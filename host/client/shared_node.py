@@ -8,8 +8,9 @@ its own answers. What a node may not answer is dropped and counted: frames that 
 from typing import Final
 
 from canopen import RemoteNode
+from canopen.objectdictionary import ObjectDictionary
 from canopen.sdo.client import SdoClient
-from canopen.sdo.exceptions import SdoCommunicationError
+from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError, SdoError
 
 _COMMAND_MASK: Final = 0xE0
 _INITIATE: Final = (0x20, 0x40)
@@ -20,11 +21,30 @@ _OBJECT: Final = slice(1, 4)
 _ANSWER_BYTES: Final = 8
 SEGMENTS_MAX: Final = 64
 """Greatest number of segments of an answer, 448 bytes: the longest string of these nodes has 40."""
+_PATIENCE_S: Final = 0.3
+_IMPATIENCE_S: Final = 0.05
+
+
+class Patience:
+    """How long the nodes of a machine are waited for: not long after one was silent, until one answers again.
+
+    So whatever is asked of all nodes in turn, as at an emergency stop, ends soon when the bus or the server is silent;
+    each node is asked nevertheless.
+    """
+
+    def __init__(self) -> None:
+        self.timeout_s = _PATIENCE_S
+
+    def learn(self, *, answered: bool) -> None:
+        """Take note whether a node has answered."""
+        self.timeout_s = _PATIENCE_S if answered else _IMPATIENCE_S
 
 
 class SharedSdoClient(SdoClient):
     """An SDO client that drops answers about other objects; segments carry no object and can still be mixed up."""
 
+    patience: Patience
+    """Shared by the nodes of a machine; set by the node."""
     malformed = 0
     """Number of answers that were dropped because they have not 8 bytes (CiA 301, 7.2.4.3)."""
     _awaited: bytes | None = None
@@ -39,6 +59,17 @@ class SharedSdoClient(SdoClient):
             raise SdoCommunicationError(f"an answer of more than {SEGMENTS_MAX} segments")
         super().send_request(request)  # type: ignore[no-untyped-call]
 
+    def read_response(self) -> bytes:
+        """Wait for the answer; raise SdoCommunicationError if none comes, SdoAbortedError if the node refuses."""
+        self.RESPONSE_TIMEOUT = self.patience.timeout_s
+        try:
+            response: bytes = super().read_response()  # type: ignore[no-untyped-call]
+        except SdoError as error:
+            self.patience.learn(answered=isinstance(error, SdoAbortedError))
+            raise
+        self.patience.learn(answered=True)
+        return response
+
     def on_response(self, can_id: int, data: bytearray, timestamp: float) -> None:
         """Take an answer, unless it is to another program."""
         if len(data) != _ANSWER_BYTES:
@@ -50,9 +81,14 @@ class SharedSdoClient(SdoClient):
 class SharedNode(RemoteNode):
     """A remote node whose SDO clients are SharedSdoClients."""
 
+    def __init__(self, node_id: int, dictionary: ObjectDictionary, patience: Patience) -> None:
+        self._patience = patience
+        super().__init__(node_id, dictionary)
+
     def add_sdo(self, rx_cobid: int, tx_cobid: int) -> SharedSdoClient:
         """Add an SDO channel, in the same way as the library adds a node's default one."""
         client = SharedSdoClient(rx_cobid, tx_cobid, self.object_dictionary)  # type: ignore[no-untyped-call]
+        client.patience = self._patience
         self.sdo_channels.append(client)
         if self.has_network():
             self.network.subscribe(client.tx_cobid, client.on_response)

@@ -5,7 +5,8 @@ axis that does not react, because its node is not OPERATIONAL or a frame was los
 quick stop option code (605Ah) decides: it holds its position (QUICK STOP ACTIVE) or switches its power off.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Final
 
 from steptwin.host.client.axis import AxisClient
@@ -13,13 +14,14 @@ from steptwin.host.client.drive_status import FAULT_STATES
 from steptwin.host.client.link import Link
 from steptwin.host.client.waiting import REST_TIMEOUT_S, require, wait_until
 from steptwin.host.client.words import state_text
-from steptwin.host.common.errors import DeviceFaultError, StepTwinError
+from steptwin.host.common.errors import BusError, DeviceFaultError, StepTwinError
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import QUICK_STOP, State, Status
 from steptwin.protocol.frame import COB_SYNC
 
 _REACTION_S: Final = 0.05
 """Time for an axis to react: ten times the longest delay before a changed status is sent."""
+UNSURE: Final = "nobody knows whether the machine has stopped: use its own e-stop"
 _REACTED: Final = (State.QUICK_STOP_ACTIVE, State.SWITCH_ON_DISABLED, *FAULT_STATES)
 
 
@@ -37,6 +39,15 @@ def quick_stop(link: Link, axes: Sequence[AxisClient]) -> None:
     wait_until(link, lambda: all(map(_reacted, axes)), _REACTION_S)
     _each([axis for axis in axes if not _reacted(axis)], lambda axis: axis.write(od.CONTROLWORD, QUICK_STOP))
     require(link, lambda: all(map(_stopped, axes)), "the axes do not come to rest", REST_TIMEOUT_S)
+
+
+@contextmanager
+def saying_if_unsure() -> Iterator[None]:
+    """Add UNSURE to the message of a BusError in a block that is to stop the machine."""
+    try:
+        yield
+    except BusError as error:
+        raise BusError(f"{error}; {UNSURE}") from error
 
 
 def await_rest(link: Link, axes: Sequence[AxisClient]) -> None:

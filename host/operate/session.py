@@ -10,9 +10,9 @@ from steptwin.host.client import Link, Machine
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.drive_status import FAULT_STATES, at_rest
 from steptwin.host.client.faults import await_reports
-from steptwin.host.client.stopping import quick_stop
+from steptwin.host.client.stopping import UNSURE, quick_stop
 from steptwin.host.client.words import error_text, state_text
-from steptwin.host.common.errors import DeviceFaultError, InputError, StepTwinError
+from steptwin.host.common.errors import BusError, DeviceFaultError, InputError, StepTwinError
 from steptwin.host.operate.setting_up import clear_targets, set_up
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
@@ -96,14 +96,24 @@ class Session:
         try:
             set_up(self.machine, self.robot)
             yield self.machine
-        except BaseException:
-            with suppress(StepTwinError):  # the first error is the one to report
-                quick_stop(self.link, self.machine.axes)
-                clear_targets(self.machine.axes)
+        except BaseException as error:
+            self._stop_after(error)
             raise
         finally:
             with suppress(StepTwinError):
                 self.machine.disconnect()
+
+    def _stop_after(self, error: BaseException) -> None:
+        """Stop all axes and take back their targets; if they cannot be told, raise an error that says so as well."""
+        try:
+            quick_stop(self.link, self.machine.axes)
+        except BusError as silent:
+            first, exit_by = (error, type(error)) if isinstance(error, StepTwinError) else (silent, BusError)
+            raise exit_by(f"{first}; {UNSURE}") from error
+        except DeviceFaultError:
+            return  # the first error is the one to report
+        with suppress(StepTwinError):
+            clear_targets(self.machine.axes)
 
     def _check(self, axis: AxisClient, *, known: bool) -> None:
         statusword = axis.read(od.STATUSWORD)
