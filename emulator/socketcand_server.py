@@ -4,9 +4,11 @@ A client loses no frames: those that it sends wait in its socket while the bus i
 it wait here until it reads. A client that does not read is disconnected before too many bytes wait.
 """
 
+import errno
 import logging
 import socket
 from collections import Counter
+from contextlib import suppress
 from functools import partial
 from selectors import EVENT_READ, EVENT_WRITE
 from typing import Final
@@ -25,6 +27,11 @@ WINDOW_FRAMES: Final = 16
 """Greatest number of one client's frames that wait for the bus; they delay other clients by 2 ms at 1 Mbit/s."""
 BACKLOG_MAX_BYTES: Final = 1 << 20
 """Bytes that a client may leave unread beside the operating system's buffers: some 20 000 frames."""
+REST_S: Final = 0.2
+"""Time for which nobody is accepted after the operating system had no file for a client."""
+_OUT_OF_FILES: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
+_SELECT_FILES: Final = 1024
+"""Number of files that `select` can wait for (FD_SETSIZE); those of the whole process count."""
 _SEND_BUFFER_BYTES: Final = 1 << 18
 _READ_BYTES: Final = 4096
 
@@ -61,7 +68,7 @@ class SocketcandServer:
         self._restless: dict[_Client, None] = {}
         """Clients for which `hand_on` has work; a dict keeps their order."""
         listener.setblocking(False)
-        loop.watch(listener, EVENT_READ, self._accept)
+        self._listen()
         loop.hand_on = self._hand_on
         self._live.view = self._show
 
@@ -89,12 +96,16 @@ class SocketcandServer:
     def _accept(self) -> None:
         try:
             sock, address = self._listener.accept()
-        except OSError:
-            return  # the client has hung up already, or too many files are open
+        except OSError as error:
+            if error.errno in _OUT_OF_FILES:
+                self._rest()
+            return  # otherwise the client has hung up already
         sock.setblocking(False)
         self.served += 1
-        if len(self._clients) >= CLIENTS_MAX:
+        if len(self._clients) >= CLIENTS_MAX or sock.fileno() >= _SELECT_FILES:
             self.disconnected["too many clients"] += 1
+            with suppress(OSError):
+                sock.send(f"< error {len(self._clients)} clients are connected, no more are served >".encode("ascii"))
             sock.close()
             return
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -103,6 +114,16 @@ class SocketcandServer:
         _log.info("%s connected", client.name)
         self._clients.append(client)
         self._tend(client)
+
+    def _rest(self) -> None:
+        """Accept nobody for a while: a client that waits would keep the loop awake although no file is left for it."""
+        _log.warning("no file is left for another client")
+        self._loop.watch(self._listener, 0, self._accept)
+        self._loop.call_after(REST_S, self._listen)
+
+    def _listen(self) -> None:
+        if self._listener.fileno() >= 0:
+            self._loop.watch(self._listener, EVENT_READ, self._accept)
 
     def _disconnect(self, client: _Client, reason: str) -> None:
         _log.info("%s disconnected: %s", client.name, reason)

@@ -5,8 +5,8 @@ These are the names that most programs need; docs/api.md describes each. A name 
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING
 
+TYPE_CHECKING = False  # as typing's, which takes longer to import than all else here
 if TYPE_CHECKING:
     from steptwin.emulator.bus_faults import BusFault, BusFaultKind, FaultScript
     from steptwin.emulator.operations import BoardTemperature, DriverProtect, EmergencyStop, Scheduled, Supply

@@ -83,12 +83,12 @@ _YOUNG_OBJECTS: Final = 50_000
 """Number of new objects between two collections of garbage: imports make many objects, and nearly all stay."""
 
 
-def main() -> None:
-    """Run the command line and leave with its exit code."""
+def main() -> int:
+    """Run the command line of this process; return its exit code."""
     gc.set_threshold(_YOUNG_OBJECTS)
     if isinstance(sys.stdout, TextIOWrapper):  # on a terminal with few characters the others are escaped
         sys.stdout.reconfigure(errors="backslashreplace")
-    sys.exit(run(sys.argv[1:]))
+    return run(sys.argv[1:])
 
 
 # The user sees an error of these libraries as our one line; without a handler, logging would print it once more.

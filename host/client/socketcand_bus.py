@@ -16,6 +16,8 @@ from typing import Any, Final, Never
 
 import can
 
+from steptwin.host.common.printable import printable
+
 ANSWER_S: Final = 1.0
 """Time in which a server must accept and greet a client, answer an echo, and make room for what is sent."""
 SILENCE_S: Final = 1.0
@@ -44,6 +46,7 @@ class SocketcandBus(can.BusABC):
         """Number of things that the server said and that are neither frames nor answers."""
         self._failure = ""
         self._complaint = ""
+        self._channel = channel
         self._inbox = bytearray()
         self._messages: deque[can.Message] = deque()
         self._sending = threading.Lock()
@@ -62,6 +65,7 @@ class SocketcandBus(can.BusABC):
         """Time at which an echo was asked for that has not come yet."""
         self.channel_info = f"socketcand on {channel}@{host}:{port}"
         super().__init__(channel)
+        self._take_items()  # the first frames may have come with the last answer
 
     # --- the dialogue before the first frame
 
@@ -150,17 +154,17 @@ class SocketcandBus(can.BusABC):
         if hasattr(socket, "TCP_QUICKACK"):  # a server that delays small packets waits for this acknowledgement
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
         self._heard_s, self._asked_s = time.monotonic(), None
-        while item := self._next_item():
-            self._take(item)
+        self._take_items()
 
-    def _take(self, item: bytes) -> None:
-        frame = _FRAME.fullmatch(item)
-        if frame:
-            self._messages.append(_message(frame, self.channel_info))
-        elif complaint := _COMPLAINT.fullmatch(item):
-            self._complaint = _text(complaint[1])
-        elif item != b"< echo >":
-            self.dropped += 1
+    def _take_items(self) -> None:
+        while item := self._next_item():
+            frame = _FRAME.fullmatch(item)
+            if frame:
+                self._messages.append(_message(frame, self._channel))
+            elif complaint := _COMPLAINT.fullmatch(item):
+                self._complaint = _text(complaint[1])
+            elif item != b"< echo >":
+                self.dropped += 1
 
     def _ask_if_silent(self) -> None:
         now_s = time.monotonic()
@@ -201,7 +205,7 @@ def _message(frame: re.Match[bytes], channel: str) -> can.Message:
 
 def _text(said: bytes) -> str:
     """Return the beginning of what a server said, fit for a terminal."""
-    return ascii(said[:_SHOWN_BYTES].decode("ascii", "replace"))[1:-1]
+    return printable(said[:_SHOWN_BYTES].decode("latin-1"))
 
 
 def _connected(host: str, port: int, until_s: float) -> socket.socket:

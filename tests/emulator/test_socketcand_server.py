@@ -1,7 +1,9 @@
 """A real server on the loopback with several clients: faulty ones do not disturb the others."""
 
+import resource
 import socket
 import struct
+import time
 from collections.abc import Iterator
 from contextlib import suppress
 
@@ -126,8 +128,38 @@ def test_one_more_than_there_may_be(rig: LiveRig, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr("steptwin.emulator.socketcand_server.CLIENTS_MAX", 2)
     first, _ = rig.client(), rig.client()
     with socket.create_connection(("127.0.0.1", rig.port), timeout=TIMEOUT_S) as third:
+        assert third.recv(100) == b"< error 2 clients are connected, no more are served >"
         assert third.recv(100) == b""
     assert rig.server.disconnected == {"too many clients": 1}
+    ask(first)
+
+
+def test_out_of_files_it_waits_without_work(rig: LiveRig) -> None:
+    """A client that cannot be accepted does not keep the loop awake; it is served once there is a file for it."""
+    first = rig.client()
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    with socket.socket() as second:
+        second.settimeout(TIMEOUT_S)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (second.fileno() + 1, hard))
+        try:
+            second.connect(("127.0.0.1", rig.port))
+            ask(first)
+            cpu_s, wall_s = time.process_time(), time.monotonic()
+            time.sleep(1.0)
+            busy = (time.process_time() - cpu_s) / (time.monotonic() - wall_s)
+        finally:
+            resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+        assert busy < 0.5
+        assert rig.server.served == 1
+        assert second.recv(100) == b"< hi >"
+
+
+def test_a_file_beyond_those_of_select(rig: LiveRig, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`select` raises for such a file, which would end the loop for all."""
+    first = rig.client()
+    monkeypatch.setattr("steptwin.emulator.socketcand_server._SELECT_FILES", 3)
+    with socket.create_connection(("127.0.0.1", rig.port), timeout=TIMEOUT_S) as second:
+        assert second.recv(100) == b"< error 1 clients are connected, no more are served >"
     ask(first)
 
 

@@ -1,4 +1,4 @@
-"""The link in real time, on python-can's bus in memory and on a socket."""
+"""The link in real time, on python-can's bus in memory."""
 
 import socket
 import threading
@@ -9,6 +9,7 @@ import pytest
 from steptwin.host.cli.app import run
 from steptwin.host.client.bus_link import BusLink, Connection, open_bus
 from steptwin.host.common.errors import BusError
+from tests.emulator.live_rig import TIMEOUT_S
 
 VIRTUAL = Connection("virtual", "test-bus-link")
 
@@ -55,45 +56,29 @@ def test_an_interface_that_cannot_be_opened() -> None:
         open_bus(Connection("socketcan", "no-such-can0", 500_000))
 
 
-class Server:
-    """A socketcand server that lets one client in, then closes the connection."""
+class Failing(can.BusABC):
+    """A bus that takes nothing: what a driver raises when its adapter was unplugged."""
 
     def __init__(self) -> None:
-        self._server = socket.create_server(("127.0.0.1", 0))
-        self.port: int = self._server.getsockname()[1]
-        self.hang_up = threading.Event()
-        self._thread = threading.Thread(target=self._serve)
-        self._thread.start()
+        self.tried = threading.Event()
+        super().__init__("nowhere")
 
-    def _serve(self) -> None:
-        self._server.accept()[0].close()  # the client's test whether the port is open
-        client, _ = self._server.accept()
-        with client:
-            client.sendall(b"< hi >")
-            for _ in range(2):
-                client.recv(256)
-                client.sendall(b"< ok >")
-            self.hang_up.wait(10.0)
+    def send(self, *_: object, **__: object) -> None:
+        self.tried.set()
+        raise BrokenPipeError(32, "Broken pipe")
 
-    def close(self) -> None:
-        self.hang_up.set()
-        self._thread.join()
-        self._server.close()
+    def _recv_internal(self, *_: object, **__: object) -> tuple[can.Message | None, bool]:
+        return None, False
 
 
-def test_a_server_that_hangs_up() -> None:
-    """The link raises an error; python-can itself would wait for frames without end."""
-    server = Server()
-    try:
-        bus = open_bus(Connection("socketcand", None, None, "127.0.0.1", server.port))
-        with pytest.raises(BusError, match=rf"^127\.0\.0\.1:{server.port}: the server has closed the connection$"):
-            _wait_for_ever(BusLink(bus, f"127.0.0.1:{server.port}"), server)
-    finally:
-        server.close()
-
-
-def _wait_for_ever(link: BusLink, server: Server) -> None:
-    with link:
-        server.hang_up.set()
-        for _ in range(10_000):
-            link.wait(0.001)
+def test_a_periodic_frame_that_cannot_be_sent(capfd: pytest.CaptureFixture[str]) -> None:
+    """Its thread ends without a traceback; whoever uses the bus next is told."""
+    bus = Failing()
+    with BusLink(bus, "adapter") as link:
+        link.network.send_periodic(0x77F, b"\5", 0.001)
+        for _ in range(3):
+            bus.tried.clear()
+            assert bus.tried.wait(TIMEOUT_S)
+        with pytest.raises(BusError, match=r"^adapter: Broken pipe$"):
+            link.network.send_message(0x80, b"")
+    assert capfd.readouterr() == ("", "")
