@@ -58,7 +58,7 @@ def test_the_client_gives_up_after_five_dialogues(
     board: EmbeddedBoard, axis: AxisClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     answers_first(board, monkeypatch, WRITTEN_607F, times=5)
-    with pytest.raises(BusError, match=r"^sx: node 0x10 does not answer \(Unexpected response 0x60\)$"):
+    with pytest.raises(BusError, match=r"^sx: node 0x10 gives no valid answer \(Unexpected response 0x60\)$"):
         axis.read(od.MAX_PROFILE_VELOCITY)
 
 
