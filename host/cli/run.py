@@ -151,6 +151,8 @@ def _trajectory(robot: "Robot", job: str, options: dict[str, str]) -> "Trajector
     from steptwin.host.planning.jobs import make_job
     from steptwin.host.planning.trajectory_file import SUFFIXES, is_trajectory_file, read_trajectory
 
+    if job.endswith(".toml"):
+        return _program(robot, job, options)
     if not is_trajectory_file(job):
         if Path(job).is_file():
             raise InputError(f"{job}: a trajectory file ends in {' or '.join(SUFFIXES)}")
@@ -158,6 +160,17 @@ def _trajectory(robot: "Robot", job: str, options: dict[str, str]) -> "Trajector
     if options:
         raise InputError(f"option {next(iter(options))}: a trajectory from a file has no options")
     return read_trajectory(job, robot)
+
+
+def _program(robot: "Robot", path: str, options: dict[str, str]) -> "Trajectory":
+    from steptwin.host.common.bad_input import prefixed
+    from steptwin.host.planning.programs import compile_program, read_program
+
+    if options:
+        raise InputError(f"option {next(iter(options))}: a program has no options")
+    program = read_program(path)
+    with prefixed(f"{path}: "):
+        return compile_program(program, robot).trajectory
 
 
 def _kernel(choice: _KernelName) -> "Kernel":

@@ -6,7 +6,7 @@ because each is only a few formulas that follow this convention.
 """
 
 from dataclasses import dataclass
-from enum import Enum
+from enum import StrEnum
 from typing import TYPE_CHECKING, Protocol, Self
 
 import numpy as np
@@ -69,14 +69,14 @@ class StraightLine:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Arc:
-    """Part of a circle anywhere in space; made by `Arc.through`.
+    """Part of a circle anywhere in space, or several turns of it; made by `through` or `around`.
 
     Attributes:
         centre_mm: shape (3,), the circle's centre.
         outward: shape (3,), unit vector from the centre to the start.
         onward: shape (3,), unit vector of the motion at the start.
         radius_mm: radius of the circle.
-        sweep_rad: angle from start to goal, above 0 and below 2 pi.
+        sweep_rad: angle from start to goal, above 0; below 2 pi if made by `through`.
         attitudes_deg: attitudes at start and goal.
     """
 
@@ -103,6 +103,23 @@ class Arc:
         end = c - centre
         sweep_rad = float(np.arctan2(end @ onward, end @ outward)) % (2.0 * np.pi)
         return cls(centre, outward, onward, radius_mm, sweep_rad, (start[3], goal[3]))
+
+    @classmethod
+    def around(cls, start: Pose, centre_mm: tuple[float, float], sweep_deg: float, *, turned: bool) -> Self:
+        """Return the horizontal arc from a pose around a vertical axis, counter-clockwise seen from above.
+
+        A negative sweep goes clockwise, one beyond 360 degrees goes round several times. With `turned` the attitude
+        turns along, otherwise it stays. Raises InputError if the pose is on the axis.
+        """
+        centre = np.array([*centre_mm, start[2]])
+        spoke = np.array(start[:3]) - centre
+        radius_mm = float(np.linalg.norm(spoke))
+        if not radius_mm > 0:
+            raise InputError(f"a circle around x {centre_mm[0]:g}, y {centre_mm[1]:g} mm: the tool is at its centre")
+        outward = spoke / radius_mm
+        onward = np.sign(sweep_deg) * np.array([-outward[1], outward[0], 0.0])
+        goal_deg = start[3] + (sweep_deg if turned else 0.0)
+        return cls(centre, outward, onward, radius_mm, abs(float(np.deg2rad(sweep_deg))), (start[3], goal_deg))
 
     @property
     def length_mm(self) -> float:
@@ -131,7 +148,7 @@ def _centre(a: FloatArray, b: FloatArray, c: FloatArray, normal: FloatArray) -> 
     return np.asarray(a + offset / (2.0 * float(normal @ normal)))
 
 
-class Smoothing(Enum):
+class Smoothing(StrEnum):
     """Shape of a curve through points: with continuous curvature (C2), or without overshoot at corners (Akima)."""
 
     C2_SPLINE = "c2-spline"

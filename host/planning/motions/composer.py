@@ -13,7 +13,7 @@ from steptwin.host.planning.laws.times import check_duration
 from steptwin.host.planning.motions.joint_move import JointMove, limits_along
 from steptwin.host.planning.motions.sequence import Pause, Sequence
 from steptwin.host.planning.motions.tool_move import ToolMove
-from steptwin.host.planning.paths import StraightLine
+from steptwin.host.planning.paths import StraightLine, ToolPath
 from steptwin.host.planning.trajectory import Switching, Trajectory
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
@@ -45,6 +45,11 @@ class Composer:
     _starts_ms: list[int] = field(default_factory=lambda: [0], init=False)
     _switchings: list[Switching] = field(default_factory=list, init=False)
 
+    @property
+    def now_s(self) -> float:
+        """Time of the sequence at which the next move begins."""
+        return self._starts_ms[-1] / 1000
+
     def go(self, goal: FloatArray) -> None:
         """Move all joints to a position of shape (joints,), together and jerk-limited; do nothing if they are there."""
         way = goal - self.joints
@@ -73,20 +78,28 @@ class Composer:
         x_mm, y_mm, z_mm, attitude_deg = make_kinematics(self.robot).forward(self.joints[np.newaxis])[0].tolist()
         dx_mm, dy_mm, dz_mm = way_mm
         path = StraightLine((x_mm, y_mm, z_mm, attitude_deg), (x_mm + dx_mm, y_mm + dy_mm, z_mm + dz_mm, attitude_deg))
-        self._append(ToolMove.along(self.robot, path, law, branch, self.joints, self._starts_ms[-1] / 1000))
+        self.follow(path, law, branch)
+
+    def follow(self, path: ToolPath, law: Law, branch: str) -> None:
+        """Move the tool along a path that begins at its pose, by a law with the path's length."""
+        self._append(ToolMove.along(self.robot, path, law, branch, self.joints, self.now_s))
 
     def switch(self, output: str, *, on: bool) -> None:
         """Stand still while a digital output of the robot changes."""
         if output not in self.robot.outputs:
             raise unknown("outputs:", output, self.robot.outputs)
-        from_s = self._starts_ms[-1] / 1000
+        from_s = self.now_s
         self.pause(SWITCHING_S)
-        self._switchings.append(Switching(output, on, from_s, self._starts_ms[-1] / 1000))
+        self._switchings.append(Switching(output, on, from_s, self.now_s))
 
     def pause(self, duration_s: float) -> None:
         """Stand still for whole milliseconds, at least one."""
         check_duration(duration_s)
         self._append(Pause(self.robot.joint_names, tuple(self.joints.tolist()), duration_s))
+
+    def last_part(self, from_s: float) -> Trajectory | None:
+        """Return the last move if it began at this time or later; None if there is none."""
+        return self._parts[-1] if self._parts and self._starts_ms[-2] >= round(1000 * from_s) else None
 
     def sequence(self) -> Sequence:
         """Return the sequence of all moves so far."""

@@ -1,0 +1,167 @@
+"""The moves of a program under construction: positions become joints and poses, paths become motions."""
+
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.bad_input import prefixed, unknown
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.motions.composer import Composer
+from steptwin.host.planning.paths import Arc, Pose, SampledPath, Smoothing, StraightLine, ToolPath
+from steptwin.host.planning.programs.paces import JointPace, ToolPace
+from steptwin.host.planning.programs.positions import COORDINATES, JointPosition, Position, Target
+from steptwin.host.robots.kinematics import Branch, make_kinematics
+from steptwin.host.robots.robot import Robot
+
+_PLACE_MM: Final = 1e-6
+"""Distance up to which two poses are at the same place: the tool then only turns."""
+
+_HALF_TURN_DEG: Final = 180.0
+_SWEEP_MAX_DEG: Final = 36_000.0
+
+
+class Moves:
+    """Moves from a robot's position on, with the program's named positions; `composer` holds the motions so far."""
+
+    def __init__(self, robot: Robot, positions: Mapping[str, Position], start: Target | None) -> None:
+        """Begin at a position, or at the robot's home position; raise InputError if it cannot be reached."""
+        self._robot = robot
+        self._positions = positions
+        self._kinematics = make_kinematics(robot)
+        self.composer = Composer(robot, np.array(robot.home))
+        if start is not None:
+            with prefixed("start: "):
+                self.composer.joints = self.joints_at(start)
+
+    # --- positions
+
+    def joints_at(self, target: Target) -> FloatArray:
+        """Return the joints of a position, of shape (joints,); raise InputError if the robot cannot reach it."""
+        position = self._position(target)
+        if isinstance(position, JointPosition):
+            joints = self.composer.joints.copy()
+            for name, value in position.joints.items():
+                joints[self._column(name)] = value
+            return joints
+        return self._solve(self._with(position.coordinates), position.branch)
+
+    def joints_by(self, distances: Mapping[str, float]) -> FloatArray:
+        """Return the joints after a relative move of some joints, of shape (joints,)."""
+        joints = self.composer.joints.copy()
+        for name, distance in distances.items():
+            joints[self._column(name)] += distance
+        return joints
+
+    def pose_at(self, target: Target) -> Pose:
+        """Return the tool's pose at a position, with the attitude's turn nearest to the present one."""
+        position = self._position(target)
+        if isinstance(position, JointPosition):
+            return self._nearest_turn(self._pose(self.joints_at(position)))
+        return self._nearest_turn(self._with(position.coordinates))
+
+    def pose_by(self, distances: Mapping[str, float]) -> Pose:
+        """Return the tool's pose after a relative move; phi may turn it further than a circle."""
+        x_mm, y_mm, z_mm, phi_deg = (
+            now + distances.get(name, 0.0) for name, now in zip(COORDINATES, self._here(), strict=True)
+        )
+        return x_mm, y_mm, z_mm, phi_deg
+
+    # --- motions
+
+    def go(self, goal: FloatArray, pace: JointPace) -> None:
+        """Move all joints to a position of shape (joints,); do nothing if they are there."""
+        way = goal - self.composer.joints
+        if np.abs(way).max() > 0:
+            self.composer.go_by(pace.along(self._robot, way), goal)
+
+    def line(self, goal: Pose, pace: ToolPace) -> None:
+        """Move the tool straight to a pose; where only the attitude differs, the joints turn it on the spot."""
+        here = self._here()
+        if np.linalg.norm(np.subtract(goal, here)[:3]) > _PLACE_MM:
+            self._follow(StraightLine(here, goal), pace)
+        elif abs(goal[3] - here[3]) > _HALF_TURN_DEG:
+            raise InputError(
+                f"phi: {goal[3] - here[3]:g} deg on the spot is more than half a turn: make two steps of it"
+            )
+        elif goal[3] != here[3]:
+            self.go(self._solve(goal, self._branch()), JointPace())
+
+    def arc(self, via: Pose, goal: Pose, pace: ToolPace) -> None:
+        """Move the tool along the arc through a pose's place to a pose."""
+        self._follow(Arc.through(self._here(), via[:3], goal), pace)
+
+    def circle(self, x_mm: float, y_mm: float, sweep_deg: float, pace: ToolPace, *, turned: bool) -> None:
+        """Move the tool around the vertical axis at x, y, at its height; `turned` turns its attitude along."""
+        if not 0 < abs(sweep_deg) <= _SWEEP_MAX_DEG:
+            raise InputError(
+                f"sweep_deg: {sweep_deg:g} deg is not a sweep of up to {_SWEEP_MAX_DEG:g} deg, with a sign"
+            )
+        self._follow(Arc.around(self._here(), (x_mm, y_mm), sweep_deg, turned=turned), pace)
+
+    def through(self, poses: list[Pose], smoothing: Smoothing, pace: ToolPace) -> None:
+        """Move the tool along the curve from where it is through poses; each turns on from the one before."""
+        rows = np.array([self._here(), *poses])
+        rows[:, 3] = np.unwrap(rows[:, 3], period=360.0)
+        self._follow(SampledPath.through(rows, smoothing), pace)
+
+    def _follow(self, path: ToolPath, pace: ToolPace) -> None:
+        self.composer.follow(path, pace.along(path.length_mm), self._branch())
+
+    # --- the robot
+
+    def _position(self, target: Target) -> Position:
+        if not isinstance(target, str):
+            return target
+        if target not in self._positions:
+            raise unknown("position", target, self._positions)
+        return self._positions[target]
+
+    def _column(self, name: str) -> int:
+        if name not in self._robot.joint_names:
+            raise unknown("joint", name, self._robot.joint_names)
+        return self._robot.joint_names.index(name)
+
+    def _pose(self, joints: FloatArray) -> Pose:
+        x_mm, y_mm, z_mm, attitude_deg = self._kinematics.forward(joints[np.newaxis])[0].tolist()
+        return x_mm, y_mm, z_mm, attitude_deg
+
+    def _here(self) -> Pose:
+        return self._pose(self.composer.joints)
+
+    def _with(self, coordinates: Mapping[str, float]) -> Pose:
+        """Return the present pose with some coordinates changed."""
+        x_mm, y_mm, z_mm, phi_deg = (
+            coordinates.get(name, now) for name, now in zip(COORDINATES, self._here(), strict=True)
+        )
+        return x_mm, y_mm, z_mm, phi_deg
+
+    def _nearest_turn(self, pose: Pose) -> Pose:
+        now_deg = self._here()[3]
+        return *pose[:3], pose[3] + 360.0 * round((now_deg - pose[3]) / 360.0)
+
+    def _branches(self, pose: Pose) -> tuple[Branch, ...]:
+        return self._kinematics.inverse(np.array([pose]), self.composer.joints)
+
+    def _solve(self, pose: Pose, branch: str | None) -> FloatArray:
+        """Return the joints at a pose on a branch, by default on the one on which the arm is."""
+        name = branch or self._branch()
+        if name not in self._kinematics.branches:
+            raise unknown("branch", name, self._kinematics.branches)
+        solved = {found.name: found for found in self._branches(pose)}
+        if not solved[name].reachable[0]:
+            others = [other.name for other in solved.values() if other.reachable[0]]
+            hint = f" (the branch {others[0]!r} reaches it)" if others else ""
+            place = "x {:g}, y {:g}, z {:g} mm, phi {:g} deg".format(*pose)
+            raise InputError(f"{place} is out of reach on the branch {name!r}: {solved[name].reason(0)}{hint}")
+        joints: FloatArray = solved[name].joints[0]
+        return joints
+
+    def _branch(self) -> str:
+        """Return the branch on which the arm is: the one whose joints at its pose are nearest to its own."""
+        joints = self.composer.joints
+        return min(
+            self._branches(self._here()),
+            key=lambda branch: float(np.nan_to_num(np.abs(branch.joints[0] - joints), nan=np.inf).max()),
+        ).name

@@ -1,0 +1,101 @@
+"""How fast a step of a program moves the joints or the tool: its time law."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.bad_input import whole_ms
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.laws import Cubic, Law, Quintic, SCurve, Trapezoid
+from steptwin.host.planning.motions.composer import JERK_TIME_S
+from steptwin.host.planning.motions.joint_move import limits_along
+from steptwin.host.robots.robot import Robot
+
+SPEED_PERCENT: Final = 80.0
+"""Usual part of the joints' limits of speed and acceleration that a joint move uses."""
+
+RAMP_S: Final = 0.3
+"""Usual time in which the tool gets its speed."""
+
+_RAMPS_IN_DURATION: Final = 3
+"""A trapezoid or S-curve of a given duration ramps up for a third of it, and down for another third."""
+
+
+class LawName(StrEnum):
+    """The kind of a joint move's time law."""
+
+    S_CURVE = "s-curve"
+    TRAPEZOID = "trapezoid"
+    CUBIC = "cubic"
+    QUINTIC = "quintic"
+
+
+@dataclass(frozen=True, slots=True)
+class JointPace:
+    """The pace of a joint move.
+
+    Attributes:
+        law: kind of the time law.
+        speed_percent: part of the joints' limits of speed and acceleration to use, above 0 and up to 100.
+        duration_s: duration in whole milliseconds, which then decides instead of the limits; None without.
+    """
+
+    law: LawName = LawName.S_CURVE
+    speed_percent: float = SPEED_PERCENT
+    duration_s: float | None = None
+
+    def __post_init__(self) -> None:
+        if not 0 < self.speed_percent <= 100:
+            raise InputError(f"speed_percent: {self.speed_percent:g} is not above 0 and up to 100")
+        if self.duration_s is not None and whole_ms("duration_s", self.duration_s) < 1:
+            raise InputError(f"duration_s: {self.duration_s:g} s is not at least 0.001 s")
+
+    def along(self, robot: Robot, way: FloatArray) -> Law:
+        """Return the law with a distance of 1 for a way of shape (joints,), in mm and degrees."""
+        if self.duration_s is not None:
+            return self._lasting(self.duration_s)
+        speed, acceleration = (limit * self.speed_percent / 100 for limit in limits_along(robot, way))
+        match self.law:
+            case LawName.S_CURVE:
+                return SCurve.fastest(1.0, speed, acceleration, acceleration / JERK_TIME_S)
+            case LawName.TRAPEZOID:
+                return Trapezoid.fastest(1.0, speed, acceleration)
+            case LawName.CUBIC:
+                return Cubic.fastest(1.0, speed, acceleration)
+            case LawName.QUINTIC:
+                return Quintic.fastest(1.0, speed, acceleration)
+
+    def _lasting(self, duration_s: float) -> Law:
+        ramp_ms = round(1000 * duration_s) // _RAMPS_IN_DURATION
+        match self.law:
+            case LawName.S_CURVE:
+                return SCurve(1.0, duration_s, ramp_ms / 1000, (ramp_ms // 2) / 1000)
+            case LawName.TRAPEZOID:
+                return Trapezoid(1.0, duration_s, ramp_ms / 1000)
+            case LawName.CUBIC:
+                return Cubic(1.0, duration_s)
+            case LawName.QUINTIC:
+                return Quintic(1.0, duration_s)
+
+
+@dataclass(frozen=True, slots=True)
+class ToolPace:
+    """The pace of the tool along a path, jerk-limited: its speed, and the time in which it gets that speed."""
+
+    speed_mm_s: float
+    ramp_s: float = RAMP_S
+
+    def __post_init__(self) -> None:
+        for name in ("speed_mm_s", "ramp_s"):
+            if not getattr(self, name) > 0:
+                raise InputError(f"{name}: {getattr(self, name):g} is not above 0")
+
+    def along(self, length_mm: float) -> Law:
+        """Return the law for a path's length.
+
+        The acceleration rises during the ramp's first half and falls during its second, so its highest value is
+        2 v / t and the jerk 4 v / t^2. A short path has a shorter ramp, and does not reach the speed.
+        """
+        acceleration = 2.0 * self.speed_mm_s / self.ramp_s
+        return SCurve.fastest(length_mm, self.speed_mm_s, acceleration, 2.0 * acceleration / self.ramp_s)

@@ -1,0 +1,210 @@
+"""Read programs from TOML. Every error begins with the file and the place, as in `step 3: speed_mm_s: is missing`."""
+
+from collections.abc import Callable, Iterable
+from typing import Final
+
+from steptwin.host.common.bad_input import prefixed
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.file_limits import PROGRAM_BYTES_MAX
+from steptwin.host.common.findings import Findings
+from steptwin.host.common.tables import Table, toml_table
+from steptwin.host.common.text_file import read_text
+from steptwin.host.planning.paths import Smoothing
+from steptwin.host.planning.programs import steps
+from steptwin.host.planning.programs.paces import RAMP_S, SPEED_PERCENT, JointPace, LawName, ToolPace
+from steptwin.host.planning.programs.positions import (
+    JointPosition,
+    Position,
+    ToolPosition,
+    read_position,
+    read_target,
+)
+from steptwin.host.planning.programs.program import AnyStep, Call, Program, Repeat
+
+SUFFIX: Final = ".toml"
+
+_REPEAT_MAX: Final = 10_000
+_FULL_TURN_DEG: Final = 360.0
+
+
+def read_program(path: str) -> Program:
+    """Return the program in a file; raise InputError, with file and place, for the first thing that is wrong."""
+    findings = Findings()
+    with prefixed(f"{path}: "):
+        program = parse_program(read_text(path, PROGRAM_BYTES_MAX), findings)
+        findings.raise_first()
+    return program
+
+
+def parse_program(text: str, findings: Findings) -> Program:
+    """Return the program of a TOML text, without the parts that are wrong: these are added to the findings."""
+    title, robot, start = "", None, None
+    table = Table({}, "table")
+    with findings.collecting():
+        table = toml_table(text)
+    with findings.collecting():
+        title = table.optional("title", table.text) or ""
+    with findings.collecting():
+        robot = table.optional("robot", table.text)
+    with findings.collecting():
+        start = read_target(table, "start") if "start" in table else None
+    program = Program(
+        title=title,
+        robot=robot,
+        start=start,
+        positions=_positions(table, findings),
+        sequences=_sequences(table, findings),
+        steps=_steps(_list(table, "step", findings), "step", findings),
+    )
+    with findings.collecting():
+        table.check_keys(("title", "robot", "start", "positions", "sequences", "step"))
+    with findings.collecting():
+        if not table.values.get("step"):
+            raise InputError("step: is missing: a program has at least one [[step]]")
+    return program
+
+
+def _positions(table: Table, findings: Findings) -> dict[str, Position]:
+    positions: dict[str, Position] = {}
+    with findings.collecting():
+        if "positions" in table:
+            with table.section("positions") as named:
+                for name in named:
+                    with findings.collecting(f"positions.{name}: "), named.section(name) as position:
+                        positions[name] = read_position(position)
+    return positions
+
+
+def _sequences(table: Table, findings: Findings) -> dict[str, tuple[AnyStep, ...]]:
+    sequences: dict[str, tuple[AnyStep, ...]] = {}
+    with findings.collecting():
+        if "sequences" in table:
+            with table.section("sequences") as named:
+                for name in named:
+                    elements = _list(named, name, findings)
+                    sequences[name] = _steps(elements, f"sequences.{name} step", findings)
+    return sequences
+
+
+def _list(table: Table, key: str, findings: Findings) -> list[object]:
+    with findings.collecting():
+        return table.elements(key) if key in table else []
+    return []
+
+
+def _steps(elements: Iterable[object], place: str, findings: Findings) -> tuple[AnyStep, ...]:
+    made: list[AnyStep] = []
+    for number, element in enumerate(elements, 1):
+        with findings.collecting(f"{place} {number}: "):
+            made.append(_step(Table(element, "table"), f"{place} {number}", findings))
+    return tuple(made)
+
+
+def _step(table: Table, place: str, findings: Findings) -> AnyStep:
+    verbs = [key for key in table if key in _VERBS or key == "repeat"]
+    if len(verbs) != 1:
+        given = " and ".join(verbs) or "none"
+        raise InputError(f"a step has exactly one of {', '.join((*_VERBS, 'repeat'))}, not {given}")
+    verb = verbs[0]
+    if verb == "repeat":
+        table.check_keys(("repeat", "steps"))
+        return _repeat(table, place, findings)
+    read, keys = _VERBS[verb]
+    table.check_keys((verb, *keys))
+    return read(table)
+
+
+def _repeat(table: Table, place: str, findings: Findings) -> Repeat:
+    times = table.integer("repeat")
+    if not 1 <= times <= _REPEAT_MAX:
+        raise InputError(f"repeat: {times} is not from 1 to {_REPEAT_MAX}")
+    return Repeat(times, _steps(table.elements("steps"), place + ".", findings))
+
+
+# --- the verbs
+
+
+def _go(table: Table) -> AnyStep:
+    return steps.Go(read_target(table, "go"), _joint_pace(table))
+
+
+def _line(table: Table) -> AnyStep:
+    return steps.Line(read_target(table, "line"), _tool_pace(table))
+
+
+def _arc(table: Table) -> AnyStep:
+    with table.section("arc") as arc:
+        arc.check_keys(("via", "to"))
+        via, to = read_target(arc, "via"), read_target(arc, "to")
+    return steps.Arc(via, to, _tool_pace(table))
+
+
+def _circle(table: Table) -> AnyStep:
+    with table.section("circle") as centre:
+        centre.check_keys(("x", "y"))
+        x_mm, y_mm = centre.number("x"), centre.number("y")
+    sweep_deg = table.number("sweep_deg") if "sweep_deg" in table else _FULL_TURN_DEG
+    turned = table.truth("turned") if "turned" in table else False
+    return steps.Circle(x_mm, y_mm, sweep_deg, turned, _tool_pace(table))
+
+
+def _through(table: Table) -> AnyStep:
+    targets = [read_target(Table({"through": element}, "table"), "through") for element in table.elements("through")]
+    smoothing = table.choice("smoothing", Smoothing) if "smoothing" in table else Smoothing.C2_SPLINE
+    return steps.Through(tuple(targets), smoothing, _tool_pace(table))
+
+
+def _by(table: Table) -> AnyStep:
+    with table.section("by") as distances:
+        position = read_position(distances)
+    match position:
+        case JointPosition(joints):
+            table.check_keys(("by", *_JOINT_PACE))
+            return steps.JointsBy(joints, _joint_pace(table))
+        case ToolPosition(coordinates, None):
+            table.check_keys(("by", *_TOOL_PACE))
+            return steps.ToolBy(coordinates, _tool_pace(table))
+        case _:
+            raise InputError("by.branch: a relative move keeps the branch")
+
+
+def _output(table: Table) -> AnyStep:
+    return steps.Output(table.text("output", empty=False), table.truth("on"))
+
+
+def _pause(table: Table) -> AnyStep:
+    return steps.Pause(table.number("pause"))
+
+
+def _call(table: Table) -> AnyStep:
+    return Call(table.text("call", empty=False))
+
+
+_JOINT_PACE: Final = ("law", "speed_percent", "duration_s")
+_TOOL_PACE: Final = ("speed_mm_s", "ramp_s")
+
+_VERBS: Final[dict[str, tuple[Callable[[Table], AnyStep], tuple[str, ...]]]] = {
+    "go": (_go, _JOINT_PACE),
+    "line": (_line, _TOOL_PACE),
+    "arc": (_arc, _TOOL_PACE),
+    "circle": (_circle, ("sweep_deg", "turned", *_TOOL_PACE)),
+    "through": (_through, ("smoothing", *_TOOL_PACE)),
+    "by": (_by, (*_JOINT_PACE, *_TOOL_PACE)),
+    "output": (_output, ("on",)),
+    "pause": (_pause, ()),
+    "call": (_call, ()),
+}
+"""The verbs, each with its reader and the other keys that a step with it may have."""
+
+
+def _joint_pace(table: Table) -> JointPace:
+    speed_percent = table.optional("speed_percent", table.number)
+    duration_s = table.optional("duration_s", table.number)
+    if speed_percent is not None and duration_s is not None:
+        raise InputError("speed_percent: beside duration_s; a joint move takes one of them")
+    law = table.choice("law", LawName) if "law" in table else LawName.S_CURVE
+    return JointPace(law, SPEED_PERCENT if speed_percent is None else speed_percent, duration_s)
+
+
+def _tool_pace(table: Table) -> ToolPace:
+    return ToolPace(table.number("speed_mm_s"), table.number("ramp_s") if "ramp_s" in table else RAMP_S)
