@@ -19,7 +19,7 @@ from steptwin.host.planning.samples import Samples
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot
 
-STEPS_MAX: Final = 20_000
+STEPS_MAX: Final = 5_000
 """Number of steps, repetitions and calls written out, that a program may have."""
 
 

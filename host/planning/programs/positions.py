@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
+from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Table
 
@@ -40,8 +41,10 @@ def read_target(table: Table, key: str) -> Target:
     """Return the position under a key: its name, or a table of joints or of the tool's coordinates."""
     if isinstance(table.values.get(key), str):
         return table.text(key, empty=False)
-    with table.section(key) as position:
-        return read_position(position)
+    if key not in table:
+        raise InputError(f"{key}: is missing")
+    with prefixed(f"{key}: "):
+        return read_position(Table(table.values[key], "table"))
 
 
 def read_position(table: Table) -> Position:

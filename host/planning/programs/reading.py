@@ -37,11 +37,12 @@ def read_program(path: str) -> Program:
 
 
 def parse_program(text: str, findings: Findings) -> Program:
-    """Return the program of a TOML text, without the parts that are wrong: these are added to the findings."""
+    """Return the program of a TOML text, without the parts that are wrong: these are added to the findings.
+
+    Raises InputError only for a text that is not TOML.
+    """
     title, robot, start = "", None, None
-    table = Table({}, "table")
-    with findings.collecting():
-        table = toml_table(text)
+    table = toml_table(text)
     with findings.collecting():
         title = table.optional("title", table.text) or ""
     with findings.collecting():
@@ -54,7 +55,7 @@ def parse_program(text: str, findings: Findings) -> Program:
         start=start,
         positions=_positions(table, findings),
         sequences=_sequences(table, findings),
-        steps=_steps(_list(table, "step", findings), "step", findings),
+        steps=_steps(_list(table, "step", findings), "step ", findings),
     )
     with findings.collecting():
         table.check_keys(("title", "robot", "start", "positions", "sequences", "step"))
@@ -70,8 +71,8 @@ def _positions(table: Table, findings: Findings) -> dict[str, Position]:
         if "positions" in table:
             with table.section("positions") as named:
                 for name in named:
-                    with findings.collecting(f"positions.{name}: "), named.section(name) as position:
-                        positions[name] = read_position(position)
+                    with findings.collecting(f"positions.{name}: "):
+                        positions[name] = read_position(Table(named.values[name], "table"))
     return positions
 
 
@@ -82,7 +83,7 @@ def _sequences(table: Table, findings: Findings) -> dict[str, tuple[AnyStep, ...
             with table.section("sequences") as named:
                 for name in named:
                     elements = _list(named, name, findings)
-                    sequences[name] = _steps(elements, f"sequences.{name} step", findings)
+                    sequences[name] = _steps(elements, f"sequences.{name} step ", findings)
     return sequences
 
 
@@ -95,8 +96,8 @@ def _list(table: Table, key: str, findings: Findings) -> list[object]:
 def _steps(elements: Iterable[object], place: str, findings: Findings) -> tuple[AnyStep, ...]:
     made: list[AnyStep] = []
     for number, element in enumerate(elements, 1):
-        with findings.collecting(f"{place} {number}: "):
-            made.append(_step(Table(element, "table"), f"{place} {number}", findings))
+        with findings.collecting(f"{place}{number}: "):
+            made.append(_step(Table(element, "table"), f"{place}{number}.", findings))
     return tuple(made)
 
 
@@ -118,7 +119,7 @@ def _repeat(table: Table, place: str, findings: Findings) -> Repeat:
     times = table.integer("repeat")
     if not 1 <= times <= _REPEAT_MAX:
         raise InputError(f"repeat: {times} is not from 1 to {_REPEAT_MAX}")
-    return Repeat(times, _steps(table.elements("steps"), place + ".", findings))
+    return Repeat(times, _steps(table.elements("steps"), place, findings))
 
 
 # --- the verbs
@@ -155,8 +156,8 @@ def _through(table: Table) -> AnyStep:
 
 
 def _by(table: Table) -> AnyStep:
-    with table.section("by") as distances:
-        position = read_position(distances)
+    with prefixed("by: "):
+        position = read_position(Table(table.values["by"], "table"))
     match position:
         case JointPosition(joints):
             table.check_keys(("by", *_JOINT_PACE))

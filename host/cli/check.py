@@ -1,0 +1,125 @@
+"""`steptwin check FILE`: say everything that is wrong in a file of your own, or what it amounts to."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import typer
+
+from steptwin.host.cli.app import command
+from steptwin.host.cli.arguments import AsJson
+from steptwin.host.cli.output import print_json, print_table, say
+from steptwin.host.common.bad_input import prefixed
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.file_limits import PROGRAM_BYTES_MAX
+from steptwin.host.common.findings import Findings
+from steptwin.host.common.tables import toml_table
+from steptwin.host.common.text_file import read_text
+
+if TYPE_CHECKING:
+    from steptwin.host.planning.peaks import Peak
+    from steptwin.host.planning.programs import StepRow
+
+
+@dataclass(frozen=True, slots=True)
+class _Checked:
+    """A file of one kind: what was found out, as a JSON document and as the function that prints it."""
+
+    document: dict[str, Any]
+    print: Callable[[], None]
+
+
+@command("docs/programs/teaching-scara.toml", "pick.toml teaching-scara --json")
+def check(
+    file: Annotated[str, typer.Argument(metavar="FILE", help="A program, a TOML file with steps.")],
+    robot: Annotated[
+        str | None, typer.Argument(metavar="ROBOT", help="The robot for a program that does not name it.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Say everything that is wrong in a file at once; otherwise print its steps with durations and peaks.
+
+    Peaks are percentages of the joints' limits. A file with something wrong ends with exit code 2.
+    """
+    with prefixed(f"{file}: "):
+        text = read_text(file, PROGRAM_BYTES_MAX)
+        table = toml_table(text)
+        kind = next((kind for kind, key in _KINDS.items() if key in table), None)
+        if kind is None:
+            raise InputError(f"has none of {', '.join(_KINDS.values())}: it is no {' and no '.join(_KINDS)}")
+    findings = Findings()
+    checked = _CHECKS[kind](text, robot, findings)
+    if as_json:
+        print_json({"file": file, "kind": kind, "findings": findings.messages, **checked.document})
+    elif findings.messages:
+        say(*(f"{file}: {message}" for message in findings.messages), err=True)
+    else:
+        checked.print()
+    if findings.messages:
+        raise typer.Exit(InputError.exit_code)
+
+
+_KINDS: Final = {"program": "step"}
+"""Kinds of files, each with the key by which it is known."""
+
+
+def _check_program(text: str, robot_name: str | None, findings: Findings) -> _Checked:
+    from steptwin.host.planning.planner import plan
+    from steptwin.host.planning.programs import compile_program, parse_program
+    from steptwin.host.robots import load_robot
+
+    program = parse_program(text, findings)
+    name = robot_name or program.robot
+    if name is None:
+        findings.messages.append("robot: is missing: name it in the file, or behind it")
+    if name is None or findings.messages:
+        return _Checked({}, lambda: None)
+    robot = load_robot(name)
+    compiled = compile_program(program, robot, findings)
+    if not findings.messages:
+        with findings.collecting():
+            plan(robot, compiled.trajectory)
+    duration_s = compiled.trajectory.duration_s
+    document = {"robot": robot.name, "duration_s": duration_s, "steps": [_step_document(row) for row in compiled.steps]}
+
+    def print_steps() -> None:
+        rows = [
+            [row.number, row.text, f"{row.from_s:.3f}", f"{row.duration_s:.3f}", *map(_percent_text, _highest(row))]
+            for row in compiled.steps
+        ]
+        print_table(["step", "what", "from s", "for s", "speed", "acceleration"], rows, text_columns=2)
+        say(f"{robot.name} {program.title or 'program'}: {len(rows)} steps in {duration_s:.3f} s")
+
+    return _Checked(document, print_steps)
+
+
+_CHECKS: Final = {"program": _check_program}
+
+
+def _step_document(row: "StepRow") -> dict[str, Any]:
+    speed, acceleration = _highest(row)
+    return {
+        "number": row.number,
+        "text": row.text,
+        "from_s": row.from_s,
+        "duration_s": row.duration_s,
+        "speed_percent": speed.percent if speed else 0.0,
+        "acceleration_percent": acceleration.percent if acceleration else 0.0,
+    }
+
+
+def _highest(row: "StepRow") -> "tuple[Peak | None, Peak | None]":
+    """Return the peaks of speed and acceleration that are nearest to their limits; None in a step without motion."""
+    from steptwin.host.planning.peaks import Quantity
+
+    speeds = [peak for peak in row.peaks if peak.quantity is Quantity.SPEED]
+    accelerations = [peak for peak in row.peaks if peak.quantity is Quantity.ACCELERATION]
+    return _nearest_to_limit(speeds), _nearest_to_limit(accelerations)
+
+
+def _nearest_to_limit(peaks: "list[Peak]") -> "Peak | None":
+    return max(peaks, key=lambda peak: peak.percent, default=None)
+
+
+def _percent_text(peak: "Peak | None") -> str:
+    return f"{peak.percent:.0f} % {peak.joint}" if peak is not None and peak.value else "-"

@@ -1,0 +1,206 @@
+"""Compiled programs: the tool's path by forward kinematics, the table of steps, and refusals with place and joint."""
+
+import numpy as np
+import pytest
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.findings import Findings
+from steptwin.host.planning.programs import CompiledProgram, compile_program, compiling, parse_program
+from steptwin.host.robots import load_robot
+
+ROBOT = load_robot("teaching-scara")
+L1_MM, L2_MM, Z_MM = 95.0, 100.0, -40.0
+
+
+def compiled(steps: str, findings: Findings | None = None) -> CompiledProgram:
+    read = Findings()
+    program = parse_program(f"start = {{ th1 = 20, th2 = 60 }}\n{steps}", read)
+    assert not read.messages
+    return compile_program(program, ROBOT, findings)
+
+
+def complaint(steps: str) -> str:
+    with pytest.raises(InputError) as caught:
+        compiled(steps)
+    return str(caught.value)
+
+
+def tool(joints: FloatArray) -> FloatArray:
+    """Return x, y, z and attitude for joints of shape (n, 4), by the textbook's formula for two links."""
+    th1, th2, d3, th4 = joints.T
+    first, second = np.deg2rad(th1), np.deg2rad(th1 + th2)
+    x, y = (L1_MM * f(first) + L2_MM * f(second) for f in (np.cos, np.sin))
+    return np.column_stack([x, y, Z_MM - d3, th1 + th2 + th4])
+
+
+def travelled(program: CompiledProgram, step: int = -1) -> FloatArray:
+    """Return the tool's poses in one step, sampled every millisecond."""
+    row = program.steps[step]
+    t_s = row.from_s + np.arange(0, round(1000 * row.duration_s) + 1) / 1000
+    return tool(program.trajectory.positions(t_s))
+
+
+def test_a_line_is_straight_and_keeps_the_attitude() -> None:
+    poses = travelled(compiled("[[step]]\nline = { x = 120, y = 60, z = -60 }\nspeed_mm_s = 40"))
+    start, goal = poses[0, :3], np.array([120.0, 60.0, -60.0])
+    way = goal - start
+    along = (poses[:, :3] - start) @ way / np.linalg.norm(way)
+    off = np.linalg.norm(poses[:, :3] - start - np.outer(along, way / np.linalg.norm(way)), axis=1)
+    assert off.max() < 1e-9
+    assert np.allclose(poses[-1, :3], goal)
+    assert np.allclose(poses[:, 3], poses[0, 3])
+    assert np.diff(along).max() * 1000 == pytest.approx(40.0, rel=1e-3)
+
+
+def test_a_line_with_phi_turns_in_proportion_by_the_shorter_way() -> None:
+    poses = travelled(compiled("[[step]]\nline = { x = 120, phi = -250 }\nspeed_mm_s = 20"))
+    part = np.linalg.norm(poses[:, :3] - poses[0, :3], axis=1)
+    assert np.allclose(poses[:, 3], 80.0 + 30.0 * part / part[-1])
+
+
+def test_a_circle_keeps_its_distance_and_goes_counter_clockwise() -> None:
+    poses = travelled(compiled("[[step]]\ncircle = { x = 107, y = 110 }\nspeed_mm_s = 30\nturned = true"))
+    radius = np.hypot(poses[:, 0] - 107, poses[:, 1] - 110)
+    assert np.ptp(radius) < 1e-9
+    angle = np.unwrap(np.arctan2(poses[:, 1] - 110, poses[:, 0] - 107))
+    assert np.rad2deg(angle[-1] - angle[0]) == pytest.approx(360.0)
+    assert np.allclose(poses[:, 3] - poses[0, 3], np.rad2deg(angle - angle[0]))
+
+
+def test_a_negative_sweep_goes_clockwise() -> None:
+    poses = travelled(compiled("[[step]]\ncircle = { x = 107, y = 110 }\nspeed_mm_s = 30\nsweep_deg = -90"))
+    angle = np.unwrap(np.arctan2(poses[:, 1] - 110, poses[:, 0] - 107))
+    assert np.rad2deg(angle[-1] - angle[0]) == pytest.approx(-90.0)
+    assert np.allclose(poses[:, 3], poses[0, 3])
+
+
+def test_an_arc_passes_through_its_point() -> None:
+    steps = "[[step]]\narc = { via = { x = 115, y = 110 }, to = { x = 90, y = 110 } }\nspeed_mm_s = 30"
+    poses = travelled(compiled(steps))
+    assert np.hypot(poses[:, 0] - 115, poses[:, 1] - 110).min() < 0.05
+    assert np.allclose(poses[-1, :3], [90.0, 110.0, Z_MM])
+
+
+def test_a_curve_passes_through_its_points_without_stopping() -> None:
+    steps = "[[step]]\nthrough = [{ x = 110, y = 110 }, { x = 90, y = 120 }, { x = 80, y = 100 }]\nspeed_mm_s = 30"
+    poses = travelled(compiled(steps))
+    for x, y in ((110, 110), (90, 120)):
+        assert np.hypot(poses[:, 0] - x, poses[:, 1] - y).min() < 0.05
+    speed = np.linalg.norm(np.diff(poses[:, :3], axis=0), axis=1) * 1000
+    assert speed[400:-400].min() > 10.0
+
+
+def test_relative_moves_add_up() -> None:
+    by = "[[step]]\nby = {{ {} }}\n{}\n"
+    program = compiled(
+        by.format("th1 = 5, th4 = -10", "")
+        + by.format("x = 4, z = -3", "speed_mm_s = 9")
+        + by.format("phi = 45", "speed_mm_s = 9")
+    )
+    assert np.allclose(travelled(program, 0)[-1, 3], 80 + 5 - 10)
+    before, after = travelled(program, 1)[[0, -1]]
+    assert np.allclose(after - before, [4, 0, -3, 0])
+    before, after = travelled(program, 2)[[0, -1]]
+    assert np.allclose(after - before, [0, 0, 0, 45])
+
+
+def test_go_changes_the_elbow_where_a_line_keeps_it() -> None:
+    left = compiled('[[step]]\ngo = { x = 100, y = 100, branch = "left" }\nspeed_percent = 50')
+    right = compiled("[[step]]\nline = { x = 100, y = 100 }\nspeed_mm_s = 30")
+    end = np.array([left.trajectory.duration_s]), np.array([right.trajectory.duration_s])
+    joints = left.trajectory.positions(end[0])[0], right.trajectory.positions(end[1])[0]
+    assert np.sign(joints[0][1]) != np.sign(joints[1][1])
+    assert np.allclose(tool(joints[0][np.newaxis])[0, :3], tool(joints[1][np.newaxis])[0, :3])
+
+
+@pytest.mark.parametrize("law", ["s-curve", "trapezoid", "cubic", "quintic"])
+def test_the_pace_of_a_joint_move_is_a_part_of_the_limits(law: str) -> None:
+    program = compiled(f'[[step]]\ngo = {{ th1 = 100 }}\nlaw = "{law}"\nspeed_percent = 40')
+    assert 39.0 < max(peak.percent for peak in program.steps[0].peaks) <= 40.0 + 1e-6
+    timed = compiled(f'[[step]]\ngo = {{ th1 = 100 }}\nlaw = "{law}"\nduration_s = 3.1')
+    assert timed.trajectory.duration_s == 3.1
+
+
+def test_repetitions_and_calls_are_written_out_with_their_numbers() -> None:
+    program = compiled(
+        "[[sequences.s]]\npause = 0.1\n[[sequences.s]]\npause = 0.2\n"
+        "[[step]]\nrepeat = 2\nsteps = [{ pause = 0.3 }, { call = 's' }]\n[[step]]\ncall = 's'"
+    )
+    assert [(row.number, row.from_s, round(row.duration_s, 6)) for row in program.steps] == [
+        ("1.1", 0.0, 0.3), ("1.2.1", 0.3, 0.1), ("1.2.2", 0.4, 0.2),
+        ("1.1", 0.6, 0.3), ("1.2.1", 0.9, 0.1), ("1.2.2", 1.0, 0.2),
+        ("2.1", 1.2, 0.1), ("2.2", 1.3, 0.2),
+    ]  # fmt: skip
+
+
+def test_outputs_switch_at_their_steps() -> None:
+    program = compiled('[[step]]\npause = 1\n[[step]]\noutput = "gripper"\non = true')
+    (switching,) = program.trajectory.switchings
+    assert (switching.output, switching.on, switching.from_s) == ("gripper", True, 1.0)
+
+
+def test_refusals_name_step_time_place_and_joint() -> None:
+    pause = "[[step]]\npause = 1\n"
+    out = complaint(f"{pause}[[step]]\nline = {{ x = 190, y = 100 }}\nspeed_mm_s = 40")
+    assert out.startswith("step 2 (line to x 190, y 100): at t = ")
+    assert "the tool's path breaks off" in out
+    far = complaint(f"{pause}[[step]]\ngo = {{ x = 300, y = 0 }}")
+    assert far.startswith(
+        "step 2 (go to x 300, y 0): x 300, y 0, z -40 mm, phi 80 deg is out of reach on the branch 'right'"
+    )
+    wide = complaint(f"{pause}[[step]]\ngo = {{ th1 = 131 }}")
+    assert wide.startswith("step 2 (go to th1 131): th1: 130.")
+    fast = complaint(f"{pause}[[step]]\ngo = {{ th1 = 120 }}\nduration_s = 0.4")
+    assert fast.startswith("step 2 (go to th1 120): th1: a speed of ")
+
+
+def test_every_step_beyond_a_limit_is_found_up_to_one_that_cannot_be_made() -> None:
+    findings = Findings()
+    compiled(
+        "[[step]]\ngo = { th1 = 120 }\nduration_s = 0.4\n[[step]]\ngo = { d3 = 61 }\n"
+        "[[step]]\noutput = 'laser'\non = true\n[[step]]\ngo = { th1 = 999 }",
+        findings,
+    )
+    assert [message.split(":")[0] for message in findings.messages] == [
+        "step 1 (go to th1 120)", "step 2 (go to d3 61)", "step 3 (output laser on)",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("steps", "message"),
+    [
+        ("[[step]]\ngo = 'b'", "step 1 (go to b): position 'b' is unknown: there are none"),
+        ("[[step]]\ngo = { th9 = 1 }", "step 1 (go to th9 1): joint 'th9' is unknown: did you mean th4 or th2 or th1?"),
+        ("[[step]]\ncall = 's'", "step 1: sequence 's' is unknown: there are none"),
+        ("[[sequences.s]]\ncall = 's'\n[[step]]\ncall = 's'", "step 1.1: call: the sequence 's' calls itself"),
+        ("[[step]]\ngo = { x = 100, branch = 'up' }", "step 1 (go to x 100 (up)): branch 'up' is unknown"),
+        (
+            "[[step]]\nby = { phi = 181 }\nspeed_mm_s = 1",
+            "step 1 (by phi 181): phi: 181 deg on the spot is more than half",
+        ),
+        ("[[step]]\npause = 0", "step 1 (pause of 0 s): duration_s: 0 s is not above 0 s"),
+        (
+            "[[step]]\ncircle = { x = 1, y = 1 }\nspeed_mm_s = 1\nsweep_deg = 0",
+            "step 1 (circle of 0 deg around x 1, y 1)",
+        ),
+    ],
+)
+def test_what_a_program_cannot_be(steps: str, message: str) -> None:
+    assert complaint(steps).startswith(message)
+
+
+def test_the_number_of_steps_is_limited(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compiling, "STEPS_MAX", 20)
+    step = "[[step]]\nrepeat = {}\nsteps = [{{ repeat = 10, steps = [{{ pause = 0.001 }}] }}]"
+    assert len(compiled(step.format(2)).steps) == 20
+    assert (
+        complaint(step.format(3))
+        == "step 1.1.1 (pause of 0.001 s): a program has at most 20 steps, repetitions written out"
+    )
+
+
+def test_a_program_for_another_robot_is_refused() -> None:
+    program = parse_program('robot = "lab-scara"\n[[step]]\npause = 1', Findings())
+    with pytest.raises(InputError, match=r"^robot: the program is for lab-scara, not for teaching-scara$"):
+        compile_program(program, ROBOT)

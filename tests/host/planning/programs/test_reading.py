@@ -1,0 +1,142 @@
+"""Programs from TOML: everything that is wrong is found at once, each with its place."""
+
+import pytest
+
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.findings import Findings
+from steptwin.host.planning.programs import parse_program, read_program
+from steptwin.host.planning.programs.paces import JointPace, LawName, ToolPace
+from steptwin.host.planning.programs.positions import JointPosition, ToolPosition
+from steptwin.host.planning.programs.program import Call, Program, Repeat
+from steptwin.host.planning.programs.steps import Circle, Go, Line, Output, Pause
+
+GOOD = """
+title = "all sorts"
+robot = "teaching-scara"
+start = "a"
+[positions]
+a = { th1 = 10, th2 = 20.5 }
+b = { x = 100, y = 50, branch = "left" }
+[[sequences.blink]]
+output = "gripper"
+on = true
+[[step]]
+go = "b"
+law = "quintic"
+duration_s = 2
+[[step]]
+repeat = 2
+steps = [{ call = "blink" }, { line = { z = -50 }, speed_mm_s = 20 }]
+[[step]]
+circle = { x = 90, y = 50 }
+speed_mm_s = 5
+turned = true
+[[step]]
+pause = 0.25
+"""
+
+
+def found_in(text: str) -> list[str]:
+    findings = Findings()
+    parse_program(text, findings)
+    return findings.messages
+
+
+def parsed(text: str) -> Program:
+    findings = Findings()
+    program = parse_program(text, findings)
+    assert not findings.messages
+    return program
+
+
+def test_a_program_is_read_as_it_is_written() -> None:
+    program = parsed(GOOD)
+    assert (program.title, program.robot, program.start) == ("all sorts", "teaching-scara", "a")
+    assert program.positions == {
+        "a": JointPosition({"th1": 10.0, "th2": 20.5}),
+        "b": ToolPosition({"x": 100.0, "y": 50.0}, "left"),
+    }
+    assert program.sequences == {"blink": (Output("gripper", on=True),)}
+    line = Line(ToolPosition({"z": -50.0}), ToolPace(20.0))
+    assert program.steps == (
+        Go("b", JointPace(LawName.QUINTIC, duration_s=2.0)),
+        Repeat(2, (Call("blink"), line)),
+        Circle(90.0, 50.0, 360.0, True, ToolPace(5.0)),
+        Pause(0.25),
+    )
+
+
+def test_everything_that_is_wrong_is_found_at_once() -> None:
+    assert found_in(
+        """
+        titel = "?"
+        [positions]
+        a = { th1 = 1, x = 3 }
+        b = {}
+        [[step]]
+        go = "a"
+        speed = 3
+        [[step]]
+        line = { x = 120 }
+        [[step]]
+        fly = 3
+        [[step]]
+        repeat = 2
+        steps = [{ pause = 1 }, { line = { x = 3 }, speed_mm_s = -4 }]
+        [[step]]
+        by = { x = 3, branch = "left" }
+        speed_mm_s = 1
+        """
+    ) == [
+        "positions.a: th1: beside x; a position is either of joints or of the tool",
+        "positions.b: names neither a joint nor one of the tool's coordinates x, y, z, phi",
+        "step 1: speed: key 'speed' is unknown: there are go, law, speed_percent, duration_s",
+        "step 2: speed_mm_s: is missing",
+        "step 3: a step has exactly one of go, line, arc, circle, through, by, output, pause, call, repeat, not none",
+        "step 4.2: speed_mm_s: -4 is not above 0",
+        "step 5: by.branch: a relative move keeps the branch",
+        "titel: key 'titel' is unknown: did you mean title?",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("step", "message"),
+    [
+        ("go = 3", "go: 3 is not a table"),
+        ('go = "a"\nline = "a"', "a step has exactly one of "),
+        ('go = "a"\nspeed_percent = 0', "speed_percent: 0 is not above 0 and up to 100"),
+        ('go = "a"\nspeed_percent = 100.1', "speed_percent: 100.1 is not above 0 and up to 100"),
+        ('go = "a"\nspeed_percent = 5\nduration_s = 1', "speed_percent: beside duration_s; a joint move takes one"),
+        ('go = "a"\nduration_s = 0', "duration_s: 0 s is not at least 0.001 s"),
+        ('go = "a"\nduration_s = 0.0005', "duration_s: 0.0005 s is not a whole number of milliseconds"),
+        ('go = "a"\nlaw = "linear"', "law: 'linear' is not one of s-curve, trapezoid, cubic, quintic"),
+        ("by = { th1 = 1 }\nspeed_mm_s = 3", "speed_mm_s: key 'speed_mm_s' is unknown: there are by, law,"),
+        ('arc = { via = "a" }\nspeed_mm_s = 3', "arc.to: is missing"),
+        ('arc = { via = "a", too = "b" }\nspeed_mm_s = 3', "arc.too: key 'too' is unknown: did you mean to?"),
+        ("circle = { x = 1 }\nspeed_mm_s = 3", "circle.y: is missing"),
+        ('through = "a"\nspeed_mm_s = 3', "through: 'a' is not a list"),
+        ("repeat = 0\nsteps = []", "repeat: 0 is not from 1 to 10000"),
+        ("repeat = 10001\nsteps = []", "repeat: 10001 is not from 1 to 10000"),
+        ("repeat = 2", "steps: is missing"),
+        ('output = "gripper"', "on: is missing"),
+        ("pause = nan", "pause: nan is not a finite number up to 1e+09"),
+    ],
+)
+def test_a_wrong_step_is_named_with_its_number(step: str, message: str) -> None:
+    (found,) = found_in(f"[[step]]\npause = 1\n[[step]]\n{step}\n")
+    assert found.startswith(f"step 2: {message}")
+
+
+def test_a_program_has_steps() -> None:
+    assert found_in("title = 'x'") == ["step: is missing: a program has at least one [[step]]"]
+    assert found_in("step = 3") == ["step: 3 is not a list"]
+
+
+def test_a_text_that_is_not_toml_is_refused() -> None:
+    with pytest.raises(InputError, match=r"^is not TOML: "):
+        found_in("go to x")
+
+
+def test_a_missing_file_is_named() -> None:
+    with pytest.raises(InputError, match=r"^no/such\.toml: No such file or directory$"):
+        read_program("no/such.toml")
