@@ -155,4 +155,4 @@ class ProfilePosition(DriveMode):
     def status_bits(self) -> int:
         """Return bits 11, internal limit, and 12, set-point acknowledge."""
         bits = Status.INTERNAL_LIMIT if self._at_limit else 0
-        return bits | (Status.SETPOINT_ACKNOWLEDGED if self._acknowledged else 0)
+        return bits | (Status.SET_POINT_ACKNOWLEDGED if self._acknowledged else 0)

@@ -41,9 +41,9 @@ class Control(IntEnum):
     """Active low: the bit is cleared to command a quick stop."""
     ENABLE_OPERATION = 1 << 3
     START = 1 << 4
-    """Homing: start; interpolated position: enable; profile position: new setpoint."""
+    """Homing: start; interpolated position: enable; profile position: new set-point."""
     CHANGE_AT_ONCE = 1 << 5
-    """Profile position: take the new setpoint at once, without waiting until the present one is reached."""
+    """Profile position: take the new set-point at once, without waiting until the present one is reached."""
     RELATIVE = 1 << 6
     """Profile position: the target is relative to the target before it."""
     FAULT_RESET = 1 << 7
@@ -67,7 +67,7 @@ class Status(IntEnum):
     TARGET_REACHED = 1 << 10
     INTERNAL_LIMIT = 1 << 11
     HOMING_ATTAINED = 1 << 12
-    SETPOINT_ACKNOWLEDGED = 1 << 12
+    SET_POINT_ACKNOWLEDGED = 1 << 12
     ZERO_SPEED = 1 << 12
     IP_ACTIVE = 1 << 12
     FOLLOWS_COMMAND = 1 << 12
@@ -170,7 +170,7 @@ class ErrorCode(IntEnum):
     LIMIT_SWITCH = 0x8612
     """CiA 402's "reference limit". Detail 0: negative limit switch; 1: positive limit switch."""
     SYNC_CONTROLLER = 0x8700
-    """Too many SYNCs (detail 0) or setpoints (detail 1) of cyclic synchronous position came late or not at all."""
+    """Too many SYNCs (detail 0) or set-points (detail 1) of cyclic synchronous position came late or not at all."""
     ESTOP = 0x9000
     """CiA 301's "external error"."""
     PVT_UNDERRUN = 0xFF01

@@ -7,10 +7,16 @@ import typer
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
 from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
-from steptwin.host.cli.output import pose_text, print_json, print_table, say
-from steptwin.host.common.errors import DeviceFaultError, InputError
+from steptwin.host.cli.output import pose_text, print_json, print_json_line, say, text_console, text_table
+from steptwin.host.common.errors import DeviceFaultError
+from steptwin.host.common.printable import printable
 
 if TYPE_CHECKING:
+    from typing import NoReturn
+
+    from rich.console import Group
+
+    from steptwin.host.operate.session import Session
     from steptwin.host.operate.status import AxisStatus, MachineStatus
 
 _WATCH_EVERY_S = 0.5
@@ -24,22 +30,19 @@ def status(
     interface: Interface = None,
     channel: Channel = None,
     bitrate: Bitrate = None,
-    watch: Annotated[bool, typer.Option("--watch", help="Repeat twice a second, until Ctrl-C.")] = False,
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Refresh twice a second, until Ctrl-C; with --json, a line each time.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Show drives, positions, errors and queues. Exit code 3: a drive is in fault."""
     from steptwin.host.operate.status import read_status
 
-    if watch and as_json:
-        raise InputError("--watch and --json: give only one of them; `steptwin monitor --json` records the traffic")
     loaded = one_robot(robot, robot_file)
     with opened_session(loaded, connect, interface, channel, bitrate) as session:
+        if watch:
+            _watch(session, as_json=as_json)
         seen = read_status(session)
-        while watch:
-            _print(seen)
-            say("")
-            session.link.wait(_WATCH_EVERY_S)
-            seen = read_status(session)
     if as_json:
         print_json(seen.to_dict())
     else:
@@ -49,17 +52,45 @@ def status(
         raise DeviceFaultError(f"{faulty[0].name}: the drive is in {faulty[0].state}: {faulty[0].error or 'no reason'}")
 
 
+def _watch(session: "Session", *, as_json: bool) -> "NoReturn":
+    """Show the state twice a second: in place on a terminal, else one below the other."""
+    from rich.live import Live
+
+    from steptwin.host.operate.status import read_status
+
+    console = text_console()
+    if as_json or not console.is_terminal or console.is_dumb_terminal:
+        while True:
+            seen = read_status(session)
+            if as_json:
+                print_json_line(seen.to_dict())
+            else:
+                _print(seen)
+                say("")
+            session.link.wait(_WATCH_EVERY_S)
+    with Live(console=console, auto_refresh=False) as place:
+        while True:
+            place.update(_shown(read_status(session), console.width), refresh=True)
+            session.link.wait(_WATCH_EVERY_S)
+
+
 def _print(seen: "MachineStatus") -> None:
+    console = text_console()
+    console.print(_shown(seen, console.width), soft_wrap=not console.is_terminal)
+
+
+def _shown(seen: "MachineStatus", width: int) -> "Group":
+    """Return a table of this width, and below it what does not fit into it."""
+    from rich.console import Group
+    from rich.text import Text
+
     columns = ["axis", "unit", "state", "mode", "moves", "error", "known", "position"]
-    print_table(columns, [_row(axis) for axis in seen.axes], text_columns=len(columns) - 1)
-    if seen.pose is not None:
-        say(pose_text(seen.pose))
-    else:
-        say("tool: unknown, since not every axis knows where it is")
-    for axis in seen.axes:
-        say(f"{axis.name}: {_health(axis)}")
+    table, _ = text_table(width, columns, [_row(axis) for axis in seen.axes], text_columns=len(columns) - 1)
+    lines = [pose_text(seen.pose) if seen.pose else "tool: unknown, since not every axis knows where it is"]
+    lines += [f"{axis.name}: {_health(axis)}" for axis in seen.axes]
     if seen.streaming:
-        say("a trajectory is running: no questions are asked, so that its host is not disturbed")
+        lines.append("a trajectory is running: no questions are asked, so that its host is not disturbed")
+    return Group(table, *(Text(printable(line)) for line in lines))
 
 
 def _row(axis: "AxisStatus") -> list[str]:

@@ -101,13 +101,13 @@ def _print_figures(document: dict[str, Any]) -> None:
         f"plan at z = {plan['z_mm']:.6g} mm": plan,
         f"profile at azimuth {profile['azimuth_deg']:.6g} deg": profile,
     }
-    columns = ["", "radius min mm", "radius max mm", "z min mm", "z max mm", "area mm2"]
+    columns = ["", "r min mm", "r max mm", "z min mm", "z max mm", "area mm2"]
     print_table(columns, [[name, *(_figure(figures, key) for key in _KEYS)] for name, figures in rows.items()])
     left_out = f", {cloud['left_out']} left out: the mechanism forbids them" if cloud["left_out"] else ""
     say(f"Monte Carlo: {cloud['samples']} samples with seed {cloud['seed']}{left_out}")
     attitude = "any attitude" if plan["attitude_deg"] is None else f"attitude {plan['attitude_deg']:g} deg"
     slides = "".join(f", {name} = {position_mm:g} mm" for name, position_mm in plan["slides"].items())
-    say(f"sections: {attitude}{slides}, radius about the arm's axis")
+    say(f"sections: {attitude}{slides}, r about the arm's axis")
 
 
 def _figure(figures: dict[str, Any], key: str) -> str:

@@ -123,5 +123,5 @@ def _enter(axis: AxisClient, mode: Mode) -> None:
 
 def _arrived(axis: AxisClient) -> bool:
     """Return whether an axis reports that it has taken the set-point (acknowledged) and reached it."""
-    status, wanted = axis.drive_status, int(Status.SETPOINT_ACKNOWLEDGED | Status.TARGET_REACHED)
+    status, wanted = axis.drive_status, int(Status.SET_POINT_ACKNOWLEDGED | Status.TARGET_REACHED)
     return status is not None and status.mode == Mode.PROFILE_POSITION and status.statusword & wanted == wanted

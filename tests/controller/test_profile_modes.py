@@ -33,7 +33,7 @@ class ProfileBench(BenchBoard):
         """Give a set-point, with its whole handshake."""
         assert self.write(od.TARGET_POSITION, target) == 0
         self.word(NEW | bits)
-        assert self.has(Status.SETPOINT_ACKNOWLEDGED)
+        assert self.has(Status.SET_POINT_ACKNOWLEDGED)
         self.word(bits & HALT)
 
     def until(self, bit: Status, timeout_ms: int = 20_000) -> float:
@@ -90,12 +90,12 @@ class TestPosition:
     def test_the_acknowledge_follows_the_new_set_point_bit(self, pp: ProfileBench) -> None:
         pp.write(od.TARGET_POSITION, 400 * STEP)
         pp.word()
-        assert not pp.has(Status.SETPOINT_ACKNOWLEDGED)
+        assert not pp.has(Status.SET_POINT_ACKNOWLEDGED)
         pp.word(NEW)
         pp.wait(10)
-        assert pp.has(Status.SETPOINT_ACKNOWLEDGED)
+        assert pp.has(Status.SET_POINT_ACKNOWLEDGED)
         pp.word()
-        assert not pp.has(Status.SETPOINT_ACKNOWLEDGED)
+        assert not pp.has(Status.SET_POINT_ACKNOWLEDGED)
 
     def test_without_a_rising_edge_nothing_moves(self, pp: ProfileBench) -> None:
         pp.set_point(0)
@@ -108,12 +108,12 @@ class TestPosition:
     def test_one_further_set_point_waits_and_holds_the_acknowledge(self, pp: ProfileBench) -> None:
         pp.set_point(400 * STEP)
         pp.set_point(1000 * STEP)
-        assert pp.has(Status.SETPOINT_ACKNOWLEDGED)
+        assert pp.has(Status.SET_POINT_ACKNOWLEDGED)
         pp.write(od.TARGET_POSITION, -5 * STEP)
         pp.word(NEW)  # only one set-point can wait: this third one is not taken
         pp.word()
         highest = 0
-        while pp.has(Status.SETPOINT_ACKNOWLEDGED):
+        while pp.has(Status.SET_POINT_ACKNOWLEDGED):
             pp.wait(1)
             highest = max(highest, pp.value(od.POSITION_DEMAND))
         assert highest == 400 * STEP
@@ -128,7 +128,7 @@ class TestPosition:
         pp.set_point(2500 * STEP)
         pp.wait(180)
         pp.set_point(target * STEP, AT_ONCE)
-        assert not pp.has(Status.SETPOINT_ACKNOWLEDGED)
+        assert not pp.has(Status.SET_POINT_ACKNOWLEDGED)
         fastest = 0.0
         while not pp.has(Status.TARGET_REACHED):
             pp.wait(1)

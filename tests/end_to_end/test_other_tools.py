@@ -101,7 +101,7 @@ def node(served: Served) -> Iterator[BaseNode402]:
         node.op_mode = "PROFILED POSITION"
         node.sdo[0x607A].raw = TARGET_STEPS * STEP
         node.controlword = 0x1F
-        await_true(lambda: bool(node.sdo[0x6041].raw & Status.SETPOINT_ACKNOWLEDGED), "the set-point is taken")
+        await_true(lambda: bool(node.sdo[0x6041].raw & Status.SET_POINT_ACKNOWLEDGED), "the set-point is taken")
         node.controlword = 0x0F
         await_true(lambda: node.sdo[0x6064].raw == TARGET_STEPS * STEP, "the axis is there")
         await_true(lambda: node.statusword == 0x0637, "a TPDO says that it stands there")

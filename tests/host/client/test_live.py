@@ -67,7 +67,7 @@ def test_a_402_node_makes_a_profile_move(rig: LiveRig, connect: MakeNetwork) -> 
     node.state = "OPERATION ENABLED"
     node.write(od.TARGET_POSITION, 300 * STEP)
     node.controlword = 0x1F
-    await_true(lambda: bool(node.read(od.STATUSWORD) & Status.SETPOINT_ACKNOWLEDGED), "the set-point is taken")
+    await_true(lambda: bool(node.read(od.STATUSWORD) & Status.SET_POINT_ACKNOWLEDGED), "the set-point is taken")
     node.controlword = 0x0F
     await_true(lambda: node.read(od.POSITION_ACTUAL) == 300 * STEP, "the axis is there")
     await_true(lambda: bool(node.read(od.STATUSWORD) & Status.TARGET_REACHED), "the axis reports its arrival")

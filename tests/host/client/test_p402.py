@@ -36,7 +36,7 @@ def test_profile_position(board: EmbeddedBoard, node: Node402) -> None:
     assert node.op_mode == "PROFILED POSITION"
     node.write(od.TARGET_POSITION, 750 * STEP)
     node.controlword = 0x1F
-    assert node.status() & Status.SETPOINT_ACKNOWLEDGED
+    assert node.status() & Status.SET_POINT_ACKNOWLEDGED
     node.controlword = 0x0F
     assert not node.status() & Status.TARGET_REACHED
     board.wait(2.0)

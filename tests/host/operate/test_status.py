@@ -1,6 +1,8 @@
 """`status`: after power-up, with known positions, with a fault, watching, without an answer."""
 
 import json
+import re
+from collections.abc import Callable
 
 import pytest
 
@@ -11,6 +13,8 @@ from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from tests.host.client.machines import TH2, sdo_requests
 from tests.host.operate.sessions import HOME, ROBOT, CommandLine
+
+LOOKS = 3
 
 
 def test_a_machine_after_power_up(steptwin: CommandLine, board: EmbeddedBoard) -> None:
@@ -65,28 +69,68 @@ def test_a_fault_is_the_exit_code(steptwin: CommandLine, session: Session) -> No
     assert json.loads(out)["axes"][TH2]["history"] == ["undervoltage (0x3220)"]
 
 
-def test_watching_excludes_json(steptwin: CommandLine) -> None:
-    exit_code, _, err = steptwin.run("status warehouse-scara --watch --json")
-    assert exit_code == 2
-    assert err.startswith("steptwin: --watch and --json: give only one of them")
+@pytest.fixture
+def watched(steptwin: CommandLine, board: EmbeddedBoard, monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
+    """Return a function that runs `status --watch` for three looks and returns what it printed until Ctrl-C."""
+
+    def watch(options: str = "") -> str:
+        wait, looks = board.wait, list[float]()
+
+        def wait_or_interrupt(dt_s: float) -> None:
+            if dt_s > 0.1:
+                looks.append(dt_s)
+                if len(looks) == LOOKS:
+                    raise KeyboardInterrupt
+            wait(dt_s)
+
+        monkeypatch.setattr(board, "wait", wait_or_interrupt)
+        exit_code, out, err = steptwin.run(f"status warehouse-scara --watch {options}")
+        assert (exit_code, err) == (130, "")
+        return out
+
+    return watch
 
 
-def test_watching_goes_on_until_ctrl_c(
-    steptwin: CommandLine, board: EmbeddedBoard, monkeypatch: pytest.MonkeyPatch
+def on_a_screen(text: str) -> list[str]:
+    """Return what a terminal shows after this text, which moves its cursor only up and to the beginning of a line."""
+    lines, row = [""], 0
+    for code, plain in re.findall(r"\x1b\[([?0-9;]*[A-Za-z])|([^\x1b])", text):
+        if code == "1A":
+            row -= 1
+        elif code == "2K" or plain == "\r":
+            lines[row] = ""
+        elif plain == "\n":
+            row += 1
+            lines += [""] * (row + 1 - len(lines))
+        else:
+            lines[row] += plain
+    return lines
+
+
+def test_watching_prints_one_below_the_other_in_a_pipe(watched: Callable[..., str]) -> None:
+    out = watched()
+    assert out.count("tool: unknown") == LOOKS
+    assert "\x1b" not in out
+
+
+@pytest.mark.parametrize("columns", [80, 120])
+def test_watching_refreshes_in_place_on_a_terminal(
+    watched: Callable[..., str], monkeypatch: pytest.MonkeyPatch, columns: int
 ) -> None:
-    wait, looks = board.wait, []
+    monkeypatch.setenv("FORCE_COLOR", "1")  # rich then takes stdout for a terminal
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", str(columns))
+    monkeypatch.setenv("LINES", "50")
+    out = watched()
+    assert out.count("tool: unknown") >= LOOKS
+    shown = on_a_screen(out)
+    assert [line.startswith("tool:") for line in shown].count(True) == 1
+    assert max(map(len, shown)) <= columns
 
-    def wait_or_interrupt(dt_s: float) -> None:
-        if dt_s > 0.1:
-            looks.append(dt_s)
-            if len(looks) == 3:
-                raise KeyboardInterrupt
-        wait(dt_s)
 
-    monkeypatch.setattr(board, "wait", wait_or_interrupt)
-    exit_code, out, err = steptwin.run("status warehouse-scara --watch")
-    assert (exit_code, err) == (130, "")
-    assert out.count("tool: unknown") == 3
+def test_watching_as_json_prints_a_document_a_line(watched: Callable[..., str]) -> None:
+    documents = [json.loads(line) for line in watched("--json").splitlines()]
+    assert [document["robot"] for document in documents] == ["warehouse-scara"] * LOOKS
 
 
 def test_no_node_answers(board: EmbeddedBoard, monkeypatch: pytest.MonkeyPatch) -> None:

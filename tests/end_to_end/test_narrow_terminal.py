@@ -1,0 +1,57 @@
+"""The commands' tables in a terminal of 80 columns, for every robot: no line is longer, no word or number is broken."""
+
+import re
+
+import numpy as np
+import pytest
+
+from steptwin.host.cli.app import run
+from steptwin.host.planning.jobs import job_names
+from steptwin.host.robots import load_robot, robot_names
+from steptwin.host.robots.kinematics import make_kinematics
+from tests.without_pictures import without_pictures
+
+WIDTH = 80
+
+
+def printed(words: list[str], width: int, patch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> list[str]:
+    """Return the lines that a command prints on a terminal of this width."""
+    patch.setenv("FORCE_COLOR", "1")  # rich then takes stdout for a terminal
+    patch.setenv("TERM", "xterm")
+    patch.setenv("COLUMNS", str(width))
+    assert run(words) == 0
+    return re.sub(r"\x1b\[[0-9;]*m", "", capsys.readouterr().out).splitlines()
+
+
+def commands(robot: str) -> list[list[str]]:
+    """Return the commands that print tables without a live board."""
+    loaded = load_robot(robot)
+    pose = make_kinematics(loaded).forward(np.array([loaded.home]))[0].tolist()
+    goal = zip(("--x", "--y", "--z", "--phi"), pose, strict=True)
+    return [
+        ["robots"],
+        ["jobs", robot],
+        ["workspace", robot, "--samples", "1000"],
+        ["ik", robot, *(word for option, value in goal for word in (option, f"{value:.9f}"))],
+    ]
+
+
+@pytest.mark.parametrize("robot", robot_names())
+def test_tables_fit(robot: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    for words in commands(robot):
+        wide = {word for line in printed(words, 400, monkeypatch, capsys) for word in line.split()}
+        for line in printed(words, WIDTH, monkeypatch, capsys):
+            whole = "─" in line or ":" in line  # the rule, and sentences, which the terminal wraps
+            assert whole or len(line) <= WIDTH, line
+            assert "─" in line or set(line.split()) <= wide, line
+
+
+@pytest.mark.parametrize("robot", robot_names())
+def test_the_report_of_a_run_fits(
+    robot: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with without_pictures():
+        lines = printed(["run", robot, job_names(load_robot(robot))[0]], WIDTH, monkeypatch, capsys)
+    end = next(i for i, line in enumerate(lines) if line.startswith("CLK:"))
+    assert end == 2 + len(load_robot(robot).joints)
+    assert max(map(len, lines[:end])) <= WIDTH
