@@ -21,7 +21,8 @@ _OBJECT: Final = slice(1, 4)
 _ANSWER_BYTES: Final = 8
 SEGMENTS_MAX: Final = 64
 """Greatest number of segments of an answer, 448 bytes: the longest string of these nodes has 40."""
-_PATIENCE_S: Final = 0.3
+_PATIENCE_S: Final = 0.8
+"""Time limit for an answer: nodes answer within milliseconds, but the clock of a served board may stand meanwhile."""
 _IMPATIENCE_S: Final = 0.05
 
 
