@@ -23,6 +23,10 @@ from steptwin.protocol.pvt import PvtFlag, PvtRecord, PvtStatus
 _STATUS_WAIT_S: Final = 0.001
 _STATE_TIMEOUT_S: Final = 2.0
 _DIALOGUES_MAX: Final = 5
+_OF_A_LATE_HOST: Final = (ErrorCode.HEARTBEAT_LOST, ErrorCode.PVT_UNDERRUN)
+"""Errors that an axis reports when its host is late."""
+_HELD_UP_S: Final = 0.1
+"""Time of being held up from which on that may have been the cause: the period of the host's heartbeat."""
 _NO_ANSWER: Final = "No SDO response received"
 """Message with which the canopen library reports a timeout; it raises the same exception for other errors."""
 _DISTURBED: Final = (0x0503_0000, 0x0504_0001)
@@ -102,7 +106,11 @@ class AxisClient:
         codes = self.error_codes
         if not codes:
             return f"{self.name}: the drive is in fault and has reported no error code"
-        return f"{self.name}: {error_text(codes[-1])} (EMCY 0x{codes[-1]:04X})"
+        text = f"{self.name}: {error_text(codes[-1])} (EMCY 0x{codes[-1]:04X})"
+        held_up_s = self._link.held_up_s
+        if codes[-1] in _OF_A_LATE_HOST and held_up_s >= _HELD_UP_S:
+            text += f"; this computer was too slow: this program was held up for {1000 * held_up_s:.0f} ms"
+        return text
 
     # --- objects
 

@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import dataclass
+from typing import Final
 
 import can
 import canopen
@@ -43,20 +44,34 @@ def open_bus(connection: Connection) -> can.BusABC:
     )
 
 
+_USUAL_LATENESS_S: Final = 0.01
+"""Lateness at the end of a sleep that is time like any other."""
+
+
 class BusLink:
-    """A Link to a real or a served bus; a context manager that closes the bus at its end."""
+    """A Link to a real or a served bus; a context manager that closes the bus at its end.
+
+    Time for which this program is held up does not count in time limits: what came in meanwhile has not been looked at.
+    """
 
     def __init__(self, bus: can.BusABC, title: str) -> None:
         self.network: canopen.Network = BusNetwork(bus, title)
         self.network.connect()
+        self.held_up_s = 0.0
+        self._all_held_up_s = 0.0
 
     def now_s(self) -> float:
-        """Return the seconds on the monotonic clock, which is never set."""
-        return time.monotonic()
+        """Return the seconds on the monotonic clock, which is never set, without those of being held up."""
+        return time.monotonic() - self._all_held_up_s
 
     def wait(self, dt_s: float) -> None:
         """Sleep; raise BusError if nothing can be received any more."""
+        due_s = time.monotonic() + dt_s
         time.sleep(dt_s)
+        late_s = time.monotonic() - due_s
+        if late_s > _USUAL_LATENESS_S:
+            self._all_held_up_s += late_s
+            self.held_up_s = max(self.held_up_s, late_s)
         self.network.check()
 
     def __enter__(self) -> "BusLink":

@@ -21,6 +21,11 @@ class Link(Clock, Protocol):
     """A connection to a bus, in virtual or in real time."""
 
     @property
+    def held_up_s(self) -> float:
+        """Longest time for which this program was held up in a `wait`, because the computer is too slow."""
+        ...
+
+    @property
     def network(self) -> canopen.Network:
         """The network through which the nodes are reached."""
         ...

@@ -56,6 +56,11 @@ class EmbeddedBoard:
         self.network = EmbeddedNetwork(self._simulation)
         self.wait(_BOOT_S)
 
+    @property
+    def held_up_s(self) -> float:
+        """Simulated time waits for this program: 0."""
+        return 0.0
+
     def now_s(self) -> float:
         """Return the simulated seconds since power-up."""
         return self.network.now_s()

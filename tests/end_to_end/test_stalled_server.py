@@ -1,6 +1,7 @@
-"""A server that is held up amid a motion, for longer than the axes wait for a heartbeat of their host."""
+"""A server or a host that is held up amid a motion, for longer than the axes wait for a heartbeat of their host."""
 
 import json
+import re
 import signal
 import time
 from pathlib import Path
@@ -65,8 +66,38 @@ def test_a_run_ends_verified(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert server.slowness[0].startswith("steptwin: warning: computer too slow: the board's clock stood ")
 
 
+@pytest.mark.parametrize("words", [("jog", ROBOT, "th1", "2", "--seconds", "4"), ("home", ROBOT, "--together")])
 @in_real_time
-def test_a_jog_ends_in_order() -> None:
+def test_other_motions_end_in_order(words: tuple[str, ...]) -> None:
     with serving(ROBOT) as server:
         assert server.run("home", ROBOT, "--here", HOME) == 0
-        hold_up_amid(server, "jog", ROBOT, "th1", "2", "--seconds", "4")
+        hold_up_amid(server, *words)
+
+
+@in_real_time
+def test_a_host_that_is_held_up_itself(tmp_path: Path) -> None:
+    """To the axes it is dead; the message says why."""
+    out = Path(mkdtemp(dir=tmp_path))
+    points = out / "points.csv"
+    points.write_text(POINTS)
+    with serving(ROBOT) as server:
+        assert server.run("home", ROBOT, "--here", HOME) == 0
+        witness = RawClient(server.port)
+        command = server.start("run", ROBOT, str(points))
+        witness.expect(b"< frame 080 ")  # the SYNC that sets it going
+        for _ in range(5):
+            witness.expect(b"< frame 393 ")
+        command.send_signal(signal.SIGSTOP)
+        witness.expect(b"< frame 093 ")  # EMCY
+        time.sleep(STALL_S)
+        command.send_signal(signal.SIGCONT)
+        _, err = command.communicate(timeout=TIMEOUT_S)
+        witness.close()
+        assert command.returncode == 3
+        told = re.fullmatch(
+            r"steptwin: \w+: heartbeat lost \(EMCY 0x8130\); "
+            r"this computer was too slow: this program was held up for (\d+) ms\n",
+            err,
+        )
+        assert told, err
+        assert int(told[1]) >= 250 + 1000 * STALL_S  # the axes' time-out, less a period of the heartbeat, and the rest

@@ -110,6 +110,10 @@ class Neighbour(canopen.Network):
         return self._board.network.send_periodic(can_id, data, period, remote)
 
     @property
+    def held_up_s(self) -> float:
+        return self._board.held_up_s
+
+    @property
     def network(self) -> canopen.Network:
         return self
 

@@ -2,11 +2,13 @@
 
 import socket
 import threading
+from types import SimpleNamespace
 
 import can
 import pytest
 
 from steptwin.host.cli.app import run
+from steptwin.host.client import bus_link
 from steptwin.host.client.bus_link import BusLink, Connection, open_bus
 from steptwin.host.common.errors import BusError
 from tests.emulator.live_rig import TIMEOUT_S
@@ -34,6 +36,26 @@ def test_frames_go_both_ways() -> None:
         link.wait(0.001)
         assert link.now_s() >= before_s + 0.001
     assert heard == [b"\x03"]
+
+
+@pytest.mark.parametrize(("late_s", "held_up_s"), [(0.0, 0.0), (0.009, 0.0), (0.011, 0.011), (1.5, 1.5)])
+def test_time_limits_do_not_count_time_of_being_held_up(
+    late_s: float, held_up_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A wait that ends up to 10 ms late is time like any other; a later end counts as if it had been in time."""
+    clock_s = 1000.0
+
+    def sleep(dt_s: float) -> None:
+        nonlocal clock_s
+        clock_s += dt_s + late_s
+
+    with BusLink(open_bus(VIRTUAL), "virtual") as link:
+        with monkeypatch.context() as patched:
+            patched.setattr(bus_link, "time", SimpleNamespace(monotonic=lambda: clock_s, sleep=sleep))
+            link.wait(0.5)
+            link.wait(0.5)
+            assert link.now_s() == pytest.approx(1001.0 + 2 * (late_s - held_up_s))
+        assert link.held_up_s == pytest.approx(held_up_s)
 
 
 def free_port() -> int:

@@ -18,6 +18,8 @@ MOVING = (TH1, 13)
 class TwoBoards:
     """A Link to two boards on one bus."""
 
+    held_up_s = 0.0
+
     def __init__(self, kernel: Kernel) -> None:
         boards = [Board(BoardConfig(AXES, (330.0,) * AXES, first_node_id=node), kernel) for node in (0x10, 0x18)]
         self.simulation = Simulation(boards, Bus(1_000_000))
