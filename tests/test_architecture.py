@@ -34,3 +34,19 @@ def test_the_check_itself_finds_floats() -> None:
 
 def test_the_firmware_is_where_the_check_looks() -> None:
     assert {"kernel.py", "firmware.py", "axis_node.py"} <= {path.name for path in CONTROLLER}
+
+
+def printing(tree: ast.AST) -> Iterator[str]:
+    """Yield the calls that print, and the consoles that could."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and node.attr in {"echo", "secho", "print"}:
+            yield f"line {node.lineno}: .{node.attr}"
+        if isinstance(node, ast.Name) and node.id == "print":
+            yield f"line {node.lineno}: print"
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "host").rglob("*.py")), ids=lambda path: path.name)
+def test_only_one_module_prints(path: Path) -> None:
+    """There what cannot be printed is escaped: names in files, answers of devices."""
+    found = list(printing(ast.parse(path.read_text(encoding="utf-8"))))
+    assert bool(found) == (path == ROOT / "host" / "cli" / "output.py"), found

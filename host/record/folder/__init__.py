@@ -15,7 +15,7 @@ from steptwin.host.record.folder.layout import (
     ContradictionError,
 )
 from steptwin.host.record.folder.motion import trajectory_head, trajectory_row
-from steptwin.host.record.folder.reading import StoredRun, read_robot, read_run
+from steptwin.host.record.folder.reading import StoredRun, check_axes, read_robot, read_run
 from steptwin.host.record.folder.report import read_report, write_report
 from steptwin.host.record.folder.spool import EdgeSpool
 from steptwin.host.record.folder.verdict import FolderVerdict, verify_folder
@@ -34,6 +34,7 @@ __all__ = [
     "EdgeSpool",
     "FolderVerdict",
     "StoredRun",
+    "check_axes",
     "prepare_folder",
     "read_edges",
     "read_report",

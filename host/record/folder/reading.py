@@ -11,7 +11,7 @@ from steptwin.host.record.folder.motion import read_motion
 from steptwin.host.record.folder.report import StoredReport, read_report
 from steptwin.host.robots import load_robot_file
 from steptwin.host.robots.robot import Robot
-from steptwin.host.verify import Comparison, Expectation, compare
+from steptwin.host.verify import Comparison, Evidence, Expectation, compare
 from steptwin.host.verify.wiring import output_changes
 
 
@@ -34,6 +34,13 @@ def read_robot(folder: Path) -> Robot:
     return load_robot_file(str(existing_file(folder, ROBOT)))
 
 
+def check_axes(path: Path, evidence: Evidence, robot: Robot) -> None:
+    """Raise InputError, naming the evidence's file, unless its axes are the robot's joints."""
+    names = tuple(axis.name for axis in evidence.axes)
+    if names != robot.joint_names:
+        raise InputError(f"{path}: axes: {' '.join(names)}, but {ROBOT} has {' '.join(robot.joint_names)}")
+
+
 def read_run(folder: Path, plan_folder: Path | None = None) -> StoredRun:
     """Read a folder and compare its evidence with its own plan, or with that of `plan_folder`.
 
@@ -50,9 +57,7 @@ def read_run(folder: Path, plan_folder: Path | None = None) -> StoredRun:
     report, robot = read_report(folder), read_robot(folder)
     motion = _motion(folder, robot, report) if plan_folder is None else _motion_of(plan_folder, folder, report, robot)
     evidence = read_edges(folder)
-    names = tuple(axis.name for axis in evidence.axes)
-    if names != robot.joint_names:
-        raise InputError(f"{folder / EDGES}: axes: {' '.join(names)}, but {ROBOT} has {' '.join(robot.joint_names)}")
+    check_axes(folder / EDGES, evidence, robot)
     if plan_folder is not None or report.passed is not None:  # a plan of PVT records alone has no outputs
         evidence = replace(evidence, outputs=output_changes(robot, evidence.axes))
     return StoredRun(robot, report, compare(Expectation.of(robot, motion), evidence))

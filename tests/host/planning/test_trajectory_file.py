@@ -1,7 +1,9 @@
 """Trajectory files: all accepted forms give the same motion; the error for each kind of mistake."""
 
 import json
+import tracemalloc
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -12,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.file_limits import CSV_BYTES_MAX, JSON_BYTES_MAX, LINE_CHARS_MAX
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.planning.trajectory_file import LONGEST_S, is_trajectory_file, read_trajectory
 from steptwin.host.robots import load_robot
@@ -190,6 +193,17 @@ class TestMistakesInACsv:
             pytest.param(CSV.replace("-5", "nan"), "line 3, th2: 'nan' is not a finite number up to 1e+09", id="nan"),
             pytest.param(CSV.replace("-5", "-inf"), "line 3, th2: '-inf' is not a finite number", id="inf"),
             pytest.param(CSV.replace("-5", "1e400"), "line 3, th2: '1e400' is not a finite number", id="1e400"),
+            pytest.param(CSV.replace("0.5", "0.5_0"), "line 3, t: '0.5_0' is not a number", id="an underscore"),
+            pytest.param(CSV.replace("0.5", "０.５"), "line 3, t: '０.５' is not a number", id="full-width digits"),
+            pytest.param(CSV.replace("0.5", "nan"), "line 3, t: 'nan' is not a finite number", id="not a number"),
+            pytest.param(CSV.replace("0.5", "-inf"), "line 3, t: '-inf' is not a finite number", id="infinite"),
+            pytest.param(
+                "t," + ",".join(f"j{i}" for i in range(17)),
+                "line 1: 18 columns, more than 17: t, and position and velocity of 8 joints",
+                id="too many columns",
+            ),
+            pytest.param("t," * 30_000, "line 1: has more than 8192 characters", id="a header of 30 000 columns"),
+            pytest.param("#" * 8193, "line 1: has more than 8192 characters", id="a long comment"),
             pytest.param(CSV.replace("0.5", "1e10"), "line 3, t: '1e10' is not a finite number", id="time too large"),
             pytest.param(CSV.replace("-5", '"5\n6"'), "line 3: is not CSV: ", id="a quoted field in two lines"),
             pytest.param(
@@ -439,3 +453,50 @@ def test_near_json_gives_a_motion_or_an_error(entries: dict[str, Any], where: st
     else:
         made["points"][1]["positions"][2] = value
     read_or_refuse(json.dumps(made).encode(), ".json")
+
+
+class TestLimitsOnFiles:
+    def test_of_points(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr("steptwin.host.planning.trajectory_file.csv_points.POINTS_MAX", 3)
+        read(tmp_path, CSV)
+        told = "line 5: is beyond 3 points, one each millisecond of an hour"
+        assert complaint(tmp_path, f"{CSV}2,0,0,0,0\n") == told
+
+    def test_of_the_length_of_a_line(self, tmp_path: Path) -> None:
+        comment = "#" * (LINE_CHARS_MAX - 1)
+        assert_passes_through(read(tmp_path, f"{comment}\n{CSV}"))
+        assert complaint(tmp_path, f"#{comment}\n{CSV}") == "line 1: has more than 8192 characters"
+
+    @pytest.mark.parametrize(
+        ("suffix", "size_bytes", "told"),
+        [
+            (".csv", CSV_BYTES_MAX, "has 2 GiB: at most 2 GiB are read"),
+            (".json", JSON_BYTES_MAX, "has 64 MiB: at most"),
+        ],
+    )
+    def test_of_bytes(self, suffix: str, size_bytes: int, told: str, tmp_path: Path) -> None:
+        """The file is sparse; at its limit it would be read."""
+        file = tmp_path / f"motion{suffix}"
+        with file.open("wb") as opened:
+            opened.truncate(size_bytes + 1)
+        assert complaint_of(lambda: read_trajectory(str(file), ROBOT)).startswith(f"{file}: {told}")
+
+    def test_an_endless_file_is_not_read_to_its_end(self) -> None:
+        for name, told in (("zero.csv", "line 1: has more than"), ("zero.json", "has more: at most 64 MiB are read")):
+            path = Path(f"/dev/{name.split('.')[0]}")
+            if not path.exists():
+                pytest.skip("no endless file on this system")
+            with TemporaryDirectory() as folder:
+                link = Path(folder) / name
+                link.symlink_to(path)
+                assert told in complaint_of(partial(read_trajectory, str(link), ROBOT))
+
+    def test_a_long_file_takes_little_more_memory_than_its_numbers(self, tmp_path: Path) -> None:
+        """100 000 points of 5 numbers, the last one wrong: 4 MB of numbers."""
+        rows = [f"{i / 1000},10.0000000000001,-5.0000000000001,20,{i}e-9\n" for i in range(100_000)]
+        content = HEADER + "\n" + "".join(rows)
+        tracemalloc.start()
+        assert complaint(tmp_path, f"{content}x,0,0,0,0").startswith("line 100002, t: 'x' is not a number")
+        peak_bytes = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert peak_bytes < 5 * 8 * 100_000 + 3 * len(content)

@@ -464,3 +464,17 @@ class TestThePhases:
         assert np.asarray(field.lines[0].get_xdata()).size == 0
         assert field.get_ylabel() == "b [A]"
         assert np.asarray(over_time.lines[0].get_ydata()).tolist() == [0.0]
+
+
+@pytest.mark.parametrize("name", ["$x^$", "$\\frac{$", "\ud800", "\x1b[31m", "直", "x" * 100_000])
+def test_a_name_is_drawn_as_it_is(name: str, tmp_path: Path) -> None:
+    """Neither as a formula nor as a control character, and a long one only in part."""
+    write_plots(tmp_path, single_step(), replace(RUN, robot=name, job=name), ["joints"], "svg")
+    assert (tmp_path / "joints.svg").stat().st_size < 200_000
+
+
+def test_powers_of_ten_at_an_axis_are_drawn_as_formulas(tmp_path: Path) -> None:
+    """The same label as text would show a dollar sign, which is 63 % as wide as a digit pair and in every picture."""
+    comparison = swinging()
+    write_plots(tmp_path, comparison, RUN, ["timing"], "svg")
+    assert r"$\mathdefault{10^{" in (tmp_path / "timing.svg").read_text()
