@@ -37,11 +37,11 @@ def test_the_firmware_is_where_the_check_looks() -> None:
 
 
 def printing(tree: ast.AST) -> Iterator[str]:
-    """Yield the calls that print, and the consoles that could."""
+    """Yield the names that print: of typer and of Python."""
     for node in ast.walk(tree):
-        if isinstance(node, ast.Attribute) and node.attr in {"echo", "secho", "print"}:
-            yield f"line {node.lineno}: .{node.attr}"
-        if isinstance(node, ast.Name) and node.id == "print":
+        if isinstance(node, ast.Attribute) and node.attr in {"echo", "secho"}:
+            yield f"line {node.lineno}: {node.attr}"
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "print":
             yield f"line {node.lineno}: print"
 
 

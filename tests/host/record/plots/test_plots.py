@@ -26,12 +26,15 @@ from tests.host.verify.motions import (
 
 pytest.importorskip("matplotlib")
 
+import matplotlib as mpl
 from matplotlib.axes import Axes
+from matplotlib.axis import Tick
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from matplotlib.text import Text
 
 from steptwin.host.record.plots import DEFAULT_PICTURES, PICTURES, Moment, View, write_plots
-from steptwin.host.record.plots.canvas import DOTS_PER_INCH, WIDTH_INCHES, thinned
+from steptwin.host.record.plots.canvas import DOTS_PER_INCH, STYLE, WIDTH_INCHES, save_figure, thinned
 from tests.host.record.plots.png import pixels
 
 VIEW = View(1.0, 0.05)
@@ -473,8 +476,14 @@ def test_a_name_is_drawn_as_it_is(name: str, tmp_path: Path) -> None:
     assert (tmp_path / "joints.svg").stat().st_size < 200_000
 
 
-def test_powers_of_ten_at_an_axis_are_drawn_as_formulas(tmp_path: Path) -> None:
-    """The same label as text would show a dollar sign, which is 63 % as wide as a digit pair and in every picture."""
-    comparison = swinging()
-    write_plots(tmp_path, comparison, RUN, ["timing"], "svg")
-    assert r"$\mathdefault{10^{" in (tmp_path / "timing.svg").read_text()
+def test_only_labels_at_axes_are_formulas(tmp_path: Path) -> None:
+    """Powers of ten are formulas; the texts with names are not."""
+    with mpl.rc_context(STYLE):
+        figure = PICTURES["timing"](swinging(), RUN, VIEW)
+        save_figure(figure, tmp_path / "timing.png", {})
+    labels = {label for tick in figure.findobj(Tick) for label in (tick.label1, tick.label2)}
+    assert any(label.get_text().startswith(r"$\mathdefault{10^") for label in labels)
+    assert all(label.get_parse_math() for label in labels)
+    others = [text for text in figure.findobj(Text) if text not in labels]
+    assert any(RUN.robot in text.get_text() for text in others)
+    assert not any(text.get_parse_math() for text in others)
