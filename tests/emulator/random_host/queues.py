@@ -1,0 +1,65 @@
+"""Everything that can grow on the board is bounded: look at every container of firmware and CAN controller."""
+
+from collections import deque
+from collections.abc import Iterable, Iterator
+from enum import Enum
+from itertools import islice
+from types import ModuleType
+
+from steptwin.controller.motion import Motion
+from steptwin.emulator.board import Board
+from steptwin.emulator.can_controller import FIFO_DEPTH, MAILBOXES
+from steptwin.protocol.entry import Entry
+from steptwin.protocol.pvt import QUEUE_DEPTH
+
+LARGEST = 512
+"""No queue of a microcontroller with 20 KB of memory holds more; the dictionary's tables are fixed and smaller."""
+_WHOLE = (int, str, bytes, float, type(None), Enum, type, ModuleType, Motion, Entry)
+"""Kinds without parts that grow. The motion's storage is of fixed size, and `overfull` asks for what waits in it."""
+
+
+def overfull(board: Board) -> Iterator[str]:
+    """Yield each queue that holds more than it has room for; cheap, for every moment."""
+    if len(board.can.mailboxes) > MAILBOXES:
+        yield f"{len(board.can.mailboxes)} frames in {MAILBOXES} mailboxes"
+    for node in board.firmware.nodes:
+        queued = board.firmware.motion.queued(node.axis)
+        if queued > QUEUE_DEPTH:
+            yield f"axis {node.axis}: {queued} segments in a queue of {QUEUE_DEPTH}"
+        if node.outbox:
+            yield f"axis {node.axis}: {len(node.outbox)} frames were not fetched"
+
+
+def overgrown(board: Board) -> Iterator[str]:
+    """Yield each container of the firmware and of the CAN controller that is larger than any queue may be."""
+    for root in (board.firmware, board.can):
+        for path, container in _containers(root, type(root).__name__, set()):
+            if len(container) > LARGEST:
+                yield f"{path} holds {len(container)}, more than {LARGEST}"
+            bound = container.maxlen if isinstance(container, deque) else None
+            if path.endswith("_fifos[]") and bound is None and len(container) > FIFO_DEPTH:
+                yield f"{path} holds {len(container)} messages of {FIFO_DEPTH}"
+
+
+Container = list[object] | tuple[object, ...] | deque[object] | set[object] | frozenset[object] | dict[object, object]
+
+
+def _containers(thing: object, path: str, seen: set[int]) -> Iterator[tuple[str, Container]]:
+    """Yield the containers that belong to an object, and where they are."""
+    seen.add(id(thing))
+    parts: Iterable[tuple[str, object]] = ()
+    if isinstance(thing, (list, tuple, deque, set, frozenset)):
+        yield path, thing
+        parts = ((f"{path}[]", part) for part in islice(thing, LARGEST))
+    elif isinstance(thing, dict):
+        yield path, thing
+        parts = ((f"{path}[]", part) for part in islice(thing.values(), LARGEST))
+    elif type(thing).__module__.startswith("steptwin."):
+        names = [*vars(thing)] if hasattr(thing, "__dict__") else []
+        names += [
+            name for kind in type(thing).__mro__ for name in getattr(kind, "__slots__", ()) if hasattr(thing, name)
+        ]
+        parts = ((f"{path}.{name}", getattr(thing, name)) for name in names)
+    for where, part in parts:
+        if not isinstance(part, _WHOLE) and id(part) not in seen:
+            yield from _containers(part, where, seen)
