@@ -252,6 +252,11 @@ class Machine:
             if State.of(node.dictionary.get(od.STATUSWORD)) is not node.drive.state:
                 raise BrokenInvariantError(f"axis {axis}: the statusword does not say {node.drive.state.name}")
 
+    def look_at_queues(self) -> None:
+        """Look at everything on the board that could grow; this takes some milliseconds."""
+        for fault in overgrown(self.board):
+            raise BrokenInvariantError(fault)
+
     # --- what must hold over a whole session
 
     def close(self) -> None:
@@ -268,8 +273,7 @@ class Machine:
                 faults += [rule.value for rule in rules if rule is not Rule.OVER_TEMPERATURE]
             if faults:
                 raise BrokenInvariantError(f"axis {axis}: {'; '.join(faults[:3])}")
-        for fault in overgrown(self.board):
-            raise BrokenInvariantError(fault)
+        self.look_at_queues()
 
     def traces(self) -> tuple[object, ...]:
         """Return every edge, pin change and frame, on which all repetitions must agree."""

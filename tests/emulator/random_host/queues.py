@@ -12,8 +12,10 @@ from steptwin.emulator.can_controller import FIFO_DEPTH, MAILBOXES
 from steptwin.protocol.entry import Entry
 from steptwin.protocol.pvt import QUEUE_DEPTH
 
-LARGEST = 512
-"""No queue of a microcontroller with 20 KB of memory holds more; the dictionary's tables are fixed and smaller."""
+QUEUE_PLACES_MAX = 160
+"""No list, deque or set of a board with eight nodes holds more: these are the queues."""
+TABLE_ENTRIES_MAX = 512
+"""No table is larger; the largest are those of the object dictionary."""
 _WHOLE = (int, str, bytes, float, type(None), Enum, type, ModuleType, Motion, Entry)
 """Kinds without parts that grow. The motion's storage is of fixed size, and `overfull` asks for what waits in it."""
 
@@ -26,19 +28,16 @@ def overfull(board: Board) -> Iterator[str]:
         queued = board.firmware.motion.queued(node.axis)
         if queued > QUEUE_DEPTH:
             yield f"axis {node.axis}: {queued} segments in a queue of {QUEUE_DEPTH}"
-        if node.outbox:
-            yield f"axis {node.axis}: {len(node.outbox)} frames were not fetched"
 
 
 def overgrown(board: Board) -> Iterator[str]:
     """Yield each container of the firmware and of the CAN controller that is larger than any queue may be."""
     for root in (board.firmware, board.can):
         for path, container in _containers(root, type(root).__name__, set()):
-            if len(container) > LARGEST:
-                yield f"{path} holds {len(container)}, more than {LARGEST}"
-            bound = container.maxlen if isinstance(container, deque) else None
-            if path.endswith("_fifos[]") and bound is None and len(container) > FIFO_DEPTH:
-                yield f"{path} holds {len(container)} messages of {FIFO_DEPTH}"
+            table = isinstance(container, (dict, tuple, frozenset))
+            most = FIFO_DEPTH if path.endswith("._fifos[]") else TABLE_ENTRIES_MAX if table else QUEUE_PLACES_MAX
+            if len(container) > most:
+                yield f"{path} holds {len(container)}, more than {most}"
 
 
 Container = list[object] | tuple[object, ...] | deque[object] | set[object] | frozenset[object] | dict[object, object]
@@ -50,10 +49,10 @@ def _containers(thing: object, path: str, seen: set[int]) -> Iterator[tuple[str,
     parts: Iterable[tuple[str, object]] = ()
     if isinstance(thing, (list, tuple, deque, set, frozenset)):
         yield path, thing
-        parts = ((f"{path}[]", part) for part in islice(thing, LARGEST))
+        parts = ((f"{path}[]", part) for part in islice(thing, TABLE_ENTRIES_MAX))
     elif isinstance(thing, dict):
         yield path, thing
-        parts = ((f"{path}[]", part) for part in islice(thing.values(), LARGEST))
+        parts = ((f"{path}[]", part) for part in islice(thing.values(), TABLE_ENTRIES_MAX))
     elif type(thing).__module__.startswith("steptwin."):
         names = [*vars(thing)] if hasattr(thing, "__dict__") else []
         names += [

@@ -24,7 +24,7 @@ _ANSWER_MAX_MS = 30
 _MOTION_MAX_MS = 20_000
 _LOOK_EACH_MS = 5
 _MOVE_STEPS = 150
-_TRIED = 2
+_TRIED = 1
 """Number of axes that are homed and moved: others in other sessions."""
 _SETTINGS = {
     od.MAX_PROFILE_VELOCITY: VELOCITY_MAX,
