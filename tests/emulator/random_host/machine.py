@@ -52,6 +52,7 @@ class _AxisWatch:
         self.made = 0
         """Steps made since power-up, by the firmware's count."""
         self.rested = True
+        """True until the axis moves for a target that was given."""
         self.velocity = 0
 
 
@@ -216,7 +217,8 @@ class Machine:
                 raise BrokenInvariantError(f"axis {axis} sets off without a target of this enabling")
             if not (rested and watch.rested):
                 self._look_at_motion(axis, watch, dt_ticks)
-            watch.made, watch.rested = made, rested
+            watch.made = made
+            watch.rested = rested or (watch.rested and not watch.given)  # a motion without a target has yet to show
         for fault in overfull(self.board):
             raise BrokenInvariantError(fault)
 
