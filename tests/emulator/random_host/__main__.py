@@ -17,6 +17,8 @@ from tests.emulator.random_host.shrink import shrunk
 from tests.emulator.random_host.trial import Outcome, fault_of, trial
 
 _COMMAND = "python -m tests.emulator.random_host"
+_TOLD_EACH = 500
+"""Number of sessions after which the command says how far it is."""
 
 
 def main() -> int:
@@ -35,12 +37,14 @@ def main() -> int:
     seeds = range(options.seed, options.seed + options.sessions)
     failures = pulses = frames = 0
     with ProcessPoolExecutor(options.jobs) as pool:
-        for outcome in pool.map(trial, seeds, chunksize=10):
+        for done, outcome in enumerate(pool.map(trial, seeds, chunksize=10), start=1):
             pulses, frames = pulses + outcome.pulses, frames + outcome.frames
             if outcome.fault:
                 failures += 1
                 _report(outcome, shrink=options.shrink)
-    sys.stdout.write(f"{len(seeds)} sessions, {failures} failed; {pulses:,} pulses, {frames:,} frames\n")
+            if done % _TOLD_EACH == 0 or done == len(seeds):
+                sys.stdout.write(f"{done} sessions, {failures} failed; {pulses:,} pulses, {frames:,} frames\n")
+                sys.stdout.flush()
     return int(failures > 0)
 
 
