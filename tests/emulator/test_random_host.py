@@ -18,14 +18,14 @@ from tests.emulator.random_host.machine import Machine
 from tests.emulator.random_host.sdo import download
 from tests.emulator.random_host.session import BusOff, Pause, PowerCycle, Session, Setup, Step, machine_board
 from tests.emulator.random_host.shrink import shrunk
-from tests.emulator.random_host.trial import fault_of, trial
+from tests.emulator.random_host.trial import REPEATED, fault_of, trial
 from tests.emulator.simulations import MS, STEP
 
 CASES = sorted((Path(__file__).parent / "random_host" / "cases").glob("*.jsonl"))
 """Sessions that once failed, shortened; docs/random-host.md says how."""
 
 
-@pytest.mark.parametrize("seed", range(1, 33))
+@pytest.mark.parametrize("seed", [*range(1, 32), REPEATED])
 def test_random_sessions_hold(seed: int) -> None:
     outcome = trial(seed)
     assert not outcome.fault, f"python -m tests.emulator.random_host --seed {seed} --shrink"

@@ -10,7 +10,7 @@ from tests.emulator.random_host.session import Session
 from tests.emulator.random_host.working_move import WorkingMove
 
 ACTIONS_MAX = 32
-REPEATED = 32
+REPEATED = 128
 """Each session whose seed is a multiple of this is repeated on the interpreted kernel."""
 
 
