@@ -58,7 +58,7 @@ def move(
 
     The path is straight in joint space, not for the tool. Ctrl-C stops all axes.
     """
-    from steptwin.host.operate.moving import check_goal, move, nearest_joints, standing_joints
+    from steptwin.host.operate.moving import move, nearest_joints, standing_joints
 
     loaded, rest = robot_and_rest(words or [], robot_file)
     pose = {
@@ -72,15 +72,13 @@ def move(
     if not 0 < speed <= 100:
         raise InputError(f"--speed {speed:g}: is not above 0 and up to 100 percent")
     with opened_session(loaded, connect, interface, channel, bitrate) as session:
-        standing = standing_joints(session)
+        goal: list[float | None] = [joints.get(name) for name in loaded.joint_names]
         if pose:
-            goal = nearest_joints(loaded, _whole_pose(session, standing, pose), standing)
-        else:
-            goal = [joints.get(name, position) for name, position in zip(loaded.joint_names, standing, strict=True)]
-        check_goal(loaded, goal)
+            standing = standing_joints(session)
+            goal = [*nearest_joints(loaded, _whole_pose(session, standing, pose), standing)]
         with progress_bar(f"{loaded.name} move") as progress:
             moved = move(session, goal, speed_percent=speed, progress=progress)
-        reached = session.pose(moved.end)
+        reached = session.known_pose(moved.end)
     names = loaded.joint_names
     if as_json:
         figures = {

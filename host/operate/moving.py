@@ -1,5 +1,6 @@
 """Move all axes to a joint position or a tool pose by their own profiles, so that they arrive together."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil
 
@@ -29,10 +30,10 @@ class Moved:
     planned_s: float
 
 
-def check_goal(robot: Robot, goal: list[float]) -> None:
-    """Raise InputError, naming the first joint, unless every joint's position is within its limits."""
+def check_goal(robot: Robot, goal: Sequence[float | None]) -> None:
+    """Raise InputError, naming the first joint, unless every joint's position is within its limits; None always is."""
     for joint, position in zip(robot.joints, goal, strict=True):
-        if not joint.lower <= position <= joint.upper:
+        if position is not None and not joint.lower <= position <= joint.upper:
             text, _ = apart(position, joint.lower if position < joint.lower else joint.upper)
             limits = f"{joint.lower:g}..{joint.upper:g} {joint.unit}"
             raise InputError(f"{joint.name}: {text} {joint.unit} is outside {limits}")
@@ -62,24 +63,35 @@ def standing_joints(session: Session) -> list[float]:
 
 
 def move(
-    session: Session, goal: list[float], *, speed_percent: float = 100.0, progress: Progress = lambda _: None
+    session: Session, goal: Sequence[float | None], *, speed_percent: float = 100.0, progress: Progress = lambda _: None
 ) -> Moved:
-    """Move all joints to a position, straight in joint space.
+    """Move joints to a position, straight in joint space.
 
-    The goal is in mm and degrees. `speed_percent` is the part of the joints' speed and acceleration limits to use.
+    The goal is in mm and degrees, None for a joint that stays. Such a joint may stand outside its limits or not know
+    its position, as after an interrupted homing: it does not move. StepTwin knows no obstacles, whoever moves one joint
+    watches the machine. `speed_percent` is the part of the joints' speed and acceleration limits to use.
     `progress` is called with the part of the longest way that is covered.
 
     Raises:
         InputError: a joint's goal is outside its limits, or another program moves the machine.
-        DeviceFaultError: a drive is in fault or was stopped, or its position is unknown.
+        DeviceFaultError: a drive is in fault or was stopped, or a joint that is to move does not know its position.
         BusError: a node does not answer.
     """
     check_goal(session.robot, goal)
-    with session.in_charge("move"):
+    joints = session.robot.joints
+    session.require_ready("move", known=False)
+    session.require_known(joint.name for joint, position in zip(joints, goal, strict=True) if position is not None)
+    with session.in_charge("move", known=False):
         start_units = session.demanded_units()
-        planned_s = move_within(session, start_units, session.units(goal), speed_percent, progress)
+        start = session.positions(start_units)
+        goal_units = [
+            standing if position is None else joint.to_units(position)
+            for joint, position, standing in zip(joints, goal, start_units, strict=True)
+        ]
+        planned_s = move_within(session, start_units, goal_units, speed_percent, progress)
         end_units = session.machine.positions_units()
-    return Moved(session.positions(start_units), goal, session.positions(end_units), planned_s)
+    reached = [standing if position is None else position for position, standing in zip(goal, start, strict=True)]
+    return Moved(start, reached, session.positions(end_units), planned_s)
 
 
 def move_within(

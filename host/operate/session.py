@@ -1,6 +1,6 @@
 """A robot on the bus: its machine, its units, and the rules for taking charge of a board that may be in use."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Final
 
@@ -79,6 +79,18 @@ class Session:
         for axis in self.machine.axes:
             self._check(axis, known=known)
 
+    def require_known(self, names: Iterable[str]) -> None:
+        """Raise DeviceFaultError unless these axes know their positions."""
+        wanted = set(names)
+        for axis in self.machine.axes:
+            if axis.name in wanted:
+                _check_known(axis, axis.read(od.STATUSWORD))
+
+    def known_pose(self, joints: list[float]) -> dict[str, float] | None:
+        """Return the tool's pose as `pose` does; None, too, while an axis does not know its position."""
+        known = all(axis.read(od.STATUSWORD) & Status.POSITION_KNOWN for axis in self.machine.axes)
+        return self.pose(joints) if known else None
+
     @contextmanager
     def in_charge(self, what: str, *, known: bool = True) -> Iterator[Machine]:
         """Take charge of the machine: set it up, let its axes watch this host, enable the drives.
@@ -126,5 +138,10 @@ class Session:
             )
         if not at_rest(statusword, axis.read(od.MODE_OF_OPERATION_DISPLAY)):
             raise InputError(f"{axis.name}: is moving; wait for its end, or stop it by `steptwin stop`")
-        if known and not statusword & Status.POSITION_KNOWN:
-            raise DeviceFaultError(f"{axis.name}: the position is unknown: home the machine first, `steptwin home`")
+        if known:
+            _check_known(axis, statusword)
+
+
+def _check_known(axis: AxisClient, statusword: int) -> None:
+    if not statusword & Status.POSITION_KNOWN:
+        raise DeviceFaultError(f"{axis.name}: the position is unknown: home the machine first, `steptwin home`")

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from steptwin.host.client import HomingSettings
 from steptwin.host.common.errors import DeviceFaultError, InputError
 from steptwin.host.operate.moving import move, nearest_joints, synchronised
 from steptwin.host.operate.recovering import stop
@@ -10,6 +11,7 @@ from steptwin.host.operate.session import Session
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
+from steptwin.protocol.homing_methods import HOME_HERE
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 from tests.host.client.machines import TH2, TH3, Neighbour, sdo_requests
 from tests.host.operate.sessions import HALF_STEPS, HOME, ROBOT, CommandLine, preset
@@ -85,6 +87,29 @@ def test_beyond_a_limit_nothing_is_sent(board: EmbeddedBoard, session: Session) 
 def test_an_axis_of_unknown_position(board: EmbeddedBoard) -> None:
     with pytest.raises(DeviceFaultError, match=r"^sx: the position is unknown: .*`steptwin home`$"):
         move(Session(board, ROBOT), GOAL)
+
+
+def test_a_joint_moves_although_another_stands_outside_its_limits(board: EmbeddedBoard, steptwin: CommandLine) -> None:
+    """As after a homing that was interrupted: homed axes stand at their switches, beyond the limits."""
+    outside = [ROBOT.joints[0].lower - 5, *HOME[1:]]
+    preset(board, outside)
+    before = board.driver_positions()
+    assert steptwin.json("move warehouse-scara th2=20")["end"]["th2"] == pytest.approx(20, abs=0.1)
+    after = board.driver_positions()
+    assert [i for i in range(6) if before[i] != after[i]] == [TH2]
+    assert steptwin.json("move warehouse-scara sx=1")["goal"]["sx"] == 1
+
+
+def test_a_joint_moves_although_another_does_not_know_its_position(board: EmbeddedBoard, steptwin: CommandLine) -> None:
+    """Then the tool's pose is unknown."""
+    session = Session(board, ROBOT)
+    with session.in_charge("declare", known=False) as machine:
+        here = HomingSettings(HOME_HERE, 1000, 1000, 1000, session.units(HOME)[TH2], 0)
+        machine.home_axes(tuple(here if i == TH2 else None for i in range(6)))
+    assert steptwin.json("move warehouse-scara th2=20")["pose"] is None
+    unknown = (3, "", "steptwin: th3: the position is unknown: home the machine first, `steptwin home`\n")
+    assert steptwin.run("move warehouse-scara th2=30 th3=1") == unknown
+    assert steptwin.run("move warehouse-scara --z 100")[0] == 3
 
 
 def test_it_is_stopped_by_another_program(
