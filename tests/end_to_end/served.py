@@ -25,6 +25,11 @@ class ComputerTooSlowError(AssertionError):
     """A test in real time failed while this computer was too slow for real time."""
 
 
+def start_program(*words: str) -> subprocess.Popen[str]:
+    """Start a command as a process."""
+    return subprocess.Popen([*PROGRAM, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
 class Server:
     """A `steptwin serve` on a free port.
 
@@ -60,9 +65,7 @@ class Server:
 
     def start(self, *words: str) -> subprocess.Popen[str]:
         """Start a command on this board as a process."""
-        return subprocess.Popen(
-            [*PROGRAM, *self.connected(*words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        )
+        return start_program(*self.connected(*words))
 
     def json(self, *words: str) -> dict[str, Any]:
         """Run a command on this board as a process that must succeed; return its document."""
