@@ -6,7 +6,7 @@ see it. This lateness is measured: for each servo tick of a motion until its edg
 board until it is handed on.
 
 A process that was held up has not seen what came in meanwhile, so the board must not live through that time without it:
-its clock stands instead (`stand`), and the frames enter at the count at which it stood.
+its clock stands instead (`stand`), and the frames enter before it goes on.
 """
 
 from collections import deque
@@ -89,10 +89,11 @@ class LiveSimulation:
         self.epoch_us = epoch_us
 
     def stand(self, late_ns: int) -> bool:
-        """Let the boards' clock stand for as long as the process has just been held up, unless it can catch up.
+        """Let the boards' clock stand for as long as the process has just been held up, less what it may catch up.
 
-        After it, let all frames that have come in meanwhile be sent before time advances. They belong to the count at
-        which the clock stood: as if they had come the moment before.
+        After it, let all frames that have come in meanwhile be sent before time advances, so that none of them comes
+        later on the boards' clock than by STALL_NS. To catch up that much each time lets a board on a starved computer
+        live several times as fast as its share of the processor.
 
         Args:
             late_ns: the time that has passed since the process wanted to look for frames and to `advance`.
@@ -102,8 +103,8 @@ class LiveSimulation:
         """
         if late_ns <= STALL_NS:
             return False
-        self.pacer.stand(late_ns)
-        self.stalls.add(late_ns)
+        self.pacer.stand(late_ns - STALL_NS)
+        self.stalls.add(late_ns - STALL_NS)
         return True
 
     def advance(self, now_ns: int) -> None:

@@ -3,7 +3,7 @@
 from typing import Final
 
 STALL_NS: Final = 10_000_000
-"""Lateness of the loop, in wall time, up to which the board catches up; beyond it the board's clock stands instead.
+"""Lateness of the loop, in wall time, that the board catches up; for what is beyond it the board's clock stands.
 
 It is well below the times within which CANopen programs notice a loss, some tens of milliseconds, and well above the
 usual lateness of a process that is not starved.

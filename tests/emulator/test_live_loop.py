@@ -172,7 +172,7 @@ def test_a_stall_only_changes_which_instant_belongs_to_a_count(stalls: list[Stal
     assert ours.clk_rise_counts.tolist() == theirs.clk_rise_counts.tolist()
 
 
-@pytest.mark.parametrize(("dt_ns", "stood_ns"), [(STALL_NS - 1 * MS_NS, 0), (300 * MS_NS, 300 * MS_NS)])
+@pytest.mark.parametrize(("dt_ns", "stood_ns"), [(STALL_NS - 1 * MS_NS, 0), (300 * MS_NS, 300 * MS_NS - STALL_NS)])
 def test_the_clock_stands_beyond_the_bound(dt_ns: int, stood_ns: int) -> None:
     """Below the bound the board catches up; beyond it the board's clock stands, and that is counted."""
     computer = run(20, [(200 * MS_NS, dt_ns)])
@@ -195,7 +195,7 @@ def test_a_sleep_is_no_stall() -> None:
 
 
 def test_a_computer_that_sleeps_for_an_hour() -> None:
-    """The board's clock stands meanwhile."""
+    """The board's clock stands meanwhile, less the 10 ms that it catches up."""
     computer = run(20, [(200 * MS_NS, 3600 * 1000 * MS_NS)])
-    assert computer.simulation.now_counts == pytest.approx(400 * COUNTS_PER_MS, rel=0.01)
-    assert computer.live.stalls.longest_ns == pytest.approx(3600 * 1000 * MS_NS, rel=1e-6)
+    assert computer.simulation.now_counts == pytest.approx(400 * COUNTS_PER_MS, abs=12 * COUNTS_PER_MS)
+    assert computer.live.stalls.longest_ns == pytest.approx(3600 * 1000 * MS_NS, rel=1e-5)
