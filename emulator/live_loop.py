@@ -92,7 +92,7 @@ class LiveLoop:
 
     def wake(self) -> None:
         """End a sleep; may be called from any thread and from signal handlers."""
-        with suppress(BlockingIOError):  # a full buffer wakes the loop anyway
+        with suppress(OSError):  # a full buffer wakes the loop anyway; a closed socket belongs to a loop that has ended
             self._waker.send(b"\0")
 
     def stop(self) -> None:

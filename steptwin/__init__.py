@@ -10,7 +10,14 @@ TYPE_CHECKING = False  # as typing's, which takes longer to import than all else
 if TYPE_CHECKING:
     from steptwin.emulator.bus_faults import BusFault, BusFaultKind, FaultScript
     from steptwin.emulator.operations import BoardTemperature, DriverProtect, EmergencyStop, Scheduled, Supply
-    from steptwin.host.common.errors import BusError, DeviceFaultError, InputError, NotVerifiedError, StepTwinError
+    from steptwin.host.common.errors import (
+        BusError,
+        DeviceFaultError,
+        InputError,
+        NotVerifiedError,
+        RecordingError,
+        StepTwinError,
+    )
     from steptwin.host.planning.jobs import job_names, job_options, make_job
     from steptwin.host.planning.laws import Cubic, Quintic, SCurve, Trapezoid
     from steptwin.host.planning.motions.composer import Composer
@@ -45,6 +52,7 @@ __all__ = [
     "Outcome",
     "Plan",
     "Quintic",
+    "RecordingError",
     "Robot",
     "SCurve",
     "Sampled",
@@ -67,7 +75,14 @@ __all__ = [
 _MODULES = {
     "emulator.bus_faults": ("BusFault", "BusFaultKind", "FaultScript"),
     "emulator.operations": ("BoardTemperature", "DriverProtect", "EmergencyStop", "Scheduled", "Supply"),
-    "host.common.errors": ("BusError", "DeviceFaultError", "InputError", "NotVerifiedError", "StepTwinError"),
+    "host.common.errors": (
+        "BusError",
+        "DeviceFaultError",
+        "InputError",
+        "NotVerifiedError",
+        "RecordingError",
+        "StepTwinError",
+    ),
     "host.planning.jobs": ("job_names", "job_options", "make_job"),
     "host.planning.laws": ("Cubic", "Quintic", "SCurve", "Trapezoid"),
     "host.planning.motions.composer": ("Composer",),

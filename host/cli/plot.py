@@ -10,7 +10,7 @@ import typer
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, chosen_names
 from steptwin.host.cli.option_names import naming_options
-from steptwin.host.cli.output import print_json, say
+from steptwin.host.cli.output import print_json, say, warn
 from steptwin.host.cli.verify import PlanDir, RunDir
 from steptwin.host.common.errors import InputError
 
@@ -54,6 +54,8 @@ def plot(
     _check_use(names, {"--at": at_s, "--span": span_s})
     with naming_options(plan_folder="--plan"):
         stored = read_run(folder, plan)
+    if stored.interruption:
+        warn(f"{folder}: {stored.interruption}")
     view = _view(stored.duration_s, at_s, span_s)
     paths = write_plots(out or folder, stored.comparison, stored.report.run, names, form, view)
     if as_json:

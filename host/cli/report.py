@@ -61,6 +61,8 @@ def _verdict(document: Mapping[str, Any]) -> list[str]:
     """Return the verdict, and the reasons of a failed one."""
     if "fault" in document:
         return ["STOPPED BY A FAULT"]
+    if document["reasons"] == [document.get("interruption")]:
+        return ["INCOMPLETE", *document["reasons"]]
     return ["PASSED"] if document["passed"] else ["FAILED", *document["reasons"]]
 
 

@@ -87,7 +87,7 @@ def run(
     at the end are compared with the plan.
     """
     from steptwin.host.planning.planner import plan
-    from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY
+    from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY, keep_recording
     from steptwin.host.twin.execution import execute
 
     loaded, rest = robot_and_rest(words or [], robot_file)
@@ -109,6 +109,9 @@ def run(
     _refuse({"--repeat": repeat if repeat != 1 else None, "--approach": approach or None}, "a live")
     warn_of_settings_left_out(loaded, driver_profile)
     standing = None if stand_at is None else joint_values(stand_at.split(), loaded.joint_names, "--stand-at")
+    if out is not None:
+        with naming_options("out"):
+            keep_recording(out)
     folder = out_folder(out)
     with progress_bar(f"{loaded.name} {job}") as progress, naming_options(cut_stream_s="--cut-stream"):
         outcome = execute(

@@ -25,7 +25,7 @@ from steptwin.host.cli.option_names import naming_options
 from steptwin.host.cli.output import print_json, print_table, say, warn
 from steptwin.host.cli.report import USUAL_DRIVERS
 from steptwin.host.common import socketcand
-from steptwin.host.common.errors import BusError, InputError
+from steptwin.host.common.errors import BusError, InputError, RecordingError
 
 if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
@@ -76,6 +76,9 @@ def serve(
         str | None, typer.Option(metavar="DIR", help="Folder to record report, edges and bus log in.")
     ] = None,
     log: Annotated[str | None, typer.Option(metavar="FILE", help="File to record the bus log in.")] = None,
+    replace: Annotated[
+        bool, typer.Option("--replace", help="Let --out and --log replace what the folder or the file holds.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Run a robot's board, or several, in real time until Ctrl-C.
@@ -92,7 +95,7 @@ def serve(
         standing = joint_values(stand_at.split(), loaded.joint_names, "--stand-at")
         _warn_outside(loaded, standing)
     warn_of_settings_left_out(loaded, driver_profile)  # bad input is reported before a port is opened
-    parameters = ("host", "port", "allow_remote", "interface", "channel", "bitrate", "speed", "out")
+    parameters = ("host", "port", "allow_remote", "interface", "channel", "bitrate", "speed", "out", "log", "replace")
     with naming_options(*parameters, axes_per_board="--boards"):
         served = ServedBoard(
             loaded,
@@ -108,15 +111,17 @@ def serve(
             driver_profile=driver_profile,
             out=out,
             log=log,
+            replace=replace,
         )
     if served.endpoint.remote:
         warn(f"{served.title}: other machines can drive this board")
-    failure = _run(served, lambda: say(*_banner(served), err=as_json))
-    document = served.report()
-    if as_json:
-        print_json(document)
-    else:
-        _print_report(document, None if out is None else Path(out))
+    with _until_a_signal(served):
+        failure = _run(served, lambda: say(*_banner(served), err=as_json))
+        document = served.report()
+        if as_json:
+            print_json(document)
+        else:
+            _print_report(document, None if out is None or served.board.failures else Path(out))
     if failure:
         raise failure
 
@@ -131,17 +136,18 @@ def _warn_outside(robot: "Robot", standing: list[float]) -> None:
         warn(f"--stand-at: {error}")
 
 
-def _run(served: "ServedBoard", announce: Callable[[], None]) -> BusError | None:
-    """Announce the board and run it until a signal, or until its bus fails; return that failure."""
-    with _until_a_signal(served), _status_line(served) as update:
+def _run(served: "ServedBoard", announce: Callable[[], None]) -> BusError | RecordingError | None:
+    """Announce the board and run it until it is stopped, or until its bus fails; return what went wrong."""
+    with _status_line(served) as update:
         announce()
         served.call_every(_STATUS_EVERY_S, update)
         served.call_every(_STATUS_EVERY_S, _SlownessWarning(served.board).look)
+        served.call_every(_STATUS_EVERY_S, _warning_of_failures(served))
         gc.freeze()  # numba leaves so many objects that one collection of them all lasts several ticks
         gc.set_threshold(_YOUNG_OBJECTS)
         try:
             served.serve_forever()
-        except BusError as error:
+        except (BusError, RecordingError) as error:
             return error
     return None
 
@@ -171,9 +177,25 @@ def _stood(stalls: dict[str, float]) -> str:
     )
 
 
+def _warning_of_failures(served: "ServedBoard") -> Callable[[], None]:
+    """Return a function that warns of each recording that has ended, once."""
+    told: list[RecordingError] = []
+
+    def tell() -> None:
+        for failure in served.board.failures:
+            if failure not in told:
+                told.append(failure)
+                warn(f"{failure}; the board runs on")
+
+    return tell
+
+
 @contextmanager
 def _until_a_signal(served: "ServedBoard") -> Iterator[None]:
-    """Let Ctrl-C and SIGTERM end the board, so that its files are completed, while the block runs."""
+    """Let Ctrl-C and SIGTERM end the board, so that its files are completed, while the block runs.
+
+    A second signal changes nothing: the files are being completed then.
+    """
 
     def stop(_number: int, _frame: object) -> None:
         served.stop()

@@ -9,7 +9,7 @@ import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, chosen_names
-from steptwin.host.cli.output import print_json, say
+from steptwin.host.cli.output import print_json, say, warn
 from steptwin.host.cli.verify import RunDir
 from steptwin.host.common.errors import InputError
 
@@ -63,15 +63,18 @@ def trace(
     as_json: AsJson = False,
 ) -> None:
     """Write the waveform of a stored run: every edge of every pin, or a part of it."""
-    from steptwin.host.record.folder import EDGES, check_axes, read_edges, read_robot
+    from steptwin.host.record.folder import EDGES, RECORDING, check_axes, read_evidence, read_recording, read_robot
     from steptwin.host.record.waveforms import SCALES, Format, write_waveform
 
     if timescale is not None and form not in _SCALED:
         raise InputError(f"--timescale {timescale}: is for {' and '.join(_SCALED)}, not for {form}")
-    evidence, robot = read_edges(folder), read_robot(folder)
-    check_axes(folder / EDGES, evidence, robot)
+    evidence, robot, recording = read_evidence(folder), read_robot(folder), read_recording(folder)
+    check_axes(folder / (RECORDING if recording else EDGES), evidence, robot)
+    if recording:
+        warn(f"{folder}: {recording.interruption}")
+    frames = recording.mark.frames if recording else None
     window = _window(evidence, from_s, to_s)
-    signals = _chosen(_signals(folder, evidence, robot, Format(form)), evidence, axes)
+    signals = _chosen(_signals(folder, evidence, robot, Format(form), frames), evidence, axes)
     whole = from_s is None and to_s is None and not axes
     path = folder / (Format(form).file_name if whole else Format(form).part_file_name) if out is None else out
     write_waveform(path, signals, window, Format(form), SCALES[timescale or "1us"], robot.name)
@@ -83,13 +86,13 @@ def trace(
         say(f"{path}: {len(signals)} signals from {ends_s[0]:.6f} to {ends_s[1]:.6f} s of the motion")
 
 
-def _signals(folder: Path, evidence: "Evidence", robot: "Robot", form: "Format") -> "list[Signal]":
+def _signals(folder: Path, evidence: "Evidence", robot: "Robot", form: "Format", frames: int | None) -> "list[Signal]":
     from steptwin.host.record.folder.layout import BUS_LOG, existing_file
     from steptwin.host.record.waveforms import drive_states, everything, wires
 
     if form.wires_only:
         return wires(evidence)
-    states = drive_states(existing_file(folder, BUS_LOG), len(evidence.axes))
+    states = drive_states(existing_file(folder, BUS_LOG), len(evidence.axes), frames)
     return everything(evidence, robot, states)
 
 

@@ -32,7 +32,10 @@ def verify(
     plan: PlanDir = None,
     as_json: AsJson = False,
 ) -> None:
-    """Verify a stored run again: same verdict and exit code as the run, or 1 if its files were changed."""
+    """Verify a stored run again: same verdict and exit code as the run, or 1 if its files were changed.
+
+    A live board's recording that was interrupted is verified as far as it goes, with exit code 1.
+    """
     from steptwin.host.record.folder import ContradictionError, verify_folder
 
     try:
@@ -56,6 +59,8 @@ def _document(verdict: "FolderVerdict") -> dict[str, Any]:
     document = verdict.report.to_dict()
     document |= {"passed": verdict.passed, "reasons": list(verdict.reasons)}
     document |= {"driver_profile": verdict.driver_profile, "simulated": True}
+    if verdict.interruption is not None:
+        document["interruption"] = verdict.interruption
     if verdict.fault is not None and not verdict.tampered:
         document["fault"] = dict(verdict.fault)
     return document

@@ -10,6 +10,7 @@ import typer
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, finite_number, one_robot, out_folder
 from steptwin.host.cli.output import print_json, print_table, say
+from steptwin.host.common.whole_file import whole_file
 
 if TYPE_CHECKING:
     from steptwin.host.robots.workspace import MonteCarlo, Scan
@@ -82,7 +83,8 @@ def _span(quantity: str, span_mm: tuple[float, float] | None) -> dict[str, float
 
 def _write(folder: Path, document: dict[str, Any], cloud: "MonteCarlo", scanned: "Scan") -> bool:
     """Write the folder; return False if the picture had to be left out because matplotlib is not installed."""
-    (folder / "workspace.json").write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+    with whole_file(folder / "workspace.json") as file:
+        file.write((json.dumps(document, indent=2) + "\n").encode())
     if not find_spec("matplotlib"):
         return False
     from steptwin.host.record.plots.workspace import write_workspace

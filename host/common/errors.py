@@ -13,6 +13,10 @@ class NotVerifiedError(StepTwinError):
     """A stored run contradicts itself and cannot be verified; the message names file and key."""
 
 
+class RecordingError(StepTwinError):
+    """A file of a recording could not be written; the message names the file and the end of the recording."""
+
+
 class InputError(StepTwinError):
     """The input is wrong; the message names the value, the limit and the nearest valid choice."""
 

@@ -38,6 +38,9 @@ JSON_BYTES_MAX: Final = 64 * MIB
 LOG_LINE_CHARS_MAX: Final = 256
 """Characters of a line of bus.log: StepTwin's have at most 50."""
 
+MARK_CHARS_MAX: Final = 64 * KIB
+"""Characters of a line of marks.jsonl: with the sizes of all arrays of eight axes it has 11 KiB."""
+
 ARRAYS_BYTES_MAX: Final = 16 * GIB
 """All arrays of edges.npz: a step takes 38 bytes in them (both edges of CLK, the step, the phase currents), so 24 h of
 six axes at 800 steps/s each, 415 million steps, fit."""

@@ -1,4 +1,4 @@
-"""Write files so that they appear whole or not at all."""
+"""Write files so that they appear whole or not at all, or grow; an error names the file."""
 
 import os
 from collections.abc import Iterator
@@ -33,3 +33,12 @@ def _replacement(path: Path) -> Iterator[BinaryIO]:
     except BaseException:
         part.unlink(missing_ok=True)
         raise
+
+
+def append(path: Path, data: bytes) -> None:
+    """Append to a file, made if missing; if not all can be written, OSError names `path`."""
+    try:
+        with path.open("ab") as file:
+            file.write(data)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error

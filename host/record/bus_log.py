@@ -4,11 +4,11 @@ can-utils, cantools and Wireshark read it too. An instant is the simulated time 
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final
 
-from steptwin.host.common.errors import InputError
+from steptwin.host.common.errors import InputError, RecordingError
 from steptwin.host.common.file_limits import LOG_LINE_CHARS_MAX
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_US
@@ -27,15 +27,49 @@ def log_line(counts: int, frame: Frame) -> str:
     return f"({us // 1_000_000:010d}.{us % 1_000_000:06d}) {CHANNEL} {frame.cob_id:03X}#{frame.data.hex().upper()}\n"
 
 
-def read_frames(log: Path) -> Iterator[tuple[int, Frame]]:
-    """Yield each frame with its instant in counts since power-up.
+class BusLog:
+    """A bus log that is written while it grows. An error ends it and raises nothing: `failure` tells it.
+
+    Attributes:
+        failure: why the log has ended before its time; None if it has not.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Begin the log in a file, a pipe or a device; raise OSError if it cannot be opened."""
+        self.failure: RecordingError | None = None
+        self._path = path
+        self._file = path.open("wb", buffering=0)  # what is not written at once is not written at all
+        self._until_s = 0.0
+
+    def append(self, lines: Iterable[str], until_s: float) -> None:
+        """Write the frames up to an instant; do nothing once the log has ended."""
+        if self.failure:
+            return
+        try:
+            self._write("".join(lines).encode())
+            self._until_s = until_s
+        except OSError as error:
+            self.failure = RecordingError(f"{self._path}: {error.strerror}: the bus log ends at {self._until_s:.3f} s")
+
+    def close(self) -> None:
+        """End the log."""
+        self._file.close()
+
+    def _write(self, data: bytes) -> None:
+        rest = memoryview(data)
+        while rest:
+            rest = rest[self._file.write(rest) :]
+
+
+def read_frames(log: Path, frames: int | None = None) -> Iterator[tuple[int, Frame]]:
+    """Yield each frame, or so many of them, with its instant in counts since power-up.
 
     Raises:
         InputError: a line is not in candump's format; the message names file and line.
     """
     with log.open(encoding="ascii", errors="replace") as lines:
         number = 0
-        while line := lines.readline(LOG_LINE_CHARS_MAX + 1):
+        while number != frames and (line := lines.readline(LOG_LINE_CHARS_MAX + 1)):
             number += 1
             match = _LINE.fullmatch(line)
             if not match:

@@ -2,14 +2,12 @@
 
 import time
 from collections.abc import Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, TextIO
+from typing import Any, Final
 
 from steptwin.controller.backend import Kernel
 from steptwin.controller.kernel import TICK_COUNTS
-from steptwin.controller.pins import PinChange
 from steptwin.emulator.board import Board
 from steptwin.emulator.bus import Bus
 from steptwin.emulator.driver_bank import AxisTrace
@@ -17,18 +15,9 @@ from steptwin.emulator.lateness import Lateness
 from steptwin.emulator.live import LiveSimulation, warm_up
 from steptwin.emulator.pacer import Pacer
 from steptwin.emulator.simulation import Simulation
-from steptwin.host.record.bus_log import log_line
-from steptwin.host.record.folder import (
-    BUS_LOG,
-    EDGES,
-    FOLDER_VERSION,
-    REPORT,
-    ROBOT,
-    VERSION_KEY,
-    AxisTotals,
-    EdgeSpool,
-    write_report,
-)
+from steptwin.host.common.errors import RecordingError
+from steptwin.host.record.bus_log import BusLog, log_line
+from steptwin.host.record.folder import LIVE_JOB, AxisTotals, Header, Mark, Piece, Recording
 from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.board_config import board_configs
@@ -36,12 +25,15 @@ from steptwin.host.twin.drivers import driver_profile
 from steptwin.host.twin.evidence import axis_evidence
 from steptwin.host.twin.live_plan import LivePlan
 from steptwin.host.twin.standing import standing_steps
-from steptwin.host.verify import DriverLimit
+from steptwin.host.verify import AxisEvidence
 from steptwin.protocol.frame import COB_SYNC, FIRST_NODE_ID, Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 RECORD_EVERY_S: Final = 0.5
 """Period in which `record` must be called: until then the drivers' history is held in memory."""
+
+_OPEN_TICKS: Final = 4
+"""Servo ticks before now in which a driver's count may still be open: 1 ms, several times a driver's longest limit."""
 
 
 @dataclass(slots=True)
@@ -55,7 +47,6 @@ class _JointTotals:
         end_steps: position at the last `record`.
         pulses: number of rising CLK edges.
         violations: number of times that a limit of the driver was broken.
-        limits: the limits that the driver sets.
     """
 
     name: str
@@ -64,13 +55,13 @@ class _JointTotals:
     end_steps: int
     pulses: int = 0
     violations: int = 0
-    limits: tuple[DriverLimit, ...] = ()
 
 
 class LiveBoard:
     """A robot's board, or several on one bus, for a `LiveLoop` to run; it records until it is closed.
 
-    All files go into the folder `out`, the bus log alone into the file `log`. Memory stays bounded in any case.
+    All files go into the folder `out`, the bus log alone into the file `log`. Memory stays bounded in any case. A file
+    that cannot be written ends its recording, never the board: `failures` tells it.
     """
 
     def __init__(
@@ -107,14 +98,8 @@ class LiveBoard:
         self.axes_per_board = tuple(axes_per_board or [len(robot.joints)])
         configs = board_configs(robot, stand_at, self.axes_per_board, driver_profile_name)
         self.driver_profile = driver_profile(robot.board, driver_profile_name)
-        self._out = out
-        self._files = ExitStack()
-        self._logs: list[TextIO] = []
-        if log is not None:
-            self._logs.append(self._file(log))
-        if out is not None:
-            self._logs.append(self._file(out / BUS_LOG))
-        self._spool = None if out is None else EdgeSpool(out / EDGES)
+        self._lines: list[str] = []
+        """Lines of the bus log since the last `record`."""
         start_steps = standing_steps(robot, stand_at)
         edges = [ActiveEdge(module.active_edge) for config in configs for module in config.modules]
         self._joints = [
@@ -129,13 +114,24 @@ class LiveBoard:
         self._boards = [Board(config, kernel) for config in configs]
         self._axes = [(board, axis) for board in self._boards for axis in range(board.config.axis_count)]
         """Board of each joint, and the number of the joint's axis on it."""
-        self._plan = None if out is None else LivePlan(out, robot, self._axes, start_steps)
+        self._bus_log = None if log is None else BusLog(log)
+        self._plan = None if out is None else LivePlan(robot, self._axes, start_steps)
+        self._recording = None if out is None else Recording(out, self._header(bitrate), robot.toml)
         self.bus = Bus(bitrate, log=self._log)
         simulation = Simulation(self._boards, self.bus)
         self.live = LiveSimulation(simulation, Pacer(time.monotonic_ns(), speed))
 
-    def _file(self, path: Path) -> TextIO:
-        return self._files.enter_context(path.open("w", encoding="ascii"))
+    def _header(self, bitrate: int) -> Header:
+        axes = tuple(
+            AxisTotals(
+                joint.name,
+                joint.start_steps,
+                joint.active_edge,
+                axis_evidence(joint.name, joint.start_steps, board.trace(axis), axis, ()).violations.limits,
+            )
+            for joint, (board, axis) in zip(self._joints, self._axes, strict=True)
+        )
+        return Header(self.robot.name, self.driver_profile.name, bitrate, axes)
 
     # --- recording
 
@@ -146,8 +142,8 @@ class LiveBoard:
             self._sync_counts = counts
             if self._plan:
                 self._plan.sync()
-        for log in self._logs:
-            log.write(log_line(counts, frame))
+        if self._bus_log or self._recording:
+            self._lines.append(log_line(counts, frame))
 
     def _follow_motion(self) -> None:
         """Note the start and the end of motions: axes that move before the frame after a SYNC were started by it."""
@@ -166,35 +162,50 @@ class LiveBoard:
     def record(self) -> None:
         """Write what has happened at the drivers since the last call to the files, and forget it."""
         self._follow_motion()
+        pieces: list[AxisEvidence] = []
         for board in self._boards:
             traces = [board.take_trace(axis) for axis in range(board.config.axis_count)]
             changes = board.take_pin_changes()
             for axis, trace in enumerate(traces):
                 joint = self._joints[board.config.first_node_id - FIRST_NODE_ID + axis]
-                self._record_axis(joint, trace, axis, changes)
-        for log in self._logs:
-            log.flush()
+                self._add(joint, trace)
+                if self._recording and not self._recording.failure:
+                    pieces.append(axis_evidence(joint.name, joint.start_steps, trace, axis, changes))
+        lines, self._lines = self._lines, []
+        if self._bus_log:
+            self._bus_log.append(lines, self.simulated_s)
+        if self._recording and self._plan:
+            self._recording.append(Piece(pieces, lines, self._plan.take(), self._mark(self._plan)))
 
-    def _record_axis(self, joint: _JointTotals, trace: AxisTrace, axis: int, changes: Sequence[PinChange]) -> None:
-        """Record a joint's axis, given its number on the board and the pin changes of that board."""
+    @staticmethod
+    def _add(joint: _JointTotals, trace: AxisTrace) -> None:
         joint.end_steps = joint.start_steps + trace.position_steps
         joint.pulses += trace.clk_rise_counts.size
         joint.violations += trace.violations.counts.size
-        if self._spool:
-            evidence = axis_evidence(joint.name, joint.start_steps, trace, axis, changes)
-            joint.limits = evidence.violations.limits
-            self._spool.append(evidence)
+
+    def _mark(self, plan: LivePlan) -> Mark:
+        tick = min(board.firmware.motion.tick for board in self._boards)
+        return Mark(
+            until_counts=max(tick - _OPEN_TICKS, 0) * TICK_COUNTS,
+            start_counts=self._motion_start_counts or 0,
+            no_plan=plan.lacking_so_far,
+            in_motion=plan.in_motion,
+            load_percent=round(self.bus_load_percent, 3),
+            wall_s=round(self.wall_s, 3),
+        )
 
     def close(self, document: dict[str, Any]) -> None:
         """Complete the files after the last `record`; `document` becomes report.json."""
-        self._files.close()
-        if self._plan:
-            self._plan.finish()
-        if self._spool and self._out:
-            axes = [AxisTotals(each.name, each.start_steps, each.active_edge, each.limits) for each in self._joints]
-            self._spool.finish(self._motion_start_counts or 0, axes)
-            (self._out / ROBOT).write_text(self.robot.toml, encoding="utf-8")
-            write_report(self._out / REPORT, document | {VERSION_KEY: FOLDER_VERSION})
+        if self._bus_log:
+            self._bus_log.close()
+        if self._recording:
+            self._recording.finish(document)
+
+    @property
+    def failures(self) -> tuple[RecordingError, ...]:
+        """One error for each recording that has ended before its time."""
+        recordings = (self._recording, self._bus_log)
+        return tuple(each.failure for each in recordings if each is not None and each.failure is not None)
 
     # --- figures
 
@@ -229,7 +240,7 @@ class LiveBoard:
         started_counts = self._motion_start_counts
         return {
             "robot": self.robot.name,
-            "job": "live",
+            "job": LIVE_JOB,
             "driver_profile": self.driver_profile.name,
             "duration_s": round(self.simulated_s, 6),
             "simulated": True,

@@ -5,9 +5,9 @@ The firmware's positions begin wherever a host has preset them; those of the mac
 
 from collections.abc import Sequence
 from functools import partial
-from pathlib import Path
 
 from steptwin.emulator.board import Board
+from steptwin.host.record.folder import PlanRows
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.received_plan import HALTED, ReceivedPlan
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
@@ -16,18 +16,15 @@ from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 class LivePlan:
     """Turns the records that a robot's axes accept into a plan; the live board tells of SYNCs, starts and ends."""
 
-    def __init__(
-        self, folder: Path, robot: Robot, axes: Sequence[tuple[Board, int]], start_steps: Sequence[int]
-    ) -> None:
+    def __init__(self, robot: Robot, axes: Sequence[tuple[Board, int]], start_steps: Sequence[int]) -> None:
         """Follow the axes from now on.
 
         Args:
-            folder: receives trajectory.csv.
             robot: the machine.
             axes: board of each joint, and the number of the joint's axis on it.
             start_steps: positions of the joints at power-up, in steps from their zeros.
         """
-        self._received = ReceivedPlan(folder, robot)
+        self._received = ReceivedPlan(robot)
         self._robot = robot
         self._axes = axes
         self._start_steps = start_steps
@@ -44,6 +41,16 @@ class LivePlan:
     def lacking(self) -> str | None:
         """Reason why there is no plan at present; None if there is one."""
         return self._received.lacking
+
+    @property
+    def lacking_so_far(self) -> str | None:
+        """Reason why there is no plan of the motion, which may be under way; None if its rows so far describe it."""
+        return self._received.lacking_so_far
+
+    @property
+    def in_motion(self) -> bool:
+        """True while the motion that the plan describes is under way."""
+        return self._received.going
 
     def sync(self) -> None:
         """Note the positions at rest: a SYNC is about to reach the axes.
@@ -79,9 +86,9 @@ class LivePlan:
         if not in_motion:
             self._received.end(self._on_machine(self._demands_units()))
 
-    def finish(self) -> None:
-        """End the session; leave the plan in the folder if there is one."""
-        self._received.finish()
+    def take(self) -> PlanRows:
+        """Return the rows of the plan that are new, and forget them."""
+        return self._received.take()
 
     def _demands_units(self) -> list[int]:
         return [board.firmware.motion.demand_units(axis) for board, axis in self._axes]

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from steptwin.host.planning.plan import Plan
-from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY, prepare_folder, write_folder
+from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY, keep_recording, prepare_folder, write_folder
 from steptwin.host.verify import Comparison, Report
 from steptwin.protocol.frame import Frame
 
@@ -71,13 +71,16 @@ class Outcome:
     def save(self, folder: Path | str) -> bool:
         """Write report, plan, every edge, bus log, waveform and pictures into a folder (docs/run-folder.md).
 
+        Another run's files are replaced, those of a live board's recording are not.
+
         Returns:
             False if the pictures were left out because matplotlib is not installed.
 
         Raises:
-            InputError: the folder cannot be made, or is not writable.
+            InputError: the folder holds the recording of a live board, cannot be made, or is not writable.
             OSError: a file cannot be written.
         """
+        keep_recording(folder)
         path = prepare_folder(folder)
         document = self.to_dict() | {VERSION_KEY: FOLDER_VERSION}
         return write_folder(path, document, self.plan, self.comparison.evidence, self.bus_log)

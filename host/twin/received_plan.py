@@ -1,15 +1,14 @@
-"""Write the PVT records of the last motion that a SYNC has started as trajectory.csv.
+"""Turn the PVT records of the last motion that a SYNC has started into the rows of trajectory.csv.
 
-With it the pulses of any host's motion can be verified against its records, to the wire unit. A row is written as soon
-as every axis that moves has its record for it, so memory stays bounded.
+With it the pulses of any host's motion can be verified against its records, to the wire unit. A row is made as soon as
+every axis that moves has its record for it, and rows are taken away to be written, so memory stays bounded.
 """
 
 from collections import deque
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Final, TextIO
+from typing import Final
 
-from steptwin.host.record.folder import TRAJECTORY, trajectory_head, trajectory_row
+from steptwin.host.record.folder import PlanRows, trajectory_head, trajectory_row
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.pvt import QUEUE_DEPTH, VELOCITY_PER_UNIT_PER_MS, PvtRecord
 
@@ -25,15 +24,14 @@ _AHEAD_MAX: Final = 2 * QUEUE_DEPTH
 class ReceivedPlan:
     """Collects records as the board accepts them; at the end there is a plan, or a reason why there is none."""
 
-    def __init__(self, folder: Path, robot: Robot) -> None:
-        """Begin without a plan; delete one that an earlier session has left in the folder."""
+    def __init__(self, robot: Robot) -> None:
+        """Begin without a plan."""
         self._lacking: str | None = NO_MOTION
         self.going = False
         """True while the motion is under way."""
-        self._path = folder / TRAJECTORY
-        self._path.unlink(missing_ok=True)
-        self._part = self._path.with_suffix(".part")
-        self._file: TextIO | None = None
+        self._begin = False
+        self._rows: list[str] = []
+        """Rows that are not taken yet; with `_begin` the first is the head of a plan."""
         self._robot = robot
         self._recent = [deque[PvtRecord](maxlen=QUEUE_DEPTH) for _ in robot.joints]
         """The last records of each joint; some of them may wait in its queue when a motion begins."""
@@ -50,12 +48,23 @@ class ReceivedPlan:
         """Reason why there is no plan at present; None if there is one."""
         return ENDED_ELSEWHERE if self.going and not self._lacking else self._lacking
 
+    @property
+    def lacking_so_far(self) -> str | None:
+        """Reason why there is no plan of the motion, which may be under way; None if its rows so far describe it."""
+        return self._lacking
+
+    def take(self) -> PlanRows:
+        """Return the new rows, and forget them."""
+        taken = PlanRows(self._begin, self._rows)
+        self._begin, self._rows = False, []
+        return taken
+
     def accept(self, joint: int, record: PvtRecord) -> None:
         """Take in a record that the board has queued."""
         self._recent[joint].append(record)
         if self.going and self._lacking is None:
             self._pending[joint].append(record)
-            self._write_rows()
+            self._make_rows()
 
     def begin(self, start_units: Sequence[int], queued: Sequence[int]) -> None:
         """Begin a plan: a SYNC has started a motion, with this number of records in each joint's queue."""
@@ -69,11 +78,9 @@ class ReceivedPlan:
         for pending, recent, count in zip(self._pending, self._recent, queued, strict=True):
             pending.clear()
             pending.extend(list(recent)[len(recent) - count :])
-        self._close()
-        self._file = self._part.open("w", encoding="utf-8")
-        self._file.write(trajectory_head(self._robot))
-        self._write_row([0] * len(self._units))
-        self._write_rows()
+        self._begin, self._rows = True, [trajectory_head(self._robot)]
+        self._make_row([0] * len(self._units))
+        self._make_rows()
 
     def fail(self, reason: str) -> None:
         """Give up the plan: the machine does not move as the records say."""
@@ -88,15 +95,7 @@ class ReceivedPlan:
         if list(end_units) != self._units:
             self.fail(ENDED_ELSEWHERE)
 
-    def finish(self) -> None:
-        """End the session; leave the plan in the folder if there is one."""
-        self._close()
-        if self.lacking is None:
-            self._part.replace(self._path)
-        else:
-            self._part.unlink(missing_ok=True)
-
-    def _write_rows(self) -> None:
+    def _make_rows(self) -> None:
         while self._lacking is None and all(self._pending[joint] for joint in self._moving):
             records = {joint: self._pending[joint].popleft() for joint in self._moving}
             durations_ms = {record.duration_ms for record in records.values()}
@@ -108,18 +107,12 @@ class ReceivedPlan:
             for joint, record in records.items():
                 self._units[joint] += record.displacement_units
                 velocities[joint] = record.end_velocity
-            self._write_row(velocities)
+            self._make_row(velocities)
         if any(len(pending) > _AHEAD_MAX for pending in self._pending):
             self.fail(_APART)
 
-    def _write_row(self, velocities: Sequence[int]) -> None:
-        assert self._file
+    def _make_row(self, velocities: Sequence[int]) -> None:
         per_unit = self._robot.wire_units_per_unit.tolist()
         positions = [units / each for units, each in zip(self._units, per_unit, strict=True)]
         speeds = [1000 * v / VELOCITY_PER_UNIT_PER_MS / each for v, each in zip(velocities, per_unit, strict=True)]
-        self._file.write(trajectory_row(self._time_ms / 1000, positions, speeds))
-
-    def _close(self) -> None:
-        if self._file:
-            self._file.close()
-            self._file = None
+        self._rows.append(trajectory_row(self._time_ms / 1000, positions, speeds))

@@ -10,7 +10,7 @@ from steptwin.controller.backend import Kernel, fastest_kernel
 from steptwin.emulator.live_loop import LiveLoop
 from steptwin.emulator.pacer import SPEED_MAX, SPEED_MIN
 from steptwin.host.common.errors import BusError, InputError
-from steptwin.host.record.folder import prepare_folder
+from steptwin.host.record.folder import keep_any_run, keep_log, prepare_folder
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.axes_per_board import check_axes_per_board
 from steptwin.host.twin.endpoints import open_endpoint
@@ -23,7 +23,8 @@ class ServedBoard:
     """A robot's board, or several, in real time behind a socketcand server or on a bus of python-can.
 
     As a context manager it runs in a thread of its own until the block ends; `serve_forever` runs it in the caller's
-    thread. Its files are complete when it has ended, and it can be run once.
+    thread. Its files are complete when it has ended, and it can be run once. A file that cannot be written ends the
+    recording, not the board.
 
     Attributes:
         board: the board with its bus and everything recorded about it.
@@ -47,6 +48,7 @@ class ServedBoard:
         kernel: Kernel | None = None,
         out: Path | str | None = None,
         log: Path | str | None = None,
+        replace: bool = False,
     ) -> None:
         """Set the board up and open its endpoint.
 
@@ -65,9 +67,10 @@ class ServedBoard:
             kernel: form of the firmware's kernel; by default the fastest one that is installed.
             out: folder that receives report, edges and bus log.
             log: file that receives the bus log alone.
+            replace: let `out` replace a run or a recording that the folder holds, and `log` an older file.
 
         Raises:
-            InputError: an argument is out of its range, or contradicts another one.
+            InputError: an argument is out of its range, or contradicts another one, or something would be replaced.
             BusError: the port is in use, or the bus cannot be opened.
             OSError: a file cannot be written.
         """
@@ -79,6 +82,12 @@ class ServedBoard:
         standing = standing_joints(robot, stand_at)
         if axes_per_board is not None:
             check_axes_per_board(axes_per_board, len(robot.joints))
+        if replace and out is None and log is None:
+            raise InputError("replace=True: is for out=DIR and log=FILE")
+        if out is not None and not replace:
+            keep_any_run(out)
+        if log is not None and not replace:
+            keep_log(log)
         folder = None if out is None else prepare_folder(out)
         self.endpoint = open_endpoint(host, port, interface, channel, bits_per_s, allow_remote=allow_remote)
         with ExitStack() as on_error:
@@ -130,6 +139,7 @@ class ServedBoard:
 
         Raises:
             BusError: the bus of python-can has failed, which ends the board too.
+            RecordingError: a file could not be written, so its recording is incomplete.
         """
         with self._loop:
             try:
@@ -143,6 +153,8 @@ class ServedBoard:
         self.board.close(self._final)
         if self.endpoint.failure:
             raise BusError(self.endpoint.failure)
+        for failure in self.board.failures:
+            raise failure
 
     def stop(self) -> None:
         """End the board; may be called from any thread and from signal handlers."""

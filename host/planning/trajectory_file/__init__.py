@@ -8,6 +8,8 @@ CSV has a header `t,<joint>,...` with the joints in any order, and for velocitie
 has `joint_names`, and `points` with `positions`, `time_from_start` and optional `velocities`.
 """
 
+from io import StringIO
+from math import inf
 from typing import Final
 
 from steptwin.host.common.bad_input import prefixed
@@ -20,7 +22,7 @@ from steptwin.host.planning.trajectory_file.json_points import read_json
 from steptwin.host.planning.trajectory_file.points import LONGEST_S, Points
 from steptwin.host.robots.robot import Robot
 
-__all__ = ["LONGEST_S", "SUFFIXES", "is_trajectory_file", "read_trajectory"]
+__all__ = ["LONGEST_S", "SUFFIXES", "is_trajectory_file", "read_trajectory", "trajectory_of_csv"]
 
 SUFFIXES: Final = (".csv", ".json")
 
@@ -33,14 +35,19 @@ def is_trajectory_file(name: str) -> bool:
     return name.lower().endswith(SUFFIXES)
 
 
-def read_trajectory(path: str, robot: Robot) -> Sampled | Sequence:
-    """Return the trajectory in a file whose name ends in .csv or .json.
+def read_trajectory(path: str, robot: Robot, until_s: float = inf) -> Sampled | Sequence:
+    """Return the trajectory, up to the last point at or before `until_s`, in a file whose name ends in .csv or .json.
 
     Raises:
         InputError: the file cannot be read or a value in it is wrong; the message names the file and the place in it.
     """
     with prefixed(f"{path}: "):
-        return _points(path).motion(robot)
+        return _points(path).until(until_s).motion(robot)
+
+
+def trajectory_of_csv(text: str, robot: Robot, until_s: float = inf) -> Sampled | Sequence:
+    """Return the trajectory in the text of a CSV file; raises as `read_trajectory` does, without the path."""
+    return read_csv(StringIO(text)).until(until_s).motion(robot)
 
 
 def _points(path: str) -> Points:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence as Texts
 from dataclasses import dataclass
+from math import inf
 from typing import Final
 
 import numpy as np
@@ -35,6 +36,21 @@ class Points:
     times_s: FloatArray
     positions: FloatArray
     velocities: FloatArray | None
+
+    def until(self, end_s: float) -> "Points":
+        """Return the points up to an instant, all if it is infinite; raise InputError if no motion ends before it."""
+        if end_s == inf:
+            return self
+        kept = int(np.count_nonzero(self.times_s <= end_s))
+        if kept < min(2, len(self.times_s)):
+            raise InputError(f"there is no second point up to {end_s:.6f} s")
+        return Points(
+            self.joint_names,
+            self.places[:kept],
+            self.times_s[:kept],
+            self.positions[:kept],
+            None if self.velocities is None else self.velocities[:kept],
+        )
 
     def motion(self, robot: Robot) -> Sampled | Sequence:
         """Return the motion through the points; raise InputError if the joints or times are not a robot's motion."""

@@ -4,10 +4,13 @@
 """
 
 from steptwin.host.record.folder.edges import AxisTotals, read_edges
+from steptwin.host.record.folder.keeping import keep_any_run, keep_log, keep_recording
 from steptwin.host.record.folder.layout import (
     BUS_LOG,
     EDGES,
     FOLDER_VERSION,
+    LIVE_JOB,
+    RECORDING,
     REPORT,
     ROBOT,
     TRAJECTORY,
@@ -15,9 +18,17 @@ from steptwin.host.record.folder.layout import (
     ContradictionError,
 )
 from steptwin.host.record.folder.motion import trajectory_head, trajectory_row
-from steptwin.host.record.folder.reading import StoredRun, check_axes, read_robot, read_run
+from steptwin.host.record.folder.reading import (
+    StoredRun,
+    check_axes,
+    read_evidence,
+    read_recording,
+    read_robot,
+    read_run,
+)
+from steptwin.host.record.folder.recording import Piece, PlanRows, Recording
+from steptwin.host.record.folder.recording_layout import Header, Mark
 from steptwin.host.record.folder.report import read_report, write_report
-from steptwin.host.record.folder.spool import EdgeSpool
 from steptwin.host.record.folder.verdict import FolderVerdict, verify_folder
 from steptwin.host.record.folder.writing import prepare_folder, write_folder
 
@@ -25,18 +36,29 @@ __all__ = [
     "BUS_LOG",
     "EDGES",
     "FOLDER_VERSION",
+    "LIVE_JOB",
+    "RECORDING",
     "REPORT",
     "ROBOT",
     "TRAJECTORY",
     "VERSION_KEY",
     "AxisTotals",
     "ContradictionError",
-    "EdgeSpool",
     "FolderVerdict",
+    "Header",
+    "Mark",
+    "Piece",
+    "PlanRows",
+    "Recording",
     "StoredRun",
     "check_axes",
+    "keep_any_run",
+    "keep_log",
+    "keep_recording",
     "prepare_folder",
     "read_edges",
+    "read_evidence",
+    "read_recording",
     "read_report",
     "read_robot",
     "read_run",

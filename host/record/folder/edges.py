@@ -31,6 +31,15 @@ PINS: Final = ("reset", "enable", "m1", "m2", "tq1", "tq2", "dcy1", "dcy2", "out
 
 Array = NDArray[Any]
 
+EDGE_TYPES: Final = (
+    {"clk_rise_counts": "<i8", "clk_fall_counts": "<i8", "dir_edge_counts": "<i8", "dir_levels": "|i1"}
+    | {"step_counts": "<i8", "step_signs": "|i1"}
+    | {"violation_counts": "<i8", "violation_which": "|i1", "violation_values": "<f8"}
+    | {"phase_counts": "<i8", "phase_sixteenths": "|i1", "phase_a_ma": "<i2", "phase_b_ma": "<i2"}
+    | {f"{pin}_{column}": code for pin in PINS for column, code in (("counts", "<i8"), ("levels", "|i1"))}
+)
+"""Numpy's code for the values of each array of `edge_arrays`, by its key without the axis' name."""
+
 _INT16: Final = (-(1 << 15), (1 << 15) - 1)
 _INT32: Final = (-(1 << 31), (1 << 31) - 1)
 _INT64: Final = (-(1 << 63), (1 << 63) - 1)
@@ -108,7 +117,7 @@ def _limit_arrays(name: str, limits: tuple[DriverLimit, ...]) -> dict[str, Array
 
 
 def read_edges(folder: Path) -> Evidence:
-    """Return a folder's evidence without the outputs' names.
+    """Return the evidence in edges.npz without the outputs' names.
 
     Raises:
         InputError: the file or a key is missing, a value has another kind, or the file has another version.
@@ -116,10 +125,11 @@ def read_edges(folder: Path) -> Evidence:
     """
     path = existing_file(folder, EDGES)
     with prefixed(f"{path}: "), opened_npz(path) as stored:
-        return _evidence(Arrays(stored))
+        return evidence_of(Arrays(stored))
 
 
-def _evidence(arrays: Arrays) -> Evidence:
+def evidence_of(arrays: Arrays) -> Evidence:
+    """Return the evidence in arrays with the keys of edges.npz; raises as `read_edges` does, without the path."""
     check_version(arrays.integer(VERSION_KEY, _INT64))
     counts_per_second = arrays.integer("counts_per_second", _INT64)
     if counts_per_second != COUNTS_PER_SECOND:

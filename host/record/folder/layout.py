@@ -10,11 +10,16 @@ FOLDER_VERSION: Final = 1
 
 VERSION_KEY: Final = "folder_version"
 
+LIVE_JOB: Final = "live"
+"""What the report of a live board has in the place of a job's name."""
+
 REPORT: Final = "report.json"
 ROBOT: Final = "robot.toml"
 TRAJECTORY: Final = "trajectory.csv"
 EDGES: Final = "edges.npz"
 BUS_LOG: Final = "bus.log"
+RECORDING: Final = "recording.part"
+"""Folder in the folder: a live board's recording that has no end yet, or has lost it."""
 
 
 class ContradictionError(InputError):

@@ -5,6 +5,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -50,14 +51,16 @@ def trajectory_row(t_s: float, positions: Sequence[float], velocities: Sequence[
     return ",".join(map(repr, (t_s, *positions, *velocities))) + "\n"
 
 
-def read_motion(folder: Path, robot: Robot, switchings: Sequence[Switching]) -> Trajectory:
-    """Return the stored motion with the planned changes of outputs.
+def read_motion(folder: Path, robot: Robot, switchings: Sequence[Switching], until_s: float = inf) -> Trajectory:
+    """Return the stored motion, or its part up to an instant, with the planned changes of outputs.
 
     Raises:
         InputError: the file is missing, or `read_trajectory` refuses it.
     """
     path = existing_file(folder, TRAJECTORY)
-    return replace(read_trajectory(str(path), robot), switchings=tuple(switchings))
+    end_s = min((until_s, *(change.from_s for change in switchings if change.until_s > until_s)))
+    known = tuple(change for change in switchings if change.until_s <= end_s)
+    return replace(read_trajectory(str(path), robot, end_s), switchings=known)
 
 
 def _stored_ms(plan: Plan) -> Int64Array:

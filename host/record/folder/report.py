@@ -14,6 +14,8 @@ from steptwin.host.common.text_file import read_text
 from steptwin.host.common.whole_file import whole_file
 from steptwin.host.planning.trajectory import Switching
 from steptwin.host.record.folder.layout import REPORT, VERSION_KEY, check_version, existing_file
+from steptwin.host.record.folder.recording_layout import unfinished
+from steptwin.host.record.folder.unfinished import UnfinishedRecording, read_unfinished
 from steptwin.host.verify import BusReport, RunInfo
 
 _FRAMES_MAX: Final = 1e15
@@ -32,6 +34,7 @@ class StoredReport:
         axes: figures of each axis by name.
         fault: the fault that ended the run; None if the run came to its end.
         document: the whole document.
+        recording: the recording without an end from which the report was made; None for a report from a file.
     """
 
     run: RunInfo
@@ -41,6 +44,7 @@ class StoredReport:
     axes: tuple[Mapping[str, Any], ...]
     fault: Mapping[str, Any] | None
     document: Mapping[str, Any]
+    recording: UnfinishedRecording | None = None
 
 
 def write_report(path: Path, document: Mapping[str, Any]) -> None:
@@ -50,11 +54,13 @@ def write_report(path: Path, document: Mapping[str, Any]) -> None:
 
 
 def read_report(folder: Path) -> StoredReport:
-    """Return a folder's report.
+    """Return a folder's report; for a recording that has no end, what its report would say.
 
     Raises:
         InputError: the file is missing or not JSON, has another version, or a key is missing or has another kind.
     """
+    if unfinished(folder):
+        return _of_recording(read_unfinished(folder))
     path = existing_file(folder, REPORT)
     with prefixed(f"{path}: "):
         return _report(json_table(read_text(str(path), REPORT_BYTES_MAX)))
@@ -70,6 +76,19 @@ def _report(table: Table) -> StoredReport:
         axes=table.each("axes", lambda axis: axis.values),
         fault=_fault(table),
         document=table.values,
+    )
+
+
+def _of_recording(recording: UnfinishedRecording) -> StoredReport:
+    return StoredReport(
+        run=recording.run_info(),
+        switchings=(),
+        passed=None,
+        driver_profile=recording.header.driver_profile,
+        axes=(),
+        fault=None,
+        document={"no_plan": recording.mark.no_plan},
+        recording=recording,
     )
 
 

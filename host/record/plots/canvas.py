@@ -17,6 +17,7 @@ from matplotlib.text import Text
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import shortened
 from steptwin.host.common.printable import printable
+from steptwin.host.common.whole_file import whole_file
 from steptwin.host.verify import Comparison, RunInfo
 from steptwin.host.verify.deviation import critical_instants
 
@@ -70,7 +71,8 @@ def save_figure(figure: Figure, path: Path, metadata: Mapping[str, Any]) -> None
             text.set_parse_math(False)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")  # drawn as an empty box
-        figure.savefig(path, dpi=DOTS_PER_INCH, metadata=dict(metadata))
+        with whole_file(path) as file:
+            figure.savefig(file, format=path.suffix[1:], dpi=DOTS_PER_INCH, metadata=dict(metadata))
 
 
 def rows_of_axes(figure: Figure, rows: int, columns: int = 1, **options: Any) -> list[list[Axes]]:

@@ -20,15 +20,17 @@ STATES: Final = ("UNKNOWN", *(state.name for state in State))
 _PDO_BYTES: Final = sum(ENTRIES[address].data_type.size for address in TPDO_DEFAULTS[0].mapping)
 
 
-def drive_states(log: Path, axes: int) -> tuple[HeldValues, ...]:
+def drive_states(log: Path, axes: int, frames: int | None = None) -> tuple[HeldValues, ...]:
     """Return the state of each axis' drive over time; its instants are those of the log, in whole microseconds.
+
+    With `frames`, only so many frames of the log are read.
 
     Raises:
         InputError: a line is not in candump's format (the message names file and line), or the lines are not in order.
     """
     changes: list[list[tuple[int, int]]] = [[] for _ in range(axes)]
     last_counts = 0
-    for counts, (cob_id, data) in read_frames(log):
+    for counts, (cob_id, data) in read_frames(log, frames):
         if counts < last_counts:
             raise InputError(f"{log}: the instants are not in order of time")
         last_counts = counts

@@ -1,14 +1,11 @@
 """The plan made of received records: independent of their order among the axes, in bounded memory."""
 
-from pathlib import Path
-from tempfile import TemporaryDirectory
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from steptwin.host.planning.trajectory_file import read_trajectory
+from steptwin.host.planning.trajectory_file import trajectory_of_csv
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.received_plan import ReceivedPlan
 from steptwin.protocol.pvt import QUEUE_DEPTH, PvtRecord
@@ -19,9 +16,10 @@ END_UNITS = sum(record.displacement_units for record in RECORDS)
 ORDERS = st.permutations([0] * len(RECORDS) + [3] * len(RECORDS))
 
 
-def text_of(order: list[int], before: int, folder: Path) -> str:
+def text_of(order: list[int], before: int) -> str:
     """Give two joints the same records in this order of joints, `before` of them before the SYNC; return the text."""
-    plan = ReceivedPlan(folder, ROBOT)
+    plan = ReceivedPlan(ROBOT)
+    rows: list[str] = []
     counts = {0: 0, 3: 0}
     for i, joint in enumerate([*order, None]):
         if i == before:
@@ -29,10 +27,10 @@ def text_of(order: list[int], before: int, folder: Path) -> str:
         if joint is not None:
             plan.accept(joint, RECORDS[counts[joint]])
             counts[joint] += 1
+        rows += plan.take().rows
     plan.end([END_UNITS, 0, 0, END_UNITS, 0, 0])
-    plan.finish()
     assert plan.lacking is None
-    return (folder / "trajectory.csv").read_text()
+    return "".join(rows)
 
 
 @settings(max_examples=20)
@@ -40,21 +38,19 @@ def text_of(order: list[int], before: int, folder: Path) -> str:
 def test_the_order_among_the_axes_changes_nothing(order: list[int], before: int) -> None:
     if len(set(order[:before])) < 2:
         before = len(order)  # both axes start with that SYNC
-    with TemporaryDirectory() as folder:
-        assert text_of(order, before, Path(folder)) == text_of([0, 3] * len(RECORDS), 2, Path(folder))
+    assert text_of(order, before) == text_of([0, 3] * len(RECORDS), 2)
 
 
-def test_the_file_is_a_trajectory_to_the_unit(tmp_path: Path) -> None:
-    text_of([0, 3] * len(RECORDS), 2, tmp_path)
-    motion = read_trajectory(str(tmp_path / "trajectory.csv"), ROBOT)
+def test_the_rows_are_a_trajectory_to_the_unit() -> None:
+    motion = trajectory_of_csv(text_of([0, 3] * len(RECORDS), 2), ROBOT)
     (end,) = motion.positions(np.array([motion.duration_s])) * ROBOT.wire_units_per_unit
     assert motion.duration_s == pytest.approx(0.01 * len(RECORDS))
     assert end.tolist() == pytest.approx([END_UNITS, 0, 0, END_UNITS, 0, 0], abs=1e-6)
 
 
 @pytest.mark.parametrize(("ahead", "lacks"), [(2 * QUEUE_DEPTH, False), (2 * QUEUE_DEPTH + 1, True)])
-def test_an_axis_far_ahead_of_the_others_ends_the_plan(ahead: int, lacks: bool, tmp_path: Path) -> None:
-    plan = ReceivedPlan(tmp_path, ROBOT)
+def test_an_axis_far_ahead_of_the_others_ends_the_plan(ahead: int, lacks: bool) -> None:
+    plan = ReceivedPlan(ROBOT)
     for joint in (0, 3):
         plan.accept(joint, RECORDS[0])
     plan.begin([0] * 6, [1, 0, 0, 1, 0, 0])
@@ -62,5 +58,19 @@ def test_an_axis_far_ahead_of_the_others_ends_the_plan(ahead: int, lacks: bool, 
         plan.accept(0, RECORDS[0])
     plan.fail("whatever comes then")
     assert (plan.lacking == "the axes' records do not last equally long") is lacks
-    plan.finish()
-    assert not list(tmp_path.iterdir())
+
+
+def test_only_new_rows_are_taken_and_a_new_plan_says_that_it_begins() -> None:
+    plan = ReceivedPlan(ROBOT)
+    assert plan.take() == (False, [])
+    for _ in range(2):
+        plan.accept(0, RECORDS[0])
+        plan.begin([0] * 6, [1, 0, 0, 0, 0, 0])
+        begin, rows = plan.take()
+        assert begin
+        assert rows[0].startswith("t,sx,")
+        assert [row.split(",")[0] for row in rows[1:]] == ["0.0", "0.01"]
+        plan.accept(0, RECORDS[0])
+        begin, rows = plan.take()
+        assert not begin
+        assert [row.split(",")[0] for row in rows] == ["0.02"]

@@ -9,7 +9,8 @@ import can
 import pytest
 
 from steptwin.controller.backend import Kernel
-from steptwin.host.common.errors import InputError
+from steptwin.host.common.errors import InputError, RecordingError
+from steptwin.host.record.folder import read_recording
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.served_board import ServedBoard
 
@@ -47,6 +48,44 @@ def test_on_a_bus_of_python_can(fast_kernel: Kernel) -> None:
             bus.send(NMT_START_ALL)
             answer(bus, 0x190)
         assert served.report()["interface"]["name"] == "virtual served"
+
+
+def test_an_exception_in_the_board_leaves_the_recording(fast_kernel: Kernel, tmp_path: Path) -> None:
+    """Up to the last half second, and the exception passes on."""
+
+    def fail() -> None:
+        raise ZeroDivisionError("of the board")
+
+    served = ServedBoard(ROBOT, port=0, kernel=fast_kernel, out=tmp_path / "out")
+    served.call_every(1.2, fail)
+    with pytest.raises(ZeroDivisionError, match="of the board"):
+        served.serve_forever()
+    recording = read_recording(tmp_path / "out")
+    assert recording
+    assert recording.until_s > 0.4
+    assert recording.evidence().axes[0].name == "d1"
+
+
+def test_a_recording_is_replaced_only_if_asked(fast_kernel: Kernel, tmp_path: Path) -> None:
+    out, log = tmp_path / "out", tmp_path / "run.log"
+    for _ in range(2):
+        with ServedBoard(ROBOT, port=0, kernel=fast_kernel, out=out, log=log, replace=True):
+            pass
+    for folder, file in ((out, None), (None, log)):
+        with pytest.raises(InputError, match=r"take another (folder|file), such as \S+-2\S*, or replace=True$"):
+            ServedBoard(ROBOT, port=0, kernel=fast_kernel, out=folder, log=file)
+    with pytest.raises(InputError, match=r"^replace=True: is for out=DIR and log=FILE$"):
+        ServedBoard(ROBOT, port=0, kernel=fast_kernel, replace=True)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no /dev/full")
+def test_a_file_that_cannot_be_written_is_an_error_at_the_end(fast_kernel: Kernel) -> None:
+    with (
+        pytest.raises(RecordingError, match=r"^/dev/full: No space left on device: the bus log ends at 0.000 s$"),
+        ServedBoard(ROBOT, port=0, kernel=fast_kernel, log="/dev/full") as served,
+    ):
+        pass
+    assert served.report()["bus"]["frames"] == 4
 
 
 def test_errors_in_the_block_end_the_board_and_pass_on(fast_kernel: Kernel) -> None:

@@ -1,0 +1,185 @@
+"""Record a live board piece by piece, so that whatever ends the board leaves a recording that can be read.
+
+Memory does not grow with the recording: it is on disk, in the files of `recording_layout`, and edges.npz is made of
+these at the end.
+"""
+
+import shutil
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
+
+import numpy as np
+
+from steptwin.host.common.errors import RecordingError
+from steptwin.host.common.whole_file import append, whole_file
+from steptwin.host.record.folder.edges import EDGE_TYPES, edge_arrays, header_arrays
+from steptwin.host.record.folder.layout import (
+    BUS_LOG,
+    EDGES,
+    FOLDER_VERSION,
+    RECORDING,
+    REPORT,
+    ROBOT,
+    TRAJECTORY,
+    VERSION_KEY,
+)
+from steptwin.host.record.folder.recording_layout import HEADER, MARKS, PLAN, Header, Mark
+from steptwin.host.record.folder.report import write_report
+from steptwin.host.verify import AxisEvidence
+from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+_CHUNK_BYTES = 1 << 20
+
+
+class PlanRows(NamedTuple):
+    """Rows of trajectory.csv that are new; if they begin another plan, the head of the file is the first."""
+
+    begin: bool
+    rows: Sequence[str]
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """What happened since the piece before.
+
+    Attributes:
+        axes: edges of each axis.
+        log: lines of the bus log.
+        plan: rows of the plan.
+        mark: how far the recording goes with this piece; the recording sets `frames` and `plan_from`.
+    """
+
+    axes: Sequence[AxisEvidence]
+    log: Sequence[str]
+    plan: PlanRows
+    mark: Mark
+
+
+class Recording:
+    """A recording in progress in the folder of a run.
+
+    A file that cannot be written ends the recording and raises nothing: `failure` tells it, and what was recorded
+    before remains.
+
+    Attributes:
+        failure: why the recording has ended before its time; None if it has not.
+    """
+
+    def __init__(self, folder: Path, header: Header, robot_toml: str) -> None:
+        """Begin a recording, in place of what the folder holds.
+
+        Raises:
+            OSError: a file cannot be written.
+        """
+        self.failure: RecordingError | None = None
+        self._folder = folder
+        self._header = header
+        self._parts = folder / RECORDING
+        self._mark = Mark()
+        self._sizes: dict[str, int] = {}
+        """Bytes of each file in `recording.part` up to the last mark."""
+        (self._parts / HEADER).unlink(missing_ok=True)
+        shutil.rmtree(self._parts, ignore_errors=True)
+        for name in (REPORT, TRAJECTORY, EDGES, BUS_LOG):
+            (folder / name).unlink(missing_ok=True)
+        self._parts.mkdir()
+        (folder / BUS_LOG).touch()
+        with whole_file(folder / ROBOT) as file:
+            file.write(robot_toml.encode())
+        with whole_file(self._parts / HEADER) as file:
+            file.write(header.text().encode())
+
+    @property
+    def until_s(self) -> float:
+        """Seconds since power-up up to which everything is recorded."""
+        return self._mark.until_counts / COUNTS_PER_SECOND
+
+    def append(self, piece: Piece) -> None:
+        """Record a piece; do nothing once the recording has ended."""
+        if self.failure:
+            return
+        try:
+            self._append(piece)
+        except OSError as error:
+            self._fail(error)
+
+    def finish(self, document: Mapping[str, Any]) -> None:
+        """Complete the folder, with `document` as report.json; do nothing once the recording has ended.
+
+        Only when the folder is complete does `recording.part` cease to be a recording.
+        """
+        if self.failure:
+            return
+        try:
+            if self._mark.no_plan is None and not self._mark.in_motion:
+                self._write_plan()
+            self._write_edges()
+            write_report(self._folder / REPORT, dict(document) | {VERSION_KEY: FOLDER_VERSION})
+            (self._parts / HEADER).unlink()
+            shutil.rmtree(self._parts)
+        except OSError as error:
+            self._fail(error)
+
+    def _fail(self, error: OSError) -> None:
+        self.failure = RecordingError(
+            f"{error.filename}: {error.strerror}: the recording in {self._folder} ends at {self.until_s:.3f} s"
+        )
+
+    def _append(self, piece: Piece) -> None:
+        if piece.log:
+            append(self._folder / BUS_LOG, "".join(piece.log).encode())
+        grown: dict[str, int] = {}
+        for key, data in _data(piece):
+            append(self._parts / key, data)
+            grown[key] = self._sizes.get(key, 0) + len(data)
+        mark = replace(
+            piece.mark,
+            frames=self._mark.frames + len(piece.log),
+            plan_from=self._sizes.get(PLAN, 0) if piece.plan.begin else self._mark.plan_from,
+        )
+        append(self._parts / MARKS, mark.line(self._mark, grown).encode())
+        self._mark = mark
+        self._sizes |= grown
+
+    def _write_plan(self) -> None:
+        with (self._parts / PLAN).open("rb") as plans, whole_file(self._folder / TRAJECTORY) as file:
+            plans.seek(self._mark.plan_from)
+            shutil.copyfileobj(plans, file, _CHUNK_BYTES)
+
+    def _write_edges(self) -> None:
+        with whole_file(self._folder / EDGES) as file, ZipFile(file, "w") as archive:
+            for key, value in header_arrays(self._mark.start_counts, self._header.axes).items():
+                with archive.open(_member(key), "w") as member:
+                    np.lib.format.write_array(member, np.asarray(value))
+            for axis in self._header.axes:
+                for column, code in EDGE_TYPES.items():
+                    self._write_array(archive, f"{axis.name}_{column}", np.dtype(code))
+
+    def _write_array(self, archive: ZipFile, key: str, value_type: np.dtype[Any]) -> None:
+        shape = (self._sizes.get(key, 0) // value_type.itemsize,)
+        description = {"descr": value_type.str, "fortran_order": False, "shape": shape}
+        with archive.open(_member(key), "w", force_zip64=True) as member:
+            np.lib.format.write_array_header_1_0(member, description)
+            if key in self._sizes:
+                with (self._parts / key).open("rb") as values:
+                    shutil.copyfileobj(values, member, _CHUNK_BYTES)
+
+
+def _data(piece: Piece) -> Iterable[tuple[str, bytes]]:
+    """Yield the new bytes of each file that grows."""
+    for axis in piece.axes:
+        for key, values in edge_arrays(axis).items():
+            if values.size:
+                yield key, values.astype(EDGE_TYPES[key.removeprefix(f"{axis.name}_")], copy=False).tobytes()
+    if piece.plan.rows:
+        yield PLAN, "".join(piece.plan.rows).encode()
+
+
+def _member(key: str) -> ZipInfo:
+    """Return an archive member without a time of day, as numpy does: equal arrays make equal files."""
+    info = ZipInfo(f"{key}.npy")
+    info.compress_type = ZIP_DEFLATED
+    return info
