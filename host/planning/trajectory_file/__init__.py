@@ -22,7 +22,14 @@ from steptwin.host.planning.trajectory_file.json_points import read_json
 from steptwin.host.planning.trajectory_file.points import LONGEST_S, Points
 from steptwin.host.robots.robot import Robot
 
-__all__ = ["LONGEST_S", "SUFFIXES", "is_trajectory_file", "read_trajectory", "trajectory_of_csv"]
+__all__ = [
+    "LONGEST_S",
+    "SUFFIXES",
+    "is_trajectory_file",
+    "read_trajectory",
+    "read_trajectory_until",
+    "trajectory_of_csv",
+]
 
 SUFFIXES: Final = (".csv", ".json")
 
@@ -35,11 +42,20 @@ def is_trajectory_file(name: str) -> bool:
     return name.lower().endswith(SUFFIXES)
 
 
-def read_trajectory(path: str, robot: Robot, until_s: float = inf) -> Sampled | Sequence:
-    """Return the trajectory, up to the last point at or before `until_s`, in a file whose name ends in .csv or .json.
+def read_trajectory(path: str, robot: Robot) -> Sampled | Sequence:
+    """Return the trajectory in a file whose name ends in .csv or .json.
 
     Raises:
         InputError: the file cannot be read or a value in it is wrong; the message names the file and the place in it.
+    """
+    return read_trajectory_until(inf, path, robot)
+
+
+def read_trajectory_until(until_s: float, path: str, robot: Robot) -> Sampled | Sequence:
+    """Return the trajectory in a file up to its last point at or before an instant.
+
+    Raises:
+        InputError: as `read_trajectory` does, or there are not two points up to that instant.
     """
     with prefixed(f"{path}: "):
         return _points(path).until(until_s).motion(robot)

@@ -16,7 +16,7 @@ from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.whole_file import whole_file
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.trajectory import Switching, Trajectory
-from steptwin.host.planning.trajectory_file import read_trajectory
+from steptwin.host.planning.trajectory_file import read_trajectory_until
 from steptwin.host.record.folder.layout import TRAJECTORY, existing_file
 from steptwin.host.robots.robot import Robot
 
@@ -55,12 +55,12 @@ def read_motion(folder: Path, robot: Robot, switchings: Sequence[Switching], unt
     """Return the stored motion, or its part up to an instant, with the planned changes of outputs.
 
     Raises:
-        InputError: the file is missing, or `read_trajectory` refuses it.
+        InputError: the file is missing, or `read_trajectory_until` refuses it.
     """
     path = existing_file(folder, TRAJECTORY)
     end_s = min((until_s, *(change.from_s for change in switchings if change.until_s > until_s)))
     known = tuple(change for change in switchings if change.until_s <= end_s)
-    return replace(read_trajectory(str(path), robot, end_s), switchings=known)
+    return replace(read_trajectory_until(end_s, str(path), robot), switchings=known)
 
 
 def _stored_ms(plan: Plan) -> Int64Array:
