@@ -54,6 +54,11 @@ def in_motion(folder: Path) -> bool:
     return mark.in_motion and mark.until_counts > mark.start_counts + 43_200_000
 
 
+def said(stderr: str) -> list[str]:
+    """Return the lines on stderr, without the warning that this computer is too slow."""
+    return [line for line in stderr.splitlines() if "computer too slow" not in line]
+
+
 def contents(folder: Path) -> dict[str, bytes]:
     return {str(path): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
 
@@ -102,7 +107,7 @@ def test_two_signals_at_once_end_it_in_order(points: str, tmp_path: Path, capsys
             time.sleep(pause_s)
             code, out, err = server.end(signal.SIGINT)
             client.communicate(timeout=TIMEOUT_S)
-        assert (code, err) == (0, "")
+        assert (code, said(err)) == (0, [])
         assert json.loads((folder / "report.json").read_text()) == json.loads(out) | {"folder_version": 1}
         assert not read_recording(folder)
         assert read_edges(folder).axes[0].step_counts.size > 20
@@ -123,14 +128,14 @@ def test_a_full_disk_ends_the_recording_and_not_the_motion(
         bytes_max = (folder / "bus.log").stat().st_size + BYTES_LEFT
         resource.prlimit(server.process.pid, resource.RLIMIT_FSIZE, (bytes_max, bytes_max))
         out, err = client.communicate(timeout=TIMEOUT_S)
-        assert (client.returncode, err) == (0, ""), out
+        assert (client.returncode, said(err)) == (0, []), out
         assert server.run("status", ROBOT) == 0
         code, stdout, stderr = server.end(signal.SIGTERM)
     recording = read_recording(folder)
     assert recording
     assert recording.mark.in_motion
     ends = f": File too large: the recording in {folder} ends at {recording.until_s:.3f} s"
-    *warnings, error = stderr.splitlines()
+    *warnings, error = said(stderr)
     assert code == 1
     assert error.startswith(f"steptwin: {folder}/")
     assert error.endswith(ends)
