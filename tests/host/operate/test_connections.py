@@ -3,6 +3,7 @@
 import pytest
 
 from steptwin.host.cli.app import run
+from steptwin.host.cli.connection import connection
 
 
 @pytest.mark.parametrize(
@@ -11,6 +12,8 @@ from steptwin.host.cli.app import run
         ("", "which board? --connect HOST:PORT, or -i INTERFACE -c CHANNEL"),
         ("--connect 1.2.3.4:", "--connect 1.2.3.4:: is not of the form HOST:PORT, such as 127.0.0.1:29536"),
         ("--connect 1.2.3.4:65536", "--connect 1.2.3.4:65536: is not of the form HOST:PORT, such as 127.0.0.1:29536"),
+        ("--connect ::1:29536", "--connect ::1:29536: put an IPv6 address in brackets, such as [::1]:29536"),
+        ("--connect [::1]:0", "--connect [::1]:0: is not of the form HOST:PORT, such as 127.0.0.1:29536"),
         ("--connect a:1 -i virtual", "--connect a:1 and --interface virtual: give only one of them"),
         ("-i socketcam", "--interface 'socketcam' is unknown: did you mean socketcan or socketcand?"),
         ("-c can0", "--channel can0: is for a live board: --connect HOST:PORT or --interface NAME"),
@@ -25,3 +28,10 @@ from steptwin.host.cli.app import run
 def test_invalid_connections(capsys: pytest.CaptureFixture[str], options: str, message: str) -> None:
     assert run(["status", "warehouse-scara", *options.split()]) == 2
     assert capsys.readouterr() == ("", f"steptwin: {message}\n")
+
+
+@pytest.mark.parametrize("text", ["[::1]:4711", "[::1]"])
+def test_an_ipv6_address_in_brackets(text: str) -> None:
+    found = connection(text, None, None, None, None)
+    assert found
+    assert (found.host, found.title) == ("::1", "[::1]:4711" if text.endswith("4711") else "[::1]:29536")
