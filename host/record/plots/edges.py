@@ -39,7 +39,7 @@ def draw_edges(comparison: Comparison, run: RunInfo, view: View) -> Figure:
     steps = [_mark_steps(axes, *each, moment) for each in zip(comparison.counted, firsts, strict=True)]
     _say_intervals(axes, comparison, firsts, moment)
     _finish(axes, lanes, moment)
-    axes.set_xlabel(f"time from t = {moment.at_s:.6f} s [ms]; {_about_marks(steps)}")
+    axes.set_xlabel(f"{moment.label}; {_about_marks(steps)}")
     return figure
 
 

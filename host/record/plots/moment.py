@@ -26,6 +26,11 @@ class Moment:
         """End of the part."""
         return self.at_s + self.span_s / 2.0
 
+    @property
+    def label(self) -> str:
+        """Label of the axis of `shown_ms`."""
+        return around(self.at_s, decimals=6)
+
     def shown_ms(self, times_s: FloatArray) -> FloatArray:
         """Return motion times in milliseconds relative to the instant."""
         shown: FloatArray = 1e3 * (times_s - self.at_s)
@@ -51,6 +56,11 @@ class View:
         else:
             interval_s, at_s = _shortest_at(comparison, self.at_s), self.at_s
         return Moment(at_s, min(intervals * interval_s, duration_s) if self.span_s is None else self.span_s)
+
+
+def around(at_s: float, decimals: int = 4) -> str:
+    """Return the label of an axis of time that zooms in on an instant and shows milliseconds from it."""
+    return f"around t = {at_s:.{decimals}f} s, in ms"
 
 
 def interval_around(times_s: FloatArray, at_s: float) -> float | None:

@@ -48,7 +48,7 @@ def draw_phases(comparison: Comparison, run: RunInfo, view: View) -> Figure:
     rows[0, 0].set_ylim(-peak_a, peak_a)
     rows[0, 0].set_title("B over A, the whole run", loc="left")
     rows[-1, 0].set_xlabel("A [A]")
-    rows[-1, 1].set_xlabel(f"time from t = {moment.at_s:.6f} s [ms]")
+    rows[-1, 1].set_xlabel(moment.label)
     power_up_s = -comparison.evidence.start_counts / COUNTS_PER_SECOND  # the record begins at power-up
     rows[-1, 1].set_xlim(*moment.shown_ms(np.array([max(moment.from_s, power_up_s), moment.to_s])))
     if moving:

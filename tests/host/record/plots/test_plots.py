@@ -179,10 +179,27 @@ class TestAToolThatStandsStill:
         assert [text.get_text() for text in magnified.texts] == ["the tool does not move"]
         assert close.axison
 
+    def test_has_no_close_view_in_its_error_picture(self) -> None:
+        assert [axes.get_ylabel() for axes in PICTURES["error"](self.comparison(), RUN, VIEW).axes] == [
+            "tool [mm]", "attitude [deg]",
+        ]  # fmt: skip
+
     def test_has_no_limits_of_joints_in_its_error_picture(self) -> None:
         assert PICTURES["error"](self.comparison(), RUN, VIEW).axes[0].get_title(loc="left") == "whole motion"
         of_joints = PICTURES["error"](swinging(), RUN, VIEW).axes[0]
         assert of_joints.get_title(loc="left") == "whole motion; dashed: limit of 0.57 steps"
+
+
+def test_pictures_of_a_short_time_say_around_which_instant() -> None:
+    for picture, column in (("error", 1), ("edges", 0), ("phases", 1)):
+        label = PICTURES[picture](swinging(), RUN, VIEW).axes[-2 + column if column else -1].get_xlabel()
+        assert re.match(r"around t = \d+\.\d{4,6} s, in ms", label), (picture, label)
+
+
+def test_many_edges_are_drawn_as_an_envelope() -> None:
+    """Two lines and a band between them; few edges are one line."""
+    dense, sparse = (PICTURES["error"](RUNS[run](), RUN, VIEW).axes[0] for run in ("swinging", "single step"))
+    assert (len(dense.collections), len(sparse.collections)) == (1, 0)
 
 
 def test_an_error_that_is_visible_is_not_magnified() -> None:
