@@ -105,4 +105,5 @@ class _Host:
             goal_counts = until_counts if due_counts is None else max(self.now_counts, min(until_counts, due_counts))
             self.now_counts = self._firmware.advance(goal_counts)
             self._firmware.poll(self.now_counts)
-            self._firmware.take_frames()
+            while self._firmware.transmit.take((), 0, self.now_counts):
+                pass

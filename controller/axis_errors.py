@@ -6,6 +6,7 @@ from functools import partial
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.cob_id import check_cob_id
+from steptwin.protocol.datatypes import DataType
 from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.emergency import EmergencyProducer
 from steptwin.protocol.frame import COB_ID_INVALID, Frame
@@ -25,6 +26,7 @@ class AxisErrors:
         read, write = dictionary.read_hooks, dictionary.write_hooks
         read[od.ERROR_REGISTER] = lambda: self.producer.register
         read[od.ERROR_HISTORY_COUNT] = lambda: len(self.producer.history)
+        read[od.EMCYS_LOST] = lambda: min(self.producer.lost, DataType.UNSIGNED32.high)
         for i, address in enumerate(od.ERROR_HISTORY):
             read[address] = partial(self._history, i)
         write[od.ERROR_HISTORY_COUNT] = lambda _: self.producer.history.clear()
@@ -49,9 +51,9 @@ class AxisErrors:
         """Return whether an error with this code is active, with any detail."""
         return self.producer.is_active(code)
 
-    def resolved(self, code: ErrorCode) -> None:
-        """Resolve an error, with all its details."""
-        self._resolve(lambda active, _: active is code)
+    def resolved(self, code: ErrorCode, detail: int | None = None) -> None:
+        """Resolve an error with one detail, or with all its details."""
+        self._resolve(lambda active, of: active is code and detail in (None, of))
 
     def pdo_received(self, number: int) -> None:
         """Resolve a receive PDO's length error, after a frame of the right length."""

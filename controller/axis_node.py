@@ -6,9 +6,11 @@ from contextlib import contextmanager
 from steptwin.controller.axis_context import AxisContext
 from steptwin.controller.axis_drive import AxisDrive
 from steptwin.controller.board_context import BoardContext
+from steptwin.controller.outbox import Outbox
 from steptwin.controller.pins import Pin
 from steptwin.controller.present_values import install_present_values
 from steptwin.controller.step_settings import StepSettings
+from steptwin.controller.transmit_queue import Service
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import AbortConnection, ErrorCode, State, Status
 from steptwin.protocol.dictionary import FlashPage
@@ -18,18 +20,18 @@ from steptwin.protocol.sdo_server import SdoServer
 from steptwin.protocol.storage import ParameterStorage
 from steptwin.protocol.sync import SyncConsumer
 
+_RETRY_US = 1000
+"""Time after which an EMCY that found no place in the transmit queue tries again."""
 _FAULT_STATES = (State.FAULT_REACTION_ACTIVE, State.FAULT)
 
 
 class AxisNode:
-    """The firmware of one axis. Every call is told the time; frames to send collect in `outbox`."""
+    """The firmware of one axis. Every call is told the time; frames to send go to the board's transmit queue."""
 
     def __init__(self, axis: int, node_id: int, flash_page: FlashPage, board: BoardContext) -> None:
         self.axis = axis
         self.node_id = node_id
         self.nmt_state = NmtState.INITIALISING
-        self.outbox: list[Frame] = []
-        """Frames to send, until the firmware fetches them."""
         self.due_us: int | None = None
         """Time of the next call of `poll`; None if the node waits for nothing."""
         self.routes_changed = True
@@ -50,6 +52,7 @@ class AxisNode:
         self._heartbeats = context.heartbeats
         self._errors = context.errors
         self._emergency = context.errors.producer
+        self._outbox = Outbox(axis, board.transmit, context.dictionary, context.errors)
         self.drive = AxisDrive(context)
         self._steps = StepSettings(context, self.drive)
         install_present_values(context, self.drive)
@@ -118,11 +121,12 @@ class AxisNode:
         self._set_heartbeat_period(self.dictionary.get(od.PRODUCER_HEARTBEAT_TIME))
         self._errors.reset_communication()
         self._heartbeats.restart()
+        self._outbox.reset()
         self.connection_lost = False
         self.nmt_state = NmtState.PRE_OPERATIONAL
         self.process_data.configurable = True
         self.process_data.invalidate()
-        self.outbox.append(Frame(COB_HEARTBEAT + self.node_id, bytes((NmtState.INITIALISING,))))
+        self._send(Service.NMT, COB_HEARTBEAT + self.node_id, bytes((NmtState.INITIALISING,)))
 
     # --- frames in
 
@@ -132,7 +136,7 @@ class AxisNode:
             return
         self._context.now_us = now_us
         for response in self._sdo.handle(data):
-            self.outbox.append(Frame(COB_SDO_RESPONSE + self.node_id, response))
+            self._send(Service.SDO, COB_SDO_RESPONSE + self.node_id, response)
         self._settle()
 
     def on_rpdo(self, number: int, data: bytes, now_us: int) -> None:
@@ -164,10 +168,10 @@ class AxisNode:
         for receive_pdo in self.process_data.receive_pdos:
             receive_pdo.on_sync()
         self.drive.mode.on_sync()
-        for transmit_pdo in self.process_data.transmit_pdos:
+        for number, transmit_pdo in enumerate(self.process_data.transmit_pdos):
             frame = transmit_pdo.on_sync(counter) if transmit_pdo.exists else None
             if frame:
-                self.outbox.append(frame)
+                self._outbox.send_process_data(number, frame, now_us)
         self._settle()
 
     @property
@@ -218,7 +222,7 @@ class AxisNode:
         if active:
             self._errors.report(code, 0)
         else:
-            self._errors.resolved(code)
+            self._errors.resolved(code, 0)
         self._settle()
 
     # --- the drive
@@ -255,7 +259,7 @@ class AxisNode:
         self._context.touched = False
 
     def _schedule(self) -> None:
-        dues = [self._heartbeat.due_us, self._heartbeats.due_us, *self.drive.dues_us()]
+        dues = [self._heartbeat.due_us, self._heartbeats.due_us, self._outbox.due_us, *self.drive.dues_us()]
         if self.nmt_state is not NmtState.STOPPED:
             dues.append(self._emergency.due_us)
         if self.nmt_state is NmtState.OPERATIONAL:
@@ -270,14 +274,23 @@ class AxisNode:
             self._settle()
         self._watch_connection()
         if self._heartbeat.poll(now_us):
-            self.outbox.append(Frame(COB_HEARTBEAT + self.node_id, bytes((self.nmt_state,))))
+            self._send(Service.NMT, COB_HEARTBEAT + self.node_id, bytes((self.nmt_state,)))
+        self._outbox.poll(now_us)
         if self.nmt_state is not NmtState.STOPPED:
-            emergency = self._errors.poll(now_us)
-            if emergency:
-                self.outbox.append(emergency)
+            self._send_emergency(now_us)
         if self.nmt_state is NmtState.OPERATIONAL:
-            for pdo in self.process_data.transmit_pdos:
+            for number, pdo in enumerate(self.process_data.transmit_pdos):
                 frame = pdo.poll(now_us) if pdo.exists else None
                 if frame:
-                    self.outbox.append(frame)
+                    self._outbox.send_process_data(number, frame, now_us)
         self._schedule()
+
+    def _send(self, service: Service, cob_id: int, data: bytes) -> None:
+        self._outbox.send(service, Frame(cob_id, data), self._context.now_us)
+
+    def _send_emergency(self, now_us: int) -> None:
+        """Send the EMCY that is due, or try again later if too many of this node wait for the bus: none is lost."""
+        if not self._outbox.has_room(Service.EMCY):
+            self._emergency.postpone(now_us + _RETRY_US)
+        elif emergency := self._errors.poll(now_us):
+            self._outbox.send(Service.EMCY, emergency, now_us)

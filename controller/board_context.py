@@ -5,6 +5,7 @@ from typing import NamedTuple, Protocol
 from steptwin.controller.measurements import Measurements, Monitor
 from steptwin.controller.motion import Motion
 from steptwin.controller.sync_clock import SyncClock
+from steptwin.controller.transmit_queue import TransmitQueue
 from steptwin.protocol.cia402 import ErrorCode
 
 
@@ -18,10 +19,11 @@ class Trip(Protocol):
 
 
 class BoardContext(NamedTuple):
-    """Motion, measurements and clocks of the board, and the way to request a fault reaction."""
+    """Motion, measurements, clocks and CAN driver of the board, and the way to request a fault reaction."""
 
     motion: Motion
     measurements: Measurements
     monitor: Monitor
     sync_clock: SyncClock
+    transmit: TransmitQueue
     trip: Trip

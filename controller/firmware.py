@@ -1,7 +1,7 @@
 """The board's firmware as one object: up to eight axis nodes on one motion kernel.
 
 `receive` takes a frame and `advance` lets time pass; every call is told the time in 72 MHz counts since boot. The
-caller fetches the results: frames by `take_frames`, pin changes by `take_pins`, pulse edges by `motion.take_edges`.
+caller fetches the results: frames by `transmit.take`, pin changes by `take_pins`, pulse edges by `motion.take_edges`.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,6 +17,7 @@ from steptwin.controller.measurements import Measurements, Monitor, no_monitor
 from steptwin.controller.motion import AxisEvent, Motion
 from steptwin.controller.pins import OUTPUT_PINS, PinChange
 from steptwin.controller.sync_clock import SyncClock
+from steptwin.controller.transmit_queue import TransmitQueue
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode
 from steptwin.protocol.dictionary import FlashPage
@@ -86,11 +87,12 @@ class Firmware:
         self._measurements = Measurements()
         self._trips: dict[int, list[FaultCause]] = {}
         """The axes that request the fault reaction, and their errors."""
-        board = BoardContext(self.motion, self._measurements, monitor, SyncClock(), self._trip)
+        self.transmit = TransmitQueue()
+        """The frames that wait for a mailbox of the CAN controller."""
+        board = BoardContext(self.motion, self._measurements, monitor, SyncClock(), self.transmit, self._trip)
         self.nodes = tuple(AxisNode(axis, first_node_id + axis, page, board) for axis, page in enumerate(pages))
         self.dropped_frames = 0
         """Number of frames whose COB-ID no node listens to."""
-        self._frames: list[Frame] = []
         self._pins: list[PinChange] = []
         self._routes: dict[int, list[tuple[AxisNode, Handler]]] = {}
         self._dues_us: list[int | None] = [None] * axis_count
@@ -288,16 +290,13 @@ class Firmware:
     # --- out
 
     def _collect(self, node: AxisNode, now_counts: int) -> None:
-        """Fetch a node's frames and pin changes, follow its COB-IDs, note the time of its next poll."""
+        """Fetch a node's pin changes, follow its COB-IDs, note the time of its next poll."""
         if node.routes_changed:
             self._route()
         if node.due_us != self._dues_us[node.axis]:
             self._dues_us[node.axis] = node.due_us
             dues_us = [due_us for due_us in self._dues_us if due_us is not None]
             self._due_counts = min(dues_us) * COUNTS_PER_US if dues_us else None
-        if node.outbox:
-            self._frames += node.outbox
-            node.outbox.clear()
         if node.pins.changes:
             self._switch_pins(node, now_counts)
 
@@ -308,11 +307,6 @@ class Firmware:
             counts = now_counts if pin in OUTPUT_PINS else driver_counts
             self._pins.append(PinChange(counts, node.axis, pin, level))
         node.pins.changes.clear()
-
-    def take_frames(self) -> list[Frame]:
-        """Return the frames to send now, in order."""
-        frames, self._frames = self._frames, []
-        return frames
 
     def take_pins(self) -> list[PinChange]:
         """Return the pin changes since the last call, in order."""

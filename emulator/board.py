@@ -74,7 +74,7 @@ class Board:
         self.can = CanController(
             self.firmware.receive, self.firmware.on_can_error, self.firmware.hears, self.config.read_latency_counts
         )
-        """The CAN controller; `poll` hands it the firmware's frames."""
+        """The CAN controller; `poll` fills its mailboxes with the firmware's frames."""
         self._inputs.restart_count()
         self._seen = [DigitalInput(0)] * self.config.axis_count
         """Levels of the inputs that the firmware has seen last."""
@@ -221,10 +221,16 @@ class Board:
         if self.can.next_due_counts is not None:
             self.can.poll(now_counts)
         firmware.poll(now_counts)
-        for frame in firmware.take_frames():
-            self.can.send(frame, now_counts)
+        if firmware.transmit:
+            self._fill_mailboxes(now_counts)
         if self._hot:
             self._take_pins()
+
+    def _fill_mailboxes(self, now_counts: int) -> None:
+        """Pass waiting frames to the CAN controller, as its driver does when a mailbox becomes free."""
+        can, transmit = self.can, self.firmware.transmit
+        while can.has_free_mailbox and (frame := transmit.take(can.mailboxes, can.idle_since_counts, now_counts)):
+            can.send(frame, now_counts)
 
     @property
     def next_due_counts(self) -> int | None:
@@ -232,6 +238,9 @@ class Board:
         due_counts, read_counts = self.firmware.next_due_counts, self.can.next_due_counts
         if due_counts is None or (read_counts is not None and read_counts < due_counts):
             due_counts = read_counts
+        pause_counts = self.firmware.transmit.due_counts
+        if pause_counts is not None and self.can.has_free_mailbox:  # if none is free, the next frame sent calls `poll`
+            due_counts = pause_counts if due_counts is None else min(due_counts, pause_counts)
         if self._look_at_once:
             tick_counts = self.firmware.motion.tick * TICK_COUNTS
             due_counts = tick_counts if due_counts is None else min(due_counts, tick_counts)

@@ -77,6 +77,8 @@ class CanController:
 
         All identifiers differ: of two equal ones bxCAN would send the frame in the lower mailbox first, which may be
         the newer. So a frame waits in the queue until no mailbox has its identifier."""
+        self.idle_since_counts = 0
+        """Instant at which the last frame of the station's own was sent."""
         self.submitted: Callable[[int], None] = lambda _now_counts: None
         """Called when there is a frame to send; the bus sets it."""
         self.silent_until_counts = 0
@@ -101,8 +103,13 @@ class CanController:
 
     # --- out
 
+    @property
+    def has_free_mailbox(self) -> bool:
+        """True if a frame would not have to wait for a mailbox, unless one of them has its identifier."""
+        return len(self.mailboxes) < MAILBOXES
+
     def send(self, frame: Frame, now_counts: int) -> None:
-        """Send a frame as soon as the bus lets it."""
+        """Send a frame as soon as the bus lets it; one that finds no mailbox waits in a queue without limit."""
         if self.mailboxes:
             self._queue.append(frame)
             self._fill_mailboxes()
@@ -123,6 +130,7 @@ class CanController:
     def sent(self, frame: Frame, now_counts: int) -> None:
         """Remove a frame that was sent and acknowledged."""
         self.mailboxes.remove(frame)
+        self.idle_since_counts = now_counts
         self.on_sent(frame, now_counts)
         if self._queue:
             self._fill_mailboxes()

@@ -143,6 +143,17 @@ class HomingError(IntEnum):
     """The axis' speed limit is too low for any motion."""
 
 
+class Overrun(IntEnum):
+    """Place where CAN frames were lost because it was full: the detail of EMCY 8110h."""
+
+    RECEIVE_FIFO = 0
+    """Of the CAN controller."""
+    TRANSMIT_QUEUE = 1
+    """Of the CAN driver: the bus is too busy for what the node has to send."""
+    EMCY_QUEUE = 2
+    """Of the node: the inhibit time EMCY (1015h) spaces the frames more than the errors."""
+
+
 LINEAR_RAMP = 0
 JERK_LIMITED_RAMP = 3
 """Motion profile types (6086h) of this drive; CiA 402's sin^2 and jerk-free ramps are not offered."""
@@ -158,7 +169,7 @@ class ErrorCode(IntEnum):
     """Detail 0: the board is too hot; 1: the driver chip is, and has switched itself off."""
     PARAMETER = 0x6320
     CAN_OVERRUN = 0x8110
-    """A message was lost because the CAN controller's receive FIFO was full."""
+    """CiA 301's "CAN overrun (objects lost)". The detail is an Overrun."""
     CAN_ERROR_PASSIVE = 0x8120
     HEARTBEAT_LOST = 0x8130
     CAN_BUS_OFF_RECOVERED = 0x8140

@@ -126,6 +126,8 @@ _ENTRIES = {
     od.PVT_UNDERRUNS: Entry("Underruns", U16, RO),
     od.PVT_LEAST_FILL: Entry("Least fill while running", U8, RO, unit=RECORDS),
     od.DELAYED_STEPS: Entry("Delayed steps", U32, RO, unit=STEPS),
+    od.FRAMES_LOST: Entry("Frames lost because the bus was too busy", U32, RO),
+    od.EMCYS_LOST: Entry("Emergencies lost because of the inhibit time EMCY", U32, RO),
     od.HOMING_TIMEOUT_MS: Entry("Timeout in {unit}; 0: none", U32, RW, 120_000, unit=MS),
     od.HOMING_ERROR: Entry("Why the last homing has failed", U8, RO),
     # --- the emulator, which no real board has
@@ -236,6 +238,7 @@ _NAMES = {
         od.GROUP_STOP: "Interpolation group",
         od.PVT_NEXT_SEQUENCE: "PVT status",
         od.PVT_ACCEPTED: "PVT counters",
+        od.FRAMES_LOST: "Transmission counters",
         od.HOMING_TIMEOUT_MS: "Homing",
         od.ROTOR_POSITION_STEPS: "Emulator only: what the driver has made of the pulses since power-up",
         od.PVT_DISPLACEMENT: "Interpolation data record (PVT)",

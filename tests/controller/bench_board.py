@@ -23,7 +23,8 @@ class BenchBoard:
         self._fetch()
 
     def _fetch(self) -> None:
-        self.sent += [(self.now, frame) for frame in self.firmware.take_frames()]
+        while frame := self.firmware.transmit.take((), 0, self.now):
+            self.sent.append((self.now, frame))
 
     def wait(self, dt_ms: float) -> None:
         """Let time pass, stopping whenever the firmware has work to do."""
