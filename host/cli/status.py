@@ -116,6 +116,10 @@ def _health(axis: "AxisStatus") -> str:
     if queue is not None and queue.gaps is not None:
         said.append(f"{queue.gaps} gaps, {queue.overflows} overflows, {queue.underruns} underruns")
         said.append(f"{queue.delayed_steps} delayed steps")
+    if axis.frames_lost:
+        said.append(f"{axis.frames_lost} frames of the board lost, the bus was too busy")
+    if axis.emergencies_lost:
+        said.append(f"{axis.emergencies_lost} EMCYs lost, the inhibit time 0x1015 was too long")
     if axis.supply_v is not None:
         said.append(f"{axis.supply_v:.2f} V, {axis.temperature_degc:.1f} degC")
     if axis.inputs:

@@ -70,6 +70,10 @@ class AxisStatus:
     temperature_degc: float | None = None
     queue: QueueHealth | None = None
     """The PVT queue; None if the node has not reported it."""
+    frames_lost: int | None = None
+    """Number of the node's frames, since power-up, that the bus was too busy to take."""
+    emergencies_lost: int | None = None
+    """Number of EMCYs, since power-up, that were lost because the node may send only so many of them."""
 
     @property
     def in_fault(self) -> bool:
@@ -143,6 +147,8 @@ def _status_by_sdo(axis: AxisClient, joint: Joint) -> AxisStatus:
         supply_v=read(od.SUPPLY_VOLTAGE) / 100,
         temperature_degc=read(od.BOARD_TEMPERATURE) / 10,
         queue=QueueHealth(read(od.PVT_FREE_RECORDS), _flags(read(od.PVT_FLAGS)), *map(read, _QUEUE_COUNTERS)),
+        frames_lost=read(od.FRAMES_LOST),
+        emergencies_lost=read(od.EMCYS_LOST),
     )
 
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.datatypes import DataType, decode, encode
 from steptwin.protocol.eds import render_eds
+from steptwin.protocol.emergency import PLACES as EMCY_PLACES
 from steptwin.protocol.emergency import EmergencyProducer
 from steptwin.protocol.entry import ObjectCode
 from steptwin.protocol.nmt import HeartbeatProducer, NmtCommand, NmtState, command_for, target_of
@@ -71,6 +72,14 @@ class TestHeartbeat:
 
 def _is_code(code: ErrorCode, active: ErrorCode, _detail: int) -> bool:
     return active is code
+
+
+def sent(emergency: EmergencyProducer) -> list[bytes]:
+    """Return all frames that wait."""
+    frames = []
+    while data := emergency.poll(0):
+        frames.append(data)
+    return frames
 
 
 class TestEmergency:
@@ -147,6 +156,60 @@ class TestEmergency:
             emergency.raise_error(ErrorCode.PARAMETER, detail)
         emergency.raise_error(ErrorCode.LATE_STEP)
         assert list(emergency.history) == [ErrorCode.LATE_STEP] + [ErrorCode.PARAMETER] * 7
+
+    def test_one_frame_more_than_there_are_places_is_lost(self) -> None:
+        emergency = EmergencyProducer()
+        for detail in range(EMCY_PLACES):
+            emergency.raise_error(ErrorCode.SEGMENT_REFUSED, detail)
+        assert emergency.lost == 0
+        emergency.raise_error(ErrorCode.SEGMENT_REFUSED, EMCY_PLACES)
+        assert emergency.lost == 2  # the report of the loss needs a place itself
+        frames = sent(emergency)
+        details = [int.from_bytes(data[3:], "little") for data in frames if data[1] == 0xFF]
+        assert details == list(range(2, EMCY_PLACES + 1))
+        assert frames[-2:] == [bytes.fromhex("1081910200000000"), bytes.fromhex("0000810000000000")]
+        assert not emergency.is_active(ErrorCode.CAN_OVERRUN)
+
+    def test_a_lasting_flood_is_one_loss_to_report(self) -> None:
+        emergency = EmergencyProducer()
+        for _ in range(1000):
+            emergency.raise_error(ErrorCode.PDO_TOO_SHORT, 1)
+            emergency.resolve(partial(_is_code, ErrorCode.PDO_TOO_SHORT))
+        frames = sent(emergency)
+        assert len(frames) == EMCY_PLACES + 1
+        assert [data[:2] for data in frames].count(b"\x10\x81") == 1
+
+    @given(
+        st.lists(
+            st.tuples(
+                st.sampled_from(list(ErrorCode)[1:]), st.integers(0, 3), st.sampled_from(("raise", "end", "send"))
+            ),
+            max_size=200,
+        )
+    )
+    def test_the_last_frame_of_every_code_and_the_last_register_are_sent(
+        self, script: list[tuple[ErrorCode, int, str]]
+    ) -> None:
+        emergency = EmergencyProducer()
+        frames: list[bytes] = []
+        raised: dict[ErrorCode, int] = {}
+        for code, detail, act in script:
+            if act == "raise":
+                if not emergency.is_active(code):
+                    raised[code] = detail
+                    emergency.raise_error(code, detail)
+            elif act == "end":
+                emergency.resolve(partial(_is_code, code))
+            elif data := emergency.poll(0):
+                frames.append(data)
+        last = sent(emergency)
+        assert len(last) <= EMCY_PLACES + 1
+        frames += last
+        reported = {int.from_bytes(data[:2], "little"): int.from_bytes(data[3:], "little") for data in frames}
+        assert {code: reported[code] for code in raised if code != ErrorCode.CAN_OVERRUN} == {
+            code: detail for code, detail in raised.items() if code != ErrorCode.CAN_OVERRUN
+        }
+        assert (frames[-1][2] if frames else 0) == emergency.register
 
     @pytest.mark.parametrize("code", list(ErrorCode))
     def test_every_code_has_its_register_bits(self, code: ErrorCode) -> None:

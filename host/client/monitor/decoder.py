@@ -10,6 +10,7 @@ from typing import Any, Final
 from steptwin.host.client.monitor.fields import pdo_fields, value_text
 from steptwin.host.client.monitor.sdo_text import request_text, response_text
 from steptwin.host.client.words import error_text, words
+from steptwin.protocol.cia402 import ErrorCode, Overrun
 from steptwin.protocol.frame import (
     COB_EMCY,
     COB_HEARTBEAT,
@@ -94,7 +95,8 @@ def _emcy(data: bytes) -> str:
         return f"malformed: {data.hex(' ')}"
     code, register, detail = int.from_bytes(data[:2], "little"), data[2], int.from_bytes(data[3:], "little")
     error = error_text(code) if code else "no error"
-    return f"{error} (0x{code:04X}), register 0x{register:02X}, detail {detail}"
+    place = f" ({words(Overrun(detail))})" if code == ErrorCode.CAN_OVERRUN and detail in set(Overrun) else ""
+    return f"{error} (0x{code:04X}), register 0x{register:02X}, detail {detail}{place}"
 
 
 def _heartbeat(data: bytes) -> str:
