@@ -1,7 +1,8 @@
 """Model the STM32F103's CAN controller, bxCAN (RM0008, chapter 24), and the software that fills and empties it.
 
 Three transmit mailboxes are sent by identifier, the lowest first (TXFP = 0), unless `in_order` is set. A frame that
-finds no mailbox free waits in the software's queue. Two receive FIFOs hold three messages each; a message for a full
+finds no mailbox free waits in the software's queue; a board sends none before one is free, since its firmware has a
+queue of its own (`controller/transmit_queue.py`). Two receive FIFOs hold three messages each; a message for a full
 FIFO is lost (RFLM = 1) and flagged as overrun. After bus-off the controller returns automatically (ABOM = 1).
 """
 

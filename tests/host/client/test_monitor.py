@@ -26,6 +26,11 @@ DECODER = Decoder(dict(enumerate(ROBOT.joint_names, start=0x10)))
         (0x080, "", "sync", "all", ""),
         (0x080, "05", "sync", "all", "counter 5"),
         (0x094, "2032 05 0000000000", "emcy", "th2", "undervoltage (0x3220), register 0x05, detail 0"),
+        (
+            *(0x094, "1081 11 0100000000", "emcy", "th2"),
+            "can overrun (0x8110), register 0x11, detail 1 (transmit queue)",
+        ),
+        (0x094, "1081 11 0900000000", "emcy", "th2", "can overrun (0x8110), register 0x11, detail 9"),
         (0x094, "0000 00 0000000000", "emcy", "th2", "no error (0x0000), register 0x00, detail 0"),
         (0x100, "0102", "time", "all", "01 02"),
         (

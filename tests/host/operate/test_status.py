@@ -11,6 +11,10 @@ from steptwin.host.operate.session import Session
 from steptwin.host.operate.status import read_status
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
+from steptwin.protocol.emergency import PLACES as EMCY_PLACES
+from steptwin.protocol.frame import COB_ID_INVALID, COB_ID_NO_RTR, COB_NMT, COB_RPDO, COB_TPDO
+from steptwin.protocol.nmt import NmtCommand
+from steptwin.protocol.pdo_defaults import ASYNCHRONOUS
 from tests.host.client.machines import TH2, sdo_requests
 from tests.host.operate.sessions import HOME, ROBOT, CommandLine
 
@@ -39,6 +43,7 @@ def test_a_machine_after_power_up(steptwin: CommandLine, board: EmbeddedBoard) -
         "least_fill": axis["queue"]["least_fill"],
         "delayed_steps": 0,
     }
+    assert (axis["frames_lost"], axis["emergencies_lost"]) == (0, 0)
 
 
 def test_a_machine_of_known_position(steptwin: CommandLine, session: Session) -> None:
@@ -67,6 +72,34 @@ def test_a_fault_is_the_exit_code(steptwin: CommandLine, session: Session) -> No
     exit_code, out, err = steptwin.run("status warehouse-scara --json")
     assert (exit_code, err) == (3, "steptwin: th2: the drive is in FAULT: undervoltage\n")
     assert json.loads(out)["axes"][TH2]["history"] == ["undervoltage (0x3220)"]
+
+
+def test_a_board_that_had_too_much_to_send(steptwin: CommandLine, session: Session, board: EmbeddedBoard) -> None:
+    """All TPDOs every millisecond, and EMCYs so far apart that they do not fit into their queue."""
+    network = board.network
+    network.send_message(COB_NMT, bytes((NmtCommand.ENTER_PRE_OPERATIONAL, 0)))
+    for axis in session.machine.axes:
+        axis.write(od.EMCY_INHIBIT_TIME, 0xFFFF)
+        for number, place in enumerate(od.TPDO_COMMUNICATION):
+            cob_id = COB_ID_NO_RTR | COB_TPDO[number] + axis.node_id
+            axis.write(od.address_of(place, od.PDO_COB_ID), COB_ID_INVALID | cob_id)
+            axis.write(od.address_of(place, od.PDO_TRANSMISSION_TYPE), ASYNCHRONOUS)
+            axis.write(od.address_of(place, od.PDO_INHIBIT_TIME), 0)
+            axis.write(od.address_of(place, od.PDO_EVENT_TIMER), 1)
+            axis.write(od.address_of(place, od.PDO_COB_ID), cob_id)
+    network.send_message(COB_NMT, bytes((NmtCommand.START, 0)))
+    node_id = session.machine.axes[TH2].node_id
+    for _ in range(EMCY_PLACES):
+        network.send_message(COB_RPDO[2] + node_id, b"")
+        network.send_message(COB_RPDO[2] + node_id, bytes(4))
+    network.send_message(COB_NMT, bytes((NmtCommand.ENTER_PRE_OPERATIONAL, 0)))
+    axis_status = steptwin.json("status warehouse-scara")["axes"][TH2]
+    frames, emergencies = axis_status["frames_lost"], axis_status["emergencies_lost"]
+    assert frames > 0
+    assert emergencies >= EMCY_PLACES
+    out = steptwin.run("status warehouse-scara")[1]
+    said = f"{frames} frames of the board lost, the bus was too busy; {emergencies} EMCYs lost, the inhibit time"
+    assert said in out
 
 
 @pytest.fixture
