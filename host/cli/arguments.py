@@ -88,6 +88,14 @@ def finite_number(text: str, what: str) -> float:
         return numbers.finite_number(text)
 
 
+def positive_number(text: str, what: str) -> float:
+    """Return a number above 0 and up to 1e9; InputError for anything else."""
+    value = finite_number(text, what)
+    if not value > 0:
+        raise InputError(f"{what}: {value:g} is not above 0")
+    return value
+
+
 def out_folder(out: str | None) -> Path | None:
     """Make the folder of --out before anything runs; return None without the option.
 

@@ -13,6 +13,7 @@ from steptwin.host.cli.arguments import (
     joint_values,
     name_value_pairs,
     out_folder,
+    positive_number,
     robot_and_rest,
     warn_of_settings_left_out,
 )
@@ -25,6 +26,7 @@ from steptwin.host.cli.report import EXIT_NOT_VERIFIED, fault_line, print_report
 from steptwin.host.common.errors import DeviceFaultError, InputError
 
 if TYPE_CHECKING:
+    from steptwin.host.planning.plan import Plan
     from steptwin.host.planning.trajectory import Trajectory
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.kernels import Kernel
@@ -72,6 +74,15 @@ def run(
     interface: Interface = None,
     channel: Channel = None,
     bitrate: Bitrate = None,
+    stretch: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FACTOR|auto", help="Make the motion this many times slower; auto: just as slow as it must be."
+        ),
+    ] = None,
+    speed: Annotated[
+        str | None, typer.Option(metavar="PERCENT", help="Speed of the motion: 50 is the same as --stretch 2.")
+    ] = None,
     repeat: Annotated[
         int, typer.Option(metavar="N", help="Number of times the motion runs.", rich_help_panel=LIVE_PANEL)
     ] = 1,
@@ -86,14 +97,13 @@ def run(
     With --connect or -i it runs on a live board instead, which must stand at the motion's start. Then the positions
     at the end are compared with the plan.
     """
-    from steptwin.host.planning.planner import plan
     from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY, keep_recording
     from steptwin.host.twin.execution import execute
 
     loaded, rest = robot_and_rest(words or [], robot_file)
     job = _only(rest)
     options = name_value_pairs(option or []) | ({"elbow": elbow} if elbow is not None else {})
-    planned = plan(loaded, _trajectory(loaded, job, options))
+    planned = _planned(loaded, _trajectory(loaded, job, options), stretch, speed)
     live = connection(connect, interface, channel, bitrate, loaded)
     if live is not None:
         emulated = {
@@ -135,6 +145,26 @@ def run(
         raise DeviceFaultError(fault_line(document["fault"]))
     if not outcome.report.passed:
         raise typer.Exit(EXIT_NOT_VERIFIED)
+
+
+def _planned(robot: "Robot", trajectory: "Trajectory", stretch: str | None, speed: str | None) -> "Plan":
+    """Plan a motion with the slowness that --stretch or --speed asks for, and say what that makes of it."""
+    from steptwin.host.planning.planner import plan, plan_stretched
+
+    if stretch is not None and speed is not None:
+        raise InputError(f"--stretch {stretch} --speed {speed}: give only one of them")
+    with naming_options("stretch"):
+        if stretch is None and speed is None:
+            return plan(robot, trajectory)
+        if stretch == "auto":
+            planned = plan_stretched(robot, trajectory)
+        elif speed is not None:
+            planned = plan_stretched(robot, trajectory, 100.0 / positive_number(speed, "--speed"))
+        else:
+            planned = plan_stretched(robot, trajectory, positive_number(stretch or "", "--stretch"))
+    new_s, old_s = planned.trajectory.duration_s, trajectory.duration_s
+    say(f"stretched {new_s / old_s:.4g} times: {new_s:.3f} s instead of {old_s:.3f} s", err=True)
+    return planned
 
 
 def _refuse(options: dict[str, Any], board: str) -> None:

@@ -3,7 +3,7 @@
 Each raises an InputError that names joint, time, value and limit.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import numpy as np
@@ -22,6 +22,14 @@ _LIMIT_TOLERANCE: Final = 1e-9
 """Rounding error, in mm or degrees, allowed beyond a limit of position."""
 _REST_TOLERANCE: Final = 1e-9
 """Rounding error of a velocity of zero, in mm/s or deg/s."""
+
+
+class TooFastError(InputError):
+    """The motion is too fast for a limit; `least_stretch` is a factor below which it certainly stays so."""
+
+    def __init__(self, message: str, least_stretch: float = 1.0) -> None:
+        super().__init__(message)
+        self.least_stretch = least_stretch
 
 
 def check_joint_names(robot: Robot, trajectory: Trajectory) -> None:
@@ -80,17 +88,18 @@ def check_record_widths(robot: Robot, times_ms: Int64Array, points: FloatArray, 
         outside = (values < I24_MIN) | (values > I24_MAX)
         if outside.any():
             row, i = (int(index) for index in np.argwhere(outside)[0])
-            raise InputError(
+            raise TooFastError(
                 f"{robot.joints[i].name}: a {what} of {values[row, i]:.0f} {unit} at t = "
                 f"{times_ms[row] / 1000:.3f} s does not fit a PVT record's {I24_MIN}..{I24_MAX}"
             )
 
 
-def check_peaks(peaks: Iterable[Peak]) -> None:
+def check_peaks(peaks: Sequence[Peak]) -> None:
     """Check that no peak of speed, acceleration or step rate is beyond its limit."""
     for peak in peaks:
         if peak.exceeded:
-            raise InputError(f"{peak.joint}: {_PEAK_TEXTS[peak.quantity](peak)}")
+            least = max(peak.stretch for peak in peaks)
+            raise TooFastError(f"{peak.joint}: {_PEAK_TEXTS[peak.quantity](peak)}", least)
 
 
 def _size_text(peak: Peak) -> str:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
-from math import floor
+from math import floor, sqrt
 from typing import Final
 
 import numpy as np
@@ -49,6 +49,12 @@ class Peak:
     def percent(self) -> float:
         """The peak as percentage of its limit."""
         return 100.0 * self.value / self.limit
+
+    @property
+    def stretch(self) -> float:
+        """The factor by which the motion must last longer, at least 1, to have the peak at its limit."""
+        ratio = max(1.0, self.value / self.limit)
+        return sqrt(ratio) if self.quantity is Quantity.ACCELERATION else ratio
 
     @property
     def exceeded(self) -> bool:

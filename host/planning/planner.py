@@ -12,6 +12,7 @@ from steptwin.host.common.arrays import Int64Array
 from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning import checks
+from steptwin.host.planning.motions.stretched import STRETCH_MAX, Stretched, smallest_stretch
 from steptwin.host.planning.peaks import speed_peaks, step_rate_peaks
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.samples import Samples
@@ -29,8 +30,46 @@ def plan(robot: Robot, trajectory: Trajectory, point_ms: int = DEFAULT_POINT_MS)
     Raises:
         InputError: the trajectory has other joints than the robot, is not finite, exceeds a limit of position, speed,
             acceleration or step rate, does not start and end at rest, or does not fit in PVT records; the message
-            names joint, time, value and limit.
+            names joint, time, value and limit, and for a motion that is too fast the stretch that passes.
     """
+    try:
+        return _plan(robot, trajectory, point_ms)
+    except checks.TooFastError as error:
+        factor = _smallest_stretch(robot, trajectory, point_ms, error)
+        raise InputError(f"{error}; {factor:g} times slower passes (stretch={factor:g})") from error
+
+
+def plan_stretched(
+    robot: Robot, trajectory: Trajectory, stretch: float | None = None, point_ms: int = DEFAULT_POINT_MS
+) -> Plan:
+    """Plan a trajectory that takes `stretch` times as long, or with None as long as it must, as `plan` does."""
+    if stretch is not None:
+        return plan(robot, Stretched.by(trajectory, stretch), point_ms)
+    try:
+        return _plan(robot, trajectory, point_ms)
+    except checks.TooFastError as error:
+        factor = _smallest_stretch(robot, trajectory, point_ms, error)
+        return _plan(robot, Stretched.by(trajectory, factor), point_ms)
+
+
+def _smallest_stretch(robot: Robot, trajectory: Trajectory, point_ms: int, error: checks.TooFastError) -> float:
+    """Return the smallest stretch of a motion that passes; raise InputError, with the motion's own error, without."""
+
+    def passes(stretched: Trajectory) -> bool:
+        try:
+            _plan(robot, stretched, point_ms)
+        except checks.TooFastError:
+            return False
+        return True
+
+    factor = smallest_stretch(trajectory, passes, error.least_stretch)
+    if factor is None:
+        raise InputError(f"{error}; no stretch up to {STRETCH_MAX:g} makes it pass") from error
+    return factor
+
+
+def _plan(robot: Robot, trajectory: Trajectory, point_ms: int) -> Plan:
+    """Plan a trajectory; raise TooFastError for one that passes if it is stretched."""
     checks.check_joint_names(robot, trajectory)
     times_ms = _point_times_ms(trajectory, point_ms)
     samples = Samples.of(trajectory, times_ms)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import ceil
 from typing import Final
 
 import numpy as np
@@ -11,6 +12,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning import checks
 from steptwin.host.planning.motions.sequence import Sequence
+from steptwin.host.planning.motions.stretched import PER_FACTOR
 from steptwin.host.planning.peaks import Peak, speed_peaks
 from steptwin.host.planning.programs.moves import Moves
 from steptwin.host.planning.programs.program import AnyStep, Call, Program, Repeat
@@ -53,8 +55,9 @@ class CompiledProgram:
 def compile_program(program: Program, robot: Robot, findings: Findings | None = None) -> CompiledProgram:
     """Return a program's motion for a robot.
 
-    Without `findings` it raises InputError for the first step that the robot cannot make. With them it goes on: a step
-    that exceeds a limit is found and made, one that cannot be made ends the program, and the finding says so.
+    Without `findings` it raises InputError for the first step that the robot cannot make; speeds are left to the
+    planner, which can stretch the motion. With them it goes on: a step that exceeds a limit is found and made, one that
+    cannot be made ends the program.
     """
     found = Findings() if findings is None else findings
     rows: list[StepRow] = []
@@ -65,6 +68,9 @@ def compile_program(program: Program, robot: Robot, findings: Findings | None = 
         for number, step in _written_out(program, program.steps, "", ()):
             if not _add(moves, robot, number, step, rows, found):
                 break
+            if findings is not None:
+                with found.collecting(f"step {number} ({step}): "):
+                    _check_speeds(rows[-1].peaks)
         if not rows:
             raise InputError("the program does not move, switch or wait")
     if findings is None:
@@ -117,9 +123,16 @@ def _add(moves: Moves, robot: Robot, number: str, step: Step, rows: list[StepRow
         peaks = tuple(speed_peaks(robot, samples))
         with found.collecting(place):
             checks.check_positions(robot, samples)
-            checks.check_peaks(peaks)
     rows.append(StepRow(number, str(step), from_s, composer.now_s - from_s, peaks))
     return True
+
+
+def _check_speeds(peaks: tuple[Peak, ...]) -> None:
+    try:
+        checks.check_peaks(peaks)
+    except checks.TooFastError as error:
+        factor = ceil(PER_FACTOR * error.least_stretch) / PER_FACTOR
+        raise InputError(f"{error}; {factor:g} times slower passes") from error
 
 
 def _samples(part: Trajectory, from_s: float) -> Samples:

@@ -188,14 +188,16 @@ class TestSpeed:
         """120 deg/s in both cases, once from the trajectory's own velocity alone."""
         assert plan(ROBOT, moved_by(Trapezoid(96.0, 1.0, 0.2))).times_ms[-1] == 1000
         told = complaint(moved_by(Trapezoid(96.1, 1.0, 0.2)))
-        assert told == "th1: a speed of 120.1 deg/s at t = 0.200 s is more than 120.0 deg/s"
+        assert told.startswith("th1: a speed of 120.1 deg/s at t = 0.200 s is more than 120.0 deg/s; ")
+        assert told.endswith("; 1.002 times slower passes (stretch=1.002)")
 
     def test_backwards(self) -> None:
         assert complaint(moved_by(Trapezoid(-96.1, 1.0, 0.2))).startswith("th1: a speed of 120.1 deg/s")
 
     def test_a_linear_joint(self) -> None:
         told = complaint(moved_by(Trapezoid(40.04, 2.0, 1.0), axis=2))
-        assert told == "L1: a speed of 40.04 mm/s at t = 1.000 s is more than 40.00 mm/s"
+        assert told.startswith("L1: a speed of 40.04 mm/s at t = 1.000 s is more than 40.00 mm/s; ")
+        assert told.endswith("; 1.001 times slower passes (stretch=1.001)")
 
 
 class TestAcceleration:
@@ -207,7 +209,7 @@ class TestAcceleration:
         assert plan(ROBOT, moved_by(at_limit)).times_ms[-1] == 600
         told = complaint(moved_by(Trapezoid(36.01, 0.6, 0.1)))
         assert told.startswith("th1: a mean acceleration over 1 ms of 720.2 deg/s^2 at t = 0.0")
-        assert told.endswith("s is more than 720.0 deg/s^2")
+        assert "s is more than 720.0 deg/s^2; " in told
 
     def test_a_jump_of_speed(self) -> None:
         """100 deg/s from one millisecond to the next: 100 000 deg/s^2."""
@@ -225,11 +227,11 @@ class TestStepRate:
         assert np.abs(fastest).max() == pytest.approx(337.4 * SPU_TH1 * 1024 * 64 / 1000, abs=1)
         told = complaint(moved_by(law_of(side * 338.0)), endless("th1"))
         assert told.startswith("th1: 15.02 kHz of steps at t = 0.2")
-        assert told.endswith(" s is more than the driver's 15.00 kHz")
+        assert " s is more than the driver's 15.00 kHz; " in told
 
     def test_it_is_the_drivers_own_limit(self) -> None:
         slow = dataclasses.replace(ROBOT, board=dataclasses.replace(ROBOT.board, step_rate_max_hz=4000))
-        assert complaint(moved_by(law_of(100.0)), slow).endswith("is more than the driver's 4.0 kHz")
+        assert "is more than the driver's 4.0 kHz; " in complaint(moved_by(law_of(100.0)), slow)
         assert plan(slow, moved_by(law_of(89.9))).velocities.any()
 
     def test_long_segments_are_judged_as_the_firmware_judges_them(self) -> None:
@@ -265,7 +267,7 @@ class TestWire:
         else:
             told = complaint(trajectory, self.robot())
             assert told.startswith("sx: a velocity of 8389657 1/64 unit per ms at t = 0.200 s does not fit")
-            assert told.endswith("-8388608..8388607")
+            assert "-8388608..8388607; " in told
 
     @pytest.mark.parametrize(("speed_mm_s", "fits"), [(200.0, True), (201.0, False)])
     def test_displacement(self, speed_mm_s: float, fits: bool) -> None:

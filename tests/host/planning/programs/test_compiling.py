@@ -151,8 +151,14 @@ def test_refusals_name_step_time_place_and_joint() -> None:
     )
     wide = complaint(f"{pause}[[step]]\ngo = {{ th1 = 131 }}")
     assert wide.startswith("step 2 (go to th1 131): th1: 130.")
-    fast = complaint(f"{pause}[[step]]\ngo = {{ th1 = 120 }}\nduration_s = 0.4")
+
+
+def test_a_step_that_is_too_fast_is_found_with_the_stretch_that_passes() -> None:
+    findings = Findings()
+    compiled("[[step]]\npause = 1\n[[step]]\ngo = { th1 = 120 }\nduration_s = 0.4", findings)
+    (fast,) = findings.messages
     assert fast.startswith("step 2 (go to th1 120): th1: a speed of ")
+    assert fast.endswith(" times slower passes")
 
 
 def test_every_step_beyond_a_limit_is_found_up_to_one_that_cannot_be_made() -> None:

@@ -1,0 +1,121 @@
+"""A motion made slower or faster as a whole: the same path, with all times multiplied by one factor."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import ceil, floor
+from typing import Final
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.bad_input import whole_ms
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.trajectory import Switching, Trajectory
+
+PER_FACTOR: Final = 1000
+"""Steps of 1 in a stretch factor: factors are found, said and tried in thousandths."""
+
+STRETCH_MAX: Final = 1000.0
+"""Largest factor; a motion that needs a larger one has its times in a wrong unit."""
+
+_WHOLE_MS: Final = 1e-6
+"""Part of a millisecond by which a time may miss a whole one and still count as it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stretched:
+    """A trajectory whose duration is another one; implements Trajectory.
+
+    Speeds become smaller by the factor, accelerations by its square. A breakpoint that falls between two milliseconds
+    becomes a breakpoint at each of them. The acceleration then jumps by some da within this millisecond, in which the
+    PVT record's cubic is less than da dt^2 / 32 from the motion: 0.003 step for 1000 deg/s^2 at 100 steps/deg.
+
+    Attributes:
+        trajectory: the trajectory itself.
+        duration_s: its new duration, a whole number of milliseconds.
+    """
+
+    trajectory: Trajectory
+    duration_s: float
+
+    @classmethod
+    def by(cls, trajectory: Trajectory, factor: float) -> "Stretched":
+        """Return a trajectory that takes `factor` times as long, rounded up to a millisecond.
+
+        Raises InputError unless the factor is from 1 / STRETCH_MAX to STRETCH_MAX.
+        """
+        if not 1 / STRETCH_MAX <= factor <= STRETCH_MAX:
+            raise InputError(f"stretch={factor:g}: is not from {1 / STRETCH_MAX:g} to {STRETCH_MAX:g}")
+        duration_ms = whole_ms("the duration", trajectory.duration_s)
+        return cls(trajectory, max(1, ceil(duration_ms * factor - _WHOLE_MS)) / 1000)
+
+    @property
+    def factor(self) -> float:
+        """New duration over old duration."""
+        return self.duration_s / self.trajectory.duration_s
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """The trajectory's joints."""
+        return self.trajectory.joint_names
+
+    @property
+    def breakpoints_s(self) -> tuple[float, ...]:
+        """The whole milliseconds at the trajectory's breakpoints, or around them."""
+        times_ms = [1000 * self.factor * t_s for t_s in self.trajectory.breakpoints_s]
+        around_ms = {near(t_ms) for t_ms in times_ms for near in (_floor_ms, _ceil_ms)}
+        end_ms = round(1000 * self.duration_s)
+        return tuple(t_ms / 1000 for t_ms in sorted(around_ms) if 0 < t_ms < end_ms)
+
+    @property
+    def switchings(self) -> tuple[Switching, ...]:
+        """The trajectory's changes of outputs, at their new times."""
+        return tuple(
+            replace(change, from_s=self.factor * change.from_s, until_s=self.factor * change.until_s)
+            for change in self.trajectory.switchings
+        )
+
+    def positions(self, t_s: FloatArray) -> FloatArray:
+        """Return joint positions, of shape (n, joints)."""
+        return self.trajectory.positions(self._own_s(t_s))
+
+    def velocities(self, t_s: FloatArray) -> FloatArray:
+        """Return joint velocities, of shape (n, joints)."""
+        return self.trajectory.velocities(self._own_s(t_s)) / self.factor
+
+    def _own_s(self, t_s: FloatArray) -> FloatArray:
+        return (t_s / self.factor).clip(0.0, self.trajectory.duration_s)
+
+
+def _floor_ms(t_ms: float) -> int:
+    return floor(t_ms + _WHOLE_MS)
+
+
+def _ceil_ms(t_ms: float) -> int:
+    return ceil(t_ms - _WHOLE_MS)
+
+
+def smallest_stretch(trajectory: Trajectory, passes: Callable[[Trajectory], bool], least: float) -> float | None:
+    """Return the smallest factor, in thousandths, at which a trajectory passes that does not pass as it is.
+
+    The search begins at `least`, a factor below which it certainly does not pass. Returns None if no factor up to
+    STRETCH_MAX passes.
+    """
+
+    def passes_at(factor: int) -> bool:
+        return passes(Stretched.by(trajectory, factor / PER_FACTOR))
+
+    fails, longer = PER_FACTOR, 1
+    longest = round(STRETCH_MAX * PER_FACTOR)
+    factor = min(max(PER_FACTOR + 1, ceil(min(least, STRETCH_MAX) * PER_FACTOR * (1 - 1e-12))), longest)
+    while not passes_at(factor):
+        if factor >= longest:
+            return None
+        fails, factor, longer = factor, min(factor + longer, longest), 2 * longer
+    if fails == PER_FACTOR and not passes_at(factor - 1):
+        return factor / PER_FACTOR
+    while factor - fails > 1:
+        middle = (factor + fails) // 2
+        if passes_at(middle):
+            factor = middle
+        else:
+            fails = middle
+    return factor / PER_FACTOR
