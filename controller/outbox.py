@@ -29,7 +29,8 @@ class Outbox:
         self._errors = errors
 
     def reset(self) -> None:
-        """Forget a loss; the caller has resolved the communication errors."""
+        """Forget what waits, and a loss; the caller has resolved the communication errors."""
+        self._queue.drop(self._node)
         self.due_us = None
 
     def send(self, service: Service, frame: Frame, now_us: int) -> None:

@@ -85,6 +85,11 @@ class TransmitQueue:
         waiting[place] = frame
         return fresh
 
+    def drop(self, node: int) -> None:
+        """Forget what waits for a node, whose communication is reset: its next frame is the boot-up message."""
+        self._services = [item for item in self._services if item.node != node]
+        self._process_data = {place: frame for place, frame in self._process_data.items() if place[0] != node}
+
     def waits(self, node: int) -> bool:
         """Return whether any frame of a node waits."""
         return any(item.node == node for item in self._services) or any(

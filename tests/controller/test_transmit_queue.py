@@ -11,11 +11,14 @@ from steptwin.controller.transmit_queue import (
     Service,
     TransmitQueue,
 )
+from steptwin.protocol import od
 from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.entry import Access
-from steptwin.protocol.frame import Frame
+from steptwin.protocol.frame import COB_NMT, Frame
 from steptwin.protocol.objects import ENTRIES
 from steptwin.protocol.sdo_block import SEGMENT_BYTES
+from tests.controller.bench_board import BenchBoard
+from tests.controller.units import MS
 
 NODES, PDOS = 8, 4
 IN_MAILBOX = (Frame(0x7FF, b""),)
@@ -168,3 +171,26 @@ def test_nothing_is_lost_unsaid_and_the_queue_is_bounded(script: list[tuple[str,
             lost += not queue.put_process_data(node, what, frame)
         assert len(queue) == put - lost - taken <= NODES * (sum(PLACES.values()) + PDOS)
     assert len(drain(queue)) == put - lost - taken
+
+
+def test_dropping_a_node_leaves_the_others_frames() -> None:
+    queue = TransmitQueue()
+    for node in (0, 1):
+        queue.put(node, Service.SDO, numbered(0x590 + node, node))
+        queue.put_process_data(node, 0, numbered(0x190 + node, node))
+    queue.drop(0)
+    assert drain(queue) == [numbered(0x591, 1), numbered(0x191, 1)]
+
+
+def test_a_boot_up_message_does_not_wait_behind_heartbeats(pair: BenchBoard) -> None:
+    """A random host found it: the places of the boot-up message were taken by heartbeats from before the reset."""
+    for axis in (0, 1):
+        pair.write(od.PRODUCER_HEARTBEAT_TIME, 1, axis)
+    firmware, now_counts = pair.firmware, pair.now
+    for _ in range(10):  # the bus is busy: nobody takes a frame
+        now_counts += MS
+        firmware.advance(now_counts)
+        firmware.poll(now_counts)
+    firmware.receive(Frame(COB_NMT, b"\x81\x10"), now_counts)
+    of_first = [frame.data for frame in drain(firmware.transmit) if frame.cob_id == 0x710]
+    assert of_first == [b"\x00"]
