@@ -130,6 +130,7 @@ class RandomHost:
             self._transfer: 6,
             self._junk: 6,
             self._flood: 3,
+            self._overload: 2,
             self._sync: 6,
             self._host_heartbeat: 4,
             self._wait: 15,
@@ -433,6 +434,22 @@ class RandomHost:
         for _ in range(self._draw.choice((5, 20, 60, 60, 200))):
             self.send(cob_id, b"" if cob_id == COB_SYNC else self._bytes(), 0)
         self._wait()
+        self.machine.look_at_queues()
+
+    def _overload(self) -> None:
+        """Let some nodes produce more than the bus carries: all TPDOs each millisecond, or with each SYNC."""
+        self.send(COB_NMT, b"\x80\x00")
+        kind = self._draw.choice((1, 254))
+        for axis in self._axes[: self._draw.randint(1, 3)]:
+            for number, place in enumerate(od.TPDO_COMMUNICATION):
+                cob_id = COB_TPDO[number] + FIRST_NODE_ID + axis
+                self.write(axis, od.address_of(place, od.PDO_TRANSMISSION_TYPE), kind)
+                self.write(axis, od.address_of(place, od.PDO_EVENT_TIMER), 1)
+                self.write(axis, od.address_of(place, od.PDO_COB_ID), cob_id)
+        self.send(COB_NMT, b"\x01\x00")
+        for _ in range(self._draw.randint(0, 40)):
+            self.send(COB_SYNC, b"", 0.1)
+        self.pause(self._draw.choice((10, 50)))
         self.machine.look_at_queues()
 
 

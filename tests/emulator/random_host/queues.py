@@ -16,8 +16,6 @@ QUEUE_PLACES_MAX = 160
 """No list, deque or set of a board with eight nodes holds more: these are the queues."""
 TABLE_ENTRIES_MAX = 512
 """No table is larger; the largest are those of the object dictionary."""
-_UNBOUNDED = "CanController._queue"
-"""What waits for a mailbox: this queue has no bound yet."""
 _WHOLE = (int, str, bytes, float, type(None), Enum, type, ModuleType, Motion, Entry)
 """Kinds without parts that grow. The motion's storage is of fixed size, and `overfull` asks for what waits in it."""
 
@@ -36,8 +34,6 @@ def overgrown(board: Board) -> Iterator[str]:
     """Yield each container of the firmware and of the CAN controller that is larger than any queue may be."""
     for root in (board.firmware, board.can):
         for path, container in _containers(root, type(root).__name__, set()):
-            if path == _UNBOUNDED:
-                continue
             table = isinstance(container, (dict, tuple, frozenset))
             most = FIFO_DEPTH if path.endswith("._fifos[]") else TABLE_ENTRIES_MAX if table else QUEUE_PLACES_MAX
             if len(container) > most:
