@@ -28,6 +28,9 @@ _ABORT_CONTROLWORDS = {
 }
 """The controlword that the drive obeys when its host is lost, by the abort connection option code (6007h)."""
 
+BY_PROGRAM = 1
+"""Detail of an emergency stop that a program has commanded; 0 is the e-stop input's."""
+
 _FOLLOWING_MODES = (Mode.PROFILE_POSITION, Mode.CYCLIC_SYNCHRONOUS_POSITION)
 """The modes in which bit 13 of the statusword is the following error."""
 
@@ -48,6 +51,8 @@ class AxisDrive:
         self._motion = context.motion
         self._dictionary = context.dictionary
         self._controlword = 0
+        self._emergency_stopped = False
+        """True from an emergency stop by a program (2015h) until the fault reset."""
         self._after_stop: State | None = None
         """State to enter when the stop in progress has ended."""
         self.settings = DriverSettings(context.dictionary, context.pins.set)
@@ -72,6 +77,8 @@ class AxisDrive:
         write[od.CONTROLWORD] = self._write_controlword
         write[od.MODE_OF_OPERATION] = self._write_mode
         write[od.TARGET_VELOCITY] = self._write_target_velocity
+        write[od.EMERGENCY_STOP] = lambda _: self._emergency_stop()
+        self._dictionary.read_hooks[od.EMERGENCY_STOP] = lambda: int(self._emergency_stopped)
         for address, values in OPTIONS.items():
             write[address] = _one_of(values)
         write[od.HOMING_METHOD] = _one_of(frozenset(HOMING_METHODS))
@@ -81,6 +88,7 @@ class AxisDrive:
         """Lose everything that a power cycle would lose; end the pulses at once. A standing axis keeps its position."""
         self.stop.cut()
         self._controlword = 0
+        self._emergency_stopped = False
         self.mode.interrupted()
         self.mode_number = int(Mode.NONE)
         self.interpolation.restart()
@@ -112,6 +120,7 @@ class AxisDrive:
         if self.state is State.FAULT:
             if any(self.supervision.causes()):
                 return  # a fault cannot be reset while its cause lasts
+            self._emergency_stopped = False
             self._set_error(ErrorCode.NONE)
             self._context.errors.acknowledge_faults()
         kind, end = self._stop_towards(target)
@@ -218,14 +227,27 @@ class AxisDrive:
         reacting = self.state is State.FAULT_REACTION_ACTIVE
         if reacting and kind is not StopKind.CUT:
             return
-        self._set_error(code)
-        if not self._context.errors.is_reported(code):
-            self._context.errors.report(code, detail)
+        self._report(code, detail)
         if code is ErrorCode.PVT_UNDERRUN:
             self.interpolation.underrun()
         if self._motion.running(self.axis) or self._motion.velocity(self.axis) != 0:
             self._bring_to_rest(kind, stop_ms)
         self._enter(State.FAULT_REACTION_ACTIVE if self._motion.running(self.axis) else State.FAULT)
+
+    def _emergency_stop(self) -> None:
+        """Stop as the e-stop input does (2015h); only a fault reset leads out of FAULT, also if the drive was off."""
+        self._context.touch()
+        self._emergency_stopped = True
+        if self.energised:
+            self._context.trip(ErrorCode.ESTOP, BY_PROGRAM)
+        elif self.state is not State.FAULT:
+            self._report(ErrorCode.ESTOP, BY_PROGRAM)
+            self._enter(State.FAULT)
+
+    def _report(self, code: ErrorCode, detail: int) -> None:
+        self._set_error(code)
+        if not self._context.errors.is_reported(code):
+            self._context.errors.report(code, detail)
 
     def _set_error(self, code: ErrorCode) -> None:
         self._dictionary.set(od.ERROR_CODE, code)

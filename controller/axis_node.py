@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from steptwin.controller.axis_context import AxisContext
 from steptwin.controller.axis_drive import AxisDrive
 from steptwin.controller.board_context import BoardContext
+from steptwin.controller.charge import Charge
 from steptwin.controller.outbox import Outbox
 from steptwin.controller.pins import Pin
 from steptwin.controller.present_values import install_present_values
@@ -16,6 +17,7 @@ from steptwin.protocol.cia402 import AbortConnection, ErrorCode, State, Status
 from steptwin.protocol.dictionary import FlashPage
 from steptwin.protocol.frame import COB_HEARTBEAT, COB_SDO_RESPONSE, Frame
 from steptwin.protocol.nmt import HeartbeatProducer, NmtCommand, NmtState, after_error, target_of
+from steptwin.protocol.robot_name import checksum
 from steptwin.protocol.sdo_server import SdoServer
 from steptwin.protocol.storage import ParameterStorage
 from steptwin.protocol.sync import SyncConsumer
@@ -53,6 +55,7 @@ class AxisNode:
         self._errors = context.errors
         self._emergency = context.errors.producer
         self._outbox = Outbox(axis, board.transmit, context.dictionary, context.errors)
+        self._charge = Charge(self.dictionary)
         self.drive = AxisDrive(context)
         self._steps = StepSettings(context, self.drive)
         install_present_values(context, self.drive)
@@ -64,6 +67,7 @@ class AxisNode:
         read[od.TIME_STAMP] = lambda: self._context.now_us - self._clock_zero_us & 0xFFFF_FFFF
         read[od.BOARD_CLOCK_US] = lambda: self._context.now_us & 0xFFFF_FFFF
         read[od.STATUSWORD] = self.statusword
+        read[od.ROBOT_NAME_CRC] = lambda: checksum(self.dictionary.text(od.ROBOT_NAME))
         write[od.TIME_STAMP] = self._set_clock
         write[od.PRODUCER_HEARTBEAT_TIME] = self._set_heartbeat_period
         write[od.DIGITAL_OUTPUTS] = lambda levels: self.pins.switch_outputs(levels & get(od.DIGITAL_OUTPUTS_MASK))
@@ -122,6 +126,7 @@ class AxisNode:
         self._errors.reset_communication()
         self._heartbeats.restart()
         self._outbox.reset()
+        self._charge.forget()
         self.connection_lost = False
         self.nmt_state = NmtState.PRE_OPERATIONAL
         self.process_data.configurable = True
@@ -200,6 +205,7 @@ class AxisNode:
         """Report the heartbeat producers that have fallen silent."""
         for producer_id in self._heartbeats.poll(self._context.now_us):
             self._errors.report(ErrorCode.HEARTBEAT_LOST, producer_id)
+            self._charge.forget()
             self.connection_lost = True
 
     def abort_connection(self, now_us: int) -> None:
@@ -251,6 +257,7 @@ class AxisNode:
             self._heartbeats.changed = False
             self.routes_changed = True
         self.drive.settle(self._context.now_us)
+        self._charge.settle(self._context.now_us)
         statusword = self.statusword()
         if statusword != self._statusword:
             self._statusword = statusword
@@ -259,7 +266,13 @@ class AxisNode:
         self._context.touched = False
 
     def _schedule(self) -> None:
-        dues = [self._heartbeat.due_us, self._heartbeats.due_us, self._outbox.due_us, *self.drive.dues_us()]
+        dues = [
+            self._heartbeat.due_us,
+            self._heartbeats.due_us,
+            self._outbox.due_us,
+            self._charge.due_us,
+            *self.drive.dues_us(),
+        ]
         if self.nmt_state is not NmtState.STOPPED:
             dues.append(self._emergency.due_us)
         if self.nmt_state is NmtState.OPERATIONAL:
@@ -273,6 +286,7 @@ class AxisNode:
         if self.drive.poll(now_us):
             self._settle()
         self._watch_connection()
+        self._charge.poll(now_us, watched=self._heartbeats.due_us is not None)
         if self._heartbeat.poll(now_us):
             self._send(Service.NMT, COB_HEARTBEAT + self.node_id, bytes((self.nmt_state,)))
         self._outbox.poll(now_us)

@@ -83,7 +83,7 @@ class Firmware:
         if not 1 <= first_node_id <= NODE_ID_MAX - axis_count + 1:
             raise ValueError(f"{axis_count} node ids from {first_node_id} on are not within 1 to {NODE_ID_MAX}")
         self.motion = Motion(kernel, axis_count)
-        pages: list[FlashPage] = [{} for _ in range(axis_count)] if flash is None else flash
+        pages: list[FlashPage] = [FlashPage() for _ in range(axis_count)] if flash is None else flash
         self._measurements = Measurements()
         self._trips: dict[int, list[FaultCause]] = {}
         """The axes that request the fault reaction, and their errors."""

@@ -48,7 +48,7 @@ class Board:
     def __init__(self, config: BoardConfig, kernel: Kernel, flash: list[FlashPage] | None = None) -> None:
         """Make a board without power; `flash` holds parameters that were stored before, None for a new board."""
         self.config = config
-        self.flash: list[FlashPage] = [{} for _ in range(config.axis_count)] if flash is None else flash
+        self.flash: list[FlashPage] = [FlashPage() for _ in range(config.axis_count)] if flash is None else flash
         """Parameters that the firmware has stored, a page for each axis: they outlive the power."""
         self._kernel = kernel
         modules = config.modules or (Module(),) * config.axis_count

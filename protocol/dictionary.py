@@ -1,6 +1,7 @@
 """Hold the values of one node's object dictionary, with the checks of CiA 301 and hooks for values kept elsewhere."""
 
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import partial
 
 from steptwin.protocol.abort import AbortCode, SdoAbortError
@@ -10,8 +11,18 @@ from steptwin.protocol.objects import ENTRIES
 
 ReadHook = Callable[[], int]
 WriteHook = Callable[[int], None]
-FlashPage = dict[int, int]
-"""A node's stored parameters by address; the page's owner keeps it while the power is off."""
+TEXT_BYTES_MAX = 64
+"""Length of the longest text that an entry takes."""
+
+
+@dataclass(slots=True)
+class FlashPage:
+    """A node's stored parameters by address; the page's owner keeps it while the power is off."""
+
+    values: dict[int, int] = field(default_factory=dict)
+    texts: dict[int, str] = field(default_factory=dict)
+
+
 _INDICES = frozenset(address >> 8 for address in ENTRIES)
 
 
@@ -26,14 +37,20 @@ class ObjectDictionary:
     def __init__(self, node_id: int, *, stored: FlashPage | None = None) -> None:
         self.entries = ENTRIES
         self._node_id = node_id
-        self._stored = {} if stored is None else stored
+        self._stored = FlashPage() if stored is None else stored
         self._defaults = {
             address: int(entry.default_for(node_id))
             for address, entry in self.entries.items()
             if entry.data_type is not DataType.VISIBLE_STRING
         }
-        """Values after power-up without a stored one; strings are left out, since they are constants."""
+        """Values after power-up without a stored one."""
+        self._default_texts = {
+            address: str(entry.default)
+            for address, entry in self.entries.items()
+            if entry.data_type is DataType.VISIBLE_STRING
+        }
         self._values: dict[int, int] = {}
+        self._texts: dict[int, str] = {}
         self._bounds = {
             address: _bounds(entry)
             for address, entry in self.entries.items()
@@ -48,14 +65,23 @@ class ObjectDictionary:
         """Give every entry in the index range its power-up value again, stored or default, without calling hooks."""
         stored = self._stored
         self._values |= {
-            address: stored.get(address, default)
+            address: stored.values.get(address, default)
             for address, default in self._defaults.items()
+            if first_index <= address >> 8 <= last_index
+        }
+        self._texts |= {
+            address: stored.texts.get(address, default)
+            for address, default in self._default_texts.items()
             if first_index <= address >> 8 <= last_index
         }
 
     def get(self, address: int) -> int:
         """Return the present value of a numeric entry."""
         return self.read_hooks[address]() if address in self.read_hooks else self._values[address]
+
+    def text(self, address: int) -> str:
+        """Return the present value of a string."""
+        return self._texts[address]
 
     def reader(self, address: int) -> ReadHook:
         """Return a bound getter of a numeric entry, for hot paths; call this after all hooks are installed."""
@@ -100,7 +126,7 @@ class ObjectDictionary:
         if entry.access is Access.WRITE_ONLY:
             raise SdoAbortError(AbortCode.WRITE_ONLY)
         if entry.data_type is DataType.VISIBLE_STRING:
-            return encode(entry.data_type, entry.default_for(self._node_id))
+            return encode(entry.data_type, self._texts[address])
         return encode(entry.data_type, self.get(address))
 
     def write(self, address: int, data: bytes) -> None:
@@ -113,12 +139,16 @@ class ObjectDictionary:
         size = self.size_to_write(address)
         if len(data) > size:
             raise SdoAbortError(AbortCode.LENGTH_TOO_HIGH)
+        data_type = self._entry(address).data_type
+        if data_type is DataType.VISIBLE_STRING:
+            self._texts[address] = _visible(data)
+            return
         if len(data) < size:
             raise SdoAbortError(AbortCode.LENGTH_TOO_LOW)
-        self.put(address, decode(self._entry(address).data_type, data))
+        self.put(address, decode(data_type, data))
 
     def size_to_write(self, address: int) -> int:
-        """Return the number of bytes that a write to an entry must have.
+        """Return the number of bytes that a write to an entry must have, or may have if it is a string.
 
         Raises:
             SdoAbortError: the object or sub-index does not exist, or the entry is read-only.
@@ -126,13 +156,21 @@ class ObjectDictionary:
         entry = self._entry(address)
         if entry.access not in (Access.READ_WRITE, Access.WRITE_ONLY):
             raise SdoAbortError(AbortCode.READ_ONLY)
-        return entry.data_type.size
+        return TEXT_BYTES_MAX if entry.data_type is DataType.VISIBLE_STRING else entry.data_type.size
 
     def _entry(self, address: int) -> Entry:
         entry = self.entries.get(address)
         if entry is None:
             raise SdoAbortError(AbortCode.NO_SUBINDEX if address >> 8 in _INDICES else AbortCode.NO_OBJECT)
         return entry
+
+
+def _visible(data: bytes) -> str:
+    """Return the text of a visible string (CiA 301 table 44: 20h to 7Eh, and an end of 0); refuse any other byte."""
+    text = data.rstrip(b"\0")
+    if any(not 0x20 <= byte <= 0x7E for byte in text):
+        raise SdoAbortError(AbortCode.VALUE_RANGE)
+    return text.decode("ascii")
 
 
 def _bounds(entry: Entry) -> tuple[int, int]:

@@ -7,19 +7,22 @@ no axis moves and no output switches because the power came back; the profile's 
 
 from collections.abc import Callable
 from functools import partial
+from typing import TypeVar
 
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
+from steptwin.protocol.datatypes import DataType
 from steptwin.protocol.dictionary import FlashPage, ObjectDictionary
 from steptwin.protocol.entry import Access, Entry, Mapping
 from steptwin.protocol.objects import PARAMETER_GROUPS, RESTORES, STORES
 
+_Value = TypeVar("_Value", int, str)
 _SAVE, _LOAD = (int.from_bytes(word, "little") for word in (b"save", b"load"))
 _ON_COMMAND = 1
 """Value that 1010h and 1011h read as: parameters are stored and restored on command, not automatically."""
 _PROFILE_LIMITS = frozenset((od.PROFILE_VELOCITY, od.PROFILE_ACCELERATION, od.PROFILE_DECELERATION))
 """Entries that are stored although a PDO may write them: by themselves they move nothing."""
-_NO_PARAMETERS = frozenset((od.ERROR_HISTORY_COUNT, *STORES, *RESTORES))
+_NO_PARAMETERS = frozenset((od.ERROR_HISTORY_COUNT, od.CHARGE_TOKEN, od.EMERGENCY_STOP, *STORES, *RESTORES))
 
 
 class ParameterStorage:
@@ -37,19 +40,27 @@ class ParameterStorage:
     def _save(self, first: int, last: int, signature: int) -> None:
         self._check(signature, _SAVE)
         for address, entry in self._dictionary.entries.items():
-            if first <= address >> 8 <= last and _is_parameter(address, entry):
-                self._page[address] = self._dictionary.get(address)
+            if not (first <= address >> 8 <= last and _is_parameter(address, entry)):
+                continue
+            if entry.data_type is DataType.VISIBLE_STRING:
+                self._page.texts[address] = self._dictionary.text(address)
+            else:
+                self._page.values[address] = self._dictionary.get(address)
 
     def _load(self, first: int, last: int, signature: int) -> None:
         self._check(signature, _LOAD)
-        for address in [address for address in self._page if first <= address >> 8 <= last]:
-            del self._page[address]
+        self._page.values = _outside(first, last, self._page.values)
+        self._page.texts = _outside(first, last, self._page.texts)
 
     def _check(self, signature: int, expected: int) -> None:
         if signature != expected:
             raise SdoAbortError(AbortCode.NOT_STORED)
         if self._busy():
             raise SdoAbortError(AbortCode.DEVICE_STATE)
+
+
+def _outside(first: int, last: int, stored: dict[int, _Value]) -> dict[int, _Value]:
+    return {address: value for address, value in stored.items() if not first <= address >> 8 <= last}
 
 
 def _is_parameter(address: int, entry: Entry) -> bool:

@@ -37,6 +37,8 @@ Bitrate = Annotated[
     _live_option("--bitrate", "-b", metavar="BIT/S", help="Bit rate of the interface; by default the robot file's."),
 ]
 
+Force = Annotated[bool, _live_option("--force", help="Go on although the board carries another robot's name.")]
+
 
 def connection(
     connect: str | None,
@@ -104,10 +106,43 @@ def opened_link(found: "Connection") -> "Iterator[Link]":
 
 @contextmanager
 def opened_session(
-    robot: "Robot", connect: str | None, interface: str | None, channel: str | None, bitrate: int | None
+    robot: "Robot",
+    connect: str | None,
+    interface: str | None,
+    channel: str | None,
+    bitrate: int | None,
+    *,
+    force: bool,
 ) -> "Iterator[Session]":
-    """Open the link that the options describe, with a session of the robot on it, and close it after the block."""
+    """Open the link that the options describe, with a session of the robot on it, and close it after the block.
+
+    Unless forced, raise InputError if the board carries the name of another robot.
+    """
+    with opened_link(required(connection(connect, interface, channel, bitrate, robot))) as link:
+        yield checked_session(link, robot, force=force)
+
+
+def checked_session(link: "Link", robot: "Robot", *, force: bool) -> "Session":
+    """Return a session; unless forced, raise InputError if the board carries the name of another robot."""
     from steptwin.host.operate.session import Session
 
-    with opened_link(required(connection(connect, interface, channel, bitrate, robot))) as link:
-        yield Session(link, robot)
+    session = Session(link, robot)
+    foreign = None if force else session.foreign_board()
+    if foreign:
+        raise InputError(f"{foreign}; --force goes on all the same")
+    return session
+
+
+@contextmanager
+def opened_to_stop(
+    robot: "Robot", connect: str | None, interface: str | None, channel: str | None, bitrate: int | None
+) -> "Iterator[Session]":
+    """Open a session of the robot as `opened_session` does, but look whose the board is only after the block.
+
+    So a stop is never refused. But raise InputError then if the board is another robot's, which may have more axes.
+    """
+    with opened_session(robot, connect, interface, channel, bitrate, force=True) as session:
+        yield session
+        foreign = session.foreign_board()
+        if foreign:
+            raise InputError(f"{foreign}; {robot.name}'s axes were stopped, but the board may have others that move")

@@ -3,7 +3,7 @@
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
 from steptwin.host.cli.axis_states import print_axis_states
-from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
+from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_to_stop
 
 
 @command("lab-scara --connect 127.0.0.1", "lab-scara -i socketcan -c can0")
@@ -16,7 +16,7 @@ def estop(
     bitrate: Bitrate = None,
     as_json: AsJson = False,
 ) -> None:
-    """Stop all axes together, then switch their power off.
+    """Stop all axes together, switch their power off and hold them until `steptwin reset`.
 
     This is stop category 1 of IEC 60204-1, in software: it does not replace an emergency stop switch.
     """
@@ -24,6 +24,5 @@ def estop(
     from steptwin.host.operate.recovering import emergency_stop
 
     loaded = one_robot(robot, robot_file)
-    with saying_if_unsure(), opened_session(loaded, connect, interface, channel, bitrate) as session:
-        states = emergency_stop(session)
-    print_axis_states(loaded, states, as_json=as_json)
+    with saying_if_unsure(), opened_to_stop(loaded, connect, interface, channel, bitrate) as session:
+        print_axis_states(loaded, emergency_stop(session), as_json=as_json)

@@ -7,7 +7,7 @@ import typer
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, joint_values, one_robot
 from steptwin.host.cli.axis_states import print_axis_states
-from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
+from steptwin.host.cli.connection import Bitrate, Channel, Connect, Force, Interface, opened_session
 from steptwin.host.cli.progress import progress_bar
 from steptwin.host.common.errors import InputError
 
@@ -31,6 +31,7 @@ def home(
     interface: Interface = None,
     channel: Channel = None,
     bitrate: Bitrate = None,
+    force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Home a live machine by its switches, then move it to its home position."""
@@ -43,7 +44,7 @@ def home(
     if here is None and without:
         raise InputError(f"{without[0]}: the robot's file has no homing for it; say where it stands by --here")
     standing = None if here is None else joint_values(here.split(), loaded.joint_names, "--here")
-    with opened_session(loaded, connect, interface, channel, bitrate) as session:
+    with opened_session(loaded, connect, interface, channel, bitrate, force=force) as session:
         if standing is not None:
             states = declare(session, standing)
         else:

@@ -7,7 +7,7 @@ import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, finite_number, robot_and_rest
-from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
+from steptwin.host.cli.connection import Bitrate, Channel, Connect, Force, Interface, opened_session
 from steptwin.host.cli.output import print_json, say
 from steptwin.host.common.errors import InputError
 
@@ -26,6 +26,7 @@ def jog(
     interface: Interface = None,
     channel: Channel = None,
     bitrate: Bitrate = None,
+    force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Move one joint at a speed, until Ctrl-C.
@@ -41,7 +42,7 @@ def jog(
     check_jog(loaded, rest[0], speed)
     if seconds is not None and not 0 < seconds < float("inf"):
         raise InputError(f"--seconds {seconds:g}: is not above 0 and finite")
-    with opened_session(loaded, connect, interface, channel, bitrate) as session:
+    with opened_session(loaded, connect, interface, channel, bitrate, force=force) as session:
         jogged = jog(session, rest[0], speed, seconds)
     if as_json:
         print_json({"robot": loaded.name, **asdict(jogged)})

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from steptwin.host.cli.connection import opened_link
+from steptwin.host.cli.connection import checked_session, opened_link
 from steptwin.host.cli.option_names import naming_options
 from steptwin.host.cli.output import print_json, print_table, say
 from steptwin.host.cli.progress import progress_bar
@@ -18,16 +18,22 @@ EXIT_ELSEWHERE = 1
 """Exit code of a run that did not end where the plan ends; the same as of a run that is not verified."""
 
 
-def run_live(found: "Connection", plan: "Plan", job: str, *, repeat: int, approach: bool, as_json: bool) -> None:
+def run_live(
+    found: "Connection", plan: "Plan", job: str, *, repeat: int, approach: bool, force: bool, as_json: bool
+) -> None:
     """Run a plan on the board behind a connection and print how it ended; raises as `execute_live` does."""
     from steptwin.host.operate.running import check_repeatable, execute_live
-    from steptwin.host.operate.session import Session
 
     with naming_options("repeat"):
         check_repeatable(plan, repeat)
     with opened_link(found) as link, progress_bar(f"{plan.robot.name} {job}") as progress:
         outcome = execute_live(
-            Session(link, plan.robot), plan, job, repeat=repeat, approach=approach, progress=progress
+            checked_session(link, plan.robot, force=force),
+            plan,
+            job,
+            repeat=repeat,
+            approach=approach,
+            progress=progress,
         )
     if as_json:
         print_json(outcome.to_dict())

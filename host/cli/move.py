@@ -14,7 +14,7 @@ from steptwin.host.cli.arguments import (
     name_value_pairs,
     robot_and_rest,
 )
-from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
+from steptwin.host.cli.connection import Bitrate, Channel, Connect, Force, Interface, opened_session
 from steptwin.host.cli.output import pose_text, print_json, say
 from steptwin.host.cli.progress import progress_bar
 from steptwin.host.common.bad_input import unknown
@@ -52,6 +52,7 @@ def move(
     interface: Interface = None,
     channel: Channel = None,
     bitrate: Bitrate = None,
+    force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Move joints, or the tool by the branch that is reached soonest; all axes arrive together.
@@ -71,7 +72,7 @@ def move(
         raise InputError("where to? either joints, or a tool pose by --x, --y, --z, --phi")
     if not 0 < speed <= 100:
         raise InputError(f"--speed {speed:g}: is not above 0 and up to 100 percent")
-    with opened_session(loaded, connect, interface, channel, bitrate) as session:
+    with opened_session(loaded, connect, interface, channel, bitrate, force=force) as session, session.alone():
         goal: list[float | None] = [joints.get(name) for name in loaded.joint_names]
         if pose:
             standing = standing_joints(session)

@@ -6,7 +6,7 @@ import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, robot_and_rest
-from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
+from steptwin.host.cli.connection import Bitrate, Channel, Connect, Force, Interface, opened_session
 from steptwin.host.cli.output import print_json, print_table
 from steptwin.host.common.errors import InputError
 
@@ -24,6 +24,7 @@ def outputs(
     interface: Interface = None,
     channel: Channel = None,
     bitrate: Bitrate = None,
+    force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """List the digital outputs by their names in the robot's file, or switch one."""
@@ -34,7 +35,7 @@ def outputs(
         raise InputError(f"after the robot: nothing, or NAME and on or off, not {' '.join(rest)}")
     if rest and rest[0] not in loaded.outputs:
         raise no_such_output(loaded.name, rest[0], list(loaded.outputs))
-    with opened_session(loaded, connect, interface, channel, bitrate) as session:
+    with opened_session(loaded, connect, interface, channel, bitrate, force=force) as session:
         levels = switch_output(session, rest[0], on=_LEVELS[rest[1]]) if rest else read_outputs(session)
     if as_json:
         print_json({"robot": loaded.name, "outputs": levels})

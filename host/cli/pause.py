@@ -2,7 +2,7 @@
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
-from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
+from steptwin.host.cli.connection import Bitrate, Channel, Connect, Force, Interface, opened_session
 from steptwin.host.cli.output import print_json, say
 
 
@@ -14,6 +14,7 @@ def pause(
     interface: Interface = None,
     channel: Channel = None,
     bitrate: Bitrate = None,
+    force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Halt the running trajectory on its path; the program that streams it keeps the queue filled."""
@@ -21,7 +22,7 @@ def pause(
     from steptwin.host.client.stopping import saying_if_unsure
 
     loaded = one_robot(robot, robot_file)
-    with saying_if_unsure(), opened_session(loaded, connect, interface, channel, bitrate) as session:
+    with saying_if_unsure(), opened_session(loaded, connect, interface, channel, bitrate, force=force) as session:
         session.require_present()
         halted = pause_trajectory(session.machine)
     if as_json:

@@ -2,7 +2,7 @@
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
-from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
+from steptwin.host.cli.connection import Bitrate, Channel, Connect, Force, Interface, opened_session
 from steptwin.host.cli.output import print_json, say
 
 
@@ -14,13 +14,14 @@ def resume(
     interface: Interface = None,
     channel: Channel = None,
     bitrate: Bitrate = None,
+    force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Continue a halted trajectory."""
     from steptwin.host.client.pausing import resume_trajectory
 
     loaded = one_robot(robot, robot_file)
-    with opened_session(loaded, connect, interface, channel, bitrate) as session:
+    with opened_session(loaded, connect, interface, channel, bitrate, force=force) as session:
         session.require_present()
         resume_trajectory(session.machine)
     if as_json:

@@ -17,7 +17,7 @@ from steptwin.host.cli.arguments import (
     robot_and_rest,
     warn_of_settings_left_out,
 )
-from steptwin.host.cli.connection import LIVE_PANEL, Bitrate, Channel, Connect, Interface, connection
+from steptwin.host.cli.connection import LIVE_PANEL, Bitrate, Channel, Connect, Force, Interface, connection
 from steptwin.host.cli.live_run import run_live
 from steptwin.host.cli.option_names import naming_options
 from steptwin.host.cli.output import print_json, say
@@ -83,6 +83,7 @@ def run(
     speed: Annotated[
         str | None, typer.Option(metavar="PERCENT", help="Speed of the motion: 50 is the same as --stretch 2.")
     ] = None,
+    force: Force = False,
     repeat: Annotated[
         int, typer.Option(metavar="N", help="Number of times the motion runs.", rich_help_panel=LIVE_PANEL)
     ] = 1,
@@ -114,9 +115,12 @@ def run(
             "--kernel": None if kernel == "auto" else kernel,
         }
         _refuse(emulated, "an emulated")
-        run_live(live, planned, job, repeat=repeat, approach=approach, as_json=as_json)
+        run_live(live, planned, job, repeat=repeat, approach=approach, force=force, as_json=as_json)
         return
-    _refuse({"--repeat": repeat if repeat != 1 else None, "--approach": approach or None}, "a live")
+    _refuse(
+        {"--repeat": repeat if repeat != 1 else None, "--approach": approach or None, "--force": force or None},
+        "a live",
+    )
     warn_of_settings_left_out(loaded, driver_profile)
     standing = None if stand_at is None else joint_values(stand_at.split(), loaded.joint_names, "--stand-at")
     if out is not None:

@@ -6,7 +6,7 @@ import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
-from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
+from steptwin.host.cli.connection import Bitrate, Channel, Connect, Force, Interface, opened_session
 from steptwin.host.cli.output import pose_text, print_json, print_json_line, say, text_console, text_table
 from steptwin.host.common.errors import DeviceFaultError
 from steptwin.host.common.printable import printable
@@ -30,6 +30,7 @@ def status(
     interface: Interface = None,
     channel: Channel = None,
     bitrate: Bitrate = None,
+    force: Force = False,
     watch: Annotated[
         bool, typer.Option("--watch", help="Refresh twice a second, until Ctrl-C; with --json, a line each time.")
     ] = False,
@@ -39,7 +40,7 @@ def status(
     from steptwin.host.operate.status import read_status
 
     loaded = one_robot(robot, robot_file)
-    with opened_session(loaded, connect, interface, channel, bitrate) as session:
+    with opened_session(loaded, connect, interface, channel, bitrate, force=force) as session:
         if watch:
             _watch(session, as_json=as_json)
         seen = read_status(session)
@@ -107,7 +108,10 @@ def _row(axis: "AxisStatus") -> list[str]:
 
 
 def _health(axis: "AxisStatus") -> str:
-    said = ["process data" if axis.operational else "no process data: the node is not OPERATIONAL"]
+    from steptwin.host.operate.faulty_drive import HELD
+
+    said = [HELD] if axis.emergency_stopped else []
+    said.append("process data" if axis.operational else "no process data: the node is not OPERATIONAL")
     queue = axis.queue
     if queue is not None:
         closed = queue.free == 0 and "empty" in queue.flags  # after a stop or a profile move, until the host clears it

@@ -3,7 +3,7 @@
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
 from steptwin.host.cli.axis_states import print_axis_states
-from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_session
+from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_to_stop
 
 
 @command("lab-scara --connect 127.0.0.1", "lab-scara -i socketcan -c can0")
@@ -21,6 +21,5 @@ def stop(
     from steptwin.host.operate.recovering import stop
 
     loaded = one_robot(robot, robot_file)
-    with saying_if_unsure(), opened_session(loaded, connect, interface, channel, bitrate) as session:
-        states = stop(session)
-    print_axis_states(loaded, states, as_json=as_json)
+    with saying_if_unsure(), opened_to_stop(loaded, connect, interface, channel, bitrate) as session:
+        print_axis_states(loaded, stop(session), as_json=as_json)

@@ -197,6 +197,10 @@ class AxisClient:
         """Switch the drive's power off."""
         self.write(od.CONTROLWORD, 0)
 
+    def emergency_stop(self) -> None:
+        """Stop the axis and hold it in FAULT, with its power off, until a fault reset."""
+        self.write(od.EMERGENCY_STOP, 1)
+
     def switch_output(self, output: DigitalOutput, *, on: bool) -> None:
         """Switch one digital output; leave the axis' others as they are."""
         outputs = self.read(od.DIGITAL_OUTPUTS)

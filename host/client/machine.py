@@ -77,11 +77,13 @@ class Machine:
         """
         self._check_types()
         self._heartbeat.start()
-        for axis, entries in zip(self.axes, objects, strict=True):
-            for address, value in (*entries, (od.ABORT_CONNECTION_OPTION, AbortConnection.FAULT_SIGNAL)):
-                axis.ensure(address, value)
+        for axis in self.axes:
+            axis.ensure(od.ABORT_CONNECTION_OPTION, AbortConnection.FAULT_SIGNAL)
             axis.write(od.CONSUMER_HEARTBEATS[0], WATCH_HOST)
         self._heartbeat.beat()  # before anything moves, so that even a host that is killed at once is missed
+        for axis, entries in zip(self.axes, objects, strict=True):
+            for address, value in entries:
+                axis.ensure(address, value)
         if not all(axis.read(od.STATUSWORD) & Status.REMOTE for axis in self.axes):
             self.link.network.nmt.state = "OPERATIONAL"
 
@@ -97,8 +99,14 @@ class Machine:
 
     def disconnect(self) -> None:
         """Disconnect; the axes stop watching this host, and enabled drives stay enabled."""
-        for axis in self.axes:
-            axis.write(od.CONSUMER_HEARTBEATS[0], 0)
+        try:
+            for axis in self.axes:
+                axis.write(od.CONSUMER_HEARTBEATS[0], 0)
+        finally:
+            self.fall_silent()
+
+    def fall_silent(self) -> None:
+        """Stop this host's heartbeat; axes that still watch it take the host for lost."""
         self._heartbeat.stop()
 
     # --- positions

@@ -1,4 +1,4 @@
-"""Stop all axes at once, whichever program moves them, and switch their power off.
+"""Stop all axes at once, whichever program moves them, and hold them in an emergency stop.
 
 The quick stop is sent as process data that takes effect at SYNC, so all axes begin to stop in the same servo tick. An
 axis that does not react, because its node is not OPERATIONAL or a frame was lost, gets it by SDO. At rest the drive's
@@ -32,10 +32,7 @@ def quick_stop(link: Link, axes: Sequence[AxisClient]) -> None:
         BusError: an axis does not answer or does not come to rest; the others have been told to stop.
         DeviceFaultError: an axis refuses the quick stop.
     """
-    for axis in axes:
-        axis.drive_status = None
-        axis.send_latched_controlword(QUICK_STOP)
-    link.network.send_message(COB_SYNC, b"")
+    _send_quick_stop(link, axes)
     wait_until(link, lambda: all(map(_reacted, axes)), _REACTION_S)
     _each([axis for axis in axes if not _reacted(axis)], lambda axis: axis.write(od.CONTROLWORD, QUICK_STOP))
     require(link, lambda: all(map(_stopped, axes)), "the axes do not come to rest", REST_TIMEOUT_S)
@@ -55,19 +52,29 @@ def await_rest(link: Link, axes: Sequence[AxisClient]) -> None:
     require(link, lambda: all(map(_rests, axes)), "the axes do not come to rest", REST_TIMEOUT_S)
 
 
-def power_off(link: Link, axes: Sequence[AxisClient]) -> None:
-    """Stop all axes, then switch their power off: stop category 1 of IEC 60204-1, by software.
+def emergency_stop(link: Link, axes: Sequence[AxisClient]) -> None:
+    """Stop all axes, switch their power off, and hold them in FAULT until a fault reset, whoever commands them.
 
-    The power is switched off even if the stop fails. Raises as `quick_stop`, and DeviceFaultError if a drive stays on.
+    This is stop category 1 of IEC 60204-1, by software. All axes begin the quick stop in the same tick; each turns it
+    into an emergency stop as soon as its SDO arrives, so no other program can set it moving again meanwhile. Raises as
+    `quick_stop`, and DeviceFaultError if a drive does not stay in FAULT.
     """
-    try:
-        quick_stop(link, axes)
-    finally:
-        _each(axes, AxisClient.disable)
+    _send_quick_stop(link, axes)
+    _each(axes, AxisClient.emergency_stop)
+    await_rest(link, axes)
     for axis in axes:
         state = axis.state()
-        if state not in (State.SWITCH_ON_DISABLED, State.FAULT):
-            raise DeviceFaultError(f"{axis.name}: stays on, the drive is in {state_text(state)}")
+        if state is not State.FAULT:
+            raise DeviceFaultError(
+                f"{axis.name}: is not held by the emergency stop, the drive is in {state_text(state)}"
+            )
+
+
+def _send_quick_stop(link: Link, axes: Sequence[AxisClient]) -> None:
+    for axis in axes:
+        axis.drive_status = None
+        axis.send_latched_controlword(QUICK_STOP)
+    link.network.send_message(COB_SYNC, b"")
 
 
 def _reacted(axis: AxisClient) -> bool:

@@ -5,14 +5,16 @@ from typing import NamedTuple
 
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.drive_status import FAULT_STATES
-from steptwin.host.client.words import error_text, state_text
-from steptwin.host.common.errors import BusError, DeviceFaultError
+from steptwin.host.client.words import state_text
+from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
+from steptwin.host.operate.faulty_drive import fault_and_remedy
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.setting_up import axis_settings
 from steptwin.host.operate.status import active_inputs, error_history
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, State, Status
 from steptwin.protocol.objects import IDENTITY_DEVICE_TYPE
+from steptwin.protocol.robot_name import stored_name
 
 
 class Check(NamedTuple):
@@ -40,6 +42,7 @@ def examine(session: Session) -> Iterator[Check]:
         yield check
         if check.passed:
             answering.append(axis)
+            yield _robot(session, axis)
     for axis in answering:
         yield from _examine_axis(session, axis)
 
@@ -58,6 +61,15 @@ def _answers(axis: AxisClient) -> Check:
     return Check(name, True, f"type 0x{device_type:08X}, {versions}")
 
 
+def _robot(session: Session, axis: AxisClient) -> Check:
+    """Check whose axis it is; one that carries no name passes."""
+    expected, found = stored_name(session.robot.name), axis.read_text(od.ROBOT_NAME)
+    says = found or "the axis carries no robot's name (docs/canopen.md)"
+    if found and found != expected:
+        return Check(f"{axis.name} robot", False, f"{found}, not {expected}", InputError.exit_code)
+    return Check(f"{axis.name} robot", True, says)
+
+
 def _examine_axis(session: Session, axis: AxisClient) -> Iterator[Check]:
     yield _drive(axis)
     yield _settings(session, axis)
@@ -69,10 +81,9 @@ def _examine_axis(session: Session, axis: AxisClient) -> Iterator[Check]:
 
 
 def _drive(axis: AxisClient) -> Check:
-    state, code = axis.state(), axis.read(od.ERROR_CODE)
+    state = axis.state()
     if state in FAULT_STATES:
-        found = f"{state_text(state)}: {error_text(code)} (0x{code:04X}); remove the cause, then `steptwin reset`"
-        return Check(f"{axis.name} drive", False, found)
+        return Check(f"{axis.name} drive", False, fault_and_remedy(axis, state))
     history = error_history(axis)
     return Check(
         f"{axis.name} drive", True, state_text(state) + (f"; earlier: {', '.join(history)}" if history else "")

@@ -16,9 +16,9 @@ def home_robot(
     With `stay` the axes stay where homing ends. `progress` is called with the part of the joints that is homed.
 
     Raises:
-        InputError: the file has no homing for a joint, or another program moves the machine.
+        InputError: the file has no homing for a joint, or a program that claims no lease moves the machine.
         DeviceFaultError: a homing failed, or a drive is in fault or was stopped.
-        BusError: a node does not answer.
+        BusError: another program is in charge, or a node does not answer.
     """
     settings = tuple(homing_settings(joint) for joint in session.robot.joints)
     for joint, how in zip(session.robot.joints, settings, strict=True):

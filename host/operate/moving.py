@@ -73,9 +73,9 @@ def move(
     `progress` is called with the part of the longest way that is covered.
 
     Raises:
-        InputError: a joint's goal is outside its limits, or another program moves the machine.
+        InputError: a joint's goal is outside its limits, or a program that claims no lease moves the machine.
         DeviceFaultError: a drive is in fault or was stopped, or a joint that is to move does not know its position.
-        BusError: a node does not answer.
+        BusError: another program is in charge, or a node does not answer.
     """
     check_goal(session.robot, goal)
     joints = session.robot.joints

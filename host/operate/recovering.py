@@ -1,10 +1,10 @@
-"""Stop a machine, switch its power off and reset its faults, in any state of its drives."""
+"""Stop a machine, hold it in an emergency stop and reset its faults, in any state of its drives."""
 
 from dataclasses import dataclass
 
+from steptwin.host.client import stopping
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.drive_status import FAULT_STATES
-from steptwin.host.client.stopping import power_off, quick_stop
 from steptwin.host.client.waiting import REPLY_TIMEOUT_S, wait_until
 from steptwin.host.client.words import error_text, state_text
 from steptwin.host.common.errors import DeviceFaultError
@@ -25,13 +25,13 @@ class AxisState:
 
 def stop(session: Session) -> list[AxisState]:
     """Quick stop all axes at once; raises as `client.stopping.quick_stop`."""
-    quick_stop(session.link, session.machine.axes)
+    stopping.quick_stop(session.link, session.machine.axes)
     return axis_states(session)
 
 
 def emergency_stop(session: Session) -> list[AxisState]:
-    """Quick stop all axes at once, then switch their power off; raises as `client.stopping.power_off`."""
-    power_off(session.link, session.machine.axes)
+    """Stop all axes at once and hold them until `reset`; raises as `client.stopping.emergency_stop`."""
+    stopping.emergency_stop(session.link, session.machine.axes)
     return axis_states(session)
 
 
@@ -39,19 +39,20 @@ def reset(session: Session) -> list[AxisState]:
     """Reset every drive that is in fault; the power of all these drives is off afterwards.
 
     Raises:
-        InputError: a trajectory is running.
+        InputError: a program that claims no lease runs a trajectory.
         DeviceFaultError: a drive stays in fault because the cause lasts.
-        BusError: a node does not answer.
+        BusError: another program is in charge, or a node does not answer.
     """
-    session.require_idle("reset")
-    for axis in session.machine.axes:
-        if axis.state() is State.FAULT:
-            # The host that the axis watched may be gone; a host that lives makes it watch again.
-            axis.write(od.CONSUMER_HEARTBEATS[0], 0)
-            axis.write(od.CONTROLWORD, 0)
-            axis.write(od.CONTROLWORD, Control.FAULT_RESET)
-    for axis in session.machine.axes:
-        _await_reset(session, axis)
+    with session.alone():
+        session.require_idle("reset")
+        for axis in session.machine.axes:
+            if axis.state() is State.FAULT:
+                # The host that the axis watched may be gone; a host that lives makes it watch again.
+                axis.write(od.CONSUMER_HEARTBEATS[0], 0)
+                axis.write(od.CONTROLWORD, 0)
+                axis.write(od.CONTROLWORD, Control.FAULT_RESET)
+        for axis in session.machine.axes:
+            _await_reset(session, axis)
     return axis_states(session)
 
 

@@ -91,15 +91,20 @@ def execute_live(
     `progress` is called with the part of the stream that has been sent, in each repetition from 0 to 1.
 
     Raises:
-        InputError: the machine does not stand at the plan's start, the plan cannot be repeated, or another program
-            moves the machine.
+        InputError: the machine does not stand at the plan's start, the plan cannot be repeated, or a program that
+            claims no lease moves the machine.
         DeviceFaultError: a drive is in fault or was stopped, or has no known position.
-        BusError: a node does not answer.
+        BusError: another program is in charge, or a node does not answer.
     """
     check_repeatable(plan, repeat)
-    session.require_ready("run")
-    if not approach:
-        plan.check_start(session.positions(session.demanded_units()))
+    with session.alone():
+        session.require_ready("run")
+        if not approach:
+            plan.check_start(session.positions(session.demanded_units()))
+        return _execute(session, plan, job, repeat, progress)
+
+
+def _execute(session: Session, plan: Plan, job: str, repeat: int, progress: Progress) -> LiveOutcome:
     started_s = time.perf_counter()
     with session.in_charge("run") as machine:
         repetitions, axes = 0, tuple[AxisEnd, ...]()

@@ -10,14 +10,16 @@ from steptwin.host.client import Link, Machine
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.drive_status import FAULT_STATES, at_rest
 from steptwin.host.client.faults import await_reports
+from steptwin.host.client.lease import Lease
 from steptwin.host.client.stopping import UNSURE, quick_stop
-from steptwin.host.client.words import error_text, state_text
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError, StepTwinError
-from steptwin.host.operate.setting_up import clear_targets, set_up
+from steptwin.host.operate.faulty_drive import fault_and_remedy
+from steptwin.host.operate.setting_up import clear_targets, take_over
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import State, Status
+from steptwin.protocol.robot_name import NO_NAME, checksum, stored_name
 
 POSE_KEYS: Final = ("x_mm", "y_mm", "z_mm", "attitude_deg")
 
@@ -29,6 +31,7 @@ class Session:
         self.link = link
         self.robot = robot
         self.machine = Machine(link, robot.joint_names)
+        self._lease = Lease(self.machine.axes)
 
     # --- what the nodes report by themselves
 
@@ -43,6 +46,18 @@ class Session:
         for axis in self.machine.axes:
             if axis.drive_status is None:
                 axis.read(od.DEVICE_TYPE)
+
+    def foreign_board(self) -> str | None:
+        """Read whose the axes are; return in words which of them belongs to another robot, None if none says so.
+
+        An axis without a name may be any robot's.
+        """
+        expected = stored_name(self.robot.name)
+        for axis in self.machine.axes:
+            if axis.read(od.ROBOT_NAME_CRC) not in (NO_NAME, checksum(expected)):
+                found = axis.read_text(od.ROBOT_NAME)
+                return f"{axis.name}: node 0x{axis.node_id:02X} belongs to the robot {found}, not to {expected}"
+        return None
 
     def require_idle(self, what: str) -> None:
         """Raise InputError if an axis reports that it executes a trajectory; the message begins with `what`."""
@@ -75,6 +90,7 @@ class Session:
 
     def require_ready(self, what: str, *, known: bool = True) -> None:
         """Check that this program may take charge of the machine; raises as `in_charge`."""
+        self._lease.require_free()
         self.require_idle(what)
         for axis in self.machine.axes:
             self._check(axis, known=known)
@@ -100,20 +116,44 @@ class Session:
         know its position.
 
         Raises:
-            InputError: another program moves the machine.
+            InputError: a program that claims no lease moves the machine.
             DeviceFaultError: a drive is in fault, has no known position, or refuses a value.
-            BusError: a node does not answer.
+            BusError: another program is in charge, or a node does not answer.
         """
-        self.require_ready(what, known=known)
+        with self.alone():
+            self.require_ready(what, known=known)
+            try:
+                take_over(self.machine, self.robot)
+                self._lease.claim()  # once more: a computer that was too slow may have lost it before the heartbeat
+                self.machine.enable()
+                yield self.machine
+            except BaseException as error:
+                self._stop_after(error)
+                raise
+            finally:
+                with suppress(StepTwinError):
+                    self._leave()
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Keep other programs from taking charge: for a second, unless the block takes charge itself, which ends it.
+
+        Raises:
+            BusError: another program is in charge, or a node does not answer.
+        """
+        self._lease.claim()
         try:
-            set_up(self.machine, self.robot)
-            yield self.machine
-        except BaseException as error:
-            self._stop_after(error)
-            raise
+            yield
         finally:
-            with suppress(StepTwinError):
-                self.machine.disconnect()
+            self._lease.release()
+
+    def _leave(self) -> None:
+        """Let the axes stop watching this host, unless they have lost it and another program is in charge now."""
+        try:
+            self._lease.claim()
+            self.machine.disconnect()
+        finally:
+            self.machine.fall_silent()
 
     def _stop_after(self, error: BaseException) -> None:
         """Stop all axes and take back their targets; if they cannot be told, raise an error that says so as well."""
@@ -125,17 +165,14 @@ class Session:
         except DeviceFaultError:
             return  # the first error is the one to report
         with suppress(StepTwinError):
+            self._lease.claim()  # another program that has the machine now keeps its own targets
             clear_targets(self.machine.axes)
 
     def _check(self, axis: AxisClient, *, known: bool) -> None:
         statusword = axis.read(od.STATUSWORD)
         state = State.of(statusword)
         if state in FAULT_STATES:
-            code = axis.read(od.ERROR_CODE)
-            raise DeviceFaultError(
-                f"{axis.name}: the drive is in {state_text(state)}: {error_text(code)} (0x{code:04X}); "
-                "remove the cause, then `steptwin reset`"
-            )
+            raise DeviceFaultError(f"{axis.name}: {fault_and_remedy(axis, state)}")
         if not at_rest(statusword, axis.read(od.MODE_OF_OPERATION_DISPLAY)):
             raise InputError(f"{axis.name}: is moving; wait for its end, or stop it by `steptwin stop`")
         if known:

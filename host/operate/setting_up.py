@@ -28,31 +28,32 @@ _FOR_AN_OPERATOR: Final = [
 ]
 
 
-def set_up(machine: Machine, robot: Robot, start_units: list[int] | None = None) -> None:
-    """Write a robot's settings into its axes, make them watch this host, and enable the drives.
+def set_up(machine: Machine, robot: Robot, start_units: list[int]) -> None:
+    """Write a robot's settings into its axes, make them watch this host, enable the drives, declare the positions.
 
-    With `start_units` the board has just been switched on, for this host alone: all settings are written without
-    reading them first, and the axes' positions are declared. Without it the board may be set up, enabled and in use:
-    only values that differ are written, nodes stay OPERATIONAL, drives hold their positions after a quick stop, and no
-    velocity or position limit of an earlier program remains.
+    The board has just been switched on, for this host alone: all settings are written without reading them first.
 
     Raises:
         DeviceFaultError: a drive is in fault or refuses a value.
         BusError: a node does not answer or is not a stepper axis.
     """
-    settings = [axis_settings(joint, robot.board) for joint in robot.joints]
-    if start_units is None:
-        machine.adopt([[*own.objects(), *_FOR_AN_OPERATOR] for own in settings])
-        machine.enable()
-    else:
-        machine.connect()
-        machine.configure(settings)
-        machine.enable()
-        machine.preset(start_units)
+    machine.connect()
+    machine.configure([axis_settings(joint, robot.board) for joint in robot.joints])
+    machine.enable()
+    machine.preset(start_units)
+
+
+def take_over(machine: Machine, robot: Robot) -> None:
+    """Write a robot's settings into the axes of a board that may be set up and enabled; make them watch this host.
+
+    Only values that differ are written, nodes stay OPERATIONAL, drives hold their positions after a quick stop, and no
+    velocity or position limit of an earlier program remains. Raises as `set_up`.
+    """
+    machine.adopt([[*axis_settings(joint, robot.board).objects(), *_FOR_AN_OPERATOR] for joint in robot.joints])
 
 
 def clear_targets(axes: Iterable[AxisClient]) -> None:
-    """Take back a target velocity and position limits, as `set_up` does for an operator; raises as it does."""
+    """Take back a target velocity and position limits, as `take_over` does; raises as it does."""
     for axis in axes:
         for address, value in _NO_TARGETS:
             axis.ensure(address, value)

@@ -64,6 +64,8 @@ class AxisStatus:
     """The present error's code in CiA 402, 0 without error."""
     history: tuple[str, ...] | None = None
     """Errors since power-up, the newest first."""
+    emergency_stopped: bool | None = None
+    """True from `steptwin estop` until the fault reset, which alone lets the axis move again."""
     inputs: tuple[str, ...] | None = None
     """Names of the active digital inputs."""
     supply_v: float | None = None
@@ -143,6 +145,7 @@ def _status_by_sdo(axis: AxisClient, joint: Joint) -> AxisStatus:
         error=error_text(code) if code else None,
         error_code=code,
         history=error_history(axis),
+        emergency_stopped=bool(read(od.EMERGENCY_STOP)),
         inputs=active_inputs(axis),
         supply_v=read(od.SUPPLY_VOLTAGE) / 100,
         temperature_degc=read(od.BOARD_TEMPERATURE) / 10,

@@ -11,6 +11,7 @@ from steptwin.emulator.operations import Operation, Scheduled
 from steptwin.emulator.simulation import Simulation
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.board_config import board_config
+from steptwin.host.twin.commissioning import commissioned_flash
 from steptwin.host.twin.drivers import driver_profile
 from steptwin.host.twin.embedded_network import EmbeddedNetwork
 from steptwin.host.twin.evidence import axis_evidence
@@ -51,7 +52,8 @@ class EmbeddedBoard:
         self.robot = robot
         self.driver_profile = driver_profile(robot.board, driver_profile_name)
         self._start_steps = standing_steps(robot, start_joints)
-        self._board = Board(board_config(robot, start_joints, driver_profile_name), kernel)
+        config = board_config(robot, start_joints, driver_profile_name)
+        self._board = Board(config, kernel, commissioned_flash(robot, config.axis_count))
         self._simulation = Simulation([self._board], Bus(robot.board.bitrate, bus_faults), schedule)
         self.network = EmbeddedNetwork(self._simulation)
         self.wait(_BOOT_S)

@@ -21,6 +21,7 @@ from steptwin.host.record.folder import LIVE_JOB, AxisTotals, Header, Mark, Piec
 from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.board_config import board_configs
+from steptwin.host.twin.commissioning import commissioned_flash
 from steptwin.host.twin.drivers import driver_profile
 from steptwin.host.twin.evidence import axis_evidence
 from steptwin.host.twin.live_plan import LivePlan
@@ -111,7 +112,7 @@ class LiveBoard:
         self._motion_start_counts: int | None = None
         """Instant t = 0 of the last motion that a SYNC started."""
         warm_up(kernel)
-        self._boards = [Board(config, kernel) for config in configs]
+        self._boards = [Board(config, kernel, commissioned_flash(robot, config.axis_count)) for config in configs]
         self._axes = [(board, axis) for board in self._boards for axis in range(board.config.axis_count)]
         """Board of each joint, and the number of the joint's axis on it."""
         self._bus_log = None if log is None else BusLog(log)

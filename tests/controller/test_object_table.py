@@ -7,7 +7,7 @@ import pytest
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.datatypes import DataType, encode
-from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.dictionary import TEXT_BYTES_MAX, ObjectDictionary
 from steptwin.protocol.entry import Access, DictionaryObject, Entry
 from steptwin.protocol.objects import OBJECTS
 from steptwin.protocol.sdo_server import SdoServer
@@ -40,6 +40,8 @@ RULES: dict[tuple[int, int], Outcome] = {
     (0x1014, 0): (RANGE, RANGE),  # neither value is a COB-ID
     (0x6060, 0): (RANGE, RANGE),  # neither value is a mode
     (0x60C1, 4): (RANGE, DONE),  # 0 is the number expected, but the record's duration is 0; 255 is an old record
+    (0x2014, 1): (DONE, STATE),  # the least token claims the axis, so another one is refused
+    (0x2014, 2): (DONE, STATE),  # no program is in charge: 0
     (0x605A, 0): (DONE, DONE),
     **dict(pdo_rules()),
 }
@@ -134,7 +136,10 @@ def test_write(board: BenchBoard, index: int, subindex: int, entry: Entry) -> No
 @walk
 def test_length(board: BenchBoard, index: int, subindex: int, entry: Entry) -> None:
     size = entry.data_type.size
-    if entry.access in WRITABLE:
+    if entry.data_type is DataType.VISIBLE_STRING:
+        announced = request(board, b"\x21" + head(index, subindex) + (TEXT_BYTES_MAX + 1).to_bytes(4, "little"))
+        assert abort_of(announced) == (AbortCode.LENGTH_TOO_HIGH if entry.access in WRITABLE else AbortCode.READ_ONLY)
+    elif entry.access in WRITABLE:
         before = board.value(od.address_of(index, subindex))
         assert download(board, index, subindex, bytes(size - 1)) == AbortCode.LENGTH_TOO_LOW
         assert download(board, index, subindex, bytes(size + 1)) == AbortCode.LENGTH_TOO_HIGH

@@ -1,12 +1,15 @@
 """Parameters that survive a reset and a power cycle: objects 1010h and 1011h (CiA 301, 7.5.2.13 and 7.5.2.14)."""
 
+from binascii import crc32
+
 import pytest
 
 from steptwin.controller.pins import Pin
 from steptwin.protocol import od
-from steptwin.protocol.abort import AbortCode
+from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import State
 from steptwin.protocol.frame import COB_ID_INVALID
+from steptwin.protocol.robot_name import NO_NAME
 from tests.controller.bench_board import BenchBoard
 from tests.controller.units import STEP
 
@@ -170,3 +173,30 @@ def test_flash_is_not_written_while_any_axis_moves(pair: BenchBoard) -> None:
     assert pair.write(od.RESTORE_ALL, LOAD) == AbortCode.DEVICE_STATE
     pair.wait(110)
     assert pair.write(od.STORE_ALL, SAVE) == 0
+
+
+def test_the_robots_name_is_stored(pair: BenchBoard) -> None:
+    """A visible string, by segments; its checksum follows it at once."""
+    node = pair.firmware.nodes[0]
+    node.dictionary.write(od.ROBOT_NAME, b"my arm")
+    assert pair.value(od.ROBOT_NAME_CRC) == crc32(b"my arm")
+    pair.nmt(RESET_NODE)
+    assert (node.dictionary.read(od.ROBOT_NAME), pair.value(od.ROBOT_NAME_CRC)) == (b"", NO_NAME)
+    node.dictionary.write(od.ROBOT_NAME, b"my arm")
+    pair.write(od.STORE_BOARD, SAVE)
+    node.dictionary.write(od.ROBOT_NAME, b"other")
+    pair.nmt(RESET_NODE)
+    assert node.dictionary.read(od.ROBOT_NAME) == b"my arm"
+    assert pair.write(od.RESTORE_ALL, LOAD) == 0
+    assert node.dictionary.read(od.ROBOT_NAME) == b"my arm"
+    pair.nmt(RESET_NODE)
+    assert node.dictionary.read(od.ROBOT_NAME) == b""
+
+
+@pytest.mark.parametrize("name", [b"\x1f", b"caf\xe9", b"\x7f", b"a\0b"])
+def test_a_name_is_printable(pair: BenchBoard, name: bytes) -> None:
+    dictionary = pair.firmware.nodes[0].dictionary
+    with pytest.raises(SdoAbortError, match="VALUE_RANGE"):
+        dictionary.write(od.ROBOT_NAME, name)
+    dictionary.write(od.ROBOT_NAME, b" ~\0\0")
+    assert dictionary.read(od.ROBOT_NAME) == b" ~"

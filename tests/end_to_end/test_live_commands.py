@@ -39,7 +39,7 @@ def test_a_run_that_is_stopped() -> None:
         assert {(axis["state"], axis["position_known"]) for axis in stopped["axes"]} == {("QUICK STOP ACTIVE", True)}
         server.json("move", ROBOT, "th1=10")
         off = server.json("estop", ROBOT)
-        assert {(axis["state"], axis["position_known"]) for axis in off["axes"]} == {("SWITCH ON DISABLED", True)}
+        assert {(axis["state"], axis["position_known"]) for axis in off["axes"]} == {("FAULT", True)}
 
 
 @in_real_time

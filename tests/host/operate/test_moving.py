@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from steptwin.host.client import HomingSettings
-from steptwin.host.common.errors import DeviceFaultError, InputError
+from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
 from steptwin.host.operate.moving import move, nearest_joints, synchronised
 from steptwin.host.operate.recovering import stop
 from steptwin.host.operate.session import Session
@@ -156,7 +156,7 @@ def test_another_program_moves_it(session: Session, board: EmbeddedBoard, monkey
 
     def halfway(fraction: float) -> None:
         if fraction > 0.5 and not seen:
-            with pytest.raises(InputError, match=r"^sx: is moving; ") as caught:
+            with pytest.raises(BusError, match=r"^another program is in charge of the machine, says sx ") as caught:
                 move(other, HOME)
             seen.append(caught)
 

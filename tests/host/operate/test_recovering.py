@@ -11,6 +11,14 @@ from steptwin.protocol import od
 from tests.host.client.machines import TH2, Neighbour, silence_heartbeat
 from tests.host.operate.sessions import HOME, ROBOT, CommandLine
 
+MOVING = (
+    "move warehouse-scara th1=1",
+    "jog warehouse-scara th1 1 --seconds 1",
+    "home warehouse-scara",
+    "home warehouse-scara --here '0 0 100 0 60 30'",
+    "run warehouse-scara drawer-pull",
+    "run warehouse-scara drawer-pull --approach",
+)
 GOAL = [400.0, 0.0, 120.0, 30.0, 40.0, -60.0]
 
 
@@ -43,8 +51,29 @@ def test_all_axes_stop_in_the_same_tick(
 def test_a_stop_holds_and_an_emergency_stop_lets_go(steptwin: CommandLine, session: Session) -> None:
     assert states(steptwin, "stop") == [("QUICK STOP ACTIVE", True)] * 6
     assert states(steptwin, "stop") == [("QUICK STOP ACTIVE", True)] * 6
-    assert states(steptwin, "estop") == [("SWITCH ON DISABLED", True)] * 6
-    assert states(steptwin, "stop") == [("SWITCH ON DISABLED", True)] * 6
+    assert states(steptwin, "estop") == [("FAULT", True)] * 6
+    assert states(steptwin, "stop") == [("FAULT", True)] * 6
+    assert states(steptwin, "reset") == [("SWITCH ON DISABLED", True)] * 6
+    move(session, GOAL)
+
+
+def test_an_emergency_stop_lasts_until_the_reset(steptwin: CommandLine, session: Session) -> None:
+    """Also when the drives were off or in fault before, and whichever command tries."""
+    session.machine.disable()
+    assert states(steptwin, "estop") == [("FAULT", True)] * 6
+    held = "is held by an emergency stop until `steptwin reset`"
+    for moving in MOVING:
+        assert steptwin.run(moving) == (3, "", f"steptwin: sx: {held}\n")
+    exit_code, out, err = steptwin.run("status warehouse-scara")
+    assert (exit_code, err) == (3, "steptwin: sx: the drive is in FAULT: estop\n")
+    assert out.count("held by an emergency stop until `steptwin reset`") == 6
+    exit_code, out, _ = steptwin.run("doctor warehouse-scara")
+    assert exit_code == 3
+    assert [line for line in out.splitlines() if line.startswith("[FAIL] ")] == [
+        f"[FAIL] {name} drive: {held}" for name in ROBOT.joint_names
+    ]
+    session.machine.axes[TH2].write(od.CONTROLWORD, 0x0F)  # as any other master might try
+    assert states(steptwin, "reset") == [("SWITCH ON DISABLED", True)] * 6
     move(session, GOAL)
 
 
@@ -56,9 +85,9 @@ def test_an_emergency_stop_in_motion_keeps_the_position(
     def halfway(fraction: float) -> None:
         if fraction > 0.5:
             left = emergency_stop(other)
-            assert [(state.state, state.position_known) for state in left] == [("SWITCH ON DISABLED", True)] * 6
+            assert [(state.state, state.position_known) for state in left] == [("FAULT", True)] * 6
 
-    with pytest.raises(DeviceFaultError, match=r"^sx: was stopped, the drive is in SWITCH ON DISABLED$"):
+    with pytest.raises(DeviceFaultError, match=r"^sx: estop \(EMCY 0x9000\)$"):
         move(session, GOAL, progress=halfway)
     counted = [
         steps * 16384 // joint.transmission.microsteps

@@ -1,0 +1,57 @@
+"""Be the one program in charge of a machine: each node lends itself to one program at a time (object 2014h).
+
+A program claims the nodes in the order of their ids, so that of two programs one gets them all. Other programs see the
+answers to a claim, too, and cannot tell them from the answers to their own. So a claim is decided by the token that the
+node then holds, which is the same for whoever reads it.
+
+A node forgets the token when it loses a heartbeat, and when it has monitored none for a second: docs/canopen.md.
+"""
+
+import secrets
+from collections.abc import Sequence
+from contextlib import suppress
+
+from steptwin.host.client.axis import AxisClient
+from steptwin.host.common.errors import BusError, DeviceFaultError, StepTwinError
+from steptwin.protocol import od
+from steptwin.protocol.charge import FREE, UNWATCHED_MS
+from steptwin.protocol.datatypes import DataType
+
+
+class Lease:
+    """A program's claim on the axes of a machine, under a token of its own."""
+
+    def __init__(self, axes: Sequence[AxisClient]) -> None:
+        self._axes = axes
+        self._token = 1 + secrets.randbelow(DataType.UNSIGNED32.high)
+
+    def require_free(self) -> None:
+        """Raise BusError if another program is in charge of an axis; nothing on the machine changes."""
+        for axis in self._axes:
+            if axis.read(od.CHARGE_TOKEN) not in (FREE, self._token):
+                raise _taken(axis)
+
+    def claim(self) -> None:
+        """Claim all axes, or claim them again; raise BusError, with nothing claimed, if another program has one."""
+        for axis in self._axes:
+            if not self._take(axis):
+                self.release()
+                raise _taken(axis)
+
+    def _take(self, axis: AxisClient) -> bool:
+        with suppress(DeviceFaultError):  # refused, or another program was
+            axis.write(od.CHARGE_TOKEN, self._token)
+        return axis.read(od.CHARGE_TOKEN) == self._token
+
+    def release(self) -> None:
+        """Give back what this program holds; an axis that does not answer forgets it by itself."""
+        for axis in self._axes:
+            with suppress(StepTwinError):
+                axis.write(od.CHARGE_RELEASE, self._token)
+
+
+def _taken(axis: AxisClient) -> BusError:
+    return BusError(
+        f"another program is in charge of the machine, says {axis.name} (node 0x{axis.node_id:02X}): wait for its end, "
+        f"up to {UNWATCHED_MS / 1000:g} s if it was killed; `steptwin stop` and `estop` work at any time"
+    )
