@@ -132,10 +132,17 @@ class AxisClient:
         """Read a string by SDO; raises as `read`."""
         return self._dialogue(f"reading {od.place_text(address)}", lambda: str(self._variable(address).raw))
 
+    def write_text(self, address: int, text: str) -> None:
+        """Write a string by SDO; raises as `read`."""
+        self._dialogue(f"writing {text!r} to {od.place_text(address)}", lambda: self._download(address, text))
+
     def ensure(self, address: int, value: int) -> None:
         """Write a numeric object unless it has the value already; raises as `read`."""
         if self.read(address) != value:
             self.write(address, value)
+
+    def _download(self, address: int, text: str) -> None:
+        self._node.sdo.download(*od.index_and_subindex(address), text.encode("ascii"))
 
     def _variable(self, address: int) -> SdoVariable:
         index, subindex = od.index_and_subindex(address)

@@ -1,0 +1,113 @@
+"""One program in charge of a machine: what the second is told, and what is left when the first has lost it."""
+
+import pytest
+
+from steptwin.host.client.axis import AxisClient
+from steptwin.host.client.heartbeat import WATCH_HOST
+from steptwin.host.client.lease import Lease
+from steptwin.host.common.errors import BusError
+from steptwin.host.operate.moving import move
+from steptwin.host.operate.recovering import reset, stop
+from steptwin.host.operate.session import Session
+from steptwin.host.operate.status import read_status
+from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.protocol import od
+from steptwin.protocol.charge import FREE, UNWATCHED_MS
+from tests.host.client.machines import TH2, Neighbour
+from tests.host.operate.sessions import HOME, ROBOT
+
+TAKEN = (
+    r"^another program is in charge of the machine, says sx \(node 0x10\): wait for its end, up to 1 s if it was "
+    r"killed; `steptwin stop` and `estop` work at any time$"
+)
+
+
+@pytest.fixture
+def other(board: EmbeddedBoard, monkeypatch: pytest.MonkeyPatch) -> Session:
+    """A session of another program on the same bus."""
+    return Session(Neighbour(board, monkeypatch), ROBOT)
+
+
+def tokens(session: Session) -> list[int]:
+    return [axis.read(od.CHARGE_TOKEN) for axis in session.machine.axes]
+
+
+def watched(session: Session) -> list[int]:
+    return [axis.read(od.CONSUMER_HEARTBEATS[0]) for axis in session.machine.axes]
+
+
+def take_away(axis: AxisClient) -> None:
+    """Release an axis in its owner's place, as a person's deliberate takeover would: the token is no secret."""
+    axis.write(od.CHARGE_RELEASE, axis.read(od.CHARGE_TOKEN))
+
+
+def test_the_second_program_is_refused(session: Session, other: Session) -> None:
+    with session.in_charge("move"):
+        held = tokens(session)
+        for do in (lambda: move(other, HOME), lambda: reset(other)):
+            with pytest.raises(BusError, match=TAKEN) as caught:
+                do()
+            assert caught.value.exit_code == 4
+        assert tokens(session) == held
+        assert watched(session) == [WATCH_HOST] * len(held)
+    assert tokens(session) == [FREE] * len(held)
+    move(other, HOME)
+
+
+def test_everyone_may_look_and_stop(session: Session, other: Session) -> None:
+    with session.in_charge("move"):
+        assert not read_status(other).streaming
+        assert {state.state for state in stop(other)} == {"QUICK STOP ACTIVE"}
+
+
+def test_a_program_that_gets_some_axes_only_gives_them_back(session: Session, other: Session) -> None:
+    Lease(other.machine.axes[TH2:]).claim()
+    with pytest.raises(BusError, match=r"says th2 \(node 0x14\)"):
+        move(session, HOME)
+    assert [token == FREE for token in tokens(session)] == [axis < TH2 for axis in range(6)]
+
+
+def test_an_error_or_an_interruption_frees_the_machine(session: Session, other: Session) -> None:
+    for error in (KeyboardInterrupt, BusError):
+        with pytest.raises(error), session.in_charge("move"):
+            raise error
+        assert tokens(session) == [FREE] * 6
+    move(other, HOME)
+
+
+def test_a_program_that_hangs_before_its_heartbeat_loses_the_machine(
+    board: EmbeddedBoard, session: Session, other: Session
+) -> None:
+    with session.alone():
+        with pytest.raises(BusError, match=TAKEN):
+            move(other, HOME)
+        board.wait(UNWATCHED_MS / 1000)
+        move(other, HOME)
+
+
+def test_a_program_that_has_lost_the_machine_leaves_the_next_one_alone(session: Session, other: Session) -> None:
+    with session.in_charge("move"):
+        for axis in other.machine.axes:
+            take_away(axis)
+        Lease(other.machine.axes).claim()
+        held = tokens(other)
+    assert tokens(other) == held
+    assert watched(other) == [WATCH_HOST] * 6
+
+
+def test_a_program_that_lost_the_machine_while_setting_up_enables_no_drive(
+    session: Session, other: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session.machine.disable()
+    adopt = session.machine.adopt
+
+    def too_late(*objects: object) -> None:
+        adopt(*objects)  # type: ignore[arg-type]
+        for axis in other.machine.axes:
+            take_away(axis)
+        Lease(other.machine.axes).claim()
+
+    monkeypatch.setattr(session.machine, "adopt", too_late)
+    with pytest.raises(BusError, match=TAKEN):
+        move(session, HOME)
+    assert {axis.state for axis in read_status(other).axes} == {"SWITCH ON DISABLED"}
