@@ -1,4 +1,4 @@
-"""Lend the axis to one program at a time: object 2014h (docs/canopen.md, "One program in charge")."""
+"""Lend the axis to one program at a time: object 2017h (docs/canopen.md, "One program in charge")."""
 
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError

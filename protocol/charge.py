@@ -1,4 +1,4 @@
-"""Who is in charge of an axis: one program at a time, by a token (object 2014h, manufacturer-specific).
+"""Who is in charge of an axis: one program at a time, by a token (object 2017h, manufacturer-specific).
 
 Programs that do not know the object drive the axis as ever: the token only lets programs that ask for it take turns.
 """

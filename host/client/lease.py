@@ -1,4 +1,4 @@
-"""Be the one program in charge of a machine: each node lends itself to one program at a time (object 2014h).
+"""Be the one program in charge of a machine: each node lends itself to one program at a time (object 2017h).
 
 A program claims the nodes in the order of their ids, so that of two programs one gets them all. Other programs see the
 answers to a claim, too, and cannot tell them from the answers to their own. So a claim is decided by the token that the

@@ -1,4 +1,4 @@
-"""One program in charge of an axis (2014h): who gets the axis, and when the board forgets a program."""
+"""One program in charge of an axis (2017h): who gets the axis, and when the board forgets a program."""
 
 import pytest
 

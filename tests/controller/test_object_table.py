@@ -40,8 +40,8 @@ RULES: dict[tuple[int, int], Outcome] = {
     (0x1014, 0): (RANGE, RANGE),  # neither value is a COB-ID
     (0x6060, 0): (RANGE, RANGE),  # neither value is a mode
     (0x60C1, 4): (RANGE, DONE),  # 0 is the number expected, but the record's duration is 0; 255 is an old record
-    (0x2014, 1): (DONE, STATE),  # the least token claims the axis, so another one is refused
-    (0x2014, 2): (DONE, STATE),  # no program is in charge: 0
+    (0x2017, 1): (DONE, STATE),  # the least token claims the axis, so another one is refused
+    (0x2017, 2): (DONE, STATE),  # no program is in charge: 0
     (0x605A, 0): (DONE, DONE),
     **dict(pdo_rules()),
 }

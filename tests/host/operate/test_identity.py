@@ -1,11 +1,16 @@
 """A board knows its robot: commands for another one are refused with both names, unless forced."""
 
+import runpy
+from pathlib import Path
+
 import pytest
 import typer
 
 from steptwin.host.cli.app import COMMANDS, app
 from steptwin.host.operate.session import Session
+from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
+from tests.end_to_end.pages import blocks_of, read_page
 from tests.host.operate.sessions import ROBOT, CommandLine
 
 FOREIGN = "d1: node 0x10 belongs to the robot warehouse-scara, not to lab-scara"
@@ -83,3 +88,14 @@ def test_one_axis_of_another_robot_is_enough(steptwin: CommandLine, session: Ses
     exit_code, _, err = steptwin.run("move warehouse-scara th1=1")
     assert exit_code == 2
     assert err.startswith("steptwin: th1: node 0x13 belongs to the robot my arm, not to warehouse-scara; ")
+
+
+def test_a_board_is_commissioned_as_the_page_says(board: EmbeddedBoard, tmp_path: Path) -> None:
+    (block,) = [text for _, text in blocks_of(read_page("docs/canopen.md")) if "0x2016" in text]
+    page = tmp_path / "commissioning.py"
+    page.write_text(block, encoding="ascii")
+    runpy.run_path(str(page), {"network": board.network})
+    session = Session(board, ROBOT)
+    board.network.nmt.state = "RESET"
+    names = [axis.read_text(od.ROBOT_NAME) for axis in session.machine.axes]
+    assert names == ["lab-scara"] * 4 + [ROBOT.name] * 2
