@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 
 from steptwin.host.client.axis import AxisClient
-from steptwin.host.common.errors import BusError, DeviceFaultError, StepTwinError
+from steptwin.host.common.errors import BusError, DeviceFaultError
 from steptwin.protocol import od
 from steptwin.protocol.charge import FREE, UNWATCHED_MS
 from steptwin.protocol.datatypes import DataType
@@ -44,10 +44,11 @@ class Lease:
         return axis.read(od.CHARGE_TOKEN) == self._token
 
     def release(self) -> None:
-        """Give back what this program holds; an axis that does not answer forgets it by itself."""
-        for axis in self._axes:
-            with suppress(StepTwinError):
-                axis.write(od.CHARGE_RELEASE, self._token)
+        """Give back what this program holds; if an axis does not answer, the rest forget this program by themselves."""
+        with suppress(BusError):
+            for axis in self._axes:
+                with suppress(DeviceFaultError):  # another program holds it
+                    axis.write(od.CHARGE_RELEASE, self._token)
 
 
 def _taken(axis: AxisClient) -> BusError:
