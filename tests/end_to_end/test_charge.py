@@ -12,7 +12,7 @@ from tests.end_to_end.charge_race import HOME, ONE_RUNS, ROBOT, exit_codes
 from tests.end_to_end.served import Server, in_real_time, serving
 
 TRIALS = 4
-"""`python -m tests.end_to_end.charge_race 200` makes more; docs/live-commands.md has the result."""
+"""`python -m tests.end_to_end.charge_race 200` makes more."""
 
 
 def ended(command: subprocess.Popen[str]) -> tuple[int, str]:
