@@ -89,6 +89,8 @@ class TransmitQueue:
         """Forget what waits for a node, whose communication is reset: its next frame is the boot-up message."""
         self._services = [item for item in self._services if item.node != node]
         self._process_data = {place: frame for place, frame in self._process_data.items() if place[0] != node}
+        if not self._process_data:
+            self.due_counts = None  # nothing waits for the end of the pause
 
     def waits(self, node: int) -> bool:
         """Return whether any frame of a node waits."""

@@ -182,6 +182,21 @@ def test_dropping_a_node_leaves_the_others_frames() -> None:
     assert drain(queue) == [numbered(0x591, 1), numbered(0x191, 1)]
 
 
+def test_a_pause_ends_with_the_frames_that_wait_for_its_end() -> None:
+    """A random host found it: after a reset in a pause, the board asked for a poll at an instant in the past for ever."""
+    queue = TransmitQueue()
+    for _ in range(BURST_FRAMES_MAX):
+        queue.put_process_data(0, 0, Frame(0x190, b""))
+        assert queue.take((), 0, 0)
+    for node in (0, 1):
+        queue.put_process_data(node, 0, Frame(0x190 + node, b""))
+    assert queue.take((), 0, 0) is None
+    queue.drop(0)
+    assert queue.due_counts == PAUSE_COUNTS
+    queue.drop(1)
+    assert queue.due_counts is None
+
+
 def test_a_boot_up_message_does_not_wait_behind_heartbeats(pair: BenchBoard) -> None:
     """A random host found it: the places of the boot-up message were taken by heartbeats from before the reset."""
     for axis in (0, 1):
