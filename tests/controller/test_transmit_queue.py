@@ -183,7 +183,7 @@ def test_dropping_a_node_leaves_the_others_frames() -> None:
 
 
 def test_a_pause_ends_with_the_frames_that_wait_for_its_end() -> None:
-    """A random host found it: after a reset in a pause, the board asked for a poll at an instant in the past for ever."""
+    """A random host found it: after a reset in a pause, the board asked for polls in the past for ever."""
     queue = TransmitQueue()
     for _ in range(BURST_FRAMES_MAX):
         queue.put_process_data(0, 0, Frame(0x190, b""))
