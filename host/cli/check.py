@@ -1,13 +1,14 @@
 """`steptwin check FILE`: say everything that is wrong in a file of your own, or what it amounts to."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson
+from steptwin.host.cli.check_robot import check_robot
+from steptwin.host.cli.checked_file import CheckedFile
 from steptwin.host.cli.output import print_json, print_table, say
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
@@ -21,32 +22,26 @@ if TYPE_CHECKING:
     from steptwin.host.planning.programs import StepRow
 
 
-@dataclass(frozen=True, slots=True)
-class _Checked:
-    """A file of one kind: what was found out, as a JSON document and as the function that prints it."""
-
-    document: dict[str, Any]
-    print: Callable[[], None]
-
-
-@command("docs/programs/teaching-scara.toml", "pick.toml teaching-scara --json")
+@command("my-arm.toml", "docs/programs/teaching-scara.toml")
 def check(
-    file: Annotated[str, typer.Argument(metavar="FILE", help="A program, a TOML file with steps.")],
+    file: Annotated[str, typer.Argument(metavar="FILE", help="A robot file or a program, in TOML.")],
     robot: Annotated[
         str | None, typer.Argument(metavar="ROBOT", help="The robot for a program that does not name it.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Say everything that is wrong in a file at once; otherwise print its steps with durations and peaks.
+    """Say everything that is wrong in a file at once; otherwise print what it amounts to.
 
-    Peaks are percentages of the joints' limits. A file with something wrong ends with exit code 2.
+    Of a robot: joints, ranges, steps and highest speeds, and how far the tool reaches. Of a program: its steps, with
+    durations and peaks in percent of the joints' limits. A file with something wrong ends with exit code 2.
     """
     with prefixed(f"{file}: "):
         text = read_text(file, PROGRAM_BYTES_MAX)
         table = toml_table(text)
-        kind = next((kind for kind, key in _KINDS.items() if key in table), None)
+        kind = next((kind for kind, keys in _KINDS.items() if any(key in table for key in keys)), None)
         if kind is None:
-            raise InputError(f"has none of {', '.join(_KINDS.values())}: it is no {' and no '.join(_KINDS)}")
+            telling = ", ".join(key for keys in _KINDS.values() for key in keys)
+            raise InputError(f"has none of {telling}: it is no {' and no '.join(_KINDS)}")
     findings = Findings()
     checked = _CHECKS[kind](text, robot, findings)
     if as_json:
@@ -59,11 +54,11 @@ def check(
         raise typer.Exit(InputError.exit_code)
 
 
-_KINDS: Final = {"program": "step"}
-"""Kinds of files, each with the key by which it is known."""
+_KINDS: Final[Mapping[str, tuple[str, ...]]] = {"program": ("step",), "robot": ("kinematics", "joints", "board")}
+"""Kinds of files, each with the keys by which it is known: any of them."""
 
 
-def _check_program(text: str, robot_name: str | None, findings: Findings) -> _Checked:
+def _check_program(text: str, robot_name: str | None, findings: Findings) -> CheckedFile:
     from steptwin.host.planning.planner import plan
     from steptwin.host.planning.programs import compile_program, parse_program
     from steptwin.host.robots import load_robot
@@ -73,7 +68,7 @@ def _check_program(text: str, robot_name: str | None, findings: Findings) -> _Ch
     if name is None:
         findings.messages.append("robot: is missing: name it in the file, or behind it")
     if name is None or findings.messages:
-        return _Checked({}, lambda: None)
+        return CheckedFile({})
     robot = load_robot(name)
     compiled = compile_program(program, robot, findings)
     if not findings.messages:
@@ -90,10 +85,10 @@ def _check_program(text: str, robot_name: str | None, findings: Findings) -> _Ch
         print_table(["step", "what", "from s", "for s", "speed", "acceleration"], rows, text_columns=2)
         say(f"{robot.name} {program.title or 'program'}: {len(rows)} steps in {duration_s:.3f} s")
 
-    return _Checked(document, print_steps)
+    return CheckedFile(document, print_steps)
 
 
-_CHECKS: Final = {"program": _check_program}
+_CHECKS: Final = {"program": _check_program, "robot": check_robot}
 
 
 def _step_document(row: "StepRow") -> dict[str, Any]:

@@ -21,14 +21,19 @@ def unknown(what: str, given: str, choices: Iterable[str]) -> InputError:
     """Return the error for an unknown name; its message offers the nearest names, or lists all if none is near."""
     given = shortened(given)
     names = list(choices)
-    by_lower_case = {name.lower(): name for name in names}
-    near = [by_lower_case[name] for name in get_close_matches(given.lower(), by_lower_case, n=3)]
+    near = nearest(given, names)
     if near:
         return InputError(f"{what} {given!r} is unknown: did you mean {' or '.join(near)}?")
     listed = ", ".join(names[:_CHOICES_LISTED]) or "none"
     if len(names) > _CHOICES_LISTED:
         listed += f" and {len(names) - _CHOICES_LISTED} more"
     return InputError(f"{what} {given!r} is unknown: there are {listed}")
+
+
+def nearest(given: str, choices: Iterable[str]) -> list[str]:
+    """Return up to three names that are most like the given one, whatever the case; none if no name is like it."""
+    by_lower_case = {name.lower(): name for name in choices}
+    return [by_lower_case[name] for name in get_close_matches(shortened(given).lower(), by_lower_case, n=3)]
 
 
 def shortened(text: str) -> str:
@@ -42,15 +47,14 @@ def prefixed(prefix: str) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        raise type(error)(f"{prefix}{error}") from error
+        raise type(error)(*(f"{prefix}{message}" for message in error.messages)) from error
 
 
 def require_positive(settings: object, *names: str) -> None:
-    """Raise InputError unless these attributes are above 0."""
-    for name in names:
-        value = getattr(settings, name)
-        if not value > 0:
-            raise InputError(f"{name}: {value:g} is not above 0")
+    """Raise InputError, with a message for each, unless these attributes are above 0."""
+    values = {name: getattr(settings, name) for name in names}
+    if messages := [f"{name}: {value:g} is not above 0" for name, value in values.items() if not value > 0]:
+        raise InputError(*messages)
 
 
 def whole_ms(what: str, value_s: float) -> int:

@@ -18,9 +18,17 @@ class RecordingError(StepTwinError):
 
 
 class InputError(StepTwinError):
-    """The input is wrong; the message names the value, the limit and the nearest valid choice."""
+    """The input is wrong; the message names the value, the limit and the nearest valid choice.
+
+    Attributes:
+        messages: everything that was found wrong, at least one message; the error's text is the first.
+    """
 
     exit_code = 2
+
+    def __init__(self, message: str, *others: str) -> None:
+        super().__init__(message)
+        self.messages = (message, *others)
 
 
 class DeviceFaultError(StepTwinError):

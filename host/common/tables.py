@@ -10,10 +10,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from enum import StrEnum
 from reprlib import repr as short
-from typing import TypeVar
+from typing import Any, TypeVar
 
-from steptwin.host.common.bad_input import prefixed, shortened, unknown
+from steptwin.host.common.bad_input import nearest, prefixed, shortened, unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.findings import Findings
 from steptwin.host.common.numbers import LARGEST
 
 Choice = TypeVar("Choice", bound=StrEnum)
@@ -149,13 +150,39 @@ class Table:
             yield table
 
     def check_keys(self, allowed: Iterable[str]) -> None:
-        """Raise InputError, with the nearest allowed keys, if there is a key that is not allowed."""
+        """Raise InputError, with the nearest allowed keys, if there are keys that are not allowed."""
         allowed = list(allowed)
-        for key in self.values:
-            if key not in allowed:
-                raise InputError(f"{shortened(key)}: {unknown('key', key, allowed)}")
+        if strange := [key for key in self.values if key not in allowed]:
+            raise InputError(*(f"{shortened(key)}: {unknown('key', key, allowed)}" for key in strange))
+
+    def read(
+        self, required: Mapping[str, "Reading"], optional: Mapping[str, "Reading"] | None = None
+    ) -> dict[str, Any]:
+        """Return the value of every key, None for an optional one that is missing.
+
+        Raise InputError with everything that is wrong. Unknown keys come first; the key that one of them should
+        probably be is not called missing.
+        """
+        keys = {**required, **(optional or {})}
+        meant = {name for key in self.values if key not in keys for name in nearest(key, keys)}
+        findings = Findings()
+        values: dict[str, Any] = {}
+        with findings.collecting():
+            self.check_keys(keys)
+        for key, reading in keys.items():
+            if key not in self and (key in meant or key not in required):
+                values[key] = None
+                continue
+            with findings.collecting():
+                values[key] = reading(self, key)
+        findings.raise_first()
+        return values
 
     def _take(self, key: str) -> object:
         if key not in self.values:
             raise InputError(f"{key}: is missing")
         return self.values[key]
+
+
+Reading = Callable[[Table, str], Any]
+"""A method of Table, or another function of a table and a key, that returns the key's value or raises InputError."""

@@ -5,10 +5,10 @@ from importlib.resources import files
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.file_limits import ROBOT_BYTES_MAX
 from steptwin.host.common.text_file import read_text
-from steptwin.host.robots.reader import parse_robot
+from steptwin.host.robots.reader import parse_robot, read_robot
 from steptwin.host.robots.robot import Robot
 
-__all__ = ["load_robot", "load_robot_file", "parse_robot", "robot_names"]
+__all__ = ["load_robot", "load_robot_file", "parse_robot", "read_robot", "robot_names"]
 
 _SUFFIX = ".toml"
 

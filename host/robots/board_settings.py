@@ -2,10 +2,12 @@
 
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
 from typing import Final
 
 from steptwin.host.common.bad_input import require_positive, unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.findings import check_all
 from steptwin.protocol.frame import BITRATES
 from steptwin.protocol.objects import PULSE_NS_MIN, TIMING_NS_MAX
 from steptwin.protocol.timer import COUNTS_PER_SECOND
@@ -70,14 +72,26 @@ class BoardSettings:
     fast_decay_percent: int | None = None
 
     def __post_init__(self) -> None:
-        self._check_drivers()
-        require_positive(self, "step_rate_max_hz")
+        check_all(
+            self._check_drivers,
+            self._check_current,
+            *(partial(self._check_switch, key, choices) for key, choices in SWITCH_CHOICES.items()),
+            partial(require_positive, self, "step_rate_max_hz"),
+            self._check_bitrate,
+            *(partial(self._check_time, key, least_ns) for key, least_ns in _TIMING_MIN_NS.items()),
+        )
+        self._check_pulses()
+
+    def _check_bitrate(self) -> None:
         if self.bitrate not in BITRATES:
             raise InputError(f"bitrate: {self.bitrate} is not one of {', '.join(map(str, BITRATES))}")
-        for name, least in _TIMING_MIN_NS.items():
-            value = getattr(self, name)
-            if not least <= value <= TIMING_NS_MAX:
-                raise InputError(f"{name}: {value} ns is outside {least}..{TIMING_NS_MAX} ns")
+
+    def _check_time(self, key: str, least_ns: int) -> None:
+        value_ns = getattr(self, key)
+        if not least_ns <= value_ns <= TIMING_NS_MAX:
+            raise InputError(f"{key}: {value_ns} ns is outside {least_ns}..{TIMING_NS_MAX} ns")
+
+    def _check_pulses(self) -> None:
         pulse_ns = self.steplen_ns + self.stepspace_ns
         if pulse_ns * self.step_rate_max_hz > 1e9:
             raise InputError(
@@ -99,10 +113,10 @@ class BoardSettings:
             raise unknown("driver_profile:", self.driver_profile, DRIVER_PROFILES)
         elif self.osc_pf is not None:
             raise InputError(f"osc_pf: driver_profile {self.driver_profile} sets it already")
+
+    def _check_current(self) -> None:
         if self.current_a is not None and not 0 < self.current_a <= PHASE_CURRENT_MAX_A:
             raise InputError(f"current_a: {self.current_a:g} A is not above 0 and up to {PHASE_CURRENT_MAX_A:g} A")
-        for key, choices in SWITCH_CHOICES.items():
-            self._check_switch(key, choices)
 
     def _check_switch(self, key: str, choices: tuple[int, ...]) -> None:
         percent = getattr(self, key)

@@ -1,9 +1,11 @@
 """The homing of a joint, as its robot file sets it."""
 
 from dataclasses import dataclass
+from functools import partial
 
 from steptwin.host.common.bad_input import require_positive
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.findings import check_all
 from steptwin.protocol.homing_methods import HOME_HERE, HOME_HERE_OBSOLETE, HOMING_METHODS
 
 
@@ -24,9 +26,17 @@ class JointHoming:
     acceleration: float
 
     def __post_init__(self) -> None:
+        check_all(
+            self._check_method,
+            partial(require_positive, self, "search_speed", "zero_speed", "acceleration"),
+            self._check_zero_speed,
+        )
+
+    def _check_method(self) -> None:
         if self.method not in HOMING_METHODS:
             raise InputError(f"method: {self.method} is not one of 17 to 30, {HOME_HERE_OBSOLETE}, {HOME_HERE}")
-        require_positive(self, "search_speed", "zero_speed", "acceleration")
+
+    def _check_zero_speed(self) -> None:
         if self.zero_speed > self.search_speed:
             raise InputError(f"zero_speed: {self.zero_speed:g} is above search_speed, {self.search_speed:g}")
 

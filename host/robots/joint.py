@@ -2,11 +2,13 @@
 
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import partial
 from math import floor
 from typing import Final
 
 from steptwin.host.common.bad_input import require_positive
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.findings import check_all
 from steptwin.host.robots.homing import JointHoming
 from steptwin.host.robots.switches import JointSwitches
 from steptwin.host.robots.transmission import Transmission
@@ -42,18 +44,31 @@ class Joint:
     homing: JointHoming | None = None
 
     def __post_init__(self) -> None:
+        check_all(
+            self._check_range,
+            partial(require_positive, self, "speed_max", "acceleration_max"),
+            self._check_wire,
+            partial(self.switches.check_outside, self.lower, self.upper, self.unit),
+            self._check_homing,
+        )
+
+    def _check_range(self) -> None:
         if not self.lower < self.upper:
             raise InputError(f"upper: {self.upper:g} {self.unit} is not above lower, {self.lower:g} {self.unit}")
-        require_positive(self, "speed_max", "acceleration_max")
+
+    def _check_wire(self) -> None:
         farthest = max(abs(self.lower), abs(self.upper))
         reach = self.to_position(WIRE_POSITION_MAX)
         if farthest > reach:
             bound = "upper" if farthest == abs(self.upper) else "lower"
             raise InputError(f"{bound}: {farthest:g} {self.unit} from zero is beyond the wire's {reach:g} {self.unit}")
-        self.switches.check_outside(self.lower, self.upper, self.unit)
+
+    def _check_homing(self) -> None:
         if self.homing:
-            self.switches.check_method(self.homing.method)
-            self.homing.check_within(self.speed_max, self.acceleration_max)
+            check_all(
+                partial(self.switches.check_method, self.homing.method),
+                partial(self.homing.check_within, self.speed_max, self.acceleration_max),
+            )
 
     @property
     def step_rate_max_hz(self) -> float:

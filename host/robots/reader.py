@@ -1,169 +1,199 @@
-"""Read a robot's TOML file. Every error begins with the file and the key, as in `joints.th1.microsteps: ...`."""
+"""Read a robot's TOML file. Every error begins with the file and the key, as in `joints.th1.microsteps: ...`.
 
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
-from dataclasses import fields, replace
-from typing import Final
+The keys of each table are data: a mapping from the key to the function that reads its value. All that is wrong in a
+file is found at once.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import Final, TypeVar
 
 from steptwin.host.common.bad_input import apart, prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import NAME_CHARS_MAX, TITLE_CHARS_MAX
-from steptwin.host.common.tables import Table, check_name, toml_table
+from steptwin.host.common.findings import Findings, check_all
+from steptwin.host.common.tables import Reading, Table, check_name, toml_table
 from steptwin.host.robots.board_settings import ActiveEdge, BoardSettings
 from steptwin.host.robots.homing import JointHoming
 from steptwin.host.robots.joint import Joint, Unit
-from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.kinematics import check_dimensions, make_kinematics
 from steptwin.host.robots.output import Output
-from steptwin.host.robots.robot import Robot
+from steptwin.host.robots.robot import Dimension, Robot
 from steptwin.host.robots.switches import JointSwitches
 from steptwin.host.robots.transmission import Transmission
+
+_Made = TypeVar("_Made")
 
 
 def parse_robot(text: str, source: str) -> Robot:
     """Return the robot that a TOML text describes; raise InputError, with `source` and the key, for a wrong text."""
     with prefixed(f"{source}: "):
-        table = toml_table(text)
-        robot = replace(_robot(table), toml=text)
-        make_kinematics(robot)  # only to check kind and dimensions
-        _check_speeds(robot)
-        return robot
+        return read_robot(text)
 
 
-_ROBOT: Final = ("name", "title", "kinematics", "board", "joints", "home", "outputs", "places")
-_JOINT: Final = (
-    *("unit", "lower", "upper", "speed_max", "acceleration_max", "full_steps_per_rev", "microsteps"),
-    *("travel_per_turn", "ratio", "switches", "homing"),
-)
-_OF_ANOTHER_UNIT: Final = {Unit.MM: "ratio", Unit.DEG: "travel_per_turn"}
-
-
-@contextmanager
-def _section(table: Table, key: str, known: Iterable[str] | None = None, *, optional: bool = False) -> Iterator[Table]:
-    """Enter the table under a key; a missing optional table is empty.
-
-    A key that is not known is an error before any is read: a mistyped key is named, not the key that it should be. With
-    None, the keys are names that the file gives.
-    """
-    if optional and key not in table:
-        yield Table({}, "table")
-        return
-    with table.section(key) as section:
-        if known is not None:
-            section.check_keys(known)
-        yield section
-
-
-def _keys(settings: "type[BoardSettings | JointHoming | JointSwitches | Output]") -> list[str]:
-    """Return the keys of a table that has one for each field of a dataclass."""
-    return [field.name for field in fields(settings)]
-
-
-@contextmanager
-def _named_tables(table: Table, key: str, *, optional: bool = False) -> Iterator[Table]:
-    """Enter the table under a key, whose keys are names."""
-    with _section(table, key, optional=optional) as section:
-        for name in section:
-            check_name(name, NAME_CHARS_MAX)
-        yield section
+def read_robot(text: str) -> Robot:
+    """Return the same robot; the messages of the InputError are everything that is wrong, each with its key."""
+    robot = replace(_robot(toml_table(text)), toml=text)
+    check_all(partial(make_kinematics, robot), partial(_check_speeds, robot))
+    return robot
 
 
 def _robot(table: Table) -> Robot:
-    table.check_keys(_ROBOT)
-    name, title = table.name("name", NAME_CHARS_MAX), table.name("title", TITLE_CHARS_MAX)
-    with _section(table, "kinematics") as mechanism:
-        kind = mechanism.text("kind")
-        geometry = {key: mechanism.number(key) for key in mechanism if key != "kind"}
-    with _section(table, "board", _keys(BoardSettings)) as settings:
-        board = _board(settings)
-    with _named_tables(table, "joints") as tables:
-        joints = tuple(_joint(tables, key) for key in tables)
-    with _section(table, "home", [joint.name for joint in joints]) as positions:
-        home = tuple(positions.number(joint.name) for joint in joints)
-    with _named_tables(table, "outputs", optional=True) as wiring:
-        outputs = {key: _output(wiring, key) for key in wiring}
-    with _named_tables(table, "places", optional=True) as tables:
-        places = {key: _place(tables, key) for key in tables}
-    return Robot(name, title, kind, geometry, joints, home, board, outputs, places)
-
-
-def _output(wiring: Table, name: str) -> Output:
-    with _section(wiring, name, _keys(Output)) as table:
-        return Output(joint=table.text("joint"), out=table.integer("out"))
-
-
-def _place(tables: Table, name: str) -> dict[str, float]:
-    with _section(tables, name) as table:
-        return {joint: table.number(joint) for joint in table}
-
-
-def _board(table: Table) -> BoardSettings:
-    return BoardSettings(
-        bitrate=table.integer("bitrate"),
-        osc_pf=table.optional("osc_pf", table.integer),
-        steplen_ns=table.integer("steplen_ns"),
-        stepspace_ns=table.integer("stepspace_ns"),
-        dirsetup_ns=table.integer("dirsetup_ns"),
-        dirhold_ns=table.integer("dirhold_ns"),
-        step_rate_max_hz=table.number("step_rate_max_hz"),
-        driver_profile=table.optional("driver_profile", table.text),
-        current_a=table.optional("current_a", table.number),
-        active_edge=table.choice("active_edge", ActiveEdge) if "active_edge" in table else None,
-        idle_percent=table.optional("idle_percent", table.integer),
-        fast_decay_percent=table.optional("fast_decay_percent", table.integer),
+    values = table.read(_ROBOT, _ROBOT_OPTIONAL)
+    kind, geometry = values["kinematics"]
+    joints: dict[str, Joint] = values["joints"]
+    return Robot(
+        name=values["name"],
+        title=values["title"],
+        kinematics=kind,
+        geometry=geometry,
+        joints=tuple(joints.values()),
+        home=tuple(values["home"].values()),
+        board=values["board"],
+        outputs=values["outputs"] or {},
+        places=values["places"] or {},
     )
 
 
+def _name(table: Table, key: str) -> str:
+    return table.name(key, NAME_CHARS_MAX)
+
+
+def _title(table: Table, key: str) -> str:
+    return table.name(key, TITLE_CHARS_MAX)
+
+
+def _mechanism(table: Table, key: str) -> tuple[str, dict[str, Dimension]]:
+    """Return the kind of the mechanism and its dimensions, which are checked here as far as they need no joints."""
+    with table.section(key) as section:
+        kind = section.text("kind")
+        dimensions = section.read({name: _dimension for name in section if name != "kind"}, {"kind": Table.text})
+    del dimensions["kind"]
+    check_dimensions(kind, dimensions)
+    return kind, dimensions
+
+
+def _dimension(table: Table, key: str) -> Dimension:
+    if isinstance(table.values[key], bool):
+        return table.truth(key)
+    return table.text(key) if isinstance(table.values[key], str) else table.number(key)
+
+
+def _each(read: Callable[[Table, str], _Made], table: Table, key: str) -> dict[str, _Made]:
+    """Return what `read` makes of every key in the table under a key, where the keys are names."""
+    made, findings = {}, Findings()
+    with table.section(key) as section:
+        for name in section:
+            check_name(name, NAME_CHARS_MAX)
+        for name in section:
+            with findings.collecting():
+                made[name] = read(section, name)
+        findings.raise_first()
+    return made
+
+
+def _home(table: Table, key: str) -> dict[str, float]:
+    """Return a position for every joint that the table of joints names, right or wrong."""
+    joints = table.values.get("joints")
+    with table.section(key) as section:
+        return section.read(dict.fromkeys(joints if isinstance(joints, dict) else section, Table.number))
+
+
+def _settings(make: Callable[..., _Made], required: dict[str, Reading], optional: dict[str, Reading]) -> Reading:
+    """Return a reading of a table whose keys are the parameters of `make`."""
+
+    def read(table: Table, key: str) -> _Made:
+        with table.section(key) as section:
+            return make(**section.read(required, optional))
+
+    return read
+
+
 def _joint(tables: Table, name: str) -> Joint:
-    with _section(tables, name, _JOINT) as table:
+    with tables.section(name) as table:
         unit = table.choice("unit", Unit)
-        table.check_keys(key for key in _JOINT if key != _OF_ANOTHER_UNIT[unit])
-        return Joint(
-            name=name,
-            unit=unit,
-            lower=table.number("lower"),
-            upper=table.number("upper"),
-            speed_max=table.number("speed_max"),
-            acceleration_max=table.number("acceleration_max"),
-            transmission=_transmission(table, unit),
-            switches=_switches(table),
-            homing=_homing(table) if "homing" in table else None,
-        )
+        turn = _TURN[unit]
+        values = table.read(_JOINT | dict.fromkeys(turn, Table.number), _JOINT_OPTIONAL)
+        del values["unit"]
+        motor = {key: values.pop(key) for key in ("full_steps_per_rev", "microsteps", *turn)}
+        transmission = Transmission(**({"travel_per_turn": 360.0} | motor))
+        switches = values.pop("switches") or JointSwitches()
+        return Joint(name, unit, **values, transmission=transmission, switches=switches)
 
 
-def _switches(joint: Table) -> JointSwitches:
-    with _section(joint, "switches", _keys(JointSwitches), optional=True) as table:
-        return JointSwitches(
-            negative_limit=table.optional("negative_limit", table.number),
-            positive_limit=table.optional("positive_limit", table.number),
-            home_from=table.optional("home_from", table.number),
-            home_to=table.optional("home_to", table.number),
-        )
+_place: Final = partial(_each, Table.number)
+_output: Final = _settings(Output, {"joint": Table.text, "out": Table.integer}, {})
 
-
-def _homing(joint: Table) -> JointHoming:
-    with _section(joint, "homing", _keys(JointHoming)) as table:
-        return JointHoming(
-            method=table.integer("method"),
-            search_speed=table.number("search_speed"),
-            zero_speed=table.number("zero_speed"),
-            acceleration=table.number("acceleration"),
-        )
-
-
-def _transmission(table: Table, unit: Unit) -> Transmission:
-    full_steps_per_rev, microsteps = table.integer("full_steps_per_rev"), table.integer("microsteps")
-    if unit is Unit.MM:
-        return Transmission(full_steps_per_rev, microsteps, travel_per_turn=table.number("travel_per_turn"))
-    return Transmission(full_steps_per_rev, microsteps, travel_per_turn=360.0, ratio=table.number("ratio"))
+_ROBOT: Final[dict[str, Reading]] = {
+    "name": _name,
+    "title": _title,
+    "kinematics": _mechanism,
+    "board": _settings(
+        BoardSettings,
+        {
+            "bitrate": Table.integer,
+            "steplen_ns": Table.integer,
+            "stepspace_ns": Table.integer,
+            "dirsetup_ns": Table.integer,
+            "dirhold_ns": Table.integer,
+            "step_rate_max_hz": Table.number,
+        },
+        {
+            "osc_pf": Table.integer,
+            "driver_profile": Table.text,
+            "current_a": Table.number,
+            "active_edge": lambda table, key: table.choice(key, ActiveEdge),
+            "idle_percent": Table.integer,
+            "fast_decay_percent": Table.integer,
+        },
+    ),
+    "joints": partial(_each, _joint),
+    "home": _home,
+}
+_ROBOT_OPTIONAL: Final[dict[str, Reading]] = {
+    "outputs": partial(_each, _output),
+    "places": partial(_each, _place),
+}
+_JOINT: Final[dict[str, Reading]] = {
+    "unit": Table.text,
+    "lower": Table.number,
+    "upper": Table.number,
+    "speed_max": Table.number,
+    "acceleration_max": Table.number,
+    "full_steps_per_rev": Table.integer,
+    "microsteps": Table.integer,
+}
+_TURN: Final = {Unit.MM: ("travel_per_turn",), Unit.DEG: ("ratio",)}
+"""The key of the transmission, by the joint's unit."""
+_JOINT_OPTIONAL: Final[dict[str, Reading]] = {
+    "switches": _settings(
+        JointSwitches,
+        {},
+        dict.fromkeys(("negative_limit", "positive_limit", "home_from", "home_to"), Table.number),
+    ),
+    "homing": _settings(
+        JointHoming,
+        {
+            "method": Table.integer,
+            "search_speed": Table.number,
+            "zero_speed": Table.number,
+            "acceleration": Table.number,
+        },
+        {},
+    ),
+}
 
 
 def _check_speeds(robot: Robot) -> None:
-    """Raise InputError if a joint's highest speed needs a higher step rate than the driver's limit."""
-    limit_hz = robot.board.driver_rate_max_hz
-    for joint in robot.joints:
-        if joint.step_rate_max_hz > limit_hz:
-            rate, limit = apart(joint.step_rate_max_hz / 1e3, limit_hz / 1e3)
-            raise InputError(
-                f"joints.{joint.name}.speed_max: {joint.speed_max:g} {joint.unit}/s takes {rate} kHz of steps,"
-                f" more than the driver's {limit} kHz"
-            )
+    """Raise InputError if joints' highest speeds need higher step rates than the driver's limit."""
+    check_all(*(partial(_check_speed, joint, robot.board.driver_rate_max_hz) for joint in robot.joints))
+
+
+def _check_speed(joint: Joint, limit_hz: float) -> None:
+    if joint.step_rate_max_hz > limit_hz:
+        rate, limit = apart(joint.step_rate_max_hz / 1e3, limit_hz / 1e3)
+        raise InputError(
+            f"joints.{joint.name}.speed_max: {joint.speed_max:g} {joint.unit}/s takes {rate} kHz of steps,"
+            f" more than the driver's {limit} kHz"
+        )

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -9,12 +10,16 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.findings import check_all
 from steptwin.host.robots.board_settings import BoardSettings
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.output import Output
 
 AXES_MAX: Final = 8
 """Axes that a board drives: two 16-bit timers with four compare channels each."""
+
+Dimension = float | bool | str
+"""A dimension of a mechanism in mm or degrees, or one of its options."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +30,7 @@ class Robot:
         name: name on the command line.
         title: title, one line.
         kinematics: kind of mechanism, a name that `steptwin.host.robots.kinematics` knows.
-        geometry: dimensions of the mechanism in mm and degrees, by name.
+        geometry: dimensions of the mechanism in mm and degrees, and its options, by name.
         joints: joints, in the order of their axes on the board.
         home: joint positions, in joint order, that the machine takes after homing.
         board: settings that all axes share.
@@ -41,7 +46,7 @@ class Robot:
     name: str
     title: str
     kinematics: str
-    geometry: Mapping[str, float]
+    geometry: Mapping[str, Dimension]
     joints: tuple[Joint, ...]
     home: tuple[float, ...]
     board: BoardSettings
@@ -52,28 +57,33 @@ class Robot:
     def __post_init__(self) -> None:
         if not 1 <= len(self.joints) <= AXES_MAX:
             raise InputError(f"joints: {len(self.joints)} joints, but a board drives 1 to {AXES_MAX}")
-        self._check_place("home", dict(zip(self.joint_names, self.home, strict=True)))
-        for name, place in self.places.items():
-            self._check_place(f"places.{name}", place)
-        wired: dict[Output, str] = {}
-        for name, output in self.outputs.items():
-            if output.joint not in self.joint_names:
-                raise unknown(f"outputs.{name}.joint:", output.joint, self.joint_names)
-            if wired.setdefault(output, name) != name:
-                raise InputError(
-                    f"outputs.{name}: output {output.out} of {output.joint} is already wired to {wired[output]}"
-                )
+        places = {"home": dict(zip(self.joint_names, self.home, strict=True))}
+        places |= {f"places.{name}": dict(place) for name, place in self.places.items()}
+        check_all(
+            *(partial(self._check_place, key, place) for key, place in places.items()),
+            *(partial(self._check_output, name) for name in self.outputs),
+        )
+
+    def _check_output(self, name: str) -> None:
+        output = self.outputs[name]
+        if output.joint not in self.joint_names:
+            raise unknown(f"outputs.{name}.joint:", output.joint, self.joint_names)
+        first = next(other for other, wired in self.outputs.items() if wired == output)
+        if first != name:
+            raise InputError(f"outputs.{name}: output {output.out} of {output.joint} is already wired to {first}")
 
     def _check_place(self, key: str, place: Mapping[str, float]) -> None:
         if not place:
             raise InputError(f"{key}: names no joint")
-        for name, position in place.items():
-            if name not in self.joint_names:
-                raise unknown(f"{key}: joint", name, self.joint_names)
-            joint = self.joint(name)
-            if not joint.lower <= position <= joint.upper:
-                limits = f"{joint.lower:g}..{joint.upper:g} {joint.unit}"
-                raise InputError(f"{key}.{name}: {position:g} {joint.unit} is outside {limits}")
+        check_all(*(partial(self._check_position, key, name, position) for name, position in place.items()))
+
+    def _check_position(self, key: str, name: str, position: float) -> None:
+        if name not in self.joint_names:
+            raise unknown(f"{key}: joint", name, self.joint_names)
+        joint = self.joint(name)
+        if not joint.lower <= position <= joint.upper:
+            limits = f"{joint.lower:g}..{joint.upper:g} {joint.unit}"
+            raise InputError(f"{key}.{name}: {position:g} {joint.unit} is outside {limits}")
 
     @property
     def joint_names(self) -> tuple[str, ...]:

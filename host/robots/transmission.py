@@ -1,10 +1,12 @@
 """The transmission from motor steps to joint travel."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 from steptwin.host.common.bad_input import require_positive
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.findings import check_all
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 
 MICROSTEPS: Final = (1, 2, 8, 16)
@@ -29,9 +31,13 @@ class Transmission:
     ratio: float = 1.0
 
     def __post_init__(self) -> None:
+        check_all(
+            self._check_microsteps, partial(require_positive, self, "full_steps_per_rev", "travel_per_turn", "ratio")
+        )
+
+    def _check_microsteps(self) -> None:
         if self.microsteps not in MICROSTEPS:
             raise InputError(f"microsteps: {self.microsteps} is not one of the TB6560's {MICROSTEPS}")
-        require_positive(self, "full_steps_per_rev", "travel_per_turn", "ratio")
 
     @property
     def travel_per_rev(self) -> float:

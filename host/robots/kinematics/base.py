@@ -5,17 +5,19 @@ world frame: x_mm, y_mm, z_mm and the tool's attitude_deg about the vertical.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields
+from enum import StrEnum
 from typing import Final, Protocol, TypeVar
 
 import numpy as np
 
 from steptwin.host.common.arrays import BoolArray, FloatArray
-from steptwin.host.common.bad_input import apart, unknown
+from steptwin.host.common.bad_input import apart, prefixed
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.tables import Reading, Table
 from steptwin.host.robots.joint import Joint, Unit
 from steptwin.host.robots.kinematics.dh import DhTable
-from steptwin.host.robots.robot import Robot
+from steptwin.host.robots.robot import Dimension, Robot
 
 Geometry = TypeVar("Geometry")
 
@@ -166,15 +168,29 @@ def _joint_constraint(joint: Joint, positions: FloatArray) -> Constraint:
 
 
 def read_geometry(geometry: type[Geometry], robot: Robot) -> Geometry:
-    """Return a mechanism's dimensions, a dataclass of floats; raise InputError if the robot's do not fit."""
-    names = [field.name for field in fields(geometry)]  # type: ignore[arg-type]
-    for name in robot.geometry:
-        if name not in names:
-            raise unknown("kinematics: dimension", name, names)
-    for name in names:
-        if name not in robot.geometry:
-            raise InputError(f"kinematics.{name}: is missing")
-    return geometry(**robot.geometry)
+    """Return a mechanism's dimensions; raise InputError if the robot's do not fit."""
+    return geometry_of(geometry, robot.geometry)
+
+
+def geometry_of(geometry: type[Geometry], dimensions: Mapping[str, Dimension]) -> Geometry:
+    """Return dimensions as the mechanism's dataclass; raise InputError if they do not fit.
+
+    The fields of the dataclass are numbers, truths and string enumerations. Those with defaults may be left out.
+    """
+    required: dict[str, Reading] = {}
+    optional: dict[str, Reading] = {}
+    for field in fields(geometry):  # type: ignore[arg-type]
+        (required if field.default is MISSING else optional)[field.name] = _reading(field.type)
+    with prefixed("kinematics."):
+        values = Table(dict(dimensions), "table").read(required, optional)
+    return geometry(**{name: value for name, value in values.items() if name in dimensions})
+
+
+def _reading(kind: object) -> Reading:
+    """Return how to read a field of this type."""
+    if isinstance(kind, type) and issubclass(kind, StrEnum):
+        return lambda table, key: table.choice(key, kind)
+    return Table.truth if kind is bool else Table.number
 
 
 def require_joints(robot: Robot, expected: Mapping[str, Unit]) -> None:

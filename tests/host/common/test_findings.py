@@ -2,8 +2,9 @@
 
 import pytest
 
+from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.findings import Findings
+from steptwin.host.common.findings import Findings, check_all
 
 
 def test_collects_one_error_of_each_block_and_goes_on() -> None:
@@ -28,3 +29,23 @@ def test_an_input_without_errors_raises_nothing() -> None:
 def test_other_errors_are_not_findings() -> None:
     with pytest.raises(ZeroDivisionError), Findings().collecting():
         _ = 1 / 0
+
+
+def test_an_error_with_several_messages_is_several_findings() -> None:
+    findings = Findings()
+    with findings.collecting("file: "), prefixed("table."):
+        raise InputError("a: is 1", "b: is 2")
+    assert findings.messages == ["file: table.a: is 1", "file: table.b: is 2"]
+    with pytest.raises(InputError, match=r"^file: table.a: is 1$") as caught:
+        findings.raise_first()
+    assert caught.value.messages == ("file: table.a: is 1", "file: table.b: is 2")
+
+
+def test_check_all_makes_every_check() -> None:
+    def fail(message: str) -> None:
+        raise InputError(message)
+
+    with pytest.raises(InputError) as caught:
+        check_all(lambda: fail("first"), lambda: None, lambda: fail("third"))
+    assert caught.value.messages == ("first", "third")
+    check_all(lambda: None)

@@ -40,7 +40,7 @@ def test_a_missing_dimension(mechanism: Mechanism) -> None:
 @each_mechanism
 def test_an_unknown_dimension(mechanism: Mechanism) -> None:
     robot = with_geometry(mechanism.robot, zzz_mm=1.0)
-    assert complaint(robot).startswith("kinematics: dimension 'zzz_mm' is unknown: ")
+    assert complaint(robot).startswith("kinematics.zzz_mm: key 'zzz_mm' is unknown: ")
 
 
 @each_mechanism

@@ -1,0 +1,89 @@
+"""`steptwin check my-arm.toml`: what a robot file amounts to."""
+
+from typing import TYPE_CHECKING, Any
+
+from steptwin.host.cli.checked_file import CheckedFile
+from steptwin.host.cli.output import print_table, say
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.findings import Findings
+
+if TYPE_CHECKING:
+    from steptwin.host.robots.joint import Joint
+    from steptwin.host.robots.robot import Robot
+
+
+def check_robot(text: str, robot_name: str | None, findings: Findings) -> CheckedFile:
+    """Check a robot file: joints, ranges, steps, highest speeds, and the tool's reach with the slides at home."""
+    from steptwin.host.robots import read_robot
+
+    with findings.collecting():
+        if robot_name is not None:
+            raise InputError(f"is a robot itself: leave {robot_name} out")
+    with findings.collecting():
+        robot = read_robot(text)
+        document = _document(robot)
+        return CheckedFile(document, lambda: _print(robot, document))
+    return CheckedFile({})
+
+
+def _document(robot: "Robot") -> dict[str, Any]:
+    from steptwin.host.robots.workspace import scan
+
+    scanned = scan(robot)
+    return {
+        "robot": robot.name,
+        "mechanism": robot.kinematics,
+        "joints": [_joint_document(joint, robot.board.driver_rate_max_hz) for joint in robot.joints],
+        "reach": {
+            "slides": dict(scanned.slides),
+            "radius_mm": scanned.plan.radius_mm,
+            "z_mm": scanned.profile.z_mm,
+            "area_mm2": scanned.plan.area_mm2,
+            "area_at_z_mm": scanned.plan.z_mm,
+        },
+    }
+
+
+def _joint_document(joint: "Joint", driver_rate_max_hz: float) -> dict[str, Any]:
+    return {
+        "name": joint.name,
+        "unit": joint.unit.value,
+        "lower": joint.lower,
+        "upper": joint.upper,
+        "steps_per_unit": joint.transmission.steps_per_unit,
+        "speed_max": joint.speed_max,
+        "acceleration_max": joint.acceleration_max,
+        "step_rate_max_hz": joint.step_rate_max_hz,
+        "step_rate_percent": 100.0 * joint.step_rate_max_hz / driver_rate_max_hz,
+        "homing_method": joint.homing.method if joint.homing else None,
+    }
+
+
+def _print(robot: "Robot", document: dict[str, Any]) -> None:
+    say(f"{robot.name}: {robot.title} ({robot.kinematics})")
+    columns = ["joint", "unit", "lower", "upper", "steps/unit", "speed/s", "steps/s", "of driver", "homing"]
+    print_table(columns, [_row(joint) for joint in document["joints"]], text_columns=2)
+    reach = document["reach"]
+    at = "".join(f", {name} = {position_mm:g} mm" for name, position_mm in reach["slides"].items())
+    if reach["radius_mm"] is None or reach["z_mm"] is None:
+        say(f"the tool reaches nothing at the home position's height{at}")
+        return
+    (nearest_mm, farthest_mm), (lowest_mm, highest_mm) = reach["radius_mm"], reach["z_mm"]
+    say(
+        f"the tool reaches r = {nearest_mm:.1f}..{farthest_mm:.1f} mm at z = {reach['area_at_z_mm']:g} mm,"
+        f" an area of {reach['area_mm2'] / 100:.0f} cm2; z = {lowest_mm:.1f}..{highest_mm:.1f} mm{at}"
+    )
+
+
+def _row(joint: dict[str, Any]) -> list[str]:
+    return [
+        joint["name"],
+        joint["unit"],
+        f"{joint['lower']:g}",
+        f"{joint['upper']:g}",
+        f"{joint['steps_per_unit']:.6g}",
+        f"{joint['speed_max']:g}",
+        f"{joint['step_rate_max_hz']:.0f}",
+        f"{joint['step_rate_percent']:.0f} %",
+        "none" if joint["homing_method"] is None else str(joint["homing_method"]),
+    ]
