@@ -5,6 +5,8 @@ that begins a transfer, or refuses one, carries the object that was asked for (s
 its own answers. What a node may not answer is dropped and counted: frames that have not 8 bytes, strings without end.
 """
 
+from contextlib import suppress
+from math import ceil
 from typing import Final
 
 from canopen import RemoteNode
@@ -24,6 +26,8 @@ SEGMENTS_MAX: Final = 64
 _PATIENCE_S: Final = 0.8
 """Time limit for an answer: nodes answer within milliseconds, but the clock of a served board may stand meanwhile."""
 _IMPATIENCE_S: Final = 0.05
+_SLICE_S: Final = 0.05
+"""Length of the pieces in which a client waits: when its own program is held up, only one piece of the limit passes."""
 
 
 class Patience:
@@ -62,13 +66,22 @@ class SharedSdoClient(SdoClient):
 
     def read_response(self) -> bytes:
         """Wait for the answer; raise SdoCommunicationError if none comes, SdoAbortedError if the node refuses."""
-        self.RESPONSE_TIMEOUT = self.patience.timeout_s
         try:
-            response: bytes = super().read_response()  # type: ignore[no-untyped-call]
+            response = self._await_response()
         except SdoError as error:
             self.patience.learn(answered=isinstance(error, SdoAbortedError))
             raise
         self.patience.learn(answered=True)
+        return response
+
+    def _await_response(self) -> bytes:
+        self.RESPONSE_TIMEOUT = min(_SLICE_S, self.patience.timeout_s)
+        response: bytes
+        for _ in range(ceil(self.patience.timeout_s / self.RESPONSE_TIMEOUT) - 1):
+            with suppress(SdoCommunicationError):
+                response = super().read_response()  # type: ignore[no-untyped-call]
+                return response
+        response = super().read_response()  # type: ignore[no-untyped-call]
         return response
 
     def on_response(self, can_id: int, data: bytearray, timestamp: float) -> None:
