@@ -1,6 +1,6 @@
 """`steptwin ik ROBOT --x --y --z --phi`: compute all joint positions that reach a tool pose."""
 
-from math import isfinite
+from math import isfinite, nan
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
@@ -8,6 +8,7 @@ import typer
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, finite_number, joint_values, one_robot
 from steptwin.host.cli.output import print_json, print_table, say
+from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,7 +25,10 @@ def ik(
     x: Annotated[str, typer.Option("--x", metavar="MM", help="Tool position x.")],
     y: Annotated[str, typer.Option("--y", metavar="MM", help="Tool position y.")],
     z: Annotated[str, typer.Option("--z", metavar="MM", help="Tool position z.")],
-    phi: Annotated[str, typer.Option("--phi", metavar="DEG", help="Tool attitude.")],
+    phi: Annotated[
+        str | None,
+        typer.Option("--phi", metavar="DEG", help="Tool attitude; may be left out if it follows from the arm."),
+    ] = None,
     near: Annotated[
         str | None,
         typer.Option(metavar="'Q1 Q2 ...'", help="Present joints: those that the pose leaves free stay there."),
@@ -42,9 +46,13 @@ def ik(
     from steptwin.host.robots.kinematics import make_kinematics
 
     loaded = one_robot(robot, robot_file)
-    pose = [finite_number(text, what) for text, what in ((x, "--x"), (y, "--y"), (z, "--z"), (phi, "--phi"))]
+    kinematics = make_kinematics(loaded)
+    if phi is None and not kinematics.attitude_follows:
+        raise InputError(f"--phi is missing: the tool of {loaded.name} turns")
+    place = [finite_number(text, what) for text, what in ((x, "--x"), (y, "--y"), (z, "--z"))]
+    attitude_deg = nan if phi is None else finite_number(phi, "--phi")
     standing = None if near is None else np.array(joint_values(near.split(), loaded.joint_names, "--near"))
-    branches = make_kinematics(loaded).inverse(np.array([pose]), standing)
+    branches = kinematics.inverse(np.array([[*place, attitude_deg]]), standing)
     if as_json:
         print_json({"robot": loaded.name, "branches": [_document(branch, loaded.joint_names) for branch in branches]})
     else:

@@ -1,6 +1,7 @@
 """`steptwin move ROBOT Q1 Q2 ... --connect ...`: move a live board's joints, or its tool, to a position."""
 
 from dataclasses import asdict
+from math import nan
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -43,7 +44,8 @@ def move(
     y: Annotated[str | None, typer.Option("--y", metavar="MM", help="Target position; by default it stays.")] = None,
     z: Annotated[str | None, typer.Option("--z", metavar="MM", help="Target position; by default it stays.")] = None,
     phi: Annotated[
-        str | None, typer.Option("--phi", metavar="DEG", help="Target attitude; by default it stays.")
+        str | None,
+        typer.Option("--phi", metavar="DEG", help="Target attitude; by default it stays, or follows from the arm."),
     ] = None,
     speed: Annotated[
         float, typer.Option(metavar="PERCENT", help="Part of the joints' highest speeds and accelerations.")
@@ -106,7 +108,11 @@ def _joints(robot: "Robot", words: list[str]) -> dict[str, float]:
 
 
 def _whole_pose(session: "Session", standing: list[float], wanted: dict[str, float]) -> list[float]:
+    from steptwin.host.robots.kinematics import make_kinematics
+
     present = session.pose(standing)
     if present is None:
         raise InputError("the tool's present pose is unknown: the mechanism cannot be assembled at the axes' positions")
+    if make_kinematics(session.robot).attitude_follows:
+        present["attitude_deg"] = nan
     return list((present | wanted).values())

@@ -13,7 +13,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.operate.session import Session
 from steptwin.host.planning.laws import Trapezoid
 from steptwin.host.planning.motions.joint_move import limits_along
-from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.kinematics import make_kinematics, pose_words
 from steptwin.host.robots.robot import Robot
 
 _VELOCITY_MIN_UNITS_PER_S = 16
@@ -42,15 +42,15 @@ def check_goal(robot: Robot, goal: Sequence[float | None]) -> None:
 def nearest_joints(robot: Robot, pose: list[float], near: list[float]) -> list[float]:
     """Return the joint position that has a tool pose and is reached in the least time from the joint position `near`.
 
-    The pose is x, y and z in mm and the attitude in degrees. Raises InputError if no branch of the inverse kinematics
-    reaches it; the message gives each branch's reason.
+    The pose is x, y and z in mm and the attitude in degrees, NaN if it follows from the arm. Raises InputError if no
+    branch of the inverse kinematics reaches it; the message gives each branch's reason.
     """
     standing = np.array(near)
     branches = make_kinematics(robot).inverse(np.array([pose]), standing)
     within = [branch.joints[0] for branch in branches if branch.reachable[0]]
     if not within:
         reasons = "; ".join(f"{branch.name}: {branch.reason(0)}" for branch in branches)
-        raise InputError("no branch reaches x {:g}, y {:g}, z {:g} mm, {:g} deg: ".format(*pose) + reasons)
+        raise InputError(f"no branch reaches {pose_words(pose)}: {reasons}")
     speeds = np.array([joint.speed_max for joint in robot.joints])
     nearest = min(within, key=lambda joints: float(np.max(np.abs(joints - standing) / speeds)))
     return [float(position) for position in nearest]

@@ -39,6 +39,30 @@ class ToolPath(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
+class FreeAttitude:
+    """A path without its attitudes, which are NaN, for a tool that cannot turn by itself."""
+
+    path: ToolPath
+
+    @property
+    def length_mm(self) -> float:
+        """The path's length."""
+        return self.path.length_mm
+
+    def poses(self, s_mm: FloatArray) -> FloatArray:
+        """Return poses of shape (n, 4)."""
+        poses = self.path.poses(s_mm)
+        poses[:, 3] = np.nan
+        return poses
+
+    def derivatives(self, s_mm: FloatArray) -> FloatArray:
+        """Return derivatives of shape (n, 4), 0 for the attitude."""
+        derivatives = self.path.derivatives(s_mm)
+        derivatives[:, 3] = 0.0
+        return derivatives
+
+
+@dataclass(frozen=True, slots=True)
 class StraightLine:
     """A straight line from one pose to another; raises InputError if both are at the same place."""
 

@@ -10,7 +10,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import Law
 from steptwin.host.planning.motions.following import follow
-from steptwin.host.planning.paths import ToolPath
+from steptwin.host.planning.paths import FreeAttitude, ToolPath
 from steptwin.host.planning.trajectory import Switching
 from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics import Kinematics, make_kinematics
@@ -57,19 +57,24 @@ class ToolMove:
     def along(cls, robot: Robot, path: ToolPath, law: Law, branch: str, start: FloatArray, from_s: float = 0.0) -> Self:
         """Return the move that begins at the joints `start`, of shape (joints,); joints not needed for the pose stay.
 
+        The attitudes of the path do not count for a tool that cannot turn by itself.
+
         Raises:
             InputError: the law's distance is not the path's length; the path leaves the mechanism's reach or comes near
                 a singularity; or it does not begin at `start` on this branch. The messages give times plus `from_s`.
         """
         if not isclose(law.distance, path.length_mm, rel_tol=_LENGTH_TOLERANCE):
             raise InputError(f"the law covers {law.distance:.9g} mm, the tool's path is {path.length_mm:.9g} mm long")
+        kinematics = make_kinematics(robot)
+        if kinematics.attitude_follows:
+            path = FreeAttitude(path)
         end_ms = round(1000 * law.duration_s)
         t_s = np.union1d(np.arange(0, end_ms, _CHECK_MS), [end_ms]) / 1000
         joints = follow(robot, path.poses(law.position(t_s)), from_s + t_s, branch, start)
         _check_start(robot, branch, start, joints[0], from_s)
         guide = np.union1d(np.arange(0, len(t_s), _STEP_MS), [len(t_s) - 1])
         rotary = tuple(axis for axis, joint in enumerate(robot.joints) if joint.unit is Unit.DEG)
-        return cls(robot.joint_names, make_kinematics(robot), branch, path, law, t_s[guide], joints[guide], rotary)
+        return cls(robot.joint_names, kinematics, branch, path, law, t_s[guide], joints[guide], rotary)
 
     @property
     def duration_s(self) -> float:

@@ -1,6 +1,7 @@
 """The moves of a program under construction: positions become joints and poses, paths become motions."""
 
 from collections.abc import Mapping
+from math import nan
 from typing import Final
 
 import numpy as np
@@ -11,8 +12,8 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.paths import Arc, Pose, SampledPath, Smoothing, StraightLine, ToolPath
 from steptwin.host.planning.programs.paces import JointPace, ToolPace
-from steptwin.host.planning.programs.positions import COORDINATES, JointPosition, Position, Target
-from steptwin.host.robots.kinematics import Branch, make_kinematics
+from steptwin.host.planning.programs.positions import COORDINATES, JointPosition, Position, Target, ToolPosition
+from steptwin.host.robots.kinematics import Branch, make_kinematics, pose_words
 from steptwin.host.robots.robot import Robot
 
 _PLACE_MM: Final = 1e-6
@@ -45,7 +46,7 @@ class Moves:
             for name, value in position.joints.items():
                 joints[self._column(name)] = value
             return joints
-        return self._solve(self._with(position.coordinates), position.branch)
+        return self._solve(self._with(position), position.branch)
 
     def joints_by(self, distances: Mapping[str, float]) -> FloatArray:
         """Return the joints after a relative move of some joints, of shape (joints,)."""
@@ -59,13 +60,15 @@ class Moves:
         position = self._position(target)
         if isinstance(position, JointPosition):
             return self._nearest_turn(self._pose(self.joints_at(position)))
-        return self._nearest_turn(self._with(position.coordinates))
+        return self._nearest_turn(self._with(position))
 
     def pose_by(self, distances: Mapping[str, float]) -> Pose:
         """Return the tool's pose after a relative move; phi may turn it further than a circle."""
         x_mm, y_mm, z_mm, phi_deg = (
             now + distances.get(name, 0.0) for name, now in zip(COORDINATES, self._here(), strict=True)
         )
+        if "phi" in distances and self._kinematics.attitude_follows:
+            raise InputError(f"phi: the tool of {self._robot.name} does not turn by itself")
         return x_mm, y_mm, z_mm, phi_deg
 
     # --- motions
@@ -130,12 +133,15 @@ class Moves:
     def _here(self) -> Pose:
         return self._pose(self.composer.joints)
 
-    def _with(self, coordinates: Mapping[str, float]) -> Pose:
-        """Return the present pose with some coordinates changed."""
+    def _with(self, position: ToolPosition) -> Pose:
+        """Return the present pose with some coordinates changed; an attitude that follows from the arm does so."""
         x_mm, y_mm, z_mm, phi_deg = (
-            coordinates.get(name, now) for name, now in zip(COORDINATES, self._here(), strict=True)
+            position.coordinates.get(name, now) for name, now in zip(COORDINATES, self._here(), strict=True)
         )
-        return x_mm, y_mm, z_mm, phi_deg
+        if not self._kinematics.attitude_follows:
+            return x_mm, y_mm, z_mm, phi_deg
+        phi_deg = position.coordinates.get("phi", nan)
+        return self._pose(self._solve((x_mm, y_mm, z_mm, phi_deg), position.branch))
 
     def _nearest_turn(self, pose: Pose) -> Pose:
         now_deg = self._here()[3]
@@ -153,7 +159,7 @@ class Moves:
         if not solved[name].reachable[0]:
             others = [other.name for other in solved.values() if other.reachable[0]]
             hint = f" (the branch {others[0]!r} reaches it)" if others else ""
-            place = "x {:g}, y {:g}, z {:g} mm, phi {:g} deg".format(*pose)
+            place = pose_words(pose)
             raise InputError(f"{place} is out of reach on the branch {name!r}: {solved[name].reason(0)}{hint}")
         joints: FloatArray = solved[name].joints[0]
         return joints

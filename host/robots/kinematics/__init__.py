@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from steptwin.host.common.bad_input import unknown
-from steptwin.host.robots.kinematics.base import Branch, Kinematics, geometry_of, within_limits
+from steptwin.host.robots.kinematics.base import Branch, Kinematics, geometry_of, pose_words, within_limits
 from steptwin.host.robots.kinematics.calibration import CalibrationGeometry, calibration_scara
 from steptwin.host.robots.kinematics.hybrid import HybridArm, HybridGeometry
 from steptwin.host.robots.kinematics.lab import LabGeometry, lab_scara
@@ -12,6 +12,7 @@ from steptwin.host.robots.kinematics.planar2r import Elbow, Planar2R
 from steptwin.host.robots.kinematics.scara import Scara
 from steptwin.host.robots.kinematics.slider_pair import AssemblyMode, SliderPair, WorkingMode
 from steptwin.host.robots.kinematics.teaching import TeachingGeometry, teaching_scara
+from steptwin.host.robots.kinematics.usual_scara import ScaraGeometry, usual_scara
 from steptwin.host.robots.kinematics.warehouse import WarehouseGeometry, warehouse_scara
 from steptwin.host.robots.robot import Dimension, Robot
 
@@ -27,10 +28,12 @@ __all__ = [
     "WorkingMode",
     "check_dimensions",
     "make_kinematics",
+    "pose_words",
     "within_limits",
 ]
 
 _KINDS: Final[dict[str, tuple[type[Any], Callable[[Robot], Kinematics]]]] = {
+    "scara": (ScaraGeometry, usual_scara),
     "lab-scara": (LabGeometry, lab_scara),
     "warehouse-scara": (WarehouseGeometry, warehouse_scara),
     "teaching-scara": (TeachingGeometry, teaching_scara),

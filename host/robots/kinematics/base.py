@@ -4,9 +4,10 @@ Joints are arrays of shape (n, joints) in the robot's order, mm and degrees. Pos
 world frame: x_mm, y_mm, z_mm and the tool's attitude_deg about the vertical.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from enum import StrEnum
+from math import isnan
 from typing import Final, Protocol, TypeVar
 
 import numpy as np
@@ -36,7 +37,7 @@ class Constraint:
         lower: lower limit.
         upper: upper limit.
         kept: shape (n,), true where the value is between the limits; false for NaN.
-        complaint_text: complaint to use in place of the values, for a quantity whose values would not help a reader.
+        explain: function that returns the complaint about pose i, for a quantity whose values would not help a reader.
     """
 
     quantity: str
@@ -45,12 +46,12 @@ class Constraint:
     lower: float
     upper: float
     kept: BoolArray
-    complaint_text: str = ""
+    explain: Callable[[int], str] | None = None
 
     def complaint(self, i: int) -> str:
         """Return one line that says how pose i breaks this constraint."""
-        if self.complaint_text:
-            return self.complaint_text
+        if self.explain:
+            return self.explain(i)
         value = float(self.values[i])
         text, _ = apart(value, self.lower if value < self.lower else self.upper)
         unit = f" {self.unit}" if self.unit else ""
@@ -103,6 +104,14 @@ class Kinematics(Protocol):
         """The mechanism as a DH table from the world frame to the tool."""
         ...
 
+    @property
+    def attitude_follows(self) -> bool:
+        """True if the tool cannot turn by itself: the attitude follows from the rest of the pose and the branch.
+
+        The inverse then takes a pose with NaN for its attitude, and no pose with another attitude is reachable.
+        """
+        ...
+
     def dh_variables(self, joints: FloatArray) -> dict[str, FloatArray]:
         """Return the variables of the DH table, each of shape (n,), for joints of shape (n, joints)."""
         ...
@@ -134,6 +143,13 @@ class Kinematics(Protocol):
         stand still. At a singular pose the result is not finite.
         """
         ...
+
+
+def pose_words(pose: Sequence[float]) -> str:
+    """Return a pose in words, without an attitude that is NaN because it follows from the arm."""
+    x_mm, y_mm, z_mm, attitude_deg = pose
+    attitude = "" if isnan(attitude_deg) else f", phi {attitude_deg:g} deg"
+    return f"x {x_mm:g}, y {y_mm:g}, z {z_mm:g} mm{attitude}"
 
 
 def within_limits(limits: tuple[Joint, ...], joints: FloatArray) -> BoolArray:

@@ -7,15 +7,14 @@ from dataclasses import dataclass
 from typing import Final
 
 from steptwin.host.common.errors import InputError
-from steptwin.host.robots.kinematics.base import read_geometry, require_joints
+from steptwin.host.robots.kinematics.base import read_geometry
 from steptwin.host.robots.kinematics.dh import Convention, DhRow, DhTable, Parameter
-from steptwin.host.robots.kinematics.planar2r import Planar2R
 from steptwin.host.robots.kinematics.scara import Scara
-from steptwin.host.robots.kinematics.teaching import JOINTS
+from steptwin.host.robots.kinematics.usual_scara import Direction, Lift, ScaraGeometry, scara_of
 from steptwin.host.robots.robot import Robot
 
-_WRIST_SIGNS: Final = {0.0: 1, 180.0: -1}
-"""Sign of the wrist by alpha3: a tool that points down turns the other way."""
+_TOOLS: Final = {0.0: Direction.UP, 180.0: Direction.DOWN}
+"""Direction of the tool by alpha3."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +27,7 @@ class CalibrationGeometry:
     alpha3_deg: float
 
     def __post_init__(self) -> None:
-        if self.alpha3_deg not in _WRIST_SIGNS:
+        if self.alpha3_deg not in _TOOLS:
             raise InputError(
                 f"kinematics.alpha3_deg: {self.alpha3_deg:g} deg is neither 180 (tool down) nor 0 (tool up)"
             )
@@ -36,7 +35,6 @@ class CalibrationGeometry:
 
 def calibration_scara(robot: Robot) -> Scara:
     """Return a robot's kinematics; raise InputError if its dimensions or joints are not this mechanism's."""
-    require_joints(robot, JOINTS)
     geometry = read_geometry(CalibrationGeometry, robot)
     rows = (
         DhRow(0.0, geometry.L1_mm, Parameter(geometry.d1_mm), Parameter(variable="th1")),
@@ -44,15 +42,12 @@ def calibration_scara(robot: Robot) -> Scara:
         DhRow(geometry.alpha3_deg, 0.0, Parameter(variable="d3", sign=-1), Parameter()),
         DhRow(0.0, 0.0, Parameter(), Parameter(variable="th4")),
     )
-    return Scara(
-        limits=robot.joints,
-        dh=DhTable(Convention.STANDARD, rows),
-        arm=Planar2R(geometry.L1_mm, geometry.L2_mm),
-        lift=2,
-        shoulder=0,
-        elbow=1,
-        wrist=3,
-        height_mm=geometry.d1_mm,
-        lift_sign=-1,
-        wrist_sign=_WRIST_SIGNS[geometry.alpha3_deg],
+    scara = ScaraGeometry(
+        geometry.L1_mm,
+        geometry.L2_mm,
+        lift=Lift.LAST,
+        lift_positive=Direction.DOWN,
+        tool=_TOOLS[geometry.alpha3_deg],
+        base_mm=geometry.d1_mm,
     )
+    return scara_of(robot, scara, DhTable(Convention.STANDARD, rows))

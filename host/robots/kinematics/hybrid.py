@@ -111,6 +111,11 @@ class HybridArm:
         """Names of the working modes, `(+,+)` first: signs of sliders 5 and 6, + for a slider below the platform."""
         return tuple(mode.value for mode in WorkingMode)
 
+    @property
+    def attitude_follows(self) -> bool:
+        """False: the gripper turns."""
+        return False
+
     def dh_variables(self, joints: FloatArray) -> dict[str, FloatArray]:
         """Return th1, z2, z3, th4."""
         z2_mm, z3_mm = self.sliders.forward(joints[:, Z5], joints[:, Z6], AssemblyMode.ABOVE)
@@ -188,4 +193,4 @@ class HybridArm:
         complaint = (
             "the machine is assembled with its platform above its sliders' line; this takes it to the other side"
         )
-        return Constraint("assembly mode", "", assembly, 1.0, 1.0, assembly == 1.0, complaint)
+        return Constraint("assembly mode", "", assembly, 1.0, 1.0, assembly == 1.0, lambda _: complaint)

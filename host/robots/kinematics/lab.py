@@ -5,16 +5,12 @@ J. Mechanical & Electrical Engineering 36(12), 2019, 1320-1324, its equations co
 """
 
 from dataclasses import dataclass
-from typing import Final
 
-from steptwin.host.robots.joint import Unit
-from steptwin.host.robots.kinematics.base import read_geometry, require_joints
+from steptwin.host.robots.kinematics.base import read_geometry
 from steptwin.host.robots.kinematics.dh import Convention, DhRow, DhTable, Parameter
-from steptwin.host.robots.kinematics.planar2r import Planar2R
 from steptwin.host.robots.kinematics.scara import Scara
+from steptwin.host.robots.kinematics.usual_scara import Direction, Lift, ScaraGeometry, scara_of
 from steptwin.host.robots.robot import Robot
-
-_JOINTS: Final = {"d1": Unit.MM, "th2": Unit.DEG, "th3": Unit.DEG, "th4": Unit.DEG}
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +24,6 @@ class LabGeometry:
 
 def lab_scara(robot: Robot) -> Scara:
     """Return a robot's kinematics; raise InputError if its dimensions or joints are not this mechanism's."""
-    require_joints(robot, _JOINTS)
     geometry = read_geometry(LabGeometry, robot)
     rows = (
         DhRow(0.0, 0.0, Parameter(variable="d1"), Parameter(90.0)),
@@ -37,15 +32,13 @@ def lab_scara(robot: Robot) -> Scara:
         DhRow(180.0, geometry.a3_mm, Parameter(), Parameter(variable="th4")),
         DhRow(0.0, 0.0, Parameter(geometry.d5_mm), Parameter()),
     )
-    return Scara(
-        limits=robot.joints,
-        dh=DhTable(Convention.MODIFIED, rows),
-        arm=Planar2R(geometry.a2_mm, geometry.a3_mm),
-        lift=0,
-        shoulder=1,
-        elbow=2,
-        wrist=3,
+    scara = ScaraGeometry(
+        geometry.a2_mm,
+        geometry.a3_mm,
+        lift=Lift.FIRST,
+        lift_positive=Direction.UP,
+        tool=Direction.DOWN,
         heading_deg=90.0,
-        height_mm=-geometry.d5_mm,
-        wrist_sign=-1,
+        drop_mm=geometry.d5_mm,
     )
+    return scara_of(robot, scara, DhTable(Convention.MODIFIED, rows))

@@ -1,4 +1,4 @@
-"""The SCARA family: a planar arm of two links, a wrist about the vertical, a lift, and optional slides below them.
+"""The SCARA family: a planar arm of two links, with or without a wrist and a lift, and optional slides below them.
 
 h is the direction of the arm when shoulder and elbow are at 0. w is +1, or -1 if the tool points down, because
 Rx(180) Rz(t) = Rz(-t) Rx(180):
@@ -7,7 +7,8 @@ Rx(180) Rz(t) = Rz(-t) Rx(180):
     x = l1 cos(h + shoulder) + l2 cos(h + shoulder + elbow) + l_tool cos(attitude) + slide        y with sin
     z = z0 + lift + slide, or z0 - lift + slide if the lift pushes downwards
 
-The columns of the joints and the signs with which they count are data, given by each mechanism's own module.
+Without a wrist or a lift its term is left out: then the attitude or the height of a pose is not free. The columns of
+the joints and the signs with which they count are data, given by each mechanism's own module.
 """
 
 from dataclasses import dataclass
@@ -25,6 +26,10 @@ from steptwin.host.robots.kinematics.planar2r import Elbow, Planar2R
 SINGULAR: Final = 0.005
 """Least |sin(elbow)|, 0.29 degrees from a stretched or folded arm: below it the arm is near singular."""
 
+FOLLOWING: Final = 1e-3
+"""Distance in mm or degrees by which a height or an attitude that is not free may differ from what follows: less than
+a microstep, so that a pose can be given in the digits in which poses are printed."""
+
 
 @dataclass(frozen=True, slots=True)
 class Scara:
@@ -34,7 +39,7 @@ class Scara:
         limits: the joints in axis order, whose limits decide only whether a pose is reachable.
         dh: the same mechanism as a DH table, with the joints' names as variables.
         arm: the two links.
-        lift: column of the lift; likewise shoulder, elbow and wrist.
+        lift: column of the lift; likewise shoulder, elbow and wrist. None: the arm has no lift or no wrist.
         height_mm: z0, the tool's height with the lift at 0.
         heading_deg: h, the arm's direction at shoulder = elbow = 0.
         lift_sign: -1 if the lift pushes the tool down, otherwise 1.
@@ -46,10 +51,10 @@ class Scara:
     limits: tuple[Joint, ...]
     dh: DhTable
     arm: Planar2R
-    lift: int
+    lift: int | None
     shoulder: int
     elbow: int
-    wrist: int
+    wrist: int | None
     height_mm: float
     heading_deg: float = 0.0
     lift_sign: int = 1
@@ -62,6 +67,11 @@ class Scara:
         """The elbow's sides, `right` and `left`."""
         return tuple(elbow.value for elbow in Elbow)
 
+    @property
+    def attitude_follows(self) -> bool:
+        """True without a wrist."""
+        return self.wrist is None
+
     def dh_variables(self, joints: FloatArray) -> dict[str, FloatArray]:
         """Return the joints by their names."""
         return {joint.name: joints[:, axis] for axis, joint in enumerate(self.limits)}
@@ -69,10 +79,10 @@ class Scara:
     def forward(self, joints: FloatArray) -> FloatArray:
         """Return poses of shape (n, 4) for joints of shape (n, joints)."""
         shoulder_deg = joints[:, self.shoulder] + self.heading_deg
-        attitude_deg = shoulder_deg + joints[:, self.elbow] + self.wrist_sign * joints[:, self.wrist]
+        attitude_deg = self._attitude_deg(joints)
         poses = np.empty((len(joints), 4))
         poses[:, 0], poses[:, 1] = self.arm.forward(np.deg2rad(shoulder_deg), np.deg2rad(joints[:, self.elbow]))
-        poses[:, 2] = self.height_mm + self.lift_sign * joints[:, self.lift]
+        poses[:, 2] = self.height_mm if self.lift is None else self.height_mm + self.lift_sign * joints[:, self.lift]
         poses[:, 3] = wrapped_deg(attitude_deg)
         if self.tool_mm:
             poses[:, 0] += self.tool_mm * np.cos(np.deg2rad(attitude_deg))
@@ -93,14 +103,22 @@ class Scara:
         x_mm, y_mm = self._wrist(poses, joints)
         shoulder_rad, elbow_rad = self.arm.inverse(x_mm, y_mm, Elbow(branch))
         slid_mm = sum((joints[:, column] for column, coordinate in self.slides if coordinate == 2), np.zeros(()))
-        joints[:, self.lift] = self.lift_sign * (poses[:, 2] - slid_mm - self.height_mm)
+        lifted_mm = poses[:, 2] - slid_mm - self.height_mm
+        if self.lift is not None:
+            joints[:, self.lift] = self.lift_sign * lifted_mm
         joints[:, self.shoulder] = wrapped_deg(np.rad2deg(shoulder_rad) - self.heading_deg)
         joints[:, self.elbow] = np.rad2deg(elbow_rad)
         arm_deg = self.heading_deg + joints[:, self.shoulder] + joints[:, self.elbow]
-        joints[:, self.wrist] = wrapped_deg(self.wrist_sign * (poses[:, 3] - arm_deg))
+        if self.wrist is not None:
+            joints[:, self.wrist] = wrapped_deg(self.wrist_sign * (poses[:, 3] - arm_deg))
         nearest_turns(self.limits, joints, near)
-        reach = self._reach(np.hypot(x_mm, y_mm), kept=~np.isnan(elbow_rad))
-        return Branch(branch, joints, (reach,), joint_constraints(self.limits, joints))
+        mechanism = [self._reach(np.hypot(x_mm, y_mm), kept=~np.isnan(elbow_rad))]
+        if self.lift is None:
+            mechanism.append(_followed("z", "mm", poses[:, 2], lifted_mm))
+        if self.wrist is None:
+            attitude_deg = np.where(np.isnan(poses[:, 3]), arm_deg, poses[:, 3])
+            mechanism.append(_followed("phi", "deg", attitude_deg, wrapped_deg(attitude_deg - arm_deg)))
+        return Branch(branch, joints, tuple(mechanism), joint_constraints(self.limits, joints))
 
     def singularities(self, joints: FloatArray) -> tuple[Constraint, ...]:
         """Return |sin(elbow)| = |det J| / (l1 l2), which is 0 where the arm is stretched or folded."""
@@ -112,7 +130,9 @@ class Scara:
         """Return joint velocities for joints of shape (n, joints) and pose derivatives of shape (n, 4); slides rest."""
         shoulder_rad = np.deg2rad(joints[:, self.shoulder] + self.heading_deg)
         elbow_rad = np.deg2rad(joints[:, self.elbow])
-        attitude_rad = shoulder_rad + elbow_rad + self.wrist_sign * np.deg2rad(joints[:, self.wrist])
+        attitude_rad = shoulder_rad + elbow_rad
+        if self.wrist is not None:
+            attitude_rad = attitude_rad + self.wrist_sign * np.deg2rad(joints[:, self.wrist])
         turning_mm_s = self.tool_mm * np.deg2rad(tool_velocities[:, 3])
         shoulder_rad_s, elbow_rad_s = self.arm.joint_velocities(
             shoulder_rad,
@@ -121,13 +141,19 @@ class Scara:
             tool_velocities[:, 1] - turning_mm_s * np.cos(attitude_rad),
         )
         velocities = np.zeros_like(joints)
-        velocities[:, self.lift] = self.lift_sign * tool_velocities[:, 2]
+        if self.lift is not None:
+            velocities[:, self.lift] = self.lift_sign * tool_velocities[:, 2]
         velocities[:, self.shoulder] = np.rad2deg(shoulder_rad_s)
         velocities[:, self.elbow] = np.rad2deg(elbow_rad_s)
-        with np.errstate(invalid="ignore"):  # the difference of two infinities is invalid
-            arm_deg_s = velocities[:, self.shoulder] + velocities[:, self.elbow]
-        velocities[:, self.wrist] = self.wrist_sign * (tool_velocities[:, 3] - arm_deg_s)
+        if self.wrist is not None:
+            with np.errstate(invalid="ignore"):  # the difference of two infinities is invalid
+                arm_deg_s = velocities[:, self.shoulder] + velocities[:, self.elbow]
+            velocities[:, self.wrist] = self.wrist_sign * (tool_velocities[:, 3] - arm_deg_s)
         return velocities
+
+    def _attitude_deg(self, joints: FloatArray) -> FloatArray:
+        arm_deg = joints[:, self.shoulder] + self.heading_deg + joints[:, self.elbow]
+        return np.asarray(arm_deg if self.wrist is None else arm_deg + self.wrist_sign * joints[:, self.wrist])
 
     def _wrist(self, poses: FloatArray, joints: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the wrist's x and y in mm relative to the shoulder, whose position depends on the slides."""
@@ -143,3 +169,15 @@ class Scara:
     def _reach(self, wrist_mm: FloatArray, kept: BoolArray) -> Constraint:
         nearest_mm, farthest_mm = self.arm.reach_mm
         return Constraint("out of reach: shoulder to wrist", "mm", wrist_mm, nearest_mm, farthest_mm, kept)
+
+
+def _followed(name: str, unit: str, given: FloatArray, deviations: FloatArray) -> Constraint:
+    """Return the constraint that a coordinate of the pose is what follows from the arm, with its deviations from it."""
+
+    def explain(i: int) -> str:
+        what, why = ("height", "has no lift") if name == "z" else ("attitude", "does not turn by itself")
+        right = float(given[i] - deviations[i])
+        return f"{name} {given[i]:.4f} {unit}: the tool {why}, its {what} here is {right:.4f} {unit}"
+
+    kept = np.abs(deviations) <= FOLLOWING
+    return Constraint(name, unit, deviations, -FOLLOWING, FOLLOWING, kept, explain)

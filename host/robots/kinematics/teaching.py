@@ -6,16 +6,12 @@ d3 >= 0 pushes downwards, as in the text; in the paper's experiment d3 is 0, so 
 """
 
 from dataclasses import dataclass
-from typing import Final
 
-from steptwin.host.robots.joint import Unit
-from steptwin.host.robots.kinematics.base import read_geometry, require_joints
+from steptwin.host.robots.kinematics.base import read_geometry
 from steptwin.host.robots.kinematics.dh import Convention, DhRow, DhTable, Parameter
-from steptwin.host.robots.kinematics.planar2r import Planar2R
 from steptwin.host.robots.kinematics.scara import Scara
+from steptwin.host.robots.kinematics.usual_scara import Direction, Lift, ScaraGeometry, scara_of
 from steptwin.host.robots.robot import Robot
-
-JOINTS: Final = {"th1": Unit.DEG, "th2": Unit.DEG, "d3": Unit.MM, "th4": Unit.DEG}
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +25,6 @@ class TeachingGeometry:
 
 def teaching_scara(robot: Robot) -> Scara:
     """Return a robot's kinematics; raise InputError if its dimensions or joints are not this mechanism's."""
-    require_joints(robot, JOINTS)
     geometry = read_geometry(TeachingGeometry, robot)
     rows = (
         DhRow(0.0, 0.0, Parameter(), Parameter(variable="th1")),
@@ -37,14 +32,12 @@ def teaching_scara(robot: Robot) -> Scara:
         DhRow(0.0, geometry.l2_mm, Parameter(variable="d3", sign=-1), Parameter()),
         DhRow(0.0, 0.0, Parameter(geometry.d4_mm), Parameter(variable="th4")),
     )
-    return Scara(
-        limits=robot.joints,
-        dh=DhTable(Convention.MODIFIED, rows),
-        arm=Planar2R(geometry.l1_mm, geometry.l2_mm),
-        lift=2,
-        shoulder=0,
-        elbow=1,
-        wrist=3,
-        height_mm=geometry.d4_mm,
-        lift_sign=-1,
+    scara = ScaraGeometry(
+        geometry.l1_mm,
+        geometry.l2_mm,
+        lift=Lift.LAST,
+        lift_positive=Direction.DOWN,
+        tool=Direction.UP,
+        drop_mm=-geometry.d4_mm,
     )
+    return scara_of(robot, scara, DhTable(Convention.MODIFIED, rows))

@@ -71,7 +71,7 @@ def test_the_nearest_branch() -> None:
 
 
 def test_a_pose_out_of_reach_says_why() -> None:
-    with pytest.raises(InputError, match=r"^no branch reaches x 9000, y 0, z 0 mm, 0 deg: right: .*; left: "):
+    with pytest.raises(InputError, match=r"^no branch reaches x 9000, y 0, z 0 mm, phi 0 deg: right: .*; left: "):
         nearest_joints(ROBOT, [9000.0, 0.0, 0.0, 0.0], HOME)
 
 

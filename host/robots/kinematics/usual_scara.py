@@ -1,0 +1,127 @@
+"""The kind `scara`: the usual SCARAs, by options: lift first, last or none; a tool that turns or not, up or down.
+
+The joints are numbered along the chain and named d for a lift, th for a rotary joint, as textbooks do:
+
+    lift first    d1 th2 th3 th4        lift last    th1 th2 d3 th4        no lift    th1 th2 th3
+
+The last one is missing if the tool does not turn. The DH tables follow J. J. Craig, "Introduction to Robotics",
+section 3.4; a tool that points down is turned by 180 degrees about x, after which its joint counts the other way.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final
+
+from steptwin.host.common.errors import InputError
+from steptwin.host.robots.joint import Unit
+from steptwin.host.robots.kinematics.base import read_geometry, require_joints
+from steptwin.host.robots.kinematics.dh import Convention, DhRow, DhTable, Parameter
+from steptwin.host.robots.kinematics.dimension import dimension
+from steptwin.host.robots.kinematics.planar2r import Planar2R
+from steptwin.host.robots.kinematics.scara import Scara
+from steptwin.host.robots.robot import Robot
+
+
+class Lift(StrEnum):
+    """The place of the lift in the chain."""
+
+    FIRST = "first"
+    LAST = "last"
+    NONE = "none"
+
+
+class Direction(StrEnum):
+    """A direction along the vertical."""
+
+    UP = "up"
+    DOWN = "down"
+
+
+@dataclass(frozen=True, slots=True)
+class ScaraGeometry:
+    """The options and dimensions of a usual SCARA; raises InputError for a tool beside the axis that cannot turn."""
+
+    l1_mm: float = dimension("first link, from shoulder to elbow", 200.0)
+    l2_mm: float = dimension("second link, from elbow to wrist", 150.0)
+    lift: Lift = dimension("place of the lift in the chain: first, last or none", Lift.LAST, Lift.LAST)
+    lift_positive: Direction = dimension("direction in which the lift counts: up or down", Direction.DOWN, Direction.UP)
+    tool_rotation: bool = dimension("true if the tool turns about the vertical", True, True)
+    tool: Direction = dimension("direction in which the tool points: up or down", Direction.DOWN, Direction.DOWN)
+    heading_deg: float = dimension("direction of the stretched arm with all joints at 0, from the x axis", 0.0, 0.0)
+    base_mm: float = dimension("height of the first link above z = 0, with the lift at 0", 0.0, 0.0)
+    offset_mm: float = dimension("height of the second link above the first, negative below it", 0.0, 0.0)
+    drop_mm: float = dimension("tip of the tool below the second link, negative above it", 0.0, 0.0)
+    tool_mm: float = dimension("tip of the tool beside the wrist's axis, for a tool that turns", 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if self.tool_mm and not self.tool_rotation:
+            raise InputError(
+                f"kinematics.tool_mm: {self.tool_mm:g} mm beside the axis of a wrist that does not turn:"
+                f" l2_mm = {self.l2_mm + self.tool_mm:g} is the same arm"
+            )
+
+    @property
+    def height_mm(self) -> float:
+        """Height of the tool's tip with the lift at 0."""
+        return self.base_mm + self.offset_mm - self.drop_mm
+
+    @property
+    def joints(self) -> dict[str, Unit]:
+        """The joints' names and units, along the chain."""
+        prefixes = _CHAINS[self.lift] + ["th"] * self.tool_rotation
+        units = {"d": Unit.MM, "th": Unit.DEG}
+        return {f"{prefix}{number}": units[prefix] for number, prefix in enumerate(prefixes, start=1)}
+
+
+_CHAINS: Final = {Lift.FIRST: ["d", "th", "th"], Lift.LAST: ["th", "th", "d"], Lift.NONE: ["th", "th"]}
+"""The joints before the tool's, d for a lift, th for a rotary joint."""
+
+_SIGNS: Final = {Direction.UP: 1, Direction.DOWN: -1}
+
+
+def usual_scara(robot: Robot) -> Scara:
+    """Return a robot's kinematics; raise InputError if its dimensions or joints are not this mechanism's."""
+    geometry = read_geometry(ScaraGeometry, robot)
+    return scara_of(robot, geometry, DhTable(Convention.MODIFIED, _rows(geometry)))
+
+
+def scara_of(robot: Robot, geometry: ScaraGeometry, dh: DhTable) -> Scara:
+    """Return the kinematics of a SCARA with these dimensions and this DH table; raise InputError for other joints."""
+    require_joints(robot, geometry.joints)
+    names = tuple(geometry.joints)
+    first = 1 if geometry.lift is Lift.FIRST else 0
+    lift = None if geometry.lift is Lift.NONE else _CHAINS[geometry.lift].index("d")
+    return Scara(
+        limits=robot.joints,
+        dh=dh,
+        arm=Planar2R(geometry.l1_mm, geometry.l2_mm),
+        lift=lift,
+        shoulder=first,
+        elbow=first + 1,
+        wrist=len(names) - 1 if geometry.tool_rotation else None,
+        height_mm=geometry.height_mm,
+        heading_deg=geometry.heading_deg,
+        lift_sign=_SIGNS[geometry.lift_positive],
+        wrist_sign=_SIGNS[geometry.tool],
+        tool_mm=geometry.tool_mm,
+    )
+
+
+def _rows(geometry: ScaraGeometry) -> tuple[DhRow, ...]:
+    joints = list(geometry.joints)
+    lift_sign, tool_sign = _SIGNS[geometry.lift_positive], _SIGNS[geometry.tool]
+    base, heading = geometry.base_mm, geometry.heading_deg
+    rows = []
+    if geometry.lift is Lift.FIRST:
+        rows.append(DhRow(0.0, 0.0, Parameter(base, joints.pop(0), lift_sign), Parameter(heading)))
+        base, heading = 0.0, 0.0
+    rows.append(DhRow(0.0, 0.0, Parameter(base), Parameter(heading, joints.pop(0))))
+    rows.append(DhRow(0.0, geometry.l1_mm, Parameter(geometry.offset_mm), Parameter(variable=joints.pop(0))))
+    to_wrist = geometry.l2_mm
+    if geometry.lift is Lift.LAST:
+        rows.append(DhRow(0.0, to_wrist, Parameter(0.0, joints.pop(0), lift_sign), Parameter()))
+        to_wrist = 0.0
+    turning = Parameter(variable=joints.pop(0)) if joints else Parameter()
+    rows.append(DhRow(180.0 if geometry.tool is Direction.DOWN else 0.0, to_wrist, Parameter(), turning))
+    rows.append(DhRow(0.0, geometry.tool_mm, Parameter(-tool_sign * geometry.drop_mm), Parameter()))
+    return tuple(rows)
