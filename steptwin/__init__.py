@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from steptwin.host.planning.motions.composer import Composer
     from steptwin.host.planning.motions.sampled import Sampled
     from steptwin.host.planning.plan import Plan
-    from steptwin.host.planning.planner import plan
+    from steptwin.host.planning.planner import plan, plan_stretched
+    from steptwin.host.planning.programs import compile_program, read_program
     from steptwin.host.planning.trajectory import Trajectory
     from steptwin.host.planning.trajectory_file import read_trajectory
     from steptwin.host.robots import load_robot, robot_names
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from steptwin.host.twin.execution import execute
     from steptwin.host.twin.outcome import Outcome
     from steptwin.host.twin.served_board import ServedBoard
+    from steptwin.protocol.eds import render_eds
 
 __version__ = "0.1.0"
 
@@ -62,13 +64,17 @@ __all__ = [
     "Supply",
     "Trajectory",
     "Trapezoid",
+    "compile_program",
     "execute",
     "job_names",
     "job_options",
     "load_robot",
     "make_job",
     "plan",
+    "plan_stretched",
+    "read_program",
     "read_trajectory",
+    "render_eds",
     "robot_names",
 ]
 
@@ -88,7 +94,8 @@ _MODULES = {
     "host.planning.motions.composer": ("Composer",),
     "host.planning.motions.sampled": ("Sampled",),
     "host.planning.plan": ("Plan",),
-    "host.planning.planner": ("plan",),
+    "host.planning.planner": ("plan", "plan_stretched"),
+    "host.planning.programs": ("compile_program", "read_program"),
     "host.planning.trajectory": ("Trajectory",),
     "host.planning.trajectory_file": ("read_trajectory",),
     "host.robots": ("load_robot", "robot_names"),
@@ -97,6 +104,7 @@ _MODULES = {
     "host.twin.execution": ("execute",),
     "host.twin.outcome": ("Outcome",),
     "host.twin.served_board": ("ServedBoard",),
+    "protocol.eds": ("render_eds",),
 }
 """Public names by the module that defines each; the imports above say the same to type checkers."""
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
