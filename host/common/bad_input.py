@@ -2,13 +2,23 @@
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from difflib import get_close_matches
-from math import isfinite
+from math import isfinite, isnan
 
 from steptwin.host.common.errors import InputError
 
 _MS_TOLERANCE = 1e-6
 """Milliseconds by which a duration may miss a whole one, since floats cannot hold most decimal fractions."""
+
+_DIGITS = 6
+"""Significant digits of a number that a message offers."""
+
+_DISTANCE_DIGITS = 3
+"""Significant digits of a distance that a message offers."""
+
+_ROUNDING = 1e-9
+"""Part of a distance that is taken for a rounding error of its computation."""
 
 _CHARS_SHOWN = 100
 """Number of characters of an unknown name that a message or a picture shows at most."""
@@ -58,10 +68,13 @@ def require_positive(settings: object, *names: str) -> None:
 
 
 def whole_ms(what: str, value_s: float) -> int:
-    """Return a time in milliseconds; raise InputError unless it is a whole number of them."""
+    """Return a time in milliseconds; raise InputError, with the nearest valid time, unless it is a whole number."""
     value_ms = 1000.0 * value_s
-    if not (isfinite(value_ms) and abs(value_ms - round(value_ms)) <= _MS_TOLERANCE):
+    if not isfinite(value_ms):
         raise InputError(f"{what}: {value_s:.9g} s is not a whole number of milliseconds")
+    if abs(value_ms - round(value_ms)) > _MS_TOLERANCE:
+        near = f"the nearest is {max(round(value_ms), 1) / 1000:.9g} s"
+        raise InputError(f"{what}: {value_s:.9g} s is not a whole number of milliseconds: {near}")
     return round(value_ms)
 
 
@@ -72,3 +85,45 @@ def apart(value: float, limit: float) -> tuple[str, str]:
         if float(texts[0]) != float(texts[1]):  # "-0.0" is 0.0
             break
     return texts
+
+
+# --- limits, and what keeps them
+
+
+def outside(value: float, lower: float, upper: float, unit: str, when: str = "") -> str:
+    """Return that a value, at some instant, is outside its limits, with enough decimals to see that it is."""
+    text, _ = apart(value, lower if value < lower else upper)
+    unit = f" {unit}" if unit else ""
+    return f"{text}{unit}{when} is outside {lower:g}..{upper:g}{unit}"
+
+
+def nearest_within(value: float, lower: float, upper: float, unit: str) -> str:
+    """Return, after a semicolon, which value between two limits is the nearest to one outside; nothing for NaN.
+
+    The number in the text is between the limits.
+    """
+    if isnan(value):
+        return ""
+    text = at_least(lower) if value < lower else at_most(upper)
+    if not lower <= float(text) <= upper:  # limits that differ in the seventh digit
+        text = repr(lower if value < lower else upper)
+    return f"; the nearest is {text} {unit}"
+
+
+def by(distance: float, unit: str) -> str:
+    """Return by how much a value is outside, rounded up to three digits, so that a step back by it is enough."""
+    return f"{_rounded(distance * (1 - _ROUNDING), ROUND_CEILING, _DISTANCE_DIGITS)} {unit}"
+
+
+def at_most(limit: float) -> str:
+    """Return a limit rounded down to six significant digits, so that the number in the text keeps it."""
+    return _rounded(limit, ROUND_FLOOR)
+
+
+def at_least(limit: float) -> str:
+    """Return a limit rounded up to six significant digits, so that the number in the text keeps it."""
+    return _rounded(limit, ROUND_CEILING)
+
+
+def _rounded(value: float, rounding: str, digits: int = _DIGITS) -> str:
+    return f"{float(Context(prec=digits, rounding=rounding).create_decimal_from_float(value)):.{digits}g}"

@@ -5,7 +5,7 @@ from math import ceil, inf
 
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.profile_motion import drive_at, follow, halt_axis, reports_zero_speed
-from steptwin.host.common.bad_input import unknown
+from steptwin.host.common.bad_input import at_most, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.setting_up import clear_targets
@@ -31,7 +31,7 @@ def check_jog(robot: Robot, name: str, speed: float) -> Joint:
         raise unknown("joint", name, robot.joint_names)
     joint = robot.joint(name)
     if not 0 < abs(speed) <= joint.speed_max:
-        limit = f"above 0 and up to {joint.speed_max:g} {joint.unit}/s, with a sign"
+        limit = f"above 0 and up to {at_most(joint.speed_max)} {joint.unit}/s, with a sign"
         raise InputError(f"{name}: a speed of {speed:g} {joint.unit}/s is not {limit}")
     return joint
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from steptwin.host.client import Progress
 from steptwin.host.client.profile_motion import ProfileMove, move_together
-from steptwin.host.common.bad_input import apart
+from steptwin.host.common.bad_input import nearest_within, outside
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.session import Session
 from steptwin.host.planning.laws import Trapezoid
@@ -34,9 +34,8 @@ def check_goal(robot: Robot, goal: Sequence[float | None]) -> None:
     """Raise InputError, naming the first joint, unless every joint's position is within its limits; None always is."""
     for joint, position in zip(robot.joints, goal, strict=True):
         if position is not None and not joint.lower <= position <= joint.upper:
-            text, _ = apart(position, joint.lower if position < joint.lower else joint.upper)
-            limits = f"{joint.lower:g}..{joint.upper:g} {joint.unit}"
-            raise InputError(f"{joint.name}: {text} {joint.unit} is outside {limits}")
+            limits = (joint.lower, joint.upper, joint.unit)
+            raise InputError(f"{joint.name}: {outside(position, *limits)}{nearest_within(position, *limits)}")
 
 
 def nearest_joints(robot: Robot, pose: list[float], near: list[float]) -> list[float]:

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int64Array
-from steptwin.host.common.bad_input import apart
+from steptwin.host.common.bad_input import apart, by, nearest_within, outside
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.peaks import Peak, Quantity
 from steptwin.host.planning.samples import Samples
@@ -25,11 +25,20 @@ _REST_TOLERANCE: Final = 1e-9
 
 
 class TooFastError(InputError):
-    """The motion is too fast for a limit; `least_stretch` is a factor below which it certainly stays so."""
+    """The motion is too fast for a limit.
 
-    def __init__(self, message: str, least_stretch: float = 1.0) -> None:
+    Attributes:
+        peaks: peaks beyond their limits, that of the message first; empty if PVT records cannot hold the motion.
+    """
+
+    def __init__(self, message: str, peaks: tuple[Peak, ...] = ()) -> None:
         super().__init__(message)
-        self.least_stretch = least_stretch
+        self.peaks = peaks
+
+    @property
+    def least_stretch(self) -> float:
+        """A factor, at least 1, by less than which the motion is certainly not slow enough."""
+        return max((peak.stretch for peak in self.peaks), default=1.0)
 
 
 def check_joint_names(robot: Robot, trajectory: Trajectory) -> None:
@@ -60,10 +69,11 @@ def _check_range(joint: Joint, t_s: FloatArray, positions: FloatArray) -> None:
     inside = (positions >= joint.lower - _LIMIT_TOLERANCE) & (positions <= joint.upper + _LIMIT_TOLERANCE)
     if not inside.all():
         i = int(np.argmin(inside))
-        text, _ = apart(positions[i], joint.lower if positions[i] < joint.lower else joint.upper)
+        limits = (joint.lower, joint.upper, joint.unit)
+        farthest = float(np.maximum(joint.lower - positions, positions - joint.upper).max())
         raise InputError(
-            f"{joint.name}: {text} {joint.unit} at t = {t_s[i]:.3f} s "
-            f"is outside {joint.lower:g}..{joint.upper:g} {joint.unit}"
+            f"{joint.name}: {outside(positions[i], *limits, f' at t = {t_s[i]:.3f} s')}"
+            f", by up to {by(farthest, joint.unit)}{nearest_within(positions[i], *limits)}"
         )
 
 
@@ -96,10 +106,10 @@ def check_record_widths(robot: Robot, times_ms: Int64Array, points: FloatArray, 
 
 def check_peaks(peaks: Sequence[Peak]) -> None:
     """Check that no peak of speed, acceleration or step rate is beyond its limit."""
-    for peak in peaks:
-        if peak.exceeded:
-            least = max(peak.stretch for peak in peaks)
-            raise TooFastError(f"{peak.joint}: {_PEAK_TEXTS[peak.quantity](peak)}", least)
+    exceeded = tuple(peak for peak in peaks if peak.exceeded)
+    if exceeded:
+        worst = exceeded[0]
+        raise TooFastError(f"{worst.joint}: {_PEAK_TEXTS[worst.quantity](worst)}", exceeded)
 
 
 def _size_text(peak: Peak) -> str:

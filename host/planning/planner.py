@@ -4,6 +4,7 @@ Positions are converted to wire units on absolute values and rounded once; a rec
 two rounded absolutes, so rounding errors do not add up. Velocities are the trajectory's own at the points.
 """
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -13,10 +14,11 @@ from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning import checks
 from steptwin.host.planning.motions.stretched import STRETCH_MAX, Stretched, smallest_stretch
-from steptwin.host.planning.peaks import speed_peaks, step_rate_peaks
+from steptwin.host.planning.peaks import Quantity, speed_peaks, step_rate_peaks
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.samples import Samples
 from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.robots.fewer_steps import with_fewer_steps
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.pvt import DURATION_MAX_MS, VELOCITY_PER_UNIT_PER_MS
 
@@ -32,40 +34,60 @@ def plan(robot: Robot, trajectory: Trajectory, point_ms: int = DEFAULT_POINT_MS)
             acceleration or step rate, does not start and end at rest, or does not fit in PVT records; the message
             names joint, time, value and limit, and for a motion that is too fast the stretch that passes.
     """
-    try:
-        return _plan(robot, trajectory, point_ms)
-    except checks.TooFastError as error:
-        factor = _smallest_stretch(robot, trajectory, point_ms, error)
-        raise InputError(f"{error}; {factor:g} times slower passes (stretch={factor:g})") from error
+    return plan_stretched(robot, trajectory, 1.0, point_ms)
 
 
 def plan_stretched(
     robot: Robot, trajectory: Trajectory, stretch: float | None = None, point_ms: int = DEFAULT_POINT_MS
 ) -> Plan:
     """Plan a trajectory that takes `stretch` times as long, or with None as long as it must, as `plan` does."""
-    if stretch is not None:
-        return plan(robot, Stretched.by(trajectory, stretch), point_ms)
+    asked = 1.0 if stretch is None else stretch
     try:
-        return _plan(robot, trajectory, point_ms)
+        return _plan(robot, _stretched(trajectory, asked), point_ms)
     except checks.TooFastError as error:
-        factor = _smallest_stretch(robot, trajectory, point_ms, error)
-        return _plan(robot, Stretched.by(trajectory, factor), point_ms)
+        factor = _smallest_stretch(robot, trajectory, asked, point_ms, error)
+        if stretch is None:
+            return _plan(robot, Stretched.by(trajectory, factor), point_ms)
+        slower = f"{factor:g} times slower passes (stretch={factor:g})" if factor > 1 else f"stretch={factor:g} passes"
+        drives = _slower_drives(robot, _stretched(trajectory, asked), point_ms, error)
+        raise InputError(f"{error}; {slower}{drives}") from error
 
 
-def _smallest_stretch(robot: Robot, trajectory: Trajectory, point_ms: int, error: checks.TooFastError) -> float:
-    """Return the smallest stretch of a motion that passes; raise InputError, with the motion's own error, without."""
+def _stretched(trajectory: Trajectory, factor: float) -> Trajectory:
+    return trajectory if factor == 1 else Stretched.by(trajectory, factor)
+
+
+def _smallest_stretch(
+    robot: Robot, trajectory: Trajectory, asked: float, point_ms: int, error: checks.TooFastError
+) -> float:
+    """Return the smallest stretch, above the one asked for, that passes; raise InputError if there is none."""
 
     def passes(stretched: Trajectory) -> bool:
-        try:
-            _plan(robot, stretched, point_ms)
-        except checks.TooFastError:
-            return False
-        return True
+        return _passes(robot, stretched, point_ms)
 
-    factor = smallest_stretch(trajectory, passes, error.least_stretch)
+    least = error.least_stretch * _stretched(trajectory, asked).duration_s / trajectory.duration_s
+    factor = smallest_stretch(trajectory, passes, least, asked)
     if factor is None:
         raise InputError(f"{error}; no stretch up to {STRETCH_MAX:g} makes it pass") from error
     return factor
+
+
+def _passes(robot: Robot, trajectory: Trajectory, point_ms: int) -> bool:
+    try:
+        _plan(robot, trajectory, point_ms)
+    except checks.TooFastError:
+        return False
+    return True
+
+
+def _slower_drives(robot: Robot, trajectory: Trajectory, point_ms: int, error: checks.TooFastError) -> str:
+    """Return which drives would make few enough steps, if the motion then passes; an empty text otherwise."""
+    parts = {peak.joint: peak.limit / peak.value for peak in error.peaks if peak.quantity is Quantity.STEP_RATE}
+    changed = {name: with_fewer_steps(robot.joint(name), part) for name, part in parts.items()}
+    joints = tuple(changed[joint.name][0] if joint.name in changed else joint for joint in robot.joints)
+    if not changed or not _passes(replace(robot, joints=joints), trajectory, point_ms):
+        return ""
+    return ", and so does " + " and ".join(f"joints.{name}.{setting}" for name, (_, setting) in changed.items())
 
 
 def _plan(robot: Robot, trajectory: Trajectory, point_ms: int) -> Plan:

@@ -5,7 +5,7 @@ from enum import StrEnum
 from functools import partial
 from typing import Final
 
-from steptwin.host.common.bad_input import require_positive, unknown
+from steptwin.host.common.bad_input import at_most, require_positive, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import check_all
 from steptwin.protocol.frame import BITRATES
@@ -95,7 +95,7 @@ class BoardSettings:
         pulse_ns = self.steplen_ns + self.stepspace_ns
         if pulse_ns * self.step_rate_max_hz > 1e9:
             raise InputError(
-                f"step_rate_max_hz: {self.step_rate_max_hz:g} Hz is more than the {1e9 / pulse_ns:.1f} Hz"
+                f"step_rate_max_hz: {self.step_rate_max_hz:g} Hz is more than the {at_most(1e9 / pulse_ns)} Hz"
                 f" that steplen_ns + stepspace_ns = {pulse_ns} ns allow"
             )
 

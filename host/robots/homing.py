@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from functools import partial
 
-from steptwin.host.common.bad_input import require_positive
+from steptwin.host.common.bad_input import at_most, require_positive
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import check_all
 from steptwin.protocol.homing_methods import HOME_HERE, HOME_HERE_OBSOLETE, HOMING_METHODS
@@ -38,12 +38,12 @@ class JointHoming:
 
     def _check_zero_speed(self) -> None:
         if self.zero_speed > self.search_speed:
-            raise InputError(f"zero_speed: {self.zero_speed:g} is above search_speed, {self.search_speed:g}")
+            raise InputError(f"zero_speed: {self.zero_speed:g} is above search_speed, {at_most(self.search_speed)}")
 
     def check_within(self, speed_max: float, acceleration_max: float) -> None:
         """Raise InputError if the search speed or the acceleration is above the joint's limit."""
         if self.search_speed > speed_max:
-            raise InputError(f"homing.search_speed: {self.search_speed:g} is above speed_max, {speed_max:g}")
+            raise InputError(f"homing.search_speed: {self.search_speed:g} is above speed_max, {at_most(speed_max)}")
         if self.acceleration > acceleration_max:
-            limit = f"acceleration_max, {acceleration_max:g}"
+            limit = f"acceleration_max, {at_most(acceleration_max)}"
             raise InputError(f"homing.acceleration: {self.acceleration:g} is above {limit}")

@@ -6,7 +6,7 @@ from functools import partial
 from math import floor
 from typing import Final
 
-from steptwin.host.common.bad_input import require_positive
+from steptwin.host.common.bad_input import at_most, require_positive
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import check_all
 from steptwin.host.robots.homing import JointHoming
@@ -61,7 +61,8 @@ class Joint:
         reach = self.to_position(WIRE_POSITION_MAX)
         if farthest > reach:
             bound = "upper" if farthest == abs(self.upper) else "lower"
-            raise InputError(f"{bound}: {farthest:g} {self.unit} from zero is beyond the wire's {reach:g} {self.unit}")
+            limit = f"the wire's {at_most(reach)} {self.unit}"
+            raise InputError(f"{bound}: {farthest:g} {self.unit} from zero is beyond {limit}")
 
     def _check_homing(self) -> None:
         if self.homing:

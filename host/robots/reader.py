@@ -9,12 +9,13 @@ from dataclasses import replace
 from functools import partial
 from typing import Final, TypeVar
 
-from steptwin.host.common.bad_input import apart, prefixed
+from steptwin.host.common.bad_input import apart, at_most, prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import NAME_CHARS_MAX, TITLE_CHARS_MAX
 from steptwin.host.common.findings import Findings, check_all
 from steptwin.host.common.tables import Reading, Table, check_name, toml_table
 from steptwin.host.robots.board_settings import ActiveEdge, BoardSettings
+from steptwin.host.robots.fewer_steps import with_fewer_steps
 from steptwin.host.robots.homing import JointHoming
 from steptwin.host.robots.joint import Joint, Unit
 from steptwin.host.robots.kinematics import check_dimensions, make_kinematics
@@ -24,6 +25,9 @@ from steptwin.host.robots.switches import JointSwitches
 from steptwin.host.robots.transmission import Transmission
 
 _Made = TypeVar("_Made")
+
+_ROUNDING: Final = 1e-9
+"""Rounding error allowed beyond the driver's step rate, as a fraction of it: most steps per degree are inexact."""
 
 
 def parse_robot(text: str, source: str) -> Robot:
@@ -191,9 +195,11 @@ def _check_speeds(robot: Robot) -> None:
 
 
 def _check_speed(joint: Joint, limit_hz: float) -> None:
-    if joint.step_rate_max_hz > limit_hz:
+    if joint.step_rate_max_hz > limit_hz * (1 + _ROUNDING):
         rate, limit = apart(joint.step_rate_max_hz / 1e3, limit_hz / 1e3)
+        fastest = at_most(limit_hz / joint.transmission.steps_per_unit * (1 + _ROUNDING / 2))
+        _, drive = with_fewer_steps(joint, limit_hz / joint.step_rate_max_hz)
         raise InputError(
             f"joints.{joint.name}.speed_max: {joint.speed_max:g} {joint.unit}/s takes {rate} kHz of steps,"
-            f" more than the driver's {limit} kHz"
+            f" more than the driver's {limit} kHz; speed_max = {fastest} or {drive} would do"
         )

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.common.bad_input import unknown
+from steptwin.host.common.bad_input import nearest_within, outside, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import check_all
 from steptwin.host.robots.board_settings import BoardSettings
@@ -82,8 +82,8 @@ class Robot:
             raise unknown(f"{key}: joint", name, self.joint_names)
         joint = self.joint(name)
         if not joint.lower <= position <= joint.upper:
-            limits = f"{joint.lower:g}..{joint.upper:g} {joint.unit}"
-            raise InputError(f"{key}.{name}: {position:g} {joint.unit} is outside {limits}")
+            limits = (joint.lower, joint.upper, joint.unit)
+            raise InputError(f"{key}.{name}: {outside(position, *limits)}{nearest_within(position, *limits)}")
 
     @property
     def joint_names(self) -> tuple[str, ...]:

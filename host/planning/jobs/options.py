@@ -5,7 +5,7 @@ from dataclasses import Field, dataclass, field, fields
 from enum import Enum
 from typing import Any, TypeVar
 
-from steptwin.host.common.bad_input import unknown
+from steptwin.host.common.bad_input import nearest_within, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.numbers import decimal
 from steptwin.host.robots.robot import Robot
@@ -110,7 +110,8 @@ def _number(name: str, text: str, allowed: Range) -> float:
     except ValueError:
         raise InputError(f"option {name}: {text!r} is not a number (valid: {allowed})") from None
     if not allowed.lower <= value <= allowed.upper:
-        raise InputError(f"option {name}: {value:.9g} {allowed.unit} is outside {allowed}")
+        near = nearest_within(value, allowed.lower, allowed.upper, allowed.unit)
+        raise InputError(f"option {name}: {value:.9g} {allowed.unit} is outside {allowed}{near}")
     return value
 
 

@@ -41,4 +41,6 @@ def _check(constraints: tuple[Constraint, ...], t_s: FloatArray) -> None:
     for constraint in constraints:
         if not constraint.kept.all():
             i = int(np.argmin(constraint.kept))
-            raise InputError(f"at t = {t_s[i]:.3f} s the tool's path breaks off: {constraint.complaint(i)}")
+            raise InputError(
+                f"at t = {t_s[i]:.3f} s the tool's path breaks off: {constraint.complaint(i, of_path=True)}"
+            )

@@ -130,12 +130,4 @@ def check_times(times_s: FloatArray, places: Sequence[str] = (), *, all_whole_ms
         )
     times_ms = 1000.0 * times_s
     for i in np.flatnonzero(times_ms != np.rint(times_ms)).tolist() if all_whole_ms else [len(times_s) - 1]:
-        check_whole_ms(places[i], float(times_s[i]))
-
-
-def check_whole_ms(place: str, t_s: float) -> None:
-    """Raise InputError, with the nearest valid time, unless a time is a whole millisecond."""
-    try:
-        whole_ms(place, t_s)
-    except InputError as error:
-        raise InputError(f"{error}: the nearest is {max(round(1000 * t_s), 1) / 1000:.9g} s") from error
+        whole_ms(places[i], float(times_s[i]))

@@ -93,29 +93,31 @@ def _ceil_ms(t_ms: float) -> int:
     return ceil(t_ms - _WHOLE_MS)
 
 
-def smallest_stretch(trajectory: Trajectory, passes: Callable[[Trajectory], bool], least: float) -> float | None:
-    """Return the smallest factor, in thousandths, at which a trajectory passes that does not pass as it is.
+def smallest_stretch(
+    trajectory: Trajectory, passes: Callable[[Trajectory], bool], least: float, fails: float = 1.0
+) -> float | None:
+    """Return the smallest factor, in thousandths and above `fails`, at which a trajectory passes.
 
-    The search begins at `least`, a factor below which it certainly does not pass. Returns None if no factor up to
+    At the factor `fails` it does not pass, below `least` it certainly does not. Returns None if no factor up to
     STRETCH_MAX passes.
     """
 
     def passes_at(factor: int) -> bool:
         return passes(Stretched.by(trajectory, factor / PER_FACTOR))
 
-    fails, longer = PER_FACTOR, 1
-    longest = round(STRETCH_MAX * PER_FACTOR)
-    factor = min(max(PER_FACTOR + 1, ceil(min(least, STRETCH_MAX) * PER_FACTOR * (1 - 1e-12))), longest)
+    first, longest = floor(fails * PER_FACTOR), round(STRETCH_MAX * PER_FACTOR)
+    below, longer = first, 1
+    factor = min(max(first + 1, ceil(min(least, STRETCH_MAX) * PER_FACTOR * (1 - 1e-12))), longest)
     while not passes_at(factor):
         if factor >= longest:
             return None
-        fails, factor, longer = factor, min(factor + longer, longest), 2 * longer
-    if fails == PER_FACTOR and not passes_at(factor - 1):
+        below, factor, longer = factor, min(factor + longer, longest), 2 * longer
+    if below == first and not passes_at(factor - 1):
         return factor / PER_FACTOR
-    while factor - fails > 1:
-        middle = (factor + fails) // 2
+    while factor - below > 1:
+        middle = (factor + below) // 2
         if passes_at(middle):
             factor = middle
         else:
-            fails = middle
+            below = middle
     return factor / PER_FACTOR

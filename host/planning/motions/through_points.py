@@ -6,7 +6,8 @@ from itertools import groupby
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.planning.motions.sampled import Sampled, check_whole_ms
+from steptwin.host.common.bad_input import whole_ms
+from steptwin.host.planning.motions.sampled import Sampled
 from steptwin.host.planning.motions.sequence import Pause, Sequence
 from steptwin.host.planning.trajectory import Trajectory
 
@@ -27,7 +28,7 @@ def through_points(
     for standing, group in groupby(range(len(stands)), key=stands.__getitem__):
         segments = list(group)
         first, last = segments[0], segments[-1] + 1
-        check_whole_ms(places[last], float(times_s[last]))
+        whole_ms(places[last], float(times_s[last]))
         own_s = times_s[first : last + 1] - times_s[first]
         if standing:
             parts.append(Pause(joint_names, tuple(positions[first].tolist()), float(own_s[-1])))

@@ -13,7 +13,7 @@ from typing import Final, Protocol, TypeVar
 import numpy as np
 
 from steptwin.host.common.arrays import BoolArray, FloatArray
-from steptwin.host.common.bad_input import apart, prefixed
+from steptwin.host.common.bad_input import at_least, at_most, by, outside, prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Reading, Table
 from steptwin.host.robots.joint import Joint, Unit
@@ -38,6 +38,7 @@ class Constraint:
         upper: upper limit.
         kept: shape (n,), true where the value is between the limits; false for NaN.
         explain: function that returns the complaint about pose i, for a quantity whose values would not help a reader.
+        adjustable: true if the limits are the keys `lower` and `upper` of a joint, which a robot file may set wider.
     """
 
     quantity: str
@@ -47,15 +48,25 @@ class Constraint:
     upper: float
     kept: BoolArray
     explain: Callable[[int], str] | None = None
+    adjustable: bool = False
 
-    def complaint(self, i: int) -> str:
-        """Return one line that says how pose i breaks this constraint."""
+    def complaint(self, i: int, *, of_path: bool = False) -> str:
+        """Return one line that says how pose i breaks this constraint, and what would keep it.
+
+        With `of_path` the poses are a path, which as a whole must keep it.
+        """
         if self.explain:
             return self.explain(i)
         value = float(self.values[i])
-        text, _ = apart(value, self.lower if value < self.lower else self.upper)
-        unit = f" {self.unit}" if self.unit else ""
-        return f"{self.quantity} {text}{unit} is outside {self.lower:g}..{self.upper:g}{unit}"
+        text = f"{self.quantity} {outside(value, self.lower, self.upper, self.unit)}"
+        if self.adjustable:
+            wanted = f"lower = {at_most(value)}" if value < self.lower else f"upper = {at_least(value)}"
+            return f"{text}; {wanted} would do"
+        if not self.unit:
+            return text
+        values = self.values if of_path else self.values[i : i + 1]
+        distance = float(np.fmax(self.lower - values, values - self.upper).max())
+        return f"{text}, by {'up to ' * of_path}{by(distance, self.unit)}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -180,7 +191,7 @@ def nearest_turns(limits: tuple[Joint, ...], joints: FloatArray, near: FloatArra
 
 def _joint_constraint(joint: Joint, positions: FloatArray) -> Constraint:
     kept = (positions >= joint.lower - LIMIT_TOLERANCE) & (positions <= joint.upper + LIMIT_TOLERANCE)
-    return Constraint(f"{joint.name}:", joint.unit, positions, joint.lower, joint.upper, kept)
+    return Constraint(f"{joint.name}:", joint.unit, positions, joint.lower, joint.upper, kept, adjustable=True)
 
 
 def read_geometry(geometry: type[Geometry], robot: Robot) -> Geometry:

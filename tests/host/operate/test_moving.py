@@ -78,7 +78,9 @@ def test_a_pose_out_of_reach_says_why() -> None:
 def test_beyond_a_limit_nothing_is_sent(board: EmbeddedBoard, session: Session) -> None:
     joint = ROBOT.joints[TH2]
     sent = len(board.bus_log)
-    with pytest.raises(InputError, match=rf"^th2: .* deg is outside {joint.lower:g}\.\.{joint.upper:g} deg$"):
+    with pytest.raises(
+        InputError, match=rf"^th2: .* deg is outside {joint.lower:g}\.\.{joint.upper:g} deg; the nearest is \S+ deg$"
+    ):
         move(session, [*HOME[:TH2], joint.upper + 1e-6, *HOME[TH3:]])
     assert len(board.bus_log) == sent
     move(session, [*HOME[:TH2], joint.upper, *HOME[TH3:]])

@@ -168,7 +168,7 @@ class TestJointLimits:
         assert plan(ROBOT, swing(60.0, 4.0)).points_units[:, TH1].max() == 120 * 200 * 16384 // 72
         told = complaint(swing(60.5, 4.0))
         assert told.startswith("th1: 120.0")
-        assert told.endswith("is outside -120..120 deg")
+        assert told.endswith("is outside -120..120 deg, by up to 1 deg; the nearest is 120 deg")
 
     def test_the_lower_one(self) -> None:
         assert plan(ROBOT, swing(-60.0, 4.0)).times_ms[-1] == 4000
@@ -177,7 +177,9 @@ class TestJointLimits:
     def test_between_two_points(self) -> None:
         """Points every 250 ms miss the bump between them; the checks' grid of 1 ms sees it."""
         bump = OneJoint(lambda t: 121 * np.exp(-(((t - 0.125) / 0.01) ** 2)) * (t > 0), zero)
-        assert complaint(bump, point_ms=250).endswith("s is outside -120..120 deg")
+        assert complaint(bump, point_ms=250).endswith(
+            "s is outside -120..120 deg, by up to 1 deg; the nearest is 120 deg"
+        )
 
     def test_a_tiny_excess_is_not_shown_as_the_limit(self) -> None:
         assert complaint(swing(60.0000001, 4.0)).startswith("th1: 120.0000002 deg at t = 2.000 s")

@@ -164,7 +164,7 @@ class TestTransmissions:
         """655.36 turns of 200 full steps, less one unit: 6553.6 mm with a lead of 10 mm."""
         screw = Transmission(200, 8, 10.0)
         assert Joint("z", Unit.MM, -6553.5, 6553.5, 80, 300, screw).upper == 6553.5
-        with pytest.raises(InputError, match=r"upper: 6553.7 mm from zero is beyond the wire's 6553.6 mm"):
+        with pytest.raises(InputError, match=r"upper: 6553.7 mm from zero is beyond the wire's 6553.59 mm"):
             Joint("z", Unit.MM, 0, 6553.7, 80, 300, screw)
         with pytest.raises(InputError, match=r"lower: 6553.7 mm from zero"):
             Joint("z", Unit.MM, -6553.7, 0, 80, 300, screw)
@@ -315,7 +315,12 @@ class TestMistakesInAFile:
                 id="kind",
             ),
             pytest.param('name = "warehouse-scara"', "name = 1", "name: 1 is not a text", id="name"),
-            pytest.param("th2 = 60.0", "th2 = 151", "home.th2: 151 deg is outside -150..150 deg", id="home"),
+            pytest.param(
+                "th2 = 60.0",
+                "th2 = 151",
+                "home.th2: 151.0 deg is outside -150..150 deg; the nearest is 150 deg",
+                id="home",
+            ),
             pytest.param("th2 = 60.0", "", "home.th2: is missing", id="missing home"),
             pytest.param("th2 = 60.0", "th2 = 60.0\nth4 = 0", "home.th4: key 'th4' is unknown", id="home of nobody"),
             pytest.param("[board]", "[bord]", "bord: key 'bord' is unknown: did you mean board", id="section"),
@@ -424,7 +429,8 @@ class TestMistakesInAFile:
         fast = parse_robot(lead.replace("speed_max = 80.0", "speed_max = 75.0"), "mine.toml")
         assert fast.joint("sz").step_rate_max_hz == 15_000
         assert complaint(lead) == (
-            "mine.toml: joints.sz.speed_max: 80 mm/s takes 16.0 kHz of steps, more than the driver's 15.0 kHz"
+            "mine.toml: joints.sz.speed_max: 80 mm/s takes 16.0 kHz of steps, more than the driver's 15.0 kHz;"
+            " speed_max = 75 or microsteps = 2 would do"
         )
 
 

@@ -168,13 +168,13 @@ class TestOptions:
             ("colour", "red", "option 'colour' is unknown: there are elbow, duration_s, ramp_s, sx_mm, sz_mm, L1_mm"),
             ("elbow", "lft", "option elbow: 'lft' is unknown: did you mean left? (valid: right, left)"),
             ("duration_s", "soon", "option duration_s: 'soon' is not a number (valid: 0.002..600 s)"),
-            ("duration_s", "600.001", "option duration_s: 600.001 s is outside 0.002..600 s"),
+            ("duration_s", "600.001", "option duration_s: 600.001 s is outside 0.002..600 s; the nearest is 600 s"),
             ("duration_s", "nan", "option duration_s: nan s is outside 0.002..600 s"),
-            ("duration_s", "1.0005", "duration_s: 1.0005 s is not a whole number of milliseconds"),
+            ("duration_s", "1.0005", "duration_s: 1.0005 s is not a whole number of milliseconds: the nearest is 1 s"),
             ("ramp_s", "5.001", "ramp_s: 5.001 s is not above 0 and at most 5 s, half of duration_s"),
-            ("sx_mm", "-0.1", "option sx_mm: -0.1 mm is outside 0..2000 mm"),
-            ("L1_mm", "200.1", "option L1_mm: 200.1 mm is outside 50..200 mm"),
-            ("L1_mm", "49.9", "option L1_mm: 49.9 mm is outside 50..200 mm"),
+            ("sx_mm", "-0.1", "option sx_mm: -0.1 mm is outside 0..2000 mm; the nearest is 0 mm"),
+            ("L1_mm", "200.1", "option L1_mm: 200.1 mm is outside 50..200 mm; the nearest is 200 mm"),
+            ("L1_mm", "49.9", "option L1_mm: 49.9 mm is outside 50..200 mm; the nearest is 50 mm"),
         ],
     )
     def test_mistakes(self, name: str, value: str, message: str) -> None:

@@ -1,12 +1,13 @@
 """Reasons why a pose is not reachable, on both sides of each limit; the turns and slides that a solution has."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
 
 from steptwin.host.robots.joint import Unit
-from steptwin.host.robots.kinematics import Kinematics, make_kinematics, within_limits
+from steptwin.host.robots.kinematics import Branch, Kinematics, make_kinematics, within_limits
 from tests.host.robots.kinematics.mechanisms import (
     ALL,
     BY_NAME,
@@ -42,7 +43,13 @@ def test_every_limit(mechanism: Mechanism, axis: int, side: int) -> None:
         assert branch.reachable.tolist() == [reachable]
         assert within_limits(mechanism.robot.joints, joints).tolist() == [reachable]
     limits = f"{joint.lower:g}..{joint.upper:g} {joint.unit}"
-    assert branch.reason(0) == f"{joint.name}: {limit + side * 0.1:.1f} {joint.unit} is outside {limits}"
+    wanted = re.fullmatch(
+        rf"{joint.name}: {limit + side * 0.1:.1f} {joint.unit} is outside {re.escape(limits)}; (\w+) = (\S+) would do",
+        str(branch.reason(0)),
+    )
+    assert wanted is not None
+    wide = {"lower": joint.lower, "upper": joint.upper} | {wanted[1]: float(wanted[2])}
+    assert wide["lower"] <= joints[0, axis] <= wide["upper"]
 
 
 @each_mechanism
@@ -96,8 +103,35 @@ def test_reach(name: str, pose: tuple[float, ...], reason: str | None) -> None:
     for branch in kinematics.branches if name != "hybrid-arm" else kinematics.branches[:1]:
         solution = kinematics.solve(np.array([pose], dtype=np.float64), branch)
         sign = "-" if branch == "left" else ""
-        assert solution.reason(0) == (reason and reason.format(sign=sign))
         assert solution.reachable.tolist() == [reason is None]
+        told = str(solution.reason(0))
+        if reason is not None:
+            assert re.fullmatch(rf"{re.escape(reason.format(sign=sign))}(, by [\d.]+ mm|; \w+ = \S+ would do)", told)
+
+
+@pytest.mark.parametrize(
+    ("name", "radius_mm", "inwards"),
+    [
+        ("lab-scara", 812.3456789, True),
+        ("teaching-scara", 195.1, True),
+        ("teaching-scara", 4.87654321, False),
+        ("calibration-scara", 99.9, False),
+        ("hybrid-arm", 1234.5678, True),
+        ("hybrid-arm", 249.987654321, False),
+    ],
+)
+def test_a_step_by_the_distance_is_enough(name: str, radius_mm: float, inwards: bool) -> None:
+    """Straight to the shoulder or away from it; half the distance is not enough."""
+    kinematics = BY_NAME[name].kinematics
+    height_mm = kinematics.forward(np.array([BY_NAME[name].posture]))[0, 2]
+
+    def branch(at_mm: float) -> Branch:
+        return kinematics.inverse(np.array([[at_mm, 0.0, height_mm, 0.0]]))[0]
+
+    distance_mm = float(str(branch(radius_mm).reason(0)).rsplit(", by ", 1)[1].removesuffix(" mm"))
+    sign = -1 if inwards else 1
+    assert not str(branch(radius_mm + sign * distance_mm).reason(0)).startswith("out of reach")
+    assert str(branch(radius_mm + sign * distance_mm / 2).reason(0)).startswith("out of reach")
 
 
 @each_mechanism

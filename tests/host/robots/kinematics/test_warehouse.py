@@ -37,7 +37,8 @@ def test_each_pose_has_its_own_slides() -> None:
 
 def test_a_slide_held_beyond_its_limit() -> None:
     near = np.array([2001.0, 0, 100, 0, 60, 30])
-    assert right_of(2275.0, 169.903810568, 60.0, 90.0, near=near).reason(0) == "sx: 2001.0 mm is outside 0..2000 mm"
+    reason = right_of(2275.0, 169.903810568, 60.0, 90.0, near=near).reason(0)
+    assert reason == "sx: 2001.0 mm is outside 0..2000 mm; upper = 2001 would do"
 
 
 def test_each_pose_has_its_own_reason() -> None:
