@@ -19,7 +19,9 @@ from tests.emulator.random_host.machine import ACCELERATION, STEP, VELOCITY_MAX,
 from tests.emulator.random_host.sdo import download
 
 _SILENCE_MAX_MS = 1500
-"""Time after which the bus must be silent: what was in the board's queues before the reset has been sent."""
+"""Time after which no frame must wait: what was in the board's queues before the reset has been sent."""
+_SENT_MAX_MS = 30_000
+"""Time after which the host's own frames must have been sent: a board in overload lets one pass after 32 of its own."""
 _ANSWER_MAX_MS = 30
 _MOTION_MAX_MS = 20_000
 _LOOK_EACH_MS = 5
@@ -75,14 +77,16 @@ class WorkingMove:
         self._host.do(Frame(cob_id, data))
 
     def _reset(self) -> None:
-        """Reset all nodes and wait for their boot-up messages and for silence."""
+        """Reset all nodes and wait for their boot-up messages, and until no frame of before waits."""
         self._answers.clear()
         self._send(COB_NMT, b"\x81\x00")
-        self._wait(_SILENCE_MAX_MS, "not every node has booted on a silent bus", self._is_booted)
+        host = self._machine.simulation.host
+        self._wait(_SENT_MAX_MS, "the host's frames are not on the bus", lambda: not host.mailboxes)
+        self._wait(_SILENCE_MAX_MS, "not every node has booted, or frames still wait", self._is_booted)
 
     def _is_booted(self) -> bool:
         boot_ups = (self._answers.get(COB_HEARTBEAT + FIRST_NODE_ID + axis, ()) for axis in self._axes)
-        return not self._machine.bus.busy and all(b"\0" in heard for heard in boot_ups)
+        return not self._machine.board.firmware.transmit and all(b"\0" in heard for heard in boot_ups)
 
     def _wait(self, at_most_ms: int, what: str, done: Callable[[], bool]) -> None:
         for _ in range(0, at_most_ms, _LOOK_EACH_MS):
