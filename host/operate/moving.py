@@ -50,8 +50,7 @@ def nearest_joints(robot: Robot, pose: list[float], near: list[float]) -> list[f
     if not within:
         reasons = "; ".join(f"{branch.name}: {branch.reason(0)}" for branch in branches)
         raise InputError(f"no branch reaches {pose_words(pose)}: {reasons}")
-    speeds = np.array([joint.speed_max for joint in robot.joints])
-    nearest = min(within, key=lambda joints: float(np.max(np.abs(joints - standing) / speeds)))
+    nearest = min(within, key=lambda joints: 1 / limits_along(robot, joints - standing)[0])
     return [float(position) for position in nearest]
 
 
@@ -66,9 +65,10 @@ def move(
 ) -> Moved:
     """Move joints to a position, straight in joint space.
 
-    The goal is in mm and degrees, None for a joint that stays. Such a joint may stand outside its limits or not know
-    its position, as after an interrupted homing: it does not move. StepTwin knows no obstacles, whoever moves one joint
-    watches the machine. `speed_percent` is the part of the joints' speed and acceleration limits to use.
+    The goal is in mm and degrees, None for a joint that stays. Such a joint may stand outside its limits or, unless it
+    is coupled to one that moves, not know its position, as after an interrupted homing: it does not move. StepTwin
+    knows no obstacles, whoever moves one joint watches the machine. `speed_percent` is the part of the joints' speed
+    and acceleration limits to use.
     `progress` is called with the part of the longest way that is covered.
 
     Raises:
@@ -77,20 +77,29 @@ def move(
         BusError: another program is in charge, or a node does not answer.
     """
     check_goal(session.robot, goal)
-    joints = session.robot.joints
     session.require_ready("move", known=False)
-    session.require_known(joint.name for joint, position in zip(joints, goal, strict=True) if position is not None)
+    session.require_known(session.robot.joint_names[axis] for axis in _axes_concerned(session.robot, goal))
     with session.in_charge("move", known=False):
         start_units = session.demanded_units()
         start = session.positions(start_units)
-        goal_units = [
-            standing if position is None else joint.to_units(position)
-            for joint, position, standing in zip(joints, goal, start_units, strict=True)
-        ]
+        reached = [standing if position is None else position for position, standing in zip(goal, start, strict=True)]
+        moved, goal_units = _axes_moved(session.robot, goal), session.units(reached)
+        goal_units = [units if i in moved else start_units[i] for i, units in enumerate(goal_units)]
         planned_s = move_within(session, start_units, goal_units, speed_percent, progress)
         end_units = session.machine.positions_units()
-    reached = [standing if position is None else position for position, standing in zip(goal, start, strict=True)]
     return Moved(start, reached, session.positions(end_units), planned_s)
+
+
+def _axes_moved(robot: Robot, goal: Sequence[float | None]) -> set[int]:
+    """Return the axes that move when the joints with a goal do."""
+    moving = [joint for joint, position in enumerate(goal) if position is not None]
+    return {axis for joint in moving for axis in robot.coupling.axes_moved_by(joint)}
+
+
+def _axes_concerned(robot: Robot, goal: Sequence[float | None]) -> set[int]:
+    """Return the axes that must know their positions: those that move, and all on which the goal of one depends."""
+    moved, coupling = _axes_moved(robot, goal), robot.coupling
+    return moved | {other for axis in moved for joint in coupling.joints_of(axis) for other in coupling.axes_of(joint)}
 
 
 def move_within(
@@ -117,7 +126,7 @@ def synchronised(
     Return the move of each axis, and the duration in seconds.
     """
     ways_units = np.subtract(goal_units, start_units)
-    speed, acceleration = limits_along(robot, ways_units / robot.wire_units_per_unit)
+    speed, acceleration = limits_along(robot, robot.to_positions(ways_units))
     part = speed_percent / 100
     law = Trapezoid.fastest(1.0, speed * part, acceleration * part)
     moves = []

@@ -8,6 +8,7 @@ from steptwin.host.client.drive_status import FAULT_STATES
 from steptwin.host.client.waiting import REPLY_TIMEOUT_S, wait_until
 from steptwin.host.client.words import error_text, state_text
 from steptwin.host.common.errors import DeviceFaultError
+from steptwin.host.operate.joint_positions import joint_positions
 from steptwin.host.operate.session import Session
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Control, State, Status
@@ -15,7 +16,7 @@ from steptwin.protocol.cia402 import Control, State, Status
 
 @dataclass(frozen=True, slots=True)
 class AxisState:
-    """The state of an axis' drive, its position in mm or degrees, and whether that position is known."""
+    """The state of an axis' drive; its joint's position in mm or degrees, and whether that position is known."""
 
     name: str
     state: str
@@ -65,10 +66,11 @@ def _await_reset(session: Session, axis: AxisClient) -> None:
 
 def axis_states(session: Session) -> list[AxisState]:
     """Read the state and the position of every axis by SDO."""
-    states = []
-    for axis, joint in zip(session.machine.axes, session.robot.joints, strict=True):
-        statusword = axis.read(od.STATUSWORD)
-        position = joint.to_position(axis.read(od.POSITION_ACTUAL))
-        known = bool(statusword & Status.POSITION_KNOWN)
-        states.append(AxisState(axis.name, state_text(State.of(statusword)), position, known))
-    return states
+    axes = session.machine.axes
+    read = [(axis.read(od.STATUSWORD), axis.read(od.POSITION_ACTUAL)) for axis in axes]
+    known = [bool(statusword & Status.POSITION_KNOWN) for statusword, _ in read]
+    positions = joint_positions(session.robot, [units for _, units in read], known)
+    return [
+        AxisState(axis.name, state_text(State.of(statusword)), *position)
+        for axis, (statusword, _), position in zip(axes, read, positions, strict=True)
+    ]

@@ -4,6 +4,8 @@ import time
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
+import numpy as np
+
 from steptwin.host.client import Machine, Progress
 from steptwin.host.client.faults import check_enabled, check_faults
 from steptwin.host.common.errors import InputError
@@ -68,12 +70,13 @@ def check_repeatable(plan: Plan, repeat: int) -> None:
     """Raise InputError unless a plan can be run `repeat` times, one after the other."""
     if repeat < 1:
         raise InputError(f"repeat={repeat}: is not at least 1")
-    for joint, start, end in zip(plan.robot.joints, plan.points_units[0], plan.points_units[-1], strict=True):
-        if repeat > 1 and start != end:
-            raise InputError(
-                f"repeat={repeat}: {joint.name} starts at {joint.to_position(start):.4f} {joint.unit}"
-                f" and ends at {joint.to_position(end):.4f} {joint.unit}"
-            )
+    ends_units = plan.points_units[[0, -1]]
+    apart = np.flatnonzero(ends_units[0] != ends_units[1])
+    if repeat > 1 and apart.size:
+        joint, (start, end) = plan.robot.joints[apart[0]], plan.robot.to_positions(ends_units)[:, apart[0]]
+        raise InputError(
+            f"repeat={repeat}: {joint.name} starts at {start:.4f} {joint.unit} and ends at {end:.4f} {joint.unit}"
+        )
 
 
 def execute_live(

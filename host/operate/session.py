@@ -69,11 +69,11 @@ class Session:
 
     def units(self, joints: list[float]) -> list[int]:
         """Convert joint positions in mm and degrees to wire units, rounded as in a plan."""
-        return [joint.to_units(position) for position, joint in zip(joints, self.robot.joints, strict=True)]
+        return [int(units) for units in self.robot.to_units(np.array(joints))]
 
     def positions(self, units: list[int]) -> list[float]:
         """Convert wire units to joint positions in mm and degrees."""
-        return [joint.to_position(position) for position, joint in zip(units, self.robot.joints, strict=True)]
+        return [float(position) for position in self.robot.to_positions(np.array(units))]
 
     def demanded_units(self) -> list[int]:
         """Read the position demand value (6062h) of each axis, from which the next motion begins."""

@@ -8,10 +8,11 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from steptwin.host.client.axis import AxisClient
-from steptwin.host.client.drive_status import at_rest
+from steptwin.host.client.drive_status import DriveStatus, at_rest
 from steptwin.host.client.faults import await_reports
 from steptwin.host.client.words import error_text, mode_text, state_text, words
 from steptwin.host.common.errors import BusError
+from steptwin.host.operate.joint_positions import JointPosition, joint_positions
 from steptwin.host.operate.session import Session
 from steptwin.host.robots.joint import Joint
 from steptwin.protocol import od
@@ -44,7 +45,7 @@ class QueueHealth:
 
 @dataclass(frozen=True, slots=True)
 class AxisStatus:
-    """The status of one axis; values that only SDO can read are None while a trajectory is streamed."""
+    """The status of one axis and its joint; values that only SDO can read are None while a trajectory is streamed."""
 
     name: str
     node_id: int
@@ -55,7 +56,7 @@ class AxisStatus:
     mode: str
     moving: bool
     position: float
-    """The position by the step counter, in `unit`."""
+    """The joint's position by the step counters, in `unit`."""
     position_known: bool
     """True if the position counts from the joint's zero."""
     unit: str
@@ -105,22 +106,33 @@ def read_status(session: Session) -> MachineStatus:
     """
     await_reports(session.link, session.machine.axes)
     streaming = session.streaming
-    pairs = zip(session.machine.axes, session.robot.joints, strict=True)
-    status_of = _status_by_reports if streaming else _status_by_sdo
-    axes = tuple(status_of(axis, joint) for axis, joint in pairs)
+    status_of, complete = (_reported, _by_reports) if streaming else (_read, _by_sdo)
+    drives = [status_of(axis) for axis in session.machine.axes]
+    knows = [bool(drive.statusword & Status.POSITION_KNOWN) for drive in drives]
+    places = joint_positions(session.robot, [drive.position_units for drive in drives], knows)
+    parts = zip(session.machine.axes, session.robot.joints, drives, places, strict=True)
+    axes = tuple(complete(axis, drive, _common(axis, joint, drive, place)) for axis, joint, drive, place in parts)
     known = all(axis.position_known for axis in axes)
     pose = session.pose([axis.position for axis in axes]) if known else None
     return MachineStatus(session.robot.name, streaming, axes, pose)
 
 
-def _status_by_reports(axis: AxisClient, joint: Joint) -> AxisStatus:
-    status = axis.drive_status
-    if status is None:
+def _reported(axis: AxisClient) -> DriveStatus:
+    if axis.drive_status is None:
         raise BusError(f"{axis.name}: node 0x{axis.node_id:02X} does not report its status")
+    return axis.drive_status
+
+
+def _read(axis: AxisClient) -> DriveStatus:
+    statusword, mode = axis.read(od.STATUSWORD), axis.read(od.MODE_OF_OPERATION_DISPLAY)
+    return DriveStatus(statusword, State.of(statusword), mode, axis.read(od.POSITION_ACTUAL))
+
+
+def _by_reports(axis: AxisClient, drive: DriveStatus, common: dict[str, Any]) -> AxisStatus:
     pvt = axis.pvt_status
-    code = axis.error_codes[-1] if status.in_fault and axis.error_codes else None
+    code = axis.error_codes[-1] if drive.in_fault and axis.error_codes else None
     return AxisStatus(
-        **_common(axis, joint, status.statusword, status.mode, status.position_units),
+        **common,
         error=error_text(code) if code else None,
         error_code=code,
         queue=None if pvt is None else QueueHealth(pvt.free, _flags(pvt.flags)),
@@ -137,11 +149,11 @@ _QUEUE_COUNTERS = (
 )
 
 
-def _status_by_sdo(axis: AxisClient, joint: Joint) -> AxisStatus:
+def _by_sdo(axis: AxisClient, _drive: DriveStatus, common: dict[str, Any]) -> AxisStatus:
     read = axis.read
     code = read(od.ERROR_CODE)
     return AxisStatus(
-        **_common(axis, joint, read(od.STATUSWORD), read(od.MODE_OF_OPERATION_DISPLAY), read(od.POSITION_ACTUAL)),
+        **common,
         error=error_text(code) if code else None,
         error_code=code,
         history=error_history(axis),
@@ -155,16 +167,16 @@ def _status_by_sdo(axis: AxisClient, joint: Joint) -> AxisStatus:
     )
 
 
-def _common(axis: AxisClient, joint: Joint, statusword: int, mode: int, position_units: int) -> dict[str, Any]:
+def _common(axis: AxisClient, joint: Joint, drive: DriveStatus, place: JointPosition) -> dict[str, Any]:
     return {
         "name": axis.name,
         "node_id": axis.node_id,
-        "operational": bool(statusword & Status.REMOTE),
-        "state": state_text(State.of(statusword)),
-        "mode": mode_text(mode),
-        "moving": not at_rest(statusword, mode),
-        "position": joint.to_position(position_units),
-        "position_known": bool(statusword & Status.POSITION_KNOWN),
+        "operational": bool(drive.statusword & Status.REMOTE),
+        "state": state_text(drive.state),
+        "mode": mode_text(drive.mode),
+        "moving": not at_rest(drive.statusword, drive.mode),
+        "position": place.position,
+        "position_known": place.known,
         "unit": str(joint.unit),
     }
 

@@ -114,7 +114,8 @@ def check_peaks(peaks: Sequence[Peak]) -> None:
 
 def _size_text(peak: Peak) -> str:
     value, limit = apart(peak.value, peak.limit)
-    return f"a {peak.quantity} of {value} {peak.unit} at t = {peak.t_s:.3f} s is more than {limit} {peak.unit}"
+    article = "an" if peak.quantity is Quantity.AXIS_SPEED else "a"
+    return f"{article} {peak.quantity} of {value} {peak.unit} at t = {peak.t_s:.3f} s is more than {limit} {peak.unit}"
 
 
 def _step_rate_text(peak: Peak) -> str:
@@ -125,5 +126,7 @@ def _step_rate_text(peak: Peak) -> str:
 _PEAK_TEXTS: Final[dict[Quantity, Callable[[Peak], str]]] = {
     Quantity.SPEED: _size_text,
     Quantity.ACCELERATION: _size_text,
+    Quantity.AXIS_SPEED: _size_text,
+    Quantity.AXIS_ACCELERATION: _size_text,
     Quantity.STEP_RATE: _step_rate_text,
 }

@@ -10,6 +10,7 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.planning.samples import Samples
+from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
 
 _ROUNDING: Final = 1e-9
@@ -22,6 +23,8 @@ class Quantity(StrEnum):
 
     SPEED = "speed"
     ACCELERATION = "mean acceleration over 1 ms"
+    AXIS_SPEED = "axis speed"
+    AXIS_ACCELERATION = "mean axis acceleration over 1 ms"
     STEP_RATE = "step rate"
 
 
@@ -54,7 +57,7 @@ class Peak:
     def stretch(self) -> float:
         """The factor by which the motion must last longer, at least 1, to have the peak at its limit."""
         ratio = max(1.0, self.value / self.limit)
-        return sqrt(ratio) if self.quantity is Quantity.ACCELERATION else ratio
+        return sqrt(ratio) if self.quantity in (Quantity.ACCELERATION, Quantity.AXIS_ACCELERATION) else ratio
 
     @property
     def exceeded(self) -> bool:
@@ -66,20 +69,30 @@ class Peak:
 
 
 def speed_peaks(robot: Robot, samples: Samples) -> Iterator[Peak]:
-    """Yield the peaks of speed and acceleration, joint by joint.
+    """Yield the peaks of speed and acceleration, joint by joint, then those of the axes that are coupled.
 
     The acceleration is the mean over each interval of the grid, inside which it does not jump.
     """
-    t_s, velocities = samples.t_s, samples.velocities
-    accelerations = np.diff(velocities, axis=0) / np.diff(t_s)[:, np.newaxis]
     for i, joint in enumerate(robot.joints):
-        for quantity, values, limit, unit in (
-            (Quantity.SPEED, velocities[:, i], joint.speed_max, f"{joint.unit}/s"),
-            (Quantity.ACCELERATION, accelerations[:, i], joint.acceleration_max, f"{joint.unit}/s^2"),
-        ):
-            sizes = np.abs(values)
-            worst = int(np.argmax(sizes))
-            yield Peak(quantity, joint.name, float(sizes[worst]), limit, unit, float(t_s[worst]))
+        limits = ((Quantity.SPEED, joint.speed_max), (Quantity.ACCELERATION, joint.acceleration_max))
+        yield from _peaks(joint, samples.t_s, samples.velocities[:, i], limits)
+    axis_velocities = robot.coupling.to_axes(samples.velocities)
+    axis_limits = zip(robot.axis_speeds_max.tolist(), robot.axis_accelerations_max.tolist(), strict=True)
+    for i, (joint, (speed_max, acceleration_max)) in enumerate(zip(robot.joints, axis_limits, strict=True)):
+        if robot.coupling.couples(i):
+            limits = ((Quantity.AXIS_SPEED, speed_max), (Quantity.AXIS_ACCELERATION, acceleration_max))
+            yield from _peaks(joint, samples.t_s, axis_velocities[:, i], limits)
+
+
+def _peaks(
+    joint: Joint, t_s: FloatArray, velocities: FloatArray, limits: tuple[tuple[Quantity, float], ...]
+) -> Iterator[Peak]:
+    """Yield the peaks of a speed and of its acceleration, whose quantities and limits are given in this order."""
+    accelerations = np.diff(velocities) / np.diff(t_s)
+    for values, (quantity, limit), unit in zip((velocities, accelerations), limits, ("s", "s^2"), strict=True):
+        sizes = np.abs(values)
+        worst = int(np.argmax(sizes))
+        yield Peak(quantity, joint.name, float(sizes[worst]), limit, f"{joint.unit}/{unit}", float(t_s[worst]))
 
 
 def step_rate_peaks(robot: Robot, times_ms: Int64Array, points: FloatArray, velocities: FloatArray) -> Iterator[Peak]:

@@ -62,10 +62,13 @@ class Plan:
 
         `joints` are the machine's positions in mm and degrees.
         """
-        for joint, start, now in zip(self.robot.joints, self.start_joints, joints, strict=True):
+        coupling = self.robot.coupling
+        starts, places = coupling.to_axes(np.array([self.start_joints, joints])).tolist()
+        for i, (joint, start, now) in enumerate(zip(self.robot.joints, starts, places, strict=True)):
             half_step = 0.5 / joint.transmission.steps_per_unit
             if abs(start - now) > half_step * (1 + 1e-6):
+                what = f"{joint.name}'s axis" if coupling.couples(i) else joint.name
                 raise InputError(
-                    f"{joint.name}: the trajectory starts at {start:.4f} {joint.unit}, "
+                    f"{what}: the trajectory starts at {start:.4f} {joint.unit}, "
                     f"the board stands at {now:.4f} {joint.unit} (limit: half a step, {half_step:.4f} {joint.unit})"
                 )

@@ -99,7 +99,8 @@ def _plan(robot: Robot, trajectory: Trajectory, point_ms: int) -> Plan:
     checks.check_rest(robot, samples)
     at_points = np.searchsorted(samples.t_s, times_ms / 1000)
     points = robot.to_units(samples.positions[at_points])
-    velocities = np.round(samples.velocities[at_points] * robot.wire_units_per_unit * VELOCITY_PER_UNIT_PER_MS / 1000)
+    axis_velocities = robot.coupling.to_axes(samples.velocities[at_points])
+    velocities = np.round(axis_velocities * robot.wire_units_per_unit * VELOCITY_PER_UNIT_PER_MS / 1000)
     checks.check_record_widths(robot, times_ms, points, velocities)  # as floats, which cannot overflow
     peaks = (*step_rate_peaks(robot, times_ms, points, velocities), *speed_peaks(robot, samples))
     checks.check_peaks(peaks)

@@ -3,7 +3,6 @@
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import partial
-from math import floor
 from typing import Final
 
 from steptwin.host.common.bad_input import at_most, require_positive
@@ -42,6 +41,9 @@ class Joint:
     transmission: Transmission
     switches: JointSwitches = field(default_factory=JointSwitches)
     homing: JointHoming | None = None
+    axis_speed_max: float | None = None
+    """Highest speed of the axis, if joints are coupled and it is not `speed_max`."""
+    axis_acceleration_max: float | None = None
 
     def __post_init__(self) -> None:
         check_all(
@@ -58,7 +60,7 @@ class Joint:
 
     def _check_wire(self) -> None:
         farthest = max(abs(self.lower), abs(self.upper))
-        reach = self.to_position(WIRE_POSITION_MAX)
+        reach = WIRE_POSITION_MAX / self.transmission.wire_units_per_unit
         if farthest > reach:
             bound = "upper" if farthest == abs(self.upper) else "lower"
             limit = f"the wire's {at_most(reach)} {self.unit}"
@@ -75,11 +77,3 @@ class Joint:
     def step_rate_max_hz(self) -> float:
         """The step rate at the joint's highest speed."""
         return self.speed_max * self.transmission.steps_per_unit
-
-    def to_units(self, position: float) -> int:
-        """Return a position in wire units, rounded half up as in `Robot.to_units`."""
-        return floor(position * self.transmission.wire_units_per_unit + 0.5)
-
-    def to_position(self, units: float) -> float:
-        """Return a position in mm or degrees from wire units."""
-        return units / self.transmission.wire_units_per_unit

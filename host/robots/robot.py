@@ -7,11 +7,12 @@ from typing import Final
 
 import numpy as np
 
-from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.bad_input import nearest_within, outside, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import check_all
 from steptwin.host.robots.board_settings import BoardSettings
+from steptwin.host.robots.coupling import Coupling
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.output import Output
 
@@ -36,6 +37,7 @@ class Robot:
         board: settings that all axes share.
         outputs: digital outputs of the board, by the name of the device wired to them.
         places: joint positions that jobs go to, by name; a place may name only some of the joints.
+        coupling: how the axes follow the joints; by default each joint has a motor of its own.
         toml: text of the robot file; empty for a robot that was not read from a file.
 
     Raises:
@@ -52,6 +54,7 @@ class Robot:
     board: BoardSettings
     outputs: Mapping[str, Output] = field(default_factory=dict)
     places: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    coupling: Coupling = field(default_factory=Coupling)
     toml: str = field(default="", repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -96,17 +99,39 @@ class Robot:
 
     @property
     def steps_per_unit(self) -> FloatArray:
-        """Shape (joints,): steps per mm or degree."""
+        """Shape (axes,): steps per mm or degree of an axis position, which is the joint's unless joints are coupled."""
         return np.array([joint.transmission.steps_per_unit for joint in self.joints])
 
     @property
     def wire_units_per_unit(self) -> FloatArray:
-        """Shape (joints,): wire units per mm or degree."""
+        """Shape (axes,): wire units per mm or degree of an axis position."""
         return np.array([joint.transmission.wire_units_per_unit for joint in self.joints])
 
     def to_units(self, positions: FloatArray) -> FloatArray:
-        """Return positions of shape (n, joints) in wire units: whole numbers, half a unit rounded up.
+        """Return the axes' wire units at joint positions, shape (..., joints): whole numbers, half a unit rounded up.
 
         They stay floats, which have no bound, so that the caller can check them before they become integers.
         """
-        return np.asarray(np.floor(positions * self.wire_units_per_unit + 0.5))
+        return np.asarray(np.floor(self.coupling.to_axes(positions) * self.wire_units_per_unit + 0.5))
+
+    def to_positions(self, units: FloatArray | Int64Array) -> FloatArray:
+        """Return the joint positions, in mm and degrees, at wire units of all axes, shape (..., axes)."""
+        return self.coupling.to_joints(np.asarray(units / self.wire_units_per_unit))
+
+    def to_steps(self, joints: FloatArray) -> FloatArray:
+        """Return the positions or speeds of the axes in driver steps, from joints' of shape (..., joints)."""
+        return np.asarray(self.coupling.to_axes(joints) * self.steps_per_unit)
+
+    def from_steps(self, steps: FloatArray | Int64Array) -> FloatArray:
+        """Return the joint positions at positions of all axes in driver steps, shape (..., axes)."""
+        return self.coupling.to_joints(np.asarray(steps / self.steps_per_unit))
+
+    @property
+    def axis_speeds_max(self) -> FloatArray:
+        """Shape (axes,): highest speed of each axis, in mm/s or deg/s."""
+        return np.array([joint.axis_speed_max or joint.speed_max for joint in self.joints])
+
+    @property
+    def axis_accelerations_max(self) -> FloatArray:
+        """Shape (axes,): highest acceleration of each axis, in mm/s^2 or deg/s^2."""
+        return np.array([joint.axis_acceleration_max or joint.acceleration_max for joint in self.joints])

@@ -1,7 +1,8 @@
-"""The transmission from motor steps to joint travel."""
+"""The transmission from motor steps to the travel of an axis: of its joint, unless joints are coupled."""
 
 from dataclasses import dataclass
 from functools import partial
+from math import floor
 from typing import Final
 
 from steptwin.host.common.bad_input import require_positive
@@ -48,6 +49,10 @@ class Transmission:
     def steps_per_unit(self) -> float:
         """Steps per mm or degree, rounded only once: computed from the ratio, since most 360/ratio are inexact."""
         return self.full_steps_per_rev * self.microsteps * self.ratio / self.travel_per_turn
+
+    def to_units(self, position: float) -> int:
+        """Return an axis position, in mm or degrees, in wire units, rounded half up as in `Robot.to_units`."""
+        return floor(position * self.wire_units_per_unit + 0.5)
 
     @property
     def wire_units_per_unit(self) -> float:

@@ -60,11 +60,12 @@ def board_configs(
 def _switches(joints: Sequence[Joint]) -> Iterator[Switch]:
     """Yield the switches of a board's joints; a limit switch is closed from its position to the end of travel."""
     for axis, joint in enumerate(joints):
-        places = joint.switches
+        places, transmission = joint.switches, joint.transmission
         if places.negative_limit is not None:
-            yield Switch(axis, DigitalInput.NEGATIVE_LIMIT, to_steps=steps_at(joint, places.negative_limit))
+            yield Switch(axis, DigitalInput.NEGATIVE_LIMIT, to_steps=steps_at(transmission, places.negative_limit))
         if places.positive_limit is not None:
-            yield Switch(axis, DigitalInput.POSITIVE_LIMIT, from_steps=steps_at(joint, places.positive_limit))
-        first, last = (None if end is None else steps_at(joint, end) for end in (places.home_from, places.home_to))
+            yield Switch(axis, DigitalInput.POSITIVE_LIMIT, from_steps=steps_at(transmission, places.positive_limit))
+        ends = places.home_from, places.home_to
+        first, last = (None if end is None else steps_at(transmission, end) for end in ends)
         if first is not None or last is not None:
             yield Switch(axis, DigitalInput.HOME, first, last)

@@ -4,6 +4,8 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from steptwin.controller.backend import Kernel, fastest_kernel
 from steptwin.emulator.bus_faults import BusFault, FaultScript
 from steptwin.emulator.operations import Scheduled
@@ -71,14 +73,13 @@ class BoardUnderTest(EmbeddedBoard):
         super().__init__(robot, joints, kernel or fastest_kernel(), faults, schedule, driver_profile)
 
     def steps(self) -> dict[str, int]:
-        """Return each motor's position by its driver's count, in steps from the joint's zero."""
+        """Return each motor's position by its driver's count, in steps from its axis' zero."""
         return dict(zip(self.robot.joint_names, self.driver_positions(), strict=True))
 
     def joints(self) -> dict[str, float]:
-        """Return each joint's position by its driver's count, in mm or degrees."""
-        return {
-            name: steps / self.robot.joint(name).transmission.steps_per_unit for name, steps in self.steps().items()
-        }
+        """Return each joint's position by the drivers' counts, in mm or degrees."""
+        positions = self.robot.from_steps(np.array(self.driver_positions()))
+        return dict(zip(self.robot.joint_names, positions.tolist(), strict=True))
 
     def outputs(self) -> dict[str, bool]:
         """Return the level of each digital output that the robot's file names."""

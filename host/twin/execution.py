@@ -97,6 +97,6 @@ def _fault(error: DeviceFaultError, machine: Machine, board: EmbeddedBoard, plan
         steps * UNITS_PER_FULL_STEP // joint.transmission.microsteps
         for steps, joint in zip(board.driver_positions(), plan.robot.joints, strict=True)
     ]
-    joints = {joint.name: joint.to_position(units) for units, joint in zip(reported, plan.robot.joints, strict=True)}
+    joints = dict(zip(plan.robot.joint_names, plan.robot.to_positions(np.array(reported)).tolist(), strict=True))
     codes = {axis.name: axis.error_codes for axis in machine.axes}
     return RunFault(str(error), codes, joints, positions_agree=reported == counted)

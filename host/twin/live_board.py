@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
 from steptwin.controller.backend import Kernel
 from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.emulator.board import Board
@@ -237,7 +239,6 @@ class LiveBoard:
     def report(self) -> dict[str, Any]:
         """Return the figures as of the last `record`, under the keys of report.json (docs/live.md)."""
         joints = self._joints
-        steps_per_unit = self.robot.steps_per_unit.tolist()
         started_counts = self._motion_start_counts
         return {
             "robot": self.robot.name,
@@ -262,8 +263,8 @@ class LiveBoard:
             ],
             "joints": {
                 "names": list(self.robot.joint_names),
-                "start": [joint.start_steps / spu for joint, spu in zip(joints, steps_per_unit, strict=True)],
-                "end": [joint.end_steps / spu for joint, spu in zip(joints, steps_per_unit, strict=True)],
+                "start": self.robot.from_steps(np.array([joint.start_steps for joint in joints])).tolist(),
+                "end": self.robot.from_steps(np.array([joint.end_steps for joint in joints])).tolist(),
             },
             "bus": {
                 "bitrate": self.bus.bitrate,

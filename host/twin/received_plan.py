@@ -8,6 +8,8 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Final
 
+import numpy as np
+
 from steptwin.host.record.folder import PlanRows, trajectory_head, trajectory_row
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.pvt import QUEUE_DEPTH, VELOCITY_PER_UNIT_PER_MS, PvtRecord
@@ -112,7 +114,6 @@ class ReceivedPlan:
             self.fail(_APART)
 
     def _make_row(self, velocities: Sequence[int]) -> None:
-        per_unit = self._robot.wire_units_per_unit.tolist()
-        positions = [units / each for units, each in zip(self._units, per_unit, strict=True)]
-        speeds = [1000 * v / VELOCITY_PER_UNIT_PER_MS / each for v, each in zip(velocities, per_unit, strict=True)]
-        self._rows.append(trajectory_row(self._time_ms / 1000, positions, speeds))
+        positions = self._robot.to_positions(np.array(self._units))
+        speeds = self._robot.to_positions(1000 * np.array(velocities) / VELOCITY_PER_UNIT_PER_MS)
+        self._rows.append(trajectory_row(self._time_ms / 1000, positions.tolist(), speeds.tolist()))

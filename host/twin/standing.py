@@ -2,10 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
+from steptwin.host.robots.transmission import Transmission
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 
 Standing = Sequence[float] | Mapping[str, float]
@@ -33,13 +35,18 @@ def standing_joints(robot: Robot, stand_at: Standing | None) -> list[float]:
 
 
 def standing_steps(robot: Robot, joints: Sequence[float]) -> list[int]:
-    """Return the step at which each motor stands, counted from the joint's zero; `joints` in mm and degrees."""
-    return [steps_at(joint, position) for joint, position in zip(robot.joints, joints, strict=True)]
+    """Return the step at which each motor stands, counted from the axis' zero; `joints` in mm and degrees."""
+    units = robot.to_units(np.array(joints, dtype=float)).tolist()
+    return [_steps(joint.transmission, int(each)) for joint, each in zip(robot.joints, units, strict=True)]
 
 
-def steps_at(joint: Joint, position: float) -> int:
-    """Return the step at a joint position, rounded to a wire unit first and then to a step, as the firmware's preset.
+def steps_at(transmission: Transmission, position: float) -> int:
+    """Return the step at an axis position, rounded to a wire unit first and then to a step, as the firmware's preset.
 
     Rounded at once, a position just below half a step could come out one step below the firmware's counter.
     """
-    return (joint.to_units(position) * joint.transmission.microsteps + UNITS_PER_FULL_STEP // 2) // UNITS_PER_FULL_STEP
+    return _steps(transmission, transmission.to_units(position))
+
+
+def _steps(transmission: Transmission, units: int) -> int:
+    return (units * transmission.microsteps + UNITS_PER_FULL_STEP // 2) // UNITS_PER_FULL_STEP

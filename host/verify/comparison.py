@@ -41,6 +41,6 @@ def compare(expected: Expectation, evidence: Evidence) -> Comparison:
         raise ValueError(f"evidence of axes {names}, but a plan of joints {expected.trajectory.joint_names}")
     counted = tuple(counted_steps(axis, evidence.start_counts) for axis in evidence.axes)
     starts = tuple(axis.start_steps for axis in counted)
-    ideal = ideal_steps(expected.trajectory, expected.steps_per_unit, starts)
+    ideal = ideal_steps(expected.axis_motion, expected.steps_per_unit, starts)
     matchings = tuple(match_steps(*pair) for pair in zip(ideal, counted, strict=True))
     return Comparison(expected, evidence, ideal, counted, matchings)

@@ -23,7 +23,7 @@ class Deviation:
 
     Attributes:
         t_s: shape (n,), the instants in the trajectory's time.
-        steps: shape (2, n, joints), the driver's count minus the planned joint position in steps.
+        steps: shape (2, n, joints), the driver's count minus the planned axis position in steps.
         tool_mm: shape (2, n, 3), deviation of the tool's x, y and z.
         attitude_deg: shape (2, n), deviation of the tool's attitude, in (-180, 180].
     """
@@ -59,11 +59,11 @@ def _deviation(comparison: Comparison, t_s: FloatArray) -> Deviation:
     planned = np.asfortranarray(expected.trajectory.positions(np.minimum(t_s, expected.trajectory.duration_s)))
     planned_pose = expected.forward(planned)
     counts = np.stack([axis.around(t_s) for axis in comparison.counted]).transpose(1, 2, 0)
-    poses = np.stack([expected.forward(side / expected.steps_per_unit) for side in counts])
+    poses = np.stack([expected.forward(expected.joints(side)) for side in counts])
     pose_errors = poses - planned_pose
     return Deviation(
         t_s,
-        counts - planned * expected.steps_per_unit,
+        counts - expected.axis_steps(planned),
         pose_errors[..., :3],
         wrapped_deg(pose_errors[..., 3]),
     )

@@ -1,11 +1,15 @@
 """Hold the expectation that a run is verified against: the planned motion and the robot's conversions."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Self
 
-from steptwin.host.common.arrays import FloatArray
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray, Int64Array
+from steptwin.host.planning.motions.axis_motion import AxisMotion
 from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.robots.coupling import Coupling
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 
@@ -19,9 +23,10 @@ class Expectation:
 
     Attributes:
         trajectory: the planned motion.
-        steps_per_unit: shape (joints,), driver steps per mm or degree.
+        steps_per_unit: shape (axes,), driver steps per mm or degree of an axis position.
         joint_units: "mm" or "deg" for each joint.
         forward: the robot's forward kinematics.
+        coupling: how the axes follow the joints.
 
     Raises:
         ValueError: the lengths do not agree.
@@ -31,12 +36,13 @@ class Expectation:
     steps_per_unit: FloatArray
     joint_units: tuple[str, ...]
     forward: Forward
+    coupling: Coupling = field(default_factory=Coupling)
 
     @classmethod
     def of(cls, robot: Robot, trajectory: Trajectory) -> Self:
         """Return the expectation for a motion of a robot."""
         units = tuple(joint.unit for joint in robot.joints)
-        return cls(trajectory, robot.steps_per_unit, units, make_kinematics(robot).forward)
+        return cls(trajectory, robot.steps_per_unit, units, make_kinematics(robot).forward, robot.coupling)
 
     def __post_init__(self) -> None:
         joints = len(self.trajectory.joint_names)
@@ -45,3 +51,16 @@ class Expectation:
                 f"{joints} joints, but steps_per_unit of shape {self.steps_per_unit.shape}"
                 f" and {len(self.joint_units)} joint_units"
             )
+
+    @property
+    def axis_motion(self) -> Trajectory:
+        """The planned motion of the axes."""
+        return AxisMotion(self.trajectory, self.coupling) if self.coupling.matrix else self.trajectory
+
+    def axis_steps(self, joints: FloatArray) -> FloatArray:
+        """Return the axes' positions or speeds in driver steps, from joints' of shape (..., joints)."""
+        return np.asarray(self.coupling.to_axes(joints) * self.steps_per_unit)
+
+    def joints(self, steps: FloatArray | Int64Array) -> FloatArray:
+        """Return the joint positions at the drivers' counts, of shape (..., axes)."""
+        return self.coupling.to_joints(np.asarray(steps / self.steps_per_unit))

@@ -144,7 +144,6 @@ def _reasons(axis: AxisReport, planned_end_steps: int) -> list[str]:
 
 
 def _joints_report(comparison: Comparison) -> JointsReport:
-    spu = comparison.expected.steps_per_unit
-    start = np.array([axis.start_steps for axis in comparison.counted]) / spu
-    end = np.array([axis.end_steps for axis in comparison.counted]) / spu
+    start = comparison.expected.joints(np.array([axis.start_steps for axis in comparison.counted]))
+    end = comparison.expected.joints(np.array([axis.end_steps for axis in comparison.counted]))
     return JointsReport(comparison.joint_names, tuple(start.tolist()), tuple(end.tolist()))

@@ -63,12 +63,14 @@ class JointMove:
 
 
 def limits_along(robot: Robot, way: FloatArray) -> tuple[float, float]:
-    """Return the highest speed and acceleration of s(t), in 1/s and 1/s^2, within all joints' limits along a way.
+    """Return the highest speed and acceleration of s(t), in 1/s and 1/s^2, within the limits of joints and axes.
 
-    The way has the shape (joints,), in mm and degrees. Both are infinite if it is 0 for all joints.
+    The way has the shape (joints,), in mm and degrees of the joints. Both are infinite if it is 0 for all joints.
     """
-    sizes = np.abs(way)
+    sizes, axis_sizes = np.abs(way), np.abs(robot.coupling.to_axes(way))
     with np.errstate(divide="ignore", over="ignore"):
         speeds = np.array([joint.speed_max for joint in robot.joints]) / sizes
         accelerations = np.array([joint.acceleration_max for joint in robot.joints]) / sizes
+        speeds = np.minimum(speeds, robot.axis_speeds_max / axis_sizes)
+        accelerations = np.minimum(accelerations, robot.axis_accelerations_max / axis_sizes)
     return float(speeds.min()), float(accelerations.min())

@@ -69,7 +69,7 @@ def _stored_ms(plan: Plan) -> Int64Array:
     t_s, point_s = every_ms / 1000, plan.times_ms / 1000
     motion = plan.trajectory
     cubics = scipy.interpolate.CubicHermiteSpline(point_s, motion.positions(point_s), motion.velocities(point_s))
-    off_steps = np.abs(_positions(cubics, t_s) - motion.positions(t_s)) * plan.robot.steps_per_unit
+    off_steps = np.abs(plan.robot.to_steps(_positions(cubics, t_s) - motion.positions(t_s)))
     return plan.times_ms if off_steps.max() <= CUBICS_OFF_STEPS else every_ms
 
 

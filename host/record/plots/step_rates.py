@@ -42,10 +42,8 @@ def draw_step_rates(comparison: Comparison, run: RunInfo) -> Figure:
 
 def _draw_rate(axes: Axes, comparison: Comparison, i: int) -> None:
     t_s = planned_instants(comparison)
-    velocity = comparison.expected.trajectory.velocities(t_s)[:, i]
-    axes.plot(
-        t_s, np.abs(velocity * comparison.expected.steps_per_unit[i]), color=PLANNED, linewidth=4, label="planned"
-    )
+    rates_hz = comparison.expected.axis_steps(comparison.expected.trajectory.velocities(t_s))[:, i]
+    axes.plot(t_s, np.abs(rates_hz), color=PLANNED, linewidth=4, label="planned")
     axes.plot(
         *thinned(*_accepted_rates(comparison, i)),
         color=COUNTED,

@@ -23,7 +23,9 @@ def test_a_trapezoid_peaks_at_its_own_speed_acceleration_and_step_rate() -> None
     law = Trapezoid(1.0, 1.1, 0.2)  # 18 deg: 20 deg/s reached in 0.2 s, so 100 deg/s^2
     peaks = plan(ROBOT, JointMove(ROBOT.joint_names, ROBOT.home, tuple(goal.tolist()), law)).peaks
     joint = ROBOT.joint("th1")
-    speed, acceleration, rate = (peak_of(peaks, "th1", quantity) for quantity in Quantity)
+    speed, acceleration, rate = (
+        peak_of(peaks, "th1", quantity) for quantity in (Quantity.SPEED, Quantity.ACCELERATION, Quantity.STEP_RATE)
+    )
     assert isclose(speed.value, 20.0, rel_tol=1e-9)
     assert isclose(acceleration.value, 100.0, rel_tol=1e-6)
     assert isclose(rate.value, 20.0 * joint.transmission.steps_per_unit, rel_tol=1e-3)

@@ -1,0 +1,119 @@
+"""The coupling of a robot's joints: axis positions = matrix x joint positions.
+
+A motor on the base that drives a later joint by a belt turns with the earlier joints. An axis position is that of the
+motor before the transmission's ratio, in the unit of the joint that bears the axis' name.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from operator import add
+from typing import Final, Self
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.bad_input import unknown
+from steptwin.host.common.errors import InputError
+
+Matrix = tuple[tuple[float, ...], ...]
+
+CONDITION_MAX: Final = 1000.0
+"""Largest condition number of the matrix: the factor by which a rounding error of the axes may grow at the joints."""
+_ROUNDING: Final = 1e-12
+"""Size, as a part of the largest element, below which an element of the inverse is a rounding error and means 0."""
+
+
+@dataclass(frozen=True, slots=True)
+class Coupling:
+    """How axes follow joints; without matrices, each joint has a motor of its own.
+
+    Attributes:
+        matrix: rows by axis, columns by joint; an element is in the axis' unit per unit of the joint.
+        inverse: rows by joint, columns by axis.
+    """
+
+    matrix: Matrix = ()
+    inverse: Matrix = ()
+
+    @classmethod
+    def of(cls, names: Sequence[str], rows: Mapping[str, Mapping[str, float]]) -> Self:
+        """Return the coupling with these elements by axis and joint; others are 1 on the diagonal and 0 beside it.
+
+        Raises:
+            InputError: an unknown joint; the matrix is singular or nearly so; an axis does not move its joint forward.
+        """
+        matrix = np.eye(len(names))
+        for axis, row in rows.items():
+            if axis not in names:
+                raise unknown("axis", axis, names)
+            for joint, element in row.items():
+                if joint not in names:
+                    raise unknown(f"{axis}: joint", joint, names)
+                matrix[names.index(axis), names.index(joint)] = element
+        if np.array_equal(matrix, np.eye(len(names))):
+            return cls()
+        _check_condition(matrix)
+        inverse = np.asarray(np.linalg.inv(matrix), np.float64)
+        inverse[np.abs(inverse) < _ROUNDING * np.abs(inverse).max()] = 0.0
+        for i, name in enumerate(names):
+            if not (matrix[i, i] > 0 and inverse[i, i] > 0):
+                raise InputError(
+                    f"{name}: the joint alone moves its axis by {matrix[i, i]:g}, and the axis alone its joint by"
+                    f" {inverse[i, i]:g}; limit switches and homing need both above 0: change the signs of the row and"
+                    " turn the motor round, or exchange axes"
+                )
+        return cls(_rows(matrix), _rows(inverse))
+
+    def to_axes(self, joints: FloatArray) -> FloatArray:
+        """Return the positions, speeds or ways of the axes from those of the joints, shape (..., joints)."""
+        return _times(self.matrix, joints) if self.matrix else joints
+
+    def to_joints(self, axes: FloatArray) -> FloatArray:
+        """Return the positions, speeds or ways of the joints from those of the axes, shape (..., axes)."""
+        return _times(self.inverse, axes) if self.inverse else axes
+
+    def axes_moved_by(self, joint: int) -> dict[int, float]:
+        """Return the axes that move when one joint moves and the others stand, each with its way for a way of 1."""
+        if not self.matrix:
+            return {joint: 1.0}
+        return {axis: row[joint] for axis, row in enumerate(self.matrix) if row[joint]}
+
+    def joints_of(self, axis: int) -> dict[int, float]:
+        """Return the joints on whose positions an axis' position depends, each with its element."""
+        return _elements(self.matrix, axis)
+
+    def axes_of(self, joint: int) -> dict[int, float]:
+        """Return the axes on whose positions a joint's position depends, each with its element of the inverse."""
+        return _elements(self.inverse, joint)
+
+    def couples(self, axis: int) -> bool:
+        """Return whether an axis' position is another than its joint's."""
+        return self.joints_of(axis) != {axis: 1.0}
+
+
+def _check_condition(matrix: FloatArray) -> None:
+    condition = float(np.linalg.cond(matrix))
+    if not condition <= CONDITION_MAX:
+        singular = not condition < 1 / np.finfo(float).eps
+        fault = "is singular" if singular else f"has the condition number {condition:.4g}"
+        raise InputError(
+            f"the matrix {fault}, so the axes hardly say where the joints are; up to {CONDITION_MAX:g} is right"
+        )
+
+
+def _rows(matrix: FloatArray) -> Matrix:
+    return tuple(tuple(row) for row in matrix.tolist())
+
+
+def _elements(matrix: Matrix, row: int) -> dict[int, float]:
+    return {column: element for column, element in enumerate(matrix[row]) if element} if matrix else {row: 1.0}
+
+
+def _times(matrix: Matrix, positions: FloatArray) -> FloatArray:
+    """Multiply the last dimension by a matrix, term by term, so that no row's rounding depends on the other rows."""
+    columns = [
+        reduce(add, (element * positions[..., column] for column, element in _elements(matrix, row).items()))
+        for row in range(len(matrix))
+    ]
+    return np.stack(columns, axis=-1)
