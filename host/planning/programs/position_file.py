@@ -117,10 +117,10 @@ def _quoted(text: str) -> str:
 
 
 def _shortest(joint: Joint, position: float) -> str:
-    """Return a position with as few decimals, at least one, as give the same wire units."""
-    units = joint.to_units(position)
+    """Return a position with as few decimals, at least one, as give the same wire units of the joint itself."""
+    units = joint.transmission.to_units(position)
     texts = (f"{position + 0.0:.{decimals}f}" for decimals in count(1))
-    return next(text for text in texts if joint.to_units(float(text)) == units)
+    return next(text for text in texts if joint.transmission.to_units(float(text)) == units)
 
 
 # --- editing

@@ -4,6 +4,7 @@ import tomllib
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -81,10 +82,10 @@ def test_a_file_without_positions_or_final_line_break(file: Path) -> None:
 @given(st.lists(st.integers(-(1 << 21), 1 << 21), min_size=4, max_size=4))
 def test_numbers_are_exact_to_the_wire_unit(tmp_path_factory: pytest.TempPathFactory, units: list[int]) -> None:
     file = tmp_path_factory.mktemp("positions") / "positions.toml"
-    save(file, "here", [joint.to_position(each) for joint, each in zip(ROBOT.joints, units, strict=True)])
+    save(file, "here", ROBOT.to_positions(np.array(units)).tolist())
     found = read_positions(str(file), ROBOT)["here"]
     assert isinstance(found, JointPosition)
-    assert [joint.to_units(found.joints[joint.name]) for joint in ROBOT.joints] == units
+    assert ROBOT.to_units(np.array([found.joints[name] for name in ROBOT.joint_names])).tolist() == units
 
 
 def test_a_name_that_exists_is_not_replaced_unasked(file: Path) -> None:
