@@ -26,7 +26,11 @@ def run_live(
 
     with naming_options("repeat"):
         check_repeatable(plan, repeat)
-    with opened_link(found) as link, progress_bar(f"{plan.robot.name} {job}") as progress:
+    with (
+        opened_link(found) as link,
+        progress_bar(f"{plan.robot.name} {job}") as progress,
+        naming_options("approach"),
+    ):
         outcome = execute_live(
             checked_session(link, plan.robot, force=force),
             plan,

@@ -75,7 +75,8 @@ def check_repeatable(plan: Plan, repeat: int) -> None:
     if repeat > 1 and apart.size:
         joint, (start, end) = plan.robot.joints[apart[0]], plan.robot.to_positions(ends_units)[:, apart[0]]
         raise InputError(
-            f"repeat={repeat}: {joint.name} starts at {start:.4f} {joint.unit} and ends at {end:.4f} {joint.unit}"
+            f"repeat={repeat}: {joint.name} starts at {start:.4f} {joint.unit} and ends at {end:.4f} {joint.unit};"
+            " repeat=1 passes"
         )
 
 
@@ -103,8 +104,15 @@ def execute_live(
     with session.alone():
         session.require_ready("run")
         if not approach:
-            plan.check_start(session.positions(session.demanded_units()))
+            _check_start(plan, session.positions(session.demanded_units()))
         return _execute(session, plan, job, repeat, progress)
+
+
+def _check_start(plan: Plan, joints: list[float]) -> None:
+    try:
+        plan.check_start(joints)
+    except InputError as error:
+        raise InputError(f"{error}; approach=True moves it there first") from error
 
 
 def _execute(session: Session, plan: Plan, job: str, repeat: int, progress: Progress) -> LiveOutcome:

@@ -45,7 +45,7 @@ def plan_stretched(
     try:
         return _plan(robot, _stretched(trajectory, asked), point_ms)
     except checks.TooFastError as error:
-        factor = _smallest_stretch(robot, trajectory, asked, point_ms, error)
+        factor = stretch_that_passes(robot, trajectory, error, asked, point_ms)
         if stretch is None:
             return _plan(robot, Stretched.by(trajectory, factor), point_ms)
         slower = f"{factor:g} times slower passes (stretch={factor:g})" if factor > 1 else f"stretch={factor:g} passes"
@@ -57,10 +57,17 @@ def _stretched(trajectory: Trajectory, factor: float) -> Trajectory:
     return trajectory if factor == 1 else Stretched.by(trajectory, factor)
 
 
-def _smallest_stretch(
-    robot: Robot, trajectory: Trajectory, asked: float, point_ms: int, error: checks.TooFastError
+def stretch_that_passes(
+    robot: Robot,
+    trajectory: Trajectory,
+    error: checks.TooFastError,
+    asked: float = 1.0,
+    point_ms: int = DEFAULT_POINT_MS,
 ) -> float:
-    """Return the smallest stretch, above the one asked for, that passes; raise InputError if there is none."""
+    """Return the smallest stretch that passes, above the one asked for; raise InputError if there is none.
+
+    `error` is the refusal of the motion with the stretch asked for.
+    """
 
     def passes(stretched: Trajectory) -> bool:
         return _passes(robot, stretched, point_ms)

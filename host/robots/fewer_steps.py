@@ -1,4 +1,4 @@
-"""What a joint's drive would have to be for fewer steps: another microstep setting, or another lead or ratio."""
+"""What a joint's drive would have to be for fewer steps: another microstep setting, another lead or ratio, or both."""
 
 from dataclasses import replace
 
@@ -8,19 +8,22 @@ from steptwin.host.robots.transmission import MICROSTEPS
 
 
 def with_fewer_steps(joint: Joint, part: float) -> tuple[Joint, str]:
-    """Return the joint with a drive that makes at most this part of its steps, and the robot file's key and value.
+    """Return the joint with a drive that makes at most this part of its steps, and the robot file's keys and values.
 
-    The drive keeps as many microsteps as it can. If full steps are still too many, it keeps its microsteps and has a
-    longer travel per motor turn: a longer lead of the screw, or a smaller ratio of the gears.
+    The drive keeps as many microsteps as it can. If full steps are still too many, it has a longer travel per motor
+    turn as well: a longer lead of the screw, or a smaller ratio of the gears.
     """
     old = joint.transmission
-    fitting = [microsteps for microsteps in MICROSTEPS if microsteps <= part * old.microsteps]
-    if fitting:
-        drive, key, value = replace(old, microsteps=max(fitting)), "microsteps", str(max(fitting))
-    elif joint.unit is Unit.MM:
-        key, value = "travel_per_turn", at_least(old.travel_per_turn / part)
-        drive = replace(old, travel_per_turn=float(value))
+    microsteps = max((number for number in MICROSTEPS if number <= part * old.microsteps), default=min(MICROSTEPS))
+    drive = replace(old, microsteps=microsteps)
+    changed = [f"microsteps = {microsteps}"] if drive != old else []
+    part *= old.microsteps / microsteps
+    if part >= 1:
+        return replace(joint, transmission=drive), changed[0]
+    if joint.unit is Unit.MM:
+        longer = at_least(old.travel_per_turn / part)
+        drive, setting = replace(drive, travel_per_turn=float(longer)), f"travel_per_turn = {longer}"
     else:
-        key, value = "ratio", at_most(old.ratio * part)
-        drive = replace(old, ratio=float(value))
-    return replace(joint, transmission=drive), f"{key} = {value}"
+        smaller = at_most(old.ratio * part)
+        drive, setting = replace(drive, ratio=float(smaller)), f"ratio = {smaller}"
+    return replace(joint, transmission=drive), " with ".join([*changed, setting])

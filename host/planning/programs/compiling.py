@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import ceil
 from typing import Final
 
 import numpy as np
@@ -12,8 +11,8 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning import checks
 from steptwin.host.planning.motions.sequence import Sequence
-from steptwin.host.planning.motions.stretched import PER_FACTOR
 from steptwin.host.planning.peaks import Peak, speed_peaks
+from steptwin.host.planning.planner import stretch_that_passes
 from steptwin.host.planning.programs.moves import Moves
 from steptwin.host.planning.programs.program import AnyStep, Call, Program, Repeat
 from steptwin.host.planning.programs.steps import Step
@@ -70,7 +69,7 @@ def compile_program(program: Program, robot: Robot, findings: Findings | None = 
                 break
             if findings is not None:
                 with found.collecting(f"step {number} ({step}): "):
-                    _check_speeds(rows[-1].peaks)
+                    _check_speeds(robot, moves.composer.last_part(rows[-1].from_s), rows[-1].peaks)
         if not rows:
             raise InputError("the program does not move, switch or wait")
     if findings is None:
@@ -127,12 +126,13 @@ def _add(moves: Moves, robot: Robot, number: str, step: Step, rows: list[StepRow
     return True
 
 
-def _check_speeds(peaks: tuple[Peak, ...]) -> None:
+def _check_speeds(robot: Robot, part: Trajectory | None, peaks: tuple[Peak, ...]) -> None:
     try:
         checks.check_peaks(peaks)
     except checks.TooFastError as error:
-        factor = ceil(PER_FACTOR * error.least_stretch) / PER_FACTOR
-        raise InputError(f"{error}; {factor:g} times slower passes") from error
+        if part is None:
+            raise
+        raise InputError(f"{error}; {stretch_that_passes(robot, part, error):g} times slower passes") from error
 
 
 def _samples(part: Trajectory, from_s: float) -> Samples:

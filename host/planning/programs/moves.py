@@ -1,7 +1,7 @@
 """The moves of a program under construction: positions become joints and poses, paths become motions."""
 
 from collections.abc import Mapping
-from math import nan
+from math import ceil, nan
 from typing import Final
 
 import numpy as np
@@ -85,8 +85,9 @@ class Moves:
         if np.linalg.norm(np.subtract(goal, here)[:3]) > _PLACE_MM:
             self._follow(StraightLine(here, goal), pace)
         elif abs(goal[3] - here[3]) > _HALF_TURN_DEG:
+            steps = ceil(abs(goal[3] - here[3]) / _HALF_TURN_DEG)
             raise InputError(
-                f"phi: {goal[3] - here[3]:g} deg on the spot is more than half a turn: make two steps of it"
+                f"phi: {goal[3] - here[3]:g} deg on the spot is more than half a turn: make {steps} steps of it"
             )
         elif goal[3] != here[3]:
             self.go(self._solve(goal, self._branch()), JointPace())

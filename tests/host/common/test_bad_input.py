@@ -1,10 +1,15 @@
 """Messages about bad input."""
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from steptwin.host.cli.arguments import name_value_pairs
-from steptwin.host.common.bad_input import apart, unknown
+from steptwin.host.common.bad_input import apart, at_least, at_most, by, nearest_within, outside, unknown, whole_ms
 from steptwin.host.common.errors import InputError
+from tests.host.complaints import complaint_of
+
+NUMBERS = st.floats(-1e9, 1e9)
 
 
 @pytest.mark.parametrize(
@@ -35,3 +40,60 @@ def test_a_name_given_twice() -> None:
     assert name_value_pairs(["a=1", " b = 2 "]) == {"a": "1", "b": "2"}
     with pytest.raises(InputError, match=r"^a is given twice: 1 and 2$"):
         name_value_pairs(["a=1", "b=2", "a=2"])
+
+
+@given(NUMBERS)
+def test_a_limit_in_a_message_keeps_the_limit(limit: float) -> None:
+    """Six digits leave at most a hundred-thousandth of it away."""
+    assert limit - 1e-5 * abs(limit) <= float(at_most(limit)) <= limit <= float(at_least(limit))
+    assert float(at_least(limit)) <= limit + 1e-5 * abs(limit)
+
+
+@pytest.mark.parametrize(
+    ("limit", "below", "above"),
+    [(93.75, "93.75", "93.75"), (200 / 3, "66.6666", "66.6667"), (-200 / 3, "-66.6667", "-66.6666"), (0, "0", "0")],
+)
+def test_a_limit_is_rounded_only_if_it_must(limit: float, below: str, above: str) -> None:
+    assert (at_most(limit), at_least(limit)) == (below, above)
+
+
+@given(NUMBERS, NUMBERS, NUMBERS)
+def test_the_nearest_value_is_inside(value: float, one: float, other: float) -> None:
+    lower, upper = min(one, other), max(one, other)
+    if not lower <= value <= upper:
+        near = float(nearest_within(value, lower, upper, "mm").removeprefix("; the nearest is ").removesuffix(" mm"))
+        assert lower <= near <= upper
+        limit = lower if value < lower else upper
+        assert abs(near - limit) <= 1e-5 * abs(limit)
+
+
+def test_limits_that_differ_in_the_last_digits_have_a_value_between_them() -> None:
+    assert nearest_within(1.0, 0.12345671, 0.12345678, "deg") == "; the nearest is 0.12345678 deg"
+    assert nearest_within(0.0, 0.12345671, 0.12345678, "deg") == "; the nearest is 0.12345671 deg"
+
+
+def test_nothing_is_near_to_what_is_no_number() -> None:
+    assert outside(float("nan"), 0, 1, "s") + nearest_within(float("nan"), 0, 1, "s") == "nan s is outside 0..1 s"
+
+
+@given(st.floats(1e-9, 1e9))
+def test_a_step_back_by_the_distance_is_enough(distance: float) -> None:
+    back = float(by(distance, "mm").removesuffix(" mm"))
+    assert (1 - 1e-9) * distance <= back <= 1.01 * distance
+    assert by(0.1 + 2e-17, "mm") == "0.1 mm"
+
+
+@given(st.floats(-1e6, 1e6))
+def test_the_nearest_time_in_whole_milliseconds_passes(value_s: float) -> None:
+    try:
+        whole_ms("t", value_s)
+    except InputError as error:
+        near_s = float(str(error).rsplit("the nearest is ", 1)[1].removesuffix(" s"))
+        assert whole_ms("t", near_s) >= 1
+        assert abs(near_s - value_s) <= 0.0005 + 1e-9 * abs(value_s) or value_s < 0.001
+
+
+@pytest.mark.parametrize("value_s", [float("nan"), float("inf")])
+def test_no_time_is_near_to_what_is_not_finite(value_s: float) -> None:
+    told = complaint_of(lambda: whole_ms("t", value_s))
+    assert told == f"t: {value_s} s is not a whole number of milliseconds"

@@ -69,7 +69,7 @@ def test_every_joint_of_every_robot_can_be_homed(name: str) -> None:
         ("zero_speed = 5.0", "zero_speed = -1", "joints.sx.homing.zero_speed: -1 is not above 0"),
         ("zero_speed = 5.0", "", "joints.sx.homing.zero_speed: is missing"),
         ("acceleration = 500.0", "acceleration = 501", "joints.sx.homing.acceleration: 501 is above acceleration_max"),
-        ("acceleration = 500.0", "colour = 1", "joints.sx.homing.acceleration: is missing"),
+        ("acceleration = 500.0", "colour = 1", "joints.sx.homing.colour: key 'colour' is unknown: there are method"),
         ("home_from = 182.0", "", "joints.th3.homing.method: 24 needs switches.home_from"),
         ("home_to = 186.0", "", "joints.th3.homing.method: 24 needs switches.home_to"),
         ("home_to = 186.0", "home_to = 182", "joints.th3.switches.home_to: 182 is not above home_from, 182"),

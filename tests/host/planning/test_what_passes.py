@@ -1,0 +1,156 @@
+"""What a refusal says would pass does pass, and hardly less does: each suggestion is run."""
+
+import re
+from dataclasses import replace
+
+import pytest
+
+from steptwin.host.common.findings import Findings
+from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.laws import Cubic, Trapezoid
+from steptwin.host.planning.motions.joint_move import JointMove
+from steptwin.host.planning.motions.sequence import Pause
+from steptwin.host.planning.planner import plan, plan_stretched
+from steptwin.host.planning.programs import compile_program, parse_program
+from steptwin.host.robots import load_robot
+from steptwin.host.robots.joint import Joint
+from steptwin.host.robots.robot import Robot
+from steptwin.host.robots.transmission import Transmission
+from tests.host.complaints import complaint_of
+
+ROBOT = load_robot("teaching-scara")
+
+
+def with_joints(robot: Robot, **joints: Joint) -> Robot:
+    return replace(robot, joints=tuple(joints.get(joint.name, joint) for joint in robot.joints))
+
+
+def tireless(robot: Robot) -> Robot:
+    """Return the robot with joints whose motors could do anything: only the driver limits their speeds."""
+    joints = {joint.name: replace(joint, speed_max=1e6, acceleration_max=1e9) for joint in robot.joints}
+    return with_joints(robot, **joints)
+
+
+class TestPositions:
+    @pytest.mark.parametrize("joint", ROBOT.joints, ids=lambda joint: joint.name)
+    @pytest.mark.parametrize("side", [-1, 1])
+    def test_the_nearest_one(self, joint: Joint, side: int) -> None:
+        i = ROBOT.joint_names.index(joint.name)
+
+        def to(position: float) -> JointMove:
+            goal = [0.0, 10.0, 1.0, 0.0]
+            goal[i] = position
+            return JointMove(ROBOT.joint_names, (0.0, 10.0, 1.0, 0.0), tuple(goal), Cubic(1.0, 20.0))
+
+        beyond = (joint.upper if side > 0 else joint.lower) + side * 0.123
+        told = complaint_of(lambda: plan(ROBOT, to(beyond)))
+        excess, near = re.findall(r"by up to (\S+) .*; the nearest is (\S+) ", told)[0]
+        assert plan(ROBOT, to(float(near))).trajectory.duration_s == 20.0
+        assert plan(ROBOT, to(beyond - side * float(excess))).trajectory.duration_s == 20.0
+        assert "the nearest" in complaint_of(lambda: plan(ROBOT, to(beyond - side * float(excess) * 0.99)))
+
+
+def lift(distance_mm: float, duration_s: float) -> JointMove:
+    goal = (0.0, 10.0, distance_mm, 0.0)
+    return JointMove(ROBOT.joint_names, (0.0, 10.0, 0.0, 0.0), goal, Trapezoid(1.0, duration_s, 0.1))
+
+
+class TestDrives:
+    """With motors that can do anything, the step rate alone is too high, and another drive would do."""
+
+    def settings(self, robot: Robot, trajectory: JointMove) -> dict[str, dict[str, float]]:
+        """Return the keys and values for each joint that the refusal names."""
+        told = complaint_of(lambda: plan(robot, trajectory))
+        assert " kHz of steps at t = " in told
+        joints = told.split(", and so does ", 1)[1].split(" and ")
+        return {
+            joint.split(".")[1]: {key: float(value) for key, value in re.findall(r"(\w+) = ([\d.]+)", joint)}
+            for joint in joints
+        }
+
+    def refitted(self, robot: Robot, changes: dict[str, dict[str, float]]) -> Robot:
+        joints = {}
+        for name, keys in changes.items():
+            old = robot.joint(name).transmission
+            drive = Transmission(
+                old.full_steps_per_rev,
+                int(keys.get("microsteps", old.microsteps)),
+                keys.get("travel_per_turn", old.travel_per_turn),
+                keys.get("ratio", old.ratio),
+            )
+            joints[name] = replace(robot.joint(name), transmission=drive)
+        return with_joints(robot, **joints)
+
+    @pytest.mark.parametrize(("times_too_fast", "microsteps"), [(1.01, 8), (1.99, 8), (2.01, 2), (7.9, 2), (8.1, 1)])
+    def test_the_microsteps(self, times_too_fast: float, microsteps: int) -> None:
+        robot = tireless(with_joints(ROBOT, d3=self.sixteenths("d3")))
+        per_mm = robot.joint("d3").transmission.steps_per_unit
+        speed_mm_s = times_too_fast * robot.board.driver_rate_max_hz / per_mm
+        motion = lift(60.0, round(60.0 / speed_mm_s + 0.1, 3))
+        changes = self.settings(robot, motion)
+        assert changes == {"d3": {"microsteps": microsteps}}
+        plan(self.refitted(robot, changes), motion)
+        more = {1: 2, 2: 8, 8: 16}[microsteps]
+        assert "kHz of steps" in complaint_of(lambda: plan(self.refitted(robot, {"d3": {"microsteps": more}}), motion))
+
+    def sixteenths(self, name: str) -> Joint:
+        joint = ROBOT.joint(name)
+        return replace(joint, transmission=replace(joint.transmission, microsteps=16))
+
+    def test_of_two_joints(self) -> None:
+        robot = tireless(ROBOT)
+        motion = JointMove(ROBOT.joint_names, (0.0,) * 4, (100.0, 90.0, 0.0, 0.0), Cubic(1.0, 0.2))
+        changes = self.settings(robot, motion)
+        assert set(changes) == {"th1", "th2"}
+        plan(self.refitted(robot, changes), motion)
+
+    @pytest.mark.parametrize(("name", "key", "duration_s"), [("d3", "travel_per_turn", 1.0), ("th1", "ratio", 0.15)])
+    def test_the_lead_or_the_ratio_where_full_steps_are_too_many(self, name: str, key: str, duration_s: float) -> None:
+        """The driver is a slow one: the wire's records could not tell 15 kHz of full steps."""
+        robot = replace(tireless(ROBOT), board=replace(ROBOT.board, step_rate_max_hz=1000.0))
+        goal = tuple(60.0 if joint == name else 0.0 for joint in ROBOT.joint_names)
+        motion = JointMove(ROBOT.joint_names, (0.0,) * 4, goal, Cubic(1.0, duration_s))
+        changes = self.settings(robot, motion)
+        assert changes == {name: {"microsteps": 1, key: changes[name][key]}}
+        plan(self.refitted(robot, changes), motion)
+        hardly = {name: changes[name] | {key: changes[name][key] * (0.999 if name == "d3" else 1.001)}}
+        assert "kHz of steps" in complaint_of(lambda: plan(self.refitted(robot, hardly), motion))
+
+    def test_no_drive_helps_motors_that_are_too_slow(self) -> None:
+        told = complaint_of(lambda: plan(ROBOT, lift(60.0, 1.0)))
+        assert told.startswith("d3: ")
+        assert " kHz of steps at t = " in told
+        assert "so does" not in told
+
+
+class TestStretches:
+    def test_a_motion_made_too_fast_is_told_the_stretch_of_itself(self) -> None:
+        """The factor counts from the motion as it is, not from the one made faster."""
+        slow = make_job(ROBOT, "carry", {"duration_s": "20"})
+        told = complaint_of(lambda: plan_stretched(ROBOT, slow, 0.02))
+        factor = float(told.rsplit("; stretch=", 1)[1].removesuffix(" passes"))
+        assert 0.02 < factor < 1
+        plan_stretched(ROBOT, slow, factor)
+        assert f"; stretch={factor:g} passes" in complaint_of(lambda: plan_stretched(ROBOT, slow, factor - 0.001))
+
+    def test_a_stretch_that_is_not_enough(self) -> None:
+        fast = make_job(ROBOT, "carry", {"duration_s": "0.2"})
+        first = complaint_of(lambda: plan(ROBOT, fast)).split("; ")[-1]
+        told = complaint_of(lambda: plan_stretched(ROBOT, fast, 1.5))
+        assert told.endswith(f"; {first}")
+        plan_stretched(ROBOT, fast, float(first.rsplit("stretch=", 1)[1].removesuffix(")")))
+
+    def test_one_percent_below_passes_for_a_step_of_a_program(self) -> None:
+        findings = Findings()
+        program = parse_program("[[step]]\ngo = { th1 = 90 }\nduration_s = 0.3\n", findings)
+        motion = compile_program(program, ROBOT, findings).trajectory
+        (told,) = findings.messages
+        factor = float(re.findall(r"; ([\d.]+) times slower passes$", told)[0])
+        plan_stretched(ROBOT, motion, factor)
+        assert "times slower" in complaint_of(lambda: plan_stretched(ROBOT, motion, factor - 0.01))
+
+
+def test_a_pause_is_as_long_as_told() -> None:
+    told = complaint_of(lambda: plan(ROBOT, Pause(ROBOT.joint_names, ROBOT.home, 0.3004)))
+    near_s = float(told.rsplit("the nearest is ", 1)[1].removesuffix(" s"))
+    assert plan(ROBOT, Pause(ROBOT.joint_names, ROBOT.home, near_s)).times_ms[-1] == 300
