@@ -12,7 +12,7 @@ from steptwin.emulator.can_controller import CanController
 from steptwin.emulator.driver_bank import SUPPLIES, WIRING, AxisTrace, DriverBank
 from steptwin.emulator.driver_module import Module
 from steptwin.emulator.inputs import BoardInputs
-from steptwin.emulator.operations import BoardTemperature, DriverProtect, EmergencyStop, Operation, Supply
+from steptwin.emulator.operations import BoardTemperature, DriverProtect, EmergencyStop, Operation, SetInput, Supply
 from steptwin.emulator.switches import Switch
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.dictionary import FlashPage
@@ -127,6 +127,8 @@ class Board:
             case DriverProtect(axis, active):
                 self._held_protects[axis] = active
                 self._look_at_protect(axis)
+            case SetInput(axis, which, on):
+                self._inputs.set_general(axis, which, on=on)
             case Supply(supply_10mv):
                 self._measure(replace(self._measurements, supply_10mv=supply_10mv), now_counts)
             case BoardTemperature(temperature_decidegc):

@@ -24,6 +24,8 @@ class BoardInputs:
         self.emergency_stop = False
         self.protects = [False] * len(start_steps)
         """True for each axis whose driver's Protect pin is low."""
+        self._general = [DigitalInput(0)] * len(start_steps)
+        """Active general inputs of each axis."""
         self._axes = [
             AxisSwitches([switch for switch in switches if switch.axis == axis], start)
             for axis, start in enumerate(start_steps)
@@ -43,9 +45,14 @@ class BoardInputs:
         """Levels of each axis' inputs, as last read."""
         common = DigitalInput.ESTOP if self.emergency_stop else DigitalInput(0)
         return [
-            axis.levels | common | (DigitalInput.DRIVER_PROTECT if protect else DigitalInput(0))
-            for axis, protect in zip(self._axes, self.protects, strict=True)
+            axis.levels | common | general | (DigitalInput.DRIVER_PROTECT if protect else DigitalInput(0))
+            for axis, general, protect in zip(self._axes, self._general, self.protects, strict=True)
         ]
+
+    def set_general(self, axis: int, which: DigitalInput, *, on: bool) -> None:
+        """Set the level of a general input."""
+        levels = self._general[axis]
+        self._general[axis] = levels | which if on else levels & ~which
 
     def restart_count(self) -> None:
         """Expect the motion's count of starts to begin at 0 again, because the firmware has restarted."""

@@ -10,6 +10,7 @@ for that time. Time never advances beyond the last look at the sockets, wherever
 import selectors
 import socket
 import time
+from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from heapq import heappop, heappush
@@ -50,6 +51,8 @@ class LiveLoop:
         self._selector = selector or selectors.SelectSelector()
         self._timers: list[tuple[int, int, Callback]] = []
         self._numbers = count()
+        self._soon: deque[Callback] = deque()
+        """Callbacks from other threads."""
         self._stopping = False
         self._waker, self._woken = socket.socketpair()
         for end in (self._waker, self._woken):
@@ -90,6 +93,11 @@ class LiveLoop:
 
         self.call_after(dt_s, again)
 
+    def call_soon(self, callback: Callback) -> None:
+        """Call back once between two stretches of simulation; may be called from any thread."""
+        self._soon.append(callback)
+        self.wake()
+
     def wake(self) -> None:
         """End a sleep; may be called from any thread and from signal handlers."""
         with suppress(OSError):  # a full buffer wakes the loop anyway; a closed socket belongs to a loop that has ended
@@ -117,6 +125,8 @@ class LiveLoop:
                 ready = select(0)  # what came while the process was held up, perhaps after `select` had looked
             for key, _ in ready:
                 key.data()
+            while self._soon:
+                self._soon.popleft()()
             live.advance(self.looked_ns)
             self.hand_on()
             now_ns = self.now_ns()

@@ -5,6 +5,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from steptwin.protocol.cia402 import GENERAL_INPUTS, DigitalInput
+
 
 @dataclass(frozen=True, slots=True)
 class EmergencyStop:
@@ -35,7 +37,20 @@ class BoardTemperature:
     temperature_decidegc: int
 
 
-Operation = EmergencyStop | DriverProtect | Supply | BoardTemperature
+@dataclass(frozen=True, slots=True)
+class SetInput:
+    """A sensor at one of an axis' general inputs (`GENERAL_INPUTS`) closes or opens; closed is active."""
+
+    axis: int
+    input: DigitalInput
+    on: bool
+
+    def __post_init__(self) -> None:
+        if self.input not in GENERAL_INPUTS:
+            raise ValueError(f"a general input is one of {', '.join(map(str, GENERAL_INPUTS))}, not {self.input!r}")
+
+
+Operation = EmergencyStop | DriverProtect | Supply | BoardTemperature | SetInput
 
 
 class Scheduled(NamedTuple):
@@ -50,9 +65,15 @@ class Schedule:
     """Operations in order of time; those of one instant keep the order given."""
 
     def __init__(self, scheduled: Iterable[Scheduled] = ()) -> None:
-        self._waiting = deque(sorted(scheduled, key=lambda item: item.counts))
-        self.next_counts = self._waiting[0].counts if self._waiting else None
+        self._waiting: deque[Scheduled] = deque()
+        self.next_counts: int | None = None
         """Instant of the next operation; None if there is none."""
+        self.add(scheduled)
+
+    def add(self, scheduled: Iterable[Scheduled]) -> None:
+        """Add operations; one whose instant has passed is due at once."""
+        self._waiting = deque(sorted((*self._waiting, *scheduled), key=lambda item: item.counts))
+        self.next_counts = self._waiting[0].counts if self._waiting else None
 
     def take_due(self, now_counts: int) -> list[Scheduled]:
         """Return the operations that are due by now, and remove them."""

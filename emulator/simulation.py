@@ -55,6 +55,10 @@ class Simulation:
         self.boards[number].operate(operation, self.now_counts)
         self.boards[number].poll(self.now_counts)
 
+    def schedule(self, scheduled: Iterable[Scheduled]) -> None:
+        """Let operations be executed at their instants."""
+        self._schedule.add(scheduled)
+
     @property
     def now_s(self) -> float:
         """Seconds since the boards were switched on."""

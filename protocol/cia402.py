@@ -102,6 +102,13 @@ class DigitalInput(IntFlag):
     ESTOP = 1 << 16
     DRIVER_PROTECT = 1 << 17
     """Set while the driver chip is switched off by its thermal shutdown."""
+    IN1 = 1 << 18
+    IN2 = 1 << 19
+    """IN1 and IN2 at the axis' connector: the drive only reports them, they are for the host's programs."""
+
+
+GENERAL_INPUTS = DigitalInput.IN1, DigitalInput.IN2
+"""The inputs to which a user's sensors are wired, in the order of their numbers."""
 
 
 class DigitalOutput(IntFlag):

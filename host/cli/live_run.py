@@ -8,6 +8,7 @@ from steptwin.host.cli.connection import checked_session, opened_link
 from steptwin.host.cli.option_names import naming_options
 from steptwin.host.cli.output import print_json, print_table, say
 from steptwin.host.cli.progress import progress_bar
+from steptwin.host.cli.report import print_waits
 
 if TYPE_CHECKING:
     from steptwin.host.client.bus_link import Connection
@@ -54,6 +55,7 @@ def _print(outcome: "LiveOutcome") -> None:
         for axis, joint, position in zip(outcome.axes, joints, outcome.end, strict=True)
     ]
     print_table(["axis", "unit", "end", "err steps"], rows, text_columns=2)
+    print_waits(outcome.to_dict())
     times = "" if outcome.repetitions == 1 else f", {outcome.repetitions} times"
     verdict = "ended where planned" if outcome.passed else "ENDED ELSEWHERE"
     say(f"{outcome.plan.robot.name} {outcome.job}{times}: {verdict}")

@@ -31,6 +31,7 @@ def print_report(document: Mapping[str, Any]) -> None:
     if changes:
         said = (f"{o['name']} {'on' if o['on'] else 'off'} {o['changed_s']:.3f} s" for o in changes)
         say(f"outputs: {', '.join(said)}")
+    print_waits(document)
     _print_violations(document["violations"])
     tool, bus = document["tool"], document["bus"]
     say(
@@ -43,6 +44,16 @@ def print_report(document: Mapping[str, Any]) -> None:
     say(f"SIMULATED {simulated_s:.2f} s in {wall_s:.2f} s{speed}")
     verdict, *reasons = _verdict(document)
     say(f"{document['robot']} {document['job']}: {verdict}", *(f"  {reason}" for reason in reasons))
+
+
+def print_waits(document: Mapping[str, Any]) -> None:
+    """Print how long the machine stood at each wait for an input; nothing for a motion without one."""
+    said = (
+        f"{wait['input']} {'on' if wait['on'] else 'off'} for {wait['stood_s']:.3f} s from {wait['at_s']:.3f} s"
+        for wait in document.get("waits", ())
+    )
+    if text := ", ".join(said):
+        say(f"waited: {text}")
 
 
 def _print_violations(violations: list[dict[str, Any]]) -> None:

@@ -1,7 +1,7 @@
 """`steptwin run ROBOT JOB|FILE`: plan a motion, stream it to a board, verify the pulses."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import typer
 
@@ -10,6 +10,7 @@ from steptwin.host.cli.arguments import (
     AsJson,
     DriverProfileName,
     RobotFile,
+    finite_number,
     joint_values,
     name_value_pairs,
     out_folder,
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from steptwin.host.planning.plan import Plan
     from steptwin.host.planning.trajectory import Trajectory
     from steptwin.host.robots.robot import Robot
+    from steptwin.host.twin.input_changes import InputChange
     from steptwin.host.twin.kernels import Kernel
 
 
@@ -70,6 +72,15 @@ def run(
             metavar="NAME", help="Form of the firmware's kernel: python, numba (compiled), or auto: the faster."
         ),
     ] = "auto",
+    inputs: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--input",
+            metavar="NAME=on|off@SECONDS",
+            help="Change a digital input of the emulated machine, in simulated seconds since the motion's start;"
+            " repeatable.",
+        ),
+    ] = None,
     connect: Connect = None,
     interface: Interface = None,
     channel: Channel = None,
@@ -113,6 +124,7 @@ def run(
             "--cut-stream": cut_stream,
             "--driver-profile": driver_profile,
             "--kernel": None if kernel == "auto" else kernel,
+            "--input": inputs or None,
         }
         _refuse(emulated, "an emulated")
         run_live(live, planned, job, repeat=repeat, approach=approach, force=force, as_json=as_json)
@@ -127,6 +139,7 @@ def run(
         with naming_options("out"):
             keep_recording(out)
     folder = out_folder(out)
+    changes = [_input_change(text) for text in inputs or ()]
     with progress_bar(f"{loaded.name} {job}") as progress, naming_options(cut_stream_s="--cut-stream"):
         outcome = execute(
             planned,
@@ -135,6 +148,7 @@ def run(
             stand_at=standing,
             cut_stream_s=cut_stream,
             driver_profile=driver_profile,
+            inputs=changes,
             progress=progress,
         )
     document = outcome.to_dict() | ({} if folder is None else {VERSION_KEY: FOLDER_VERSION})
@@ -149,6 +163,23 @@ def run(
         raise DeviceFaultError(fault_line(document["fault"]))
     if not outcome.report.passed:
         raise typer.Exit(EXIT_NOT_VERIFIED)
+
+
+def _input_change(text: str) -> "InputChange":
+    """Return the change of an input that an --input names."""
+    from steptwin.host.twin.input_changes import InputChange
+
+    name, _, rest = text.partition("=")
+    level, at, seconds = rest.partition("@")
+    if not (name and at) or level not in _LEVELS:
+        raise InputError(f"--input {text}: is not NAME=on@SECONDS or NAME=off@SECONDS")
+    at_s = finite_number(seconds, f"--input {text}")
+    if at_s < 0:
+        raise InputError(f"--input {text}: {at_s:g} s is before the motion's start")
+    return InputChange(name, _LEVELS[level], at_s)
+
+
+_LEVELS: Final = {"on": True, "off": False}
 
 
 def _planned(robot: "Robot", trajectory: "Trajectory", stretch: str | None, speed: str | None) -> "Plan":

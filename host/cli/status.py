@@ -89,6 +89,9 @@ def _shown(seen: "MachineStatus", width: int) -> "Group":
     table, _ = text_table(width, columns, [_row(axis) for axis in seen.axes], text_columns=len(columns) - 1)
     lines = [pose_text(seen.pose) if seen.pose else "tool: unknown, since not every axis knows where it is"]
     lines += [f"{axis.name}: {_health(axis)}" for axis in seen.axes]
+    if seen.inputs:
+        levels = (f"{name} {'on' if on else 'off'}" for name, on in seen.inputs.items())
+        lines.append(f"inputs: {', '.join(levels)}")
     if seen.streaming:
         lines.append("a trajectory is running: no questions are asked, so that its host is not disturbed")
     return Group(table, *(Text(printable(line)) for line in lines))

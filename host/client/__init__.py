@@ -3,6 +3,7 @@
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.axis_settings import AxisSettings
 from steptwin.host.client.homing import HomingSettings
+from steptwin.host.client.input_wait import InputWait
 from steptwin.host.client.link import Link
 from steptwin.host.client.machine import Machine, Progress
 from steptwin.host.client.object_dictionary import object_dictionary
@@ -13,6 +14,7 @@ __all__ = [
     "AxisClient",
     "AxisSettings",
     "HomingSettings",
+    "InputWait",
     "Link",
     "Machine",
     "OutputCommand",

@@ -9,6 +9,7 @@ from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.axis_settings import AxisSettings, Objects
 from steptwin.host.client.heartbeat import WATCH_HOST, Heartbeat
 from steptwin.host.client.homing import AxisHoming, HomingSettings, run_homings
+from steptwin.host.client.input_wait import InputWait
 from steptwin.host.client.link import Link
 from steptwin.host.client.object_dictionary import object_dictionary
 from steptwin.host.client.output_schedule import OutputCommand
@@ -16,6 +17,7 @@ from steptwin.host.client.shared_node import Patience
 from steptwin.host.client.starting import StreamStarter
 from steptwin.host.client.stream import Stream
 from steptwin.host.client.waiting import POLL_S, REPLY_TIMEOUT_S, require
+from steptwin.host.client.waits import Waits
 from steptwin.host.common.axis_records import AxisRecords
 from steptwin.host.common.errors import BusError
 from steptwin.protocol import od
@@ -43,6 +45,8 @@ class Machine:
         self._heartbeat = Heartbeat(link.network)
         self._starter = StreamStarter(link, self.axes)
         self._stream: Stream | None = None
+        self._waits: Waits | None = None
+        """The waits of the last trajectory that was started."""
 
     # --- setting up and leaving
 
@@ -151,26 +155,39 @@ class Machine:
         start_units: list[int],
         progress: Progress,
         outputs: tuple[OutputCommand, ...] = (),
+        waits: tuple[InputWait, ...] = (),
     ) -> None:
         """Start a trajectory and wait for its end; raises as `start` and `Stream.tend`."""
-        stream = self.start(records, start_units, outputs)
+        stream = self.start(records, start_units, outputs, waits)
         while not stream.ended:
             self.wait(POLL_S)
             progress(stream.fraction)
 
     def start(
-        self, records: tuple[AxisRecords, ...], start_units: list[int], outputs: tuple[OutputCommand, ...] = ()
+        self,
+        records: tuple[AxisRecords, ...],
+        start_units: list[int],
+        outputs: tuple[OutputCommand, ...] = (),
+        waits: tuple[InputWait, ...] = (),
     ) -> Stream:
         """Start a trajectory from its first point, where the axes must stand; `wait` tends it until its end.
 
-        The records of all axes have the same durations. The outputs are switched on the way.
+        The records of all axes have the same durations. The outputs are switched on the way; at each of the waits,
+        which are in order of time, the axes stand still until the input has its level, and `holds_ms` says how long.
 
         Raises:
             DeviceFaultError: an axis stands elsewhere, its position is unknown, or it refuses a record.
             BusError: a node does not answer, or a queue does not fill.
         """
-        self._stream = self._starter.start(records, start_units, outputs)
-        return self._stream
+        self._waits = None
+        stream = self._stream = self._starter.start(records, start_units, outputs, waits)
+        self._waits = stream.waits
+        return stream
+
+    @property
+    def holds_ms(self) -> tuple[int, ...]:
+        """How long the last trajectory has stood still at each of its waits that it has come to."""
+        return self._waits.holds_ms if self._waits is not None else ()
 
     def now_s(self) -> float:
         """Return the seconds on the link's clock."""

@@ -6,6 +6,7 @@ reports come only ten times a second, so the client reads the record number by S
 """
 
 from collections import deque
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from steptwin.host.client.axis import AxisClient
@@ -32,14 +33,19 @@ class OutputSchedule:
         self._pending = deque(sorted(commands, key=lambda command: command.from_s))
         self._reached = reached
 
+    def add(self, commands: Iterable[OutputCommand]) -> None:
+        """Add commands, in order of time, that are all later than those before."""
+        self._pending.extend(commands)
+
     def tend(self, now_s: float) -> None:
         """Send every command that is due by now."""
-        while self._pending and self._is_due(self._pending[0].from_s, now_s):
+        while self._pending and has_come(self._pending[0].from_s, self._reached, self._axes[0], now_s):
             command = self._pending.popleft()
             self._axes[command.axis].switch_output(command.output, on=command.on)
 
-    def _is_due(self, from_s: float, now_s: float) -> bool:
-        """Return whether the trajectory has reached a time; ask the board only if the last report leaves it open."""
-        if self._reached.least_s < from_s <= self._reached.most_s(now_s):
-            self._reached.report(self._axes[0].executing(), now_s)
-        return self._reached.least_s >= from_s
+
+def has_come(t_s: float, reached: TrajectoryTime, axis: AxisClient, now_s: float) -> bool:
+    """Return whether the trajectory has reached a time; ask the board only if the last report leaves it open."""
+    if reached.least_s < t_s <= reached.most_s(now_s):
+        reached.report(axis.executing(), now_s)
+    return reached.least_s >= t_s

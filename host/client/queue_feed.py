@@ -26,6 +26,10 @@ class QueueFeed:
         self._axis = axis
         self._records = records
         self._count = len(records.durations_ms)
+        self._later = 0
+        """Number of records of the trajectory that are still to be added."""
+        self._held = 0
+        """Number of records without motion that were added to it."""
         self._sent = 0
         """Number of records sent, the cursor; it goes back when records are sent again."""
         self._ever_sent = 0
@@ -41,12 +45,32 @@ class QueueFeed:
     @property
     def fraction(self) -> float:
         """The part of the records that has been sent, 0 to 1."""
-        return self._sent / self._count
+        planned = self._count - self._held + self._later
+        return max(0, self._sent - self._held) / max(1, planned)
 
     @property
     def all_acknowledged(self) -> bool:
-        """True once the board has taken every record."""
-        return self._acknowledged == self._count
+        """True once the board has taken every record and no more are to come."""
+        return self._acknowledged == self._count and not self._later
+
+    def expect(self, later: int) -> None:
+        """Say how many records of the trajectory are still to be added: until then the queue must not run dry."""
+        self._later = later
+
+    def add(self, records: AxisRecords) -> None:
+        """Add expected records."""
+        self._later -= len(records.durations_ms)
+        self._append(records)
+
+    def hold(self, duration_ms: int, count: int = 1) -> None:
+        """Add records without motion."""
+        self._held += count
+        self._append(AxisRecords([0] * count, [0] * count, [duration_ms] * count))
+
+    def _append(self, records: AxisRecords) -> None:
+        for own, more in zip(self._records, records, strict=True):
+            own.extend(more)
+        self._count = len(self._records.durations_ms)
 
     def update(self, now_s: float) -> None:
         """Read the board's latest report, if it is new, and move the cursor back where records were lost.

@@ -4,11 +4,13 @@ from functools import partial
 from typing import Final
 
 from steptwin.host.client.axis import AxisClient
+from steptwin.host.client.input_wait import InputWait, divide
 from steptwin.host.client.link import Link
 from steptwin.host.client.output_schedule import OutputCommand
 from steptwin.host.client.queue_feed import QueueFeed, fill
 from steptwin.host.client.stream import Stream
 from steptwin.host.client.waiting import REPLY_TIMEOUT_S, require
+from steptwin.host.client.waits import HOLD_MS, Waits
 from steptwin.host.common.axis_records import AxisRecords
 from steptwin.host.common.errors import DeviceFaultError
 from steptwin.protocol import od
@@ -39,22 +41,28 @@ class StreamStarter:
         self._status_period_ms = _STATUS_PERIOD_MAX_MS
 
     def start(
-        self, records: tuple[AxisRecords, ...], start_units: list[int], outputs: tuple[OutputCommand, ...]
+        self,
+        records: tuple[AxisRecords, ...],
+        start_units: list[int],
+        outputs: tuple[OutputCommand, ...],
+        waits: tuple[InputWait, ...],
     ) -> Stream:
         """Start a trajectory; arguments and errors are those of `Machine.start`."""
-        durations_ms = records[0].durations_ms
-        self._set_status_period(min(durations_ms))
+        self._set_status_period(min(records[0].durations_ms + [HOLD_MS] * bool(waits)))
         for axis in self._axes:
             if not axis.read(od.STATUSWORD) & Status.POSITION_KNOWN:
                 raise DeviceFaultError(f"{axis.name}: the position is unknown: home the axis first")
         for axis, start in zip(self._axes, start_units, strict=True):
             _prepare(axis, start)
-        feeds = [QueueFeed(axis, own, self._link.now_s()) for axis, own in zip(self._axes, records, strict=True)]
-        least = min(_PRELOAD_RECORDS, len(durations_ms))
+        legs = divide(records, outputs, waits)
+        first, held = legs[0], Waits(self._axes, waits, legs)
+        feeds = [QueueFeed(axis, own, self._link.now_s()) for axis, own in zip(self._axes, first.records, strict=True)]
+        held.feed_first(feeds)
+        least = min(_PRELOAD_RECORDS, len(first.records[0].durations_ms))
         filled = partial(self._preloaded, feeds, least)
         require(self._link, filled, f"the queues do not fill to {least} records", _PRELOAD_TIMEOUT_S)
         self._start_together()
-        return Stream(self._link, self._axes, feeds, durations_ms, outputs)
+        return Stream(self._link, self._axes, feeds, first, held)
 
     def _set_status_period(self, shortest_ms: int) -> None:
         """Make the nodes report their queues' free places often enough for segments as short as `shortest_ms`.

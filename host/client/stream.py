@@ -4,11 +4,13 @@ from typing import Final
 
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.faults import check_enabled, check_faults
+from steptwin.host.client.input_wait import Leg
 from steptwin.host.client.link import Link
-from steptwin.host.client.output_schedule import OutputCommand, OutputSchedule
+from steptwin.host.client.output_schedule import OutputSchedule
 from steptwin.host.client.queue_feed import QueueFeed, fill
 from steptwin.host.client.trajectory_time import TrajectoryTime
 from steptwin.host.client.waiting import POLL_S
+from steptwin.host.client.waits import Waits
 from steptwin.host.common.errors import BusError
 
 _STALL_S: Final = 5.0
@@ -27,16 +29,18 @@ class Stream:
         link: Link,
         axes: tuple[AxisClient, ...],
         feeds: list[QueueFeed],
-        durations_ms: list[int],
-        outputs: tuple[OutputCommand, ...],
+        first: Leg,
+        waits: Waits,
     ) -> None:
+        """Follow a motion that has just been started: the feeds hold its first leg."""
         self.ended = False
+        self.waits = waits
         self._link = link
         self._axes = axes
         self._feeds = feeds
         now_s = link.now_s()
-        self._reached = TrajectoryTime(durations_ms, now_s)
-        self._schedule = OutputSchedule(axes, outputs, self._reached)
+        self._reached = TrajectoryTime(first.records[0].durations_ms, now_s)
+        self._schedule = OutputSchedule(axes, first.outputs, self._reached)
         self._seen = axes[0].pvt_status
         self._progress_s = now_s
         self._progress_at_s = 0.0
@@ -58,12 +62,13 @@ class Stream:
         return all(axis.halted for axis in self._axes)
 
     def tend(self) -> None:
-        """Send records and switch outputs that are due; set `ended` at the end.
+        """Send records, switch outputs that are due and look at the input that is waited for; set `ended` at the end.
 
         Call it at least as often as the queues' reserve requires, and never from a frame's callback.
 
         Raises:
             DeviceFaultError: an axis is in fault, was stopped, refuses a record or has run out of records.
+            WaitTimeoutError: an input has not got its level in time; the axes rest and the motion is at its end.
             BusError: an axis no longer reports its status, or the motion stalls although nothing halts it.
         """
         now_s = self._link.now_s()
@@ -76,6 +81,7 @@ class Stream:
         done = all(feed.all_acknowledged for feed in self._feeds) and all(axis.done for axis in self._axes)
         halted = self.halted
         self._follow(now_s, done=done, halted=halted)
+        self.waits.tend(self._feeds, self._reached, self._schedule, now_s)
         if not halted:
             self._schedule.tend(now_s)
         if done:
@@ -83,6 +89,7 @@ class Stream:
             check_faults(self._link, self._axes)
             check_enabled(self._axes)  # a quick stop empties the queues, too
             self.ended = True
+            self.waits.check_end()
 
     def _follow(self, now_s: float, *, done: bool, halted: bool) -> None:
         status = self._axes[0].pvt_status

@@ -4,6 +4,7 @@ Trajectory time passes as fast as the clock or, while the group halts, more slow
 record executed and that record's end plus the time since the report.
 """
 
+from collections.abc import Iterable
 from itertools import accumulate
 from typing import Final
 
@@ -21,6 +22,11 @@ class TrajectoryTime:
         """The beginning of every record, then the end of the last."""
         self._executing = 0
         self._reported_s = now_s
+
+    def extend(self, durations_ms: Iterable[int]) -> None:
+        """Add records behind the last one."""
+        for duration_ms in durations_ms:
+            self._begins_ms.append(self._begins_ms[-1] + duration_ms)
 
     def report(self, executing: int, now_s: float) -> None:
         """Take a report of the executing record's sequence number, which is its number modulo 256 (2012h:04)."""

@@ -37,6 +37,10 @@ class DeviceFaultError(StepTwinError):
     exit_code = 3
 
 
+class WaitTimeoutError(DeviceFaultError):
+    """An input did not get its level in time: something around the machine has not happened; it stands at rest."""
+
+
 class BusError(StepTwinError):
     """The bus or the connection has failed: no answer, no such interface, no such node."""
 

@@ -105,7 +105,7 @@ def _settings(session: Session, axis: AxisClient) -> Check:
 
 def _inputs(axis: AxisClient) -> Check:
     words = active_inputs(axis)
-    bad = axis.read(od.DIGITAL_INPUTS) & ~DigitalInput.HOME
+    bad = axis.read(od.DIGITAL_INPUTS) & ~(DigitalInput.HOME | DigitalInput.IN1 | DigitalInput.IN2)
     return Check(f"{axis.name} inputs", not bad, f"active: {', '.join(words)}" if words else "none active")
 
 

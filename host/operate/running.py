@@ -9,6 +9,7 @@ import numpy as np
 from steptwin.host.client import Machine, Progress
 from steptwin.host.client.faults import check_enabled, check_faults
 from steptwin.host.common.errors import InputError
+from steptwin.host.operate.input_waiting import Waited, executed, input_waits, waited, waits_document
 from steptwin.host.operate.moving import move_within
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.switching import output_commands
@@ -36,7 +37,7 @@ class AxisEnd:
 
 @dataclass(frozen=True, slots=True)
 class LiveOutcome:
-    """The result of a run on a live board; the axes are those of the last repetition."""
+    """The result of a run on a live board; the axes, the plan and the waits are those of the last repetition."""
 
     plan: Plan
     job: str
@@ -45,6 +46,8 @@ class LiveOutcome:
     start: list[float]
     end: list[float]
     wall_s: float
+    waits: tuple[Waited, ...] = ()
+    """The waits for inputs; the plan is what was executed, with the standstills in it."""
 
     @property
     def passed(self) -> bool:
@@ -63,6 +66,7 @@ class LiveOutcome:
             "axes": [asdict(axis) for axis in self.axes],
             "joints": {"names": list(names), "start": self.start, "end": self.end},
             "wall_s": self.wall_s,
+            **waits_document(self.waits),
         }
 
 
@@ -117,18 +121,23 @@ def _check_start(plan: Plan, joints: list[float]) -> None:
 
 def _execute(session: Session, plan: Plan, job: str, repeat: int, progress: Progress) -> LiveOutcome:
     started_s = time.perf_counter()
+    outputs, waits = output_commands(plan.robot, plan.trajectory), input_waits(plan)
+    holds_ms: tuple[int, ...] = ()
     with session.in_charge("run") as machine:
         repetitions, axes = 0, tuple[AxisEnd, ...]()
         while repetitions < repeat and all(axis.passed for axis in axes):
             move_within(session, session.demanded_units(), plan.start_units)
-            machine.run(plan.records(), plan.start_units, progress, output_commands(plan.robot, plan.trajectory))
+            machine.run(plan.records(), plan.start_units, progress, outputs, waits)
+            holds_ms = machine.holds_ms
             session.link.wait(_SETTLED_S)
             check_faults(session.link, machine.axes)
             check_enabled(machine.axes)
             axes = _ends(machine, plan)
             repetitions += 1
         end = session.positions([axis.end_units for axis in axes])
-    return LiveOutcome(plan, job, repetitions, axes, plan.start_joints, end, time.perf_counter() - started_s)
+    waits_made, wall_s = waited(plan, holds_ms), time.perf_counter() - started_s
+    made = executed(plan, holds_ms)
+    return LiveOutcome(made, job, repetitions, axes, plan.start_joints, end, wall_s, waits_made)
 
 
 _SETTLED_S: Final = 0.02

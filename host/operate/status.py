@@ -13,6 +13,7 @@ from steptwin.host.client.faults import await_reports
 from steptwin.host.client.words import error_text, mode_text, state_text, words
 from steptwin.host.common.errors import BusError
 from steptwin.host.operate.joint_positions import JointPosition, joint_positions
+from steptwin.host.operate.input_waiting import read_inputs
 from steptwin.host.operate.session import Session
 from steptwin.host.robots.joint import Joint
 from steptwin.protocol import od
@@ -92,6 +93,8 @@ class MachineStatus:
     streaming: bool
     axes: tuple[AxisStatus, ...]
     pose: dict[str, float] | None
+    inputs: dict[str, bool] | None
+    """Whether each input of the robot's file is on; None while a trajectory is streamed."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the JSON document of the status."""
@@ -114,7 +117,8 @@ def read_status(session: Session) -> MachineStatus:
     axes = tuple(complete(axis, drive, _common(axis, joint, drive, place)) for axis, joint, drive, place in parts)
     known = all(axis.position_known for axis in axes)
     pose = session.pose([axis.position for axis in axes]) if known else None
-    return MachineStatus(session.robot.name, streaming, axes, pose)
+    inputs = None if streaming else read_inputs(session)
+    return MachineStatus(session.robot.name, streaming, axes, pose, inputs)
 
 
 def _reported(axis: AxisClient) -> DriveStatus:

@@ -1,12 +1,14 @@
 """A plan: a checked trajectory as points on the wire."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from steptwin.host.common.arrays import Int64Array
 from steptwin.host.common.axis_records import AxisRecords
 from steptwin.host.common.errors import InputError
+from steptwin.host.planning.motions.held import Held, Hold
 from steptwin.host.planning.peaks import Peak
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot
@@ -55,6 +57,32 @@ class Plan:
         return tuple(
             AxisRecords(distances.tolist(), end_velocities.tolist(), durations_ms.tolist())
             for distances, end_velocities in zip(displacements.T, self.velocities[1:][:count].T, strict=True)
+        )
+
+    def held(self, holds: Sequence[Hold], record_ms: int) -> "Plan":
+        """Return the plan with standstills at some of its points, made of records of `record_ms` each.
+
+        The other records stay as they are.
+
+        Raises:
+            ValueError: a standstill is at no point, or is not a whole number of records.
+        """
+        times_ms, points, velocities = self.times_ms, self.points_units, self.velocities
+        for hold in reversed(holds):
+            (at,) = np.flatnonzero(times_ms == hold.at_ms)
+            count, rest = divmod(hold.duration_ms, record_ms)
+            if rest:
+                raise ValueError(f"{hold.duration_ms} ms are not a number of records of {record_ms} ms")
+            stands_ms = hold.at_ms + record_ms * np.arange(1, count + 1)
+            times_ms = np.concatenate((times_ms[: at + 1], stands_ms, times_ms[at + 1 :] + hold.duration_ms))
+            points = np.insert(points, at + 1, np.repeat(points[[at]], count, axis=0), axis=0)
+            velocities = np.insert(velocities, at + 1, np.zeros((count, velocities.shape[1]), np.int64), axis=0)
+        return replace(
+            self,
+            trajectory=Held(self.trajectory, tuple(holds)),
+            times_ms=times_ms,
+            points_units=points,
+            velocities=velocities,
         )
 
     def check_start(self, joints: list[float]) -> None:

@@ -1,7 +1,7 @@
 """The interface of a trajectory: joint positions and velocities as functions of time."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from steptwin.host.common.arrays import FloatArray
 
@@ -21,6 +21,28 @@ class Switching:
     on: bool
     from_s: float
     until_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Wait:
+    """A standstill amid a motion that lasts until a digital input has a level; the plan counts it as no time.
+
+    Attributes:
+        input: name of the input in the robot file.
+        on: the level that it waits for.
+        at_s: time of the motion at which the machine stands and begins to wait, a whole number of milliseconds.
+        timeout_s: time after which a wait without the level ends the motion.
+        place: where the wait is written, such as `step 3`; may be empty.
+    """
+
+    input: str
+    on: bool
+    at_s: float
+    timeout_s: float
+    place: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.input} {'on' if self.on else 'off'}"
 
 
 class Trajectory(Protocol):
@@ -57,3 +79,18 @@ class Trajectory(Protocol):
     def velocities(self, t_s: FloatArray) -> FloatArray:
         """Return joint velocities in mm/s and deg/s, shape (n, joints), at times of shape (n,) in [0, duration_s]."""
         ...
+
+
+@runtime_checkable
+class Waiting(Protocol):
+    """A trajectory that waits for inputs on its way; others need not have the attribute."""
+
+    @property
+    def waits(self) -> tuple[Wait, ...]:
+        """The waits, in order of time."""
+        ...
+
+
+def waits_of(trajectory: Trajectory) -> tuple[Wait, ...]:
+    """Return a trajectory's waits for inputs, in order of time."""
+    return trajectory.waits if isinstance(trajectory, Waiting) else ()

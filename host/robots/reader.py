@@ -16,6 +16,7 @@ from steptwin.host.common.findings import Findings, check_all
 from steptwin.host.common.tables import Reading, Table, check_name, toml_table
 from steptwin.host.robots.board_settings import ActiveEdge, BoardSettings
 from steptwin.host.robots.fewer_steps import with_fewer_steps
+from steptwin.host.robots.digital_input import Input
 from steptwin.host.robots.homing import JointHoming
 from steptwin.host.robots.joint import Joint, Unit
 from steptwin.host.robots.kinematics import check_dimensions, make_kinematics
@@ -56,6 +57,7 @@ def _robot(table: Table) -> Robot:
         home=tuple(values["home"].values()),
         board=values["board"],
         outputs=values["outputs"] or {},
+        inputs=values["inputs"] or {},
         places=values["places"] or {},
     )
 
@@ -128,6 +130,7 @@ def _joint(tables: Table, name: str) -> Joint:
 
 _place: Final = partial(_each, Table.number)
 _output: Final = _settings(Output, {"joint": Table.text, "out": Table.integer}, {})
+_input: Final = _settings(Input, {"joint": Table.text, "input": Table.integer}, {})
 
 _ROBOT: Final[dict[str, Reading]] = {
     "name": _name,
@@ -157,6 +160,7 @@ _ROBOT: Final[dict[str, Reading]] = {
 }
 _ROBOT_OPTIONAL: Final[dict[str, Reading]] = {
     "outputs": partial(_each, _output),
+    "inputs": partial(_each, _input),
     "places": partial(_each, _place),
 }
 _JOINT: Final[dict[str, Reading]] = {

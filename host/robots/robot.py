@@ -1,6 +1,6 @@
 """A robot as data: its joints, the board that drives them, its dimensions and named positions."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Final
@@ -13,6 +13,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import check_all
 from steptwin.host.robots.board_settings import BoardSettings
 from steptwin.host.robots.coupling import Coupling
+from steptwin.host.robots.digital_input import Input
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.output import Output
 
@@ -36,13 +37,14 @@ class Robot:
         home: joint positions, in joint order, that the machine takes after homing.
         board: settings that all axes share.
         outputs: digital outputs of the board, by the name of the device wired to them.
+        inputs: digital inputs of the board, by the name of the sensor wired to them.
         places: joint positions that jobs go to, by name; a place may name only some of the joints.
         coupling: how the axes follow the joints; by default each joint has a motor of its own.
         toml: text of the robot file; empty for a robot that was not read from a file.
 
     Raises:
         InputError: no joints or more than a board drives, a position outside a joint's limits, a place without joints,
-            an output of an unknown joint, or two outputs at one connector.
+            an output or input of an unknown joint, or two of them at one connector.
     """
 
     name: str
@@ -53,6 +55,7 @@ class Robot:
     home: tuple[float, ...]
     board: BoardSettings
     outputs: Mapping[str, Output] = field(default_factory=dict)
+    inputs: Mapping[str, Input] = field(default_factory=dict)
     places: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     coupling: Coupling = field(default_factory=Coupling)
     toml: str = field(default="", repr=False, compare=False)
@@ -64,16 +67,21 @@ class Robot:
         places |= {f"places.{name}": dict(place) for name, place in self.places.items()}
         check_all(
             *(partial(self._check_place, key, place) for key, place in places.items()),
-            *(partial(self._check_output, name) for name in self.outputs),
+            *self._checks_of_wiring("output", {name: (output.joint, output.out) for name, output in self.outputs.items()}),
+            *self._checks_of_wiring("input", {name: (wired.joint, wired.input) for name, wired in self.inputs.items()}),
         )
 
-    def _check_output(self, name: str) -> None:
-        output = self.outputs[name]
-        if output.joint not in self.joint_names:
-            raise unknown(f"outputs.{name}.joint:", output.joint, self.joint_names)
-        first = next(other for other, wired in self.outputs.items() if wired == output)
+    def _checks_of_wiring(self, what: str, wiring: Mapping[str, tuple[str, int]]) -> list[Callable[[], None]]:
+        return [partial(self._check_wire, what, name, wiring) for name in wiring]
+
+    def _check_wire(self, what: str, name: str, wiring: Mapping[str, tuple[str, int]]) -> None:
+        """Check the joint of an output or input, and that nothing else is at its connector."""
+        joint, number = wiring[name]
+        if joint not in self.joint_names:
+            raise unknown(f"{what}s.{name}.joint:", joint, self.joint_names)
+        first = next(other for other, wired in wiring.items() if wired == wiring[name])
         if first != name:
-            raise InputError(f"outputs.{name}: output {output.out} of {output.joint} is already wired to {first}")
+            raise InputError(f"{what}s.{name}: {what} {number} of {joint} is already wired to {first}")
 
     def _check_place(self, key: str, place: Mapping[str, float]) -> None:
         if not place:

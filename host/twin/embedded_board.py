@@ -1,13 +1,13 @@
 """Emulate a robot's board in this process, in virtual time, with the client's network connected to its bus."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from steptwin.controller.backend import Kernel
 from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.emulator.board import Board
 from steptwin.emulator.bus import Bus
 from steptwin.emulator.bus_faults import FaultScript
-from steptwin.emulator.operations import Operation, Scheduled
+from steptwin.emulator.operations import Operation, Scheduled, SetInput
 from steptwin.emulator.simulation import Simulation
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.board_config import board_config
@@ -15,10 +15,12 @@ from steptwin.host.twin.commissioning import commissioned_flash
 from steptwin.host.twin.drivers import driver_profile
 from steptwin.host.twin.embedded_network import EmbeddedNetwork
 from steptwin.host.twin.evidence import axis_evidence
+from steptwin.host.twin.input_changes import InputChange, set_input
 from steptwin.host.twin.standing import standing_steps
 from steptwin.host.verify import BusReport, Evidence
 from steptwin.host.verify.wiring import output_changes
 from steptwin.protocol.frame import COB_SYNC, Frame
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 _BOOT_S = 0.01
 """Time from power-up to the host's arrival: by then the nodes have sent their boot-up messages."""
@@ -56,6 +58,10 @@ class EmbeddedBoard:
         self._board = Board(config, kernel, commissioned_flash(robot, config.axis_count))
         self._simulation = Simulation([self._board], Bus(robot.board.bitrate, bus_faults), schedule)
         self.network = EmbeddedNetwork(self._simulation)
+        self._changes: list[InputChange] = []
+        """Changes of inputs that wait for the SYNC that starts the motion."""
+        self._changes_after = 0
+        """Length of the bus log when these were given."""
         self.wait(_BOOT_S)
 
     @property
@@ -69,7 +75,37 @@ class EmbeddedBoard:
 
     def wait(self, dt_s: float) -> None:
         """Let `dt_s` seconds of simulated time pass, and the rest of a periodic frame that is on the bus then."""
+        if self._changes and (sync_counts := self._last_sync_counts(self._changes_after)) is not None:
+            begin_counts = -(-sync_counts // TICK_COUNTS) * TICK_COUNTS
+            self._simulation.schedule(
+                Scheduled(begin_counts + round(change.at_s * COUNTS_PER_SECOND), self._input_operation(change))
+                for change in self._changes
+            )
+            self._changes = []
         self.network.wait(dt_s)
+
+    def set_input(self, name: str, *, on: bool) -> None:
+        """Set a digital input of the robot now; raise InputError for an unknown name."""
+        self.operate(set_input(self.robot, name, on=on))
+
+    def change_inputs(self, changes: Sequence[InputChange]) -> None:
+        """Let inputs change during the motion that the next SYNC starts; raise InputError for an unknown name."""
+        for change in changes:
+            self._input_operation(change)
+        for change in sorted(changes, key=lambda change: change.at_s):
+            if change.at_s <= 0:
+                self.operate(self._input_operation(change))
+        self._changes = [change for change in changes if change.at_s > 0]
+        self._changes_after = len(self._simulation.bus.log_frames)
+
+    def _input_operation(self, change: InputChange) -> SetInput:
+        return set_input(self.robot, change.name, on=change.on)
+
+    def _last_sync_counts(self, after: int = 0) -> int | None:
+        """Return the instant of the last SYNC in the bus log from an entry on; None if there is none."""
+        bus = self._simulation.bus
+        log = zip(bus.log_counts[after:], bus.log_frames[after:], strict=True)
+        return max((counts for counts, frame in log if frame.cob_id == COB_SYNC), default=None)
 
     def operate(self, operation: Operation) -> None:
         """Do an operation on the machine now, such as EmergencyStop(pressed=True)."""
@@ -99,9 +135,7 @@ class EmbeddedBoard:
 
     def evidence(self) -> Evidence:
         """Return every edge at the drivers; t = 0 is the first servo tick after the last SYNC, else power-up."""
-        bus = self._simulation.bus
-        log = zip(bus.log_counts, bus.log_frames, strict=True)
-        sync_counts = max((counts for counts, frame in log if frame.cob_id == COB_SYNC), default=0)
+        sync_counts = self._last_sync_counts() or 0
         traces = [self._board.trace(axis) for axis in range(len(self._start_steps))]
         axes = tuple(
             axis_evidence(joint.name, self._start_steps[i], traces[i], i, self._board.pin_changes)

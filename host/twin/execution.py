@@ -1,6 +1,7 @@
 """Run a plan from start to verdict: check the start, switch the board on, stream, wait for the end, verify."""
 
 import time
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -10,10 +11,12 @@ from steptwin.host.client import Machine, Progress, object_dictionary
 from steptwin.host.client.stopping import await_rest
 from steptwin.host.common.axis_records import AxisRecords
 from steptwin.host.common.errors import DeviceFaultError, InputError
+from steptwin.host.operate.input_waiting import executed, input_waits, waited
 from steptwin.host.operate.setting_up import set_up
 from steptwin.host.operate.switching import output_commands
 from steptwin.host.planning.plan import Plan
 from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.input_changes import InputChange
 from steptwin.host.twin.outcome import Outcome, RunFault
 from steptwin.host.verify import Expectation, RunInfo, compare, verify_comparison
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
@@ -28,6 +31,7 @@ def execute(
     cut_stream_s: float | None = None,
     driver_profile: str | None = None,
     bus_faults: FaultScript | None = None,
+    inputs: Sequence[InputChange] = (),
     progress: Progress = lambda _: None,
 ) -> Outcome:
     """Run a plan on an embedded board in virtual time, and verify every pulse.
@@ -41,26 +45,30 @@ def execute(
         driver_profile: name of the drivers that the emulated board has instead of those in the robot's file; neither
             the plan nor the firmware is told.
         bus_faults: script of the faults by which the bus loses, disturbs or delays frames.
+        inputs: changes of the machine's digital inputs during the motion.
         progress: called with the part of the stream, from 0 to 1, that has been sent.
 
     Raises:
         InputError: the machine does not stand at the plan's start, the stream is cut outside the motion, or the
-            drivers do not exist.
+            drivers or an input do not exist.
         DeviceFaultError, BusError: the board could not be set up. A fault in motion is part of the outcome instead.
     """
     if stand_at is not None:
         plan.check_start(stand_at)
-    records = _records(plan, cut_stream_s)
+    records, waits = _records(plan, cut_stream_s), input_waits(plan)
+    if cut_stream_s is not None:
+        waits = tuple(wait for wait in waits if wait.at_s < cut_stream_s)
     kernel = kernel or fastest_kernel()
     object_dictionary()  # made once in a process: no part of what the emulation takes
     started_s = time.perf_counter()
     start_joints = plan.start_joints if stand_at is None else stand_at
     board = EmbeddedBoard(plan.robot, start_joints, kernel, bus_faults, driver_profile_name=driver_profile)
+    board.change_inputs(inputs)
     machine = Machine(board, plan.robot.joint_names)
     set_up(machine, plan.robot, plan.start_units)
     fault = None
     try:
-        machine.run(records, plan.start_units, progress, output_commands(plan.robot, plan.trajectory))
+        machine.run(records, plan.start_units, progress, output_commands(plan.robot, plan.trajectory), waits)
         machine.disable()
     except DeviceFaultError as error:
         if not board.started:
@@ -68,17 +76,19 @@ def execute(
         await_rest(board, machine.axes)
         fault = _fault(error, machine, board, plan)
     machine.disconnect()
+    made = executed(plan, machine.holds_ms)
     run = RunInfo(
         robot=plan.robot.name,
         job=job,
-        duration_s=plan.trajectory.duration_s,
+        duration_s=made.trajectory.duration_s,
         bus=board.bus_report(),
         simulated_s=board.now_s(),
         wall_s=time.perf_counter() - started_s,
     )
-    comparison = compare(Expectation.of(plan.robot, plan.trajectory), board.evidence())
+    comparison = compare(Expectation.of(plan.robot, made.trajectory), board.evidence())
     report = verify_comparison(comparison, run)
-    return Outcome(plan, comparison, report, board.bus_log, fault, board.driver_profile.name)
+    waits_made = waited(plan, machine.holds_ms)
+    return Outcome(made, comparison, report, board.bus_log, fault, board.driver_profile.name, waits_made)
 
 
 def _records(plan: Plan, cut_stream_s: float | None) -> tuple[AxisRecords, ...]:

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,6 +15,7 @@ from steptwin.emulator.bus import Bus
 from steptwin.emulator.driver_bank import AxisTrace
 from steptwin.emulator.lateness import Lateness
 from steptwin.emulator.live import LiveSimulation, warm_up
+from steptwin.emulator.operations import SetInput
 from steptwin.emulator.pacer import Pacer
 from steptwin.emulator.simulation import Simulation
 from steptwin.host.common.errors import RecordingError
@@ -135,6 +136,11 @@ class LiveBoard:
             for joint, (board, axis) in zip(self._joints, self._axes, strict=True)
         )
         return Header(self.robot.name, self.driver_profile.name, bitrate, axes)
+
+    def operate(self, operation: SetInput) -> None:
+        """Set an input of a joint's axis, whose number among all boards' axes the operation names; in the loop only."""
+        board, axis = self._axes[operation.axis]
+        self.live.simulation.operate(replace(operation, axis=axis), self._boards.index(board))
 
     # --- recording
 

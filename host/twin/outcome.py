@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from steptwin.host.operate.input_waiting import Waited, waits_document
 from steptwin.host.planning.plan import Plan
 from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY, keep_recording, prepare_folder, write_folder
 from steptwin.host.verify import Comparison, Report
@@ -47,6 +48,7 @@ class Outcome:
         bus_log: every frame with the instant, in counts since power-up, at which it became valid.
         fault: the fault that ended the run; None if it came to its end.
         driver_profile: name of the drivers that the board had.
+        waits: the waits for inputs on the way; the plan has their standstills in it.
     """
 
     plan: Plan
@@ -55,6 +57,7 @@ class Outcome:
     bus_log: list[tuple[int, Frame]]
     fault: RunFault | None
     driver_profile: str
+    waits: tuple[Waited, ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -64,6 +67,7 @@ class Outcome:
     def to_dict(self) -> dict[str, Any]:
         """Return the document that `steptwin run --json` prints."""
         document = self.report.to_dict() | {"driver_profile": self.driver_profile, "simulated": True}
+        document |= waits_document(self.waits)
         if self.fault:
             document |= {"passed": False, "fault": self.fault.to_dict()}
         return document

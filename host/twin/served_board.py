@@ -14,6 +14,7 @@ from steptwin.host.record.folder import keep_any_run, keep_log, prepare_folder
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.axes_per_board import check_axes_per_board
 from steptwin.host.twin.endpoints import open_endpoint
+from steptwin.host.twin.input_changes import set_input
 from steptwin.host.twin.live_board import RECORD_EVERY_S, LiveBoard
 from steptwin.host.twin.standing import Standing, standing_joints
 from steptwin.protocol.frame import BITRATES
@@ -155,6 +156,15 @@ class ServedBoard:
             raise BusError(self.endpoint.failure)
         for failure in self.board.failures:
             raise failure
+
+    def set_input(self, name: str, *, on: bool) -> None:
+        """Set a digital input of the machine while the board runs; may be called from any thread.
+
+        Raises:
+            InputError: the robot has no input of this name.
+        """
+        operation = set_input(self.board.robot, name, on=on)
+        self._loop.call_soon(lambda: self.board.operate(operation))
 
     def stop(self) -> None:
         """End the board; may be called from any thread and from signal handlers."""

@@ -17,7 +17,15 @@ from steptwin.emulator.board import Board, BoardConfig
 from steptwin.emulator.bus import Bus
 from steptwin.emulator.driver_bank import AxisTrace
 from steptwin.emulator.driver_module import Coupler, Module
-from steptwin.emulator.operations import BoardTemperature, DriverProtect, EmergencyStop, Operation, Scheduled, Supply
+from steptwin.emulator.operations import (
+    BoardTemperature,
+    DriverProtect,
+    EmergencyStop,
+    Operation,
+    Scheduled,
+    SetInput,
+    Supply,
+)
 from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.switches import Switch
 from steptwin.emulator.tb6560 import PERIOD_MIN_COUNTS, Cooling, Rule
@@ -535,3 +543,44 @@ class TestPowerCycle:
         closed = 20 <= board.trace(0).position_steps <= 30
         assert board.firmware.nodes[0].dictionary.get(od.DIGITAL_INPUTS) == (HOME if closed else 0)
         assert closed
+
+
+class TestGeneralInputs:
+    """IN1 and IN2 are the host's: the board reports them at once and does nothing else."""
+
+    def test_each_axis_has_its_own(self, fast_kernel: Kernel) -> None:
+        simulation = Simulation([board_of(fast_kernel, 2)], Bus(1_000_000))
+        simulation.run_until(10 * MS)
+        nodes = simulation.boards[0].firmware.nodes
+
+        def levels() -> list[int]:
+            simulation.run_until(simulation.now_counts + MS)
+            return [node.dictionary.get(od.DIGITAL_INPUTS) for node in nodes]
+
+        simulation.operate(SetInput(1, DigitalInput.IN1, on=True))
+        simulation.operate(SetInput(1, DigitalInput.IN2, on=True))
+        assert levels() == [0, 0x000C_0000]
+        simulation.operate(SetInput(1, DigitalInput.IN1, on=False))
+        assert levels() == [0, DigitalInput.IN2]
+        assert [State.of(node.dictionary.get(od.STATUSWORD)) for node in nodes] == [State.SWITCH_ON_DISABLED] * 2
+        simulation.power_cycle()
+        nodes = simulation.boards[0].firmware.nodes
+        assert levels() == [0, DigitalInput.IN2]  # the sensor has not moved
+
+    def test_a_change_is_reported_by_itself(self, fast_kernel: Kernel) -> None:
+        """TPDO4 carries the inputs; its event is their change."""
+        bus = Bus(1_000_000)
+        simulation = Simulation([board_of(fast_kernel, 1)], bus)
+        simulation.send(Frame(0x000, b"\x01\x00"))
+        simulation.run_until(100 * MS)
+        simulation.schedule([Scheduled(120 * MS, SetInput(0, DigitalInput.IN2, on=True))])
+        simulation.run_until(130 * MS)
+        sent = [(counts, frame.data[:4]) for counts, frame in zip(bus.log_counts, bus.log_frames, strict=True)
+                if frame.cob_id == 0x490]  # fmt: skip
+        counts, inputs = sent[-1]
+        assert inputs == int(DigitalInput.IN2).to_bytes(4, "little")
+        assert 0 <= counts - 120 * MS < 2 * TICK_COUNTS
+
+    def test_other_inputs_cannot_be_set(self) -> None:
+        with pytest.raises(ValueError, match="a general input is one of"):
+            SetInput(0, HOME, on=True)

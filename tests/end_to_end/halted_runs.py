@@ -10,7 +10,7 @@ import pytest
 from steptwin.controller import kernel as k
 from steptwin.controller.backend import Kernel
 from steptwin.controller.group_time import GroupTime
-from steptwin.host.client import Machine, OutputCommand, Progress
+from steptwin.host.client import InputWait, Machine, OutputCommand, Progress
 from steptwin.host.client.pausing import pause_trajectory, resume_trajectory
 from steptwin.host.common.arrays import Int64Array
 from steptwin.host.common.axis_records import AxisRecords
@@ -104,8 +104,9 @@ def run_with(kernel: Kernel, job: str, breaks: Sequence[Break], options: dict[st
             start_units: list[int],
             progress: Progress,
             outputs: tuple[OutputCommand, ...] = (),
+            waits: tuple[InputWait, ...] = (),
         ) -> None:
-            run = self.start(records, start_units, outputs)
+            run = self.start(records, start_units, outputs, waits)
             for at_s, lasts_s in breaks:
                 while run.trajectory_s < at_s:
                     self.wait(_POLL_S)

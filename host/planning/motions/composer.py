@@ -8,13 +8,14 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import unknown, whole_ms
+from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import Law, SCurve
 from steptwin.host.planning.laws.times import check_duration
 from steptwin.host.planning.motions.joint_move import JointMove, limits_along
 from steptwin.host.planning.motions.sequence import Pause, Sequence
 from steptwin.host.planning.motions.tool_move import ToolMove
 from steptwin.host.planning.paths import StraightLine, ToolPath
-from steptwin.host.planning.trajectory import Switching, Trajectory
+from steptwin.host.planning.trajectory import Switching, Trajectory, Wait
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 
@@ -26,6 +27,12 @@ PACE: Final = 0.8
 
 JERK_TIME_S: Final = 0.1
 """Time in which a joint move's acceleration rises to its highest value."""
+
+WAIT_S: Final = 0.01
+"""Time in the plan of a wait for an input: the pause at whose beginning the machine stands until it goes on."""
+
+WAIT_MAX_S: Final = 3600.0
+"""Longest time-out of a wait."""
 
 _THERE: Final = 1e-9
 """Rounding error, in mm or degrees, of the distance to a goal that has been reached."""
@@ -44,6 +51,7 @@ class Composer:
     _parts: list[Trajectory] = field(default_factory=list, init=False)
     _starts_ms: list[int] = field(default_factory=lambda: [0], init=False)
     _switchings: list[Switching] = field(default_factory=list, init=False)
+    _waits: list[Wait] = field(default_factory=list, init=False)
 
     @property
     def now_s(self) -> float:
@@ -92,6 +100,18 @@ class Composer:
         self.pause(SWITCHING_S)
         self._switchings.append(Switching(output, on, from_s, self.now_s))
 
+    def wait(self, sensor: str, *, on: bool, timeout_s: float, place: str = "") -> None:
+        """Stand still until a digital input of the robot has a level; after the time-out the motion ends there.
+
+        `place` says in messages where the wait is written.
+        """
+        if sensor not in self.robot.inputs:
+            raise unknown("inputs:", sensor, self.robot.inputs)
+        if not 0 < timeout_s <= WAIT_MAX_S:
+            raise InputError(f"timeout_s: {timeout_s:g} s is not above 0 and up to {WAIT_MAX_S:g} s")
+        self._waits.append(Wait(sensor, on, self.now_s, timeout_s, place))
+        self.pause(WAIT_S)
+
     def pause(self, duration_s: float) -> None:
         """Stand still for whole milliseconds, at least one."""
         check_duration(duration_s)
@@ -103,7 +123,8 @@ class Composer:
 
     def sequence(self) -> Sequence:
         """Return the sequence of all moves so far."""
-        return Sequence(self.robot.joint_names, tuple(self._parts), tuple(self._starts_ms), tuple(self._switchings))
+        parts, starts_ms = tuple(self._parts), tuple(self._starts_ms)
+        return Sequence(self.robot.joint_names, parts, starts_ms, tuple(self._switchings), tuple(self._waits))
 
     def _append(self, part: Trajectory) -> None:
         self._parts.append(part)

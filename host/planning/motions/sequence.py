@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.planning.trajectory import Switching, Trajectory
+from steptwin.host.planning.trajectory import Switching, Trajectory, Wait
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,12 +39,14 @@ class Sequence:
         parts: the motions, at least one.
         starts_ms: start of each part, and then the end of the last one.
         switchings: changes of outputs during the motion.
+        waits: waits for inputs, each at the beginning of a pause.
     """
 
     joint_names: tuple[str, ...]
     parts: tuple[Trajectory, ...]
     starts_ms: tuple[int, ...]
     switchings: tuple[Switching, ...]
+    waits: tuple[Wait, ...] = ()
 
     @property
     def duration_s(self) -> float:

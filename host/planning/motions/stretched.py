@@ -8,7 +8,7 @@ from typing import Final
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.trajectory import Switching, Trajectory
+from steptwin.host.planning.trajectory import Switching, Trajectory, Wait, waits_of
 
 PER_FACTOR: Final = 1000
 """Steps of 1 in a stretch factor: factors are found, said and tried in thousandths."""
@@ -71,6 +71,13 @@ class Stretched:
         return tuple(
             replace(change, from_s=self.factor * change.from_s, until_s=self.factor * change.until_s)
             for change in self.trajectory.switchings
+        )
+
+    @property
+    def waits(self) -> tuple[Wait, ...]:
+        """The trajectory's waits, at the first whole milliseconds in their pauses; their time-outs stay."""
+        return tuple(
+            replace(wait, at_s=_ceil_ms(1000 * self.factor * wait.at_s) / 1000) for wait in waits_of(self.trajectory)
         )
 
     def positions(self, t_s: FloatArray) -> FloatArray:

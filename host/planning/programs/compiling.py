@@ -111,6 +111,7 @@ def _add(moves: Moves, robot: Robot, number: str, step: Step, rows: list[StepRow
     with found.collecting(place):
         if len(rows) >= STEPS_MAX:
             raise InputError(f"a program has at most {STEPS_MAX} steps, repetitions written out")
+        moves.place = f"step {number}"
         step.add_to(moves)
         made = True
     if not made:

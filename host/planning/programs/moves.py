@@ -32,6 +32,8 @@ class Moves:
         self._positions = positions
         self._kinematics = make_kinematics(robot)
         self.composer = Composer(robot, np.array(robot.home))
+        self.place = ""
+        """The step that is being added, as messages name it."""
         if start is not None:
             with prefixed("start: "):
                 self.composer.joints = self.joints_at(start)

@@ -173,6 +173,10 @@ def _output(table: Table) -> AnyStep:
     return steps.Output(table.text("output", empty=False), table.truth("on"))
 
 
+def _wait(table: Table) -> AnyStep:
+    return steps.Wait(table.text("wait", empty=False), table.truth("on"), table.number("timeout_s"))
+
+
 def _pause(table: Table) -> AnyStep:
     return steps.Pause(table.number("pause"))
 
@@ -192,6 +196,7 @@ _VERBS: Final[dict[str, tuple[Callable[[Table], AnyStep], tuple[str, ...]]]] = {
     "through": (_through, ("smoothing", *_TOOL_PACE)),
     "by": (_by, (*_JOINT_PACE, *_TOOL_PACE)),
     "output": (_output, ("on",)),
+    "wait": (_wait, ("on", "timeout_s")),
     "pause": (_pause, ()),
     "call": (_call, ()),
 }

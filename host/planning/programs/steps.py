@@ -140,6 +140,21 @@ class Output:
 
 
 @dataclass(frozen=True, slots=True)
+class Wait:
+    """Stand still until a digital input has a level; a wait beyond the time-out ends the motion."""
+
+    name: str
+    on: bool
+    timeout_s: float
+
+    def __str__(self) -> str:
+        return f"wait for {self.name} {'on' if self.on else 'off'}"
+
+    def add_to(self, moves: Moves) -> None:
+        moves.composer.wait(self.name, on=self.on, timeout_s=self.timeout_s, place=moves.place)
+
+
+@dataclass(frozen=True, slots=True)
 class Pause:
     """Stand still for a time."""
 

@@ -397,6 +397,24 @@ class TestMistakesInAFile:
             pytest.param(
                 'lock = { joint = "th3", out = 2 }', "lock = 2", "outputs.lock: 2 is not a table", id="no table"
             ),
+            pytest.param(
+                "[outputs]",
+                '[inputs.part]\njoint = "th3"\ninput = 3\n[outputs]',
+                "inputs.part.input: 3 is not from 1 to 2",
+                id="input 3",
+            ),
+            pytest.param(
+                "[outputs]",
+                '[inputs]\npart = { joint = "th3", input = 2 }\nbox = { joint = "th3", input = 2 }\n[outputs]',
+                "inputs.box: input 2 of th3 is already wired to part",
+                id="input taken",
+            ),
+            pytest.param(
+                "[outputs]",
+                '[inputs]\npart = { joint = "th4", input = 2 }\n[outputs]',
+                "inputs.part.joint: 'th4' is unknown: did you mean th3 or th2 or th1?",
+                id="input's joint",
+            ),
             pytest.param("sx = 400.0", "sx = 2000.1", "places.A1.sx: 2000.1 mm is outside 0..2000 mm", id="outside"),
             pytest.param("sz = 50.0", "sz = -0.1", "places.hand-over.sz: -0.1 mm is outside 0..1000 mm", id="below"),
             pytest.param(

@@ -1,0 +1,101 @@
+"""Wait for digital inputs, by their names in the robot's file, while a trajectory runs; read them at rest."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from itertools import accumulate
+from typing import Any
+
+import numpy as np
+
+from steptwin.host.client import InputWait
+from steptwin.host.client.waits import HOLD_MS
+from steptwin.host.common.errors import InputError
+from steptwin.host.operate.session import Session
+from steptwin.host.planning.motions.held import Hold
+from steptwin.host.planning.plan import Plan
+from steptwin.host.planning.trajectory import Wait, waits_of
+from steptwin.host.robots.robot import Robot
+from steptwin.protocol import od
+from steptwin.protocol.cia402 import GENERAL_INPUTS, DigitalInput
+
+
+@dataclass(frozen=True, slots=True)
+class Waited:
+    """A wait of a motion that was executed.
+
+    Attributes:
+        input: name of the input.
+        on: the level that was waited for.
+        at_s: time of the executed motion at which the wait began.
+        stood_s: time for which the machine stood, until it went on or the time-out ended the motion.
+    """
+
+    input: str
+    on: bool
+    at_s: float
+    stood_s: float
+
+
+def waited(plan: Plan, holds_ms: Sequence[int]) -> tuple[Waited, ...]:
+    """Return the waits of a plan to which a machine came, with the times for which it stood there."""
+    before_ms = accumulate(holds_ms, initial=0)
+    return tuple(
+        Waited(wait.input, wait.on, (round(1000 * wait.at_s) + later_ms) / 1000, hold_ms / 1000)
+        for wait, hold_ms, later_ms in zip(waits_of(plan.trajectory), holds_ms, before_ms, strict=False)
+        if hold_ms
+    )
+
+
+def waits_document(waits: Sequence[Waited]) -> dict[str, Any]:
+    """Return the waits under their key in the JSON document of a run, which has it only if there were waits."""
+    return {"waits": [asdict(wait) for wait in waits]} if waits else {}
+
+
+def wired_inputs(robot: Robot) -> dict[str, tuple[int, DigitalInput]]:
+    """Return the axis and the bit of every input in the robot's file."""
+    return {
+        name: (robot.joint_names.index(sensor.joint), GENERAL_INPUTS[sensor.input - 1])
+        for name, sensor in robot.inputs.items()
+    }
+
+
+def read_inputs(session: Session) -> dict[str, bool]:
+    """Read whether each input is on, by SDO; raise BusError if a node does not answer."""
+    return {
+        name: bool(session.machine.axes[axis].read(od.DIGITAL_INPUTS) & bit)
+        for name, (axis, bit) in wired_inputs(session.robot).items()
+    }
+
+
+def input_waits(plan: Plan) -> tuple[InputWait, ...]:
+    """Return the waits of a plan; raise InputError if the machine does not stand still at one of them."""
+    wired = wired_inputs(plan.robot)
+    return tuple(
+        InputWait(*wired[wait.input], wait.on, _standstill_s(plan, wait), wait.timeout_s, _timeout_text(wait))
+        for wait in waits_of(plan.trajectory)
+    )
+
+
+def executed(plan: Plan, holds_ms: Sequence[int]) -> Plan:
+    """Return what a machine has executed that stood still for these times at the first waits of a plan."""
+    if not holds_ms:
+        return plan
+    waits = waits_of(plan.trajectory)
+    holds = [Hold(round(1000 * wait.at_s), ms) for wait, ms in zip(waits, holds_ms, strict=False)]
+    return plan.held(holds, HOLD_MS)
+
+
+def _standstill_s(plan: Plan, wait: Wait) -> float:
+    at_ms = round(1000 * wait.at_s)
+    stands = (plan.times_ms == at_ms) & ~plan.velocities.any(axis=1)
+    if not np.any(stands):
+        raise InputError(f"{_place(wait)}the machine does not stand at t = {wait.at_s:.3f} s to wait for {wait}")
+    return wait.at_s
+
+
+def _timeout_text(wait: Wait) -> str:
+    return f"{_place(wait)}the input {wait.input} was not {'on' if wait.on else 'off'} within {wait.timeout_s:g} s"
+
+
+def _place(wait: Wait) -> str:
+    return f"{wait.place}: " if wait.place else ""

@@ -1,0 +1,83 @@
+"""A motion with standstills put in: what a machine has done that waited for inputs on its way."""
+
+from dataclasses import dataclass, replace
+from itertools import accumulate
+from typing import NamedTuple
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.planning.trajectory import Switching, Trajectory
+
+
+class Hold(NamedTuple):
+    """A standstill: the time of the original motion at which it is put in, and its duration, in milliseconds."""
+
+    at_ms: int
+    duration_ms: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Held:
+    """A trajectory that stands still at some instants, at which it rests anyway; implements Trajectory.
+
+    Attributes:
+        trajectory: the trajectory itself.
+        holds: the standstills, in order of time.
+    """
+
+    trajectory: Trajectory
+    holds: tuple[Hold, ...]
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """The trajectory's joints."""
+        return self.trajectory.joint_names
+
+    @property
+    def duration_s(self) -> float:
+        """Duration of the trajectory and of all standstills."""
+        return (round(1000 * self.trajectory.duration_s) + sum(hold.duration_ms for hold in self.holds)) / 1000
+
+    @property
+    def breakpoints_s(self) -> tuple[float, ...]:
+        """The trajectory's breakpoints at their new times, and the ends of the standstills."""
+        own = {self._later_s(t_s) for t_s in self.trajectory.breakpoints_s}
+        ends = {t_s for pair in self._spans_s() for t_s in pair if 0 < t_s < self.duration_s}
+        return tuple(sorted(own | ends))
+
+    @property
+    def switchings(self) -> tuple[Switching, ...]:
+        """The trajectory's changes of outputs, at their new times."""
+        return tuple(
+            replace(change, from_s=self._later_s(change.from_s), until_s=self._later_s(change.until_s))
+            for change in self.trajectory.switchings
+        )
+
+    def positions(self, t_s: FloatArray) -> FloatArray:
+        """Return joint positions, of shape (n, joints)."""
+        return self.trajectory.positions(self._own_s(t_s))
+
+    def velocities(self, t_s: FloatArray) -> FloatArray:
+        """Return joint velocities, of shape (n, joints)."""
+        return self.trajectory.velocities(self._own_s(t_s))
+
+    def _later_s(self, t_s: float) -> float:
+        """Return the time at which an instant of the original motion comes; at a standstill, its end."""
+        ms = 1000 * t_s
+        return (ms + sum(hold.duration_ms for hold in self.holds if hold.at_ms <= ms)) / 1000
+
+    def _spans_s(self) -> list[tuple[float, float]]:
+        """Return the beginning and the end of each standstill."""
+        ends_ms = accumulate(hold.duration_ms for hold in self.holds)
+        return [
+            ((hold.at_ms + end_ms - hold.duration_ms) / 1000, (hold.at_ms + end_ms) / 1000)
+            for hold, end_ms in zip(self.holds, ends_ms, strict=True)
+        ]
+
+    def _own_s(self, t_s: FloatArray) -> FloatArray:
+        """Return the times of the original motion, which stand during the standstills."""
+        stood_s = np.zeros_like(t_s)
+        for begin_s, end_s in self._spans_s():
+            stood_s += np.clip(t_s - begin_s, 0.0, end_s - begin_s)
+        return np.asarray(np.clip(t_s - stood_s, 0.0, self.trajectory.duration_s))
