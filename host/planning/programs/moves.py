@@ -9,6 +9,7 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.planning.even_path import EvenPath
 from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.paths import Arc, Pose, SampledPath, Smoothing, StraightLine, ToolPath
 from steptwin.host.planning.programs.paces import JointPace, ToolPace
@@ -110,7 +111,7 @@ class Moves:
         """Move the tool along the curve from where it is through poses; each turns on from the one before."""
         rows = np.array([self._here(), *poses])
         rows[:, 3] = np.unwrap(rows[:, 3], period=360.0)
-        self._follow(SampledPath.through(rows, smoothing), pace)
+        self._follow(EvenPath.of(SampledPath.through(rows, smoothing)), pace)
 
     def _follow(self, path: ToolPath, pace: ToolPace) -> None:
         self.composer.follow(path, pace.along(path.length_mm), self._branch())

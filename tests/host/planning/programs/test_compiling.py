@@ -7,6 +7,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning.programs import CompiledProgram, compile_program, compiling, parse_program
+from steptwin.host.planning.trajectory import Wait
 from steptwin.host.robots import load_robot
 
 ROBOT = load_robot("teaching-scara")
@@ -88,7 +89,7 @@ def test_a_curve_passes_through_its_points_without_stopping() -> None:
     for x, y in ((110, 110), (90, 120)):
         assert np.hypot(poses[:, 0] - x, poses[:, 1] - y).min() < 0.05
     speed = np.linalg.norm(np.diff(poses[:, :3], axis=0), axis=1) * 1000
-    assert speed[400:-400].min() > 10.0
+    assert speed[400:-400] == pytest.approx(np.full(len(speed) - 800, 30.0), rel=0.01)
 
 
 def test_relative_moves_add_up() -> None:
@@ -138,6 +139,19 @@ def test_outputs_switch_at_their_steps() -> None:
     program = compiled('[[step]]\npause = 1\n[[step]]\noutput = "gripper"\non = true')
     (switching,) = program.trajectory.switchings
     assert (switching.output, switching.on, switching.from_s) == ("gripper", True, 1.0)
+
+
+def test_a_wait_knows_its_step() -> None:
+    program = compiled(
+        "[[step]]\nrepeat = 2\nsteps = [{ pause = 1 }, { wait = 'part_ready', on = false, timeout_s = 2.5 }]"
+    )
+    assert program.trajectory.waits == (
+        Wait("part_ready", False, 1.0, 2.5, "step 1.2"),
+        Wait("part_ready", False, 2.01, 2.5, "step 1.2"),
+    )
+    assert program.steps[1].text == "wait for part_ready off"
+    told = complaint("[[step]]\nwait = 'part'\non = true\ntimeout_s = 1")
+    assert told == "step 1 (wait for part on): inputs: 'part' is unknown: there are part_ready"
 
 
 def test_refusals_name_step_time_place_and_joint() -> None:

@@ -92,7 +92,7 @@ def test_everything_that_is_wrong_is_found_at_once() -> None:
         "positions.b: names neither a joint nor one of the tool's coordinates x, y, z, phi",
         "step 1: speed: key 'speed' is unknown: there are go, law, speed_percent, duration_s",
         "step 2: speed_mm_s: is missing",
-        "step 3: a step has exactly one of go, line, arc, circle, through, by, output, pause, call, repeat, not none",
+        "step 3: a step has exactly one of go, line, arc, circle, through, by, output, wait, pause, call, repeat, not none",
         "step 4.2: speed_mm_s: -4 is not above 0",
         "step 5: by.branch: a relative move keeps the branch",
         "titel: key 'titel' is unknown: did you mean title?",
@@ -119,6 +119,9 @@ def test_everything_that_is_wrong_is_found_at_once() -> None:
         ("repeat = 10001\nsteps = []", "repeat: 10001 is not from 1 to 10000"),
         ("repeat = 2", "steps: is missing"),
         ('output = "gripper"', "on: is missing"),
+        ('wait = "part_ready"\ntimeout_s = 3', "on: is missing"),
+        ('wait = "part_ready"\non = true', "timeout_s: is missing"),
+        ('wait = "part_ready"\non = true\ntimeout = 3', "timeout: key 'timeout' is unknown: did you mean timeout_s?"),
         ("pause = nan", "pause: nan is not a finite number up to 1e+09"),
     ],
 )
