@@ -9,7 +9,14 @@ from importlib import import_module
 TYPE_CHECKING = False  # as typing's, which takes longer to import than all else here
 if TYPE_CHECKING:
     from steptwin.emulator.bus_faults import BusFault, BusFaultKind, FaultScript
-    from steptwin.emulator.operations import BoardTemperature, DriverProtect, EmergencyStop, Scheduled, Supply
+    from steptwin.emulator.operations import (
+        BoardTemperature,
+        DriverProtect,
+        EmergencyStop,
+        Scheduled,
+        SetInput,
+        Supply,
+    )
     from steptwin.host.common.errors import (
         BusError,
         DeviceFaultError,
@@ -17,6 +24,7 @@ if TYPE_CHECKING:
         NotVerifiedError,
         RecordingError,
         StepTwinError,
+        WaitTimeoutError,
     )
     from steptwin.host.planning.jobs import job_names, job_options, make_job
     from steptwin.host.planning.laws import Cubic, Quintic, SCurve, Trapezoid
@@ -31,6 +39,7 @@ if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.board_under_test import BoardUnderTest
     from steptwin.host.twin.execution import execute
+    from steptwin.host.twin.input_changes import InputChange
     from steptwin.host.twin.outcome import Outcome
     from steptwin.host.twin.served_board import ServedBoard
     from steptwin.protocol.eds import render_eds
@@ -49,6 +58,7 @@ __all__ = [
     "DriverProtect",
     "EmergencyStop",
     "FaultScript",
+    "InputChange",
     "InputError",
     "NotVerifiedError",
     "Outcome",
@@ -60,10 +70,12 @@ __all__ = [
     "Sampled",
     "Scheduled",
     "ServedBoard",
+    "SetInput",
     "StepTwinError",
     "Supply",
     "Trajectory",
     "Trapezoid",
+    "WaitTimeoutError",
     "compile_program",
     "execute",
     "job_names",
@@ -80,7 +92,7 @@ __all__ = [
 
 _MODULES = {
     "emulator.bus_faults": ("BusFault", "BusFaultKind", "FaultScript"),
-    "emulator.operations": ("BoardTemperature", "DriverProtect", "EmergencyStop", "Scheduled", "Supply"),
+    "emulator.operations": ("BoardTemperature", "DriverProtect", "EmergencyStop", "Scheduled", "SetInput", "Supply"),
     "host.common.errors": (
         "BusError",
         "DeviceFaultError",
@@ -88,6 +100,7 @@ _MODULES = {
         "NotVerifiedError",
         "RecordingError",
         "StepTwinError",
+        "WaitTimeoutError",
     ),
     "host.planning.jobs": ("job_names", "job_options", "make_job"),
     "host.planning.laws": ("Cubic", "Quintic", "SCurve", "Trapezoid"),
@@ -102,6 +115,7 @@ _MODULES = {
     "host.robots.robot": ("Robot",),
     "host.twin.board_under_test": ("BoardUnderTest",),
     "host.twin.execution": ("execute",),
+    "host.twin.input_changes": ("InputChange",),
     "host.twin.outcome": ("Outcome",),
     "host.twin.served_board": ("ServedBoard",),
     "protocol.eds": ("render_eds",),

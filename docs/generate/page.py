@@ -39,6 +39,7 @@ def _robot(name: str, runs: Runs) -> str:
             "dh": lambda _: tables.dh_table(robot),
             "joints": lambda _: tables.joints(robot),
             "outputs": lambda _: tables.outputs(robot),
+            "inputs": lambda _: tables.inputs(robot),
             "places": lambda _: tables.places(robot),
             "steptwin": session,
             "options": lambda job: tables.options(robot, job),

@@ -65,6 +65,16 @@ def outputs(robot: Robot) -> str:
     return table(["output", "axis", "pin", "note"], rows, text_columns=4)
 
 
+def inputs(robot: Robot) -> str:
+    """Return the sensors wired to the board's digital inputs."""
+    notes = read_robot_file(robot.name)["inputs"].entries
+    rows = [
+        [name, sensor.joint, f"IN{sensor.input}", f"{notes[name].mark} {notes[name].note}".strip()]
+        for name, sensor in robot.inputs.items()
+    ]
+    return table(["input", "axis", "pin", "note"], rows, text_columns=4)
+
+
 def places(robot: Robot) -> str:
     """Return the named places that jobs go to; each is marked as a whole."""
     sections = read_robot_file(robot.name)

@@ -61,15 +61,15 @@ class EvenPath:
         speeds = _speeds(path, (knots[:-1, np.newaxis] + half * (1 + _NODES)).ravel()).reshape(len(half), -1)
         lengths_mm = np.concatenate(([0.0], np.cumsum((half * speeds) @ _WEIGHTS)))
         ends = 1 / np.maximum(_speeds(path, knots[[0, -1]]), EVENNESS)
-        slopes = ((1, ends[0]), (1, ends[1]))
-        return cls(path, scipy.interpolate.CubicSpline(lengths_mm, knots, bc_type=slopes))
+        begin, end = ends.tolist()
+        return cls(path, scipy.interpolate.CubicSpline(lengths_mm, knots, bc_type=((1, begin), (1, end))))
 
     def unevenness(self) -> FloatArray:
         """Return the largest part by which the speed is off in each part of the curve."""
         s_mm = self.parameter.x
         between_mm = (s_mm[:-1, np.newaxis] + np.diff(s_mm)[:, np.newaxis] * _BETWEEN).ravel()
-        speeds = np.linalg.norm(self.derivatives(between_mm)[:, :3], axis=1)
-        return np.abs(speeds - 1).reshape(-1, len(_BETWEEN)).max(axis=1)
+        off = np.abs(np.linalg.norm(self.derivatives(between_mm)[:, :3], axis=1) - 1)
+        return np.asarray(off.reshape(-1, len(_BETWEEN)).max(axis=1))
 
     @property
     def length_mm(self) -> float:

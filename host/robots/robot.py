@@ -1,6 +1,6 @@
 """A robot as data: its joints, the board that drives them, its dimensions and named positions."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Final
@@ -65,14 +65,13 @@ class Robot:
             raise InputError(f"joints: {len(self.joints)} joints, but a board drives 1 to {AXES_MAX}")
         places = {"home": dict(zip(self.joint_names, self.home, strict=True))}
         places |= {f"places.{name}": dict(place) for name, place in self.places.items()}
+        outputs = {name: (output.joint, output.out) for name, output in self.outputs.items()}
+        inputs = {name: (sensor.joint, sensor.input) for name, sensor in self.inputs.items()}
         check_all(
             *(partial(self._check_place, key, place) for key, place in places.items()),
-            *self._checks_of_wiring("output", {name: (output.joint, output.out) for name, output in self.outputs.items()}),
-            *self._checks_of_wiring("input", {name: (wired.joint, wired.input) for name, wired in self.inputs.items()}),
+            *(partial(self._check_wire, "output", name, outputs) for name in outputs),
+            *(partial(self._check_wire, "input", name, inputs) for name in inputs),
         )
-
-    def _checks_of_wiring(self, what: str, wiring: Mapping[str, tuple[str, int]]) -> list[Callable[[], None]]:
-        return [partial(self._check_wire, what, name, wiring) for name in wiring]
 
     def _check_wire(self, what: str, name: str, wiring: Mapping[str, tuple[str, int]]) -> None:
         """Check the joint of an output or input, and that nothing else is at its connector."""

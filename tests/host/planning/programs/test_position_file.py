@@ -161,6 +161,6 @@ def test_a_wrong_file_says_what_is_wrong(file: Path, text: str, complaint: str) 
 
 def test_names_from_a_robot_file_are_quoted_where_toml_needs_it(file: Path) -> None:
     shoulder = replace(ROBOT.joints[0], name='th"1 \\ a')
-    robot = replace(ROBOT, name='my "arm" \\', joints=(shoulder, *ROBOT.joints[1:]))
+    robot = replace(ROBOT, name='my "arm" \\', joints=(shoulder, *ROBOT.joints[1:]), inputs={})
     save_position(str(file), robot, "pick", PICK, "", replace=False)
     assert read_positions(str(file), robot)["pick"] == JointPosition(dict(zip(robot.joint_names, PICK, strict=True)))

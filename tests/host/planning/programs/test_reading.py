@@ -92,7 +92,8 @@ def test_everything_that_is_wrong_is_found_at_once() -> None:
         "positions.b: names neither a joint nor one of the tool's coordinates x, y, z, phi",
         "step 1: speed: key 'speed' is unknown: there are go, law, speed_percent, duration_s",
         "step 2: speed_mm_s: is missing",
-        "step 3: a step has exactly one of go, line, arc, circle, through, by, output, wait, pause, call, repeat, not none",
+        "step 3: a step has exactly one of "
+        "go, line, arc, circle, through, by, output, wait, pause, call, repeat, not none",
         "step 4.2: speed_mm_s: -4 is not above 0",
         "step 5: by.branch: a relative move keeps the branch",
         "titel: key 'titel' is unknown: did you mean title?",
