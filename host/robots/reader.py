@@ -15,8 +15,8 @@ from steptwin.host.common.file_limits import NAME_CHARS_MAX, TITLE_CHARS_MAX
 from steptwin.host.common.findings import Findings, check_all
 from steptwin.host.common.tables import Reading, Table, check_name, toml_table
 from steptwin.host.robots.board_settings import ActiveEdge, BoardSettings
-from steptwin.host.robots.fewer_steps import with_fewer_steps
 from steptwin.host.robots.digital_input import Input
+from steptwin.host.robots.fewer_steps import with_fewer_steps
 from steptwin.host.robots.homing import JointHoming
 from steptwin.host.robots.joint import Joint, Unit
 from steptwin.host.robots.kinematics import check_dimensions, make_kinematics
