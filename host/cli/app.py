@@ -26,7 +26,7 @@ app = typer.Typer(
 
 COMMANDS: Final = {
     "Robots and maths": ("robots", "jobs", "fk", "ik", "workspace"),
-    "Run and verify": ("check", "run", "verify", "bench"),
+    "Run and verify": ("new", "check", "run", "verify", "bench"),
     "Live board": (
         *("serve", "doctor", "status", "monitor", "home", "move", "jog"),
         *("pause", "resume", "stop", "estop", "reset", "outputs"),

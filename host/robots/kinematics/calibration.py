@@ -9,6 +9,7 @@ from typing import Final
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.kinematics.base import read_geometry
 from steptwin.host.robots.kinematics.dh import Convention, DhRow, DhTable, Parameter
+from steptwin.host.robots.kinematics.dimension import dimension
 from steptwin.host.robots.kinematics.scara import Scara
 from steptwin.host.robots.kinematics.usual_scara import Direction, Lift, ScaraGeometry, scara_of
 from steptwin.host.robots.robot import Robot
@@ -19,12 +20,12 @@ _TOOLS: Final = {0.0: Direction.UP, 180.0: Direction.DOWN}
 
 @dataclass(frozen=True, slots=True)
 class CalibrationGeometry:
-    """The dimensions: the two links, the column's height, and the twist: 180 for a tool that points down, 0 for up."""
+    """The dimensions; raises InputError for another twist than 180 or 0."""
 
-    L1_mm: float
-    L2_mm: float
-    d1_mm: float
-    alpha3_deg: float
+    L1_mm: float = dimension("first link, from shoulder to elbow", 250.0)
+    L2_mm: float = dimension("second link, from elbow to wrist", 350.0)
+    d1_mm: float = dimension("height of the column", 300.0)
+    alpha3_deg: float = dimension("twist at the wrist: 180 for a tool that points down, 0 for up", 180.0)
 
     def __post_init__(self) -> None:
         if self.alpha3_deg not in _TOOLS:

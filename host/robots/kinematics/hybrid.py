@@ -27,6 +27,7 @@ from steptwin.host.robots.kinematics.base import (
     require_joints,
 )
 from steptwin.host.robots.kinematics.dh import Convention, DhRow, DhTable, Parameter
+from steptwin.host.robots.kinematics.dimension import dimension
 from steptwin.host.robots.kinematics.slider_pair import AssemblyMode, SliderPair, WorkingMode
 from steptwin.host.robots.robot import Robot
 
@@ -40,19 +41,15 @@ SINGULAR: Final = 0.005
 
 @dataclass(frozen=True, slots=True)
 class HybridGeometry:
-    """The dimensions, in this order.
+    """The dimensions."""
 
-    Half the distance between the screws, the links' length, the height of the mechanism's frame, the radial offsets
-    from waist to frame and from platform to tool, the tool's drop, and the platform's largest |z2|.
-    """
-
-    h_mm: float
-    L_mm: float
-    l1_mm: float
-    l2_mm: float
-    l3_mm: float
-    l4_mm: float
-    z2_max_mm: float
+    h_mm: float = dimension("half the distance between the screws", 150.0)
+    L_mm: float = dimension("the two links of the sliders", 350.0)
+    l1_mm: float = dimension("height of the mechanism's frame", 400.0)
+    l2_mm: float = dimension("from the waist's axis out to the frame", 100.0)
+    l3_mm: float = dimension("from the platform out to the tool", 300.0)
+    l4_mm: float = dimension("from the platform down to the tool", 120.0)
+    z2_max_mm: float = dimension("farthest way of the platform to either side", 150.0)
 
 
 @dataclass(frozen=True, slots=True)

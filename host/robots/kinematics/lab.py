@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from steptwin.host.robots.kinematics.base import read_geometry
 from steptwin.host.robots.kinematics.dh import Convention, DhRow, DhTable, Parameter
+from steptwin.host.robots.kinematics.dimension import dimension
 from steptwin.host.robots.kinematics.scara import Scara
 from steptwin.host.robots.kinematics.usual_scara import Direction, Lift, ScaraGeometry, scara_of
 from steptwin.host.robots.robot import Robot
@@ -15,11 +16,11 @@ from steptwin.host.robots.robot import Robot
 
 @dataclass(frozen=True, slots=True)
 class LabGeometry:
-    """The dimensions: first link, second link, and the tool's offset downwards."""
+    """The dimensions."""
 
-    a2_mm: float
-    a3_mm: float
-    d5_mm: float
+    a2_mm: float = dimension("first link, from shoulder to elbow", 400.0)
+    a3_mm: float = dimension("second link, from elbow to wrist", 400.0)
+    d5_mm: float = dimension("tip of the tool below the arm", 150.0)
 
 
 def lab_scara(robot: Robot) -> Scara:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from steptwin.host.robots.kinematics.base import read_geometry
 from steptwin.host.robots.kinematics.dh import Convention, DhRow, DhTable, Parameter
+from steptwin.host.robots.kinematics.dimension import dimension
 from steptwin.host.robots.kinematics.scara import Scara
 from steptwin.host.robots.kinematics.usual_scara import Direction, Lift, ScaraGeometry, scara_of
 from steptwin.host.robots.robot import Robot
@@ -16,11 +17,11 @@ from steptwin.host.robots.robot import Robot
 
 @dataclass(frozen=True, slots=True)
 class TeachingGeometry:
-    """The dimensions: the two links, and the tool's offset along z, negative downwards."""
+    """The dimensions."""
 
-    l1_mm: float
-    l2_mm: float
-    d4_mm: float
+    l1_mm: float = dimension("first link, from shoulder to elbow", 95.0)
+    l2_mm: float = dimension("second link, from elbow to wrist", 100.0)
+    d4_mm: float = dimension("tip of the tool above the arm, negative below it", -40.0)
 
 
 def teaching_scara(robot: Robot) -> Scara:

@@ -13,6 +13,7 @@ from typing import Final
 from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics.base import read_geometry, require_joints
 from steptwin.host.robots.kinematics.dh import Convention, DhRow, DhTable, Parameter
+from steptwin.host.robots.kinematics.dimension import dimension
 from steptwin.host.robots.kinematics.planar2r import Planar2R
 from steptwin.host.robots.kinematics.scara import Scara
 from steptwin.host.robots.robot import Robot
@@ -22,12 +23,12 @@ _JOINTS: Final = {"sx": Unit.MM, "sz": Unit.MM, "L1": Unit.MM, "th1": Unit.DEG, 
 
 @dataclass(frozen=True, slots=True)
 class WarehouseGeometry:
-    """The dimensions: shoulder to elbow, elbow to wrist, arm down to tool, wrist to tool."""
+    """The dimensions."""
 
-    L2_mm: float
-    L3_mm: float
-    L4_mm: float
-    L5_mm: float
+    L2_mm: float = dimension("first link, from shoulder to elbow", 200.0)
+    L3_mm: float = dimension("second link, from elbow to wrist", 150.0)
+    L4_mm: float = dimension("tip of the tool below the arm", 40.0)
+    L5_mm: float = dimension("tip of the tool beside the wrist's axis", 40.0)
 
 
 def warehouse_scara(robot: Robot) -> Scara:

@@ -1,0 +1,53 @@
+"""The kinds of mechanisms as data: what each is, its dimensions and what makes its kinematics."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+from steptwin.host.common.bad_input import unknown
+from steptwin.host.robots.kinematics.base import Kinematics
+from steptwin.host.robots.kinematics.calibration import CalibrationGeometry, calibration_scara
+from steptwin.host.robots.kinematics.hybrid import HybridArm, HybridGeometry
+from steptwin.host.robots.kinematics.lab import LabGeometry, lab_scara
+from steptwin.host.robots.kinematics.teaching import TeachingGeometry, teaching_scara
+from steptwin.host.robots.kinematics.usual_scara import ScaraGeometry, usual_scara
+from steptwin.host.robots.kinematics.warehouse import WarehouseGeometry, warehouse_scara
+from steptwin.host.robots.robot import Robot
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A kind of mechanism.
+
+    Attributes:
+        summary: what it is, in a few words.
+        geometry: dataclass of its options and dimensions, the keys of [kinematics].
+        make: function that returns a robot's kinematics; it raises InputError if dimensions or joints do not fit.
+    """
+
+    summary: str
+    geometry: type[Any]
+    make: Callable[[Robot], Kinematics]
+
+
+KINDS: Final[dict[str, Kind]] = {
+    "scara": Kind(
+        "a SCARA: lift first, last or none; a tool that turns or not, up or down", ScaraGeometry, usual_scara
+    ),
+    "teaching-scara": Kind("a SCARA with lift and rotation at its end, tool up", TeachingGeometry, teaching_scara),
+    "lab-scara": Kind("a SCARA on a lift that heads for +y, tool down", LabGeometry, lab_scara),
+    "calibration-scara": Kind(
+        "a SCARA on a column in standard DH parameters, lift last", CalibrationGeometry, calibration_scara
+    ),
+    "warehouse-scara": Kind(
+        "a SCARA with a lift, carried by a horizontal and a vertical slide", WarehouseGeometry, warehouse_scara
+    ),
+    "hybrid-arm": Kind("a waist with a parallel mechanism of two sliders", HybridGeometry, HybridArm.of),
+}
+
+
+def kind_named(name: str) -> Kind:
+    """Return a kind by its name in robot files; raise InputError for an unknown one."""
+    if name not in KINDS:
+        raise unknown("kinematics.kind:", name, KINDS)
+    return KINDS[name]

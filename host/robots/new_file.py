@@ -1,0 +1,329 @@
+"""Write the file of a new robot: its kind, dimensions and transmissions, the rest with sensible defaults.
+
+Speeds follow from the step rate that the driver takes, switches and homing from the ranges. The kinds of the robots
+that StepTwin brings begin with these robots' values.
+"""
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from math import floor, log10
+from typing import Any, Final
+
+from steptwin.host.common.bad_input import prefixed, unknown
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.findings import Findings
+from steptwin.host.common.numbers import finite_number
+from steptwin.host.robots import load_robot, read_robot, robot_names
+from steptwin.host.robots.board_settings import BoardSettings
+from steptwin.host.robots.joint import Unit
+from steptwin.host.robots.kinematics.base import geometry_of
+from steptwin.host.robots.kinematics.dimension import dimensions, meaning
+from steptwin.host.robots.kinematics.kinds import kind_named
+from steptwin.host.robots.kinematics.usual_scara import ScaraGeometry
+from steptwin.host.robots.robot import Dimension, Robot
+from steptwin.host.robots.transmission import Transmission
+
+BOARD: Final = BoardSettings(
+    bitrate=1_000_000,
+    osc_pf=330,
+    steplen_ns=33_000,
+    stepspace_ns=33_666,
+    dirsetup_ns=15_000,
+    dirhold_ns=15_000,
+    step_rate_max_hz=15_000,
+)
+"""Drivers as the robots that StepTwin brings have them."""
+
+_BOARD_NOTES: Final = {
+    "bitrate": "bit/s of the CAN bus",
+    "osc_pf": "pF at the TB6560's OSC pin: no CLK pulse below 30 us",
+    "steplen_ns": "CLK high: 10 % above those 30 us",
+    "stepspace_ns": "CLK low: both together are 15 kHz",
+    "dirsetup_ns": "DIR stable before CLK rises",
+    "dirhold_ns": "DIR stable after CLK has risen",
+    "step_rate_max_hz": "the TB6560's limit",
+}
+
+_FULL_STEPS_PER_REV: Final = 200
+_RATE_PART: Final = 0.8
+"""Part of the driver's highest step rate that a joint's highest speed takes."""
+_MOTOR_SPEED_MAX_REV_S: Final = 8.0
+"""Motor speed above which a stepper of this size has little torque left."""
+_ROTARY_SPEED_MAX_DEG_S: Final = 180.0
+"""A moderate speed for a joint that carries an arm."""
+_RISE_S: Final = 0.2
+"""Time from rest to the highest speed."""
+_BEYOND: Final = 5.0
+"""Distance in mm or degrees from the end of the range to the limit switch."""
+_SEARCH_PART: Final = 0.25
+_ZERO_PART: Final = 0.1
+"""Speed of the search for the limit switch, and the slow speed across its edge as a part of that."""
+_HOMING_METHOD: Final = 17
+
+
+@dataclass(frozen=True, slots=True)
+class NewJoint:
+    """A joint of a new robot: what the file asks its user; the rest of the joint follows from it.
+
+    Attributes:
+        name: name, which the kind gives.
+        unit: unit of its positions.
+        what: what it is, in a few words.
+        lower: least position; likewise upper.
+        turn: a screw's lead or a pulley's circumference in mm, or the ratio of a rotary joint's transmission.
+        microsteps: microsteps per full step.
+        home: position after homing, or the nearest one in the range.
+    """
+
+    name: str
+    unit: Unit
+    what: str
+    lower: float
+    upper: float
+    turn: float
+    microsteps: int
+    home: float = 0.0
+
+    @property
+    def turn_key(self) -> str:
+        """The key of `turn` in the file."""
+        return "travel_per_turn" if self.unit is Unit.MM else "ratio"
+
+    @property
+    def questions(self) -> dict[str, tuple[str, float]]:
+        """What the file asks its user: the meaning and the present value, by key."""
+        turn = "lead of the screw or circumference of the pulley" if self.unit is Unit.MM else "motor turns per turn"
+        return {
+            "lower": (f"least position in {self.unit}", self.lower),
+            "upper": (f"greatest position in {self.unit}", self.upper),
+            self.turn_key: (turn, self.turn),
+            "microsteps": ("microsteps, 1, 2, 8 or 16", float(self.microsteps)),
+        }
+
+    @property
+    def transmission(self) -> Transmission:
+        """The transmission; InputError if a value is out of range."""
+        if self.unit is Unit.MM:
+            return Transmission(_FULL_STEPS_PER_REV, self.microsteps, self.turn)
+        return Transmission(_FULL_STEPS_PER_REV, self.microsteps, 360.0, self.turn)
+
+    @property
+    def speed_max(self) -> float:
+        """A highest speed that driver and motor can follow, in two digits."""
+        transmission = self.transmission
+        by_rate = _RATE_PART * BOARD.driver_rate_max_hz / transmission.steps_per_unit
+        by_motor = _MOTOR_SPEED_MAX_REV_S * transmission.travel_per_rev
+        moderate = _ROTARY_SPEED_MAX_DEG_S if self.unit is Unit.DEG else by_motor
+        return _two_digits(min(by_rate, by_motor, moderate))
+
+
+_SCARA_JOINTS: Final = {
+    "lift": NewJoint("", Unit.MM, "lift, screw", 0.0, 80.0, 4.0, 8),
+    "shoulder": NewJoint("", Unit.DEG, "shoulder, belt", -130.0, 130.0, 4.0, 16),
+    "elbow": NewJoint("", Unit.DEG, "elbow, belt", -150.0, 150.0, 4.0, 16, home=60.0),
+    "tool": NewJoint("", Unit.DEG, "tool, belt", -180.0, 180.0, 2.0, 16),
+}
+
+_COMMENT: Final = re.compile(r"^\[joints\.(\S+)\] # (.+)$", re.MULTILINE)
+
+
+def usual_dimensions(kind: str) -> dict[str, Dimension]:
+    """Return the dimensions with which a new robot of a kind begins; raise InputError for an unknown kind."""
+    return {name: field.metadata["usual"] for name, field in dimensions(kind_named(kind).geometry).items()}
+
+
+def usual_joints(kind: str, geometry: Mapping[str, Dimension]) -> list[NewJoint]:
+    """Return the joints with which a new robot begins; raise InputError if the dimensions do not fit the kind."""
+    made = geometry_of(kind_named(kind).geometry, geometry)
+    if not isinstance(made, ScaraGeometry):
+        return _joints_of(load_robot(kind))
+    rotary = iter(("shoulder", "elbow", "tool"))
+    roles = ["lift" if unit is Unit.MM else next(rotary) for unit in made.joints.values()]
+    return [replace(_SCARA_JOINTS[role], name=name) for name, role in zip(made.joints, roles, strict=True)]
+
+
+def with_settings(kind: str, settings: Mapping[str, str]) -> tuple[dict[str, Dimension], list[NewJoint]]:
+    """Return dimensions and joints with some values set: `l1_mm` and the like, `d3.upper` and the like, as texts.
+
+    Raises:
+        InputError: with a message for every setting that is unknown or not a value.
+    """
+    geometry, findings = usual_dimensions(kind), Findings()
+    for key in [key for key in settings if "." not in key]:
+        with findings.collecting():
+            if key not in geometry:
+                raise unknown("dimension", key, geometry)
+            geometry[key] = read_dimension(key, settings[key], geometry[key])
+    findings.raise_first()
+    joints = {joint.name: joint for joint in usual_joints(kind, geometry)}
+    for key in [key for key in settings if "." in key]:
+        with findings.collecting():
+            name, _, quantity = key.partition(".")
+            if name not in joints:
+                raise unknown("joint", name, joints)
+            joints[name] = read_joint(joints[name], quantity, settings[key])
+    findings.raise_first()
+    return geometry, list(joints.values())
+
+
+def read_dimension(key: str, text: str, usual: Dimension) -> Dimension:
+    """Return a dimension from its text, of the same type as the usual value."""
+    if isinstance(usual, bool):
+        if text not in ("true", "false"):
+            raise InputError(f"{key}: {text!r} is neither true nor false")
+        return text == "true"
+    if isinstance(usual, StrEnum):
+        choices = list(type(usual))
+        if text not in choices:
+            raise InputError(f"{key}: {text!r} is not one of {', '.join(choices)}")
+        return text
+    with prefixed(f"{key}: "):
+        return finite_number(text)
+
+
+def read_joint(joint: NewJoint, key: str, text: str) -> NewJoint:
+    """Return a joint with one of its values changed."""
+    keys = {"lower": "lower", "upper": "upper", joint.turn_key: "turn", "microsteps": "microsteps", "home": "home"}
+    if key not in keys:
+        raise unknown(f"{joint.name}: key", key, keys)
+    with prefixed(f"{joint.name}.{key}: "):
+        value = finite_number(text)
+    changes: dict[str, Any] = {keys[key]: int(value) if key == "microsteps" and value == int(value) else value}
+    changed = replace(joint, **changes)
+    with prefixed(f"{joint.name}."):
+        _ = changed.transmission
+    return changed
+
+
+def robot_text(name: str, kind: str, geometry: Mapping[str, Dimension], joints: list[NewJoint]) -> str:
+    """Return the text of a robot file; raise InputError, with everything that is wrong, if it would be no robot."""
+    meanings = {key: meaning(field) for key, field in dimensions(kind_named(kind).geometry).items()}
+    parts = [
+        _HEAD.format(kind=kind, summary=kind_named(kind).summary),
+        _lines({"name": name, "title": f"{name}, a robot of the kind {kind}"}, {}),
+        "[kinematics] # docs/robot-files.md has a drawing\n" + _lines({"kind": kind, **geometry}, meanings),
+        "[board]\n" + _lines({key: getattr(BOARD, key) for key in _BOARD_NOTES}, _BOARD_NOTES),
+        _JOINTS,
+        *(_joint_text(joint) for joint in joints),
+        "[home] # where the arm is taken after homing\n"
+        + _lines({joint.name: min(max(joint.home, joint.lower), joint.upper) for joint in joints}, {}),
+        _devices(kind, joints),
+    ]
+    text = "\n".join(parts)
+    read_robot(text)
+    return text
+
+
+_HEAD: Final = """\
+# A robot of the kind {kind}: {summary}.
+#
+# `steptwin check` reads this file and says everything that is wrong. Lengths are in mm, angles in degrees.
+"""
+_JOINTS: Final = """\
+# Joints in the order of their axes on the board. speed_max was derived from transmission and microsteps when this file
+# was written: 80 % of the driver's step rate, at most 8 turns of the motor and 180 degrees a second. acceleration_max
+# reaches it in 0.2 s.
+"""
+_OUTPUTS: Final = """\
+# [outputs] # digital outputs of the board: the joint whose axis has it, and its number there
+# gripper = {{ joint = "{joint}", out = 1 }}
+"""
+
+
+_TURN_NOTES: Final = {
+    Unit.MM: "mm per turn: a screw's lead, or a pulley's circumference",
+    Unit.DEG: "motor turns per turn of the joint",
+}
+
+
+def _joint_text(joint: NewJoint) -> str:
+    speed, acceleration = joint.speed_max, _two_digits(joint.speed_max / _RISE_S)
+    search = _two_digits(_SEARCH_PART * speed)
+    main = {
+        "unit": joint.unit.value,
+        "lower": joint.lower,
+        "upper": joint.upper,
+        "speed_max": speed,
+        "acceleration_max": acceleration,
+        "full_steps_per_rev": _FULL_STEPS_PER_REV,
+        "microsteps": joint.microsteps,
+        joint.turn_key: joint.turn,
+    }
+    notes = {
+        "speed_max": f"{joint.unit}/s, {speed * joint.transmission.steps_per_unit:.0f} steps/s",
+        "acceleration_max": f"{joint.unit}/s2",
+        "full_steps_per_rev": "a motor of 1.8 deg",
+        "microsteps": "1, 2, 8 or 16, as the driver is set",
+        joint.turn_key: _TURN_NOTES[joint.unit],
+    }
+    switches = {"negative_limit": joint.lower - _BEYOND, "positive_limit": joint.upper + _BEYOND}
+    homing = {
+        "method": _HOMING_METHOD,
+        "search_speed": search,
+        "zero_speed": _two_digits(_ZERO_PART * search),
+        "acceleration": acceleration,
+    }
+    return "\n".join(
+        [
+            f"[joints.{joint.name}] # {joint.what}\n" + _lines(main, notes),
+            f"[joints.{joint.name}.switches] # closed from here outwards\n" + _lines(switches, {}),
+            f"[joints.{joint.name}.homing]\n"
+            + _lines(homing, {"method": "the negative limit switch, leaving it upwards; 35 without a switch"}),
+        ]
+    )
+
+
+def _devices(kind: str, joints: list[NewJoint]) -> str:
+    """Return outputs and places: those of the robot that StepTwin brings, its places within the ranges."""
+    if kind not in robot_names():
+        return _OUTPUTS.format(joint=joints[-1].name)
+    robot, ranges = load_robot(kind), {joint.name: (joint.lower, joint.upper) for joint in joints}
+    parts = []
+    if robot.outputs:
+        rows = [
+            f'{name} = {{ joint = "{output.joint}", out = {output.out} }}' for name, output in robot.outputs.items()
+        ]
+        parts.append("\n".join(["[outputs] # the axis and the number of each digital output", *rows, ""]))
+    for place, positions in robot.places.items():
+        near = {name: min(max(position, ranges[name][0]), ranges[name][1]) for name, position in positions.items()}
+        parts.append(f"[places.{place}] # where jobs go\n" + _lines(near, {}))
+    return "\n".join(parts) if parts else _OUTPUTS.format(joint=joints[-1].name)
+
+
+def _joints_of(robot: Robot) -> list[NewJoint]:
+    comments = dict(_COMMENT.findall(robot.toml))
+    return [
+        NewJoint(
+            joint.name,
+            joint.unit,
+            comments.get(joint.name, "joint"),
+            joint.lower,
+            joint.upper,
+            joint.transmission.travel_per_turn if joint.unit is Unit.MM else joint.transmission.ratio,
+            joint.transmission.microsteps,
+            home,
+        )
+        for joint, home in zip(robot.joints, robot.home, strict=True)
+    ]
+
+
+def _lines(values: Mapping[str, object], notes: Mapping[str, str]) -> str:
+    """Return a line for each value, its notes in one column."""
+    rows = {key: f"{key} = {_toml(value)}" for key, value in values.items()}
+    width = max(map(len, rows.values()))
+    return "".join(f"{row:<{width}} # {notes[key]}\n" if key in notes else f"{row}\n" for key, row in rows.items())
+
+
+def _toml(value: object) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return json.dumps(str(value), ensure_ascii=False) if isinstance(value, str) else repr(value)
+
+
+def _two_digits(value: float) -> float:
+    """Return a value above 0 rounded down to two digits."""
+    unit = 10.0 ** (floor(log10(value)) - 1)
+    return float(f"{floor(value / unit * (1 + 1e-12)) * unit:.3g}")

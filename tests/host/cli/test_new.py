@@ -1,0 +1,168 @@
+"""`steptwin new`: files that `check` passes and every command works with at once."""
+
+import re
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from steptwin.host.cli.app import run
+from steptwin.host.robots import load_robot, load_robot_file, read_robot
+from steptwin.host.robots.kinematics.dimension import dimensions
+from steptwin.host.robots.kinematics.kinds import KINDS
+from steptwin.host.robots.new_file import robot_text, with_settings
+from steptwin.host.robots.transmission import MICROSTEPS
+from tests.end_to_end.command_line import PROGRAM, refusal, run_json
+from tests.end_to_end.terminal import Terminal
+
+SCARAS = [
+    {"lift": lift, "tool_rotation": turning, "tool": tool}
+    for lift in ("first", "last", "none")
+    for turning, tool in (("true", "up"), ("false", "down"))
+]
+CASES: list[tuple[str, dict[str, str]]] = [(kind, {}) for kind in KINDS] + [("scara", options) for options in SCARAS]
+
+
+def short_move(robot_file: Path) -> str:
+    """Return a CSV in which every joint goes from home to a little further into its range."""
+    robot = load_robot_file(str(robot_file))
+    middle = [(joint.lower + joint.upper) / 2 for joint in robot.joints]
+    ends = [home + 0.02 * (there - home) + 0.5 for home, there in zip(robot.home, middle, strict=True)]
+    rows = [["t", *robot.joint_names], ["0", *map(str, robot.home)], ["1", *map(str, ends)]]
+    return "".join(",".join(row) + "\n" for row in rows)
+
+
+@pytest.mark.parametrize(
+    ("kind", "options"), CASES, ids=lambda case: str(case) if isinstance(case, str) else "-".join(case.values())
+)
+def test_every_kind_makes_a_robot_that_runs(
+    kind: str, options: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "my-arm.toml"
+    words = [word for key, value in options.items() for word in ("--set", f"{key}={value}")]
+    document = run_json(capsys, "new", str(file), "--kind", kind, *words)
+    assert document["kind"] == kind
+    robot = load_robot_file(str(file))
+    assert (robot.name, robot.kinematics) == ("my-arm", kind)
+    assert list(robot.joint_names) == document["joints"]
+    assert run_json(capsys, "check", str(file))["findings"] == []
+    motion = tmp_path / "motion.csv"
+    motion.write_text(short_move(file), encoding="utf-8")
+    assert run_json(capsys, "run", str(file), str(motion))["passed"]
+    home = [f"{position:g}" for position in robot.home]
+    pose = run_json(capsys, "fk", str(file), *home)["pose"]
+    assert all(value is not None for value in pose.values())
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "scara"])
+def test_the_kinds_of_the_five_robots_begin_with_their_values(kind: str) -> None:
+    ours, new = load_robot(kind), read_robot(robot_text("mine", kind, *with_settings(kind, {})))
+    assert new.geometry == ours.geometry
+    assert new.home == ours.home
+    assert [(j.name, j.lower, j.upper, j.transmission) for j in new.joints] == [
+        (j.name, j.lower, j.upper, j.transmission) for j in ours.joints
+    ]
+    assert new.places == ours.places
+    assert new.outputs == ours.outputs
+
+
+def test_the_arm_of_200_and_150_mm_with_a_4_mm_screw() -> None:
+    settings = {"l1_mm": "200", "l2_mm": "150", "d3.travel_per_turn": "4", "d3.microsteps": "8", "d3.upper": "60"}
+    text = robot_text("arm", "scara", *with_settings("scara", settings))
+    lift = read_robot(text).joint("d3")
+    assert lift.transmission.steps_per_unit == 400
+    assert (lift.speed_max, lift.step_rate_max_hz) == (30, 12_000)  # 80 % of 15 kHz
+    assert (lift.upper, lift.switches.positive_limit, lift.switches.negative_limit) == (60, 65, -5)
+    assert "speed_max = 30.0         # mm/s, 12000 steps/s\n" in text
+
+
+@given(st.floats(0.5, 100.0), st.sampled_from(MICROSTEPS), st.floats(0.2, 200.0), st.sampled_from(MICROSTEPS))
+def test_the_driver_and_the_motor_follow_every_highest_speed(
+    lead_mm: float, lift_microsteps: int, ratio: float, arm_microsteps: int
+) -> None:
+    settings = {
+        "d3.travel_per_turn": repr(lead_mm),
+        "d3.microsteps": str(lift_microsteps),
+        "th1.ratio": repr(ratio),
+        "th1.microsteps": str(arm_microsteps),
+    }
+    robot = read_robot(robot_text("arm", "scara", *with_settings("scara", settings)))
+    for joint in robot.joints:
+        assert joint.step_rate_max_hz <= 12_000
+        assert joint.speed_max / joint.transmission.travel_per_rev <= 8.0 * (1 + 1e-9)
+
+
+def test_the_help_names_the_kinds_and_their_keys(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["new", "--help"]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    for name, kind in KINDS.items():
+        assert f" {name}: {' '.join(dimensions(kind.geometry))} " in shown
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--kind", "scra"], "--kind 'scra' is unknown: did you mean scara or lab-scara?"),
+        ([], "--kind is missing: scara, teaching-scara, lab-scara, "),
+        (["--kind", "scara", "--set", "l4_mm=3"], "--set dimension 'l4_mm' is unknown: did you mean l2_mm"),
+        (["--kind", "scara", "--set", "l1_mm=long"], "--set l1_mm: 'long' is not a number"),
+        (["--kind", "scara", "--set", "lift=frist"], "--set lift: 'frist' is not one of first, last, none"),
+        (["--kind", "scara", "--set", "tool_rotation=1"], "--set tool_rotation: '1' is neither true nor false"),
+        (["--kind", "scara", "--set", "d1.upper=3"], "--set joint 'd1' is unknown: there are th1, th2, d3, th4"),
+        (["--kind", "scara", "--set", "d3.ratio=3"], "--set d3: key 'ratio' is unknown"),
+        (["--kind", "scara", "--set", "d3.microsteps=4"], "--set d3.microsteps: 4 is not one of the TB6560's"),
+        (["--kind", "scara", "--set", "d3.microsteps=8.5"], "--set d3.microsteps: 8.5 is not one of the TB6560's"),
+        (["--kind", "scara", "--set", "l1_mm=-3"], "kinematics: links of -3 and 150 mm make no arm"),
+        (["--kind", "scara", "--set", "d3.upper=-3"], "joints.d3.upper: -3 mm is not above lower, 0 mm"),
+        (["--kind", "scara", "--set", "l1_mm"], "'l1_mm' is not of the form NAME=VALUE"),
+    ],
+)
+def test_wrong_settings_write_nothing(
+    words: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "my-arm.toml"
+    assert refusal(capsys, "new", str(file), *words).startswith(message)
+    assert not list(tmp_path.iterdir())
+
+
+def test_it_replaces_only_when_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "my-arm.toml"
+    file.write_text("mine", encoding="utf-8")
+    assert refusal(capsys, "new", str(file), "--kind", "scara") == f"{file}: exists: take another name, or --replace"
+    assert file.read_text(encoding="utf-8") == "mine"
+    assert run(["new", str(file), "--kind", "scara", "--replace"]) == 0
+    assert load_robot_file(str(file)).kinematics == "scara"
+
+
+def test_a_robot_file_ends_in_toml(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = "does not end in .toml: a robot file does, such as my-arm.toml"
+    assert refusal(capsys, "new", str(tmp_path / "my-arm"), "--kind", "scara") == f"{tmp_path / 'my-arm'}: {words}"
+
+
+def test_on_a_terminal_it_asks(tmp_path: Path) -> None:
+    """A wrong answer is asked for again; an empty one is the usual value; what makes no robot is asked for again."""
+    with Terminal([*PROGRAM, "new", "my-arm.toml", "--set", "base_mm=90"], tmp_path) as terminal:
+        terminal.await_text("kind [scara]: ")
+        for answer in ("scra", "scara", "-200", "150", "nowhere", "none"):
+            terminal.type(f"{answer}\n")
+        terminal.await_text("lift: 'nowhere' is not one of first, last, none")
+        terminal.type("\n" * 19)
+        terminal.await_text("kinematics: links of -200 and 150 mm make no arm")
+        terminal.await_text("l1_mm, first link, from shoulder to elbow [-200]: ")
+        terminal.type("200" + "\n" * 22)
+        assert terminal.await_exit() == 0
+        assert "kind 'scra' is unknown: did you mean scara" in terminal.written
+        assert "base_mm," not in terminal.written
+    robot = load_robot_file(str(tmp_path / "my-arm.toml"))
+    assert (robot.geometry["l1_mm"], robot.geometry["base_mm"]) == (200, 90)
+    assert robot.joint_names == ("th1", "th2", "th3")
+
+
+def test_every_number_has_a_comment_or_a_plain_name() -> None:
+    """What the file asks its user, and what was derived, is explained beside it."""
+    text = robot_text("arm", "scara", *with_settings("scara", {}))
+    for key in ("l1_mm", "drop_mm", "bitrate", "speed_max", "acceleration_max", "microsteps", "ratio", "method"):
+        lines = re.findall(rf"^{key} = .*$", text, re.MULTILINE)
+        assert lines
+        assert all(" # " in line for line in lines)
