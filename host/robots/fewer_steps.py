@@ -1,10 +1,14 @@
 """What a joint's drive would have to be for fewer steps: another microstep setting, another lead or ratio, or both."""
 
 from dataclasses import replace
+from typing import Final
 
 from steptwin.host.common.bad_input import at_least, at_most
 from steptwin.host.robots.joint import Joint, Unit
 from steptwin.host.robots.transmission import MICROSTEPS
+
+_ROUNDING: Final = 1e-12
+"""Part of a ratio that is taken for a rounding error of its computation."""
 
 
 def with_fewer_steps(joint: Joint, part: float) -> tuple[Joint, str]:
@@ -17,7 +21,7 @@ def with_fewer_steps(joint: Joint, part: float) -> tuple[Joint, str]:
     microsteps = max((number for number in MICROSTEPS if number <= part * old.microsteps), default=min(MICROSTEPS))
     drive = replace(old, microsteps=microsteps)
     changed = [f"microsteps = {microsteps}"] if drive != old else []
-    part *= old.microsteps / microsteps
+    part *= (1 + _ROUNDING) * old.microsteps / microsteps
     if part >= 1:
         return replace(joint, transmission=drive), changed[0]
     if joint.unit is Unit.MM:

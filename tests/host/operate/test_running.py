@@ -1,5 +1,6 @@
 """Runs on a live board: start, end, repetitions, and other programs that interfere."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -141,6 +142,7 @@ def test_the_command(steptwin: CommandLine) -> None:
     exit_code, out, err = steptwin.run("run warehouse-scara drawer-pull")
     assert (exit_code, out) == (2, "")
     assert "the board stands at" in err
+    assert err.endswith("; --approach moves it there first\n")
     for options, message in (
         ("--out somewhere", "--out: is for an emulated board"),
         ("--stand-at '1 2'", "--stand-at: is for an emulated board"),
@@ -149,6 +151,32 @@ def test_the_command(steptwin: CommandLine) -> None:
         ("--driver-profile 3a-module", "--driver-profile: is for an emulated board"),
     ):
         assert steptwin.run(f"run warehouse-scara drawer-pull {options}") == (2, "", f"steptwin: {message}\n")
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".toml"])
+@pytest.mark.usefixtures("session")
+def test_a_stretched_file_or_program(suffix: str, board: EmbeddedBoard, steptwin: CommandLine, tmp_path: Path) -> None:
+    """Too fast as it is; as slow as the refusal says the machine makes it, in the time that this takes."""
+    home, away = (",".join(map(str, [sx, *ROBOT.home[1:]])) for sx in (ROBOT.home[SX], 20.0))
+    file = tmp_path / f"fast{suffix}"
+    file.write_text(
+        f"t,{','.join(ROBOT.joint_names)}\n0,{home}\n0.1,{away}\n"
+        if suffix == ".csv"
+        else "[[step]]\ngo = { sx = 20 }\nduration_s = 0.1\n",
+        encoding="utf-8",
+    )
+    exit_code, _, err = steptwin.run(f"run warehouse-scara {file}")
+    assert exit_code == 2
+    factor = float(err.rsplit("(--stretch ", 1)[1].rstrip(")\n"))
+    begin_s = board.now_s()
+    exit_code, out, err = steptwin.run(f"run warehouse-scara {file} --stretch {factor} --json")
+    document = json.loads(out)
+    assert (exit_code, document["passed"]) == (0, True)
+    assert err.endswith(f": {document['duration_s']:.3f} s instead of 0.100 s\n")
+    assert document["duration_s"] == pytest.approx(0.1 * factor, abs=1e-3)
+    assert board.now_s() - begin_s > document["duration_s"]
+    assert document["joints"]["end"][SX] == pytest.approx(20.0, abs=HALF_STEPS[SX])
+    assert steptwin.run(f"run warehouse-scara {file} --speed 50")[0] == 2
 
 
 def test_pause_and_resume_by_another_program(
