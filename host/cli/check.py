@@ -107,8 +107,9 @@ def _highest(row: "StepRow") -> "tuple[Peak | None, Peak | None]":
     """Return the peaks of speed and acceleration that are nearest to their limits; None in a step without motion."""
     from steptwin.host.planning.peaks import Quantity
 
-    speeds = [peak for peak in row.peaks if peak.quantity is Quantity.SPEED]
-    accelerations = [peak for peak in row.peaks if peak.quantity is Quantity.ACCELERATION]
+    speeds = [peak for peak in row.peaks if peak.quantity in (Quantity.SPEED, Quantity.AXIS_SPEED)]
+    of_acceleration = (Quantity.ACCELERATION, Quantity.AXIS_ACCELERATION)
+    accelerations = [peak for peak in row.peaks if peak.quantity in of_acceleration]
     return _nearest_to_limit(speeds), _nearest_to_limit(accelerations)
 
 

@@ -5,7 +5,7 @@ The client follows such a motion by the axes' own reports, so other programs on 
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.drive_status import DriveStatus
@@ -33,6 +33,17 @@ class ProfileMove:
     acceleration_units_per_s2: int
 
 
+class AxisDrive(NamedTuple):
+    """An axis to drive: target velocity (60FFh) with its sign, and the acceleration of all ramps, also of stops.
+
+    Ramps in proportion to the velocities keep the axes in step from start to end, whatever ends the motion.
+    """
+
+    axis: AxisClient
+    velocity_units_per_s: int
+    acceleration_units_per_s2: int
+
+
 def move_together(
     link: Link, axes: Sequence[AxisClient], moves: Sequence[ProfileMove], progress: Callable[[float], None]
 ) -> None:
@@ -50,9 +61,7 @@ def move_together(
         axis.write(od.PROFILE_ACCELERATION, move.acceleration_units_per_s2)
         axis.write(od.PROFILE_DECELERATION, move.acceleration_units_per_s2)
         axis.drive_status = None
-    for axis in axes:
-        axis.send_latched_controlword(ENABLE_OPERATION | Control.START)
-    link.network.send_message(COB_SYNC, b"")
+    _at_next_sync(link, axes, ENABLE_OPERATION | Control.START)
     longest = max(range(len(axes)), key=lambda i: abs(moves[i].target_units - starts[i]))
     way_units = moves[longest].target_units - starts[longest]
 
@@ -75,6 +84,38 @@ def drive_at(axis: AxisClient, velocity_units_per_s: int, acceleration_units_per
     axis.write(od.PROFILE_DECELERATION, acceleration_units_per_s2)
     axis.drive_status = None
     axis.write(od.TARGET_VELOCITY, velocity_units_per_s)
+
+
+def drive_together(link: Link, drives: Sequence[AxisDrive]) -> None:
+    """Drive enabled axes at velocities from the same servo tick on, until `halt_together` or their position limits."""
+    for axis, velocity_units_per_s, acceleration_units_per_s2 in drives:
+        axis.write(od.TARGET_VELOCITY, 0)
+        _enter(axis, Mode.PROFILE_VELOCITY)
+        axis.write(od.CONTROLWORD, ENABLE_OPERATION | Control.HALT)
+        axis.write(od.PROFILE_ACCELERATION, acceleration_units_per_s2)
+        axis.write(od.PROFILE_DECELERATION, acceleration_units_per_s2)
+        axis.write(od.QUICK_STOP_DECELERATION, acceleration_units_per_s2)
+        axis.write(od.TARGET_VELOCITY, velocity_units_per_s)
+        axis.drive_status = None
+    _at_next_sync(link, [drive.axis for drive in drives], ENABLE_OPERATION)
+
+
+def halt_together(link: Link, axes: Sequence[AxisClient]) -> None:
+    """End `drive_together` by ramps that begin in the same servo tick; wait for rest; raises as `move_together`."""
+    for axis in axes:
+        axis.drive_status = None
+    _at_next_sync(link, axes, ENABLE_OPERATION | Control.HALT)
+    follow(link, axes, lambda: all(map(reports_zero_speed, axes)), stall_s=_STALL_S)
+    for axis in axes:
+        axis.write(od.TARGET_VELOCITY, 0)
+        axis.write(od.CONTROLWORD, ENABLE_OPERATION)
+
+
+def _at_next_sync(link: Link, axes: Sequence[AxisClient], controlword: int) -> None:
+    """Let axes take a controlword in the same servo tick."""
+    for axis in axes:
+        axis.send_latched_controlword(controlword)
+    link.network.send_message(COB_SYNC, b"")
 
 
 def halt_axis(link: Link, axis: AxisClient) -> None:

@@ -1,14 +1,26 @@
 """Jog one joint at a speed, for a time or until Ctrl-C."""
 
 from dataclasses import dataclass
-from math import ceil, inf
+from math import ceil, floor, inf
+
+import numpy as np
 
 from steptwin.host.client.axis import AxisClient
-from steptwin.host.client.profile_motion import drive_at, follow, halt_axis, reports_zero_speed
+from steptwin.host.client.profile_motion import (
+    AxisDrive,
+    drive_at,
+    drive_together,
+    follow,
+    halt_axis,
+    halt_together,
+    reports_zero_speed,
+)
+from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import at_most, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.setting_up import clear_targets
+from steptwin.host.planning.motions.joint_move import limits_along
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
@@ -30,8 +42,9 @@ def check_jog(robot: Robot, name: str, speed: float) -> Joint:
     if name not in robot.joint_names:
         raise unknown("joint", name, robot.joint_names)
     joint = robot.joint(name)
-    if not 0 < abs(speed) <= joint.speed_max:
-        limit = f"above 0 and up to {at_most(joint.speed_max)} {joint.unit}/s, with a sign"
+    speed_max, _ = limits_along(robot, _one(robot, robot.joints.index(joint)))
+    if not 0 < abs(speed) <= speed_max:
+        limit = f"above 0 and up to {at_most(speed_max)} {joint.unit}/s, with a sign"
         raise InputError(f"{name}: a speed of {speed:g} {joint.unit}/s is not {limit}")
     return joint
 
@@ -39,40 +52,84 @@ def check_jog(robot: Robot, name: str, speed: float) -> Joint:
 def jog(session: Session, name: str, speed: float, seconds: float | None) -> Jogged:
     """Move one joint at a speed until a time is over or the joint stands at its limit.
 
-    All ramps have the joint's highest acceleration. An axis whose position is known keeps the joint's limits; any other
-    axis has no limits. The speed is in mm/s or degrees/s; its sign is the direction. The time includes the ramp up.
-    Without a time the joint moves until KeyboardInterrupt, which then ends the jog by a ramp and is not raised further.
+    All axes that are coupled to the joint move in proportion, from start to end, so that the other joints stand still.
+    All ramps have the highest acceleration that joint and axes allow. If the joint's position is known, the board keeps
+    its limits; otherwise it has none. The speed is in mm/s or degrees/s; its sign is the direction. The time includes
+    the ramp up. Without a time the joint moves until KeyboardInterrupt, which then ends the jog by a ramp and is not
+    raised further.
 
     Raises:
         InputError, DeviceFaultError, BusError: as `move`, but the position may be unknown.
     """
-    joint = check_jog(session.robot, name, speed)
-    axis = session.machine.axes[session.robot.joints.index(joint)]
-    per_unit = joint.transmission.wire_units_per_unit
+    robot = session.robot
+    joint = robot.joints.index(check_jog(robot, name, speed))
+    axes = {i: session.machine.axes[i] for i in robot.coupling.axes_moved_by(joint)}
+    moving = list(axes.values())
     with session.in_charge("jog", known=False):
-        start_units = axis.read(od.POSITION_ACTUAL)
-        _set_limits(axis, joint)
-        velocity = round(speed * per_unit) or (1 if speed > 0 else -1)
-        drive_at(axis, velocity, ceil(joint.acceleration_max * per_unit))
+        start = session.positions(session.machine.positions_units())[joint]
+        _set_limits(session, joint, axes)
+        drives = _drives(robot, joint, speed, axes)
+        _start(session, drives)
         until_s = session.link.now_s() + (inf if seconds is None else seconds)
         try:
-            follow(session.link, [axis], lambda: session.link.now_s() >= until_s or _at_limit(axis))
+            follow(session.link, moving, lambda: session.link.now_s() >= until_s or all(map(_at_limit, moving)))
         except KeyboardInterrupt:
             if seconds is not None:
                 raise
-        at_limit = _at_limit(axis)
-        halt_axis(session.link, axis)
-        clear_targets([axis])
-        end_units = axis.read(od.POSITION_ACTUAL)
-    return Jogged(name, start_units / per_unit, end_units / per_unit, at_limit)
+        at_limit = all(map(_at_limit, moving))
+        _halt(session, moving)
+        clear_targets(moving)
+        end = session.positions(session.machine.positions_units())[joint]
+    return Jogged(name, start, end, at_limit)
 
 
-def _set_limits(axis: AxisClient, joint: Joint) -> None:
-    if not axis.read(od.STATUSWORD) & Status.POSITION_KNOWN:
+def _one(robot: Robot, joint: int) -> FloatArray:
+    """Return a way of 1 of one joint alone."""
+    return np.array([float(other == joint) for other in range(len(robot.joints))])
+
+
+def _drives(robot: Robot, joint: int, speed: float, axes: dict[int, AxisClient]) -> list[AxisDrive]:
+    """Return the velocity and the acceleration of each axis with which one joint moves alone."""
+    _, acceleration = limits_along(robot, _one(robot, joint))
+    drives = []
+    for i, element in robot.coupling.axes_moved_by(joint).items():
+        per_unit = element * robot.joints[i].transmission.wire_units_per_unit
+        velocity = round(speed * per_unit) or (1 if speed * per_unit > 0 else -1)
+        drives.append(AxisDrive(axes[i], velocity, ceil(acceleration * abs(per_unit))))
+    return drives
+
+
+def _start(session: Session, drives: list[AxisDrive]) -> None:
+    if len(drives) == 1:
+        drive_at(*drives[0])
+    else:
+        drive_together(session.link, drives)
+
+
+def _halt(session: Session, axes: list[AxisClient]) -> None:
+    if len(axes) == 1:
+        halt_axis(session.link, axes[0])
+    else:
+        halt_together(session.link, axes)
+
+
+def _set_limits(session: Session, joint: int, axes: dict[int, AxisClient]) -> None:
+    """Let the axes end at the joint's limits, so that the board keeps these even if this program dies.
+
+    The other joints stand, so each axis has its own way to a limit, and all come to its end at the same time. The way
+    is known if the positions are known of these axes and of those on which the joint's position depends.
+    """
+    robot, nodes = session.robot, session.machine.axes
+    needed = axes.keys() | robot.coupling.axes_of(joint).keys()
+    if not all(nodes[i].read(od.STATUSWORD) & Status.POSITION_KNOWN for i in needed):
         return
-    per_unit = joint.transmission.wire_units_per_unit
-    axis.ensure(od.POSITION_LIMIT_MIN, ceil(joint.lower * per_unit))
-    axis.ensure(od.POSITION_LIMIT_MAX, int(joint.upper * per_unit // 1))
+    here = np.array(session.positions(session.demanded_units()))
+    ends = np.array([here, here])
+    ends[:, joint] = robot.joints[joint].lower, robot.joints[joint].upper
+    axis_ends = robot.coupling.to_axes(ends) * robot.wire_units_per_unit
+    for i, axis in axes.items():
+        axis.ensure(od.POSITION_LIMIT_MIN, ceil(axis_ends[:, i].min()))
+        axis.ensure(od.POSITION_LIMIT_MAX, floor(axis_ends[:, i].max()))
 
 
 def _at_limit(axis: AxisClient) -> bool:

@@ -60,7 +60,7 @@ def clear_targets(axes: Iterable[AxisClient]) -> None:
 
 
 def axis_settings(joint: Joint, board: BoardSettings) -> AxisSettings:
-    """Return a joint's settings: the speed limit is the driver's, the deceleration of stops is the joint's."""
+    """Return the settings of a joint's axis: the speed limit is the driver's, the deceleration of stops the axis'."""
     transmission = joint.transmission
     return AxisSettings(
         microsteps=transmission.microsteps,
@@ -69,5 +69,7 @@ def axis_settings(joint: Joint, board: BoardSettings) -> AxisSettings:
         dirsetup_ns=board.dirsetup_ns,
         dirhold_ns=board.dirhold_ns,
         velocity_max_units_per_s=ceil(board.step_rate_max_hz * UNITS_PER_FULL_STEP / transmission.microsteps),
-        deceleration_units_per_s2=ceil(joint.acceleration_max * transmission.wire_units_per_unit),
+        deceleration_units_per_s2=ceil(
+            (joint.axis_acceleration_max or joint.acceleration_max) * transmission.wire_units_per_unit
+        ),
     )

@@ -91,6 +91,19 @@ class Coupling:
         """Return whether an axis' position is another than its joint's."""
         return self.joints_of(axis) != {axis: 1.0}
 
+    def homing_levels(self, axes: int) -> list[list[int]]:
+        """Return which of this number of axes can be homed together, one group after the other.
+
+        Where an axis' home is depends on the other joints of its row, so these are homed before. Axes that need each
+        other are in no group.
+        """
+        levels: list[list[int]] = []
+        waiting = set(range(axes))
+        while level := [axis for axis in sorted(waiting) if waiting & self.joints_of(axis).keys() == {axis}]:
+            levels.append(level)
+            waiting -= set(level)
+        return levels
+
 
 def _check_condition(matrix: FloatArray) -> None:
     condition = float(np.linalg.cond(matrix))

@@ -42,13 +42,15 @@ class Joint:
     switches: JointSwitches = field(default_factory=JointSwitches)
     homing: JointHoming | None = None
     axis_speed_max: float | None = None
-    """Highest speed of the axis, if joints are coupled and it is not `speed_max`."""
+    """Highest speed of the axis if it is coupled to other joints; None: `speed_max`."""
     axis_acceleration_max: float | None = None
+    """Highest acceleration of the axis if it is coupled to other joints; None: `acceleration_max`."""
 
     def __post_init__(self) -> None:
         check_all(
             self._check_range,
             partial(require_positive, self, "speed_max", "acceleration_max"),
+            self._check_axis_limits,
             self._check_wire,
             partial(self.switches.check_outside, self.lower, self.upper, self.unit),
             self._check_homing,
@@ -57,6 +59,10 @@ class Joint:
     def _check_range(self) -> None:
         if not self.lower < self.upper:
             raise InputError(f"upper: {self.upper:g} {self.unit} is not above lower, {self.lower:g} {self.unit}")
+
+    def _check_axis_limits(self) -> None:
+        given = ("axis_speed_max", "axis_acceleration_max")
+        require_positive(self, *(name for name in given if getattr(self, name) is not None))
 
     def _check_wire(self) -> None:
         farthest = max(abs(self.lower), abs(self.upper))
@@ -75,5 +81,5 @@ class Joint:
 
     @property
     def step_rate_max_hz(self) -> float:
-        """The step rate at the joint's highest speed."""
-        return self.speed_max * self.transmission.steps_per_unit
+        """The step rate at the axis' highest speed, which is the joint's unless joints are coupled."""
+        return (self.axis_speed_max or self.speed_max) * self.transmission.steps_per_unit

@@ -15,6 +15,7 @@ from steptwin.host.common.file_limits import NAME_CHARS_MAX, TITLE_CHARS_MAX
 from steptwin.host.common.findings import Findings, check_all
 from steptwin.host.common.tables import Reading, Table, check_name, toml_table
 from steptwin.host.robots.board_settings import ActiveEdge, BoardSettings
+from steptwin.host.robots.coupling import Coupling
 from steptwin.host.robots.digital_input import Input
 from steptwin.host.robots.fewer_steps import with_fewer_steps
 from steptwin.host.robots.homing import JointHoming
@@ -48,6 +49,8 @@ def _robot(table: Table) -> Robot:
     values = table.read(_ROBOT, _ROBOT_OPTIONAL)
     kind, geometry = values["kinematics"]
     joints: dict[str, Joint] = values["joints"]
+    with prefixed("coupling: "):
+        coupling = Coupling.of(tuple(joints), values["coupling"] or {})
     return Robot(
         name=values["name"],
         title=values["title"],
@@ -59,6 +62,7 @@ def _robot(table: Table) -> Robot:
         outputs=values["outputs"] or {},
         inputs=values["inputs"] or {},
         places=values["places"] or {},
+        coupling=coupling,
     )
 
 
@@ -159,6 +163,7 @@ _ROBOT: Final[dict[str, Reading]] = {
     "home": _home,
 }
 _ROBOT_OPTIONAL: Final[dict[str, Reading]] = {
+    "coupling": partial(_each, _place),
     "outputs": partial(_each, _output),
     "inputs": partial(_each, _input),
     "places": partial(_each, _place),
@@ -175,6 +180,8 @@ _JOINT: Final[dict[str, Reading]] = {
 _TURN: Final = {Unit.MM: ("travel_per_turn",), Unit.DEG: ("ratio",)}
 """The key of the transmission, by the joint's unit."""
 _JOINT_OPTIONAL: Final[dict[str, Reading]] = {
+    "axis_speed_max": Table.number,
+    "axis_acceleration_max": Table.number,
     "switches": _settings(
         JointSwitches,
         {},
@@ -200,10 +207,13 @@ def _check_speeds(robot: Robot) -> None:
 
 def _check_speed(joint: Joint, limit_hz: float) -> None:
     if joint.step_rate_max_hz > limit_hz * (1 + _ROUNDING):
+        key, speed = (
+            ("axis_speed_max", joint.axis_speed_max) if joint.axis_speed_max else ("speed_max", joint.speed_max)
+        )
         rate, limit = apart(joint.step_rate_max_hz / 1e3, limit_hz / 1e3)
         fastest = at_most(limit_hz / joint.transmission.steps_per_unit * (1 + _ROUNDING / 2))
         _, drive = with_fewer_steps(joint, limit_hz / joint.step_rate_max_hz)
         raise InputError(
-            f"joints.{joint.name}.speed_max: {joint.speed_max:g} {joint.unit}/s takes {rate} kHz of steps,"
-            f" more than the driver's {limit} kHz; speed_max = {fastest} or {drive} would do"
+            f"joints.{joint.name}.{key}: {speed:g} {joint.unit}/s takes {rate} kHz of steps,"
+            f" more than the driver's {limit} kHz; {key} = {fastest} or {drive} would do"
         )

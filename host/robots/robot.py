@@ -8,13 +8,14 @@ from typing import Final
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int64Array
-from steptwin.host.common.bad_input import nearest_within, outside, unknown
+from steptwin.host.common.bad_input import at_most, nearest_within, outside, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import check_all
 from steptwin.host.robots.board_settings import BoardSettings
 from steptwin.host.robots.coupling import Coupling
 from steptwin.host.robots.digital_input import Input
-from steptwin.host.robots.joint import Joint
+from steptwin.host.robots.homing import JointHoming
+from steptwin.host.robots.joint import WIRE_POSITION_MAX, Joint
 from steptwin.host.robots.output import Output
 
 AXES_MAX: Final = 8
@@ -44,7 +45,7 @@ class Robot:
 
     Raises:
         InputError: no joints or more than a board drives, a position outside a joint's limits, a place without joints,
-            an output or input of an unknown joint, or two of them at one connector.
+            an output or input of an unknown joint, two of them at one connector, or an axis that cannot be coupled so.
     """
 
     name: str
@@ -71,6 +72,7 @@ class Robot:
             *(partial(self._check_place, key, place) for key, place in places.items()),
             *(partial(self._check_wire, "output", name, outputs) for name in outputs),
             *(partial(self._check_wire, "input", name, inputs) for name in inputs),
+            *(partial(self._check_axis, axis) for axis in range(len(self.joints))),
         )
 
     def _check_wire(self, what: str, name: str, wiring: Mapping[str, tuple[str, int]]) -> None:
@@ -94,6 +96,46 @@ class Robot:
         if not joint.lower <= position <= joint.upper:
             limits = (joint.lower, joint.upper, joint.unit)
             raise InputError(f"{key}.{name}: {outside(position, *limits)}{nearest_within(position, *limits)}")
+
+    def _check_axis(self, axis: int) -> None:
+        """Check what depends on the coupling of an axis' joint to the others."""
+        joint, elements = self.joints[axis], self.coupling.joints_of(axis)
+        if not self.coupling.couples(axis):
+            for key in ("axis_speed_max", "axis_acceleration_max"):
+                if getattr(joint, key) is not None:
+                    raise InputError(f"joints.{joint.name}.{key}: is for a coupled axis; {key[5:]} is its limit here")
+            return
+        reach = WIRE_POSITION_MAX / joint.transmission.wire_units_per_unit
+        ends = ((self.joints[other].lower, self.joints[other].upper) for other in elements)
+        farthest = sum(
+            abs(element) * max(map(abs, pair)) for element, pair in zip(elements.values(), ends, strict=True)
+        )
+        if farthest > reach:
+            raise InputError(
+                f"coupling.{joint.name}: the axis goes up to {farthest:g} {joint.unit} from zero,"
+                f" beyond the wire's {reach:g} {joint.unit}"
+            )
+        if joint.homing:
+            self._check_homing(axis, joint.homing)
+
+    def _check_homing(self, axis: int, homing: JointHoming) -> None:
+        joint, coupling = self.joints[axis], self.coupling
+        if not any(axis in level for level in coupling.homing_levels(len(self.joints))):
+            others = " and ".join(self.joints[other].name for other in coupling.joints_of(axis) if other != axis)
+            raise InputError(
+                f"joints.{joint.name}.homing: where the axis' home is depends on {others}, and the other way round;"
+                " leave the homing out and declare where the joints stand (`steptwin home --here`)"
+            )
+        element = coupling.joints_of(axis)[axis]
+        for key, value, limit in (
+            ("search_speed", homing.search_speed, self.axis_speeds_max[axis]),
+            ("acceleration", homing.acceleration, self.axis_accelerations_max[axis]),
+        ):
+            if element * value > limit:
+                raise InputError(
+                    f"joints.{joint.name}.homing.{key}: {value:g} moves the axis at {element * value:g},"
+                    f" above its limit of {limit:g}; {at_most(limit / element)} is right"
+                )
 
     @property
     def joint_names(self) -> tuple[str, ...]:
