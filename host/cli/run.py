@@ -1,5 +1,7 @@
 """`steptwin run ROBOT JOB|FILE`: plan a motion, stream it to a board, verify the pulses."""
 
+from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
@@ -19,6 +21,12 @@ from steptwin.host.cli.arguments import (
     warn_of_settings_left_out,
 )
 from steptwin.host.cli.connection import LIVE_PANEL, Bitrate, Channel, Connect, Force, Interface, connection
+from steptwin.host.cli.file_motion import (
+    InterpolationName,
+    file_motion,
+    refuse_file_options,
+    say_file_motion,
+)
 from steptwin.host.cli.live_run import run_live
 from steptwin.host.cli.option_names import naming_options
 from steptwin.host.cli.output import print_json, say
@@ -29,6 +37,7 @@ from steptwin.host.common.errors import DeviceFaultError, InputError
 if TYPE_CHECKING:
     from steptwin.host.planning.plan import Plan
     from steptwin.host.planning.trajectory import Trajectory
+    from steptwin.host.planning.trajectory_file import FileMotion
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.input_changes import InputChange
     from steptwin.host.twin.kernels import Kernel
@@ -45,7 +54,7 @@ def run(
         typer.Argument(
             metavar="ROBOT JOB|FILE",
             help="The robot, and one of its jobs (`steptwin jobs ROBOT` lists them) or a trajectory file: CSV with the"
-            " header t,JOINT,... or JSON in the shape of ROS' JointTrajectory, in s, mm and degrees.",
+            " header t,JOINT,... or t,x,y,z,phi, or JSON in the shape of ROS' JointTrajectory, in s, mm and degrees.",
         ),
     ] = None,
     robot_file: RobotFile = None,
@@ -56,7 +65,20 @@ def run(
         list[str] | None,
         typer.Option("--option", "-o", metavar="NAME=VALUE", help="Set a job's option; repeatable."),
     ] = None,
-    elbow: Annotated[str | None, typer.Option(metavar="right|left", help="Short for -o elbow=...")] = None,
+    elbow: Annotated[
+        str | None, typer.Option(metavar="right|left", help="Short for -o elbow=...; also for a file of poses.")
+    ] = None,
+    interpolate: Annotated[
+        InterpolationName | None,
+        typer.Option(
+            metavar="spline|linear|stop",
+            help="Motion between a file's points: a spline, straight lines of the joints with blends, or with stops.",
+        ),
+    ] = None,
+    ramps: Annotated[
+        str | None,
+        typer.Option(metavar="SECONDS", help="Duration of a run-in and run-out for a file that is in motion there."),
+    ] = None,
     stand_at: Annotated[
         str | None,
         typer.Option(metavar="'Q1 Q2 ...'", help="Where the emulated machine stands; by default at the job's start."),
@@ -115,7 +137,10 @@ def run(
     loaded, rest = robot_and_rest(words or [], robot_file)
     job = _only(rest)
     options = name_value_pairs(option or []) | ({"elbow": elbow} if elbow is not None else {})
-    planned = _planned(loaded, _trajectory(loaded, job, options), stretch, speed)
+    file = _file(loaded, job, options, interpolate, ramps)
+    trajectory = _trajectory(loaded, job, options) if file is None else file.trajectory
+    planned = _planned(loaded, trajectory, stretch, speed, file)
+    summary = partial(_say_summary, job, file, planned, stretched=bool(stretch or speed), to_stderr=as_json)
     live = connection(connect, interface, channel, bitrate, loaded)
     if live is not None:
         emulated = {
@@ -127,6 +152,7 @@ def run(
             "--input": inputs or None,
         }
         _refuse(emulated, "an emulated")
+        summary()
         run_live(live, planned, job, repeat=repeat, approach=approach, force=force, as_json=as_json)
         return
     _refuse(
@@ -140,6 +166,7 @@ def run(
             keep_recording(out)
     folder = out_folder(out)
     changes = [_input_change(text) for text in inputs or ()]
+    summary()
     with progress_bar(f"{loaded.name} {job}") as progress, naming_options(cut_stream_s="--cut-stream"):
         outcome = execute(
             planned,
@@ -182,24 +209,30 @@ def _input_change(text: str) -> "InputChange":
 _LEVELS: Final = {"on": True, "off": False}
 
 
-def _planned(robot: "Robot", trajectory: "Trajectory", stretch: str | None, speed: str | None) -> "Plan":
+def _planned(
+    robot: "Robot", trajectory: "Trajectory", stretch: str | None, speed: str | None, file: "FileMotion | None"
+) -> "Plan":
     """Plan a motion with the slowness that --stretch or --speed asks for, and say what that makes of it."""
     from steptwin.host.planning.planner import plan, plan_stretched
 
-    if stretch is not None and speed is not None:
-        raise InputError(f"--stretch {stretch} --speed {speed}: give only one of them")
-    with naming_options("stretch"):
+    factor = _stretch_factor(stretch, speed)
+    explained = nullcontext() if file is None else file.explained(factor or 1.0)
+    with naming_options("stretch", "interpolate", ramps_s="--ramps"), explained:
         if stretch is None and speed is None:
             return plan(robot, trajectory)
-        if stretch == "auto":
-            planned = plan_stretched(robot, trajectory)
-        elif speed is not None:
-            planned = plan_stretched(robot, trajectory, 100.0 / positive_number(speed, "--speed"))
-        else:
-            planned = plan_stretched(robot, trajectory, positive_number(stretch or "", "--stretch"))
+        planned = plan_stretched(robot, trajectory, factor)
     new_s, old_s = planned.trajectory.duration_s, trajectory.duration_s
     say(f"stretched {new_s / old_s:.4g} times: {new_s:.3f} s instead of {old_s:.3f} s", err=True)
     return planned
+
+
+def _stretch_factor(stretch: str | None, speed: str | None) -> float | None:
+    """Return the factor that --stretch or --speed gives; None without them, and for `auto`."""
+    if stretch is not None and speed is not None:
+        raise InputError(f"--stretch {stretch} --speed {speed}: give only one of them")
+    if speed is not None:
+        return 100.0 / positive_number(speed, "--speed")
+    return None if stretch in (None, "auto") else positive_number(stretch, "--stretch")
 
 
 def _refuse(options: dict[str, Any], board: str) -> None:
@@ -215,19 +248,32 @@ def _only(words: list[str]) -> str:
     return words[0]
 
 
+def _file(
+    robot: "Robot", job: str, options: dict[str, str], interpolate: InterpolationName | None, ramps: str | None
+) -> "FileMotion | None":
+    """Return the motion in a trajectory file, with its points; None for a job or a program."""
+    from steptwin.host.planning.trajectory_file import is_trajectory_file
+
+    if is_trajectory_file(job):
+        return file_motion(robot, job, options, interpolate, ramps)
+    refuse_file_options(interpolate, ramps)
+    return None
+
+
+def _say_summary(job: str, file: "FileMotion | None", plan: "Plan", *, stretched: bool, to_stderr: bool) -> None:
+    if file is not None:
+        say_file_motion(job, file, plan, stretched=stretched, to_stderr=to_stderr)
+
+
 def _trajectory(robot: "Robot", job: str, options: dict[str, str]) -> "Trajectory":
     from steptwin.host.planning.jobs import make_job
-    from steptwin.host.planning.trajectory_file import SUFFIXES, is_trajectory_file, read_trajectory
+    from steptwin.host.planning.trajectory_file import SUFFIXES
 
     if job.endswith(".toml"):
         return _program(robot, job, options)
-    if not is_trajectory_file(job):
-        if Path(job).is_file():
-            raise InputError(f"{job}: a trajectory file ends in {' or '.join(SUFFIXES)}")
-        return make_job(robot, job, options)
-    if options:
-        raise InputError(f"option {next(iter(options))}: a trajectory from a file has no options")
-    return read_trajectory(job, robot)
+    if Path(job).is_file():
+        raise InputError(f"{job}: a trajectory file ends in {' or '.join(SUFFIXES)}")
+    return make_job(robot, job, options)
 
 
 def _program(robot: "Robot", path: str, options: dict[str, str]) -> "Trajectory":

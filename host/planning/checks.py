@@ -13,15 +13,25 @@ from steptwin.host.common.bad_input import apart, by, nearest_within, outside
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.peaks import Peak, Quantity
 from steptwin.host.planning.samples import Samples
-from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.planning.trajectory import REST_TOLERANCE, Trajectory
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.pvt import I24_MAX, I24_MIN
 
 _LIMIT_TOLERANCE: Final = 1e-9
 """Rounding error, in mm or degrees, allowed beyond a limit of position."""
-_REST_TOLERANCE: Final = 1e-9
-"""Rounding error of a velocity of zero, in mm/s or deg/s."""
+
+
+class OutsideError(InputError):
+    """A joint leaves its range of positions; `joint` is the one, if it is known."""
+
+    def __init__(self, message: str, joint: Joint | None = None) -> None:
+        super().__init__(message)
+        self.joint = joint
+
+
+class NotAtRestError(InputError):
+    """The motion starts or ends at speed."""
 
 
 class TooFastError(InputError):
@@ -71,9 +81,10 @@ def _check_range(joint: Joint, t_s: FloatArray, positions: FloatArray) -> None:
         i = int(np.argmin(inside))
         limits = (joint.lower, joint.upper, joint.unit)
         farthest = float(np.maximum(joint.lower - positions, positions - joint.upper).max())
-        raise InputError(
+        raise OutsideError(
             f"{joint.name}: {outside(positions[i], *limits, f' at t = {t_s[i]:.3f} s')}"
-            f", by up to {by(farthest, joint.unit)}{nearest_within(positions[i], *limits)}"
+            f", by up to {by(farthest, joint.unit)}{nearest_within(positions[i], *limits)}",
+            joint,
         )
 
 
@@ -82,8 +93,8 @@ def check_rest(robot: Robot, samples: Samples) -> None:
     for i, joint in enumerate(robot.joints):
         for when, row in (("starts", 0), ("ends", -1)):
             velocity = samples.velocities[row, i]
-            if abs(velocity) > _REST_TOLERANCE:
-                raise InputError(
+            if abs(velocity) > REST_TOLERANCE:
+                raise NotAtRestError(
                     f"{joint.name}: the motion {when} at t = {samples.t_s[row]:.3f} s"
                     f" with {velocity:g} {joint.unit}/s instead of 0 {joint.unit}/s, at rest"
                 )

@@ -7,7 +7,7 @@ because each is only a few formulas that follow this convention.
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import TYPE_CHECKING, Final, Protocol, Self
 
 import numpy as np
 import scipy
@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
 Pose = tuple[float, float, float, float]
+
+COORDINATES: Final = ("x", "y", "z", "phi")
+"""The names that files have for a pose: x, y and z in mm, and the attitude phi in degrees."""
 
 
 class ToolPath(Protocol):

@@ -1,9 +1,12 @@
 """The interface of a trajectory: joint positions and velocities as functions of time."""
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Final, Protocol, runtime_checkable
 
 from steptwin.host.common.arrays import FloatArray
+
+REST_TOLERANCE: Final = 1e-9
+"""Rounding error of a velocity of zero, in mm/s or deg/s, with which a motion may start and end."""
 
 
 @dataclass(frozen=True, slots=True)

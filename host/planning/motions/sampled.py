@@ -7,7 +7,7 @@ procedures", J. ACM 17(4), 1970). Both begin and end at rest, as every motion mu
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, Self, overload
+from typing import TYPE_CHECKING, Final, Literal, Self, overload
 
 import numpy as np
 import scipy
@@ -24,6 +24,10 @@ AKIMA_POINTS_MIN: Final = 3
 
 _GAP_MIN_S: Final = 1e-6
 """Least time between two points: over a shorter one a slope could exceed the range of floats."""
+
+
+_END_CONDITIONS: Final[dict[bool, Literal["clamped", "not-a-knot"]]] = {True: "clamped", False: "not-a-knot"}
+"""The spline's condition at an end that is at rest, and at another."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,10 +47,21 @@ class Sampled:
     switchings: tuple[Switching, ...] = ()
 
     @classmethod
-    def c2_spline(cls, joint_names: tuple[str, ...], times_s: FloatArray, positions: FloatArray) -> Self:
-        """Return the C2 spline through positions of shape (points, joints) at times as `check_times` requires them."""
+    def c2_spline(
+        cls,
+        joint_names: tuple[str, ...],
+        times_s: FloatArray,
+        positions: FloatArray,
+        at_rest: tuple[bool, bool] = (True, True),
+    ) -> Self:
+        """Return the C2 spline through positions of shape (points, joints) at times as `check_times` requires them.
+
+        `at_rest` tells for start and end whether the motion is at rest there, as every motion must be in the end;
+        otherwise it goes on as the points do: the two outermost pieces are one cubic (`not-a-knot`).
+        """
         check_times(times_s)
-        return cls(joint_names, scipy.interpolate.CubicSpline(times_s, positions, bc_type="clamped"), ())
+        start, end = (_END_CONDITIONS[rest] for rest in at_rest)
+        return cls(joint_names, scipy.interpolate.CubicSpline(times_s, positions, bc_type=(start, end)), ())
 
     @classmethod
     def akima(cls, joint_names: tuple[str, ...], times_s: FloatArray, positions: FloatArray) -> Self:

@@ -1,5 +1,6 @@
-"""Make a motion through points without velocities: splines from rest to rest, and pauses where points repeat."""
+"""Make a motion through points without velocities: curves from rest to rest, and pauses where points repeat."""
 
+from collections.abc import Callable
 from collections.abc import Sequence as Texts
 from itertools import groupby
 
@@ -11,18 +12,27 @@ from steptwin.host.planning.motions.sampled import Sampled
 from steptwin.host.planning.motions.sequence import Pause, Sequence
 from steptwin.host.planning.trajectory import Trajectory
 
+Curve = Callable[[tuple[str, ...], FloatArray, FloatArray, tuple[bool, bool]], Sampled]
+"""A function of joint names, times, positions and whether start and end are at rest, such as `Sampled.c2_spline`."""
+
 
 def through_points(
-    joint_names: tuple[str, ...], times_s: FloatArray, positions: FloatArray, places: Texts[str]
+    joint_names: tuple[str, ...],
+    times_s: FloatArray,
+    positions: FloatArray,
+    places: Texts[str],
+    curve: Curve = Sampled.c2_spline,
+    at_rest: tuple[bool, bool] = (True, True),
 ) -> Sampled | Sequence:
-    """Return C2 splines through positions of shape (points, joints) at times of shape (points,).
+    """Return curves through positions of shape (points, joints) at times of shape (points,).
 
-    A point that repeats the previous one makes a pause, since a spline through both would overshoot there. Messages
-    name the points' times by `places`. Raise InputError as `check_times`, or if a pause is not in whole milliseconds.
+    A point that repeats the previous one makes a pause, since a curve through both would overshoot there. Messages
+    name the points' times by `places`. `at_rest` tells whether the first and the last point are at rest; where a pause
+    begins or ends, the motion always is. Raise InputError as `check_times`, or if a pause is not in whole milliseconds.
     """
     stands = (np.diff(positions, axis=0) == 0.0).all(axis=1).tolist()
     if not any(stands):
-        return Sampled.c2_spline(joint_names, times_s, positions)
+        return curve(joint_names, times_s, positions, at_rest)
     parts: list[Trajectory] = []
     starts_ms = [0]
     for standing, group in groupby(range(len(stands)), key=stands.__getitem__):
@@ -33,6 +43,7 @@ def through_points(
         if standing:
             parts.append(Pause(joint_names, tuple(positions[first].tolist()), float(own_s[-1])))
         else:
-            parts.append(Sampled.c2_spline(joint_names, own_s, positions[first : last + 1]))
+            ends_at_rest = (first > 0 or at_rest[0], last < len(stands) or at_rest[1])
+            parts.append(curve(joint_names, own_s, positions[first : last + 1], ends_at_rest))
         starts_ms.append(round(1000 * float(times_s[last])))
     return Sequence(joint_names, tuple(parts), tuple(starts_ms), ())

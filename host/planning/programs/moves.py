@@ -11,9 +11,9 @@ from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.even_path import EvenPath
 from steptwin.host.planning.motions.composer import Composer
-from steptwin.host.planning.paths import Arc, Pose, SampledPath, Smoothing, StraightLine, ToolPath
+from steptwin.host.planning.paths import COORDINATES, Arc, Pose, SampledPath, Smoothing, StraightLine, ToolPath
 from steptwin.host.planning.programs.paces import JointPace, ToolPace
-from steptwin.host.planning.programs.positions import COORDINATES, JointPosition, Position, Target, ToolPosition
+from steptwin.host.planning.programs.positions import JointPosition, Position, Target, ToolPosition
 from steptwin.host.robots.kinematics import Branch, make_kinematics, pose_words
 from steptwin.host.robots.robot import Robot
 

@@ -2,14 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
 
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Table
-
-COORDINATES: Final = ("x", "y", "z", "phi")
-"""The tool's coordinates: x, y and z in mm, and the attitude phi in degrees."""
+from steptwin.host.planning.paths import COORDINATES
 
 
 @dataclass(frozen=True, slots=True)

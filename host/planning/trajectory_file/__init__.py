@@ -1,31 +1,37 @@
 """Read trajectories from files: CSV, or JSON in the shape of ROS trajectory_msgs/JointTrajectory.
 
 Positions are in mm and degrees, times in seconds from 0. Without velocities the motion is a C2 spline through the
-points, from rest to rest, which stands still where points repeat. With velocities it is a cubic from point to point,
-and the times are whole milliseconds.
+points, from rest to rest, which stands still where points repeat; or one of the other interpolations. With velocities
+it is a cubic from point to point, and the times are whole milliseconds.
 
 CSV has a header `t,<joint>,...` with the joints in any order, and for velocities a column `v_<joint>` for each. JSON
-has `joint_names`, and `points` with `positions`, `time_from_start` and optional `velocities`.
+has `joint_names`, and `points` with `positions`, `time_from_start` and optional `velocities`. In place of the joints
+both may have the tool's coordinates x, y, z and phi. docs/trajectory-files.md describes all of it.
 """
 
 from io import StringIO
 from math import inf
 from typing import Final
 
-from steptwin.host.common.bad_input import prefixed
+from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.file_limits import CSV_BYTES_MAX, JSON_BYTES_MAX
 from steptwin.host.common.text_file import opened_text, read_text
 from steptwin.host.planning.motions.sampled import Sampled
 from steptwin.host.planning.motions.sequence import Sequence
 from steptwin.host.planning.trajectory_file.csv_points import read_csv
+from steptwin.host.planning.trajectory_file.file_motion import DEFAULT, FileMotion, Interpolation
 from steptwin.host.planning.trajectory_file.json_points import read_json
 from steptwin.host.planning.trajectory_file.points import LONGEST_S, Points
 from steptwin.host.robots.robot import Robot
 
 __all__ = [
+    "DEFAULT",
     "LONGEST_S",
     "SUFFIXES",
+    "FileMotion",
+    "Interpolation",
     "is_trajectory_file",
+    "read_file_motion",
     "read_trajectory",
     "read_trajectory_until",
     "trajectory_of_csv",
@@ -42,13 +48,48 @@ def is_trajectory_file(name: str) -> bool:
     return name.lower().endswith(SUFFIXES)
 
 
-def read_trajectory(path: str, robot: Robot) -> Sampled | Sequence:
+def read_trajectory(
+    path: str,
+    robot: Robot,
+    *,
+    interpolate: str | None = None,
+    ramps_s: float = 0.0,
+    elbow: str | None = None,
+) -> Sampled | Sequence:
     """Return the trajectory in a file whose name ends in .csv or .json.
+
+    Args:
+        path: Name of the file.
+        robot: Robot whose joints or tool the file moves.
+        interpolate: Motion between points without velocities: `spline`, the default, `linear` or `stop`.
+        ramps_s: Duration, a whole number of milliseconds, of a run-in and a run-out for a file that starts or ends in
+            motion. Without velocities in the file its motion goes on at both ends as the points do.
+        elbow: Branch of the inverse kinematics for a file of poses that does not name it; by default the first one that
+            reaches all of them.
 
     Raises:
         InputError: the file cannot be read or a value in it is wrong; the message names the file and the place in it.
+            Or an argument is wrong, or does not go with the file.
     """
-    return read_trajectory_until(inf, path, robot)
+    return read_file_motion(path, robot, interpolate=interpolate, ramps_s=ramps_s, elbow=elbow).trajectory
+
+
+def read_file_motion(
+    path: str,
+    robot: Robot,
+    *,
+    interpolate: str | None = None,
+    ramps_s: float = 0.0,
+    elbow: str | None = None,
+) -> FileMotion:
+    """Return the motion in a file with its points, to compare both; arguments and errors are `read_trajectory`'s."""
+    if interpolate is not None and interpolate not in list(Interpolation):
+        raise unknown("interpolate:", interpolate, Interpolation)
+    interpolation = None if interpolate is None else Interpolation(interpolate)
+    with prefixed(f"{path}: "):
+        all_whole_ms = interpolation in (Interpolation.LINEAR, Interpolation.STOP)
+        points = _points(path).joint_points(robot, elbow, all_whole_ms=all_whole_ms)
+        return FileMotion.of(robot, points, interpolation, ramps_s)
 
 
 def read_trajectory_until(until_s: float, path: str, robot: Robot) -> Sampled | Sequence:
@@ -58,12 +99,16 @@ def read_trajectory_until(until_s: float, path: str, robot: Robot) -> Sampled | 
         InputError: as `read_trajectory` does, or there are not two points up to that instant.
     """
     with prefixed(f"{path}: "):
-        return _points(path).until(until_s).motion(robot)
+        return _motion(_points(path), robot, until_s)
 
 
 def trajectory_of_csv(text: str, robot: Robot, until_s: float = inf) -> Sampled | Sequence:
     """Return the trajectory in the text of a CSV file; raises as `read_trajectory` does, without the path."""
-    return read_csv(StringIO(text)).until(until_s).motion(robot)
+    return _motion(read_csv(StringIO(text)), robot, until_s)
+
+
+def _motion(points: Points, robot: Robot, until_s: float) -> Sampled | Sequence:
+    return FileMotion.of(robot, points.until(until_s).joint_points(robot), None, 0.0).trajectory
 
 
 def _points(path: str) -> Points:

@@ -3,9 +3,10 @@
 import csv
 from array import array
 from collections.abc import Iterator
+from dataclasses import dataclass
 from math import isfinite
 from reprlib import repr as short
-from typing import Final, TextIO
+from typing import Final, Self, TextIO
 
 import numpy as np
 
@@ -14,10 +15,14 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import COLUMNS_MAX, LINE_CHARS_MAX, POINTS_MAX
 from steptwin.host.common.numbers import LARGEST, finite_number
 from steptwin.host.planning.motions.sampled import NumberedPlaces
+from steptwin.host.planning.paths import COORDINATES
 from steptwin.host.planning.trajectory_file.points import Points
 
 _VELOCITY: Final = "v_"
 """Prefix of a joint's name in the header of its velocities."""
+
+_ELBOW: Final = "elbow"
+"""Header of the branch of the inverse kinematics in a file of poses."""
 
 
 def read_csv(file: TextIO) -> Points:
@@ -27,23 +32,71 @@ def read_csv(file: TextIO) -> Points:
     if head is None:
         raise InputError("is empty: a header t,<joint>,... was expected")
     header = _fields(*head)
+    elbow = _ElbowColumn.of(header)
     with prefixed(f"line {head[0]}: "):
-        joints, moving = _columns(header)
+        names, moving = _columns(elbow.numbers_of(header) if elbow else header)
     numbers, line_numbers = array("d"), array("q")
     for i, line in lines:
         if len(line_numbers) == POINTS_MAX:
             raise InputError(f"line {i}: is beyond {POINTS_MAX} points, one each millisecond of an hour")
-        numbers.extend(_plain_row(line, len(header)) or _row(_fields(i, line), header, i))
+        numbers.extend(_numbers(line, header, elbow, i))
         line_numbers.append(i)
+    if elbow:
+        header = elbow.numbers_of(header)
     table = np.frombuffer(numbers).reshape(len(line_numbers), len(header))
     columns = {name: i for i, name in enumerate(header)}
     return Points(
-        joints,
+        names,
         NumberedPlaces("line {}, t", line_numbers),
         table[:, 0],
-        table[:, [columns[name] for name in joints]],
-        table[:, [columns[_VELOCITY + name] for name in joints]] if moving else None,
+        table[:, [columns[name] for name in names]],
+        table[:, [columns[_VELOCITY + name] for name in names]] if moving else None,
+        elbow.value if elbow else None,
     )
+
+
+@dataclass(slots=True)
+class _ElbowColumn:
+    """The column of a branch's name beside the tool's coordinates; a file has one branch, which may be given once.
+
+    Attributes:
+        index: the column's index in the header.
+        value: the branch, as soon as a line has named it.
+    """
+
+    index: int
+    value: str | None = None
+
+    @classmethod
+    def of(cls, header: list[str]) -> Self | None:
+        """Return the column; None without one. Beside joints, `elbow` is the name of a joint."""
+        if _ELBOW in header and set(COORDINATES) <= set(header):
+            return cls(header.index(_ELBOW))
+        return None
+
+    def numbers_of(self, fields: list[str]) -> list[str]:
+        """Return the other fields of a line."""
+        return fields[: self.index] + fields[self.index + 1 :]
+
+    def read(self, field: str, line: int) -> None:
+        """Take a line's branch; raise InputError if it is another one than before."""
+        if field and self.value is not None and field != self.value:
+            raise InputError(
+                f"line {line}, elbow: {short(field)} after {short(self.value)}: a file of poses keeps its branch;"
+                " a file of joints can change it"
+            )
+        self.value = field or self.value
+
+
+def _numbers(line: str, header: list[str], elbow: _ElbowColumn | None, i: int) -> list[float]:
+    """Return the numbers of a line."""
+    if elbow is None:
+        return _plain_row(line, len(header)) or _row(_fields(i, line), header, i)
+    fields = _fields(i, line)
+    if len(fields) != len(header):
+        return _row(fields, header, i)
+    elbow.read(fields[elbow.index], i)
+    return _row(elbow.numbers_of(fields), elbow.numbers_of(header), i)
 
 
 def _lines(file: TextIO) -> Iterator[tuple[int, str]]:

@@ -1,7 +1,7 @@
-"""The points of a trajectory file, whatever its format, and the motion through them."""
+"""The points of a trajectory file, whatever its format, as the file has them and as a robot's joints."""
 
 from collections.abc import Sequence as Texts
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from typing import Final
 
@@ -10,9 +10,10 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.motions.sampled import Sampled, check_times
-from steptwin.host.planning.motions.sequence import Sequence
-from steptwin.host.planning.motions.through_points import through_points
+from steptwin.host.planning.motions.sampled import check_times
+from steptwin.host.planning.paths import COORDINATES
+from steptwin.host.planning.trajectory_file.tool_points import joints_at
+from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 
 LONGEST_S: Final = 3600.0
@@ -24,18 +25,20 @@ class Points:
     """The contents of a trajectory file, in the order of its columns.
 
     Attributes:
-        joint_names: one for each column.
+        names: one for each column, of a joint or of one of the tool's coordinates.
         places: where each point's time stands in the file, for messages.
         times_s: shape (points,).
         positions: shape (points, columns), in mm and degrees.
         velocities: likewise, in mm/s and deg/s; None if the file gives none.
+        elbow: branch of the inverse kinematics that the file names; None if it names none.
     """
 
-    joint_names: list[str]
+    names: list[str]
     places: Texts[str]
     times_s: FloatArray
     positions: FloatArray
     velocities: FloatArray | None
+    elbow: str | None = None
 
     def until(self, end_s: float) -> "Points":
         """Return the points up to an instant, all if it is infinite; raise InputError if no motion ends before it."""
@@ -44,36 +47,84 @@ class Points:
         kept = int(np.count_nonzero(self.times_s <= end_s))
         if kept < min(2, len(self.times_s)):
             raise InputError(f"there is no second point up to {end_s:.6f} s")
-        return Points(
-            self.joint_names,
-            self.places[:kept],
-            self.times_s[:kept],
-            self.positions[:kept],
-            None if self.velocities is None else self.velocities[:kept],
+        return replace(
+            self,
+            places=self.places[:kept],
+            times_s=self.times_s[:kept],
+            positions=self.positions[:kept],
+            velocities=None if self.velocities is None else self.velocities[:kept],
         )
 
-    def motion(self, robot: Robot) -> Sampled | Sequence:
-        """Return the motion through the points; raise InputError if the joints or times are not a robot's motion."""
-        columns = self._columns(robot)
-        times_s, positions = self.times_s, self.positions[:, columns]
+    def joint_points(self, robot: Robot, elbow: str | None = None, *, all_whole_ms: bool = False) -> "JointPoints":
+        """Return the points as joint positions; `elbow` is the branch for a file of poses that does not name it.
+
+        Raises:
+            InputError: the columns are not the robot's joints or the tool's coordinates, the times are not a motion's
+                (with `all_whole_ms` each must be a whole millisecond), a pose is out of reach, or `elbow` is for joints
+                or contradicts the file.
+        """
+        of_tool = not set(self.names) & set(robot.joint_names) and bool(set(self.names) & set(COORDINATES))
+        columns = self._columns("column", COORDINATES, "a pose") if of_tool else self._joint_columns(robot)
+        self._check_times(all_whole_ms=all_whole_ms or self.velocities is not None)
+        positions = self.positions[:, columns]
+        velocities = None if self.velocities is None else self.velocities[:, columns]
+        if of_tool:
+            return self._from_poses(robot, positions, velocities, elbow)
+        if elbow is not None:
+            raise InputError(f"elbow={elbow}: is for a file of the tool's poses; this one has joints")
+        return JointPoints(self.times_s, self.places, positions, velocities)
+
+    def _check_times(self, *, all_whole_ms: bool) -> None:
+        times_s = self.times_s
         late = times_s > LONGEST_S
         if late.any():
             i = int(np.argmax(late))
-            raise InputError(f"{self.places[i]}: {times_s[i]:.9g} s is more than {LONGEST_S:g} s")
-        check_times(times_s, self.places, all_whole_ms=self.velocities is not None)
-        if self.velocities is None:
-            return through_points(robot.joint_names, times_s, positions, self.places)
-        return Sampled.hermite(robot.joint_names, times_s, positions, self.velocities[:, columns])
+            raise InputError(f"{self.places[i]}: {times_s[i]:.9g} s is more than {LONGEST_S:g} s: are the times in ms?")
+        check_times(times_s, self.places, all_whole_ms=all_whole_ms)
 
-    def _columns(self, robot: Robot) -> list[int]:
-        """Return the column of each of the robot's joints."""
-        names = self.joint_names
+    def _from_poses(
+        self, robot: Robot, poses: FloatArray, velocities: FloatArray | None, elbow: str | None
+    ) -> "JointPoints":
+        if None not in (elbow, self.elbow) and elbow != self.elbow:
+            raise InputError(f"elbow={elbow}: the file's own elbow is {self.elbow!r}")
+        branch, joints = joints_at(robot, poses, elbow or self.elbow, self.places)
+        if velocities is not None:
+            velocities = make_kinematics(robot).joint_velocities(joints, velocities)
+        return JointPoints(self.times_s, self.places, joints, velocities, poses[:, :3], branch)
+
+    def _joint_columns(self, robot: Robot) -> list[int]:
+        return self._columns("joint", robot.joint_names, robot.name)
+
+    def _columns(self, what: str, wanted: Texts[str], owner: str) -> list[int]:
+        """Return the column of each of the wanted names."""
+        names = self.names
         for name in names:
-            if name not in robot.joint_names:
-                raise unknown("joint", name, robot.joint_names)
+            if name not in wanted:
+                raise unknown(what, name, wanted)
             if names.count(name) > 1:
-                raise InputError(f"joint {name!r} appears {names.count(name)} times")
-        for name in robot.joint_names:
+                raise InputError(f"{what} {name!r} appears {names.count(name)} times")
+        for name in wanted:
             if name not in names:
-                raise InputError(f"joint {name!r} is missing: {robot.name} has {' '.join(robot.joint_names)}")
-        return [names.index(name) for name in robot.joint_names]
+                raise InputError(f"{what} {name!r} is missing: {owner} has {' '.join(wanted)}")
+        return [names.index(name) for name in wanted]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointPoints:
+    """The points of a file as a robot's joint positions.
+
+    Attributes:
+        times_s: shape (points,), as `check_times` requires them.
+        places: where each point's time stands in the file, for messages.
+        positions: shape (points, joints), in mm and degrees.
+        velocities: likewise, in mm/s and deg/s; None if the file gives none.
+        tool_mm: x, y and z, of shape (points, 3), if the file has poses; None if it has joints.
+        branch: branch of the inverse kinematics on which the poses are reached.
+    """
+
+    times_s: FloatArray
+    places: Texts[str]
+    positions: FloatArray
+    velocities: FloatArray | None
+    tool_mm: FloatArray | None = None
+    branch: str | None = None

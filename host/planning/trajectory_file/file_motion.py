@@ -1,0 +1,184 @@
+"""The motion through the points of a file, how far it leaves the lines between them, and why it is refused."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import partial
+from typing import Final
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.bad_input import apart
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.checks import NotAtRestError, OutsideError, TooFastError
+from steptwin.host.planning.motions.blended import blended_lines
+from steptwin.host.planning.motions.ramps import shortest_ramps_s, with_ramps
+from steptwin.host.planning.motions.sampled import Sampled
+from steptwin.host.planning.motions.sequence import Sequence
+from steptwin.host.planning.motions.stretched import Stretched
+from steptwin.host.planning.motions.through_points import through_points
+from steptwin.host.planning.peaks import Peak, Quantity
+from steptwin.host.planning.planner import plan
+from steptwin.host.planning.polygon import Departure, Polygon
+from steptwin.host.planning.trajectory_file.points import JointPoints
+from steptwin.host.robots.joint import Joint
+from steptwin.host.robots.robot import Robot
+
+
+class Interpolation(StrEnum):
+    """The motion between points without velocities."""
+
+    SPLINE = "spline"
+    """A C2 spline, from rest to rest."""
+    LINEAR = "linear"
+    """Straight lines of the joints with parabolic blends around the points."""
+    STOP = "stop"
+    """Straight lines of the joints, each from rest to rest."""
+
+
+DEFAULT: Final = Interpolation.SPLINE
+
+_SUBJECTS: Final = {
+    Interpolation.SPLINE: "the spline",
+    Interpolation.LINEAR: "the motion between its blends",
+    Interpolation.STOP: "the motion from stop to stop",
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FileMotion:
+    """The motion that a robot makes of a file.
+
+    Attributes:
+        robot: the robot.
+        points: the file's points.
+        interpolation: motion between the points; None for points with velocities, between which it is a cubic.
+        ramps_s: duration of run-in and run-out; 0 for none.
+        through: motion through the points, in the file's own time.
+        trajectory: whole motion, with run-in and run-out.
+    """
+
+    robot: Robot
+    points: JointPoints
+    interpolation: Interpolation | None
+    ramps_s: float
+    through: Sampled | Sequence
+    trajectory: Sampled | Sequence
+
+    @classmethod
+    def of(cls, robot: Robot, points: JointPoints, interpolate: Interpolation | None, ramps_s: float) -> "FileMotion":
+        """Return the motion; `interpolate` and ramps are as in `read_trajectory`, which names the errors."""
+        if points.velocities is not None and interpolate is not None:
+            raise InputError(
+                f"interpolate={interpolate}: the file gives velocities, and with them the motion between its points"
+            )
+        interpolation = interpolate or (DEFAULT if points.velocities is None else None)
+        if ramps_s and interpolation is Interpolation.STOP:
+            raise InputError(f"ramps_s={ramps_s:g}: a motion that stops at each point starts and ends at rest")
+        through = _through(robot, points, interpolation, moving=bool(ramps_s))
+        trajectory = with_ramps(through, ramps_s) if ramps_s else through
+        return cls(robot, points, interpolation, ramps_s, through, trajectory)
+
+    @property
+    def polygon(self) -> Polygon:
+        """The lines from point to point."""
+        return Polygon(self.points.times_s, self.points.positions, self.points.tool_mm)
+
+    def departures(self) -> tuple[Departure, ...]:
+        """Return how far the motion leaves these lines, as `Polygon` does; nothing of points with velocities."""
+        return () if self.interpolation is None else self.polygon.departures(self.robot, self.through)
+
+    # --- why it is refused
+
+    @contextmanager
+    def explained(self, stretch: float = 1.0) -> Iterator[None]:
+        """Add to an InputError with which the planner refuses the motion what the points have to do with it.
+
+        That is the value that the points alone have, if only the motion between them exceeds a limit; and the ramps
+        that pass. `stretch` is the factor by which the motion was stretched.
+        """
+        try:
+            yield
+        except InputError as error:
+            text = self._explanation(error.__cause__ or error, stretch)
+            if not text:
+                raise
+            raise InputError(f"{error}; {text}") from error
+
+    def _explanation(self, error: BaseException, stretch: float) -> str:
+        match error:
+            case OutsideError(joint=Joint() as joint):
+                return self._of_position(joint)
+            case TooFastError(peak=Peak(quantity=Quantity.ACCELERATION) as peak):
+                return self._of_acceleration(peak, stretch)
+            case TooFastError(peak=Peak() as peak):
+                return self._of_speed(peak, stretch)
+            case NotAtRestError():
+                return self._passing_ramps(stretch)
+        return ""
+
+    def _of_position(self, joint: Joint) -> str:
+        positions = self.points.positions[:, self.robot.joint_names.index(joint.name)]
+        lowest, highest = float(positions.min()), float(positions.max())
+        if lowest < joint.lower or highest > joint.upper:
+            return ""
+        kept = (
+            " (interpolate=linear does too)" if self.interpolation is Interpolation.SPLINE and not self.ramps_s else ""
+        )
+        return f"the points themselves stay within {lowest:g}..{highest:g} {joint.unit}{kept}"
+
+    def _of_speed(self, peak: Peak, stretch: float) -> str:
+        """Return the speed from point to point, if only the motion between them is too fast."""
+        if self.interpolation is None:
+            return ""
+        axis = self.robot.joint_names.index(peak.joint)
+        steady = float(self.polygon.speeds()[axis]) / stretch
+        if peak.quantity is Quantity.STEP_RATE:
+            steady *= float(self.robot.steps_per_unit[axis])
+        if steady > peak.limit:
+            return ""
+        text, _ = apart(steady, peak.limit)
+        subject = _SUBJECTS[self.interpolation]
+        return f"only {subject} exceeds it, at constant speed from point to point it is {text} {peak.unit}"
+
+    def _of_acceleration(self, peak: Peak, stretch: float) -> str:
+        """Return the ramps that pass, if the motion is too steep where it starts or ends."""
+        t_s = peak.t_s / stretch
+        times_s, ramps_s = self.points.times_s, self.ramps_s
+        before_s = ramps_s or float(times_s[1])
+        after_s = self.trajectory.duration_s - (ramps_s or float(times_s[-1] - times_s[-2]))
+        return self._passing_ramps(stretch) if not before_s <= t_s < after_s else ""
+
+    def _passing_ramps(self, stretch: float) -> str:
+        """Return the shortest ramps, if the planner accepts the motion with them."""
+        if self.interpolation is Interpolation.STOP:
+            return ""
+        try:
+            moving = _through(self.robot, self.points, self.interpolation, moving=True)
+            shortest_s = shortest_ramps_s(moving, stretch**2 * _accelerations_max(self.robot))
+            plan(self.robot, Stretched.by(with_ramps(moving, shortest_s), stretch))
+        except InputError:
+            return ""
+        return f"a run-in and a run-out of {shortest_s:g} s pass (ramps_s={shortest_s:g})"
+
+
+def _through(
+    robot: Robot, points: JointPoints, interpolation: Interpolation | None, *, moving: bool
+) -> Sampled | Sequence:
+    """Return the motion through the points; `moving` tells whether it starts and ends at speed."""
+    names, times_s, positions = robot.joint_names, points.times_s, points.positions
+    at_rest = (not moving, not moving)
+    if points.velocities is not None:
+        return Sampled.hermite(names, times_s, positions, points.velocities)
+    if interpolation is Interpolation.STOP:
+        return Sampled.hermite(names, times_s, positions, np.zeros_like(positions))
+    if interpolation is Interpolation.LINEAR:
+        lines = partial(blended_lines, _accelerations_max(robot))
+        return through_points(names, times_s, positions, points.places, lines, at_rest)
+    return through_points(names, times_s, positions, points.places, at_rest=at_rest)
+
+
+def _accelerations_max(robot: Robot) -> FloatArray:
+    return np.array([joint.acceleration_max for joint in robot.joints])

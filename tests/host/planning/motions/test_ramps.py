@@ -1,0 +1,53 @@
+"""Run-in and run-out: golden values by hand, where they are missing, and the shortest within accelerations."""
+
+import numpy as np
+import pytest
+
+from steptwin.host.planning.motions.ramps import shortest_ramps_s, with_ramps
+from steptwin.host.planning.motions.sampled import Sampled
+from tests.host.complaints import complaint_of
+
+NAMES = ("a", "b")
+
+
+def moving(start: tuple[float, float], end: tuple[float, float]) -> Sampled:
+    """Return a motion of one second with these velocities at its ends."""
+    return Sampled.hermite(NAMES, np.array([0.0, 1.0]), np.array([[0.0, 5.0], [10.0, 6.0]]), np.array([start, end]))
+
+
+def test_a_ramp_goes_straight_on_at_constant_acceleration() -> None:
+    motion = moving((20.0, -4.0), (0.0, 8.0))
+    ramped = with_ramps(motion, 0.5)
+    assert (ramped.duration_s, ramped.breakpoints_s) == (2.0, (0.5, 1.5))
+    t_s = np.array([0.0, 0.25, 0.5, 1.5, 1.75, 2.0])
+    assert ramped.velocities(t_s)[:, 0] == pytest.approx([0, 10, 20, 0, 0, 0], abs=1e-12)
+    assert ramped.velocities(t_s)[:, 1] == pytest.approx([0, -2, -4, 8, 4, 0], abs=1e-12)
+    assert ramped.positions(t_s)[:, 0] == pytest.approx([-5, -3.75, 0, 10, 10, 10], abs=1e-12)
+    assert ramped.positions(t_s)[:, 1] == pytest.approx([6, 5.75, 5, 6, 7.5, 8], abs=1e-12)
+    own_s = np.linspace(0.0, 1.0, 101)
+    assert np.allclose(ramped.positions(own_s + 0.5), motion.positions(own_s), atol=1e-12)
+
+
+def test_an_end_at_rest_gets_none() -> None:
+    assert with_ramps(moving((0.0, 0.0), (1.0, 0.0)), 0.25).starts_ms == (0, 1000, 1250)
+    assert with_ramps(moving((0.0, 1e-6), (0.0, 1e-10)), 0.25).starts_ms == (0, 250, 1250)
+
+
+@pytest.mark.parametrize(
+    ("ramps_s", "end", "told"),
+    [
+        (0.5, 0.0, "ramps_s=0.5: the motion starts and ends at rest"),
+        (-1.0, 9.0, "ramps_s=-1: is not above 0 s"),
+        (0.0, 9.0, "ramps_s=0: is not above 0 s"),
+        (0.0005, 9.0, "ramps_s=0.0005: 0.0005 s is not a whole number of milliseconds"),
+    ],
+)
+def test_refused(ramps_s: float, end: float, told: str) -> None:
+    assert complaint_of(lambda: with_ramps(moving((0.0, 0.0), (end, 0.0)), ramps_s)) == told
+
+
+def test_the_shortest() -> None:
+    limits = np.array([100.0, 400.0])
+    assert shortest_ramps_s(moving((20.0, -4.0), (0.0, 8.0)), limits) == 0.2
+    assert shortest_ramps_s(moving((20.0, 80.4), (0.0, 8.0)), limits) == 0.201
+    assert shortest_ramps_s(moving((0.0, 0.0), (0.0, 0.0)), limits) == 0.0
