@@ -31,9 +31,10 @@ _KINDS: Final = {
 }
 _REMEDIES: Final = {
     "spline": "--interpolate linear or stop keeps closer, and so do more points",
-    "linear": "a slower motion or --interpolate stop keeps closer",
+    "linear": "--interpolate stop keeps closer, and so does more time",
 }
-_REMEDY_FOR_POSES: Final = "more points keep closer"
+_REMEDY_FOR_THE_TOOL: Final = "more points keep closer"
+"""Between the poses of a file the tool follows the joints' lines."""
 
 
 def file_motion(
@@ -93,5 +94,6 @@ def _warning(file: "FileMotion", large: "list[Departure]") -> str:
         f" (limit {departure.allowed:.3g} {departure.unit})"
         for departure in large
     )
-    remedy = _REMEDY_FOR_POSES if file.points.tool_mm is not None else _REMEDIES[file.interpolation or "spline"]
+    of_poses = file.points.tool_mm is not None and file.interpolation != "spline"
+    remedy = _REMEDY_FOR_THE_TOOL if of_poses else _REMEDIES[file.interpolation or "spline"]
     return f"the motion is far off the lines between the points: {sizes}; {remedy}"
