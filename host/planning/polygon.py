@@ -62,10 +62,10 @@ class Polygon:
     positions: FloatArray
     tool_mm: FloatArray | None = None
 
-    def speeds(self) -> FloatArray:
-        """Return the highest speed of each joint, of shape (joints,), at constant speed from point to point."""
-        speeds: FloatArray = np.abs(np.diff(self.positions, axis=0) / np.diff(self.times_s)[:, np.newaxis]).max(axis=0)
-        return speeds
+    def velocities(self) -> FloatArray:
+        """Return the joints' velocities on each line, of shape (lines, joints), at constant speed."""
+        velocities: FloatArray = np.diff(self.positions, axis=0) / np.diff(self.times_s)[:, np.newaxis]
+        return velocities
 
     def departures(self, robot: Robot, motion: Trajectory) -> tuple[Departure, ...]:
         """Return how far each joint, and at last the tool, leaves the polygon.

@@ -9,6 +9,7 @@ Source: J. J. Craig, "Introduction to Robotics: Mechanics and Control", section 
 blends for a path with via points", with one time for all joints.
 """
 
+from collections.abc import Callable
 from math import sqrt
 from typing import Final
 
@@ -25,8 +26,12 @@ _GAP_MIN_MS: Final = 2
 """Least time between two points: one millisecond for each one's blend."""
 
 
+ChangeTimes = Callable[[FloatArray], FloatArray]
+"""A function from changes of velocity, of shape (n, joints), to the seconds that they take at least, of shape (n,)."""
+
+
 def blended_lines(
-    acceleration_max: FloatArray,
+    change_times_s: ChangeTimes,
     joint_names: tuple[str, ...],
     times_s: FloatArray,
     positions: FloatArray,
@@ -34,10 +39,10 @@ def blended_lines(
 ) -> Sampled:
     """Return the motion along the lines through positions of shape (points, joints) at times in whole milliseconds.
 
-    `acceleration_max`, of shape (joints,), determines the blends. Two blends that would overlap share the time between
-    their points in proportion: the motion then exceeds these accelerations, which the planner refuses with the stretch
-    that passes. `at_rest` tells whether the motion starts and ends at rest; otherwise it does so at the speed of the
-    outermost line.
+    `change_times_s` determines the blends, by the robot's accelerations. Two blends that would overlap share the time
+    between their points in proportion: the motion then exceeds these accelerations, which the planner refuses with the
+    stretch that passes. `at_rest` tells whether the motion starts and ends at rest; otherwise it does so at the speed
+    of the outermost line.
 
     Raises:
         InputError: times as `check_times` refuses them, or 1 ms between two points.
@@ -51,7 +56,7 @@ def blended_lines(
             f"the points at {times_s[i]:.9g} s and {times_s[i + 1]:.9g} s are 1 ms apart:"
             f" lines with blends take at least {_GAP_MIN_MS} ms"
         )
-    reach_ms = _fitting_ms(_reach_ms(times_ms, positions, acceleration_max, at_rest), dt_ms)
+    reach_ms = _fitting_ms(_reach_ms(times_ms, positions, change_times_s, at_rest), dt_ms)
     corners_ms, half_ms = _corners_ms(times_ms, reach_ms, at_rest)
     before, after = _velocities_per_ms(corners_ms, positions, at_rest)
     half = half_ms[:, np.newaxis]
@@ -89,7 +94,7 @@ def _velocities_per_ms(
 
 
 def _reach_ms(
-    times_ms: Int64Array, positions: FloatArray, acceleration_max: FloatArray, at_rest: tuple[bool, bool]
+    times_ms: Int64Array, positions: FloatArray, change_times_s: ChangeTimes, at_rest: tuple[bool, bool]
 ) -> Int64Array:
     """Return how far each blend must reach into the lines beside its point, of shape (points,), in whole ms."""
     reach_ms = np.zeros(len(times_ms), dtype=np.int64)
@@ -97,24 +102,24 @@ def _reach_ms(
     for point, other, rests in ((0, 1, at_rest[0]), (-1, -2, at_rest[1])):
         if rests:
             dt_ms = float(abs(times_ms[other] - times_ms[point]))
-            longest_s2 = float((np.abs(positions[other] - positions[point]) / acceleration_max).max())
-            reach_ms[point] = _rounded_up(_reach_at_rest_ms(dt_ms, 1e6 * longest_s2, both_ends=both_ends))
+            way = (positions[other] - positions[point])[np.newaxis]
+            change_ms2 = 1e6 * float(change_times_s(way)[0])
+            reach_ms[point] = _rounded_up(_reach_at_rest_ms(dt_ms, change_ms2, both_ends=both_ends))
     corners_ms, _ = _corners_ms(times_ms, reach_ms, at_rest)
     before, after = _velocities_per_ms(corners_ms, positions, at_rest)
-    changes_ms = 1e6 * (np.abs(after - before) / acceleration_max).max(axis=1)
-    reach_ms[1:-1] = _rounded_up(changes_ms[1:-1] / 2.0)
+    reach_ms[1:-1] = _rounded_up(1e6 * change_times_s(after - before)[1:-1] / 2.0)
     return reach_ms
 
 
-def _reach_at_rest_ms(dt_ms: float, way_ms2: float, *, both_ends: bool) -> float:
+def _reach_at_rest_ms(dt_ms: float, change_ms2: float, *, both_ends: bool) -> float:
     """Return the least time r of the blend at rest for a line, at most all of its time, or half if it has two.
 
     The line's speed is its way over dt - r / 2, or over dt - r with such a blend at both ends, and speed / r is the
-    acceleration. `way_ms2` is the way over the highest acceleration.
+    acceleration. `change_ms2` is the way over the highest acceleration.
     """
     if both_ends:
-        return (dt_ms - sqrt(max(0.0, dt_ms**2 - 4.0 * way_ms2))) / 2.0
-    return dt_ms - sqrt(max(0.0, dt_ms**2 - 2.0 * way_ms2))
+        return (dt_ms - sqrt(max(0.0, dt_ms**2 - 4.0 * change_ms2))) / 2.0
+    return dt_ms - sqrt(max(0.0, dt_ms**2 - 2.0 * change_ms2))
 
 
 def _fitting_ms(reach_ms: Int64Array, dt_ms: Int64Array) -> Int64Array:

@@ -62,6 +62,16 @@ class JointMove:
         return np.subtract(self.goal, self.start)
 
 
+def change_times_s(robot: Robot, changes: FloatArray) -> FloatArray:
+    """Return how long changes of velocity take within the acceleration limits of joints and axes, of shape (n,).
+
+    The changes have the shape (n, joints), in mm/s and deg/s of the joints.
+    """
+    of_joints = np.abs(changes) / np.array([joint.acceleration_max for joint in robot.joints])
+    of_axes = np.abs(robot.coupling.to_axes(changes)) / robot.axis_accelerations_max
+    return np.asarray(np.maximum(of_joints, of_axes).max(axis=1))
+
+
 def limits_along(robot: Robot, way: FloatArray) -> tuple[float, float]:
     """Return the highest speed and acceleration of s(t), in 1/s and 1/s^2, within the limits of joints and axes.
 

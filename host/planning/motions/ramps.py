@@ -7,9 +7,11 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
+from steptwin.host.planning.motions.joint_move import change_times_s
 from steptwin.host.planning.motions.sampled import Sampled
 from steptwin.host.planning.motions.sequence import Sequence
 from steptwin.host.planning.trajectory import REST_TOLERANCE, Trajectory
+from steptwin.host.robots.robot import Robot
 
 
 def with_ramps(motion: Trajectory, ramps_s: float) -> Sequence:
@@ -38,10 +40,13 @@ def with_ramps(motion: Trajectory, ramps_s: float) -> Sequence:
     return Sequence(names, tuple(parts), (0, *ends_ms.tolist()), ())
 
 
-def shortest_ramps_s(motion: Trajectory, acceleration_max: FloatArray) -> float:
-    """Return the shortest ramps, in whole milliseconds, within accelerations of shape (joints,); 0 without speed."""
+def shortest_ramps_s(robot: Robot, motion: Trajectory, stretch: float = 1.0) -> float:
+    """Return the shortest ramps, in whole milliseconds, within the robot's accelerations; 0 without speed.
+
+    `stretch` is the factor by which the motion with its ramps will be slower.
+    """
     _, velocities = _ends(motion)
-    needed_ms = 1000.0 * float((np.abs(velocities) / acceleration_max).max())
+    needed_ms = 1000.0 * float(change_times_s(robot, velocities).max()) / stretch**2
     return ceil(needed_ms * (1 - 1e-12)) / 1000 if _moves(velocities) else 0.0
 
 

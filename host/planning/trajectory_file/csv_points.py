@@ -70,7 +70,7 @@ class _ElbowColumn:
     @classmethod
     def of(cls, header: list[str]) -> Self | None:
         """Return the column; None without one. Beside joints, `elbow` is the name of a joint."""
-        if _ELBOW in header and set(COORDINATES) <= set(header):
+        if _ELBOW in header and set(COORDINATES[:-1]) <= set(header):  # phi may be missing
             return cls(header.index(_ELBOW))
         return None
 

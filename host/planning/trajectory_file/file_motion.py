@@ -9,11 +9,11 @@ from typing import Final
 
 import numpy as np
 
-from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import apart
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.checks import NotAtRestError, OutsideError, TooFastError
 from steptwin.host.planning.motions.blended import blended_lines
+from steptwin.host.planning.motions.joint_move import change_times_s
 from steptwin.host.planning.motions.ramps import shortest_ramps_s, with_ramps
 from steptwin.host.planning.motions.sampled import Sampled
 from steptwin.host.planning.motions.sequence import Sequence
@@ -111,9 +111,9 @@ class FileMotion:
         match error:
             case OutsideError(joint=Joint() as joint):
                 return self._of_position(joint)
-            case TooFastError(peak=Peak(quantity=Quantity.ACCELERATION) as peak):
-                return self._of_acceleration(peak, stretch)
-            case TooFastError(peak=Peak() as peak):
+            case TooFastError(peaks=(peak, *_)):
+                if peak.quantity in (Quantity.ACCELERATION, Quantity.AXIS_ACCELERATION):
+                    return self._of_acceleration(peak, stretch)
                 return self._of_speed(peak, stretch)
             case NotAtRestError():
                 return self._passing_ramps(stretch)
@@ -133,10 +133,12 @@ class FileMotion:
         """Return the speed from point to point, if only the motion between them is too fast."""
         if self.interpolation is None:
             return ""
-        axis = self.robot.joint_names.index(peak.joint)
-        steady = float(self.polygon.speeds()[axis]) / stretch
+        velocities = self.polygon.velocities() / stretch
+        if peak.quantity is not Quantity.SPEED:
+            velocities = self.robot.coupling.to_axes(velocities)
         if peak.quantity is Quantity.STEP_RATE:
-            steady *= float(self.robot.steps_per_unit[axis])
+            velocities = velocities * self.robot.steps_per_unit
+        steady = float(np.abs(velocities[:, self.robot.joint_names.index(peak.joint)]).max())
         if steady > peak.limit:
             return ""
         text, _ = apart(steady, peak.limit)
@@ -157,7 +159,7 @@ class FileMotion:
             return ""
         try:
             moving = _through(self.robot, self.points, self.interpolation, moving=True)
-            shortest_s = shortest_ramps_s(moving, stretch**2 * _accelerations_max(self.robot))
+            shortest_s = shortest_ramps_s(self.robot, moving, stretch)
             plan(self.robot, Stretched.by(with_ramps(moving, shortest_s), stretch))
         except InputError:
             return ""
@@ -175,10 +177,6 @@ def _through(
     if interpolation is Interpolation.STOP:
         return Sampled.hermite(names, times_s, positions, np.zeros_like(positions))
     if interpolation is Interpolation.LINEAR:
-        lines = partial(blended_lines, _accelerations_max(robot))
+        lines = partial(blended_lines, partial(change_times_s, robot))
         return through_points(names, times_s, positions, points.places, lines, at_rest)
     return through_points(names, times_s, positions, points.places, at_rest=at_rest)
-
-
-def _accelerations_max(robot: Robot) -> FloatArray:
-    return np.array([joint.acceleration_max for joint in robot.joints])

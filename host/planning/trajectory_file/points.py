@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence as Texts
 from dataclasses import dataclass, replace
-from math import inf
+from math import inf, nan
 from typing import Final
 
 import numpy as np
@@ -63,13 +63,11 @@ class Points:
                 (with `all_whole_ms` each must be a whole millisecond), a pose is out of reach, or `elbow` is for joints
                 or contradicts the file.
         """
-        of_tool = not set(self.names) & set(robot.joint_names) and bool(set(self.names) & set(COORDINATES))
-        columns = self._columns("column", COORDINATES, "a pose") if of_tool else self._joint_columns(robot)
-        self._check_times(all_whole_ms=all_whole_ms or self.velocities is not None)
-        positions = self.positions[:, columns]
-        velocities = None if self.velocities is None else self.velocities[:, columns]
-        if of_tool:
-            return self._from_poses(robot, positions, velocities, elbow)
+        names = set(self.names)
+        if names & set(COORDINATES) and not names & set(robot.joint_names):
+            return self._from_poses(robot, elbow, all_whole_ms=all_whole_ms)
+        positions, velocities = self._ordered("joint", robot.joint_names, robot.name)
+        self._check_times(all_whole_ms=all_whole_ms)
         if elbow is not None:
             raise InputError(f"elbow={elbow}: is for a file of the tool's poses; this one has joints")
         return JointPoints(self.times_s, self.places, positions, velocities)
@@ -80,23 +78,25 @@ class Points:
         if late.any():
             i = int(np.argmax(late))
             raise InputError(f"{self.places[i]}: {times_s[i]:.9g} s is more than {LONGEST_S:g} s: are the times in ms?")
-        check_times(times_s, self.places, all_whole_ms=all_whole_ms)
+        check_times(times_s, self.places, all_whole_ms=all_whole_ms or self.velocities is not None)
 
-    def _from_poses(
-        self, robot: Robot, poses: FloatArray, velocities: FloatArray | None, elbow: str | None
-    ) -> "JointPoints":
+    def _from_poses(self, robot: Robot, elbow: str | None, *, all_whole_ms: bool) -> "JointPoints":
+        kinematics = make_kinematics(robot)
+        follows = kinematics.attitude_follows and COORDINATES[-1] not in self.names
+        poses, velocities = self._ordered("column", COORDINATES[:-1] if follows else COORDINATES, "a pose")
+        self._check_times(all_whole_ms=all_whole_ms)
+        if follows:  # the kinematics takes NaN for an attitude that follows from the arm
+            poses = np.pad(poses, ((0, 0), (0, 1)), constant_values=nan)
+            velocities = None if velocities is None else np.pad(velocities, ((0, 0), (0, 1)))
         if None not in (elbow, self.elbow) and elbow != self.elbow:
             raise InputError(f"elbow={elbow}: the file's own elbow is {self.elbow!r}")
         branch, joints = joints_at(robot, poses, elbow or self.elbow, self.places)
         if velocities is not None:
-            velocities = make_kinematics(robot).joint_velocities(joints, velocities)
+            velocities = kinematics.joint_velocities(joints, velocities)
         return JointPoints(self.times_s, self.places, joints, velocities, poses[:, :3], branch)
 
-    def _joint_columns(self, robot: Robot) -> list[int]:
-        return self._columns("joint", robot.joint_names, robot.name)
-
-    def _columns(self, what: str, wanted: Texts[str], owner: str) -> list[int]:
-        """Return the column of each of the wanted names."""
+    def _ordered(self, what: str, wanted: Texts[str], owner: str) -> tuple[FloatArray, FloatArray | None]:
+        """Return positions and velocities with the wanted columns; raise InputError unless the file has just these."""
         names = self.names
         for name in names:
             if name not in wanted:
@@ -106,7 +106,8 @@ class Points:
         for name in wanted:
             if name not in names:
                 raise InputError(f"{what} {name!r} is missing: {owner} has {' '.join(wanted)}")
-        return [names.index(name) for name in wanted]
+        columns = [names.index(name) for name in wanted]
+        return self.positions[:, columns], None if self.velocities is None else self.velocities[:, columns]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,7 +11,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.joint import Joint, Unit
-from steptwin.host.robots.kinematics import Branch, Kinematics, make_kinematics
+from steptwin.host.robots.kinematics import Branch, Kinematics, make_kinematics, pose_words
 from steptwin.host.robots.kinematics.base import joint_constraints
 from steptwin.host.robots.robot import Robot
 
@@ -50,7 +50,7 @@ def _solved(robot: Robot, kinematics: Kinematics, poses: FloatArray, name: str) 
         if joint.unit is Unit.DEG and joint.upper - joint.lower > _CIRCLE_DEG and end:
             turned_deg = np.unwrap(joints[:end, axis], period=_CIRCLE_DEG)
             joints[:end, axis] = turned_deg + _turns_deg(joint, turned_deg)
-    same = np.concatenate([[False], (np.diff(poses, axis=0) == 0.0).all(axis=1)])
+    same = np.concatenate([[False], (np.diff(np.nan_to_num(poses), axis=0) == 0.0).all(axis=1)])
     joints = joints[np.maximum.accumulate(np.where(same, 0, np.arange(len(poses))))]  # equal to the last digit
     return replace(solved, joints=joints, limits=joint_constraints(robot.joints, joints))
 
@@ -71,8 +71,8 @@ def _broken_off(
 ) -> InputError:
     """Return the error for the first pose that a branch does not reach, with the one that does."""
     i = _first_out_of_reach(branch)
-    place = "x {:g}, y {:g}, z {:g} mm, phi {:g} deg".format(*poses[i])
-    text = f"{_point(places, i)}: {place} is out of reach on the branch {branch.name!r}: {branch.reason(i)}"
+    place = f"{_point(places, i)}: {pose_words(poses[i].tolist())}"
+    text = f"{place} is out of reach on the branch {branch.name!r}: {branch.reason(i)}"
     others = kinematics.inverse(poses[i : i + 1], np.array(robot.home))
     other = next((other.name for other in others if other.reachable[0] and other.name != branch.name), None)
     if other is None:

@@ -23,6 +23,10 @@ def points(*th1_and_d3: tuple[float, float]) -> FloatArray:
     return np.array([[th1, 30.0, d3, 0.0] for th1, d3 in th1_and_d3])
 
 
+def change_times_s(changes: FloatArray) -> FloatArray:
+    return np.asarray(np.abs(changes).max(axis=1) / 100.0)
+
+
 def departures(polygon: Polygon, motion: Trajectory) -> dict[str, Departure]:
     return {departure.what: departure for departure in polygon.departures(ROBOT, motion)}
 
@@ -52,7 +56,7 @@ def test_an_overshoot_is_one() -> None:
 def test_a_point_that_is_missed_is_one_although_the_line_is_kept() -> None:
     """A blend at a reversal turns before the point: by |dv| T / 8 with dv = 20 /s, T = 0.2 s."""
     positions = points((0, 0), (10, 0), (0, 0))
-    motion = blended_lines(np.full(4, 100.0), NAMES, TIMES_S, positions, (False, False))
+    motion = blended_lines(change_times_s, NAMES, TIMES_S, positions, (False, False))
     found = departures(Polygon(TIMES_S, positions), motion)
     assert found["th1"].distance == pytest.approx(0.5)
     assert found["th1"].t_s == 1.0
@@ -99,5 +103,6 @@ def test_what_is_large() -> None:
         assert replace(departure, distance=departure.allowed * 1.001).is_large
 
 
-def test_speeds_are_those_from_point_to_point() -> None:
-    assert Polygon(np.array([0.0, 0.5, 2.5]), points((0, 0), (10, 20), (-30, 21))).speeds().tolist() == [20, 0, 40, 0]
+def test_velocities_are_those_from_point_to_point() -> None:
+    polygon = Polygon(np.array([0.0, 0.5, 2.5]), points((0, 0), (10, 20), (-30, 21)))
+    assert polygon.velocities().tolist() == [[20, 0, 40, 0], [-20, 0, 0.5, 0]]

@@ -15,9 +15,15 @@ NAMES = ("a", "b")
 LIMITS = np.array([100.0, 400.0])
 
 
+def change_times_s(changes: FloatArray) -> FloatArray:
+    return np.asarray((np.abs(changes) / LIMITS).max(axis=1))
+
+
 def lines(times_s: list[float], first: list[float], at_rest: tuple[bool, bool] = (True, True)) -> Sampled:
     """Return the motion of the first joint through these positions; the second one stands."""
-    return blended_lines(LIMITS, NAMES, np.array(times_s), np.column_stack([first, np.ones(len(first))]), at_rest)
+    return blended_lines(
+        change_times_s, NAMES, np.array(times_s), np.column_stack([first, np.ones(len(first))]), at_rest
+    )
 
 
 def accelerations(motion: Sampled) -> FloatArray:
@@ -65,7 +71,7 @@ def test_a_blend_that_needs_whole_milliseconds_has_no_further_one() -> None:
 
 def test_all_joints_leave_their_lines_together() -> None:
     positions = np.array([[0.0, 0.0], [10.0, 1.0], [0.0, 2.0], [1.0, 4.0]])
-    motion = blended_lines(LIMITS, NAMES, np.array([0.0, 1.0, 2.0, 3.0]), positions)
+    motion = blended_lines(change_times_s, NAMES, np.array([0.0, 1.0, 2.0, 3.0]), positions)
     curved = np.abs(accelerations(motion)) > 1e-9
     assert (curved[:, 0] >= curved[:, 1]).all()
     assert curved.any(axis=0).all()
@@ -80,7 +86,7 @@ def test_blends_with_room_keep_the_accelerations(dt_ms: list[int], seed: int, at
     """With ways of up to 2 in 0.4 s the blends at 100 /s^2 cannot overlap."""
     times_s = np.cumsum([0, *dt_ms]) / 1000
     positions = np.random.default_rng(seed).uniform(-1.0, 1.0, (len(times_s), 2))
-    motion = blended_lines(LIMITS, NAMES, times_s, positions, at_rest)
+    motion = blended_lines(change_times_s, NAMES, times_s, positions, at_rest)
     used = np.abs(accelerations(motion)) / LIMITS
     assert used.max() <= 1 + 1e-9
     for point_s, rests in ((times_s[0], at_rest[0]), (times_s[-1], at_rest[1])):

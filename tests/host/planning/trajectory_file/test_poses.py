@@ -13,6 +13,7 @@ from steptwin.host.planning.trajectory_file import FileMotion, read_file_motion
 from steptwin.host.robots import load_robot, robot_names
 from steptwin.host.robots.kinematics import make_kinematics
 from tests.host.complaints import complaint_of
+from tests.host.robots.kinematics.test_usual_scara import scara
 
 ROBOT = load_robot("teaching-scara")
 CSV = """t,x,y,z,phi
@@ -95,9 +96,11 @@ def test_without_a_name_it_is_the_branch_that_reaches_all(tmp_path: Path) -> Non
     assert read(tmp_path, beside).points.branch == "right"
     mirrored = "t,x,y,z,phi\n0,-60,-140,-60,0\n1,-90,-110,-60,0\n"
     assert read(tmp_path, mirrored).points.branch == "left"
+    pose = np.array([[-60.0, -140.0, -60.0, 0.0]])
+    reason = make_kinematics(ROBOT).solve(pose, "right", np.array(ROBOT.home)).reason(0)
     assert complaint(tmp_path, mirrored, elbow="right") == (
         "line 2: x -60, y -140, z -60 mm, phi 0 deg is out of reach on the branch 'right':"
-        " th1: -153.0 deg is outside -130..130 deg; the branch 'left' reaches all points (elbow=left)"
+        f" {reason}; the branch 'left' reaches all points (elbow=left)"
     )
 
 
@@ -115,7 +118,7 @@ def test_where_the_branch_would_have_to_change(tmp_path: Path) -> None:
             CSV.replace("1,150,-20", "1,250,-20"),
             None,
             "line 3: x 250, y -20, z -60 mm, phi 30 deg is out of reach on the branch 'right':"
-            " out of reach: shoulder to wrist 250.8 mm is outside 5..195 mm",
+            " out of reach: shoulder to wrist 250.8 mm is outside 5..195 mm, by 55.8 mm",
         ),
         (CSV, "rihgt", "elbow: 'rihgt' is unknown: did you mean right?"),
         (
@@ -129,7 +132,7 @@ def test_where_the_branch_would_have_to_change(tmp_path: Path) -> None:
         ("t,x,y,z,phi,elbow\n0,150,80,five,0,left\n", None, "line 2, z: 'five' is not a number"),
         ("t,x,y,z\n0,150,80,-60\n", None, "column 'phi' is missing: a pose has x y z phi"),
         ("t,x,y,z,phi,psi\n0,150,80,-60,0,0\n", None, "column 'psi' is unknown: did you mean phi?"),
-        ("t,x,y,z,elbow\n0,150,80,-60,0\n", None, "column 'elbow' is unknown: there are x, y, z, phi"),
+        ("t,x,y,z,elbow\n0,150,80,-60,left\n", None, "column 'phi' is missing: a pose has x y z phi"),
         (JOINTS, "left", "elbow=left: is for a file of the tool's poses; this one has joints"),
         ("t,x,y,z,phi,th1\n0,150,80,-60,0,0\n", None, "joint 'x' is unknown: there are th1, th2, d3, th4"),
     ],
@@ -163,6 +166,21 @@ def test_velocities_of_the_tool_become_the_joints(tmp_path: Path) -> None:
     motion = read(tmp_path, text).trajectory
     before, after = make_kinematics(ROBOT).forward(motion.positions(np.array([1 - 1e-6, 1 + 1e-6])))
     assert (after - before) / 2e-6 == pytest.approx([5, -40, -3, 20], rel=1e-5)
+
+
+def test_a_tool_that_does_not_turn_needs_no_phi(tmp_path: Path) -> None:
+    robot = scara(turning=False)
+    kinematics = make_kinematics(robot)
+    z_mm = kinematics.forward(np.array([[20.0, 60.0, 10.0]]))[0, 2]
+    file = tmp_path / "poses.csv"
+    rows = f"0,150,180,{z_mm},right,0,0,0\n1,150,130,{z_mm},,5,-40,-3\n2,150,110,{z_mm},,0,0,0\n"
+    file.write_text(f"t,x,y,z,elbow,v_x,v_y,v_z\n{rows}", encoding="utf-8")
+    motion = read_file_motion(str(file), robot).trajectory
+    before, at, after = kinematics.forward(motion.positions(np.array([1 - 1e-6, 1, 1 + 1e-6])))[:, :3]
+    assert at == pytest.approx([150, 130, z_mm], abs=1e-9)
+    assert (after - before) / 2e-6 == pytest.approx([5, -40, -3], rel=1e-5)
+    file.write_text(f"t,x,y,z\n0,150,180,{z_mm}\n1,150,130,{z_mm}\n1.5,150,130,{z_mm}\n", encoding="utf-8")
+    assert isinstance(read_file_motion(str(file), robot).trajectory, Sequence)
 
 
 def test_lines_of_the_tool_are_the_files(tmp_path: Path) -> None:
