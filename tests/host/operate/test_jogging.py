@@ -1,6 +1,7 @@
 """Jogging for a time, up to a limit, until Ctrl-C."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import pytest
 
@@ -14,6 +15,7 @@ from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Mode
 from tests.host.client.machines import SX, TH1
+from tests.host.complaints import complaint_of
 from tests.host.operate.sessions import HALF_STEPS, HOME, ROBOT, CommandLine, board_at
 
 AT_REST = [0, -(1 << 31), (1 << 31) - 1]
@@ -114,6 +116,15 @@ def test_speeds_have_limits() -> None:
             check_jog(ROBOT, "sx", speed)
     with pytest.raises(InputError, match=r"^joint 'sy' is unknown: there are sx, "):
         check_jog(ROBOT, "sy", 1.0)
+
+
+def test_the_largest_speed_that_a_refusal_names_passes() -> None:
+    """200/3 mm/s has no end in decimals."""
+    odd = replace(ROBOT, joints=(replace(ROBOT.joints[SX], speed_max=200 / 3, homing=None), *ROBOT.joints[1:]))
+    told = complaint_of(lambda: check_jog(odd, "sx", 66.6667))
+    largest = float(told.rsplit(" up to ", 1)[1].split(" ", 1)[0])
+    assert largest == 66.6666
+    check_jog(odd, "sx", -largest)
 
 
 @pytest.mark.usefixtures("session")

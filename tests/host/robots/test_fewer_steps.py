@@ -71,3 +71,19 @@ def test_the_drive_makes_at_most_this_part_of_the_steps(joint: object, part: flo
     found = next(known for known in ROBOT.joints if known is joint)
     slower, _ = with_fewer_steps(found, part)
     assert slower.step_rate_max_hz <= part * found.step_rate_max_hz * (1 + 1e-11)
+
+
+def test_the_highest_rate_that_the_pulses_allow() -> None:
+    """33 us high and 33.67 us low are 14 999.2 Hz at most."""
+    rate = r"step_rate_max_hz = \S+"
+    assert len(re.findall(rate, TEXT)) == 1
+    slow = re.sub(r"stepspace_ns = \S+", "stepspace_ns = 33_670", TEXT)
+    told = complaint_of(lambda: parse_robot(re.sub(rate, "step_rate_max_hz = 15_000", slow), "mine.toml"))
+    limit = told.split(" is more than the ", 1)[1].split(" ", 1)[0]
+    assert parse_robot(re.sub(rate, f"step_rate_max_hz = {limit}", slow), "mine.toml").board.step_rate_max_hz > 14_999
+
+
+def test_homing_is_no_faster_than_the_joint() -> None:
+    told = complaint_of(lambda: parse_robot(changed("th1", search_speed="180.1"), "mine.toml"))
+    assert told.endswith("joints.th1.homing.search_speed: 180.1 is above speed_max, 180")
+    parse_robot(changed("th1", search_speed="180"), "mine.toml")

@@ -1,9 +1,12 @@
 """Golden joints and poses, forward and inverse."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from steptwin.host.robots.kinematics import AssemblyMode
+from steptwin.host.robots.kinematics import AssemblyMode, make_kinematics
+from steptwin.host.robots.switches import JointSwitches
 from tests.host.robots.kinematics.golden import (
     BEYOND_TH1,
     CUBIC,
@@ -51,6 +54,17 @@ def test_a_pose_that_only_one_elbow_reaches() -> None:
     assert left.joints[0] == pytest.approx(BEYOND_TH1.joints, abs=1e-6)
     assert left.reachable.tolist() == [False]
     assert left.reason(0) == "th1: -147.8 deg is outside -130..130 deg; lower = -147.796 would do"
+
+
+@pytest.mark.parametrize(("lower_deg", "reachable"), [(-147.796, True), (-147.795, False)])
+def test_the_limit_that_it_names_would_do(lower_deg: float, reachable: bool) -> None:
+    robot = BY_NAME[BEYOND_TH1.robot].robot
+    joints = tuple(
+        replace(joint, lower=lower_deg, switches=JointSwitches(), homing=None) if joint.name == "th1" else joint
+        for joint in robot.joints
+    )
+    left = make_kinematics(replace(robot, joints=joints)).solve(np.array([BEYOND_TH1.pose]), BEYOND_TH1.branch)
+    assert left.reachable.tolist() == [reachable]
 
 
 @pytest.mark.parametrize("row", rows(CUBIC))
