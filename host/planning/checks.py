@@ -11,6 +11,7 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.bad_input import apart, by, nearest_within, outside
 from steptwin.host.common.errors import InputError
+from steptwin.host.planning.out_of_reach import OutOfReachError
 from steptwin.host.planning.peaks import Peak, Quantity
 from steptwin.host.planning.samples import Samples
 from steptwin.host.planning.trajectory import REST_TOLERANCE, Trajectory
@@ -22,7 +23,7 @@ _LIMIT_TOLERANCE: Final = 1e-9
 """Rounding error, in mm or degrees, allowed beyond a limit of position."""
 
 
-class OutsideError(InputError):
+class OutsideError(OutOfReachError):
     """A joint leaves its range of positions; `joint` is the one, if it is known."""
 
     def __init__(self, message: str, joint: Joint | None = None) -> None:

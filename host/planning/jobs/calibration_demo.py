@@ -6,6 +6,9 @@ Its paper (ICMEMTC 2016, Atlantis Press, from p. 918) has no experiment: the mov
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+
+from steptwin.host.planning.jobs.fitting import fitted
 from steptwin.host.planning.jobs.job import Job
 from steptwin.host.planning.jobs.options import number
 from steptwin.host.planning.laws import Cubic
@@ -15,7 +18,7 @@ from steptwin.host.robots.robot import Robot
 
 START: Final = (0.0, 0.0, 0.0, 0.0)
 GOAL: Final = (60.0, -45.0, 100.0, 90.0)
-"""th1, th2 in degrees, d3 in mm, th4 in degrees."""
+"""th1, th2 in degrees, d3 in mm, th4 in degrees; a joint with narrower limits stops at them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +30,8 @@ class DemoOptions:
 
 def demo(robot: Robot, options: DemoOptions) -> Trajectory:
     """Return the move; raise InputError unless the duration is a whole number of milliseconds."""
-    return JointMove(robot.joint_names, START, GOAL, Cubic(1.0, options.duration_s))
+    start, goal = (tuple(fitted(robot, np.array(point)).tolist()) for point in (START, GOAL))
+    return JointMove(robot.joint_names, start, goal, Cubic(1.0, options.duration_s))
 
 
 DEMO: Final = Job("demo", "all joints at once by a cubic of time", DemoOptions, demo)

@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 
+from steptwin.host.planning.jobs.fitting import fitted
 from steptwin.host.planning.jobs.job import Job
 from steptwin.host.planning.jobs.options import joint_position, number
 from steptwin.host.planning.laws import Cubic, Law, Quintic
@@ -20,7 +21,7 @@ from steptwin.host.robots.robot import Robot
 
 START_RAD: Final = (-0.000062, 0.000178, 0.0, -0.000117)
 GOAL_RAD: Final = (-0.522315, 1.504080, 0.0, -0.981765)
-"""qa and qb of the paper: th1, th2, d3, th4, with d3 = 0."""
+"""qa and qb of the paper: th1, th2, d3, th4, with d3 = 0; a joint with narrower limits stops at them."""
 
 
 class Polynomial(Enum):
@@ -50,7 +51,7 @@ class CarryOptions:
 
 def carry(robot: Robot, options: CarryOptions) -> Trajectory:
     """Return the motion from qa to qb, and back before each repetition; raise InputError if a gripper is missing."""
-    start, goal = np.rad2deg(START_RAD), np.rad2deg(GOAL_RAD)
+    start, goal = (fitted(robot, np.rad2deg(point)) for point in (START_RAD, GOAL_RAD))
     law = options.law.lasting(options.duration_s)
     moves = Composer(robot, start)
     for repetition in range(options.repetitions):
@@ -63,10 +64,11 @@ def carry(robot: Robot, options: CarryOptions) -> Trajectory:
 
 
 def _grip(moves: Composer, depth_mm: float, *, close: bool) -> None:
+    up_mm = float(moves.joints[moves.robot.joint_names.index("d3")])
     if depth_mm:
         moves.go_some({"d3": depth_mm})
         moves.switch("gripper", on=close)
-        moves.go_some({"d3": 0.0})
+        moves.go_some({"d3": up_mm})
 
 
 CARRY: Final = Job(

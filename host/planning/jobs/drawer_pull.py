@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from steptwin.host.planning.jobs.elbows import with_elbow
+from steptwin.host.planning.jobs.fitting import in_reach_at_most
 from steptwin.host.planning.jobs.job import Job
 from steptwin.host.planning.jobs.options import joint_position, number
 from steptwin.host.planning.laws import Trapezoid
@@ -23,11 +24,13 @@ LOCKED_DEG: Final = (0.0, 60.0, 30.0)
 """th1, th2, th3 at which the hand locks onto a drawer, with the elbow on the right."""
 
 TRAVEL_MM: Final = 180.0
+REACH_MM: Final = 350.0
+"""The way of the drawer, and the reach of the paper's arm from shoulder to wrist: a smaller one pulls less."""
 
 
 @dataclass(frozen=True, slots=True)
 class DrawerPullOptions:
-    """The options: the elbow's side, the times of the law, and the positions of slides and lift."""
+    """The options: the elbow's side, the times of the law, the positions of slides and lift, and the drawer's way."""
 
     elbow: Elbow = Elbow.RIGHT
     duration_s: float = number(10.0, 0.002, 600.0, "s")
@@ -35,15 +38,16 @@ class DrawerPullOptions:
     sx_mm: float = joint_position(0.0, "sx")
     sz_mm: float = joint_position(0.0, "sz")
     L1_mm: float = joint_position(100.0, "L1")
+    travel_mm: float = number(TRAVEL_MM, 1.0, 1000.0, "mm", in_reach_at_most(TRAVEL_MM, REACH_MM))
 
 
 def drawer_pull(robot: Robot, options: DrawerPullOptions) -> Trajectory:
     """Return the pull, from one tool pose with either elbow; raise InputError for times that form no trapezoid."""
-    law = Trapezoid(TRAVEL_MM, options.duration_s, options.ramp_s)
+    law = Trapezoid(options.travel_mm, options.duration_s, options.ramp_s)
     right = np.array([options.sx_mm, options.sz_mm, options.L1_mm, *LOCKED_DEG])
     start = with_elbow(robot, right, options.elbow)
     x_mm, y_mm, z_mm, attitude_deg = make_kinematics(robot).forward(right[np.newaxis])[0].tolist()
-    path = StraightLine((x_mm, y_mm, z_mm, attitude_deg), (x_mm, y_mm - TRAVEL_MM, z_mm, attitude_deg))
+    path = StraightLine((x_mm, y_mm, z_mm, attitude_deg), (x_mm, y_mm - options.travel_mm, z_mm, attitude_deg))
     return ToolMove.along(robot, path, law, options.elbow.value, start)
 
 

@@ -8,6 +8,8 @@ from typing import Final
 
 import numpy as np
 
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.planning.jobs.fitting import HYBRID_RADIUS_MM, hybrid_scale
 from steptwin.host.planning.jobs.job import Job
 from steptwin.host.planning.jobs.options import number
 from steptwin.host.planning.motions.composer import Composer
@@ -24,6 +26,9 @@ POSES: Final = (
 )
 """Tool poses: x, y, z in mm and the attitude in degrees."""
 
+_MIDDLE_MM: Final = 600.0
+"""Height of the poses from which the others keep their distance in proportion to the sliders' stroke."""
+
 OPERATING_MODE: Final = "(+,+)"
 
 
@@ -37,13 +42,23 @@ class FivePointsOptions:
 def five_points(robot: Robot, options: FivePointsOptions) -> Trajectory:
     """Return joint moves from the first pose to the fifth; raise InputError if a pose is out of reach."""
     order = np.arange(len(POSES), dtype=np.float64)
-    first, *others = follow(robot, np.array(POSES), order, OPERATING_MODE, np.array(robot.home))
+    first, *others = follow(robot, five_poses(robot), order, OPERATING_MODE, np.array(robot.home))
     moves = Composer(robot, first)
     moves.pause(options.pause_s)
     for joints in others:
         moves.go(joints)
         moves.pause(options.pause_s)
     return moves.sequence()
+
+
+def five_poses(robot: Robot) -> FloatArray:
+    """Return the poses, of shape (5, 4), which grow and move with the arm's dimensions."""
+    grown, radial, vertical, rise_mm = hybrid_scale(robot)
+    poses = np.array(POSES)
+    radii_mm = np.hypot(poses[:, 0], poses[:, 1])
+    poses[:, :2] *= (grown * (radial + (1.0 - radial) * HYBRID_RADIUS_MM / radii_mm))[:, np.newaxis]
+    poses[:, 2] = _MIDDLE_MM + rise_mm + vertical * (poses[:, 2] - _MIDDLE_MM)
+    return poses
 
 
 FIVE_POINTS: Final = Job("five-points", "visit five tool poses with a pause at each", FivePointsOptions, five_points)

@@ -2,10 +2,17 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Generic
+from typing import Final, Generic
 
-from steptwin.host.planning.jobs.options import Options, describe_options, parse_options
+import numpy as np
+
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.checks import check_positions
+from steptwin.host.planning.jobs.options import Options, describe_options, parse_options, place_options
+from steptwin.host.planning.out_of_reach import OutOfReachError
+from steptwin.host.planning.samples import Samples
 from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.robots.kinematics import within_limits
 from steptwin.host.robots.robot import Robot
 
 
@@ -26,9 +33,32 @@ class Job(Generic[Options]):
     build: Callable[[Robot, Options], Trajectory]
 
     def make(self, robot: Robot, texts: Mapping[str, str]) -> Trajectory:
-        """Return the trajectory for options given as texts; raise InputError as `parse_options` and `build` do."""
-        return self.build(robot, parse_options(self.options, texts, robot))
+        """Return the trajectory for options given as texts; raise InputError as `parse_options` and `build` do.
+
+        A place out of the robot's reach or a joint beyond its limits is an error that names the options to set.
+        """
+        options = parse_options(self.options, texts, robot)
+        places = place_options(self.options)
+        try:
+            trajectory = self.build(robot, options)
+            if places:
+                _check_limits(robot, trajectory)
+        except OutOfReachError as error:
+            hint = f"; the {'option sets' if len(places) == 1 else 'options set'} the place: {' '.join(places)}"
+            raise InputError(f"{error}{hint if places else ''}") from error
+        return trajectory
 
     def described_options(self, robot: Robot) -> dict[str, str]:
         """Return each option's default and valid values as text."""
         return describe_options(self.options, robot)
+
+
+_CHECKED: Final = 2000
+"""Number of instants at which the joints' limits are checked; the planner checks every millisecond."""
+
+
+def _check_limits(robot: Robot, trajectory: Trajectory) -> None:
+    """Raise OutOfReachError, as the planner does, if the joints' limits are clearly left."""
+    positions = trajectory.positions(np.linspace(0.0, trajectory.duration_s, _CHECKED))
+    if not within_limits(robot.joints, positions).all():
+        check_positions(robot, Samples.of(trajectory, np.array([round(1000 * trajectory.duration_s)])))

@@ -1,6 +1,9 @@
-"""Read a job's options from texts: a frozen dataclass of enums, places and numbers with ranges."""
+"""Read a job's options from texts: a frozen dataclass of enums, places and numbers with ranges.
 
-from collections.abc import Mapping
+A number's default may depend on the robot: it is then the paper's for the paper's robot, and fits others.
+"""
+
+from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass, field, fields
 from enum import Enum
 from typing import Any, TypeVar
@@ -26,9 +29,16 @@ class Range:
         return f"{self.lower:g}..{self.upper:g} {self.unit}"
 
 
-def number(default: float, lower: float, upper: float, unit: str) -> Any:
-    """Return a dataclass field for a number with a range, a whole number if the default is an int."""
-    return field(default=default, metadata={"range": Range(lower, upper, unit)})
+Fitting = Callable[[Robot], float]
+"""A default that depends on the robot."""
+
+
+def number(default: float, lower: float, upper: float, unit: str, fitting: Fitting | None = None) -> Any:
+    """Return a dataclass field for a number with a range, a whole number if the default is an int.
+
+    With `fitting`, its value for a robot takes the place of the default.
+    """
+    return field(default=default, metadata={"range": Range(lower, upper, unit), "fitting": fitting})
 
 
 def place(default: str, other_than: str) -> Any:
@@ -37,7 +47,10 @@ def place(default: str, other_than: str) -> Any:
 
 
 def joint_position(default: float, joint: str) -> Any:
-    """Return a dataclass field for a joint's position, with the robot's limits as range."""
+    """Return a dataclass field for a joint's position, with the robot's limits as range.
+
+    A default outside the limits becomes the nearest limit.
+    """
     return field(default=default, metadata={"joint": joint})
 
 
@@ -53,12 +66,36 @@ def parse_options(options: type[Options], texts: Mapping[str, str], robot: Robot
         if name not in known:
             raise unknown("option", name, known)
     places = {name: str(option.default) for name, option in known.items() if "other_than" in option.metadata}
-    return options(**{name: _value(known[name], text, robot) for name, text in (places | texts).items()})
+    values = {name: _value(known[name], text, robot) for name, text in (places | texts).items()}
+    fitting = {name: _default(option, robot) for name, option in known.items() if _is_number(option)}
+    return options(**(fitting | values))
 
 
 def describe_options(options: type[Any], robot: Robot) -> dict[str, str]:
     """Return each option's default and valid values as text."""
     return {name: _description(option, robot) for name, option in _fields(options).items()}
+
+
+def place_options(options: type[Any]) -> list[str]:
+    """Return the names of the options whose defaults depend on the robot: those that say where a job goes."""
+    return [name for name, option in _fields(options).items() if option.metadata.get("fitting")]
+
+
+def _is_number(option: Field[Any]) -> bool:
+    return isinstance(option.default, int | float)
+
+
+def _default(option: Field[Any], robot: Robot) -> float:
+    """Return a number's default for a robot."""
+    default = option.default
+    if not isinstance(default, int | float):
+        raise TypeError(option.name)
+    if fitting := option.metadata.get("fitting"):
+        return float(fitting(robot))
+    if "joint" in option.metadata:
+        joint = robot.joint(option.metadata["joint"])
+        return min(max(default, joint.lower), joint.upper)
+    return default
 
 
 def _fields(options: type[Any]) -> dict[str, Field[Any]]:
@@ -70,7 +107,7 @@ def _description(option: Field[Any], robot: Robot) -> str:
         return f"{option.default.value} ({', '.join(_choices(option.default))})"
     if isinstance(option.default, str):
         return f"{option.default} ({', '.join(_places(option, robot))})"
-    return f"{option.default:g} ({_range(option, robot)})"
+    return f"{_default(option, robot):g} ({_range(option, robot)})"
 
 
 def _value(option: Field[Any], text: str, robot: Robot) -> Enum | str | float:

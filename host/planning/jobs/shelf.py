@@ -14,12 +14,14 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.jobs.drawer_pull import LOCKED_DEG, TRAVEL_MM
+from steptwin.host.planning.jobs.drawer_pull import LOCKED_DEG, REACH_MM, TRAVEL_MM
 from steptwin.host.planning.jobs.elbows import with_elbow
+from steptwin.host.planning.jobs.fitting import in_reach_at_most
 from steptwin.host.planning.jobs.job import Job
-from steptwin.host.planning.jobs.options import place
+from steptwin.host.planning.jobs.options import number, place
 from steptwin.host.planning.laws import Trapezoid
 from steptwin.host.planning.motions.composer import Composer
+from steptwin.host.planning.out_of_reach import OutOfReachError
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.kinematics import Elbow, make_kinematics
 from steptwin.host.robots.robot import Robot
@@ -28,18 +30,17 @@ HAND_OVER: Final = "hand-over"
 APPROACH_MM: Final = 60.0
 """Distance from in front of the shelf to the drawer's striker."""
 LOWERING_MM: Final = 30.0
-"""Distance from above a box down to its lid."""
-
-_PULL: Final = Trapezoid(TRAVEL_MM, 10.0, 2.0)
-_APPROACH: Final = Trapezoid.fastest(APPROACH_MM, speed_max=40.0, acceleration_max=80.0)
+"""Distance from above a box down to its lid; less if the lift ends above that."""
 
 
 @dataclass(frozen=True, slots=True)
 class ShelfOptions:
-    """The options: the slot, and the elbow's side."""
+    """The options: the slot, the elbow's side, the drawer's way and the way from in front of it to its striker."""
 
     slot: str = place("A1", other_than=HAND_OVER)
     elbow: Elbow = Elbow.RIGHT
+    travel_mm: float = number(TRAVEL_MM, 1.0, 1000.0, "mm", in_reach_at_most(TRAVEL_MM, REACH_MM))
+    approach_mm: float = number(APPROACH_MM, 1.0, 1000.0, "mm", in_reach_at_most(APPROACH_MM, REACH_MM))
 
 
 class _Shelf:
@@ -48,6 +49,7 @@ class _Shelf:
     def __init__(self, robot: Robot, options: ShelfOptions) -> None:
         self._robot = robot
         self._elbow = options.elbow
+        self._travel_mm, self._approach_mm = options.travel_mm, options.approach_mm
         self._slot = dict(robot.places[options.slot])
         self._hand_over = self._place(HAND_OVER)
         self._lift_mm = self._slot.pop("L1", robot.home[robot.joint_names.index("L1")])
@@ -73,20 +75,27 @@ class _Shelf:
     def at_box(self, moves: Composer, *, take: bool) -> None:
         """Go down onto the box, switch the magnet, go up again."""
         lift_mm = moves.joints[self._robot.joint_names.index("L1")]
-        moves.go_some({"L1": lift_mm - LOWERING_MM})
+        lowest_mm = self._robot.joint("L1").lower
+        if not lift_mm > lowest_mm:
+            raise InputError(
+                f"places.{HAND_OVER}.L1: {lift_mm:g} mm is the lift's lower end: it cannot go down to a box"
+            )
+        moves.go_some({"L1": max(lift_mm - LOWERING_MM, lowest_mm)})
         moves.switch("magnet", on=take)
         moves.go_some({"L1": lift_mm})
 
     def at_drawer(self, moves: Composer, *, take: bool) -> None:
         """Lock, pull the drawer out, take or release a box, push the drawer shut, unlock."""
         branch = self._elbow.value
-        moves.line(branch, (0.0, APPROACH_MM, 0.0), _APPROACH)
+        approach = Trapezoid.fastest(self._approach_mm, speed_max=40.0, acceleration_max=80.0)
+        pull = Trapezoid(self._travel_mm, 10.0, 2.0)
+        moves.line(branch, (0.0, self._approach_mm, 0.0), approach)
         moves.switch("lock", on=True)
-        moves.line(branch, (0.0, -TRAVEL_MM, 0.0), _PULL)
+        moves.line(branch, (0.0, -self._travel_mm, 0.0), pull)
         moves.switch("magnet", on=take)
-        moves.line(branch, (0.0, TRAVEL_MM, 0.0), _PULL)
+        moves.line(branch, (0.0, self._travel_mm, 0.0), pull)
         moves.switch("lock", on=False)
-        moves.line(branch, (0.0, -APPROACH_MM, 0.0), _APPROACH)
+        moves.line(branch, (0.0, -self._approach_mm, 0.0), approach)
 
     def _place(self, name: str) -> FloatArray:
         """Return a place that must name every joint, with the chosen elbow."""
@@ -102,10 +111,10 @@ class _Shelf:
         sx_mm, sz_mm = self._hand_over[:2]
         locked = np.array([sx_mm, sz_mm, self._lift_mm, *LOCKED_DEG])
         kinematics = make_kinematics(self._robot)
-        pose = kinematics.forward(locked[np.newaxis]) - np.array([0.0, APPROACH_MM, 0.0, 0.0])
+        pose = kinematics.forward(locked[np.newaxis]) - np.array([0.0, self._approach_mm, 0.0, 0.0])
         solved = kinematics.solve(pose, self._elbow.value, locked)
         if not solved.reachable[0]:
-            raise InputError(f"in front of the shelf: {solved.reason(0)}")
+            raise OutOfReachError(f"in front of the shelf: {solved.reason(0)}")
         joints: FloatArray = solved.joints[0]
         return joints
 

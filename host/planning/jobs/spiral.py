@@ -15,6 +15,7 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import whole_ms
+from steptwin.host.planning.jobs.fitting import in_reach
 from steptwin.host.planning.jobs.job import Job
 from steptwin.host.planning.jobs.options import number
 from steptwin.host.planning.motions.following import follow
@@ -26,6 +27,17 @@ from steptwin.host.robots.robot import Robot
 POINTS: Final = 377
 STEP_RAD: Final = 0.05
 MM_PER_RAD: Final = 5.0
+
+
+_REACH_MM: Final = 800.0
+"""Reach of the paper's arm."""
+_START_PART: Final = 0.6
+"""Part of the lift's stroke at which the spiral begins: 150 of the paper's 250 mm."""
+
+
+def _start_mm(robot: Robot) -> float:
+    lift = robot.joint("d1")
+    return lift.lower + _START_PART * (lift.upper - lift.lower) - float(robot.geometry["d5_mm"])
 
 
 class ZLaw(Enum):
@@ -42,15 +54,19 @@ class ZLaw(Enum):
 
 @dataclass(frozen=True, slots=True)
 class SpiralOptions:
-    """The options: rise, tool's attitude, elbow's side, time from point to point, and start of the spiral."""
+    """The options: rise, tool's attitude, elbow's side, time from point to point, start and growth of the spiral.
+
+    Start and growth are the paper's for its arm, and in proportion for others.
+    """
 
     z_law: ZLaw = ZLaw.A
     psi_deg: float = number(0.0, -180.0, 180.0, "deg")
     elbow: Elbow = Elbow.RIGHT
     point_s: float = number(0.05, 0.001, 10.0, "s")
-    x_mm: float = number(-300.0, -2000.0, 2000.0, "mm")
-    y_mm: float = number(400.0, -2000.0, 2000.0, "mm")
-    z_mm: float = number(0.0, -2000.0, 2000.0, "mm")
+    x_mm: float = number(-300.0, -2000.0, 2000.0, "mm", in_reach(-300.0, _REACH_MM))
+    y_mm: float = number(400.0, -2000.0, 2000.0, "mm", in_reach(400.0, _REACH_MM))
+    z_mm: float = number(0.0, -2000.0, 2000.0, "mm", _start_mm)
+    mm_per_rad: float = number(MM_PER_RAD, 0.01, 100.0, "mm/rad", in_reach(MM_PER_RAD, _REACH_MM))
 
 
 def spiral(robot: Robot, options: SpiralOptions) -> Trajectory:
@@ -65,8 +81,8 @@ def spiral_poses(options: SpiralOptions) -> FloatArray:
     u = STEP_RAD * np.arange(POINTS)
     return np.column_stack(
         [
-            options.x_mm + MM_PER_RAD * u * np.cos(u),
-            options.y_mm + MM_PER_RAD * u * np.sin(u),
+            options.x_mm + options.mm_per_rad * u * np.cos(u),
+            options.y_mm + options.mm_per_rad * u * np.sin(u),
             options.z_mm + options.z_law.mm_per_rad * u,
             np.full(POINTS, options.psi_deg),
         ]

@@ -4,7 +4,7 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import unknown
-from steptwin.host.common.errors import InputError
+from steptwin.host.planning.out_of_reach import OutOfReachError
 from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import LIMIT_TOLERANCE, Constraint
@@ -41,6 +41,6 @@ def _check(constraints: tuple[Constraint, ...], t_s: FloatArray) -> None:
     for constraint in constraints:
         if not constraint.kept.all():
             i = int(np.argmin(constraint.kept))
-            raise InputError(
+            raise OutOfReachError(
                 f"at t = {t_s[i]:.3f} s the tool's path breaks off: {constraint.complaint(i, of_path=True)}"
             )
