@@ -1,6 +1,5 @@
 """`steptwin move ROBOT Q1 Q2 ... --connect ...`: move a live board's joints, or its tool, to a position."""
 
-from dataclasses import asdict
 from math import nan
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,9 +15,10 @@ from steptwin.host.cli.arguments import (
     robot_and_rest,
 )
 from steptwin.host.cli.connection import Bitrate, Channel, Connect, Force, Interface, opened_session
-from steptwin.host.cli.output import pose_text, print_json, say
+from steptwin.host.cli.moved import print_moved
+from steptwin.host.cli.position_files import PositionsFile, saved_position
 from steptwin.host.cli.progress import progress_bar
-from steptwin.host.common.bad_input import unknown
+from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
@@ -47,6 +47,10 @@ def move(
         str | None,
         typer.Option("--phi", metavar="DEG", help="Target attitude; by default it stays, or follows from the arm."),
     ] = None,
+    to: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Saved position to move to (`steptwin positions`).")
+    ] = None,
+    file: PositionsFile = None,
     speed: Annotated[
         float, typer.Option(metavar="PERCENT", help="Part of the joints' highest speeds and accelerations.")
     ] = 100.0,
@@ -61,7 +65,8 @@ def move(
 
     The path is straight in joint space, not for the tool. Ctrl-C stops all axes.
     """
-    from steptwin.host.operate.moving import move, nearest_joints, standing_joints
+    from steptwin.host.operate.moving import goal_by_name, joints_at, move, nearest_joints, standing_joints
+    from steptwin.host.planning.programs.positions import JointPosition, ToolPosition
 
     loaded, rest = robot_and_rest(words or [], robot_file)
     pose = {
@@ -70,29 +75,24 @@ def move(
         if text is not None
     }
     joints = _joints(loaded, rest)
-    if bool(pose) == bool(joints):
-        raise InputError("where to? either joints, or a tool pose by --x, --y, --z, --phi")
+    if [bool(pose), bool(joints), to is not None].count(True) != 1:
+        raise InputError("where to? either joints, or a tool pose by --x, --y, --z, --phi, or a saved position by --to")
     if not 0 < speed <= 100:
         raise InputError(f"--speed {speed:g}: is not above 0 and up to 100 percent")
+    saved = saved_position(loaded, to, file)
+    with prefixed(f"--to {to}: " if saved else ""):
+        goal = goal_by_name(loaded, saved.joints if isinstance(saved, JointPosition) else joints)
     with opened_session(loaded, connect, interface, channel, bitrate, force=force) as session, session.alone():
-        goal: list[float | None] = [joints.get(name) for name in loaded.joint_names]
         if pose:
             standing = standing_joints(session)
             goal = [*nearest_joints(loaded, _whole_pose(session, standing, pose), standing)]
+        elif isinstance(saved, ToolPosition):
+            with prefixed(f"--to {to}: "):
+                goal = [*joints_at(loaded, saved, standing_joints(session))]
         with progress_bar(f"{loaded.name} move") as progress:
             moved = move(session, goal, speed_percent=speed, progress=progress)
         reached = session.known_pose(moved.end)
-    names = loaded.joint_names
-    if as_json:
-        figures = {
-            key: dict(zip(names, value, strict=True)) if isinstance(value, list) else value
-            for key, value in asdict(moved).items()
-        }
-        print_json({"robot": loaded.name, **figures, "pose": reached})
-        return
-    say(", ".join(f"{name} {position:.4f}" for name, position in zip(names, moved.end, strict=True)))
-    if reached is not None:
-        say(pose_text(reached))
+    print_moved(loaded, moved, reached, as_json=as_json)
 
 
 def _joints(robot: "Robot", words: list[str]) -> dict[str, float]:
@@ -100,11 +100,7 @@ def _joints(robot: "Robot", words: list[str]) -> dict[str, float]:
     if not any("=" in word for word in words):
         values = joint_values(words, names, f"joints of {robot.name}") if words else []
         return dict(zip(names, values, strict=False))
-    pairs = name_value_pairs(words)
-    for name in pairs:
-        if name not in names:
-            raise unknown("joint", name, names)
-    return {name: finite_number(text, name) for name, text in pairs.items()}
+    return {name: finite_number(text, name) for name, text in name_value_pairs(words).items()}
 
 
 def _whole_pose(session: "Session", standing: list[float], wanted: dict[str, float]) -> list[float]:

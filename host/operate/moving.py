@@ -1,6 +1,6 @@
 """Move all axes to a joint position or a tool pose by their own profiles, so that they arrive together."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil
 
@@ -8,11 +8,13 @@ import numpy as np
 
 from steptwin.host.client import Progress
 from steptwin.host.client.profile_motion import ProfileMove, move_together
-from steptwin.host.common.bad_input import nearest_within, outside
+from steptwin.host.common.bad_input import nearest_within, outside, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.session import Session
 from steptwin.host.planning.laws import Trapezoid
 from steptwin.host.planning.motions.joint_move import limits_along
+from steptwin.host.planning.programs.moves import Moves
+from steptwin.host.planning.programs.positions import JointPosition, ToolPosition
 from steptwin.host.robots.kinematics import make_kinematics, pose_words
 from steptwin.host.robots.robot import Robot
 
@@ -38,6 +40,26 @@ def check_goal(robot: Robot, goal: Sequence[float | None]) -> None:
             raise InputError(f"{joint.name}: {outside(position, *limits)}{nearest_within(position, *limits)}")
 
 
+def goal_by_name(robot: Robot, positions: Mapping[str, float]) -> list[float | None]:
+    """Return the goal that moves some joints, by name, within their limits; raise InputError for another joint."""
+    for name in positions:
+        if name not in robot.joint_names:
+            raise unknown("joint", name, robot.joint_names)
+    goal = [positions.get(name) for name in robot.joint_names]
+    check_goal(robot, goal)
+    return goal
+
+
+def joints_at(robot: Robot, position: ToolPosition, standing: list[float]) -> list[float]:
+    """Return the joints at a position of the tool, on its branch or on the one on which the arm is as it stands.
+
+    Coordinates that the position leaves out stay. Raises InputError if the arm cannot reach it.
+    """
+    start = JointPosition(dict(zip(robot.joint_names, standing, strict=True)))
+    joints = Moves(robot, {}, start).joints_at(position)
+    return [float(each) for each in joints]
+
+
 def nearest_joints(robot: Robot, pose: list[float], near: list[float]) -> list[float]:
     """Return the joint position that has a tool pose and is reached in the least time from the joint position `near`.
 
@@ -54,14 +76,22 @@ def nearest_joints(robot: Robot, pose: list[float], near: list[float]) -> list[f
     return [float(position) for position in nearest]
 
 
-def standing_joints(session: Session) -> list[float]:
-    """Return the joint position at which the machine stands; raise as `move` if it cannot be moved now."""
-    session.require_ready("move")
+def standing_joints(session: Session, what: str = "move") -> list[float]:
+    """Return the joint position at which the machine stands; raise as `move` if it cannot be moved now.
+
+    `what` names the action in messages.
+    """
+    session.require_ready(what)
     return session.positions(session.demanded_units())
 
 
 def move(
-    session: Session, goal: Sequence[float | None], *, speed_percent: float = 100.0, progress: Progress = lambda _: None
+    session: Session,
+    goal: Sequence[float | None],
+    *,
+    speed_percent: float = 100.0,
+    progress: Progress = lambda _: None,
+    anywhere: bool = False,
 ) -> Moved:
     """Move joints to a position, straight in joint space.
 
@@ -69,16 +99,19 @@ def move(
     is coupled to one that moves, not know its position, as after an interrupted homing: it does not move. StepTwin
     knows no obstacles, whoever moves one joint watches the machine. `speed_percent` is the part of the joints' speed
     and acceleration limits to use.
-    `progress` is called with the part of the longest way that is covered.
+    `progress` is called with the part of the longest way that is covered. With `anywhere` the goal may be outside the
+    limits and positions may be unknown.
 
     Raises:
         InputError: a joint's goal is outside its limits, or a program that claims no lease moves the machine.
         DeviceFaultError: a drive is in fault or was stopped, or a joint that is to move does not know its position.
         BusError: another program is in charge, or a node does not answer.
     """
-    check_goal(session.robot, goal)
+    if not anywhere:
+        check_goal(session.robot, goal)
     session.require_ready("move", known=False)
-    session.require_known(session.robot.joint_names[axis] for axis in _axes_concerned(session.robot, goal))
+    if not anywhere:
+        session.require_known(session.robot.joint_names[axis] for axis in axes_concerned(session.robot, goal))
     with session.in_charge("move", known=False):
         start_units = session.demanded_units()
         start = session.positions(start_units)
@@ -96,7 +129,7 @@ def _axes_moved(robot: Robot, goal: Sequence[float | None]) -> set[int]:
     return {axis for joint in moving for axis in robot.coupling.axes_moved_by(joint)}
 
 
-def _axes_concerned(robot: Robot, goal: Sequence[float | None]) -> set[int]:
+def axes_concerned(robot: Robot, goal: Sequence[float | None]) -> set[int]:
     """Return the axes that must know their positions: those that move, and all on which the goal of one depends."""
     moved, coupling = _axes_moved(robot, goal), robot.coupling
     return moved | {other for axis in moved for joint in coupling.joints_of(axis) for other in coupling.axes_of(joint)}

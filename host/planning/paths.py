@@ -1,4 +1,4 @@
-"""Paths of the tool in space: straight lines, arcs and curves through sampled poses, as functions of the length.
+"""Paths of the tool: straight lines, arcs, curves through sampled poses and turns, as functions of the length.
 
 A path gives poses of shape (n, 4), x_mm, y_mm, z_mm and attitude_deg, and their derivatives by the length s in mm, for
 lengths of shape (n,) in [0, length_mm]. The attitude turns in proportion to the length. The paths share this file
@@ -173,6 +173,31 @@ def _centre(a: FloatArray, b: FloatArray, c: FloatArray, normal: FloatArray) -> 
     ab, ac = b - a, c - a
     offset = float(ac @ ac) * np.cross(normal, ab) + float(ab @ ab) * np.cross(ac, normal)
     return np.asarray(a + offset / (2.0 * float(normal @ normal)))
+
+
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """A turn of the tool on the spot; its parameter is the angle turned, in degrees, in place of a length in mm."""
+
+    start: Pose
+    angle_deg: float
+
+    @property
+    def length_mm(self) -> float:
+        """Size of the angle, in degrees."""
+        return abs(self.angle_deg)
+
+    def poses(self, s_mm: FloatArray) -> FloatArray:
+        """Return poses of shape (n, 4), all at one place."""
+        return np.array(self.start) + s_mm[:, np.newaxis] * self._rate
+
+    def derivatives(self, s_mm: FloatArray) -> FloatArray:
+        """Return derivatives of shape (n, 4), all equal."""
+        return np.tile(self._rate, (len(s_mm), 1))
+
+    @property
+    def _rate(self) -> FloatArray:
+        return np.array([0.0, 0.0, 0.0, np.sign(self.angle_deg)])
 
 
 class Smoothing(StrEnum):

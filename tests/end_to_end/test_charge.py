@@ -34,7 +34,7 @@ def test_a_killed_program_blocks_nobody() -> None:
         assert server.run("home", ROBOT, "--here", HOME) == 0
         with BusLink(open_bus(Connection("socketcand", None, None, "127.0.0.1", server.port)), "the server") as link:
             first = Session(link, load_robot(ROBOT)).machine.axes[0]
-            jogging = server.start("jog", ROBOT, "th1", "-1")
+            jogging = server.start("jog", ROBOT, "th1", "-1deg/s")
             await_true(lambda: first.read(od.CHARGE_TOKEN) != FREE, "the jog takes charge")
             code, said = ended(server.start("move", ROBOT, "th1=1"))
             assert (code, said.partition(",")[0]) == (4, "steptwin: another program is in charge of the machine")

@@ -24,7 +24,7 @@ COMMANDS = [
     ),
     ["home", ROBOT],
     ["move", ROBOT, "th1=5"],
-    ["jog", ROBOT, "th1", "5"],
+    ["jog", ROBOT, "th1", "5deg/s"],
     ["run", ROBOT, "drawer-pull"],
 ]
 STOPPING = ("pause", "stop", "estop")
@@ -124,7 +124,7 @@ def _moving(server: Server, program: subprocess.Popen[str]) -> None:
 MIDDLES = [
     (["status", ROBOT, "--watch"], _printed, ""),
     (["monitor", ROBOT], _printed, ""),
-    (["jog", ROBOT, "th1", "1"], _moving, UNSURE),
+    (["jog", ROBOT, "th1", "1deg/s"], _moving, UNSURE),
     (["move", ROBOT, "th1=60", "--speed", "5"], _moving, UNSURE),
     (["home", ROBOT], _moving, UNSURE),
     (LONG_RUN, _moving, UNSURE),

@@ -154,5 +154,5 @@ def play(terminals: Terminals) -> None:
 
 def test_the_page_shows_every_command_that_it_should() -> None:
     shown = {step.command.split()[1] for step in STEPS if step.command.startswith("steptwin ")}
-    wanted = "serve doctor status home move run monitor pause resume stop verify trace"
+    wanted = "serve doctor status home move jog positions run monitor pause resume stop verify trace"
     assert shown == set(wanted.split())

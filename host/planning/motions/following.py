@@ -1,4 +1,4 @@
-"""Solve the inverse kinematics along a tool path: checked, and without jumps of a joint."""
+"""Solve the inverse kinematics along a tool path, checked and without jumps of a joint; find the arm's branch."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.planning.out_of_reach import OutOfReachError
 from steptwin.host.robots.joint import Unit
-from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.kinematics import Kinematics, make_kinematics
 from steptwin.host.robots.kinematics.base import LIMIT_TOLERANCE, Constraint
 from steptwin.host.robots.robot import Robot
 
@@ -29,6 +29,15 @@ def follow(robot: Robot, poses: FloatArray, t_s: FloatArray, branch: str, near: 
         if joint.unit is Unit.DEG:
             joints[:, axis] = np.unwrap(joints[:, axis], period=360.0) + _turns_deg(joints[0, axis], near[axis])
     return joints
+
+
+def present_branch(kinematics: Kinematics, joints: FloatArray) -> str:
+    """Return the branch on which an arm is: the one whose joints at its pose are nearest to its own, of shape (n,)."""
+    pose = kinematics.forward(joints[np.newaxis])
+    return min(
+        kinematics.inverse(pose, joints),
+        key=lambda branch: float(np.nan_to_num(np.abs(branch.joints[0] - joints), nan=np.inf).max()),
+    ).name
 
 
 def _turns_deg(first_deg: float, near_deg: float) -> float:

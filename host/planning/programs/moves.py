@@ -11,6 +11,7 @@ from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.even_path import EvenPath
 from steptwin.host.planning.motions.composer import Composer
+from steptwin.host.planning.motions.following import present_branch
 from steptwin.host.planning.paths import COORDINATES, Arc, Pose, SampledPath, Smoothing, StraightLine, ToolPath
 from steptwin.host.planning.programs.paces import JointPace, ToolPace
 from steptwin.host.planning.programs.positions import JointPosition, Position, Target, ToolPosition
@@ -169,9 +170,5 @@ class Moves:
         return joints
 
     def _branch(self) -> str:
-        """Return the branch on which the arm is: the one whose joints at its pose are nearest to its own."""
-        joints = self.composer.joints
-        return min(
-            self._branches(self._here()),
-            key=lambda branch: float(np.nan_to_num(np.abs(branch.joints[0] - joints), nan=np.inf).max()),
-        ).name
+        """Return the branch on which the arm is."""
+        return present_branch(self._kinematics, self.composer.joints)

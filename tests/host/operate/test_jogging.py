@@ -133,9 +133,3 @@ def test_the_command(steptwin: CommandLine) -> None:
     assert document["joint"] == "th1"
     assert document["start"] == pytest.approx(HOME[TH1], abs=1e-4)
     assert document["end"] < document["start"] - 8
-    for arguments, message in (
-        ("th1", "JOINT and SPEED are needed after the robot, not th1"),
-        ("th1 fast", "SPEED: 'fast' is not a number"),
-        ("th1 20 --seconds 0", "--seconds 0: is not above 0 and finite"),
-    ):
-        assert steptwin.run(f"jog warehouse-scara {arguments}") == (2, "", f"steptwin: {message}\n")

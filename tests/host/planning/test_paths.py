@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.paths import Arc, Pose, SampledPath, Smoothing, StraightLine, ToolPath
+from steptwin.host.planning.paths import Arc, Pose, SampledPath, Smoothing, StraightLine, ToolPath, Turn
 from tests.host.complaints import complaint_of
 
 ZIGZAG = np.array(
@@ -28,6 +28,7 @@ PATHS: dict[str, ToolPath] = {
     "tilted arc": Arc.through((4.0, 0.0, 0.0, 0.0), (0.0, 7.0, 1.0), (-3.0, -2.0, 6.0, 400.0)),
     "c2 spline": SampledPath.through(ZIGZAG, Smoothing.C2_SPLINE),
     "akima": SampledPath.through(ZIGZAG, Smoothing.AKIMA),
+    "turn": Turn((4.0, 5.0, 6.0, 170.0), -300.0),
 }
 
 

@@ -1,0 +1,158 @@
+"""Plan one step of the tool by hand: straight along the world's axes, or turning on the spot, as fast as is allowed."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.bad_input import unknown
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.laws import SCurve
+from steptwin.host.planning.motions.following import present_branch
+from steptwin.host.planning.motions.joint_move import JointMove
+from steptwin.host.planning.motions.tool_move import ToolMove
+from steptwin.host.planning.paths import COORDINATES, FreeAttitude, Pose, StraightLine, ToolPath, Turn
+from steptwin.host.planning.plan import Plan
+from steptwin.host.planning.planner import plan_stretched
+from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.robot import Robot
+
+SPEED_MAX_MM_S: Final = 250.0
+"""Highest speed of a tool that is moved by hand: the reduced speed of ISO 10218-1:2011, clause 5.6.2."""
+TURN_SPEED_MAX_DEG_S: Final = 90.0
+"""Highest speed at which a tool turns on the spot by hand."""
+TURN_MAX_DEG: Final = 360.0
+
+COORDINATE_UNITS: Final = dict(zip(COORDINATES, ("mm", "mm", "mm", "deg"), strict=True))
+
+_QUARTERS: Final = np.array([0.25, 0.5, 0.75, 1.0])
+_RAMP_S: Final = 0.3
+"""Time in which the tool gets its speed."""
+_ALONG: Final = 20
+"""Places at which a motion straight in joint space is compared with the tool's path."""
+_ON_PATH: Final = 1e-3
+"""Distance in mm or degrees from the tool's path: less than a step of any axis, more than rounding at a singularity."""
+_PER_UNIT: Final = 10
+"""What would pass is found in tenths of a mm or degree."""
+
+
+@dataclass(frozen=True, slots=True)
+class ToolStep:
+    """A step of the tool: distances in mm and degrees by coordinate, and the part of the highest speeds to use."""
+
+    distances: Mapping[str, float]
+    speed_percent: float
+
+    def __post_init__(self) -> None:
+        for name in self.distances:
+            if name not in COORDINATES:
+                raise unknown("coordinate", name, COORDINATES)
+        if not any(self.distances.values()):
+            raise InputError(f"a step of 0 moves nothing: {self}")
+        if abs(self.distances.get("phi", 0.0)) > TURN_MAX_DEG:
+            raise InputError(f"{self}: a step turns the tool by at most {TURN_MAX_DEG:g} deg")
+
+    def __str__(self) -> str:
+        return ", ".join(f"{name} {value:+g} {COORDINATE_UNITS[name]}" for name, value in self.distances.items())
+
+    def part(self, fraction: float) -> "ToolStep":
+        """Return a part of the step, in the same direction."""
+        return ToolStep({name: fraction * value for name, value in self.distances.items()}, self.speed_percent)
+
+
+def plan_tool_step(robot: Robot, standing: list[float], step: ToolStep) -> Plan:
+    """Plan a step from a joint position on the branch on which the arm is; joints' limits make it slower.
+
+    Raises InputError, with the reason and the part of the step that would pass, if the path leaves the mechanism's
+    reach or a joint's limits or comes near a singularity.
+    """
+    if "phi" in step.distances and make_kinematics(robot).attitude_follows:
+        raise InputError(f"{step}: the tool of {robot.name} does not turn by itself")
+    try:
+        return _plan(robot, standing, step)
+    except InputError as error:
+        raise InputError(f"{step}: {error}; {_passing_text(robot, standing, step)}") from error
+
+
+def farthest_part(robot: Robot, standing: list[float], step: ToolStep) -> ToolStep | None:
+    """Return the largest part of a step that passes, in tenths of a mm or degree; None if not even the first does."""
+    tenths = int(_PER_UNIT * max(map(abs, step.distances.values())))
+    passing, failing = 0, tenths + 1
+    while failing - passing > 1:  # a way that passes has no part that fails
+        middle = (passing + failing) // 2
+        try:
+            _plan(robot, standing, step.part(middle / tenths))
+        except InputError:
+            failing = middle
+        else:
+            passing = middle
+    return step.part(passing / tenths) if passing else None
+
+
+def _passing_text(robot: Robot, standing: list[float], step: ToolStep) -> str:
+    passing = farthest_part(robot, standing, step)
+    if passing is None:
+        return f"not even {1 / _PER_UNIT:g} passes in this direction: jog a joint first"
+    return f"{passing} passes"
+
+
+def _plan(robot: Robot, standing: list[float], step: ToolStep) -> Plan:
+    return plan_stretched(robot, _motion(robot, _within_limits(robot, standing), step))
+
+
+def _within_limits(robot: Robot, standing: list[float]) -> FloatArray:
+    """Return a joint position without what only the rounding to wire units puts beyond limits."""
+    within = np.array(standing)
+    units = robot.to_units(within)
+    for i, joint in enumerate(robot.joints):
+        clipped = within.copy()
+        clipped[i] = min(max(within[i], joint.lower), joint.upper)
+        if np.array_equal(robot.to_units(clipped), units):
+            within = clipped
+    return within
+
+
+def _motion(robot: Robot, start: FloatArray, step: ToolStep) -> Trajectory:
+    kinematics = make_kinematics(robot)
+    branch = present_branch(kinematics, start)
+    here: Pose = tuple(kinematics.forward(start[np.newaxis])[0].tolist())
+    path = _path(here, step)
+    if kinematics.attitude_follows:
+        path = FreeAttitude(path)
+    goal = start
+    for pose in path.poses(path.length_mm * _QUARTERS):  # of a circle at most, so that the nearest turn is the next one
+        solved = kinematics.solve(pose[np.newaxis], branch, goal)
+        if not solved.reachable[0]:
+            raise InputError(str(solved.reason(0)))
+        goal = solved.joints[0]
+    speed = step.speed_percent / 100 * (TURN_SPEED_MAX_DEG_S if isinstance(path, Turn) else SPEED_MAX_MM_S)
+    if _straight_in_joints(robot, path, start, goal):  # also at a singularity, for a lift or a wrist alone
+        return JointMove(robot.joint_names, tuple(start.tolist()), tuple(goal.tolist()), _law(path, 1.0, speed))
+    return ToolMove.along(robot, path, _law(path, path.length_mm, speed), branch, start)
+
+
+def _path(here: Pose, step: ToolStep) -> ToolPath:
+    dx, dy, dz, dphi = (step.distances.get(name, 0.0) for name in COORDINATES)
+    if not (dx or dy or dz):
+        return Turn(here, dphi)
+    return StraightLine(here, (here[0] + dx, here[1] + dy, here[2] + dz, here[3] + dphi))
+
+
+def _law(path: ToolPath, distance: float, speed: float) -> SCurve:
+    """Return the law that covers a distance while the tool moves along its path at a speed."""
+    speed *= distance / path.length_mm
+    acceleration = 2.0 * speed / _RAMP_S  # rises during the ramp's first half and falls during its second
+    return SCurve.fastest(distance, speed, acceleration, 2.0 * acceleration / _RAMP_S)
+
+
+def _straight_in_joints(robot: Robot, path: ToolPath, start: FloatArray, goal: FloatArray) -> bool:
+    """Return whether the tool stays on its path when all joints move in proportion."""
+    parts = np.linspace(0.0, 1.0, _ALONG + 1)
+    kinematics = make_kinematics(robot)
+    poses = kinematics.forward(start + parts[:, np.newaxis] * (goal - start))
+    off = poses - path.poses(parts * path.length_mm)
+    off[:, 3] = 0.0 if kinematics.attitude_follows else (off[:, 3] + 180.0) % 360.0 - 180.0
+    return bool(np.abs(off).max() < _ON_PATH)
