@@ -222,7 +222,10 @@ def _planned(
             return plan(robot, trajectory)
         planned = plan_stretched(robot, trajectory, factor)
     new_s, old_s = planned.trajectory.duration_s, trajectory.duration_s
-    say(f"stretched {new_s / old_s:.4g} times: {new_s:.3f} s instead of {old_s:.3f} s", err=True)
+    if planned.trajectory is trajectory:
+        say("not stretched: it is slow enough", err=True)
+    else:
+        say(f"stretched {new_s / old_s:.4g} times: {new_s:.3f} s instead of {old_s:.3f} s", err=True)
     return planned
 
 
