@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from steptwin.controller.backend import Kernel
+from steptwin.host.client import HomingSettings
 from steptwin.host.common.errors import DeviceFaultError, InputError
 from steptwin.host.operate.moving import Moved, move
 from steptwin.host.operate.recovering import axis_states
@@ -14,8 +15,12 @@ from steptwin.host.operate.stepping import check_step, check_step_speed, step_jo
 from steptwin.host.planning.tool_step import ToolStep
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.protocol.homing_methods import HOME_HERE
 from tests.host.client.machines import SX, TH1
 from tests.host.operate.sessions import HALF_STEPS, HOME, ROBOT, CommandLine, board_at, preset
+from tests.host.operate.test_coupled_machine import HERE, machine, standing
+from tests.host.operate.test_coupled_machine import STEP_DEG as COUPLED_STEP_DEG
+from tests.host.robots.coupled import DIRECT, TWO_TO_ONE
 
 STEP_DEG = 1 / ROBOT.joints[TH1].transmission.steps_per_unit
 
@@ -53,12 +58,12 @@ def test_steps_end_at_the_limit_and_not_beyond(board: EmbeddedBoard, session: Se
     for _ in range(2):
         step_joint(session, "th1", 1.0)  # each rounded to wire units
     assert counted(board)[TH1] == pytest.approx(upper, abs=HALF_STEPS[TH1])
-    standing = board.driver_positions()
+    stands = board.driver_positions()
     with pytest.raises(
         InputError, match=r"^th1: 121\.0 deg is outside -120\.\.120 deg; only the other direction passes$"
     ):
         step_joint(session, "th1", 1.0)
-    assert board.driver_positions() == standing
+    assert board.driver_positions() == stands
     step_joint(session, "th1", -5.0)
     with pytest.raises(InputError, match=r"; \+5 deg passes$"):
         step_joint(session, "th1", 5.0 + 0.6 * STEP_DEG)
@@ -136,10 +141,35 @@ def test_ctrl_c_stops_all_axes(board: EmbeddedBoard, session: Session) -> None:
     for step in steps:
         with pytest.raises(KeyboardInterrupt):
             step()
-        standing = board.driver_positions()
+        stands = board.driver_positions()
         board.wait(0.5)
-        assert board.driver_positions() == standing
+        assert board.driver_positions() == stands
         assert [state.state for state in axis_states(session)] == ["QUICK STOP ACTIVE"] * 6
+
+
+@pytest.mark.parametrize("coupling", [DIRECT, TWO_TO_ONE])
+def test_a_step_of_a_coupled_joint_leaves_the_other_joints(coupling: str, fast_kernel: Kernel) -> None:
+    """Its motor and the elbow's, which stands on the base, move in proportion; the limits are the joint's."""
+    board, session = machine(fast_kernel, coupling)
+    step_joint(session, "th1", 10.0)
+    there = [HERE[0] + 10.0, *HERE[1:]]
+    assert standing(board) == pytest.approx(there, abs=3 * COUPLED_STEP_DEG)
+    with pytest.raises(InputError, match=r"^th1: 131\.0 deg is outside -130\.\.130 deg; \+(99\.999|100) deg passes$"):
+        step_joint(session, "th1", 101.0)
+    before = make_kinematics(session.robot).forward(np.array([there]))[0]
+    step_tool(session, ToolStep({"x": -8.0}, 50.0))
+    after = make_kinematics(session.robot).forward(np.array([standing(board)]))[0]
+    assert after - before == pytest.approx([-8.0, 0.0, 0.0, 0.0], abs=0.3)
+
+
+def test_a_coupled_joint_is_known_only_with_all_its_axes(fast_kernel: Kernel) -> None:
+    """The elbow's motor alone says only where the forearm points, so the joint has no limits yet."""
+    board, session = machine(fast_kernel, known=False)
+    here = HomingSettings(HOME_HERE, 1, 1, 1, session.units([0.0, 150.0, 0.0, 0.0])[1], 0)
+    with session.in_charge("preset", known=False) as axes:
+        axes.home_axes((None, here, None, None))
+    step_joint(session, "th2", 5.0)
+    assert standing(board) == pytest.approx([HERE[0], HERE[1] + 5.0, *HERE[2:]], abs=3 * COUPLED_STEP_DEG)
 
 
 # --- the command
