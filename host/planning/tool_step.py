@@ -17,7 +17,7 @@ from steptwin.host.planning.paths import COORDINATES, FreeAttitude, Pose, Straig
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan_stretched
 from steptwin.host.planning.trajectory import Trajectory
-from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.kinematics import Kinematics, make_kinematics
 from steptwin.host.robots.robot import Robot
 
 SPEED_MAX_MM_S: Final = 250.0
@@ -28,7 +28,7 @@ TURN_MAX_DEG: Final = 360.0
 
 COORDINATE_UNITS: Final = dict(zip(COORDINATES, ("mm", "mm", "mm", "deg"), strict=True))
 
-_QUARTERS: Final = np.array([0.25, 0.5, 0.75, 1.0])
+_QUARTERS: Final = (0.25, 0.5, 0.75, 1.0)
 _RAMP_S: Final = 0.3
 """Time in which the tool gets its speed."""
 _ALONG: Final = 20
@@ -122,16 +122,28 @@ def _motion(robot: Robot, start: FloatArray, step: ToolStep) -> Trajectory:
     path = _path(here, step)
     if kinematics.attitude_follows:
         path = FreeAttitude(path)
-    goal = start
-    for pose in path.poses(path.length_mm * _QUARTERS):  # of a circle at most, so that the nearest turn is the next one
-        solved = kinematics.solve(pose[np.newaxis], branch, goal)
-        if not solved.reachable[0]:
-            raise InputError(str(solved.reason(0)))
-        goal = solved.joints[0]
+    goal = _goal(kinematics, path, branch, start)
     speed = step.speed_percent / 100 * (TURN_SPEED_MAX_DEG_S if isinstance(path, Turn) else SPEED_MAX_MM_S)
     if _straight_in_joints(robot, path, start, goal):  # also at a singularity, for a lift or a wrist alone
         return JointMove(robot.joint_names, tuple(start.tolist()), tuple(goal.tolist()), _law(path, 1.0, speed))
     return ToolMove.along(robot, path, _law(path, path.length_mm, speed), branch, start)
+
+
+def _goal(kinematics: Kinematics, path: ToolPath, branch: str, start: FloatArray) -> FloatArray:
+    """Return the joints at a path's end, in the turns that they reach on the way; InputError if it is out of reach."""
+    _solve(kinematics, path, 1.0, branch, start)  # whose reason says more than that of a place on the way
+    goal = start
+    for share in _QUARTERS:  # of a circle at most, so that the nearest turn is the next one
+        goal = _solve(kinematics, path, share, branch, goal)
+    return goal
+
+
+def _solve(kinematics: Kinematics, path: ToolPath, share: float, branch: str, near: FloatArray) -> FloatArray:
+    solved = kinematics.solve(path.poses(np.array([share * path.length_mm])), branch, near)
+    if not solved.reachable[0]:
+        raise InputError(str(solved.reason(0)))
+    joints: FloatArray = solved.joints[0]
+    return joints
 
 
 def _path(here: Pose, step: ToolStep) -> ToolPath:

@@ -116,6 +116,8 @@ def test_lift_and_wrist_move_where_the_arm_is_singular(name: str) -> None:
         )
     complaint = complaint_of(lambda: plan_tool_step(robot, home, ToolStep({"x": -5.0}, 20.0)))
     assert "near singular" in complaint
+    lift = complaint_of(lambda: plan_tool_step(robot, home, ToolStep({"z": 5.0}, 20.0)))
+    assert lift.startswith(f"z +5 mm: d3: -5.0 mm is outside 0..{robot.joint('d3').upper:g} mm")  # the whole step
     assert complaint.endswith("; not even 0.1 passes in this direction: jog a joint first")
 
 
