@@ -1,6 +1,8 @@
 """`steptwin check FILE`: say everything that is wrong in a file of your own, or what it amounts to."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
@@ -43,7 +45,8 @@ def check(
             telling = ", ".join(key for keys in _KINDS.values() for key in keys)
             raise InputError(f"has none of {telling}: it is no {' and no '.join(_KINDS)}")
     findings = Findings()
-    checked = _CHECKS[kind](text, robot, findings)
+    checks: Mapping[str, _Check] = {"program": partial(_check_program, Path(file).parent), "robot": check_robot}
+    checked = checks[kind](text, robot, findings)
     if as_json:
         print_json({"file": file, "kind": kind, "findings": findings.messages, **checked.document})
     elif findings.messages:
@@ -54,16 +57,22 @@ def check(
         raise typer.Exit(InputError.exit_code)
 
 
-_KINDS: Final[Mapping[str, tuple[str, ...]]] = {"program": ("step",), "robot": ("kinematics", "joints", "board")}
+_Check = Callable[[str, str | None, Findings], CheckedFile]
+"""Checks a text; the robot is that of a program that does not name its own."""
+
+_KINDS: Final[Mapping[str, tuple[str, ...]]] = {
+    "program": ("step", "steps", "sequences"),
+    "robot": ("kinematics", "joints", "board"),
+}
 """Kinds of files, each with the keys by which it is known: any of them."""
 
 
-def _check_program(text: str, robot_name: str | None, findings: Findings) -> CheckedFile:
+def _check_program(folder: Path, text: str, robot_name: str | None, findings: Findings) -> CheckedFile:
     from steptwin.host.planning.planner import plan
     from steptwin.host.planning.programs import compile_program, parse_program
     from steptwin.host.robots import load_robot
 
-    program = parse_program(text, findings)
+    program = parse_program(text, findings, folder)
     name = robot_name or program.robot
     if name is None:
         findings.messages.append("robot: is missing: name it in the file, or behind it")
@@ -83,12 +92,10 @@ def _check_program(text: str, robot_name: str | None, findings: Findings) -> Che
             for row in compiled.steps
         ]
         print_table(["step", "what", "from s", "for s", "speed", "acceleration"], rows, text_columns=2)
-        say(f"{robot.name} {program.title or 'program'}: {len(rows)} steps in {duration_s:.3f} s")
+        waits = ", and its waits for inputs" if compiled.trajectory.waits else ""
+        say(f"{robot.name} {program.title or 'program'}: {len(rows)} steps in {duration_s:.3f} s{waits}")
 
     return CheckedFile(document, print_steps)
-
-
-_CHECKS: Final = {"program": _check_program, "robot": check_robot}
 
 
 def _step_document(row: "StepRow") -> dict[str, Any]:

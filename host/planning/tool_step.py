@@ -117,7 +117,7 @@ def _within_limits(robot: Robot, standing: list[float]) -> FloatArray:
 
 def _motion(robot: Robot, start: FloatArray, step: ToolStep) -> Trajectory:
     kinematics = make_kinematics(robot)
-    branch = present_branch(kinematics, start)
+    branch = present_branch(robot, start)
     here: Pose = tuple(kinematics.forward(start[np.newaxis])[0].tolist())
     path = _path(here, step)
     if kinematics.attitude_follows:

@@ -6,7 +6,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.planning.out_of_reach import OutOfReachError
 from steptwin.host.robots.joint import Unit
-from steptwin.host.robots.kinematics import Kinematics, make_kinematics
+from steptwin.host.robots.kinematics import Branch, make_kinematics
 from steptwin.host.robots.kinematics.base import LIMIT_TOLERANCE, Constraint
 from steptwin.host.robots.robot import Robot
 
@@ -31,13 +31,21 @@ def follow(robot: Robot, poses: FloatArray, t_s: FloatArray, branch: str, near: 
     return joints
 
 
-def present_branch(kinematics: Kinematics, joints: FloatArray) -> str:
-    """Return the branch on which an arm is: the one whose joints at its pose are nearest to its own, of shape (n,)."""
-    pose = kinematics.forward(joints[np.newaxis])
-    return min(
-        kinematics.inverse(pose, joints),
-        key=lambda branch: float(np.nan_to_num(np.abs(branch.joints[0] - joints), nan=np.inf).max()),
-    ).name
+def present_branch(robot: Robot, joints: FloatArray) -> str:
+    """Return the branch on which an arm is: its joints at the arm's pose are those given, but for whole turns."""
+    kinematics = make_kinematics(robot)
+
+    def distance(branch: Branch) -> float:
+        apart = np.abs(nearest_turns(robot, branch.joints[0], joints) - joints)
+        return float(np.nan_to_num(apart, nan=np.inf).max())
+
+    return min(kinematics.inverse(kinematics.forward(joints[np.newaxis]), joints), key=distance).name
+
+
+def nearest_turns(robot: Robot, joints: FloatArray, near: FloatArray) -> FloatArray:
+    """Return joints of shape (joints,) with each rotary one in the turn nearest to `near`; limits do not matter."""
+    rotary = [joint.unit is Unit.DEG for joint in robot.joints]
+    return np.where(rotary, joints + 360.0 * np.round((near - joints) / 360.0), joints)
 
 
 def _turns_deg(first_deg: float, near_deg: float) -> float:

@@ -80,6 +80,8 @@ def compile_program(program: Program, robot: Robot, findings: Findings | None = 
 def _check_robot(program: Program, robot: Robot) -> None:
     if program.robot not in (None, robot.name):
         raise InputError(f"robot: the program is for {program.robot}, not for {robot.name}")
+    if program.positions_for not in (None, robot.name):
+        raise InputError(f"positions_file: its positions are for {program.positions_for}, not for {robot.name}")
 
 
 def _written_out(

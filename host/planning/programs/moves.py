@@ -11,7 +11,7 @@ from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.even_path import EvenPath
 from steptwin.host.planning.motions.composer import Composer
-from steptwin.host.planning.motions.following import present_branch
+from steptwin.host.planning.motions.following import nearest_turns, present_branch
 from steptwin.host.planning.paths import COORDINATES, Arc, Pose, SampledPath, Smoothing, StraightLine, ToolPath
 from steptwin.host.planning.programs.paces import JointPace, ToolPace
 from steptwin.host.planning.programs.positions import JointPosition, Position, Target, ToolPosition
@@ -166,9 +166,14 @@ class Moves:
             hint = f" (the branch {others[0]!r} reaches it)" if others else ""
             place = pose_words(pose)
             raise InputError(f"{place} is out of reach on the branch {name!r}: {solved[name].reason(0)}{hint}")
-        joints: FloatArray = solved[name].joints[0]
-        return joints
+        return self._with_nearest_turns(solved[name].joints[0])
 
     def _branch(self) -> str:
         """Return the branch on which the arm is."""
-        return present_branch(self._kinematics, self.composer.joints)
+        return present_branch(self._robot, self.composer.joints)
+
+    def _with_nearest_turns(self, joints: FloatArray) -> FloatArray:
+        """Return joints with the rotary ones in the turns nearest to the present ones, if these are in their limits."""
+        nearest = nearest_turns(self._robot, joints, self.composer.joints)
+        within = [joint.lower <= q <= joint.upper for joint, q in zip(self._robot.joints, nearest, strict=True)]
+        return np.where(within, nearest, joints)

@@ -84,19 +84,30 @@ def delete_position(path: str, robot: Robot, name: str) -> None:
     _write(path, robot, name, "".join(lines if at is None else lines[:at] + lines[at + 1 :]), wanted)
 
 
+def read_any_positions(path: str) -> tuple[str | None, dict[str, Position]]:
+    """Return the name of the robot that a file names, and its positions; raise InputError, with the file, if wrong."""
+    with prefixed(f"{path}: "):
+        return _parse_any(read_text(path, PROGRAM_BYTES_MAX))
+
+
 def _parse(text: str, robot: Robot) -> dict[str, Position]:
+    owner, positions = _parse_any(text)
+    if owner not in (None, robot.name):
+        raise InputError(f"robot: the positions are for {owner}, not for {robot.name}")
+    return positions
+
+
+def _parse_any(text: str) -> tuple[str | None, dict[str, Position]]:
     table = toml_table(text)
     table.check_keys(_KEYS)
     owner = table.optional("robot", table.text)
-    if owner not in (None, robot.name):
-        raise InputError(f"robot: the positions are for {owner}, not for {robot.name}")
     positions: dict[str, Position] = {}
     if "positions" in table:
         with table.section("positions") as named:
             for name in named:
                 with prefixed(f"{name}: "):
                     positions[name] = read_position(Table(named.values[name], "table"))
-    return positions
+    return owner, positions
 
 
 def _new_text(robot: Robot) -> str:

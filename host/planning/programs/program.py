@@ -33,7 +33,8 @@ class Program:
         title: one line that says what it does; may be empty.
         robot: name of the robot for which it was written; None if it does not say.
         start: position at which it begins; None for the robot's home position.
-        positions: positions by name.
+        positions: positions by name, with those of the file that it names.
+        positions_for: name of the robot for which the file's positions were saved; None if there is none.
         sequences: sequences of steps by name, for `call`.
         steps: the steps.
     """
@@ -42,5 +43,6 @@ class Program:
     robot: str | None
     start: Target | None
     positions: Mapping[str, Position]
+    positions_for: str | None
     sequences: Mapping[str, tuple[AnyStep, ...]]
     steps: tuple[AnyStep, ...]

@@ -1,6 +1,7 @@
 """Read programs from TOML. Every error begins with the file and the place, as in `step 3: speed_mm_s: is missing`."""
 
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import Final
 
 from steptwin.host.common.bad_input import prefixed
@@ -12,6 +13,7 @@ from steptwin.host.common.text_file import read_text
 from steptwin.host.planning.paths import Smoothing
 from steptwin.host.planning.programs import steps
 from steptwin.host.planning.programs.paces import RAMP_S, SPEED_PERCENT, JointPace, LawName, ToolPace
+from steptwin.host.planning.programs.position_file import read_any_positions
 from steptwin.host.planning.programs.positions import (
     JointPosition,
     Position,
@@ -31,15 +33,16 @@ def read_program(path: str) -> Program:
     """Return the program in a file; raise InputError, with file and place, for the first thing that is wrong."""
     findings = Findings()
     with prefixed(f"{path}: "):
-        program = parse_program(read_text(path, PROGRAM_BYTES_MAX), findings)
+        program = parse_program(read_text(path, PROGRAM_BYTES_MAX), findings, Path(path).parent)
         findings.raise_first()
     return program
 
 
-def parse_program(text: str, findings: Findings) -> Program:
+def parse_program(text: str, findings: Findings, folder: Path = Path()) -> Program:
     """Return the program of a TOML text, without the parts that are wrong: these are added to the findings.
 
-    Raises InputError only for a text that is not TOML.
+    A file of positions that it names is looked for from `folder` on. Raises InputError only for a text that is not
+    TOML.
     """
     title, robot, start = "", None, None
     table = toml_table(text)
@@ -49,16 +52,19 @@ def parse_program(text: str, findings: Findings) -> Program:
         robot = table.optional("robot", table.text)
     with findings.collecting():
         start = read_target(table, "start") if "start" in table else None
+    positions = _positions(table, findings)
+    saved_for = _add_saved(positions, table, folder, findings)
     program = Program(
         title=title,
         robot=robot,
         start=start,
-        positions=_positions(table, findings),
+        positions=positions,
+        positions_for=saved_for,
         sequences=_sequences(table, findings),
         steps=_steps(_list(table, "step", findings), "step ", findings),
     )
     with findings.collecting():
-        table.check_keys(("title", "robot", "start", "positions", "sequences", "step"))
+        table.check_keys(("title", "robot", "start", "positions_file", "positions", "sequences", "step"))
     with findings.collecting():
         if not table.values.get("step"):
             raise InputError("step: is missing: a program has at least one [[step]]")
@@ -74,6 +80,20 @@ def _positions(table: Table, findings: Findings) -> dict[str, Position]:
                     with findings.collecting(f"positions.{name}: "):
                         positions[name] = read_position(Table(named.values[name], "table"))
     return positions
+
+
+def _add_saved(positions: dict[str, Position], table: Table, folder: Path, findings: Findings) -> str | None:
+    """Add the positions of the file that a program names; return the name of the robot for which they were saved."""
+    owner: str | None = None
+    with findings.collecting():
+        if "positions_file" in table:
+            name = table.text("positions_file", empty=False)
+            with prefixed("positions_file: "):
+                owner, saved = read_any_positions(str(folder / name))
+                for twice in saved.keys() & positions.keys():
+                    raise InputError(f"{twice!r} is in {name} and in this program: rename one of them")
+            positions |= saved
+    return owner
 
 
 def _sequences(table: Table, findings: Findings) -> dict[str, tuple[AnyStep, ...]]:

@@ -115,6 +115,21 @@ def test_go_changes_the_elbow_where_a_line_keeps_it() -> None:
     assert np.allclose(tool(joints[0][np.newaxis])[0, :3], tool(joints[1][np.newaxis])[0, :3])
 
 
+def test_after_a_whole_turn_of_the_tool_the_arm_is_on_its_branch_and_the_tool_does_not_turn_back() -> None:
+    turn = "[[step]]\ncircle = { x = 107, y = 110 }\nspeed_mm_s = 30\nturned = true\nsweep_deg = 250\n"
+    steps = (
+        "[[step]]\nby = { phi = 10 }\nspeed_mm_s = 30\n",
+        "[[step]]\nline = { x = 110, y = 100 }\nspeed_mm_s = 30\n",
+        "[[step]]\ngo = { x = 100, y = 90 }\n",
+    )
+    program = compiled(turn + "".join(steps))
+    joints = program.trajectory.positions(np.array([row.from_s + row.duration_s for row in program.steps]))
+    assert joints[0, 3] > 180.0  # beyond what the inverse kinematics returns
+    assert joints[1, 3] - joints[0, 3] == pytest.approx(10.0)
+    assert np.abs(np.diff(joints, axis=0)[1:]).max() < 90.0
+    assert (joints[:, 1] > 0).all()  # the elbow stays on its side
+
+
 @pytest.mark.parametrize("law", ["s-curve", "trapezoid", "cubic", "quintic"])
 def test_the_pace_of_a_joint_move_is_a_part_of_the_limits(law: str) -> None:
     program = compiled(f'[[step]]\ngo = {{ th1 = 100 }}\nlaw = "{law}"\nspeed_percent = 40')

@@ -1,0 +1,134 @@
+"""Programs as users run them: the examples of docs/programs, the blocks of docs/programs.md, inputs and time-outs."""
+
+from pathlib import Path
+
+import pytest
+
+from steptwin.host.cli.app import run
+from steptwin.host.common.findings import Findings
+from steptwin.host.planning.planner import plan
+from steptwin.host.planning.programs import compile_program, parse_program
+from steptwin.host.robots import load_robot, robot_names
+from tests.end_to_end.command_line import refusal, run_json
+from tests.end_to_end.pages import ROOT, blocks_of, read_page
+
+EXAMPLES = {name: ROOT / "docs" / "programs" / f"{name}.toml" for name in robot_names()}
+INPUTS = {"teaching-scara": ["--input", "part_ready=on@1.5"]}
+VERBS = {
+    "teaching-scara": {"wait", "repeat", "call"},
+    "calibration-scara": {"circle", "arc", "line"},
+    "lab-scara": {"through"},
+    "warehouse-scara": {"output", "call"},
+    "hybrid-arm": {"repeat", "call", "go"},
+}
+"""Steps that each robot's example shows."""
+BLOCKS = [text for language, text in blocks_of(read_page("docs/programs.md")) if language == "toml"]
+HEAD = 'robot = "teaching-scara"\nstart = { x = 107.0, y = 110.0, z = -40.0, phi = 70.0 }\n'
+
+WAITING = """
+robot = "teaching-scara"
+[[step]]
+by = { th1 = 10.0 }
+[[step]]
+repeat = 1
+steps = [{ wait = "part_ready", on = false, timeout_s = 0.5 }, { wait = "part_ready", on = true, timeout_s = 0.5 }]
+[[step]]
+by = { th1 = -10.0 }
+"""
+
+
+@pytest.fixture
+def waiting(tmp_path: Path) -> str:
+    file = tmp_path / "waiting.toml"
+    file.write_text(WAITING)
+    return str(file)
+
+
+@pytest.mark.parametrize("robot", robot_names())
+def test_each_robot_has_an_example(robot: str, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """It shows its steps, it is right, and its run passes, also when it is verified again from its files."""
+    program = str(EXAMPLES[robot])
+    text = EXAMPLES[robot].read_text()
+    assert [verb for verb in sorted(VERBS[robot]) if f"{verb} = " not in text] == []
+    checked = run_json(capsys, "check", program)
+    assert (checked["robot"], checked["findings"]) == (robot, [])
+    document = run_json(capsys, "run", robot, program, *INPUTS.get(robot, []), "--out", str(tmp_path / "out"))
+    assert document["passed"]
+    waited_s = sum(wait["stood_s"] for wait in document.get("waits", []))
+    assert document["duration_s"] == pytest.approx(checked["duration_s"] + waited_s)
+    assert run(["verify", str(tmp_path / "out")]) == 0
+
+
+def test_no_example_is_left_out() -> None:
+    assert sorted(path.stem for path in (ROOT / "docs" / "programs").glob("*.toml")) == sorted(robot_names())
+
+
+def test_the_page_s_first_program_runs(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    file = tmp_path / "pick.toml"
+    file.write_text(BLOCKS[0])
+    assert run_json(capsys, "run", "teaching-scara", str(file))["passed"]
+
+
+@pytest.mark.parametrize("block", BLOCKS[1:])
+def test_the_page_s_steps_can_be_made(block: str) -> None:
+    findings = Findings()
+    program = parse_program(HEAD + block, findings)
+    assert findings.messages == []
+    robot = load_robot("teaching-scara")
+    plan(robot, compile_program(program, robot).trajectory)
+
+
+def test_inputs_change_at_their_times(waiting: str, capsys: pytest.CaptureFixture[str]) -> None:
+    document = run_json(capsys, "run", "teaching-scara", waiting, "--input", "part_ready=on@0.9")
+    first, second = document["waits"]
+    assert (first["input"], first["on"], second["on"]) == ("part_ready", False, True)
+    assert second["at_s"] == pytest.approx(first["at_s"] + first["stood_s"] + 0.01)
+    assert run(["run", "teaching-scara", waiting, "--input", "part_ready=on@0.9"]) == 0
+    assert "waited: part_ready off for 0.2" in capsys.readouterr().out
+
+
+def test_a_time_out_is_exit_code_3_with_input_step_and_seconds(
+    waiting: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    out = str(tmp_path / "out")
+    assert run(["run", "teaching-scara", waiting, "--out", out]) == 3
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("steptwin: step 2.2: the input part_ready was not on within 0.5 s; stopped at th1 = ")
+    assert run(["verify", out]) == 3
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        ("part_ready", "--input part_ready: is not NAME=on@SECONDS or NAME=off@SECONDS"),
+        ("part_ready=on", "--input part_ready=on: is not NAME=on@SECONDS or NAME=off@SECONDS"),
+        ("part_ready=1@2", "--input part_ready=1@2: is not NAME=on@SECONDS or NAME=off@SECONDS"),
+        ("=on@2", "--input =on@2: is not NAME=on@SECONDS or NAME=off@SECONDS"),
+        ("part_ready=on@-1", "--input part_ready=on@-1: -1 s is before the motion's start"),
+        ("part_ready=on@x", "--input part_ready=on@x: 'x' is not a "),
+        ("part=on@1", "input of teaching-scara 'part' is unknown: there are part_ready"),
+    ],
+)
+def test_wrong_inputs_are_refused(
+    waiting: str, capsys: pytest.CaptureFixture[str], change: str, complaint: str
+) -> None:
+    assert refusal(capsys, "run", "teaching-scara", waiting, "--input", change).startswith(complaint)
+
+
+def test_saved_positions_are_found_beside_the_program(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    saved = tmp_path / "saved.toml"
+    saved.write_text('robot = "teaching-scara"\n[positions]\ntray = { th1 = 20.0 }\n')
+    program = tmp_path / "program.toml"
+    head = 'robot = "teaching-scara"\npositions_file = "saved.toml"\n'
+    program.write_text(f'{head}[[step]]\ngo = "tray"\n')
+    assert run_json(capsys, "run", "teaching-scara", str(program))["joints"]["end"][0] == pytest.approx(20.0, abs=0.02)
+    program.write_text(f'{head}[positions]\ntray = {{ th1 = 3.0 }}\n[[step]]\ngo = "tray"\n')
+    assert refusal(capsys, "run", "teaching-scara", str(program)).endswith(
+        "positions_file: 'tray' is in saved.toml and in this program: rename one of them"
+    )
+    saved.write_text('robot = "lab-scara"\n[positions]\nshelf = { th1 = 20.0 }\n')
+    assert refusal(capsys, "run", "teaching-scara", str(program)).endswith(
+        "positions_file: its positions are for lab-scara, not for teaching-scara"
+    )
+    saved.unlink()
+    assert "saved.toml" in refusal(capsys, "run", "teaching-scara", str(program))
