@@ -53,8 +53,9 @@ def run(
         list[str] | None,
         typer.Argument(
             metavar="ROBOT JOB|FILE",
-            help="The robot, and one of its jobs (`steptwin jobs ROBOT` lists them) or a trajectory file: CSV with the"
-            " header t,JOINT,... or t,x,y,z,phi, or JSON in the shape of ROS' JointTrajectory, in s, mm and degrees.",
+            help="The robot, and one of its jobs (`steptwin jobs ROBOT` lists them), a program: TOML with steps"
+            " (docs/programs.md), or a trajectory file: CSV with the header t,JOINT,... or t,x,y,z,phi, or JSON in the"
+            " shape of ROS' JointTrajectory, in s, mm and degrees.",
         ),
     ] = None,
     robot_file: RobotFile = None,
@@ -126,7 +127,7 @@ def run(
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Run a job or a trajectory file on an emulated board in virtual time and verify every pulse.
+    """Run a job, a program or a trajectory file on an emulated board in virtual time and verify every pulse.
 
     With --connect or -i it runs on a live board instead, which must stand at the motion's start. Then the positions
     at the end are compared with the plan.

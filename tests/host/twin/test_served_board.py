@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from steptwin.controller.backend import Kernel
 from steptwin.host.common.errors import InputError, RecordingError
 from steptwin.host.record.folder import read_recording
 from steptwin.host.robots import load_robot
+from steptwin.host.robots.digital_input import Input
 from steptwin.host.twin.served_board import ServedBoard
 
 ROBOT = load_robot("lab-scara")
@@ -39,6 +41,25 @@ def test_it_runs_while_the_block_lasts(fast_kernel: Kernel, tmp_path: Path) -> N
     assert report["joints"]["start"][1] == pytest.approx(10.0, abs=0.03)
     assert report["bus"]["frames"] > 4
     assert json.loads((tmp_path / "out" / "report.json").read_text()) == report | {"folder_version": 1}
+
+
+def test_inputs_are_set_from_any_thread(fast_kernel: Kernel) -> None:
+    """The board reports them by itself, with TPDO4; the joint is on the second of two boards."""
+    robot = replace(ROBOT, inputs={"part": Input("th4", 2)})
+    with (
+        ServedBoard(robot, port=0, kernel=fast_kernel, axes_per_board=[2, 2]) as served,
+        can.Bus("vcan0", interface="socketcand", host="127.0.0.1", port=served.port) as bus,
+    ):
+        bus.send(NMT_START_ALL)
+        answer(bus, 0x190 + 3)
+        served.set_input("part", on=True)
+        while answer(bus, 0x490 + 3).data[:4] != b"\x00\x00\x08\x00":
+            pass
+        served.set_input("part", on=False)
+        while answer(bus, 0x490 + 3).data[:4] != bytes(4):
+            pass
+        with pytest.raises(InputError, match=r"^input of lab-scara 'box' is unknown: there are part$"):
+            served.set_input("box", on=True)
 
 
 def test_on_a_bus_of_python_can(fast_kernel: Kernel) -> None:
