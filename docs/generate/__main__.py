@@ -1,10 +1,12 @@
-"""Write docs/driver.md, docs/protocol.md, docs/robots.md and their pictures again: `python -m docs.generate`."""
+"""Write the pages driver, protocol, robot-files and robots of docs/, and pictures, again: `python -m docs.generate`."""
 
 from docs.generate.driver import DRIVER_PAGE, render_driver
 from docs.generate.driver_pictures import write_driver_pictures
 from docs.generate.page import PAGE, render_page
 from docs.generate.pictures import write_pictures
 from docs.generate.protocol import PROTOCOL_PAGE, render_protocol
+from docs.generate.robot_drawings import write_robot_drawings
+from docs.generate.robot_files import ROBOT_FILES_PAGE, render_robot_files
 from docs.generate.runs import Runs
 from docs.generate.waveform_pictures import write_waveform_pictures
 from steptwin.controller.backend import fastest_kernel
@@ -15,6 +17,8 @@ def main() -> None:
     DRIVER_PAGE.write_text(render_driver(), encoding="utf-8")
     write_driver_pictures()
     PROTOCOL_PAGE.write_text(render_protocol(), encoding="utf-8")
+    ROBOT_FILES_PAGE.write_text(render_robot_files(), encoding="utf-8")
+    write_robot_drawings()
     runs = Runs(fastest_kernel())
     PAGE.write_text(render_page(runs), encoding="utf-8")
     write_pictures(runs)

@@ -1,10 +1,12 @@
 """The pages that `make docs` writes are up to date; pictures and links exist; the Python blocks run."""
 
+import dataclasses
 import re
 import shlex
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -12,11 +14,20 @@ from docs.generate.driver import DRIVER_PAGE, render_driver
 from docs.generate.page import PAGE, render_page
 from docs.generate.protocol import PROTOCOL_PAGE, render_protocol
 from docs.generate.results import SAMPLED
+from docs.generate.robot_drawings import drawing
 from docs.generate.robot_file import Entry, read_robot_file
+from docs.generate.robot_files import ROBOT_FILES_PAGE, render_robot_files
 from docs.generate.runs import ROBOTS, Runs
 from docs.generate.waveform_pictures import WAVEFORM_PAGE
 from steptwin.host.cli.app import run
 from steptwin.host.robots import robot_names
+from steptwin.host.robots.board_settings import BoardSettings
+from steptwin.host.robots.homing import JointHoming
+from steptwin.host.robots.joint import Joint
+from steptwin.host.robots.kinematics.kinds import KINDS
+from steptwin.host.robots.robot import Robot
+from steptwin.host.robots.switches import JointSwitches
+from steptwin.host.robots.transmission import Transmission
 from tests.end_to_end.pages import ROOT
 from tests.without_pictures import without_pictures
 
@@ -37,6 +48,25 @@ def test_the_protocol_page_is_up_to_date() -> None:
 
 def test_the_driver_page_is_up_to_date() -> None:
     assert render_driver() == DRIVER_PAGE.read_text(encoding="utf-8")
+
+
+def test_the_page_of_robot_files_is_up_to_date() -> None:
+    assert render_robot_files() == ROBOT_FILES_PAGE.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("keys", [BoardSettings, Joint, Transmission, JointSwitches, JointHoming, Robot])
+def test_the_page_of_robot_files_has_every_key(keys: type[Any]) -> None:
+    """Fields that are no keys: a joint's transmission, a robot's dimensions and its text."""
+    no_keys = {"transmission", "geometry", "toml"}
+    page = ROBOT_FILES_PAGE.read_text(encoding="utf-8")
+    for field in dataclasses.fields(keys):
+        spelled = (f"`{field.name}`", f"`[{field.name}", f".{field.name}]`")
+        assert field.name in no_keys or any(words in page for words in spelled), field.name
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_has_a_drawing(kind: str) -> None:
+    assert 1000 < drawing(kind).stat().st_size < PICTURE_BYTES_MAX
 
 
 def test_every_robot_is_described() -> None:

@@ -1,0 +1,272 @@
+"""Draw each kind of mechanism with its dimensions and joints: the arm from above and from the side."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Arc
+
+from docs.generate.pictures import write_picture
+from docs.generate.pieces import DOCS
+from steptwin.host.common.arrays import FloatArray
+
+_LINK: Final[dict[str, Any]] = {"color": "#3b4a5a", "linewidth": 7, "solid_capstyle": "round", "zorder": 2}
+_DIMENSION: Final = "#c2410c"
+_JOINT: Final = "#1d4ed8"
+_SHOULDER_DEG, _ELBOW_DEG, _TOOL_DEG = 28.0, 42.0, -60.0
+_L1, _L2, _TOOL = 200.0, 150.0, 55.0
+
+
+@dataclass(frozen=True, slots=True)
+class ScaraNames:
+    """The names of a SCARA's dimensions and joints; an empty name is not drawn.
+
+    Attributes:
+        links: first and second link.
+        joints: shoulder, elbow and tool.
+        lift: the lift's joint, and whether it is first in the chain and counts upwards.
+        base: height of the first link; likewise the second link's offset, the tool's drop and its distance aside.
+        heading: direction of the arm with all joints at 0.
+        slides: horizontal and vertical slide.
+        drop_sign: put before the drop's name if the file's value is negative downwards.
+    """
+
+    links: tuple[str, str]
+    joints: tuple[str, str, str]
+    lift: tuple[str, bool, bool]
+    base: str = ""
+    offset: str = ""
+    drop: str = ""
+    tool: str = ""
+    heading: str = ""
+    slides: tuple[str, str] | None = None
+
+
+_SCARA: Final = ScaraNames(
+    ("l1_mm", "l2_mm"), ("th1", "th2", "th4"), ("d3", False, False), "base_mm", "offset_mm", "drop_mm", "tool_mm",
+    "heading_deg",
+)  # fmt: skip
+
+
+def drawing(kind: str) -> Path:
+    """Return the file of a kind's drawing."""
+    return DOCS / "pictures" / f"kind-{kind}.png"
+
+
+def write_robot_drawings() -> None:
+    """Draw every kind again."""
+    for kind, draw in _DRAWINGS.items():
+        write_picture(drawing(kind), draw)
+
+
+def _scara(title: str, *variants: ScaraNames) -> Figure:
+    figure = Figure(figsize=(5.0 + 4.2 * len(variants), 4.4), layout="constrained")
+    figure.suptitle(title, x=0.01, ha="left", weight="bold")
+    axes = figure.subplots(1, 1 + len(variants), width_ratios=(1.15, *[1.0] * len(variants)))
+    _from_above(axes[0], variants[0])
+    for side, names in zip(axes[1:], variants, strict=True):
+        _from_the_side(side, names)
+    return figure
+
+
+def _from_above(axes: Axes, names: ScaraNames) -> None:
+    heading_deg = 14.0 if names.heading else 0.0
+    first_deg = heading_deg + _SHOULDER_DEG
+    second_deg = first_deg + _ELBOW_DEG
+    shoulder = np.zeros(2)
+    elbow = shoulder + _L1 * _unit(first_deg)
+    wrist = elbow + _L2 * _unit(second_deg)
+    axes.plot(*np.array([shoulder, elbow, wrist]).T, marker="o", markersize=11, **_LINK)
+    _beside(axes, shoulder, elbow, names.links[0])
+    _beside(axes, elbow, wrist, names.links[1])
+    _line(axes, shoulder, shoulder + 110 * _unit(heading_deg))
+    if names.heading:
+        _angle(axes, shoulder, 0.0, heading_deg, 190.0, names.heading, _DIMENSION)
+    _angle(axes, shoulder, heading_deg, first_deg, 90.0, names.joints[0])
+    _line(axes, elbow, elbow + 100 * _unit(first_deg))
+    _angle(axes, elbow, first_deg, second_deg, 75.0, names.joints[1])
+    if names.joints[2]:
+        tool_deg = second_deg + _TOOL_DEG
+        _line(axes, wrist, wrist + 80 * _unit(second_deg))
+        _angle(axes, wrist, tool_deg, second_deg, 62.0, names.joints[2])
+        tip = wrist + _TOOL * _unit(tool_deg)
+        axes.annotate("", _at(tip), _at(wrist), arrowprops={"arrowstyle": "-|>", "color": "#3b4a5a", "linewidth": 2})
+        if names.tool:
+            axes.text(*_at((wrist + tip) / 2 + np.array([4.0, -8.0])), names.tool, color=_DIMENSION, va="top")
+    for name, direction in (("x", np.array([1.0, 0.0])), ("y", np.array([0.0, 1.0]))):
+        axes.annotate("", _at(300 * direction), (0, 0), arrowprops={"arrowstyle": "->", "color": "0.6"})
+        axes.text(*_at(310 * direction), name, color="0.4", ha="center", va="center")
+    if names.slides:
+        axes.annotate("", (120, -55), (0, -55), arrowprops={"arrowstyle": "-|>", "color": _JOINT, "linewidth": 2})
+        axes.text(60, -75, f"{names.slides[0]}: the whole arm along x", color=_JOINT, ha="left", va="top")
+    _finish(axes, "from above", (-60, 360), (-110, 400))
+
+
+def _from_the_side(axes: Axes, names: ScaraNames) -> None:
+    lift, first, up = names.lift
+    slid = 70.0 if names.slides else 0.0
+    base = slid + (90.0 if names.base else 0.0)
+    arm = base + (80.0 if first else 0.0)
+    second = arm + (45.0 if names.offset else 0.0)
+    tip = second - 95.0
+    aside = _TOOL if names.tool else 0.0
+    wrist = _L1 + _L2
+    axes.axhline(0.0, color="0.6", linewidth=1, zorder=0)
+    axes.text(wrist + aside + 105, 4, "z = 0", color="0.4", ha="right")
+    axes.plot([0, 0], [min(0.0, arm - 60.0), arm], color="#9aa5b1", linewidth=12, zorder=1)
+    axes.plot([0, _L1, _L1, wrist], [arm, arm, second, second], marker="o", markersize=9, **_LINK)
+    axes.plot([wrist, wrist, wrist + aside], [second, tip, tip], color="#3b4a5a", linewidth=3)
+    axes.plot([wrist + aside], [tip], marker="v", color="#3b4a5a", markersize=8)
+    _between(axes, (0, second + 30), (_L1, second + 30), names.links[0])
+    _between(axes, (_L1, second + 30), (wrist, second + 30), names.links[1])
+    if names.base:
+        _between(axes, (-30, slid), (-30, base), names.base, left=True)
+    if names.offset:
+        _between(axes, (_L1 - 20, arm), (_L1 - 20, second), names.offset, left=True)
+    if names.drop:
+        _between(axes, (wrist + aside + 22, tip), (wrist + aside + 22, second), names.drop)
+    if names.tool:
+        _between(axes, (wrist, tip - 40), (wrist + aside, tip - 40), names.tool)
+    if names.slides:
+        _moves(axes, (-30, 0), (-30, slid), names.slides[1])
+    if first:
+        _moves(axes, (-30, base), (-30, arm), lift)
+    elif lift:
+        ends = ((wrist - 26, tip), (wrist - 26, second - 12))
+        _moves(axes, *(ends if up else ends[::-1]), lift)
+    where = "lift first" if first else "lift last" if lift else "no lift"
+    _finish(axes, f"from the side, stretched, {where}", (-120, wrist + aside + 110), (-140, 290))
+
+
+def _moves(axes: Axes, start: tuple[float, float], end: tuple[float, float], name: str) -> None:
+    """Draw the arrow of a joint that moves along the vertical, from its zero upwards or downwards."""
+    axes.annotate(
+        "", end, start, arrowprops={"arrowstyle": "-|>", "color": _JOINT, "linewidth": 2, "shrinkA": 0, "shrinkB": 0}
+    )
+    axes.text(start[0] - 8, (start[1] + end[1]) / 2, name, color=_JOINT, ha="right", va="center")
+
+
+def _hybrid() -> Figure:
+    figure = Figure(figsize=(9.2, 5.2), layout="constrained")
+    figure.suptitle("hybrid-arm", x=0.01, ha="left", weight="bold")
+    axes = figure.subplots()
+    frame, low, half, link, out, down = 100.0, 400.0, 150.0, 350.0, 300.0, 120.0
+    z2, left, right = 40.0, 30.0, 0.0
+    height = low + left + (link**2 - (half + z2) ** 2) ** 0.5
+    right = height - low - (link**2 - (half - z2) ** 2) ** 0.5
+    platform = np.array([frame + z2, height])
+    axes.axhline(0.0, color="0.6", linewidth=1)
+    axes.text(700, 8, "z = 0", color="0.4", ha="right")
+    axes.plot([0, 0], [0, 820], color="0.6", linestyle="-.", linewidth=1)
+    axes.text(-12, 800, "th1, about the waist's axis", color=_JOINT, ha="right")
+    for x, z, name in ((frame - half, left, "Z5"), (frame + half, right, "Z6")):
+        axes.plot([x, x], [low - 250, low + 250], color="#9aa5b1", linewidth=3)
+        axes.plot([x, platform[0]], [low + z, platform[1]], **{**_LINK, "linewidth": 5})
+        axes.plot([x], [low + z], marker="s", color=_JOINT, markersize=11, zorder=3)
+        axes.annotate("", (x, low + z + 75), (x, low + z), arrowprops={"arrowstyle": "-|>", "color": _JOINT})
+        axes.text(x - 24, low + z, name, color=_JOINT, ha="right", va="center")
+    axes.plot([frame, frame], [low - 120, height + 125], color="0.75", linestyle=":")
+    axes.plot([platform[0], platform[0] + out], [height, height], **_LINK)
+    axes.plot([platform[0] + out] * 2, [height, height - down], color="#3b4a5a", linewidth=3)
+    axes.plot([platform[0] + out], [height - down], marker="v", color="#3b4a5a", markersize=9)
+    axes.text(platform[0] + out + 22, height - down, "th4 turns the gripper", color=_JOINT, va="center")
+    _between(axes, (-215, 0), (-215, low), "l1_mm", left=True)
+    axes.plot([-215, frame + half], [low, low], color="0.8", linewidth=1, zorder=0)
+    _between(axes, (0, 95), (frame, 95), "l2_mm")
+    _between(axes, (frame, 125), (frame + half, 125), "h_mm")
+    axes.text(frame + half + 12, (low + right + height) / 2, "L_mm, both links", color=_DIMENSION)
+    _between(axes, (platform[0], height + 45), (platform[0] + out, height + 45), "l3_mm")
+    _between(axes, (platform[0] + out - 30, height - down), (platform[0] + out - 30, height), "l4_mm", left=True)
+    _between(axes, (frame, height + 125), (platform[0], height + 125), "")
+    axes.text(platform[0] + 12, height + 125, "z2, at most z2_max_mm to either side", color=_DIMENSION, va="center")
+    _finish(axes, "from the side, with th1 = 0: x to the right, z up", (-300, 720), (-30, 900))
+    return figure
+
+
+def _unit(angle_deg: float) -> FloatArray:
+    return np.array([np.cos(np.deg2rad(angle_deg)), np.sin(np.deg2rad(angle_deg))])
+
+
+def _at(point: FloatArray) -> tuple[float, float]:
+    return float(point[0]), float(point[1])
+
+
+def _line(axes: Axes, start: FloatArray, end: FloatArray) -> None:
+    axes.plot(*np.array([start, end]).T, color="0.6", linestyle="--", linewidth=1, zorder=1)
+
+
+def _angle(
+    axes: Axes, centre: FloatArray, from_deg: float, to_deg: float, radius: float, name: str, colour: str = _JOINT
+) -> None:
+    axes.add_patch(
+        Arc(_at(centre), 2 * radius, 2 * radius, theta1=from_deg, theta2=to_deg, color=colour, linewidth=1.5)
+    )
+    axes.text(*_at(centre + (radius + 8) * _unit((from_deg + to_deg) / 2)), name, color=colour, va="center")
+
+
+def _beside(axes: Axes, start: FloatArray, end: FloatArray, name: str) -> None:
+    """Name a length in its middle, beside it on its left."""
+    way = (end - start) / np.linalg.norm(end - start)
+    place = (start + end) / 2 + 18 * np.array([-way[1], way[0]])
+    axes.text(*_at(place), name, color=_DIMENSION, ha="right" if way[1] > 0.1 else "center", va="bottom")
+
+
+def _between(
+    axes: Axes, start: tuple[float, float], end: tuple[float, float], name: str, *, left: bool = False
+) -> None:
+    """Draw a dimension's arrow with its name beside it."""
+    axes.annotate("", end, start, arrowprops={"arrowstyle": "<->", "color": _DIMENSION, "shrinkA": 0, "shrinkB": 0})
+    x, z = (start[0] + end[0]) / 2, (start[1] + end[1]) / 2
+    if start[0] == end[0]:
+        axes.text(x + (-6 if left else 6), z, name, color=_DIMENSION, ha="right" if left else "left", va="center")
+    else:
+        axes.text(x, z + 6, name, color=_DIMENSION, ha="center", va="bottom")
+
+
+def _finish(axes: Axes, title: str, x: tuple[float, float], y: tuple[float, float]) -> None:
+    axes.set_title(title, fontsize=9, loc="left")
+    axes.set_aspect("equal")
+    axes.set_xlim(*x)
+    axes.set_ylim(*y)
+    axes.axis("off")
+
+
+_DRAWINGS: Final[dict[str, Callable[[], Figure]]] = {
+    "scara": partial(
+        _scara,
+        "scara",
+        _SCARA,
+        ScaraNames(
+            _SCARA.links, ("th2", "th3", "th4"), ("d1", True, True), "base_mm", "offset_mm", "drop_mm", "tool_mm"
+        ),
+    ),
+    "teaching-scara": partial(
+        _scara,
+        "teaching-scara",
+        ScaraNames(("l1_mm", "l2_mm"), ("th1", "th2", "th4"), ("d3", False, False), drop="- d4_mm"),
+    ),
+    "lab-scara": partial(
+        _scara,
+        "lab-scara: the arm heads for +y, so x here is the machine's y",
+        ScaraNames(("a2_mm", "a3_mm"), ("th2", "th3", "th4"), ("d1", True, True), drop="d5_mm"),
+    ),
+    "calibration-scara": partial(
+        _scara,
+        "calibration-scara",
+        ScaraNames(("L1_mm", "L2_mm"), ("th1", "th2", "th4"), ("d3", False, False), base="d1_mm"),
+    ),
+    "warehouse-scara": partial(
+        _scara,
+        "warehouse-scara",
+        ScaraNames(
+            ("L2_mm", "L3_mm"), ("th1", "th2", "th3"), ("L1", True, True), drop="L4_mm", tool="L5_mm",
+            slides=("sx", "sz"),
+        ),
+    ),
+    "hybrid-arm": _hybrid,
+}  # fmt: skip
