@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _SUFFIX: Final = ".toml"
 
 
-@command("my-arm.toml", "my-arm.toml --kind scara --set l1_mm=200 --set d3.travel_per_turn=4")
+@command("my-arm.toml", "my-arm.toml --kind scara --set l1_mm=200")
 def new(
     file: Annotated[str, typer.Argument(metavar="FILE", help="File to write; the robot gets its name, without .toml.")],
     kind: Annotated[

@@ -18,6 +18,7 @@ from steptwin.host.planning.programs.program import AnyStep, Call, Program, Repe
 from steptwin.host.planning.programs.steps import Step
 from steptwin.host.planning.samples import Samples
 from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.robots import load_robot
 from steptwin.host.robots.robot import Robot
 
 STEPS_MAX: Final = 5_000
@@ -78,7 +79,10 @@ def compile_program(program: Program, robot: Robot, findings: Findings | None = 
 
 
 def _check_robot(program: Program, robot: Robot) -> None:
-    if program.robot not in (None, robot.name):
+    """Raise InputError unless the program is for the robot: by its name, or by the path of its file."""
+    if program.robot is None or program.robot == robot.name:
+        return
+    if not program.robot.endswith(".toml") or load_robot(program.robot).name != robot.name:
         raise InputError(f"robot: the program is for {program.robot}, not for {robot.name}")
     if program.positions_for not in (None, robot.name):
         raise InputError(f"positions_file: its positions are for {program.positions_for}, not for {robot.name}")

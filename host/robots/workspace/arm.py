@@ -73,6 +73,8 @@ class Arm:
         x_mm, y_mm = self.axis_x_mm + radius_mm * np.cos(azimuth_rad), radius_mm * np.sin(azimuth_rad)
         if self.attitude_deg is not None:
             return self._reached(np.column_stack([x_mm, y_mm, z_mm, np.full(len(x_mm), self.attitude_deg)]))
+        if self.kinematics.attitude_follows:
+            return self._reached(np.column_stack([x_mm, y_mm, z_mm, np.full(len(x_mm), np.nan)]))
         outwards = np.column_stack([x_mm, y_mm, z_mm, azimuth_deg])
         found = self._reached(outwards)
         for begin in range(0, len(found), _CHUNK):

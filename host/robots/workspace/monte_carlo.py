@@ -82,6 +82,8 @@ def _drawn(robot: Robot, samples: int, seed: int) -> Iterator[FloatArray]:
 def _positions(kinematics: Kinematics, joints: FloatArray) -> FloatArray:
     """Return the tool positions, of shape (n, 3), of the joint positions that the mechanism's usual branch can take."""
     poses = kinematics.forward(joints)
+    if kinematics.attitude_follows:
+        poses[:, 3] = np.nan  # the usual branch has another attitude than the joints' own
     branch = kinematics.solve(poses, kinematics.branches[0], near=joints)
     kept = np.logical_and.reduce([constraint.kept for constraint in branch.mechanism])
     return poses[kept, :3]

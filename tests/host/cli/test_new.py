@@ -166,3 +166,15 @@ def test_every_number_has_a_comment_or_a_plain_name() -> None:
         lines = re.findall(rf"^{key} = .*$", text, re.MULTILINE)
         assert lines
         assert all(" # " in line for line in lines)
+
+
+def test_a_program_names_the_file_of_its_robot(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A line of an arm whose tool does not turn, for the robot file's path, its name, and another robot."""
+    file, program = tmp_path / "my-arm.toml", tmp_path / "line.toml"
+    assert run(["new", str(file), "--kind", "scara", "--set", "lift=none", "--set", "tool_rotation=false"]) == 0
+    for robot in (str(file), "my-arm"):
+        text = f'robot = "{robot}"\n[[step]]\nline = {{ x = 150, y = 200 }}\nspeed_mm_s = 40\n'
+        program.write_text(text, encoding="utf-8")
+        assert run_json(capsys, "check", str(program), str(file))["findings"] == []
+    assert run_json(capsys, "run", str(file), str(program))["passed"]
+    assert "the program is for my-arm, not for lab-scara" in refusal(capsys, "run", "lab-scara", str(program))

@@ -11,8 +11,10 @@ from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots import load_robot, robot_names
 from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.kinematics.usual_scara import Lift
 from steptwin.host.robots.workspace import SAMPLES_MAX, Scan, monte_carlo, scan
 from steptwin.host.robots.workspace.stretches import edges, extent, stretches, swapped, widths
+from tests.host.robots.kinematics.test_usual_scara import scara
 
 
 @cache
@@ -287,3 +289,18 @@ class TestStretches:
         assert widths(found, 2).tolist() == [0.0, 0.0]
         assert extent(disc, lines, grid, found) is None
         assert edges(found, lines, grid).shape == (0, 2)
+
+
+@pytest.mark.parametrize("lift", Lift)
+def test_a_tool_that_does_not_turn_reaches_the_annulus_of_its_arm(lift: Lift) -> None:
+    """Links of 200 and 150 mm and an elbow of +-150 deg: 350 to sqrt(200^2 + 150^2 - 2 * 200 * 150 cos 30) mm."""
+    robot = scara(lift, turning=False)
+    least_mm = float(np.sqrt(200**2 + 150**2 - 2 * 200 * 150 * np.cos(np.deg2rad(30))))
+    cloud = monte_carlo(robot, 2000, 1)
+    assert cloud.left_out == 0
+    assert cloud.radius_mm is not None
+    assert least_mm <= cloud.radius_mm[0] < cloud.radius_mm[1] <= 350
+    plan = scan(robot).plan
+    assert plan.radius_mm == pytest.approx((least_mm, 350.0), abs=1e-3)
+    turning = scan(scara(lift)).plan
+    assert plan.area_mm2 == pytest.approx(turning.area_mm2, rel=1e-4)
