@@ -14,7 +14,7 @@ class Measurements:
 
 
 class DriverMonitor(NamedTuple):
-    """Counts of one axis' driver since power-up, which the emulator's object (2F00h) shows."""
+    """Counts of one axis' driver since power-up and its mode, which the emulator's object (2F00h) shows."""
 
     rotor_steps: int
     """Number of steps that the driver has counted, signed."""
@@ -22,6 +22,8 @@ class DriverMonitor(NamedTuple):
     """Steps made less steps counted, both signed: how far the rotor has fallen behind."""
     violations: int
     """Number of pulses that broke a limit of the driver."""
+    microsteps: int = 0
+    """Microsteps per full step, by the chip's pins or the module's switches; 0: unknown."""
 
 
 Monitor = Callable[[int], DriverMonitor]

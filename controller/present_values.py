@@ -16,6 +16,7 @@ def install_present_values(context: AxisContext, drive: AxisDrive) -> None:
         od.ROTOR_POSITION_STEPS: lambda: board.monitor(axis).rotor_steps,
         od.LOST_STEPS: lambda: board.monitor(axis).lost_steps,
         od.DRIVER_VIOLATIONS: lambda: board.monitor(axis).violations,
+        od.DRIVER_MICROSTEPS: lambda: board.monitor(axis).microsteps,
         od.MODE_OF_OPERATION_DISPLAY: lambda: drive.mode_number,
         od.POSITION_DEMAND: lambda: _saturated(motion.demand_units(axis)),
         od.POSITION_ACTUAL: lambda: _saturated(motion.counter_units(axis)),

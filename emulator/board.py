@@ -31,8 +31,8 @@ class BoardConfig:
     read_latency_counts: int = 0
     """Counts from a message's arrival until the processor fetches it from the CAN controller."""
     switches: tuple[Switch, ...] = ()
-    start_steps: tuple[int, ...] = ()
-    """Position of each axis of the machine when the board is made, in steps from its true zero; empty: all 0."""
+    start_sixteenths: tuple[int, ...] = ()
+    """Position of each axis' rotor when the board is made, in sixteenths of a full step from its zero; empty: all 0."""
     modules: tuple[Module, ...] = ()
     """The module around each chip; empty for chips on the board itself."""
 
@@ -52,7 +52,7 @@ class Board:
         """Parameters that the firmware has stored, a page for each axis: they outlive the power."""
         self._kernel = kernel
         modules = config.modules or (Module(),) * config.axis_count
-        self._inputs = BoardInputs(config.switches, config.start_steps or (0,) * config.axis_count)
+        self._inputs = BoardInputs(config.switches, config.start_sixteenths or (0,) * config.axis_count)
         self._drivers = DriverBank(config.osc_pf, modules, self._inputs)
         self._measurements = Measurements()
         self._held_protects = [False] * config.axis_count
@@ -265,7 +265,12 @@ class Board:
         """Return the driver's counts for an axis since power-up, including the pulses of the tick in progress."""
         self.drain()
         counted, before = self._drivers.count(axis), self._monitored[axis]
-        return DriverMonitor(*(now - then for now, then in zip(counted, before, strict=True)))
+        return DriverMonitor(
+            counted.rotor_steps - before.rotor_steps,
+            counted.lost_steps - before.lost_steps,
+            counted.violations - before.violations,
+            counted.microsteps,
+        )
 
     def _take_pins(self) -> None:
         for change in self.firmware.take_pins():
@@ -292,6 +297,16 @@ class Board:
         """Return the steps that an axis' driver has counted since power-up."""
         self.drain()
         return self._drivers.drivers[axis].position_steps
+
+    def position_sixteenths(self, axis: int) -> int:
+        """Return the position of an axis' rotor since power-up, in sixteenths of a full step."""
+        self.drain()
+        return self._drivers.drivers[axis].position_sixteenths
+
+    def driver_microsteps(self, axis: int) -> int:
+        """Return the microsteps per full step that an axis' driver makes, whatever the firmware takes them for."""
+        self.drain()
+        return int(self._drivers.drivers[axis].excitation)
 
     def take_trace(self, axis: int) -> AxisTrace:
         """Return the trace of an axis and begin the next one here, so that a board may run for ever."""

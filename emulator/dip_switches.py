@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
+from steptwin.emulator.tb6560.excitation import Excitation
 from steptwin.emulator.tb6560.pins import EXCITATIONS, FAST_DECAY_PERCENT, Input
 
 
@@ -70,6 +71,11 @@ class DipSwitches:
     def sense_ohm(self) -> float:
         """Resistance of the sense resistors that are switched on, in parallel."""
         return 1 / sum(1 / ohm for name, ohm in _SENSE_OHM.items() if getattr(self.current, name))
+
+    @property
+    def excitation(self) -> Excitation:
+        """The mode that S3 and S4 select."""
+        return EXCITATIONS[int(self.s4), int(self.s3)]
 
     @property
     def running(self) -> dict[Input, int]:

@@ -5,7 +5,7 @@ from typing import Final
 from steptwin.emulator.driver_module import ClkEdge, Module
 from steptwin.emulator.edges import Int8Array, Int64Array
 from steptwin.emulator.input_stage import InputStage
-from steptwin.emulator.tb6560 import Outputs, Pins, Tb6560, Violations, merged
+from steptwin.emulator.tb6560 import Excitation, Outputs, Pins, Tb6560, Violations, merged
 
 
 class Driver:
@@ -19,13 +19,15 @@ class Driver:
         self.chip = Tb6560(osc_pf, module.chip_sense_ohm, module.cooling)
         self.active_edge: Final[ClkEdge] = module.active_edge
         """The edge of STEP with which the chip's CLK rises."""
+        self._switches: Final = module.switches
         self._stage = None if module.only_wires else InputStage(module, self.chip.clk_width_min_counts)
 
     def feed(self, pins: Pins) -> tuple[Int64Array, Int8Array]:
         """Let the driver see the next stretch of its terminals; every rise comes with its fall.
 
         Returns:
-            Instant of each step that the chip has counted, and its sign, +1 or -1.
+            Instant of each step that the chip has counted, and the rotor's move by it, in sixteenths of a full step
+            with its sign.
         """
         return self.chip.feed(self._stage.take(pins) if self._stage else pins)
 
@@ -43,6 +45,16 @@ class Driver:
     def position_steps(self) -> int:
         """Steps counted since power-up; steps with DIR high count up."""
         return self.chip.position_steps
+
+    @property
+    def position_sixteenths(self) -> int:
+        """Position of the rotor since power-up, in sixteenths of a full step; it grows while DIR is high."""
+        return self.chip.position_sixteenths
+
+    @property
+    def excitation(self) -> Excitation:
+        """The mode that the module's switches select, also before the power is up, or else the chip's pins."""
+        return self._switches.excitation if self._switches else self.chip.excitation
 
     @property
     def lost_steps(self) -> int:

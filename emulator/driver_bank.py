@@ -50,6 +50,9 @@ class AxisTrace:
     outputs: Outputs
     """Phase currents, electrical angle and MO at any instant since the trace's beginning."""
     position_steps: int
+    """Steps counted since power-up."""
+    position_sixteenths: int
+    """Position of the rotor since power-up, in sixteenths of a full step."""
 
 
 class DriverBank:
@@ -100,10 +103,17 @@ class DriverBank:
                 continue
             pins = _pins(edges, self._waiting[axis], until_counts)
             self._waiting[axis] = []
-            self._inputs.counted(axis, *driver.feed(pins), held_pulses=driver.held_pulses)
+            self._feed(axis, pins)
             if moved:
                 self._pins[axis].append(pins)
                 self._dir_levels[axis] = int(pins.dir_levels[-1]) if pins.dir_levels.size else self._dir_levels[axis]
+
+    def _feed(self, axis: int, pins: Pins) -> None:
+        driver = self.drivers[axis]
+        moves = driver.feed(pins)
+        self._inputs.moved(
+            axis, *moves, held_pulses=driver.held_pulses, step_sixteenths=driver.excitation.step_sixteenths
+        )
 
     def cut_off(self, all_edges: Sequence[PinEdges], counts: int) -> list[PinEdges]:
         """Return the edges that remain when the power goes: begun pulses end, and DIR falls if it is high."""
@@ -113,15 +123,15 @@ class DriverBank:
     # --- out
 
     def count(self, axis: int) -> DriverMonitor:
-        """Return the counts of an axis' driver, over all pulses that it has seen."""
+        """Return the counts of an axis' driver, over all pulses that it has seen, and its present mode."""
         driver = self.drivers[axis]
-        return DriverMonitor(driver.position_steps, driver.lost_steps, driver.violation_count)
+        return DriverMonitor(driver.position_steps, driver.lost_steps, driver.violation_count, driver.excitation)
 
     def trace(self, axis: int, until_counts: int) -> AxisTrace:
         """Return everything that happened at an axis' driver up to an instant and is not forgotten."""
         driver = self.drivers[axis]
         nothing = _pins(PinEdges([], []), [], until_counts)  # lets the time pass in which nothing came
-        self._inputs.counted(axis, *driver.feed(nothing), held_pulses=driver.held_pulses)
+        self._feed(axis, nothing)
         pins = self._pins[axis]
         step_counts, step_signs = driver.steps
         return AxisTrace(
@@ -135,6 +145,7 @@ class DriverBank:
             violations=driver.violations,
             outputs=driver.outputs,
             position_steps=driver.position_steps,
+            position_sixteenths=driver.position_sixteenths,
         )
 
     def forget(self, axis: int) -> None:

@@ -2,7 +2,8 @@
 
 The firmware sees the levels at the start of each servo tick. Pulses are computed many ticks at a time, and this module
 says how many: no driver counts pulses faster than one each PERIOD_MIN_COUNTS, so a switch that is d steps away keeps
-its level for at least (d - 1) of these periods. Next to a switch, motion is computed tick by tick.
+its level for at least (d - 1) of these periods. Next to a switch, motion is computed tick by tick. How far a step turns
+the motor depends on the driver's mode, which changes only while the axis stands: it is learned at each start.
 """
 
 from collections.abc import Sequence
@@ -18,23 +19,27 @@ from steptwin.protocol.cia402 import DigitalInput
 
 
 class BoardInputs:
-    """The inputs of all axes, whose switches follow the steps that the drivers count."""
+    """The inputs of all axes, whose switches follow the rotors. Positions are in sixteenths of a full step."""
 
-    def __init__(self, switches: Sequence[Switch], start_steps: Sequence[int]) -> None:
+    def __init__(self, switches: Sequence[Switch], start_sixteenths: Sequence[int]) -> None:
         self.emergency_stop = False
-        self.protects = [False] * len(start_steps)
+        self.protects = [False] * len(start_sixteenths)
         """True for each axis whose driver's Protect pin is low."""
-        self._general = [DigitalInput(0)] * len(start_steps)
+        self._general = [DigitalInput(0)] * len(start_sixteenths)
         """Active general inputs of each axis."""
         self._axes = [
             AxisSwitches([switch for switch in switches if switch.axis == axis], start)
-            for axis, start in enumerate(start_steps)
+            for axis, start in enumerate(start_sixteenths)
         ]
         self._switched = [axis for axis, switches in enumerate(self._axes) if switches]
         self._ahead: list[list[tuple[Int64Array, Int8Array]]] = [[] for _ in self._axes]
-        """Counted steps that the switches have not followed yet, by axis: instants and signs."""
-        self._held_pulses = [0] * len(start_steps)
+        """Moves of the rotors that the switches have not followed yet, by axis: instants and sixteenths."""
+        self._held_pulses = [0] * len(start_sixteenths)
         """Number of pulses that a driver holds and may still count, by axis."""
+        self._step_sixteenths = [1] * len(start_sixteenths)
+        """The driver's present step, by axis."""
+        self._just_started: set[int] = set()
+        """Axes that have been started since `look`: their drivers' steps may have another size now."""
         self._due_ticks: dict[int, int] = {}
         """Tick at whose start the switches of an axis must be read next; an axis at rest is not in it."""
         self._starts_seen = 0
@@ -63,19 +68,21 @@ class BoardInputs:
         """True while a switch may still change by motion that is computed already."""
         return bool(self._due_ticks)
 
-    def counted(self, axis: int, step_counts: Int64Array, step_signs: Int8Array, *, held_pulses: int) -> None:
-        """Take the steps that a driver has counted, and the number of pulses that it may still count."""
+    def moved(
+        self, axis: int, counts: Int64Array, sixteenths: Int8Array, *, held_pulses: int, step_sixteenths: int
+    ) -> None:
+        """Take the moves of a rotor, the number of pulses that its driver may still count, and the driver's step."""
         self._held_pulses[axis] = held_pulses
-        if axis in self._switched and step_counts.size:
-            self._ahead[axis].append((step_counts, step_signs))
+        self._step_sixteenths[axis] = step_sixteenths
+        if axis in self._switched and counts.size:
+            self._ahead[axis].append((counts, sixteenths))
 
     def due_tick(self, motion: Motion) -> int | None:
         """Return the tick up to whose start no switch can change; None while no axis with switches moves."""
         if motion.starts != self._starts_seen:
             self._starts_seen = motion.starts
-            for axis in self._switched:
-                if axis not in self._due_ticks and motion.running(axis):
-                    self._due_ticks[axis] = motion.tick + self._quiet_ticks(self._axes[axis].steps_to_change)
+            self._just_started = {axis for axis in self._switched if motion.running(axis)}
+            self._due_ticks |= dict.fromkeys(self._just_started, motion.tick)
         return min(self._due_ticks.values()) if self._due_ticks else None
 
     def may_have_changed(self, motion: Motion) -> bool:
@@ -85,30 +92,37 @@ class BoardInputs:
 
     def _put_off(self, axis: int, motion: Motion) -> bool:
         """Put an axis' due tick off if it has made less than half the steps to its next switch; return True if so."""
+        if axis in self._just_started:
+            return False
         pulses = motion.undrained_pulses(axis) + self._held_pulses[axis]
         pulses += sum(counts.size for counts, _ in self._ahead[axis])
-        distance = self._axes[axis].steps_to_change
+        distance_steps = self._steps_to_change(axis)
         if not motion.running(axis) and pulses == 0:
             del self._due_ticks[axis]
             return True
-        if 2 * pulses >= distance or not motion.running(axis):
+        if 2 * pulses >= distance_steps or not motion.running(axis):
             return False
-        self._due_ticks[axis] = motion.tick + max(1, self._quiet_ticks(distance - pulses))
+        self._due_ticks[axis] = motion.tick + max(1, self._quiet_ticks(distance_steps - pulses))
         return True
 
     def look(self, motion: Motion) -> None:
         """Let the switches follow the axes up to the start of the next tick; all pulses before it are drained."""
+        self._just_started.clear()
         for axis in list(self._due_ticks):
             self._settle(axis, motion.tick * TICK_COUNTS)
-            self._due_ticks[axis] = motion.tick + max(1, self._quiet_ticks(self._axes[axis].steps_to_change))
+            self._due_ticks[axis] = motion.tick + max(1, self._quiet_ticks(self._steps_to_change(axis)))
+
+    def _steps_to_change(self, axis: int) -> int:
+        """Return the least number of steps until one of the axis' switches changes."""
+        return -(-self._axes[axis].sixteenths_to_change // self._step_sixteenths[axis])
 
     def _settle(self, axis: int, until_counts: int) -> None:
         moved, ahead = 0, []
-        for counts, signs in self._ahead[axis]:
+        for counts, sixteenths in self._ahead[axis]:
             seen = int(np.searchsorted(counts, until_counts))
-            moved += int(signs[:seen].sum(dtype=np.int64))
+            moved += int(sixteenths[:seen].sum(dtype=np.int64))
             if seen < counts.size:
-                ahead.append((counts[seen:], signs[seen:]))
+                ahead.append((counts[seen:], sixteenths[seen:]))
         self._ahead[axis] = ahead
         self._axes[axis].move(moved)
 

@@ -1,7 +1,8 @@
 """Switches along an axis: the positions at which they are closed, and the distance of the axis to the next change.
 
-Positions are steps from the machine's true zero, as the axis' driver counts them. The firmware does not know these; it
-learns them by homing.
+Positions are those of the motor's rotor, in sixteenths of a full step from the machine's true zero: a sixteenth is the
+smallest step of a driver, so every position is a whole number, whatever the driver's mode. The firmware does not know
+these positions; it learns them by homing.
 """
 
 from collections.abc import Sequence
@@ -19,9 +20,9 @@ class Switch:
     Attributes:
         axis: number of the axis on the board.
         input: input of the axis to which it is wired.
-        from_steps: lowest position at which it closes; None for no lower end.
-        to_steps: highest position at which it closes; None for no upper end.
-        hysteresis_steps: distance beyond the stretch at which it opens again.
+        from_sixteenths: lowest position at which it closes; None for no lower end.
+        to_sixteenths: highest position at which it closes; None for no upper end.
+        hysteresis_sixteenths: distance beyond the stretch at which it opens again.
 
     Raises:
         ValueError: the input is not a switch input, the stretch is empty or endless, or the hysteresis is negative.
@@ -29,57 +30,63 @@ class Switch:
 
     axis: int
     input: DigitalInput
-    from_steps: int | None = None
-    to_steps: int | None = None
-    hysteresis_steps: int = 0
+    from_sixteenths: int | None = None
+    to_sixteenths: int | None = None
+    hysteresis_sixteenths: int = 0
 
     def __post_init__(self) -> None:
         if self.input not in _KINDS:
             raise ValueError(f"a switch is one of {', '.join(str(kind.name) for kind in _KINDS)}, not {self.input!r}")
-        if self.from_steps is None and self.to_steps is None:
-            raise ValueError("a switch without from_steps and to_steps would always be closed")
-        if self.from_steps is not None and self.to_steps is not None and self.from_steps > self.to_steps:
-            raise ValueError(f"a switch from {self.from_steps} to {self.to_steps} steps would never be closed")
-        if self.hysteresis_steps < 0:
-            raise ValueError(f"hysteresis_steps {self.hysteresis_steps} is negative")
+        if self.from_sixteenths is None and self.to_sixteenths is None:
+            raise ValueError("a switch without from_sixteenths and to_sixteenths would always be closed")
+        if (
+            self.from_sixteenths is not None
+            and self.to_sixteenths is not None
+            and self.from_sixteenths > self.to_sixteenths
+        ):
+            raise ValueError(
+                f"a switch from {self.from_sixteenths} to {self.to_sixteenths} sixteenths would never be closed"
+            )
+        if self.hysteresis_sixteenths < 0:
+            raise ValueError(f"hysteresis_sixteenths {self.hysteresis_sixteenths} is negative")
 
-    def closed_at(self, position_steps: int, *, before: bool) -> bool:
+    def closed_at(self, position_sixteenths: int, *, before: bool) -> bool:
         """Return True if it is closed at a position; `before` is True if it was closed until now."""
-        return self._outside(position_steps) <= (self.hysteresis_steps if before else 0)
+        return self._outside(position_sixteenths) <= (self.hysteresis_sixteenths if before else 0)
 
-    def steps_to_change(self, position_steps: int, *, closed: bool) -> int:
-        """Return the least number of steps until it changes: 1 or more."""
+    def sixteenths_to_change(self, position_sixteenths: int, *, closed: bool) -> int:
+        """Return the least distance at which it changes: 1 or more."""
         if not closed:
-            return self._outside(position_steps)
+            return self._outside(position_sixteenths)
         ways = []
-        if self.from_steps is not None:
-            ways.append(position_steps - self.from_steps)
-        if self.to_steps is not None:
-            ways.append(self.to_steps - position_steps)
-        return min(ways) + self.hysteresis_steps + 1
+        if self.from_sixteenths is not None:
+            ways.append(position_sixteenths - self.from_sixteenths)
+        if self.to_sixteenths is not None:
+            ways.append(self.to_sixteenths - position_sixteenths)
+        return min(ways) + self.hysteresis_sixteenths + 1
 
-    def _outside(self, position_steps: int) -> int:
-        """Return the distance of a position from the stretch in steps; 0 or less within it."""
-        below = 0 if self.from_steps is None else self.from_steps - position_steps
-        above = 0 if self.to_steps is None else position_steps - self.to_steps
+    def _outside(self, position_sixteenths: int) -> int:
+        """Return the distance of a position from the stretch; 0 or less within it."""
+        below = 0 if self.from_sixteenths is None else self.from_sixteenths - position_sixteenths
+        above = 0 if self.to_sixteenths is None else position_sixteenths - self.to_sixteenths
         return max(below, above)
 
 
 class AxisSwitches:
     """An axis' switches and its position."""
 
-    def __init__(self, switches: Sequence[Switch], position_steps: int) -> None:
-        self.position_steps = position_steps
-        self._closed = {switch: switch.closed_at(position_steps, before=False) for switch in switches}
+    def __init__(self, switches: Sequence[Switch], position_sixteenths: int) -> None:
+        self.position_sixteenths = position_sixteenths
+        self._closed = {switch: switch.closed_at(position_sixteenths, before=False) for switch in switches}
 
     def __bool__(self) -> bool:
         return bool(self._closed)
 
-    def move(self, steps: int) -> None:
+    def move(self, sixteenths: int) -> None:
         """Move the axis and let the switches follow; switches that it passed completely do not change."""
-        self.position_steps += steps
+        self.position_sixteenths += sixteenths
         for switch, closed in self._closed.items():
-            self._closed[switch] = switch.closed_at(self.position_steps, before=closed)
+            self._closed[switch] = switch.closed_at(self.position_sixteenths, before=closed)
 
     @property
     def levels(self) -> DigitalInput:
@@ -91,8 +98,9 @@ class AxisSwitches:
         return levels
 
     @property
-    def steps_to_change(self) -> int:
-        """Least number of steps until one of the switches changes; the axis must have a switch."""
+    def sixteenths_to_change(self) -> int:
+        """Least distance until one of the switches changes; the axis must have a switch."""
         return min(
-            switch.steps_to_change(self.position_steps, closed=closed) for switch, closed in self._closed.items()
+            switch.sixteenths_to_change(self.position_sixteenths, closed=closed)
+            for switch, closed in self._closed.items()
         )

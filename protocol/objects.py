@@ -139,6 +139,7 @@ _ENTRIES = {
     od.ROTOR_POSITION_STEPS: Entry("Rotor position in {unit}", I32, RO, mapping=TX, unit=STEPS),
     od.LOST_STEPS: Entry("Lost steps", I32, RO, mapping=TX, unit=STEPS),
     od.DRIVER_VIOLATIONS: Entry("Driver violations", U32, RO, mapping=TX),
+    od.DRIVER_MICROSTEPS: Entry("Microsteps per full step that the driver makes", U8, RO, mapping=TX),
     # --- the drive (CiA 402-2)
     od.ABORT_CONNECTION_OPTION: Entry("Abort connection option code", I16, RW, AbortConnection.FAULT_SIGNAL, 0, 3),
     od.ERROR_CODE: Entry("Error code", U16, RO, mapping=TX),

@@ -23,6 +23,7 @@ from steptwin.emulator.tb6560.limits import Limit, LimitUnit, Rule, ViolationLog
 from steptwin.emulator.tb6560.oscillator import clk_width_min_counts
 from steptwin.emulator.tb6560.outputs import SENSE_VOLT, Origin, Outputs, initial_field
 from steptwin.emulator.tb6560.pins import EXCITATIONS, TORQUE_PERCENT, Input, LevelChange
+from steptwin.emulator.tb6560.rotor import ModeChange, Rotor
 from steptwin.emulator.tb6560.thermal import ON_RESISTANCE_OHM, SHUTDOWN_CELSIUS, Cooling, Junction
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 
@@ -43,6 +44,8 @@ _LATE_COUNTS: Final = COUNTS_PER_MS
 _SUPPLIES: Final = (Input.VDD, Input.VM)
 _LIVE: Final = (Input.VDD, Input.RESET)
 """Inputs that must be high for CLK to count."""
+_OF_MODE: Final = (*_LIVE, Input.M1, Input.M2)
+"""Inputs that decide by which angle a step turns the field, or put it to its initial angle."""
 _INPUTS: Final = tuple(pin for pin in Input if pin not in _SUPPLIES)
 
 
@@ -124,6 +127,7 @@ class Tb6560:
         """Steps counted since power-up, also through resets; steps with DIR high count up."""
         self.lost_steps = 0
         """Signed pulses less signed steps counted."""
+        self._rotor = Rotor()
         self._sense_ohm = sense_ohm
         self._junction = Junction(cooling or Cooling())
         self._levels = dict.fromkeys(Input, 0)
@@ -146,12 +150,15 @@ class Tb6560:
         """Process the next stretch of edges at the chip's pins; every rise comes with its fall.
 
         Returns:
-            Instant of each counted step, and its sign, +1 or -1, as in `steps`.
+            Instant of each counted step, and the rotor's move by it, in sixteenths of a full step with its sign.
         """
         was_live, was_supplied = self._live, self._levels[Input.VM]
         live_edges: list[tuple[int, int]] = []
         vm_edges: list[tuple[int, int]] = []
+        mode_changes: list[ModeChange] = []
         for change in filter(self._take, pins.changes):
+            if change.pin in _OF_MODE:
+                mode_changes.append(ModeChange(change.counts, self._selected, self._live))
             if change.pin in _LIVE:
                 live_edges.append((change.counts, self._live))
             elif change.pin is Input.VM:
@@ -162,7 +169,11 @@ class Tb6560:
         if pins.dir_levels.size:
             self._dir_level = int(pins.dir_levels[-1])
         self._until_counts = max(self._until_counts, pins.until_counts)
-        return steps
+        return self._rotor.follow(*steps, mode_changes)
+
+    @property
+    def _selected(self) -> Excitation:
+        return EXCITATIONS[self._levels[Input.M2], self._levels[Input.M1]]
 
     @property
     def _live(self) -> int:
@@ -229,7 +240,7 @@ class Tb6560:
         level = self._levels
         if not (level[Input.VDD] and level[Input.VM] and level[Input.ENABLE]):
             return 0.0
-        phases = 2 if EXCITATIONS[level[Input.M2], level[Input.M1]] is Excitation.TWO_PHASE else 1
+        phases = 2 if self._selected is Excitation.TWO_PHASE else 1
         return self._dissipated_w(phases, TORQUE_PERCENT[level[Input.TQ2], level[Input.TQ1]])
 
     def _dissipated_w(self, phases: int, torque_percent: int) -> float:
@@ -238,6 +249,16 @@ class Tb6560:
         return phases * current_a**2 * ON_RESISTANCE_OHM
 
     # --- results
+
+    @property
+    def excitation(self) -> Excitation:
+        """Present mode."""
+        return self._rotor.excitation
+
+    @property
+    def position_sixteenths(self) -> int:
+        """Position of the rotor since power-up, in sixteenths of a full step."""
+        return self._rotor.position_sixteenths
 
     @property
     def steps(self) -> tuple[Int64Array, Int8Array]:

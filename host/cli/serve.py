@@ -272,6 +272,8 @@ def _print_report(document: dict[str, Any], folder: Path | None) -> None:
     print_table(["axis", "start", "end", "pulses", "broken"], rows)
     bus, real_time = document["bus"], document["real_time"]
     say(f"bus: {bus['frames']} frames at {bus['bitrate'] // 1000} kbit/s, {bus['load_percent']:.1f} % load")
+    for mismatch in document["mismatches"]:
+        warn(mismatch)
     for what, text in _late(real_time).items():
         say(f"{what} late, ms (p50 p99 max): {text}, of {real_time[what]['count']}")
     if real_time["stalls"]["count"]:

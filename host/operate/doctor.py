@@ -1,7 +1,7 @@
 """Check whether a machine is fit to move, one check after the other."""
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.drive_status import FAULT_STATES
@@ -11,10 +11,14 @@ from steptwin.host.operate.faulty_drive import fault_and_remedy
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.setting_up import axis_settings
 from steptwin.host.operate.status import active_inputs, error_history
+from steptwin.host.robots.board_settings import SWITCHED_PROFILES
+from steptwin.host.robots.microsteps import Microsteps
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, State, Status
 from steptwin.protocol.objects import IDENTITY_DEVICE_TYPE
 from steptwin.protocol.robot_name import stored_name
+
+_POWERED: Final = (State.SWITCHED_ON, State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE)
 
 
 class Check(NamedTuple):
@@ -91,16 +95,31 @@ def _drive(axis: AxisClient) -> Check:
 
 
 def _settings(session: Session, axis: AxisClient) -> Check:
-    """Check the microsteps, which a drive takes only while its power is off; then the next motion writes them."""
-    wanted = axis_settings(session.robot.joint(axis.name), session.robot.board)
+    """Check the microsteps of driver, board and robot file.
+
+    A drive takes those of the file only while its power is off: then the next motion writes them. A module's switches
+    stay as they are.
+    """
+    name, filed = f"{axis.name} settings", axis_settings(session.robot.joint(axis.name), session.robot.board).microsteps
     found = axis.read(od.MICROSTEPS)
-    powered = axis.state() in (State.SWITCHED_ON, State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE)
-    if found != wanted.microsteps and powered:
-        says = f"{found} microsteps, the robot's file says {wanted.microsteps}, and the power is on: `steptwin estop`"
-        return Check(f"{axis.name} settings", False, says)
-    return Check(
-        f"{axis.name} settings", True, f"{found} microsteps, highest speed {axis.read(od.MAX_PROFILE_VELOCITY)} units/s"
-    )
+    made = _driver_microsteps(axis) or found
+    microsteps = Microsteps(axis.name, made, found, filed)
+    says = str(microsteps).removeprefix(f"{axis.name}: ")
+    if not microsteps.right or (made != filed and session.robot.board.driver_profile in SWITCHED_PROFILES):
+        return Check(name, False, f"{says}; set the driver's switches to {filed}")
+    if found != filed and axis.state() in _POWERED:
+        return Check(name, False, f"{says}, and the power is on: `steptwin estop`")
+    if found != filed:
+        return Check(name, True, f"{says}: the next motion sets {filed}")
+    return Check(name, True, f"{says}, highest speed {axis.read(od.MAX_PROFILE_VELOCITY)} units/s")
+
+
+def _driver_microsteps(axis: AxisClient) -> int | None:
+    """Read the microsteps that the driver makes; None from a real board, which does not know them."""
+    try:
+        return axis.read(od.DRIVER_MICROSTEPS)
+    except DeviceFaultError:
+        return None
 
 
 def _inputs(axis: AxisClient) -> Check:

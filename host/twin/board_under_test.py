@@ -1,7 +1,7 @@
 """Answer what a test asks about the machine of an embedded board: positions, outputs, pins, violations, a verdict."""
 
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +10,7 @@ from steptwin.controller.backend import Kernel, fastest_kernel
 from steptwin.emulator.bus_faults import BusFault, FaultScript
 from steptwin.emulator.operations import Scheduled
 from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.robots.microsteps import Microsteps
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.host.twin.standing import Standing, standing_joints
@@ -53,6 +54,7 @@ class BoardUnderTest(EmbeddedBoard):
         schedule: Iterable[Scheduled] = (),
         bus_faults: Sequence[BusFault] = (),
         driver_profile: str | None = None,
+        dip_microsteps: Mapping[str, int] | None = None,
     ) -> None:
         """Switch the board on.
 
@@ -63,23 +65,32 @@ class BoardUnderTest(EmbeddedBoard):
             schedule: operations on the machine, such as EmergencyStop, each with its instant.
             bus_faults: faults by which the bus loses, disturbs or delays frames.
             driver_profile: name of the drivers that the board has instead of those in the robot's file.
+            dip_microsteps: microsteps to which the switches of modules are set instead of the file's, by joint.
 
         Raises:
-            InputError: a joint or the drivers do not exist, or the drivers cannot be set as the robot needs them.
+            InputError: a joint or the drivers do not exist, or the drivers cannot be set as the robot needs them, or
+                have no such switches.
         """
         self._began_s = time.perf_counter()
         joints = standing_joints(robot, stand_at)
         faults = FaultScript(bus_faults)
-        super().__init__(robot, joints, kernel or fastest_kernel(), faults, schedule, driver_profile)
+        super().__init__(robot, joints, kernel or fastest_kernel(), faults, schedule, driver_profile, dip_microsteps)
 
     def steps(self) -> dict[str, int]:
-        """Return each motor's position by its driver's count, in steps from its axis' zero."""
+        """Return each motor's position by the steps that its driver has made, in steps from its axis' zero.
+
+        They are steps of the robot's file. If the driver makes smaller ones, the position is rounded down.
+        """
         return dict(zip(self.robot.joint_names, self.driver_positions(), strict=True))
 
     def joints(self) -> dict[str, float]:
-        """Return each joint's position by the drivers' counts, in mm or degrees."""
-        positions = self.robot.from_steps(np.array(self.driver_positions()))
+        """Return each joint's position by the steps that the drivers have made, in mm or degrees."""
+        positions = self.robot.from_steps(np.array(self.motor_positions()))
         return dict(zip(self.robot.joint_names, positions.tolist(), strict=True))
+
+    def mismatches(self) -> list[Microsteps]:
+        """Return the axes whose driver, board and robot file do not agree on the microsteps per full step."""
+        return [microsteps for microsteps in self.microsteps() if not microsteps.agree]
 
     def outputs(self) -> dict[str, bool]:
         """Return the level of each digital output that the robot's file names."""

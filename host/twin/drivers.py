@@ -1,10 +1,14 @@
 """Choose the drivers of the emulated board, and set them as the robot's file says."""
 
+from collections.abc import Mapping
+
 from steptwin.emulator.driver_module import ClkEdge, Module
 from steptwin.emulator.driver_profiles import PROFILES, DriverProfile, bare_chip
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.robots.board_settings import DRIVER_SETTINGS, BoardSettings
+from steptwin.host.robots.board_settings import DRIVER_SETTINGS, SWITCHED_PROFILES, BoardSettings
+from steptwin.host.robots.robot import Robot
+from steptwin.host.robots.transmission import MICROSTEPS
 
 
 def driver_profile(board: BoardSettings, instead: str | None = None) -> DriverProfile:
@@ -41,6 +45,27 @@ def fitted_module(board: BoardSettings, profile: DriverProfile, microsteps: int)
         )
     except ValueError as error:
         raise InputError(f"board.current_a: {error}") from error
+
+
+def switched_microsteps(robot: Robot, profile: DriverProfile, otherwise: Mapping[str, int]) -> list[int]:
+    """Return the microsteps for which each joint's driver is fitted: the file's, or those set `otherwise` by switches.
+
+    Raises:
+        InputError: the robot has no joint of that name, its drivers have no switches, or these have no such setting.
+    """
+    fitted = {joint.name: joint.transmission.microsteps for joint in robot.joints}
+    for name, microsteps in otherwise.items():
+        if name not in fitted:
+            raise unknown("dip_microsteps: joint", name, fitted)
+        if not profile.switched:
+            raise InputError(
+                f"dip_microsteps: {profile.name} has no switches for its microsteps; {SWITCHED_PROFILES[0]} has"
+            )
+        if microsteps not in MICROSTEPS:
+            choices = ", ".join(map(str, MICROSTEPS))
+            raise InputError(f"dip_microsteps.{name}: {microsteps} is not one of the TB6560's {choices}")
+        fitted[name] = microsteps
+    return list(fitted.values())
 
 
 def settings_left_out(board: BoardSettings, instead: str | None) -> tuple[str, ...]:

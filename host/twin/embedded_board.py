@@ -1,6 +1,7 @@
 """Emulate a robot's board in this process, in virtual time, with the client's network connected to its bus."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from math import floor
 
 from steptwin.controller.backend import Kernel
 from steptwin.controller.kernel import TICK_COUNTS
@@ -9,6 +10,7 @@ from steptwin.emulator.bus import Bus
 from steptwin.emulator.bus_faults import FaultScript
 from steptwin.emulator.operations import Operation, Scheduled, SetInput
 from steptwin.emulator.simulation import Simulation
+from steptwin.host.robots.microsteps import Microsteps
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.board_config import board_config
 from steptwin.host.twin.commissioning import commissioned_flash
@@ -37,6 +39,9 @@ class EmbeddedBoard:
         bus_faults: FaultScript | None = None,
         schedule: Iterable[Scheduled] = (),
         driver_profile_name: str | None = None,
+        dip_microsteps: Mapping[str, int] | None = None,
+        *,
+        commissioned: bool = True,
     ) -> None:
         """Switch the board on.
 
@@ -47,15 +52,17 @@ class EmbeddedBoard:
             bus_faults: script of the bus' faults.
             schedule: operations on the machine beside its motion, such as EmergencyStop, each with its instant.
             driver_profile_name: drivers that the board has instead of those in the robot's file.
+            dip_microsteps: microsteps to which the switches of modules are set instead of the file's, by joint.
+            commissioned: True for a board whose flash holds the robot's settings, False for a new one.
 
         Raises:
-            InputError: the drivers do not exist, or cannot be set as the robot needs them.
+            InputError: the drivers do not exist, or cannot be set as the robot needs them, or have no such switches.
         """
         self.robot = robot
         self.driver_profile = driver_profile(robot.board, driver_profile_name)
         self._start_steps = standing_steps(robot, start_joints)
-        config = board_config(robot, start_joints, driver_profile_name)
-        self._board = Board(config, kernel, commissioned_flash(robot, config.axis_count))
+        config = board_config(robot, start_joints, driver_profile_name, dip_microsteps)
+        self._board = Board(config, kernel, commissioned_flash(robot, robot.joints) if commissioned else None)
         self._simulation = Simulation([self._board], Bus(robot.board.bitrate, bus_faults), schedule)
         self.network = EmbeddedNetwork(self._simulation)
         self._changes: list[InputChange] = []
@@ -124,9 +131,30 @@ class EmbeddedBoard:
         return BusReport(bus.bitrate, bus.frames, load_percent)
 
     def driver_positions(self) -> list[int]:
-        """Return the position of each motor by its driver's own count, in steps from the joint's zero."""
-        traces = (self._board.trace(axis) for axis in range(len(self._start_steps)))
-        return [start + trace.position_steps for start, trace in zip(self._start_steps, traces, strict=True)]
+        """Return `motor_positions` in whole steps, rounded down."""
+        return list(map(floor, self.motor_positions()))
+
+    def motor_positions(self) -> list[float]:
+        """Return the position of each motor by the steps that its driver has made, from the joint's zero.
+
+        It is in steps of the robot's file, a whole number of them unless the driver makes others.
+        """
+        return [
+            start + self._board.position_sixteenths(axis) / joint.transmission.step_sixteenths
+            for axis, (start, joint) in enumerate(zip(self._start_steps, self.robot.joints, strict=True))
+        ]
+
+    def microsteps(self) -> list[Microsteps]:
+        """Return the microsteps per full step of each axis: its driver's, its board's and its robot file's."""
+        return [
+            Microsteps(
+                joint.name,
+                self._board.driver_microsteps(axis),
+                self._board.firmware.motion.config(axis).microsteps,
+                joint.transmission.microsteps,
+            )
+            for axis, joint in enumerate(self.robot.joints)
+        ]
 
     @property
     def started(self) -> bool:

@@ -1,7 +1,7 @@
 """Run a plan from start to verdict: check the start, switch the board on, stream, wait for the end, verify."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -30,6 +30,7 @@ def execute(
     stand_at: list[float] | None = None,
     cut_stream_s: float | None = None,
     driver_profile: str | None = None,
+    dip_microsteps: Mapping[str, int] | None = None,
     bus_faults: FaultScript | None = None,
     inputs: Sequence[InputChange] = (),
     progress: Progress = lambda _: None,
@@ -44,13 +45,15 @@ def execute(
         cut_stream_s: send only the points before this time of the motion, as a host that hangs would.
         driver_profile: name of the drivers that the emulated board has instead of those in the robot's file; neither
             the plan nor the firmware is told.
+        dip_microsteps: microsteps to which the switches of the drivers' modules are set instead of the robot file's, by
+            joint; neither the plan nor the firmware is told.
         bus_faults: script of the faults by which the bus loses, disturbs or delays frames.
         inputs: changes of the machine's digital inputs during the motion.
         progress: called with the part of the stream, from 0 to 1, that has been sent.
 
     Raises:
         InputError: the machine does not stand at the plan's start, the stream is cut outside the motion, or the
-            drivers or an input do not exist.
+            drivers, their switches or an input do not exist.
         DeviceFaultError, BusError: the board could not be set up. A fault in motion is part of the outcome instead.
     """
     if stand_at is not None:
@@ -62,7 +65,15 @@ def execute(
     object_dictionary()  # made once in a process: no part of what the emulation takes
     started_s = time.perf_counter()
     start_joints = plan.start_joints if stand_at is None else stand_at
-    board = EmbeddedBoard(plan.robot, start_joints, kernel, bus_faults, driver_profile_name=driver_profile)
+    board = EmbeddedBoard(
+        plan.robot,
+        start_joints,
+        kernel,
+        bus_faults,
+        driver_profile_name=driver_profile,
+        dip_microsteps=dip_microsteps,
+        commissioned=False,  # `set_up` writes every setting
+    )
     board.change_inputs(inputs)
     machine = Machine(board, plan.robot.joint_names)
     set_up(machine, plan.robot, plan.start_units)
@@ -105,7 +116,7 @@ def _fault(error: DeviceFaultError, machine: Machine, board: EmbeddedBoard, plan
     reported = machine.positions_units()
     counted = [
         steps * UNITS_PER_FULL_STEP // joint.transmission.microsteps
-        for steps, joint in zip(board.driver_positions(), plan.robot.joints, strict=True)
+        for steps, joint in zip(board.motor_positions(), plan.robot.joints, strict=True)
     ]
     joints = dict(zip(plan.robot.joint_names, plan.robot.to_positions(np.array(reported)).tolist(), strict=True))
     codes = {axis.name: axis.error_codes for axis in machine.axes}

@@ -1,8 +1,10 @@
 """Run a robot's boards in real time, record what happens on the bus and at the drivers, and report on it."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
+from math import floor
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,6 +24,8 @@ from steptwin.host.common.errors import RecordingError
 from steptwin.host.record.bus_log import BusLog, log_line
 from steptwin.host.record.folder import LIVE_JOB, AxisTotals, Header, Mark, Piece, Recording
 from steptwin.host.robots.board_settings import ActiveEdge
+from steptwin.host.robots.joint import Joint
+from steptwin.host.robots.microsteps import Microsteps
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.board_config import board_configs
 from steptwin.host.twin.commissioning import commissioned_flash
@@ -45,20 +49,29 @@ class _JointTotals:
     """Totals of a joint's driver since power-up.
 
     Attributes:
-        name: of the joint.
-        start_steps: position at power-up, in steps from the joint's zero.
+        joint: the joint.
+        start_steps: position at power-up, in steps of the robot's file from the joint's zero.
         active_edge: edge of CLK that the driver counts.
-        end_steps: position at the last `record`.
+        moved_sixteenths: way of the motor from power-up to the last `record`, in sixteenths of a full step.
         pulses: number of rising CLK edges.
         violations: number of times that a limit of the driver was broken.
     """
 
-    name: str
+    joint: Joint
     start_steps: int
     active_edge: ActiveEdge
-    end_steps: int
+    moved_sixteenths: int = 0
     pulses: int = 0
     violations: int = 0
+
+    @property
+    def name(self) -> str:
+        return self.joint.name
+
+    @property
+    def end_steps(self) -> float:
+        """Position at the last `record`: a whole number of steps unless the driver makes others than the file's."""
+        return self.start_steps + self.moved_sixteenths / self.joint.transmission.step_sixteenths
 
 
 class LiveBoard:
@@ -80,6 +93,7 @@ class LiveBoard:
         out: Path | None = None,
         log: Path | None = None,
         driver_profile_name: str | None = None,
+        dip_microsteps: Mapping[str, int] | None = None,
     ) -> None:
         """Set the board up.
 
@@ -93,29 +107,33 @@ class LiveBoard:
             out: folder for all files.
             log: file for the bus log.
             driver_profile_name: drivers that the board has instead of those in the robot's file.
+            dip_microsteps: microsteps to which the switches of modules are set instead of the file's, by joint.
 
         Raises:
-            InputError: the drivers do not exist, or cannot be set as the robot needs them.
+            InputError: the drivers do not exist, or cannot be set as the robot needs them, or have no such switches.
             OSError: a file cannot be written.
         """
         self.robot = robot
         self.axes_per_board = tuple(axes_per_board or [len(robot.joints)])
-        configs = board_configs(robot, stand_at, self.axes_per_board, driver_profile_name)
+        configs = board_configs(robot, stand_at, self.axes_per_board, driver_profile_name, dip_microsteps)
         self.driver_profile = driver_profile(robot.board, driver_profile_name)
         self._lines: list[str] = []
         """Lines of the bus log since the last `record`."""
         start_steps = standing_steps(robot, stand_at)
         edges = [ActiveEdge(module.active_edge) for config in configs for module in config.modules]
         self._joints = [
-            _JointTotals(name, steps, edge, steps)
-            for name, steps, edge in zip(robot.joint_names, start_steps, edges, strict=True)
+            _JointTotals(joint, steps, edge)
+            for joint, steps, edge in zip(robot.joints, start_steps, edges, strict=True)
         ]
         self._sync_counts: int | None = None
         """Instant of a SYNC at rest that may start a motion; None once that is known."""
         self._motion_start_counts: int | None = None
         """Instant t = 0 of the last motion that a SYNC started."""
         warm_up(kernel)
-        self._boards = [Board(config, kernel, commissioned_flash(robot, config.axis_count)) for config in configs]
+        firsts = [config.first_node_id - FIRST_NODE_ID for config in configs]
+        driven = [robot.joints[first:last] for first, last in pairwise((*firsts, len(robot.joints)))]
+        flashes = [commissioned_flash(robot, joints) for joints in driven]
+        self._boards = [Board(config, kernel, flash) for config, flash in zip(configs, flashes, strict=True)]
         self._axes = [(board, axis) for board in self._boards for axis in range(board.config.axis_count)]
         """Board of each joint, and the number of the joint's axis on it."""
         self._bus_log = None if log is None else BusLog(log)
@@ -188,7 +206,7 @@ class LiveBoard:
 
     @staticmethod
     def _add(joint: _JointTotals, trace: AxisTrace) -> None:
-        joint.end_steps = joint.start_steps + trace.position_steps
+        joint.moved_sixteenths = trace.position_sixteenths
         joint.pulses += trace.clk_rise_counts.size
         joint.violations += trace.violations.counts.size
 
@@ -242,6 +260,19 @@ class LiveBoard:
         stalls = self.live.stalls
         return {"count": stalls.count, "total_ms": stalls.total_ns / 1e6, "longest_ms": stalls.longest_ns / 1e6}
 
+    def mismatches(self) -> list[Microsteps]:
+        """Return the axes whose driver, board and robot file do not agree on the microsteps per full step."""
+        found = (
+            Microsteps(
+                joint.name,
+                board.driver_microsteps(axis),
+                board.firmware.motion.config(axis).microsteps,
+                joint.transmission.microsteps,
+            )
+            for joint, (board, axis) in zip(self.robot.joints, self._axes, strict=True)
+        )
+        return [microsteps for microsteps in found if not microsteps.agree]
+
     def report(self) -> dict[str, Any]:
         """Return the figures as of the last `record`, under the keys of report.json (docs/live.md)."""
         joints = self._joints
@@ -257,11 +288,12 @@ class LiveBoard:
             "no_plan": self._plan.lacking if self._plan else None,
             "outputs": [],
             "boards": list(self.axes_per_board),
+            "mismatches": [str(microsteps) for microsteps in self.mismatches()],
             "axes": [
                 {
                     "name": joint.name,
                     "steps_start": joint.start_steps,
-                    "steps_end": joint.end_steps,
+                    "steps_end": floor(joint.end_steps),
                     "pulses": joint.pulses,
                     "violations": joint.violations,
                 }

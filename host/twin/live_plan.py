@@ -5,12 +5,15 @@ The firmware's positions begin wherever a host has preset them; those of the mac
 
 from collections.abc import Sequence
 from functools import partial
+from typing import Final
 
 from steptwin.emulator.board import Board
 from steptwin.host.record.folder import PlanRows
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.received_plan import HALTED, ReceivedPlan
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+
+_UNITS_PER_SIXTEENTH: Final = UNITS_PER_FULL_STEP // 16
 
 
 class LivePlan:
@@ -22,12 +25,14 @@ class LivePlan:
         Args:
             robot: the machine.
             axes: board of each joint, and the number of the joint's axis on it.
-            start_steps: positions of the joints at power-up, in steps from their zeros.
+            start_steps: positions of the joints at power-up, in steps of the robot's file from their zeros.
         """
         self._received = ReceivedPlan(robot)
         self._robot = robot
         self._axes = axes
-        self._start_steps = start_steps
+        self._start_sixteenths = [
+            steps * joint.transmission.step_sixteenths for joint, steps in zip(robot.joints, start_steps, strict=True)
+        ]
         self._rest_units = self._demands_units()
         """Position of each axis at the last SYNC, as the firmware counts."""
         self._queued = [0] * len(axes)
@@ -60,13 +65,9 @@ class LivePlan:
         self._rest_units = self._demands_units()
         self._queued = [board.firmware.motion.queued(axis) for board, axis in self._axes]
         for joint, (board, axis) in enumerate(self._axes):
-            microsteps = self._robot.joints[joint].transmission.microsteps
-            steps = self._start_steps[joint] + board.position_steps(axis)
-            if self._queued[joint]:
-                steps -= board.firmware.motion.counter_steps(axis)
-                self._offset_units[joint] = steps * UNITS_PER_FULL_STEP // microsteps
-            else:
-                self._offset_units[joint] = steps * UNITS_PER_FULL_STEP // microsteps - self._rest_units[joint]
+            motor_units = (self._start_sixteenths[joint] + board.position_sixteenths(axis)) * _UNITS_PER_SIXTEENTH
+            counted = board.firmware.motion.counter_units(axis) if self._queued[joint] else self._rest_units[joint]
+            self._offset_units[joint] = motor_units - counted
 
     def begin(self) -> None:
         """Begin a plan: the last SYNC has started a motion."""

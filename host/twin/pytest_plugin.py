@@ -4,7 +4,7 @@ pytest imports this module at every start where StepTwin is installed, so everyt
 asks for a board.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -32,7 +32,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Register the marker."""
     config.addinivalue_line(
-        "markers", f"{_MARKER}(robot, stand_at, schedule, bus_faults, driver_profile): which board `steptwin_board` is"
+        "markers",
+        f"{_MARKER}(robot, stand_at, schedule, bus_faults, driver_profile, dip_microsteps): which board"
+        " `steptwin_board` is",
     )
 
 
@@ -67,6 +69,7 @@ def steptwin_make_board(request: pytest.FixtureRequest, steptwin_kernel: "Kernel
         schedule: "Iterable[Scheduled]" = (),
         bus_faults: "Sequence[BusFault]" = (),
         driver_profile: str | None = None,
+        dip_microsteps: "Mapping[str, int] | None" = None,
     ) -> BoardUnderTest:
         try:
             board = BoardUnderTest(
@@ -76,6 +79,7 @@ def steptwin_make_board(request: pytest.FixtureRequest, steptwin_kernel: "Kernel
                 schedule=schedule,
                 bus_faults=bus_faults,
                 driver_profile=driver_profile,
+                dip_microsteps=dip_microsteps,
             )
         except InputError as error:
             pytest.fail(f"steptwin: {error}", pytrace=False)
@@ -85,6 +89,9 @@ def steptwin_make_board(request: pytest.FixtureRequest, steptwin_kernel: "Kernel
     yield make
     for board in boards:
         request.node.add_report_section("teardown", "steptwin bus (SIMULATED)", _last_frames(board))
+        if mismatches := board.mismatches():
+            settings = "\n".join(map(str, mismatches))
+            request.node.add_report_section("teardown", "steptwin settings (SIMULATED)", settings)
 
 
 @pytest.fixture

@@ -1,6 +1,6 @@
 """Serve a robot's board in real time to every program that speaks CAN, in a thread of its own or in the caller's."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
@@ -46,6 +46,7 @@ class ServedBoard:
         axes_per_board: Sequence[int] | None = None,
         speed: float = 1.0,
         driver_profile: str | None = None,
+        dip_microsteps: Mapping[str, int] | None = None,
         kernel: Kernel | None = None,
         out: Path | str | None = None,
         log: Path | str | None = None,
@@ -65,6 +66,7 @@ class ServedBoard:
             axes_per_board: number of axes on each board, in the order of the joints; by default one board has all.
             speed: simulated seconds per second.
             driver_profile: name of the drivers that the board has instead of those in the robot's file.
+            dip_microsteps: microsteps to which the switches of modules are set instead of the file's, by joint.
             kernel: form of the firmware's kernel; by default the fastest one that is installed.
             out: folder that receives report, edges and bus log.
             log: file that receives the bus log alone.
@@ -103,6 +105,7 @@ class ServedBoard:
                 out=folder,
                 log=None if log is None else Path(log),
                 driver_profile_name=driver_profile,
+                dip_microsteps=dip_microsteps,
             )
             on_error.pop_all()
         self._loop = LiveLoop(self.board.live)

@@ -14,6 +14,7 @@ from steptwin.host.verify.evidence import (
     OutputChange,
     Phases,
 )
+from steptwin.host.verify.excitation import motor_moves
 from steptwin.host.verify.expectation import Expectation, Forward
 from steptwin.host.verify.oracle import IdealSteps, ideal_steps
 from steptwin.host.verify.report import AxisReport, BusReport, JointsReport, Report, RunInfo, ToolReport
@@ -51,6 +52,7 @@ __all__ = [
     "compare",
     "contradictions",
     "ideal_steps",
+    "motor_moves",
     "verify",
     "verify_comparison",
 ]

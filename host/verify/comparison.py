@@ -39,7 +39,11 @@ def compare(expected: Expectation, evidence: Evidence) -> Comparison:
     names = tuple(axis.name for axis in evidence.axes)
     if names != expected.trajectory.joint_names:
         raise ValueError(f"evidence of axes {names}, but a plan of joints {expected.trajectory.joint_names}")
-    counted = tuple(counted_steps(axis, evidence.start_counts) for axis in evidence.axes)
+    microsteps = expected.microsteps or (None,) * len(names)
+    counted = tuple(
+        counted_steps(axis, evidence.start_counts, planned)
+        for axis, planned in zip(evidence.axes, microsteps, strict=True)
+    )
     starts = tuple(axis.start_steps for axis in counted)
     ideal = ideal_steps(expected.axis_motion, expected.steps_per_unit, starts)
     matchings = tuple(match_steps(*pair) for pair in zip(ideal, counted, strict=True))

@@ -6,6 +6,7 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int8Array, Int64Array
 from steptwin.host.verify.evidence import AxisEvidence
+from steptwin.host.verify.excitation import motor_moves
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 
@@ -17,11 +18,16 @@ class CountedSteps:
         time_s: shape (steps,), instant of each step in the trajectory's time.
         signs: shape (steps,), direction of each step, +1 or -1.
         counters: shape (steps + 1,), the driver's count before each step and after the last one.
+        positions: shape (steps + 1,), the motor's positions at the same instants, in steps of the planned mode from the
+            joint's zero. They are the counts, unless the driver made steps of another mode.
+        longer_by: factors, other than 1, by which steps were longer than those of the planned mode.
     """
 
     time_s: FloatArray
     signs: Int8Array
     counters: Int64Array
+    positions: FloatArray
+    longer_by: tuple[float, ...] = ()
 
     @property
     def start_steps(self) -> int:
@@ -33,8 +39,8 @@ class CountedSteps:
         """The driver's count after the last step."""
         return int(self.counters[-1])
 
-    def around(self, t_s: FloatArray) -> Int64Array:
-        """Return the counts just before and just after each of n sorted instants, shape (2, n).
+    def around(self, t_s: FloatArray) -> FloatArray:
+        """Return the positions just before and just after each of n sorted instants, shape (2, n).
 
         Search the instants for the steps, not the steps for the instants: the instants are usually the steps of all
         axes, and one axis has far fewer.
@@ -43,14 +49,26 @@ class CountedSteps:
         steps_s = self.time_s[first:last]
         seen_at = [np.searchsorted(t_s, steps_s, side) for side in ("right", "left")]
         made = np.cumsum([np.bincount(at, minlength=t_s.size)[: t_s.size] for at in seen_at], axis=1)
-        counts: Int64Array = self.counters[first + made]
-        return counts
+        positions: FloatArray = self.positions[first + made]
+        return positions
 
 
-def counted_steps(axis: AxisEvidence, start_counts: int) -> CountedSteps:
-    """Return the steps from t = 0 on; earlier steps only set the count at the start."""
+def counted_steps(axis: AxisEvidence, start_counts: int, microsteps: int | None = None) -> CountedSteps:
+    """Return the steps from t = 0 on; earlier steps only set the count at the start.
+
+    Args:
+        axis: the evidence.
+        start_counts: the board's instant t = 0.
+        microsteps: microsteps per full step with which the motion was planned; None: the driver's own.
+    """
     first = int(np.searchsorted(axis.step_counts, start_counts, side="left"))
+    moves = motor_moves(axis, microsteps)
+    positions = axis.start_steps + np.concatenate(([0.0], np.cumsum(moves)))[first:]
     signs = axis.step_signs[first:]
-    start = axis.start_steps + int(axis.step_signs[:first].sum(dtype=np.int64))
-    counters = start + np.concatenate(([0], np.cumsum(signs, dtype=np.int64)))
-    return CountedSteps((axis.step_counts[first:] - start_counts) / COUNTS_PER_SECOND, signs, counters)
+    return CountedSteps(
+        time_s=(axis.step_counts[first:] - start_counts) / COUNTS_PER_SECOND,
+        signs=signs,
+        counters=int(np.floor(positions[0] + 0.5)) + np.concatenate(([0], np.cumsum(signs, dtype=np.int64))),
+        positions=positions,
+        longer_by=tuple(sorted(set(np.abs(moves[first:][np.abs(moves[first:]) != 1.0]).tolist()))),
+    )

@@ -27,6 +27,7 @@ class Expectation:
         joint_units: "mm" or "deg" for each joint.
         forward: the robot's forward kinematics.
         coupling: how the axes follow the joints.
+        microsteps: microsteps per full step of each axis' driver; empty: whatever the drivers make.
 
     Raises:
         ValueError: the lengths do not agree.
@@ -37,12 +38,15 @@ class Expectation:
     joint_units: tuple[str, ...]
     forward: Forward
     coupling: Coupling = field(default_factory=Coupling)
+    microsteps: tuple[int, ...] = ()
 
     @classmethod
     def of(cls, robot: Robot, trajectory: Trajectory) -> Self:
         """Return the expectation for a motion of a robot."""
         units = tuple(joint.unit for joint in robot.joints)
-        return cls(trajectory, robot.steps_per_unit, units, make_kinematics(robot).forward, robot.coupling)
+        microsteps = tuple(joint.transmission.microsteps for joint in robot.joints)
+        forward = make_kinematics(robot).forward
+        return cls(trajectory, robot.steps_per_unit, units, forward, robot.coupling, microsteps)
 
     def __post_init__(self) -> None:
         joints = len(self.trajectory.joint_names)

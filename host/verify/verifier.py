@@ -6,6 +6,7 @@ never further from the planned position than the threshold plus the tolerance, a
 threshold than the tolerance.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,7 +73,8 @@ def verify_comparison(comparison: Comparison, run: RunInfo) -> Report:
     worst = _worst(comparison)
     axes = tuple(_axis_report(comparison, i, worst) for i in range(len(comparison.joint_names)))
     ends = [ideal.end_steps for ideal in comparison.ideal]
-    reasons = [line for axis, end in zip(axes, ends, strict=True) for line in _reasons(axis, end)]
+    reasons = [*_strange_modes(comparison)]
+    reasons += [line for axis, end in zip(axes, ends, strict=True) for line in _reasons(axis, end)]
     outputs = output_reports(comparison.expected.trajectory.switchings, comparison.evidence)
     reasons += output_reasons(outputs, comparison.evidence)
     violations = violation_reports(comparison.evidence)
@@ -123,6 +125,15 @@ def _follows_step_rule(position_steps: float, threshold_steps: float) -> bool:
     return position_steps <= POSITION_ERROR_LIMIT_STEPS and threshold_steps <= THRESHOLD_TOLERANCE_STEPS
 
 
+def _strange_modes(comparison: Comparison) -> Iterator[str]:
+    """Yield one line for each axis whose driver was in another excitation mode than planned."""
+    microsteps = comparison.expected.microsteps
+    for name, counted, planned in zip(comparison.joint_names, comparison.counted, microsteps, strict=False):
+        for factor in counted.longer_by:
+            made = f"{planned / factor:g} microsteps per full step"
+            yield f"{name}: the driver made {made}, planned {planned}: its steps are {factor:g} times as long"
+
+
 def _reasons(axis: AxisReport, planned_end_steps: int) -> list[str]:
     """Return one line for each reason why an axis fails."""
     position_steps, threshold_steps = axis.position_error_steps_max, axis.threshold_error_steps_max
@@ -144,6 +155,6 @@ def _reasons(axis: AxisReport, planned_end_steps: int) -> list[str]:
 
 
 def _joints_report(comparison: Comparison) -> JointsReport:
-    start = comparison.expected.joints(np.array([axis.start_steps for axis in comparison.counted]))
-    end = comparison.expected.joints(np.array([axis.end_steps for axis in comparison.counted]))
+    start = comparison.expected.joints(np.array([axis.positions[0] for axis in comparison.counted]))
+    end = comparison.expected.joints(np.array([axis.positions[-1] for axis in comparison.counted]))
     return JointsReport(comparison.joint_names, tuple(start.tolist()), tuple(end.tolist()))

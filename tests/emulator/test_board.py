@@ -227,7 +227,7 @@ class TestDrivers:
         self, fast_kernel: Kernel, module: Module, switch_steps: int, closed: bool
     ) -> None:
         """This holds also if the driver counts the step only a millisecond later."""
-        switch = Switch(0, DigitalInput.HOME, from_steps=switch_steps)
+        switch = Switch(0, DigitalInput.HOME, from_sixteenths=switch_steps)
         board = Board(BoardConfig(1, (330.0,), switches=(switch,), modules=(module,)), fast_kernel)
         simulation = Simulation([board], Bus(1_000_000))
         switch_on(simulation)

@@ -129,12 +129,12 @@ class TestPulses:
         driver = driven(module, pins(rises, widths, [*UP, (80_000, 0)]))
         assert (driver.position_steps, driver.lost_steps, driver.violation_count) == (0, 2, 2)
 
-    def test_steps_are_handed_out_as_the_chip_counts_them(self) -> None:
+    def test_the_rotor_s_moves_are_handed_out_as_the_chip_counts_steps(self) -> None:
         driver = driven(SLOW_BLUE)
         first = driver.feed(pins([1_000_000], [20_000], UP, until=1_020_000 + 100 * US))
         assert (driver.held_pulses, driver.waiting, first[0].size) == (1, True, 0)
-        counts, signs = driver.feed(pins(until=1_020_000 + 150 * US + 1))
-        assert (counts.tolist(), signs.tolist()) == ([1_020_000], [1])
+        counts, sixteenths = driver.feed(pins(until=1_020_000 + 150 * US + 1))
+        assert (counts.tolist(), sixteenths.tolist()) == ([1_020_000], [16])
         assert (driver.held_pulses, driver.waiting) == (0, False)
 
     def test_steps_are_told_by_their_pulses_at_the_terminals(self) -> None:

@@ -17,6 +17,7 @@ from steptwin.emulator.board import Board, BoardConfig
 from steptwin.emulator.bus import Bus
 from steptwin.emulator.driver_bank import AxisTrace
 from steptwin.emulator.driver_module import Coupler, Module
+from steptwin.emulator.driver_profiles import THREE_AMP_MODULE
 from steptwin.emulator.operations import (
     BoardTemperature,
     DriverProtect,
@@ -50,7 +51,7 @@ Seen = list[tuple[int, list[DigitalInput]]]
 
 
 def board_of(kernel: Kernel, axes: int, *switches: Switch, start: Sequence[int] = (), osc_pf: float = 330.0) -> Board:
-    return Board(BoardConfig(axes, (osc_pf,) * axes, switches=switches, start_steps=tuple(start)), kernel)
+    return Board(BoardConfig(axes, (osc_pf,) * axes, switches=switches, start_sixteenths=tuple(start)), kernel)
 
 
 def watched(board: Board) -> Seen:
@@ -73,7 +74,7 @@ def watched(board: Board) -> Seen:
 def expected(board: Board, until_counts: int) -> Seen:
     """What the firmware must have been told, from the steps counted alone, tick by tick."""
     config = board.config
-    start = config.start_steps or (0,) * config.axis_count
+    start = config.start_sixteenths or (0,) * config.axis_count
     ticks = np.arange(until_counts // TICK_COUNTS + 1) * TICK_COUNTS
     places = [_places(board.trace(axis), ticks) + start[axis] for axis in range(config.axis_count)]
     closed = {switch: switch.closed_at(start[switch.axis], before=False) for switch in config.switches}
@@ -142,7 +143,7 @@ class TestEdges:
     @pytest.mark.parametrize("edge", range(700, 760))
     def test_at_full_speed(self, fast_kernel: Kernel, edge: int) -> None:
         """At 15 kHz an axis makes three or four steps a tick, and passes no switch unseen."""
-        board = board_of(fast_kernel, 1, Switch(0, HOME, from_steps=edge))
+        board = board_of(fast_kernel, 1, Switch(0, HOME, from_sixteenths=edge))
         seen = watched(board)
         simulation = Simulation([board], Bus(1_000_000))
         full = 15 * 64 * STEP
@@ -158,7 +159,7 @@ class TestEdges:
         self, fast_kernel: Kernel, edge: int
     ) -> None:
         """DIR must be stable for 255 us: after each turn the first rise comes a tick after its crossing."""
-        board = board_of(fast_kernel, 1, Switch(0, HOME, from_steps=edge))
+        board = board_of(fast_kernel, 1, Switch(0, HOME, from_sixteenths=edge))
         seen = watched(board)
         simulation = Simulation([board], Bus(1_000_000))
         simulation.send(Frame(0x610, bytes.fromhex("23012003") + (255_000).to_bytes(4, "little")))
@@ -181,7 +182,7 @@ class TestEdges:
             assert told == expected(board, simulation.now_counts)
 
     def test_one_that_is_closed_at_the_start_is_seen_at_once(self, fast_kernel: Kernel) -> None:
-        board = board_of(fast_kernel, 2, Switch(1, NEGATIVE, to_steps=-100), start=(0, -100))
+        board = board_of(fast_kernel, 2, Switch(1, NEGATIVE, to_sixteenths=-100), start=(0, -100))
         seen = watched(board)
         Simulation([board], Bus(1_000_000)).run_until(MS)
         assert seen == [(0, [NONE, NEGATIVE])]
@@ -194,7 +195,11 @@ class TestEdges:
         self, fast_kernel: Kernel, method: int, home: tuple[int | None, int | None], start: int
     ) -> None:
         """The same pulses and frames, to the count, as on a bench that looks at its switches in every tick."""
-        switches = [Switch(0, NEGATIVE, to_steps=-600), Switch(0, POSITIVE, from_steps=600), Switch(0, HOME, *home)]
+        switches = [
+            Switch(0, NEGATIVE, to_sixteenths=-600),
+            Switch(0, POSITIVE, from_sixteenths=600),
+            Switch(0, HOME, *home),
+        ]
         bench = HomingBench(
             fast_kernel,
             Slider(start, {switch.input: lambda p, s=switch: s.closed_at(p, before=False) for switch in switches}),  # type: ignore[misc]
@@ -210,6 +215,46 @@ class TestEdges:
         assert [(counts, levels[0]) for counts, levels in seen] == bench.edges
         assert twin.sent == bench.sent
 
+    @pytest.mark.parametrize("microsteps", [1, 2, 8, 16])
+    @pytest.mark.parametrize("module", [False, True], ids=["pins", "switches"])
+    def test_they_stand_where_they_are_in_every_mode(
+        self, fast_kernel: Kernel, microsteps: int, *, module: bool
+    ) -> None:
+        """The switch closes after 3 full steps, whether the driver's mode is that of its pins or of its module.
+
+        The firmware counts with the pins' mode. It takes the module's 16 steps for the way of `microsteps` of them.
+        """
+        fitted = THREE_AMP_MODULE.fitted(microsteps) if module else Module()
+        config = BoardConfig(1, (330.0,), switches=(Switch(0, HOME, from_sixteenths=48),), modules=(fitted,))
+        board = Board(config, fast_kernel)
+        seen = watched(board)
+        simulation = Simulation([board], Bus(1_000_000))
+        firmware = 16 if module else microsteps
+        simulation.send(Frame(0x610, bytes((0x2F, 0x00, 0x20, 0x01, firmware, 0, 0, 0))))
+        run(simulation, {0x10: [PvtRecord(4 * 16_384 * microsteps // firmware, 0, 200, 0)]}, 400)
+        assert board.driver_microsteps(0) == microsteps
+        assert board.position_steps(0) == 4 * microsteps
+        assert board.position_sixteenths(0) == 64
+        reached_counts = board.trace(0).step_counts[3 * microsteps - 1]
+        assert [levels for _, levels in seen] == [[HOME]]
+        latest_ticks = 2 if module else 1  # a module's DIR must have been stable for a while before a step is certain
+        assert 0 < seen[0][0] - reached_counts <= latest_ticks * TICK_COUNTS
+
+    def test_a_mode_with_longer_steps_is_known_at_the_start(self, fast_kernel: Kernel) -> None:
+        """A switch that is seconds away in sixteenths is reached in a fraction of a second by full steps."""
+        board = board_of(fast_kernel, 1, Switch(0, POSITIVE, from_sixteenths=6_400))
+        seen = watched(board)
+        simulation = Simulation([board], Bus(1_000_000))
+        run(simulation, {0x10: records_through([(10, 40)])}, 60)
+        simulation.send(Frame(0x210, bytes((0x00, 0, 7))))
+        simulation.send(Frame(0x610, bytes((0x2F, 0x00, 0x20, 0x01, 1, 0, 0, 0))))
+        sync_counts = simulation.now_counts
+        run(simulation, {0x10: [PvtRecord(450 * 16_384, 0, 250, 1)]}, 500)
+        steps = board.trace(0).step_counts
+        reached_counts = steps[steps > sync_counts][399]  # from 10 sixteenths; the reset of the mode moves nothing
+        assert [levels for _, levels in seen][:1] == [[POSITIVE]]
+        assert seen[0][0] - TICK_COUNTS <= reached_counts < seen[0][0]
+
     def test_far_away_they_cost_nothing(self, fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch) -> None:
         """How often the motion is asked to go on: no oftener for switches that are not near."""
         calls: list[int] = []
@@ -221,7 +266,7 @@ class TestEdges:
 
         monkeypatch.setattr(Motion, "advance", counting)
         asked = []
-        for switches in ((), (Switch(0, POSITIVE, 10**6), Switch(1, NEGATIVE, to_steps=-(10**6)))):
+        for switches in ((), (Switch(0, POSITIVE, 10**6), Switch(1, NEGATIVE, to_sixteenths=-(10**6)))):
             calls.clear()
             board = board_of(fast_kernel, 2, *switches)
             records = records_through([(500, 250), (-500, 250), (500, 250)])

@@ -9,7 +9,7 @@ from steptwin.host.record.waveforms.signal import HeldValues, Pulses, Signal, Si
 from steptwin.host.record.waveforms.timebase import Window
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
-from steptwin.host.verify import AxisEvidence, Evidence
+from steptwin.host.verify import AxisEvidence, Evidence, motor_moves
 
 _LOGIC_PINS = ("enable", "reset", "out1", "out2")
 _MODE_PINS = ("m1", "m2", "tq1", "tq2", "dcy1", "dcy2")
@@ -53,8 +53,9 @@ def _positions(axis: AxisEvidence, joint: Joint) -> Iterator[Signal]:
     start, counts = axis.start_steps, axis.step_counts
     steps = start + np.cumsum(axis.step_signs, dtype=np.int64)
     spu = joint.transmission.steps_per_unit
+    positions = (start + np.cumsum(motor_moves(axis, joint.transmission.microsteps))) / spu
     yield Signal(axis.name, "steps", SignalKind.REAL, HeldValues(counts, steps, start))
-    yield Signal(axis.name, f"position_{joint.unit}", SignalKind.REAL, HeldValues(counts, steps / spu, start / spu))
+    yield Signal(axis.name, f"position_{joint.unit}", SignalKind.REAL, HeldValues(counts, positions, start / spu))
 
 
 def _phases(axis: AxisEvidence) -> Iterator[Signal]:

@@ -79,7 +79,7 @@ def _setup_record(setup: Setup) -> dict[str, Any]:
         "axes": board.axis_count,
         "bitrate": setup.bitrate,
         "read_latency_counts": board.read_latency_counts,
-        "start_steps": board.start_steps,
+        "start_sixteenths": board.start_sixteenths,
         "switches": [asdict(switch) | {"input": switch.input.name} for switch in board.switches],
         "steady_ramps": setup.steady_ramps,
     }
@@ -87,19 +87,21 @@ def _setup_record(setup: Setup) -> dict[str, Any]:
 
 def _setup(record: dict[str, Any]) -> Setup:
     switches = (Switch(**switch | {"input": DigitalInput[switch["input"]]}) for switch in record["switches"])
-    start_steps = tuple(record["start_steps"])
-    board = machine_board(record["read_latency_counts"], tuple(switches), start_steps)
+    start_sixteenths = tuple(record["start_sixteenths"])
+    board = machine_board(record["read_latency_counts"], tuple(switches), start_sixteenths)
     return Setup(record["bitrate"], board, record["steady_ramps"])
 
 
-def machine_board(read_latency_counts: int, switches: tuple[Switch, ...], start_steps: tuple[int, ...]) -> BoardConfig:
+def machine_board(
+    read_latency_counts: int, switches: tuple[Switch, ...], start_sixteenths: tuple[int, ...]
+) -> BoardConfig:
     """Return a board with an axis for each start position; its bare chips see the pins as the firmware sets them."""
     return BoardConfig(
-        axis_count=len(start_steps),
-        osc_pf=(330.0,) * len(start_steps),
+        axis_count=len(start_sixteenths),
+        osc_pf=(330.0,) * len(start_sixteenths),
         read_latency_counts=read_latency_counts,
         switches=switches,
-        start_steps=start_steps,
+        start_sixteenths=start_sixteenths,
     )
 
 

@@ -57,7 +57,9 @@ def test_settings_that_need_the_power_off(session: Session) -> None:
     session.machine.enable()
     checks = {check.name: check for check in examine(session)}
     assert not checks["th3 settings"].passed
-    assert checks["th3 settings"].found.startswith("8 microsteps, the robot's file says 16")
+    assert checks["th3 settings"].found == (
+        "driver and board make 8 microsteps, the robot's file says 16, and the power is on: `steptwin estop`"
+    )
 
 
 def test_a_node_that_does_not_answer(
