@@ -13,7 +13,7 @@ from steptwin.emulator.driver_bank import SUPPLIES, WIRING, AxisTrace, DriverBan
 from steptwin.emulator.driver_module import Module
 from steptwin.emulator.inputs import BoardInputs
 from steptwin.emulator.operations import BoardTemperature, DriverProtect, EmergencyStop, Operation, SetInput, Supply
-from steptwin.emulator.switches import Switch
+from steptwin.emulator.switches import Switch, Travel
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.dictionary import FlashPage
 from steptwin.protocol.frame import FIRST_NODE_ID
@@ -33,6 +33,8 @@ class BoardConfig:
     switches: tuple[Switch, ...] = ()
     start_sixteenths: tuple[int, ...] = ()
     """Position of each axis' rotor when the board is made, in sixteenths of a full step from its zero; empty: all 0."""
+    travels: tuple[Travel, ...] = ()
+    """The way along which each axis' switches stand; empty: that of its own rotor."""
     modules: tuple[Module, ...] = ()
     """The module around each chip; empty for chips on the board itself."""
 
@@ -52,7 +54,8 @@ class Board:
         """Parameters that the firmware has stored, a page for each axis: they outlive the power."""
         self._kernel = kernel
         modules = config.modules or (Module(),) * config.axis_count
-        self._inputs = BoardInputs(config.switches, config.start_sixteenths or (0,) * config.axis_count)
+        starts = config.start_sixteenths or (0,) * config.axis_count
+        self._inputs = BoardInputs(config.switches, starts, config.travels)
         self._drivers = DriverBank(config.osc_pf, modules, self._inputs)
         self._measurements = Measurements()
         self._held_protects = [False] * config.axis_count

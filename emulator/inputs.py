@@ -13,7 +13,7 @@ import numpy as np
 from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.controller.motion import Motion
 from steptwin.emulator.edges import Int8Array, Int64Array
-from steptwin.emulator.switches import AxisSwitches, Switch
+from steptwin.emulator.switches import AxisSwitches, Switch, Travel
 from steptwin.emulator.tb6560 import PERIOD_MIN_COUNTS
 from steptwin.protocol.cia402 import DigitalInput
 
@@ -21,17 +21,27 @@ from steptwin.protocol.cia402 import DigitalInput
 class BoardInputs:
     """The inputs of all axes, whose switches follow the rotors. Positions are in sixteenths of a full step."""
 
-    def __init__(self, switches: Sequence[Switch], start_sixteenths: Sequence[int]) -> None:
+    def __init__(
+        self, switches: Sequence[Switch], start_sixteenths: Sequence[int], travels: Sequence[Travel] = ()
+    ) -> None:
+        """Let the switches of each axis follow its travel; without travels each follows its own rotor."""
         self.emergency_stop = False
         self.protects = [False] * len(start_sixteenths)
         """True for each axis whose driver's Protect pin is low."""
         self._general = [DigitalInput(0)] * len(start_sixteenths)
         """Active general inputs of each axis."""
+        self._travels = list(travels) or [Travel.of_rotor(axis) for axis in range(len(start_sixteenths))]
+        self._rotors_sixteenths = list(start_sixteenths)
+        """Position of each rotor that the switches have followed."""
         self._axes = [
-            AxisSwitches([switch for switch in switches if switch.axis == axis], start)
-            for axis, start in enumerate(start_sixteenths)
+            AxisSwitches(
+                [switch for switch in switches if switch.axis == axis], travel.position_sixteenths(start_sixteenths)
+            )
+            for axis, travel in enumerate(self._travels)
         ]
         self._switched = [axis for axis, switches in enumerate(self._axes) if switches]
+        self._followed = {rotor for axis in self._switched for rotor in self._travels[axis].rotors}
+        """Axes whose rotors move along a way with switches."""
         self._ahead: list[list[tuple[Int64Array, Int8Array]]] = [[] for _ in self._axes]
         """Moves of the rotors that the switches have not followed yet, by axis: instants and sixteenths."""
         self._held_pulses = [0] * len(start_sixteenths)
@@ -74,16 +84,29 @@ class BoardInputs:
         """Take the moves of a rotor, the number of pulses that its driver may still count, and the driver's step."""
         self._held_pulses[axis] = held_pulses
         self._step_sixteenths[axis] = step_sixteenths
-        if axis in self._switched and counts.size:
+        if axis in self._followed and counts.size:
             self._ahead[axis].append((counts, sixteenths))
 
     def due_tick(self, motion: Motion) -> int | None:
         """Return the tick up to whose start no switch can change; None while no axis with switches moves."""
         if motion.starts != self._starts_seen:
             self._starts_seen = motion.starts
-            self._just_started = {axis for axis in self._switched if motion.running(axis)}
+            self._just_started = {axis for axis in self._switched if self._running(axis, motion)}
             self._due_ticks |= dict.fromkeys(self._just_started, motion.tick)
         return min(self._due_ticks.values()) if self._due_ticks else None
+
+    def _running(self, axis: int, motion: Motion) -> bool:
+        """Return whether a rotor moves along the way of an axis' switches."""
+        return any(motion.running(rotor) for rotor in self._travels[axis].rotors)
+
+    def _pulses_ahead(self, axis: int, motion: Motion) -> int:
+        """Return the number of pulses that a rotor has made, or may have made, which the switches have not followed."""
+        return max(
+            motion.undrained_pulses(rotor)
+            + self._held_pulses[rotor]
+            + sum(counts.size for counts, _ in self._ahead[rotor])
+            for rotor in self._travels[axis].rotors
+        )
 
     def may_have_changed(self, motion: Motion) -> bool:
         """Return False if certainly no switch that is due has changed; `due_tick` is then later. True: call `look`."""
@@ -94,13 +117,12 @@ class BoardInputs:
         """Put an axis' due tick off if it has made less than half the steps to its next switch; return True if so."""
         if axis in self._just_started:
             return False
-        pulses = motion.undrained_pulses(axis) + self._held_pulses[axis]
-        pulses += sum(counts.size for counts, _ in self._ahead[axis])
+        pulses, running = self._pulses_ahead(axis, motion), self._running(axis, motion)
         distance_steps = self._steps_to_change(axis)
-        if not motion.running(axis) and pulses == 0:
+        if not running and pulses == 0:
             del self._due_ticks[axis]
             return True
-        if 2 * pulses >= distance_steps or not motion.running(axis):
+        if 2 * pulses >= distance_steps or not running:
             return False
         self._due_ticks[axis] = motion.tick + max(1, self._quiet_ticks(distance_steps - pulses))
         return True
@@ -108,23 +130,25 @@ class BoardInputs:
     def look(self, motion: Motion) -> None:
         """Let the switches follow the axes up to the start of the next tick; all pulses before it are drained."""
         self._just_started.clear()
+        for rotor in {rotor for axis in self._due_ticks for rotor in self._travels[axis].rotors}:
+            self._settle(rotor, motion.tick * TICK_COUNTS)
         for axis in list(self._due_ticks):
-            self._settle(axis, motion.tick * TICK_COUNTS)
+            position = self._travels[axis].position_sixteenths(self._rotors_sixteenths)
+            self._axes[axis].move(position - self._axes[axis].position_sixteenths)
             self._due_ticks[axis] = motion.tick + max(1, self._quiet_ticks(self._steps_to_change(axis)))
 
     def _steps_to_change(self, axis: int) -> int:
         """Return the least number of steps until one of the axis' switches changes."""
-        return -(-self._axes[axis].sixteenths_to_change // self._step_sixteenths[axis])
+        return self._travels[axis].steps(self._axes[axis].sixteenths_to_change, self._step_sixteenths)
 
-    def _settle(self, axis: int, until_counts: int) -> None:
-        moved, ahead = 0, []
-        for counts, sixteenths in self._ahead[axis]:
+    def _settle(self, rotor: int, until_counts: int) -> None:
+        ahead = []
+        for counts, sixteenths in self._ahead[rotor]:
             seen = int(np.searchsorted(counts, until_counts))
-            moved += int(sixteenths[:seen].sum(dtype=np.int64))
+            self._rotors_sixteenths[rotor] += int(sixteenths[:seen].sum(dtype=np.int64))
             if seen < counts.size:
                 ahead.append((counts[seen:], sixteenths[seen:]))
-        self._ahead[axis] = ahead
-        self._axes[axis].move(moved)
+        self._ahead[rotor] = ahead
 
     @staticmethod
     def _quiet_ticks(distance_steps: int) -> int:

@@ -2,11 +2,13 @@
 
 Positions are those of the motor's rotor, in sixteenths of a full step from the machine's true zero: a sixteenth is the
 smallest step of a driver, so every position is a whole number, whatever the driver's mode. The firmware does not know
-these positions; it learns them by homing.
+these positions; it learns them by homing. The switches of a coupled joint stand along the joint's way, which several
+rotors move; its positions are scaled so that the axis' own rotor moves them one to one.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final, Self
 
 from steptwin.protocol.cia402 import DigitalInput
 
@@ -70,6 +72,40 @@ class Switch:
         below = 0 if self.from_sixteenths is None else self.from_sixteenths - position_sixteenths
         above = 0 if self.to_sixteenths is None else position_sixteenths - self.to_sixteenths
         return max(below, above)
+
+
+WEIGHT_ONE: Final = 1 << 32
+
+
+@dataclass(frozen=True, slots=True)
+class Travel:
+    """The way along which an axis' switches stand: its rotor's, or a joint's that several rotors move together.
+
+    Attributes:
+        weights: sixteenths along the way, times WEIGHT_ONE, for each sixteenth of a rotor, by the axis of the rotor.
+    """
+
+    weights: tuple[tuple[int, int], ...]
+
+    @classmethod
+    def of_rotor(cls, axis: int) -> Self:
+        """Return the way of one rotor."""
+        return cls(((axis, WEIGHT_ONE),))
+
+    @property
+    def rotors(self) -> list[int]:
+        """The axes whose rotors move along this way."""
+        return [axis for axis, _ in self.weights]
+
+    def position_sixteenths(self, rotors_sixteenths: Sequence[int]) -> int:
+        """Return the position along the way, rounded half up to a sixteenth, from those of all rotors."""
+        weighted = sum(weight * rotors_sixteenths[axis] for axis, weight in self.weights)
+        return (weighted + WEIGHT_ONE // 2) // WEIGHT_ONE
+
+    def steps(self, way_sixteenths: int, step_sixteenths: Sequence[int]) -> int:
+        """Return the least number of steps, made by all rotors at once, in which the position can change so far."""
+        fastest = sum(abs(weight) * step_sixteenths[axis] for axis, weight in self.weights)
+        return (way_sixteenths - 1) * WEIGHT_ONE // fastest + 1
 
 
 class AxisSwitches:

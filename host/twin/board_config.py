@@ -1,12 +1,12 @@
 """Describe a robot's machine to the emulator: its boards, their drivers, and its switches."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 
 from steptwin.emulator.board import BoardConfig
-from steptwin.emulator.switches import Switch
-from steptwin.host.robots.joint import Joint
+from steptwin.emulator.switches import WEIGHT_ONE, Switch, Travel
+from steptwin.host.common.errors import InputError
 from steptwin.host.robots.robot import Robot
-from steptwin.host.robots.transmission import Transmission
 from steptwin.host.twin.drivers import driver_profile, fitted_module, switched_microsteps
 from steptwin.host.twin.standing import standing_steps, steps_at
 from steptwin.protocol.cia402 import DigitalInput
@@ -62,7 +62,8 @@ def board_configs(
                 axis_count=axes,
                 osc_pf=(profile.osc_pf,) * axes,
                 first_node_id=FIRST_NODE_ID + first,
-                switches=tuple(_switches(robot.joints[first : first + axes])),
+                switches=tuple(_switches(robot, first, first + axes)),
+                travels=_travels(robot, first, first + axes),
                 start_sixteenths=tuple(start_sixteenths[first : first + axes]),
                 modules=modules[first : first + axes],
             )
@@ -70,20 +71,46 @@ def board_configs(
     return configs
 
 
-def _switches(joints: Sequence[Joint]) -> Iterator[Switch]:
+def _switches(robot: Robot, first: int, end: int) -> Iterator[Switch]:
     """Yield the switches of a board's joints; a limit switch is closed from its position to the end of travel."""
-    for axis, joint in enumerate(joints):
-        places, transmission = joint.switches, joint.transmission
-        if places.negative_limit is not None:
-            yield Switch(axis, DigitalInput.NEGATIVE_LIMIT, to_sixteenths=_place(transmission, places.negative_limit))
-        if places.positive_limit is not None:
-            yield Switch(axis, DigitalInput.POSITIVE_LIMIT, from_sixteenths=_place(transmission, places.positive_limit))
-        ends = places.home_from, places.home_to
-        first, last = (None if end is None else _place(transmission, end) for end in ends)
-        if first is not None or last is not None:
-            yield Switch(axis, DigitalInput.HOME, first, last)
+    for axis, joint in enumerate(robot.joints[first:end]):
+        place, switches = partial(_place, robot, first + axis), joint.switches
+        if switches.negative_limit is not None:
+            yield Switch(axis, DigitalInput.NEGATIVE_LIMIT, to_sixteenths=place(switches.negative_limit))
+        if switches.positive_limit is not None:
+            yield Switch(axis, DigitalInput.POSITIVE_LIMIT, from_sixteenths=place(switches.positive_limit))
+        ends = switches.home_from, switches.home_to
+        lower, upper = (None if position is None else place(position) for position in ends)
+        if lower is not None or upper is not None:
+            yield Switch(axis, DigitalInput.HOME, lower, upper)
 
 
-def _place(transmission: Transmission, position: float) -> int:
-    """Return a position in sixteenths of a full step, on a step of the robot's file, as its homing expects."""
-    return steps_at(transmission, position) * transmission.step_sixteenths
+def _place(robot: Robot, joint: int, position: float) -> int:
+    """Return a joint position in sixteenths of its axis' full step, on a step of the robot's file, as homing expects.
+
+    A coupled joint's are scaled so that its own axis moves them one to one.
+    """
+    transmission, own = robot.joints[joint].transmission, robot.coupling.axes_of(joint)[joint]
+    return steps_at(transmission, position / own) * transmission.step_sixteenths
+
+
+def _travels(robot: Robot, first: int, end: int) -> tuple[Travel, ...]:
+    """Return the way along which the switches of each of a board's joints stand.
+
+    Raises:
+        InputError: an axis that moves a joint with switches is on another board.
+    """
+    return tuple(_travel(robot, joint, first, end) for joint in range(first, end))
+
+
+def _travel(robot: Robot, joint: int, first: int, end: int) -> Travel:
+    elements = robot.coupling.axes_of(joint)
+    per_unit = robot.wire_units_per_unit.tolist()
+    weights = []
+    for axis, element in elements.items():
+        if not first <= axis < end:
+            moved, other = robot.joints[joint].name, robot.joints[axis].name
+            raise InputError(f"{moved}: is coupled to {other}, so both axes must be on one board")
+        weight = element / elements[joint] * per_unit[joint] / per_unit[axis]
+        weights.append((axis - first, round(weight * WEIGHT_ONE)))
+    return Travel(tuple(weights))

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from steptwin.host.common.arrays import FloatArray
 from steptwin.host.record.waveforms.bus_states import STATES
 from steptwin.host.record.waveforms.signal import HeldValues, Pulses, Signal, SignalKind
 from steptwin.host.record.waveforms.timebase import Window
@@ -24,11 +25,12 @@ def everything(evidence: Evidence, robot: Robot, states: Sequence[HeldValues]) -
     """Return for each axis the board's pins, the drive's state, the driver's count and phases, the joint's position."""
     return [
         signal
-        for axis, joint, state in zip(evidence.axes, robot.joints, states, strict=True)
+        for i, (axis, joint, state) in enumerate(zip(evidence.axes, robot.joints, states, strict=True))
         for signal in (
             *_wires(axis, _LOGIC_PINS + _MODE_PINS),
             Signal(axis.name, "drive_state", SignalKind.TEXT, state, STATES),
-            *_positions(axis, joint),
+            Signal(axis.name, "steps", SignalKind.REAL, _count(axis)),
+            Signal(axis.name, f"position_{joint.unit}", SignalKind.REAL, _position(evidence, robot, i)),
             *_phases(axis),
         )
     ]
@@ -48,14 +50,29 @@ def _wires(axis: AxisEvidence, pins: Sequence[str]) -> Iterator[Signal]:
         yield Signal(axis.name, pin, SignalKind.WIRE, HeldValues(edges.counts, edges.levels))
 
 
-def _positions(axis: AxisEvidence, joint: Joint) -> Iterator[Signal]:
-    """Yield the driver's count and the joint's position by that count."""
-    start, counts = axis.start_steps, axis.step_counts
-    steps = start + np.cumsum(axis.step_signs, dtype=np.int64)
-    spu = joint.transmission.steps_per_unit
-    positions = (start + np.cumsum(motor_moves(axis, joint.transmission.microsteps))) / spu
-    yield Signal(axis.name, "steps", SignalKind.REAL, HeldValues(counts, steps, start))
-    yield Signal(axis.name, f"position_{joint.unit}", SignalKind.REAL, HeldValues(counts, positions, start / spu))
+def _count(axis: AxisEvidence) -> HeldValues:
+    """Return the driver's count."""
+    start = axis.start_steps
+    return HeldValues(axis.step_counts, start + np.cumsum(axis.step_signs, dtype=np.int64), start)
+
+
+def _position(evidence: Evidence, robot: Robot, joint: int) -> HeldValues:
+    """Return a joint's position, which changes with the steps of every axis on which it depends."""
+    elements = robot.coupling.axes_of(joint)
+    motors = {i: _motor_position(evidence.axes[i], robot.joints[i]) for i in elements}
+    counts = np.unique(np.concatenate([evidence.axes[i].step_counts for i in elements]))
+    position, start = np.zeros(counts.size), 0.0
+    for i, element in elements.items():
+        made = np.searchsorted(evidence.axes[i].step_counts, counts, side="right")
+        position += element * motors[i][made]
+        start += element * float(motors[i][0])
+    return HeldValues(counts, position, start)
+
+
+def _motor_position(axis: AxisEvidence, joint: Joint) -> FloatArray:
+    """Return the axis position before the first step and after each, in mm or degrees."""
+    moves = np.cumsum(motor_moves(axis, joint.transmission.microsteps))
+    return np.asarray((axis.start_steps + np.concatenate(([0], moves))) / joint.transmission.steps_per_unit)
 
 
 def _phases(axis: AxisEvidence) -> Iterator[Signal]:

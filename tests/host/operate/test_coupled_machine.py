@@ -6,13 +6,16 @@ import pytest
 from steptwin.controller.backend import Kernel
 from steptwin.host.client import HomingSettings
 from steptwin.host.common.errors import DeviceFaultError, InputError
+from steptwin.host.operate.homing import home_robot
 from steptwin.host.operate.jogging import check_jog, jog
-from steptwin.host.operate.moving import move
+from steptwin.host.operate.moving import move, move_within
 from steptwin.host.operate.recovering import axis_states
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.status import read_status
+from steptwin.host.twin.board_config import board_configs
 from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.protocol import od
+from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.homing_methods import HOME_HERE
 from tests.host.robots.coupled import DIRECT, STEPS_PER_DEG, TWO_TO_ONE, UNITS_PER_DEG, coupled_robot
 
@@ -155,3 +158,56 @@ def test_the_fastest_jog() -> None:
     check_jog(robot, "th1", -90.0)
     with pytest.raises(InputError, match=r"^th1: a speed of 90.1 deg/s is not above 0 and up to 90 deg/s, "):
         check_jog(robot, "th1", 90.1)
+
+
+@pytest.mark.parametrize(
+    ("coupling", "stand"),
+    [
+        (DIRECT, HERE),
+        (TWO_TO_ONE, [-60.0, -100.0, 10.0, 5.0]),
+        ("th1 = { th2 = 1.0 }", HERE),
+        ("d3 = { th4 = 0.01 }\nth2 = { th1 = -0.5, th2 = 1.2 }", HERE),
+    ],
+)
+@pytest.mark.parametrize("together", [False, True])
+def test_homing_finds_the_joints(coupling: str, stand: list[float], together: bool, fast_kernel: Kernel) -> None:
+    """Every edge is at a joint position; the host must know where the other joints stand when it is met."""
+    robot = coupled_robot(coupling)
+    board = BoardUnderTest(robot, stand_at=stand, kernel=fast_kernel)
+    session = Session(board, robot)
+    parts: list[float] = []
+    states = home_robot(session, together=together, progress=parts.append)
+    assert all(state.position_known for state in states)
+    assert standing(board) == pytest.approx(list(robot.home), abs=3 * STEP_DEG)
+    assert [state.position for state in states] == pytest.approx(standing(board), abs=1.5 * STEP_DEG)
+    assert parts == sorted(parts)
+    assert parts[-1] == 1.0
+
+
+def test_exact_homing_of_a_whole_belt(fast_kernel: Kernel) -> None:
+    """With belts of 1:1 and equal motors every edge is on a step, so the machine knows itself to the step."""
+    board, session = machine(fast_kernel, known=False)
+    home_robot(session, stay=True)
+    assert session.positions(session.machine.positions_units()) == pytest.approx(standing(board), abs=1e-9)
+
+
+@pytest.mark.parametrize(("turn_deg", "closed"), [(-54.9, False), (-55.1, True)])
+def test_a_limit_switch_stands_at_a_joint_position(turn_deg: float, closed: bool, fast_kernel: Kernel) -> None:
+    """The shoulder's motor alone bends the elbow from 100 deg to 155 deg, where its positive limit switch is."""
+    robot = coupled_robot()
+    board = BoardUnderTest(robot, stand_at={"th2": 100.0}, kernel=fast_kernel)
+    session = Session(board, robot)
+    units = session.units([0.0, 100.0, 0.0, 0.0])
+    with session.in_charge("preset", known=False) as axes:
+        axes.preset(units)
+        goal = [units[0] + round(turn_deg * UNITS_PER_DEG), *units[1:]]
+        move_within(session, units, goal)
+        assert bool(axes.axes[1].read(od.DIGITAL_INPUTS) & DigitalInput.POSITIVE_LIMIT) is closed
+        assert not axes.axes[0].read(od.DIGITAL_INPUTS) & DigitalInput.POSITIVE_LIMIT
+
+
+def test_coupled_axes_are_on_one_board() -> None:
+    robot = coupled_robot()
+    board_configs(robot, list(robot.home), [2, 2])
+    with pytest.raises(InputError, match=r"^th2: is coupled to th1, so both axes must be on one board$"):
+        board_configs(robot, list(robot.home), [1, 3])
