@@ -45,11 +45,13 @@ class AxisNames:
         name: first part of the names of the axis' messages.
         unit: "mm" or "deg"; empty for wire units.
         units_per_unit: number of wire units in one `unit`; 1 for wire units.
+        note: comment on the axis, without quotes; empty for none.
     """
 
     name: str
     unit: str = ""
     units_per_unit: float = 1.0
+    note: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +91,7 @@ def render_dbc(axes: tuple[AxisNames, ...]) -> str:
         "BS_:",
         " ".join(["BU_:", MASTER, *(axis.name for axis in axes)]),
         *map(str, messages),
+        *(f'CM_ BU_ {axis.name} "{axis.note}";' for axis in axes if axis.note),
         "\n".join(_value_tables(messages)),
     ]
     return "\n\n".join(parts) + "\n"

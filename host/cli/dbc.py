@@ -14,8 +14,9 @@ def dbc(robot: RobotName = None, robot_file: RobotFile = None) -> None:
     if robot is None and robot_file is None:
         axes = tuple(AxisNames(f"Axis{i}") for i in range(AXES_MAX))
     else:
+        loaded = one_robot(robot, robot_file)
         axes = tuple(
-            AxisNames(joint.name, joint.unit, joint.transmission.wire_units_per_unit)
-            for joint in one_robot(robot, robot_file).joints
+            AxisNames(joint.name, joint.unit, joint.transmission.wire_units_per_unit, loaded.axis_position_text(i))
+            for i, joint in enumerate(loaded.joints)
         )
     print_text(render_dbc(axes))

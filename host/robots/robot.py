@@ -175,6 +175,13 @@ class Robot:
         """Return the joint positions at positions of all axes in driver steps, shape (..., axes)."""
         return self.coupling.to_joints(np.asarray(steps / self.steps_per_unit))
 
+    def axis_position_text(self, axis: int) -> str:
+        """Return the equation of a coupled axis' position, such as "axis position = 1 th1 + 1 th2", else ""."""
+        if not self.coupling.couples(axis):
+            return ""
+        terms = (f"{element:g} {self.joint_names[joint]}" for joint, element in self.coupling.joints_of(axis).items())
+        return f"axis position = {' + '.join(terms)}"
+
     @property
     def axis_speeds_max(self) -> FloatArray:
         """Shape (axes,): highest speed of each axis, in mm/s or deg/s."""
