@@ -12,6 +12,7 @@ from steptwin.host.operate.moving import move, move_within
 from steptwin.host.operate.recovering import axis_states
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.status import read_status
+from steptwin.host.operate.stepping import step_joint
 from steptwin.host.twin.board_config import board_configs
 from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.protocol import od
@@ -211,3 +212,16 @@ def test_coupled_axes_are_on_one_board() -> None:
     board_configs(robot, list(robot.home), [2, 2])
     with pytest.raises(InputError, match=r"^th2: is coupled to th1, so both axes must be on one board$"):
         board_configs(robot, list(robot.home), [1, 3])
+
+
+def test_a_step_of_the_shoulder_leaves_the_elbow(fast_kernel: Kernel) -> None:
+    board, session = machine(fast_kernel)
+    step_joint(session, "th1", 7.5)
+    assert standing(board) == pytest.approx([27.5, *HERE[1:]], abs=3 * STEP_DEG)
+
+
+def test_a_step_of_the_shoulder_without_known_positions(fast_kernel: Kernel) -> None:
+    """What counts from anywhere still moves both motors by the same way."""
+    board, session = machine(fast_kernel, known=False)
+    step_joint(session, "th1", 7.5)
+    assert standing(board) == pytest.approx([27.5, *HERE[1:]], abs=3 * STEP_DEG)
