@@ -33,7 +33,14 @@ from tests.without_pictures import without_pictures
 
 TEXT = PAGE.read_text(encoding="utf-8")
 BENCHMARKS = (PAGE.parent / "benchmarks.md").read_text(encoding="utf-8")
-ALL_TEXT = TEXT + BENCHMARKS + DRIVER_PAGE.read_text(encoding="utf-8") + WAVEFORM_PAGE.read_text(encoding="utf-8")
+ROBOT_FILES = (PAGE.parent / "robot-files.md").read_text(encoding="utf-8")
+ALL_TEXT = (
+    TEXT
+    + BENCHMARKS
+    + ROBOT_FILES
+    + DRIVER_PAGE.read_text(encoding="utf-8")
+    + WAVEFORM_PAGE.read_text(encoding="utf-8")
+)
 PICTURE_BYTES_MAX = 120_000
 
 

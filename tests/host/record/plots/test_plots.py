@@ -120,7 +120,7 @@ def test_a_picture_says_what_it_shows(picture: str) -> None:
         place = axes.get_subplotspec()
         assert place is not None
         beside = not place.is_first_col()  # it shares the unit of its neighbour
-        assert "[" in labels or labels.startswith("DIR") or beside or not axes.axison
+        assert "[" in labels or ", in ms" in labels or labels.startswith("DIR") or beside or not axes.axison
 
 
 @pytest.mark.parametrize("picture", ["joints", "step-rates", "error", "timing", "jitter", "widths", "phases"])
@@ -300,7 +300,7 @@ class TestTheEdges:
     )
     def test_the_label_says_why_there_are_no_marks(self, run: str, view: View, said: str) -> None:
         (axes,) = PICTURES["edges"](RUNS[run](), RUN, view).axes
-        assert axes.get_xlabel().endswith(f" [ms]; {said}")
+        assert axes.get_xlabel().endswith(f", in ms; {said}")
         assert not any(np.asarray(drawn.get_xdata()).size for drawn in axes.lines if drawn.get_marker() in ("^", "v"))
 
     @pytest.mark.parametrize("run", ["swinging", "unheard"])
