@@ -60,8 +60,10 @@ def test_mistakes_of_several_joints_beside_impossible_dimensions(arm: Path, caps
     arm.write_text(text, encoding="utf-8")
     assert run_json(capsys, "check", str(arm), exit_code=2)["findings"] == [
         "kinematics: links of 0 and 100 mm make no arm",
-        "joints.th1.speed_max: 999 deg/s takes 35.5 kHz of steps, more than the driver's 15.0 kHz",
-        "joints.th2.speed_max: 999 deg/s takes 35.5 kHz of steps, more than the driver's 15.0 kHz",
+        "joints.th1.speed_max: 999 deg/s takes 35.5 kHz of steps, more than the driver's 15.0 kHz;"
+        " speed_max = 421.875 or microsteps = 2 would do",
+        "joints.th2.speed_max: 999 deg/s takes 35.5 kHz of steps, more than the driver's 15.0 kHz;"
+        " speed_max = 421.875 or microsteps = 2 would do",
     ]
 
 
@@ -93,5 +95,5 @@ def test_a_robot_file_needs_no_robot(arm: Path, capsys: pytest.CaptureFixture[st
 def test_a_file_of_no_kind(arm: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arm.write_text("name = 'x'\n", encoding="utf-8")
     assert run(["check", str(arm)]) == 2
-    words = "has none of step, kinematics, joints, board: it is no program and no robot"
+    words = "has none of step, steps, sequences, kinematics, joints, board: it is no program and no robot"
     assert capsys.readouterr().err == f"steptwin: {arm}: {words}\n"
