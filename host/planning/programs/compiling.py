@@ -71,7 +71,7 @@ def compile_program(program: Program, robot: Robot, findings: Findings | None = 
             if findings is not None:
                 with found.collecting(f"step {number} ({step}): "):
                     _check_speeds(robot, moves.composer.last_part(rows[-1].from_s), rows[-1].peaks)
-        if not rows:
+        if not rows and not found.messages:
             raise InputError("the program does not move, switch or wait")
     if findings is None:
         found.raise_first()

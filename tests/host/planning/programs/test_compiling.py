@@ -239,3 +239,10 @@ def test_a_program_for_another_robot_is_refused() -> None:
     program = parse_program('robot = "lab-scara"\n[[step]]\npause = 1', Findings())
     with pytest.raises(InputError, match=r"^robot: the program is for lab-scara, not for teaching-scara$"):
         compile_program(program, ROBOT)
+
+
+def test_a_first_step_that_cannot_be_made_is_the_only_finding() -> None:
+    findings = Findings()
+    compiled("[[step]]\noutput = 'laser'\non = true", findings)
+    (message,) = findings.messages
+    assert message.startswith("step 1 (output laser on): ")
