@@ -85,7 +85,10 @@ TOO_BENT = rf"th3: 13\d\.\d+ deg at {TIME} is outside -130\.\.130 deg, by .* deg
 )
 def test_a_spiral_beyond_the_arm(x_mm: float, y_mm: float, pattern: str) -> None:
     """The reach ends at 800 mm; nearer than 338.095 mm th3 would bend by more than 130 deg."""
-    assert re.match(pattern, refusal(LAB, "spiral", x_mm=str(x_mm), y_mm=str(y_mm)))
+    told = refusal(LAB, "spiral", x_mm=str(x_mm), y_mm=str(y_mm))
+    reason, _, options = told.partition("; the options set the place: ")
+    assert re.match(pattern, reason)
+    assert options == "x_mm y_mm z_mm mm_per_rad"
 
 
 def test_a_spiral_as_near_as_it_may_be() -> None:
