@@ -29,7 +29,8 @@ def test_json(capsys: pytest.CaptureFixture[str]) -> None:
         assert all(kernel[key] < other[key] for other in others)
 
 
-def test_table(capsys: pytest.CaptureFixture[str]) -> None:
+def test_table(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "200")  # wide enough for a motion and its method on one line
     assert run(CARRY) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[2] for line in lines if line.startswith("teaching-scara")] == METHODS
