@@ -79,13 +79,18 @@ def compile_program(program: Program, robot: Robot, findings: Findings | None = 
 
 
 def _check_robot(program: Program, robot: Robot) -> None:
-    """Raise InputError unless the program is for the robot: by its name, or by the path of its file."""
-    if program.robot is None or program.robot == robot.name:
-        return
-    if not program.robot.endswith(".toml") or load_robot(program.robot).name != robot.name:
+    """Raise InputError unless the program and its file of positions are for the robot."""
+    if not _names(program.robot, robot):
         raise InputError(f"robot: the program is for {program.robot}, not for {robot.name}")
     if program.positions_for not in (None, robot.name):
         raise InputError(f"positions_file: its positions are for {program.positions_for}, not for {robot.name}")
+
+
+def _names(given: str | None, robot: Robot) -> bool:
+    """Return whether a program names the robot, by its name or by the path of its file, or names none."""
+    if given is None or given == robot.name:
+        return True
+    return given.endswith(".toml") and load_robot(given).name == robot.name
 
 
 def _written_out(
