@@ -155,9 +155,7 @@ def _path(here: Pose, step: ToolStep) -> ToolPath:
 
 def _law(path: ToolPath, distance: float, speed: float) -> SCurve:
     """Return the law that covers a distance while the tool moves along its path at a speed."""
-    speed *= distance / path.length_mm
-    acceleration = 2.0 * speed / _RAMP_S  # rises during the ramp's first half and falls during its second
-    return SCurve.fastest(distance, speed, acceleration, 2.0 * acceleration / _RAMP_S)
+    return SCurve.at_speed(distance, speed * distance / path.length_mm, _RAMP_S)
 
 
 def _straight_in_joints(robot: Robot, path: ToolPath, start: FloatArray, goal: FloatArray) -> bool:

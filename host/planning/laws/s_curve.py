@@ -65,6 +65,16 @@ class SCurve:
         duration_ms, ramp_ms = shortest_ms(by_speed_ms, lambda ramp_ms: best_ms(ramp_ms)[0], 2)
         return cls(distance, duration_ms / 1000, ramp_ms / 1000, best_ms(ramp_ms)[1] / 1000)
 
+    @classmethod
+    def at_speed(cls, distance: float, speed: float, ramp_s: float) -> Self:
+        """Return the law that gets to a speed in `ramp_s` seconds and covers a distance with it.
+
+        The acceleration rises during the ramp's first half and falls during its second, so its highest value is
+        2 v / t and the jerk 4 v / t^2. A short distance has a shorter ramp, and does not reach the speed.
+        """
+        acceleration = 2.0 * speed / ramp_s
+        return cls.fastest(distance, speed, acceleration, 2.0 * acceleration / ramp_s)
+
     @property
     def speed(self) -> float:
         """v, the velocity between the ramps; it has the sign of S."""

@@ -92,10 +92,5 @@ class ToolPace:
                 raise InputError(f"{name}: {getattr(self, name):g} is not above 0")
 
     def along(self, length_mm: float) -> Law:
-        """Return the law for a path's length.
-
-        The acceleration rises during the ramp's first half and falls during its second, so its highest value is
-        2 v / t and the jerk 4 v / t^2. A short path has a shorter ramp, and does not reach the speed.
-        """
-        acceleration = 2.0 * self.speed_mm_s / self.ramp_s
-        return SCurve.fastest(length_mm, self.speed_mm_s, acceleration, 2.0 * acceleration / self.ramp_s)
+        """Return the law for a path's length."""
+        return SCurve.at_speed(length_mm, self.speed_mm_s, self.ramp_s)
