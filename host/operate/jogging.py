@@ -16,7 +16,7 @@ from steptwin.host.client.profile_motion import (
     reports_zero_speed,
 )
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.common.bad_input import at_most, unknown
+from steptwin.host.common.bad_input import at_most
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.setting_up import clear_targets
@@ -39,10 +39,9 @@ class Jogged:
 
 def check_jog(robot: Robot, name: str, speed: float) -> Joint:
     """Return the joint of this name; raise InputError if it does not exist or the speed is not within its limit."""
-    if name not in robot.joint_names:
-        raise unknown("joint", name, robot.joint_names)
-    joint = robot.joint(name)
-    speed_max, _ = limits_along(robot, _one(robot, robot.joints.index(joint)))
+    i = robot.index_of(name)
+    joint = robot.joints[i]
+    speed_max, _ = limits_along(robot, _one(robot, i))
     if not 0 < abs(speed) <= speed_max:
         limit = f"above 0 and up to {at_most(speed_max)} {joint.unit}/s, with a sign"
         raise InputError(f"{name}: a speed of {speed:g} {joint.unit}/s is not {limit}")

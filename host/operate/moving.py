@@ -8,7 +8,7 @@ import numpy as np
 
 from steptwin.host.client import Progress
 from steptwin.host.client.profile_motion import ProfileMove, move_together
-from steptwin.host.common.bad_input import nearest_within, outside, unknown
+from steptwin.host.common.bad_input import nearest_within, outside
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.session import Session
 from steptwin.host.planning.laws import Trapezoid
@@ -42,10 +42,9 @@ def check_goal(robot: Robot, goal: Sequence[float | None]) -> None:
 
 def goal_by_name(robot: Robot, positions: Mapping[str, float]) -> list[float | None]:
     """Return the goal that moves some joints, by name, within their limits; raise InputError for another joint."""
-    for name in positions:
-        if name not in robot.joint_names:
-            raise unknown("joint", name, robot.joint_names)
-    goal = [positions.get(name) for name in robot.joint_names]
+    goal: list[float | None] = [None] * len(robot.joints)
+    for name, position in positions.items():
+        goal[robot.index_of(name)] = position
     check_goal(robot, goal)
     return goal
 

@@ -4,7 +4,7 @@ from math import copysign, floor
 from typing import Final
 
 from steptwin.host.client import Progress
-from steptwin.host.common.bad_input import at_most, outside, unknown
+from steptwin.host.common.bad_input import at_most, outside
 from steptwin.host.common.errors import DeviceFaultError, InputError
 from steptwin.host.operate.moving import Moved, axes_concerned, move, standing_joints
 from steptwin.host.operate.running import execute_live
@@ -25,9 +25,7 @@ _THOUSANDTHS: Final = 1000
 
 def check_step(robot: Robot, name: str, distance: float) -> Joint:
     """Return the joint of this name; raise InputError if there is none or the distance is 0 or beyond its travel."""
-    if name not in robot.joint_names:
-        raise unknown("joint", name, robot.joint_names)
-    joint = robot.joint(name)
+    joint = robot.joints[robot.index_of(name)]
     travel = joint.upper - joint.lower
     if not 0 < abs(distance) <= travel:
         raise InputError(

@@ -142,6 +142,12 @@ class Robot:
         """The names of the joints, in axis order."""
         return tuple(joint.name for joint in self.joints)
 
+    def index_of(self, name: str) -> int:
+        """Return a joint's place among the joints by its name; raise InputError, with the nearest, if there is none."""
+        if name not in self.joint_names:
+            raise unknown("joint", name, self.joint_names)
+        return self.joint_names.index(name)
+
     def joint(self, name: str) -> Joint:
         """Return a joint by its name; raise KeyError for an unknown name."""
         return {joint.name: joint for joint in self.joints}[name]

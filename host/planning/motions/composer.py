@@ -71,9 +71,7 @@ class Composer:
         """Move some joints, by name, in the same way; the others stay."""
         goal = self.joints.copy()
         for name, position in positions.items():
-            if name not in self.robot.joint_names:
-                raise unknown("joint", name, self.robot.joint_names)
-            goal[self.robot.joint_names.index(name)] = position
+            goal[self.robot.index_of(name)] = position
         self.go(goal)
 
     def go_by(self, law: Law, goal: FloatArray) -> None:

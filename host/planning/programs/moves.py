@@ -48,7 +48,7 @@ class Moves:
         if isinstance(position, JointPosition):
             joints = self.composer.joints.copy()
             for name, value in position.joints.items():
-                joints[self._column(name)] = value
+                joints[self._robot.index_of(name)] = value
             return joints
         return self._solve(self._with(position), position.branch)
 
@@ -56,7 +56,7 @@ class Moves:
         """Return the joints after a relative move of some joints, of shape (joints,)."""
         joints = self.composer.joints.copy()
         for name, distance in distances.items():
-            joints[self._column(name)] += distance
+            joints[self._robot.index_of(name)] += distance
         return joints
 
     def pose_at(self, target: Target) -> Pose:
@@ -125,11 +125,6 @@ class Moves:
         if target not in self._positions:
             raise unknown("position", target, self._positions)
         return self._positions[target]
-
-    def _column(self, name: str) -> int:
-        if name not in self._robot.joint_names:
-            raise unknown("joint", name, self._robot.joint_names)
-        return self._robot.joint_names.index(name)
 
     def _pose(self, joints: FloatArray) -> Pose:
         x_mm, y_mm, z_mm, attitude_deg = self._kinematics.forward(joints[np.newaxis])[0].tolist()
