@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from steptwin.host.robots.robot import Dimension
-
-_SUFFIX: Final = ".toml"
 
 
 @command("my-arm.toml", "my-arm.toml --kind scara --set l1_mm=200")
@@ -55,14 +53,13 @@ def new(
 
     A joint's values: JOINT.lower, JOINT.upper, JOINT.travel_per_turn (mm) or JOINT.ratio, JOINT.microsteps, JOINT.home.
     """
+    from steptwin.host.robots import SUFFIX
     from steptwin.host.robots.kinematics.kinds import KINDS
     from steptwin.host.robots.new_file import robot_text, with_settings
 
     path = Path(file)
-    if path.suffix != _SUFFIX:
-        raise InputError(
-            f"{file}: does not end in {_SUFFIX}: a robot file does, such as {path.stem or 'robot'}{_SUFFIX}"
-        )
+    if path.suffix != SUFFIX:
+        raise InputError(f"{file}: does not end in {SUFFIX}: a robot file does, such as {path.stem or 'robot'}{SUFFIX}")
     if path.exists() and not replace:
         raise InputError(f"{file}: exists: take another name, or --replace")
     given = name_value_pairs(settings or [])

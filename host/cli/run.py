@@ -1,7 +1,5 @@
 """`steptwin run ROBOT JOB|FILE`: plan a motion, stream it to a board, verify the pulses."""
 
-from contextlib import nullcontext
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
@@ -16,17 +14,12 @@ from steptwin.host.cli.arguments import (
     joint_values,
     name_value_pairs,
     out_folder,
-    positive_number,
     robot_and_rest,
     warn_of_settings_left_out,
 )
+from steptwin.host.cli.chosen_motion import choose_motion
 from steptwin.host.cli.connection import LIVE_PANEL, Bitrate, Channel, Connect, Force, Interface, connection
-from steptwin.host.cli.file_motion import (
-    InterpolationName,
-    file_motion,
-    refuse_file_options,
-    say_file_motion,
-)
+from steptwin.host.cli.file_motion import InterpolationName
 from steptwin.host.cli.live_run import run_live
 from steptwin.host.cli.option_names import naming_options
 from steptwin.host.cli.output import print_json, say
@@ -35,10 +28,6 @@ from steptwin.host.cli.report import EXIT_NOT_VERIFIED, fault_line, print_report
 from steptwin.host.common.errors import DeviceFaultError, InputError
 
 if TYPE_CHECKING:
-    from steptwin.host.planning.plan import Plan
-    from steptwin.host.planning.trajectory import Trajectory
-    from steptwin.host.planning.trajectory_file import FileMotion
-    from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.input_changes import InputChange
     from steptwin.host.twin.kernels import Kernel
 
@@ -138,10 +127,7 @@ def run(
     loaded, rest = robot_and_rest(words or [], robot_file)
     job = _only(rest)
     options = name_value_pairs(option or []) | ({"elbow": elbow} if elbow is not None else {})
-    file = _file(loaded, job, options, interpolate, ramps)
-    trajectory = _trajectory(loaded, job, options) if file is None else file.trajectory
-    planned = _planned(loaded, trajectory, stretch, speed, file)
-    summary = partial(_say_summary, job, file, planned, stretched=bool(stretch or speed), to_stderr=as_json)
+    motion = choose_motion(loaded, job, options, interpolate=interpolate, ramps=ramps, stretch=stretch, speed=speed)
     live = connection(connect, interface, channel, bitrate, loaded)
     if live is not None:
         emulated = {
@@ -153,8 +139,8 @@ def run(
             "--input": inputs or None,
         }
         _refuse(emulated, "an emulated")
-        summary()
-        run_live(live, planned, job, repeat=repeat, approach=approach, force=force, as_json=as_json)
+        motion.say_summary(to_stderr=as_json)
+        run_live(live, motion.plan, job, repeat=repeat, approach=approach, force=force, as_json=as_json)
         return
     _refuse(
         {"--repeat": repeat if repeat != 1 else None, "--approach": approach or None, "--force": force or None},
@@ -167,10 +153,10 @@ def run(
             keep_recording(out)
     folder = out_folder(out)
     changes = [_input_change(text) for text in inputs or ()]
-    summary()
+    motion.say_summary(to_stderr=as_json)
     with progress_bar(f"{loaded.name} {job}") as progress, naming_options(cut_stream_s="--cut-stream"):
         outcome = execute(
-            planned,
+            motion.plan,
             job,
             _kernel(kernel),
             stand_at=standing,
@@ -210,35 +196,6 @@ def _input_change(text: str) -> "InputChange":
 _LEVELS: Final = {"on": True, "off": False}
 
 
-def _planned(
-    robot: "Robot", trajectory: "Trajectory", stretch: str | None, speed: str | None, file: "FileMotion | None"
-) -> "Plan":
-    """Plan a motion with the slowness that --stretch or --speed asks for, and say what that makes of it."""
-    from steptwin.host.planning.planner import plan, plan_stretched
-
-    factor = _stretch_factor(stretch, speed)
-    explained = nullcontext() if file is None else file.explained(factor or 1.0)
-    with naming_options("stretch", "interpolate", ramps_s="--ramps"), explained:
-        if stretch is None and speed is None:
-            return plan(robot, trajectory)
-        planned = plan_stretched(robot, trajectory, factor)
-    new_s, old_s = planned.trajectory.duration_s, trajectory.duration_s
-    if planned.trajectory is trajectory:
-        say("not stretched: it is slow enough", err=True)
-    else:
-        say(f"stretched {new_s / old_s:.4g} times: {new_s:.3f} s instead of {old_s:.3f} s", err=True)
-    return planned
-
-
-def _stretch_factor(stretch: str | None, speed: str | None) -> float | None:
-    """Return the factor that --stretch or --speed gives; None without them, and for `auto`."""
-    if stretch is not None and speed is not None:
-        raise InputError(f"--stretch {stretch} --speed {speed}: give only one of them")
-    if speed is not None:
-        return 100.0 / positive_number(speed, "--speed")
-    return None if stretch in (None, "auto") else positive_number(stretch, "--stretch")
-
-
 def _refuse(options: dict[str, Any], board: str) -> None:
     given = [name for name, value in options.items() if value is not None]
     if given:
@@ -250,45 +207,6 @@ def _only(words: list[str]) -> str:
         given = " ".join(words) or "nothing"
         raise InputError(f"one JOB or FILE is needed after the robot, not {given}")
     return words[0]
-
-
-def _file(
-    robot: "Robot", job: str, options: dict[str, str], interpolate: InterpolationName | None, ramps: str | None
-) -> "FileMotion | None":
-    """Return the motion in a trajectory file, with its points; None for a job or a program."""
-    from steptwin.host.planning.trajectory_file import is_trajectory_file
-
-    if is_trajectory_file(job):
-        return file_motion(robot, job, options, interpolate, ramps)
-    refuse_file_options(interpolate, ramps)
-    return None
-
-
-def _say_summary(job: str, file: "FileMotion | None", plan: "Plan", *, stretched: bool, to_stderr: bool) -> None:
-    if file is not None:
-        say_file_motion(job, file, plan, stretched=stretched, to_stderr=to_stderr)
-
-
-def _trajectory(robot: "Robot", job: str, options: dict[str, str]) -> "Trajectory":
-    from steptwin.host.planning.jobs import make_job
-    from steptwin.host.planning.trajectory_file import SUFFIXES
-
-    if job.endswith(".toml"):
-        return _program(robot, job, options)
-    if Path(job).is_file():
-        raise InputError(f"{job}: a trajectory file ends in {' or '.join(SUFFIXES)}")
-    return make_job(robot, job, options)
-
-
-def _program(robot: "Robot", path: str, options: dict[str, str]) -> "Trajectory":
-    from steptwin.host.common.bad_input import prefixed
-    from steptwin.host.planning.programs import compile_program, read_program
-
-    if options:
-        raise InputError(f"option {next(iter(options))}: a program has no options")
-    program = read_program(path)
-    with prefixed(f"{path}: "):
-        return compile_program(program, robot).trajectory
 
 
 def _kernel(choice: _KernelName) -> "Kernel":

@@ -1,6 +1,7 @@
 """Robots: one TOML file for each robot that StepTwin brings; a user's own file has the same form."""
 
 from importlib.resources import files
+from typing import Final
 
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.file_limits import ROBOT_BYTES_MAX
@@ -8,24 +9,25 @@ from steptwin.host.common.text_file import read_text
 from steptwin.host.robots.reader import parse_robot, read_robot
 from steptwin.host.robots.robot import Robot
 
-__all__ = ["load_robot", "load_robot_file", "parse_robot", "read_robot", "robot_names"]
+__all__ = ["SUFFIX", "load_robot", "load_robot_file", "parse_robot", "read_robot", "robot_names"]
 
-_SUFFIX = ".toml"
+SUFFIX: Final = ".toml"
+"""End of the name of a robot's file."""
 
 
 def robot_names() -> tuple[str, ...]:
     """Return the names of the robots that StepTwin brings, sorted."""
     entries = (entry.name for entry in files(__name__).iterdir())
-    return tuple(sorted(name.removesuffix(_SUFFIX) for name in entries if name.endswith(_SUFFIX)))
+    return tuple(sorted(name.removesuffix(SUFFIX) for name in entries if name.endswith(SUFFIX)))
 
 
 def load_robot(name: str) -> Robot:
     """Return a robot by its name, or by the path of a .toml file; raise InputError with the key of a wrong value."""
-    if name.endswith(_SUFFIX):
+    if name.endswith(SUFFIX):
         return load_robot_file(name)
     if name not in robot_names():
         raise unknown("robot", name, robot_names())
-    file = files(__name__) / f"{name}{_SUFFIX}"
+    file = files(__name__) / f"{name}{SUFFIX}"
     return parse_robot(file.read_text(encoding="utf-8"), file.name)
 
 

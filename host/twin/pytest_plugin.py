@@ -105,12 +105,12 @@ def steptwin_board(request: pytest.FixtureRequest, steptwin_make_board: "MakeBoa
 
 def _robot(name: str, config: pytest.Config) -> "Robot":
     from steptwin.host.common.errors import InputError
-    from steptwin.host.robots import load_robot, robot_names
+    from steptwin.host.robots import SUFFIX, load_robot, robot_names
 
     if not name:
         names = ", ".join(robot_names())
         raise InputError(f'which robot? @pytest.mark.{_MARKER}("ROBOT") or {_INI} in the ini-file; there are {names}')
-    return load_robot(str(config.rootpath / name) if name.endswith(".toml") else name)
+    return load_robot(str(config.rootpath / name) if name.endswith(SUFFIX) else name)
 
 
 def _last_frames(board: "BoardUnderTest") -> str:

@@ -18,7 +18,7 @@ from steptwin.host.planning.programs.program import AnyStep, Call, Program, Repe
 from steptwin.host.planning.programs.steps import Step
 from steptwin.host.planning.samples import Samples
 from steptwin.host.planning.trajectory import Trajectory
-from steptwin.host.robots import load_robot
+from steptwin.host.robots import SUFFIX, load_robot
 from steptwin.host.robots.robot import Robot
 
 STEPS_MAX: Final = 5_000
@@ -90,7 +90,7 @@ def _names(given: str | None, robot: Robot) -> bool:
     """Return whether a program names the robot, by its name or by the path of its file, or names none."""
     if given is None or given == robot.name:
         return True
-    return given.endswith(".toml") and load_robot(given).name == robot.name
+    return given.endswith(SUFFIX) and load_robot(given).name == robot.name
 
 
 def _written_out(
