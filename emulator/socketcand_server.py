@@ -28,7 +28,7 @@ WINDOW_FRAMES: Final = 16
 BACKLOG_MAX_BYTES: Final = 1 << 20
 """Bytes that a client may leave unread beside the operating system's buffers: some 20 000 frames."""
 REST_S: Final = 0.2
-"""Time for which nobody is accepted after the operating system had no file for a client."""
+"""Time for which no client is accepted after the operating system had no file for a client."""
 _OUT_OF_FILES: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 _SELECT_FILES: Final = 1024
 """Number of files that `select` can wait for (FD_SETSIZE); those of the whole process count."""
@@ -116,7 +116,7 @@ class SocketcandServer:
         self._tend(client)
 
     def _rest(self) -> None:
-        """Accept nobody for a while: a client that waits would keep the loop awake although no file is left for it."""
+        """Accept no client for a while: one that waits would keep the loop awake although no file is left for it."""
         _log.warning("no file is left for another client")
         self._loop.watch(self._listener, 0, self._accept)
         self._loop.call_after(REST_S, self._listen)

@@ -2,7 +2,7 @@
 
 A program claims the nodes in the order of their ids, so that of two programs one gets them all. Other programs see the
 answers to a claim, too, and cannot tell them from the answers to their own. So a claim is decided by the token that the
-node then holds, which is the same for whoever reads it.
+node then holds, which every program reads alike.
 
 A node forgets the token when it loses a heartbeat, and when it has monitored none for a second: docs/canopen.md.
 """

@@ -96,10 +96,9 @@ def move(
 
     The goal is in mm and degrees, None for a joint that stays. Such a joint may stand outside its limits or, unless it
     is coupled to one that moves, not know its position, as after an interrupted homing: it does not move. StepTwin
-    knows no obstacles, whoever moves one joint watches the machine. `speed_percent` is the part of the joints' speed
-    and acceleration limits to use.
-    `progress` is called with the part of the longest way that is covered. With `anywhere` the goal may be outside the
-    limits and positions may be unknown.
+    knows no obstacles: the operator must watch the machine. `speed_percent` is the part of the joints' speed and
+    acceleration limits to use. `progress` is called with the part of the longest way that is covered. With `anywhere`
+    the goal may be outside the limits and positions may be unknown.
 
     Raises:
         InputError: a joint's goal is outside its limits, or a program that claims no lease moves the machine.
