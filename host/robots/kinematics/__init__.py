@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from steptwin.host.robots.kinematics.base import Branch, Kinematics, geometry_of, pose_words, within_limits
 from steptwin.host.robots.kinematics.hybrid import HybridArm
 from steptwin.host.robots.kinematics.kinds import kind_named
+from steptwin.host.robots.kinematics.links import Link, Role
 from steptwin.host.robots.kinematics.planar2r import Elbow, Planar2R
 from steptwin.host.robots.kinematics.scara import Scara
 from steptwin.host.robots.kinematics.slider_pair import AssemblyMode, SliderPair, WorkingMode
@@ -16,7 +17,9 @@ __all__ = [
     "Elbow",
     "HybridArm",
     "Kinematics",
+    "Link",
     "Planar2R",
+    "Role",
     "Scara",
     "SliderPair",
     "WorkingMode",

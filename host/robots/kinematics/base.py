@@ -18,6 +18,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Reading, Table
 from steptwin.host.robots.joint import Joint, Unit
 from steptwin.host.robots.kinematics.dh import DhTable
+from steptwin.host.robots.kinematics.links import Link
 from steptwin.host.robots.robot import Dimension, Robot
 
 Geometry = TypeVar("Geometry")
@@ -129,6 +130,13 @@ class Kinematics(Protocol):
 
     def forward(self, joints: FloatArray) -> FloatArray:
         """Return poses of shape (n, 4) for joints of shape (n, joints); the joints' limits are not checked."""
+        ...
+
+    def links(self, joints: FloatArray) -> tuple[Link, ...]:
+        """Return the parts to draw for joints of shape (n, joints), from the base to the tool.
+
+        The last point of the last part is the tool's tip, as `forward` gives it.
+        """
         ...
 
     def inverse(self, poses: FloatArray, near: FloatArray | None = None) -> tuple[Branch, ...]:

@@ -28,6 +28,7 @@ from steptwin.host.robots.kinematics.base import (
 )
 from steptwin.host.robots.kinematics.dh import Convention, DhRow, DhTable, Parameter
 from steptwin.host.robots.kinematics.dimension import dimension
+from steptwin.host.robots.kinematics.links import Link, Role, line, point, slide, tool
 from steptwin.host.robots.kinematics.slider_pair import AssemblyMode, SliderPair, WorkingMode
 from steptwin.host.robots.robot import Robot
 
@@ -63,6 +64,7 @@ class HybridArm:
         height_mm: the tool's height at z3 = 0.
         z2_max_mm: largest |z2| allowed.
         dh: the equivalent serial chain R-P-P-R, with th1, z2, z3, th4 as variables.
+        geometry: the dimensions.
     """
 
     limits: tuple[Joint, ...]
@@ -71,6 +73,7 @@ class HybridArm:
     height_mm: float
     z2_max_mm: float
     dh: DhTable
+    geometry: HybridGeometry
 
     @classmethod
     def of(cls, robot: Robot) -> Self:
@@ -101,6 +104,7 @@ class HybridArm:
             height_mm=geometry.l1_mm - geometry.l4_mm,
             z2_max_mm=geometry.z2_max_mm,
             dh=DhTable(Convention.MODIFIED, rows),
+            geometry=geometry,
         )
 
     @property
@@ -134,6 +138,37 @@ class HybridArm:
                 self.height_mm + z3_mm,
                 wrapped_deg(joints[:, TH1] + joints[:, TH4]),
             ]
+        )
+
+    def links(self, joints: FloatArray) -> tuple[Link, ...]:
+        """Return waist, screws, sliders with their links, arm and tool, for joints of shape (n, 4)."""
+        geometry, poses = self.geometry, self.forward(joints)
+        th1_rad = np.deg2rad(joints[:, TH1])
+        outwards = point(np.cos(th1_rad), np.sin(th1_rad), 0.0)
+        reach_mm = self.radius_mm + self.z2_max_mm
+
+        def at(radius_mm: FloatArray | float, height_mm: FloatArray | float) -> FloatArray:
+            return np.asarray(outwards * np.reshape(radius_mm, (-1, 1)) + point(0.0, 0.0, height_mm))
+
+        z2_mm, z3_mm = self.sliders.forward(joints[:, Z5], joints[:, Z6], AssemblyMode.ABOVE)
+        platform_mm = at(geometry.l2_mm + z2_mm, geometry.l1_mm + z3_mm)
+        wrist_mm = at(self.radius_mm + z2_mm, geometry.l1_mm + z3_mm)
+        parts = []
+        for column, radius_mm in ((Z5, geometry.l2_mm - geometry.h_mm), (Z6, geometry.l2_mm + geometry.h_mm)):
+            limits, slid_mm = self.limits[column], geometry.l1_mm + joints[:, column]
+            ends = (at(radius_mm, geometry.l1_mm + end_mm) for end_mm in (limits.lower, limits.upper))
+            parts += [
+                line(f"screw {limits.name}", Role.GUIDE, *ends),
+                slide(f"slider {limits.name}", at(radius_mm, slid_mm), reach_mm),
+                line(f"link {limits.name}", Role.LINK, at(radius_mm, slid_mm), platform_mm),
+            ]
+        frame = (at(geometry.l2_mm - geometry.h_mm, geometry.l1_mm), at(geometry.l2_mm + geometry.h_mm, geometry.l1_mm))
+        return (
+            line("waist", Role.GUIDE, at(0.0, 0.0), at(0.0, geometry.l1_mm)),
+            line("frame", Role.GUIDE, at(0.0, geometry.l1_mm), *frame),
+            *parts,
+            line("arm", Role.LINK, platform_mm, wrist_mm),
+            *tool(wrist_mm, poses, reach_mm),
         )
 
     def inverse(self, poses: FloatArray, near: FloatArray | None = None) -> tuple[Branch, ...]:

@@ -21,7 +21,9 @@ from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.kinematics.angles import wrapped_deg
 from steptwin.host.robots.kinematics.base import Branch, Constraint, joint_constraints, nearest_turns
 from steptwin.host.robots.kinematics.dh import DhTable
+from steptwin.host.robots.kinematics.links import Link
 from steptwin.host.robots.kinematics.planar2r import Elbow, Planar2R
+from steptwin.host.robots.kinematics.scara_links import scara_links
 
 SINGULAR: Final = 0.005
 """Least |sin(elbow)|, 0.29 degrees from a stretched or folded arm: below it the arm is near singular."""
@@ -46,6 +48,8 @@ class Scara:
         wrist_sign: w, -1 if the tool points down, otherwise 1.
         tool_mm: l_tool, the tool's distance from the wrist's axis, in the direction of the attitude.
         slides: pairs of a joint's column and the coordinate of the pose that it shifts, 0 for x or 2 for z.
+        base_mm: height of the first link with the lift at 0, only for drawing.
+        offset_mm: height of the second link above the first, likewise.
     """
 
     limits: tuple[Joint, ...]
@@ -61,6 +65,8 @@ class Scara:
     wrist_sign: int = 1
     tool_mm: float = 0.0
     slides: tuple[tuple[int, int], ...] = ()
+    base_mm: float = 0.0
+    offset_mm: float = 0.0
 
     @property
     def branches(self) -> tuple[str, ...]:
@@ -90,6 +96,10 @@ class Scara:
         for column, coordinate in self.slides:
             poses[:, coordinate] += joints[:, column]
         return poses
+
+    def links(self, joints: FloatArray) -> tuple[Link, ...]:
+        """Return the slides' guides, the column, both links and the tool, for joints of shape (n, joints)."""
+        return scara_links(self, joints)
 
     def inverse(self, poses: FloatArray, near: FloatArray | None = None) -> tuple[Branch, ...]:
         """Return the branches `right` and `left` for poses of shape (n, 4); the slides are as in `near`, or at 0."""

@@ -104,6 +104,8 @@ def scara_of(robot: Robot, geometry: ScaraGeometry, dh: DhTable) -> Scara:
         lift_sign=_SIGNS[geometry.lift_positive],
         wrist_sign=_SIGNS[geometry.tool],
         tool_mm=geometry.tool_mm,
+        base_mm=geometry.base_mm,
+        offset_mm=geometry.offset_mm,
     )
 
 
