@@ -13,8 +13,9 @@ from steptwin.host.common.bad_input import apart, at_most, prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import NAME_CHARS_MAX, TITLE_CHARS_MAX
 from steptwin.host.common.findings import Findings, check_all
-from steptwin.host.common.tables import Reading, Table, check_name, toml_table
+from steptwin.host.common.tables import Reading, Table, check_name, number_at, toml_table
 from steptwin.host.robots.board_settings import ActiveEdge, BoardSettings
+from steptwin.host.robots.box import Box, Range
 from steptwin.host.robots.coupling import Coupling
 from steptwin.host.robots.digital_input import Input
 from steptwin.host.robots.fewer_steps import with_fewer_steps
@@ -62,6 +63,7 @@ def _robot(table: Table) -> Robot:
         outputs=values["outputs"] or {},
         inputs=values["inputs"] or {},
         places=values["places"] or {},
+        boxes=values["boxes"] or {},
         coupling=coupling,
     )
 
@@ -132,6 +134,20 @@ def _joint(tables: Table, name: str) -> Joint:
         return Joint(name, unit, **values, transmission=transmission, switches=switches)
 
 
+def _range(table: Table, key: str) -> Range:
+    ends = table.elements(key)
+    if len(ends) != 2:
+        raise InputError(f"{key}: has {len(ends)} values, but a box has two ends: [from, to]")
+    first, last = (number_at(f"{key}[{i}]", end) for i, end in enumerate(ends))
+    return first, last
+
+
+def _box(tables: Table, name: str) -> Box:
+    with tables.section(name) as table:
+        values = table.read(dict.fromkeys(("x_mm", "y_mm", "z_mm"), _range), {"held_by": Table.text})
+        return Box(**values | {"held_by": values["held_by"] or ""})
+
+
 _place: Final = partial(_each, Table.number)
 _output: Final = _settings(Output, {"joint": Table.text, "out": Table.integer}, {})
 _input: Final = _settings(Input, {"joint": Table.text, "input": Table.integer}, {})
@@ -167,6 +183,7 @@ _ROBOT_OPTIONAL: Final[dict[str, Reading]] = {
     "outputs": partial(_each, _output),
     "inputs": partial(_each, _input),
     "places": partial(_each, _place),
+    "boxes": partial(_each, _box),
 }
 _JOINT: Final[dict[str, Reading]] = {
     "unit": Table.text,

@@ -12,6 +12,7 @@ from steptwin.host.common.bad_input import at_most, nearest_within, outside, unk
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import check_all
 from steptwin.host.robots.board_settings import BoardSettings
+from steptwin.host.robots.box import Box
 from steptwin.host.robots.coupling import Coupling
 from steptwin.host.robots.digital_input import Input
 from steptwin.host.robots.homing import JointHoming
@@ -40,12 +41,14 @@ class Robot:
         outputs: digital outputs of the board, by the name of the device wired to them.
         inputs: digital inputs of the board, by the name of the sensor wired to them.
         places: joint positions that jobs go to, by name; a place may name only some of the joints.
+        boxes: what stands around the machine, by name; only pictures show it.
         coupling: how the axes follow the joints; by default each joint has a motor of its own.
         toml: text of the robot file; empty for a robot that was not read from a file.
 
     Raises:
         InputError: no joints or more than a board drives, a position outside a joint's limits, a place without joints,
-            an output or input of an unknown joint, two of them at one connector, or an axis that cannot be coupled so.
+            an output or input of an unknown joint, two of them at one connector, a box held by an unknown output, or an
+            axis that cannot be coupled so.
     """
 
     name: str
@@ -58,6 +61,7 @@ class Robot:
     outputs: Mapping[str, Output] = field(default_factory=dict)
     inputs: Mapping[str, Input] = field(default_factory=dict)
     places: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    boxes: Mapping[str, Box] = field(default_factory=dict)
     coupling: Coupling = field(default_factory=Coupling)
     toml: str = field(default="", repr=False, compare=False)
 
@@ -72,6 +76,7 @@ class Robot:
             *(partial(self._check_place, key, place) for key, place in places.items()),
             *(partial(self._check_wire, "output", name, outputs) for name in outputs),
             *(partial(self._check_wire, "input", name, inputs) for name in inputs),
+            *(partial(self._check_box, name) for name in self.boxes),
             *(partial(self._check_axis, axis) for axis in range(len(self.joints))),
         )
 
@@ -83,6 +88,11 @@ class Robot:
         first = next(other for other, wired in wiring.items() if wired == wiring[name])
         if first != name:
             raise InputError(f"{what}s.{name}: {what} {number} of {joint} is already wired to {first}")
+
+    def _check_box(self, name: str) -> None:
+        held_by = self.boxes[name].held_by
+        if held_by and held_by not in self.outputs:
+            raise unknown(f"boxes.{name}.held_by: output", held_by, self.outputs)
 
     def _check_place(self, key: str, place: Mapping[str, float]) -> None:
         if not place:

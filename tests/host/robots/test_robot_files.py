@@ -138,12 +138,12 @@ class TestEachRobot:
         assert any(branch.reachable[0] and np.allclose(branch.joints[0], home, atol=1e-4) for branch in branches)
 
     def test_each_number_is_marked_with_its_origin(self, robot: Robot) -> None:
-        """[S]tated, [D]erived or [A]ssumed; a place has one mark for all its numbers."""
+        """[S]tated, [D]erived or [A]ssumed; a place or a box has one mark for all its numbers."""
         text = (files("steptwin.host.robots") / f"{robot.name}.toml").read_text(encoding="utf-8")
         section = ""
         for line in text.splitlines():
             section = line if line.startswith("[") else section
-            if re.match(r"\S+ = [-\d{]", line):
+            if re.match(r"\S+ = [-\d{\[]", line):
                 assert re.search(r"# \[[SDA]\]", section + line), line
 
 
@@ -323,6 +323,22 @@ class TestMistakesInAFile:
             ),
             pytest.param("th2 = 60.0", "", "home.th2: is missing", id="missing home"),
             pytest.param("th2 = 60.0", "th2 = 60.0\nth4 = 0", "home.th4: key 'th4' is unknown", id="home of nobody"),
+            pytest.param(
+                "[575.0, 1175.0]", "[575.0, 575.0]", "boxes.shelf.x_mm: 575 mm is not above 575 mm", id="flat box"
+            ),
+            pytest.param(
+                "[575.0, 1175.0]", "[575.0]", "boxes.shelf.x_mm: has 1 values, but a box has two ends", id="one end"
+            ),
+            pytest.param(
+                "[575.0, 1175.0]", '[575.0, "x"]', "boxes.shelf.x_mm[1]: 'x' is not a number", id="end of a box"
+            ),
+            pytest.param("[575.0, 1175.0]", "575.0", "boxes.shelf.x_mm: 575.0 is not a list", id="no ends"),
+            pytest.param(
+                'held_by = "lock"',
+                'held_by = "lok"',
+                "boxes.drawer-A1.held_by: output 'lok' is unknown: did you mean lock?",
+                id="held by nothing",
+            ),
             pytest.param("[board]", "[bord]", "bord: key 'bord' is unknown: did you mean board", id="section"),
             pytest.param(
                 'name = "warehouse-scara"',

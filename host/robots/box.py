@@ -1,0 +1,72 @@
+"""A box around the machine, such as a shelf or a drawer: pictures show it, and nothing that moves depends on it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Final
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.errors import InputError
+
+TOUCH_MM: Final = 1.0
+"""Distance from a box at which the tool still touches it."""
+
+Range = tuple[float, float]
+TipAt = Callable[[FloatArray], FloatArray]
+"""Returns the tool's positions, shape (n, 3) in mm, at instants of shape (n,) in seconds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A box with its sides along the world's axes.
+
+    Attributes:
+        x_mm: its ends along x; likewise y_mm and z_mm.
+        held_by: the output that holds it at the tool; empty for a box that stands still.
+
+    Raises:
+        InputError: an end is not above the other.
+    """
+
+    x_mm: Range
+    y_mm: Range
+    z_mm: Range
+    held_by: str = ""
+
+    def __post_init__(self) -> None:
+        for key in ("x_mm", "y_mm", "z_mm"):
+            low_mm, high_mm = getattr(self, key)
+            if not low_mm < high_mm:
+                raise InputError(f"{key}: {high_mm:g} mm is not above {low_mm:g} mm")
+
+    @property
+    def edges_mm(self) -> FloatArray:
+        """Its twelve edges, shape (12, 2, 3)."""
+        corners = list(product(self.x_mm, self.y_mm, self.z_mm))
+        pairs = [(a, b) for n, a in enumerate(corners) for b in corners[n + 1 :]]
+        return np.array([pair for pair in pairs if sum(x != y for x, y in zip(*pair, strict=True)) == 1])
+
+    def touched_by(self, point_mm: FloatArray) -> bool:
+        """Return whether a point, shape (3,), is in the box or at most TOUCH_MM from it along each axis."""
+        ends_mm = np.array([self.x_mm, self.y_mm, self.z_mm])
+        return bool((point_mm >= ends_mm[:, 0] - TOUCH_MM).all() and (point_mm <= ends_mm[:, 1] + TOUCH_MM).all())
+
+    def shifts_mm(self, t_s: FloatArray, holds_s: Sequence[Range], tip_at: TipAt) -> FloatArray:
+        """Return how far the tool has moved the box at instants of shape (n,), shape (n, 3).
+
+        Args:
+            t_s: the instants.
+            holds_s: first and last instant of each time for which the output `held_by` was on, in order.
+            tip_at: the tool's positions.
+        """
+        shifts_mm, shifted_mm = np.zeros((len(t_s), 3)), np.zeros(3)
+        for from_s, to_s in holds_s:
+            taken_mm, left_mm = tip_at(np.array([from_s, to_s]))
+            if not self.touched_by(taken_mm - shifted_mm):
+                continue
+            since = t_s >= from_s
+            shifts_mm[since] = shifted_mm + tip_at(np.minimum(t_s[since], to_s)) - taken_mm
+            shifted_mm = shifted_mm + left_mm - taken_mm
+        return shifts_mm
