@@ -1,6 +1,7 @@
 """Link in real time to a bus: a served board's socketcand port, or any interface of python-can."""
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -54,8 +55,9 @@ class BusLink:
     Time for which this program is held up does not count in time limits: what came in meanwhile has not been looked at.
     """
 
-    def __init__(self, bus: can.BusABC, title: str) -> None:
-        self.network: canopen.Network = BusNetwork(bus, title)
+    def __init__(self, bus: can.BusABC, title: str, network: Callable[[], BusNetwork] | None = None) -> None:
+        """Connect to a bus, named `title` in messages; `network` makes another network on it than the usual one."""
+        self.network: canopen.Network = network() if network else BusNetwork(bus, title)
         self.network.connect()
         self.held_up_s = 0.0
         self._all_held_up_s = 0.0

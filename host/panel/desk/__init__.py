@@ -1,0 +1,65 @@
+"""The operator's desk: one machine on one bus, which any number of pages watch and one operator moves.
+
+Begin reading at `desk.py: Desk`. Nothing here knows of a page.
+"""
+
+from steptwin.host.panel.desk.commands import (
+    Command,
+    DeclareHere,
+    Disable,
+    Enable,
+    HomeAll,
+    HomeJoint,
+    Jog,
+    JointJog,
+    MoveJoints,
+    MoveTool,
+    ResetFaults,
+    RunMotion,
+    StepJoint,
+    StepTool,
+    SwitchOutput,
+    ToolJog,
+    WriteSettings,
+)
+from steptwin.host.panel.desk.desk import Desk
+from steptwin.host.panel.desk.events import Event, EventLog, Severity
+from steptwin.host.panel.desk.history import History, Samples
+from steptwin.host.panel.desk.operators import Operators
+from steptwin.host.panel.desk.refused import RefusedError
+from steptwin.host.panel.desk.results import Result
+from steptwin.host.panel.desk.settings import Setting
+from steptwin.host.panel.desk.snapshot import Activity, JointView, Snapshot
+
+__all__ = [
+    "Activity",
+    "Command",
+    "DeclareHere",
+    "Desk",
+    "Disable",
+    "Enable",
+    "Event",
+    "EventLog",
+    "History",
+    "HomeAll",
+    "HomeJoint",
+    "Jog",
+    "JointJog",
+    "JointView",
+    "MoveJoints",
+    "MoveTool",
+    "Operators",
+    "RefusedError",
+    "ResetFaults",
+    "Result",
+    "RunMotion",
+    "Samples",
+    "Setting",
+    "Severity",
+    "Snapshot",
+    "StepJoint",
+    "StepTool",
+    "SwitchOutput",
+    "ToolJog",
+    "WriteSettings",
+]

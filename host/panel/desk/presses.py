@@ -1,0 +1,104 @@
+"""Hold-to-jog: a button moves the machine while its page says, again and again, that it is held.
+
+Each press of a button has a number; the numbers of a client only count up. A press ends when the button is released,
+when no beat comes for the lease, or when the desk ends it. It is then dead for ever: beats of it that were held up on
+their way do not set the machine moving again.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from threading import Lock
+from typing import Final
+
+from steptwin.host.panel.desk.commands import Jog
+from steptwin.host.panel.desk.refused import RefusedError
+
+BEAT_S: Final = 0.08
+"""Time after which a page repeats its beat."""
+LEASE_S: Final = 0.25
+"""Time after the last beat at which a press ends: two beats may be lost and the third late."""
+EXPIRED: Final = "the page has fallen silent: press the button again"
+RELEASED: Final = "the button was released"
+
+
+@dataclass(frozen=True, slots=True)
+class Press:
+    """A button that is held.
+
+    Attributes:
+        client: the page.
+        number: number of the press on this page.
+        jog: what it moves.
+    """
+
+    client: str
+    number: int
+    jog: Jog
+
+
+class Presses:
+    """The one button that is held, and the presses that are over; may be used from any thread."""
+
+    def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
+        self._now_s = now_s
+        self._present: Press | None = None
+        self._until_s = 0.0
+        self._over: dict[str, tuple[int, str]] = {}
+        """Number of the last press of each client that is over, and why it is."""
+        self._lock = Lock()
+
+    @property
+    def present(self) -> Press | None:
+        """The press that is held now; None without one."""
+        with self._lock:
+            self._expire()
+            return self._present
+
+    def holds(self, press: Press) -> bool:
+        """Return whether a press is still held."""
+        return self.present is press
+
+    def beat(self, client: str, number: int, jog: Jog) -> None:
+        """Begin a press, or hold it for another lease; raise RefusedError, with why, if it is over."""
+        with self._lock:
+            self._expire()
+            last, why = self._over.get(client, (-1, ""))
+            if number <= last:
+                raise RefusedError(why if number == last else RELEASED)
+            held = self._present
+            if held is None or (held.client, held.number) != (client, number):
+                self._end(RELEASED)
+                self._present = Press(client, number, jog)
+            self._until_s = self._now_s() + LEASE_S
+
+    def release(self, client: str, number: int) -> None:
+        """End a press; one that has not come yet, too."""
+        with self._lock:
+            held = self._present
+            if held is not None and held.client == client and held.number <= number:
+                self._end(RELEASED)
+            last, _ = self._over.get(client, (-1, ""))
+            if number > last:
+                self._over[client] = number, RELEASED
+
+    def end(self, why: str) -> None:
+        """End the press that is held, if any."""
+        with self._lock:
+            self._end(why)
+
+    def forget(self, client: str) -> None:
+        """Forget a client that is gone for ever; its press ends."""
+        with self._lock:
+            if self._present is not None and self._present.client == client:
+                self._end(RELEASED)
+            self._over.pop(client, None)
+
+    def _expire(self) -> None:
+        if self._now_s() > self._until_s:
+            self._end(EXPIRED)
+
+    def _end(self, why: str) -> None:
+        held, self._present = self._present, None
+        if held is not None:
+            self._over[held.client] = held.number, why

@@ -1,0 +1,208 @@
+"""Turn what the axes report into snapshots, history and events."""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+
+from steptwin.host.client.drive_status import DriveStatus, at_rest
+from steptwin.host.client.words import state_text
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.operate.input_waiting import wired_inputs
+from steptwin.host.operate.joint_positions import joint_positions
+from steptwin.host.operate.session import Session
+from steptwin.host.panel.desk.events import EventLog
+from steptwin.host.panel.desk.history import History
+from steptwin.host.panel.desk.operators import Operators
+from steptwin.host.panel.desk.reports import SILENT_S, AxisReport, Reports
+from steptwin.host.panel.desk.snapshot import Activity, JointView, Snapshot
+from steptwin.host.panel.desk.words import error_words, state_words
+from steptwin.protocol.cia402 import Status
+from steptwin.protocol.pvt import QUEUE_DEPTH
+
+PERIOD_S: Final = 0.02
+"""Least time between two snapshots."""
+_SILENT: Final = f"no report from the machine for {SILENT_S:g} s"
+_ANOTHER: Final = "another program moves the machine"
+
+
+@dataclass(slots=True)
+class Known:
+    """What the worker knows beside the axes' reports.
+
+    Attributes:
+        activity: what the worker makes the machine do.
+        emergency_stopped: True from an emergency stop until the reset.
+        simulated: True if the board says that it is emulated.
+        outputs: the digital outputs, as last read.
+        bus_load_percent, late_ms: figures of a served board.
+    """
+
+    activity: Activity | None = None
+    emergency_stopped: bool = False
+    simulated: bool | None = None
+    outputs: Mapping[str, bool] = field(default_factory=dict)
+    bus_load_percent: float | None = None
+    late_ms: float | None = None
+
+
+class Publisher:
+    """Makes snapshots; the worker publishes, any thread reads `snapshot`."""
+
+    def __init__(self, operators: Operators, history: History, events: EventLog) -> None:
+        self.known = Known()
+        self._operators = operators
+        self._history = history
+        self._events = events
+        self._session: Session | None = None
+        self._reports: Reports | None = None
+        self._published_s = float("-inf")
+        self._states: dict[str, str] = {}
+        """The drives' states that the events tell of, by joint."""
+        self._latest = Snapshot(
+            time_s=time.monotonic(),
+            connected=False,
+            why_not="not connected yet",
+            simulated=None,
+            joints=(),
+            pose=None,
+            links_mm=(),
+            inputs={},
+            outputs={},
+            activity=None,
+            emergency_stopped=False,
+            operator=None,
+        )
+
+    @property
+    def snapshot(self) -> Snapshot:
+        """The newest snapshot; not connected if the axes have fallen silent since."""
+        latest, reports = self._latest, self._reports
+        holder = self._operators.holder
+        latest = replace(
+            latest,
+            operator=holder.name if holder else None,
+            emergency_stopped=self.known.emergency_stopped,
+        )
+        if latest.connected and (reports is None or reports.silent):
+            return replace(latest, connected=False, why_not=_SILENT, activity=None)
+        return latest
+
+    def connected(self, session: Session, reports: Reports) -> None:
+        """Publish what this session's axes report, from now on."""
+        self._session, self._reports = session, reports
+
+    def disconnected(self, why: str) -> None:
+        """Publish that the machine is not connected, and why; the rest stays as last known."""
+        self._session = self._reports = None
+        self._states.clear()
+        self._latest = replace(
+            self._latest, time_s=time.monotonic(), connected=False, why_not=why, activity=None, queue_fill=None
+        )
+
+    def publish(self) -> None:
+        """Publish a snapshot, unless the last one is newer than PERIOD_S or an axis has not reported yet."""
+        now_s = time.monotonic()
+        if now_s - self._published_s < PERIOD_S or self._session is None or self._reports is None:
+            return
+        reports = self._reports.axes
+        drives = [report.drive for report in reports if report.drive is not None]
+        if len(drives) < len(reports) or self._reports.silent:
+            return
+        self._published_s = now_s
+        self._latest = self._snapshot(now_s, self._session, reports, drives)
+        self._tell_changes(self._latest.joints)
+
+    def _snapshot(
+        self, now_s: float, session: Session, reports: Sequence[AxisReport], drives: list[DriveStatus]
+    ) -> Snapshot:
+        robot, known = session.robot, self.known
+        places = joint_positions(
+            robot,
+            [drive.position_units for drive in drives],
+            [bool(drive.statusword & Status.POSITION_KNOWN) for drive in drives],
+        )
+        positions = [place.position for place in places]
+        rates = _joint_values(session, [report.velocity_units_per_s for report in reports])
+        errors = _joint_values(session, [report.following_error_units for report in reports])
+        self._history.add(now_s, np.array(positions), rates, errors)
+        joints = tuple(
+            JointView(
+                name=joint.name,
+                unit=str(joint.unit),
+                position=place.position,
+                rate=_number(rate),
+                following_error=_number(error),
+                lower=joint.lower,
+                upper=joint.upper,
+                homed=place.known,
+                state=state_words(drive.state),
+                drive_state=state_text(drive.state),
+                error=error_words(report.error_code) if drive.in_fault else None,
+            )
+            for joint, place, rate, error, drive, report in zip(
+                robot.joints, places, rates.tolist(), errors.tolist(), drives, reports, strict=True
+            )
+        )
+        return Snapshot(
+            time_s=now_s,
+            connected=True,
+            why_not=None,
+            simulated=known.simulated,
+            joints=joints,
+            pose=session.pose(positions) if all(place.known for place in places) else None,
+            links_mm=(),
+            inputs={name: bool((reports[axis].inputs or 0) & bit) for name, (axis, bit) in wired_inputs(robot).items()},
+            outputs=known.outputs,
+            activity=_activity(known.activity, drives),
+            emergency_stopped=known.emergency_stopped,
+            operator=None,
+            bus_load_percent=known.bus_load_percent,
+            queue_fill=_queue_fill(session, drives),
+            late_ms=known.late_ms,
+        )
+
+    def _tell_changes(self, joints: Sequence[JointView]) -> None:
+        """Log which drives have changed their state, those with the same new state together."""
+        changed: dict[str, list[str]] = {}
+        for joint in joints:
+            if self._states.get(joint.name) != joint.state:
+                self._states[joint.name] = joint.state
+                changed.setdefault(joint.state, []).append(joint.name)
+        for state, names in changed.items():
+            who = "all drives" if len(names) == len(joints) else ", ".join(names)
+            self._events.info(f"{who}: {state}")
+
+
+def _joint_values(session: Session, units: Sequence[int | None]) -> FloatArray:
+    """Return the joints' values from those of the axes in wire units; NaN for all while one is unknown."""
+    if any(each is None for each in units):
+        return np.full(len(units), np.nan)
+    return session.robot.to_positions(np.array(units, dtype=np.int64))
+
+
+def _number(value: float) -> float | None:
+    return None if np.isnan(value) else value
+
+
+def _activity(own: Activity | None, drives: Sequence[DriveStatus]) -> Activity | None:
+    """Return what the machine does: what the worker says, or that it moves although the worker does nothing."""
+    running = [drive for drive in drives if drive.interpolating]
+    paused = bool(running) and all(drive.halted for drive in running)
+    if own is not None:
+        return replace(own, paused=paused, pausable=bool(running))
+    if running or not all(at_rest(drive.statusword, drive.mode) for drive in drives):
+        return Activity(_ANOTHER, None, paused, pausable=bool(running), foreign=True)
+    return None
+
+
+def _queue_fill(session: Session, drives: Sequence[DriveStatus]) -> float | None:
+    """Return the least filled part of the queues of axes that execute a trajectory; None if there is none."""
+    free = [
+        axis.pvt_status.free
+        for axis, drive in zip(session.machine.axes, drives, strict=True)
+        if drive.interpolating and axis.pvt_status is not None
+    ]
+    return 1 - max(free) / QUEUE_DEPTH if free else None

@@ -1,0 +1,173 @@
+"""Telemetry: what the axes report by themselves, without a question, so that no program's dialogue is disturbed."""
+
+import struct
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from typing import Final
+
+import canopen
+
+from steptwin.host.client.axis import AxisClient
+from steptwin.host.client.axis_settings import Objects
+from steptwin.host.client.drive_status import DriveStatus, at_rest
+from steptwin.host.client.faults import await_reports
+from steptwin.host.common.errors import BusError
+from steptwin.host.operate.session import Session
+from steptwin.protocol import od
+from steptwin.protocol.cia402 import Status
+from steptwin.protocol.frame import COB_EMCY, COB_ID_INVALID, COB_ID_NO_RTR, COB_TPDO
+from steptwin.protocol.pdo_defaults import ASYNCHRONOUS
+
+SILENT_S: Final = 0.5
+"""Time without a report after which the machine counts as lost."""
+_PERIOD_MS: Final = 30
+"""Period of the reports at 500 kbit/s and above: two frames of each axis, 6 % of the bus with eight axes."""
+_FULL_RATE: Final = 500_000
+_WORD_BYTES: Final = 4
+_MOTION: Final = struct.Struct("<ii")
+_INPUTS: Final = struct.Struct("<IH")
+_EMERGENCY: Final = struct.Struct("<HB5s")
+
+
+@dataclass(slots=True)
+class AxisReport:
+    """The last reports of one axis.
+
+    Attributes:
+        drive: statusword, state, mode and position; None before the first report.
+        heard_s: when `drive` came, on the clock of `time.monotonic`.
+        following_error_units: difference of demanded and actual position; None if it is not reported.
+        velocity_units_per_s: velocity; None if it is not reported.
+        inputs: the digital inputs (60FDh); None before they are known.
+        error_code: the last error that the node has reported; 0 after its end.
+    """
+
+    drive: DriveStatus | None = None
+    heard_s: float = float("-inf")
+    following_error_units: int | None = None
+    velocity_units_per_s: int | None = None
+    inputs: int | None = None
+    error_code: int = 0
+
+
+class Reports:
+    """The last reports of all axes; the receiving thread writes them, any thread may read them."""
+
+    def __init__(
+        self,
+        network: canopen.Network,
+        axes: tuple[AxisClient, ...],
+        emergency: Callable[[int, int], None],
+    ) -> None:
+        """Listen from now on; `emergency` is called in the receiving thread with an axis' number and an error code."""
+        self.axes = tuple(AxisReport() for _ in axes)
+        for number, (axis, report) in enumerate(zip(axes, self.axes, strict=True)):
+            for cob_id, take in (
+                (COB_TPDO[0], partial(_take_drive, report)),
+                (COB_TPDO[1], partial(_take_motion, report)),
+                (COB_TPDO[3], partial(_take_inputs, report)),
+                (COB_EMCY, partial(_take_emergency, report, partial(emergency, number))),
+            ):
+                network.subscribe(cob_id + axis.node_id, _callback(take))
+
+    @property
+    def heard_s(self) -> float:
+        """When the axis that has been silent for the longest time was heard, on the clock of `time.monotonic`."""
+        return min(report.heard_s for report in self.axes)
+
+    @property
+    def silent(self) -> bool:
+        """True if an axis has not reported for SILENT_S."""
+        return time.monotonic() - self.heard_s > SILENT_S
+
+
+def _callback(take: Callable[[bytes], None]) -> Callable[[int, bytearray, float], None]:
+    """Return the function that the network calls with a frame; frames that cannot be decoded are dropped."""
+
+    def received(_cob_id: int, data: bytearray, _timestamp: float) -> None:
+        with suppress(ValueError, struct.error):
+            take(bytes(data))
+
+    return received
+
+
+def _take_drive(report: AxisReport, data: bytes) -> None:
+    report.drive, report.heard_s = DriveStatus.decode(data), time.monotonic()
+
+
+def _take_motion(report: AxisReport, data: bytes) -> None:
+    report.following_error_units, report.velocity_units_per_s = _MOTION.unpack(data)
+
+
+def _take_inputs(report: AxisReport, data: bytes) -> None:
+    report.inputs, report.error_code = _INPUTS.unpack(data)
+
+
+def _take_emergency(report: AxisReport, emergency: Callable[[int], None], data: bytes) -> None:
+    code, _register, _detail = _EMERGENCY.unpack(data)
+    report.error_code = code
+    emergency(code)
+
+
+# --- setting the reports up
+
+
+def set_up_reports(session: Session) -> bool:
+    """Let the axes report often, with velocity and following error; return False if that must wait.
+
+    It must wait while another program is in charge or an axis moves: a node takes the parameters of its reports only in
+    PRE-OPERATIONAL, where it executes no process data. A board that has them already is left as it is.
+    """
+    await_reports(session.link, session.machine.axes)
+    if session.streaming:
+        return False
+    wanted = [(axis, _objects(axis.node_id, session.robot.board.bitrate)) for axis in session.machine.axes]
+    try:
+        if all(_reports(axis, objects) for axis, objects in wanted):
+            return True
+        if not all(map(_rests, session.machine.axes)):
+            return False
+        with session.alone():
+            session.link.network.nmt.state = "PRE-OPERATIONAL"
+            for axis, objects in wanted:
+                for address, value in objects:
+                    axis.write(address, value)
+            session.link.network.nmt.state = "OPERATIONAL"
+    except BusError:  # another program is in charge; a node that does not answer is soon missed in any case
+        return False
+    return True
+
+
+def _objects(node_id: int, bitrate: int) -> Objects:
+    """Return the parameters of an axis' reports, in the order in which a node takes them.
+
+    TPDO2, which exists no sooner than a master defines it, carries the following error and the velocity.
+    """
+    period_ms = _PERIOD_MS * max(1, _FULL_RATE // bitrate)
+    drive, motion = od.TPDO_COMMUNICATION[:2]
+    mapping = od.TPDO_MAPPING[1]
+    cob_id = COB_TPDO[1] + node_id | COB_ID_NO_RTR
+    mapped = (od.FOLLOWING_ERROR_ACTUAL, od.VELOCITY_ACTUAL)
+    return [
+        (od.address_of(drive, od.PDO_EVENT_TIMER), period_ms),
+        (od.address_of(motion, od.PDO_COB_ID), cob_id | COB_ID_INVALID),
+        (od.address_of(motion, od.PDO_TRANSMISSION_TYPE), ASYNCHRONOUS),
+        (od.address_of(motion, od.PDO_EVENT_TIMER), period_ms),
+        (od.address_of(mapping), 0),
+        *((od.address_of(mapping, i), address << 8 | 8 * _WORD_BYTES) for i, address in enumerate(mapped, start=1)),
+        (od.address_of(mapping), len(mapped)),
+        (od.address_of(motion, od.PDO_COB_ID), cob_id),
+    ]
+
+
+def _reports(axis: AxisClient, objects: Objects) -> bool:
+    """Return whether a node is OPERATIONAL and its reports have these parameters; of several values the last counts."""
+    operational = bool(axis.read(od.STATUSWORD) & Status.REMOTE)
+    return operational and all(axis.read(address) == value for address, value in dict(objects).items())
+
+
+def _rests(axis: AxisClient) -> bool:
+    return at_rest(axis.read(od.STATUSWORD), axis.read(od.MODE_OF_OPERATION_DISPLAY))
