@@ -200,6 +200,12 @@ class Machine:
             self.link.wait(dt_s / looks)
             self._tend()
 
+    def drop_trajectory(self) -> None:
+        """Give up the rest of a trajectory that is halted: tend it no more and close the axes' queues."""
+        self._stream = None
+        for axis in self.axes:
+            axis.write(od.CONTROLWORD, ENABLE_OPERATION)
+
     def _tend(self) -> None:
         """Tend the stream; one that has ended or failed is tended no more."""
         stream, self._stream = self._stream, None

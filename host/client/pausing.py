@@ -4,6 +4,7 @@ Another program may be streaming the trajectory, and it goes on doing so. So onl
 request could disturb a dialogue of that program, since a node serves one at a time.
 """
 
+from collections.abc import Sequence
 from typing import Final
 
 from steptwin.host.client.axis import AxisClient
@@ -28,8 +29,7 @@ def pause_trajectory(machine: Machine) -> bool:
         DeviceFaultError: a fault has ended the trajectory meanwhile.
     """
     running = _running(machine, "pause")
-    for axis in running:
-        axis.send_interpolation_controlword(_RUN | Control.HALT)
+    send_pause(running)
     require(
         machine,
         lambda: all(axis.halted or not axis.interpolating for axis in running),
@@ -39,8 +39,7 @@ def pause_trajectory(machine: Machine) -> bool:
     check_faults(machine.link, machine.axes)
     if any(axis.halted for axis in running):
         return True
-    for axis in running:  # the next trajectory must not find the halt bit set
-        axis.send_interpolation_controlword(_RUN)
+    send_resume(running)  # the next trajectory must not find the halt bit set
     return False
 
 
@@ -53,10 +52,30 @@ def resume_trajectory(machine: Machine) -> None:
         DeviceFaultError: a fault has ended the trajectory meanwhile.
     """
     running = _running(machine, "resume")
-    for axis in running:
-        axis.send_interpolation_controlword(_RUN)
+    send_resume(running)
     require(machine, lambda: not any(axis.halted for axis in running), "the axes do not go on", REPLY_TIMEOUT_S)
     check_faults(machine.link, machine.axes)
+
+
+def abandon_trajectory(machine: Machine) -> None:
+    """Halt the trajectory on its path and give up the rest of it; the axes stay enabled. Raises as `pause_trajectory`.
+
+    The halt is the trajectory's own slower and slower pace, so all axes stay on the path until they rest.
+    """
+    if pause_trajectory(machine):
+        machine.drop_trajectory()
+
+
+def send_pause(axes: Sequence[AxisClient]) -> None:
+    """Tell axes that run a trajectory to halt on its path; wait for nothing, so that any thread may do it."""
+    for axis in axes:
+        axis.send_interpolation_controlword(_RUN | Control.HALT)
+
+
+def send_resume(axes: Sequence[AxisClient]) -> None:
+    """Tell axes to go on with their trajectory; wait for nothing, so that any thread may do it."""
+    for axis in axes:
+        axis.send_interpolation_controlword(_RUN)
 
 
 def _running(machine: Machine, what: str) -> list[AxisClient]:

@@ -32,7 +32,7 @@ def quick_stop(link: Link, axes: Sequence[AxisClient]) -> None:
         BusError: an axis does not answer or does not come to rest; the others have been told to stop.
         DeviceFaultError: an axis refuses the quick stop.
     """
-    _send_quick_stop(link, axes)
+    _begin_quick_stop(link, axes)
     wait_until(link, lambda: all(map(_reacted, axes)), _REACTION_S)
     _each([axis for axis in axes if not _reacted(axis)], lambda axis: axis.write(od.CONTROLWORD, QUICK_STOP))
     require(link, lambda: all(map(_stopped, axes)), "the axes do not come to rest", REST_TIMEOUT_S)
@@ -59,7 +59,7 @@ def emergency_stop(link: Link, axes: Sequence[AxisClient]) -> None:
     into an emergency stop as soon as its SDO arrives, so no other program can set it moving again meanwhile. Raises as
     `quick_stop`, and DeviceFaultError if a drive does not stay in FAULT.
     """
-    _send_quick_stop(link, axes)
+    _begin_quick_stop(link, axes)
     _each(axes, AxisClient.emergency_stop)
     await_rest(link, axes)
     for axis in axes:
@@ -70,11 +70,20 @@ def emergency_stop(link: Link, axes: Sequence[AxisClient]) -> None:
             )
 
 
-def _send_quick_stop(link: Link, axes: Sequence[AxisClient]) -> None:
+def send_quick_stop(link: Link, axes: Sequence[AxisClient]) -> None:
+    """Tell all axes to begin the quick stop in the same tick; wait for nothing, so that any thread may do it.
+
+    Raises BusError if the bus does not take the frames.
+    """
     for axis in axes:
-        axis.drive_status = None
         axis.send_latched_controlword(QUICK_STOP)
     link.network.send_message(COB_SYNC, b"")
+
+
+def _begin_quick_stop(link: Link, axes: Sequence[AxisClient]) -> None:
+    for axis in axes:
+        axis.drive_status = None
+    send_quick_stop(link, axes)
 
 
 def _reacted(axis: AxisClient) -> bool:

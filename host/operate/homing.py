@@ -1,41 +1,73 @@
 """Home a live machine by its switches, or declare where it stands."""
 
+from collections.abc import Collection
 from functools import partial
 
 from steptwin.host.client import HomingSettings, Progress
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.homing_settings import homing_settings
-from steptwin.host.operate.moving import check_goal, move_within
+from steptwin.host.operate.moving import check_goal, goal_units, move_within
 from steptwin.host.operate.recovering import AxisState, axis_states
 from steptwin.host.operate.session import Session
+from steptwin.host.robots.robot import Robot
 
 
 def home_robot(
-    session: Session, *, together: bool = False, stay: bool = False, progress: Progress = lambda _: None
+    session: Session,
+    *,
+    joints: Collection[str] | None = None,
+    together: bool = False,
+    stay: bool = False,
+    progress: Progress = lambda _: None,
 ) -> list[AxisState]:
     """Home the joints as the robot's file says, one after the other or all together, then move to its home position.
 
-    An axis that is coupled to other joints is homed after these, because its home depends on where they stand.
+    `joints` names those to home, by default all; the others stay. An axis that is coupled to other joints is homed
+    after these, because its home depends on where they stand.
 
     With `stay` the axes stay where homing ends. `progress` is called with the part of the joints that is homed.
 
     Raises:
-        InputError: the file has no homing for a joint, or a program that claims no lease moves the machine.
-        DeviceFaultError: a homing failed, or a drive is in fault or was stopped.
+        InputError: the file has no homing for a joint or there is no such joint, or a program that claims no lease
+            moves the machine.
+        DeviceFaultError: a homing failed, a drive is in fault or was stopped, or a joint that stays does not know its
+            position although a home depends on it.
         BusError: another program is in charge, or a node does not answer.
     """
-    for joint in session.robot.joints:
-        if joint.homing is None:
-            raise InputError(f"{joint.name}: the robot's file has no homing for it; declare where it stands instead")
+    robot = session.robot
+    chosen = check_homing(robot, robot.joint_names if joints is None else joints)
     with session.in_charge("home", known=False) as machine:
-        homed, count = 0, len(session.robot.joints)
-        for level in session.robot.coupling.homing_levels(count):
-            part = partial(_part_of_all, progress, homed / count, len(level) / count)
-            machine.home_axes(_level_settings(session, level), part, together=together)
-            homed += len(level)
+        session.require_known(_needed(robot, chosen))
+        homed = 0
+        for level in robot.coupling.homing_levels(len(robot.joints)):
+            own = [axis for axis in level if axis in chosen]
+            part = partial(_part_of_all, progress, homed / len(chosen), len(own) / len(chosen))
+            machine.home_axes(_level_settings(session, own), part, together=together)
+            homed += len(own)
         if not stay:
-            move_within(session, session.demanded_units(), session.units(list(session.robot.home)))
+            goal = [home if axis in chosen else None for axis, home in enumerate(robot.home)]
+            start_units = session.demanded_units()
+            move_within(session, start_units, goal_units(session, start_units, goal))
         return axis_states(session)
+
+
+def check_homing(robot: Robot, names: Collection[str]) -> set[int]:
+    """Return the joints of these names; raise InputError for none, an unknown one or one that cannot be homed."""
+    if not names:
+        raise InputError("home: names no joint")
+    chosen = {robot.index_of(name) for name in names}
+    for joint in sorted(chosen):
+        if robot.joints[joint].homing is None:
+            name = robot.joint_names[joint]
+            raise InputError(f"{name}: the robot's file has no homing for it; declare where it stands instead")
+    return chosen
+
+
+def _needed(robot: Robot, chosen: set[int]) -> set[str]:
+    """Return the axes that stay but must know their positions, because those of other axes' homes depend on them."""
+    joints = {joint for axis in chosen for joint in robot.coupling.joints_of(axis)}
+    axes = {axis for joint in joints - chosen for axis in robot.coupling.axes_of(joint)}
+    return {robot.joint_names[axis] for axis in axes - chosen}
 
 
 def _part_of_all(progress: Progress, before: float, weight: float, part: float) -> None:

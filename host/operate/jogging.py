@@ -1,5 +1,6 @@
-"""Jog one joint at a speed, for a time or until Ctrl-C."""
+"""Jog one joint at a speed: for a time, until a condition holds, or until Ctrl-C."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil, floor, inf
 
@@ -48,14 +49,16 @@ def check_jog(robot: Robot, name: str, speed: float) -> Joint:
     return joint
 
 
-def jog(session: Session, name: str, speed: float, seconds: float | None) -> Jogged:
-    """Move one joint at a speed until a time is over or the joint stands at its limit.
+def jog(
+    session: Session, name: str, speed: float, seconds: float | None, *, until: Callable[[], bool] = lambda: False
+) -> Jogged:
+    """Move one joint at a speed until a time is over, `until` returns True, or the joint stands at its limit.
 
     All axes that are coupled to the joint move in proportion, from start to end, so that the other joints stand still.
     All ramps have the highest acceleration that joint and axes allow. If the joint's position is known, the board keeps
     its limits; otherwise it has none. The speed is in mm/s or degrees/s; its sign is the direction. The time includes
-    the ramp up. Without a time the joint moves until KeyboardInterrupt, which then ends the jog by a ramp and is not
-    raised further.
+    the ramp up; `until` is called every 10 ms and once before the start. Without a time the joint moves until
+    KeyboardInterrupt, which then ends the jog by a ramp and is not raised further.
 
     Raises:
         InputError, DeviceFaultError, BusError: as `move`, but the position may be unknown.
@@ -66,12 +69,18 @@ def jog(session: Session, name: str, speed: float, seconds: float | None) -> Jog
     moving = list(axes.values())
     with session.in_charge("jog", known=False):
         start = session.positions(session.machine.positions_units())[joint]
+        if until():
+            return Jogged(name, start, start, at_limit=False)
         _set_limits(session, joint, axes)
         drives = _drives(robot, joint, speed, axes)
         _start(session, drives)
         until_s = session.link.now_s() + (inf if seconds is None else seconds)
         try:
-            follow(session.link, moving, lambda: session.link.now_s() >= until_s or all(map(_at_limit, moving)))
+            follow(
+                session.link,
+                moving,
+                lambda: session.link.now_s() >= until_s or until() or all(map(_at_limit, moving)),
+            )
         except KeyboardInterrupt:
             if seconds is not None:
                 raise

@@ -113,12 +113,20 @@ def move(
     with session.in_charge("move", known=False):
         start_units = session.demanded_units()
         start = session.positions(start_units)
-        reached = [standing if position is None else position for position, standing in zip(goal, start, strict=True)]
-        moved, goal_units = _axes_moved(session.robot, goal), session.units(reached)
-        goal_units = [units if i in moved else start_units[i] for i, units in enumerate(goal_units)]
-        planned_s = move_within(session, start_units, goal_units, speed_percent, progress)
+        planned_s = move_within(session, start_units, goal_units(session, start_units, goal), speed_percent, progress)
         end_units = session.machine.positions_units()
-    return Moved(start, reached, session.positions(end_units), planned_s)
+    return Moved(start, _reached(start, goal), session.positions(end_units), planned_s)
+
+
+def _reached(start: list[float], goal: Sequence[float | None]) -> list[float]:
+    return [standing if position is None else position for position, standing in zip(goal, start, strict=True)]
+
+
+def goal_units(session: Session, start_units: list[int], goal: Sequence[float | None]) -> list[int]:
+    """Return where the axes go when the joints with a goal do, in wire units; an axis that need not move stays."""
+    reached = session.units(_reached(session.positions(start_units), goal))
+    moved = _axes_moved(session.robot, goal)
+    return [units if axis in moved else start_units[axis] for axis, units in enumerate(reached)]
 
 
 def _axes_moved(robot: Robot, goal: Sequence[float | None]) -> set[int]:

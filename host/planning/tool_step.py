@@ -100,10 +100,18 @@ def _passing_text(robot: Robot, standing: list[float], step: ToolStep) -> str:
 
 
 def _plan(robot: Robot, standing: list[float], step: ToolStep) -> Plan:
-    return plan_stretched(robot, _motion(robot, _within_limits(robot, standing), step))
+    return plan_stretched(robot, _motion(robot, within_limits(robot, standing), step))
 
 
-def _within_limits(robot: Robot, standing: list[float]) -> FloatArray:
+def step_path(robot: Robot, start: FloatArray, step: ToolStep) -> ToolPath:
+    """Return the tool's path of a step from the joints `start`, of shape (joints,)."""
+    kinematics = make_kinematics(robot)
+    here: Pose = tuple(kinematics.forward(start[np.newaxis])[0].tolist())
+    path = _path(here, step)
+    return FreeAttitude(path) if kinematics.attitude_follows else path
+
+
+def within_limits(robot: Robot, standing: list[float]) -> FloatArray:
     """Return a joint position without what only the rounding to wire units puts beyond limits."""
     within = np.array(standing)
     units = robot.to_units(within)
@@ -118,10 +126,7 @@ def _within_limits(robot: Robot, standing: list[float]) -> FloatArray:
 def _motion(robot: Robot, start: FloatArray, step: ToolStep) -> Trajectory:
     kinematics = make_kinematics(robot)
     branch = present_branch(robot, start)
-    here: Pose = tuple(kinematics.forward(start[np.newaxis])[0].tolist())
-    path = _path(here, step)
-    if kinematics.attitude_follows:
-        path = FreeAttitude(path)
+    path = step_path(robot, start, step)
     goal = _goal(kinematics, path, branch, start)
     speed = step.speed_percent / 100 * (TURN_SPEED_MAX_DEG_S if isinstance(path, Turn) else SPEED_MAX_MM_S)
     if _straight_in_joints(robot, path, start, goal):  # also at a singularity, for a lift or a wrist alone

@@ -3,10 +3,11 @@
 import pytest
 
 from steptwin.host.common.errors import InputError
-from steptwin.host.operate.homing import declare
+from steptwin.host.operate.homing import declare, home_robot
 from steptwin.host.operate.moving import move
 from steptwin.host.operate.session import Session
 from steptwin.host.twin.embedded_board import EmbeddedBoard
+from tests.host.client.machines import TH1
 from tests.host.operate.sessions import HOME, ROBOT, CommandLine
 
 HOME_TEXT = " ".join(map(str, HOME))
@@ -25,6 +26,19 @@ def test_the_machine_may_stay_at_its_switches(steptwin: CommandLine) -> None:
     document = steptwin.json("home warehouse-scara --together --stay")
     assert all(axis["position_known"] for axis in document["axes"])
     assert [axis["position"] for axis in document["axes"]] != pytest.approx(HOME, abs=0.05)
+
+
+def test_one_joint_is_homed_and_the_others_stay(session: Session, board: EmbeddedBoard) -> None:
+    move(session, [position + 5.0 for position in HOME])
+    before = board.driver_positions()
+    states = home_robot(session, joints=["th1"])
+    after = board.driver_positions()
+    assert [i for i in range(6) if after[i] != before[i]] == [TH1]
+    assert [state.position_known for state in states] == [True] * 6
+    assert after[TH1] / ROBOT.steps_per_unit[TH1] == pytest.approx(HOME[TH1], abs=0.05)
+    for names, complaint in ((["th9"], "^joint 'th9' is unknown"), ([], "^home: names no joint$")):
+        with pytest.raises(InputError, match=complaint):
+            home_robot(session, joints=names)
 
 
 def test_declaring_the_position(steptwin: CommandLine, board: EmbeddedBoard) -> None:

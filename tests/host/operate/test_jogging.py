@@ -1,16 +1,22 @@
-"""Jogging for a time, up to a limit, until Ctrl-C."""
+"""Jogging a joint for a time, up to a limit, until Ctrl-C, and a joint or the tool while a condition lasts."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from steptwin.controller.backend import Kernel
 from steptwin.host.client import AxisClient, faults, profile_motion
+from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import DeviceFaultError, InputError
 from steptwin.host.operate.jogging import check_jog, jog
 from steptwin.host.operate.recovering import axis_states
 from steptwin.host.operate.session import Session
+from steptwin.host.operate.stepping import step_tool
+from steptwin.host.operate.tool_jogging import jog_tool
+from steptwin.host.planning.tool_step import ToolStep
+from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Mode
@@ -19,6 +25,10 @@ from tests.host.complaints import complaint_of
 from tests.host.operate.sessions import HALF_STEPS, HOME, ROBOT, CommandLine, board_at
 
 AT_REST = [0, -(1 << 31), (1 << 31) - 1]
+
+
+def tool_of(joints: list[float]) -> FloatArray:
+    return np.asarray(make_kinematics(ROBOT).forward(np.array([joints]))[0])
 
 
 def left_by(axis: AxisClient) -> list[int]:
@@ -85,6 +95,44 @@ def test_ctrl_c_before_the_time_is_over_stops_all_axes(
     assert steptwin.run("jog warehouse-scara th1 20 --seconds 10")[:2] == (130, "")
     assert [state.state for state in axis_states(session)] == ["QUICK STOP ACTIVE"] * 6
     assert left_by(session.machine.axes[TH1]) == AT_REST
+
+
+def after(looks: int) -> Callable[[], bool]:
+    """Return a condition that holds from this look on."""
+    left = [looks]
+
+    def holds() -> bool:
+        left[0] -= 1
+        return left[0] <= 0
+
+    return holds
+
+
+def test_a_condition_ends_a_jog(board: EmbeddedBoard, session: Session) -> None:
+    """It is looked at every 10 ms, and once before the start."""
+    jogged = jog(session, "th1", 20.0, None, until=after(101))
+    assert jogged.end - jogged.start == pytest.approx(20.0, abs=1.5)
+    assert left_by(session.machine.axes[TH1]) == AT_REST
+    before = board.driver_positions()
+    stood = jog(session, "th1", 20.0, None, until=lambda: True)
+    assert (stood.start, board.driver_positions()) == (stood.end, before)
+
+
+def test_a_jog_of_the_tool_ends_on_its_line(board: EmbeddedBoard, session: Session) -> None:
+    """By a condition, which leaves nothing that could go on; and where the reach ends."""
+    jogged = jog_tool(session, "y", -20.0, after(101))
+    assert not jogged.at_end
+    ways = tool_of(jogged.end)[:3] - tool_of(jogged.start)[:3]
+    assert ways == pytest.approx([0.0, -20.0, 0.0], abs=4.0)
+    assert ways[[0, 2]] == pytest.approx([0.0, 0.0], abs=0.1)
+    standing = board.driver_positions()
+    board.wait(0.5)
+    assert board.driver_positions() == standing
+    assert [state.state for state in axis_states(session)] == ["OPERATION ENABLED"] * 6
+    assert jog_tool(session, "z", 20.0, lambda: False).at_end
+    stood = jog_tool(session, "z", -20.0, lambda: True)
+    assert stood.start == stood.end
+    step_tool(session, ToolStep({"y": 1.0}, 20.0))
 
 
 def test_taking_charge_begins_with_targets_at_rest(board: EmbeddedBoard, session: Session) -> None:

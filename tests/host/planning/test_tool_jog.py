@@ -1,0 +1,59 @@
+"""Ways of the tool for a held button: straight, at the speed asked for, as far as the arm reaches."""
+
+import numpy as np
+import pytest
+
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.tool_jog import WAY_MAX_MM, check_tool_jog, plan_tool_jog
+from steptwin.host.planning.tool_step import SPEED_MAX_MM_S, ToolStep, farthest_part
+from steptwin.host.robots import load_robot
+from steptwin.host.robots.robot import Robot
+from tests.host.planning.test_tool_step import ROBOTS, STANDING, poses, standing
+
+DIRECTIONS = [("x", -1.0), ("y", 1.0), ("z", -1.0)]
+
+
+@pytest.mark.parametrize(("axis", "sign"), DIRECTIONS)
+@pytest.mark.parametrize("robot", ROBOTS, ids=list(STANDING))
+def test_the_way_is_straight_and_ends_where_the_reach_ends(robot: Robot, axis: str, sign: float) -> None:
+    """A search by whole plans finds the same end; the way may end a millimetre or a fiftieth before it."""
+    start = standing(robot)
+    plan = plan_tool_jog(robot, start, axis, 50.0 * sign)
+    path = poses(plan, np.linspace(0.0, plan.trajectory.duration_s, 101))
+    ways = path[:, :3] - path[0, :3]
+    column = "xyz".index(axis)
+    assert np.abs(np.delete(ways, column, axis=1)).max() < 1e-6
+    farthest = farthest_part(robot, start, ToolStep({axis: sign * WAY_MAX_MM}, 20.0))
+    assert farthest
+    reach = farthest.distances[axis]
+    assert 0.98 * abs(reach) - 1.0 <= sign * ways[-1, column] <= abs(reach) + 0.1
+
+
+def test_the_speed_is_what_was_asked_for_where_the_joints_allow_it() -> None:
+    robot = load_robot("calibration-scara")
+    for speed in (10.0, 50.0):
+        plan = plan_tool_jog(robot, standing(robot), "x", -speed)
+        t_s = np.linspace(0.0, plan.trajectory.duration_s, 2001)
+        speeds = np.linalg.norm(np.diff(poses(plan, t_s)[:, :3], axis=0), axis=1) / np.diff(t_s)
+        assert speeds.max() == pytest.approx(speed, rel=0.02)
+
+
+def test_where_it_is_too_fast_soon_it_is_slower_and_goes_as_far() -> None:
+    """The warehouse's lift makes some 60 mm/s: at 250 mm/s not even a millimetre would pass."""
+    robot = load_robot("warehouse-scara")
+    fast, slow = (plan_tool_jog(robot, standing(robot), "z", speed) for speed in (SPEED_MAX_MM_S, 10.0))
+    ends = [poses(plan, np.array([plan.trajectory.duration_s]))[0, 2] for plan in (fast, slow)]
+    assert ends[0] == pytest.approx(ends[1], abs=1e-6)
+    assert fast.trajectory.duration_s < slow.trajectory.duration_s
+
+
+def test_bad_jogs_are_refused() -> None:
+    robot = load_robot("lab-scara")
+    with pytest.raises(InputError, match=r"^coordinate 'w' is unknown: there are x, y, z, phi$"):
+        check_tool_jog("w", 1.0)
+    for speed in (0.0, SPEED_MAX_MM_S * 1.001, -SPEED_MAX_MM_S * 1.001):
+        with pytest.raises(InputError, match=r"^x: a speed of \S+ mm/s is not above 0 and up to 250 mm/s, with a sign"):
+            check_tool_jog("x", speed)
+    top = [robot.joints[0].upper, *standing(robot)[1:]]
+    with pytest.raises(InputError, match=r"jog a joint first$"):
+        plan_tool_jog(robot, top, "z", 10.0)
