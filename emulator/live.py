@@ -11,6 +11,7 @@ its clock stands instead (`stand`), and the frames enter before it goes on.
 
 from collections import deque
 from collections.abc import Callable, Hashable
+from functools import partial
 from typing import Final, NamedTuple
 
 from steptwin.controller.backend import Kernel
@@ -36,8 +37,7 @@ Viewer = Callable[[Frame, int, Sender | None], None]
 
 class _Incoming(NamedTuple):
     now_ns: int
-    frame: Frame
-    sender: Sender
+    enter: Callable[[], None]
 
 
 class LiveSimulation:
@@ -68,7 +68,18 @@ class LiveSimulation:
 
     def send(self, frame: Frame, sender: Sender, now_ns: int) -> None:
         """Queue a frame that has come in at an instant; instants may not decrease from call to call."""
-        self._incoming.append(_Incoming(now_ns, frame, sender))
+        self.call(partial(self._enter, frame, sender), now_ns)
+
+    def call(self, action: Callable[[], None], now_ns: int) -> None:
+        """Let something be done at an instant of the wall clock, such as an operation on a machine.
+
+        The action is called when the boards have come to this instant, in order with the frames of `send`.
+        """
+        self._incoming.append(_Incoming(now_ns, action))
+
+    def _enter(self, frame: Frame, sender: Sender) -> None:
+        self._senders.setdefault(frame, deque()).append(sender)
+        self.simulation.host.send(frame, self.simulation.now_counts)
 
     def _heard(self, frame: Frame, counts: int) -> None:
         self._due_counts.append(counts)
@@ -115,10 +126,9 @@ class LiveSimulation:
         until_counts = self._until_counts(now_ns, moving=moving)
         incoming, counts_at = self._incoming, self.pacer.counts_at
         while incoming and (counts := counts_at(incoming[0].now_ns)) <= until_counts:
-            _, frame, sender = incoming.popleft()
+            enter = incoming.popleft().enter
             simulation.run_until(counts)
-            self._senders.setdefault(frame, deque()).append(sender)
-            simulation.host.send(frame, simulation.now_counts)
+            enter()
         simulation.run_until(until_counts)
         if moving:
             self._ticks = range(-(-from_counts // TICK_COUNTS), -(-simulation.now_counts // TICK_COUNTS))

@@ -135,6 +135,11 @@ class SocketcandSession:
         self._inbox.clear()
         self._held = None
 
+    @property
+    def closed(self) -> bool:
+        """True if the client broke the protocol."""
+        return self.mode is SessionMode.CLOSED
+
     # --- out
 
     @property
