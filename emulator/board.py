@@ -12,7 +12,16 @@ from steptwin.emulator.can_controller import CanController
 from steptwin.emulator.driver_bank import SUPPLIES, WIRING, AxisTrace, DriverBank
 from steptwin.emulator.driver_module import Module
 from steptwin.emulator.inputs import BoardInputs
-from steptwin.emulator.operations import BoardTemperature, DriverProtect, EmergencyStop, Operation, SetInput, Supply
+from steptwin.emulator.operations import (
+    BoardTemperature,
+    DriverProtect,
+    EmergencyStop,
+    Operation,
+    SetInput,
+    StuckSwitch,
+    Supply,
+)
+from steptwin.emulator.surroundings import AxisSurroundings, Surroundings
 from steptwin.emulator.switches import Switch, Travel
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.dictionary import FlashPage
@@ -132,11 +141,23 @@ class Board:
                 self._look_at_protect(axis)
             case SetInput(axis, which, on):
                 self._inputs.set_general(axis, which, on=on)
+            case StuckSwitch(axis, which, closed):
+                self._inputs.stick(axis, which, closed=closed)
             case Supply(supply_10mv):
                 self._measure(replace(self._measurements, supply_10mv=supply_10mv), now_counts)
             case BoardTemperature(temperature_decidegc):
                 self._measure(replace(self._measurements, temperature_decidegc=temperature_decidegc), now_counts)
         self._look_at_once = self._look_at_once or self._inputs.levels != self._seen
+
+    @property
+    def surroundings(self) -> Surroundings:
+        """What the machine around the board is like now; switches as they were read last."""
+        return Surroundings(
+            self._inputs.emergency_stop,
+            self._measurements.supply_10mv,
+            self._measurements.temperature_decidegc,
+            tuple(map(AxisSurroundings, self._inputs.levels, self._inputs.stuck, self._held_protects)),
+        )
 
     def _measure(self, measurements: Measurements, now_counts: int) -> None:
         self._measurements = measurements

@@ -69,6 +69,15 @@ class BoardInputs:
         levels = self._general[axis]
         self._general[axis] = levels | which if on else levels & ~which
 
+    def stick(self, axis: int, which: DigitalInput, *, closed: bool | None) -> None:
+        """Hold a switch of an axis closed or open, or let it follow the axis again (None)."""
+        self._axes[axis].stick(which, closed=closed)
+
+    @property
+    def stuck(self) -> list[DigitalInput]:
+        """The switches of each axis that are held at a level."""
+        return [axis.stuck for axis in self._axes]
+
     def restart_count(self) -> None:
         """Expect the motion's count of starts to begin at 0 again, because the firmware has restarted."""
         self._starts_seen = 0

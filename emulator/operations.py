@@ -3,9 +3,14 @@
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
-from steptwin.protocol.cia402 import GENERAL_INPUTS, DigitalInput
+from steptwin.protocol.cia402 import GENERAL_INPUTS, SWITCH_INPUTS, DigitalInput
+
+SUPPLIES_10MV: Final = range(1 << 16)
+"""Voltages that the board can measure: those of its object 0x2002:02, an unsigned integer of 16 bits."""
+TEMPERATURES_DECIDEGC: Final = range(-(1 << 15), 1 << 15)
+"""Temperatures that the board can measure: those of its object 0x2002:01, a signed integer of 16 bits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,12 +34,18 @@ class Supply:
 
     supply_10mv: int
 
+    def __post_init__(self) -> None:
+        _check("supply_10mv", self.supply_10mv, SUPPLIES_10MV)
+
 
 @dataclass(frozen=True, slots=True)
 class BoardTemperature:
     """The board gets this temperature, in 0.1 degC."""
 
     temperature_decidegc: int
+
+    def __post_init__(self) -> None:
+        _check("temperature_decidegc", self.temperature_decidegc, TEMPERATURES_DECIDEGC)
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +61,30 @@ class SetInput:
             raise ValueError(f"a general input is one of {', '.join(map(str, GENERAL_INPUTS))}, not {self.input!r}")
 
 
-Operation = EmergencyStop | DriverProtect | Supply | BoardTemperature | SetInput
+@dataclass(frozen=True, slots=True)
+class StuckSwitch:
+    """A limit or home switch of an axis sticks closed or open wherever the machine is, or is free again (None).
+
+    Closed is active. An input to which no switch is wired can be held closed as well, as by a chafed cable.
+    """
+
+    axis: int
+    switch: DigitalInput
+    closed: bool | None
+
+    def __post_init__(self) -> None:
+        if self.switch not in SWITCH_INPUTS:
+            raise ValueError(f"a switch is one of {', '.join(map(str, SWITCH_INPUTS))}, not {self.switch!r}")
+
+
+AxisOperation = DriverProtect | SetInput | StuckSwitch
+"""Operations at the connector of one axis."""
+Operation = EmergencyStop | Supply | BoardTemperature | AxisOperation
+
+
+def _check(name: str, value: int, valid: range) -> None:
+    if value not in valid:
+        raise ValueError(f"{name} {value} is not from {valid.start} to {valid.stop - 1}")
 
 
 class Scheduled(NamedTuple):

@@ -10,9 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Self
 
-from steptwin.protocol.cia402 import DigitalInput
-
-_KINDS = (DigitalInput.NEGATIVE_LIMIT, DigitalInput.POSITIVE_LIMIT, DigitalInput.HOME)
+from steptwin.protocol.cia402 import SWITCH_INPUTS, DigitalInput
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,8 +35,9 @@ class Switch:
     hysteresis_sixteenths: int = 0
 
     def __post_init__(self) -> None:
-        if self.input not in _KINDS:
-            raise ValueError(f"a switch is one of {', '.join(str(kind.name) for kind in _KINDS)}, not {self.input!r}")
+        if self.input not in SWITCH_INPUTS:
+            names = ", ".join(str(kind.name) for kind in SWITCH_INPUTS)
+            raise ValueError(f"a switch is one of {names}, not {self.input!r}")
         if self.from_sixteenths is None and self.to_sixteenths is None:
             raise ValueError("a switch without from_sixteenths and to_sixteenths would always be closed")
         if (
@@ -109,11 +108,14 @@ class Travel:
 
 
 class AxisSwitches:
-    """An axis' switches and its position."""
+    """An axis' switches and its position; a switch that sticks still follows the axis, unseen."""
 
     def __init__(self, switches: Sequence[Switch], position_sixteenths: int) -> None:
         self.position_sixteenths = position_sixteenths
         self._closed = {switch: switch.closed_at(position_sixteenths, before=False) for switch in switches}
+        self.stuck = DigitalInput(0)
+        """Inputs that are held at a level, whatever the position."""
+        self._stuck_closed = DigitalInput(0)
 
     def __bool__(self) -> bool:
         return bool(self._closed)
@@ -124,14 +126,19 @@ class AxisSwitches:
         for switch, closed in self._closed.items():
             self._closed[switch] = switch.closed_at(self.position_sixteenths, before=closed)
 
+    def stick(self, which: DigitalInput, *, closed: bool | None) -> None:
+        """Hold an input closed or open, or let it follow the position again (None)."""
+        self.stuck = self.stuck & ~which if closed is None else self.stuck | which
+        self._stuck_closed = self._stuck_closed | which if closed else self._stuck_closed & ~which
+
     @property
     def levels(self) -> DigitalInput:
-        """Inputs whose switches are closed."""
+        """Inputs that are closed."""
         levels = DigitalInput(0)
         for switch, closed in self._closed.items():
             if closed:
                 levels |= switch.input
-        return levels
+        return levels & ~self.stuck | self._stuck_closed if self.stuck else levels
 
     @property
     def sixteenths_to_change(self) -> int:

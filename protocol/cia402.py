@@ -107,6 +107,9 @@ class DigitalInput(IntFlag):
     """IN1 and IN2 at the axis' connector: the drive only reports them, they are for the host's programs."""
 
 
+SWITCH_INPUTS = DigitalInput.NEGATIVE_LIMIT, DigitalInput.POSITIVE_LIMIT, DigitalInput.HOME
+"""The inputs to which the switches along an axis are wired."""
+
 GENERAL_INPUTS = DigitalInput.IN1, DigitalInput.IN2
 """The inputs to which a user's sensors are wired, in the order of their numbers."""
 

@@ -1,6 +1,6 @@
 """The board's inputs: a switch changes for the firmware with the tick after the driver's count has passed its edge."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -25,6 +25,7 @@ from steptwin.emulator.operations import (
     Operation,
     Scheduled,
     SetInput,
+    StuckSwitch,
     Supply,
 )
 from steptwin.emulator.simulation import Simulation
@@ -383,6 +384,30 @@ class TestOperations:
         dictionary = board.firmware.nodes[0].dictionary
         assert (dictionary.get(od.BOARD_TEMPERATURE), dictionary.get(od.SUPPLY_VOLTAGE)) == (400, 1200)
 
+    @pytest.mark.parametrize("ends_closed", [False, True])
+    def test_a_stuck_switch_hides_its_edges_until_it_is_free(self, fast_kernel: Kernel, ends_closed: bool) -> None:
+        """It goes on following the axis, so once free it depends on the way, by its hysteresis; others are as always."""
+        board = board_of(fast_kernel, 2, Switch(0, HOME, 20, 30, 2), Switch(1, HOME, from_sixteenths=10))
+        seen = watched(board)
+        stick = [StuckSwitch(0, HOME, closed) for closed in (True, False, None)]
+        schedule = [Scheduled(at_ms * MS, each) for at_ms, each in zip((5, 6, 400), stick, strict=True)]
+        simulation = Simulation([board], Bus(1_000_000), schedule)
+        there = records_through([(50, 100), (30 if ends_closed else 31, 100), (31, 20)])
+        run(simulation, {0x10: there, 0x11: records_through([(20, 100)])}, 399)
+        assert [levels[0] for counts, levels in seen if counts < 7 * MS] == [HOME, NONE]
+        assert [levels for _, levels in seen[2:]] == [[NONE, HOME]]
+        assert board.surroundings.axes[0].stuck == HOME
+        simulation.run_until(401 * MS)
+        assert seen[3:] == ([(400 * MS, [HOME, HOME])] if ends_closed else [])
+        assert board.surroundings.axes[0].stuck == NONE
+
+    def test_an_axis_stops_at_a_limit_switch_that_sticks_closed_under_way(self, fast_kernel: Kernel) -> None:
+        board = board_of(fast_kernel, 1, Switch(0, POSITIVE, from_sixteenths=1_000))
+        simulation = Simulation([board], Bus(1_000_000), [Scheduled(60 * MS, StuckSwitch(0, POSITIVE, closed=True))])
+        run(simulation, {0x10: records_through([(60, 100)])}, 200)
+        assert (states(board), errors(board)) == ([State.FAULT], [ErrorCode.LIMIT_SWITCH])
+        assert 0 < board.position_steps(0) < 60
+
     def test_a_schedule_is_kept_to_the_count(self, fast_kernel: Kernel) -> None:
         """In order of time, the first of two at the same instant first; what the bus does meanwhile changes nothing."""
         pressed, released = EmergencyStop(pressed=True), EmergencyStop(pressed=False)
@@ -401,6 +426,23 @@ class TestOperations:
         assert errors(board) == [ErrorCode.UNDERVOLTAGE]
         simulation.run_until(40 * MS)
         assert seen == [(30 * MS + TICK_COUNTS, [DigitalInput.ESTOP])]
+
+    @pytest.mark.parametrize(
+        ("make", "valid", "invalid"),
+        [
+            (Supply, (0, 65_535), (-1, 65_536)),
+            (BoardTemperature, (-32_768, 32_767), (-32_769, 32_768)),
+            (lambda bits: StuckSwitch(0, DigitalInput(bits), closed=None), (1, 2, 4), (0, 3, 1 << 18)),
+        ],
+    )
+    def test_what_is_impossible_is_refused(
+        self, make: Callable[[int], Operation], valid: tuple[int, ...], invalid: tuple[int, ...]
+    ) -> None:
+        for value in valid:
+            make(value)
+        for value in invalid:
+            with pytest.raises(ValueError, match=r" is not from | is one of "):
+                make(value)
 
     def test_each_board_has_its_own(self, fast_kernel: Kernel) -> None:
         boards = [
