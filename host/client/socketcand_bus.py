@@ -12,17 +12,15 @@ import threading
 import time
 from collections import deque
 from contextlib import suppress
-from typing import Any, Final, Never
+from typing import Final, Never
 
 import can
 
+from steptwin.host.client.connecting import ANSWER_S, SILENT, connected
 from steptwin.host.common.printable import printable
 
-ANSWER_S: Final = 1.0
-"""Time in which a server must accept and greet a client, answer an echo, and make room for what is sent."""
 SILENCE_S: Final = 1.0
 """Silence of the server after which it is asked for an echo."""
-_SILENT: Final = f"accepts but does not answer within {ANSWER_S:g} s"
 _LOOK_S: Final = 0.5
 """Longest time between two looks at how long the server has been silent."""
 _READ_BYTES: Final = 4096
@@ -51,7 +49,7 @@ class SocketcandBus(can.BusABC):
         self._messages: deque[can.Message] = deque()
         self._sending = threading.Lock()
         until_s = time.monotonic() + ANSWER_S
-        self._socket = _connected(host, port, until_s)
+        self._socket = connected(host, port, until_s)
         try:
             self._shake_hands(channel, until_s)
         except BaseException:
@@ -79,7 +77,7 @@ class SocketcandBus(can.BusABC):
         while not (item := self._next_item()):
             left_s = until_s - time.monotonic()
             if left_s <= 0:
-                raise can.CanInitializationError(_SILENT)
+                raise can.CanInitializationError(SILENT)
             self._socket.settimeout(left_s)
             with suppress(TimeoutError):
                 self._inbox += self._received()
@@ -170,7 +168,7 @@ class SocketcandBus(can.BusABC):
         now_s = time.monotonic()
         if self._asked_s is not None:
             if now_s - self._asked_s > ANSWER_S:
-                self._fail(_SILENT)
+                self._fail(SILENT)
         elif now_s - self._heard_s > SILENCE_S:
             self._asked_s = now_s
             self._write("< echo >")
@@ -206,43 +204,3 @@ def _message(frame: re.Match[bytes], channel: str) -> can.Message:
 def _text(said: bytes) -> str:
     """Return the beginning of what a server said, fit for a terminal."""
     return printable(said[:_SHOWN_BYTES].decode("latin-1"))
-
-
-def _connected(host: str, port: int, until_s: float) -> socket.socket:
-    """Connect to the first address of a host that accepts; raise OSError if none does in time."""
-    failure: OSError = TimeoutError(f"does not answer within {ANSWER_S:g} s")
-    for family, kind, protocol, _, address in _addresses(host, port, until_s):
-        connecting = socket.socket(family, kind, protocol)
-        connecting.settimeout(max(0.001, until_s - time.monotonic()))
-        try:
-            connecting.connect(address)
-        except TimeoutError:
-            connecting.close()
-        except OSError as error:
-            connecting.close()
-            failure = error
-        else:
-            connecting.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            return connecting
-    raise failure
-
-
-def _addresses(host: str, port: int, until_s: float) -> list[Any]:
-    """Look up a host's addresses, as `getaddrinfo` does, in a thread: the look-up itself has no time limit."""
-    found: list[Any] = []
-    errors: list[OSError] = []
-
-    def look_up() -> None:
-        try:
-            found.extend(socket.getaddrinfo(host, port, type=socket.SOCK_STREAM))
-        except (OSError, UnicodeError) as error:
-            errors.append(error if isinstance(error, OSError) else OSError(f"{host} is not a host's name"))
-
-    looking = threading.Thread(target=look_up, name=f"address of {host}", daemon=True)
-    looking.start()
-    looking.join(max(0.0, until_s - time.monotonic()))
-    if errors:
-        raise errors[0]
-    if looking.is_alive():
-        raise TimeoutError(f"no name server knows {host} within {ANSWER_S:g} s")
-    return list(found)

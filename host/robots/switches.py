@@ -47,6 +47,16 @@ class JointSwitches:
             if below is not None and above is not None and not below < above:
                 raise InputError(f"{high}: {above:g} is not above {low}, {below:g}")
 
+    @property
+    def inputs(self) -> tuple[DigitalInput, ...]:
+        """The inputs to which the joint's switches are wired."""
+        fitted = {
+            DigitalInput.NEGATIVE_LIMIT: self.negative_limit is not None,
+            DigitalInput.POSITIVE_LIMIT: self.positive_limit is not None,
+            DigitalInput.HOME: self.home_from is not None or self.home_to is not None,
+        }
+        return tuple(which for which, there in fitted.items() if there)
+
     def check_outside(self, lower: float, upper: float, unit: str) -> None:
         """Raise InputError if a limit switch lies within the joint's limits, where a motion would close it."""
         negative, positive = self.negative_limit, self.positive_limit

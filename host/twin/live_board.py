@@ -1,6 +1,7 @@
 """Run a robot's boards in real time, record what happens on the bus and at the drivers, and report on it."""
 
 import time
+from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -17,9 +18,10 @@ from steptwin.emulator.bus import Bus
 from steptwin.emulator.driver_bank import AxisTrace
 from steptwin.emulator.lateness import Lateness
 from steptwin.emulator.live import LiveSimulation, warm_up
-from steptwin.emulator.operations import SetInput
+from steptwin.emulator.operations import AxisOperation, Operation
 from steptwin.emulator.pacer import Pacer
 from steptwin.emulator.simulation import Simulation
+from steptwin.emulator.surroundings import Surroundings
 from steptwin.host.common.errors import RecordingError
 from steptwin.host.record.bus_log import BusLog, log_line
 from steptwin.host.record.folder import LIVE_JOB, AxisTotals, Header, Mark, Piece, Recording
@@ -39,6 +41,9 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 RECORD_EVERY_S: Final = 0.5
 """Period in which `record` must be called: until then the drivers' history is held in memory."""
+
+OPERATIONS_MAX: Final = 1000
+"""Number of operations on the machine that are remembered, so that memory stays bounded."""
 
 _OPEN_TICKS: Final = 4
 """Servo ticks before now in which a driver's count may still be open: 1 ms, several times a driver's longest limit."""
@@ -133,6 +138,7 @@ class LiveBoard:
         firsts = [config.first_node_id - FIRST_NODE_ID for config in configs]
         driven = [robot.joints[first:last] for first, last in pairwise((*firsts, len(robot.joints)))]
         flashes = [commissioned_flash(robot, joints) for joints in driven]
+        self._operations: deque[tuple[float, Operation]] = deque(maxlen=OPERATIONS_MAX)
         self._boards = [Board(config, kernel, flash) for config, flash in zip(configs, flashes, strict=True)]
         self._axes = [(board, axis) for board in self._boards for axis in range(board.config.axis_count)]
         """Board of each joint, and the number of the joint's axis on it."""
@@ -155,10 +161,29 @@ class LiveBoard:
         )
         return Header(self.robot.name, self.driver_profile.name, bitrate, axes)
 
-    def operate(self, operation: SetInput) -> None:
-        """Set an input of a joint's axis, whose number among all boards' axes the operation names; in the loop only."""
-        board, axis = self._axes[operation.axis]
-        self.live.simulation.operate(replace(operation, axis=axis), self._boards.index(board))
+    def operate(self, operation: Operation) -> None:
+        """Do an operation on the machine now; in the loop only.
+
+        An operation on an axis names its number among all boards' axes; any other is done at every board.
+        """
+        if isinstance(operation, AxisOperation):
+            board, axis = self._axes[operation.axis]
+            self.live.simulation.operate(replace(operation, axis=axis), self._boards.index(board))
+        else:
+            for number in range(len(self._boards)):
+                self.live.simulation.operate(operation, number)
+        self._operations.append((self.live.simulation.now_s, operation))
+
+    @property
+    def surroundings(self) -> Surroundings:
+        """What the machine is like now; what is the same for all axes of a board is the same for all boards."""
+        around = [board.surroundings for board in self._boards]
+        return replace(around[0], axes=tuple(axis for each in around for axis in each.axes))
+
+    @property
+    def operations(self) -> list[tuple[float, Operation]]:
+        """The last operations with their instants in seconds since power-up."""
+        return list(self._operations)
 
     # --- recording
 
@@ -251,6 +276,18 @@ class LiveBoard:
         """Part of the time since power-up in which the bus was busy, in percent."""
         return 100 * self.bus.busy_bits / (self.bus.bitrate * max(self.simulated_s, 1e-3))
 
+    def bus_figures(self) -> dict[str, Any]:
+        """Return the bus' bit rate, its number of frames and its load since power-up."""
+        return {
+            "bitrate": self.bus.bitrate,
+            "frames": self.bus.frames,
+            "load_percent": round(self.bus_load_percent, 3),
+        }
+
+    def real_time(self) -> dict[str, Any]:
+        """Return the speed, and how late and how often held up the board was."""
+        return {"speed": self.live.pacer.speed, **self.lateness(), "stalls": self.stalls()}
+
     def lateness(self) -> dict[str, dict[str, float]]:
         """Return how late the servo ticks of motions and the board's frames were, in us of the wall clock."""
         return {"ticks": _figures(self.live.ticks), "frames": _figures(self.live.frames)}
@@ -304,12 +341,8 @@ class LiveBoard:
                 "start": self.robot.from_steps(np.array([joint.start_steps for joint in joints])).tolist(),
                 "end": self.robot.from_steps(np.array([joint.end_steps for joint in joints])).tolist(),
             },
-            "bus": {
-                "bitrate": self.bus.bitrate,
-                "frames": self.bus.frames,
-                "load_percent": round(self.bus_load_percent, 3),
-            },
-            "real_time": {"speed": self.live.pacer.speed, **self.lateness(), "stalls": self.stalls()},
+            "bus": self.bus_figures(),
+            "real_time": self.real_time(),
             "simulated_s": round(self.simulated_s, 6),
             "wall_s": round(self.wall_s, 6),
         }

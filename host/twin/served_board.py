@@ -13,6 +13,8 @@ from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.record.folder import keep_any_run, keep_log, prepare_folder
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.axes_per_board import check_axes_per_board
+from steptwin.host.twin.control.operations import request_of
+from steptwin.host.twin.control.port import ControlPort
 from steptwin.host.twin.endpoints import open_endpoint
 from steptwin.host.twin.input_changes import set_input
 from steptwin.host.twin.live_board import RECORD_EVERY_S, LiveBoard
@@ -30,6 +32,7 @@ class ServedBoard:
     Attributes:
         board: the board with its bus and everything recorded about it.
         endpoint: the server or bus at which programs reach the board.
+        control: the port at which programs operate its machine; None unless it was asked for.
     """
 
     def __init__(
@@ -39,6 +42,7 @@ class ServedBoard:
         stand_at: Standing | None = None,
         host: str | None = None,
         port: int | None = None,
+        control_port: int | None = None,
         allow_remote: bool = False,
         interface: str | None = None,
         channel: str | None = None,
@@ -59,6 +63,8 @@ class ServedBoard:
             stand_at: joint positions at which it stands, mm and degrees: all, or some by name; else the robot's home.
             host: address at which the socketcand server listens; by default 127.0.0.1.
             port: TCP port of the server; by default 29536, socketcand's own; 0 takes a free one.
+            control_port: TCP port of this machine at which programs press its emergency stop, let its switches stick
+                and the like (docs/control-port.md); 0 takes a free one; None: there is none.
             allow_remote: allow an address that other machines reach.
             interface: python-can's name of an interface on which the board is put instead.
             channel: of that interface.
@@ -95,6 +101,9 @@ class ServedBoard:
         self.endpoint = open_endpoint(host, port, interface, channel, bits_per_s, allow_remote=allow_remote)
         with ExitStack() as on_error:
             on_error.callback(self.endpoint.close)
+            self.control = None if control_port is None else ControlPort(control_port)
+            if self.control:
+                on_error.callback(self.control.close)
             self.board = LiveBoard(
                 robot,
                 standing,
@@ -125,7 +134,17 @@ class ServedBoard:
 
     def report(self) -> dict[str, Any]:
         """Return the figures under the keys of report.json (docs/live.md); final when the board has ended."""
-        return self._final or self.board.report() | {self.endpoint.kind: self.endpoint.figures()}
+        if self._final:
+            return self._final
+        robot, control = self.board.robot, self.control
+        operations = [
+            {"at_s": round(at_s, 6)} | request_of(robot, operation) for at_s, operation in self.board.operations
+        ]
+        return (
+            self.board.report()
+            | {"operations": operations, self.endpoint.kind: self.endpoint.figures()}
+            | ({"control": control.figures()} if control else {})
+        )
 
     def __enter__(self) -> "ServedBoard":
         """Run the board in a thread of its own."""
@@ -148,10 +167,14 @@ class ServedBoard:
         with self._loop:
             try:
                 self.endpoint.attach(self._loop)
+                if self.control:
+                    self.control.attach(self._loop, self.board)
                 self.call_every(RECORD_EVERY_S, self.board.record)
                 self._loop.run()
             finally:
                 self.endpoint.close()
+                if self.control:
+                    self.control.close()
         self.board.record()
         self._final = self.report()
         self.board.close(self._final)
@@ -167,7 +190,8 @@ class ServedBoard:
             InputError: the robot has no input of this name.
         """
         operation = set_input(self.board.robot, name, on=on)
-        self._loop.call_soon(lambda: self.board.operate(operation))
+        live, loop = self.board.live, self._loop
+        loop.call_soon(lambda: live.call(lambda: self.board.operate(operation), loop.looked_ns))
 
     def stop(self) -> None:
         """End the board; may be called from any thread and from signal handlers."""

@@ -386,7 +386,7 @@ class TestOperations:
 
     @pytest.mark.parametrize("ends_closed", [False, True])
     def test_a_stuck_switch_hides_its_edges_until_it_is_free(self, fast_kernel: Kernel, ends_closed: bool) -> None:
-        """It goes on following the axis, so once free it depends on the way, by its hysteresis; others are as always."""
+        """It goes on following the axis: once free, it depends on the way, by its hysteresis. Others are as always."""
         board = board_of(fast_kernel, 2, Switch(0, HOME, 20, 30, 2), Switch(1, HOME, from_sixteenths=10))
         seen = watched(board)
         stick = [StuckSwitch(0, HOME, closed) for closed in (True, False, None)]

@@ -1,0 +1,55 @@
+"""Connect to a server over TCP, with a time limit for everything that waits for it."""
+
+import socket
+import threading
+import time
+from typing import Any, Final
+
+ANSWER_S: Final = 1.0
+"""Time in which a server must accept and greet a client, answer it, and make room for what is sent."""
+SILENT: Final = f"accepts but does not answer within {ANSWER_S:g} s"
+"""What is said of a server that does not."""
+
+
+def connected(host: str, port: int, until_s: float) -> socket.socket:
+    """Connect to the first address of a host that accepts until `until_s`, of the monotonic clock.
+
+    Raises:
+        OSError: none does in time, or the host has no address.
+    """
+    failure: OSError = TimeoutError(f"does not answer within {ANSWER_S:g} s")
+    for family, kind, protocol, _, address in _addresses(host, port, until_s):
+        connecting = socket.socket(family, kind, protocol)
+        connecting.settimeout(max(0.001, until_s - time.monotonic()))
+        try:
+            connecting.connect(address)
+        except TimeoutError:
+            connecting.close()
+        except OSError as error:
+            connecting.close()
+            failure = error
+        else:
+            connecting.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            return connecting
+    raise failure
+
+
+def _addresses(host: str, port: int, until_s: float) -> list[Any]:
+    """Look up a host's addresses, as `getaddrinfo` does, in a thread: the look-up itself has no time limit."""
+    found: list[Any] = []
+    errors: list[OSError] = []
+
+    def look_up() -> None:
+        try:
+            found.extend(socket.getaddrinfo(host, port, type=socket.SOCK_STREAM))
+        except (OSError, UnicodeError) as error:
+            errors.append(error if isinstance(error, OSError) else OSError(f"{host} is not a host's name"))
+
+    looking = threading.Thread(target=look_up, name=f"address of {host}", daemon=True)
+    looking.start()
+    looking.join(max(0.0, until_s - time.monotonic()))
+    if errors:
+        raise errors[0]
+    if looking.is_alive():
+        raise TimeoutError(f"no name server knows {host} within {ANSWER_S:g} s")
+    return list(found)

@@ -1,0 +1,34 @@
+"""Name the words of the control port, by which programs operate the machine of a served board: docs/control-port.md."""
+
+from enum import StrEnum
+from typing import Final
+
+from steptwin.protocol.cia402 import DigitalInput
+
+
+class Do(StrEnum):
+    """What a request asks for."""
+
+    ESTOP = "estop"
+    SUPPLY = "supply"
+    TEMPERATURE = "temperature"
+    PROTECT = "protect"
+    INPUT = "input"
+    SWITCH = "switch"
+    STATE = "state"
+
+
+class Stuck(StrEnum):
+    """How a switch sticks; a free one follows the machine."""
+
+    CLOSED = "closed"
+    OPEN = "open"
+    FREE = "free"
+
+
+SWITCHES: Final = {
+    "-": DigitalInput.NEGATIVE_LIMIT,
+    "+": DigitalInput.POSITIVE_LIMIT,
+    "home": DigitalInput.HOME,
+}
+"""The switches along a joint by the names that requests give them."""
