@@ -29,7 +29,7 @@ COMMANDS: Final = {
     "Run and verify": ("new", "check", "run", "verify", "bench"),
     "Live board": (
         *("serve", "doctor", "status", "monitor", "home", "move", "jog", "positions"),
-        *("pause", "resume", "stop", "estop", "reset", "outputs"),
+        *("pause", "resume", "stop", "estop", "reset", "outputs", "inject"),
     ),
     "Files and tools": ("trace", "plot", "eds", "dbc"),
 }

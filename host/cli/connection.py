@@ -61,7 +61,7 @@ def connection(
     if connect is not None:
         if bitrate is not None:
             raise InputError(f"--bitrate {bitrate}: is for --interface; the server of --connect has its own")
-        host, port = _host_and_port(connect)
+        host, port = host_and_port("--connect", connect, socketcand.PORT, optional=True)
         return Connection("socketcand", channel, None, host, port)
     if interface is None:
         for option, value in (("--channel", channel), ("--bitrate", bitrate)):
@@ -74,17 +74,27 @@ def connection(
     return Connection(interface, channel, bitrate or (robot.board.bitrate if robot else None))
 
 
-def _host_and_port(text: str) -> tuple[str, int]:
-    """Split HOST:PORT; an IPv6 address stands in brackets, as in URLs (RFC 3986), since it has colons itself."""
+def host_and_port(option: str, text: str, usual_port: int, *, optional: bool = False) -> tuple[str, int]:
+    """Split HOST:PORT; an IPv6 address stands in brackets, as in URLs (RFC 3986), since it has colons itself.
+
+    Args:
+        option: name of the option in messages.
+        text: its value.
+        usual_port: the port in examples, and that of a text without one.
+        optional: allow a text without a port.
+
+    Raises:
+        InputError: the text has another form.
+    """
     host, colon, port = text.rpartition(":")
     if not colon or text.endswith("]"):
-        host, port = text, str(socketcand.PORT)
+        host, port = text, str(usual_port) if optional else ""
     if host.startswith("[") and host.endswith("]"):
         host = host[1:-1]
     elif ":" in host:
-        raise InputError(f"--connect {text}: put an IPv6 address in brackets, such as [::1]:{socketcand.PORT}")
+        raise InputError(f"{option} {text}: put an IPv6 address in brackets, such as [::1]:{usual_port}")
     if not host or not (port.isascii() and port.isdecimal()) or not 0 < int(port) < 1 << 16:
-        raise InputError(f"--connect {text}: is not of the form HOST:PORT, such as 127.0.0.1:{socketcand.PORT}")
+        raise InputError(f"{option} {text}: is not of the form HOST:PORT, such as {socketcand.LOOPBACK}:{usual_port}")
     return host, int(port)
 
 

@@ -52,6 +52,10 @@ def serve(
         int | None,
         typer.Option(metavar="PORT", help=f"Port to listen at; {socketcand.PORT} by default; 0 takes a free one."),
     ] = None,
+    control_port: Annotated[
+        int | None,
+        typer.Option(metavar="PORT", help="Port for `steptwin inject`, on this machine; 0 takes a free one."),
+    ] = None,
     allow_remote: Annotated[
         bool, typer.Option("--allow-remote", help="Permit an address that other machines reach.")
     ] = False,
@@ -95,13 +99,17 @@ def serve(
         standing = joint_values(stand_at.split(), loaded.joint_names, "--stand-at")
         _warn_outside(loaded, standing)
     warn_of_settings_left_out(loaded, driver_profile)  # bad input is reported before a port is opened
-    parameters = ("host", "port", "allow_remote", "interface", "channel", "bitrate", "speed", "out", "log", "replace")
+    parameters = (
+        *("host", "port", "control_port", "allow_remote", "interface", "channel", "bitrate", "speed"),
+        *("out", "log", "replace"),
+    )
     with naming_options(*parameters, axes_per_board="--boards"):
         served = ServedBoard(
             loaded,
             stand_at=standing,
             host=host,
             port=port,
+            control_port=control_port,
             allow_remote=allow_remote,
             interface=interface,
             channel=channel,
@@ -238,11 +246,17 @@ def _banner(served: "ServedBoard") -> list[str]:
     board = served.board
     name = board.driver_profile.name
     drivers = "" if name == USUAL_DRIVERS else f", drivers: {name}"
+    control = (
+        []
+        if served.control is None
+        else [f"control port at {served.control.address}, for steptwin inject --control {served.control.address}"]
+    )
     return [
         f"SIMULATED {board.robot.name}: {' '.join(board.robot.joint_names)}, "
         f"nodes {_nodes(board.axes_per_board)}, {board.bus.bitrate // 1000} kbit/s, "
         f"{board.live.pacer.speed:g} x real time{drivers}",
         served.title,
+        *control,
         "Ctrl-C ends it",
     ]
 

@@ -10,6 +10,7 @@ import canopen
 
 from steptwin.host.client.bus_network import BusNetwork
 from steptwin.host.client.can_bus import bus_errors, open_python_can_bus
+from steptwin.host.client.connecting import address_text
 from steptwin.host.client.socketcand_bus import SocketcandBus
 from steptwin.host.common import socketcand
 from steptwin.host.common.errors import BusError
@@ -30,7 +31,8 @@ class Connection:
     def title(self) -> str:
         """The bus as messages name it."""
         if self.host is not None:
-            return f"[{self.host}]:{self.port}" if ":" in self.host else f"{self.host}:{self.port}"
+            assert self.port is not None
+            return address_text(self.host, self.port)
         return f"{self.interface} {self.channel}" if self.channel else self.interface
 
 

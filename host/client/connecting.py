@@ -11,6 +11,11 @@ SILENT: Final = f"accepts but does not answer within {ANSWER_S:g} s"
 """What is said of a server that does not."""
 
 
+def address_text(host: str, port: int) -> str:
+    """Return HOST:PORT, an IPv6 address in brackets, as in URLs (RFC 3986)."""
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+
+
 def connected(host: str, port: int, until_s: float) -> socket.socket:
     """Connect to the first address of a host that accepts until `until_s`, of the monotonic clock.
 

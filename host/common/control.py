@@ -5,6 +5,9 @@ from typing import Final
 
 from steptwin.protocol.cia402 import DigitalInput
 
+EXAMPLE_PORT: Final = 29537
+"""TCP port in examples; each served board has the one that it is given."""
+
 
 class Do(StrEnum):
     """What a request asks for."""

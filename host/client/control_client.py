@@ -1,0 +1,130 @@
+"""A client of a served board's control port: it operates the emulated machine and asks how it is."""
+
+import json
+import socket
+import threading
+import time
+from typing import Any, Final
+
+from steptwin.host.client.connecting import ANSWER_S, SILENT, address_text, connected
+from steptwin.host.client.control_state import ControlState
+from steptwin.host.common.control import Do, Stuck
+from steptwin.host.common.errors import BusError, InputError
+from steptwin.host.common.tables import json_table
+
+_ANSWER_MAX_BYTES: Final = 1 << 20
+_READ_BYTES: Final = 1 << 16
+
+
+class ControlClient:
+    """Asks one thing after the other, from any thread; a context manager that closes the connection.
+
+    It connects when it asks first, and anew after an error. Each method returns the state of the machine after what was
+    asked for has been done, and waits for at most 2 s: one to connect and one for the answer.
+
+    Raises:
+        InputError: the board refuses what was asked for, as each method may raise; nothing has changed.
+        BusError: there is no such port, or it does not answer, as each method may raise.
+    """
+
+    def __init__(self, host: str, port: int) -> None:
+        self.title = address_text(host, port)
+        """HOST:PORT, as in messages."""
+        self._host, self._port = host, port
+        self._socket: socket.socket | None = None
+        self._asking = threading.Lock()
+
+    def __enter__(self) -> "ControlClient":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the connection; the next request opens another one."""
+        with self._asking:
+            self._close()
+
+    # --- requests
+
+    def state(self) -> ControlState:
+        """Ask how the machine is."""
+        return self.ask(Do.STATE)
+
+    def emergency_stop(self, *, pressed: bool) -> ControlState:
+        """Press the emergency stop, or pull it out."""
+        return self.ask(Do.ESTOP, pressed=pressed)
+
+    def supply(self, supply_v: float) -> ControlState:
+        """Give the motor supply another voltage, to 10 mV."""
+        return self.ask(Do.SUPPLY, supply_v=supply_v)
+
+    def temperature(self, temperature_degc: float) -> ControlState:
+        """Give the board another temperature, to 0.1 degC."""
+        return self.ask(Do.TEMPERATURE, temperature_degc=temperature_degc)
+
+    def protect(self, joint: str, *, held: bool) -> ControlState:
+        """Hold the Protect pin of a joint's driver low, as a chip does that is too hot, or release it."""
+        return self.ask(Do.PROTECT, joint=joint, held=held)
+
+    def set_input(self, name: str, *, on: bool) -> ControlState:
+        """Set a digital input, by its name in the robot's file."""
+        return self.ask(Do.INPUT, input=name, on=on)
+
+    def switch(self, joint: str, name: str, stuck: Stuck) -> ControlState:
+        """Let a switch of a joint (`-`, `+` or `home`) stick closed or open, or be free again."""
+        return self.ask(Do.SWITCH, joint=joint, switch=name, stuck=stuck)
+
+    def ask(self, do: Do, **values: Any) -> ControlState:
+        """Send a request with these keys beside `do`; return the state after it."""
+        with self._asking:
+            try:
+                answer = self._answer({"do": do, **values})
+            except OSError as error:
+                self._close()
+                raise BusError(f"{self.title}: {error.strerror or error}") from error
+            except InputError as error:
+                self._close()
+                raise BusError(f"{self.title}: is not a board's control port: its answer {error}") from error
+        if isinstance(answer, str):
+            raise InputError(answer)
+        return answer
+
+    # --- the connection
+
+    def _answer(self, request: dict[str, Any]) -> ControlState | str:
+        """Return the state after a request, or the reason why it was refused.
+
+        Raises:
+            OSError: no server, or no answer.
+            InputError: the answer is not one of a control port.
+        """
+        if self._socket is None:
+            self._socket = connected(self._host, self._port, time.monotonic() + ANSWER_S)
+        self._socket.settimeout(ANSWER_S)
+        self._socket.sendall(json.dumps(request).encode("ascii") + b"\n")
+        answer = json_table(self._line(self._socket).decode("utf-8", "replace"))
+        return answer.text("error") if "error" in answer else ControlState.of(answer.values)
+
+    def _line(self, sock: socket.socket) -> bytes:
+        until_s = time.monotonic() + ANSWER_S
+        line = b""
+        while not line.endswith(b"\n"):
+            sock.settimeout(max(0.001, until_s - time.monotonic()))
+            try:
+                more = sock.recv(_READ_BYTES)
+            except TimeoutError:
+                if line:
+                    break
+                raise TimeoutError(SILENT) from None
+            if not more:
+                raise ConnectionError("the server has closed the connection")
+            line += more
+            if len(line) > _ANSWER_MAX_BYTES:
+                break
+        return line
+
+    def _close(self) -> None:
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
