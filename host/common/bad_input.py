@@ -126,4 +126,7 @@ def at_least(limit: float) -> str:
 
 
 def _rounded(value: float, rounding: str, digits: int = _DIGITS) -> str:
+    text = f"{value:.{digits}g}"
+    if float(text) == value:  # as it was written: the float of 3276.7 itself is a little less
+        return text
     return f"{float(Context(prec=digits, rounding=rounding).create_decimal_from_float(value)):.{digits}g}"

@@ -51,7 +51,14 @@ def test_a_limit_in_a_message_keeps_the_limit(limit: float) -> None:
 
 @pytest.mark.parametrize(
     ("limit", "below", "above"),
-    [(93.75, "93.75", "93.75"), (200 / 3, "66.6666", "66.6667"), (-200 / 3, "-66.6667", "-66.6666"), (0, "0", "0")],
+    [
+        (93.75, "93.75", "93.75"),
+        (0.1, "0.1", "0.1"),
+        (3276.7, "3276.7", "3276.7"),
+        (200 / 3, "66.6666", "66.6667"),
+        (-200 / 3, "-66.6667", "-66.6666"),
+        (0, "0", "0"),
+    ],
 )
 def test_a_limit_is_rounded_only_if_it_must(limit: float, below: str, above: str) -> None:
     assert (at_most(limit), at_least(limit)) == (below, above)

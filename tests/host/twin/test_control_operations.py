@@ -1,0 +1,312 @@
+"""Requests of the control port: what the firmware sees of each, on two boards, in virtual time; what is refused."""
+
+import json
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from steptwin.controller.backend import Kernel
+from steptwin.emulator.operations import (
+    BoardTemperature,
+    DriverProtect,
+    EmergencyStop,
+    Operation,
+    SetInput,
+    StuckSwitch,
+    Supply,
+)
+from steptwin.host.common.control import Do
+from steptwin.host.common.errors import InputError
+from steptwin.host.robots import load_robot
+from steptwin.host.robots.digital_input import Input
+from steptwin.host.robots.switches import JointSwitches
+from steptwin.host.twin.control.operations import read_request, request_of
+from steptwin.host.twin.control.state import state_of
+from steptwin.host.twin.live_board import LiveBoard
+from steptwin.protocol import od
+from steptwin.protocol.cia402 import GENERAL_INPUTS, SWITCH_INPUTS, DigitalInput, ErrorCode, State
+from steptwin.protocol.frame import COB_EMCY, FIRST_NODE_ID, Frame
+
+ROBOT = replace(load_robot("lab-scara"), inputs={"box": Input("th4", 2), "door": Input("d1", 1)})
+AXES = range(4)
+ESTOP = {"do": "estop", "pressed": True}
+
+
+class Machine:
+    """The robot's four axes on two boards, enabled; the test lets time pass."""
+
+    def __init__(self, kernel: Kernel) -> None:
+        self.board = LiveBoard(ROBOT, list(ROBOT.home), kernel, bitrate=1_000_000, speed=1.0, axes_per_board=(2, 2))
+        self.emergencies: list[tuple[int, int]] = []
+        """Axis and error code of each EMCY."""
+        self.board.live.view = self._hear
+        self.board.live.start(0, 0)
+        self._now_ns = 0
+        self.wait()
+        self.send(Frame(0x000, b"\x01\x00"))
+        self.enable()
+
+    def _hear(self, frame: Frame, _counts: int, _sender: object) -> None:
+        axis = frame.cob_id - COB_EMCY - FIRST_NODE_ID
+        if axis in AXES:
+            self.emergencies.append((axis, int.from_bytes(frame.data[:2], "little")))
+
+    def wait(self, dt_ms: int = 10) -> None:
+        for _ in range(dt_ms):
+            self._now_ns += 1_000_000
+            self.board.live.advance(self._now_ns)
+
+    def send(self, frame: Frame) -> None:
+        self.board.live.send(frame, "a client", self._now_ns)
+        self.wait()
+
+    def enable(self) -> None:
+        """Reset faults and lead all axes to OPERATION ENABLED."""
+        for word in (0x00, 0x80, 0x06, 0x07, 0x0F):
+            for axis in AXES:
+                self.send(Frame(0x200 + FIRST_NODE_ID + axis, bytes((word, 0, 7))))
+        assert self.states == [State.OPERATION_ENABLED] * 4
+
+    def do(self, request: dict[str, Any]) -> None:
+        """Do what a request asks for, as the port does."""
+        operation = read_request(ROBOT, json.loads(json.dumps(request)))
+        assert operation is not None
+        self.board.operate(operation)
+        self.wait()
+
+    @property
+    def _nodes(self) -> list[Any]:
+        return [node for board in self.board.live.simulation.boards for node in board.firmware.nodes]
+
+    @property
+    def states(self) -> list[State]:
+        return [node.drive.state for node in self._nodes]
+
+    def values(self, address: int) -> list[int]:
+        return [node.dictionary.get(address) for node in self._nodes]
+
+
+@pytest.fixture(scope="module")
+def machine(fast_kernel: Kernel) -> Machine:
+    """One for all: each test undoes what it does."""
+    return Machine(fast_kernel)
+
+
+@pytest.mark.parametrize(
+    ("request_", "undo", "axes", "inputs", "code", "shown"),
+    [
+        (ESTOP, {"pressed": False}, AXES, DigitalInput.ESTOP, ErrorCode.ESTOP, {"estop": True}),
+        (
+            {"do": "supply", "supply_v": 9.99},
+            {"supply_v": 10},
+            AXES,
+            0,
+            ErrorCode.UNDERVOLTAGE,
+            {"supply_v": 9.99},
+        ),
+        (
+            {"do": "supply", "supply_v": 34.01},
+            {"supply_v": 34.0},
+            AXES,
+            0,
+            ErrorCode.OVERVOLTAGE,
+            {"supply_v": 34.01},
+        ),
+        (
+            {"do": "temperature", "temperature_degc": 85.1},
+            {"temperature_degc": 85},
+            AXES,
+            0,
+            ErrorCode.TEMPERATURE,
+            {"temperature_degc": 85.1},
+        ),
+        (
+            {"do": "protect", "joint": "th3", "held": True},
+            {"held": False},
+            [2],
+            DigitalInput.DRIVER_PROTECT,
+            ErrorCode.TEMPERATURE,
+            {"protect": {"th3": {"low": True, "held": True}}},
+        ),
+        (
+            {"do": "input", "input": "box", "on": True},
+            {"on": False},
+            [3],
+            DigitalInput.IN2,
+            ErrorCode.NONE,
+            {"inputs": {"box": True}},
+        ),
+        (
+            {"do": "switch", "joint": "th2", "switch": "-", "stuck": "closed"},
+            {"stuck": "open"},
+            [1],
+            DigitalInput.NEGATIVE_LIMIT,
+            ErrorCode.NONE,
+            {"switches": {"th2": {"-": {"closed": True, "stuck": True}}}},
+        ),
+        (
+            {"do": "switch", "joint": "th4", "switch": "home", "stuck": "closed"},
+            {"stuck": "free"},
+            [3],
+            DigitalInput.HOME,
+            ErrorCode.NONE,
+            {"switches": {"th4": {"home": {"closed": True, "stuck": True}}}},
+        ),
+    ],
+    ids=lambda value: "-".join(map(str, value.values())) if isinstance(value, dict) and "do" in value else "",
+)
+def test_the_firmware_sees_it_until_its_opposite(
+    machine: Machine,
+    request_: dict[str, Any],
+    undo: dict[str, Any],
+    axes: list[int],
+    inputs: int,
+    code: ErrorCode,
+    shown: dict[str, Any],
+) -> None:
+    """Its inputs, its drives' states and its EMCYs; and the state that the port shows, which is else as before."""
+    before = _machine_of(machine)
+    machine.emergencies.clear()
+    machine.do(request_)
+    assert machine.values(od.DIGITAL_INPUTS) == [inputs if axis in axes else 0 for axis in AXES]
+    fault = State.FAULT if code else State.OPERATION_ENABLED
+    assert machine.states == [fault if axis in axes else State.OPERATION_ENABLED for axis in AXES]
+    assert machine.values(od.ERROR_CODE) == [code if axis in axes else 0 for axis in AXES]
+    assert sorted(machine.emergencies) == [(axis, code) for axis in axes if code]
+    assert _machine_of(machine) == _merged(before, shown)
+    for axis in axes if code else []:
+        machine.send(Frame(0x200 + FIRST_NODE_ID + axis, b"\x80\x00\x07"))
+        assert machine.states[axis] is State.FAULT, "no fault can be reset while its cause lasts"
+    machine.do(request_ | undo)
+    machine.enable()
+    assert machine.values(od.DIGITAL_INPUTS) == [0] * 4
+    machine.do({"do": "switch", "joint": "th2", "switch": "-", "stuck": "free"})
+    machine.do({"do": "supply", "supply_v": 24})
+    machine.do({"do": "temperature", "temperature_degc": 25})
+    assert _machine_of(machine) == before
+
+
+def _machine_of(machine: Machine) -> dict[str, Any]:
+    """Return the part of the state that only operations change."""
+    state = state_of(machine.board)
+    assert json.loads(json.dumps(state)) == state
+    return {
+        key: state[key] for key in ("estop", "supply_v", "temperature_degc", "protect", "inputs", "switches", "robot")
+    }
+
+
+def _merged(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
+    return old | {key: _merged(old[key], value) if isinstance(value, dict) else value for key, value in new.items()}
+
+
+def test_the_switches_are_those_of_the_file(machine: Machine) -> None:
+    switches = state_of(machine.board)["switches"]
+    assert {joint: list(names) for joint, names in switches.items()} == {
+        "d1": ["-", "+"],
+        "th2": ["-", "+"],
+        "th3": ["-", "+"],
+        "th4": ["-", "+", "home"],
+    }
+    assert JointSwitches(home_to=1).inputs == JointSwitches(home_from=1).inputs == (DigitalInput.HOME,)
+    assert JointSwitches().inputs == ()
+
+
+@pytest.mark.parametrize(
+    ("request_", "complaint"),
+    [
+        ({}, "do: is missing"),
+        ({"do": 3}, "do: 3 is not a text"),
+        ({"do": "estpo"}, "do 'estpo' is unknown: did you mean estop?"),
+        ({"do": "estop"}, "pressed: is missing"),
+        ({"do": "estop", "presed": True}, "presed: key 'presed' is unknown: did you mean pressed?"),
+        (ESTOP | {"pressed": 1}, "pressed: 1 is neither true nor false"),
+        (ESTOP | {"why": "x"}, "why: key 'why' is unknown: there are do, pressed"),
+        ({"do": "state", "id": 7}, "id: key 'id' is unknown: there are do"),
+        ({"do": "supply", "supply_v": True}, "supply_v: True is not a number"),
+        (
+            {"do": "supply", "supply_v": -0.01},
+            "supply_v: -0.01 V is outside 0..655.35 V; the nearest is 0 V",
+        ),
+        (
+            {"do": "supply", "supply_v": 655.36},
+            "supply_v: 655.36 V is outside 0..655.35 V; the nearest is 655.35 V",
+        ),
+        ({"do": "supply", "supply_v": 1e999}, "supply_v: inf is not a finite number up to 1e+09"),
+        (
+            {"do": "temperature", "temperature_degc": 3276.8},
+            "temperature_degc: 3276.8 degC is outside -3276.8..3276.7 degC; the nearest is 3276.7 degC",
+        ),
+        (
+            {"do": "protect", "joint": "th5", "held": True},
+            "joint 'th5' is unknown: did you mean th4 or th3 or th2?",
+        ),
+        (
+            {"do": "input", "input": "boxes", "on": True},
+            "input of lab-scara 'boxes' is unknown: did you mean box?",
+        ),
+        (
+            {"do": "switch", "joint": "d1", "switch": "home", "stuck": "open"},
+            "switch of d1 'home' is unknown: there are -, +",
+        ),
+        (
+            {"do": "switch", "joint": "th4", "switch": "home", "stuck": "shut"},
+            "stuck: 'shut' is not one of closed, open, free",
+        ),
+    ],
+)
+def test_what_is_refused(request_: dict[str, Any], complaint: str) -> None:
+    with pytest.raises(InputError) as caught:
+        read_request(ROBOT, request_)
+    assert str(caught.value) == complaint
+
+
+@pytest.mark.parametrize(
+    ("request_", "operation"),
+    [
+        ({"do": "supply", "supply_v": 0}, Supply(0)),
+        ({"do": "supply", "supply_v": 655.35}, Supply(65_535)),
+        ({"do": "supply", "supply_v": 9.006}, Supply(901)),
+        ({"do": "temperature", "temperature_degc": -3276.8}, BoardTemperature(-32_768)),
+        ({"do": "temperature", "temperature_degc": 3276.7}, BoardTemperature(32_767)),
+        ({"do": "state"}, None),
+    ],
+)
+def test_what_is_just_allowed(request_: dict[str, Any], operation: Operation | None) -> None:
+    assert read_request(ROBOT, request_) == operation
+
+
+JOINTS = st.integers(0, 3)
+OPERATIONS = st.one_of(
+    st.builds(EmergencyStop, st.booleans()),
+    st.builds(Supply, st.integers(0, 65_535)),
+    st.builds(BoardTemperature, st.integers(-32_768, 32_767)),
+    st.builds(DriverProtect, JOINTS, st.booleans()),
+    st.builds(SetInput, st.just(3), st.just(GENERAL_INPUTS[1]), st.booleans()),
+    st.builds(StuckSwitch, JOINTS, st.sampled_from(SWITCH_INPUTS[:2]), st.sampled_from([True, False, None])),
+)
+
+
+@given(OPERATIONS)
+def test_an_operation_is_the_request_that_asks_for_it(operation: Operation) -> None:
+    assert read_request(ROBOT, request_of(ROBOT, operation)) == operation
+
+
+WORDS = st.sampled_from([*Do, "closed", "th2", "-", "box", "", "\n"])
+KEYS = st.sampled_from(["do", "pressed", "supply_v", "temperature_degc", "joint", "held", "input", "on", "switch"])
+VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text() | WORDS,
+    lambda inner: st.lists(inner, max_size=2) | st.dictionaries(st.text(), inner, max_size=2),
+    max_leaves=3,
+)
+
+
+@given(st.dictionaries(KEYS | st.just("stuck") | st.text(), VALUES, max_size=5), st.sampled_from([*Do]))
+@example({"joint": "th4", "switch": "\ud800", "stuck": "free"}, Do.SWITCH)
+def test_any_object_is_an_operation_or_refused(request_: dict[str, Any], do: Do) -> None:
+    for each in (request_, request_ | {"do": do}):
+        with suppress(InputError):
+            assert isinstance(read_request(ROBOT, each), Operation | None)

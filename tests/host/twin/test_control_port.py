@@ -1,0 +1,250 @@
+"""A served board with a control port: the client, the command, and a hostile peer, on one board in real time."""
+
+import json
+import re
+import socket
+from collections.abc import Iterator
+from dataclasses import replace
+
+import can
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from steptwin.controller.backend import Kernel
+from steptwin.host.cli.app import run
+from steptwin.host.client.control_client import ControlClient
+from steptwin.host.client.control_state import SwitchState
+from steptwin.host.common.control import Stuck
+from steptwin.host.common.errors import BusError, InputError
+from steptwin.host.robots import load_robot
+from steptwin.host.robots.digital_input import Input
+from steptwin.host.twin.served_board import ServedBoard
+from tests.emulator.live_rig import TIMEOUT_S
+
+ROBOT = replace(load_robot("lab-scara"), inputs={"box": Input("th4", 2)})
+
+
+@pytest.fixture(scope="module")
+def served(fast_kernel: Kernel) -> Iterator[ServedBoard]:
+    with ServedBoard(ROBOT, port=0, control_port=0, kernel=fast_kernel) as served:
+        yield served
+
+
+@pytest.fixture
+def client(served: ServedBoard) -> Iterator[ControlClient]:
+    with client_of(served) as client:
+        yield client
+
+
+def client_of(served: ServedBoard) -> ControlClient:
+    assert served.control
+    return ControlClient("127.0.0.1", served.control.port)
+
+
+def test_each_answer_is_the_state_after_it(client: ControlClient, served: ServedBoard) -> None:
+    first = client.state()
+    assert (first.robot, first.simulated, first.estop) == ("lab-scara", True, False)
+    assert client.emergency_stop(pressed=True).estop
+    assert not client.emergency_stop(pressed=False).estop
+    assert client.supply(9.5).supply_v == 9.5
+    assert client.supply(first.supply_v).supply_v == 24.0
+    assert client.temperature(-20).temperature_degc == -20.0
+    assert client.temperature(25).temperature_degc == 25.0
+    assert client.protect("th2", held=True).protect["th2"].held
+    assert not client.protect("th2", held=False).protect["th2"].held
+    assert client.set_input("box", on=True).inputs == {"box": True}
+    assert client.set_input("box", on=False).inputs == {"box": False}
+    assert client.switch("d1", "+", Stuck.CLOSED).switches["d1"]["+"] == SwitchState(closed=True, stuck=True)
+    last = client.switch("d1", "+", Stuck.FREE)
+    assert last.switches == first.switches
+    assert last.simulated_s > first.simulated_s
+    assert last.document["bus"]["frames"] == 4
+    with pytest.raises(InputError, match=r"^supply_v: -1.0 V is outside 0..655.35 V; the nearest is 0 V$"):
+        client.supply(-1)
+    operations = served.report()["operations"]
+    assert len(operations) == 12
+    assert {"do": "switch", "joint": "d1", "switch": "+", "stuck": "closed"}.items() <= operations[-2].items()
+    assert first.simulated_s <= operations[0]["at_s"] < operations[-1]["at_s"] <= last.simulated_s
+
+
+def test_programs_on_the_bus_see_it(client: ControlClient, served: ServedBoard) -> None:
+    """All nodes say so in an EMCY at the instant of the request, and say later that it is over."""
+    with can.Bus("vcan0", interface="socketcand", host="127.0.0.1", port=served.port) as bus:
+        bus.send(can.Message(arbitration_id=0x000, data=[1, 0], is_extended_id=False))
+        for word in (0x06, 0x07, 0x0F):
+            for node in range(0x10, 0x14):
+                bus.send(can.Message(arbitration_id=0x200 + node, data=[word, 0, 7], is_extended_id=False))
+        while (frame := bus.recv(TIMEOUT_S)) and not (frame.arbitration_id == 0x193 and frame.data[0] & 0x6F == 0x27):
+            pass
+        client.emergency_stop(pressed=True)
+        nodes: set[int] = set()
+        while len(nodes) < 4:
+            frame = bus.recv(TIMEOUT_S)
+            assert frame
+            if frame.arbitration_id in range(0x090, 0x094) and frame.data[:2] == b"\x00\x90":
+                nodes.add(frame.arbitration_id)
+        client.emergency_stop(pressed=False)
+    assert served.report()["real_time"]["frames"]["count"] > 4
+
+
+def test_the_command(served: ServedBoard, client: ControlClient, capsys: pytest.CaptureFixture[str]) -> None:
+    assert served.control
+    address = served.control.address
+
+    def inject(*words: str, robot: str = "lab-scara") -> tuple[int, str, str]:
+        code = run(["inject", robot, *words, "--control", address])
+        return code, *capsys.readouterr()
+
+    for words, told in {
+        ("estop", "on"): "emergency stop: pressed",
+        ("estop", "off"): "emergency stop: released",
+        ("supply", "9"): "supply: 9.00 V",
+        ("supply", "24"): "supply: 24.00 V",
+        ("temperature", "-20"): "board: -20.0 degC",
+        ("temperature", "25"): "board: 25.0 degC",
+        ("protect", "th2", "on"): "Protect of th2: held low",
+        ("protect", "th2", "off"): "Protect of th2: free",
+        ("input", "box", "on"): "input box: on",
+        ("input", "box", "off"): "input box: off",
+        ("switch", "d1", "-", "closed"): "switch - of d1: stuck closed",
+        ("switch", "d1", "-", "free"): "switch - of d1: open",
+        ("switch", "th4", "home", "open"): "switch home of th4: stuck open",
+    }.items():
+        assert inject(*words) == (0, f"SIMULATED lab-scara: {told}\n", "")
+    code, out, err = inject("state")
+    assert (code, err) == (0, "")
+    assert re.search(r"(?m)^SIMULATED lab-scara: .* bus load .*\nemergency stop: released\nsupply: 24.00 V\n", out)
+    assert "\ninputs: box off\nticks late, ms (p50 p99 max): " in out
+    assert [line.split() for line in out.splitlines()][-1] == ["th4", "free", "open", "open", "stuck", "open"]
+    code, out, err = inject("switch", "th4", "home", "free", "--json")
+    assert (code, err) == (0, "")
+    assert json.loads(out)["switches"]["th4"]["home"] == {"closed": False, "stuck": False}
+    for wrong, told in {
+        (): "WHAT is missing: estop, supply, temperature, protect, input, switch, state",
+        ("estpo", "on"): "WHAT 'estpo' is unknown: did you mean estop?",
+        ("estop",): "after estop: on|off, not nothing",
+        ("state", "on"): "after state: nothing, not on",
+        ("estop", "yes"): "'yes' is neither on nor off",
+        ("supply", "nine"): "supply: 'nine' is not a number",
+        ("supply", "656"): "supply_v: 656.0 V is outside 0..655.35 V; the nearest is 655.35 V",
+        ("switch", "d1", "+", "shut"): "'shut' is not one of closed, open, free",
+        ("switch", "d1", "home", "open"): "switch of d1 'home' is unknown: there are -, +",
+        ("protect", "th5", "on"): "joint 'th5' is unknown: did you mean th4 or th3 or th2?",
+    }.items():
+        assert inject(*wrong) == (2, "", f"steptwin: {told}\n")
+    told = f"steptwin: {address}: the board is one of lab-scara, not of hybrid-arm\n"
+    assert inject("estop", "on", robot="hybrid-arm") == (2, "", told)
+    assert not client.state().estop
+
+
+@pytest.mark.parametrize(
+    ("control", "code", "told"),
+    [
+        ([], 2, "which board? --control HOST:PORT, as `steptwin serve --control-port` prints it"),
+        (["--control", "127.0.0.1"], 2, "--control 127.0.0.1: is not of the form HOST:PORT, such as 127.0.0.1:29537"),
+        (["--control", "::1"], 2, "--control ::1: put an IPv6 address in brackets, such as [::1]:29537"),
+        (["--control", "127.0.0.1:1"], 4, "127.0.0.1:1: Connection refused"),
+    ],
+)
+def test_no_such_port(control: list[str], code: int, told: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["inject", "lab-scara", "state", *control]) == code
+    assert capsys.readouterr() == ("", f"steptwin: {told}\n")
+
+
+@pytest.mark.parametrize(
+    ("answer", "told"),
+    [
+        (b"", "accepts but does not answer within 0.1 s"),
+        (b"< hi >", "is not a board's control port: its answer is not JSON: "),
+        (b"[]\n", "is not a board's control port: its answer [] is not a JSON object"),
+        (b"{}\n", "is not a board's control port: its answer protect: is missing"),
+        (b'{"error": 1}\n', "is not a board's control port: its answer error: 1 is not a text"),
+        (None, "the server has closed the connection"),
+    ],
+)
+def test_another_server_than_a_boards(
+    answer: bytes | None, told: str, served: ServedBoard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The client says what is wrong, and connects anew when it is asked again."""
+    monkeypatch.setattr("steptwin.host.client.control_client.ANSWER_S", 0.1)
+    monkeypatch.setattr("steptwin.host.client.control_client.SILENT", "accepts but does not answer within 0.1 s")
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+        client = ControlClient("127.0.0.1", port)
+        client._socket = socket.create_connection(("127.0.0.1", port))  # noqa: SLF001
+        peer, _ = listener.accept()
+        with peer:
+            if answer is None:
+                peer.shutdown(socket.SHUT_WR)
+            else:
+                peer.sendall(answer)
+            with pytest.raises(BusError, match=f"^127.0.0.1:{port}: {re.escape(told)}"):
+                client.state()
+    assert served.control
+    client._port = served.control.port  # noqa: SLF001
+    monkeypatch.undo()
+    assert client.state().robot == "lab-scara"
+    client.close()
+
+
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    st.lists(
+        st.one_of(
+            st.binary(max_size=60),
+            st.sampled_from([b'{"do": "state"}\n', b'{"do": "supply", "supply_v": 1e5}\n', b"\n", b"{" * 2000, b"[\n"]),
+        ),
+        max_size=6,
+    )
+)
+def test_no_bytes_break_it(served: ServedBoard, client: ControlClient, pieces: list[bytes]) -> None:
+    """Whatever is sent, each answer is one JSON object in a line, and the machine stays as it is."""
+    assert served.control
+    before = client.state()
+    with socket.create_connection(("127.0.0.1", served.control.port), timeout=TIMEOUT_S) as rude:
+        try:
+            for piece in pieces:
+                rude.sendall(piece)
+            rude.shutdown(socket.SHUT_WR)
+            with rude.makefile("rb") as answers:
+                for line in answers:
+                    assert ("error" in json.loads(line)) != ("estop" in json.loads(line))
+        except ConnectionError:
+            pass  # it has hung up, because of what was junk, before all was said
+    after = client.state()
+    for key in ("estop", "supply_v", "temperature_degc", "protect", "inputs", "switches"):
+        assert after.document[key] == before.document[key]
+
+
+def test_the_report_counts(fast_kernel: Kernel) -> None:
+    with ServedBoard(ROBOT, port=0, control_port=0, kernel=fast_kernel, axes_per_board=(2, 2)) as served:
+        with client_of(served) as client:
+            served.set_input("box", on=True)
+            assert client.state().inputs["box"]
+            with pytest.raises(InputError):
+                client.set_input("boxes", on=True)
+        assert served.control
+        with socket.create_connection(("127.0.0.1", served.control.port), timeout=TIMEOUT_S) as junk:
+            junk.sendall(b"GET / HTTP/1.1\r\n")
+            assert json.loads(junk.makefile("rb").readline())
+    control = served.report()["control"]
+    figures = {"served": 2, "disconnected": {"junk": 1}, "requests": 2, "refused": 1}
+    assert control == {"address": served.control.address} | figures
+    assert [operation["do"] for operation in served.report()["operations"]] == ["input"]
+
+
+def test_there_is_none_unless_asked_for(fast_kernel: Kernel) -> None:
+    with ServedBoard(ROBOT, port=0, kernel=fast_kernel) as served:
+        assert served.control is None
+    assert "control" not in served.report()
+
+
+def test_a_port_that_cannot_be(capsys: pytest.CaptureFixture[str]) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        assert run(["serve", "lab-scara", "--port", "0", "--control-port", str(port)]) == 4
+        told = f"steptwin: 127.0.0.1:{port} is in use; --control-port 0 takes a free one\n"
+        assert capsys.readouterr() == ("", told)
+    assert run(["serve", "lab-scara", "--port", "0", "--control-port", "80"]) == 2
+    assert capsys.readouterr() == ("", "steptwin: --control-port 80: is neither 0 nor from 1024 to 65535\n")
