@@ -15,6 +15,7 @@ if TYPE_CHECKING:
         EmergencyStop,
         Scheduled,
         SetInput,
+        StuckSwitch,
         Supply,
     )
     from steptwin.host.common.errors import (
@@ -72,6 +73,7 @@ __all__ = [
     "ServedBoard",
     "SetInput",
     "StepTwinError",
+    "StuckSwitch",
     "Supply",
     "Trajectory",
     "Trapezoid",
@@ -92,7 +94,15 @@ __all__ = [
 
 _MODULES = {
     "emulator.bus_faults": ("BusFault", "BusFaultKind", "FaultScript"),
-    "emulator.operations": ("BoardTemperature", "DriverProtect", "EmergencyStop", "Scheduled", "SetInput", "Supply"),
+    "emulator.operations": (
+        "BoardTemperature",
+        "DriverProtect",
+        "EmergencyStop",
+        "Scheduled",
+        "SetInput",
+        "StuckSwitch",
+        "Supply",
+    ),
     "host.common.errors": (
         "BusError",
         "DeviceFaultError",

@@ -15,7 +15,7 @@ from steptwin.host.robots import load_robot
 NAMES = [name for names in COMMANDS.values() for name in names]
 EVERY_EXAMPLE = [(name, example) for name, examples in EXAMPLES.items() for example in examples]
 CHEAP = {"robots", "jobs", "fk", "ik", "eds", "dbc"}
-LIVE = [(name, example) for name, example in EVERY_EXAMPLE if re.search(" --connect | -i ", example)]
+LIVE = [(name, example) for name, example in EVERY_EXAMPLE if re.search(" --connect | -i | --control ", example)]
 
 
 def shown(capsys: pytest.CaptureFixture[str], *words: str) -> list[str]:
@@ -43,7 +43,7 @@ def test_the_program_lists_its_commands_in_groups(capsys: pytest.CaptureFixture[
     titles = [line.strip("╭╮─ ") for line in lines if line.startswith("╭")]
     assert titles == ["Options", "Robots and maths", "Run and verify", "Live board", "Files and tools"]
     assert [line.split()[1] for line in lines if re.match(r"│ [a-z]", line)] == NAMES
-    assert len(NAMES) == len(set(NAMES)) == 28
+    assert len(NAMES) == len(set(NAMES)) == 29
 
 
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:
@@ -97,5 +97,6 @@ def test_an_example_for_a_live_board_gets_as_far_as_the_bus(
         raise BusError("no bus in this test")
 
     monkeypatch.setattr("steptwin.host.client.bus_link.open_bus", no_bus)
+    monkeypatch.setattr("steptwin.host.client.control_client.connected", no_bus)
     assert run(words_of(example)) == BusError.exit_code
     assert "no bus in this test" in "".join(capsys.readouterr())
