@@ -6,15 +6,19 @@ Positions and distances are in mm and degrees, speeds in mm/s and deg/s, parts o
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Final
 
 from steptwin.host.operate.stepping import STEP_SPEED_PERCENT
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.programs.positions import ToolPosition
 
+AGE_MAX_S: Final = 1.0
+"""Age beyond which a command is dropped: its operator may have gone."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Command:
-    """A command; the desk drops one that is older than a second, since its operator may have gone.
+    """A command; the desk drops one that is older than AGE_MAX_S.
 
     Attributes:
         asked_s: when it was asked for, on the clock of `time.monotonic`.
@@ -127,6 +131,11 @@ class JointJog:
     joint: str
     speed: float
 
+    @property
+    def name(self) -> str:
+        """What is jogged."""
+        return self.joint
+
 
 @dataclass(frozen=True, slots=True)
 class ToolJog:
@@ -135,6 +144,11 @@ class ToolJog:
     coordinate: str
     speed: float
     """In mm/s or deg/s, with a sign."""
+
+    @property
+    def name(self) -> str:
+        """What is jogged."""
+        return self.coordinate
 
 
 Jog = JointJog | ToolJog

@@ -1,25 +1,27 @@
 """The desk: what pages read and ask. One in a process, for one machine."""
 
 import time
-from typing import Final
 
 from steptwin.host.client.bus_link import Connection
-from steptwin.host.panel.desk.commands import Command, Jog
+from steptwin.host.client.pausing import send_pause, send_resume
+from steptwin.host.client.stopping import UNSURE, send_quick_stop
+from steptwin.host.common.errors import BusError, InputError
+from steptwin.host.operate.jogging import check_jog
+from steptwin.host.panel.desk.actions import ACTIONS
+from steptwin.host.panel.desk.commands import AGE_MAX_S, Command, Jog, JointJog
 from steptwin.host.panel.desk.events import EventLog
 from steptwin.host.panel.desk.history import History
 from steptwin.host.panel.desk.operators import Operators
 from steptwin.host.panel.desk.presses import Presses
 from steptwin.host.panel.desk.publisher import Publisher
 from steptwin.host.panel.desk.refused import RefusedError
-from steptwin.host.panel.desk.results import Result
+from steptwin.host.panel.desk.results import Result, Results
 from steptwin.host.panel.desk.settings import Setting
 from steptwin.host.panel.desk.snapshot import Snapshot
-from steptwin.host.panel.desk.stops import StopRequests
+from steptwin.host.panel.desk.stops import Stop, StopRequests
 from steptwin.host.panel.desk.worker import Worker
+from steptwin.host.planning.tool_jog import check_tool_jog
 from steptwin.host.robots.robot import Robot
-
-AGE_MAX_S: Final = 1.0
-"""Age beyond which a command is dropped: its operator may have gone."""
 
 
 class Desk:
@@ -35,44 +37,60 @@ class Desk:
         operators: who may move the machine.
     """
 
-    def __init__(self, connection: Connection, robot: Robot, *, control: tuple[str, int] | None = None) -> None:
+    def __init__(
+        self, connection: Connection, robot: Robot, *, control: tuple[str, int] | None = None, force: bool = False
+    ) -> None:
         """Connect in a thread of its own, again and again until `close`.
 
         Args:
             connection: the bus.
             robot: the machine on it.
             control: host and port of a served board's control port, for its load and lateness; None without one.
+            force: go on although the board carries another robot's name.
         """
         self.events = EventLog()
-        self._presses = Presses()
-        self.operators = Operators(self.events, lambda: self._presses.end("another client operates the machine"))
+        self.operators = Operators(self.events, self._operator_lost)
         self.history = History(len(robot.joints))
-        self._robot = robot
         self._control = control
+        self._presses = Presses()
         self._stops = StopRequests()
-        self._publisher = Publisher(self.operators, self.history, self.events)
-        self._worker = Worker(connection, robot, self._publisher, self._stops, self.events)
+        self._results = Results(self.history)
+        self._publisher = Publisher(self.operators, self.history, self.events, self._stops)
+        self._worker = Worker(
+            connection,
+            robot,
+            self._publisher,
+            self._presses,
+            self._stops,
+            self.events,
+            self._results,
+            force=force,
+        )
+        self._file = robot
         self._worker.start()
+
+    def _operator_lost(self) -> None:
+        self._presses.end("another client operates the machine")
 
     @property
     def robot(self) -> Robot:
         """The machine, with the limits that the settings have now: plan for this one."""
-        return self._robot
+        return self._worker.robot
 
     @property
     def snapshot(self) -> Snapshot:
-        """The machine now; a new one comes at least 30 times a second."""
+        """The machine now; a new one comes at least 30 times a second while it moves."""
         return self._publisher.snapshot
 
     @property
     def settings(self) -> tuple[Setting, ...]:
         """The settings as last read; empty before the first connection."""
-        return ()
+        return self._worker.settings
 
     @property
     def results(self) -> tuple[Result, ...]:
         """The last runs that have ended, the newest last."""
-        return ()
+        return self._results.all()
 
     # --- for the operator
 
@@ -87,7 +105,16 @@ class Desk:
         age_s = time.monotonic() - command.asked_s
         if age_s > AGE_MAX_S:
             raise RefusedError(f"the command is {age_s:.1f} s old, more than {AGE_MAX_S:g} s: ask again")
-        raise RefusedError(f"not connected: {self.snapshot.why_not}")
+        action = ACTIONS[type(command)]
+        name = action.title(command)
+        self._require_ready(name, drives=action.drives, homed=action.homed)
+        if self._presses.present is not None:
+            raise RefusedError(f"{name}: a jog button is held")
+        try:
+            action.check(self.robot, self._file, command)
+        except InputError as error:
+            raise RefusedError(str(error)) from error
+        self._worker.take(command)
 
     def beat(self, client: str, press: int, jog: Jog) -> None:
         """Begin a jog or hold it: call this when a button is pressed and every 80 ms (`presses.BEAT_S`) after that.
@@ -99,6 +126,16 @@ class Desk:
             RefusedError: nothing moves, and why: as `ask`, or because the press is over.
         """
         self.operators.require(client)
+        if not self._presses.is_present(client, press):
+            self._presses.require_new(client, press)
+            self._require_ready(f"jog {jog.name}", drives=True, homed=not isinstance(jog, JointJog), jogging=True)
+            try:
+                if isinstance(jog, JointJog):
+                    check_jog(self.robot, jog.joint, jog.speed)
+                else:
+                    check_tool_jog(jog.coordinate, jog.speed)
+            except InputError as error:
+                raise RefusedError(str(error)) from error
         self._presses.beat(client, press, jog)
 
     def release(self, client: str, press: int) -> None:
@@ -106,22 +143,71 @@ class Desk:
         self._presses.release(client, press)
 
     def resume(self, client: str) -> None:
-        """Let a paused trajectory go on; raise RefusedError unless the client is the operator."""
+        """Let a paused trajectory go on; raise RefusedError unless the client is the operator and one is paused."""
         self.operators.require(client)
+        if self.snapshot.emergency_stopped:
+            raise RefusedError("resume: the machine is held by an emergency stop")
+        session = self._worker.session
+        halted = [axis for axis in session.machine.axes if axis.interpolating] if session else []
+        if not halted:
+            raise RefusedError("nothing to resume: no trajectory runs")
+        send_resume(halted)
+        self.events.info("resumed")
+
+    def _require_ready(self, name: str, *, drives: bool, homed: bool, jogging: bool = False) -> None:
+        """Raise RefusedError, with the first reason, unless the machine can do what this name stands for now."""
+        snapshot = self.snapshot
+        if not snapshot.connected:
+            raise RefusedError(f"{name}: not connected: {snapshot.why_not}")
+        if drives and snapshot.emergency_stopped:
+            raise RefusedError(f"{name}: the machine is held by an emergency stop: reset it first")
+        activity = snapshot.activity or self._worker.activity
+        if activity is not None and not (jogging and self._worker.jogging):
+            raise RefusedError(f"{name}: busy: {activity.name}")
+        faulty = [joint for joint in snapshot.joints if joint.error is not None]
+        if drives and faulty:
+            raise RefusedError(f"{name}: {faulty[0].name} is in fault, {faulty[0].error}: reset it first")
+        unknown = [joint.name for joint in snapshot.joints if not joint.homed]
+        if homed and unknown:
+            raise RefusedError(f"{name}: {', '.join(unknown)} not homed: home the machine first")
 
     # --- for everybody, at any time
 
-    def pause(self) -> None:
+    def pause(self, by: str = "a client") -> None:
         """Halt the trajectory that runs, on its path; raise RefusedError if there is none."""
+        session = self._worker.session
+        running = [axis for axis in session.machine.axes if axis.interpolating] if session else []
+        if not running:
+            raise RefusedError("nothing to pause: no trajectory runs")
+        send_pause(running)
+        self.events.info(f"paused by {by}")
 
     def stop(self, by: str = "a client") -> None:
         """Stop all axes together; they hold their positions. `by` is whom the events name."""
+        self._presses.end("stopped")
+        if self._worker.session is None:
+            self.events.error(f"stop by {by}: not connected; {UNSURE}")
+            return
+        self._stops.ask(Stop.STOP)
+        self.events.warning(f"stop by {by}")
 
     def emergency_stop(self, by: str = "a client") -> None:
         """Stop all axes at once and switch their power off, until a reset; `by` is whom the events name.
 
         The quick stop is sent from the calling thread. Without a connection it is made as soon as there is one again.
         """
+        self._publisher.known.emergency_stopped = True
+        self._stops.ask(Stop.EMERGENCY)
+        self._presses.end("emergency stop")
+        session = self._worker.session
+        try:
+            if session is None:
+                raise BusError("not connected")
+            send_quick_stop(session.link, session.machine.axes)
+        except BusError as error:
+            self.events.error(f"emergency stop by {by}: {error}; {UNSURE}")
+        else:
+            self.events.error(f"emergency stop by {by}")
 
     def gone(self, client: str) -> None:
         """Say that a page is closed for ever: its jog ends, and it no longer operates the machine."""
@@ -129,5 +215,5 @@ class Desk:
         self._presses.forget(client)
 
     def close(self) -> None:
-        """End the connection; the machine stops what the desk makes it do."""
+        """End the connection; what the desk makes the machine do stops first."""
         self._worker.close()

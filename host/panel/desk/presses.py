@@ -59,13 +59,26 @@ class Presses:
         """Return whether a press is still held."""
         return self.present is press
 
+    def is_present(self, client: str, number: int) -> bool:
+        """Return whether this press is held now."""
+        held = self.present
+        return held is not None and (held.client, held.number) == (client, number)
+
+    def require_new(self, client: str, number: int) -> None:
+        """Raise RefusedError, with why, if a press of this number is over."""
+        with self._lock:
+            self._require_new(client, number)
+
+    def _require_new(self, client: str, number: int) -> None:
+        last, why = self._over.get(client, (-1, ""))
+        if number <= last:
+            raise RefusedError(why if number == last else RELEASED)
+
     def beat(self, client: str, number: int, jog: Jog) -> None:
         """Begin a press, or hold it for another lease; raise RefusedError, with why, if it is over."""
         with self._lock:
             self._expire()
-            last, why = self._over.get(client, (-1, ""))
-            if number <= last:
-                raise RefusedError(why if number == last else RELEASED)
+            self._require_new(client, number)
             held = self._present
             if held is None or (held.client, held.number) != (client, number):
                 self._end(RELEASED)

@@ -1,6 +1,7 @@
 """Turn what the axes report into snapshots, history and events."""
 
 import time
+from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -18,12 +19,18 @@ from steptwin.host.panel.desk.history import History
 from steptwin.host.panel.desk.operators import Operators
 from steptwin.host.panel.desk.reports import SILENT_S, AxisReport, Reports
 from steptwin.host.panel.desk.snapshot import Activity, JointView, Snapshot
+from steptwin.host.panel.desk.stops import Stop, StopRequests
 from steptwin.host.panel.desk.words import error_words, state_words
-from steptwin.protocol.cia402 import Status
+from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.protocol.cia402 import ErrorCode, Status
 from steptwin.protocol.pvt import QUEUE_DEPTH
 
-PERIOD_S: Final = 0.02
+PERIOD_S: Final = 0.015
 """Least time between two snapshots."""
+_REST_S: Final = 0.1
+"""Longest time between two snapshots, without news."""
+_SETTLED_S: Final = 0.15
+"""Time for which the drives' states must last until the events tell of them: drives change one after the other."""
 _SILENT: Final = f"no report from the machine for {SILENT_S:g} s"
 _ANOTHER: Final = "another program moves the machine"
 
@@ -51,16 +58,22 @@ class Known:
 class Publisher:
     """Makes snapshots; the worker publishes, any thread reads `snapshot`."""
 
-    def __init__(self, operators: Operators, history: History, events: EventLog) -> None:
+    def __init__(self, operators: Operators, history: History, events: EventLog, stops: StopRequests) -> None:
         self.known = Known()
         self._operators = operators
         self._history = history
         self._events = events
+        self._stops = stops
         self._session: Session | None = None
         self._reports: Reports | None = None
-        self._published_s = float("-inf")
-        self._states: dict[str, str] = {}
-        """The drives' states that the events tell of, by joint."""
+        self._published_s = self._news_s = float("-inf")
+        self._emergencies: deque[tuple[int, int]] = deque(maxlen=100)
+        """Number of an axis and error code of emergencies that the events do not tell of yet."""
+        self._states: tuple[str, ...] = ()
+        """The drives' states as last seen, and since when."""
+        self._states_s = float("-inf")
+        self._told: dict[str, str] = {}
+        """The states that the events tell of, by joint."""
         self._latest = Snapshot(
             time_s=time.monotonic(),
             connected=False,
@@ -80,11 +93,12 @@ class Publisher:
     def snapshot(self) -> Snapshot:
         """The newest snapshot; not connected if the axes have fallen silent since."""
         latest, reports = self._latest, self._reports
-        holder = self._operators.holder
+        holder, activity = self._operators.holder, latest.activity
         latest = replace(
             latest,
             operator=holder.name if holder else None,
             emergency_stopped=self.known.emergency_stopped,
+            activity=activity if self.known.activity or (activity and activity.foreign) else None,
         )
         if latest.connected and (reports is None or reports.silent):
             return replace(latest, connected=False, why_not=_SILENT, activity=None)
@@ -97,23 +111,30 @@ class Publisher:
     def disconnected(self, why: str) -> None:
         """Publish that the machine is not connected, and why; the rest stays as last known."""
         self._session = self._reports = None
-        self._states.clear()
+        self._told.clear()
         self._latest = replace(
             self._latest, time_s=time.monotonic(), connected=False, why_not=why, activity=None, queue_fill=None
         )
 
+    def emergency(self, axis: int, code: int) -> None:
+        """Take an error that an axis reports; called in the receiving thread."""
+        self._emergencies.append((axis, code))
+
     def publish(self) -> None:
-        """Publish a snapshot, unless the last one is newer than PERIOD_S or an axis has not reported yet."""
-        now_s = time.monotonic()
-        if now_s - self._published_s < PERIOD_S or self._session is None or self._reports is None:
+        """Publish a snapshot, unless the last one is new enough or an axis has not reported yet."""
+        session, reports, now_s = self._session, self._reports, time.monotonic()
+        if session is None or reports is None or now_s - self._published_s < PERIOD_S:
             return
-        reports = self._reports.axes
-        drives = [report.drive for report in reports if report.drive is not None]
-        if len(drives) < len(reports) or self._reports.silent:
+        drives = [report.drive for report in reports.axes if report.drive is not None]
+        if len(drives) < len(reports.axes) or reports.silent:
             return
-        self._published_s = now_s
-        self._latest = self._snapshot(now_s, self._session, reports, drives)
-        self._tell_changes(self._latest.joints)
+        if reports.news_s == self._news_s and now_s - self._published_s < _REST_S:
+            return
+        self._published_s, self._news_s = now_s, reports.news_s
+        self._follow_emergency_stop(reports.axes, drives)
+        self._latest = self._snapshot(now_s, session, reports.axes, drives)
+        self._tell_emergencies(session.robot.joint_names)
+        self._tell_states(now_s, self._latest.joints)
 
     def _snapshot(
         self, now_s: float, session: Session, reports: Sequence[AxisReport], drives: list[DriveStatus]
@@ -153,7 +174,7 @@ class Publisher:
             simulated=known.simulated,
             joints=joints,
             pose=session.pose(positions) if all(place.known for place in places) else None,
-            links_mm=(),
+            links_mm=tuple(link.points_mm[0] for link in make_kinematics(robot).links(np.array([positions]))),
             inputs={name: bool((reports[axis].inputs or 0) & bit) for name, (axis, bit) in wired_inputs(robot).items()},
             outputs=known.outputs,
             activity=_activity(known.activity, drives),
@@ -164,16 +185,50 @@ class Publisher:
             late_ms=known.late_ms,
         )
 
-    def _tell_changes(self, joints: Sequence[JointView]) -> None:
-        """Log which drives have changed their state, those with the same new state together."""
+    def _follow_emergency_stop(self, reports: Sequence[AxisReport], drives: Sequence[DriveStatus]) -> None:
+        """Note an emergency stop, whoever has made it, and its end by a reset."""
+        known = self.known
+        if any(
+            drive.in_fault and report.error_code == ErrorCode.ESTOP
+            for report, drive in zip(reports, drives, strict=True)
+        ):
+            known.emergency_stopped = True
+        elif (
+            known.emergency_stopped
+            and self._stops.asked is not Stop.EMERGENCY
+            and not any(drive.in_fault for drive in drives)
+        ):
+            known.emergency_stopped = False
+            self._events.info("the emergency stop is over")
+
+    def _tell_emergencies(self, names: Sequence[str]) -> None:
+        """Log the errors that axes have reported, those with the same error together."""
+        found: dict[int, list[str]] = {}
+        while self._emergencies:
+            axis, code = self._emergencies.popleft()
+            if code and names[axis] not in found.setdefault(code, []):
+                found[code].append(names[axis])
+        for code, named in found.items():
+            self._events.warning(f"{_who(named, names)}: {error_words(code)}")
+
+    def _tell_states(self, now_s: float, joints: Sequence[JointView]) -> None:
+        """Log which drives have changed their state for good, those with the same new state together."""
+        states = tuple(joint.state for joint in joints)
+        if states != self._states:
+            self._states, self._states_s = states, now_s
+        if now_s - self._states_s < _SETTLED_S:
+            return
         changed: dict[str, list[str]] = {}
         for joint in joints:
-            if self._states.get(joint.name) != joint.state:
-                self._states[joint.name] = joint.state
+            if self._told.get(joint.name) != joint.state:
+                self._told[joint.name] = joint.state
                 changed.setdefault(joint.state, []).append(joint.name)
         for state, names in changed.items():
-            who = "all drives" if len(names) == len(joints) else ", ".join(names)
-            self._events.info(f"{who}: {state}")
+            self._events.info(f"{_who(names, joints)}: {state}")
+
+
+def _who(some: Sequence[str], every: Sequence[object]) -> str:
+    return "all drives" if len(some) == len(every) else ", ".join(some)
 
 
 def _joint_values(session: Session, units: Sequence[int | None]) -> FloatArray:

@@ -17,7 +17,7 @@ from steptwin.host.client.faults import await_reports
 from steptwin.host.common.errors import BusError
 from steptwin.host.operate.session import Session
 from steptwin.protocol import od
-from steptwin.protocol.cia402 import Status
+from steptwin.protocol.cia402 import ErrorCode, Status
 from steptwin.protocol.frame import COB_EMCY, COB_ID_INVALID, COB_ID_NO_RTR, COB_TPDO
 from steptwin.protocol.pdo_defaults import ASYNCHRONOUS
 
@@ -79,6 +79,11 @@ class Reports:
         return min(report.heard_s for report in self.axes)
 
     @property
+    def news_s(self) -> float:
+        """When the last report came, on the same clock."""
+        return max(report.heard_s for report in self.axes)
+
+    @property
     def silent(self) -> bool:
         """True if an axis has not reported for SILENT_S."""
         return time.monotonic() - self.heard_s > SILENT_S
@@ -107,9 +112,18 @@ def _take_inputs(report: AxisReport, data: bytes) -> None:
 
 
 def _take_emergency(report: AxisReport, emergency: Callable[[int], None], data: bytes) -> None:
-    code, _register, _detail = _EMERGENCY.unpack(data)
-    report.error_code = code
+    code, register, _detail = _EMERGENCY.unpack(data)
+    if code or not register:  # "no error" with bits in the register means that another one goes on
+        report.error_code = code
     emergency(code)
+
+
+def ask_once(session: Session, reports: Reports) -> None:
+    """Ask for what nodes report only when it changes; raise BusError if a node does not answer."""
+    for axis, report in zip(session.machine.axes, reports.axes, strict=True):
+        report.inputs = axis.read(od.DIGITAL_INPUTS)
+        held = axis.read(od.EMERGENCY_STOP)
+        report.error_code = ErrorCode.ESTOP if held else axis.read(od.ERROR_CODE)
 
 
 # --- setting the reports up

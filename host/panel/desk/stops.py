@@ -5,8 +5,6 @@ from contextlib import contextmanager
 from enum import IntEnum
 from threading import Lock
 
-from steptwin.host.common.errors import StepTwinError
-
 
 class Stop(IntEnum):
     """How to stop; the greater one prevails."""
@@ -18,8 +16,8 @@ class Stop(IntEnum):
     """Stop, switch the power off and hold the drives until a reset."""
 
 
-class StopAskedError(StepTwinError):
-    """A stop was asked for: the worker must leave what it does."""
+class StopAskedError(Exception):
+    """A stop was asked for: the worker must leave what it does. No StepTwinError, since nobody may suppress it."""
 
 
 class StopRequests:
@@ -60,7 +58,7 @@ class StopRequests:
     def _check(self) -> None:
         if self._asked > self._answered:
             self._answered = self._asked
-            raise StopAskedError("stopped by an operator" if self._asked is Stop.STOP else "emergency stop")
+            raise StopAskedError("stopped" if self._asked is Stop.STOP else "emergency stop")
 
     def answer(self) -> Stop:
         """Return the stop that is asked for, which the worker is going to make now."""

@@ -18,7 +18,7 @@ DIRECTIONS = [("x", -1.0), ("y", 1.0), ("z", -1.0)]
 def test_the_way_is_straight_and_ends_where_the_reach_ends(robot: Robot, axis: str, sign: float) -> None:
     """A search by whole plans finds the same end; the way may end a millimetre or a fiftieth before it."""
     start = standing(robot)
-    plan = plan_tool_jog(robot, start, axis, 50.0 * sign)
+    plan = plan_tool_jog(robot, start, axis, 25.0 * sign)
     path = poses(plan, np.linspace(0.0, plan.trajectory.duration_s, 101))
     ways = path[:, :3] - path[0, :3]
     column = "xyz".index(axis)

@@ -1,0 +1,265 @@
+"""What each command needs before it is taken, and how it is carried out: one table."""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from math import inf
+from typing import Any, Final, Generic, TypeVar
+
+from steptwin.host.client import Progress
+from steptwin.host.common.errors import InputError, StepTwinError
+from steptwin.host.operate.homing import check_homing, declare, home_robot
+from steptwin.host.operate.moving import Moved, check_goal, goal_by_name, joints_at, move, standing_joints
+from steptwin.host.operate.recovering import reset
+from steptwin.host.operate.running import LiveOutcome, check_repeatable, execute_live
+from steptwin.host.operate.session import Session
+from steptwin.host.operate.stepping import check_step, check_step_speed, step_joint, step_tool
+from steptwin.host.operate.switching import no_such_output, switch_output
+from steptwin.host.panel.desk.commands import (
+    Command,
+    DeclareHere,
+    Disable,
+    Enable,
+    HomeAll,
+    HomeJoint,
+    MoveJoints,
+    MoveTool,
+    ResetFaults,
+    RunMotion,
+    StepJoint,
+    StepTool,
+    SwitchOutput,
+    WriteSettings,
+)
+from steptwin.host.panel.desk.results import Results
+from steptwin.host.panel.desk.settings import check_settings, write_settings
+from steptwin.host.panel.desk.stops import StopAskedError
+from steptwin.host.planning.tool_step import ToolStep
+from steptwin.host.robots.robot import Robot
+
+C = TypeVar("C", bound=Command)
+
+
+@dataclass(frozen=True, slots=True)
+class Doing:
+    """What a command is carried out with.
+
+    Attributes:
+        session: the machine.
+        file: the robot with the limits of its file.
+        progress: called with the part that is done.
+        switched: called with the outputs when one was switched.
+        limited: called with the robot when its limits were changed.
+        results: the runs that have ended.
+    """
+
+    session: Session
+    file: Robot
+    progress: Progress
+    switched: Callable[[Mapping[str, bool]], None]
+    limited: Callable[[Robot], None]
+    results: Results
+
+
+@dataclass(frozen=True, slots=True)
+class Action(Generic[C]):
+    """How a command is checked and carried out.
+
+    Attributes:
+        title: names it, in a few words.
+        perform: carries it out and says in one line what has come of it; an empty text says nothing.
+        check: raises InputError for a wrong command, with the robot as its limits are and as its file is.
+        drives: True if it needs the drives: none in fault, no emergency stop.
+        homed: True if every joint must know its position.
+    """
+
+    title: Callable[[C], str]
+    perform: Callable[[Doing, C], str]
+    check: Callable[[Robot, Robot, C], object] = lambda _robot, _file, _command: None
+    drives: bool = True
+    homed: bool = False
+
+
+# --- checks
+
+
+def _check_declare(robot: Robot, _file: Robot, command: DeclareHere) -> None:
+    if len(command.joints) != len(robot.joints):
+        raise InputError(f"{len(command.joints)} positions for the {len(robot.joints)} joints of {robot.name}")
+    check_goal(robot, command.joints)
+
+
+def _check_percent(percent: float) -> None:
+    if not 0 < percent <= 100:
+        raise InputError(f"speed: {percent:g} is not above 0 and up to 100 percent")
+
+
+def _check_step_joint(robot: Robot, _file: Robot, command: StepJoint) -> None:
+    check_step(robot, command.joint, command.distance)
+    check_step_speed(command.speed_percent)
+
+
+def _check_step_tool(_robot: Robot, _file: Robot, command: StepTool) -> None:
+    ToolStep(command.distances, command.speed_percent)
+    check_step_speed(command.speed_percent)
+
+
+def _check_move_joints(robot: Robot, _file: Robot, command: MoveJoints) -> None:
+    if not command.joints:
+        raise InputError("move: names no joint")
+    goal_by_name(robot, command.joints)
+    _check_percent(command.speed_percent)
+
+
+def _check_run(robot: Robot, _file: Robot, command: RunMotion) -> None:
+    if command.plan.robot != robot:
+        raise InputError(f"{command.name}: was planned for other limits than the machine has now: plan it again")
+    check_repeatable(command.plan, command.repeat)
+
+
+def _check_output(robot: Robot, _file: Robot, command: SwitchOutput) -> None:
+    if command.output not in robot.outputs:
+        raise no_such_output(robot.name, command.output, list(robot.outputs))
+
+
+# --- carrying out
+
+
+def _enable(doing: Doing, _command: Enable) -> str:
+    with doing.session.in_charge("enable", known=False):
+        return ""
+
+
+def _disable(doing: Doing, _command: Disable) -> str:
+    with doing.session.alone():
+        doing.session.require_idle("disable")
+        doing.session.machine.disable()
+    return ""
+
+
+def _home_all(doing: Doing, command: HomeAll) -> str:
+    home_robot(doing.session, together=command.together, progress=doing.progress)
+    return "all joints are homed"
+
+
+def _home_joint(doing: Doing, command: HomeJoint) -> str:
+    home_robot(doing.session, joints=[command.joint], progress=doing.progress)
+    return f"{command.joint} is homed"
+
+
+def _declare(doing: Doing, command: DeclareHere) -> str:
+    declare(doing.session, list(command.joints))
+    return f"declared: {_positions(doing.session.robot, command.joints)}"
+
+
+def _step_joint(doing: Doing, command: StepJoint) -> str:
+    percent = command.speed_percent
+    moved = step_joint(doing.session, command.joint, command.distance, speed_percent=percent, progress=doing.progress)
+    return _moved(doing, moved)
+
+
+def _step_tool(doing: Doing, command: StepTool) -> str:
+    step = ToolStep(command.distances, command.speed_percent)
+    return _moved(doing, step_tool(doing.session, step, progress=doing.progress))
+
+
+def _move_joints(doing: Doing, command: MoveJoints) -> str:
+    goal = goal_by_name(doing.session.robot, command.joints)
+    return _moved(doing, move(doing.session, goal, speed_percent=command.speed_percent, progress=doing.progress))
+
+
+def _move_tool(doing: Doing, command: MoveTool) -> str:
+    session = doing.session
+    with session.alone():
+        goal = joints_at(session.robot, command.position, standing_joints(session))
+        return _moved(doing, move(session, goal, speed_percent=command.speed_percent, progress=doing.progress))
+
+
+def _run(doing: Doing, command: RunMotion) -> str:
+    """Run a motion; its result is kept however it ends."""
+    run = doing.results.begin(command.name)
+    last = inf
+
+    def progress(fraction: float) -> None:
+        nonlocal last
+        if fraction < last:  # a repetition begins
+            run.started_s = time.monotonic()
+        last = fraction
+        doing.progress(fraction)
+
+    try:
+        outcome = execute_live(
+            doing.session,
+            command.plan,
+            command.name,
+            repeat=command.repeat,
+            approach=command.approach,
+            progress=progress,
+        )
+    except (StepTwinError, StopAskedError) as error:
+        doing.results.end(run, None, str(error))
+        raise
+    doing.results.end(run, outcome, None)
+    return _ended(outcome)
+
+
+def _ended(outcome: LiveOutcome) -> str:
+    times = "" if outcome.repetitions == 1 else f", {outcome.repetitions} times"
+    return f"{outcome.job}{times}: {'ended where planned' if outcome.passed else 'ENDED ELSEWHERE'}"
+
+
+def _switch(doing: Doing, command: SwitchOutput) -> str:
+    doing.switched(switch_output(doing.session, command.output, on=command.on))
+    return f"{command.output}: {'on' if command.on else 'off'}"
+
+
+def _reset(doing: Doing, _command: ResetFaults) -> str:
+    reset(doing.session)
+    return "faults are reset, the drives are off"
+
+
+def _write(doing: Doing, command: WriteSettings) -> str:
+    doing.limited(write_settings(doing.session, doing.file, command.values))
+    return ", ".join(f"{key} = {value:g}" for key, value in command.values.items())
+
+
+def _moved(doing: Doing, moved: Moved) -> str:
+    return _positions(doing.session.robot, moved.end)
+
+
+def _positions(robot: Robot, joints: "list[float] | tuple[float, ...]") -> str:
+    return ", ".join(
+        f"{joint.name} {position:.3f} {joint.unit}" for joint, position in zip(robot.joints, joints, strict=True)
+    )
+
+
+ACTIONS: Final[dict[type[Command], Action[Any]]] = {
+    Enable: Action(lambda _: "enable", _enable),
+    Disable: Action(lambda _: "switch off", _disable, drives=False),
+    HomeAll: Action(lambda _: "home", _home_all, lambda robot, _file, _: check_homing(robot, robot.joint_names)),
+    HomeJoint: Action(
+        lambda command: f"home {command.joint}",
+        _home_joint,
+        lambda robot, _file, command: check_homing(robot, [command.joint]),
+    ),
+    DeclareHere: Action(lambda _: "declare", _declare, _check_declare),
+    StepJoint: Action(lambda command: f"step {command.joint}", _step_joint, _check_step_joint),
+    StepTool: Action(lambda command: f"step {' '.join(command.distances)}", _step_tool, _check_step_tool, homed=True),
+    MoveJoints: Action(lambda _: "move", _move_joints, _check_move_joints, homed=True),
+    MoveTool: Action(
+        lambda _: "move",
+        _move_tool,
+        lambda _robot, _file, command: _check_percent(command.speed_percent),
+        homed=True,
+    ),
+    RunMotion: Action(lambda command: command.name, _run, _check_run, homed=True),
+    SwitchOutput: Action(lambda command: f"switch {command.output}", _switch, _check_output, drives=False),
+    ResetFaults: Action(lambda _: "reset", _reset, drives=False),
+    WriteSettings: Action(
+        lambda _: "settings",
+        _write,
+        lambda _robot, file, command: check_settings(file, command.values),
+        drives=False,
+    ),
+}
+"""How each command is checked and carried out."""
