@@ -15,9 +15,8 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.common.bad_input import shortened
-from steptwin.host.common.printable import printable
 from steptwin.host.common.whole_file import whole_file
+from steptwin.host.record.heading import heading
 from steptwin.host.verify import Comparison, RunInfo
 from steptwin.host.verify.deviation import critical_instants
 
@@ -58,17 +57,21 @@ STYLE: Any = {  # Any: matplotlib spells out every key as a literal type in some
 def new_figure(run: RunInfo, what: str, height_inches: float) -> Figure:
     """Return an empty figure whose heading names the run and the picture, and says that the run is simulated."""
     figure = Figure(figsize=(WIDTH_INCHES, height_inches + HEADING_INCHES), layout="constrained")
-    robot, job = (printable(shortened(name)) for name in (run.robot, run.job))
-    figure.suptitle(f"{robot} · {job} · {what} (SIMULATED)", x=0.01, ha="left", weight="bold")
+    figure.suptitle(heading(run, what), x=0.01, ha="left", weight="bold")
     return figure
 
 
-def save_figure(figure: Figure, path: Path, metadata: Mapping[str, Any]) -> None:
-    """Write a picture. Its texts may hold names from files: `$x^$` is no formula there; only tick labels have some."""
+def plain_texts(figure: Figure) -> None:
+    """Let texts appear as they stand: names from files, such as `$x^$`, are no formulas; only tick labels hold some."""
     of_ticks = {label for tick in figure.findobj(Tick) for label in (tick.label1, tick.label2)}
     for text in figure.findobj(Text):
         if text not in of_ticks:
             text.set_parse_math(False)
+
+
+def save_figure(figure: Figure, path: Path, metadata: Mapping[str, Any]) -> None:
+    """Write a picture."""
+    plain_texts(figure)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")  # drawn as an empty box
         with whole_file(path) as file:

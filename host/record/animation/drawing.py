@@ -1,0 +1,147 @@
+"""Draw a film's frames: what stands still once, the rest into each frame."""
+
+from typing import Any, Final
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.record.animation.camera import Camera
+from steptwin.host.record.animation.film import Film
+from steptwin.host.record.plots.canvas import COUNTED, PLANNED, STYLE, plain_texts
+from steptwin.host.robots.kinematics import Link, Role
+
+DOTS_PER_INCH: Final = 100
+ASPECT: Final = 0.75
+"""Height over width of a frame."""
+
+STYLES: Final[dict[Role, dict[str, Any]]] = {
+    Role.GUIDE: {"color": "#b9c2cb", "linewidth": 5.0},
+    Role.SLIDE: {"color": "#4c86c6", "linewidth": 10.0, "solid_capstyle": "butt"},
+    Role.LINK: {"color": "#3b4a5a", "linewidth": 6.0, "marker": "o", "markersize": 8, "markerfacecolor": "white"},
+    Role.TOOL: {"color": "#d9822b", "linewidth": 3.0},
+}
+SHADOW: Final = "0.88"
+GRID: Final = "0.93"
+BOX: Final = "#a08c6c"
+
+_MARGIN: Final = 0.05
+_CORNER_PIXELS: Final = np.array([55.0, 85.0])
+"""Place of the world's axes in the picture, from its lower left corner."""
+_ARROW_PIXELS: Final = 32
+
+PixelArray = np.ndarray[Any, np.dtype[np.uint8]]
+
+
+class Drawing:
+    """A film seen from a camera. Its frames are arrays of red, green, blue and alpha, of shape (height, width, 4)."""
+
+    def __init__(self, film: Film, camera: Camera, width_pixels: int) -> None:
+        self._film, self._camera = film, camera
+        self._extent_mm = film.extent_mm()
+        self._ground_mm = float(self._extent_mm[:, 2].min())
+        size_pixels = [int(pixels) // 2 * 2 for pixels in (width_pixels, width_pixels * ASPECT)]  # as videos need it
+        with mpl.rc_context(STYLE):
+            figure = Figure(figsize=(size_pixels[0] / DOTS_PER_INCH, size_pixels[1] / DOTS_PER_INCH), dpi=DOTS_PER_INCH)
+            self._canvas = _canvas(figure)
+            axes = self._empty_axes(figure)
+            self._draw_ground(axes)
+            self._draw_world_axes(axes)
+            axes.plot(*self._seen(film.path.planned_mm)[:, :2].T, color=PLANNED, linewidth=3.5, zorder=1)
+            self._boxes = [LineCollection([], color=BOX, linewidth=1.2) for _ in film.boxes]
+            self._parts = [(part, axes.plot([], [], **STYLES[part.role])[0]) for part in film.parts]
+            self._shadow = LineCollection([], color=SHADOW, linewidth=5.0)
+            for lines in (self._shadow, *self._boxes):
+                axes.add_collection(lines)
+            self._counted: Line2D = axes.plot([], [], color=COUNTED, linewidth=1.2)[0]
+            self._clock = figure.text(0.015, 0.02, "", family="DejaVu Sans Mono", size=11)
+            plain_texts(figure)
+        self._moving = [self._shadow, *self._boxes, *(line for _, line in self._parts), self._counted, self._clock]
+        for artist in self._moving:
+            artist.set_animated(True)
+        self._canvas.draw()
+        self._background = self._canvas.copy_from_bbox(figure.bbox)
+        self._counted_seen = self._seen(film.path.counted_mm(film.gain))[:, :2]
+
+    @property
+    def frames(self) -> int:
+        """The number of frames."""
+        return len(self._film.times_s)
+
+    def frame(self, i: int) -> PixelArray:
+        """Draw one frame."""
+        film = self._film
+        self._canvas.restore_region(self._background)
+        self._shadow.set_segments([self._on_ground(part.points_mm[i]) for part in film.parts])
+        for box, lines in zip(film.boxes, self._boxes, strict=True):
+            lines.set_segments(list(self._seen(box.edges_mm + box.shifts_mm[i])[..., :2]))
+        for part, line in self._parts:
+            line.set_data(*self._seen(part.points_mm[i])[:, :2].T)
+        self._counted.set_data(*self._counted_seen[: film.path_until[i]].T)
+        self._clock.set_text(f"t = {film.times_s[i]:.3f} s")
+        far_to_near = sorted(self._parts, key=lambda each: self._nearness(each[0], i))
+        for artist in (self._shadow, *self._boxes, *(line for _, line in far_to_near), self._counted, self._clock):
+            artist.draw(self._canvas.get_renderer())
+        return np.array(self._canvas.buffer_rgba(), np.uint8)
+
+    def _seen(self, points_mm: FloatArray) -> FloatArray:
+        return self._camera.seen(points_mm)
+
+    def _nearness(self, part: Link, i: int) -> tuple[bool, float]:
+        """Return the order in which parts are drawn: guides first, then from far to near."""
+        return part.role is not Role.GUIDE, float(self._seen(part.points_mm[i])[:, 2].mean())
+
+    def _on_ground(self, points_mm: FloatArray) -> FloatArray:
+        on_ground_mm = points_mm.copy()
+        on_ground_mm[:, 2] = self._ground_mm
+        return self._seen(on_ground_mm)[:, :2]
+
+    def _empty_axes(self, figure: Figure) -> Axes:
+        """Return axes true to scale that hold the scene, under a heading."""
+        film = self._film
+        speed = "" if film.speed == 1.0 else f", {film.speed:g} x as fast"
+        figure.text(0.015, 0.985, film.title, size=12, weight="bold", va="top")
+        about = f"path's error magnified {film.gain:g} times" if film.gain > 1.0 else "path's error not magnified"
+        figure.text(0.985, 0.02, f"grey: planned, blue: counted, {about}{speed}", size=8, ha="right", color="0.35")
+        axes = figure.add_axes((0.0, 0.06, 1.0, 0.88))
+        axes.set_axis_off()
+        axes.set_aspect("equal")
+        seen = np.concatenate([self._seen(self._extent_mm)[:, :2], self._on_ground(self._extent_mm)])
+        middle, half = (seen.min(axis=0) + seen.max(axis=0)) / 2, (np.ptp(seen, axis=0) / 2).clip(min=1.0)
+        half *= 1 + 2 * _MARGIN
+        width, height = axes.bbox.width, axes.bbox.height
+        scale = max(half[0] / width, half[1] / height)
+        axes.set_xlim(middle[0] - scale * width, middle[0] + scale * width)
+        axes.set_ylim(middle[1] - scale * height, middle[1] + scale * height)
+        return axes
+
+    def _draw_ground(self, axes: Axes) -> None:
+        """Draw a grid on the ground."""
+        low, high = self._extent_mm.min(axis=0), self._extent_mm.max(axis=0)
+        every_mm = self._film.grid_mm
+        first, last = np.floor(low[:2] / every_mm) * every_mm, np.ceil(high[:2] / every_mm) * every_mm
+        xs, ys = (np.arange(a, b + every_mm / 2, every_mm) for a, b in zip(first, last, strict=True))
+        lines = [[(x, first[1]), (x, last[1])] for x in xs] + [[(first[0], y), (last[0], y)] for y in ys]
+        grid_mm = np.array([[(*end, low[2]) for end in line] for line in lines])
+        axes.add_collection(LineCollection(list(self._seen(grid_mm)[..., :2]), color=GRID, linewidth=0.8, zorder=0))
+
+    def _draw_world_axes(self, axes: Axes) -> None:
+        """Draw the directions of x, y and z into the lower left corner."""
+        for name, way in zip("xyz", np.eye(3), strict=True):
+            along = _ARROW_PIXELS * self._seen(way)[:2]
+            if np.hypot(*along) < _ARROW_PIXELS / 10:
+                continue  # seen along this axis
+            ends = [(float(x), float(y)) for x, y in _CORNER_PIXELS + np.outer((0.0, 1.0, 1.3), along)]
+            arrow = {"arrowstyle": "->", "color": "0.55", "shrinkA": 0, "shrinkB": 0}
+            axes.annotate("", ends[1], ends[0], "figure pixels", "figure pixels", arrow, annotation_clip=False)
+            axes.annotate(name, ends[2], xycoords="figure pixels", ha="center", va="center", color="0.4")
+
+
+def _canvas(figure: Figure) -> Any:
+    """Return the canvas, to which matplotlib gives no types."""
+    return FigureCanvasAgg(figure)

@@ -1,0 +1,175 @@
+"""What every frame of an animation shows, as arrays: the arm, the boxes around it, and both paths of the tool."""
+
+from dataclasses import dataclass
+from math import ceil, isfinite
+from typing import Final
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray, Int64Array
+from steptwin.host.common.bad_input import at_least
+from steptwin.host.common.errors import InputError
+from steptwin.host.record.folder import StoredRun
+from steptwin.host.record.heading import heading
+from steptwin.host.record.path_error import PathError, path_error, round_below
+from steptwin.host.record.recorded_machine import RecordedMachine
+from steptwin.host.robots.kinematics import Link, Role
+
+FPS: Final = 20.0
+FPS_MAX: Final = 100.0
+USUAL_LENGTH_S: Final = 10.0
+"""Longest animation if the user does not choose the speed."""
+
+FRAMES_MAX: Final = 6000
+"""Largest number of frames: five minutes at the usual rate, and several minutes of drawing."""
+
+PATH_INSTANTS: Final = 3001
+
+_GRID_LINES: Final = 6
+"""Least number of lines of the ground's grid along its longer side."""
+
+_SPEEDS: Final = tuple(step * 10.0**decade for decade in range(-2, 6) for step in (1, 2, 5))
+
+
+@dataclass(frozen=True, slots=True)
+class Shot:
+    """What a user chooses of an animation.
+
+    Attributes:
+        fps: frames a second.
+        speed: seconds of the motion in a second of the animation; None: a round one, so that it lasts some seconds.
+        from_s: first time of the motion; None: its start.
+        to_s: last time of the motion; None: its end.
+        gain: factor by which the path's error is magnified; None: a round one that makes it visible.
+    """
+
+    fps: float = FPS
+    speed: float | None = None
+    from_s: float | None = None
+    to_s: float | None = None
+    gain: float | None = None
+
+
+USUAL_SHOT: Final = Shot()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ShownBox:
+    """A box at every frame: its edges, shape (12, 2, 3), and how far it has moved, shape (frames, 3)."""
+
+    name: str
+    edges_mm: FloatArray
+    shifts_mm: FloatArray
+
+    @property
+    def moves(self) -> bool:
+        """True if the tool moves it."""
+        return bool(self.shifts_mm.any())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Film:
+    """An animation without its drawing.
+
+    Attributes:
+        title: robot and job.
+        times_s: shape (frames,), the motion's time at each frame.
+        fps: frames a second.
+        speed: seconds of the motion in a second of the animation.
+        parts: the machine's parts at every frame.
+        boxes: the boxes around it.
+        path: the tool's path over the whole motion, and its error.
+        path_until: shape (frames,), number of the path's points that each frame has behind it.
+        gain: factor by which the path's error is to be magnified.
+    """
+
+    title: str
+    times_s: FloatArray
+    fps: float
+    speed: float
+    parts: tuple[Link, ...]
+    boxes: tuple[ShownBox, ...]
+    path: PathError
+    path_until: Int64Array
+    gain: float
+
+    @property
+    def grid_mm(self) -> float:
+        """Distance of the lines of the ground's grid."""
+        return round_below(float(np.ptp(self.extent_mm(), axis=0).max()) / _GRID_LINES)
+
+    def extent_mm(self) -> FloatArray:
+        """Return the points that pictures must hold, shape (n, 3).
+
+        Guides that are longer than all that moves, such as a rail, are left out, and boxes unless one of them moves.
+        """
+        moving = [part.points_mm.reshape(-1, 3) for part in self.parts if part.role is not Role.GUIDE]
+        shown = np.concatenate([*moving, self.path.planned_mm, self.path.counted_mm(self.gain)])
+        size_mm = np.linalg.norm(np.ptp(shown, axis=0))
+        guides = [part.points_mm for part in self.parts if part.role is Role.GUIDE]
+        short = [points.reshape(-1, 3) for points in guides if _length_mm(points) <= size_mm]
+        boxes = self.boxes if any(box.moves for box in self.boxes) else ()
+        corners = [(box.edges_mm + shift).reshape(-1, 3) for box in boxes for shift in _extremes(box.shifts_mm)]
+        return np.concatenate([shown, *short, *corners])
+
+
+def make_film(run: StoredRun, shot: Shot = USUAL_SHOT) -> Film:
+    """Return the animation of a stored run; raise InputError for times, a rate or a speed that make none."""
+    machine = RecordedMachine.of(run)
+    first_s, last_s = _span_s(machine.duration_s, shot)
+    times_s, speed = _times_s(first_s, last_s, shot)
+    path_s = np.linspace(0.0, machine.duration_s, PATH_INSTANTS)
+    path = path_error(machine.comparison, path_s)
+    if shot.gain is not None and not (isfinite(shot.gain) and 1.0 <= shot.gain <= 1e9):
+        raise InputError(f"gain={shot.gain:g} is outside 1..1e9")
+    return Film(
+        title=heading(run.report.run),
+        times_s=times_s,
+        fps=shot.fps,
+        speed=speed,
+        parts=machine.links(times_s),
+        boxes=tuple(
+            ShownBox(name, machine.robot.boxes[name].edges_mm, shifts_mm)
+            for name, shifts_mm in machine.box_shifts_mm(times_s).items()
+        ),
+        path=path,
+        path_until=2 * np.searchsorted(path_s, times_s, side="right"),
+        gain=path.gain if shot.gain is None else shot.gain,
+    )
+
+
+def _span_s(duration_s: float, shot: Shot) -> tuple[float, float]:
+    first_s = 0.0 if shot.from_s is None else shot.from_s
+    last_s = duration_s if shot.to_s is None else shot.to_s
+    for name, t_s in (("from_s", first_s), ("to_s", last_s)):
+        if not 0.0 <= t_s <= duration_s:
+            raise InputError(f"{name}={t_s:g} s: the motion goes from 0 to {duration_s:g} s")
+    if shot.from_s is not None and not first_s < last_s:
+        raise InputError(f"from_s={first_s:g} s is not before {last_s:g} s")
+    return first_s, last_s
+
+
+def _times_s(first_s: float, last_s: float, shot: Shot) -> tuple[FloatArray, float]:
+    """Return the motion's time at each frame, and the speed."""
+    if not 1.0 <= shot.fps <= FPS_MAX:
+        raise InputError(f"fps={shot.fps:g} is outside 1..{FPS_MAX:g} frames a second")
+    span_s = last_s - first_s
+    speed = next(each for each in _SPEEDS if span_s <= each * USUAL_LENGTH_S) if shot.speed is None else shot.speed
+    if not (isfinite(speed) and speed > 0.0):
+        raise InputError(f"speed={speed:g} is not above 0")
+    frames = span_s * shot.fps / speed
+    if frames > FRAMES_MAX:
+        raise InputError(
+            f"speed={speed:g} makes {frames:.3g} frames, more than {FRAMES_MAX}:"
+            f" speed={at_least(span_s * shot.fps / FRAMES_MAX)} would do"
+        )
+    return np.append(first_s + np.arange(ceil(frames)) * speed / shot.fps, last_s), speed
+
+
+def _length_mm(points_mm: FloatArray) -> float:
+    """Return the distance between the ends of a part, the greatest of all frames."""
+    return float(np.linalg.norm(points_mm[:, -1] - points_mm[:, 0], axis=1).max())
+
+
+def _extremes(shifts_mm: FloatArray) -> FloatArray:
+    return np.array([shifts_mm.min(axis=0), shifts_mm.max(axis=0)])

@@ -1,0 +1,56 @@
+"""The tool's planned path and how far the counted one is from it, with the magnification that makes it visible."""
+
+from dataclasses import dataclass
+from math import floor, log10
+from typing import Final
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.verify import Comparison
+from steptwin.host.verify.deviation import deviations
+
+MAGNIFIED_PART: Final = 0.04
+"""Largest size of the magnified error, as a fraction of the path's extent."""
+
+STILL_MM: Final = 1e-6
+"""A coordinate that moves by no more than this stands still: rounding causes the rest."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PathError:
+    """Planned tool positions and the errors of the counted ones in mm, each of shape (n, 3), in order of time."""
+
+    planned_mm: FloatArray
+    errors_mm: FloatArray
+
+    @property
+    def extents_mm(self) -> FloatArray:
+        """The planned extent of each coordinate, shape (3,)."""
+        extents_mm = np.ptp(self.planned_mm, axis=0)
+        return np.where(extents_mm > STILL_MM, extents_mm, 0.0)
+
+    @property
+    def gain(self) -> float:
+        """1, 2 or 5 times a power of ten that makes the error visible, but small against the path."""
+        extent_mm, error_mm = self.extents_mm.max(), np.abs(self.errors_mm).max()
+        wanted = MAGNIFIED_PART * float(extent_mm / error_mm) if error_mm > 0.0 else 1.0
+        return max(1.0, round_below(wanted)) if wanted > 1.0 else 1.0
+
+    def counted_mm(self, gain: float = 1.0) -> FloatArray:
+        """The counted positions with their errors magnified, shape (n, 3)."""
+        return self.planned_mm + gain * self.errors_mm
+
+
+def round_below(value: float) -> float:
+    """Return the largest of 1, 2 and 5 times a power of ten that is not above a positive value."""
+    decade = 10.0 ** floor(log10(value))
+    return decade * max(step for step in (1.0, 2.0, 5.0) if step * decade <= value)
+
+
+def path_error(comparison: Comparison, t_s: FloatArray) -> PathError:
+    """Return the path just before and just after each of m sorted instants, so that n = 2 m."""
+    end_s = comparison.expected.trajectory.duration_s
+    errors_mm = np.concatenate([part.tool_mm.swapaxes(0, 1).reshape(-1, 3) for part in deviations(comparison, t_s)])
+    poses = comparison.expected.forward(comparison.expected.trajectory.positions(np.minimum(t_s, end_s)))
+    return PathError(np.repeat(poses[:, :3], 2, axis=0), errors_mm)

@@ -1,0 +1,84 @@
+"""The machine of a stored run at any instant: its joints as planned and as counted, its parts, and the boxes it moves.
+
+Times are seconds of the motion. The counted joints are those that follow from the drivers' counts.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final, Self
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.record.folder import StoredRun
+from steptwin.host.robots.box import Range
+from steptwin.host.robots.kinematics import Kinematics, Link, make_kinematics
+from steptwin.host.robots.robot import Robot
+from steptwin.host.verify import Comparison, OutputChange
+from steptwin.host.verify.wiring import output_changes
+from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+_END: Final = float("inf")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordedMachine:
+    """The machine of one run; every method takes instants of shape (n,), in any order."""
+
+    robot: Robot
+    kinematics: Kinematics
+    comparison: Comparison
+    holds_s: dict[str, tuple[Range, ...]]
+    """The times from which and until which each output was on; the last may have no end."""
+
+    @classmethod
+    def of(cls, run: StoredRun) -> Self:
+        """Return the machine of a stored run; outputs are those of its pins, whether they were planned or not."""
+        evidence = run.comparison.evidence
+        changes = output_changes(run.robot, evidence.axes)
+        holds_s = {name: _on_times_s(changes, name, evidence.start_counts) for name in run.robot.outputs}
+        return cls(run.robot, make_kinematics(run.robot), run.comparison, holds_s)
+
+    @property
+    def duration_s(self) -> float:
+        """Duration of the planned motion."""
+        return self.comparison.expected.trajectory.duration_s
+
+    def planned_joints(self, t_s: FloatArray) -> FloatArray:
+        """Return the planned joint positions, shape (n, joints); before and after the motion it stands still."""
+        return self.comparison.expected.trajectory.positions(np.clip(t_s, 0.0, self.duration_s))
+
+    def counts(self, t_s: FloatArray) -> FloatArray:
+        """Return the drivers' counts after the steps at each instant, shape (n, axes); earlier than 0 those at 0."""
+        counted = self.comparison.counted
+        return np.column_stack([one.positions[np.searchsorted(one.time_s, t_s, side="right")] for one in counted])
+
+    def counted_joints(self, t_s: FloatArray) -> FloatArray:
+        """Return the joint positions at the drivers' counts, shape (n, joints)."""
+        return self.comparison.expected.joints(self.counts(t_s))
+
+    def counted_poses(self, t_s: FloatArray) -> FloatArray:
+        """Return the tool's poses at the drivers' counts, shape (n, 4)."""
+        return self.kinematics.forward(self.counted_joints(t_s))
+
+    def links(self, t_s: FloatArray) -> tuple[Link, ...]:
+        """Return the machine's parts at the drivers' counts."""
+        return self.kinematics.links(self.counted_joints(t_s))
+
+    def box_shifts_mm(self, t_s: FloatArray) -> dict[str, FloatArray]:
+        """Return how far each box of the robot's file has moved, shape (n, 3); those that nothing holds stand still."""
+
+        def tip_at(at_s: FloatArray) -> FloatArray:
+            return self.counted_poses(np.minimum(at_s, self.duration_s))[:, :3]
+
+        return {
+            name: box.shifts_mm(t_s, self.holds_s.get(box.held_by, ()), tip_at)
+            for name, box in self.robot.boxes.items()
+        }
+
+
+def _on_times_s(changes: Sequence[OutputChange], name: str, start_counts: int) -> tuple[Range, ...]:
+    own = [change for change in changes if change.name == name]
+    instants_s = [(change.counts - start_counts) / COUNTS_PER_SECOND for change in own] + [_END]
+    return tuple(span for change, span in zip(own, pairwise(instants_s), strict=True) if change.level)
