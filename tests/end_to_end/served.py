@@ -35,7 +35,7 @@ class Server:
 
     Attributes:
         process: the program.
-        banner: the lines that it printed first.
+        banner: the lines that it printed first, up to the one that says how it ends.
         port: where it listens.
         slowness: the warnings at its end that the computer is too slow, which tests of other things do not expect.
     """
@@ -49,7 +49,9 @@ class Server:
         )
         printed = self.process.stderr if "--json" in options else self.process.stdout
         assert printed
-        self.banner = [printed.readline().rstrip() for _ in range(3)]
+        self.banner = [printed.readline().rstrip()]
+        while self.banner[-1] not in ("", "Ctrl-C ends it"):
+            self.banner.append(printed.readline().rstrip())
         port = re.search(r"port=(\d+)", self.banner[1])
         assert port, self.banner
         self.port = int(port[1])

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -72,8 +73,12 @@ def move(client: RawClient) -> None:
 
 def test_a_session_and_its_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, log = tmp_path / "out", tmp_path / "run.log"
-    with serving(ROBOT, "--out", str(out), "--log", str(log), "--json") as server:
+    with serving(ROBOT, "--out", str(out), "--log", str(log), "--control-port", "0", "--json") as server:
         assert server.banner[0].startswith("SIMULATED warehouse-scara: sx sz L1 th1 th2 th3, nodes 0x10 to 0x15")
+        control = re.fullmatch(r"control port at (\S+), for steptwin inject --control (\S+)", server.banner[2])
+        assert control
+        assert run(["inject", ROBOT, "switch", "sx", "-", "free", "--control", control[2]]) == 0
+        assert capsys.readouterr().out == f"SIMULATED {ROBOT}: switch - of sx: open\n"
         listener, client = RawClient(server.port), RawClient(server.port)
         move(client)
         listener.expect(b"< frame 080 ")
@@ -90,6 +95,9 @@ def test_a_session_and_its_folder(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert (th1["steps_start"], th1["steps_end"], th1["pulses"], th1["violations"]) == (0, 25, 55, 0)
     assert report["simulated"] is True
     assert report["passed"] is None
+    counted = {"served": 1, "disconnected": {}, "requests": 2, "refused": 0}
+    assert report["control"] == {"address": control[1]} | counted
+    assert [operation["do"] for operation in report["operations"]] == ["switch"]
     assert report["clients"] == {"served": 2, "disconnected": {}, "foreign_frames": 0}
     real_time = report["real_time"]
     assert real_time["ticks"]["count"] >= 440  # 110 ms

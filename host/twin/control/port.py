@@ -7,7 +7,7 @@ from steptwin.host.common import socketcand
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.printable import printable
 from steptwin.host.twin.control.operations import read_request
-from steptwin.host.twin.control.state import state_of
+from steptwin.host.twin.control.state import MachineState
 from steptwin.host.twin.endpoints.listening import listen
 from steptwin.host.twin.live_board import LiveBoard
 
@@ -35,6 +35,8 @@ class ControlPort:
         """Accept clients, who operate this board."""
         from steptwin.emulator.control_server import ControlServer
 
+        state = MachineState(board)
+
         def handle(request: dict[str, Any]) -> dict[str, Any]:
             try:
                 operation = read_request(board.robot, request)
@@ -42,7 +44,7 @@ class ControlPort:
                 return {"error": printable(str(error))}
             if operation is not None:
                 board.operate(operation)
-            return state_of(board)
+            return state.read()
 
         self._server = ControlServer(loop, self._listener, handle)
 

@@ -25,7 +25,7 @@ from steptwin.host.robots import load_robot
 from steptwin.host.robots.digital_input import Input
 from steptwin.host.robots.switches import JointSwitches
 from steptwin.host.twin.control.operations import read_request, request_of
-from steptwin.host.twin.control.state import state_of
+from steptwin.host.twin.control.state import MachineState
 from steptwin.host.twin.live_board import LiveBoard
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import GENERAL_INPUTS, SWITCH_INPUTS, DigitalInput, ErrorCode, State
@@ -192,7 +192,7 @@ def test_the_firmware_sees_it_until_its_opposite(
 
 def _machine_of(machine: Machine) -> dict[str, Any]:
     """Return the part of the state that only operations change."""
-    state = state_of(machine.board)
+    state = MachineState(machine.board).read()
     assert json.loads(json.dumps(state)) == state
     return {
         key: state[key] for key in ("estop", "supply_v", "temperature_degc", "protect", "inputs", "switches", "robot")
@@ -204,7 +204,7 @@ def _merged(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
 
 
 def test_the_switches_are_those_of_the_file(machine: Machine) -> None:
-    switches = state_of(machine.board)["switches"]
+    switches = MachineState(machine.board).read()["switches"]
     assert {joint: list(names) for joint, names in switches.items()} == {
         "d1": ["-", "+"],
         "th2": ["-", "+"],

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 import socket
 from collections.abc import Iterator
 from dataclasses import replace
@@ -21,6 +22,7 @@ from steptwin.host.robots import load_robot
 from steptwin.host.robots.digital_input import Input
 from steptwin.host.twin.served_board import ServedBoard
 from tests.emulator.live_rig import TIMEOUT_S
+from tests.end_to_end.pages import blocks_of, read_page
 
 ROBOT = replace(load_robot("lab-scara"), inputs={"box": Input("th4", 2)})
 
@@ -136,6 +138,27 @@ def test_the_command(served: ServedBoard, client: ControlClient, capsys: pytest.
     told = f"steptwin: {address}: the board is one of lab-scara, not of hybrid-arm\n"
     assert inject("estop", "on", robot="hybrid-arm") == (2, "", told)
     assert not client.state().estop
+
+
+def test_the_page_shows_what_happens(served: ServedBoard, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each command of docs/control-port.md for this robot works, and each request gets the answer that it shows."""
+    assert served.control
+    (_, shell), (_, dialogue) = blocks_of(read_page("docs/control-port.md"))
+    commands = [shlex.split(line, comments=True) for line in shell.splitlines() if "inject lab-scara" in line]
+    assert len(commands) == 6
+    for _, *words, _ in commands:
+        assert run([*words, served.control.address]) == 0
+    assert len(capsys.readouterr().out.splitlines()) > len(commands)
+    for undo in ("estop off", "temperature 25", "protect th2 off", "switch d1 + free"):
+        assert run(["inject", "lab-scara", *undo.split(), "--control", served.control.address]) == 0
+    with socket.create_connection(("127.0.0.1", served.control.port), timeout=TIMEOUT_S) as program:
+        said = program.makefile("r")
+        lines = dialogue.splitlines()
+        for request, shown in zip(lines[::2], lines[1::2], strict=True):
+            program.sendall(f"{request}\n".encode())
+            assert said.readline().startswith(shown.removesuffix(" ...}"))
+        said.close()
+    assert run(["inject", "lab-scara", "supply", "24", "--control", served.control.address]) == 0
 
 
 @pytest.mark.parametrize(

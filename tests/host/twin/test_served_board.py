@@ -10,6 +10,7 @@ import can
 import pytest
 
 from steptwin.controller.backend import Kernel
+from steptwin.host.client.control_client import ControlClient
 from steptwin.host.common.errors import InputError, RecordingError
 from steptwin.host.record.folder import read_recording
 from steptwin.host.robots import load_robot
@@ -64,8 +65,11 @@ def test_inputs_are_set_from_any_thread(fast_kernel: Kernel) -> None:
 
 def test_on_a_bus_of_python_can(fast_kernel: Kernel) -> None:
     with can.Bus("served", interface="virtual") as bus:
-        with ServedBoard(ROBOT, interface="virtual", channel="served", kernel=fast_kernel) as served:
+        with ServedBoard(ROBOT, interface="virtual", channel="served", control_port=0, kernel=fast_kernel) as served:
             assert served.port is None
+            assert served.control
+            with ControlClient("127.0.0.1", served.control.port) as client:
+                assert client.state().robot == "lab-scara"
             bus.send(NMT_START_ALL)
             answer(bus, 0x190)
         assert served.report()["interface"]["name"] == "virtual served"
