@@ -11,6 +11,7 @@ from steptwin.host.client.profile_motion import ProfileMove, move_together
 from steptwin.host.common.bad_input import nearest_within, outside
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.session import Session
+from steptwin.host.operate.setting_up import restore_decelerations
 from steptwin.host.planning.laws import Trapezoid
 from steptwin.host.planning.motions.joint_move import limits_along
 from steptwin.host.planning.programs.moves import Moves
@@ -148,11 +149,15 @@ def move_within(
     speed_percent: float = 100.0,
     progress: Progress = lambda _: None,
 ) -> float:
-    """Make a move inside `in_charge`; return its planned duration in seconds."""
+    """Make a move inside `in_charge`; return its planned duration in seconds.
+
+    Afterwards a halt brakes as before it: what follows may be a trajectory.
+    """
     if start_units == goal_units:
         return 0.0
     moves, planned_s = synchronised(session.robot, start_units, goal_units, speed_percent)
     move_together(session.link, session.machine.axes, moves, progress)
+    restore_decelerations(session.machine, session.robot)
     return planned_s
 
 

@@ -59,6 +59,12 @@ def clear_targets(axes: Iterable[AxisClient]) -> None:
             axis.ensure(address, value)
 
 
+def restore_decelerations(machine: Machine, robot: Robot) -> None:
+    """Give the axes back the deceleration of stops and halts, which a profile move has scaled to its own way."""
+    for axis, joint in zip(machine.axes, robot.joints, strict=True):
+        axis.ensure(od.PROFILE_DECELERATION, axis_settings(joint, robot.board).deceleration_units_per_s2)
+
+
 def axis_settings(joint: Joint, board: BoardSettings) -> AxisSettings:
     """Return the settings of a joint's axis: the speed limit is the driver's, the deceleration of stops the axis'."""
     transmission = joint.transmission

@@ -8,12 +8,13 @@ from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
 from steptwin.host.operate.moving import move, nearest_joints, synchronised
 from steptwin.host.operate.recovering import stop
 from steptwin.host.operate.session import Session
+from steptwin.host.operate.setting_up import axis_settings
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from steptwin.protocol.homing_methods import HOME_HERE
 from steptwin.protocol.timer import COUNTS_PER_SECOND
-from tests.host.client.machines import TH2, TH3, Neighbour, sdo_requests
+from tests.host.client.machines import SX, TH1, TH2, TH3, Neighbour, sdo_requests
 from tests.host.operate.sessions import HALF_STEPS, HOME, ROBOT, CommandLine, preset
 
 GOAL = [400.0, 0.0, 120.0, 30.0, 40.0, -60.0]
@@ -213,3 +214,11 @@ def test_bad_input(steptwin: CommandLine, arguments: str, message: str) -> None:
 def test_drives_that_are_off_are_switched_on(session: Session) -> None:
     session.machine.disable()
     move(session, GOAL)
+
+
+def test_a_move_leaves_the_decelerations_of_halts(session: Session) -> None:
+    """Ramps are scaled to each axis' way: after a way of a step, a pause of the next trajectory would take minutes."""
+    move(session, [HOME[SX] + 50.0, *HOME[1:TH1], HOME[TH1] + 0.1, *HOME[TH1 + 1 :]])
+    for axis, joint in zip(session.machine.axes, ROBOT.joints, strict=True):
+        wanted = axis_settings(joint, ROBOT.board).deceleration_units_per_s2
+        assert axis.read(od.PROFILE_DECELERATION) == wanted

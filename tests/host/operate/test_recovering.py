@@ -14,6 +14,8 @@ from tests.host.operate.sessions import HOME, ROBOT, CommandLine
 MOVING = (
     "move warehouse-scara th1=1",
     "jog warehouse-scara th1 1 --seconds 1",
+    "jog warehouse-scara th1 +1",
+    "jog warehouse-scara x +1",
     "home warehouse-scara",
     "home warehouse-scara --here '0 0 100 0 60 30'",
     "run warehouse-scara drawer-pull",
