@@ -10,6 +10,7 @@ from steptwin.host.operate.jogging import check_jog
 from steptwin.host.panel.desk.actions import ACTIONS
 from steptwin.host.panel.desk.commands import AGE_MAX_S, Command, Jog, JointJog
 from steptwin.host.panel.desk.events import EventLog
+from steptwin.host.panel.desk.figures import Figures
 from steptwin.host.panel.desk.history import History
 from steptwin.host.panel.desk.operators import Operators
 from steptwin.host.panel.desk.presses import Presses
@@ -51,7 +52,6 @@ class Desk:
         self.events = EventLog()
         self.operators = Operators(self.events, self._operator_lost)
         self.history = History(len(robot.joints))
-        self._control = control
         self._presses = Presses()
         self._stops = StopRequests()
         self._results = Results(self.history)
@@ -67,6 +67,7 @@ class Desk:
             force=force,
         )
         self._file = robot
+        self._figures = None if control is None else Figures(*control, self._publisher.known)
         self._worker.start()
 
     def _operator_lost(self) -> None:
@@ -217,3 +218,5 @@ class Desk:
     def close(self) -> None:
         """End the connection; what the desk makes the machine do stops first."""
         self._worker.close()
+        if self._figures:
+            self._figures.close()

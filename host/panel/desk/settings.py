@@ -30,7 +30,7 @@ class Setting:
         lower: least value that is allowed.
         upper: highest value that is allowed.
         choices: the values that are allowed; empty if all from `lower` to `upper` are.
-        on_board: True if the board has it, False if only this desk keeps it.
+        stored: True if the board has it, False if only this desk keeps it.
     """
 
     key: str
@@ -41,7 +41,7 @@ class Setting:
     lower: float
     upper: float
     choices: tuple[float, ...]
-    on_board: bool
+    stored: bool
 
 
 _LIMITS: Final = {
@@ -54,7 +54,7 @@ _LIMITS: Final = {
 
 def read_settings(session: Session, file: Robot) -> tuple[Setting, ...]:
     """Read all settings; `file` is the robot with the limits of its file. Raises BusError if a node does not answer."""
-    return (*_limits(session.robot, file), *_on_board(session))
+    return (*_limits(session.robot, file), *_of_board(session))
 
 
 def _limits(robot: Robot, file: Robot) -> Iterator[Setting]:
@@ -63,7 +63,7 @@ def _limits(robot: Robot, file: Robot) -> Iterator[Setting]:
             unit = f"{joint.unit}/s" if field == "speed_max" else str(joint.unit)
             least, most = _range(widest, field)
             yield Setting(
-                f"{joint.name}.{field}", joint.name, title, unit, getattr(joint, field), least, most, (), on_board=False
+                f"{joint.name}.{field}", joint.name, title, unit, getattr(joint, field), least, most, (), stored=False
             )
 
 
@@ -74,7 +74,7 @@ def _range(widest: Joint, field: str) -> tuple[float, float]:
     return widest.lower, widest.upper
 
 
-def _on_board(session: Session) -> Iterator[Setting]:
+def _of_board(session: Session) -> Iterator[Setting]:
     for setting in DRIVE_SETTINGS:
         values = read_drive_setting(session, setting)
         joints: tuple[str | None, ...] = (None,) if setting.shared else session.robot.joint_names
@@ -89,7 +89,7 @@ def _on_board(session: Session) -> Iterator[Setting]:
                 setting.lower,
                 setting.upper,
                 setting.choices,
-                on_board=True,
+                stored=True,
             )
 
 
