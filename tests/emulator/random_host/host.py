@@ -8,9 +8,16 @@ from collections.abc import Callable
 from random import Random
 
 from steptwin.controller.backend import Kernel
-from steptwin.emulator.operations import BoardTemperature, DriverProtect, EmergencyStop, Operation, Supply
+from steptwin.emulator.operations import (
+    BoardTemperature,
+    DriverProtect,
+    EmergencyStop,
+    Operation,
+    StuckSwitch,
+    Supply,
+)
 from steptwin.protocol import od
-from steptwin.protocol.cia402 import Mode
+from steptwin.protocol.cia402 import SWITCH_INPUTS, Mode
 from steptwin.protocol.entry import Access, Entry, Mapping
 from steptwin.protocol.frame import (
     COB_HEARTBEAT,
@@ -368,6 +375,7 @@ class RandomHost:
             DriverProtect(self._axis(), draw.random() < 0.5),
             Supply(draw.choice((0, 999, 1000, 2400, 2400, 3400, 3401))),
             BoardTemperature(draw.choice((250, 250, 850, 851, -400))),
+            StuckSwitch(self._axis(), draw.choice(SWITCH_INPUTS), draw.choice((True, False, None, None))),
         )
         self.do(draw.choice(operations))
         self._wait()
@@ -456,7 +464,8 @@ class RandomHost:
 def restoring(axis_count: int) -> tuple[Operation, ...]:
     """Return the operations after which the hardware is in order."""
     protects = (DriverProtect(axis, active=False) for axis in range(axis_count))
-    return (EmergencyStop(pressed=False), Supply(2400), BoardTemperature(250), *protects)
+    free = (StuckSwitch(axis, switch, closed=None) for axis in range(axis_count) for switch in SWITCH_INPUTS)
+    return (EmergencyStop(pressed=False), Supply(2400), BoardTemperature(250), *protects, *free)
 
 
 def _word(address: int) -> int:

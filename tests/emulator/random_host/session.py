@@ -7,7 +7,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from steptwin.emulator.board import BoardConfig
-from steptwin.emulator.operations import BoardTemperature, DriverProtect, EmergencyStop, Operation, Supply
+from steptwin.emulator.operations import (
+    BoardTemperature,
+    DriverProtect,
+    EmergencyStop,
+    Operation,
+    StuckSwitch,
+    Supply,
+)
 from steptwin.emulator.switches import Switch
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.frame import Frame
@@ -29,7 +36,7 @@ class Pause:
 
 
 Action = Frame | Operation | PowerCycle | BusOff | Pause
-_OPERATIONS = (EmergencyStop, DriverProtect, Supply, BoardTemperature)
+_OPERATIONS = (EmergencyStop, DriverProtect, Supply, BoardTemperature, StuckSwitch)
 _KINDS = {kind.__name__: kind for kind in (*_OPERATIONS, PowerCycle, BusOff, Pause)}
 
 
