@@ -55,7 +55,7 @@ class ControlState:
         protect: each joint's driver.
         inputs: level of each digital input of the robot's file.
         switches: the switches that each joint has, by their names `-`, `+` and `home`.
-        bus_load_percent: part of the time since power-up in which the bus was busy.
+        bus_load_percent: part of the time in which the bus was busy, over the last whole half second.
         ticks: lateness of servo ticks while an axis moves.
         frames: lateness of the board's frames.
         simulated_s: seconds on the board's clock since power-up.
@@ -89,7 +89,7 @@ class ControlState:
         with table.section("switches") as joints:
             switches = {name: _switches(joints, name) for name in joints}
         with table.section("bus") as bus:
-            load_percent = bus.number("load_percent")
+            load_percent = bus.number("recent_load_percent")
         with table.section("real_time") as real_time:
             ticks, frames = _lateness(real_time, "ticks"), _lateness(real_time, "frames")
         return cls(

@@ -134,6 +134,10 @@ class LiveBoard:
         """Instant of a SYNC at rest that may start a motion; None once that is known."""
         self._motion_start_counts: int | None = None
         """Instant t = 0 of the last motion that a SYNC started."""
+        self.recent_bus_load_percent = 0.0
+        """Part of the time between the last two calls of `record` in which the bus was busy, in percent."""
+        self._busy_bits, self._busy_until_s = 0, 0.0
+        """Bits on the bus up to the last `record`, and its instant."""
         warm_up(kernel)
         firsts = [config.first_node_id - FIRST_NODE_ID for config in configs]
         driven = [robot.joints[first:last] for first, last in pairwise((*firsts, len(robot.joints)))]
@@ -214,6 +218,7 @@ class LiveBoard:
     def record(self) -> None:
         """Write what has happened at the drivers since the last call to the files, and forget it."""
         self._follow_motion()
+        self._measure_load()
         pieces: list[AxisEvidence] = []
         for board in self._boards:
             traces = [board.take_trace(axis) for axis in range(board.config.axis_count)]
@@ -228,6 +233,14 @@ class LiveBoard:
             self._bus_log.append(lines, self.simulated_s)
         if self._recording and self._plan:
             self._recording.append(Piece(pieces, lines, self._plan.take(), self._mark(self._plan)))
+
+    def _measure_load(self) -> None:
+        """Take the load of the bus since the last call, unless the board's clock has stood since."""
+        busy_bits, now_s = self.bus.busy_bits, self.simulated_s
+        if now_s > self._busy_until_s:
+            bits = self.bus.bitrate * (now_s - self._busy_until_s)
+            self.recent_bus_load_percent = 100 * (busy_bits - self._busy_bits) / bits
+            self._busy_bits, self._busy_until_s = busy_bits, now_s
 
     @staticmethod
     def _add(joint: _JointTotals, trace: AxisTrace) -> None:

@@ -47,7 +47,7 @@ class MachineState:
                 }
                 for i, joint in enumerate(self._joints)
             },
-            "bus": board.bus_figures(),
+            "bus": board.bus_figures() | {"recent_load_percent": round(board.recent_bus_load_percent, 3)},
             "real_time": board.real_time(),
             "simulated_s": round(board.simulated_s, 6),
             "wall_s": round(board.wall_s, 6),

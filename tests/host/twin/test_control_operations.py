@@ -45,7 +45,7 @@ class Machine:
         """Axis and error code of each EMCY."""
         self.board.live.view = self._hear
         self.board.live.start(0, 0)
-        self._now_ns = 0
+        self.now_ns = 0
         self.wait()
         self.send(Frame(0x000, b"\x01\x00"))
         self.enable()
@@ -57,11 +57,11 @@ class Machine:
 
     def wait(self, dt_ms: int = 10) -> None:
         for _ in range(dt_ms):
-            self._now_ns += 1_000_000
-            self.board.live.advance(self._now_ns)
+            self.now_ns += 1_000_000
+            self.board.live.advance(self.now_ns)
 
     def send(self, frame: Frame) -> None:
-        self.board.live.send(frame, "a client", self._now_ns)
+        self.board.live.send(frame, "a client", self.now_ns)
         self.wait()
 
     def enable(self) -> None:
@@ -201,6 +201,19 @@ def _machine_of(machine: Machine) -> dict[str, Any]:
 
 def _merged(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
     return old | {key: _merged(old[key], value) if isinstance(value, dict) else value for key, value in new.items()}
+
+
+def test_the_recent_load_is_that_between_two_records(machine: Machine) -> None:
+    """An empty frame has 44 bits and a few stuff bits, each 1 us long; the nodes report every 100 ms by themselves."""
+    loads = []
+    for frames in (0, 50, 0):
+        for _ in range(frames):
+            machine.board.live.send(Frame(0x155, b""), "a client", machine.now_ns)
+        machine.wait(100)
+        machine.board.record()
+        loads.append(MachineState(machine.board).read()["bus"]["recent_load_percent"])
+    assert 100 * 50 * 44e-6 / 0.1 <= loads[1] - loads[2] <= 100 * 50 * 52e-6 / 0.1
+    assert 0 < loads[2] < 2
 
 
 def test_the_switches_are_those_of_the_file(machine: Machine) -> None:
