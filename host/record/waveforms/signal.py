@@ -43,6 +43,14 @@ class Changes(Protocol):
         """Return the instants of the changes in (after, until], each instant once, and the value after each."""
         ...
 
+    def before(self, counts: int) -> int | None:
+        """Return the instant of the last change before an instant; None if there is none."""
+        ...
+
+    def after(self, counts: int) -> int | None:
+        """Return the instant of the first change after an instant; None if there is none."""
+        ...
+
     def marks(self, every: int) -> Int64Array:
         """Return instants between which lie at most `every` changes."""
         ...
@@ -55,12 +63,12 @@ class HeldValues:
     Attributes:
         counts: shape (n,), the instants, sorted.
         values: shape (n,), value from each instant on.
-        before: value before the first instant.
+        initial: value before the first instant.
     """
 
     counts: Int64Array
     values: Values
-    before: int | float = 0
+    initial: int | float = 0
 
     def at(self, counts: int) -> int | float:
         """As Changes.at."""
@@ -75,13 +83,35 @@ class HeldValues:
         changed = values != np.concatenate([[self._after(first)], values[:-1]])[: values.size]
         return counts[changed], values[changed]
 
+    def before(self, counts: int) -> int | None:
+        """As Changes.before; a repeated value does not count as a change."""
+        made = int(np.searchsorted(self.counts, counts, side="left"))
+        while made:
+            instant = int(self.counts[made - 1])
+            earlier = int(np.searchsorted(self.counts, instant, side="left"))
+            if self._after(earlier) != self._after(made):
+                return instant
+            made = earlier
+        return None
+
+    def after(self, counts: int) -> int | None:
+        """As Changes.after; a repeated value does not count as a change."""
+        made = int(np.searchsorted(self.counts, counts, side="right"))
+        while made < self.counts.size:
+            instant = int(self.counts[made])
+            later = int(np.searchsorted(self.counts, instant, side="right"))
+            if self._after(later) != self._after(made):
+                return instant
+            made = later
+        return None
+
     def marks(self, every: int) -> Int64Array:
         """As Changes.marks."""
         return self.counts[every::every]
 
     def _after(self, changes: int) -> int | float:
         """Return the value after a number of changes."""
-        value: int | float = self.values[changes - 1].item() if changes else self.before
+        value: int | float = self.values[changes - 1].item() if changes else self.initial
         return value
 
 
@@ -105,6 +135,22 @@ class Pulses:
         levels = np.tile(np.array([1, 0], np.int8), last - first)
         inside = (counts > after) & (counts <= until)
         return counts[inside], levels[inside]
+
+    def before(self, counts: int) -> int | None:
+        """As Changes.before."""
+        made = int(np.searchsorted(self.rise_counts, counts, side="left"))
+        if not made:
+            return None
+        fall = int(self.fall_counts[made - 1])
+        return fall if fall < counts else int(self.rise_counts[made - 1])
+
+    def after(self, counts: int) -> int | None:
+        """As Changes.after."""
+        ended = int(np.searchsorted(self.fall_counts, counts, side="right"))
+        if ended == self.fall_counts.size:
+            return None
+        rise = int(self.rise_counts[ended])
+        return rise if rise > counts else int(self.fall_counts[ended])
 
     def marks(self, every: int) -> Int64Array:
         """As Changes.marks."""

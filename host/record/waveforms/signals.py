@@ -21,6 +21,11 @@ def wires(evidence: Evidence) -> list[Signal]:
     return [signal for axis in evidence.axes for signal in _wires(axis, _LOGIC_PINS)]
 
 
+def pins(evidence: Evidence) -> list[Signal]:
+    """Return every pin of each axis."""
+    return [signal for axis in evidence.axes for signal in _wires(axis, _LOGIC_PINS + _MODE_PINS)]
+
+
 def everything(evidence: Evidence, robot: Robot, states: Sequence[HeldValues]) -> list[Signal]:
     """Return for each axis the board's pins, the drive's state, the driver's count and phases, the joint's position."""
     return [
@@ -31,7 +36,7 @@ def everything(evidence: Evidence, robot: Robot, states: Sequence[HeldValues]) -
             Signal(axis.name, "drive_state", SignalKind.TEXT, state, STATES),
             Signal(axis.name, "steps", SignalKind.REAL, _count(axis)),
             Signal(axis.name, f"position_{joint.unit}", SignalKind.REAL, _position(evidence, robot, i)),
-            *_phases(axis),
+            *phases(axis),
         )
     ]
 
@@ -75,10 +80,10 @@ def _motor_position(axis: AxisEvidence, joint: Joint) -> FloatArray:
     return np.asarray((axis.start_steps + np.concatenate(([0], moves))) / joint.transmission.steps_per_unit)
 
 
-def _phases(axis: AxisEvidence) -> Iterator[Signal]:
+def phases(axis: AxisEvidence) -> Iterator[Signal]:
     """Yield the field's electrical angle, 360 deg in four full steps, and the currents that the driver regulates to."""
-    phases = axis.phases
-    angle_deg = phases.sixteenths * (90.0 / 16.0)
-    yield Signal(axis.name, "angle_deg", SignalKind.REAL, HeldValues(phases.counts, angle_deg))
-    yield Signal(axis.name, "phase_a_ma", SignalKind.REAL, HeldValues(phases.counts, phases.a_ma))
-    yield Signal(axis.name, "phase_b_ma", SignalKind.REAL, HeldValues(phases.counts, phases.b_ma))
+    set_at = axis.phases
+    angle_deg = set_at.sixteenths * (90.0 / 16.0)
+    yield Signal(axis.name, "angle_deg", SignalKind.REAL, HeldValues(set_at.counts, angle_deg))
+    yield Signal(axis.name, "phase_a_ma", SignalKind.REAL, HeldValues(set_at.counts, set_at.a_ma))
+    yield Signal(axis.name, "phase_b_ma", SignalKind.REAL, HeldValues(set_at.counts, set_at.b_ma))

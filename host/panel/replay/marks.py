@@ -1,0 +1,133 @@
+"""What has happened in a run, as marks on its time: broken limits of drivers, outputs, drives' states and errors."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from steptwin.host.common.arrays import Int64Array
+from steptwin.host.panel.desk.words import error_words, state_words
+from steptwin.host.record.bus_log import read_frames
+from steptwin.host.verify import AxisEvidence, DriverViolations, OutputChange
+from steptwin.protocol.cia402 import State
+from steptwin.protocol.frame import COB_EMCY, COB_TPDO, FIRST_NODE_ID
+from steptwin.protocol.objects import ENTRIES
+from steptwin.protocol.pdo_defaults import TPDO_DEFAULTS
+from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
+
+TOGETHER_COUNTS: Final = 20 * COUNTS_PER_MS
+"""Violations of one limit, or the same error or state of several drives, that follow each other faster are one mark."""
+
+_LOOK_BACK: Final = 40
+"""Number of marks among which that of the other drives is looked for: eight drives with all their states."""
+
+_STATUS_BYTES: Final = sum(ENTRIES[address].data_type.size for address in TPDO_DEFAULTS[0].mapping)
+
+
+class MarkKind(StrEnum):
+    """What a mark is about."""
+
+    VIOLATION = "violation"
+    ERROR = "error"
+    STATE = "state"
+    OUTPUT = "output"
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """Something that has happened, at an instant or until another one, in counts since power-up."""
+
+    kind: MarkKind
+    counts: int
+    until_counts: int
+    who: str
+    text: str
+
+
+def violation_marks(axis: AxisEvidence) -> Iterator[Mark]:
+    """Yield a mark for each stretch of violations of one limit."""
+    violations = axis.violations
+    for index, limit in enumerate(violations.limits):
+        chosen = np.flatnonzero(violations.which == index)
+        for stretch in _stretches(violations.counts[chosen]):
+            yield _violation(
+                axis.name, violations, chosen[stretch], f"{limit.broken}: limit {limit.limit:g} {limit.unit}"
+            )
+
+
+def _violation(name: str, violations: DriverViolations, chosen: Int64Array, broken: str) -> Mark:
+    limit = violations.limits[int(violations.which[chosen[0]])]
+    values = violations.values[chosen]
+    worst = float(values[np.abs(values - limit.limit).argmax()])
+    times = f", {chosen.size} times, at worst" if chosen.size > 1 else ", it was"
+    first, last = violations.counts[chosen[[0, -1]]].tolist()
+    return Mark(MarkKind.VIOLATION, first, last, name, f"{broken}{times} {worst:g} {limit.unit}")
+
+
+def _stretches(counts: Int64Array) -> Iterator[slice]:
+    """Yield the parts of sorted instants that are not further apart than TOGETHER_COUNTS."""
+    ends = [*(np.flatnonzero(np.diff(counts) > TOGETHER_COUNTS) + 1).tolist(), counts.size]
+    first = 0
+    for end in ends:
+        if end > first:
+            yield slice(first, end)
+        first = end
+
+
+def output_marks(changes: tuple[OutputChange, ...]) -> Iterator[Mark]:
+    """Yield a mark for each change of an output."""
+    for change in changes:
+        word = "on" if change.level else "off"
+        yield Mark(MarkKind.OUTPUT, change.counts, change.counts, change.name, word)
+
+
+def bus_marks(log: Path, names: tuple[str, ...], frames: int | None = None) -> list[Mark]:
+    """Return a mark for each error that a drive has reported, and for each change of the drives' states.
+
+    Drives with the same error or state one after another share a mark. With `frames`, only so many of the log count.
+
+    Raises:
+        InputError: a line is not in candump's format; the message names file and line.
+    """
+    marks: list[Mark] = []
+    states: dict[int, str] = {}
+    for counts, (cob_id, data) in read_frames(log, frames):
+        error, status = cob_id - COB_EMCY - FIRST_NODE_ID, cob_id - COB_TPDO[0] - FIRST_NODE_ID
+        if 0 <= error < len(names) and len(data) == 8:
+            code = int.from_bytes(data[:2], "little")
+            if code:
+                _add(marks, MarkKind.ERROR, counts, names[error], error_words(code))
+        elif 0 <= status < len(names) and len(data) == _STATUS_BYTES:
+            state = _state_words(int.from_bytes(data[:2], "little"))
+            if state and states.get(status) != state:
+                states[status] = state
+                _add(marks, MarkKind.STATE, counts, names[status], state)
+    return marks
+
+
+def _state_words(statusword: int) -> str:
+    """Return a drive's state in words, which several of the standard's states share; empty for none of them."""
+    try:
+        return state_words(State.of(statusword))
+    except ValueError:
+        return ""
+
+
+def _add(marks: list[Mark], kind: MarkKind, counts: int, who: str, text: str) -> None:
+    """Add a drive's error or new state, to an earlier mark if other drives had the same shortly before."""
+    for i in range(len(marks) - 1, max(len(marks) - _LOOK_BACK, 0) - 1, -1):
+        mark = marks[i]
+        together = counts - mark.until_counts <= TOGETHER_COUNTS
+        if together and (mark.kind, mark.text) == (kind, text) and who not in mark.who.split(", "):
+            marks[i] = Mark(kind, mark.counts, counts, f"{mark.who}, {who}", text)
+            return
+    marks.append(Mark(kind, counts, counts, who, text))
+
+
+def time_words(mark: Mark, start_counts: int) -> str:
+    """Return when a mark is, in the motion's time."""
+    first_s, last_s = ((counts - start_counts) / COUNTS_PER_SECOND for counts in (mark.counts, mark.until_counts))
+    return f"{first_s:.6f} s" if mark.counts == mark.until_counts else f"{first_s:.6f} to {last_s:.6f} s"

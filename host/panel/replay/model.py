@@ -1,0 +1,221 @@
+"""A stored run as a replay shows it: what every joint, pin and current was at an instant, and what comes before and
+after.
+
+An instant is a whole number of counts of the board's timer since power-up, so that each edge has its own. The data stay
+here; a page gets windows of them.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Final, Self
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.panel.replay.lanes import Lane, Span, lane
+from steptwin.host.panel.replay.marks import Mark, bus_marks, output_marks, violation_marks
+from steptwin.host.record.folder import BUS_LOG, StoredRun, read_run
+from steptwin.host.record.folder.layout import existing_file
+from steptwin.host.record.path_error import PathError, path_error
+from steptwin.host.record.recorded_machine import RecordedMachine
+from steptwin.host.record.waveforms import Changes, phases, pins, whole_record
+from steptwin.host.verify.wiring import output_changes
+from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+PATH_INSTANTS: Final = 2001
+LEAD_S: Final = 1.0
+"""Time before the motion's start that the slider covers; what is earlier, such as switching on, can be stepped to."""
+
+_ALWAYS: Final = ("step", "dir")
+_CURRENTS: Final = ("phase_a_ma", "phase_b_ma")
+
+
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """A change of a pin."""
+
+    counts: int
+    axis: str
+    pin: str
+    level: int
+
+
+@dataclass(frozen=True, slots=True)
+class JointRow:
+    """A joint at an instant.
+
+    Attributes:
+        name: name of the joint.
+        unit: `mm` or `deg`.
+        planned: planned position.
+        counted: position at the drivers' counts.
+        steps: the count of the joint's own driver.
+        error_steps: that count minus the planned position of the axis, in steps.
+        rate: planned speed, per second.
+    """
+
+    name: str
+    unit: str
+    planned: float
+    counted: float
+    steps: int
+    error_steps: float
+    rate: float
+
+
+@dataclass(frozen=True, slots=True)
+class Instant:
+    """A run at an instant.
+
+    Attributes:
+        counts: the instant.
+        t_s: the same in the motion's time.
+        joints: every joint.
+        planned_pose: x, y, z in mm and attitude in degrees, as planned.
+        counted_pose: the same at the drivers' counts.
+        tool_error_mm: distance of the two.
+        levels: level of every pin, by axis and pin.
+        currents_ma: currents of phases A and B to which each driver regulates, by axis.
+        before: the last edge of any pin before the instant; None before the first.
+        after: the first edge after it; None after the last.
+    """
+
+    counts: int
+    t_s: float
+    joints: tuple[JointRow, ...]
+    planned_pose: tuple[float, ...]
+    counted_pose: tuple[float, ...]
+    tool_error_mm: float
+    levels: dict[str, dict[str, int]]
+    currents_ma: dict[str, tuple[int, int]]
+    before: Edge | None
+    after: Edge | None
+
+
+class Replay:
+    """A stored run at any instant."""
+
+    def __init__(self, run: StoredRun, marks: Iterable[Mark]) -> None:
+        self.run = run
+        self.machine = RecordedMachine.of(run)
+        self.marks = tuple(sorted(marks, key=lambda mark: mark.counts))
+        """Everything that has happened, in order of time."""
+        evidence = run.comparison.evidence
+        self.start_counts = evidence.start_counts
+        record, motion_counts = whole_record(evidence), round(run.duration_s * COUNTS_PER_SECOND)
+        self.record = Span(0, max(record.to_counts, self.start_counts + motion_counts))
+        """The whole record, from power-up to the last edge or the motion's end."""
+        lead_counts = int(LEAD_S * COUNTS_PER_SECOND)
+        self.shown = Span(max(0, self.start_counts - lead_counts), self.record.to_counts)
+        """The part that a slider covers: the motion, and what is shortly before it."""
+        self._pins = pins(evidence)
+        self._currents = {
+            axis.name: tuple(signal for signal in phases(axis) if signal.quantity in _CURRENTS)
+            for axis in evidence.axes
+        }
+
+    @classmethod
+    def of_folder(cls, folder: Path, plan_folder: Path | None = None) -> Self:
+        """Read a run's folder; raise InputError as `read_run` does, or if the bus log is missing or wrong."""
+        run = read_run(folder, plan_folder)
+        evidence, recording = run.comparison.evidence, run.report.recording
+        marks = [mark for axis in evidence.axes for mark in violation_marks(axis)]
+        marks += output_marks(output_changes(run.robot, evidence.axes))
+        frames = recording.mark.frames if recording else None
+        marks += bus_marks(existing_file(folder, BUS_LOG), run.robot.joint_names, frames)
+        return cls(run, marks)
+
+    def time_s(self, counts: int) -> float:
+        """Return an instant in the motion's time."""
+        return (counts - self.start_counts) / COUNTS_PER_SECOND
+
+    def counts_at(self, t_s: float) -> int:
+        """Return the nearest instant to a time of the motion, within the record."""
+        counts = self.start_counts + round(t_s * COUNTS_PER_SECOND)
+        return min(max(counts, self.record.from_counts), self.record.to_counts)
+
+    def at(self, counts: int) -> Instant:
+        """Return the run at an instant, after the edges at the instant itself."""
+        t_s = np.array([self.time_s(counts)])
+        planned, counted = self.machine.planned_joints(t_s), self.machine.counted_joints(t_s)
+        planned_pose, counted_pose = (self.machine.kinematics.forward(joints)[0] for joints in (planned, counted))
+        return Instant(
+            counts=counts,
+            t_s=float(t_s[0]),
+            joints=self._joints(t_s, planned[0], counted[0]),
+            planned_pose=tuple(planned_pose.tolist()),
+            counted_pose=tuple(counted_pose.tolist()),
+            tool_error_mm=float(np.linalg.norm(counted_pose[:3] - planned_pose[:3])),
+            levels=self._levels(counts),
+            currents_ma=self._currents_ma(counts),
+            before=self.edge_before(counts),
+            after=self.edge_after(counts),
+        )
+
+    def edge_before(self, counts: int, axis: str | None = None) -> Edge | None:
+        """Return the last edge before an instant, of one axis or of any; None if there is none."""
+        return max(
+            self._nearest(axis, lambda changes: changes.before(counts)), key=lambda edge: edge.counts, default=None
+        )
+
+    def edge_after(self, counts: int, axis: str | None = None) -> Edge | None:
+        """Return the first edge after an instant, of one axis or of any; None if there is none."""
+        return min(
+            self._nearest(axis, lambda changes: changes.after(counts)), key=lambda edge: edge.counts, default=None
+        )
+
+    def lanes(self, span: Span, axes: Iterable[str] | None = None) -> list[Lane]:
+        """Return STEP and DIR of each axis, or of some, and every other pin that changes in a window."""
+        lanes = [lane(signal, span) for signal in self._pins if axes is None or signal.axis in set(axes)]
+        return [each for each in lanes if each.quantity in _ALWAYS or each.changes]
+
+    def currents(self, span: Span, axis: str) -> tuple[Lane, Lane]:
+        """Return the currents of an axis' phases A and B in a window."""
+        first, second = self._currents[axis]
+        return lane(first, span), lane(second, span)
+
+    @cached_property
+    def path(self) -> PathError:
+        """The tool's planned path and its errors just before and after PATH_INSTANTS instants of the motion."""
+        return path_error(self.run.comparison, np.linspace(0.0, self.run.duration_s, PATH_INSTANTS))
+
+    def trace_until(self, counts: int) -> int:
+        """Return how many points of `path` lie behind an instant."""
+        part = self.time_s(counts) / self.run.duration_s if self.run.duration_s > 0.0 else 1.0
+        return 2 * int(np.clip(part * (PATH_INSTANTS - 1) + 1.0, 0.0, PATH_INSTANTS))
+
+    def _joints(self, t_s: FloatArray, planned: FloatArray, counted: FloatArray) -> tuple[JointRow, ...]:
+        comparison = self.run.comparison
+        expected, duration_s = comparison.expected, self.run.duration_s
+        counts = self.machine.counts(t_s)[0]
+        errors = counts - expected.axis_steps(planned)
+        moving = 0.0 <= t_s[0] <= duration_s
+        rates = expected.trajectory.velocities(np.clip(t_s, 0.0, duration_s))[0] * moving
+        columns = (counted.tolist(), counts.tolist(), errors.tolist(), rates.tolist())
+        return tuple(
+            JointRow(name, unit, at, at_counts, round(steps), error, rate)
+            for name, unit, at, at_counts, steps, error, rate in zip(
+                comparison.joint_names, expected.joint_units, planned.tolist(), *columns, strict=True
+            )
+        )
+
+    def _levels(self, counts: int) -> dict[str, dict[str, int]]:
+        levels: dict[str, dict[str, int]] = {}
+        for signal in self._pins:
+            levels.setdefault(signal.axis, {})[signal.quantity] = int(signal.changes.at(counts))
+        return levels
+
+    def _currents_ma(self, counts: int) -> dict[str, tuple[int, int]]:
+        pairs = {axis: [int(signal.changes.at(counts)) for signal in both] for axis, both in self._currents.items()}
+        return {axis: (first, second) for axis, (first, second) in pairs.items()}
+
+    def _nearest(self, axis: str | None, instant: Callable[[Changes], int | None]) -> list[Edge]:
+        """Return each pin's edge at an instant of its changes, of one axis or of any, where that is not None."""
+        found = [(signal, instant(signal.changes)) for signal in self._pins if axis is None or signal.axis == axis]
+        return [
+            Edge(counts, signal.axis, signal.quantity, int(signal.changes.at(counts)))
+            for signal, counts in found
+            if counts is not None
+        ]
