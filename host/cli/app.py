@@ -28,7 +28,7 @@ COMMANDS: Final = {
     "Robots and maths": ("robots", "jobs", "fk", "ik", "workspace"),
     "Run and verify": ("new", "check", "run", "verify", "bench"),
     "Live board": (
-        *("serve", "doctor", "status", "monitor", "home", "move", "jog", "positions"),
+        *("serve", "panel", "doctor", "status", "monitor", "home", "move", "jog", "positions"),
         *("pause", "resume", "stop", "estop", "reset", "outputs", "inject"),
     ),
     "Files and tools": ("trace", "plot", "animate", "eds", "dbc"),

@@ -4,7 +4,7 @@ import gc
 import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -23,6 +23,8 @@ from steptwin.host.cli.arguments import (
 )
 from steptwin.host.cli.option_names import naming_options
 from steptwin.host.cli.output import print_json, print_table, say, warn
+from steptwin.host.cli.panel import require_extra
+from steptwin.host.cli.panel_process import panel_process, panel_words
 from steptwin.host.cli.report import USUAL_DRIVERS
 from steptwin.host.common import socketcand
 from steptwin.host.common.errors import BusError, InputError, RecordingError
@@ -41,7 +43,7 @@ _YOUNG_OBJECTS = 700
 """Objects made between two collections of garbage; Python's own choice, which keeps each collection short."""
 
 
-@command("lab-scara --out out/live", "warehouse-scara --boards 4,2 --port 0")
+@command("lab-scara --panel", "warehouse-scara --boards 4,2 --out out/live --port 0")
 def serve(
     robot: RobotName = None,
     robot_file: RobotFile = None,
@@ -56,6 +58,9 @@ def serve(
         int | None,
         typer.Option(metavar="PORT", help="Port for `steptwin inject`, on this machine; 0 takes a free one."),
     ] = None,
+    panel: Annotated[
+        bool, typer.Option("--panel", help="Show the machine in a browser, too; with a control port for its hardware.")
+    ] = False,
     allow_remote: Annotated[
         bool, typer.Option("--allow-remote", help="Permit an address that other machines reach.")
     ] = False,
@@ -94,6 +99,9 @@ def serve(
     from steptwin.host.twin.served_board import ServedBoard
 
     loaded = one_robot(robot, robot_file)
+    if panel:
+        require_extra()
+        control_port = control_port or 0
     standing = None
     if stand_at is not None:
         standing = joint_values(stand_at.split(), loaded.joint_names, "--stand-at")
@@ -123,8 +131,10 @@ def serve(
         )
     if served.endpoint.remote:
         warn(f"{served.title}: other machines can drive this board")
-    with _until_a_signal(served):
-        failure = _run(served, lambda: say(*_banner(served), err=as_json))
+    name = ["--robot-file", robot_file] if robot is None and robot_file else [robot or loaded.name]
+    words = panel_words(served, name, host, interface, channel) if panel else None
+    with _until_a_signal(served), ExitStack() as ending:
+        failure = _run(served, lambda: _announce(served, words, ending, as_json=as_json))
         document = served.report()
         if as_json:
             print_json(document)
@@ -132,6 +142,12 @@ def serve(
             _print_report(document, None if out is None or served.board.failures else Path(out))
     if failure:
         raise failure
+
+
+def _announce(served: "ServedBoard", panel: list[str] | None, ending: ExitStack, *, as_json: bool) -> None:
+    """Print the banner, then open the panel if it is asked for; `ending` will end it."""
+    say(*_banner(served), err=as_json)
+    ending.enter_context(panel_process(panel, to_stderr=as_json))
 
 
 def _warn_outside(robot: "Robot", standing: list[float]) -> None:

@@ -10,12 +10,13 @@ from steptwin.host.planning.jobs.drawer_pull import DRAWER_PULL
 from steptwin.host.planning.jobs.five_points import FIVE_POINTS
 from steptwin.host.planning.jobs.helix import HELIX
 from steptwin.host.planning.jobs.job import Job
+from steptwin.host.planning.jobs.options import OptionField
 from steptwin.host.planning.jobs.shelf import FETCH, STORE
 from steptwin.host.planning.jobs.spiral import SPIRAL
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot
 
-__all__ = ["Job", "job_names", "job_options", "job_summary", "make_job"]
+__all__ = ["Job", "job_fields", "job_names", "job_options", "job_summary", "make_job"]
 
 _JOBS: Final[dict[str, tuple[Job[Any], ...]]] = {
     "lab-scara": (SPIRAL,),
@@ -39,7 +40,12 @@ def job_summary(robot: Robot, job_name: str) -> str:
 
 def job_options(robot: Robot, job_name: str) -> dict[str, str]:
     """Return a job's options, each with its default and valid values as text; raise InputError for an unknown job."""
-    return _job(robot, job_name).described_options(robot)
+    return {field.name: str(field) for field in job_fields(robot, job_name)}
+
+
+def job_fields(robot: Robot, job_name: str) -> tuple[OptionField, ...]:
+    """Return a job's options as a form shows them; raise InputError for an unknown job."""
+    return _job(robot, job_name).fields(robot)
 
 
 def make_job(robot: Robot, job_name: str, options: Mapping[str, str] | None = None) -> Trajectory:

@@ -8,7 +8,7 @@ import numpy as np
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.checks import check_positions
-from steptwin.host.planning.jobs.options import Options, describe_options, parse_options, place_options
+from steptwin.host.planning.jobs.options import OptionField, Options, option_fields, parse_options, place_options
 from steptwin.host.planning.out_of_reach import OutOfReachError
 from steptwin.host.planning.samples import Samples
 from steptwin.host.planning.trajectory import Trajectory
@@ -48,9 +48,9 @@ class Job(Generic[Options]):
             raise InputError(f"{error}{hint if places else ''}") from error
         return trajectory
 
-    def described_options(self, robot: Robot) -> dict[str, str]:
-        """Return each option's default and valid values as text."""
-        return describe_options(self.options, robot)
+    def fields(self, robot: Robot) -> tuple[OptionField, ...]:
+        """Return the options with their defaults and valid values for a robot."""
+        return option_fields(self.options, robot)
 
 
 _CHECKED: Final = 2000

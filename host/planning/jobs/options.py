@@ -29,6 +29,30 @@ class Range:
         return f"{self.lower:g}..{self.upper:g} {self.unit}"
 
 
+@dataclass(frozen=True, slots=True)
+class OptionField:
+    """An option as a form shows it: a choice, or a number with its range.
+
+    Attributes:
+        name: name of the option.
+        default: its default for the robot, a number unless there are choices.
+        choices: names to choose from; empty for a number.
+        allowed: the range of a number; None for a choice.
+        whole: True for a whole number.
+    """
+
+    name: str
+    default: str | float
+    choices: tuple[str, ...] = ()
+    allowed: Range | None = None
+    whole: bool = False
+
+    def __str__(self) -> str:
+        if isinstance(self.default, str):
+            return f"{self.default} ({', '.join(self.choices)})"
+        return f"{self.default:g} ({self.allowed})"
+
+
 Fitting = Callable[[Robot], float]
 """A default that depends on the robot."""
 
@@ -71,9 +95,14 @@ def parse_options(options: type[Options], texts: Mapping[str, str], robot: Robot
     return options(**(fitting | values))
 
 
+def option_fields(options: type[Any], robot: Robot) -> tuple[OptionField, ...]:
+    """Return the options with their defaults and valid values for a robot."""
+    return tuple(_form_field(option, robot) for option in fields(options))
+
+
 def describe_options(options: type[Any], robot: Robot) -> dict[str, str]:
     """Return each option's default and valid values as text."""
-    return {name: _description(option, robot) for name, option in _fields(options).items()}
+    return {field.name: str(field) for field in option_fields(options, robot)}
 
 
 def place_options(options: type[Any]) -> list[str]:
@@ -102,12 +131,13 @@ def _fields(options: type[Any]) -> dict[str, Field[Any]]:
     return {option.name: option for option in fields(options)}
 
 
-def _description(option: Field[Any], robot: Robot) -> str:
+def _form_field(option: Field[Any], robot: Robot) -> OptionField:
     if isinstance(option.default, Enum):
-        return f"{option.default.value} ({', '.join(_choices(option.default))})"
+        return OptionField(option.name, str(option.default.value), tuple(_choices(option.default)))
     if isinstance(option.default, str):
-        return f"{option.default} ({', '.join(_places(option, robot))})"
-    return f"{_default(option, robot):g} ({_range(option, robot)})"
+        return OptionField(option.name, option.default, tuple(_places(option, robot)))
+    whole = isinstance(option.default, int)
+    return OptionField(option.name, _default(option, robot), allowed=_range(option, robot), whole=whole)
 
 
 def _value(option: Field[Any], text: str, robot: Robot) -> Enum | str | float:

@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, Any
 from steptwin.emulator.live_loop import LiveLoop
 from steptwin.host.common import socketcand
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.listening import listen
 from steptwin.host.common.printable import printable
 from steptwin.host.twin.control.operations import read_request
 from steptwin.host.twin.control.state import MachineState
-from steptwin.host.twin.endpoints.listening import listen
 from steptwin.host.twin.live_board import LiveBoard
 
 if TYPE_CHECKING:

@@ -3,9 +3,9 @@
 from typing import TYPE_CHECKING, Any
 
 from steptwin.emulator.live_loop import LiveLoop
+from steptwin.host.common.listening import is_loopback, listen
 from steptwin.host.common.socketcand import CHANNEL
 from steptwin.host.twin.endpoints.endpoint import Endpoint
-from steptwin.host.twin.endpoints.listening import is_loopback, listen
 
 if TYPE_CHECKING:
     from steptwin.emulator.socketcand_server import SocketcandServer

@@ -1,4 +1,4 @@
-"""Listen at a TCP port for clients of a served board."""
+"""Listen at a TCP port for clients that drive a board: of this machine, or of others where that is permitted."""
 
 import errno
 import socket

@@ -1,0 +1,88 @@
+"""`steptwin panel ROBOT --connect ...`: the machine in a browser."""
+
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from steptwin.host.cli.app import command
+from steptwin.host.cli.arguments import RobotFile, RobotName, one_robot
+from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, connection, host_and_port, required
+from steptwin.host.cli.option_names import naming_options
+from steptwin.host.cli.output import say, warn
+from steptwin.host.cli.position_files import PositionsFile, positions_path
+from steptwin.host.common.control import EXAMPLE_PORT
+from steptwin.host.common.errors import InputError
+
+if TYPE_CHECKING:
+    from steptwin.host.client.bus_link import Connection
+    from steptwin.host.panel.page.server import Address
+    from steptwin.host.robots.robot import Robot
+
+
+@command("lab-scara --connect 127.0.0.1", "warehouse-scara -i socketcan -c can0 --port 8091")
+def panel(
+    robot: RobotName = None,
+    robot_file: RobotFile = None,
+    connect: Connect = None,
+    interface: Interface = None,
+    channel: Channel = None,
+    bitrate: Bitrate = None,
+    control: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HOST:PORT", help="Control port of a served board, for the tab that operates its machine."
+        ),
+    ] = None,
+    host: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="Address of this machine at which the page is.")
+    ] = "127.0.0.1",
+    port: Annotated[
+        int | None, typer.Option(metavar="PORT", help="Port of the page; by default 8090, or a free one; 0 is free.")
+    ] = None,
+    allow_remote: Annotated[
+        bool, typer.Option("--allow-remote", help="Permit an address that other machines reach, with a token.")
+    ] = False,
+    file: PositionsFile = None,
+) -> None:
+    """Show a live machine in a browser, and operate it there, until Ctrl-C.
+
+    The command prints the page's address. Any number of browsers may watch, one of them operates, and all can stop.
+    The emergency stop of the page is no safety function: it needs this computer, the network and the bus.
+    """
+    loaded = one_robot(robot, robot_file)
+    found = required(connection(connect, interface, channel, bitrate, loaded))
+    served = None if control is None else host_and_port("--control", control, EXAMPLE_PORT)
+    require_extra()
+    from steptwin.host.panel.page.server import Address
+
+    with naming_options("host", "port", "allow_remote"):
+        _serve(loaded, found, served, Address(host, port, allow_remote), positions_path(loaded, file))
+
+
+def require_extra() -> None:
+    """Raise InputError, with the remedy, unless the extra `panel` is installed."""
+    if find_spec("nicegui") is None:
+        raise InputError("the panel is not installed: pip install 'steptwin[panel]'")
+
+
+def _serve(
+    robot: "Robot", found: "Connection", control: tuple[str, int] | None, address: "Address", positions_file: str
+) -> None:
+    from steptwin.host.client.control_client import ControlClient
+    from steptwin.host.panel.desk import Desk
+    from steptwin.host.panel.page.hub import Hub
+    from steptwin.host.panel.page.server import open_port, serve_page
+
+    with open_port(address) as listener:  # bad input is reported before the machine is spoken to
+        if address.allow_remote:
+            warn("other machines can move this one; its page asks them for the token in the address")
+        desk = Desk(found, robot, control=control)
+        try:
+            hub = Hub(desk, positions_file, None if control is None else ControlClient(*control))
+            hub.start()
+            serve_page(
+                hub.build, listener, f"{robot.name} – StepTwin", lambda url: say(f"panel: {url}", "Ctrl-C ends it")
+            )
+        finally:
+            desk.close()

@@ -1,0 +1,137 @@
+"""The small parts of which every view is made: cards, headings, buttons, chips, tables and live numbers."""
+
+import json
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Literal
+
+from nicegui import ui
+
+Handler = Callable[[], Any]
+Tone = Literal["", "good", "warn", "bad"]
+"""How a text is meant; the words say it too, so that colour is never alone."""
+
+
+def card(title: str = "", classes: str = "") -> ui.element:
+    """Return a card, a section of the page with a heading unless it has none."""
+    section = ui.element("section").classes(f"panel-card {classes}")
+    if title:
+        with section:
+            heading(title)
+    return section
+
+
+def heading(text: str) -> ui.element:
+    """Return a heading of a card."""
+    return ui.label(text).classes("heading").props('role=heading aria-level="2"')
+
+
+def line(classes: str = "") -> ui.element:
+    """Return a row of things, which wraps on a narrow screen."""
+    return ui.element("div").classes(f"row-line {classes}")
+
+
+def stack(classes: str = "") -> ui.element:
+    """Return a column of things."""
+    return ui.element("div").classes(f"stack {classes}")
+
+
+def act(text: str, on_click: Handler, icon: str | None = None) -> ui.button:
+    """Return the button of a view's main action."""
+    return ui.button(text, on_click=on_click, icon=icon, color=None).props("unelevated no-caps").classes("act")
+
+
+def plain(text: str, on_click: Handler, icon: str | None = None) -> ui.button:
+    """Return a button of lesser weight."""
+    return ui.button(text, on_click=on_click, icon=icon, color=None).props("unelevated no-caps").classes("plain")
+
+
+def icon_button(name: str, label: str, on_click: Handler | None = None) -> ui.button:
+    """Return a button that is only an icon, with its meaning for those who cannot see it, and as a tooltip."""
+    button = ui.button(icon=name, on_click=on_click, color=None).props("unelevated").classes("plain icon")
+    button.props["aria-label"] = label
+    return button.tooltip(label)
+
+
+class Chip:
+    """A short text on a coloured ground."""
+
+    def __init__(self, text: str = "", tone: Tone = "") -> None:
+        self._element = ui.label(text).classes("chip")
+        self._tone: Tone = ""
+        self.show(text, tone)
+
+    def show(self, text: str, tone: Tone = "") -> None:
+        """Change text and tone; an empty text hides the chip."""
+        self._element.set_text(text)
+        self._element.set_visibility(bool(text))
+        if tone != self._tone:
+            self._element.classes(add=tone, remove=self._tone)
+            self._tone = tone
+
+
+def live(name: str, classes: str = "number") -> ui.element:
+    """Return a number that the panel's script writes many times a second; `name` is its key in a tick."""
+    element = ui.element("span").classes(classes)
+    element.props["data-live"] = name
+    return element
+
+
+def note(text: str, tone: Tone = "") -> ui.label:
+    """Return a remark."""
+    return ui.label(text).classes(f"note {tone}")
+
+
+def choice(label: str, options: Mapping[Any, str], value: Any, on_change: Callable[[Any], Any]) -> ui.toggle:
+    """Return a row of buttons, of which one is chosen; `on_change` gets the chosen key."""
+    toggle = ui.toggle(dict(options), value=value, on_change=lambda event: on_change(event.value))
+    toggle.props("unelevated no-caps dense toggle-color=primary").classes("choice")
+    toggle.props["aria-label"] = label
+    toggle.props["role"] = "group"
+    return toggle
+
+
+def number_field(
+    label: str,
+    value: float | None,
+    lower: float,
+    upper: float,
+    unit: str,
+    on_change: Callable[[], Any] | None = None,
+    *,
+    whole: bool = False,
+) -> ui.number:
+    """Return a field for a number from `lower` to `upper`, which says its range and unit."""
+    wrong = f"{lower:g} to {upper:g} {unit}".rstrip()
+    return (
+        ui.number(
+            label,
+            value=value,
+            format="%d" if whole else None,
+            step=1 if whole else None,
+            suffix=unit or None,
+            validation={wrong: lambda given: given is not None and lower <= given <= upper},
+            on_change=None if on_change is None else lambda _: on_change(),
+        )
+        .props(f'outlined dense hint="{wrong}" step=any')
+        .classes("w-field")
+    )
+
+
+def table(headings: Iterable[tuple[str, str]]) -> ui.element:
+    """Return the body of a table; headings are texts with the classes of their columns."""
+    with ui.element("table").classes("grid-table"):
+        with ui.element("thead"), ui.element("tr"):
+            for text, classes in headings:
+                with ui.element("th").classes(classes).props('scope="col"'):
+                    ui.label(text)
+        return ui.element("tbody")
+
+
+def cell(classes: str = "") -> ui.element:
+    """Return a cell in a row of a table."""
+    return ui.element("td").classes(classes)
+
+
+def call(function: str, *arguments: object) -> str:
+    """Return JavaScript that calls a function with arguments."""
+    return f"{function}({', '.join(json.dumps(argument) for argument in arguments)})"

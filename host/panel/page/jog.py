@@ -1,0 +1,113 @@
+"""The Jog tab: move a joint or the tool for as long as a button is held, or by steps."""
+
+import json
+from typing import Any, Final
+
+from nicegui import events, ui
+
+from steptwin.host.panel.desk import Jog, JointJog, RefusedError, Snapshot, StepJoint, StepTool, ToolJog
+from steptwin.host.panel.page.elements import choice, heading, line, note, stack
+from steptwin.host.panel.page.visitor import Visitor
+from steptwin.host.planning.tool_step import COORDINATE_UNITS, SPEED_MAX_MM_S, TURN_SPEED_MAX_DEG_S
+
+HOLD: Final = "hold"
+_STEPS: Final = {HOLD: "while held", 10.0: "10", 1.0: "1", 0.1: "0.1"}
+"""What a press moves: mm and degrees of a step, or for as long as it is held."""
+_PERCENTS: Final = {5: "5 %", 20: "20 %", 50: "50 %", 100: "100 %"}
+
+
+class JogTab:
+    """Buttons to move each joint and each coordinate of the tool."""
+
+    def __init__(self, visitor: Visitor) -> None:
+        self._visitor = visitor
+        self._percent = 20
+        self._step: float | str = HOLD
+        self._buttons: list[ui.button] = []
+        self._refused = ""
+        with line("between"):
+            with line():
+                ui.label("A press moves").classes("muted")
+                choice("what a press moves", _STEPS, HOLD, self._choose_step)
+            with line():
+                ui.label("Speed").classes("muted")
+                choice("speed of a jog", _PERCENTS, self._percent, self._choose_speed)
+        with ui.element("div").classes("jog-sides"):
+            with stack("tight"):
+                heading("Joints")
+                for joint in visitor.desk.robot.joints:
+                    self._row(joint.name, str(joint.unit))
+            with stack("tight"):
+                heading("Tool, along the world's axes")
+                for name, unit in COORDINATE_UNITS.items():
+                    self._row(name, unit)
+                self._why_no_tool = note("The tool can be jogged when every joint is homed.")
+        ui.on("jog_beat", self._beat, args=[["press", "what", "sign"]])
+        ui.on("jog_release", self._release, args=[["press"]])
+        self._mark_buttons()
+
+    def refresh(self, snapshot: Snapshot) -> None:
+        """Say why the tool cannot be jogged."""
+        self._why_no_tool.set_visibility(not snapshot.homed)
+
+    def _row(self, name: str, unit: str) -> None:
+        with ui.element("div").classes("jog-row"):
+            ui.label(f"{name}, {unit}").classes("joint-name")
+            self._button(name, -1, "−")
+            self._button(name, +1, "+")
+
+    def _button(self, name: str, sign: int, text: str) -> None:
+        button = ui.button(text, on_click=lambda: self._by_step(name, sign), color=None).props("unelevated no-caps")
+        button.classes("jog").props["aria-label"] = f"jog {name} {'forward' if sign > 0 else 'backward'}"
+        button.props["data-what"] = json.dumps({"what": name, "sign": sign})
+        self._buttons.append(button)
+
+    def _choose_speed(self, percent: int) -> None:
+        self._percent = percent
+
+    def _choose_step(self, step: float | str) -> None:
+        self._step = step
+        self._mark_buttons()
+
+    def _mark_buttons(self) -> None:
+        """Let the panel's script hold the buttons, or leave them to be clicked."""
+        for button in self._buttons:
+            if self._step == HOLD:
+                button.props["data-jog"] = button.props["data-what"]
+            else:
+                button.props.pop("data-jog", None)
+            button.update()
+
+    def _by_step(self, name: str, sign: int) -> None:
+        if self._step == HOLD:
+            return  # the script has told of the press and of its end
+        distance = sign * float(self._step)
+        if name in self._visitor.desk.robot.joint_names:
+            self._visitor.ask(StepJoint(joint=name, distance=distance, speed_percent=self._percent))
+        else:
+            self._visitor.ask(StepTool(distances={name: distance}, speed_percent=self._percent))
+
+    def _jog(self, name: str, sign: float) -> Jog:
+        part = (1 if sign > 0 else -1) * self._percent / 100
+        robot = self._visitor.desk.robot
+        if name in robot.joint_names:
+            return JointJog(name, part * robot.joint(name).speed_max)
+        return ToolJog(name, part * (TURN_SPEED_MAX_DEG_S if name == "phi" else SPEED_MAX_MM_S))
+
+    def _beat(self, event: events.GenericEventArguments) -> None:
+        """Pass a beat of a held button on; say a refusal once, not with each beat."""
+        press, name, sign = _beat_of(event.args)
+        try:
+            self._visitor.desk.beat(self._visitor.tab, press, self._jog(name, sign))
+        except RefusedError as error:
+            told = f"{press} {error}"
+            if told != self._refused:
+                self._refused = told
+                self._visitor.tell(str(error))
+
+    def _release(self, event: events.GenericEventArguments) -> None:
+        self._visitor.desk.release(self._visitor.tab, int(event.args["press"]))
+
+
+def _beat_of(args: dict[str, Any]) -> tuple[int, str, float]:
+    return int(args["press"]), str(args["what"]), float(args["sign"])

@@ -1,0 +1,206 @@
+"""The Move tab: go to joint positions, to a pose of the tool on a chosen branch, or to a saved position."""
+
+from collections.abc import Callable
+from math import isnan, nan
+from typing import Final
+
+import numpy as np
+from nicegui import ui
+
+from steptwin.host.panel.desk import MoveJoints, MoveTool, Snapshot
+from steptwin.host.panel.page.elements import act, choice, heading, line, note, number_field, plain
+from steptwin.host.panel.page.saved import SavedPositions
+from steptwin.host.panel.page.scene import ArmScene, links_at
+from steptwin.host.panel.page.visitor import Visitor
+from steptwin.host.planning.programs.positions import ToolPosition
+from steptwin.host.planning.tool_step import COORDINATE_UNITS
+from steptwin.host.robots.kinematics import Branch, make_kinematics
+
+_KINDS: Final = {"joints": "Joints", "tool": "Tool pose", "saved": "Saved positions"}
+_POSE_KEYS: Final = ("x_mm", "y_mm", "z_mm", "attitude_deg")
+_FAR_MM: Final = 1e5
+"""Largest coordinate that a field takes; reach is checked by the kinematics."""
+
+
+class MoveTab:
+    """Three ways to say where to go, and one speed."""
+
+    def __init__(self, visitor: Visitor, scene: ArmScene, positions_file: str) -> None:
+        self._visitor = visitor
+        with line("between"):
+            choice("kind of move", _KINDS, "joints", self._choose)
+            self.speed = number_field("speed", 30.0, 1.0, 100.0, "%").classes("w-narrow")
+        self._joints = JointsForm(visitor, scene, self._percent)
+        self._tool = ToolForm(visitor, scene, self._percent)
+        self._saved = SavedPositions(visitor, scene, positions_file, self._percent)
+        self._forms = {"joints": self._joints.root, "tool": self._tool.root, "saved": self._saved.root}
+        self._scene = scene
+        self._choose("joints")
+
+    def refresh(self, snapshot: Snapshot) -> None:
+        """Fill the fields when the machine's position is known for the first time."""
+        self._joints.fill_once(snapshot)
+        self._tool.fill_once(snapshot)
+
+    def _percent(self) -> float:
+        return float(self.speed.value or 0.0)
+
+    def _choose(self, name: str) -> None:
+        for kind, form in self._forms.items():
+            form.set_visibility(kind == name)
+        self._scene.clear_shape("ghost")
+
+
+class JointsForm:
+    """A field for each joint."""
+
+    def __init__(self, visitor: Visitor, scene: ArmScene, percent: Callable[[], float]) -> None:
+        self._visitor, self._scene, self._percent = visitor, scene, percent
+        self._filled = False
+        robot = visitor.desk.robot
+        with ui.element("div").classes("stack") as self.root:
+            with ui.element("div").classes("form-grid"):
+                self._fields = {
+                    joint.name: number_field(
+                        joint.name, None, joint.lower, joint.upper, str(joint.unit), self._show_ghost
+                    )
+                    for joint in robot.joints
+                }
+            with line():
+                act("Move", self._move, "arrow_forward")
+                plain("Where it stands", self.fill)
+                plain("Home position", lambda: self._set(dict(zip(robot.joint_names, robot.home, strict=True))))
+
+    def fill_once(self, snapshot: Snapshot) -> None:
+        """Show where the machine stands, the first time that it is known."""
+        if not self._filled and snapshot.joints:
+            self.fill()
+
+    def fill(self) -> None:
+        """Show where the machine stands."""
+        joints = self._visitor.desk.snapshot.joints
+        self._filled = bool(joints)
+        self._set({joint.name: round(joint.position, 3) for joint in joints})
+        self._scene.clear_shape("ghost")
+
+    def _set(self, positions: dict[str, float]) -> None:
+        for name, position in positions.items():
+            self._fields[name].set_value(position)
+
+    def _goal(self) -> dict[str, float] | None:
+        """Return the positions in the fields; None while one of them is missing or wrong."""
+        if not all(field.validate() for field in self._fields.values()):
+            return None
+        return {name: float(field.value) for name, field in self._fields.items()}
+
+    def _show_ghost(self) -> None:
+        goal = self._goal()
+        if goal is None:
+            self._scene.clear_shape("ghost")
+        else:
+            self._scene.show_arm("ghost", links_at(self._visitor.desk.robot, list(goal.values())))
+
+    def _move(self) -> None:
+        goal = self._goal()
+        if goal is None:
+            self._visitor.tell("a field has no number, or one outside its range")
+        elif self._visitor.ask(MoveJoints(joints=goal, speed_percent=self._percent())):
+            self._scene.clear_shape("ghost")
+
+
+class ToolForm:
+    """Fields for the tool's pose, and every branch of the arm that reaches it, or why it does not."""
+
+    def __init__(self, visitor: Visitor, scene: ArmScene, percent: Callable[[], float]) -> None:
+        self._visitor, self._scene, self._percent = visitor, scene, percent
+        self._kinematics = make_kinematics(visitor.desk.robot)
+        self._filled = False
+        self._branch: str | None = None
+        follows = self._kinematics.attitude_follows
+        with ui.element("div").classes("stack") as self.root:
+            with ui.element("div").classes("form-grid"):
+                self._fields = {
+                    name: number_field(name, None, -_FAR_MM, _FAR_MM, unit, self._look_for_branches).props('hint=""')
+                    for name, unit in COORDINATE_UNITS.items()
+                    if not (follows and name == "phi")
+                }
+            if follows:
+                note("The tool's attitude follows from the arm.")
+            heading("Ways to get there")
+            self._branches = ui.element("div").classes("stack tight").props('role=radiogroup aria-label="branches"')
+            with line():
+                act("Move", self._move, "arrow_forward")
+                plain("Where it stands", self.fill)
+
+    def fill_once(self, snapshot: Snapshot) -> None:
+        """Show where the tool is, the first time that it is known."""
+        if not self._filled and snapshot.pose is not None:
+            self.fill()
+
+    def fill(self) -> None:
+        """Show where the tool is."""
+        pose = self._visitor.desk.snapshot.pose
+        if pose is None:
+            return
+        self._filled = True
+        values = dict(zip(COORDINATE_UNITS, (pose[key] for key in _POSE_KEYS), strict=True))
+        for name, field in self._fields.items():
+            field.set_value(round(values[name], 3))
+        self._look_for_branches()
+        self._scene.clear_shape("ghost")
+
+    def _pose(self) -> list[float]:
+        """Return x, y, z in mm and phi in degrees; NaN for a field that is empty and for an attitude that follows."""
+        values = {name: field.value for name, field in self._fields.items()}
+        return [nan if values.get(name) is None else float(values[name]) for name in COORDINATE_UNITS]
+
+    def _look_for_branches(self) -> None:
+        pose = self._pose()
+        self._branches.clear()
+        self._scene.clear_shape("ghost")
+        if any(isnan(value) for value, name in zip(pose, COORDINATE_UNITS, strict=True) if name in self._fields):
+            return
+        standing = [joint.position for joint in self._visitor.desk.snapshot.joints] or list(
+            self._visitor.desk.robot.home
+        )
+        branches = self._kinematics.inverse(np.array([pose]), np.array(standing))
+        names = [branch.name for branch in branches if branch.reachable[0]]
+        if self._branch not in names:
+            self._branch = names[0] if names else None
+        with self._branches:
+            for branch in branches:
+                self._branch_row(branch)
+
+    def _branch_row(self, branch: Branch) -> None:
+        reason, robot = branch.reason(0), self._visitor.desk.robot
+        chosen = reason is None and branch.name == self._branch
+        with ui.element("div").classes("branch" if reason is None else "branch off") as row:
+            mark = ui.icon("radio_button_checked" if chosen else "radio_button_unchecked")
+            mark.props('aria-hidden="true"')
+            ui.label(branch.name).classes("joint-name")
+            if reason is None:
+                parts = zip(robot.joints, branch.joints[0].tolist(), strict=True)
+                ui.label("  ".join(f"{joint.name} {value:.2f}" for joint, value in parts)).classes("muted small")
+            else:
+                ui.label(reason).classes("small")
+        row.props(f"role=radio aria-checked={'true' if chosen else 'false'}")
+        if reason is None:
+            row.props("tabindex=0").on("click", lambda: self._choose(branch.name))
+            row.on("keydown.space.prevent", lambda: self._choose(branch.name))
+        else:
+            row.props('aria-disabled="true"')
+        if chosen:
+            self._scene.show_arm("ghost", links_at(robot, branch.joints[0].tolist()))
+
+    def _choose(self, name: str) -> None:
+        self._branch = name
+        self._look_for_branches()
+
+    def _move(self) -> None:
+        if self._branch is None:
+            self._visitor.tell("no way to get there: change the pose")
+            return
+        coordinates = {name: float(field.value) for name, field in self._fields.items() if field.value is not None}
+        position = ToolPosition(coordinates, self._branch)
+        if self._visitor.ask(MoveTool(position=position, speed_percent=self._percent())):
+            self._scene.clear_shape("ghost")

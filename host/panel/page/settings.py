@@ -1,0 +1,57 @@
+"""The Settings tab: speeds, limits and currents with their units; some are the board's, some this panel's alone."""
+
+from nicegui import ui
+
+from steptwin.host.panel.desk import Setting, Snapshot, WriteSettings
+from steptwin.host.panel.page.elements import act, heading, line, note, number_field, plain
+from steptwin.host.panel.page.visitor import Visitor
+
+
+class SettingsTab:
+    """A field for each setting, by joint."""
+
+    def __init__(self, visitor: Visitor) -> None:
+        self._visitor = visitor
+        self._shown: tuple[Setting, ...] = ()
+        self._fields: dict[str, ui.number] = {}
+        self._list = ui.element("div").classes("stack")
+        with line():
+            act("Write what has changed", self._write, "save")
+            plain("Show the present values", lambda: self._show(visitor.desk.settings))
+        note("A setting with * is kept by the board; the others hold for this panel until it ends.")
+
+    def refresh(self, _snapshot: Snapshot) -> None:
+        """Show the settings when they were read or written."""
+        settings = self._visitor.desk.settings
+        if settings != self._shown:
+            self._show(settings)
+
+    def _show(self, settings: tuple[Setting, ...]) -> None:
+        self._shown = settings
+        self._list.clear()
+        self._fields = {}
+        with self._list:
+            if not settings:
+                note("The settings are read when the machine is connected.")
+            for joint in dict.fromkeys(setting.joint for setting in settings):
+                heading(joint or "Machine")
+                with ui.element("div").classes("form-grid"):
+                    for setting in settings:
+                        if setting.joint == joint:
+                            self._fields[setting.key] = _field(setting)
+
+    def _write(self) -> None:
+        if not all(field.validate() for field in self._fields.values()):
+            self._visitor.tell("a field has no number, or one outside its range")
+            return
+        values = {setting.key: float(self._fields[setting.key].value) for setting in self._shown}
+        changed = {setting.key: values[setting.key] for setting in self._shown if values[setting.key] != setting.value}
+        if not changed:
+            self._visitor.tell("nothing has changed")
+        else:
+            self._visitor.ask(WriteSettings(values=changed))
+
+
+def _field(setting: Setting) -> ui.number:
+    label = f"{setting.title}{' *' if setting.stored else ''}"
+    return number_field(label, setting.value, setting.lower, setting.upper, setting.unit)
