@@ -20,7 +20,7 @@ class Header:
             self._activity = Chip()
             ui.element("div").classes("panel-spring")
             with line("tight"):
-                self._pause = plain("Pause", lambda: visitor.attempt(lambda: desk.pause()), "pause")
+                self._pause = plain("Pause", lambda: visitor.attempt(lambda: desk.pause(visitor.name)), "pause")
                 self._resume = plain("Resume", lambda: visitor.attempt(self._go_on), "play_arrow")
                 plain("Stop", lambda: desk.stop(visitor.name), "stop")
             with line("tight"):

@@ -13,7 +13,7 @@ class SettingsTab:
     def __init__(self, visitor: Visitor) -> None:
         self._visitor = visitor
         self._shown: tuple[Setting, ...] = ()
-        self._fields: dict[str, ui.number] = {}
+        self._fields: dict[str, ui.number | ui.select] = {}
         self._list = ui.element("div").classes("stack")
         with line():
             act("Write what has changed", self._write, "save")
@@ -41,7 +41,7 @@ class SettingsTab:
                             self._fields[setting.key] = _field(setting)
 
     def _write(self) -> None:
-        if not all(field.validate() for field in self._fields.values()):
+        if not all(field.validate() for field in self._fields.values() if isinstance(field, ui.number)):
             self._visitor.tell("a field has no number, or one outside its range")
             return
         values = {setting.key: float(self._fields[setting.key].value) for setting in self._shown}
@@ -52,6 +52,9 @@ class SettingsTab:
             self._visitor.ask(WriteSettings(values=changed))
 
 
-def _field(setting: Setting) -> ui.number:
-    label = f"{setting.title}{' *' if setting.stored else ''}"
+def _field(setting: Setting) -> ui.number | ui.select:
+    label = f"{setting.title}{' *' if setting.on_board else ''}"
+    if setting.choices:
+        texts = {choice: f"{choice:g} {setting.unit}".rstrip() for choice in setting.choices}
+        return ui.select(texts, value=setting.value, label=label).props("outlined dense").classes("w-field")
     return number_field(label, setting.value, setting.lower, setting.upper, setting.unit)
