@@ -91,7 +91,8 @@ def _slower_drives(robot: Robot, trajectory: Trajectory, point_ms: int, error: c
     """Return which drives would make few enough steps, if the motion then passes; an empty text otherwise."""
     parts = {peak.joint: peak.limit / peak.value for peak in error.peaks if peak.quantity is Quantity.STEP_RATE}
     changed = {name: with_fewer_steps(robot.joint(name), part) for name, part in parts.items()}
-    joints = tuple(changed[joint.name][0] if joint.name in changed else joint for joint in robot.joints)
+    drives = {name: drive for name, (drive, _) in changed.items()}
+    joints = tuple(replace(joint, transmission=drives.get(joint.name, joint.transmission)) for joint in robot.joints)
     if not changed or not _passes(replace(robot, joints=joints), trajectory, point_ms):
         return ""
     return ", and so does " + " and ".join(f"joints.{name}.{setting}" for name, (_, setting) in changed.items())

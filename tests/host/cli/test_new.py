@@ -113,7 +113,7 @@ def test_the_help_names_the_kinds_and_their_keys(capsys: pytest.CaptureFixture[s
         (["--kind", "scara", "--set", "d3.ratio=3"], "--set d3: key 'ratio' is unknown"),
         (["--kind", "scara", "--set", "d3.microsteps=4"], "--set d3.microsteps: 4 is not one of the TB6560's"),
         (["--kind", "scara", "--set", "d3.microsteps=8.5"], "--set d3.microsteps: 8.5 is not one of the TB6560's"),
-        (["--kind", "scara", "--set", "l1_mm=-3"], "kinematics: links of -3 and 150 mm make no arm"),
+        (["--kind", "scara", "--set", "l1_mm=-3"], "kinematics.l1_mm: -3 is not above 0"),
         (["--kind", "scara", "--set", "d3.upper=-3"], "joints.d3.upper: -3 mm is not above lower, 0 mm"),
         (["--kind", "scara", "--set", "l1_mm"], "'l1_mm' is not of the form NAME=VALUE"),
     ],
@@ -148,7 +148,7 @@ def test_on_a_terminal_it_asks(tmp_path: Path) -> None:
             terminal.type(f"{answer}\n")
         terminal.await_text("lift: 'nowhere' is not one of first, last, none")
         terminal.type("\n" * 19)
-        terminal.await_text("kinematics: links of -200 and 150 mm make no arm")
+        terminal.await_text("kinematics.l1_mm: -200 is not above 0")
         terminal.await_text("l1_mm, first link, from shoulder to elbow [-200]: ")
         terminal.type("200" + "\n" * 22)
         assert terminal.await_exit() == 0
