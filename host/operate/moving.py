@@ -14,7 +14,7 @@ from steptwin.host.operate.session import Session
 from steptwin.host.planning.laws import Trapezoid
 from steptwin.host.planning.motions.joint_move import limits_along
 from steptwin.host.planning.programs.moves import Moves
-from steptwin.host.planning.programs.positions import JointPosition, ToolPosition
+from steptwin.host.planning.programs.positions import ToolPosition
 from steptwin.host.robots.kinematics import make_kinematics, pose_words
 from steptwin.host.robots.robot import Robot
 
@@ -54,8 +54,7 @@ def joints_at(robot: Robot, position: ToolPosition, standing: list[float]) -> li
 
     Coordinates that the position leaves out stay. Raises InputError if the arm cannot reach it.
     """
-    start = JointPosition(dict(zip(robot.joint_names, standing, strict=True)))
-    joints = Moves(robot, {}, start).joints_at(position)
+    joints = Moves(robot, {}, np.array(standing)).joints_at(position)
     return [float(each) for each in joints]
 
 

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.common.bad_input import prefixed, unknown
+from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.even_path import EvenPath
 from steptwin.host.planning.motions.composer import Composer
@@ -22,23 +22,23 @@ _PLACE_MM: Final = 1e-6
 """Distance up to which two poses are at the same place: the tool then only turns."""
 
 _HALF_TURN_DEG: Final = 180.0
-_SWEEP_MAX_DEG: Final = 36_000.0
 
 
 class Moves:
     """Moves from a robot's position on, with the program's named positions; `composer` holds the motions so far."""
 
-    def __init__(self, robot: Robot, positions: Mapping[str, Position], start: Target | None) -> None:
-        """Begin at a position, or at the robot's home position; raise InputError if it cannot be reached."""
+    def __init__(self, robot: Robot, positions: Mapping[str, Position], joints: FloatArray | None = None) -> None:
+        """Begin at joints of shape (joints,), or at the robot's home position."""
         self._robot = robot
         self._positions = positions
         self._kinematics = make_kinematics(robot)
-        self.composer = Composer(robot, np.array(robot.home))
+        self.composer = Composer(robot, np.array(robot.home) if joints is None else joints)
         self.place = ""
         """The step that is being added, as messages name it."""
-        if start is not None:
-            with prefixed("start: "):
-                self.composer.joints = self.joints_at(start)
+
+    def from_here(self) -> "Moves":
+        """Return new moves, without any yet, that begin where these have come to."""
+        return Moves(self._robot, self._positions, self.composer.joints)
 
     # --- positions
 
@@ -58,6 +58,20 @@ class Moves:
         for name, distance in distances.items():
             joints[self._robot.index_of(name)] += distance
         return joints
+
+    def joints_of(self, pose: Pose) -> FloatArray:
+        """Return the joints at a pose on the present branch, of shape (joints,); raise InputError without any."""
+        return self._solve(pose, None)
+
+    def is_known_everywhere(self, target: Target) -> bool:
+        """Return whether a position leaves nothing as it is, so that it is the same wherever the robot stands."""
+        match self._position(target):
+            case JointPosition(joints):
+                return set(joints) == set(self._robot.joint_names)
+            case ToolPosition(coordinates, branch):
+                left_out = set(COORDINATES) - set(coordinates)
+                phi_follows = self._kinematics.attitude_follows and left_out == {"phi"}
+                return (not left_out or phi_follows) and (branch is not None or len(self._kinematics.branches) == 1)
 
     def pose_at(self, target: Target) -> Pose:
         """Return the tool's pose at a position, with the attitude's turn nearest to the present one."""
@@ -102,10 +116,6 @@ class Moves:
 
     def circle(self, x_mm: float, y_mm: float, sweep_deg: float, pace: ToolPace, *, turned: bool) -> None:
         """Move the tool around the vertical axis at x, y, at its height; `turned` turns its attitude along."""
-        if not 0 < abs(sweep_deg) <= _SWEEP_MAX_DEG:
-            raise InputError(
-                f"sweep_deg: {sweep_deg:g} deg is not a sweep of up to {_SWEEP_MAX_DEG:g} deg, with a sign"
-            )
         self._follow(Arc.around(self._here(), (x_mm, y_mm), sweep_deg, turned=turned), pace)
 
     def through(self, poses: list[Pose], smoothing: Smoothing, pace: ToolPace) -> None:
