@@ -327,7 +327,7 @@ class TestARobotOfOnesOwn:
             ),
             pytest.param(
                 "lab-scara", {"a2_mm = 400.0": "a2_mm = 100.0"}, ["spiral"],
-                "out of reach: shoulder to wrist 299.9 mm is outside 300..500 mm", id="shorter arm",
+                "shoulder to wrist 299.9 mm is outside 300..500 mm", id="shorter arm",
             ),
         ],
     )  # fmt: skip

@@ -16,6 +16,7 @@ from steptwin.host.planning.paths import COORDINATES, Arc, Pose, SampledPath, Sm
 from steptwin.host.planning.programs.paces import JointPace, ToolPace
 from steptwin.host.planning.programs.positions import JointPosition, Position, Target, ToolPosition
 from steptwin.host.robots.kinematics import Branch, make_kinematics, pose_words
+from steptwin.host.robots.nearest_pose import passing_text
 from steptwin.host.robots.robot import Robot
 
 _PLACE_MM: Final = 1e-6
@@ -101,7 +102,7 @@ class Moves:
         """Move the tool straight to a pose; where only the attitude differs, the joints turn it on the spot."""
         here = self._here()
         if np.linalg.norm(np.subtract(goal, here)[:3]) > _PLACE_MM:
-            self._follow(StraightLine(here, goal), pace)
+            self._follow(StraightLine(here, goal), pace, goal)
         elif abs(goal[3] - here[3]) > _HALF_TURN_DEG:
             steps = ceil(abs(goal[3] - here[3]) / _HALF_TURN_DEG)
             raise InputError(
@@ -112,7 +113,7 @@ class Moves:
 
     def arc(self, via: Pose, goal: Pose, pace: ToolPace) -> None:
         """Move the tool along the arc through a pose's place to a pose."""
-        self._follow(Arc.through(self._here(), via[:3], goal), pace)
+        self._follow(Arc.through(self._here(), via[:3], goal), pace, goal)
 
     def circle(self, x_mm: float, y_mm: float, sweep_deg: float, pace: ToolPace, *, turned: bool) -> None:
         """Move the tool around the vertical axis at x, y, at its height; `turned` turns its attitude along."""
@@ -122,9 +123,13 @@ class Moves:
         """Move the tool along the curve from where it is through poses; each turns on from the one before."""
         rows = np.array([self._here(), *poses])
         rows[:, 3] = np.unwrap(rows[:, 3], period=360.0)
-        self._follow(EvenPath.of(SampledPath.through(rows, smoothing)), pace)
+        self._follow(EvenPath.of(SampledPath.through(rows, smoothing)), pace, *poses)
 
-    def _follow(self, path: ToolPath, pace: ToolPace) -> None:
+    def _follow(self, path: ToolPath, pace: ToolPace, *goals: Pose) -> None:
+        """Move along a path; a goal on it that is out of reach is refused before a place on the way."""
+        for goal in goals:
+            attitude_deg = nan if self._kinematics.attitude_follows else goal[3]
+            self._solve((*goal[:3], attitude_deg), self._branch(), on_path=True)
         self.composer.follow(path, pace.along(path.length_mm), self._branch())
 
     # --- the robot
@@ -160,8 +165,11 @@ class Moves:
     def _branches(self, pose: Pose) -> tuple[Branch, ...]:
         return self._kinematics.inverse(np.array([pose]), self.composer.joints)
 
-    def _solve(self, pose: Pose, branch: str | None) -> FloatArray:
-        """Return the joints at a pose on a branch, by default on the one on which the arm is."""
+    def _solve(self, pose: Pose, branch: str | None, *, on_path: bool = False) -> FloatArray:
+        """Return the joints at a pose on a branch, by default on the one on which the arm is.
+
+        InputError for a pose out of reach names the nearest one that passes, with `on_path` on a path of the tool.
+        """
         name = branch or self._branch()
         if name not in self._kinematics.branches:
             raise unknown("branch", name, self._kinematics.branches)
@@ -169,8 +177,9 @@ class Moves:
         if not solved[name].reachable[0]:
             others = [other.name for other in solved.values() if other.reachable[0]]
             hint = f" (the branch {others[0]!r} reaches it)" if others else ""
-            place = pose_words(pose)
-            raise InputError(f"{place} is out of reach on the branch {name!r}: {solved[name].reason(0)}{hint}")
+            passing = passing_text(self._robot, pose, self.composer.joints, name, on_path=on_path)
+            reason = solved[name].reason(0)
+            raise InputError(f"{pose_words(pose)} is out of reach on the branch {name!r}: {reason}{hint}{passing}")
         return self._with_nearest_turns(solved[name].joints[0])
 
     def _branch(self) -> str:

@@ -13,7 +13,7 @@ from typing import Any, Final, Protocol, TypeVar
 import numpy as np
 
 from steptwin.host.common.arrays import BoolArray, FloatArray
-from steptwin.host.common.bad_input import at_least, at_most, by, nearest, outside, prefixed, shortened
+from steptwin.host.common.bad_input import by, nearest, outside, prefixed, shortened
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.tables import Reading, Table
@@ -22,6 +22,9 @@ from steptwin.host.robots.kinematics.dh import DhTable
 from steptwin.host.robots.robot import Dimension, Robot
 
 Geometry = TypeVar("Geometry")
+
+POSE_KEYS: Final = ("x_mm", "y_mm", "z_mm", "attitude_deg")
+"""The names of a pose's coordinates, in their order, in documents."""
 
 LIMIT_TOLERANCE: Final = 1e-9
 """Distance in mm or degrees by which a solution may exceed a joint's limit: the rounding errors of its computation."""
@@ -39,7 +42,6 @@ class Constraint:
         upper: upper limit.
         kept: shape (n,), true where the value is between the limits; false for NaN.
         explain: function that returns the complaint about pose i, for a quantity whose values would not help a reader.
-        adjustable: true if the limits are the keys `lower` and `upper` of a joint, which a robot file may set wider.
     """
 
     quantity: str
@@ -49,10 +51,9 @@ class Constraint:
     upper: float
     kept: BoolArray
     explain: Callable[[int], str] | None = None
-    adjustable: bool = False
 
     def complaint(self, i: int, *, of_path: bool = False) -> str:
-        """Return one line that says how pose i breaks this constraint, and what would keep it.
+        """Return one line that says how pose i breaks this constraint, and by how much.
 
         With `of_path` the poses are a path, which as a whole must keep it.
         """
@@ -60,9 +61,6 @@ class Constraint:
             return self.explain(i)
         value = float(self.values[i])
         text = f"{self.quantity} {outside(value, self.lower, self.upper, self.unit)}"
-        if self.adjustable:
-            wanted = f"lower = {at_most(value)}" if value < self.lower else f"upper = {at_least(value)}"
-            return f"{text}; {wanted} would do"
         if not self.unit:
             return text
         values = self.values if of_path else self.values[i : i + 1]
@@ -192,7 +190,7 @@ def nearest_turns(limits: tuple[Joint, ...], joints: FloatArray, near: FloatArra
 
 def _joint_constraint(joint: Joint, positions: FloatArray) -> Constraint:
     kept = (positions >= joint.lower - LIMIT_TOLERANCE) & (positions <= joint.upper + LIMIT_TOLERANCE)
-    return Constraint(f"{joint.name}:", joint.unit, positions, joint.lower, joint.upper, kept, adjustable=True)
+    return Constraint(f"{joint.name}:", joint.unit, positions, joint.lower, joint.upper, kept)
 
 
 def read_geometry(geometry: type[Geometry], robot: Robot) -> Geometry:

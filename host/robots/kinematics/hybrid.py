@@ -197,7 +197,7 @@ class HybridArm:
     def _reach(self, z2_mm: FloatArray) -> Constraint:
         kept = np.abs(z2_mm) <= self.z2_max_mm + LIMIT_TOLERANCE
         nearest_mm, farthest_mm = self.radius_mm - self.z2_max_mm, self.radius_mm + self.z2_max_mm
-        return Constraint("out of reach: waist to tool", "mm", self.radius_mm + z2_mm, nearest_mm, farthest_mm, kept)
+        return Constraint("waist to tool", "mm", self.radius_mm + z2_mm, nearest_mm, farthest_mm, kept)
 
     def _assembly(self, z2_mm: FloatArray, mode: WorkingMode) -> Constraint:
         assembly = self.sliders.assembly_of(z2_mm, mode)

@@ -1,5 +1,7 @@
 """Compiled programs: the tool's path by forward kinematics, the table of steps, and refusals with place and joint."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -171,9 +173,14 @@ def test_a_wait_knows_its_step() -> None:
 
 def test_refusals_name_step_time_place_and_joint() -> None:
     pause = "[[step]]\npause = 1\n"
-    out = complaint(f"{pause}[[step]]\nline = {{ x = 190, y = 100 }}\nspeed_mm_s = 40")
-    assert out.startswith("step 2 (line to x 190, y 100): at t = ")
-    assert "the tool's path breaks off" in out
+    line = f"{pause}[[step]]\nline = {{{{ x = {{}}, y = {{}} }}}}\nspeed_mm_s = 40"
+    beyond = complaint(line.format(190, 100))
+    assert beyond.startswith("step 2 (line to x 190, y 100): x 190, y 100, z -40 mm, phi 80 deg is out of reach on ")
+    passing = re.findall(r"; x (\S+), y (\S+) mm passes$", beyond)[0]
+    assert compiled(line.format(*passing)).trajectory.duration_s > 1.0
+    assert "out of reach" in complaint(line.format(*(float(each) + 0.3 for each in passing)))
+    around = complaint(f"{pause}[[step]]\ncircle = {{ x = 190, y = 100 }}\nsweep_deg = -90\nspeed_mm_s = 40")
+    assert re.match(r"step 2 \(circle .*\): at t = [\d.]+ s the tool's path breaks off: ", around)
     far = complaint(f"{pause}[[step]]\ngo = {{ x = 300, y = 0 }}")
     assert far.startswith(
         "step 2 (go to x 300, y 0): x 300, y 0, z -40 mm, phi 80 deg is out of reach on the branch 'right'"
