@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from steptwin.host.cli.arguments import positive_number
+from steptwin.host.cli.arguments import check_percent, positive_number
 from steptwin.host.cli.file_motion import InterpolationName, file_motion, refuse_file_options, say_file_motion
 from steptwin.host.cli.option_names import naming_options
 from steptwin.host.cli.output import say
@@ -122,5 +122,7 @@ def _stretch_factor(stretch: str | None, speed: str | None) -> float | None:
     if stretch is not None and speed is not None:
         raise InputError(f"--stretch {stretch} --speed {speed}: give only one of them")
     if speed is not None:
-        return 100.0 / positive_number(speed, "--speed")
+        percent = positive_number(speed, "--speed")
+        check_percent(percent, "--speed")
+        return 100.0 / percent
     return None if stretch in (None, "auto") else positive_number(stretch, "--stretch")

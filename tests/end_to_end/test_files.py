@@ -110,7 +110,7 @@ class TestATrajectoryFile:
         [
             pytest.param(
                 CSV.replace("-15,40,10", "-15,40,60.5"),
-                ["d3: 60.", "mm at t = 0.", "is outside 0..60 mm"],
+                ["motion.csv: line 3, d3: 60.5 mm is outside 0..60 mm; the nearest is 60 mm"],
                 id="position",
             ),
             pytest.param(

@@ -72,7 +72,7 @@ def _broken_off(
 ) -> InputError:
     """Return the error for the first pose that a branch does not reach, with the branch or the pose that does."""
     i = _first_out_of_reach(branch)
-    place = f"{_point(places, i)}: {pose_words(poses[i].tolist())}"
+    place = f"{point_place(places, i)}: {pose_words(poses[i].tolist())}"
     text = f"{place} is out of reach on the branch {branch.name!r}: {branch.reason(i)}"
     others = kinematics.inverse(poses[i : i + 1], np.array(robot.home))
     other = next((other.name for other in others if other.reachable[0] and other.name != branch.name), None)
@@ -85,11 +85,11 @@ def _broken_off(
         return InputError(f"{text}; the branch {other!r} reaches all points (elbow={other})")
     j = _first_out_of_reach(missed)
     return InputError(
-        f"{text}; the branch {other!r} reaches it, but not {_point(places, j)}: {missed.reason(j)};"
+        f"{text}; the branch {other!r} reaches it, but not {point_place(places, j)}: {missed.reason(j)};"
         " the arm would have to change the branch on the way, which takes a file of joints"
     )
 
 
-def _point(places: Sequence[str], i: int) -> str:
+def point_place(places: Sequence[str], i: int) -> str:
     """Return where a point stands in the file: `line 5`, if its time stands at `line 5, t`."""
     return places[i].partition(",")[0]
