@@ -12,7 +12,6 @@ from steptwin.emulator.can_controller import CanController
 from steptwin.host.cli.app import run
 from steptwin.host.robots import load_robot
 from tests.end_to_end.command_line import refusal
-from tests.without_pictures import without_pictures
 
 ROBOT = "teaching-scara"
 CSV = """t,th1,th2,d3,th4
@@ -80,8 +79,7 @@ class TestATrajectoryFile:
 
     def test_may_be_what_another_run_wrote(self, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
         """The trajectory.csv that `--out` writes makes the same motion again."""
-        with without_pictures():
-            first = report_of(capsys, ROBOT, "carry", "--out", str(tmp_path))
+        first = report_of(capsys, ROBOT, "carry", "--out", str(tmp_path))
         again = report_of(capsys, ROBOT, str(tmp_path / "trajectory.csv"))
         for before, after in zip(first["axes"], again["axes"], strict=True):
             assert after["steps_end"] == before["steps_end"]
