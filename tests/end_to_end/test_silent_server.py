@@ -116,12 +116,12 @@ def _printed(_: Server, program: subprocess.Popen[str]) -> None:
     assert program.stdout.readline()
 
 
-def _moving(server: Server, _: subprocess.Popen[str]) -> None:
+def _moving(server: Server, _program: subprocess.Popen[str]) -> None:
     """Return when an axis moves: the statusword in its report (CiA 402) loses "target reached", its bit 10."""
     with closing(RawClient(server.port)) as witness:
         while True:
             witness.expect(b"< frame 1")
-            node, _, data = witness.expect(b" >").decode().split(" ")
+            node, _time, data = witness.expect(b" >").decode().split(" ")
             if node[0] in "9A" and not int(data[2:4], 16) & 0x04:
                 return
 
