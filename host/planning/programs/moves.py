@@ -1,6 +1,7 @@
 """The moves of a program under construction: positions become joints and poses, paths become motions."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from math import ceil, nan
 from typing import Final
 
@@ -12,9 +13,12 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.planning.even_path import EvenPath
 from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.motions.following import nearest_turns, present_branch
-from steptwin.host.planning.paths import COORDINATES, Arc, Pose, SampledPath, Smoothing, StraightLine, ToolPath
-from steptwin.host.planning.programs.paces import JointPace, ToolPace
+from steptwin.host.planning.motions.straight import is_straight_in_joints
+from steptwin.host.planning.out_of_reach import OutOfReachError
+from steptwin.host.planning.paths import COORDINATES, Arc, Pose, SampledPath, Smoothing, StraightLine, ToolPath, Turn
+from steptwin.host.planning.programs.paces import SPEED_PERCENT, JointPace, ToolPace
 from steptwin.host.planning.programs.positions import JointPosition, Position, Target, ToolPosition
+from steptwin.host.planning.programs.turning import turning_law
 from steptwin.host.robots.kinematics import Branch, make_kinematics, pose_words
 from steptwin.host.robots.nearest_pose import passing_text
 from steptwin.host.robots.robot import Robot
@@ -99,17 +103,17 @@ class Moves:
             self.composer.go_by(pace.along(self._robot, way), goal)
 
     def line(self, goal: Pose, pace: ToolPace) -> None:
-        """Move the tool straight to a pose; where only the attitude differs, the joints turn it on the spot."""
+        """Move the tool straight to a pose; where only the attitude differs, turn it on the spot, at SPEED_PERCENT."""
         here = self._here()
         if np.linalg.norm(np.subtract(goal, here)[:3]) > _PLACE_MM:
-            self._follow(StraightLine(here, goal), pace, goal)
+            self._straight(StraightLine(here, goal), pace)
         elif abs(goal[3] - here[3]) > _HALF_TURN_DEG:
             steps = ceil(abs(goal[3] - here[3]) / _HALF_TURN_DEG)
             raise InputError(
                 f"phi: {goal[3] - here[3]:g} deg on the spot is more than half a turn: make {steps} steps of it"
             )
         elif goal[3] != here[3]:
-            self.go(self._solve(goal, self._branch()), JointPace())
+            self._turn(Turn(here, goal[3] - here[3]))
 
     def arc(self, via: Pose, goal: Pose, pace: ToolPace) -> None:
         """Move the tool along the arc through a pose's place to a pose."""
@@ -128,9 +132,38 @@ class Moves:
     def _follow(self, path: ToolPath, pace: ToolPace, *goals: Pose) -> None:
         """Move along a path; a goal on it that is out of reach is refused before a place on the way."""
         for goal in goals:
-            attitude_deg = nan if self._kinematics.attitude_follows else goal[3]
-            self._solve((*goal[:3], attitude_deg), self._branch(), on_path=True)
+            self._solve(self._wanted(goal), self._branch(), on_path=True)
         self.composer.follow(path, pace.along(path.length_mm), self._branch())
+
+    def _straight(self, line: StraightLine, pace: ToolPace) -> None:
+        try:
+            self._follow(line, pace, line.goal)
+        except OutOfReachError:  # at a singularity the joints still can move the tool straight, such as a lift alone
+            goal = self._straight_in_joints(line)
+            if goal is None:
+                raise
+            self.composer.go_by(pace.share(line.length_mm), goal)
+
+    def _straight_in_joints(self, line: StraightLine) -> FloatArray | None:
+        """Return the joints at a line's end if the tool keeps the line when all joints move in proportion."""
+        with suppress(InputError):
+            goal = self._solve(self._wanted(line.goal), self._branch())
+            if is_straight_in_joints(self._robot, line, self.composer.joints, goal):
+                return goal
+        return None
+
+    def _wanted(self, goal: Pose) -> Pose:
+        """Return a path's goal without the attitude if that follows from the arm."""
+        return (*goal[:3], nan) if self._kinematics.attitude_follows else goal
+
+    def _turn(self, turn: Turn) -> None:
+        branch, start = self._branch(), self.composer.joints
+        x_mm, y_mm, z_mm, phi_deg = turn.start
+        goal = self._solve((x_mm, y_mm, z_mm, phi_deg + turn.angle_deg), branch)
+        if is_straight_in_joints(self._robot, turn, start, goal):  # a wrist alone, also at a singularity
+            self.go(goal, JointPace())
+        else:
+            self.composer.follow(turn, turning_law(self._robot, turn, branch, start, goal, SPEED_PERCENT), branch)
 
     # --- the robot
 

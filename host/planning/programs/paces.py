@@ -105,5 +105,9 @@ class ToolPace:
         """Return the law for a path's length."""
         return SCurve.at_speed(length_mm, self.speed_mm_s, self.ramp_s)
 
+    def share(self, length_mm: float) -> Law:
+        """Return the law for a path's length that covers a distance of 1 instead, for a move of the joints."""
+        return SCurve.at_speed(1.0, self.speed_mm_s / length_mm, self.ramp_s)
+
 
 Pace = JointPace | ToolPace

@@ -11,6 +11,7 @@ from steptwin.host.common.findings import Findings
 from steptwin.host.planning.programs import CompiledProgram, compile_program, compiling, parse_program
 from steptwin.host.planning.trajectory import Wait
 from steptwin.host.robots import load_robot
+from steptwin.host.robots.kinematics import make_kinematics
 
 ROBOT = load_robot("teaching-scara")
 L1_MM, L2_MM, Z_MM = 95.0, 100.0, -40.0
@@ -106,6 +107,33 @@ def test_relative_moves_add_up() -> None:
     assert np.allclose(after - before, [4, 0, -3, 0])
     before, after = travelled(program, 2)[[0, -1]]
     assert np.allclose(after - before, [0, 0, 0, 45])
+
+
+@pytest.mark.parametrize("phi_deg", [40.0, 150.0])
+def test_a_turn_on_the_spot_keeps_the_spot(phi_deg: float) -> None:
+    """The warehouse robot's gripper is turned by its rotary joint, around which the arm must follow."""
+    robot = load_robot("warehouse-scara")
+    program = compile_program(
+        parse_program(f"[[step]]\nline = {{ phi = {phi_deg} }}\nspeed_mm_s = 1", Findings()), robot
+    )
+    t_s = np.arange(0, round(1000 * program.trajectory.duration_s) + 1) / 1000
+    poses = make_kinematics(robot).forward(program.trajectory.positions(t_s))
+    assert np.abs(poses[:, :3] - poses[0, :3]).max() < 1e-9
+    assert poses[-1, 3] == pytest.approx(phi_deg)
+    assert (np.diff(poses[:, 3]) * np.sign(phi_deg - poses[0, 3]) >= 0).all()
+    assert 79.0 < max(peak.percent for peak in program.steps[0].peaks if peak.quantity != "step rate") < 80.5
+
+
+def test_a_lift_moves_straight_where_the_arm_is_stretched() -> None:
+    findings = Findings()
+    text = (
+        "start = { th2 = 0 }\n[[step]]\nby = { z = -20 }\nspeed_mm_s = 30\n[[step]]\nby = { x = -20 }\nspeed_mm_s = 30"
+    )
+    program = compile_program(parse_program(text, findings), ROBOT, findings)
+    poses = travelled(program)
+    assert np.ptp(poses[:, [0, 1, 3]], axis=0).max() == 0
+    assert np.diff(-poses[:, 2]).max() * 1000 == pytest.approx(30.0, rel=1e-3)
+    assert [message.split(" (")[0] for message in findings.messages] == ["step 2"]
 
 
 def test_go_changes_the_elbow_where_a_line_keeps_it() -> None:
