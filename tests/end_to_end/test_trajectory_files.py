@@ -67,9 +67,8 @@ class TestBeforeARun:
             "th1", "th2", "d3", "th4", "tool",
         ]  # fmt: skip
         assert len(err) == 1
-        assert err[0].startswith(
-            f"steptwin: warning: {file}: the motion is far off the lines between the points: tool "
-        )
+        assert err[0].startswith(f"steptwin: warning: {file}: far off the lines between the points: tool ")
+        assert err[0].count("(limit") == 1  # the farthest alone
         assert err[0].endswith("; --interpolate linear or stop keeps closer, and so do more points")
 
     def test_on_stderr_with_json(self, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
