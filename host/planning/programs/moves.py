@@ -66,7 +66,7 @@ class Moves:
 
     def joints_of(self, pose: Pose) -> FloatArray:
         """Return the joints at a pose on the present branch, of shape (joints,); raise InputError without any."""
-        return self._solve(pose, None)
+        return self._solve(self._wanted(pose), None)
 
     def is_known_everywhere(self, target: Target) -> bool:
         """Return whether a position leaves nothing as it is, so that it is the same wherever the robot stands."""
