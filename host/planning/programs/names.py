@@ -94,6 +94,8 @@ class _Checking:
         self._program = self._with_checked_positions(program)
         self._names = Names(self._program, robot)
         self._sequences: dict[str, tuple[AnyStep, ...]] = {}
+        self._depths: dict[str, int] = {}
+        """How many sequences call one another in a row from each one on."""
 
     def checked(self) -> Program:
         program = self._program
@@ -122,6 +124,7 @@ class _Checking:
     def _visit(self, name: str, callers: tuple[str, ...]) -> None:
         """Check the steps of a sequence, unless that has been done."""
         if name not in self._sequences:
+            self._depths[name] = 1
             steps = self._program.sequences[name]
             self._sequences[name] = self._steps(steps, f"sequences.{name} step ", (*callers, name))
 
@@ -153,7 +156,10 @@ class _Checking:
             return False
         if name in callers:
             raise InputError(f"call: the sequence {name!r} calls itself")
-        if len(callers) >= CALLS_DEEP_MAX:
+        if len(callers) < CALLS_DEEP_MAX:
+            self._visit(name, callers)
+        if len(callers) + self._depths.get(name, 1) > CALLS_DEEP_MAX:
             raise InputError(f"call: more than {CALLS_DEEP_MAX} sequences call one another in a row")
-        self._visit(name, callers)
+        if callers:
+            self._depths[callers[-1]] = max(self._depths[callers[-1]], self._depths[name] + 1)
         return bool(sequences[name])

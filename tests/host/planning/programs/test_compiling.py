@@ -273,6 +273,16 @@ class TestFindings:
         (message,) = found_in(f"[[step]]\nrepeat = 3\nsteps = [{steps}]")
         assert message.startswith(f"{where}: ")
 
+    @pytest.mark.parametrize("order", [1, -1])
+    def test_sequences_call_one_another_only_so_deep(self, order: int) -> None:
+        def chain(length: int) -> str:
+            steps = [f"[[sequences.s{i}]]\ncall = 's{i + 1}'\n" for i in range(1, length)]
+            return f"{''.join(steps[::order])}[[sequences.s{length}]]\npause = 1\n[[step]]\ncall = 's1'"
+
+        assert found_in(chain(50)) == []
+        (message,) = found_in(chain(51))
+        assert message.endswith(": call: more than 50 sequences call one another in a row")
+
     def test_a_position_outside_the_limits_at_the_start(self) -> None:
         findings = Findings()
         compile_program(parse_program("start = { d3 = 61 }\n[[step]]\nby = { th1 = 5 }", findings), ROBOT, findings)
