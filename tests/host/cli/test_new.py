@@ -17,10 +17,10 @@ from tests.end_to_end.command_line import PROGRAM, refusal, run_json
 from tests.end_to_end.terminal import Terminal
 
 SCARAS = [
-    {"lift": lift, "tool_rotation": turning, "tool": tool}
-    for lift in ("first", "last", "none")
-    for turning, tool in (("true", "up"), ("false", "down"))
+    {"lift": "first", "tool_rotation": "true", "tool": "up"},
+    {"lift": "none", "tool_rotation": "false", "tool": "down"},
 ]
+"""Besides the usual SCARA: lift last, a tool that turns and points down."""
 CASES: list[tuple[str, dict[str, str]]] = [(kind, {}) for kind in KINDS] + [("scara", options) for options in SCARAS]
 
 
