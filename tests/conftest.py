@@ -1,6 +1,6 @@
 """Fixtures that every test may use."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -9,13 +9,20 @@ from hypothesis import settings
 
 from steptwin.controller.backend import KERNELS, Kernel
 from steptwin.host.cli.app import run
-from tests.without_pictures import without_pictures
+from tests.run_pictures import without_pictures
 
 # No timing is asserted in a test, not even by the framework; and every run draws the same examples, so that a change
 # is judged by what it changed. `pytest --hypothesis-profile=explore` draws new ones.
 settings.register_profile("steptwin", deadline=None, derandomize=True)
 settings.register_profile("explore", deadline=None, max_examples=1000)
 settings.load_profile("steptwin")
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _no_pictures() -> Iterator[None]:
+    """Leave the pictures of each run's folder out, but where a test asks for them by `with_pictures`."""
+    with without_pictures():
+        yield
 
 
 @pytest.fixture(params=["python", "numba"])

@@ -96,6 +96,13 @@ def positive_number(text: str, what: str) -> float:
     return value
 
 
+def check_percent(percent: float, option: str) -> None:
+    """Raise InputError for a speed above 0 and below 1 percent, which was probably meant as a part of 1."""
+    if 0 < percent < 1:
+        part = f"{percent:g} % of the speed; for {percent:g} of it write {option} {100 * percent:g}"
+        raise InputError(f"{option} {percent:g}: is {part}; the least is 1")
+
+
 def out_folder(out: str | None) -> Path | None:
     """Make the folder of --out before anything runs; return None without the option.
 

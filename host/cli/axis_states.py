@@ -10,12 +10,17 @@ if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
 
 
-def print_axis_states(robot: "Robot", states: "list[AxisState]", *, as_json: bool) -> None:
-    """Print one JSON document, or a table."""
+def print_axis_states(
+    robot: "Robot", states: "list[AxisState]", *, positions: bool = True, as_json: bool = False
+) -> None:
+    """Print one JSON document, or a table; without `positions` the states alone, and null in the document."""
     if as_json:
-        print_json({"robot": robot.name, "axes": [asdict(state) for state in states]})
+        unknown = {} if positions else {"position": None, "position_known": False}
+        print_json({"robot": robot.name, "axes": [asdict(state) | unknown for state in states]})
         return
+    columns = ["axis", "state", "known", "position"][: None if positions else 2]
     rows = [
-        [state.name, state.state, "yes" if state.position_known else "no", f"{state.position:.4f}"] for state in states
+        [state.name, state.state, "yes" if state.position_known else "no", f"{state.position:z.4f}"][: len(columns)]
+        for state in states
     ]
-    print_table(["axis", "state", "known", "position"], rows, text_columns=3)
+    print_table(columns, rows, text_columns=min(3, len(columns)))

@@ -1,11 +1,12 @@
 """Choose the motion of `steptwin run`: a job, a program or a trajectory file, as fast as the options ask for."""
 
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from steptwin.host.cli.arguments import positive_number
+from steptwin.host.cli.arguments import check_percent, positive_number
 from steptwin.host.cli.file_motion import InterpolationName, file_motion, refuse_file_options, say_file_motion
 from steptwin.host.cli.option_names import naming_options
 from steptwin.host.cli.output import say
@@ -52,55 +53,59 @@ def choose_motion(
     speed: str | None,
 ) -> ChosenMotion:
     """Return the motion that a command line names; raise InputError, with the option, if the robot cannot make it."""
-    file = _file(robot, job, options, interpolate, ramps)
-    trajectory = _trajectory(robot, job, options) if file is None else file.trajectory
-    plan = _planned(robot, trajectory, stretch, speed, file)
+    trajectory, file, explained = _motion(robot, job, options, interpolate, ramps)
+    plan = _planned(robot, trajectory, stretch, speed, explained)
     return ChosenMotion(job, plan, file, stretched=bool(stretch or speed))
 
 
-def _file(
+_Explained = Callable[[float], AbstractContextManager[None]]
+"""Says more about the refusal of a motion that was stretched by a factor."""
+
+
+def _motion(
     robot: "Robot", job: str, options: dict[str, str], interpolate: InterpolationName | None, ramps: str | None
-) -> "FileMotion | None":
-    """Return the motion in a trajectory file, with its points; None for a job or a program."""
-    from steptwin.host.planning.trajectory_file import is_trajectory_file
-
-    if is_trajectory_file(job):
-        return file_motion(robot, job, options, interpolate, ramps)
-    refuse_file_options(interpolate, ramps)
-    return None
-
-
-def _trajectory(robot: "Robot", job: str, options: dict[str, str]) -> "Trajectory":
+) -> "tuple[Trajectory, FileMotion | None, _Explained]":
+    """Return a motion, with its points if a trajectory file has them, and what explains its refusal."""
     from steptwin.host.planning.jobs import make_job
     from steptwin.host.planning.programs import SUFFIX
-    from steptwin.host.planning.trajectory_file import SUFFIXES
+    from steptwin.host.planning.trajectory_file import SUFFIXES, is_trajectory_file
 
+    if is_trajectory_file(job):
+        file = file_motion(robot, job, options, interpolate, ramps)
+        return file.trajectory, file, file.explained
+    refuse_file_options(interpolate, ramps)
     if job.endswith(SUFFIX):
         return _program(robot, job, options)
     if Path(job).is_file():
         raise InputError(f"{job}: a trajectory file ends in {' or '.join(SUFFIXES)}")
-    return make_job(robot, job, options)
+    return make_job(robot, job, options), None, lambda _: nullcontext()
 
 
-def _program(robot: "Robot", path: str, options: dict[str, str]) -> "Trajectory":
+def _program(robot: "Robot", path: str, options: dict[str, str]) -> "tuple[Trajectory, None, _Explained]":
     from steptwin.host.planning.programs import compile_program, read_program
 
     if options:
         raise InputError(f"option {next(iter(options))}: a program has no options")
     program = read_program(path)
     with prefixed(f"{path}: "):
-        return compile_program(program, robot).trajectory
+        compiled = compile_program(program, robot)
+
+    @contextmanager
+    def explained(stretch: float) -> Iterator[None]:
+        with prefixed(f"{path}: "), compiled.explained(stretch):
+            yield
+
+    return compiled.trajectory, None, explained
 
 
 def _planned(
-    robot: "Robot", trajectory: "Trajectory", stretch: str | None, speed: str | None, file: "FileMotion | None"
+    robot: "Robot", trajectory: "Trajectory", stretch: str | None, speed: str | None, explained: _Explained
 ) -> "Plan":
     """Plan a motion with the slowness that --stretch or --speed asks for, and say what that makes of it."""
     from steptwin.host.planning.planner import plan, plan_stretched
 
     factor = _stretch_factor(stretch, speed)
-    explained = nullcontext() if file is None else file.explained(factor or 1.0)
-    with naming_options("stretch", "interpolate", ramps_s="--ramps"), explained:
+    with naming_options("stretch", "interpolate", ramps_s="--ramps"), explained(factor or 1.0):
         if stretch is None and speed is None:
             return plan(robot, trajectory)
         planned = plan_stretched(robot, trajectory, factor)
@@ -117,5 +122,7 @@ def _stretch_factor(stretch: str | None, speed: str | None) -> float | None:
     if stretch is not None and speed is not None:
         raise InputError(f"--stretch {stretch} --speed {speed}: give only one of them")
     if speed is not None:
-        return 100.0 / positive_number(speed, "--speed")
+        percent = positive_number(speed, "--speed")
+        check_percent(percent, "--speed")
+        return 100.0 / percent
     return None if stretch in (None, "auto") else positive_number(stretch, "--stretch")

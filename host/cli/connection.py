@@ -1,18 +1,20 @@
 """The options that say which live board a command talks to, and the link and session that they open."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+from steptwin.host.cli.axis_states import print_axis_states
 from steptwin.host.common import socketcand
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
     from steptwin.host.client import Link
     from steptwin.host.client.bus_link import Connection
+    from steptwin.host.operate.recovering import AxisState
     from steptwin.host.operate.session import Session
     from steptwin.host.robots.robot import Robot
 
@@ -143,16 +145,29 @@ def checked_session(link: "Link", robot: "Robot", *, force: bool) -> "Session":
     return session
 
 
-@contextmanager
-def opened_to_stop(
-    robot: "Robot", connect: str | None, interface: str | None, channel: str | None, bitrate: int | None
-) -> "Iterator[Session]":
-    """Open a session of the robot as `opened_session` does, but look whose the board is only after the block.
+def stop_axes(
+    robot: "Robot",
+    stop: "Callable[[Session], list[AxisState]]",
+    connect: str | None,
+    interface: str | None,
+    channel: str | None,
+    bitrate: int | None,
+    *,
+    as_json: bool,
+) -> None:
+    """Stop all axes of a live board, whoever's it is, and print their states.
 
-    So a stop is never refused. But raise InputError then if the board is another robot's, which may have more axes.
+    Only then look whose the board is, so that a stop is never refused. If it is another robot's, print no positions,
+    which would be in the wrong units, and raise InputError: that robot may have more axes.
     """
-    with opened_session(robot, connect, interface, channel, bitrate, force=True) as session:
-        yield session
+    from steptwin.host.client.stopping import saying_if_unsure
+
+    with (
+        saying_if_unsure(),
+        opened_session(robot, connect, interface, channel, bitrate, force=True) as session,
+    ):
+        states = stop(session)
         foreign = session.foreign_board()
+        print_axis_states(robot, states, positions=not foreign, as_json=as_json)
         if foreign:
             raise InputError(f"{foreign}; {robot.name}'s axes were stopped, but the board may have others that move")

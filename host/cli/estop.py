@@ -2,8 +2,7 @@
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
-from steptwin.host.cli.axis_states import print_axis_states
-from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_to_stop
+from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, stop_axes
 
 
 @command("lab-scara --connect 127.0.0.1", "lab-scara -i socketcan -c can0")
@@ -20,9 +19,6 @@ def estop(
 
     This is stop category 1 of IEC 60204-1, in software: it does not replace an emergency stop switch.
     """
-    from steptwin.host.client.stopping import saying_if_unsure
     from steptwin.host.operate.recovering import emergency_stop
 
-    loaded = one_robot(robot, robot_file)
-    with saying_if_unsure(), opened_to_stop(loaded, connect, interface, channel, bitrate) as session:
-        print_axis_states(loaded, emergency_stop(session), as_json=as_json)
+    stop_axes(one_robot(robot, robot_file), emergency_stop, connect, interface, channel, bitrate, as_json=as_json)

@@ -33,8 +33,8 @@ _REMEDIES: Final = {
     "spline": "--interpolate linear or stop keeps closer, and so do more points",
     "linear": "--interpolate stop keeps closer, and so does more time",
 }
-_REMEDY_FOR_THE_TOOL: Final = "more points keep closer"
-"""Between the poses of a file the tool follows the joints' lines."""
+_REMEDY_FOR_THE_TOOL: Final = "more points or a program's `line` steps keep closer"
+"""Between the poses of a file the tool follows the joints, whatever the interpolation."""
 
 
 def file_motion(
@@ -89,11 +89,8 @@ def _fastest(plan: "Plan") -> "Peak":
 
 
 def _warning(file: "FileMotion", large: "list[Departure]") -> str:
-    sizes = " and ".join(
-        f"{departure.what} {departure.distance:.3g} {departure.unit} at t = {departure.t_s:.3f} s"
-        f" (limit {departure.allowed:.3g} {departure.unit})"
-        for departure in large
-    )
-    of_poses = file.points.tool_mm is not None and file.interpolation != "spline"
-    remedy = _REMEDY_FOR_THE_TOOL if of_poses else _REMEDIES[file.interpolation or "spline"]
-    return f"the motion is far off the lines between the points: {sizes}; {remedy}"
+    """Return where the motion is farthest off, measured by what is allowed, and what keeps closer."""
+    worst = max(large, key=lambda departure: departure.distance / departure.allowed)
+    remedy = _REMEDIES[file.interpolation or "spline"] if file.points.tool_mm is None else _REMEDY_FOR_THE_TOOL
+    size = f"{worst.what} {worst.distance:.3g} {worst.unit} at t = {worst.t_s:.3f} s"
+    return f"far off the lines between the points: {size} (limit {worst.allowed:.3g} {worst.unit}); {remedy}"

@@ -9,8 +9,6 @@ from steptwin.host.cli.arguments import AsJson, RobotFile, joint_values, robot_a
 from steptwin.host.cli.output import print_json, say
 from steptwin.host.common.errors import InputError
 
-POSE_KEYS = ("x_mm", "y_mm", "z_mm", "attitude_deg")
-
 
 @command("lab-scara 150 0 90 0", "warehouse-scara 0 0 200 -60 120 -90 --json", negatives=True)
 def fk(
@@ -25,6 +23,7 @@ def fk(
     import numpy as np
 
     from steptwin.host.robots.kinematics import make_kinematics
+    from steptwin.host.robots.kinematics.base import POSE_KEYS
 
     loaded, joints = robot_and_rest(words or [], robot_file)
     values = joint_values(joints, loaded.joint_names, f"joints of {loaded.name}")

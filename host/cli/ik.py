@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from steptwin.host.robots.kinematics import Branch
+    from steptwin.host.robots.nearest_pose import Pose
 
 
 _OUT_OF_REACH: Final = 1
@@ -44,6 +45,7 @@ def ik(
     import numpy as np
 
     from steptwin.host.robots.kinematics import make_kinematics
+    from steptwin.host.robots.nearest_pose import nearest_pose, passing_words
 
     loaded = one_robot(robot, robot_file)
     kinematics = make_kinematics(loaded)
@@ -52,12 +54,19 @@ def ik(
     place = [finite_number(text, what) for text, what in ((x, "--x"), (y, "--y"), (z, "--z"))]
     attitude_deg = nan if phi is None else finite_number(phi, "--phi")
     standing = None if near is None else np.array(joint_values(near.split(), loaded.joint_names, "--near"))
-    branches = kinematics.inverse(np.array([[*place, attitude_deg]]), standing)
+    pose = (place[0], place[1], place[2], attitude_deg)
+    branches = kinematics.inverse(np.array([pose]), standing)
+    reached = any(branch.reachable[0] for branch in branches)
+    slides_at = np.zeros(len(loaded.joints)) if standing is None else standing
+    nearest = None if reached else nearest_pose(loaded, pose, slides_at)
     if as_json:
-        print_json({"robot": loaded.name, "branches": [_document(branch, loaded.joint_names) for branch in branches]})
+        document = {"robot": loaded.name, "branches": [_document(branch, loaded.joint_names) for branch in branches]}
+        print_json(document | ({} if reached else {"nearest": nearest and _pose_document(nearest)}))
     else:
         _print_branches(branches, loaded.joint_names)
-    if not any(branch.reachable[0] for branch in branches):
+        if nearest:
+            say(f"the nearest pose in reach: {passing_words(pose, nearest)}")
+    if not reached:
         raise typer.Exit(_OUT_OF_REACH)
 
 
@@ -79,6 +88,12 @@ def _document(branch: "Branch", names: tuple[str, ...]) -> dict[str, Any]:
         "reason": branch.reason(0),
         "joints": dict(zip(names, map(_finite, branch.joints[0].tolist()), strict=True)),
     }
+
+
+def _pose_document(pose: "Pose") -> dict[str, float | None]:
+    from steptwin.host.robots.kinematics.base import POSE_KEYS
+
+    return dict(zip(POSE_KEYS, map(_finite, pose), strict=True))
 
 
 def _figure(value: float) -> str:

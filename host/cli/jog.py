@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import AsJson, RobotFile, finite_number, robot_and_rest
+from steptwin.host.cli.arguments import AsJson, RobotFile, check_percent, finite_number, robot_and_rest
 from steptwin.host.cli.connection import Bitrate, Channel, Connect, Force, Interface, opened_session
 from steptwin.host.cli.moved import print_moved
 from steptwin.host.cli.option_names import naming_options
@@ -120,6 +120,7 @@ def _check_step(robot: "Robot", name: str, value: float, seconds: float | None, 
     if seconds is not None:
         raise InputError(f"--seconds {seconds:g}: is for a speed, such as {value:g}{_unit(robot, name)}/s")
     if speed is not None:
+        check_percent(speed, "--speed")
         with naming_options(speed_percent="--speed"):
             check_step_speed(speed)
     if name in robot.joint_names:

@@ -9,6 +9,7 @@ from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import (
     AsJson,
     RobotFile,
+    check_percent,
     finite_number,
     joint_values,
     name_value_pairs,
@@ -77,6 +78,7 @@ def move(
     joints = _joints(loaded, rest)
     if [bool(pose), bool(joints), to is not None].count(True) != 1:
         raise InputError("where to? either joints, or a tool pose by --x, --y, --z, --phi, or a saved position by --to")
+    check_percent(speed, "--speed")
     if not 0 < speed <= 100:
         raise InputError(f"--speed {speed:g}: is not above 0 and up to 100 percent")
     saved = saved_position(loaded, to, file)

@@ -9,9 +9,18 @@ from steptwin.host.common.errors import StepTwinError
 
 @contextmanager
 def naming_options(*parameters: str, **options: str) -> Iterator[None]:
-    """Replace parameters by options in every error from inside: `port=80` becomes `--port 80`.
+    """Replace parameters by options in every error from inside, as `with_options` does."""
+    try:
+        yield
+    except StepTwinError as error:
+        raise type(error)(with_options(str(error), *parameters, **options)) from error
+
+
+def with_options(message: str, *parameters: str, **options: str) -> str:
+    """Replace parameters by options in a message: `port=80` becomes `--port 80`.
 
     Args:
+        message: the message.
         parameters: those whose option has the same name, such as `allow_remote` for `--allow-remote`.
         options: the option of each other parameter.
     """
@@ -21,7 +30,4 @@ def naming_options(*parameters: str, **options: str) -> Iterator[None]:
     def option(found: re.Match[str]) -> str:
         return names[found[1]] + ("" if found[2] else " ")
 
-    try:
-        yield
-    except StepTwinError as error:
-        raise type(error)(named.sub(option, str(error))) from error
+    return named.sub(option, message)

@@ -50,6 +50,7 @@ def print_waits(document: Mapping[str, Any]) -> None:
     """Print how long the machine stood at each wait for an input; nothing for a motion without one."""
     said = (
         f"{wait['input']} {'on' if wait['on'] else 'off'} for {wait['stood_s']:.3f} s from {wait['at_s']:.3f} s"
+        + (", then timed out" if wait.get("timed_out") else "")
         for wait in document.get("waits", ())
     )
     if text := ", ".join(said):
@@ -71,10 +72,18 @@ def _print_violations(violations: list[dict[str, Any]]) -> None:
 def _verdict(document: Mapping[str, Any]) -> list[str]:
     """Return the verdict, and the reasons of a failed one."""
     if "fault" in document:
-        return ["STOPPED BY A FAULT"]
+        return _stopped(document)
     if document["reasons"] == [document.get("interruption")]:
         return ["INCOMPLETE", *document["reasons"]]
     return ["PASSED"] if document["passed"] else ["FAILED", *document["reasons"]]
+
+
+def _stopped(document: Mapping[str, Any]) -> list[str]:
+    """Return that a fault has ended the run, or the time-out of a wait, up to which the run is verified."""
+    if not document["fault"].get("timed_out"):
+        return ["STOPPED BY A FAULT"]
+    reasons = document["reasons"] or ["up to the wait every pulse is right"]
+    return ["STOPPED BY A WAIT THAT TIMED OUT", *reasons]
 
 
 def _least(axes: list[dict[str, Any]], key: str) -> str:

@@ -104,7 +104,8 @@ def run(
         ),
     ] = None,
     speed: Annotated[
-        str | None, typer.Option(metavar="PERCENT", help="Speed of the motion: 50 is the same as --stretch 2.")
+        str | None,
+        typer.Option(metavar="PERCENT", help="Speed of the motion, from 1: 50 is the same as --stretch 2."),
     ] = None,
     force: Force = False,
     repeat: Annotated[

@@ -2,8 +2,7 @@
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
-from steptwin.host.cli.axis_states import print_axis_states
-from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, opened_to_stop
+from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, stop_axes
 
 
 @command("lab-scara --connect 127.0.0.1", "lab-scara -i socketcan -c can0")
@@ -17,9 +16,6 @@ def stop(
     as_json: AsJson = False,
 ) -> None:
     """Stop all axes together by a quick stop; they hold their positions afterwards."""
-    from steptwin.host.client.stopping import saying_if_unsure
     from steptwin.host.operate.recovering import stop
 
-    loaded = one_robot(robot, robot_file)
-    with saying_if_unsure(), opened_to_stop(loaded, connect, interface, channel, bitrate) as session:
-        print_axis_states(loaded, stop(session), as_json=as_json)
+    stop_axes(one_robot(robot, robot_file), stop, connect, interface, channel, bitrate, as_json=as_json)

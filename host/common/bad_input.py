@@ -4,9 +4,11 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from difflib import get_close_matches
+from functools import partial
 from math import isfinite, isnan
 
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.findings import check_all
 
 _MS_TOLERANCE = 1e-6
 """Milliseconds by which a duration may miss a whole one, since floats cannot hold most decimal fractions."""
@@ -62,9 +64,13 @@ def prefixed(prefix: str) -> Iterator[None]:
 
 def require_positive(settings: object, *names: str) -> None:
     """Raise InputError, with a message for each, unless these attributes are above 0."""
-    values = {name: getattr(settings, name) for name in names}
-    if messages := [f"{name}: {value:g} is not above 0" for name, value in values.items() if not value > 0]:
-        raise InputError(*messages)
+    check_all(*(partial(_require_positive, settings, name) for name in names))
+
+
+def _require_positive(settings: object, name: str) -> None:
+    value = getattr(settings, name)
+    if not value > 0:
+        raise InputError(f"{name}: {value:g} is not above 0")
 
 
 def whole_ms(what: str, value_s: float) -> int:

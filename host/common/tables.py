@@ -60,13 +60,18 @@ class Table:
 
     Every reading method raises InputError, with the key in front, if the key is missing or its value is of another
     type or out of range.
+
+    Attributes:
+        values: the values by key.
+        findings: what `gather` found wrong in this table, the tables in it and the table around it.
     """
 
-    def __init__(self, values: object, kind: str) -> None:
+    def __init__(self, values: object, kind: str, findings: Findings | None = None) -> None:
         """Raise InputError unless `values` is a mapping; `kind` names tables in that message."""
         if not isinstance(values, dict):
             raise InputError(f"{short(values)} is not a {kind}")
         self.values: Mapping[str, object] = values
+        self.findings = findings or Findings()
         self._kind = kind
 
     def __iter__(self) -> Iterator[str]:
@@ -145,7 +150,7 @@ class Table:
         """Enter the table under a key; errors in the block get the key in front."""
         value = self._take(key)
         with prefixed(f"{key}: "):
-            table = Table(value, self._kind)
+            table = Table(value, self._kind, self.findings.under(f"{key}."))
         with prefixed(f"{key}."):
             yield table
 
@@ -163,19 +168,31 @@ class Table:
         Raise InputError with everything that is wrong. Unknown keys come first; the key that one of them should
         probably be is not called missing.
         """
-        keys = {**required, **(optional or {})}
-        meant = {name for key in self.values if key not in keys for name in nearest(key, keys)}
         findings = Findings()
+        values = self._read(required, optional or {}, findings)
+        findings.raise_first()
+        return values
+
+    def gather(
+        self, required: Mapping[str, "Reading"], optional: Mapping[str, "Reading"] | None = None
+    ) -> dict[str, Any]:
+        """Return the values as `read` does, without those that cannot be read; what is wrong goes to `findings`."""
+        return self._read(required, optional or {}, self.findings)
+
+    def _read(
+        self, required: Mapping[str, "Reading"], optional: Mapping[str, "Reading"], findings: Findings
+    ) -> dict[str, Any]:
+        keys = {**required, **optional}
+        meant = {name for key in self.values if key not in keys for name in nearest(key, keys)}
         values: dict[str, Any] = {}
         with findings.collecting():
             self.check_keys(keys)
         for key, reading in keys.items():
-            if key not in self and (key in meant or key not in required):
+            if key in self or (key in required and key not in meant):
+                with findings.collecting():
+                    values[key] = reading(self, key)
+            elif key not in meant:
                 values[key] = None
-                continue
-            with findings.collecting():
-                values[key] = reading(self, key)
-        findings.raise_first()
         return values
 
     def _take(self, key: str) -> object:

@@ -1,7 +1,7 @@
 """Wait for digital inputs, by their names in the robot's file, while a trajectory runs; read them at rest."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import accumulate
 from typing import Any
 
@@ -28,27 +28,40 @@ class Waited:
         on: the level that was waited for.
         at_s: time of the executed motion at which the wait began.
         stood_s: time for which the machine stood, until it went on or the time-out ended the motion.
+        timed_out: True if the time-out ended the motion.
     """
 
     input: str
     on: bool
     at_s: float
     stood_s: float
+    timed_out: bool = False
 
 
-def waited(plan: Plan, holds_ms: Sequence[int]) -> tuple[Waited, ...]:
-    """Return the waits of a plan to which a machine came, with the times for which it stood there."""
+def waited(plan: Plan, holds_ms: Sequence[int], *, timed_out: bool = False) -> tuple[Waited, ...]:
+    """Return the waits of a plan to which a machine came, with the times for which it stood there.
+
+    `timed_out` tells whether the last of them has ended the motion.
+    """
     before_ms = accumulate(holds_ms, initial=0)
-    return tuple(
+    made = [
         Waited(wait.input, wait.on, (round(1000 * wait.at_s) + later_ms) / 1000, hold_ms / 1000)
         for wait, hold_ms, later_ms in zip(waits_of(plan.trajectory), holds_ms, before_ms, strict=False)
         if hold_ms
-    )
+    ]
+    return (*made[:-1], replace(made[-1], timed_out=True)) if timed_out else tuple(made)
 
 
 def waits_document(waits: Sequence[Waited]) -> dict[str, Any]:
-    """Return the waits under their key in the JSON document of a run, which has it only if there were waits."""
-    return {"waits": [asdict(wait) for wait in waits]} if waits else {}
+    """Return the waits under their key in the JSON document of a run, which has it only if there were waits.
+
+    Only a wait that has timed out has the key `timed_out`.
+    """
+    documents = [asdict(wait) for wait in waits]
+    for document in documents:
+        if not document["timed_out"]:
+            del document["timed_out"]
+    return {"waits": documents} if documents else {}
 
 
 def wired_inputs(robot: Robot) -> dict[str, tuple[int, DigitalInput]]:
@@ -76,13 +89,17 @@ def input_waits(plan: Plan) -> tuple[InputWait, ...]:
     )
 
 
-def executed(plan: Plan, holds_ms: Sequence[int]) -> Plan:
-    """Return what a machine has executed that stood still for these times at the first waits of a plan."""
+def executed(plan: Plan, holds_ms: Sequence[int], *, timed_out: bool = False) -> Plan:
+    """Return what a machine has executed that stood still for these times at the first waits of a plan.
+
+    `timed_out` tells whether the last of them has ended the motion.
+    """
     if not holds_ms:
         return plan
     waits = waits_of(plan.trajectory)
     holds = [Hold(round(1000 * wait.at_s), ms) for wait, ms in zip(waits, holds_ms, strict=False)]
-    return plan.held(holds, HOLD_MS)
+    held = plan.held(holds, HOLD_MS)
+    return held.until(holds[-1].at_ms + sum(holds_ms)) if timed_out else held
 
 
 def _standstill_s(plan: Plan, wait: Wait) -> float:

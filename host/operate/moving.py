@@ -15,8 +15,9 @@ from steptwin.host.operate.setting_up import restore_decelerations
 from steptwin.host.planning.laws import Trapezoid
 from steptwin.host.planning.motions.joint_move import limits_along
 from steptwin.host.planning.programs.moves import Moves
-from steptwin.host.planning.programs.positions import JointPosition, ToolPosition
+from steptwin.host.planning.programs.positions import ToolPosition
 from steptwin.host.robots.kinematics import make_kinematics, pose_words
+from steptwin.host.robots.nearest_pose import passing_text
 from steptwin.host.robots.robot import Robot
 
 _VELOCITY_MIN_UNITS_PER_S = 16
@@ -55,8 +56,7 @@ def joints_at(robot: Robot, position: ToolPosition, standing: list[float]) -> li
 
     Coordinates that the position leaves out stay. Raises InputError if the arm cannot reach it.
     """
-    start = JointPosition(dict(zip(robot.joint_names, standing, strict=True)))
-    joints = Moves(robot, {}, start).joints_at(position)
+    joints = Moves(robot, {}, np.array(standing)).joints_at(position)
     return [float(each) for each in joints]
 
 
@@ -64,14 +64,16 @@ def nearest_joints(robot: Robot, pose: list[float], near: list[float]) -> list[f
     """Return the joint position that has a tool pose and is reached in the least time from the joint position `near`.
 
     The pose is x, y and z in mm and the attitude in degrees, NaN if it follows from the arm. Raises InputError if no
-    branch of the inverse kinematics reaches it; the message gives each branch's reason.
+    branch of the inverse kinematics reaches it; the message gives each branch's reason and the nearest pose in reach.
     """
     standing = np.array(near)
     branches = make_kinematics(robot).inverse(np.array([pose]), standing)
     within = [branch.joints[0] for branch in branches if branch.reachable[0]]
     if not within:
         reasons = "; ".join(f"{branch.name}: {branch.reason(0)}" for branch in branches)
-        raise InputError(f"no branch reaches {pose_words(pose)}: {reasons}")
+        x_mm, y_mm, z_mm, phi_deg = pose
+        passing = passing_text(robot, (x_mm, y_mm, z_mm, phi_deg), standing)
+        raise InputError(f"no branch reaches {pose_words(pose)}: {reasons}{passing}")
     nearest = min(within, key=lambda joints: 1 / limits_along(robot, joints - standing)[0])
     return [float(position) for position in nearest]
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
-from typing import Final
 
 import numpy as np
 
@@ -16,12 +15,11 @@ from steptwin.host.common.errors import BusError, DeviceFaultError, InputError, 
 from steptwin.host.operate.faulty_drive import fault_and_remedy
 from steptwin.host.operate.setting_up import clear_targets, take_over
 from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.kinematics.base import POSE_KEYS
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import State, Status
 from steptwin.protocol.robot_name import NO_NAME, checksum, stored_name
-
-POSE_KEYS: Final = ("x_mm", "y_mm", "z_mm", "attitude_deg")
 
 
 class Session:

@@ -40,11 +40,13 @@ class TooFastError(InputError):
 
     Attributes:
         peaks: peaks beyond their limits, that of the message first; empty if PVT records cannot hold the motion.
+        advice: end of the message that says what would pass, as far as it is known.
     """
 
-    def __init__(self, message: str, peaks: tuple[Peak, ...] = ()) -> None:
+    def __init__(self, message: str, peaks: tuple[Peak, ...] = (), advice: str = "") -> None:
         super().__init__(message)
         self.peaks = peaks
+        self.advice = advice
 
     @property
     def least_stretch(self) -> float:
@@ -61,9 +63,27 @@ def check_joint_names(robot: Robot, trajectory: Trajectory) -> None:
 
 def check_positions(robot: Robot, samples: Samples) -> None:
     """Check that all values are finite and all positions within the joints' limits."""
-    for i, joint in enumerate(robot.joints):
-        _check_finite(joint, samples.t_s, samples.positions[:, i], samples.velocities[:, i])
-        _check_range(joint, samples.t_s, samples.positions[:, i])
+    for i in range(len(robot.joints)):
+        check_joint_positions(robot, i, samples)
+
+
+def check_joint_positions(robot: Robot, i: int, samples: Samples) -> None:
+    """Check that all values of a joint, given by its index, are finite and its positions within its limits."""
+    joint = robot.joints[i]
+    _check_finite(joint, samples.t_s, samples.positions[:, i], samples.velocities[:, i])
+    _check_range(joint, samples.t_s, samples.positions[:, i])
+
+
+def check_within(joint: Joint, position: float) -> None:
+    """Check that a position is within a joint's limits."""
+    if is_outside(joint, position):
+        limits = (joint.lower, joint.upper, joint.unit)
+        raise OutsideError(f"{joint.name}: {outside(position, *limits)}{nearest_within(position, *limits)}", joint)
+
+
+def is_outside(joint: Joint, position: float) -> bool:
+    """Return whether a position is outside a joint's limits, by more than a rounding error."""
+    return not joint.lower - _LIMIT_TOLERANCE <= position <= joint.upper + _LIMIT_TOLERANCE
 
 
 def _check_finite(joint: Joint, t_s: FloatArray, positions: FloatArray, velocities: FloatArray) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 from steptwin.host.common.arrays import Int64Array
 from steptwin.host.common.axis_records import AxisRecords
 from steptwin.host.common.errors import InputError
+from steptwin.host.planning.motions.cut_short import CutShort
 from steptwin.host.planning.motions.held import Held, Hold
 from steptwin.host.planning.peaks import Peak
 from steptwin.host.planning.trajectory import Trajectory
@@ -83,6 +84,23 @@ class Plan:
             times_ms=times_ms,
             points_units=points,
             velocities=velocities,
+        )
+
+    def until(self, end_ms: int) -> "Plan":
+        """Return the plan up to a point at which it stands; raise ValueError for another time.
+
+        The peaks stay those of the whole.
+        """
+        at = np.flatnonzero(self.times_ms == end_ms)
+        if not at.size or self.velocities[at].any():
+            raise ValueError(f"the plan does not stand at a point at {end_ms} ms")
+        count = int(at[0]) + 1
+        return replace(
+            self,
+            trajectory=CutShort(self.trajectory, end_ms / 1000),
+            times_ms=self.times_ms[:count],
+            points_units=self.points_units[:count],
+            velocities=self.velocities[:count],
         )
 
     def check_start(self, joints: list[float]) -> None:

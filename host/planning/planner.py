@@ -9,12 +9,12 @@ from typing import Final
 
 import numpy as np
 
-from steptwin.host.common.arrays import Int64Array
+from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning import checks
 from steptwin.host.planning.motions.stretched import STRETCH_MAX, Stretched, smallest_stretch
-from steptwin.host.planning.peaks import Quantity, speed_peaks, step_rate_peaks
+from steptwin.host.planning.peaks import Peak, Quantity, speed_peaks, step_rate_peaks
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.samples import Samples
 from steptwin.host.planning.trajectory import Trajectory
@@ -50,7 +50,8 @@ def plan_stretched(
             return _plan(robot, Stretched.by(trajectory, factor), point_ms)
         slower = f"{factor:g} times slower passes (stretch={factor:g})" if factor > 1 else f"stretch={factor:g} passes"
         drives = _slower_drives(robot, _stretched(trajectory, asked), point_ms, error)
-        raise InputError(f"{error}; {slower}{drives}") from error
+        advice = f"{slower}{drives}"
+        raise checks.TooFastError(f"{error}; {advice}", error.peaks, advice) from error
 
 
 def _stretched(trajectory: Trajectory, factor: float) -> Trajectory:
@@ -91,10 +92,23 @@ def _slower_drives(robot: Robot, trajectory: Trajectory, point_ms: int, error: c
     """Return which drives would make few enough steps, if the motion then passes; an empty text otherwise."""
     parts = {peak.joint: peak.limit / peak.value for peak in error.peaks if peak.quantity is Quantity.STEP_RATE}
     changed = {name: with_fewer_steps(robot.joint(name), part) for name, part in parts.items()}
-    joints = tuple(changed[joint.name][0] if joint.name in changed else joint for joint in robot.joints)
+    drives = {name: drive for name, (drive, _) in changed.items()}
+    joints = tuple(replace(joint, transmission=drives.get(joint.name, joint.transmission)) for joint in robot.joints)
     if not changed or not _passes(replace(robot, joints=joints), trajectory, point_ms):
         return ""
     return ", and so does " + " and ".join(f"joints.{name}.{setting}" for name, (_, setting) in changed.items())
+
+
+def step_peaks(robot: Robot, part: Trajectory, from_ms: int, point_ms: int = DEFAULT_POINT_MS) -> tuple[Peak, ...]:
+    """Return the peaks of a part of a motion that begins at a time of it, as the planner finds them in the whole.
+
+    Raises TooFastError if PVT records cannot hold the part.
+    """
+    own_ms = _point_times_ms(part, point_ms, from_ms)
+    samples = Samples.of(part, own_ms)
+    wire = _on_wire(robot, own_ms, samples)
+    shifted = samples._replace(t_s=samples.t_s + from_ms / 1000)
+    return _peaks(robot, own_ms + from_ms, *wire, shifted)
 
 
 def _plan(robot: Robot, trajectory: Trajectory, point_ms: int) -> Plan:
@@ -104,18 +118,33 @@ def _plan(robot: Robot, trajectory: Trajectory, point_ms: int) -> Plan:
     samples = Samples.of(trajectory, times_ms)
     checks.check_positions(robot, samples)
     checks.check_rest(robot, samples)
-    at_points = np.searchsorted(samples.t_s, times_ms / 1000)
-    points = robot.to_units(samples.positions[at_points])
-    axis_velocities = robot.coupling.to_axes(samples.velocities[at_points])
-    velocities = np.round(axis_velocities * robot.wire_units_per_unit * VELOCITY_PER_UNIT_PER_MS / 1000)
-    checks.check_record_widths(robot, times_ms, points, velocities)  # as floats, which cannot overflow
-    peaks = (*step_rate_peaks(robot, times_ms, points, velocities), *speed_peaks(robot, samples))
+    points, velocities = _on_wire(robot, times_ms, samples)
+    peaks = _peaks(robot, times_ms, points, velocities, samples)
     checks.check_peaks(peaks)
     return Plan(robot, trajectory, times_ms, points.astype(np.int64), velocities.astype(np.int64), peaks)
 
 
-def _point_times_ms(trajectory: Trajectory, point_ms: int) -> Int64Array:
-    """Return the times of the points: the grid, the breakpoints and the end, all in whole milliseconds."""
+def _on_wire(robot: Robot, times_ms: Int64Array, samples: Samples) -> tuple[FloatArray, FloatArray]:
+    """Return the points at these times and their velocities in wire units, as floats, which cannot overflow."""
+    at_points = np.searchsorted(samples.t_s, times_ms / 1000)
+    points = robot.to_units(samples.positions[at_points])
+    axis_velocities = robot.coupling.to_axes(samples.velocities[at_points])
+    velocities = np.round(axis_velocities * robot.wire_units_per_unit * VELOCITY_PER_UNIT_PER_MS / 1000)
+    return points, velocities
+
+
+def _peaks(
+    robot: Robot, times_ms: Int64Array, points: FloatArray, velocities: FloatArray, samples: Samples
+) -> tuple[Peak, ...]:
+    checks.check_record_widths(robot, times_ms, points, velocities)
+    return (*step_rate_peaks(robot, times_ms, points, velocities), *speed_peaks(robot, samples))
+
+
+def _point_times_ms(trajectory: Trajectory, point_ms: int, from_ms: int = 0) -> Int64Array:
+    """Return the times of the points: the grid, the breakpoints and the end, all in whole milliseconds.
+
+    The grid is that of a motion of which the trajectory is the part from `from_ms` on.
+    """
     if not 1 <= point_ms <= DURATION_MAX_MS:
         raise InputError(f"{point_ms} ms between points is not from 1 to {DURATION_MAX_MS} ms")
     end_ms = whole_ms("the duration", trajectory.duration_s)
@@ -123,4 +152,5 @@ def _point_times_ms(trajectory: Trajectory, point_ms: int) -> Int64Array:
     for what, t_ms in (("the duration", end_ms), *(("a breakpoint", t_ms) for t_ms in breakpoints_ms)):
         if not 1 <= t_ms <= end_ms:
             raise InputError(f"{what}: {t_ms} ms is not from 1 ms to the end at {end_ms} ms")
-    return np.unique(np.array([*range(0, end_ms, point_ms), *breakpoints_ms, end_ms], dtype=np.int64))
+    grid_ms = range(-from_ms % point_ms, end_ms, point_ms)
+    return np.unique(np.array([0, *grid_ms, *breakpoints_ms, end_ms], dtype=np.int64))

@@ -12,6 +12,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import SCurve
 from steptwin.host.planning.motions.following import present_branch
 from steptwin.host.planning.motions.joint_move import JointMove
+from steptwin.host.planning.motions.straight import is_straight_in_joints
 from steptwin.host.planning.motions.tool_move import ToolMove
 from steptwin.host.planning.paths import COORDINATES, FreeAttitude, Pose, StraightLine, ToolPath, Turn
 from steptwin.host.planning.plan import Plan
@@ -31,10 +32,6 @@ COORDINATE_UNITS: Final = dict(zip(COORDINATES, ("mm", "mm", "mm", "deg"), stric
 _QUARTERS: Final = (0.25, 0.5, 0.75, 1.0)
 _RAMP_S: Final = 0.3
 """Time in which the tool gets its speed."""
-_ALONG: Final = 20
-"""Places at which a motion straight in joint space is compared with the tool's path."""
-_ON_PATH: Final = 1e-3
-"""Distance in mm or degrees from the tool's path: less than a step of any axis, more than rounding at a singularity."""
 _PER_UNIT: Final = 10
 """What would pass is found in tenths of a mm or degree."""
 
@@ -129,7 +126,7 @@ def _motion(robot: Robot, start: FloatArray, step: ToolStep) -> Trajectory:
     path = step_path(robot, start, step)
     goal = _goal(kinematics, path, branch, start)
     speed = step.speed_percent / 100 * (TURN_SPEED_MAX_DEG_S if isinstance(path, Turn) else SPEED_MAX_MM_S)
-    if _straight_in_joints(robot, path, start, goal):  # also at a singularity, for a lift or a wrist alone
+    if is_straight_in_joints(robot, path, start, goal):  # also at a singularity, for a lift or a wrist alone
         return JointMove(robot.joint_names, tuple(start.tolist()), tuple(goal.tolist()), _law(path, 1.0, speed))
     return ToolMove.along(robot, path, _law(path, path.length_mm, speed), branch, start)
 
@@ -161,13 +158,3 @@ def _path(here: Pose, step: ToolStep) -> ToolPath:
 def _law(path: ToolPath, distance: float, speed: float) -> SCurve:
     """Return the law that covers a distance while the tool moves along its path at a speed."""
     return SCurve.at_speed(distance, speed * distance / path.length_mm, _RAMP_S)
-
-
-def _straight_in_joints(robot: Robot, path: ToolPath, start: FloatArray, goal: FloatArray) -> bool:
-    """Return whether the tool stays on its path when all joints move in proportion."""
-    parts = np.linspace(0.0, 1.0, _ALONG + 1)
-    kinematics = make_kinematics(robot)
-    poses = kinematics.forward(start + parts[:, np.newaxis] * (goal - start))
-    off = poses - path.poses(parts * path.length_mm)
-    off[:, 3] = 0.0 if kinematics.attitude_follows else (off[:, 3] + 180.0) % 360.0 - 180.0
-    return bool(np.abs(off).max() < _ON_PATH)

@@ -4,7 +4,7 @@ A motor on the base that drives a later joint by a belt turns with the earlier j
 motor before the transmission's ratio, in the unit of the joint that bears the axis' name.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from operator import add
@@ -43,13 +43,10 @@ class Coupling:
         Raises:
             InputError: an unknown joint; the matrix is singular or nearly so; an axis does not move its joint forward.
         """
+        cls.check_names(names, rows)
         matrix = np.eye(len(names))
         for axis, row in rows.items():
-            if axis not in names:
-                raise unknown("axis", axis, names)
             for joint, element in row.items():
-                if joint not in names:
-                    raise unknown(f"{axis}: joint", joint, names)
                 matrix[names.index(axis), names.index(joint)] = element
         if np.array_equal(matrix, np.eye(len(names))):
             return cls()
@@ -64,6 +61,16 @@ class Coupling:
                     " turn the motor round, or exchange axes"
                 )
         return cls(_rows(matrix), _rows(inverse))
+
+    @staticmethod
+    def check_names(names: Sequence[str], rows: Mapping[str, Iterable[str]]) -> None:
+        """Raise InputError, with a message for each, if axes or the joints in their rows are unknown."""
+        axes = [unknown("axis", axis, names) for axis in rows if axis not in names]
+        joints = [
+            unknown(f"{axis}: joint", joint, names) for axis, row in rows.items() for joint in row if joint not in names
+        ]
+        if strange := axes + joints:
+            raise InputError(*map(str, strange))
 
     def to_axes(self, joints: FloatArray) -> FloatArray:
         """Return the positions, speeds or ways of the axes from those of the joints, shape (..., joints)."""

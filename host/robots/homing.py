@@ -40,10 +40,13 @@ class JointHoming:
         if self.zero_speed > self.search_speed:
             raise InputError(f"zero_speed: {self.zero_speed:g} is above search_speed, {at_most(self.search_speed)}")
 
-    def check_within(self, speed_max: float, acceleration_max: float) -> None:
-        """Raise InputError if the search speed or the acceleration is above the joint's limit."""
+    def check_speed(self, speed_max: float) -> None:
+        """Raise InputError if the search speed is above the joint's limit."""
         if self.search_speed > speed_max:
             raise InputError(f"homing.search_speed: {self.search_speed:g} is above speed_max, {at_most(speed_max)}")
+
+    def check_acceleration(self, acceleration_max: float) -> None:
+        """Raise InputError if the acceleration is above the joint's limit."""
         if self.acceleration > acceleration_max:
             limit = f"acceleration_max, {at_most(acceleration_max)}"
             raise InputError(f"homing.acceleration: {self.acceleration:g} is above {limit}")

@@ -52,7 +52,8 @@ class Joint:
             partial(require_positive, self, "speed_max", "acceleration_max"),
             self._check_axis_limits,
             self._check_wire,
-            partial(self.switches.check_outside, self.lower, self.upper, self.unit),
+            lambda: self.switches.check_negative(self.lower, self.unit),
+            lambda: self.switches.check_positive(self.upper, self.unit),
             self._check_homing,
         )
 
@@ -61,8 +62,11 @@ class Joint:
             raise InputError(f"upper: {self.upper:g} {self.unit} is not above lower, {self.lower:g} {self.unit}")
 
     def _check_axis_limits(self) -> None:
-        given = ("axis_speed_max", "axis_acceleration_max")
-        require_positive(self, *(name for name in given if getattr(self, name) is not None))
+        check_all(*(partial(self._check_axis_limit, key) for key in ("axis_speed_max", "axis_acceleration_max")))
+
+    def _check_axis_limit(self, key: str) -> None:
+        if getattr(self, key) is not None:
+            require_positive(self, key)
 
     def _check_wire(self) -> None:
         farthest = max(abs(self.lower), abs(self.upper))
@@ -73,10 +77,12 @@ class Joint:
             raise InputError(f"{bound}: {farthest:g} {self.unit} from zero is beyond {limit}")
 
     def _check_homing(self) -> None:
-        if self.homing:
+        homing = self.homing
+        if homing:
             check_all(
-                partial(self.switches.check_method, self.homing.method),
-                partial(self.homing.check_within, self.speed_max, self.acceleration_max),
+                lambda: self.switches.check_method(homing.method),
+                lambda: homing.check_speed(self.speed_max),
+                lambda: homing.check_acceleration(self.acceleration_max),
             )
 
     @property

@@ -1,18 +1,20 @@
 """Read a robot's TOML file. Every error begins with the file and the key, as in `joints.th1.microsteps: ...`.
 
 The keys of each table are data: a mapping from the key to the function that reads its value. All that is wrong in a
-file is found at once.
+file is found at once: every table is judged as far as its values can be read (`judged`), and what depends on a wrong or
+missing value is not judged.
 """
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Final, TypeVar
+from typing import Final, NoReturn, TypeVar
 
 from steptwin.host.common.bad_input import apart, at_most, prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import NAME_CHARS_MAX, TITLE_CHARS_MAX
-from steptwin.host.common.findings import Findings, check_all
+from steptwin.host.common.findings import Findings, UnreadError, check_all
+from steptwin.host.common.judging import judged, part_of
 from steptwin.host.common.tables import Reading, Table, check_name, number_at, toml_table
 from steptwin.host.robots.board_settings import ActiveEdge, BoardSettings
 from steptwin.host.robots.box import Box, Range
@@ -21,7 +23,9 @@ from steptwin.host.robots.digital_input import Input
 from steptwin.host.robots.fewer_steps import with_fewer_steps
 from steptwin.host.robots.homing import JointHoming
 from steptwin.host.robots.joint import Joint, Unit
-from steptwin.host.robots.kinematics import check_dimensions, make_kinematics
+from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.kinematics.base import check_names, check_unit, keys_of
+from steptwin.host.robots.kinematics.kinds import kind_named
 from steptwin.host.robots.output import Output
 from steptwin.host.robots.robot import Dimension, Robot
 from steptwin.host.robots.switches import JointSwitches
@@ -41,31 +45,41 @@ def parse_robot(text: str, source: str) -> Robot:
 
 def read_robot(text: str) -> Robot:
     """Return the same robot; the messages of the InputError are everything that is wrong, each with its key."""
-    robot = replace(_robot(toml_table(text)), toml=text)
-    check_all(partial(make_kinematics, robot), partial(_check_speeds, robot))
-    return robot
+    table = toml_table(text)
+    robot, findings = _robot(table), table.findings
+    if not findings.messages:
+        with findings.collecting():
+            make_kinematics(robot)
+    with findings.collecting():
+        _check_speeds(robot)
+    findings.raise_first()
+    return replace(robot, toml=text)
 
 
 def _robot(table: Table) -> Robot:
-    values = table.read(_ROBOT, _ROBOT_OPTIONAL)
-    kind, geometry = values["kinematics"]
-    joints: dict[str, Joint] = values["joints"]
-    with prefixed("coupling: "):
-        coupling = Coupling.of(tuple(joints), values["coupling"] or {})
-    return Robot(
-        name=values["name"],
-        title=values["title"],
-        kinematics=kind,
-        geometry=geometry,
-        joints=tuple(joints.values()),
-        home=tuple(values["home"].values()),
-        board=values["board"],
-        outputs=values["outputs"] or {},
-        inputs=values["inputs"] or {},
-        places=values["places"] or {},
-        boxes=values["boxes"] or {},
-        coupling=coupling,
+    """Return the robot, or the part of it that is right; what is wrong goes to the table's findings."""
+    kind = _kind_ahead(table)
+    values = table.gather(
+        {**_ROBOT, "joints": partial(_joints, kind), "home": partial(_home, kind)},
+        {**_ROBOT_OPTIONAL, "coupling": partial(_coupling, kind)},
     )
+    joints: dict[str, Joint] = values.get("joints", {})
+    if joints:
+        values["joints"] = tuple(joints.values())
+    if joints and "home" in values:
+        values["home"] = tuple(values["home"].get(name, _some_position(joint)) for name, joint in joints.items())
+    if "kinematics" in values:
+        values["geometry"] = values["kinematics"].dimensions
+        values["kinematics"] = values["kinematics"].name
+    return judged(Robot, {**values, "toml": ""}, table.findings)
+
+
+def _some_position(joint: Joint) -> float:
+    """Return a position that stands for an unread one, so that those of the other joints can be judged."""
+    try:
+        return joint.lower
+    except UnreadError:
+        return 0.0
 
 
 def _name(table: Table, key: str) -> str:
@@ -76,62 +90,150 @@ def _title(table: Table, key: str) -> str:
     return table.name(key, TITLE_CHARS_MAX)
 
 
-def _mechanism(table: Table, key: str) -> tuple[str, dict[str, Dimension]]:
-    """Return the kind of the mechanism and its dimensions, which are checked here as far as they need no joints."""
+# --- the mechanism, which tells the names of the joints
+
+
+@dataclass(frozen=True, slots=True)
+class _Mechanism:
+    """The kind of a mechanism, its dimensions, and the joints that it has with them; no joints if that is unknown."""
+
+    name: str = ""
+    dimensions: Mapping[str, Dimension] = field(default_factory=dict)
+    joints: Mapping[str, Unit] = field(default_factory=dict)
+
+
+def _mechanism(table: Table, key: str) -> _Mechanism:
     with table.section(key) as section:
-        kind = section.text("kind")
-        dimensions = section.read({name: _dimension for name in section if name != "kind"}, {"kind": Table.text})
-    del dimensions["kind"]
-    check_dimensions(kind, dimensions)
-    return kind, dimensions
+        name = section.text("kind")
+    kind = kind_named(name)
+    with table.section(key) as section:
+        required, optional = keys_of(kind.geometry)
+        values = section.gather({"kind": Table.text, **required}, optional)
+        del values["kind"]
+        geometry = judged(kind.geometry, values, section.findings)
+    joints: dict[str, Unit] = {}
+    with Findings().collecting():  # without the dimensions that decide on them the joints are unknown
+        joints = geometry.joints
+    return _Mechanism(name, {name: value for name, value in values.items() if value is not None}, joints)
 
 
-def _dimension(table: Table, key: str) -> Dimension:
-    if isinstance(table.values[key], bool):
-        return table.truth(key)
-    return table.text(key) if isinstance(table.values[key], str) else table.number(key)
+def _kind_ahead(table: Table) -> _Mechanism:
+    """Return the mechanism for those who read the other tables; what is wrong with it is found when it is read."""
+    with Findings().collecting():
+        return _mechanism(Table(table.values, "table"), "kinematics")
+    return _Mechanism()
+
+
+# --- joints
+
+
+def _joints(kind: _Mechanism, table: Table, key: str) -> dict[str, Joint]:
+    """Return the joints of the file and of the kind; of those that are wrong, the parts that are right."""
+    joints = _each(partial(_joint, kind), table, key)
+    with table.section(key) as section:
+        if kind.joints:
+            with table.findings.collecting():
+                check_names(kind.name, [name for name in section if not _headless(section, name)], kind.joints)
+        return {name: joints.get(name, part_of(Joint, {"name": name})) for name in {**section.values, **kind.joints}}
+
+
+def _headless(joints: Table, name: str) -> bool:
+    """Return whether there are only tables of a joint, such as [joints.d3.homing], but nothing in [joints.d3]."""
+    joint = joints.values[name]
+    return isinstance(joint, dict) and bool(joint) and joint.keys() <= _JOINT_TABLES.keys()
+
+
+def _joint(kind: _Mechanism, joints: Table, name: str) -> Joint:
+    expected = kind.joints.get(name)
+    with joints.section(name) as table:
+        if expected and _headless(joints, name):  # it is missing, as `check_names` says
+            return judged(Joint, {"name": name, "unit": expected, **table.gather({}, _JOINT_TABLES)}, table.findings)
+        unit = _probable_unit(table, expected)
+        turn = {_TURN[unit]: Table.number} if unit else {}
+        either = {} if unit else dict.fromkeys(_TURN.values(), Table.number)
+        values = table.gather(
+            {"unit": partial(_unit, expected), **_JOINT, **turn}, {**_JOINT_OPTIONAL, **_JOINT_TABLES, **either}
+        )
+        motor = {key: values.pop(key) for key in ("full_steps_per_rev", "microsteps", *turn, *either) if key in values}
+        fixed = {Unit.MM: {"ratio": 1.0}, Unit.DEG: {"travel_per_turn": 360.0}, None: {}}[unit]
+        transmission = judged(Transmission, motor | fixed, table.findings)
+        given = values | ({"unit": unit} if unit else {})
+        return judged(Joint, {"name": name, "transmission": transmission, **given}, table.findings)
+
+
+def _probable_unit(table: Table, expected: Unit | None) -> Unit | None:
+    """Return the unit by which a joint's other keys are read: the file's, or the expected one if these keys fit it."""
+    given = next((unit for unit in Unit if unit == table.values.get("unit")), expected)
+    return expected if given and expected and _TURN[given] not in table and _TURN[expected] in table else given
+
+
+def _unit(expected: Unit | None, table: Table, key: str) -> Unit:
+    unit = table.choice(key, Unit)
+    if expected:
+        check_unit(unit, expected)
+    return unit
+
+
+def _home(kind: _Mechanism, table: Table, key: str) -> dict[str, float]:
+    """Return a position for every joint; those that only the file or only the kind has may be left out."""
+    joints = table.values.get("joints")
+    with table.section(key) as section:
+        names = list(joints) if isinstance(joints, dict) else list(section)
+        sure = [name for name in names if name in kind.joints or not kind.joints]
+        known = section.gather(dict.fromkeys(sure, Table.number), dict.fromkeys([*names, *kind.joints], Table.number))
+        return {name: position for name, position in known.items() if position is not None}
+
+
+def _coupling(kind: _Mechanism, table: Table, key: str) -> Coupling:
+    joints = table.values.get("joints")
+    names = tuple(dict.fromkeys([*(joints if isinstance(joints, dict) else ()), *kind.joints]))
+    with table.section(key) as section:
+        rows = {axis: row for axis, row in section.values.items() if isinstance(row, dict)}
+    before = len(table.findings.messages)
+    with table.findings.collecting(f"{key}: "):
+        Coupling.check_names(names, rows)
+    elements = _each(_places, table, key)
+    if len(table.findings.messages) > before:
+        raise UnreadError(key)
+    with prefixed(f"{key}: "):
+        return Coupling.of(names, elements)
+
+
+# --- tables whose keys are names
 
 
 def _each(read: Callable[[Table, str], _Made], table: Table, key: str) -> dict[str, _Made]:
     """Return what `read` makes of every key in the table under a key, where the keys are names."""
-    made, findings = {}, Findings()
     with table.section(key) as section:
-        for name in section:
-            check_name(name, NAME_CHARS_MAX)
-        for name in section:
-            with findings.collecting():
-                made[name] = read(section, name)
-        findings.raise_first()
-    return made
+        return section.gather({name: read if _is_name(section, name) else _not_read for name in section})
 
 
-def _home(table: Table, key: str) -> dict[str, float]:
-    """Return a position for every joint that the table of joints names, right or wrong."""
-    joints = table.values.get("joints")
-    with table.section(key) as section:
-        return section.read(dict.fromkeys(joints if isinstance(joints, dict) else section, Table.number))
+def _is_name(section: Table, key: str) -> bool:
+    with section.findings.collecting():
+        check_name(key, NAME_CHARS_MAX)
+        return True
+    return False
 
 
-def _settings(make: Callable[..., _Made], required: dict[str, Reading], optional: dict[str, Reading]) -> Reading:
-    """Return a reading of a table whose keys are the parameters of `make`."""
+def _not_read(_: Table, key: str) -> NoReturn:
+    raise UnreadError(key)
+
+
+def _places(table: Table, key: str) -> dict[str, float]:
+    positions = _each(Table.number, table, key)
+    if not positions and table.values[key]:
+        raise UnreadError(key)
+    return positions
+
+
+def _settings(make: type[_Made], required: dict[str, Reading], optional: dict[str, Reading]) -> Reading:
+    """Return a reading of a table whose keys are the fields of `make`."""
 
     def read(table: Table, key: str) -> _Made:
         with table.section(key) as section:
-            return make(**section.read(required, optional))
+            return judged(make, section.gather(required, optional), section.findings)
 
     return read
-
-
-def _joint(tables: Table, name: str) -> Joint:
-    with tables.section(name) as table:
-        unit = table.choice("unit", Unit)
-        turn = _TURN[unit]
-        values = table.read(_JOINT | dict.fromkeys(turn, Table.number), _JOINT_OPTIONAL)
-        del values["unit"]
-        motor = {key: values.pop(key) for key in ("full_steps_per_rev", "microsteps", *turn)}
-        transmission = Transmission(**({"travel_per_turn": 360.0} | motor))
-        switches = values.pop("switches") or JointSwitches()
-        return Joint(name, unit, **values, transmission=transmission, switches=switches)
 
 
 def _range(table: Table, key: str) -> Range:
@@ -142,13 +244,7 @@ def _range(table: Table, key: str) -> Range:
     return first, last
 
 
-def _box(tables: Table, name: str) -> Box:
-    with tables.section(name) as table:
-        values = table.read(dict.fromkeys(("x_mm", "y_mm", "z_mm"), _range), {"held_by": Table.text})
-        return Box(**values | {"held_by": values["held_by"] or ""})
-
-
-_place: Final = partial(_each, Table.number)
+_box: Final = _settings(Box, dict.fromkeys(("x_mm", "y_mm", "z_mm"), _range), {"held_by": Table.text})
 _output: Final = _settings(Output, {"joint": Table.text, "out": Table.integer}, {})
 _input: Final = _settings(Input, {"joint": Table.text, "input": Table.integer}, {})
 
@@ -175,18 +271,14 @@ _ROBOT: Final[dict[str, Reading]] = {
             "fast_decay_percent": Table.integer,
         },
     ),
-    "joints": partial(_each, _joint),
-    "home": _home,
 }
 _ROBOT_OPTIONAL: Final[dict[str, Reading]] = {
-    "coupling": partial(_each, _place),
     "outputs": partial(_each, _output),
     "inputs": partial(_each, _input),
-    "places": partial(_each, _place),
+    "places": partial(_each, _places),
     "boxes": partial(_each, _box),
 }
 _JOINT: Final[dict[str, Reading]] = {
-    "unit": Table.text,
     "lower": Table.number,
     "upper": Table.number,
     "speed_max": Table.number,
@@ -194,11 +286,13 @@ _JOINT: Final[dict[str, Reading]] = {
     "full_steps_per_rev": Table.integer,
     "microsteps": Table.integer,
 }
-_TURN: Final = {Unit.MM: ("travel_per_turn",), Unit.DEG: ("ratio",)}
+_TURN: Final = {Unit.MM: "travel_per_turn", Unit.DEG: "ratio"}
 """The key of the transmission, by the joint's unit."""
 _JOINT_OPTIONAL: Final[dict[str, Reading]] = {
     "axis_speed_max": Table.number,
     "axis_acceleration_max": Table.number,
+}
+_JOINT_TABLES: Final[dict[str, Reading]] = {
     "switches": _settings(
         JointSwitches,
         {},
@@ -219,7 +313,8 @@ _JOINT_OPTIONAL: Final[dict[str, Reading]] = {
 
 def _check_speeds(robot: Robot) -> None:
     """Raise InputError if joints' highest speeds need higher step rates than the driver's limit."""
-    check_all(*(partial(_check_speed, joint, robot.board.driver_rate_max_hz) for joint in robot.joints))
+    limit_hz = robot.board.driver_rate_max_hz
+    check_all(*(partial(_check_speed, joint, limit_hz) for joint in robot.joints))
 
 
 def _check_speed(joint: Joint, limit_hz: float) -> None:

@@ -1,8 +1,9 @@
 """A robot as data: its joints, the board that drives them, its dimensions and named positions."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
+from operator import attrgetter
 from typing import Final
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.bad_input import at_most, nearest_within, outside, unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.findings import check_all
+from steptwin.host.common.findings import Findings, check_all
 from steptwin.host.robots.board_settings import BoardSettings
 from steptwin.host.robots.box import Box
 from steptwin.host.robots.coupling import Coupling
@@ -68,31 +69,49 @@ class Robot:
     def __post_init__(self) -> None:
         if not 1 <= len(self.joints) <= AXES_MAX:
             raise InputError(f"joints: {len(self.joints)} joints, but a board drives 1 to {AXES_MAX}")
-        places = {"home": dict(zip(self.joint_names, self.home, strict=True))}
-        places |= {f"places.{name}": dict(place) for name, place in self.places.items()}
-        outputs = {name: (output.joint, output.out) for name, output in self.outputs.items()}
-        inputs = {name: (sensor.joint, sensor.input) for name, sensor in self.inputs.items()}
         check_all(
-            *(partial(self._check_place, key, place) for key, place in places.items()),
-            *(partial(self._check_wire, "output", name, outputs) for name in outputs),
-            *(partial(self._check_wire, "input", name, inputs) for name in inputs),
-            *(partial(self._check_box, name) for name in self.boxes),
+            self._check_home,
+            self._check_places,
+            self._check_outputs,
+            self._check_inputs,
+            self._check_boxes,
             *(partial(self._check_axis, axis) for axis in range(len(self.joints))),
         )
 
-    def _check_wire(self, what: str, name: str, wiring: Mapping[str, tuple[str, int]]) -> None:
-        """Check the joint of an output or input, and that nothing else is at its connector."""
-        joint, number = wiring[name]
-        if joint not in self.joint_names:
-            raise unknown(f"{what}s.{name}.joint:", joint, self.joint_names)
-        first = next(other for other, wired in wiring.items() if wired == wiring[name])
-        if first != name:
-            raise InputError(f"{what}s.{name}: {what} {number} of {joint} is already wired to {first}")
+    def _check_home(self) -> None:
+        self._check_place("home", dict(zip(self.joint_names, self.home, strict=True)))
 
-    def _check_box(self, name: str) -> None:
-        held_by = self.boxes[name].held_by
-        if held_by and held_by not in self.outputs:
-            raise unknown(f"boxes.{name}.held_by: output", held_by, self.outputs)
+    def _check_places(self) -> None:
+        check_all(*(partial(self._check_place, f"places.{name}", place) for name, place in self.places.items()))
+
+    def _check_outputs(self) -> None:
+        self._check_wires("output", self.outputs, attrgetter("joint", "out"))
+
+    def _check_inputs(self) -> None:
+        self._check_wires("input", self.inputs, attrgetter("joint", "input"))
+
+    def _check_wires(
+        self, what: str, wired: Mapping[str, Output | Input], connector: Callable[[Output | Input], tuple[str, int]]
+    ) -> None:
+        """Check the joints of all outputs or inputs, and that each is at a connector of its own."""
+        findings, first_at = Findings(), dict[tuple[str, int], str]()
+        for name, device in wired.items():
+            with findings.collecting(f"{what}s.{name}"):
+                if device.joint not in self.joint_names:
+                    raise unknown(".joint:", device.joint, self.joint_names)
+                joint, number = connector(device)
+                first = first_at.setdefault((joint, number), name)
+                if first != name:
+                    raise InputError(f": {what} {number} of {joint} is already wired to {first}")
+        findings.raise_first()
+
+    def _check_boxes(self) -> None:
+        findings = Findings()
+        for name, box in self.boxes.items():
+            with findings.collecting(f"boxes.{name}"):
+                if box.held_by and box.held_by not in self.outputs:
+                    raise unknown(".held_by: output", box.held_by, self.outputs)
+        findings.raise_first()
 
     def _check_place(self, key: str, place: Mapping[str, float]) -> None:
         if not place:

@@ -1,9 +1,11 @@
 """A joint's switches, and the homing methods that they allow."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.findings import check_all
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.homing_methods import HOMING_METHODS, POSITIVE, HomingMethod
 
@@ -42,10 +44,8 @@ class JointSwitches:
     home_to: float | None = None
 
     def __post_init__(self) -> None:
-        for low, high in ((_NEGATIVE, _POSITIVE), (_FROM, _TO), (_NEGATIVE, _TO), (_FROM, _POSITIVE)):
-            below, above = getattr(self, low), getattr(self, high)
-            if below is not None and above is not None and not below < above:
-                raise InputError(f"{high}: {above:g} is not above {low}, {below:g}")
+        pairs = ((_NEGATIVE, _POSITIVE), (_FROM, _TO), (_NEGATIVE, _TO), (_FROM, _POSITIVE))
+        check_all(*(partial(self._check_order, low, high) for low, high in pairs))
 
     @property
     def inputs(self) -> tuple[DigitalInput, ...]:
@@ -57,11 +57,20 @@ class JointSwitches:
         }
         return tuple(which for which, there in fitted.items() if there)
 
-    def check_outside(self, lower: float, upper: float, unit: str) -> None:
-        """Raise InputError if a limit switch lies within the joint's limits, where a motion would close it."""
-        negative, positive = self.negative_limit, self.positive_limit
+    def _check_order(self, low: str, high: str) -> None:
+        below, above = getattr(self, low), getattr(self, high)
+        if below is not None and above is not None and not below < above:
+            raise InputError(f"{high}: {above:g} is not above {low}, {below:g}")
+
+    def check_negative(self, lower: float, unit: str) -> None:
+        """Raise InputError if the negative limit switch lies within the joint's limits, where a motion closes it."""
+        negative = self.negative_limit
         if negative is not None and not negative < lower:
             raise InputError(f"switches.negative_limit: {negative:g} {unit} is not below lower, {lower:g} {unit}")
+
+    def check_positive(self, upper: float, unit: str) -> None:
+        """Raise InputError if the positive limit switch lies within the joint's limits, where a motion closes it."""
+        positive = self.positive_limit
         if positive is not None and not positive > upper:
             raise InputError(f"switches.positive_limit: {positive:g} {unit} is not above upper, {upper:g} {unit}")
 

@@ -10,7 +10,7 @@ from steptwin.emulator.bus_faults import FaultScript
 from steptwin.host.client import Machine, Progress, object_dictionary
 from steptwin.host.client.stopping import await_rest
 from steptwin.host.common.axis_records import AxisRecords
-from steptwin.host.common.errors import DeviceFaultError, InputError
+from steptwin.host.common.errors import DeviceFaultError, InputError, WaitTimeoutError
 from steptwin.host.operate.input_waiting import executed, input_waits, waited
 from steptwin.host.operate.setting_up import set_up
 from steptwin.host.operate.switching import output_commands
@@ -87,7 +87,8 @@ def execute(
         await_rest(board, machine.axes)
         fault = _fault(error, machine, board, plan)
     machine.disconnect()
-    made = executed(plan, machine.holds_ms)
+    timed_out = fault is not None and fault.timed_out
+    made = executed(plan, machine.holds_ms, timed_out=timed_out)
     run = RunInfo(
         robot=plan.robot.name,
         job=job,
@@ -98,7 +99,7 @@ def execute(
     )
     comparison = compare(Expectation.of(plan.robot, made.trajectory), board.evidence())
     report = verify_comparison(comparison, run)
-    waits_made = waited(plan, machine.holds_ms)
+    waits_made = waited(plan, machine.holds_ms, timed_out=timed_out)
     return Outcome(made, comparison, report, board.bus_log, fault, board.driver_profile.name, waits_made)
 
 
@@ -120,4 +121,5 @@ def _fault(error: DeviceFaultError, machine: Machine, board: EmbeddedBoard, plan
     ]
     joints = dict(zip(plan.robot.joint_names, plan.robot.to_positions(np.array(reported)).tolist(), strict=True))
     codes = {axis.name: axis.error_codes for axis in machine.axes}
-    return RunFault(str(error), codes, joints, positions_agree=reported == counted)
+    timed_out = isinstance(error, WaitTimeoutError)
+    return RunFault(str(error), codes, joints, positions_agree=reported == counted, timed_out=timed_out)

@@ -13,19 +13,21 @@ from steptwin.protocol.frame import Frame
 
 @dataclass(frozen=True, slots=True)
 class RunFault:
-    """The fault of a drive that ended a run.
+    """The fault of a drive, or the time-out of a wait, that ended a run.
 
     Attributes:
         message: axis and error.
         codes: every axis' EMCY error codes, oldest first.
         joints: joint positions by the drives' own count, in mm and degrees.
         positions_agree: True if the drivers have counted exactly the same.
+        timed_out: True if no drive failed, but a wait for an input timed out.
     """
 
     message: str
     codes: dict[str, list[int]]
     joints: dict[str, float]
     positions_agree: bool
+    timed_out: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fault under the keys of report.json."""
@@ -34,6 +36,7 @@ class RunFault:
             "codes": {name: [f"0x{code:04X}" for code in codes] for name, codes in self.codes.items()},
             "joints": self.joints,
             "positions_agree": self.positions_agree,
+            **({"timed_out": True} if self.timed_out else {}),
         }
 
 
@@ -48,7 +51,7 @@ class Outcome:
         bus_log: every frame with the instant, in counts since power-up, at which it became valid.
         fault: the fault that ended the run; None if it came to its end.
         driver_profile: name of the drivers that the board had.
-        waits: the waits for inputs on the way; the plan has their standstills in it.
+        waits: the waits for inputs on the way; the plan has their standstills in it, and ends with one that timed out.
     """
 
     plan: Plan

@@ -17,7 +17,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from steptwin.host.cli.app import run
-from tests.without_pictures import without_pictures
+from tests.run_pictures import without_pictures
 
 FILE = Path(__file__).with_suffix(".json")
 INTEGERS = ("bus.log", "edges.npz")

@@ -6,7 +6,8 @@ import re
 import signal
 import subprocess
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from io import StringIO
 from pathlib import Path
 from typing import Any, Final, ParamSpec
 
@@ -70,11 +71,11 @@ class Server:
         return start_program(*self.connected(*words))
 
     def json(self, *words: str) -> dict[str, Any]:
-        """Run a command on this board as a process that must succeed; return its document."""
-        process = self.start(*words, "--json")
-        out, err = process.communicate(timeout=TIMEOUT_S)
-        assert (process.returncode, err) == (0, "")
-        document: dict[str, Any] = json.loads(out)
+        """Run a command on this board, in this process, which must succeed in silence; return its document."""
+        with redirect_stdout(StringIO()) as out, redirect_stderr(StringIO()) as err:
+            code = self.run(*words, "--json")
+        assert (code, err.getvalue()) == (0, "")
+        document: dict[str, Any] = json.loads(out.getvalue())
         return document
 
     def end(self, number: signal.Signals) -> tuple[int, str, str]:

@@ -11,7 +11,7 @@ from tests.emulator.live_rig import TIMEOUT_S, await_true
 from tests.end_to_end.charge_race import HOME, ONE_RUNS, ROBOT, exit_codes
 from tests.end_to_end.served import Server, in_real_time, serving
 
-TRIALS = 4
+TRIALS = 2
 """`python -m tests.end_to_end.charge_race 200` makes more."""
 
 

@@ -78,13 +78,16 @@ def test_ik_holds_the_slides_where_the_machine_stands(capsys: pytest.CaptureFixt
 
 def test_ik_says_why_not(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["ik", "warehouse-scara", "--x", "500", "--y", "0", "--z", "60", "--phi", "0", "--json"]) == 1
-    right, _ = json.loads(capsys.readouterr().out)["branches"]
+    document = json.loads(capsys.readouterr().out)
+    right, _ = document["branches"]
     assert right["reachable"] is False
-    assert "reach" in right["reason"]
+    assert document["nearest"] == {"x_mm": 390.0, "y_mm": 0.0, "z_mm": 60.0, "attitude_deg": 0.0}
     assert "350" in right["reason"]
     assert right["joints"]["th1"] is None
     assert run(["ik", "warehouse-scara", "--x", "500", "--y", "0", "--z", "60", "--phi", "0"]) == 1
-    assert "left: out of reach" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "left: shoulder to wrist" in shown
+    assert "the nearest pose in reach: x 390 mm" in shown
 
 
 def test_an_interrupt_ends_with_130(monkeypatch: pytest.MonkeyPatch) -> None:

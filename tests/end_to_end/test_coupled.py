@@ -19,7 +19,6 @@ from steptwin.host.twin.board_under_test import BoardUnderTest
 from tests.end_to_end.command_line import run_json
 from tests.end_to_end.served import in_real_time, serving
 from tests.host.robots.coupled import STEPS_PER_DEG, UNITS_PER_DEG, coupled_robot, coupled_text
-from tests.without_pictures import without_pictures
 
 POINTS = "t,th1,th2,d3,th4\n0,0,0,0,0\n1,30,40,10,-20\n2,-20,35,5,10\n3,0,0,0,0\n"
 
@@ -44,8 +43,7 @@ def positions(document: dict[str, Any]) -> list[float]:
 
 def test_a_run_and_its_folder(robot: str, points: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
-    with without_pictures():
-        report = run_json(capsys, "run", robot, points, "--out", str(out))
+    report = run_json(capsys, "run", robot, points, "--out", str(out))
     assert report["passed"]
     assert report["joints"]["end"] == pytest.approx([0.0] * 4, abs=0.03)
     assert run(["verify", str(out)]) == 0

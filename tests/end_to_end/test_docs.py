@@ -29,7 +29,6 @@ from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.switches import JointSwitches
 from steptwin.host.robots.transmission import Transmission
 from tests.end_to_end.pages import ROOT
-from tests.without_pictures import without_pictures
 
 TEXT = PAGE.read_text(encoding="utf-8")
 BENCHMARKS = (PAGE.parent / "benchmarks.md").read_text(encoding="utf-8")
@@ -100,15 +99,14 @@ def test_python() -> None:
 
 
 def test_the_commands_for_waveforms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """All commands in their order; the run itself draws no pictures here."""
+    """All commands in their order."""
     pytest.importorskip("matplotlib", reason="the extra `plot` (matplotlib) is not installed")
     monkeypatch.chdir(tmp_path)
     block = re.findall(r"^```\n(.*?)^```", WAVEFORM_PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)[0]
     commands = [shlex.split(line, comments=True) for line in block.splitlines()]
     assert len(commands) == 7
-    with without_pictures():
-        for words in commands:
-            assert run(words[1:]) == 0, words
+    for words in commands:
+        assert run(words[1:]) == 0, words
     left = {path.relative_to("out").as_posix() for path in Path("out").rglob("*.*")}
     assert left >= {
         "helix/trace.vcd",

@@ -13,6 +13,7 @@ import pytest
 
 from steptwin.host.cli.app import run
 from tests.end_to_end.command_line import run_json
+from tests.run_pictures import with_pictures
 
 COMMAND = ["run", "warehouse-scara", "drawer-pull"]
 
@@ -99,6 +100,7 @@ def test_two_runs_and_both_kernels_give_the_same_bytes(capsys: pytest.CaptureFix
     assert first == folder_bytes(tmp_path / "second") == folder_bytes(tmp_path / "plain")
 
 
+@with_pictures()
 def test_the_folder_holds_the_evidence(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     pytest.importorskip("matplotlib", reason="the extra `plot` (matplotlib) is not installed")
     out = tmp_path / "deep" / "folder"

@@ -1,4 +1,4 @@
-"""The live commands, each a process of its own, on a served board in real time."""
+"""The live commands on a served board in real time."""
 
 import re
 import subprocess

@@ -9,7 +9,6 @@ from steptwin.host.cli.app import run
 from steptwin.host.planning.jobs import job_names
 from steptwin.host.robots import load_robot, robot_names
 from steptwin.host.robots.kinematics import make_kinematics
-from tests.without_pictures import without_pictures
 
 WIDTH = 80
 
@@ -31,7 +30,7 @@ def commands(robot: str) -> list[list[str]]:
     return [
         ["robots"],
         ["jobs", robot],
-        ["workspace", robot, "--samples", "1000"],
+        ["workspace", robot, "--samples", "1000", "--phi", f"{pose[3]:.9f}"],
         ["ik", robot, *(word for option, value in goal for word in (option, f"{value:.9f}"))],
     ]
 
@@ -50,8 +49,7 @@ def test_tables_fit(robot: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.
 def test_the_report_of_a_run_fits(
     robot: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with without_pictures():
-        lines = printed(["run", robot, job_names(load_robot(robot))[0]], WIDTH, monkeypatch, capsys)
+    lines = printed(["run", robot, job_names(load_robot(robot))[0]], WIDTH, monkeypatch, capsys)
     end = next(i for i, line in enumerate(lines) if line.startswith("CLK:"))
     assert end == 2 + len(load_robot(robot).joints)
     assert max(map(len, lines[:end])) <= WIDTH

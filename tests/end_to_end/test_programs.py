@@ -92,7 +92,7 @@ def test_a_time_out_is_exit_code_3_with_input_step_and_seconds(
 ) -> None:
     out = str(tmp_path / "out")
     assert run(["run", "teaching-scara", waiting, "--out", out]) == 3
-    (line,) = capsys.readouterr().err.splitlines()
+    *_, line = capsys.readouterr().err.splitlines()
     assert line.startswith("steptwin: step 2.2: the input part_ready was not on within 0.5 s; stopped at th1 = ")
     assert run(["verify", out]) == 3
 

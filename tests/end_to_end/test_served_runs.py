@@ -13,7 +13,6 @@ from steptwin.host.cli.app import run
 from steptwin.host.record.folder import read_edges
 from tests.emulator.live_rig import RawClient
 from tests.end_to_end.served import in_real_time, serving
-from tests.without_pictures import without_pictures
 
 POINTS = """\
 t,sx,sz,L1,th1,th2,th3
@@ -38,10 +37,9 @@ def points(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 @pytest.fixture(scope="module")
 def virtual(points: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Run the points in virtual time; return the folder, without pictures."""
+    """Run the points in virtual time; return the folder."""
     folder = tmp_path_factory.mktemp("virtual")
-    with without_pictures():
-        assert run(["run", ROBOT, points, "--out", str(folder)]) == 0
+    assert run(["run", ROBOT, points, "--out", str(folder)]) == 0
     return folder
 
 

@@ -4,14 +4,15 @@ import re
 import signal
 import socket
 import subprocess
-import time
+import threading
 from collections.abc import Callable, Iterator
+from contextlib import closing
 
 import pytest
 
 from steptwin.host.cli.app import run
-from tests.emulator.live_rig import TIMEOUT_S
-from tests.end_to_end.served import Server, in_real_time, serving, start_program
+from tests.emulator.live_rig import TIMEOUT_S, RawClient
+from tests.end_to_end.served import Server, in_real_time, serving
 
 ROBOT = "warehouse-scara"
 HOME = "0 0 100 0 60 30"
@@ -28,6 +29,8 @@ COMMANDS = [
     ["run", ROBOT, "drawer-pull"],
 ]
 STOPPING = ("pause", "stop", "estop")
+CONNECTING = ("status", "doctor", "estop", "run")
+"""Commands of each kind of message; all connect in the same way."""
 
 
 @pytest.fixture
@@ -37,7 +40,7 @@ def mute_port() -> Iterator[int]:
         yield listener.getsockname()[1]
 
 
-@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+@pytest.mark.parametrize("words", [words for words in COMMANDS if words[0] in CONNECTING], ids=" ".join)
 def test_it_accepts_and_never_greets(words: list[str], mute_port: int, capsys: pytest.CaptureFixture[str]) -> None:
     assert run([*words, "--connect", f"127.0.0.1:{mute_port}"]) == 4
     out, err = capsys.readouterr()
@@ -49,15 +52,13 @@ def test_it_accepts_and_never_greets(words: list[str], mute_port: int, capsys: p
 
 
 @in_real_time
-def test_estop_ends_within_two_seconds_whenever_the_server_fell_silent() -> None:
-    """The limit is for the command itself, not for the start of Python."""
-    with serving(ROBOT) as server, socket.create_server(("127.0.0.1", 0)) as mute:
-        server.process.send_signal(signal.SIGSTOP)
-        for port in (server.port, mute.getsockname()[1]):
-            before_s = time.monotonic()
-            assert run(["estop", ROBOT, "--connect", f"127.0.0.1:{port}"]) == 4
-            assert time.monotonic() - before_s < 2.0
-        server.process.send_signal(signal.SIGCONT)
+def test_estop_of_a_server_that_fell_silent(capsys: pytest.CaptureFixture[str]) -> None:
+    """The operating system still accepts for the server; one second is all the time that this may cost."""
+    with serving(ROBOT) as server:
+        with server.held_up():
+            assert server.run("estop", ROBOT) == 4
+        told = f"127.0.0.1:{server.port}: accepts but does not answer within 1 s"
+        assert capsys.readouterr().err == f"steptwin: {told}{UNSURE}\n"
         assert server.run("estop", ROBOT) == 0
 
 
@@ -68,10 +69,12 @@ class Deaf:
         self._listener = socket.create_server(("127.0.0.1", 0))
         self.port: int = self._listener.getsockname()[1]
         self._listener.settimeout(TIMEOUT_S)
+        self._greeting = threading.Thread(target=self._greet)
+        self._greeting.start()
         return self
 
-    def greet(self) -> None:
-        """Accept the next client; it is disconnected at the end."""
+    def _greet(self) -> None:
+        """Accept the client; it is disconnected at the end."""
         self._client, _ = self._listener.accept()
         self._client.sendall(b"< hi >")
         for _ in range(2):
@@ -79,19 +82,16 @@ class Deaf:
             self._client.sendall(b"< ok >")
 
     def __exit__(self, *_: object) -> None:
+        self._greeting.join()
         self._client.close()
         self._listener.close()
 
 
 @pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
-def test_it_greets_and_never_answers(words: list[str]) -> None:
+def test_it_greets_and_never_answers(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with Deaf() as deaf:
-        connected = start_program(*words, "--connect", f"127.0.0.1:{deaf.port}")
-        deaf.greet()
-        begun_s = time.monotonic()
-        out, err = connected.communicate(timeout=TIMEOUT_S)
-        assert time.monotonic() - begun_s < TIMEOUT_S / 4
-    assert connected.returncode == 4
+        assert run([*words, "--connect", f"127.0.0.1:{deaf.port}"]) == 4
+    out, err = capsys.readouterr()
     if words[0] == "doctor":
         assert re.search(r"(?m)^\[FAIL\] sx node 0x10: sx: node 0x10 does not answer", out)
     else:
@@ -116,9 +116,14 @@ def _printed(_: Server, program: subprocess.Popen[str]) -> None:
     assert program.stdout.readline()
 
 
-def _moving(server: Server, program: subprocess.Popen[str]) -> None:
-    while not any(axis["moving"] for axis in server.json("status", ROBOT)["axes"]):
-        assert program.poll() is None, program.communicate()
+def _moving(server: Server, _program: subprocess.Popen[str]) -> None:
+    """Return when an axis moves: the statusword in its report (CiA 402) loses "target reached", its bit 10."""
+    with closing(RawClient(server.port)) as witness:
+        while True:
+            witness.expect(b"< frame 1")
+            node, _time, data = witness.expect(b" >").decode().split(" ")
+            if node[0] in "9A" and not int(data[2:4], 16) & 0x04:
+                return
 
 
 MIDDLES = [
@@ -131,8 +136,11 @@ MIDDLES = [
 ]
 
 
-@pytest.mark.parametrize("blow", [signal.SIGSTOP, signal.SIGKILL], ids=["stopped", "killed"])
-@pytest.mark.parametrize(("words", "ready", "told"), MIDDLES, ids=[words[0] for words, _, _ in MIDDLES])
+@pytest.mark.parametrize(
+    ("words", "ready", "told", "blow"),
+    [*((*middle, signal.SIGSTOP) for middle in MIDDLES), *((*middle, signal.SIGKILL) for middle in MIDDLES[1::4])],
+    ids=lambda value: value[0] if isinstance(value, list) else getattr(value, "name", ""),
+)
 @in_real_time
 def test_in_the_middle(
     words: list[str], ready: Callable[[Server, subprocess.Popen[str]], None], told: str, blow: signal.Signals

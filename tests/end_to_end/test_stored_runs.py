@@ -16,6 +16,7 @@ from steptwin.host.record.waveforms import Format, HeldValues
 from steptwin.host.record.waveforms.signal import Values
 from tests.end_to_end.command_line import refusal
 from tests.host.record.waveforms.vcd_reader import read_vcd
+from tests.run_pictures import with_pictures
 
 
 def _with_the_library_of(form: str) -> None:
@@ -199,10 +200,11 @@ class TestPlot:
         for path in paths:
             assert path.read_text().startswith("<?xml")
 
+    @with_pictures()
     def test_a_stored_run_has_the_pictures_of_the_run(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         """They agree byte by byte, even those of errors, though the folder's cubics only approximate the plan."""
         folder = tmp_path / "run"
-        assert run(["run", "calibration-scara", "demo", "--out", str(folder)]) == 0
+        assert run(["run", "teaching-scara", "carry", "--out", str(folder)]) == 0
         names = ["joints", "step-rates", "tool-path", "error", "timing"]
         first = {name: (folder / f"{name}.png").read_bytes() for name in names}
         capsys.readouterr()

@@ -92,8 +92,7 @@ class Composer:
 
     def switch(self, output: str, *, on: bool) -> None:
         """Stand still while a digital output of the robot changes."""
-        if output not in self.robot.outputs:
-            raise unknown("outputs:", output, self.robot.outputs)
+        require_output(self.robot, output)
         from_s = self.now_s
         self.pause(SWITCHING_S)
         self._switchings.append(Switching(output, on, from_s, self.now_s))
@@ -103,10 +102,8 @@ class Composer:
 
         `place` says in messages where the wait is written.
         """
-        if sensor not in self.robot.inputs:
-            raise unknown("inputs:", sensor, self.robot.inputs)
-        if not 0 < timeout_s <= WAIT_MAX_S:
-            raise InputError(f"timeout_s: {timeout_s:g} s is not above 0 and up to {WAIT_MAX_S:g} s")
+        require_input(self.robot, sensor)
+        check_timeout(timeout_s)
         self._waits.append(Wait(sensor, on, self.now_s, timeout_s, place))
         self.pause(WAIT_S)
 
@@ -128,3 +125,21 @@ class Composer:
         self._parts.append(part)
         self._starts_ms.append(self._starts_ms[-1] + whole_ms("the duration", part.duration_s))
         self.joints = part.positions(np.array([part.duration_s]))[0]
+
+
+def require_output(robot: Robot, name: str) -> None:
+    """Raise InputError unless a robot has a digital output of this name."""
+    if name not in robot.outputs:
+        raise unknown("outputs:", name, robot.outputs)
+
+
+def require_input(robot: Robot, name: str) -> None:
+    """Raise InputError unless a robot has a digital input of this name."""
+    if name not in robot.inputs:
+        raise unknown("inputs:", name, robot.inputs)
+
+
+def check_timeout(timeout_s: float) -> None:
+    """Raise InputError unless a wait may last so long."""
+    if not 0 < timeout_s <= WAIT_MAX_S:
+        raise InputError(f"timeout_s: {timeout_s:g} s is not above 0 and up to {WAIT_MAX_S:g} s")

@@ -1,12 +1,16 @@
 """Solve the inverse kinematics along a tool path, checked and without jumps of a joint; find the arm's branch."""
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.planning.out_of_reach import OutOfReachError
+from steptwin.host.planning.paths import Pose
 from steptwin.host.robots.joint import Unit
-from steptwin.host.robots.kinematics import Branch, make_kinematics
+from steptwin.host.robots.kinematics import Branch, Kinematics, make_kinematics, pose_words
 from steptwin.host.robots.kinematics.base import LIMIT_TOLERANCE, Constraint
 from steptwin.host.robots.robot import Robot
 
@@ -22,8 +26,9 @@ def follow(robot: Robot, poses: FloatArray, t_s: FloatArray, branch: str, near: 
     if branch not in kinematics.branches:
         raise unknown("branch", branch, kinematics.branches)
     solved = kinematics.solve(poses, branch, near)
-    _check(solved.mechanism, t_s)
-    _check(kinematics.singularities(solved.joints), t_s)
+    passing_before = partial(_passing_before, kinematics, branch, poses, near)
+    _check(solved.mechanism, t_s, passing_before)
+    _check(kinematics.singularities(solved.joints), t_s, passing_before)
     joints = solved.joints
     for axis, joint in enumerate(robot.joints):
         if joint.unit is Unit.DEG:
@@ -54,10 +59,22 @@ def _turns_deg(first_deg: float, near_deg: float) -> float:
     return turns_deg if abs(first_deg + turns_deg - near_deg) < LIMIT_TOLERANCE else 0.0
 
 
-def _check(constraints: tuple[Constraint, ...], t_s: FloatArray) -> None:
+def _check(constraints: tuple[Constraint, ...], t_s: FloatArray, passing_before: Callable[[int], Pose | None]) -> None:
+    """Raise OutOfReachError for the first place at which a path breaks a constraint, with the last that passes."""
     for constraint in constraints:
         if not constraint.kept.all():
             i = int(np.argmin(constraint.kept))
+            passing = passing_before(i)
+            until = "" if passing is None else f"; it passes up to {pose_words(passing)}"
             raise OutOfReachError(
-                f"at t = {t_s[i]:.3f} s the tool's path breaks off: {constraint.complaint(i, of_path=True)}"
+                f"at t = {t_s[i]:.3f} s the tool's path breaks off: {constraint.complaint(i, of_path=True)}{until}"
             )
+
+
+def _passing_before(kinematics: Kinematics, branch: str, poses: FloatArray, near: FloatArray, end: int) -> Pose | None:
+    """Return the last pose of a path before an index that passes in tenths of a mm and degree; None if none does."""
+    tenths = np.round(poses[:end], 1) + 0.0
+    solved = kinematics.solve(tenths, branch, near)
+    constraints = (*solved.mechanism, *kinematics.singularities(solved.joints))
+    passing = np.flatnonzero(np.logical_and.reduce([constraint.kept for constraint in constraints]))
+    return tuple(tenths[passing[-1]].tolist()) if len(passing) else None

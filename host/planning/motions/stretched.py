@@ -8,6 +8,7 @@ from typing import Final
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
+from steptwin.host.planning.least_passing import least_passing
 from steptwin.host.planning.trajectory import Switching, Trajectory, Wait, waits_of
 
 PER_FACTOR: Final = 1000
@@ -112,19 +113,6 @@ def smallest_stretch(
     def passes_at(factor: int) -> bool:
         return passes(Stretched.by(trajectory, factor / PER_FACTOR))
 
-    first, longest = floor(fails * PER_FACTOR), round(STRETCH_MAX * PER_FACTOR)
-    below, longer = first, 1
-    factor = min(max(first + 1, ceil(min(least, STRETCH_MAX) * PER_FACTOR * (1 - 1e-12))), longest)
-    while not passes_at(factor):
-        if factor >= longest:
-            return None
-        below, factor, longer = factor, min(factor + longer, longest), 2 * longer
-    if below == first and not passes_at(factor - 1):
-        return factor / PER_FACTOR
-    while factor - below > 1:
-        middle = (factor + below) // 2
-        if passes_at(middle):
-            factor = middle
-        else:
-            below = middle
-    return factor / PER_FACTOR
+    least_factor = ceil(min(least, STRETCH_MAX) * PER_FACTOR * (1 - 1e-12))
+    factor = least_passing(passes_at, floor(fails * PER_FACTOR), least_factor, round(STRETCH_MAX * PER_FACTOR))
+    return None if factor is None else factor / PER_FACTOR

@@ -1,28 +1,34 @@
 """Turn a program into the robot's motion, and into a table of its steps with their peaks beside the limits."""
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
 
-from steptwin.host.common.bad_input import unknown, whole_ms
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.bad_input import prefixed, whole_ms
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.findings import Findings
+from steptwin.host.common.findings import Findings, check_all
 from steptwin.host.planning import checks
 from steptwin.host.planning.motions.sequence import Sequence
-from steptwin.host.planning.peaks import Peak, speed_peaks
-from steptwin.host.planning.planner import stretch_that_passes
+from steptwin.host.planning.peaks import Peak
+from steptwin.host.planning.programs.complaints import Complaints
+from steptwin.host.planning.programs.fast_steps import MadeStep, fast_steps
 from steptwin.host.planning.programs.moves import Moves
-from steptwin.host.planning.programs.program import AnyStep, Call, Program, Repeat
-from steptwin.host.planning.programs.steps import Step
+from steptwin.host.planning.programs.names import check_names
+from steptwin.host.planning.programs.own_robot import check_own_robot
+from steptwin.host.planning.programs.program import Program, WrongStep
+from steptwin.host.planning.programs.steps import Go, JointsBy, Step, ToolBy
+from steptwin.host.planning.programs.writing_out import Place, Written, written_out
 from steptwin.host.planning.samples import Samples
 from steptwin.host.planning.trajectory import Trajectory
-from steptwin.host.robots import SUFFIX, load_robot
 from steptwin.host.robots.robot import Robot
 
 STEPS_MAX: Final = 5_000
-"""Number of steps, repetitions and calls written out, that a program may have."""
+"""Number of steps, with repetitions and calls written out, that a program may have."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,14 +36,14 @@ class StepRow:
     """A step of a compiled program.
 
     Attributes:
-        number: number in the program, with those of the sequence or repetition it is in, as in `3.2`.
+        place: its number in the program, with those of the sequence or repetition it is in, and its pass.
         text: the step in words.
         from_s: time at which it begins.
         duration_s: its duration.
-        peaks: highest speed and acceleration of each joint in it.
+        peaks: highest speed, acceleration and step rate of each joint in it.
     """
 
-    number: str
+    place: Place
     text: str
     from_s: float
     duration_s: float
@@ -46,105 +52,173 @@ class StepRow:
 
 @dataclass(frozen=True, slots=True)
 class CompiledProgram:
-    """A program's motion and its steps; it is incomplete if there were findings."""
+    """A program's motion and its steps.
+
+    Attributes:
+        trajectory: the motion.
+        steps: the steps.
+        made: how each step was made, in the same order.
+        is_whole: False if something is wrong, but for the speed of steps; the rest is then incomplete.
+    """
 
     trajectory: Sequence
     steps: tuple[StepRow, ...]
+    made: tuple[MadeStep, ...]
+    is_whole: bool
+
+    def fast_steps(self) -> tuple[str, ...]:
+        """Return a message for each step that is too fast, with the values of its own keys that pass."""
+        return tuple(fast_steps(self.made))
+
+    @contextmanager
+    def explained(self, stretch: float = 1.0) -> Iterator[None]:
+        """Add to an InputError with which the planner refuses the motion as too fast which step it is, and what passes.
+
+        `stretch` is the factor by which the motion was stretched; the steps' own values are given for the factor 1.
+        """
+        try:
+            yield
+        except checks.TooFastError as error:
+            steps = self.fast_steps() if stretch == 1.0 else ()
+            if steps:
+                more = _more_words(len(steps) - 1)
+                raise InputError(f"{steps[0]}{more}; or the whole program: {error.advice}") from error
+            if not error.peaks:
+                raise
+            t_s = error.peaks[0].t_s / stretch
+            row = max((row for row in self.steps if row.from_s <= t_s), key=lambda row: row.from_s)
+            raise InputError(f"{row.place} ({row.text}): {error}") from error
 
 
 def compile_program(program: Program, robot: Robot, findings: Findings | None = None) -> CompiledProgram:
     """Return a program's motion for a robot.
 
-    Without `findings` it raises InputError for the first step that the robot cannot make; speeds are left to the
-    planner, which can stretch the motion. With them it goes on: a step that exceeds a limit is found and made, one that
-    cannot be made ends the program.
+    Without `findings` it raises InputError if something is wrong; speeds are left to the planner, which can stretch the
+    motion. With them it goes on and finds everything, also the steps that are too fast. A mistake in a repetition is
+    told once, and none that only follows from another one: where nobody knows where the robot stands, nothing is judged
+    up to the next `go` that says all of it.
     """
     found = Findings() if findings is None else findings
-    rows: list[StepRow] = []
-    moves = Moves(robot, {}, None)
+    own_robot = None
     with found.collecting():
-        _check_robot(program, robot)
-        moves = Moves(robot, program.positions, program.start)
-        for number, step in _written_out(program, program.steps, "", ()):
-            if not _add(moves, robot, number, step, rows, found):
-                break
-            if findings is not None:
-                with found.collecting(f"step {number} ({step}): "):
-                    _check_speeds(robot, moves.composer.last_part(rows[-1].from_s), rows[-1].peaks)
-        if not rows and not found.messages:
+        check_own_robot(program, robot)
+        own_robot = robot
+    checked = check_names(program, own_robot, found)
+    walk = _Walk(robot, Moves(robot, {name: at for name, at in checked.positions.items() if at is not None}))
+    with found.collecting():
+        if own_robot is not None:
+            walk.make(checked)
+    found.messages.extend(walk.complaints.messages())
+    with found.collecting():
+        if not found.messages and not walk.has_moved:
             raise InputError("the program does not move, switch or wait")
+    compiled = walk.compiled(is_whole=not found.messages)
     if findings is None:
         found.raise_first()
-    return CompiledProgram(moves.composer.sequence(), tuple(rows))
+    else:
+        found.messages.extend(compiled.fast_steps())
+    return compiled
 
 
-def _check_robot(program: Program, robot: Robot) -> None:
-    """Raise InputError unless the program and its file of positions are for the robot."""
-    if not _names(program.robot, robot):
-        raise InputError(f"robot: the program is for {program.robot}, not for {robot.name}")
-    if program.positions_for not in (None, robot.name):
-        raise InputError(f"positions_file: its positions are for {program.positions_for}, not for {robot.name}")
+def _more_words(count: int) -> str:
+    return f"; {count} more {'steps are' if count > 1 else 'step is'} too fast" if count else ""
 
 
-def _names(given: str | None, robot: Robot) -> bool:
-    """Return whether a program names the robot, by its name or by the path of its file, or names none."""
-    if given is None or given == robot.name:
-        return True
-    return given.endswith(SUFFIX) and load_robot(given).name == robot.name
+class _Walk:
+    """Makes the steps of a program one after the other."""
 
+    def __init__(self, robot: Robot, moves: Moves) -> None:
+        self.complaints = Complaints()
+        self._robot = robot
+        self._moves = moves
+        self._known = True
+        """Whether it is known where the robot stands."""
+        self._rows: list[StepRow] = []
+        self._made: list[MadeStep] = []
 
-def _written_out(
-    program: Program, steps: tuple[AnyStep, ...], above: str, callers: tuple[str, ...]
-) -> Iterator[tuple[str, Step]]:
-    """Yield each step with its number, repetitions and calls written out; raise InputError for a call of itself."""
-    for index, step in enumerate(steps, 1):
-        number = f"{above}{index}"
-        match step:
-            case Repeat(times, inner):
-                for _ in range(times):
-                    yield from _written_out(program, inner, f"{number}.", callers)
-            case Call(name):
-                if name not in program.sequences:
-                    raise InputError(f"step {number}: {unknown('sequence', name, program.sequences)}")
-                if name in callers:
-                    raise InputError(f"step {number}: call: the sequence {name!r} calls itself")
-                yield from _written_out(program, program.sequences[name], f"{number}.", (*callers, name))
-            case _:
-                yield number, step
+    def compiled(self, *, is_whole: bool) -> CompiledProgram:
+        """Return what has been made so far."""
+        return CompiledProgram(self._moves.composer.sequence(), tuple(self._rows), tuple(self._made), is_whole)
 
+    @property
+    def has_moved(self) -> bool:
+        """Whether there is any motion, switching or wait."""
+        return self._moves.composer.now_s > 0
 
-def _add(moves: Moves, robot: Robot, number: str, step: Step, rows: list[StepRow], found: Findings) -> bool:
-    """Add a step and its row; return whether the program can go on after it."""
-    composer = moves.composer
-    place = f"step {number} ({step}): "
-    from_s = composer.now_s
-    made = False
-    with found.collecting(place):
-        if len(rows) >= STEPS_MAX:
-            raise InputError(f"a program has at most {STEPS_MAX} steps, repetitions written out")
-        moves.place = f"step {number}"
-        step.add_to(moves)
-        made = True
-    if not made:
-        return False
-    part = composer.last_part(from_s)
-    peaks: tuple[Peak, ...] = ()
-    if part is not None:
-        samples = _samples(part, from_s)
-        peaks = tuple(speed_peaks(robot, samples))
-        with found.collecting(place):
-            checks.check_positions(robot, samples)
-    rows.append(StepRow(number, str(step), from_s, composer.now_s - from_s, peaks))
-    return True
+    def make(self, program: Program) -> None:
+        """Make a program's steps; raise InputError if its start is wrong or there are too many."""
+        self._begin(program)
+        for count, written in enumerate(written_out(program)):
+            if count >= STEPS_MAX:
+                raise InputError(f"{written.place}: a program has at most {STEPS_MAX} steps, repetitions written out")
+            self._take(written)
 
+    def _begin(self, program: Program) -> None:
+        self._known = program.starts
+        if program.starts and program.start is not None:
+            self._known = False
+            with prefixed("start: "):
+                joints = self._moves.joints_at(program.start)
+                self._known = True
+                self._moves.composer.joints = joints
+                check_all(
+                    *(partial(checks.check_within, *each) for each in zip(self._robot.joints, joints, strict=True))
+                )
 
-def _check_speeds(robot: Robot, part: Trajectory | None, peaks: tuple[Peak, ...]) -> None:
-    try:
-        checks.check_peaks(peaks)
-    except checks.TooFastError as error:
-        if part is None:
-            raise
-        raise InputError(f"{error}; {stretch_that_passes(robot, part, error):g} times slower passes") from error
+    def _take(self, written: Written) -> None:
+        place, step = written
+        if isinstance(step, WrongStep):
+            self._known = self._known and not step.moves
+        elif self._known:
+            self._add(place, step)
+        elif isinstance(step, Go) and self._moves.is_known_everywhere(step.to):
+            self._resume(place, step)
+
+    def _resume(self, place: Place, step: Step) -> None:
+        """Go on after a step of which nobody knows from where it starts."""
+        try:
+            self._stand_after(step)
+        except InputError as error:
+            self.complaints.add(place, step, error)
+
+    def _add(self, place: Place, step: Step) -> None:
+        moves = self._moves
+        before, from_s = moves.from_here(), moves.composer.now_s
+        moves.place = str(place)
+        self.complaints.judge(place)
+        try:
+            step.add_to(moves)
+        except InputError as error:
+            self.complaints.add(place, step, error)
+            self._known = False
+            with Findings().collecting():
+                self._stand_after(step)
+            return
+        part = moves.composer.last_part(from_s) if step.pace is not None else None
+        if part is not None:
+            self._check_positions(place, step, before.composer.joints, _samples(part, from_s))
+        made = MadeStep(self._robot, place, step, before, round(1000 * from_s), part)
+        self._rows.append(StepRow(place, str(step), from_s, moves.composer.now_s - from_s, made.peaks()))
+        self._made.append(made)
+
+    def _stand_after(self, step: Step) -> None:
+        """Stand where a step ends without making it; raise InputError if the robot cannot."""
+        end = step.end(self._moves)
+        if end is not None:
+            self._moves.composer.joints = end
+            self._known = True
+
+    def _check_positions(self, place: Place, step: Step, start: FloatArray, samples: Samples) -> None:
+        """Complain of each joint that leaves its limits, but not of one that an earlier step has left outside."""
+        for i, joint in enumerate(self._robot.joints):
+            if checks.is_outside(joint, start[i]):
+                end = samples.positions[-1, i]
+                if isinstance(step, JointsBy | ToolBy) or end == start[i] or not checks.is_outside(joint, end):
+                    continue
+            try:
+                checks.check_joint_positions(self._robot, i, samples)
+            except InputError as error:
+                self.complaints.add(place, step, error)
 
 
 def _samples(part: Trajectory, from_s: float) -> Samples:

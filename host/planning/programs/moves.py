@@ -1,44 +1,49 @@
 """The moves of a program under construction: positions become joints and poses, paths become motions."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from math import ceil, nan
 from typing import Final
 
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.common.bad_input import prefixed, unknown
+from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.even_path import EvenPath
 from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.motions.following import nearest_turns, present_branch
-from steptwin.host.planning.paths import COORDINATES, Arc, Pose, SampledPath, Smoothing, StraightLine, ToolPath
-from steptwin.host.planning.programs.paces import JointPace, ToolPace
+from steptwin.host.planning.motions.straight import is_straight_in_joints
+from steptwin.host.planning.out_of_reach import OutOfReachError
+from steptwin.host.planning.paths import COORDINATES, Arc, Pose, SampledPath, Smoothing, StraightLine, ToolPath, Turn
+from steptwin.host.planning.programs.paces import SPEED_PERCENT, JointPace, ToolPace
 from steptwin.host.planning.programs.positions import JointPosition, Position, Target, ToolPosition
+from steptwin.host.planning.programs.turning import turning_law
 from steptwin.host.robots.kinematics import Branch, make_kinematics, pose_words
+from steptwin.host.robots.nearest_pose import passing_text
 from steptwin.host.robots.robot import Robot
 
 _PLACE_MM: Final = 1e-6
 """Distance up to which two poses are at the same place: the tool then only turns."""
 
 _HALF_TURN_DEG: Final = 180.0
-_SWEEP_MAX_DEG: Final = 36_000.0
 
 
 class Moves:
     """Moves from a robot's position on, with the program's named positions; `composer` holds the motions so far."""
 
-    def __init__(self, robot: Robot, positions: Mapping[str, Position], start: Target | None) -> None:
-        """Begin at a position, or at the robot's home position; raise InputError if it cannot be reached."""
+    def __init__(self, robot: Robot, positions: Mapping[str, Position], joints: FloatArray | None = None) -> None:
+        """Begin at joints of shape (joints,), or at the robot's home position."""
         self._robot = robot
         self._positions = positions
         self._kinematics = make_kinematics(robot)
-        self.composer = Composer(robot, np.array(robot.home))
+        self.composer = Composer(robot, np.array(robot.home) if joints is None else joints)
         self.place = ""
         """The step that is being added, as messages name it."""
-        if start is not None:
-            with prefixed("start: "):
-                self.composer.joints = self.joints_at(start)
+
+    def from_here(self) -> "Moves":
+        """Return new moves, without any yet, that begin where these have come to."""
+        return Moves(self._robot, self._positions, self.composer.joints)
 
     # --- positions
 
@@ -58,6 +63,20 @@ class Moves:
         for name, distance in distances.items():
             joints[self._robot.index_of(name)] += distance
         return joints
+
+    def joints_of(self, pose: Pose) -> FloatArray:
+        """Return the joints at a pose on the present branch, of shape (joints,); raise InputError without any."""
+        return self._solve(self._wanted(pose), None)
+
+    def is_known_everywhere(self, target: Target) -> bool:
+        """Return whether a position leaves nothing as it is, so that it is the same wherever the robot stands."""
+        match self._position(target):
+            case JointPosition(joints):
+                return set(joints) == set(self._robot.joint_names)
+            case ToolPosition(coordinates, branch):
+                left_out = set(COORDINATES) - set(coordinates)
+                phi_follows = self._kinematics.attitude_follows and left_out == {"phi"}
+                return (not left_out or phi_follows) and (branch is not None or len(self._kinematics.branches) == 1)
 
     def pose_at(self, target: Target) -> Pose:
         """Return the tool's pose at a position, with the attitude's turn nearest to the present one."""
@@ -84,38 +103,67 @@ class Moves:
             self.composer.go_by(pace.along(self._robot, way), goal)
 
     def line(self, goal: Pose, pace: ToolPace) -> None:
-        """Move the tool straight to a pose; where only the attitude differs, the joints turn it on the spot."""
+        """Move the tool straight to a pose; where only the attitude differs, turn it on the spot, at SPEED_PERCENT."""
         here = self._here()
         if np.linalg.norm(np.subtract(goal, here)[:3]) > _PLACE_MM:
-            self._follow(StraightLine(here, goal), pace)
+            self._straight(StraightLine(here, goal), pace)
         elif abs(goal[3] - here[3]) > _HALF_TURN_DEG:
             steps = ceil(abs(goal[3] - here[3]) / _HALF_TURN_DEG)
             raise InputError(
                 f"phi: {goal[3] - here[3]:g} deg on the spot is more than half a turn: make {steps} steps of it"
             )
         elif goal[3] != here[3]:
-            self.go(self._solve(goal, self._branch()), JointPace())
+            self._turn(Turn(here, goal[3] - here[3]))
 
     def arc(self, via: Pose, goal: Pose, pace: ToolPace) -> None:
         """Move the tool along the arc through a pose's place to a pose."""
-        self._follow(Arc.through(self._here(), via[:3], goal), pace)
+        self._follow(Arc.through(self._here(), via[:3], goal), pace, goal)
 
     def circle(self, x_mm: float, y_mm: float, sweep_deg: float, pace: ToolPace, *, turned: bool) -> None:
         """Move the tool around the vertical axis at x, y, at its height; `turned` turns its attitude along."""
-        if not 0 < abs(sweep_deg) <= _SWEEP_MAX_DEG:
-            raise InputError(
-                f"sweep_deg: {sweep_deg:g} deg is not a sweep of up to {_SWEEP_MAX_DEG:g} deg, with a sign"
-            )
         self._follow(Arc.around(self._here(), (x_mm, y_mm), sweep_deg, turned=turned), pace)
 
     def through(self, poses: list[Pose], smoothing: Smoothing, pace: ToolPace) -> None:
         """Move the tool along the curve from where it is through poses; each turns on from the one before."""
         rows = np.array([self._here(), *poses])
         rows[:, 3] = np.unwrap(rows[:, 3], period=360.0)
-        self._follow(EvenPath.of(SampledPath.through(rows, smoothing)), pace)
+        self._follow(EvenPath.of(SampledPath.through(rows, smoothing)), pace, *poses)
 
-    def _follow(self, path: ToolPath, pace: ToolPace) -> None:
+    def _follow(self, path: ToolPath, pace: ToolPace, *goals: Pose) -> None:
+        """Move along a path; a goal on it that is out of reach is refused before a place on the way."""
+        for goal in goals:
+            self._solve(self._wanted(goal), self._branch(), on_path=True)
         self.composer.follow(path, pace.along(path.length_mm), self._branch())
+
+    def _straight(self, line: StraightLine, pace: ToolPace) -> None:
+        try:
+            self._follow(line, pace, line.goal)
+        except OutOfReachError:  # at a singularity the joints still can move the tool straight, such as a lift alone
+            goal = self._straight_in_joints(line)
+            if goal is None:
+                raise
+            self.composer.go_by(pace.share(line.length_mm), goal)
+
+    def _straight_in_joints(self, line: StraightLine) -> FloatArray | None:
+        """Return the joints at a line's end if the tool keeps the line when all joints move in proportion."""
+        with suppress(InputError):
+            goal = self._solve(self._wanted(line.goal), self._branch())
+            if is_straight_in_joints(self._robot, line, self.composer.joints, goal):
+                return goal
+        return None
+
+    def _wanted(self, goal: Pose) -> Pose:
+        """Return a path's goal without the attitude if that follows from the arm."""
+        return (*goal[:3], nan) if self._kinematics.attitude_follows else goal
+
+    def _turn(self, turn: Turn) -> None:
+        branch, start = self._branch(), self.composer.joints
+        x_mm, y_mm, z_mm, phi_deg = turn.start
+        goal = self._solve((x_mm, y_mm, z_mm, phi_deg + turn.angle_deg), branch)
+        if is_straight_in_joints(self._robot, turn, start, goal):  # a wrist alone, also at a singularity
+            self.go(goal, JointPace())
+        else:
+            self.composer.follow(turn, turning_law(self._robot, turn, branch, start, goal, SPEED_PERCENT), branch)
 
     # --- the robot
 
@@ -150,8 +198,11 @@ class Moves:
     def _branches(self, pose: Pose) -> tuple[Branch, ...]:
         return self._kinematics.inverse(np.array([pose]), self.composer.joints)
 
-    def _solve(self, pose: Pose, branch: str | None) -> FloatArray:
-        """Return the joints at a pose on a branch, by default on the one on which the arm is."""
+    def _solve(self, pose: Pose, branch: str | None, *, on_path: bool = False) -> FloatArray:
+        """Return the joints at a pose on a branch, by default on the one on which the arm is.
+
+        InputError for a pose out of reach names the nearest one that passes, with `on_path` on a path of the tool.
+        """
         name = branch or self._branch()
         if name not in self._kinematics.branches:
             raise unknown("branch", name, self._kinematics.branches)
@@ -159,8 +210,9 @@ class Moves:
         if not solved[name].reachable[0]:
             others = [other.name for other in solved.values() if other.reachable[0]]
             hint = f" (the branch {others[0]!r} reaches it)" if others else ""
-            place = pose_words(pose)
-            raise InputError(f"{place} is out of reach on the branch {name!r}: {solved[name].reason(0)}{hint}")
+            passing = passing_text(self._robot, pose, self.composer.joints, name, on_path=on_path)
+            reason = solved[name].reason(0)
+            raise InputError(f"{pose_words(pose)} is out of reach on the branch {name!r}: {reason}{hint}{passing}")
         return self._with_nearest_turns(solved[name].joints[0])
 
     def _branch(self) -> str:

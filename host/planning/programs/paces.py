@@ -51,6 +51,11 @@ class JointPace:
         if self.duration_s is not None and whole_ms("duration_s", self.duration_s) < 1:
             raise InputError(f"duration_s: {self.duration_s:g} s is not at least 0.001 s")
 
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The keys by which it becomes slower."""
+        return ("speed_percent",) if self.duration_s is None else ("duration_s",)
+
     def along(self, robot: Robot, way: FloatArray) -> Law:
         """Return the law with a distance of 1 for a way of shape (joints,), in mm and degrees."""
         if self.duration_s is not None:
@@ -91,6 +96,18 @@ class ToolPace:
             if not getattr(self, name) > 0:
                 raise InputError(f"{name}: {getattr(self, name):g} is not above 0")
 
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The keys by which it becomes slower."""
+        return ("speed_mm_s", "ramp_s")
+
     def along(self, length_mm: float) -> Law:
         """Return the law for a path's length."""
         return SCurve.at_speed(length_mm, self.speed_mm_s, self.ramp_s)
+
+    def share(self, length_mm: float) -> Law:
+        """Return the law for a path's length that covers a distance of 1 instead, for a move of the joints."""
+        return SCurve.at_speed(1.0, self.speed_mm_s / length_mm, self.ramp_s)
+
+
+Pace = JointPace | ToolPace

@@ -21,7 +21,7 @@ from steptwin.host.planning.programs.positions import (
     read_position,
     read_target,
 )
-from steptwin.host.planning.programs.program import AnyStep, Call, Program, Repeat
+from steptwin.host.planning.programs.program import AnyStep, Call, Program, Repeat, WrongStep
 
 SUFFIX: Final = ".toml"
 
@@ -41,7 +41,7 @@ def read_program(path: str) -> Program:
 def parse_program(text: str, findings: Findings, folder: Path = Path()) -> Program:
     """Return the program of a TOML text, without the parts that are wrong: these are added to the findings.
 
-    A file of positions that it names is looked for from `folder` on. Raises InputError only for a text that is not
+    The files that it names are looked for from `folder` on. Raises InputError only for a text that is not
     TOML.
     """
     title, robot, start = "", None, None
@@ -52,16 +52,23 @@ def parse_program(text: str, findings: Findings, folder: Path = Path()) -> Progr
         robot = table.optional("robot", table.text)
     with findings.collecting():
         start = read_target(table, "start") if "start" in table else None
-    positions = _positions(table, findings)
-    saved_for = _add_saved(positions, table, folder, findings)
+    starts = start is not None or "start" not in table
+    names = Findings()
+    positions = _positions(table, findings, names)
+    saved_for = _add_saved(positions, table, folder, names)
+    sequences = _sequences(table, findings, names)
+    findings.messages.extend(names.messages)
     program = Program(
         title=title,
         robot=robot,
         start=start,
         positions=positions,
         positions_for=saved_for,
-        sequences=_sequences(table, findings),
+        sequences=sequences,
         steps=_steps(_list(table, "step", findings), "step ", findings),
+        folder=folder,
+        starts=starts,
+        has_all_names=not names.messages,
     )
     with findings.collecting():
         table.check_keys(("title", "robot", "start", "positions_file", "positions", "sequences", "step"))
@@ -71,18 +78,20 @@ def parse_program(text: str, findings: Findings, folder: Path = Path()) -> Progr
     return program
 
 
-def _positions(table: Table, findings: Findings) -> dict[str, Position]:
-    positions: dict[str, Position] = {}
-    with findings.collecting():
+def _positions(table: Table, findings: Findings, names: Findings) -> dict[str, Position | None]:
+    """Return the positions by name, None for one that is wrong; without the names these are added to `names`."""
+    positions: dict[str, Position | None] = {}
+    with names.collecting():
         if "positions" in table:
             with table.section("positions") as named:
                 for name in named:
+                    positions[name] = None
                     with findings.collecting(f"positions.{name}: "):
                         positions[name] = read_position(Table(named.values[name], "table"))
     return positions
 
 
-def _add_saved(positions: dict[str, Position], table: Table, folder: Path, findings: Findings) -> str | None:
+def _add_saved(positions: dict[str, Position | None], table: Table, folder: Path, findings: Findings) -> str | None:
     """Add the positions of the file that a program names; return the name of the robot for which they were saved."""
     owner: str | None = None
     with findings.collecting():
@@ -96,15 +105,24 @@ def _add_saved(positions: dict[str, Position], table: Table, folder: Path, findi
     return owner
 
 
-def _sequences(table: Table, findings: Findings) -> dict[str, tuple[AnyStep, ...]]:
+def _sequences(table: Table, findings: Findings, names: Findings) -> dict[str, tuple[AnyStep, ...]]:
     sequences: dict[str, tuple[AnyStep, ...]] = {}
-    with findings.collecting():
+    with names.collecting():
         if "sequences" in table:
             with table.section("sequences") as named:
                 for name in named:
-                    elements = _list(named, name, findings)
-                    sequences[name] = _steps(elements, f"sequences.{name} step ", findings)
+                    sequences[name] = ()
+                    with findings.collecting():
+                        sequences[name] = _steps(_some(named, name), f"sequences.{name} step ", findings)
     return sequences
+
+
+def _some(table: Table, key: str) -> list[object]:
+    """Return the values of a list that has at least one."""
+    elements = table.elements(key)
+    if not elements:
+        raise InputError(f"{key}: has no steps")
+    return elements
 
 
 def _list(table: Table, key: str, findings: Findings) -> list[object]:
@@ -116,8 +134,10 @@ def _list(table: Table, key: str, findings: Findings) -> list[object]:
 def _steps(elements: Iterable[object], place: str, findings: Findings) -> tuple[AnyStep, ...]:
     made: list[AnyStep] = []
     for number, element in enumerate(elements, 1):
+        step: AnyStep = WrongStep(moves=not (isinstance(element, dict) and any(verb in element for verb in _STANDING)))
         with findings.collecting(f"{place}{number}: "):
-            made.append(_step(Table(element, "table"), f"{place}{number}.", findings))
+            step = _step(Table(element, "table"), f"{place}{number}.", findings)
+        made.append(step)
     return tuple(made)
 
 
@@ -139,7 +159,7 @@ def _repeat(table: Table, place: str, findings: Findings) -> Repeat:
     times = table.integer("repeat")
     if not 1 <= times <= _REPEAT_MAX:
         raise InputError(f"repeat: {times} is not from 1 to {_REPEAT_MAX}")
-    return Repeat(times, _steps(table.elements("steps"), place, findings))
+    return Repeat(times, _steps(_some(table, "steps"), place, findings))
 
 
 # --- the verbs
@@ -207,6 +227,9 @@ def _call(table: Table) -> AnyStep:
 
 _JOINT_PACE: Final = ("law", "speed_percent", "duration_s")
 _TOOL_PACE: Final = ("speed_mm_s", "ramp_s")
+
+_STANDING: Final = ("output", "wait", "pause")
+"""The verbs of steps in which the robot stands."""
 
 _VERBS: Final[dict[str, tuple[Callable[[Table], AnyStep], tuple[str, ...]]]] = {
     "go": (_go, _JOINT_PACE),

@@ -1,24 +1,52 @@
 """The steps of a program: each is data, says itself in words and adds itself to the moves."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import Field, dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Protocol
 
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.bad_input import whole_ms
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.motions.composer import check_timeout
 from steptwin.host.planning.paths import Smoothing
 from steptwin.host.planning.programs.moves import Moves
-from steptwin.host.planning.programs.paces import JointPace, ToolPace
+from steptwin.host.planning.programs.paces import JointPace, Pace, ToolPace
 from steptwin.host.planning.programs.positions import JointPosition, Target, ToolPosition
+
+if TYPE_CHECKING:
+    from steptwin.host.planning.programs.names import Names
+
+SWEEP_MAX_DEG: Final = 36_000.0
+"""Largest sweep of a circle: a hundred turns."""
 
 
 class Step(Protocol):
     """A step that moves, switches or waits."""
 
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+
+    @property
+    def pace(self) -> Pace | None:
+        """How fast the robot moves; None for a step in which it stands."""
+        ...
+
     def __str__(self) -> str:
         """Return the step in a few words, such as `line to tray`."""
         ...
 
+    def check(self, names: "Names") -> None:
+        """Raise InputError for the names in the step that are unknown."""
+        ...
+
     def add_to(self, moves: Moves) -> None:
         """Add the step to the moves; raise InputError if the robot cannot make it."""
+        ...
+
+    def end(self, moves: Moves) -> FloatArray | None:
+        """Return the joints after the step, of shape (joints,), as far as they are known without making it.
+
+        Raises InputError if the robot cannot be there.
+        """
         ...
 
 
@@ -32,8 +60,14 @@ class Go:
     def __str__(self) -> str:
         return f"go to {_words(self.to)}"
 
+    def check(self, names: "Names") -> None:
+        names.target(self.to)
+
     def add_to(self, moves: Moves) -> None:
         moves.go(moves.joints_at(self.to), self.pace)
+
+    def end(self, moves: Moves) -> FloatArray | None:
+        return moves.joints_at(self.to)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +80,14 @@ class Line:
     def __str__(self) -> str:
         return f"line to {_words(self.to)}"
 
+    def check(self, names: "Names") -> None:
+        names.target(self.to)
+
     def add_to(self, moves: Moves) -> None:
         moves.line(moves.pose_at(self.to), self.pace)
+
+    def end(self, moves: Moves) -> FloatArray | None:
+        return moves.joints_of(moves.pose_at(self.to))
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,13 +101,22 @@ class Arc:
     def __str__(self) -> str:
         return f"arc by {_words(self.via)} to {_words(self.to)}"
 
+    def check(self, names: "Names") -> None:
+        names.targets(self.via, self.to)
+
     def add_to(self, moves: Moves) -> None:
         moves.arc(moves.pose_at(self.via), moves.pose_at(self.to), self.pace)
+
+    def end(self, moves: Moves) -> FloatArray | None:
+        return moves.joints_of(moves.pose_at(self.to))
 
 
 @dataclass(frozen=True, slots=True)
 class Circle:
-    """Move the tool around a vertical axis, in degrees counter-clockwise; `turned` turns the tool along."""
+    """Move the tool around a vertical axis, in degrees counter-clockwise; `turned` turns the tool along.
+
+    Raises InputError for a sweep of 0 or beyond SWEEP_MAX_DEG.
+    """
 
     x_mm: float
     y_mm: float
@@ -75,11 +124,24 @@ class Circle:
     turned: bool
     pace: ToolPace
 
+    def __post_init__(self) -> None:
+        if not 0 < abs(self.sweep_deg) <= SWEEP_MAX_DEG:
+            raise InputError(
+                f"sweep_deg: {self.sweep_deg:g} deg is not a sweep of up to {SWEEP_MAX_DEG:g} deg, with a sign"
+            )
+
     def __str__(self) -> str:
         return f"circle of {self.sweep_deg:g} deg around x {self.x_mm:g}, y {self.y_mm:g}"
 
+    def check(self, names: "Names") -> None:
+        pass
+
     def add_to(self, moves: Moves) -> None:
         moves.circle(self.x_mm, self.y_mm, self.sweep_deg, self.pace, turned=self.turned)
+
+    def end(self, moves: Moves) -> FloatArray | None:
+        closed = self.sweep_deg % 360.0 == 0 and not self.turned
+        return moves.composer.joints if closed else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,8 +155,14 @@ class Through:
     def __str__(self) -> str:
         return f"through {', '.join(map(_words, self.targets))}"
 
+    def check(self, names: "Names") -> None:
+        names.targets(*self.targets)
+
     def add_to(self, moves: Moves) -> None:
         moves.through([moves.pose_at(target) for target in self.targets], self.smoothing, self.pace)
+
+    def end(self, moves: Moves) -> FloatArray | None:
+        return moves.joints_of(moves.pose_at(self.targets[-1])) if self.targets else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,8 +175,14 @@ class JointsBy:
     def __str__(self) -> str:
         return f"by {_numbers(self.joints)}"
 
+    def check(self, names: "Names") -> None:
+        names.joints(self.joints)
+
     def add_to(self, moves: Moves) -> None:
         moves.go(moves.joints_by(self.joints), self.pace)
+
+    def end(self, moves: Moves) -> FloatArray | None:
+        return moves.joints_by(self.joints)
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,8 +195,14 @@ class ToolBy:
     def __str__(self) -> str:
         return f"by {_numbers(self.coordinates)}"
 
+    def check(self, names: "Names") -> None:
+        names.turn(self.coordinates)
+
     def add_to(self, moves: Moves) -> None:
         moves.line(moves.pose_by(self.coordinates), self.pace)
+
+    def end(self, moves: Moves) -> FloatArray | None:
+        return moves.joints_of(moves.pose_by(self.coordinates))
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,39 +212,73 @@ class Output:
     name: str
     on: bool
 
+    pace: ClassVar[None] = None
+
     def __str__(self) -> str:
         return f"output {self.name} {'on' if self.on else 'off'}"
+
+    def check(self, names: "Names") -> None:
+        names.output(self.name)
 
     def add_to(self, moves: Moves) -> None:
         moves.composer.switch(self.name, on=self.on)
 
+    def end(self, moves: Moves) -> FloatArray | None:
+        return moves.composer.joints
+
 
 @dataclass(frozen=True, slots=True)
 class Wait:
-    """Stand still until a digital input has a level; a wait beyond the time-out ends the motion."""
+    """Stand still until a digital input has a level; a wait beyond the time-out ends the motion.
+
+    Raises InputError for a time-out that a wait may not have.
+    """
 
     name: str
     on: bool
     timeout_s: float
 
+    pace: ClassVar[None] = None
+
+    def __post_init__(self) -> None:
+        check_timeout(self.timeout_s)
+
     def __str__(self) -> str:
         return f"wait for {self.name} {'on' if self.on else 'off'}"
+
+    def check(self, names: "Names") -> None:
+        names.input(self.name)
 
     def add_to(self, moves: Moves) -> None:
         moves.composer.wait(self.name, on=self.on, timeout_s=self.timeout_s, place=moves.place)
 
+    def end(self, moves: Moves) -> FloatArray | None:
+        return moves.composer.joints
+
 
 @dataclass(frozen=True, slots=True)
 class Pause:
-    """Stand still for a time."""
+    """Stand still for a time in whole milliseconds; raises InputError for one that is not above 0."""
 
     duration_s: float
+
+    pace: ClassVar[None] = None
+
+    def __post_init__(self) -> None:
+        if whole_ms("pause", self.duration_s) < 1:
+            raise InputError(f"pause: {self.duration_s:g} s is not at least 0.001 s")
 
     def __str__(self) -> str:
         return f"pause of {self.duration_s:g} s"
 
+    def check(self, names: "Names") -> None:
+        pass
+
     def add_to(self, moves: Moves) -> None:
         moves.composer.pause(self.duration_s)
+
+    def end(self, moves: Moves) -> FloatArray | None:
+        return moves.composer.joints
 
 
 def _words(target: Target) -> str:

@@ -89,6 +89,7 @@ def read_file_motion(
     with prefixed(f"{path}: "):
         all_whole_ms = interpolation in (Interpolation.LINEAR, Interpolation.STOP)
         points = _points(path).joint_points(robot, elbow, all_whole_ms=all_whole_ms)
+        points.check_within(robot)
         return FileMotion.of(robot, points, interpolation, ramps_s)
 
 

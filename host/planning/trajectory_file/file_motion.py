@@ -122,8 +122,6 @@ class FileMotion:
     def _of_position(self, joint: Joint) -> str:
         positions = self.points.positions[:, self.robot.joint_names.index(joint.name)]
         lowest, highest = float(positions.min()), float(positions.max())
-        if lowest < joint.lower or highest > joint.upper:
-            return ""
         kept = (
             " (interpolate=linear does too)" if self.interpolation is Interpolation.SPLINE and not self.ramps_s else ""
         )

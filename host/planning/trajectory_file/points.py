@@ -8,12 +8,13 @@ from typing import Final
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.common.bad_input import unknown
+from steptwin.host.common.bad_input import nearest_within, outside, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.motions.sampled import check_times
 from steptwin.host.planning.paths import COORDINATES
-from steptwin.host.planning.trajectory_file.tool_points import joints_at
+from steptwin.host.planning.trajectory_file.tool_points import joints_at, point_place
 from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.kinematics.base import LIMIT_TOLERANCE
 from steptwin.host.robots.robot import Robot
 
 LONGEST_S: Final = 3600.0
@@ -129,3 +130,17 @@ class JointPoints:
     velocities: FloatArray | None
     tool_mm: FloatArray | None = None
     branch: str | None = None
+
+    def check_within(self, robot: Robot) -> None:
+        """Raise InputError for the first point outside a joint's limits, with its place, value and the nearest one."""
+        lower, upper = (np.array([getattr(joint, end) for joint in robot.joints]) for end in ("lower", "upper"))
+        beyond = (self.positions < lower - LIMIT_TOLERANCE) | (self.positions > upper + LIMIT_TOLERANCE)
+        if not beyond.any():
+            return
+        row, column = (int(index) for index in np.argwhere(beyond)[0])
+        joint, position = robot.joints[column], float(self.positions[row, column])
+        limits = (joint.lower, joint.upper, joint.unit)
+        others = int(beyond.any(axis=1).sum()) - 1
+        more = f"; {others} more {'points are' if others > 1 else 'point is'} outside limits" if others else ""
+        place = f"{point_place(self.places, row)}, {joint.name}"
+        raise InputError(f"{place}: {outside(position, *limits)}{nearest_within(position, *limits)}{more}")

@@ -13,6 +13,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.robots.joint import Joint, Unit
 from steptwin.host.robots.kinematics import Branch, Kinematics, make_kinematics, pose_words
 from steptwin.host.robots.kinematics.base import joint_constraints
+from steptwin.host.robots.nearest_pose import passing_text
 from steptwin.host.robots.robot import Robot
 
 _CIRCLE_DEG: Final = 360.0
@@ -69,24 +70,26 @@ def _first_out_of_reach(branch: Branch) -> int:
 def _broken_off(
     robot: Robot, kinematics: Kinematics, poses: FloatArray, branch: Branch, places: Sequence[str]
 ) -> InputError:
-    """Return the error for the first pose that a branch does not reach, with the one that does."""
+    """Return the error for the first pose that a branch does not reach, with the branch or the pose that does."""
     i = _first_out_of_reach(branch)
-    place = f"{_point(places, i)}: {pose_words(poses[i].tolist())}"
+    place = f"{point_place(places, i)}: {pose_words(poses[i].tolist())}"
     text = f"{place} is out of reach on the branch {branch.name!r}: {branch.reason(i)}"
     others = kinematics.inverse(poses[i : i + 1], np.array(robot.home))
     other = next((other.name for other in others if other.reachable[0] and other.name != branch.name), None)
     if other is None:
-        return InputError(text)
+        x_mm, y_mm, z_mm, phi_deg = poses[i].tolist()
+        passing = passing_text(robot, (x_mm, y_mm, z_mm, phi_deg), np.array(robot.home), branch.name)
+        return InputError(f"{text}{passing}")
     missed = _solved(robot, kinematics, poses, other)
     if missed.reachable.all():
         return InputError(f"{text}; the branch {other!r} reaches all points (elbow={other})")
     j = _first_out_of_reach(missed)
     return InputError(
-        f"{text}; the branch {other!r} reaches it, but not {_point(places, j)}: {missed.reason(j)};"
+        f"{text}; the branch {other!r} reaches it, but not {point_place(places, j)}: {missed.reason(j)};"
         " the arm would have to change the branch on the way, which takes a file of joints"
     )
 
 
-def _point(places: Sequence[str], i: int) -> str:
+def point_place(places: Sequence[str], i: int) -> str:
     """Return where a point stands in the file: `line 5`, if its time stands at `line 5, t`."""
     return places[i].partition(",")[0]

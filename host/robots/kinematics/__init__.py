@@ -1,15 +1,13 @@
 """Kinematics: tool poses from joint positions and back, a module for each kind of mechanism."""
 
-from collections.abc import Mapping
-
-from steptwin.host.robots.kinematics.base import Branch, Kinematics, geometry_of, pose_words, within_limits
+from steptwin.host.robots.kinematics.base import Branch, Kinematics, pose_words, within_limits
 from steptwin.host.robots.kinematics.hybrid import HybridArm
 from steptwin.host.robots.kinematics.kinds import kind_named
 from steptwin.host.robots.kinematics.links import Link, Role
 from steptwin.host.robots.kinematics.planar2r import Elbow, Planar2R
 from steptwin.host.robots.kinematics.scara import Scara
 from steptwin.host.robots.kinematics.slider_pair import AssemblyMode, SliderPair, WorkingMode
-from steptwin.host.robots.robot import Dimension, Robot
+from steptwin.host.robots.robot import Robot
 
 __all__ = [
     "AssemblyMode",
@@ -23,7 +21,6 @@ __all__ = [
     "Scara",
     "SliderPair",
     "WorkingMode",
-    "check_dimensions",
     "make_kinematics",
     "pose_words",
     "within_limits",
@@ -33,8 +30,3 @@ __all__ = [
 def make_kinematics(robot: Robot) -> Kinematics:
     """Return a robot's kinematics; raise InputError, with the key, if kind, dimensions or joints do not fit."""
     return kind_named(robot.kinematics).make(robot)
-
-
-def check_dimensions(kind: str, dimensions: Mapping[str, Dimension]) -> None:
-    """Raise InputError, with the key, if there is no such kind, or if these are not its dimensions."""
-    geometry_of(kind_named(kind).geometry, dimensions)

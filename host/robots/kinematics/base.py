@@ -4,17 +4,18 @@ Joints are arrays of shape (n, joints) in the robot's order, mm and degrees. Pos
 world frame: x_mm, y_mm, z_mm and the tool's attitude_deg about the vertical.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from enum import StrEnum
 from math import isnan
-from typing import Final, Protocol, TypeVar
+from typing import Any, Final, Protocol, TypeVar
 
 import numpy as np
 
 from steptwin.host.common.arrays import BoolArray, FloatArray
-from steptwin.host.common.bad_input import at_least, at_most, by, outside, prefixed
+from steptwin.host.common.bad_input import by, nearest, outside, prefixed, shortened
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.findings import Findings
 from steptwin.host.common.tables import Reading, Table
 from steptwin.host.robots.joint import Joint, Unit
 from steptwin.host.robots.kinematics.dh import DhTable
@@ -22,6 +23,9 @@ from steptwin.host.robots.kinematics.links import Link
 from steptwin.host.robots.robot import Dimension, Robot
 
 Geometry = TypeVar("Geometry")
+
+POSE_KEYS: Final = ("x_mm", "y_mm", "z_mm", "attitude_deg")
+"""The names of a pose's coordinates, in their order, in documents."""
 
 LIMIT_TOLERANCE: Final = 1e-9
 """Distance in mm or degrees by which a solution may exceed a joint's limit: the rounding errors of its computation."""
@@ -39,7 +43,6 @@ class Constraint:
         upper: upper limit.
         kept: shape (n,), true where the value is between the limits; false for NaN.
         explain: function that returns the complaint about pose i, for a quantity whose values would not help a reader.
-        adjustable: true if the limits are the keys `lower` and `upper` of a joint, which a robot file may set wider.
     """
 
     quantity: str
@@ -49,10 +52,9 @@ class Constraint:
     upper: float
     kept: BoolArray
     explain: Callable[[int], str] | None = None
-    adjustable: bool = False
 
     def complaint(self, i: int, *, of_path: bool = False) -> str:
-        """Return one line that says how pose i breaks this constraint, and what would keep it.
+        """Return one line that says how pose i breaks this constraint, and by how much.
 
         With `of_path` the poses are a path, which as a whole must keep it.
         """
@@ -60,9 +62,6 @@ class Constraint:
             return self.explain(i)
         value = float(self.values[i])
         text = f"{self.quantity} {outside(value, self.lower, self.upper, self.unit)}"
-        if self.adjustable:
-            wanted = f"lower = {at_most(value)}" if value < self.lower else f"upper = {at_least(value)}"
-            return f"{text}; {wanted} would do"
         if not self.unit:
             return text
         values = self.values if of_path else self.values[i : i + 1]
@@ -199,7 +198,7 @@ def nearest_turns(limits: tuple[Joint, ...], joints: FloatArray, near: FloatArra
 
 def _joint_constraint(joint: Joint, positions: FloatArray) -> Constraint:
     kept = (positions >= joint.lower - LIMIT_TOLERANCE) & (positions <= joint.upper + LIMIT_TOLERANCE)
-    return Constraint(f"{joint.name}:", joint.unit, positions, joint.lower, joint.upper, kept, adjustable=True)
+    return Constraint(f"{joint.name}:", joint.unit, positions, joint.lower, joint.upper, kept)
 
 
 def read_geometry(geometry: type[Geometry], robot: Robot) -> Geometry:
@@ -212,13 +211,18 @@ def geometry_of(geometry: type[Geometry], dimensions: Mapping[str, Dimension]) -
 
     The fields of the dataclass are numbers, truths and string enumerations. Those with defaults may be left out.
     """
+    with prefixed("kinematics."):
+        values = Table(dict(dimensions), "table").read(*keys_of(geometry))
+        return geometry(**{name: value for name, value in values.items() if name in dimensions})
+
+
+def keys_of(geometry: type[Any]) -> tuple[dict[str, Reading], dict[str, Reading]]:
+    """Return the keys of a mechanism's dimensions and how each is read: the required ones, and those with defaults."""
     required: dict[str, Reading] = {}
     optional: dict[str, Reading] = {}
-    for field in fields(geometry):  # type: ignore[arg-type]
+    for field in fields(geometry):
         (required if field.default is MISSING else optional)[field.name] = _reading(field.type)
-    with prefixed("kinematics."):
-        values = Table(dict(dimensions), "table").read(required, optional)
-    return geometry(**{name: value for name, value in values.items() if name in dimensions})
+    return required, optional
 
 
 def _reading(kind: object) -> Reading:
@@ -229,8 +233,34 @@ def _reading(kind: object) -> Reading:
 
 
 def require_joints(robot: Robot, expected: Mapping[str, Unit]) -> None:
-    """Raise InputError unless the robot has the mechanism's joints, by name, order and unit."""
-    if {joint.name: joint.unit for joint in robot.joints} != expected or robot.joint_names != tuple(expected):
-        given = " ".join(f"{joint.name}[{joint.unit}]" for joint in robot.joints)
-        right = " ".join(f"{name}[{unit}]" for name, unit in expected.items())
-        raise InputError(f"joints: {given}: the kinematics {robot.kinematics!r} has {right}")
+    """Raise InputError, with everything that is wrong, unless the robot has the mechanism's joints, in its order."""
+    check_names(robot.kinematics, robot.joint_names, expected)
+    findings = Findings()
+    for joint in robot.joints:
+        with findings.collecting(f"joints.{joint.name}."):
+            check_unit(joint.unit, expected[joint.name])
+    findings.raise_first()
+
+
+def check_names(kind: str, names: Sequence[str], expected: Iterable[str]) -> None:
+    """Raise InputError, with everything that is wrong, unless the joints' names are the kind's, in its order."""
+    expected = tuple(expected)
+    right, missing = " ".join(expected), [name for name in expected if name not in names]
+    messages = [_strange_text(kind, name, expected, missing) for name in names if name not in expected]
+    messages += [f"joints.{name}: is missing: the joints of this {kind!r} are {right}" for name in missing]
+    if not messages and tuple(names) != expected:
+        messages = [f"joints: {' '.join(names)} is not the order of the joints of this {kind!r}: {right}"]
+    if messages:
+        raise InputError(*messages)
+
+
+def _strange_text(kind: str, name: str, expected: Sequence[str], missing: list[str]) -> str:
+    near = missing if len(missing) == 1 else nearest(name, missing)
+    known = f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(expected)}"
+    return f"joints.{shortened(name)}: this {kind!r} has no such joint: {known}"
+
+
+def check_unit(unit: Unit, expected: Unit) -> None:
+    """Raise InputError if a joint's unit is not the kind's."""
+    if unit is not expected:
+        raise InputError(f"unit: {unit.value!r} is not the unit of this joint: it is {expected.value!r}")

@@ -4,14 +4,18 @@ Source: "Kinematic modeling and verification for a SCARA robot", ICMEMTC 2016, A
 """
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
+from steptwin.host.common.bad_input import require_positive
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.findings import check_all
+from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics.base import read_geometry
 from steptwin.host.robots.kinematics.dh import Convention, DhRow, DhTable, Parameter
 from steptwin.host.robots.kinematics.dimension import dimension
 from steptwin.host.robots.kinematics.scara import Scara
-from steptwin.host.robots.kinematics.usual_scara import Direction, Lift, ScaraGeometry, scara_of
+from steptwin.host.robots.kinematics.usual_scara import Direction, Lift, ScaraGeometry, chain, scara_of
 from steptwin.host.robots.robot import Robot
 
 _TOOLS: Final = {0.0: Direction.UP, 180.0: Direction.DOWN}
@@ -20,7 +24,7 @@ _TOOLS: Final = {0.0: Direction.UP, 180.0: Direction.DOWN}
 
 @dataclass(frozen=True, slots=True)
 class CalibrationGeometry:
-    """The dimensions; raises InputError for another twist than 180 or 0."""
+    """The dimensions; raises InputError for a link that is not longer than 0 or another twist than 180 or 0."""
 
     L1_mm: float = dimension("first link, from shoulder to elbow", 250.0)
     L2_mm: float = dimension("second link, from elbow to wrist", 350.0)
@@ -28,10 +32,16 @@ class CalibrationGeometry:
     alpha3_deg: float = dimension("twist at the wrist: 180 for a tool that points down, 0 for up", 180.0)
 
     def __post_init__(self) -> None:
+        check_all(partial(require_positive, self, "L1_mm", "L2_mm"), self._check_tool)
+
+    @property
+    def joints(self) -> dict[str, Unit]:
+        """The joints' names and units, along the chain."""
+        return chain(Lift.LAST)
+
+    def _check_tool(self) -> None:
         if self.alpha3_deg not in _TOOLS:
-            raise InputError(
-                f"kinematics.alpha3_deg: {self.alpha3_deg:g} deg is neither 180 (tool down) nor 0 (tool up)"
-            )
+            raise InputError(f"alpha3_deg: {self.alpha3_deg:g} deg is neither 180 (tool down) nor 0 (tool up)")
 
 
 def calibration_scara(robot: Robot) -> Scara:

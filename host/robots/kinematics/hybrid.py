@@ -42,7 +42,7 @@ SINGULAR: Final = 0.005
 
 @dataclass(frozen=True, slots=True)
 class HybridGeometry:
-    """The dimensions."""
+    """The dimensions; raises InputError if links and ways do not fit together."""
 
     h_mm: float = dimension("half the distance between the screws", 150.0)
     L_mm: float = dimension("the two links of the sliders", 350.0)
@@ -51,6 +51,31 @@ class HybridGeometry:
     l3_mm: float = dimension("from the platform out to the tool", 300.0)
     l4_mm: float = dimension("from the platform down to the tool", 120.0)
     z2_max_mm: float = dimension("farthest way of the platform to either side", 150.0)
+
+    def __post_init__(self) -> None:
+        reach_mm = self.sliders.reach_mm
+        if not 0 < self.z2_max_mm <= reach_mm:
+            raise InputError(f"z2_max_mm: {self.z2_max_mm:g} mm is not above 0 and up to L_mm - h_mm, {reach_mm:g} mm")
+        if not self.radius_mm > self.z2_max_mm:
+            raise InputError(
+                f"z2_max_mm: {self.z2_max_mm:g} mm takes the tool through the waist's axis,"
+                f" l2_mm + l3_mm = {self.radius_mm:g} mm away"
+            )
+
+    @property
+    def joints(self) -> dict[str, Unit]:
+        """The joints' names and units."""
+        return dict(_JOINTS)
+
+    @property
+    def sliders(self) -> SliderPair:
+        """The parallel mechanism."""
+        return SliderPair(self.h_mm, self.L_mm)
+
+    @property
+    def radius_mm(self) -> float:
+        """The tool's distance from the waist's axis with the platform in the middle."""
+        return self.l2_mm + self.l3_mm
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,19 +103,8 @@ class HybridArm:
     @classmethod
     def of(cls, robot: Robot) -> Self:
         """Return a robot's kinematics; raise InputError if its dimensions or joints are not this mechanism's."""
-        require_joints(robot, _JOINTS)
         geometry = read_geometry(HybridGeometry, robot)
-        sliders = SliderPair(geometry.h_mm, geometry.L_mm)
-        if not 0 < geometry.z2_max_mm <= sliders.reach_mm:
-            raise InputError(
-                f"kinematics.z2_max_mm: {geometry.z2_max_mm:g} mm is not above 0"
-                f" and up to L_mm - h_mm, {sliders.reach_mm:g} mm"
-            )
-        if not geometry.l2_mm + geometry.l3_mm > geometry.z2_max_mm:
-            raise InputError(
-                f"kinematics.z2_max_mm: {geometry.z2_max_mm:g} mm takes the tool through the waist's axis,"
-                f" l2_mm + l3_mm = {geometry.l2_mm + geometry.l3_mm:g} mm away"
-            )
+        require_joints(robot, geometry.joints)
         rows = (
             DhRow(0.0, 0.0, Parameter(geometry.l1_mm), Parameter(90.0, "th1")),
             DhRow(90.0, 0.0, Parameter(geometry.l2_mm, "z2"), Parameter()),
@@ -99,8 +113,8 @@ class HybridArm:
         )
         return cls(
             limits=robot.joints,
-            sliders=sliders,
-            radius_mm=geometry.l2_mm + geometry.l3_mm,
+            sliders=geometry.sliders,
+            radius_mm=geometry.radius_mm,
             height_mm=geometry.l1_mm - geometry.l4_mm,
             z2_max_mm=geometry.z2_max_mm,
             dh=DhTable(Convention.MODIFIED, rows),
@@ -218,7 +232,7 @@ class HybridArm:
     def _reach(self, z2_mm: FloatArray) -> Constraint:
         kept = np.abs(z2_mm) <= self.z2_max_mm + LIMIT_TOLERANCE
         nearest_mm, farthest_mm = self.radius_mm - self.z2_max_mm, self.radius_mm + self.z2_max_mm
-        return Constraint("out of reach: waist to tool", "mm", self.radius_mm + z2_mm, nearest_mm, farthest_mm, kept)
+        return Constraint("waist to tool", "mm", self.radius_mm + z2_mm, nearest_mm, farthest_mm, kept)
 
     def _assembly(self, z2_mm: FloatArray, mode: WorkingMode) -> Constraint:
         assembly = self.sliders.assembly_of(z2_mm, mode)

@@ -6,21 +6,31 @@ J. Mechanical & Electrical Engineering 36(12), 2019, 1320-1324, its equations co
 
 from dataclasses import dataclass
 
+from steptwin.host.common.bad_input import require_positive
+from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics.base import read_geometry
 from steptwin.host.robots.kinematics.dh import Convention, DhRow, DhTable, Parameter
 from steptwin.host.robots.kinematics.dimension import dimension
 from steptwin.host.robots.kinematics.scara import Scara
-from steptwin.host.robots.kinematics.usual_scara import Direction, Lift, ScaraGeometry, scara_of
+from steptwin.host.robots.kinematics.usual_scara import Direction, Lift, ScaraGeometry, chain, scara_of
 from steptwin.host.robots.robot import Robot
 
 
 @dataclass(frozen=True, slots=True)
 class LabGeometry:
-    """The dimensions."""
+    """The dimensions; raises InputError for a link that is not longer than 0."""
 
     a2_mm: float = dimension("first link, from shoulder to elbow", 400.0)
     a3_mm: float = dimension("second link, from elbow to wrist", 400.0)
     d5_mm: float = dimension("tip of the tool below the arm", 150.0)
+
+    def __post_init__(self) -> None:
+        require_positive(self, "a2_mm", "a3_mm")
+
+    @property
+    def joints(self) -> dict[str, Unit]:
+        """The joints' names and units, along the chain."""
+        return chain(Lift.FIRST)
 
 
 def lab_scara(robot: Robot) -> Scara:

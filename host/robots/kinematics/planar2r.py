@@ -45,7 +45,7 @@ class Planar2R:
 
     def __post_init__(self) -> None:
         if not (self.l1_mm > 0 and self.l2_mm > 0):
-            raise InputError(f"kinematics: links of {self.l1_mm:g} and {self.l2_mm:g} mm make no arm")
+            raise InputError(f"links of {self.l1_mm:g} and {self.l2_mm:g} mm make no arm")
 
     @property
     def reach_mm(self) -> tuple[float, float]:

@@ -178,7 +178,7 @@ class Scara:
 
     def _reach(self, wrist_mm: FloatArray, kept: BoolArray) -> Constraint:
         nearest_mm, farthest_mm = self.arm.reach_mm
-        return Constraint("out of reach: shoulder to wrist", "mm", wrist_mm, nearest_mm, farthest_mm, kept)
+        return Constraint("shoulder to wrist", "mm", wrist_mm, nearest_mm, farthest_mm, kept)
 
 
 def _followed(name: str, unit: str, given: FloatArray, deviations: FloatArray) -> Constraint:

@@ -48,9 +48,7 @@ class SliderPair:
 
     def __post_init__(self) -> None:
         if not 0 < self.h_mm < self.L_mm:
-            raise InputError(
-                f"kinematics.h_mm: {self.h_mm:g} mm is not above 0 and below the links' L_mm, {self.L_mm:g} mm"
-            )
+            raise InputError(f"h_mm: {self.h_mm:g} mm is not above 0 and below the links' L_mm, {self.L_mm:g} mm")
 
     @property
     def reach_mm(self) -> float:

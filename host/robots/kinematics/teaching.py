@@ -7,21 +7,31 @@ d3 >= 0 pushes downwards, as in the text; in the paper's experiment d3 is 0, so 
 
 from dataclasses import dataclass
 
+from steptwin.host.common.bad_input import require_positive
+from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics.base import read_geometry
 from steptwin.host.robots.kinematics.dh import Convention, DhRow, DhTable, Parameter
 from steptwin.host.robots.kinematics.dimension import dimension
 from steptwin.host.robots.kinematics.scara import Scara
-from steptwin.host.robots.kinematics.usual_scara import Direction, Lift, ScaraGeometry, scara_of
+from steptwin.host.robots.kinematics.usual_scara import Direction, Lift, ScaraGeometry, chain, scara_of
 from steptwin.host.robots.robot import Robot
 
 
 @dataclass(frozen=True, slots=True)
 class TeachingGeometry:
-    """The dimensions."""
+    """The dimensions; raises InputError for a link that is not longer than 0."""
 
     l1_mm: float = dimension("first link, from shoulder to elbow", 95.0)
     l2_mm: float = dimension("second link, from elbow to wrist", 100.0)
     d4_mm: float = dimension("tip of the tool above the arm, negative below it", -40.0)
+
+    def __post_init__(self) -> None:
+        require_positive(self, "l1_mm", "l2_mm")
+
+    @property
+    def joints(self) -> dict[str, Unit]:
+        """The joints' names and units, along the chain."""
+        return chain(Lift.LAST)
 
 
 def teaching_scara(robot: Robot) -> Scara:

@@ -10,9 +10,12 @@ section 3.4; a tool that points down is turned by 180 degrees about x, after whi
 
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
 from typing import Final
 
+from steptwin.host.common.bad_input import require_positive
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.findings import check_all
 from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics.base import read_geometry, require_joints
 from steptwin.host.robots.kinematics.dh import Convention, DhRow, DhTable, Parameter
@@ -39,7 +42,7 @@ class Direction(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class ScaraGeometry:
-    """The options and dimensions of a usual SCARA; raises InputError for a tool beside the axis that cannot turn."""
+    """The options and dimensions of a usual SCARA; raises InputError for dimensions that make no arm."""
 
     l1_mm: float = dimension("first link, from shoulder to elbow", 200.0)
     l2_mm: float = dimension("second link, from elbow to wrist", 150.0)
@@ -54,9 +57,12 @@ class ScaraGeometry:
     tool_mm: float = dimension("tip of the tool beside the wrist's axis, for a tool that turns", 0.0, 0.0)
 
     def __post_init__(self) -> None:
+        check_all(partial(require_positive, self, "l1_mm", "l2_mm"), self._check_tool)
+
+    def _check_tool(self) -> None:
         if self.tool_mm and not self.tool_rotation:
             raise InputError(
-                f"kinematics.tool_mm: {self.tool_mm:g} mm beside the axis of a wrist that does not turn:"
+                f"tool_mm: {self.tool_mm:g} mm beside the axis of a wrist that does not turn:"
                 f" l2_mm = {self.l2_mm + self.tool_mm:g} is the same arm"
             )
 
@@ -68,13 +74,19 @@ class ScaraGeometry:
     @property
     def joints(self) -> dict[str, Unit]:
         """The joints' names and units, along the chain."""
-        prefixes = _CHAINS[self.lift] + ["th"] * self.tool_rotation
-        units = {"d": Unit.MM, "th": Unit.DEG}
-        return {f"{prefix}{number}": units[prefix] for number, prefix in enumerate(prefixes, start=1)}
+        return chain(self.lift, tool_rotation=self.tool_rotation)
 
 
 _CHAINS: Final = {Lift.FIRST: ["d", "th", "th"], Lift.LAST: ["th", "th", "d"], Lift.NONE: ["th", "th"]}
 """The joints before the tool's, d for a lift, th for a rotary joint."""
+
+
+def chain(lift: Lift, *, tool_rotation: bool = True) -> dict[str, Unit]:
+    """Return the names and units of a SCARA's joints, along the chain."""
+    prefixes = _CHAINS[lift] + ["th"] * tool_rotation
+    units = {"d": Unit.MM, "th": Unit.DEG}
+    return {f"{prefix}{number}": units[prefix] for number, prefix in enumerate(prefixes, start=1)}
+
 
 _SIGNS: Final = {Direction.UP: 1, Direction.DOWN: -1}
 

@@ -10,6 +10,7 @@ from an arc cosine, which loses the sign of y, and has only one elbow.
 from dataclasses import dataclass
 from typing import Final
 
+from steptwin.host.common.bad_input import require_positive
 from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics.base import read_geometry, require_joints
 from steptwin.host.robots.kinematics.dh import Convention, DhRow, DhTable, Parameter
@@ -23,18 +24,26 @@ _JOINTS: Final = {"sx": Unit.MM, "sz": Unit.MM, "L1": Unit.MM, "th1": Unit.DEG, 
 
 @dataclass(frozen=True, slots=True)
 class WarehouseGeometry:
-    """The dimensions."""
+    """The dimensions; raises InputError for a link that is not longer than 0."""
 
     L2_mm: float = dimension("first link, from shoulder to elbow", 200.0)
     L3_mm: float = dimension("second link, from elbow to wrist", 150.0)
     L4_mm: float = dimension("tip of the tool below the arm", 40.0)
     L5_mm: float = dimension("tip of the tool beside the wrist's axis", 40.0)
 
+    def __post_init__(self) -> None:
+        require_positive(self, "L2_mm", "L3_mm")
+
+    @property
+    def joints(self) -> dict[str, Unit]:
+        """The joints' names and units, along the chain."""
+        return dict(_JOINTS)
+
 
 def warehouse_scara(robot: Robot) -> Scara:
     """Return a robot's kinematics; raise InputError if its dimensions or joints are not this mechanism's."""
-    require_joints(robot, _JOINTS)
     geometry = read_geometry(WarehouseGeometry, robot)
+    require_joints(robot, geometry.joints)
     rows = (
         DhRow(0.0, 0.0, Parameter(variable="sz"), Parameter(90.0)),
         DhRow(90.0, 0.0, Parameter(variable="sx"), Parameter()),  # z of this frame lies along the aisle

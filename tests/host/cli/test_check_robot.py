@@ -1,11 +1,15 @@
 """`steptwin check my-arm.toml`: everything that is wrong in a robot file, or what it amounts to."""
 
+from collections.abc import Mapping
 from importlib.resources import files
+from itertools import combinations
 from pathlib import Path
 
 import pytest
 
 from steptwin.host.cli.app import run
+from steptwin.host.common.errors import InputError
+from steptwin.host.robots import read_robot
 from tests.end_to_end.command_line import run_json
 
 TEXT = (files("steptwin.host.robots") / "teaching-scara.toml").read_text(encoding="utf-8")
@@ -43,9 +47,61 @@ def test_all_mistakes_are_named_at_once(arm: Path, capsys: pytest.CaptureFixture
         "joints.th1.ratio: is missing",
         "home.th5: key 'th5' is unknown: did you mean th4",
         "outputs.gripper.out: 9 is not from 1",
+        "joints.th1.microsteps: 4 is not one of the TB6560's",
     ):
         assert len([message for message in messages if words in message]) == 1, (words, messages)
-    assert len(messages) == 7  # the wrong microsteps stand beside a missing ratio, without which there is no joint
+    assert len(messages) == len(WRONG)
+
+
+MISTAKES = {
+    "[joints.d3]": "[joints.lift]",
+    "l1_mm = 95.0": "l1_mm = 0.0",
+    "l2_mm = 100.0": "",
+    "osc_pf = 330": "osc_pf = '330'",
+    "step_rate_max_hz = 15_000": "step_rate_max_hz = 16_000",
+    "lower = -360.0": "lower = 361.0",
+    "upper = 150.0": "uper = 150.0",
+    "microsteps = 16": "microsteps = 4",
+    "ratio = 4.0": "gear = 4.0",
+    "negative_limit = -135.0": "negative_limit = -100.0",
+    "search_speed = 45.0": "search_speed = 500.0",
+    "method = 17": "method = 1",
+    'joint = "th4", out = 1': 'joint = "th5", out = 9',
+    "th1 = 0.0": "th1 = -131.0",
+    "[home]": "[coupling.th5]\nth9 = 1.0\n[home]",
+}
+"""Mistakes of which none is about a value that another one needs."""
+
+
+def findings_of(changes: Mapping[str, str]) -> list[str]:
+    text = TEXT
+    for old, new in changes.items():
+        assert old in text, old
+        text = text.replace(old, new, 1)
+    with pytest.raises(InputError) as caught:
+        read_robot(text)
+    return sorted(caught.value.messages)
+
+
+def test_no_mistake_hides_another() -> None:
+    """Any two mistakes are found as each is alone: nothing more, and nothing less."""
+    alone = {old: findings_of({old: new}) for old, new in MISTAKES.items()}
+    for pair in combinations(MISTAKES, 2):
+        both = findings_of({old: MISTAKES[old] for old in pair})
+        expected = sorted(alone[pair[0]] + alone[pair[1]])
+        assert both == expected, pair
+
+
+def test_a_renamed_joint_is_said_to_be_missing() -> None:
+    """The tables [joints.d3.switches] and [joints.d3.homing] stay, home and outputs name d3: no complaint of these."""
+    names = "the joints of this 'teaching-scara' are th1 th2 d3 th4"
+    strange = "joints.lift: this 'teaching-scara' has no such joint: did you mean d3?"
+    expected = [f"joints.d3: is missing: {names}", strange]
+    assert findings_of({"[joints.d3]": "[joints.lift]"}) == expected
+    everywhere = TEXT.replace("joints.d3", "joints.lift").replace("\nd3 = ", "\nlift = ")
+    with pytest.raises(InputError) as caught:
+        read_robot(everywhere)
+    assert sorted(caught.value.messages) == expected
 
 
 def test_the_key_that_is_meant_is_not_called_missing(arm: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -59,7 +115,7 @@ def test_mistakes_of_several_joints_beside_impossible_dimensions(arm: Path, caps
     text = TEXT.replace("speed_max = 180.0", "speed_max = 999.0").replace("l1_mm = 95.0", "l1_mm = 0.0")
     arm.write_text(text, encoding="utf-8")
     assert run_json(capsys, "check", str(arm), exit_code=2)["findings"] == [
-        "kinematics: links of 0 and 100 mm make no arm",
+        "kinematics.l1_mm: 0 is not above 0",
         "joints.th1.speed_max: 999 deg/s takes 35.5 kHz of steps, more than the driver's 15.0 kHz;"
         " speed_max = 421.875 or microsteps = 2 would do",
         "joints.th2.speed_max: 999 deg/s takes 35.5 kHz of steps, more than the driver's 15.0 kHz;"

@@ -17,10 +17,10 @@ from tests.end_to_end.command_line import PROGRAM, refusal, run_json
 from tests.end_to_end.terminal import Terminal
 
 SCARAS = [
-    {"lift": lift, "tool_rotation": turning, "tool": tool}
-    for lift in ("first", "last", "none")
-    for turning, tool in (("true", "up"), ("false", "down"))
+    {"lift": "first", "tool_rotation": "true", "tool": "up"},
+    {"lift": "none", "tool_rotation": "false", "tool": "down"},
 ]
+"""Besides the usual SCARA: lift last, a tool that turns and points down."""
 CASES: list[tuple[str, dict[str, str]]] = [(kind, {}) for kind in KINDS] + [("scara", options) for options in SCARAS]
 
 
@@ -113,7 +113,7 @@ def test_the_help_names_the_kinds_and_their_keys(capsys: pytest.CaptureFixture[s
         (["--kind", "scara", "--set", "d3.ratio=3"], "--set d3: key 'ratio' is unknown"),
         (["--kind", "scara", "--set", "d3.microsteps=4"], "--set d3.microsteps: 4 is not one of the TB6560's"),
         (["--kind", "scara", "--set", "d3.microsteps=8.5"], "--set d3.microsteps: 8.5 is not one of the TB6560's"),
-        (["--kind", "scara", "--set", "l1_mm=-3"], "kinematics: links of -3 and 150 mm make no arm"),
+        (["--kind", "scara", "--set", "l1_mm=-3"], "--set kinematics.l1_mm: -3 is not above 0"),
         (["--kind", "scara", "--set", "d3.upper=-3"], "joints.d3.upper: -3 mm is not above lower, 0 mm"),
         (["--kind", "scara", "--set", "l1_mm"], "'l1_mm' is not of the form NAME=VALUE"),
     ],
@@ -144,13 +144,15 @@ def test_on_a_terminal_it_asks(tmp_path: Path) -> None:
     """A wrong answer is asked for again; an empty one is the usual value; what makes no robot is asked for again."""
     with Terminal([*PROGRAM, "new", "my-arm.toml", "--set", "base_mm=90"], tmp_path) as terminal:
         terminal.await_text("kind [scara]: ")
-        for answer in ("scra", "scara", "-200", "150", "nowhere", "none"):
+        for answer in ("scra", "scara", "-200", "200", "150", "nowhere", "none"):
             terminal.type(f"{answer}\n")
+        terminal.await_text("kinematics.l1_mm: -200 is not above 0")
         terminal.await_text("lift: 'nowhere' is not one of first, last, none")
-        terminal.type("\n" * 19)
-        terminal.await_text("kinematics: links of -200 and 150 mm make no arm")
-        terminal.await_text("l1_mm, first link, from shoulder to elbow [-200]: ")
-        terminal.type("200" + "\n" * 22)
+        terminal.type("\n" * 8 + "-200" + "\n" * 11)
+        terminal.await_text("joints.th1.upper: -200 deg is not above lower, -130 deg")
+        terminal.type("\n" * 11)
+        terminal.await_text("th1.upper, shoulder, belt: greatest position in deg [-200]: ")
+        terminal.type("130" + "\n" * 11)
         assert terminal.await_exit() == 0
         assert "kind 'scra' is unknown: did you mean scara" in terminal.written
         assert "base_mm," not in terminal.written

@@ -1,5 +1,6 @@
 """A board knows its robot: commands for another one are refused with both names, unless forced."""
 
+import json
 import runpy
 from pathlib import Path
 
@@ -58,6 +59,10 @@ def test_a_stop_is_never_refused(steptwin: CommandLine, session: Session, comman
     assert exit_code == 2
     assert err == f"steptwin: {FOREIGN}; lab-scara's axes were stopped, but the board may have others that move\n"
     assert "d1" in out
+    assert "position" not in out
+    exit_code, out, _ = steptwin.run(f"{command} lab-scara --json")
+    assert exit_code == 2
+    assert [axis["position"] for axis in json.loads(out)["axes"]] == [None] * 4
     states = [axis.state().name for axis in session.machine.axes]
     stopped = {"stop": "QUICK_STOP_ACTIVE", "estop": "FAULT"}[command]
     assert states == [stopped] * 4 + ["OPERATION_ENABLED"] * 2

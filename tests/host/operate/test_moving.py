@@ -197,6 +197,10 @@ def test_the_command(steptwin: CommandLine) -> None:
         ("warehouse-scara th9=1", "joint 'th9' is unknown: did you mean th"),
         ("warehouse-scara sx=far", "sx: 'far' is not a number"),
         ("warehouse-scara sx=1 --x 3", "where to? either joints, or a tool pose"),
+        (
+            "warehouse-scara sx=1 --speed 0.99",
+            "--speed 0.99: is 0.99 % of the speed; for 0.99 of it write --speed 99",
+        ),
         ("warehouse-scara sx=1 --speed 0", "--speed 0: is not above 0 and up to 100 percent"),
         ("warehouse-scara sx=1 --speed 101", "--speed 101: is not above 0 and up to 100 percent"),
         ("warehouse-scara sx=99999", "sx: 99999.0 mm is outside"),

@@ -120,7 +120,7 @@ def test_the_tool_moves_along_one_axis(board: EmbeddedBoard, session: Session, a
 
 def test_a_step_of_the_tool_that_is_refused_moves_nothing(board: EmbeddedBoard, session: Session) -> None:
     before = board.driver_positions()
-    with pytest.raises(InputError, match=r"^x \+500 mm: out of reach: .*; x \+(\S+) mm passes$") as caught:
+    with pytest.raises(InputError, match=r"^x \+500 mm: shoulder to wrist .*; x \+(\S+) mm passes$") as caught:
         step_tool(session, ToolStep({"x": 500.0}, 20.0))
     assert board.driver_positions() == before
     passing = float(str(caught.value).split()[-3])
@@ -215,6 +215,7 @@ def test_the_tool_by_the_command(steptwin: CommandLine) -> None:
         ("th1 20deg --seconds 1", "--seconds 1: is for a speed, such as 20deg/s"),
         ("th1 20deg/s --speed 5", "--speed 5: is for a step; the speed of this jog is 20"),
         ("th1 999deg/s", "th1: a speed of 999 deg/s is not above 0 and up to 120 deg/s, with a sign"),
+        ("th1 1 --speed 0.5", "--speed 0.5: is 0.5 % of the speed; for 0.5 of it write --speed 50; the least is 1"),
         ("th1 1 --speed 0", "--speed 0: is not from 1 to 100 percent"),
         ("x 5mm/s", "x: the tool is jogged by steps, such as x +1; only a joint has a speed"),
         ("x 5 --seconds 1", "x: the tool is jogged by steps, such as x +1; only a joint has a speed"),

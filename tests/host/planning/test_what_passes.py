@@ -2,16 +2,18 @@
 
 import re
 from dataclasses import replace
+from math import floor, log10
 
 import pytest
 
+from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.laws import Cubic, Trapezoid
 from steptwin.host.planning.motions.joint_move import JointMove
 from steptwin.host.planning.motions.sequence import Pause
 from steptwin.host.planning.planner import plan, plan_stretched
-from steptwin.host.planning.programs import compile_program, parse_program
+from steptwin.host.planning.programs import CompiledProgram, compile_program, parse_program
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
@@ -140,14 +142,81 @@ class TestStretches:
         assert told.endswith(f"; {first}")
         plan_stretched(ROBOT, fast, float(first.rsplit("stretch=", 1)[1].removesuffix(")")))
 
-    def test_one_percent_below_passes_for_a_step_of_a_program(self) -> None:
-        findings = Findings()
-        program = parse_program("[[step]]\ngo = { th1 = 90 }\nduration_s = 0.3\n", findings)
-        motion = compile_program(program, ROBOT, findings).trajectory
-        (told,) = findings.messages
-        factor = float(re.findall(r"; ([\d.]+) times slower passes$", told)[0])
-        plan_stretched(ROBOT, motion, factor)
-        assert "times slower" in complaint_of(lambda: plan_stretched(ROBOT, motion, factor - 0.01))
+
+class TestStepsOfPrograms:
+    """Each key of a step that a refusal names is tried at its value, which passes, and hardly faster."""
+
+    @pytest.mark.parametrize(
+        ("step", "keys"),
+        [
+            ("go = { th1 = 90 }\nduration_s = 0.3", ["duration_s"]),
+            ("go = { th1 = 90 }\nduration_s = 0.3\nlaw = 'quintic'", ["duration_s"]),
+            ("line = { x = 60 }\nspeed_mm_s = 400", ["speed_mm_s", "ramp_s"]),
+            ("line = { x = 60 }\nspeed_mm_s = 1200", ["speed_mm_s", "ramp_s"]),
+            ("circle = { x = 90, y = 110 }\nspeed_mm_s = 1e4", ["speed_mm_s"]),
+            ("by = { z = -50 }\nspeed_mm_s = 3000\nramp_s = 0.1", ["speed_mm_s"]),
+            ("repeat = 3\nsteps = [{ by = { x = -20 }, speed_mm_s = 900, ramp_s = 0.3 }]", ["speed_mm_s", "ramp_s"]),
+            (
+                "repeat = 2\nsteps = [{ line = { x = 60 }, speed_mm_s = 900, ramp_s = 0.2 }, { go = 's' }]",
+                ["speed_mm_s"],
+            ),
+        ],
+    )
+    def test_the_values_of_a_step(self, step: str, keys: list[str]) -> None:
+        (told,) = self.fast_steps(step)
+        values = self.values(told)
+        assert list(values) == keys
+        for key, value in values.items():
+            assert self.fast_steps(self.with_value(step, key, value)) == []
+            digit = 0.001 if key == "duration_s" else 10.0 ** (floor(log10(value)) - 2)
+            faster = value - digit if key in ("duration_s", "ramp_s") else value + digit
+            assert len(self.fast_steps(self.with_value(step, key, round(faster, 9)))) == 1
+
+    def test_the_percentage_where_the_driver_is_slower_than_the_joint(self) -> None:
+        slow = replace(ROBOT, board=replace(ROBOT.board, step_rate_max_hz=3000.0))
+        step = "go = { th1 = 90 }\nspeed_percent = 100"
+        (told,) = self.fast_steps(step, slow)
+        ((key, value),) = self.values(told).items()
+        assert (key, self.fast_steps(self.with_value(step, key, value), slow)) == ("speed_percent", [])
+        assert len(self.fast_steps(self.with_value(step, key, value + 0.1), slow)) == 1
+
+    def test_all_steps_with_the_values_told_make_a_plan(self) -> None:
+        """Every step that is too fast is told at once; the planner, too, names the first one and the stretch."""
+        steps = ["line = { x = 60 }\nspeed_mm_s = 400", "go = { th1 = 90 }\nduration_s = 0.3", "pause = 0.1"]
+        program = "\n[[step]]\n".join(steps)
+        told = self.fast_steps(program)
+        assert [message.split(" (")[0] for message in told] == ["step 1", "step 2"]
+        motion = self.compiled(program)
+        with pytest.raises(InputError) as caught, motion.explained():
+            plan(ROBOT, motion.trajectory)
+        assert str(caught.value).startswith(f"{told[0]}; 1 more step is too fast; or the whole program: ")
+        stretch = float(str(caught.value).rsplit("stretch=", 1)[1].removesuffix(")"))
+        plan_stretched(ROBOT, motion.trajectory, stretch)
+        with pytest.raises(InputError, match=r"^step [12] \(.* times slower passes"), motion.explained(stretch - 0.01):
+            plan_stretched(ROBOT, motion.trajectory, stretch - 0.01)
+        firsts = [next(iter(self.values(message).items())) for message in told]
+        slower = [self.with_value(step, *first) for step, first in zip(steps, firsts, strict=False)]
+        plan(ROBOT, self.compiled("\n[[step]]\n".join([*slower, steps[2]])).trajectory)
+
+    def test_a_step_that_no_value_makes_slow_enough(self) -> None:
+        slow = replace(ROBOT, board=replace(ROBOT.board, step_rate_max_hz=1.0))
+        (told,) = self.fast_steps("by = { d3 = 10 }\nduration_s = 0.1", slow)
+        assert told.endswith("; no duration_s alone passes")
+
+    def compiled(self, step: str, robot: Robot = ROBOT) -> CompiledProgram:
+        head = "start = { x = 107, y = 110, z = -40, phi = 70 }\n[positions]\ns = { x = 107 }\n[[step]]\n"
+        return compile_program(parse_program(head + step, Findings()), robot)
+
+    def fast_steps(self, step: str, robot: Robot = ROBOT) -> list[str]:
+        return list(self.compiled(step, robot).fast_steps())
+
+    def values(self, told: str) -> dict[str, float]:
+        return {key: float(value) for key, value in re.findall(r"(\w+) = ([\d.e+-]+)(?= or | passes)", told)}
+
+    def with_value(self, step: str, key: str, value: float) -> str:
+        if f"{key} = " not in step:
+            return f"{step}\n{key} = {value:.10g}"
+        return re.sub(rf"{key} = [\d.e+-]+", f"{key} = {value:.10g}", step)
 
 
 def test_a_pause_is_as_long_as_told() -> None:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from steptwin.controller.backend import Kernel
+from steptwin.host.cli.app import run
 from steptwin.host.client.waits import HOLD_MS, LEAD_MS
 from steptwin.host.common.errors import InputError, WaitTimeoutError
 from steptwin.host.operate.input_waiting import input_waits
@@ -96,7 +97,10 @@ def test_an_input_that_is_on_from_the_start(fast_kernel: Kernel) -> None:
     assert outcome.waits[0].stood_s <= (LEAD_MS + 2 * HOLD_MS) / 1000
 
 
-def test_a_time_out_ends_the_run_at_rest(fast_kernel: Kernel, tmp_path: Path) -> None:
+def test_a_time_out_ends_the_run_at_rest(
+    fast_kernel: Kernel, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The run is verified as far as it went: it ends with the standstill at the wait."""
     outcome = execute(PLAN, "waits", fast_kernel, inputs=[COMES])
     assert outcome.fault is not None
     assert outcome.fault.message == "step 4: the input part_ready was not off within 3 s"
@@ -104,8 +108,27 @@ def test_a_time_out_ends_the_run_at_rest(fast_kernel: Kernel, tmp_path: Path) ->
     assert not any(outcome.fault.codes.values())
     assert outcome.fault.joints["th1"] == pytest.approx(30.0, abs=0.02)
     assert outcome.waits[1].stood_s == pytest.approx(3.0 + LEAD_MS / 1000, abs=0.03)
+    assert [wait.timed_out for wait in outcome.waits] == [False, True]
+    assert outcome.report.passed, outcome.report.reasons
+    last = outcome.waits[1]
+    assert outcome.report.run.duration_s == pytest.approx(last.at_s + last.stood_s)
+    assert [output["changed_s"] is not None for output in outcome.to_dict()["outputs"]] == [True]
+    for axis, records in enumerate(outcome.plan.records()):
+        assert len([1 for _, frame in outcome.bus_log if frame.cob_id == 0x510 + axis]) == len(records.durations_ms)
     outcome.save(tmp_path)
-    assert not verify_folder(tmp_path).passed
+    verdict = verify_folder(tmp_path)
+    assert (verdict.passed, verdict.reasons) == (False, ())
+    assert run(["verify", str(tmp_path)]) == 3
+    printed = capsys.readouterr().out
+    assert "waits: STOPPED BY A WAIT THAT TIMED OUT\n  up to the wait every pulse is right\n" in printed
+
+
+def test_a_plan_is_cut_only_where_it_stands_at_a_point() -> None:
+    at_ms = round(1000 * MOTION.waits[0].at_s)
+    assert PLAN.until(at_ms).times_ms[-1] == at_ms
+    for end_ms in (at_ms - 200, at_ms + 1, int(PLAN.times_ms[-1]) + 1):
+        with pytest.raises(ValueError, match=rf"^the plan does not stand at a point at {end_ms} ms$"):
+            PLAN.until(end_ms)
 
 
 def test_runs_are_deterministic(fast_kernel: Kernel, outcome: Outcome) -> None:

@@ -17,7 +17,6 @@ from steptwin.host.panel.replay import Edge, MarkKind, Replay, Span
 from steptwin.host.panel.replay.lanes import POINTS_MAX
 from steptwin.host.record.folder.edges import PINS
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
-from tests.without_pictures import without_pictures
 
 SOME_PINS = ("step", "dir", "enable", "m1")
 JOINTS = ("th1", "th2", "d3", "th4")
@@ -28,7 +27,7 @@ RNG = np.random.default_rng(14)
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run of the shortest job, with three violations added that its drivers have not seen."""
     path = tmp_path_factory.mktemp("carry")
-    with without_pictures(), redirect_stdout(StringIO()), redirect_stderr(StringIO()):
+    with redirect_stdout(StringIO()), redirect_stderr(StringIO()):
         assert run(["run", "teaching-scara", "carry", "--out", str(path)]) == 0
     with np.load(path / "edges.npz") as stored:
         changed = dict(stored)

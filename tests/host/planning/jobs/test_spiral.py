@@ -113,7 +113,7 @@ def test_it_ends_with_the_last_point_at_rest() -> None:
     [
         ({"point_s": "0.0505"}, "point_s: 0.0505 s is not a whole number of milliseconds"),
         ({"z_law": "C"}, "option z_law: 'C' is unknown: there are A, B (valid: A, B)"),
-        ({"x_mm": "-800"}, "at t = 0.000 s the tool's path breaks off: out of reach: shoulder to wrist 894.4 mm"),
+        ({"x_mm": "-800"}, "at t = 0.000 s the tool's path breaks off: shoulder to wrist 894.4 mm"),
         (
             {"x_mm": "0", "y_mm": "0"},
             "at t = 0.000 s the tool's path breaks off: th3: near singular, |sin th3| 0.00 is outside 0.005..1",

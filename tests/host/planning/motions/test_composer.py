@@ -186,7 +186,7 @@ def test_an_unknown_output(robot: Robot, output: str, message: str) -> None:
 @pytest.mark.parametrize(
     ("way_mm", "words"),
     [
-        ((200.0, 0.0, 0.0), "at t = 6.{}s the tool's path breaks off: out of reach: shoulder to wrist 350."),
+        ((200.0, 0.0, 0.0), "at t = 6.{}s the tool's path breaks off: shoulder to wrist 350."),
         ((0.0, 0.0, 0.0), "a straight line of 0 mm has both ends at one place"),
     ],
 )

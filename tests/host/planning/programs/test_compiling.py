@@ -1,5 +1,7 @@
 """Compiled programs: the tool's path by forward kinematics, the table of steps, and refusals with place and joint."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from steptwin.host.common.findings import Findings
 from steptwin.host.planning.programs import CompiledProgram, compile_program, compiling, parse_program
 from steptwin.host.planning.trajectory import Wait
 from steptwin.host.robots import load_robot
+from steptwin.host.robots.kinematics import make_kinematics
 
 ROBOT = load_robot("teaching-scara")
 L1_MM, L2_MM, Z_MM = 95.0, 100.0, -40.0
@@ -106,6 +109,33 @@ def test_relative_moves_add_up() -> None:
     assert np.allclose(after - before, [0, 0, 0, 45])
 
 
+@pytest.mark.parametrize("phi_deg", [40.0, 150.0])
+def test_a_turn_on_the_spot_keeps_the_spot(phi_deg: float) -> None:
+    """The warehouse robot's gripper is turned by its rotary joint, around which the arm must follow."""
+    robot = load_robot("warehouse-scara")
+    program = compile_program(
+        parse_program(f"[[step]]\nline = {{ phi = {phi_deg} }}\nspeed_mm_s = 1", Findings()), robot
+    )
+    t_s = np.arange(0, round(1000 * program.trajectory.duration_s) + 1) / 1000
+    poses = make_kinematics(robot).forward(program.trajectory.positions(t_s))
+    assert np.abs(poses[:, :3] - poses[0, :3]).max() < 1e-9
+    assert poses[-1, 3] == pytest.approx(phi_deg)
+    assert (np.diff(poses[:, 3]) * np.sign(phi_deg - poses[0, 3]) >= 0).all()
+    assert 79.0 < max(peak.percent for peak in program.steps[0].peaks if peak.quantity != "step rate") < 80.5
+
+
+def test_a_lift_moves_straight_where_the_arm_is_stretched() -> None:
+    findings = Findings()
+    text = (
+        "start = { th2 = 0 }\n[[step]]\nby = { z = -20 }\nspeed_mm_s = 30\n[[step]]\nby = { x = -20 }\nspeed_mm_s = 30"
+    )
+    program = compile_program(parse_program(text, findings), ROBOT, findings)
+    poses = travelled(program)
+    assert np.ptp(poses[:, [0, 1, 3]], axis=0).max() == 0
+    assert np.diff(-poses[:, 2]).max() * 1000 == pytest.approx(30.0, rel=1e-3)
+    assert [message.split(" (")[0] for message in findings.messages] == ["step 2"]
+
+
 def test_go_changes_the_elbow_where_a_line_keeps_it() -> None:
     left = compiled('[[step]]\ngo = { x = 100, y = 100, branch = "left" }\nspeed_percent = 50')
     right = compiled("[[step]]\nline = { x = 100, y = 100 }\nspeed_mm_s = 30")
@@ -143,10 +173,10 @@ def test_repetitions_and_calls_are_written_out_with_their_numbers() -> None:
         "[[sequences.s]]\npause = 0.1\n[[sequences.s]]\npause = 0.2\n"
         "[[step]]\nrepeat = 2\nsteps = [{ pause = 0.3 }, { call = 's' }]\n[[step]]\ncall = 's'"
     )
-    assert [(row.number, row.from_s, round(row.duration_s, 6)) for row in program.steps] == [
-        ("1.1", 0.0, 0.3), ("1.2.1", 0.3, 0.1), ("1.2.2", 0.4, 0.2),
-        ("1.1", 0.6, 0.3), ("1.2.1", 0.9, 0.1), ("1.2.2", 1.0, 0.2),
-        ("2.1", 1.2, 0.1), ("2.2", 1.3, 0.2),
+    assert [(str(row.place), row.from_s, round(row.duration_s, 6)) for row in program.steps] == [
+        ("step 1.1, pass 1", 0.0, 0.3), ("step 1.2.1, pass 1", 0.3, 0.1), ("step 1.2.2, pass 1", 0.4, 0.2),
+        ("step 1.1, pass 2", 0.6, 0.3), ("step 1.2.1, pass 2", 0.9, 0.1), ("step 1.2.2, pass 2", 1.0, 0.2),
+        ("step 2.1", 1.2, 0.1), ("step 2.2", 1.3, 0.2),
     ]  # fmt: skip
 
 
@@ -161,8 +191,8 @@ def test_a_wait_knows_its_step() -> None:
         "[[step]]\nrepeat = 2\nsteps = [{ pause = 1 }, { wait = 'part_ready', on = false, timeout_s = 2.5 }]"
     )
     assert program.trajectory.waits == (
-        Wait("part_ready", False, 1.0, 2.5, "step 1.2"),
-        Wait("part_ready", False, 2.01, 2.5, "step 1.2"),
+        Wait("part_ready", False, 1.0, 2.5, "step 1.2, pass 1"),
+        Wait("part_ready", False, 2.01, 2.5, "step 1.2, pass 2"),
     )
     assert program.steps[1].text == "wait for part_ready off"
     told = complaint("[[step]]\nwait = 'part'\non = true\ntimeout_s = 1")
@@ -171,9 +201,14 @@ def test_a_wait_knows_its_step() -> None:
 
 def test_refusals_name_step_time_place_and_joint() -> None:
     pause = "[[step]]\npause = 1\n"
-    out = complaint(f"{pause}[[step]]\nline = {{ x = 190, y = 100 }}\nspeed_mm_s = 40")
-    assert out.startswith("step 2 (line to x 190, y 100): at t = ")
-    assert "the tool's path breaks off" in out
+    line = f"{pause}[[step]]\nline = {{{{ x = {{}}, y = {{}} }}}}\nspeed_mm_s = 40"
+    beyond = complaint(line.format(190, 100))
+    assert beyond.startswith("step 2 (line to x 190, y 100): x 190, y 100, z -40 mm, phi 80 deg is out of reach on ")
+    passing = re.findall(r"; x (\S+), y (\S+) mm passes$", beyond)[0]
+    assert compiled(line.format(*passing)).trajectory.duration_s > 1.0
+    assert "out of reach" in complaint(line.format(*(float(each) + 0.3 for each in passing)))
+    around = complaint(f"{pause}[[step]]\ncircle = {{ x = 190, y = 100 }}\nsweep_deg = -90\nspeed_mm_s = 40")
+    assert re.match(r"step 2 \(circle .*\): at t = [\d.]+ s the tool's path breaks off: ", around)
     far = complaint(f"{pause}[[step]]\ngo = {{ x = 300, y = 0 }}")
     assert far.startswith(
         "step 2 (go to x 300, y 0): x 300, y 0, z -40 mm, phi 80 deg is out of reach on the branch 'right'"
@@ -182,24 +217,95 @@ def test_refusals_name_step_time_place_and_joint() -> None:
     assert wide.startswith("step 2 (go to th1 131): th1: 130.")
 
 
-def test_a_step_that_is_too_fast_is_found_with_the_stretch_that_passes() -> None:
+def found_in(steps: str) -> list[str]:
     findings = Findings()
-    compiled("[[step]]\npause = 1\n[[step]]\ngo = { th1 = 120 }\nduration_s = 0.4", findings)
-    (fast,) = findings.messages
-    assert fast.startswith("step 2 (go to th1 120): th1: a speed of ")
-    assert fast.endswith(" times slower passes")
+    compiled(steps, findings)
+    return findings.messages
 
 
-def test_every_step_beyond_a_limit_is_found_up_to_one_that_cannot_be_made() -> None:
-    findings = Findings()
-    compiled(
-        "[[step]]\ngo = { th1 = 120 }\nduration_s = 0.4\n[[step]]\ngo = { d3 = 61 }\n"
-        "[[step]]\noutput = 'laser'\non = true\n[[step]]\ngo = { th1 = 999 }",
-        findings,
+class TestFindings:
+    def test_steps_beyond_limits_and_unknown_names_are_found_at_once(self) -> None:
+        """Names come first, speeds last; the steps of a sequence that nobody calls are looked at."""
+        found = found_in(
+            "[[sequences.unused]]\noutput = 'gripr'\non = true\n[[sequences.unused]]\ncall = 'unuse'\n"
+            "[[step]]\ngo = { th1 = 120 }\nduration_s = 0.4\n[[step]]\ngo = { d3 = 61 }\n"
+            "[[step]]\noutput = 'laser'\non = true\n[[step]]\ngo = { th1 = 999 }\n"
+            "[[step]]\nwait = 'door'\non = true\ntimeout_s = 1\n[[step]]\ngo = { th8 = 1, th9 = 1 }"
+        )
+        assert [message.split(":")[0] for message in found] == [
+            "step 3 (output laser on)",
+            "step 5 (wait for door on)",
+            "step 6 (go to th8 1, th9 1)",
+            "sequences.unused step 1 (output gripr on)",
+            "sequences.unused step 2",
+            "step 2 (go to d3 61)",
+            "step 4 (go to th1 999)",
+            "step 1 (go to th1 120)",
+        ]
+        assert found[2].endswith("th1?")
+
+    def test_what_only_follows_from_a_mistake_is_not_told(self) -> None:
+        """After step 1 the lift is outside, after step 4 nobody knows where the arm is; step 7 says it again."""
+        found = found_in(
+            "[[step]]\ngo = { d3 = 61 }\n[[step]]\noutput = 'gripper'\non = true\n[[step]]\nby = { th1 = 5 }\n"
+            "[[step]]\ngo = { x = 400 }\n[[step]]\nby = { th1 = 150 }\n[[step]]\nline = { x = 500 }\nspeed_mm_s = 9\n"
+            "[[step]]\ngo = { th1 = 0, th2 = 60, d3 = 0, th4 = 0 }\n[[step]]\nby = { th1 = 200 }"
+        )
+        assert [message.split(" (")[0] for message in found] == ["step 1", "step 4", "step 8"]
+
+    def test_a_line_that_breaks_off_ends_where_it_should_for_the_steps_after_it(self) -> None:
+        found = found_in(
+            "[[step]]\ngo = { x = 60, y = 90, z = -40, phi = 0, branch = 'left' }\n"
+            "[[step]]\nline = { x = -60, y = -90 }\nspeed_mm_s = 30\n[[step]]\nby = { d3 = 61 }"
+        )
+        assert [message.split(" (")[0] for message in found] == ["step 2", "step 3"]
+
+    @pytest.mark.parametrize(
+        ("steps", "where"),
+        [
+            ("{ by = { th1 = 300 } }, { by = { th1 = -300 } }", "step 1.1 (by th1 300, in every pass)"),
+            ("{ by = { th1 = 50 } }", "step 1.1 (by th1 50, in pass 3)"),
+            ("{ repeat = 2, steps = [{ by = { th1 = 28 } }] }", "step 1.1.1 (by th1 28, in pass 2.2)"),
+            ("{ by = { d3 = 9 }, duration_s = 0.1 }, { go = { d3 = 0 } }", "step 1.1 (by d3 9, in every pass)"),
+        ],
     )
-    assert [message.split(":")[0] for message in findings.messages] == [
-        "step 1 (go to th1 120)", "step 2 (go to d3 61)", "step 3 (output laser on)",
-    ]  # fmt: skip
+    def test_a_mistake_in_a_repetition_is_told_once(self, steps: str, where: str) -> None:
+        (message,) = found_in(f"[[step]]\nrepeat = 3\nsteps = [{steps}]")
+        assert message.startswith(f"{where}: ")
+
+    @pytest.mark.parametrize("order", [1, -1])
+    def test_sequences_call_one_another_only_so_deep(self, order: int) -> None:
+        def chain(length: int) -> str:
+            steps = [f"[[sequences.s{i}]]\ncall = 's{i + 1}'\n" for i in range(1, length)]
+            return f"{''.join(steps[::order])}[[sequences.s{length}]]\npause = 1\n[[step]]\ncall = 's1'"
+
+        assert found_in(chain(50)) == []
+        (message,) = found_in(chain(51))
+        assert message.endswith(": call: more than 50 sequences call one another in a row")
+
+    def test_a_position_outside_the_limits_at_the_start(self) -> None:
+        findings = Findings()
+        compile_program(parse_program("start = { d3 = 61 }\n[[step]]\nby = { th1 = 5 }", findings), ROBOT, findings)
+        (message,) = findings.messages
+        assert message.startswith("start: d3: 61.0 mm is outside 0..60 mm; the nearest is 60 mm")
+
+    def test_a_wrong_position_is_told_where_it_stands_and_not_where_it_is_named(self) -> None:
+        findings = Findings()
+        text = "[positions]\na = { th9 = 1 }\nb = {}\n[[step]]\ngo = 'a'\n[[step]]\ngo = 'b'\n[[step]]\ngo = 'c'"
+        compile_program(parse_program(text, findings), ROBOT, findings)
+        assert [message.split(":")[0] for message in findings.messages] == [
+            "positions.b", "position 'a'", "step 3 (go to c)",
+        ]  # fmt: skip
+
+    def test_without_its_robot_a_program_is_judged_as_far_as_it_can_be(self) -> None:
+        findings = Findings()
+        text = "robot = 'lab-scara'\n[[step]]\ngo = 'a'\n[[step]]\ngo = { th9 = 1 }\n[[step]]\ncall = 'b'"
+        compile_program(parse_program(text, Findings()), ROBOT, findings)
+        assert findings.messages == [
+            "robot: the program is for lab-scara, not for teaching-scara",
+            "step 1 (go to a): position 'a' is unknown: there are none",
+            "step 3: sequence 'b' is unknown: there are none",
+        ]
 
 
 @pytest.mark.parametrize(
@@ -208,17 +314,16 @@ def test_every_step_beyond_a_limit_is_found_up_to_one_that_cannot_be_made() -> N
         ("[[step]]\ngo = 'b'", "step 1 (go to b): position 'b' is unknown: there are none"),
         ("[[step]]\ngo = { th9 = 1 }", "step 1 (go to th9 1): joint 'th9' is unknown: did you mean th4 or th2 or th1?"),
         ("[[step]]\ncall = 's'", "step 1: sequence 's' is unknown: there are none"),
-        ("[[sequences.s]]\ncall = 's'\n[[step]]\ncall = 's'", "step 1.1: call: the sequence 's' calls itself"),
+        (
+            "[[sequences.s]]\ncall = 's'\n[[step]]\ncall = 's'",
+            "sequences.s step 1: call: the sequence 's' calls itself",
+        ),
         ("[[step]]\ngo = { x = 100, branch = 'up' }", "step 1 (go to x 100 (up)): branch 'up' is unknown"),
         (
             "[[step]]\nby = { phi = 181 }\nspeed_mm_s = 1",
             "step 1 (by phi 181): phi: 181 deg on the spot is more than half",
         ),
-        ("[[step]]\npause = 0", "step 1 (pause of 0 s): duration_s: 0 s is not above 0 s"),
-        (
-            "[[step]]\ncircle = { x = 1, y = 1 }\nspeed_mm_s = 1\nsweep_deg = 0",
-            "step 1 (circle of 0 deg around x 1, y 1)",
-        ),
+        ("[[step]]\ngo = { th1 = 20 }", "the program does not move, switch or wait"),
     ],
 )
 def test_what_a_program_cannot_be(steps: str, message: str) -> None:
@@ -229,10 +334,7 @@ def test_the_number_of_steps_is_limited(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setattr(compiling, "STEPS_MAX", 20)
     step = "[[step]]\nrepeat = {}\nsteps = [{{ repeat = 10, steps = [{{ pause = 0.001 }}] }}]"
     assert len(compiled(step.format(2)).steps) == 20
-    assert (
-        complaint(step.format(3))
-        == "step 1.1.1 (pause of 0.001 s): a program has at most 20 steps, repetitions written out"
-    )
+    assert complaint(step.format(3)) == "step 1.1.1, pass 3.1: a program has at most 20 steps, repetitions written out"
 
 
 def test_a_program_for_another_robot_is_refused() -> None:
@@ -242,7 +344,5 @@ def test_a_program_for_another_robot_is_refused() -> None:
 
 
 def test_a_first_step_that_cannot_be_made_is_the_only_finding() -> None:
-    findings = Findings()
-    compiled("[[step]]\noutput = 'laser'\non = true", findings)
-    (message,) = findings.messages
+    (message,) = found_in("[[step]]\noutput = 'laser'\non = true")
     assert message.startswith("step 1 (output laser on): ")

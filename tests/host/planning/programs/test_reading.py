@@ -123,6 +123,10 @@ def test_everything_that_is_wrong_is_found_at_once() -> None:
         ('wait = "part_ready"\ntimeout_s = 3', "on: is missing"),
         ('wait = "part_ready"\non = true', "timeout_s: is missing"),
         ('wait = "part_ready"\non = true\ntimeout = 3', "timeout: key 'timeout' is unknown: did you mean timeout_s?"),
+        ("pause = 0", "pause: 0 s is not at least 0.001 s"),
+        ("circle = { x = 1, y = 1 }\nspeed_mm_s = 1\nsweep_deg = 0", "sweep_deg: 0 deg is not a sweep of up to 36000"),
+        ('wait = "part_ready"\non = true\ntimeout_s = 3601', "timeout_s: 3601 s is not above 0 and up to 3600 s"),
+        ("repeat = 2\nsteps = []", "steps: has no steps"),
         ("pause = nan", "pause: nan is not a finite number up to 1e+09"),
     ],
 )

@@ -1,5 +1,6 @@
 """Interpolations and ramps of files, and what a refusal says of the points: each value that passes, by planning it."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -123,9 +124,12 @@ class TestALimitThatOnlyTheSplineExceeds:
         assert told.endswith("; the points themselves stay within 5..60 mm (interpolate=linear does too)")
         slower = text.replace("\n1,", "\n4,").replace("\n2,", "\n8,").replace("\n3,", "\n12,")
         assert refused_by_nobody(read(tmp_path, slower, "linear"))
-        beyond = refusal(read(tmp_path, text.replace(",60,", ",60.5,")))
-        assert beyond.startswith("d3: 60.")
-        assert "themselves" not in beyond
+        for wrong, told in (
+            ((",60,", ",60.5,"), "line 4, d3: 60.5 mm is outside 0..60 mm; the nearest is 60 mm"),
+            ((",59,", ",-1,"), "line 2, d3: -1.0 mm is outside 0..60 mm; the nearest is 0 mm; 1 more point is outside"),
+        ):
+            with pytest.raises(InputError, match=re.escape(f"points.csv: {told}")):
+                read(tmp_path, text.replace(*wrong))
 
     @pytest.mark.parametrize("stretch", [None, 1.1])
     def test_of_speed(self, stretch: float | None, tmp_path: Path) -> None:

@@ -118,7 +118,7 @@ def test_where_the_branch_would_have_to_change(tmp_path: Path) -> None:
             CSV.replace("1,150,-20", "1,250,-20"),
             None,
             "line 3: x 250, y -20, z -60 mm, phi 30 deg is out of reach on the branch 'right':"
-            " out of reach: shoulder to wrist 250.8 mm is outside 5..195 mm, by 55.8 mm",
+            " shoulder to wrist 250.8 mm is outside 5..195 mm, by 55.8 mm; x 194.3, y -15.5 mm passes",
         ),
         (CSV, "rihgt", "elbow: 'rihgt' is unknown: did you mean right?"),
         (

@@ -43,13 +43,10 @@ def test_every_limit(mechanism: Mechanism, axis: int, side: int) -> None:
         assert branch.reachable.tolist() == [reachable]
         assert within_limits(mechanism.robot.joints, joints).tolist() == [reachable]
     limits = f"{joint.lower:g}..{joint.upper:g} {joint.unit}"
-    wanted = re.fullmatch(
-        rf"{joint.name}: {limit + side * 0.1:.1f} {joint.unit} is outside {re.escape(limits)}; (\w+) = (\S+) would do",
-        str(branch.reason(0)),
+    wanted = (
+        rf"{joint.name}: {limit + side * 0.1:.1f} {joint.unit} is outside {re.escape(limits)}, by 0.1(01)? {joint.unit}"
     )
-    assert wanted is not None
-    wide = {"lower": joint.lower, "upper": joint.upper} | {wanted[1]: float(wanted[2])}
-    assert wide["lower"] <= joints[0, axis] <= wide["upper"]
+    assert re.fullmatch(wanted, str(branch.reason(0)))
 
 
 @each_mechanism
@@ -75,26 +72,26 @@ def test_within_limits(mechanism: Mechanism) -> None:
     ("name", "pose", "reason"),
     [
         ("lab-scara", (0, 800, 0, 0), None),
-        ("lab-scara", (0, 800.1, 0, 0), "out of reach: shoulder to wrist 800.1 mm is outside 0..800 mm"),
+        ("lab-scara", (0, 800.1, 0, 0), "shoulder to wrist 800.1 mm is outside 0..800 mm"),
         ("lab-scara", (0, 338.09461, 0, 0), None),
         ("lab-scara", (0, 338.0946, 0, 0), "th3: {sign}130.000001 deg is outside -130..130 deg"),
         ("warehouse-scara", (390, 0, 60, 0), None),
-        ("warehouse-scara", (390.1, 0, 60, 0), "out of reach: shoulder to wrist 350.1 mm is outside 50..350 mm"),
-        ("warehouse-scara", (89, 0, 60, 0), "out of reach: shoulder to wrist 49.0 mm is outside 50..350 mm"),
+        ("warehouse-scara", (390.1, 0, 60, 0), "shoulder to wrist 350.1 mm is outside 50..350 mm"),
+        ("warehouse-scara", (89, 0, 60, 0), "shoulder to wrist 49.0 mm is outside 50..350 mm"),
         ("teaching-scara", (195, 0, -40, 0), None),
-        ("teaching-scara", (195.1, 0, -40, 0), "out of reach: shoulder to wrist 195.1 mm is outside 5..195 mm"),
-        ("teaching-scara", (4.9, 0, -40, 0), "out of reach: shoulder to wrist 4.9 mm is outside 5..195 mm"),
+        ("teaching-scara", (195.1, 0, -40, 0), "shoulder to wrist 195.1 mm is outside 5..195 mm"),
+        ("teaching-scara", (4.9, 0, -40, 0), "shoulder to wrist 4.9 mm is outside 5..195 mm"),
         ("teaching-scara", (50.70028, 0, -40, 0), None),
         ("teaching-scara", (50.70026, 0, -40, 0), "th2: {sign}150.00001 deg is outside -150..150 deg"),
         ("calibration-scara", (600, 0, 200, 0), None),
-        ("calibration-scara", (600.1, 0, 200, 0), "out of reach: shoulder to wrist 600.1 mm is outside 100..600 mm"),
-        ("calibration-scara", (99.9, 0, 200, 0), "out of reach: shoulder to wrist 99.9 mm is outside 100..600 mm"),
+        ("calibration-scara", (600.1, 0, 200, 0), "shoulder to wrist 600.1 mm is outside 100..600 mm"),
+        ("calibration-scara", (99.9, 0, 200, 0), "shoulder to wrist 99.9 mm is outside 100..600 mm"),
         ("calibration-scara", (204.07938, 0, 200, 0), None),
         ("calibration-scara", (204.07937, 0, 200, 0), "th2: {sign}145.000002 deg is outside -145..145 deg"),
         ("hybrid-arm", (550, 0, 600, 0), None),
-        ("hybrid-arm", (550.1, 0, 600, 0), "out of reach: waist to tool 550.1 mm is outside 250..550 mm"),
+        ("hybrid-arm", (550.1, 0, 600, 0), "waist to tool 550.1 mm is outside 250..550 mm"),
         ("hybrid-arm", (250, 0, 600, 0), None),
-        ("hybrid-arm", (0, 249.9, 600, 0), "out of reach: waist to tool 249.9 mm is outside 250..550 mm"),
+        ("hybrid-arm", (0, 249.9, 600, 0), "waist to tool 249.9 mm is outside 250..550 mm"),
     ],
 )
 def test_reach(name: str, pose: tuple[float, ...], reason: str | None) -> None:
@@ -106,7 +103,7 @@ def test_reach(name: str, pose: tuple[float, ...], reason: str | None) -> None:
         assert solution.reachable.tolist() == [reason is None]
         told = str(solution.reason(0))
         if reason is not None:
-            assert re.fullmatch(rf"{re.escape(reason.format(sign=sign))}(, by [\d.]+ mm|; \w+ = \S+ would do)", told)
+            assert re.fullmatch(rf"{re.escape(reason.format(sign=sign))}, by [\d.e-]+ (mm|deg)", told)
 
 
 @pytest.mark.parametrize(
@@ -130,8 +127,8 @@ def test_a_step_by_the_distance_is_enough(name: str, radius_mm: float, inwards: 
 
     distance_mm = float(str(branch(radius_mm).reason(0)).rsplit(", by ", 1)[1].removesuffix(" mm"))
     sign = -1 if inwards else 1
-    assert not str(branch(radius_mm + sign * distance_mm).reason(0)).startswith("out of reach")
-    assert str(branch(radius_mm + sign * distance_mm / 2).reason(0)).startswith("out of reach")
+    assert not str(branch(radius_mm + sign * distance_mm).reason(0)).startswith(("shoulder to wrist", "waist to tool"))
+    assert str(branch(radius_mm + sign * distance_mm / 2).reason(0)).startswith(("shoulder to wrist", "waist to tool"))
 
 
 @each_mechanism
@@ -142,7 +139,7 @@ def test_a_pose_out_of_reach_has_no_joints(mechanism: Mechanism) -> None:
     for branch in mechanism.kinematics.inverse(poses, near=np.array(mechanism.posture)):
         assert np.isfinite(branch.joints).all(axis=1).tolist() == [True, False, True]
         assert branch.joints[0].tolist() == branch.joints[2].tolist()
-        assert str(branch.reason(1)).startswith("out of reach")
+        assert str(branch.reason(1)).startswith(("shoulder to wrist", "waist to tool"))
         assert not branch.reachable[1]
 
 

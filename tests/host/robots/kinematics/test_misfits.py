@@ -5,6 +5,7 @@ import dataclasses
 import pytest
 
 from steptwin.host.common.errors import InputError
+from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics import SliderPair, make_kinematics
 from steptwin.host.robots.robot import Robot
 from tests.host.complaints import complaint_of
@@ -47,17 +48,27 @@ def test_an_unknown_dimension(mechanism: Mechanism) -> None:
 def test_other_joints(mechanism: Mechanism) -> None:
     joints, home = mechanism.robot.joints[::-1], mechanism.robot.home[::-1]
     turned = dataclasses.replace(mechanism.robot, joints=joints, home=home)
-    given, right = (" ".join(f"{joint.name}[{joint.unit}]" for joint in some) for some in (joints, joints[::-1]))
-    assert complaint(turned) == f"joints: {given}: the kinematics {turned.kinematics!r} has {right}"
+    given, right = (" ".join(joint.name for joint in some) for some in (joints, joints[::-1]))
+    assert complaint(turned) == f"joints: {given} is not the order of the joints of this {turned.kinematics!r}: {right}"
+
+
+@each_mechanism
+def test_a_joint_of_another_unit(mechanism: Mechanism) -> None:
+    for i, joint in enumerate(mechanism.robot.joints):
+        other = next(unit for unit in Unit if unit is not joint.unit)
+        joints = list(mechanism.robot.joints)
+        joints[i] = dataclasses.replace(joint, unit=other)
+        words = f"joints.{joint.name}.unit: '{other}' is not the unit of this joint: it is '{joint.unit}'"
+        assert complaint(dataclasses.replace(mechanism.robot, joints=tuple(joints))) == words
 
 
 @pytest.mark.parametrize(
     ("mechanism", "dimensions", "words"),
     [
-        pytest.param(LAB, {"a2_mm": 0.0}, "kinematics: links of 0 and 400 mm make no arm", id="lab"),
-        pytest.param(WAREHOUSE, {"L3_mm": -1.0}, "kinematics: links of 200 and -1 mm make no arm", id="warehouse"),
-        pytest.param(TEACHING, {"l1_mm": 0.0}, "kinematics: links of 0 and 100 mm make no arm", id="teaching"),
-        pytest.param(CALIBRATION, {"L2_mm": 0.0}, "kinematics: links of 250 and 0 mm make no arm", id="calibration"),
+        pytest.param(LAB, {"a2_mm": 0.0}, "kinematics.a2_mm: 0 is not above 0", id="lab"),
+        pytest.param(WAREHOUSE, {"L3_mm": -1.0}, "kinematics.L3_mm: -1 is not above 0", id="warehouse"),
+        pytest.param(TEACHING, {"l1_mm": 0.0}, "kinematics.l1_mm: 0 is not above 0", id="teaching"),
+        pytest.param(CALIBRATION, {"L2_mm": 0.0}, "kinematics.L2_mm: 0 is not above 0", id="calibration"),
         pytest.param(
             CALIBRATION,
             {"alpha3_deg": 90.0},

@@ -253,7 +253,7 @@ class TestWithoutLift:
         ("tool", "sideways", "kinematics.tool: 'sideways' is not one of up, down"),
         ("tool_rotation", 1.0, "kinematics.tool_rotation: 1.0 is neither true nor false"),
         ("l1_mm", True, "kinematics.l1_mm: True is not a number"),
-        ("l1_mm", 0.0, "kinematics: links of 0 and 150 mm make no arm"),
+        ("l1_mm", 0.0, "kinematics.l1_mm: 0 is not above 0"),
         ("l3_mm", 1.0, "kinematics.l3_mm: key 'l3_mm' is unknown: did you mean l2_mm or l1_mm"),
     ],
 )

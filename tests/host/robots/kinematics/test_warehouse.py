@@ -25,7 +25,7 @@ def test_the_slides_stay_as_in_near() -> None:
     pose = (1275.0, 169.903810568, 560.0, 90.0)
     held = right_of(*pose, near=np.array([1000.0, 500.0, 77.0, 77.0, 77.0, 77.0]))
     assert held.joints[0] == pytest.approx([1000, 500, 100, 0, 60, 30], abs=1e-6)
-    assert str(right_of(*pose).reason(0)).startswith("out of reach")  # with the slides at 0 it is reachable
+    assert str(right_of(*pose).reason(0)).startswith("shoulder to wrist")  # with the slides at 0 it is reachable
 
 
 def test_each_pose_has_its_own_slides() -> None:
@@ -38,14 +38,14 @@ def test_each_pose_has_its_own_slides() -> None:
 def test_a_slide_held_beyond_its_limit() -> None:
     near = np.array([2001.0, 0, 100, 0, 60, 30])
     reason = right_of(2275.0, 169.903810568, 60.0, 90.0, near=near).reason(0)
-    assert reason == "sx: 2001.0 mm is outside 0..2000 mm; upper = 2001 would do"
+    assert reason == "sx: 2001.0 mm is outside 0..2000 mm, by 1 mm"
 
 
 def test_each_pose_has_its_own_reason() -> None:
     branch = WAREHOUSE.kinematics.solve(np.array([[275.0, 100, 60, 90], [500, 0, 60, 0], [275, 100, 0, 90]]), "right")
     assert branch.reachable.tolist() == [True, False, False]
     assert branch.reason(0) is None
-    assert str(branch.reason(1)).startswith("out of reach")
+    assert str(branch.reason(1)).startswith("shoulder to wrist")
     assert str(branch.reason(2)).startswith("L1")
 
 

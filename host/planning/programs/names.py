@@ -1,0 +1,165 @@
+"""Check what the steps of a program name: positions, joints, branches, outputs, inputs and sequences.
+
+Every step is looked at once, also those of sequences that nobody calls, and none is made for it: a step after a wrong
+one, or a program whose robot is wrong, is judged as well.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Final
+
+from steptwin.host.common.bad_input import unknown
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.findings import Findings, UnreadError
+from steptwin.host.planning.motions.composer import require_input, require_output
+from steptwin.host.planning.programs.positions import JointPosition, Position, Target, ToolPosition
+from steptwin.host.planning.programs.program import AnyStep, Call, Program, Repeat, WrongStep
+from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.robot import Robot
+
+CALLS_DEEP_MAX: Final = 50
+"""Number of sequences that may call one another in a row."""
+
+
+@dataclass(frozen=True, slots=True)
+class Names:
+    """What the steps of a program may name; without a robot nothing is said about what is the robot's.
+
+    Every method raises InputError for a name that is unknown, UnreadError for one whose definition is wrong.
+    """
+
+    program: Program
+    robot: Robot | None
+
+    def target(self, target: Target) -> None:
+        """Check a position, or the name of one."""
+        if not isinstance(target, str):
+            self.position(target)
+        elif self.program.positions.get(target) is None:
+            if target not in self.program.positions and self.program.has_all_names:
+                raise unknown("position", target, self.program.positions)
+            raise UnreadError
+
+    def targets(self, *targets: Target) -> None:
+        """Check several positions."""
+        for target in targets:
+            self.target(target)
+
+    def position(self, position: Position) -> None:
+        """Check the joints or the branch of a position."""
+        match position:
+            case JointPosition(joints):
+                self.joints(joints)
+            case ToolPosition(_, branch):
+                self.branch(branch)
+
+    def joints(self, names: Iterable[str]) -> None:
+        """Check names of joints."""
+        for name in names:
+            if self.robot is not None:
+                self.robot.index_of(name)
+
+    def branch(self, name: str | None) -> None:
+        """Check the name of a branch of the inverse kinematics, or None."""
+        if self.robot is not None and name is not None:
+            branches = make_kinematics(self.robot).branches
+            if name not in branches:
+                raise unknown("branch", name, branches)
+
+    def turn(self, coordinates: Iterable[str]) -> None:
+        """Check that the tool turns by itself if it is to be moved by an angle."""
+        if self.robot is not None and "phi" in coordinates and make_kinematics(self.robot).attitude_follows:
+            raise InputError(f"phi: the tool of {self.robot.name} does not turn by itself")
+
+    def output(self, name: str) -> None:
+        """Check the name of a digital output."""
+        if self.robot is not None:
+            require_output(self.robot, name)
+
+    def input(self, name: str) -> None:
+        """Check the name of a digital input."""
+        if self.robot is not None:
+            require_input(self.robot, name)
+
+
+def check_names(program: Program, robot: Robot | None, findings: Findings) -> Program:
+    """Return the program with a WrongStep for each step that names something unknown; these are the findings."""
+    return _Checking(program, robot, findings).checked()
+
+
+class _Checking:
+    def __init__(self, program: Program, robot: Robot | None, findings: Findings) -> None:
+        self._findings = findings
+        self._names = Names(program, robot)
+        self._program = self._with_checked_positions(program)
+        self._names = Names(self._program, robot)
+        self._sequences: dict[str, tuple[AnyStep, ...]] = {}
+        self._depths: dict[str, int] = {}
+        """How many sequences call one another in a row from each one on."""
+
+    def checked(self) -> Program:
+        program = self._program
+        starts = program.starts and (program.start is None or self._is_right(program.start))
+        steps = self._steps(program.steps, "step ", ())
+        for name in program.sequences:
+            self._visit(name, ())
+        return replace(program, starts=starts, steps=steps, sequences=self._sequences)
+
+    def _with_checked_positions(self, program: Program) -> Program:
+        positions: dict[str, Position | None] = {}
+        for name, position in program.positions.items():
+            positions[name] = None
+            with self._findings.collecting(f"position {name!r}: "):
+                if position is not None:
+                    self._names.position(position)
+                    positions[name] = position
+        return replace(program, positions=positions)
+
+    def _is_right(self, start: Target) -> bool:
+        with self._findings.collecting("start: "):
+            self._names.target(start)
+            return True
+        return False
+
+    def _visit(self, name: str, callers: tuple[str, ...]) -> None:
+        """Check the steps of a sequence, unless that has been done."""
+        if name not in self._sequences:
+            self._depths[name] = 1
+            steps = self._program.sequences[name]
+            self._sequences[name] = self._steps(steps, f"sequences.{name} step ", (*callers, name))
+
+    def _steps(self, steps: tuple[AnyStep, ...], place: str, callers: tuple[str, ...]) -> tuple[AnyStep, ...]:
+        return tuple(self._step(step, f"{place}{number}", callers) for number, step in enumerate(steps, 1))
+
+    def _step(self, step: AnyStep, place: str, callers: tuple[str, ...]) -> AnyStep:
+        match step:
+            case WrongStep():
+                return step
+            case Repeat(times, inner):
+                return Repeat(times, self._steps(inner, f"{place}.", callers))
+            case Call(name):
+                with self._findings.collecting(f"{place}: "):
+                    return step if self._can_call(name, callers) else WrongStep(moves=True)
+            case _:
+                with self._findings.collecting(f"{place} ({step}): "):
+                    step.check(self._names)
+                    return step
+                return WrongStep(moves=step.pace is not None)
+        return WrongStep(moves=True)
+
+    def _can_call(self, name: str, callers: tuple[str, ...]) -> bool:
+        """Return whether a sequence has steps, and check them; raise InputError for one that cannot be called here."""
+        sequences = self._program.sequences
+        if name not in sequences:
+            if self._program.has_all_names:
+                raise unknown("sequence", name, sequences)
+            return False
+        if name in callers:
+            raise InputError(f"call: the sequence {name!r} calls itself")
+        if len(callers) < CALLS_DEEP_MAX:
+            self._visit(name, callers)
+        if len(callers) + self._depths.get(name, 1) > CALLS_DEEP_MAX:
+            raise InputError(f"call: more than {CALLS_DEEP_MAX} sequences call one another in a row")
+        if callers:
+            self._depths[callers[-1]] = max(self._depths[callers[-1]], self._depths[name] + 1)
+        return bool(sequences[name])
