@@ -2,7 +2,7 @@
 
 A request enters the board at its instant, in order with the frames of other clients. Its answer is sent when the board
 has come to this instant; until then the client's next request waits. The loop takes one request a turn, whosever it is,
-so that clients that ask without pause do not delay the board.
+so that clients that ask without pause hold it up by one request at a time.
 """
 
 import socket

@@ -93,16 +93,23 @@ class Publisher:
     def snapshot(self) -> Snapshot:
         """The newest snapshot; not connected if the axes have fallen silent since."""
         latest, reports = self._latest, self._reports
-        holder, activity = self._operators.holder, latest.activity
+        holder = self._operators.holder
         latest = replace(
             latest,
             operator=holder.name if holder else None,
             emergency_stopped=self.known.emergency_stopped,
-            activity=activity if self.known.activity or (activity and activity.foreign) else None,
+            activity=self._present(latest.activity),
         )
         if latest.connected and (reports is None or reports.silent):
             return replace(latest, connected=False, why_not=_SILENT, activity=None)
         return latest
+
+    def _present(self, published: Activity | None) -> Activity | None:
+        """Return what the machine does: what was published may have ended, or something else begun since."""
+        own = self.known.activity
+        if own is None:
+            return published if published and published.foreign else None
+        return published if published and published.name == own.name else own
 
     def connected(self, session: Session, reports: Reports) -> None:
         """Publish what this session's axes report, from now on."""

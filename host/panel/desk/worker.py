@@ -103,10 +103,11 @@ class Worker:
     def take(self, command: Command) -> None:
         """Take a command to carry out next; raise RefusedError if another one waits or is carried out."""
         with self._asked_lock:
-            activity = self.activity
-            if activity is not None or self._asked is not None:
-                raise RefusedError(f"busy: {activity.name if activity else 'another command comes first'}")
+            activity, name = self.activity, ACTIONS[type(command)].title(command)
+            if activity is not None:
+                raise RefusedError(f"{name}: busy: {activity.name}")
             self._asked = command
+            self._begin(name, 0.0)
 
     @property
     def activity(self) -> Activity | None:
@@ -162,6 +163,8 @@ class Worker:
             finally:
                 self.session = None
                 self._presses.end("the connection is lost")
+                with self._asked_lock:
+                    self._asked = self._publisher.known.activity = None
 
     def _serve(self, reports: Reports) -> None:
         """Look round until the worker is closed; raise BusError when the connection is lost."""
@@ -179,9 +182,9 @@ class Worker:
         """Do what is asked for, or wait."""
         with self._asked_lock:
             command, self._asked = self._asked, None
-            if command is not None:
-                self._begin(ACTIONS[type(command)].title(command), 0.0)
-        press = self._presses.present
+            press = self._presses.present if command is None else None
+            if press is not None:
+                self._begin(f"jog {press.jog.name}", None)
         if command is not None:
             self._carry_out(session, command)
         elif press is not None:
@@ -236,7 +239,6 @@ class Worker:
             return not self._presses.holds(press)
 
         name = f"jog {wanted.name}"
-        self._begin(name, None)
         self._jogging = True
         why = f"{name}: it has failed, see the events"
         try:

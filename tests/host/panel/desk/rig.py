@@ -1,0 +1,134 @@
+"""A served board and a desk in this process: what a page asks for, without a page."""
+
+import functools
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import ParamSpec
+
+from steptwin.controller.backend import Kernel
+from steptwin.host.client.bus_link import Connection
+from steptwin.host.panel.desk import Command, DeclareHere, Desk, Jog, RefusedError, ResetFaults
+from steptwin.host.panel.desk.presses import BEAT_S
+from steptwin.host.robots import load_robot
+from steptwin.host.twin.served_board import ServedBoard
+from tests.emulator.live_rig import await_true
+from tests.end_to_end.served import explain, in_real_time
+
+_P = ParamSpec("_P")
+
+ROBOT = load_robot("calibration-scara")
+TH1, TH2 = "th1", "th2"
+ANN, BOB = "tab 1", "tab 2"
+"""Two clients; Ann operates the machine."""
+HERE = (-20.0, -50.0, 60.0, 100.0)
+"""Joint positions from which the tool can go in all directions."""
+
+
+def connection(port: int | None) -> Connection:
+    """Return the way to a board on this computer."""
+    return Connection("socketcand", None, None, "127.0.0.1", port)
+
+
+class Rig:
+    """A desk with an operator, Ann, on a machine that knows its position."""
+
+    def __init__(self, served: ServedBoard, desk: Desk) -> None:
+        self.served = served
+        self.desk = desk
+        self._press = 0
+
+    def ready(self) -> None:
+        """Bring the machine to HERE, enabled, whatever a test has left behind."""
+        desk = self.desk
+        self.idle()
+        desk.operators.take_over(ANN, "Ann")
+        if desk.snapshot.emergency_stopped or any(joint.error for joint in desk.snapshot.joints):
+            self.do(ResetFaults())
+            await_true(lambda: not desk.snapshot.emergency_stopped, "reset")
+        self.do(DeclareHere(HERE))
+        await_true(lambda: desk.snapshot.homed, "homed")
+
+    def late_ms(self) -> float:
+        """Return for how long at most this computer has held up the board or the desk."""
+        live = self.served.board.live
+        return max(live.ticks.max_ns / 1e6, live.frames.max_ns / 1e6, live.stalls.longest_ns / 1e6)
+
+    def idle(self) -> None:
+        """Wait until the desk is connected and has nothing to do."""
+        await_true(lambda: self.desk.snapshot.connected and self.desk.snapshot.activity is None, "idle")
+
+    def do(self, command: Command) -> None:
+        """Ask for a command, as Ann, and wait for its end; it must not fail."""
+        before = self.desk.events.since()[-1].number
+        self.desk.ask(ANN, command)
+        self.idle()
+        failed = [event.text for event in self.desk.events.since(before) if event.severity == "error"]
+        assert not failed
+
+    def pressed(self, jog: Jog) -> int:
+        """Press a button, as Ann, and hold it until the machine moves; return the number of the press."""
+        self._press += 1
+        self.hold(jog, lambda: not self.stands())
+        return self._press
+
+    def hold(self, jog: Jog, until: Callable[[], bool], most_s: float = 60.0) -> None:
+        """Hold the button that was pressed last until a condition, or for a time."""
+        end_s = time.monotonic() + most_s
+        while not until() and time.monotonic() < end_s:
+            self.desk.beat(ANN, self._press, jog)
+            time.sleep(BEAT_S / 2)
+
+    def stands(self) -> bool:
+        """Return whether every joint stands, by the last reports."""
+        return not any(joint.rate for joint in self.desk.snapshot.joints)
+
+    def refusal(self, command: Command, client: str = ANN) -> str:
+        """Return why a command is refused."""
+        try:
+            self.desk.ask(client, command)
+        except RefusedError as error:
+            return str(error)
+        raise AssertionError(f"{command} was not refused")
+
+    def beat_refusal(self, press: int, jog: Jog, client: str = ANN) -> str:
+        """Return why a beat is refused."""
+        try:
+            self.desk.beat(client, press, jog)
+        except RefusedError as error:
+            return str(error)
+        raise AssertionError(f"press {press} was not refused")
+
+    def told(self) -> list[str]:
+        """Return the texts of all events."""
+        return [event.text for event in self.desk.events.since()]
+
+
+@contextmanager
+def rig(kernel: Kernel) -> Iterator[Rig]:
+    """Serve a board and open a desk at it while the block runs."""
+    with ServedBoard(ROBOT, port=0, kernel=kernel, stand_at=list(HERE)) as served:
+        desk = Desk(connection(served.port), ROBOT)
+        try:
+            made = Rig(served, desk)
+            await_true(lambda: desk.snapshot.connected, "connected")
+            yield made
+        finally:
+            desk.close()
+
+
+def in_time(test: Callable[_P, None]) -> Callable[_P, None]:
+    """Repeat a test that has the Rig as `shared` and fails while this computer is too slow for real time."""
+
+    @functools.wraps(test)
+    def explained(*args: _P.args, **kwargs: _P.kwargs) -> None:
+        shared = kwargs["shared"]
+        assert isinstance(shared, Rig)
+        try:
+            shared.ready()
+            test(*args, **kwargs)
+        except Exception as error:
+            explain(error, shared.late_ms())
+            raise
+
+    return in_real_time(explained)

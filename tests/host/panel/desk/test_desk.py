@@ -1,0 +1,260 @@
+"""The desk on a served board: who may move it, what ends a jog, what stops at once, and what comes back by itself."""
+
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+
+import numpy as np
+import pytest
+
+from steptwin.controller.backend import Kernel
+from steptwin.host.panel.desk import (
+    Command,
+    Desk,
+    Disable,
+    Enable,
+    HomeAll,
+    HomeJoint,
+    JointJog,
+    MoveJoints,
+    MoveTool,
+    RefusedError,
+    ResetFaults,
+    RunMotion,
+    StepJoint,
+    StepTool,
+    SwitchOutput,
+    ToolJog,
+    WriteSettings,
+    presses,
+    reports,
+)
+from steptwin.host.panel.desk.commands import AGE_MAX_S, DeclareHere
+from steptwin.host.panel.desk.presses import EXPIRED, RELEASED
+from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.planner import plan
+from steptwin.host.planning.programs.positions import ToolPosition
+from tests.emulator.live_rig import await_true
+from tests.host.panel.desk.rig import ANN, BOB, HERE, ROBOT, TH1, TH2, Rig, in_time, rig
+
+JOG = JointJog(TH1, 10.0)
+TOOL_JOG = ToolJog("x", -20.0)
+
+
+@pytest.fixture(scope="module")
+def shared(fast_kernel: Kernel) -> Iterator[Rig]:
+    """Make a rig that a busy computer does not disturb: presses and reports may be late."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(presses, "LEASE_S", 1.0)
+        patch.setattr(reports, "SILENT_S", 5.0)
+        with rig(fast_kernel) as made:
+            yield made
+
+
+def demo(desk: Desk) -> RunMotion:
+    return RunMotion(plan(desk.robot, make_job(desk.robot, "demo")), "demo", approach=True)
+
+
+def positions(desk: Desk) -> list[float]:
+    return [joint.position for joint in desk.snapshot.joints]
+
+
+def settled(it: Rig) -> list[float]:
+    """Wait until the machine stands with nothing to do; return where, which a tenth of a second later is the same."""
+    it.idle()
+    await_true(it.stands, "standstill")
+    here = positions(it.desk)
+    time.sleep(0.1)
+    assert positions(it.desk) == here
+    return here
+
+
+# --- jogs
+
+
+@in_time
+def test_a_page_that_falls_silent_ends_its_jog_for_ever(shared: Rig) -> None:
+    press = shared.pressed(JOG)
+    settled(shared)
+    assert shared.beat_refusal(press, JOG) == EXPIRED
+    settled(shared)
+
+
+@pytest.mark.parametrize("jog", [JOG, TOOL_JOG], ids=["joint", "tool"])
+@in_time
+def test_a_released_button_ends_its_jog_for_ever(shared: Rig, jog: JointJog | ToolJog) -> None:
+    desk, start = shared.desk, np.array(list((shared.desk.snapshot.pose or {}).values()))
+    press = shared.pressed(jog)
+    desk.release(ANN, press)
+    settled(shared)
+    assert shared.beat_refusal(press, jog) == RELEASED
+    way = np.array(list((desk.snapshot.pose or {}).values())) - start
+    if isinstance(jog, ToolJog):
+        assert way[0] < 0
+        assert np.abs(way[1:3]).max() < 0.3  # half steps of the joints
+    desk.release(ANN, shared.pressed(jog))
+    settled(shared)
+
+
+@in_time
+def test_a_jog_ends_where_the_travel_ends(shared: Rig) -> None:
+    upper = ROBOT.joint(TH1).upper
+    shared.do(DeclareHere((upper - 0.5, *HERE[1:])))
+    await_true(lambda: positions(shared.desk)[0] > upper - 1.0, "declared")
+    press = shared.pressed(JOG)
+    with pytest.raises(RefusedError, match=r"^jog th1: at the end of its travel$"):
+        shared.hold(JOG, lambda: False)
+    assert settled(shared)[0] == pytest.approx(upper, abs=0.1)
+    assert shared.beat_refusal(press, JOG) == "jog th1: at the end of its travel"
+
+
+@in_time
+def test_who_takes_over_ends_the_jog(shared: Rig) -> None:
+    desk = shared.desk
+    press = shared.pressed(JOG)
+    with pytest.raises(RefusedError, match=r"^Ann operates the machine"):
+        desk.operators.take(BOB, "Bob")
+    desk.operators.take_over(BOB, "Bob")
+    settled(shared)
+    assert shared.beat_refusal(press, JOG).startswith("Bob operates the machine")
+    assert shared.refusal(Enable()).startswith("Bob operates the machine")
+    assert desk.snapshot.operator == "Bob"
+    desk.gone(BOB)
+    assert shared.refusal(Enable()).startswith("nobody operates the machine")
+
+
+# --- stops
+
+ACTIVITIES: dict[str, Callable[[Rig], object]] = {
+    "nothing": lambda it: it.do(Enable()),
+    "a jog": lambda it: it.pressed(JOG),
+    "a jog of the tool": lambda it: it.pressed(TOOL_JOG),
+    "a move": lambda it: it.desk.ask(ANN, MoveJoints({TH1: HERE[0] + 60.0})),
+    "a homing": lambda it: it.desk.ask(ANN, HomeAll(together=True)),
+    "a run": lambda it: it.desk.ask(ANN, demo(it.desk)),
+}
+
+
+@pytest.mark.parametrize("activity", ACTIVITIES)
+@in_time
+def test_anybody_stops_everything_at_once_until_the_reset(shared: Rig, activity: str) -> None:
+    desk = shared.desk
+    ACTIVITIES[activity](shared)
+    await_true(lambda: activity == "nothing" or not shared.stands(), "motion")
+    desk.emergency_stop("Bob")
+    assert desk.snapshot.emergency_stopped
+    await_true(lambda: all(joint.drive_state == "FAULT" for joint in desk.snapshot.joints), "held")
+    here = settled(shared)
+    for command in (Enable(), StepJoint(TH1, 1.0), demo(desk), DeclareHere(HERE)):
+        assert "held by an emergency stop" in shared.refusal(command)
+    assert "held by an emergency stop" in shared.beat_refusal(1 << 40, JOG)
+    shared.do(ResetFaults())
+    await_true(lambda: not desk.snapshot.emergency_stopped, "reset")
+    assert positions(desk) == here
+    assert [joint.state for joint in desk.snapshot.joints] == ["off"] * len(here)
+    shared.do(Enable())
+    assert "emergency stop by Bob" in shared.told()
+
+
+@in_time
+def test_anybody_pauses_and_stops_a_run_and_the_operator_resumes_it(shared: Rig) -> None:
+    desk = shared.desk
+    with pytest.raises(RefusedError, match=r"^nothing to pause"):
+        desk.pause()
+    desk.ask(ANN, demo(desk))
+    await_true(lambda: bool(desk.snapshot.activity and desk.snapshot.activity.pausable), "run")
+    desk.pause("Bob")
+    await_true(lambda: bool(desk.snapshot.activity and desk.snapshot.activity.paused), "paused")
+    assert shared.refusal(Enable()) == "enable: busy: demo"
+    assert shared.beat_refusal(1 << 40, JOG) == "jog th1: busy: demo"
+    with pytest.raises(RefusedError, match=r"^Ann operates the machine"):
+        desk.resume(BOB)
+    desk.resume(ANN)
+    shared.idle()
+    done = desk.results[-1]
+    assert (done.name, done.passed, done.why) == ("demo", True, None)
+    assert done.outcome
+    assert all(axis.passed for axis in done.outcome.axes)
+    assert done.started_s
+    samples = done.samples
+    assert samples.t_s[0] < done.started_s < samples.t_s[-1]
+    assert np.ptp(samples.positions, axis=0).max() > 1.0
+    assert np.nanmax(np.abs(samples.rates)) > 1.0
+
+    desk.ask(ANN, demo(desk))
+    await_true(lambda: not shared.stands(), "motion")
+    desk.stop("Bob")
+    settled(shared)
+    assert (desk.results[-1].passed, desk.results[-1].why) == (None, "stopped")
+    await_true(lambda: {joint.drive_state for joint in desk.snapshot.joints} == {"QUICK STOP ACTIVE"}, "stopped")
+    assert not desk.snapshot.emergency_stopped
+    shared.do(StepJoint(TH1, 1.0))
+
+
+# --- commands
+
+
+def has_settings(desk: Desk, wanted: dict[str, float]) -> bool:
+    return wanted.items() <= {setting.key: setting.value for setting in desk.settings}.items()
+
+
+@in_time
+def test_commands_do_what_they_say(shared: Rig) -> None:
+    desk = shared.desk
+    shared.do(StepJoint(TH1, 2.0))
+    assert settled(shared)[0] == pytest.approx(HERE[0] + 2.0, abs=0.1)
+    pose = desk.snapshot.pose
+    assert pose
+    shared.do(StepTool({"x": -5.0}))
+    settled(shared)
+    assert (desk.snapshot.pose or {})["x_mm"] == pytest.approx(pose["x_mm"] - 5.0, abs=0.3)
+    shared.do(MoveJoints({TH2: HERE[1] + 3.0}, 50.0))
+    assert settled(shared)[1] == pytest.approx(HERE[1] + 3.0, abs=0.1)
+    target = {"x": pose["x_mm"], "y": pose["y_mm"]}
+    shared.do(MoveTool(ToolPosition(target)))
+    settled(shared)
+    assert (desk.snapshot.pose or {})["x_mm"] == pytest.approx(pose["x_mm"], abs=0.3)
+    for limit, percent in ((1.0, 50.0), (ROBOT.joint(TH1).upper, 100.0)):
+        wanted = {"th1.upper": limit, "th1.torque": percent, "supply_max": 30.0}
+        shared.do(WriteSettings(wanted))
+        await_true(partial(has_settings, desk, wanted), "settings")
+        assert desk.robot.joint(TH1).upper == limit
+        if limit == 1.0:
+            assert shared.refusal(MoveJoints({TH1: limit + 1.0})).startswith("th1: 2.0 deg is outside ")
+            wide = plan(ROBOT, make_job(ROBOT, "demo"))
+            assert shared.refusal(RunMotion(wide, "demo")).startswith("demo: was planned for other limits")
+    shared.do(Disable())
+    await_true(lambda: all(joint.state == "off" for joint in desk.snapshot.joints), "off")
+    assert desk.snapshot.simulated
+
+
+REFUSALS: dict[str, tuple[Callable[[], Command], str]] = {
+    "joint": (lambda: StepJoint("th9", 1.0), "joint 'th9' is unknown"),
+    "distance": (lambda: StepJoint(TH1, 0.0), "th1: a step of 0 deg is not above 0"),
+    "speed": (lambda: MoveJoints({TH1: 0.0}, 101.0), "speed: 101 is not above 0 and up to 100 percent"),
+    "goal": (lambda: MoveJoints({TH1: 1e3}), "th1: 1000.0 deg is outside "),
+    "no goal": (lambda: MoveJoints({}), "move: names no joint"),
+    "homing": (lambda: HomeJoint("th9"), "joint 'th9' is unknown"),
+    "place": (lambda: DeclareHere((0.0,)), "1 positions for the 4 joints"),
+    "output": (lambda: SwitchOutput("laser", True), "output of calibration-scara 'laser' is unknown"),
+    "setting": (lambda: WriteSettings({"th1.mass": 1.0}), "setting 'mass' is unknown"),
+    "value": (lambda: WriteSettings({"th1.torque": 60.0}), "torque: 60 % is not one of 20, 50, 75, 100 %"),
+    "looser": (lambda: WriteSettings({"th1.upper": 1e3}), "th1.upper: 1000.0 deg is outside "),
+}
+
+
+@pytest.mark.parametrize("what", REFUSALS)
+def test_wrong_commands_are_refused_at_once(shared: Rig, what: str) -> None:
+    shared.desk.operators.take_over(ANN, "Ann")
+    shared.idle()
+    command, why = REFUSALS[what]
+    assert shared.refusal(command()).startswith(why)
+
+
+@in_time
+def test_what_is_too_old_is_dropped(shared: Rig) -> None:
+    assert shared.refusal(Enable(asked_s=time.monotonic() - AGE_MAX_S)).startswith(
+        "the command is 1.0 s old, more than"
+    )
+    shared.desk.ask(ANN, Enable(asked_s=time.monotonic() - AGE_MAX_S / 2))
+    shared.idle()

@@ -1,0 +1,106 @@
+"""The desk's parts without a machine: stops, operators, events, history, words."""
+
+import numpy as np
+import pytest
+
+from steptwin.host.panel.desk.events import EVENTS_MAX, EventLog, Severity
+from steptwin.host.panel.desk.history import History
+from steptwin.host.panel.desk.operators import Operators
+from steptwin.host.panel.desk.refused import RefusedError
+from steptwin.host.panel.desk.stops import Stop, StopAskedError, StopRequests
+from steptwin.host.panel.desk.words import ERRORS, STATES, error_words
+from steptwin.protocol.cia402 import ErrorCode, State
+
+
+def raised(stops: StopRequests) -> bool:
+    try:
+        with stops.sending():
+            return False
+    except StopAskedError:
+        return True
+
+
+def test_a_stop_ends_the_work_once_and_lets_the_worker_stop() -> None:
+    stops = StopRequests()
+    assert not raised(stops)
+    stops.ask(Stop.STOP)
+    assert [raised(stops) for _ in range(3)] == [True, False, False]
+    assert stops.answer() is Stop.STOP
+    stops.done(Stop.STOP)
+    assert (int(stops.asked), raised(stops)) == (Stop.NONE, False)
+
+
+def test_an_emergency_stop_ends_a_stop_too_and_is_not_lost() -> None:
+    stops = StopRequests()
+    stops.ask(Stop.STOP)
+    assert raised(stops)
+    stops.ask(Stop.EMERGENCY)
+    stops.ask(Stop.STOP)
+    assert [raised(stops), raised(stops)] == [True, False]
+    stops.done(Stop.STOP)
+    assert stops.answer() is Stop.EMERGENCY
+    assert int(stops.asked) == Stop.EMERGENCY  # until it is made
+    stops.done(Stop.EMERGENCY)
+    assert int(stops.asked) == Stop.NONE
+
+
+def test_one_client_operates() -> None:
+    lost: list[bool] = []
+    events = EventLog()
+    operators = Operators(events, lambda: lost.append(True))
+    with pytest.raises(RefusedError, match=r"^nobody operates the machine"):
+        operators.require("a")
+    operators.take("a", "Ann")
+    operators.take("a", "Ann")
+    operators.require("a")
+    with pytest.raises(RefusedError, match=r"^Ann operates the machine"):
+        operators.take("b", "Bob")
+    with pytest.raises(RefusedError, match=r"^Ann operates the machine"):
+        operators.require("b")
+    operators.give_up("b")
+    assert operators.is_operator("a")
+    assert not lost
+    operators.take_over("b", "Bob")
+    assert (operators.is_operator("a"), operators.is_operator("b"), len(lost)) == (False, True, 1)
+    operators.give_up("b")
+    assert (operators.holder, len(lost)) == (None, 2)
+    told = ["Ann operates the machine", "Bob takes over from Ann", "Bob no longer operates the machine"]
+    assert [event.text for event in events.since()] == told
+
+
+def test_events_stay_until_they_are_cleared() -> None:
+    events = EventLog(lambda: 12.5)
+    events.info("a")
+    events.error("b")
+    assert [(event.number, event.wall_s, event.severity, event.text) for event in events.since(1)] == [
+        (2, 12.5, Severity.ERROR, "b")
+    ]
+    events.clear()
+    assert events.since() == ()
+    for _ in range(EVENTS_MAX + 3):
+        events.warning("c")
+    assert len(events.since()) == EVENTS_MAX
+    assert events.since()[-1].number == EVENTS_MAX + 5
+
+
+@pytest.mark.parametrize("count", [0, 3, 5, 12])
+def test_the_history_keeps_the_last_samples(count: int) -> None:
+    history = History(2, samples_max=5)
+    for i in range(count):
+        history.add(float(i), np.array([i, 10.0 * i]), np.array([1.0, 2.0]), np.array([np.nan, 0.5]))
+    kept = list(range(max(0, count - 5), count))
+    samples = history.since()
+    assert samples.t_s.tolist() == kept
+    assert samples.positions.tolist() == [[i, 10.0 * i] for i in kept]
+    assert samples.rates.tolist() == [[1.0, 2.0]] * len(kept)
+    assert samples.following_errors[:, 1].tolist() == [0.5] * len(kept)
+    assert history.since(count - 2.0).t_s.tolist() == kept[-1:]
+
+
+def test_every_state_and_error_has_words() -> None:
+    """Without the standards' own terms."""
+    assert set(STATES) == set(State)
+    assert set(ERRORS) == set(ErrorCode)
+    assert error_words(0x1234) == "unknown error 0x1234"
+    for text in (*STATES.values(), *ERRORS.values()):
+        assert not {"pdo", "sync", "pvt", "sdo", "emcy", "can", "nmt"} & set(text.lower().split())
