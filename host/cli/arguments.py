@@ -34,6 +34,27 @@ DriverProfileName = Annotated[
     ),
 ]
 
+DipMicrosteps = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--dip-microsteps",
+        metavar="JOINT=N",
+        help="Set the switches M1 and M2 of a joint's driver module to other microsteps than the robot file's;"
+        " repeatable.",
+    ),
+]
+
+
+def dip_settings(texts: list[str] | None) -> dict[str, int] | None:
+    """Return the microsteps by joint that --dip-microsteps gives; None without it."""
+    if texts is None:
+        return None
+    settings = name_value_pairs(texts)
+    for name, text in settings.items():
+        if not (text.isascii() and text.isdecimal()):
+            raise InputError(f"--dip-microsteps {name}={text}: {text!r} is not a whole number")
+    return {name: int(text) for name, text in settings.items()}
+
 
 def robot_and_rest(words: list[str], robot_file: str | None) -> "tuple[Robot, list[str]]":
     """Return the robot of a command line and the words after it: without a file, the first word names the robot.

@@ -3,7 +3,7 @@
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from steptwin.host.cli.output import print_json, print_table
+from steptwin.host.cli.output import fixed, print_json, print_table
 
 if TYPE_CHECKING:
     from steptwin.host.operate.recovering import AxisState
@@ -20,7 +20,7 @@ def print_axis_states(
         return
     columns = ["axis", "state", "known", "position"][: None if positions else 2]
     rows = [
-        [state.name, state.state, "yes" if state.position_known else "no", f"{state.position:z.4f}"][: len(columns)]
+        [state.name, state.state, "yes" if state.position_known else "no", fixed(state.position)][: len(columns)]
         for state in states
     ]
     print_table(columns, rows, text_columns=min(3, len(columns)))

@@ -6,7 +6,7 @@ import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, joint_values, robot_and_rest
-from steptwin.host.cli.output import print_json, say
+from steptwin.host.cli.output import fixed, print_json, say
 from steptwin.host.common.errors import InputError
 
 
@@ -42,4 +42,5 @@ def fk(
     if as_json:
         print_json(document)
     else:
-        say("x {:.6f} mm, y {:.6f} mm, z {:.6f} mm, attitude {:.6f} deg".format(*pose))
+        x, y, z, attitude = (fixed(value, 6) for value in pose.tolist())
+        say(f"x {x} mm, y {y} mm, z {z} mm, attitude {attitude} deg")

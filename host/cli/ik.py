@@ -7,7 +7,7 @@ import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, finite_number, joint_values, one_robot
-from steptwin.host.cli.output import print_json, print_table, say
+from steptwin.host.cli.output import fixed, print_json, print_table, say
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
@@ -97,8 +97,8 @@ def _pose_document(pose: "Pose") -> dict[str, float | None]:
 
 
 def _figure(value: float) -> str:
-    """Return four decimals, without a negative zero; a dash where no joint position reaches the pose."""
-    return f"{round(value, 4) + 0.0:.4f}" if isfinite(value) else "-"
+    """Return four decimals; a dash where no joint position reaches the pose."""
+    return fixed(value) if isfinite(value) else "-"
 
 
 def _finite(value: float) -> float | None:

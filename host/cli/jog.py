@@ -10,7 +10,7 @@ from steptwin.host.cli.arguments import AsJson, RobotFile, check_percent, finite
 from steptwin.host.cli.connection import Bitrate, Channel, Connect, Force, Interface, opened_session
 from steptwin.host.cli.moved import print_moved
 from steptwin.host.cli.option_names import naming_options
-from steptwin.host.cli.output import print_json, say
+from steptwin.host.cli.output import fixed, print_json, say
 from steptwin.host.cli.progress import progress_bar
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
@@ -152,4 +152,4 @@ def _print_jogged(robot: "Robot", jogged: "Jogged", *, as_json: bool) -> None:
         return
     unit = robot.joint(jogged.joint).unit
     at_limit = ", at the end of its travel" if jogged.at_limit else ""
-    say(f"{jogged.joint}: from {jogged.start:.4f} to {jogged.end:.4f} {unit}{at_limit}")
+    say(f"{jogged.joint}: from {fixed(jogged.start)} to {fixed(jogged.end)} {unit}{at_limit}")

@@ -6,7 +6,7 @@ import typer
 
 from steptwin.host.cli.connection import checked_session, opened_link
 from steptwin.host.cli.option_names import naming_options
-from steptwin.host.cli.output import print_json, print_table, say
+from steptwin.host.cli.output import fixed, print_json, print_table, say
 from steptwin.host.cli.progress import progress_bar
 from steptwin.host.cli.report import print_waits
 
@@ -51,7 +51,7 @@ def run_live(
 def _print(outcome: "LiveOutcome") -> None:
     joints = outcome.plan.robot.joints
     rows = [
-        [axis.name, joint.unit, f"{position:.4f}", f"{axis.error_steps:.4f}"]
+        [axis.name, joint.unit, fixed(position), f"{axis.error_steps:.4f}"]
         for axis, joint, position in zip(outcome.axes, joints, outcome.end, strict=True)
     ]
     print_table(["axis", "unit", "end", "err steps"], rows, text_columns=2)

@@ -3,7 +3,7 @@
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from steptwin.host.cli.output import pose_text, print_json, say
+from steptwin.host.cli.output import fixed, pose_text, print_json, say
 
 if TYPE_CHECKING:
     from steptwin.host.operate.moving import Moved
@@ -20,6 +20,6 @@ def print_moved(robot: "Robot", moved: "Moved", pose: dict[str, float] | None, *
         }
         print_json({"robot": robot.name, **figures, "pose": pose})
         return
-    say(", ".join(f"{name} {position:.4f}" for name, position in zip(names, moved.end, strict=True)))
+    say(", ".join(f"{name} {fixed(position)}" for name, position in zip(names, moved.end, strict=True)))
     if pose is not None:
         say(pose_text(pose))

@@ -2,6 +2,7 @@
 
 import sys
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -59,7 +60,8 @@ def new(
 
     path = Path(file)
     if path.suffix != SUFFIX:
-        raise InputError(f"{file}: does not end in {SUFFIX}: a robot file does, such as {path.stem or 'robot'}{SUFFIX}")
+        named = quote(f"{path.stem or 'robot'}{SUFFIX}")
+        raise InputError(f"{file}: does not end in {SUFFIX}: a robot file does, such as {named}")
     if path.exists() and not replace:
         raise InputError(f"{file}: exists: take another name, or --replace")
     given = name_value_pairs(settings or [])
@@ -78,7 +80,7 @@ def new(
         print_json({"file": file, "kind": kind, "dimensions": geometry, "joints": names})
     else:
         say(f"{file}: a robot of the kind {kind} with the joints {' '.join(names)}")
-        say(f"look at it with: steptwin check {file}")
+        say(f"look at it with: steptwin check {quote(file)}")
 
 
 def _asked_kind() -> str:

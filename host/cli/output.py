@@ -45,7 +45,13 @@ def warn(text: str) -> None:
 
 def pose_text(pose: dict[str, float]) -> str:
     """Return the tool's pose in one line."""
-    return "tool: x {x_mm:.4f} mm, y {y_mm:.4f} mm, z {z_mm:.4f} mm, {attitude_deg:.4f} deg".format(**pose)
+    x, y, z, attitude = (fixed(pose[key]) for key in ("x_mm", "y_mm", "z_mm", "attitude_deg"))
+    return f"tool: x {x} mm, y {y} mm, z {z} mm, {attitude} deg"
+
+
+def fixed(value: float, decimals: int = 4) -> str:
+    """Return a position with a fixed number of decimals; what rounds to 0 has no sign."""
+    return f"{value:z.{decimals}f}"
 
 
 def print_table(columns: list[str], rows: list[list[str]], *, text_columns: int = 1) -> None:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, Final
 
-from steptwin.host.cli.output import print_table, say
+from steptwin.host.cli.output import fixed, print_table, say
 
 EXIT_NOT_VERIFIED: Final = 1
 
@@ -13,7 +13,7 @@ USUAL_DRIVERS: Final = "chip-330pf"
 
 def fault_line(fault: Mapping[str, Any]) -> str:
     """Return what ended a run, where the joints stopped, and whether the drivers' counts agree."""
-    joints = ", ".join(f"{name} = {value:.4f}" for name, value in fault["joints"].items())
+    joints = ", ".join(f"{name} = {fixed(value)}" for name, value in fault["joints"].items())
     agree = "as the drivers counted" if fault["positions_agree"] else "but the drivers counted otherwise"
     return f"{fault['message']}; stopped at {joints}, {agree}"
 

@@ -8,8 +8,10 @@ import typer
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import (
     AsJson,
+    DipMicrosteps,
     DriverProfileName,
     RobotFile,
+    dip_settings,
     finite_number,
     joint_values,
     name_value_pairs,
@@ -78,6 +80,7 @@ def run(
         typer.Option(metavar="SECONDS", help="Time at which the host stops sending points, as if it hung."),
     ] = None,
     driver_profile: DriverProfileName = None,
+    dip_microsteps: DipMicrosteps = None,
     kernel: Annotated[
         _KernelName,
         typer.Option(
@@ -136,6 +139,7 @@ def run(
             "--stand-at": stand_at,
             "--cut-stream": cut_stream,
             "--driver-profile": driver_profile,
+            "--dip-microsteps": dip_microsteps or None,
             "--kernel": None if kernel == "auto" else kernel,
             "--input": inputs or None,
         }
@@ -155,7 +159,10 @@ def run(
     folder = out_folder(out)
     changes = [_input_change(text) for text in inputs or ()]
     motion.say_summary(to_stderr=as_json)
-    with progress_bar(f"{loaded.name} {job}") as progress, naming_options(cut_stream_s="--cut-stream"):
+    with (
+        progress_bar(f"{loaded.name} {job}") as progress,
+        naming_options("dip_microsteps", cut_stream_s="--cut-stream"),
+    ):
         outcome = execute(
             motion.plan,
             job,
@@ -163,6 +170,7 @@ def run(
             stand_at=standing,
             cut_stream_s=cut_stream,
             driver_profile=driver_profile,
+            dip_microsteps=dip_settings(dip_microsteps),
             inputs=changes,
             progress=progress,
         )

@@ -2,7 +2,6 @@
 
 import gc
 import signal
-import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from itertools import accumulate
@@ -14,9 +13,11 @@ import typer
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import (
     AsJson,
+    DipMicrosteps,
     DriverProfileName,
     RobotFile,
     RobotName,
+    dip_settings,
     joint_values,
     one_robot,
     warn_of_settings_left_out,
@@ -35,10 +36,8 @@ if TYPE_CHECKING:
     from steptwin.host.twin.served_board import ServedBoard
 
 _STATUS_EVERY_S = 0.5
-_WARN_EVERY_S = 10.0
-"""Shortest time from one warning of a slow computer to the next."""
 _WARN_FROM_MS = 100.0
-"""Time, since the last warning, for which the board's clock must have stood to be worth another one."""
+"""Time for which the board's clock must have stood to be worth a warning; the next comes at twice the time told."""
 _YOUNG_OBJECTS = 700
 """Objects made between two collections of garbage; Python's own choice, which keeps each collection short."""
 
@@ -81,6 +80,7 @@ def serve(
         str | None, typer.Option(metavar="'Q1 Q2 ...'", help="Joints where the machine stands; by default its home.")
     ] = None,
     driver_profile: DriverProfileName = None,
+    dip_microsteps: DipMicrosteps = None,
     out: Annotated[
         str | None, typer.Option(metavar="DIR", help="Folder to record report, edges and bus log in.")
     ] = None,
@@ -111,7 +111,7 @@ def serve(
         *("host", "port", "control_port", "allow_remote", "interface", "channel", "bitrate", "speed"),
         *("out", "log", "replace"),
     )
-    with naming_options(*parameters, axes_per_board="--boards"):
+    with naming_options(*parameters, axes_per_board="--boards", dip_microsteps="--dip-microsteps"):
         served = ServedBoard(
             loaded,
             stand_at=standing,
@@ -125,6 +125,7 @@ def serve(
             axes_per_board=None if boards is None else read_axes_per_board(boards, len(loaded.joints)),
             speed=speed,
             driver_profile=driver_profile,
+            dip_microsteps=dip_settings(dip_microsteps),
             out=out,
             log=log,
             replace=replace,
@@ -177,19 +178,17 @@ def _run(served: "ServedBoard", announce: Callable[[], None]) -> BusError | Reco
 
 
 class _SlownessWarning:
-    """Warns that the computer is too slow for the board, soon after its clock stood, but not too often."""
+    """Warns that the computer is too slow for the board: once, and again each time the time lost has doubled."""
 
     def __init__(self, board: "LiveBoard") -> None:
         self._board = board
-        self._warned_ms = 0.0
-        self._not_before_s = 0.0
+        self._worth_ms = _WARN_FROM_MS
 
     def look(self) -> None:
         """Warn if there is a reason."""
-        stalls, now_s = self._board.stalls(), time.monotonic()
-        if now_s >= self._not_before_s and stalls["total_ms"] - self._warned_ms >= _WARN_FROM_MS:
-            self._warned_ms = stalls["total_ms"]
-            self._not_before_s = now_s + _WARN_EVERY_S
+        stalls = self._board.stalls()
+        if stalls["total_ms"] >= self._worth_ms:
+            self._worth_ms = 2.0 * stalls["total_ms"]
             warn(_stood(stalls))
 
 

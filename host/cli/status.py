@@ -7,7 +7,7 @@ import typer
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
 from steptwin.host.cli.connection import Bitrate, Channel, Connect, Force, Interface, opened_session
-from steptwin.host.cli.output import pose_text, print_json, print_json_line, say, text_console, text_table
+from steptwin.host.cli.output import fixed, pose_text, print_json, print_json_line, say, text_console, text_table
 from steptwin.host.common.errors import DeviceFaultError
 from steptwin.host.common.printable import printable
 
@@ -106,7 +106,7 @@ def _row(axis: "AxisStatus") -> list[str]:
         "yes" if axis.moving else "no",
         axis.error or "-",
         "yes" if axis.position_known else "no",
-        f"{axis.position:.4f}",
+        fixed(axis.position),
     ]
 
 

@@ -110,6 +110,7 @@ def _print_figures(document: dict[str, Any]) -> None:
     attitude = "any attitude" if plan["attitude_deg"] is None else f"attitude {plan['attitude_deg']:g} deg"
     slides = "".join(f", {name} = {position_mm:g} mm" for name, position_mm in plan["slides"].items())
     say(f"sections: {attitude}{slides}, r about the arm's axis")
+    say("plan: horizontal; profile: upright, from the arm's axis to its azimuth, 0 deg along x")
 
 
 def _figure(figures: dict[str, Any], key: str) -> str:

@@ -220,7 +220,8 @@ def robot_text(name: str, kind: str, geometry: Mapping[str, Dimension], joints: 
 _HEAD: Final = """\
 # A robot of the kind {kind}: {summary}.
 #
-# `steptwin check` reads this file and says everything that is wrong. Lengths are in mm, angles in degrees.
+# `steptwin check` reads this file and says everything that is wrong. Lengths are in mm, angles in degrees. In poses of
+# the tool x and y are horizontal and z is upwards: a tool below the height 0 is at a negative z.
 """
 _JOINTS: Final = """\
 # Joints in the order of their axes on the board. speed_max was derived from transmission and microsteps when this file

@@ -56,14 +56,14 @@ def switched_microsteps(robot: Robot, profile: DriverProfile, otherwise: Mapping
     fitted = {joint.name: joint.transmission.microsteps for joint in robot.joints}
     for name, microsteps in otherwise.items():
         if name not in fitted:
-            raise unknown("dip_microsteps: joint", name, fitted)
+            raise unknown(f"dip_microsteps={name}: joint", name, fitted)
         if not profile.switched:
             raise InputError(
-                f"dip_microsteps: {profile.name} has no switches for its microsteps; {SWITCHED_PROFILES[0]} has"
+                f"dip_microsteps={name}: {profile.name} has no switches for its microsteps; {SWITCHED_PROFILES[0]} has"
             )
         if microsteps not in MICROSTEPS:
             choices = ", ".join(map(str, MICROSTEPS))
-            raise InputError(f"dip_microsteps.{name}: {microsteps} is not one of the TB6560's {choices}")
+            raise InputError(f"dip_microsteps={name}: {microsteps} is not one of the TB6560's {choices}")
         fitted[name] = microsteps
     return list(fitted.values())
 

@@ -17,7 +17,7 @@ from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.board_config import board_config
 from steptwin.host.twin.execution import execute
 from steptwin.host.twin.outcome import Outcome
-from tests.end_to_end.command_line import run_json
+from tests.end_to_end.command_line import refusal, run_json
 
 DRAWER_PULL = ["run", "warehouse-scara", "drawer-pull"]
 SPIRAL = ["run", "lab-scara", "spiral"]
@@ -180,3 +180,26 @@ def test_a_file_may_turn_the_active_edge(fast_kernel: Kernel) -> None:
     """Then the bare chip counts falling edges, including the last one, which no pulse follows."""
     robot = with_board("warehouse-scara", active_edge="falling")
     assert executed(robot, "drawer-pull", fast_kernel).report.passed
+
+
+class TestModulesSwitches:
+    def test_in_a_wrong_place(self, capsys: pytest.CaptureFixture[str]) -> None:
+        """The run names the joint whose motor went twice as far."""
+        words = ("--driver-profile", "3a-module", "--dip-microsteps", "th1=8")
+        document = run_json(capsys, "run", "teaching-scara", "carry", *words, exit_code=1)
+        told = "th1: the driver made 8 microsteps per full step, planned 16: its steps are 2 times as long"
+        assert told in document["reasons"]
+
+    @pytest.mark.parametrize("command", ["run teaching-scara carry", "serve teaching-scara --port 0"])
+    @pytest.mark.parametrize(
+        ("setting", "line"),
+        [
+            ("th9=8", "--dip-microsteps th9: joint 'th9' is unknown: did you mean th4 or th2 or th1?"),
+            ("th2=8", "--dip-microsteps th2: chip-330pf has no switches for its microsteps; 3a-module has"),
+            ("th2=8.5", "--dip-microsteps th2=8.5: '8.5' is not a whole number"),
+        ],
+    )
+    def test_that_cannot_be_set(
+        self, command: str, setting: str, line: str, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        assert refusal(capsys, *command.split(), "--dip-microsteps", setting) == line

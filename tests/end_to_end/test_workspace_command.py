@@ -57,7 +57,7 @@ def test_a_table_for_people(capsys: pytest.CaptureFixture[str]) -> None:
     shown = capsys.readouterr().out
     for words in (
         "plan at z = 700.5 mm", "profile at azimuth 0 deg", "346.228", "846.228", "250.000", "1000 samples with seed 7",
-        "left out: the mechanism forbids them", "attitude -30 deg",
+        "left out: the mechanism forbids them", "attitude -30 deg", "profile: upright,",
     ):  # fmt: skip
         assert words in shown
 

@@ -2,6 +2,7 @@
 
 from itertools import count
 from pathlib import Path
+from shlex import quote
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.record.folder.layout import EDGES
@@ -31,7 +32,7 @@ def keep_log(log: Path | str) -> None:
     """Raise InputError if a file holds something already; pipes and devices hold nothing."""
     path = Path(log)
     if path.is_file() and path.stat().st_size:
-        raise InputError(f"log={log}: exists: take another file, such as {_free(path)}{_OR_REPLACE}")
+        raise InputError(f"log={log}: exists: take another file, such as {quote(str(_free(path)))}{_OR_REPLACE}")
 
 
 def _live(folder: Path) -> bool:
@@ -43,7 +44,7 @@ def _live(folder: Path) -> bool:
 
 
 def _kept(out: Path | str, what: str, or_else: str) -> InputError:
-    return InputError(f"out={out}: holds {what}: take another folder, such as {_free(Path(out))}{or_else}")
+    return InputError(f"out={out}: holds {what}: take another folder, such as {quote(str(_free(Path(out))))}{or_else}")
 
 
 def _free(path: Path) -> Path:

@@ -7,12 +7,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from steptwin.controller.backend import Kernel
 from steptwin.host.cli.app import run
+from steptwin.host.operate.doctor import examine
+from steptwin.host.operate.homing import home_robot
+from steptwin.host.operate.session import Session
 from steptwin.host.robots import load_robot, load_robot_file, read_robot
 from steptwin.host.robots.kinematics.dimension import dimensions
 from steptwin.host.robots.kinematics.kinds import KINDS
 from steptwin.host.robots.new_file import robot_text, with_settings
 from steptwin.host.robots.transmission import MICROSTEPS
+from steptwin.host.twin.board_under_test import BoardUnderTest
 from tests.end_to_end.command_line import PROGRAM, refusal, run_json
 from tests.end_to_end.terminal import Terminal
 
@@ -136,8 +141,12 @@ def test_it_replaces_only_when_told(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 
 def test_a_robot_file_ends_in_toml(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = "does not end in .toml: a robot file does, such as my-arm.toml"
-    assert refusal(capsys, "new", str(tmp_path / "my-arm"), "--kind", "scara") == f"{tmp_path / 'my-arm'}: {words}"
+    words = "does not end in .toml: a robot file does, such as"
+    for name, suggested in (("my-arm", "my-arm.toml"), ("a b", "'a b.toml'")):
+        told = refusal(capsys, "new", str(tmp_path / name), "--kind", "scara")
+        assert told == f"{tmp_path / name}: {words} {suggested}"
+    assert run(["new", str(tmp_path / "a b.toml"), "--kind", "scara"]) == 0
+    assert capsys.readouterr().out.endswith(f"look at it with: steptwin check '{tmp_path / 'a b.toml'}'\n")
 
 
 def test_on_a_terminal_it_asks(tmp_path: Path) -> None:
@@ -168,6 +177,18 @@ def test_every_number_has_a_comment_or_a_plain_name() -> None:
         lines = re.findall(rf"^{key} = .*$", text, re.MULTILINE)
         assert lines
         assert all(" # " in line for line in lines)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_is_homed_as_it_stands(kind: str, fast_kernel: Kernel) -> None:
+    """A board is made for the file; all axes find their limit switches, go to home and are fit to move."""
+    robot = read_robot(robot_text("mine", kind, *with_settings(kind, {})))
+    near_the_switches = {joint.name: joint.lower + 0.5 for joint in robot.joints}
+    session = Session(BoardUnderTest(robot, stand_at=near_the_switches, kernel=fast_kernel), robot)
+    states = home_robot(session, together=True)
+    assert [state.position_known for state in states] == [True] * len(robot.joints)
+    assert [state.position for state in states] == pytest.approx(robot.home, abs=0.02)
+    assert [check for check in examine(session) if not check.passed] == []
 
 
 def test_a_program_names_the_file_of_its_robot(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -196,9 +196,9 @@ class TestSwitchesOfAModule:
     @pytest.mark.parametrize(
         ("profile", "dip", "says"),
         [
-            (MODULE, {"th9": 8}, "dip_microsteps: joint 'th9' is unknown"),
-            (MODULE, {"th2": 4}, "dip_microsteps.th2: 4 is not one of the TB6560's 1, 2, 8, 16"),
-            (None, {"th2": 8}, "dip_microsteps: chip-330pf has no switches for its microsteps; 3a-module has"),
+            (MODULE, {"th9": 8}, "dip_microsteps=th9: joint 'th9' is unknown"),
+            (MODULE, {"th2": 4}, "dip_microsteps=th2: 4 is not one of the TB6560's 1, 2, 8, 16"),
+            (None, {"th2": 8}, "dip_microsteps=th2: chip-330pf has no switches for its microsteps; 3a-module has"),
         ],
     )
     def test_bad_ones(self, fast_kernel: Kernel, profile: str | None, dip: dict[str, int], says: str) -> None:
