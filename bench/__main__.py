@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from rich.console import Console
 from rich.table import Table
 
-from steptwin.bench import cyclic, drawer_pull, driver, kernel, kinematics, live_tables, timing, waveforms
+from steptwin.bench import cyclic, drawer_pull, driver, kernel, kinematics, live_tables, panel, timing, waveforms
 from steptwin.bench.loads import AXES
 from steptwin.bench.pulses import scaling
 from steptwin.bench.pulses.motions import all_motions
@@ -35,6 +35,7 @@ def main() -> None:
     console.print(_driver_table())
     console.print(_waveform_table())
     console.print(_kinematics_table())
+    console.print(_panel_table())
     live_tables.print_live(console, stream_s=10.0, flood_frames=100_000)
 
 
@@ -134,6 +135,17 @@ def _waveform_table() -> Table:
             f"{row.form}|{row.edges}|{row.edges_per_s / 1e6:.1f}|{row.copy_ratio:.0f}|{row.peak_mb:.0f}|"
             f"{row.peak_mb_tenth:.0f}"
             for row in waveforms.figures()
+        ),
+    )
+
+
+def _panel_table() -> Table:
+    return _table(
+        f"The operator's panel: delays of {panel.TIMES} trials each, desk and served board as two processes",
+        "from, to|median, ms|worst, ms|limit, ms|trials within",
+        (
+            f"{row.what}|{row.median_ms:.0f}|{max(row.delays_ms):.0f}|{row.limit_ms:g}|{row.kept}"
+            for row in panel.measure()
         ),
     )
 
