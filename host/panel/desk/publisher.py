@@ -14,6 +14,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.operate.input_waiting import wired_inputs
 from steptwin.host.operate.joint_positions import joint_positions
 from steptwin.host.operate.session import Session
+from steptwin.host.panel.desk.arm import Arm
 from steptwin.host.panel.desk.events import EventLog
 from steptwin.host.panel.desk.history import History
 from steptwin.host.panel.desk.operators import Operators
@@ -21,7 +22,6 @@ from steptwin.host.panel.desk.reports import SILENT_S, AxisReport, Reports
 from steptwin.host.panel.desk.snapshot import Activity, JointView, Snapshot
 from steptwin.host.panel.desk.stops import Stop, StopRequests
 from steptwin.host.panel.desk.words import error_words, state_words
-from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.protocol.cia402 import ErrorCode, Status
 from steptwin.protocol.pvt import QUEUE_DEPTH
 
@@ -65,6 +65,7 @@ class Publisher:
         self._events = events
         self._stops = stops
         self._session: Session | None = None
+        self._arm: Arm | None = None
         self._reports: Reports | None = None
         self._published_s = self._news_s = float("-inf")
         self._emergencies: deque[tuple[int, int]] = deque(maxlen=100)
@@ -153,6 +154,9 @@ class Publisher:
             [bool(drive.statusword & Status.POSITION_KNOWN) for drive in drives],
         )
         positions = [place.position for place in places]
+        if self._arm is None or self._arm.robot is not robot:
+            self._arm = Arm(robot)
+        self._arm.move_to(positions)
         rates = _joint_values(session, [report.velocity_units_per_s for report in reports])
         errors = _joint_values(session, [report.following_error_units for report in reports])
         self._history.add(now_s, np.array(positions), rates, errors)
@@ -180,8 +184,8 @@ class Publisher:
             why_not=None,
             simulated=known.simulated,
             joints=joints,
-            pose=session.pose(positions) if all(place.known for place in places) else None,
-            links_mm=tuple(link.points_mm[0] for link in make_kinematics(robot).links(np.array([positions]))),
+            pose=self._arm.pose if all(place.known for place in places) else None,
+            links_mm=self._arm.links_mm,
             inputs={name: bool((reports[axis].inputs or 0) & bit) for name, (axis, bit) in wired_inputs(robot).items()},
             outputs=known.outputs,
             activity=_activity(known.activity, drives),
