@@ -47,9 +47,10 @@ class ArmScene(
 ):
     """A view of a robot's arm and of the boxes around it, in mm, with z up."""
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Robot, holding_mm: FloatArray | None = None) -> None:
+        """Make the view of all that the robot reaches, or of what holds points of shape (n, 3)."""
         super().__init__()
-        center_mm, span_mm = _extent_mm(robot)
+        center_mm, span_mm = _middle_and_size(_reached_mm(robot) if holding_mm is None else holding_mm)
         self.props.update(
             label=f"the arm of {robot.name} in three dimensions",
             roles=[str(link.role) for link in make_kinematics(robot).links(np.array([robot.home]))],
@@ -70,6 +71,10 @@ class ArmScene(
         """Take an arm or a line away."""
         self.run_method("clear", shape)
 
+    def move_boxes(self, shifts_mm: Iterable[FloatArray]) -> None:
+        """Show every box, in the order of the robot's file, moved by a vector of shape (3,) in mm."""
+        self.run_method("moveBoxes", [shift_mm.round(_DECIMALS).tolist() for shift_mm in shifts_mm])
+
     def look(self, view: View) -> None:
         """Turn the camera."""
         self.run_method("look", view)
@@ -79,17 +84,20 @@ class ArmScene(
         self.run_method("enable", on)
 
 
-def _extent_mm(robot: Robot) -> tuple[FloatArray, float]:
-    """Return the middle and the size of the space in which the arm moves and its boxes stand."""
+def _reached_mm(robot: Robot) -> FloatArray:
+    """Return points of the space in which the arm moves and its boxes stand, shape (n, 3)."""
     lower, upper = ([getattr(joint, end) for joint in robot.joints] for end in ("lower", "upper"))
     places = np.vstack([robot.home, np.random.default_rng(0).uniform(lower, upper, (_SAMPLES, len(lower)))])
     links = make_kinematics(robot).links(places)
-    points = np.vstack(
+    return np.vstack(
         [link.points_mm.reshape(-1, 3) for link in links]
         + [box.edges_mm.reshape(-1, 3) for box in robot.boxes.values()]
     )
-    points = points[np.isfinite(points).all(axis=1)]
-    lowest, highest = points.min(axis=0), points.max(axis=0)
+
+
+def _middle_and_size(points_mm: FloatArray) -> tuple[FloatArray, float]:
+    points_mm = points_mm[np.isfinite(points_mm).all(axis=1)]
+    lowest, highest = points_mm.min(axis=0), points_mm.max(axis=0)
     return (lowest + highest) / 2, float(np.linalg.norm(highest - lowest)) * _CLOSE
 
 

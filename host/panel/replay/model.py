@@ -16,6 +16,7 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.panel.replay.lanes import Lane, Span, lane
 from steptwin.host.panel.replay.marks import Mark, bus_marks, output_marks, violation_marks
+from steptwin.host.record.animation import make_film
 from steptwin.host.record.folder import BUS_LOG, StoredRun, read_run
 from steptwin.host.record.folder.layout import existing_file
 from steptwin.host.record.path_error import PathError, path_error
@@ -176,15 +177,20 @@ class Replay:
         first, second = self._currents[axis]
         return lane(first, span), lane(second, span)
 
+    @property
+    def busiest_axis(self) -> str:
+        """The axis that has made the most steps."""
+        return max(self.run.comparison.evidence.axes, key=lambda axis: axis.step_counts.size).name
+
     @cached_property
     def path(self) -> PathError:
         """The tool's planned path and its errors just before and after PATH_INSTANTS instants of the motion."""
         return path_error(self.run.comparison, np.linspace(0.0, self.run.duration_s, PATH_INSTANTS))
 
-    def trace_until(self, counts: int) -> int:
-        """Return how many points of `path` lie behind an instant."""
-        part = self.time_s(counts) / self.run.duration_s if self.run.duration_s > 0.0 else 1.0
-        return 2 * int(np.clip(part * (PATH_INSTANTS - 1) + 1.0, 0.0, PATH_INSTANTS))
+    @cached_property
+    def extent_mm(self) -> FloatArray:
+        """The points that a view of the run must hold, shape (n, 3)."""
+        return make_film(self.run).extent_mm()
 
     def _joints(self, t_s: FloatArray, planned: FloatArray, counted: FloatArray) -> tuple[JointRow, ...]:
         comparison = self.run.comparison

@@ -196,6 +196,17 @@ export default {
       }
     },
 
+    // Move every box by [x, y, z] from where it stands.
+    moveBoxes(shifts) {
+      if (this.failed) return;
+      shifts.forEach((shift, i) => {
+        for (const part of this.furniture.children.slice(2 * i, 2 * i + 2)) {
+          part.position.set(...this.boxes[i].slice(0, 3).map((at, k) => at + shift[k]));
+        }
+      });
+      this.draw();
+    },
+
     look(name) {
       if (this.failed) return;
       const center = new THREE.Vector3(...this.center);

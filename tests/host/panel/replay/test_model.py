@@ -184,11 +184,6 @@ def test_the_shown_span_is_the_motion_and_a_second_before_it(replay: Replay, arr
     assert replay.counts_at(0.25) == arrays["start_counts"] + COUNTS_PER_SECOND // 4
 
 
-def test_the_trace_follows_the_cursor(replay: Replay) -> None:
-    assert [replay.trace_until(replay.counts_at(t_s)) for t_s in (-0.5, 0.0, 0.5, 1.0)] == [0, 2, 2002, 4002]
-    assert len(replay.path.planned_mm) == 4002
-
-
 def test_other_folders_are_refused(tmp_path: Path, folder: Path) -> None:
     with pytest.raises(InputError, match="is not a folder of a run"):
         Replay.of_folder(tmp_path / "none")

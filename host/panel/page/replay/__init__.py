@@ -1,0 +1,1 @@
+"""The page of `steptwin view`: stored runs in a browser."""
