@@ -1,6 +1,5 @@
 """`steptwin panel ROBOT --connect ...`: the machine in a browser."""
 
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -10,9 +9,9 @@ from steptwin.host.cli.arguments import RobotFile, RobotName, one_robot
 from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, connection, host_and_port, required
 from steptwin.host.cli.option_names import naming_options
 from steptwin.host.cli.output import say, warn
+from steptwin.host.cli.panel_extra import require_extra
 from steptwin.host.cli.position_files import PositionsFile, positions_path
 from steptwin.host.common.control import EXAMPLE_PORT
-from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
     from steptwin.host.client.bus_link import Connection
@@ -58,12 +57,6 @@ def panel(
 
     with naming_options("host", "port", "allow_remote"):
         _serve(loaded, found, served, Address(host, port, allow_remote), positions_path(loaded, file))
-
-
-def require_extra() -> None:
-    """Raise InputError, with the remedy, unless the extra `panel` is installed."""
-    if find_spec("nicegui") is None:
-        raise InputError("the panel is not installed: pip install 'steptwin[panel]'")
 
 
 def _serve(

@@ -24,7 +24,7 @@ from steptwin.host.cli.arguments import (
 )
 from steptwin.host.cli.option_names import naming_options
 from steptwin.host.cli.output import print_json, print_table, say, warn
-from steptwin.host.cli.panel import require_extra
+from steptwin.host.cli.panel_extra import require_extra
 from steptwin.host.cli.panel_process import panel_process, panel_words
 from steptwin.host.cli.report import USUAL_DRIVERS
 from steptwin.host.common import socketcand

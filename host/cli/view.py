@@ -8,7 +8,7 @@ import typer
 from steptwin.host.cli.app import command
 from steptwin.host.cli.option_names import naming_options
 from steptwin.host.cli.output import say
-from steptwin.host.cli.panel import require_extra
+from steptwin.host.cli.panel_extra import require_extra
 from steptwin.host.cli.verify import PlanDir, RunDir
 
 
