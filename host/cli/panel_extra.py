@@ -1,4 +1,4 @@
-"""Check that the extra `panel` is installed. Commands share this: importing another command would list it before them."""
+"""Check that the extra `panel` is installed: commands share this, but import no other command's module."""
 
 from importlib.util import find_spec
 
