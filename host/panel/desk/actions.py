@@ -1,20 +1,21 @@
 """What each command needs before it is taken, and how it is carried out: one table."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf
 from typing import Any, Final, Generic, TypeVar
 
 from steptwin.host.client import Progress
-from steptwin.host.common.errors import InputError, StepTwinError
-from steptwin.host.operate.homing import check_homing, declare, home_robot
-from steptwin.host.operate.moving import Moved, check_goal, goal_by_name, joints_at, move, standing_joints
+from steptwin.host.common.errors import StepTwinError
+from steptwin.host.operate.homing import declare, home_robot
+from steptwin.host.operate.moving import Moved, goal_by_name, joints_at, move, standing_joints
 from steptwin.host.operate.recovering import reset
-from steptwin.host.operate.running import LiveOutcome, check_repeatable, execute_live
+from steptwin.host.operate.running import LiveOutcome, execute_live
 from steptwin.host.operate.session import Session
-from steptwin.host.operate.stepping import check_step, check_step_speed, step_joint, step_tool
-from steptwin.host.operate.switching import no_such_output, switch_output
+from steptwin.host.operate.stepping import step_joint, step_tool
+from steptwin.host.operate.switching import switch_output
+from steptwin.host.panel.desk import checks
 from steptwin.host.panel.desk.commands import (
     Command,
     DeclareHere,
@@ -32,7 +33,7 @@ from steptwin.host.panel.desk.commands import (
     WriteSettings,
 )
 from steptwin.host.panel.desk.results import Results
-from steptwin.host.panel.desk.settings import check_settings, write_settings
+from steptwin.host.panel.desk.settings import Limits, write_settings
 from steptwin.host.panel.desk.stops import StopAskedError
 from steptwin.host.planning.tool_step import ToolStep
 from steptwin.host.robots.robot import Robot
@@ -46,18 +47,14 @@ class Doing:
 
     Attributes:
         session: the machine.
-        file: the robot with the limits of its file.
+        limits: the robot's limits, which a command may change.
         progress: called with the part that is done.
-        switched: called with the outputs when one was switched.
-        limited: called with the robot when its limits were changed.
         results: the runs that have ended.
     """
 
     session: Session
-    file: Robot
+    limits: Limits
     progress: Progress
-    switched: Callable[[Mapping[str, bool]], None]
-    limited: Callable[[Robot], None]
     results: Results
 
 
@@ -68,61 +65,18 @@ class Action(Generic[C]):
     Attributes:
         title: names it, in a few words.
         perform: carries it out and says in one line what has come of it; an empty text says nothing.
-        check: raises InputError for a wrong command, with the robot as its limits are and as its file is.
+        check: raises InputError for a command that is wrong, or impossible from where the machine stands.
         drives: True if it needs the drives: none in fault, no emergency stop.
         homed: True if every joint must know its position.
+        changes_settings: True if settings must be read again after it.
     """
 
     title: Callable[[C], str]
     perform: Callable[[Doing, C], str]
-    check: Callable[[Robot, Robot, C], object] = lambda _robot, _file, _command: None
+    check: Callable[[checks.Standing, C], object] = lambda _standing, _command: None
     drives: bool = True
     homed: bool = False
-
-
-# --- checks
-
-
-def _check_declare(robot: Robot, _file: Robot, command: DeclareHere) -> None:
-    if len(command.joints) != len(robot.joints):
-        raise InputError(f"{len(command.joints)} positions for the {len(robot.joints)} joints of {robot.name}")
-    check_goal(robot, command.joints)
-
-
-def _check_percent(percent: float) -> None:
-    if not 0 < percent <= 100:
-        raise InputError(f"speed: {percent:g} is not above 0 and up to 100 percent")
-
-
-def _check_step_joint(robot: Robot, _file: Robot, command: StepJoint) -> None:
-    check_step(robot, command.joint, command.distance)
-    check_step_speed(command.speed_percent)
-
-
-def _check_step_tool(_robot: Robot, _file: Robot, command: StepTool) -> None:
-    ToolStep(command.distances, command.speed_percent)
-    check_step_speed(command.speed_percent)
-
-
-def _check_move_joints(robot: Robot, _file: Robot, command: MoveJoints) -> None:
-    if not command.joints:
-        raise InputError("move: names no joint")
-    goal_by_name(robot, command.joints)
-    _check_percent(command.speed_percent)
-
-
-def _check_run(robot: Robot, _file: Robot, command: RunMotion) -> None:
-    if command.plan.robot != robot:
-        raise InputError(f"{command.name}: was planned for other limits than the machine has now: plan it again")
-    check_repeatable(command.plan, command.repeat)
-
-
-def _check_output(robot: Robot, _file: Robot, command: SwitchOutput) -> None:
-    if command.output not in robot.outputs:
-        raise no_such_output(robot.name, command.output, list(robot.outputs))
-
-
-# --- carrying out
+    changes_settings: bool = False
 
 
 def _enable(doing: Doing, _command: Enable) -> str:
@@ -209,7 +163,7 @@ def _ended(outcome: LiveOutcome) -> str:
 
 
 def _switch(doing: Doing, command: SwitchOutput) -> str:
-    doing.switched(switch_output(doing.session, command.output, on=command.on))
+    switch_output(doing.session, command.output, on=command.on)
     return f"{command.output}: {'on' if command.on else 'off'}"
 
 
@@ -219,7 +173,7 @@ def _reset(doing: Doing, _command: ResetFaults) -> str:
 
 
 def _write(doing: Doing, command: WriteSettings) -> str:
-    doing.limited(write_settings(doing.session, doing.file, command.values))
+    write_settings(doing.session, doing.limits, command.values)
     return ", ".join(f"{key} = {value:g}" for key, value in command.values.items())
 
 
@@ -236,30 +190,18 @@ def _positions(robot: Robot, joints: "list[float] | tuple[float, ...]") -> str:
 ACTIONS: Final[dict[type[Command], Action[Any]]] = {
     Enable: Action(lambda _: "enable", _enable),
     Disable: Action(lambda _: "switch off", _disable, drives=False),
-    HomeAll: Action(lambda _: "home", _home_all, lambda robot, _file, _: check_homing(robot, robot.joint_names)),
-    HomeJoint: Action(
-        lambda command: f"home {command.joint}",
-        _home_joint,
-        lambda robot, _file, command: check_homing(robot, [command.joint]),
+    HomeAll: Action(lambda _: "home", _home_all, checks.check_home_all),
+    HomeJoint: Action(lambda command: f"home {command.joint}", _home_joint, checks.check_home_joint),
+    DeclareHere: Action(lambda _: "declare", _declare, checks.check_declare),
+    StepJoint: Action(lambda command: f"step {command.joint}", _step_joint, checks.check_step_joint),
+    StepTool: Action(
+        lambda command: f"step {' '.join(command.distances)}", _step_tool, checks.check_step_tool, homed=True
     ),
-    DeclareHere: Action(lambda _: "declare", _declare, _check_declare),
-    StepJoint: Action(lambda command: f"step {command.joint}", _step_joint, _check_step_joint),
-    StepTool: Action(lambda command: f"step {' '.join(command.distances)}", _step_tool, _check_step_tool, homed=True),
-    MoveJoints: Action(lambda _: "move", _move_joints, _check_move_joints, homed=True),
-    MoveTool: Action(
-        lambda _: "move",
-        _move_tool,
-        lambda _robot, _file, command: _check_percent(command.speed_percent),
-        homed=True,
-    ),
-    RunMotion: Action(lambda command: command.name, _run, _check_run, homed=True),
-    SwitchOutput: Action(lambda command: f"switch {command.output}", _switch, _check_output, drives=False),
+    MoveJoints: Action(lambda _: "move", _move_joints, checks.check_move_joints, homed=True),
+    MoveTool: Action(lambda _: "move", _move_tool, checks.check_move_tool, homed=True),
+    RunMotion: Action(lambda command: command.name, _run, checks.check_run, homed=True),
+    SwitchOutput: Action(lambda command: f"switch {command.output}", _switch, checks.check_output, drives=False),
     ResetFaults: Action(lambda _: "reset", _reset, drives=False),
-    WriteSettings: Action(
-        lambda _: "settings",
-        _write,
-        lambda _robot, file, command: check_settings(file, command.values),
-        drives=False,
-    ),
+    WriteSettings: Action(lambda _: "settings", _write, checks.check_write, drives=False, changes_settings=True),
 }
 """How each command is checked and carried out."""

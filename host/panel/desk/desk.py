@@ -8,16 +8,18 @@ from steptwin.host.client.stopping import UNSURE, send_quick_stop
 from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.operate.jogging import check_jog
 from steptwin.host.panel.desk.actions import ACTIONS
+from steptwin.host.panel.desk.checks import Standing
 from steptwin.host.panel.desk.commands import AGE_MAX_S, Command, Jog, JointJog
 from steptwin.host.panel.desk.events import EventLog
 from steptwin.host.panel.desk.figures import Figures
 from steptwin.host.panel.desk.history import History
 from steptwin.host.panel.desk.operators import Operators
+from steptwin.host.panel.desk.parts import Asked, Parts
 from steptwin.host.panel.desk.presses import Presses
 from steptwin.host.panel.desk.publisher import Publisher
 from steptwin.host.panel.desk.refused import RefusedError
 from steptwin.host.panel.desk.results import Result, Results
-from steptwin.host.panel.desk.settings import Setting
+from steptwin.host.panel.desk.settings import Limits, Setting
 from steptwin.host.panel.desk.snapshot import Snapshot
 from steptwin.host.panel.desk.stops import Stop, StopRequests
 from steptwin.host.panel.desk.worker import Worker
@@ -55,18 +57,11 @@ class Desk:
         self._presses = Presses()
         self._stops = StopRequests()
         self._results = Results(self.history)
+        self._limits = Limits(robot, robot)
         self._publisher = Publisher(self.operators, self.history, self.events, self._stops)
-        self._worker = Worker(
-            connection,
-            robot,
-            self._publisher,
-            self._presses,
-            self._stops,
-            self.events,
-            self._results,
-            force=force,
-        )
-        self._file = robot
+        self._asked = Asked(self._publisher, self._presses)
+        parts = Parts(self._publisher, self._presses, self._stops, self.events, self._results, self._limits)
+        self._worker = Worker(connection, parts, self._asked, force=force)
         self._figures = None if control is None else Figures(*control, self._publisher.known)
         self._worker.start()
 
@@ -76,7 +71,7 @@ class Desk:
     @property
     def robot(self) -> Robot:
         """The machine, with the limits that the settings have now: plan for this one."""
-        return self._worker.robot
+        return self._limits.robot
 
     @property
     def snapshot(self) -> Snapshot:
@@ -86,7 +81,7 @@ class Desk:
     @property
     def settings(self) -> tuple[Setting, ...]:
         """The settings as last read; empty before the first connection."""
-        return self._worker.settings
+        return self._limits.settings
 
     @property
     def results(self) -> tuple[Result, ...]:
@@ -112,10 +107,10 @@ class Desk:
         if self._presses.present is not None:
             raise RefusedError(f"{name}: a jog button is held")
         try:
-            action.check(self.robot, self._file, command)
+            action.check(Standing(self._limits, [joint.position for joint in self.snapshot.joints]), command)
         except InputError as error:
             raise RefusedError(str(error)) from error
-        self._worker.take(command)
+        self._asked.ask(command)
 
     def beat(self, client: str, press: int, jog: Jog) -> None:
         """Begin a jog or hold it: call this when a button is pressed and every 80 ms (`presses.BEAT_S`) after that.
@@ -162,8 +157,8 @@ class Desk:
             raise RefusedError(f"{name}: not connected: {snapshot.why_not}")
         if drives and snapshot.emergency_stopped:
             raise RefusedError(f"{name}: the machine is held by an emergency stop: reset it first")
-        activity = snapshot.activity or self._worker.activity
-        if activity is not None and not (jogging and self._worker.jogging):
+        activity = snapshot.activity
+        if activity is not None and not (jogging and activity.jogging):
             raise RefusedError(f"{name}: busy: {activity.name}")
         faulty = [joint for joint in snapshot.joints if joint.error is not None]
         if drives and faulty:

@@ -44,6 +44,21 @@ class Setting:
     stored: bool
 
 
+@dataclass(slots=True)
+class Limits:
+    """The robot's limits and all settings; the worker writes them, any thread may read them.
+
+    Attributes:
+        file: the robot as its file is.
+        robot: the robot with the limits that the settings have now, none of them looser.
+        settings: all settings as last read; empty before the first connection.
+    """
+
+    file: Robot
+    robot: Robot
+    settings: tuple[Setting, ...] = ()
+
+
 _LIMITS: Final = {
     "speed_max": "Highest speed",
     "lower": "Lower limit",
@@ -52,9 +67,9 @@ _LIMITS: Final = {
 """Fields of a joint that may be made stricter, with their titles."""
 
 
-def read_settings(session: Session, file: Robot) -> tuple[Setting, ...]:
-    """Read all settings; `file` is the robot with the limits of its file. Raises BusError if a node does not answer."""
-    return (*_limits(session.robot, file), *_of_board(session))
+def read_settings(session: Session, limits: Limits) -> tuple[Setting, ...]:
+    """Read all settings; raise BusError if a node does not answer."""
+    return (*_limits(limits.robot, limits.file), *_of_board(session))
 
 
 def _limits(robot: Robot, file: Robot) -> Iterator[Setting]:
@@ -93,13 +108,13 @@ def _of_board(session: Session) -> Iterator[Setting]:
             )
 
 
-def check_settings(file: Robot, values: Mapping[str, float]) -> None:
+def check_settings(limits: Limits, values: Mapping[str, float]) -> None:
     """Raise InputError, with the nearest valid choice, unless settings of these keys may have these values."""
     if not values:
         raise InputError("settings: none is given")
-    limited(file, file, values)
+    limited(limits, values)
     for key, value in values.items():
-        joint, field = _split(file, key)
+        joint, field = _split(limits.file, key)
         if field not in _LIMITS:
             setting = drive_setting(field)
             if setting.shared != (joint is None):
@@ -107,28 +122,29 @@ def check_settings(file: Robot, values: Mapping[str, float]) -> None:
             setting.check(value)
 
 
-def limited(robot: Robot, file: Robot, values: Mapping[str, float]) -> Robot:
+def limited(limits: Limits, values: Mapping[str, float]) -> Robot:
     """Return the robot with other limits; raise InputError if they are looser than the file's or fit nothing else."""
-    joints = {joint.name: joint for joint in robot.joints}
+    file = limits.file
+    joints = {joint.name: joint for joint in limits.robot.joints}
     for key, value in values.items():
         name, field = _split(file, key)
         if name is not None and field in _LIMITS:
-            limits = (*_range(file.joint(name), field), str(joints[name].unit))
-            if not limits[0] <= value <= limits[1]:
-                raise InputError(f"{key}: {outside(value, *limits)}{nearest_within(value, *limits)}")
+            allowed = (*_range(file.joint(name), field), str(joints[name].unit))
+            if not allowed[0] <= value <= allowed[1]:
+                raise InputError(f"{key}: {outside(value, *allowed)}{nearest_within(value, *allowed)}")
             joints[name] = _with_limit(joints[name], field, value)
-    return replace(robot, joints=tuple(joints.values()))
+    return replace(limits.robot, joints=tuple(joints.values()))
 
 
-def write_settings(session: Session, file: Robot, values: Mapping[str, float]) -> Robot:
-    """Write settings to the board and return the robot with the new limits; raises as `write_drive_setting`."""
-    check_settings(file, values)
-    robot = limited(session.robot, file, values)
+def write_settings(session: Session, limits: Limits, values: Mapping[str, float]) -> None:
+    """Write settings to the board and change the limits; raises as `check_settings` and `write_drive_setting`."""
+    check_settings(limits, values)
+    robot = limited(limits, values)
     for key, value in values.items():
-        joint, field = _split(file, key)
+        joint, field = _split(limits.file, key)
         if field not in _LIMITS:
             write_drive_setting(session, drive_setting(field), value, joint)
-    return robot
+    limits.robot = session.robot = robot
 
 
 def _split(file: Robot, key: str) -> tuple[str | None, str]:

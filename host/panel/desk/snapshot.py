@@ -55,6 +55,11 @@ class Activity:
     pausable: bool
     foreign: bool = False
 
+    @property
+    def jogging(self) -> bool:
+        """True if the desk jogs."""
+        return self.fraction is None and not self.foreign
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Snapshot:

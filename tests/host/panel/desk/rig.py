@@ -67,10 +67,15 @@ class Rig:
         assert not failed
 
     def pressed(self, jog: Jog) -> int:
-        """Press a button, as Ann, and hold it until the machine moves; return the number of the press."""
+        """Press a button, as Ann, and hold it until a joint has moved visibly; return the number of the press."""
         self._press += 1
-        self.hold(jog, lambda: not self.stands())
+        start = self.positions()
+        self.hold(jog, lambda: max(abs(now - then) for now, then in zip(self.positions(), start, strict=True)) > 0.2)
         return self._press
+
+    def positions(self) -> list[float]:
+        """Return where the joints are, by the last reports."""
+        return [joint.position for joint in self.desk.snapshot.joints]
 
     def hold(self, jog: Jog, until: Callable[[], bool], most_s: float = 60.0) -> None:
         """Hold the button that was pressed last until a condition, or for a time."""

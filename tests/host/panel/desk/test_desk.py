@@ -55,17 +55,13 @@ def demo(desk: Desk) -> RunMotion:
     return RunMotion(plan(desk.robot, make_job(desk.robot, "demo")), "demo", approach=True)
 
 
-def positions(desk: Desk) -> list[float]:
-    return [joint.position for joint in desk.snapshot.joints]
-
-
 def settled(it: Rig) -> list[float]:
     """Wait until the machine stands with nothing to do; return where, which a tenth of a second later is the same."""
     it.idle()
     await_true(it.stands, "standstill")
-    here = positions(it.desk)
+    here = it.positions()
     time.sleep(0.1)
-    assert positions(it.desk) == here
+    assert it.positions() == here
     return here
 
 
@@ -100,7 +96,7 @@ def test_a_released_button_ends_its_jog_for_ever(shared: Rig, jog: JointJog | To
 def test_a_jog_ends_where_the_travel_ends(shared: Rig) -> None:
     upper = ROBOT.joint(TH1).upper
     shared.do(DeclareHere((upper - 0.5, *HERE[1:])))
-    await_true(lambda: positions(shared.desk)[0] > upper - 1.0, "declared")
+    await_true(lambda: shared.positions()[0] > upper - 1.0, "declared")
     press = shared.pressed(JOG)
     with pytest.raises(RefusedError, match=r"^jog th1: at the end of its travel$"):
         shared.hold(JOG, lambda: False)
@@ -150,7 +146,7 @@ def test_anybody_stops_everything_at_once_until_the_reset(shared: Rig, activity:
     assert "held by an emergency stop" in shared.beat_refusal(1 << 40, JOG)
     shared.do(ResetFaults())
     await_true(lambda: not desk.snapshot.emergency_stopped, "reset")
-    assert positions(desk) == here
+    assert shared.positions() == here
     assert [joint.state for joint in desk.snapshot.joints] == ["off"] * len(here)
     shared.do(Enable())
     assert "emergency stop by Bob" in shared.told()

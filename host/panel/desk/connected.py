@@ -1,0 +1,171 @@
+"""What the worker does while the machine is connected: one thing at a time, stops first."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Final
+
+from steptwin.host.client import stopping
+from steptwin.host.client.waiting import wait_until
+from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
+from steptwin.host.operate.jogging import jog
+from steptwin.host.operate.recovering import stop
+from steptwin.host.operate.session import Session
+from steptwin.host.operate.switching import read_outputs
+from steptwin.host.operate.tool_jogging import jog_tool
+from steptwin.host.panel.desk.actions import ACTIONS, Doing
+from steptwin.host.panel.desk.commands import AGE_MAX_S, Command, JointJog
+from steptwin.host.panel.desk.parts import Asked, Parts
+from steptwin.host.panel.desk.presses import Press
+from steptwin.host.panel.desk.refused import RefusedError
+from steptwin.host.panel.desk.reports import Reports, ask_once, set_up_reports
+from steptwin.host.panel.desk.settings import read_settings
+from steptwin.host.panel.desk.stops import Stop, StopAskedError
+from steptwin.protocol import od
+
+_TURN_S: Final = 0.01
+"""Longest time until an idle worker looks round."""
+_SLOWLY_S: Final = 1.0
+"""Period of the questions about what no node reports by itself."""
+_HELD_S: Final = 0.5
+"""Longest wait for the reports that drives are held, once they are."""
+_SIMULATED: Final = "SIMULATED"
+"""What an emulated board's device name (1008h) says."""
+
+
+class Connected:
+    """A machine that is connected; everything here happens in the worker's thread."""
+
+    def __init__(self, session: Session, reports: Reports, parts: Parts, asked: Asked) -> None:
+        self.session = session
+        self.reports = reports
+        self._parts = parts
+        self._asked = asked
+        self._asked_slowly_s = float("-inf")
+        self._often = self._known = False
+        """Whether the nodes report often, and whether settings and the like have been read."""
+
+    def turn(self) -> None:
+        """Stop if that is asked for; then carry out a command, or jog, or wait.
+
+        Raises:
+            StopAskedError: a stop is asked for; the next turn makes it.
+            BusError: the connection is lost.
+        """
+        self.make_stop()
+        wanted = self._asked.take()
+        if wanted is None:
+            self.session.link.wait(_TURN_S)
+            self._ask_slowly()
+        elif isinstance(wanted, Press):
+            self._jog(wanted)
+        else:
+            self._carry_out(wanted)
+
+    @contextmanager
+    def _telling(self, name: str) -> Iterator[None]:
+        """Tell in the events how the block fails; then the worker does nothing any more."""
+        events = self._parts.events
+        try:
+            yield
+        except (InputError, DeviceFaultError, BusError) as error:
+            events.error(f"{name}: {error}")
+        except StopAskedError as asked:
+            events.warning(f"{name}: {asked}")
+            raise
+        finally:
+            self._asked.end()
+
+    def _carry_out(self, command: Command) -> None:
+        action, parts = ACTIONS[type(command)], self._parts
+        name = action.title(command)
+        with self._telling(name):
+            age_s = time.monotonic() - command.asked_s
+            if age_s > AGE_MAX_S:
+                raise RefusedError(f"dropped, since it is {age_s:.1f} s old")
+            doing = Doing(self.session, parts.limits, lambda fraction: self._asked.begin(name, fraction), parts.results)
+            text = action.perform(doing, command)
+            self._asked_slowly_s = float("-inf")
+            self._known = self._known and not action.changes_settings
+            if text:
+                parts.events.info(f"{name}: {text}" if name not in text else text)
+
+    def _jog(self, press: Press) -> None:
+        """Jog until the button is released; whatever else ends the jog ends the press too."""
+        wanted, presses = press.jog, self._parts.presses
+        name = f"jog {wanted.name}"
+
+        def released() -> bool:
+            return not presses.holds(press)
+
+        why = f"{name}: it has failed, see the events"
+        try:
+            with self._telling(name):
+                if isinstance(wanted, JointJog):
+                    at_end = jog(self.session, wanted.joint, wanted.speed, None, until=released).at_limit
+                else:
+                    at_end = jog_tool(self.session, wanted.coordinate, wanted.speed, released).at_end
+                why = f"{name}: at the end of its travel"
+                if at_end:
+                    self._parts.events.info(why)
+        finally:
+            if not released():
+                presses.end(why)
+
+    # --- stops
+
+    def make_stop(self) -> None:
+        """Make the stop that is asked for, if any.
+
+        Raises:
+            StopAskedError: meanwhile a greater stop is asked for.
+            BusError: an emergency stop has found a node that does not answer; it is still to be made.
+        """
+        asked = self._parts.stops.answer()
+        if asked is Stop.NONE:
+            return
+        if asked is Stop.EMERGENCY:
+            self._hold()
+        else:
+            with self._telling("stop"):
+                stop(self.session)
+        self._parts.stops.done(asked)
+
+    def _hold(self) -> None:
+        """Hold all drives until a reset."""
+        axes, link = self.session.machine.axes, self.session.link
+        try:
+            stopping.emergency_stop(link, axes)
+        except DeviceFaultError as error:
+            self._parts.events.error(f"emergency stop: {error}")
+            return
+        wait_until(link, lambda: all(axis.in_fault for axis in axes), _HELD_S)
+        self._parts.events.warning("emergency stop: all drives are off and held until a reset")
+
+    # --- what no node reports by itself
+
+    def require_own(self) -> None:
+        """Raise BusError if the board carries another robot's name."""
+        foreign = self.session.foreign_board()
+        if foreign:
+            raise BusError(f"{foreign}; --force goes on all the same")
+
+    def _ask_slowly(self) -> None:
+        """Ask for what is not reported, from time to time while nothing moves: questions disturb who streams."""
+        session, now_s = self.session, time.monotonic()
+        if now_s - self._asked_slowly_s < _SLOWLY_S or session.streaming:
+            return
+        self._asked_slowly_s = now_s
+        known = self._parts.publisher.known
+        try:
+            self._often = self._often or set_up_reports(session)
+            if not self._known:
+                ask_once(session, self.reports)
+                known.simulated = _SIMULATED in session.machine.axes[0].read_text(od.DEVICE_NAME)
+                self._parts.limits.settings = read_settings(session, self._parts.limits)
+                self._known = True
+            known.outputs = read_outputs(session)
+        except InputError:
+            return  # a trajectory has begun meanwhile
+        except DeviceFaultError as error:
+            self._parts.events.warning(str(error))
