@@ -15,7 +15,13 @@ from steptwin.host.robots import load_robot
 NAMES = [name for names in COMMANDS.values() for name in names]
 EVERY_EXAMPLE = [(name, example) for name, examples in EXAMPLES.items() for example in examples]
 CHEAP = {"robots", "jobs", "fk", "ik", "eds", "dbc"}
-LIVE = [(name, example) for name, example in EVERY_EXAMPLE if re.search(" --connect | -i | --control ", example)]
+WAITING = {"panel"}
+"""Commands that wait for their board instead of ending without it."""
+LIVE = [
+    (name, example)
+    for name, example in EVERY_EXAMPLE
+    if re.search(" --connect | -i | --control ", example) and name not in WAITING
+]
 
 
 def shown(capsys: pytest.CaptureFixture[str], *words: str) -> list[str]:

@@ -1,5 +1,6 @@
 """Serve a page in a browser until Ctrl-C: one port, the guard before everything, and nothing from other hosts."""
 
+import gc
 import signal
 import socket
 from collections.abc import Callable, Iterator
@@ -73,7 +74,11 @@ def serve_page(build: Callable[[], None], listener: socket.socket, title: str, a
         server_header=False,
         timeout_graceful_shutdown=_GRACE_S,
     )
-    _Server(config, lambda: announce(url)).run(sockets=[listener])
+    gc.freeze()  # NiceGUI looks for the server among all objects: one of canopen's raises an error when looked at
+    try:
+        _Server(config, lambda: announce(url)).run(sockets=[listener])
+    finally:
+        gc.unfreeze()
 
 
 def open_port(address: Address) -> socket.socket:
