@@ -65,7 +65,7 @@ def _write(bus: can.BusABC, axis: int, address: int, value: int) -> None:
     _await(bus, COB_SDO_RESPONSE + FIRST_NODE_ID + axis)
 
 
-def _move_all(bus: can.BusABC) -> None:
+def move_all(bus: can.BusABC) -> None:
     """Move all axes at 1000 steps/s for MOTION_S in profile velocity; their TPDOs report ten times a second."""
     axes = range(len(load_robot(ROBOT).joints))
     for axis in axes:
@@ -86,7 +86,7 @@ def measure() -> LiveFigures:
     with serving(*SERVE) as server:
         with server.client() as bus:
             times_us = _round_trips_us(bus)
-            _move_all(bus)
+            move_all(bus)
         late = server.end()["real_time"]
     bits = frame_bits(_READ_TYPE) + frame_bits(_TYPE)
     p50, p99, longest = np.percentile(times_us, [50, 99, 100]).tolist()

@@ -13,12 +13,15 @@ from typing import Final
 
 import can
 
-from steptwin.bench.live_server import Server, serving
+from steptwin.bench import live_server
+from steptwin.bench.live import move_all
+from steptwin.bench.live_server import SERVE, Server, serving
 from steptwin.host.client.bus_link import Connection
 from steptwin.host.client.drive_status import DriveStatus, at_rest
 from steptwin.host.panel.desk import Command, DeclareHere, Desk, Jog, JointJog, RefusedError, ResetFaults, ToolJog
 from steptwin.host.panel.desk.presses import BEAT_S
 from steptwin.host.robots import load_robot
+from steptwin.host.robots.robot import Robot
 from steptwin.protocol.frame import COB_SYNC, COB_TPDO, FIRST_NODE_ID
 
 ROBOT: Final = load_robot("lab-scara")
@@ -88,7 +91,7 @@ class _Panel:
 
     def __init__(self, server: Server) -> None:
         self.observer = Observer(server)
-        self.desk = Desk(Connection("socketcand", None, None, "127.0.0.1", server.port), ROBOT)
+        self.desk = _desk(server, ROBOT)
         self._press = 0
         _await(lambda: self.desk.snapshot.connected)
         self.desk.operators.take(_CLIENT, _CLIENT)
@@ -164,6 +167,11 @@ class _Panel:
         self.observer.close()
 
 
+def _silence_python_can() -> None:
+    """Keep python-can from warning of each frame that TCP delivers in two pieces."""
+    logging.getLogger("can").addHandler(logging.NullHandler())
+
+
 def _await(condition: Callable[[], bool]) -> None:
     until_s = time.monotonic() + _TIMEOUT_S
     while not condition():
@@ -171,10 +179,49 @@ def _await(condition: Callable[[], bool]) -> None:
         time.sleep(0.001)
 
 
+@dataclass(frozen=True)
+class Lateness:
+    """The 99th percentile of a served board's tick lateness in us, while six axes move, without and with a desk."""
+
+    alone_us: float
+    watched_us: float
+
+    @property
+    def ratio(self) -> float:
+        """By how many times a tick is later with the desk."""
+        return self.watched_us / self.alone_us
+
+
+def measure_lateness() -> Lateness:
+    """Move a board that nobody watches, then another one that a desk watches."""
+    _silence_python_can()
+    return Lateness(_tick_late_us(watched=False), _tick_late_us(watched=True))
+
+
+def _tick_late_us(*, watched: bool) -> float:
+    with serving(*SERVE) as server:
+        desk = _desk(server, load_robot(live_server.ROBOT)) if watched else None
+        try:
+            if desk:
+                _await(
+                    lambda: all(joint.rate is not None for joint in desk.snapshot.joints) and desk.snapshot.connected
+                )
+            with server.client() as bus:
+                move_all(bus)
+        finally:
+            if desk:
+                desk.close()
+        late_us: float = server.end()["real_time"]["ticks"]["late_us_p99"]
+    return late_us
+
+
+def _desk(server: Server, robot: Robot) -> Desk:
+    return Desk(Connection("socketcand", None, None, "127.0.0.1", server.port), robot)
+
+
 def measure(times: int = TIMES) -> list[Delay]:
     """Return a row for each delay; buttons move to and fro."""
-    # python-can warns of each frame that TCP delivers in two pieces: silence it.
-    logging.getLogger("can").addHandler(logging.NullHandler())
+    _silence_python_can()
     joint = [JointJog("th2", speed) for speed in (10.0, -10.0)]
     tool = [ToolJog("y", speed) for speed in (-50.0, 50.0)]
     with serving("steptwin", "serve", ROBOT.name, "--port", "0", "--json") as server:

@@ -1,0 +1,42 @@
+"""Settings that a board keeps for its drives: read, written, and refused with the nearest that passes."""
+
+import pytest
+
+from steptwin.host.common.errors import InputError
+from steptwin.host.operate.drive_settings import (
+    DRIVE_SETTINGS,
+    DriveSetting,
+    drive_setting,
+    read_drive_setting,
+    write_drive_setting,
+)
+from steptwin.host.operate.session import Session
+from tests.host.client.machines import TH1
+
+
+@pytest.mark.parametrize("setting", DRIVE_SETTINGS, ids=lambda setting: setting.key)
+def test_what_is_written_is_read_again(session: Session, setting: DriveSetting) -> None:
+    """Both ends of the range are allowed, and what is just outside is not; the board takes all of them."""
+    before = read_drive_setting(session, setting)
+    assert len(set(before)) == 1
+    joint = None if setting.shared else "th1"
+    for value in (setting.lower, setting.upper):
+        write_drive_setting(session, setting, value, joint)
+        wanted = [value if joint is None or axis == TH1 else before[axis] for axis in range(6)]
+        assert list(read_drive_setting(session, setting)) == wanted
+    for value in (setting.lower - 0.1, setting.upper + 0.1):
+        with pytest.raises(InputError, match=rf"^{setting.key}: "):
+            write_drive_setting(session, setting, value, joint)
+
+
+def test_a_motion_begins_with_the_settings_that_were_written(session: Session) -> None:
+    """Taking charge writes what the robot's file says, and leaves the rest."""
+    torque = drive_setting("torque")
+    write_drive_setting(session, torque, 50.0, "th1")
+    with session.in_charge("nothing"):
+        assert read_drive_setting(session, torque)[TH1] == 50.0
+
+
+def test_an_unknown_setting_is_refused() -> None:
+    with pytest.raises(InputError, match=r"^setting 'torq' is unknown: did you mean torque"):
+        drive_setting("torq")
