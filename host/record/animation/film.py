@@ -99,18 +99,19 @@ class Film:
         return round_below(float(np.ptp(self.extent_mm(), axis=0).max()) / _GRID_LINES)
 
     def extent_mm(self) -> FloatArray:
-        """Return the points that pictures must hold, shape (n, 3).
+        """Return the points that pictures must hold, shape (n, 3), all of them finite.
 
-        Guides that are longer than all that moves, such as a rail, are left out, and boxes unless one of them moves.
+        A mechanism that its counts pull apart has no place. Guides that are longer than all that moves, such as a rail,
+        are left out, and boxes unless one of them moves.
         """
         moving = [part.points_mm.reshape(-1, 3) for part in self.parts if part.role is not Role.GUIDE]
-        shown = np.concatenate([*moving, self.path.planned_mm, self.path.counted_mm(self.gain)])
+        shown = _finite(np.concatenate([*moving, self.path.planned_mm, self.path.counted_mm(self.gain)]))
         size_mm = np.linalg.norm(np.ptp(shown, axis=0))
         guides = [part.points_mm for part in self.parts if part.role is Role.GUIDE]
         short = [points.reshape(-1, 3) for points in guides if _length_mm(points) <= size_mm]
         boxes = self.boxes if any(box.moves for box in self.boxes) else ()
         corners = [(box.edges_mm + shift).reshape(-1, 3) for box in boxes for shift in _extremes(box.shifts_mm)]
-        return np.concatenate([shown, *short, *corners])
+        return _finite(np.concatenate([shown, *short, *corners]))
 
 
 def make_film(run: StoredRun, shot: Shot = USUAL_SHOT) -> Film:
@@ -164,6 +165,10 @@ def _times_s(first_s: float, last_s: float, shot: Shot) -> tuple[FloatArray, flo
             f" speed={at_least(span_s * shot.fps / FRAMES_MAX)} would do"
         )
     return np.append(first_s + np.arange(ceil(frames)) * speed / shot.fps, last_s), speed
+
+
+def _finite(points_mm: FloatArray) -> FloatArray:
+    return points_mm[np.isfinite(points_mm).all(axis=1)]
 
 
 def _length_mm(points_mm: FloatArray) -> float:

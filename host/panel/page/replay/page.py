@@ -81,7 +81,8 @@ class ReplayPage:
 
     def _strip(self) -> str:
         marks = [(replay.time_s(mark.counts), mark) for replay in self._replays for mark in replay.marks]
-        return strip_picture(*self._course(), (self._player.first_s, self._player.last_s), marks)
+        t_s, values = self._course()
+        return strip_picture(t_s, np.nan_to_num(values), (self._player.first_s, self._player.last_s), marks)
 
     def _course(self) -> tuple[FloatArray, FloatArray]:
         """Return the curve above the slider: how far the tool is from its plan, or the two tools from each other."""

@@ -40,13 +40,17 @@ class ReplayScene:
         self._boxes_move = any(box.held_by for box in replays[0].run.robot.boxes.values())
         chosen = np.linspace(0, len(path.planned_mm) - 1, _POINTS).astype(np.int64)
         self._scene.show_line("plan", path.planned_mm[chosen])
-        self._scene.show_line("trace", path.counted_mm(gain)[chosen])
+        counted_mm = path.counted_mm(gain)[chosen]
+        self._scene.show_line("trace", counted_mm[np.isfinite(counted_mm).all(axis=1)])
 
     def show(self, t_s: float) -> None:
         """Show every run's arm at a time."""
         for arm, replay in zip(_ARMS, self._replays, strict=False):
             links = replay.machine.links(np.array([t_s]))
-            self._scene.show_arm(arm, [link.points_mm[0] for link in links])
+            if all(np.isfinite(link.points_mm).all() for link in links):  # else its counts have pulled it apart
+                self._scene.show_arm(arm, [link.points_mm[0] for link in links])
+            else:
+                self._scene.clear_shape(arm)
         if self._boxes_move:
             shifts_mm = self._replays[0].machine.box_shifts_mm(np.array([t_s]))
             self._scene.move_boxes(shift_mm[0] for shift_mm in shifts_mm.values())

@@ -1,5 +1,7 @@
 """Cameras and films: directions, frames, speeds, what pictures must hold, and refusals."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -131,3 +133,15 @@ def test_pictures_hold_what_moves_but_no_long_rail() -> None:
     assert moved.moves
     assert (moved.edges_mm + moved.shifts_mm[:, None, None]).min() >= low_mm.min()
     assert 50.0 <= film.grid_mm <= 200.0
+
+
+def test_a_mechanism_that_its_counts_pull_apart_leaves_a_film_of_the_rest() -> None:
+    """The hybrid arm's sliders cannot be further apart than its links allow; lost steps can count them so far."""
+    helix = perfect_run("hybrid-arm", "five-points")
+    counted = list(helix.comparison.counted)
+    z5 = counted[1]
+    counted[1] = replace(z5, positions=z5.positions + np.where(np.arange(len(z5.positions)) > 5000, 2e5, 0.0))
+    film = make_film(replace(helix, comparison=replace(helix.comparison, counted=tuple(counted))), Shot(fps=2.0))
+    assert np.isnan(film.parts[-1].points_mm).any()
+    assert np.isfinite(film.extent_mm()).all()
+    assert np.isfinite(film.grid_mm)
