@@ -156,9 +156,14 @@ class Machine:
         progress: Progress,
         outputs: tuple[OutputCommand, ...] = (),
         waits: tuple[InputWait, ...] = (),
+        begun: Callable[[], None] = lambda: None,
     ) -> None:
-        """Start a trajectory and wait for its end; raises as `start` and `Stream.tend`."""
+        """Start a trajectory and wait for its end; raises as `start` and `Stream.tend`.
+
+        `begun` is called once, when the axes have reported that they set off.
+        """
         stream = self.start(records, start_units, outputs, waits)
+        begun()
         while not stream.ended:
             self.wait(POLL_S)
             progress(stream.fraction)

@@ -1,6 +1,7 @@
 """Run a plan on a live board: check where it stands, stream, compare the axes' end positions with the plan."""
 
 import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
@@ -92,11 +93,13 @@ def execute_live(
     repeat: int = 1,
     approach: bool = False,
     progress: Progress = lambda _: None,
+    begun: Callable[[], None] = lambda: None,
 ) -> LiveOutcome:
     """Run a plan `repeat` times on a live board; stop after a repetition that ends at another step than planned.
 
     Reports name the motion `job`. With `approach` the machine moves to the plan's start first, straight in joint space.
-    `progress` is called with the part of the stream that has been sent, in each repetition from 0 to 1.
+    `progress` is called with the part of the stream that has been sent, in each repetition from 0 to 1, and `begun`
+    when the axes have set off on it.
 
     Raises:
         InputError: the machine does not stand at the plan's start, the plan cannot be repeated, or a program that
@@ -109,7 +112,7 @@ def execute_live(
         session.require_ready("run")
         if not approach:
             _check_start(plan, session.positions(session.demanded_units()))
-        return _execute(session, plan, job, repeat, progress)
+        return _execute(session, plan, job, repeat, progress, begun)
 
 
 def _check_start(plan: Plan, joints: list[float]) -> None:
@@ -119,7 +122,9 @@ def _check_start(plan: Plan, joints: list[float]) -> None:
         raise InputError(f"{error}; approach=True moves it there first") from error
 
 
-def _execute(session: Session, plan: Plan, job: str, repeat: int, progress: Progress) -> LiveOutcome:
+def _execute(
+    session: Session, plan: Plan, job: str, repeat: int, progress: Progress, begun: Callable[[], None]
+) -> LiveOutcome:
     started_s = time.perf_counter()
     outputs, waits = output_commands(plan.robot, plan.trajectory), input_waits(plan)
     holds_ms: tuple[int, ...] = ()
@@ -127,7 +132,7 @@ def _execute(session: Session, plan: Plan, job: str, repeat: int, progress: Prog
         repetitions, axes = 0, tuple[AxisEnd, ...]()
         while repetitions < repeat and all(axis.passed for axis in axes):
             move_within(session, session.demanded_units(), plan.start_units)
-            machine.run(plan.records(), plan.start_units, progress, outputs, waits)
+            machine.run(plan.records(), plan.start_units, progress, outputs, waits, begun)
             holds_ms = machine.holds_ms
             session.link.wait(_SETTLED_S)
             check_faults(session.link, machine.axes)

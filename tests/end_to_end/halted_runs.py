@@ -1,6 +1,6 @@
 """Run jobs that are paused on the way, and convert their evidence to trajectory time, to compare it with the plan."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -105,8 +105,10 @@ def run_with(kernel: Kernel, job: str, breaks: Sequence[Break], options: dict[st
             progress: Progress,
             outputs: tuple[OutputCommand, ...] = (),
             waits: tuple[InputWait, ...] = (),
+            begun: Callable[[], None] = lambda: None,
         ) -> None:
             run = self.start(records, start_units, outputs, waits)
+            begun()
             for at_s, lasts_s in breaks:
                 while run.trajectory_s < at_s:
                     self.wait(_POLL_S)

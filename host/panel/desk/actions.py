@@ -1,9 +1,7 @@
 """What each command needs before it is taken, and how it is carried out: one table."""
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import inf
 from typing import Any, Final, Generic, TypeVar
 
 from steptwin.host.client import Progress
@@ -132,15 +130,6 @@ def _move_tool(doing: Doing, command: MoveTool) -> str:
 def _run(doing: Doing, command: RunMotion) -> str:
     """Run a motion; its result is kept however it ends."""
     run = doing.results.begin(command.name)
-    last = inf
-
-    def progress(fraction: float) -> None:
-        nonlocal last
-        if fraction < last:  # a repetition begins
-            run.started_s = time.monotonic()
-        last = fraction
-        doing.progress(fraction)
-
     try:
         outcome = execute_live(
             doing.session,
@@ -148,7 +137,8 @@ def _run(doing: Doing, command: RunMotion) -> str:
             command.name,
             repeat=command.repeat,
             approach=command.approach,
-            progress=progress,
+            progress=doing.progress,
+            begun=run.begin_repetition,
         )
     except (StepTwinError, StopAskedError) as error:
         doing.results.end(run, None, str(error))

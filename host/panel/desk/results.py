@@ -53,6 +53,10 @@ class Run:
     asked_s: float
     started_s: float | None = None
 
+    def begin_repetition(self) -> None:
+        """Note that the axes have set off now."""
+        self.started_s = time.monotonic()
+
 
 class Results:
     """The last runs that have ended; the worker adds them, any thread reads them."""

@@ -120,7 +120,16 @@ def test_repetitions(session: Session, tmp_path: Path) -> None:
     file = tmp_path / "there-and-back.csv"
     file.write_text(f"t,{','.join(ROBOT.joint_names)}\n0,{home}\n1.5,{away}\n3,{home}\n")
     path = plan(ROBOT, read_trajectory(str(file), ROBOT))
-    outcome = execute_live(session, path, "there-and-back", repeat=3, approach=True)
+    begun_s: list[float] = []
+    outcome = execute_live(
+        session,
+        path,
+        "there-and-back",
+        repeat=3,
+        approach=True,
+        begun=lambda: begun_s.append(session.link.now_s()),
+    )
+    assert np.diff(begun_s) == pytest.approx([path.trajectory.duration_s] * 2, abs=0.3)
     assert (outcome.repetitions, outcome.passed) == (3, True)
     assert outcome.to_dict()["repetitions"] == 3
 

@@ -176,6 +176,7 @@ def test_anybody_pauses_and_stops_a_run_and_the_operator_resumes_it(shared: Rig)
     assert samples.t_s[0] < done.started_s < samples.t_s[-1]
     assert np.ptp(samples.positions, axis=0).max() > 1.0
     assert np.nanmax(np.abs(samples.rates)) > 1.0
+    assert samples.positions[-1] == pytest.approx(done.outcome.end, abs=0.1)
 
     desk.ask(ANN, demo(desk))
     await_true(lambda: not shared.stands(), "motion")
