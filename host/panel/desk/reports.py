@@ -18,13 +18,16 @@ from steptwin.host.common.errors import BusError
 from steptwin.host.operate.session import Session
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode, Status
-from steptwin.protocol.frame import COB_EMCY, COB_ID_INVALID, COB_ID_NO_RTR, COB_TPDO
+from steptwin.protocol.frame import COB_EMCY, COB_ID_INVALID, COB_ID_NO_RTR, COB_NMT, COB_TPDO
+from steptwin.protocol.nmt import NmtCommand
 from steptwin.protocol.pdo_defaults import ASYNCHRONOUS
 
 SILENT_S: Final = 0.5
 """Time without a report after which the machine counts as lost."""
 _PERIOD_MS: Final = 30
-"""Period of the reports at 500 kbit/s and above: two frames of each axis, 6 % of the bus with eight axes."""
+"""Period of the reports of position and state at 500 kbit/s and above."""
+_MOTION_PERIODS: Final = 2
+"""Number of these periods from one report of velocity and following error to the next; plots need no more."""
 _FULL_RATE: Final = 500_000
 _WORD_BYTES: Final = 4
 _MOTION: Final = struct.Struct("<ii")
@@ -138,7 +141,8 @@ def set_up_reports(session: Session) -> bool:
     await_reports(session.link, session.machine.axes)
     if session.streaming:
         return False
-    wanted = [(axis, _objects(axis.node_id, session.robot.board.bitrate)) for axis in session.machine.axes]
+    period_ms = _PERIOD_MS * max(1, _FULL_RATE // session.robot.board.bitrate)
+    wanted = [(axis, _objects(axis.node_id, period_ms)) for axis in session.machine.axes]
     try:
         if all(_reports(axis, objects) for axis, objects in wanted):
             return True
@@ -149,18 +153,28 @@ def set_up_reports(session: Session) -> bool:
             for axis, objects in wanted:
                 for address, value in objects:
                     axis.write(address, value)
-            session.link.network.nmt.state = "OPERATIONAL"
+            _start_in_turn(session, period_ms)
     except BusError:  # another program is in charge; a node that does not answer is soon missed in any case
         return False
     return True
 
 
-def _objects(node_id: int, bitrate: int) -> Objects:
+def _start_in_turn(session: Session, period_ms: int) -> None:
+    """Bring the nodes to OPERATIONAL, from where their timers run, so that their reports are spread over the period.
+
+    A board that had to send them all at once would be late with other things.
+    """
+    axes = session.machine.axes
+    for axis in axes:
+        session.link.network.send_message(COB_NMT, bytes((NmtCommand.START, axis.node_id)))
+        session.link.wait(period_ms / 1000 / len(axes))
+
+
+def _objects(node_id: int, period_ms: int) -> Objects:
     """Return the parameters of an axis' reports, in the order in which a node takes them.
 
     TPDO2, which exists no sooner than a master defines it, carries the following error and the velocity.
     """
-    period_ms = _PERIOD_MS * max(1, _FULL_RATE // bitrate)
     drive, motion = od.TPDO_COMMUNICATION[:2]
     mapping = od.TPDO_MAPPING[1]
     cob_id = COB_TPDO[1] + node_id | COB_ID_NO_RTR
@@ -169,7 +183,7 @@ def _objects(node_id: int, bitrate: int) -> Objects:
         (od.address_of(drive, od.PDO_EVENT_TIMER), period_ms),
         (od.address_of(motion, od.PDO_COB_ID), cob_id | COB_ID_INVALID),
         (od.address_of(motion, od.PDO_TRANSMISSION_TYPE), ASYNCHRONOUS),
-        (od.address_of(motion, od.PDO_EVENT_TIMER), period_ms),
+        (od.address_of(motion, od.PDO_EVENT_TIMER), _MOTION_PERIODS * period_ms),
         (od.address_of(mapping), 0),
         *((od.address_of(mapping, i), address << 8 | 8 * _WORD_BYTES) for i, address in enumerate(mapped, start=1)),
         (od.address_of(mapping), len(mapped)),

