@@ -8,13 +8,7 @@ const UP = new THREE.Vector3(0, 1, 0); // a cylinder's own axis
 // full, the newest piece takes the oldest one's place.
 class Tubes {
   constructor(radius, { color, opacity = 1, balls = true, capacity = 64 }) {
-    const material = new THREE.MeshStandardMaterial({
-      roughness: 0.55,
-      metalness: 0.1,
-      transparent: opacity < 1,
-      opacity,
-      depthWrite: opacity === 1,
-    });
+    const material = new THREE.MeshLambertMaterial({ transparent: opacity < 1, opacity, depthWrite: opacity === 1 });
     this.color = color;
     this.material = material;
     this.radius = radius;
@@ -26,9 +20,9 @@ class Tubes {
   allocate(capacity) {
     this.dispose();
     this.capacity = capacity;
-    const tube = new THREE.CylinderGeometry(1, 1, 1, this.balls ? 20 : 6, 1, !this.balls);
+    const tube = new THREE.CylinderGeometry(1, 1, 1, this.balls ? 16 : 5, 1, !this.balls);
     this.tubes = new THREE.InstancedMesh(tube, this.material, capacity);
-    this.joints = new THREE.InstancedMesh(new THREE.SphereGeometry(1, 20, 14), this.material, this.balls ? capacity : 1);
+    this.joints = new THREE.InstancedMesh(new THREE.SphereGeometry(1, 16, 10), this.material, this.balls ? capacity : 1);
     for (const mesh of [this.tubes, this.joints]) {
       mesh.frustumCulled = false;
       mesh.count = 0;
@@ -99,6 +93,7 @@ class Arm {
 }
 
 const SLOW_MS = 40;
+const isDark = () => document.body.classList.contains("body--dark");
 const VIEWS = { top: [0, -0.001, 1], front: [0, -1, 0.12], side: [1, 0, 0.12], iso: [0.75, -1, 0.7] };
 
 export default {
@@ -118,6 +113,7 @@ export default {
       this.failed = true;
       return;
     }
+    this.renderer.debug.checkShaderErrors = false; // the check would wait for the compiler, seconds without a graphics card
     this.on = true;
     this.scene = new THREE.Scene();
     this.camera = new THREE.PerspectiveCamera(35, 1, this.span / 100, this.span * 20);
@@ -144,7 +140,7 @@ export default {
     this.scene.add(this.furniture);
     this.setBoxes(this.boxes || []);
     this.recolor();
-    this.themes = new MutationObserver(() => this.recolor());
+    this.themes = new MutationObserver(() => this.dark === isDark() || this.recolor());
     this.themes.observe(document.body, { attributeFilter: ["class"] });
     this.sizes = new ResizeObserver(() => this.resize());
     this.sizes.observe(this.$el);
@@ -186,7 +182,7 @@ export default {
       this.furniture.clear();
       for (const [x, y, z, width, depth, height] of boxes) {
         const geometry = new THREE.BoxGeometry(width, depth, height);
-        const material = new THREE.MeshStandardMaterial({ transparent: true, opacity: 0.16, depthWrite: false });
+        const material = new THREE.MeshLambertMaterial({ transparent: true, opacity: 0.16, depthWrite: false });
         const box = new THREE.Mesh(geometry, material);
         const edges = new THREE.LineSegments(new THREE.EdgesGeometry(geometry), new THREE.LineBasicMaterial());
         for (const part of [box, edges]) {
@@ -210,7 +206,7 @@ export default {
     look(name) {
       if (this.failed) return;
       const center = new THREE.Vector3(...this.center);
-      const away = new THREE.Vector3(...VIEWS[name]).normalize().multiplyScalar(1.75 * this.span);
+      const away = new THREE.Vector3(...VIEWS[name]).normalize().multiplyScalar(1.3 * this.span);
       this.camera.position.copy(center.clone().add(away));
       this.controls.target.copy(center);
       this.controls.update();
@@ -225,6 +221,7 @@ export default {
     },
 
     recolor() {
+      this.dark = isDark();
       const style = getComputedStyle(document.body);
       const color = (name) => new THREE.Color(style.getPropertyValue(name).trim());
       for (const tubes of this.tubes) tubes.material.color = color(tubes.color);
@@ -234,7 +231,7 @@ export default {
         this.grid.geometry.dispose();
       }
       const step = 10 ** Math.round(Math.log10(this.span / 10));
-      const cells = 2 * Math.ceil((1.1 * this.span) / step);
+      const cells = 2 * Math.ceil((0.8 * this.span) / step);
       this.grid = new THREE.GridHelper(cells * step, cells, color("--grid-axis"), color("--grid"));
       this.grid.rotation.x = Math.PI / 2;
       this.grid.position.set(0, 0, 0);

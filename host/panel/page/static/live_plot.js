@@ -4,6 +4,7 @@ import { echarts } from "nicegui-echart";
 
 const EVERY_MS = 100; // ten pictures a second are as smooth as a plot needs
 const QUANTITIES = ["position", "rate", "error"];
+const isDark = () => document.body.classList.contains("body--dark");
 const PER_SECOND = { position: "", rate: "/s", error: "" };
 
 export default {
@@ -17,7 +18,7 @@ export default {
     this.units = [...new Set(this.joints.map((joint) => joint.unit))];
     this.chart = echarts.init(this.$el, null, { renderer: "canvas" });
     this.restyle();
-    this.themes = new MutationObserver(() => this.restyle());
+    this.themes = new MutationObserver(() => this.dark === isDark() || this.restyle());
     this.themes.observe(document.body, { attributeFilter: ["class"] });
     this.sizes = new ResizeObserver(() => this.chart.resize());
     this.sizes.observe(this.$el);
@@ -70,6 +71,7 @@ export default {
     },
 
     restyle() {
+      this.dark = isDark();
       const style = getComputedStyle(document.body);
       const color = (name) => style.getPropertyValue(name).trim();
       const text = { color: color("--muted"), fontSize: 12, fontFamily: style.fontFamily };

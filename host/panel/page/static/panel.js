@@ -94,11 +94,17 @@
   }
 
   const fixed = (value, decimals) => (value == null ? "–" : value.toFixed(decimals).replace(/^-(0\.?0*)$/, "$1"));
+  const SILENT_MS = 1000;
   let lastTick = performance.now();
+
+  function setSilent(silent) {
+    const classes = document.body.classList; // even a change to what is there already would be told to all observers
+    if (classes.contains("silent") !== silent) classes.toggle("silent", silent);
+  }
 
   function tick(now) {
     lastTick = performance.now();
-    document.body.classList.remove("silent");
+    setSilent(false);
     const values = { load: fixed(now.load, 1), fill: fixed(now.fill, 0), late: fixed(now.late, 1) };
     now.q.forEach((value, i) => (values[`q${i}`] = fixed(value, 3)));
     now.v.forEach((value, i) => (values[`v${i}`] = fixed(value, 2)));
@@ -119,7 +125,7 @@
 
   // A server that has stopped sending is as good as a machine that is not seen: grey everything.
   setInterval(() => {
-    if (performance.now() - lastTick > 1000) document.body.classList.add("silent");
+    if (performance.now() - lastTick > SILENT_MS) setSilent(true);
   }, 250);
 
   // --- light and dark: as the system has it, or as this browser was told
