@@ -1,7 +1,7 @@
 """The Jog tab: move a joint or the tool for as long as a button is held, or by steps."""
 
 import json
-from typing import Any, Final
+from typing import Final
 
 from nicegui import events, ui
 
@@ -95,8 +95,14 @@ class JogTab:
         return ToolJog(name, part * (TURN_SPEED_MAX_DEG_S if name == "phi" else SPEED_MAX_MM_S))
 
     def _beat(self, event: events.GenericEventArguments) -> None:
-        """Pass a beat of a held button on; say a refusal once, not with each beat."""
-        press, name, sign = _beat_of(event.args)
+        """Pass a beat of a held button on; say a refusal once, not with each beat. One that is no beat is dropped."""
+        match event.args:
+            case {"press": int(press), "what": str(name), "sign": int(sign)}:
+                pass
+            case _:
+                return
+        if name not in (*self._visitor.desk.robot.joint_names, *COORDINATE_UNITS):
+            return
         try:
             self._visitor.desk.beat(self._visitor.tab, press, self._jog(name, sign))
         except RefusedError as error:
@@ -106,8 +112,6 @@ class JogTab:
                 self._visitor.tell(str(error))
 
     def _release(self, event: events.GenericEventArguments) -> None:
-        self._visitor.desk.release(self._visitor.tab, int(event.args["press"]))
-
-
-def _beat_of(args: dict[str, Any]) -> tuple[int, str, float]:
-    return int(args["press"]), str(args["what"]), float(args["sign"])
+        match event.args:
+            case {"press": int(press)}:
+                self._visitor.desk.release(self._visitor.tab, press)

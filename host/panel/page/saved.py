@@ -76,6 +76,8 @@ class SavedPositions:
                 raise InputError("nothing to save: the machine is not connected")
             if not snapshot.homed:
                 raise InputError("nothing to save: not every joint is homed")
+            if Path(self._path).exists() and name in read_positions(self._path, self._visitor.desk.robot):
+                raise InputError(f"{name} is saved already: delete it first")
             joints = [joint.position for joint in snapshot.joints]
             save_position(self._path, self._visitor.desk.robot, name, joints, "", replace=False)
         if not failed:

@@ -20,7 +20,7 @@ from steptwin.host.panel.page.theme import FAVICON
 PORT: Final = 8090
 """Port at which the page is, unless another one is asked for or it is in use."""
 
-_RECONNECT_S: Final = 10.0
+_RECONNECT_S: Final = 20.0
 """Time for which a page that has lost its connection is kept: a laptop's radio may take that long to come back."""
 _GRACE_S: Final = 1
 """Time that open pages have to finish their requests when the server ends."""

@@ -1,0 +1,140 @@
+"""A desk without a machine: tests set its snapshot, and see what pages have asked for."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from steptwin.host.panel.desk import (
+    Command,
+    Desk,
+    EventLog,
+    History,
+    Jog,
+    JointView,
+    Operators,
+    RefusedError,
+    Result,
+    Setting,
+    Snapshot,
+)
+from steptwin.host.panel.page.scene import links_at
+from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.robot import Robot
+
+
+class ScriptedDesk(Desk):
+    """A desk that remembers what it is asked for.
+
+    Attributes:
+        now: the snapshot that pages read.
+        asked: the commands, in order, with the client that has asked.
+        beats: client, press and jog of each beat.
+        calls: the names of the other methods that were called, with their arguments.
+        refusal: why the desk refuses everything; None while it agrees.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self.events = EventLog()
+        self.operators = Operators(self.events, lambda: None)
+        self.history = History(len(robot.joints))
+        self.now = snapshot_of(robot)
+        self.asked: list[tuple[str, Command]] = []
+        self.beats: list[tuple[str, int, Jog]] = []
+        self.calls: list[tuple[object, ...]] = []
+        self.refusal: str | None = None
+        self.kept_settings: tuple[Setting, ...] = ()
+        self.kept_results: tuple[Result, ...] = ()
+        self._of = robot
+
+    @property
+    def robot(self) -> Robot:
+        return self._of
+
+    @property
+    def snapshot(self) -> Snapshot:
+        holder = self.operators.holder
+        return replace(self.now, operator=holder.name if holder else None)
+
+    @property
+    def settings(self) -> tuple[Setting, ...]:
+        return self.kept_settings
+
+    @property
+    def results(self) -> tuple[Result, ...]:
+        return self.kept_results
+
+    @contextmanager
+    def _agreeing(self, client: str) -> Iterator[None]:
+        self.operators.require(client)
+        if self.refusal is not None:
+            raise RefusedError(self.refusal)
+        yield
+
+    def ask(self, client: str, command: Command) -> None:
+        with self._agreeing(client):
+            self.asked.append((client, command))
+
+    def beat(self, client: str, press: int, jog: Jog) -> None:
+        with self._agreeing(client):
+            self.beats.append((client, press, jog))
+
+    def release(self, client: str, press: int) -> None:
+        self.calls.append(("release", client, press))
+
+    def resume(self, client: str) -> None:
+        self.calls.append(("resume", client))
+
+    def pause(self, by: str = "a client") -> None:
+        self.calls.append(("pause", by))
+
+    def stop(self, by: str = "a client") -> None:
+        self.calls.append(("stop", by))
+
+    def emergency_stop(self, by: str = "a client") -> None:
+        self.calls.append(("emergency_stop", by))
+
+    def gone(self, client: str) -> None:
+        self.calls.append(("gone", client))
+        self.operators.give_up(client)
+
+    def close(self) -> None:
+        self.calls.append(("close",))
+
+    # --- the machine
+
+    def show(self, **changes: Any) -> None:
+        """Change what the snapshot has, as a new one."""
+        self.now = replace(self.now, **(changes | {"time_s": time.monotonic()}))
+
+    def show_joints(self, **changes: Any) -> None:
+        """Change every joint's view."""
+        joints = tuple(replace(joint, **changes) for joint in self.now.joints)
+        self.show(joints=joints, pose=self.now.pose if all(joint.homed for joint in joints) else None)
+
+
+def snapshot_of(robot: Robot) -> Snapshot:
+    """Return the snapshot of a robot that stands homed and enabled at its home position."""
+    joints = tuple(
+        JointView(joint.name, str(joint.unit), position, 0.0, 0.0, joint.lower, joint.upper, True, "enabled", "-", None)
+        for joint, position in zip(robot.joints, robot.home, strict=True)
+    )
+    keys = ("x_mm", "y_mm", "z_mm", "attitude_deg")
+    pose = make_kinematics(robot).forward(np.array([robot.home]))[0].tolist()
+    return Snapshot(
+        time_s=time.monotonic(),
+        connected=True,
+        why_not=None,
+        simulated=True,
+        joints=joints,
+        pose=dict(zip(keys, pose, strict=True)),
+        links_mm=tuple(links_at(robot, list(robot.home))),
+        inputs=dict.fromkeys(robot.inputs, False),
+        outputs=dict.fromkeys(robot.outputs, False),
+        activity=None,
+        emergency_stopped=False,
+        operator=None,
+    )

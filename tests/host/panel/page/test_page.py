@@ -1,0 +1,589 @@
+"""The page without a browser: what it shows of a desk, and what it asks of it."""
+
+import asyncio
+import json
+from collections.abc import AsyncIterator, Callable, Coroutine
+from contextlib import asynccontextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("nicegui", reason="the extra `panel` is not installed")
+
+import httpx
+import numpy as np
+from nicegui import core, ui
+from nicegui.element import Element
+from nicegui.testing import User, UserInteraction, user_simulation
+
+from steptwin.host.panel.desk import (
+    Activity,
+    Enable,
+    HomeAll,
+    HomeJoint,
+    JointJog,
+    MoveJoints,
+    MoveTool,
+    ResetFaults,
+    Result,
+    RunMotion,
+    Samples,
+    Setting,
+    StepJoint,
+    StepTool,
+    SwitchOutput,
+    ToolJog,
+    WriteSettings,
+)
+from steptwin.host.panel.page.hub import Hub
+from steptwin.host.robots import load_robot, robot_names
+from tests.host.panel.page.scripted_desk import ScriptedDesk
+
+LAB = load_robot("lab-scara")
+
+
+class Rig:
+    """A page, its desk and its simulated user."""
+
+    def __init__(self, user: User, hub: Hub, desk: ScriptedDesk) -> None:
+        self.user, self.hub, self.desk = user, hub, desk
+
+    async def look(self) -> None:
+        """Let the page follow the desk."""
+        await self.hub.tick()
+        await asyncio.sleep(0)
+
+    def texts(self) -> list[str]:
+        """Return the texts of all elements that are shown."""
+        return [str(element.text) for element in self.elements() if isinstance(element, ui.label | ui.button)]
+
+    def shows(self, part: str) -> bool:
+        """Return whether a text with this part is shown, on the page or in a message."""
+        return any(part in text for text in (*self.texts(), *self.user.notify.messages))
+
+    def elements(self) -> list[Element]:
+        assert self.user.client
+        return [element for element in self.user.client.elements.values() if _visible(element)]
+
+    def find(self, name: str, kind: type[Element] = ui.button) -> Any:
+        """Return the only element with a text, label or accessible name."""
+        found = [element for element in self.elements() if isinstance(element, kind) and name in _names(element)]
+        assert len(found) == 1, (name, len(found))
+        return found[0]
+
+    def first(self, label: str) -> ui.number:
+        """Return the first field for a number with a label: the Move tab is before the Run tab."""
+        return next(each for each in self.elements() if isinstance(each, ui.number) and label in _names(each))
+
+    async def click(self, name: str) -> None:
+        """Click a button that is enabled."""
+        button = self.find(name)
+        assert button.enabled, name
+        await self.trigger(button, "click")
+
+    async def trigger(self, element: Element, event: str, args: Any = None) -> None:
+        """Let an element have an event."""
+        UserInteraction(self.user, {element}, None).trigger(event, args)
+        for _ in range(5):
+            await asyncio.sleep(0)
+        await self.look()
+
+    async def emit(self, event: str, **args: Any) -> None:
+        """Let the page's script send an event."""
+        assert self.user.client
+        await self.trigger(self.user.client.layout, event, args)
+
+    async def until(self, condition: Callable[[], bool]) -> None:
+        """Wait for a motion to be planned, in a thread."""
+        for _ in range(2000):
+            if condition():
+                return
+            await asyncio.sleep(0.01)
+        raise AssertionError(self.texts())
+
+    def branch(self, name: str) -> Element:
+        """Return the row of a branch of the inverse kinematics."""
+        row: Element
+        (row,) = [
+            element
+            for element in self.elements()
+            if element.props.get("role") == "radio" and any(name in _names(child) for child in element.descendants())
+        ]
+        return row
+
+    @property
+    def asked(self) -> list[Any]:
+        """The commands that the desk has agreed to."""
+        return [command for _, command in self.desk.asked]
+
+
+def _visible(element: Element) -> bool:
+    """Return whether an element and all that it is in are shown; tabs count as shown."""
+    return element.visible and all(ancestor.visible for ancestor in element.ancestors())
+
+
+def _names(element: Element) -> set[str]:
+    props = element.props
+    return {str(props.get("aria-label")), str(props.get("label")), str(getattr(element, "text", None))}
+
+
+@asynccontextmanager
+async def opened(desk: ScriptedDesk, folder: Path, control: Any = None) -> AsyncIterator[Rig]:
+    """Open the page of a desk."""
+    hub = Hub(desk, str(folder / "positions.toml"), control)
+    async with user_simulation(root=hub.build) as user:
+        await user.open("/")
+        rig = Rig(user, hub, desk)
+        await asyncio.sleep(0)
+        await rig.look()
+        yield rig
+
+
+Body = Callable[[Rig], Coroutine[Any, Any, None]]
+
+
+@pytest.fixture
+def on_page(tmp_path: Path) -> Callable[..., ScriptedDesk]:
+    """Return a function that runs a body on an open page, of lab-scara by default, and returns the desk."""
+
+    def run(body: Body, desk: ScriptedDesk | None = None) -> ScriptedDesk:
+        desk = desk or ScriptedDesk(LAB)
+
+        async def opened_body() -> None:
+            async with opened(desk, tmp_path) as rig:
+                await body(rig)
+
+        asyncio.run(opened_body())
+        return desk
+
+    return run
+
+
+OnPage = Callable[..., ScriptedDesk]
+
+
+# --- what is shown
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_every_robot_has_its_page(name: str, on_page: OnPage) -> None:
+    robot = load_robot(name)
+
+    async def body(rig: Rig) -> None:
+        assert rig.shows(name)
+        assert rig.shows("SIMULATED")
+        for joint in robot.joint_names:
+            assert rig.find(f"jog {joint} forward")
+        for output in robot.outputs:
+            assert rig.find(f"switch {output} on")
+        scene = next(element for element in rig.user.client.elements.values() if "roles" in element.props)  # type: ignore[union-attr]
+        assert len(scene.props["roles"]) == len(rig.desk.now.links_mm)
+        assert len(scene.props["boxes"]) == len(robot.boxes)
+
+    on_page(body, ScriptedDesk(robot))
+
+
+def test_what_is_in_the_way_is_said_with_the_remedy(on_page: OnPage) -> None:
+    async def body(rig: Rig) -> None:
+        desk = rig.desk
+        assert not rig.shows("Not homed")
+        desk.show_joints(homed=False)
+        await rig.look()
+        assert rig.shows("Not homed: d1, th2, th3, th4.")
+        desk.show_joints(homed=True, error="the motor does not follow: is it blocked?")
+        await rig.look()
+        assert rig.shows("Fault: d1: the motor does not follow")
+        await rig.click("Reset")
+        assert isinstance(rig.asked[-1], ResetFaults)
+        desk.show_joints(error=None)
+        desk.show(emergency_stopped=True)
+        await rig.look()
+        assert rig.shows("Emergency stop: nothing moves until the reset.")
+        desk.show(connected=False, why_not="no report from the machine for 0.5 s")
+        await rig.look()
+        assert rig.shows("Not connected: no report from the machine for 0.5 s.")
+        assert any("unseen" in element.classes for element in rig.user.client.elements.values())  # type: ignore[union-attr]
+        desk.show(connected=True, why_not=None, emergency_stopped=False)
+        await rig.look()
+        assert not any(rig.shows(text) for text in ("Not connected", "Emergency stop", "Fault", "Not homed"))
+
+    on_page(body)
+
+
+def test_the_head_follows_the_activity(on_page: OnPage) -> None:
+    async def body(rig: Rig) -> None:
+        assert not rig.find("Pause").enabled
+        rig.desk.show(activity=Activity("spiral", 0.42, paused=False, pausable=True))
+        await rig.look()
+        assert rig.shows("spiral 42 %")
+        await rig.click("Pause")
+        rig.desk.show(activity=Activity("spiral", 0.42, paused=True, pausable=True))
+        await rig.look()
+        assert rig.shows("spiral 42 %, paused")
+        await rig.click("Resume")
+        await rig.click("Stop")
+        await rig.click("emergency stop, key Escape")
+        tab = rig.user.tab_id
+        names = [call for call in rig.desk.calls if call[0] != "gone"]
+        assert names == [
+            ("pause", "browser 1"),
+            ("resume", tab),
+            ("stop", "browser 1"),
+            ("emergency_stop", "browser 1"),
+        ]
+
+    on_page(body)
+
+
+def test_events_stay_until_they_are_cleared(on_page: OnPage) -> None:
+    async def body(rig: Rig) -> None:
+        rig.desk.events.info("all drives: enabled")
+        rig.desk.events.error("th2: it has reached a limit switch")
+        await rig.look()
+        (log,) = [element for element in rig.elements() if element.props.get("role") == "log"]
+        newest, older = [row.default_slot.children[-1] for row in log.default_slot.children[:2]]
+        assert _names(newest) >= {"th2: it has reached a limit switch"}
+        assert _names(older) >= {"all drives: enabled"}
+        toggle = rig.find("events to show", ui.toggle)
+        toggle.set_value("problems")
+        assert rig.shows("limit switch")
+        assert not rig.shows("all drives: enabled")
+        toggle.set_value("all")
+        assert rig.shows("all drives: enabled")
+        await rig.click("Clear")
+        assert not rig.shows("limit switch")
+        rig.desk.events.info("resumed")
+        await rig.look()
+        assert rig.shows("resumed")
+
+    on_page(body)
+
+
+# --- who operates
+
+
+def test_one_browser_operates_and_the_others_watch(tmp_path: Path) -> None:
+    desk = ScriptedDesk(LAB)
+
+    async def body() -> None:
+        async with opened(desk, tmp_path) as first:
+            assert first.shows("you operate (browser 1)")
+            transport = httpx.ASGITransport(core.app)
+            second = Rig(User(httpx.AsyncClient(transport=transport, base_url="http://test")), first.hub, desk)
+            await second.user.open("/")
+            await second.look()
+            assert second.shows("browser 1 operates, you watch")
+            await second.click("Switch on")
+            assert not desk.asked
+            assert second.shows("browser 1 operates the machine: ask, or take over")
+            await second.click("Stop")
+            await second.click("emergency stop, key Escape")
+            assert [call[0] for call in desk.calls] == ["stop", "emergency_stop"]
+            await second.click("Take over")
+            assert second.shows("you operate (browser 2)")
+            assert first.shows("browser 2 operates, you watch")
+            await second.click("Switch on")
+            assert isinstance(desk.asked[-1][1], Enable)
+            await second.click("Give up")
+            assert first.shows("nobody operates")
+            await first.click("Operate")
+            assert first.shows("you operate (browser 1)")
+
+    asyncio.run(body())
+
+
+def test_a_reload_keeps_the_operators_place(on_page: OnPage) -> None:
+    async def body(rig: Rig) -> None:
+        first = rig.user.client
+        assert first
+        await rig.user.open("/")  # the same tab
+        await rig.look()
+        first.delete()
+        assert ("gone", rig.user.tab_id) not in rig.desk.calls
+        assert rig.shows("you operate (browser 1)")
+        assert rig.user.client
+        rig.user.client.delete()
+        assert ("gone", rig.user.tab_id) in rig.desk.calls
+        assert rig.desk.operators.holder is None
+
+    on_page(body)
+
+
+def test_a_refusal_is_shown_and_logged(on_page: OnPage) -> None:
+    async def body(rig: Rig) -> None:
+        rig.desk.refusal = "home: busy: spiral"
+        await rig.click("home th2")
+        assert any("home: busy: spiral" in message for message in rig.user.notify.messages)
+        assert rig.shows("refused to browser 1: home: busy: spiral")
+        rig.desk.refusal = None
+        await rig.click("home th2")
+
+    asked = on_page(body).asked
+    assert [command for _, command in asked] == [HomeJoint(joint="th2", asked_s=asked[0][1].asked_s)]
+
+
+# --- jog
+
+
+def test_a_held_button_beats_and_is_released(on_page: OnPage) -> None:
+    async def body(rig: Rig) -> None:
+        assert json.loads(rig.find("jog th2 backward").props["data-jog"]) == {"what": "th2", "sign": -1}
+        await rig.emit("jog_beat", press=7, what="th2", sign=-1)
+        rig.find("speed of a jog", ui.toggle).set_value(100)
+        await rig.emit("jog_beat", press=8, what="z", sign=1)
+        await rig.emit("jog_beat", press=9, what="phi", sign=1)
+        await rig.emit("jog_release", press=9)
+        tab = rig.user.tab_id
+        assert rig.desk.beats == [
+            (tab, 7, JointJog("th2", -0.2 * LAB.joint("th2").speed_max)),
+            (tab, 8, ToolJog("z", 250.0)),
+            (tab, 9, ToolJog("phi", 90.0)),
+        ]
+        assert rig.desk.calls == [("release", tab, 9)]
+        await rig.click("jog th2 backward")  # a click without a step chosen is no command
+        assert not rig.desk.asked
+
+    on_page(body)
+
+
+def test_a_refused_jog_is_told_once(on_page: OnPage) -> None:
+    async def body(rig: Rig) -> None:
+        rig.desk.refusal = "jog z: th2 not homed: home the machine first"
+        for press in (1, 1, 1, 2):
+            await rig.emit("jog_beat", press=press, what="z", sign=1)
+        told = [message for message in rig.user.notify.messages if "not homed" in message]
+        assert len(told) == 2
+
+    on_page(body)
+
+
+@pytest.mark.parametrize(
+    "args", [{"press": "x", "what": "th2", "sign": 1}, {"press": 1, "what": "no-joint", "sign": 1}, {}]
+)
+def test_a_beat_that_is_none_moves_nothing(args: dict[str, Any], on_page: OnPage) -> None:
+    async def body(rig: Rig) -> None:
+        await rig.emit("jog_beat", **args)
+        await rig.emit("jog_release", **{key: value for key, value in args.items() if key == "press"})
+
+    assert not on_page(body).beats
+
+
+def test_a_click_is_a_step_when_one_is_chosen(on_page: OnPage) -> None:
+    async def body(rig: Rig) -> None:
+        rig.find("what a press moves", ui.toggle).set_value(0.1)
+        assert "data-jog" not in rig.find("jog th2 backward").props
+        await rig.click("jog th2 backward")
+        await rig.click("jog y forward")
+        joint, tool = rig.asked
+        assert (joint.joint, joint.distance, joint.speed_percent) == ("th2", -0.1, 20)
+        assert (type(tool), tool.distances, tool.speed_percent) == (StepTool, {"y": 0.1}, 20)
+        assert isinstance(joint, StepJoint)
+
+    on_page(body)
+
+
+# --- move
+
+
+def test_joints_move_to_the_numbers_in_their_fields(on_page: OnPage) -> None:
+    async def body(rig: Rig) -> None:
+        field = rig.find("th2", ui.number)
+        assert field.value == LAB.home[1]  # where it stands
+        field.set_value(30.0)
+        await rig.click("Move")
+        assert rig.asked[-1].joints == {**dict(zip(LAB.joint_names, LAB.home, strict=True)), "th2": 30.0}
+        assert rig.asked[-1].speed_percent == 30.0
+        count = len(rig.asked)
+        field.set_value(1000.0)
+        await rig.click("Move")
+        assert len(rig.asked) == count
+        assert rig.shows("a field has no number, or one outside its range")
+        assert isinstance(rig.asked[-1], MoveJoints)
+
+    on_page(body)
+
+
+def test_every_way_to_a_pose_is_shown_and_one_out_of_reach_says_why(on_page: OnPage) -> None:
+    async def body(rig: Rig) -> None:
+        rig.find("kind of move", ui.toggle).set_value("tool")
+        for name, value in {"x": 150.0, "y": 300.0, "z": 60.0, "phi": 0.0}.items():
+            rig.first(name).set_value(value)
+        assert rig.shows("right")
+        assert rig.shows("left")
+        await rig.trigger(rig.branch("left"), "click")
+        await rig.click("Move")
+        (move,) = rig.asked
+        assert isinstance(move, MoveTool)
+        assert (move.position.branch, dict(move.position.coordinates)) == (
+            "left",
+            {"x": 150.0, "y": 300.0, "z": 60.0, "phi": 0.0},
+        )
+        rig.first("x").set_value(5000.0)
+        assert "branch off" in " ".join(rig.branch("left").classes)
+        assert rig.shows("5000") or rig.shows("reach")
+        await rig.click("Move")
+        assert len(rig.asked) == 1
+        assert rig.shows("no way to get there: change the pose")
+
+    on_page(body)
+
+
+def test_positions_are_saved_gone_to_and_deleted(on_page: OnPage, tmp_path: Path) -> None:
+    async def body(rig: Rig) -> None:
+        rig.find("kind of move", ui.toggle).set_value("saved")
+        assert rig.shows("No position is saved yet.")
+        rig.find("name", ui.input).set_value("pick")
+        await rig.click("Save where it stands")
+        await rig.click("go to pick")
+        assert isinstance(rig.asked[-1], MoveJoints)
+        rig.find("name", ui.input).set_value("pick")
+        await rig.click("Save where it stands")
+        assert rig.shows("pick is saved already: delete it first")
+        rig.find("name", ui.input).set_value("no name")
+        await rig.click("Save where it stands")
+        assert rig.shows("is not a position's name")
+        rig.desk.show_joints(homed=False)
+        rig.find("name", ui.input).set_value("lost")
+        await rig.click("Save where it stands")
+        assert rig.shows("nothing to save: not every joint is homed")
+        await rig.click("delete pick")
+        assert rig.shows("No position is saved yet.")
+
+    on_page(body)
+    assert "pick" not in (tmp_path / "positions.toml").read_text()
+
+
+# --- run
+
+
+def test_a_job_is_looked_at_before_it_can_be_run(on_page: OnPage) -> None:
+    async def body(rig: Rig) -> None:
+        assert not rig.find("Run").enabled
+        await rig.click("Preview")
+        await rig.until(lambda: rig.find("Run").enabled)
+        assert rig.shows("It keeps all limits")
+        rig.find("repetitions", ui.number).set_value(3)
+        await rig.click("Run")
+        (command,) = rig.asked
+        assert isinstance(command, RunMotion)
+        assert (command.name, command.repeat, command.approach) == ("spiral", 3, True)
+        assert command.plan.trajectory.duration_s == pytest.approx(18.8)
+        rig.find("psi", ui.number).set_value(10.0)  # another motion than the one that was seen
+        assert not rig.find("Run").enabled
+
+    on_page(body)
+
+
+def test_the_form_has_the_jobs_own_options(on_page: OnPage) -> None:
+    async def body(rig: Rig) -> None:
+        assert rig.find("z law", ui.select).options == ["A", "B"]
+        assert rig.find("point", ui.number).value == 0.05
+        point = rig.find("point", ui.number)
+        point.set_value(0.0001)
+        await rig.click("Preview")
+        assert rig.shows("an option has no value, or one outside its range")
+        point.set_value(0.001)
+        await rig.click("Preview")
+        await rig.until(lambda: rig.shows("times slower passes"))
+        assert not rig.find("Run").enabled
+
+    on_page(body)
+
+
+FILE = "t,d1,th2,th3,th4\n0,100,0,0,0\n2,120,10,10,10\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("good.csv", FILE, "It keeps all limits"),
+        ("far.csv", FILE.replace("120", "12000"), "far.csv: "),
+        ("bad.csv", "t,d1\n0,1\n", "bad.csv: "),
+        ("bad.toml", "robot = 1", "bad.toml: "),
+        ("../../evil.csv", "x", "evil.csv: "),
+        ("evil.exe", FILE, "evil.exe: a file to run ends in .csv, .json, .toml"),
+    ],
+)
+def test_an_uploaded_file_passes_the_same_checks(name: str, content: str, words: str, on_page: OnPage) -> None:
+    async def body(rig: Rig) -> None:
+        rig.find("motion", ui.select).set_value("a file of yours")
+        await rig.click("Preview")
+        assert rig.shows("choose a file first")
+        upload = rig.find("choose or drop a file: .csv, .json, .toml", ui.upload)
+        await upload.handle_uploads([ui.upload.SmallFileUpload(name, "text/plain", content.encode())])
+        await rig.until(lambda: rig.shows(words))
+        assert rig.find("Run").enabled == (name == "good.csv")
+        assert not rig.shows("/tmp")
+
+    on_page(body)
+
+
+# --- outputs, settings, results
+
+
+def test_outputs_are_switched_and_inputs_shown(on_page: OnPage) -> None:
+    robot = load_robot("warehouse-scara")
+
+    async def body(rig: Rig) -> None:
+        await rig.click("switch magnet on")
+        (command,) = rig.asked
+        assert isinstance(command, SwitchOutput)
+        assert (command.output, command.on) == ("magnet", True)
+        before = rig.texts().count("on")
+        rig.desk.show(outputs=dict.fromkeys(robot.outputs, True))
+        await rig.look()
+        assert rig.texts().count("on") == before + len(robot.outputs)
+
+    on_page(body, ScriptedDesk(robot))
+
+
+def test_only_changed_settings_are_written(on_page: OnPage) -> None:
+    desk = ScriptedDesk(LAB)
+    desk.kept_settings = (
+        Setting("th2.speed_max", "th2", "Highest speed", "deg/s", 60.0, 1.0, 90.0, (), stored=False),
+        Setting("idle", None, "Current at rest", "%", 50.0, 20.0, 100.0, (20.0, 50.0, 100.0), stored=True),
+    )
+
+    async def body(rig: Rig) -> None:
+        await rig.click("Write what has changed")
+        assert rig.shows("nothing has changed")
+        rig.find("Highest speed", ui.number).set_value(200.0)
+        await rig.click("Write what has changed")
+        assert not rig.asked
+        rig.find("Highest speed", ui.number).set_value(45.0)
+        rig.find("Current at rest *", ui.select).set_value(20.0)
+        await rig.click("Write what has changed")
+        (command,) = rig.asked
+        assert isinstance(command, WriteSettings)
+        assert command.values == {"th2.speed_max": 45.0, "idle": 20.0}
+
+    on_page(body, desk)
+
+
+def test_a_run_that_has_ended_shows_its_verdict(on_page: OnPage) -> None:
+    empty = Samples(np.empty(0), np.empty((0, 4)), np.empty((0, 4)), np.empty((0, 4)))
+    stopped = Result(1, 0.0, "spiral", None, "stopped by an operator", None, None, empty)
+
+    async def body(rig: Rig) -> None:
+        assert rig.shows("No run has ended yet.")
+        rig.desk.kept_results = (stopped,)
+        await rig.look()
+        assert rig.shows("did not end")
+        assert rig.shows("stopped by an operator")
+        rig.desk.kept_results = (stopped, replace(stopped, number=2, passed=False, why=None))
+        await rig.look()
+        assert rig.shows("ended elsewhere")
+        await rig.click("show run 1")
+        assert rig.shows("spiral, run 1")
+
+    on_page(body)
+
+
+def test_home_all_is_offered_where_it_is_needed(on_page: OnPage) -> None:
+    async def body(rig: Rig) -> None:
+        await rig.click("Home all")
+        assert isinstance(rig.asked[-1], HomeAll)
+
+    on_page(body)
