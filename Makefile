@@ -4,11 +4,16 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT := out/drawer-pull
 
-.PHONY: demo test check lint coverage bench docs clean
+.PHONY: demo panel test check lint coverage bench docs panel-pictures clean
 
 # Install, run the warehouse robot's drawer pull on the embedded board and print where the pictures are.
 demo: $(VENV)/.installed
 	$(BIN)/steptwin run warehouse-scara drawer-pull --out $(OUT)
+	@echo "The machine in a browser: make panel"
+
+# Serve the laboratory robot's board and open its panel at the address that is printed, until Ctrl-C.
+panel: $(VENV)/.installed-panel
+	$(BIN)/steptwin serve lab-scara --panel
 
 test: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest --numprocesses auto --dist worksteal
@@ -34,6 +39,10 @@ bench: $(VENV)/.installed-dev
 docs: $(VENV)/.installed
 	$(BIN)/python -m docs.generate
 
+# Make the pictures of docs/panel.md: needs Chromium and its driver.
+panel-pictures: $(VENV)/.installed-dev
+	$(BIN)/python -m docs.generate.panel_pictures
+
 clean:
 	rm -rf $(VENV) out
 
@@ -46,7 +55,11 @@ $(VENV)/.installed: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --editable '.[fast,plot]'
 	@touch $@
 
+$(VENV)/.installed-panel: pyproject.toml $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --editable '.[panel]'
+	@touch $@
+
 # Dependency groups need pip 25.1; the upgrade of pip above provides it.
-$(VENV)/.installed-dev: pyproject.toml $(VENV)/.installed
+$(VENV)/.installed-dev: pyproject.toml $(VENV)/.installed-panel
 	$(BIN)/python -m pip install --quiet --group dev
 	@touch $@

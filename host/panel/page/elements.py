@@ -53,19 +53,23 @@ def icon_button(name: str, label: str, on_click: Handler | None = None) -> ui.bu
 
 
 class Chip:
-    """A short text on a coloured ground."""
+    """A short text on a coloured ground.
+
+    Attributes:
+        element: what NiceGUI shows.
+    """
 
     def __init__(self, text: str = "", tone: Tone = "") -> None:
-        self._element = ui.label(text).classes("chip")
+        self.element = ui.label(text).classes("chip")
         self._tone: Tone = ""
         self.show(text, tone)
 
     def show(self, text: str, tone: Tone = "") -> None:
         """Change text and tone; an empty text hides the chip."""
-        self._element.set_text(text)
-        self._element.set_visibility(bool(text))
+        self.element.set_text(text)
+        self.element.set_visibility(bool(text))
         if tone != self._tone:
-            self._element.classes(add=tone, remove=self._tone)
+            self.element.classes(add=tone, remove=self._tone)
             self._tone = tone
 
 

@@ -18,6 +18,7 @@ class Header:
             self._simulated = Chip("SIMULATED", "warn")
             self._state = Chip()
             self._activity = Chip()
+            self._activity.element.props["data-activity"] = ""
             ui.element("div").classes("panel-spring")
             with line("tight"):
                 self._pause = plain("Pause", lambda: visitor.attempt(lambda: desk.pause(visitor.name)), "pause")

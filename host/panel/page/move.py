@@ -56,7 +56,7 @@ class JointsForm:
 
     def __init__(self, visitor: Visitor, scene: ArmScene, percent: Callable[[], float]) -> None:
         self._visitor, self._scene, self._percent = visitor, scene, percent
-        self._filled = False
+        self._filled = self._known = False
         robot = visitor.desk.robot
         with ui.element("div").classes("stack") as self.root:
             with ui.element("div").classes("form-grid"):
@@ -72,9 +72,11 @@ class JointsForm:
                 plain("Home position", lambda: self._set(dict(zip(robot.joint_names, robot.home, strict=True))))
 
     def fill_once(self, snapshot: Snapshot) -> None:
-        """Show where the machine stands, the first time that it is known."""
-        if not self._filled and snapshot.joints:
+        """Show where the machine stands when that becomes known: with the first snapshot, and by homing."""
+        known = snapshot.homed and snapshot.activity is None
+        if snapshot.joints and (not self._filled or (known and not self._known)):
             self.fill()
+        self._known = known or (self._known and snapshot.homed)
 
     def fill(self) -> None:
         """Show where the machine stands."""

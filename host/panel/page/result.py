@@ -11,6 +11,10 @@ from steptwin.host.panel.desk import Result, Snapshot
 from steptwin.host.panel.page.elements import Chip, cell, heading, line, note, plain, table
 from steptwin.host.panel.page.visitor import Visitor
 
+_COLOURS: Final = ("#2f7de1", "#d9652b", "#2f9e63", "#a45fd6", "#b98a17", "#1797a8", "#d6478a", "#7b8794")
+_MUTED: Final = "#7d8894"
+_LINE: Final = "#7d889440"
+"""Colours that can be read on light and on dark."""
 _POINTS: Final = 800
 """Points of a curve: as fine as a screen."""
 
@@ -126,13 +130,15 @@ def _chart(title: str, t_s: Any, names: list[str], lines: Any, dots: Any) -> Non
             dot = {"type": "scatter", "name": name, "symbolSize": 4, "data": points(dots[:, i])}
             series.append(dot)
     ui.label(title).classes("muted small")
+    muted = {"color": _MUTED}
     options = {
         "animation": False,
+        "color": list(_COLOURS),
         "grid": {"left": 56, "right": 16, "top": 30, "bottom": 26},
-        "legend": {"top": 0, "left": 8, "data": names},
+        "legend": {"top": 0, "data": names, "textStyle": muted},
         "tooltip": {"trigger": "axis", "confine": True},
-        "xAxis": {"type": "value", "min": 0, "max": "dataMax", "axisLabel": {"formatter": "{value} s"}},
-        "yAxis": {"type": "value", "scale": True},
+        "xAxis": {"type": "value", "min": 0, "max": "dataMax", "axisLabel": muted | {"formatter": "{value} s"}},
+        "yAxis": {"type": "value", "scale": True, "axisLabel": muted, "splitLine": {"lineStyle": {"color": _LINE}}},
         "series": series,
     }
     chart = ui.echart(options).classes("result-chart")

@@ -53,7 +53,7 @@ class SettingsTab:
 
 
 def _field(setting: Setting) -> ui.number | ui.select:
-    label = f"{setting.title}{' *' if setting.stored else ''}"
+    label = f"{'* ' if setting.stored else ''}{setting.title}"
     if setting.choices:
         texts = {choice: f"{choice:g} {setting.unit}".rstrip() for choice in setting.choices}
         return ui.select(texts, value=setting.value, label=label).props("outlined dense").classes("w-field")

@@ -206,7 +206,7 @@ export default {
     look(name) {
       if (this.failed) return;
       const center = new THREE.Vector3(...this.center);
-      const away = new THREE.Vector3(...VIEWS[name]).normalize().multiplyScalar(1.3 * this.span);
+      const away = new THREE.Vector3(...VIEWS[name]).normalize().multiplyScalar(1.05 * this.span);
       this.camera.position.copy(center.clone().add(away));
       this.controls.target.copy(center);
       this.controls.update();

@@ -81,8 +81,8 @@ export default {
         {
           animation: false,
           color: this.joints.map((_, i) => color(`--series-${i + 1}`)),
-          grid: { left: 56, right: this.units.length > 1 ? 56 : 16, top: 34, bottom: 26 },
-          legend: { top: 2, left: 8, itemWidth: 16, itemHeight: 3, icon: "rect", textStyle: { ...text, color: color("--ink") } },
+          grid: { left: 56, right: this.units.length > 1 ? 56 : 16, top: 42, bottom: 26 },
+          legend: { top: 2, left: "center", itemWidth: 16, itemHeight: 3, icon: "rect", textStyle: { ...text, color: color("--ink") } },
           tooltip: {
             trigger: "axis",
             confine: true,

@@ -407,8 +407,9 @@ def test_joints_move_to_the_numbers_in_their_fields(on_page: OnPage) -> None:
 
 def test_every_way_to_a_pose_is_shown_and_one_out_of_reach_says_why(on_page: OnPage) -> None:
     async def body(rig: Rig) -> None:
+        pose = {"x": -300.0, "y": 400.0, "z": 0.0, "phi": 0.0}
         rig.find("kind of move", ui.toggle).set_value("tool")
-        for name, value in {"x": 150.0, "y": 300.0, "z": 60.0, "phi": 0.0}.items():
+        for name, value in pose.items():
             rig.first(name).set_value(value)
         assert rig.shows("right")
         assert rig.shows("left")
@@ -416,13 +417,10 @@ def test_every_way_to_a_pose_is_shown_and_one_out_of_reach_says_why(on_page: OnP
         await rig.click("Move")
         (move,) = rig.asked
         assert isinstance(move, MoveTool)
-        assert (move.position.branch, dict(move.position.coordinates)) == (
-            "left",
-            {"x": 150.0, "y": 300.0, "z": 60.0, "phi": 0.0},
-        )
+        assert (move.position.branch, dict(move.position.coordinates)) == ("left", pose)
         rig.first("x").set_value(5000.0)
         assert "branch off" in " ".join(rig.branch("left").classes)
-        assert rig.shows("5000") or rig.shows("reach")
+        assert rig.shows("reach")
         await rig.click("Move")
         assert len(rig.asked) == 1
         assert rig.shows("no way to get there: change the pose")
@@ -553,7 +551,7 @@ def test_only_changed_settings_are_written(on_page: OnPage) -> None:
         await rig.click("Write what has changed")
         assert not rig.asked
         rig.find("Highest speed", ui.number).set_value(45.0)
-        rig.find("Current at rest *", ui.select).set_value(20.0)
+        rig.find("* Current at rest", ui.select).set_value(20.0)
         await rig.click("Write what has changed")
         (command,) = rig.asked
         assert isinstance(command, WriteSettings)

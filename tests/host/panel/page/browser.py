@@ -1,0 +1,122 @@
+"""A real Chromium at a real panel, for the tests that need one and for the pictures in the documentation."""
+
+import re
+import shutil
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final
+
+from tests.end_to_end.command_line import PROGRAM
+
+CHROMIUM: Final = shutil.which("chromium")
+DRIVER: Final = shutil.which("chromedriver")
+_FLAGS: Final = (
+    "--headless=new",
+    "--no-sandbox",  # in containers, as in CI, the user is root
+    "--disable-dev-shm-usage",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+)
+TIMEOUT_S: Final = 60.0
+
+
+class Browser:
+    """A browser with one page of the panel."""
+
+    def __init__(self, driver: Any) -> None:
+        self.driver = driver
+
+    def open(self, url: str) -> None:
+        """Open a panel and wait until it shows the machine."""
+        self.driver.get(url)
+        self.until(lambda: bool(self.run("return document.querySelector('[data-live=q0]')?.textContent")))
+
+    def run(self, script: str, *arguments: Any) -> Any:
+        """Run JavaScript in the page."""
+        return self.driver.execute_script(script, *arguments)
+
+    def until(self, condition: Callable[[], bool], timeout_s: float = TIMEOUT_S) -> None:
+        """Wait until something is so; AssertionError with the page's text if it never is."""
+        end_s = time.monotonic() + timeout_s
+        while not condition():
+            assert time.monotonic() < end_s, self.run("return document.body.innerText")
+            time.sleep(0.05)
+
+    def shows(self, text: str) -> bool:
+        """Return whether the page shows a text."""
+        return bool(self.run("return document.body.innerText.includes(arguments[0])", text))
+
+    def tab(self, name: str) -> None:
+        """Open a tab."""
+        self.run(
+            "[...document.querySelectorAll('.q-tab')].find(e => e.innerText.trim() === arguments[0]).click()", name
+        )
+
+    def click(self, text: str) -> None:
+        """Click the first button that is shown with this text and enabled, as soon as there is one."""
+        script = """const found = [...document.querySelectorAll("button")].find((button) =>
+            button.innerText.trim().endsWith(arguments[0]) && button.offsetParent && !button.disabled);
+            found?.click(); return Boolean(found);"""
+        self.until(lambda: bool(self.run(script, text)))
+
+    def position(self, joint: int) -> float:
+        """Return a joint's position, as the page shows it."""
+        return float(self.run("return document.querySelector(`[data-live=q${arguments[0]}]`).textContent", joint))
+
+    def at_rest(self, timeout_s: float = TIMEOUT_S) -> None:
+        """Wait until the machine is homed and does nothing."""
+        self.until(lambda: self._activity() != "", 10.0)
+        self.until(lambda: self._activity() == "", timeout_s)
+
+    def _activity(self) -> str:
+        return str(
+            self.run("const e = document.querySelector('[data-activity]'); return e.offsetParent ? e.innerText : ''")
+        )
+
+    def dark(self) -> None:
+        """Change between light and dark."""
+        self.run("document.querySelector('[data-theme-switch]').click()")
+
+    def resize(self, size: tuple[int, int]) -> None:
+        """Change the size of the page itself."""
+        width, height = size
+        metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": True}
+        self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+
+    def picture(self, path: Path) -> None:
+        """Save what is seen."""
+        self.driver.save_screenshot(str(path))
+
+
+@contextmanager
+def open_browser(size: tuple[int, int] = (1440, 1000), *flags: str) -> Iterator[Browser]:
+    """Open Chromium, and end it after the block."""
+    from selenium import webdriver
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = CHROMIUM or ""
+    for flag in (*_FLAGS, *flags, f"--window-size={size[0]},{size[1]}"):
+        options.add_argument(flag)
+    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
+    try:
+        yield Browser(driver)
+    finally:
+        driver.quit()
+
+
+@contextmanager
+def panel_of(robot: str, folder: Path) -> Iterator[str]:
+    """Serve a robot's board with its panel, in a folder; yield the page's address."""
+    words = [*PROGRAM, "serve", robot, "--panel", "--port", "0"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, cwd=folder) as process:
+        try:
+            assert process.stdout
+            addresses = (re.match(r"panel: (\S+)", line) for line in process.stdout)
+            yield next(found[1] for found in addresses if found)
+        finally:
+            process.terminate()  # it ends the panel, too
+            process.wait(TIMEOUT_S)
