@@ -8,6 +8,9 @@ from nicegui import ui
 
 _STATIC: Final = Path(__file__).parent / "static"
 
+_PRIMARY: Final = "#1257a8"
+"""What is chosen: white text on it can be read in light and dark."""
+
 FAVICON: Final = (
     '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 32 32">'
     '<rect width="32" height="32" rx="7" fill="#1257a8"/>'
@@ -24,6 +27,7 @@ def _read(name: str) -> str:
 
 def apply_theme(*, script: bool = True) -> None:
     """Give the page of this browser the style sheet, and the panel's script unless the page has no machine."""
+    ui.colors(primary=_PRIMARY)
     ui.add_head_html(f"<style>{_read('panel.css')}</style>")
     if script:
         ui.add_body_html(f"<script>{_read('panel.js')}</script>")

@@ -420,7 +420,7 @@ def test_every_way_to_a_pose_is_shown_and_one_out_of_reach_says_why(on_page: OnP
         assert (move.position.branch, dict(move.position.coordinates)) == ("left", pose)
         rig.first("x").set_value(5000.0)
         assert "branch off" in " ".join(rig.branch("left").classes)
-        assert rig.shows("reach")
+        assert rig.shows("shoulder to wrist")
         await rig.click("Move")
         assert len(rig.asked) == 1
         assert rig.shows("no way to get there: change the pose")
