@@ -181,6 +181,7 @@ class Desk:
     def stop(self, by: str = "a client") -> None:
         """Stop all axes together; they hold their positions. `by` is whom the events name."""
         self._presses.end("stopped")
+        self._asked.drop()  # before the stop is asked for, or it could begin once the stop is made
         if self._worker.session is None:
             self.events.error(f"stop by {by}: not connected; {UNSURE}")
             return
@@ -193,6 +194,7 @@ class Desk:
         The quick stop is sent from the calling thread. Without a connection it is made as soon as there is one again.
         """
         self._publisher.known.emergency_stopped = True
+        self._asked.drop()
         self._stops.ask(Stop.EMERGENCY)
         self._presses.end("emergency stop")
         session = self._worker.session

@@ -65,7 +65,8 @@ class Asked:
         self._known.activity = None
 
     def drop(self) -> None:
-        """Drop a command that waits."""
+        """Drop a command that waits; one that is carried out goes on."""
         with self._lock:
-            self._command = None
-            self.end()
+            if self._command is not None:
+                self._command = None
+                self.end()

@@ -179,6 +179,11 @@ def test_anybody_pauses_and_stops_a_run_and_the_operator_resumes_it(shared: Rig)
     assert np.nanmax(np.abs(samples.rates)) > 1.0
     assert samples.positions[-1] == pytest.approx(done.outcome.end, abs=2.0)
 
+    run = demo(desk)
+    here = settled(shared)
+    desk.ask(ANN, run)
+    desk.stop("Bob")  # at once: what only waits is dropped, what has begun ends
+    assert settled(shared) == here
     desk.ask(ANN, demo(desk))
     await_true(lambda: not shared.stands(), "motion")
     desk.stop("Bob")
