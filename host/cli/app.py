@@ -106,7 +106,7 @@ def run(arguments: list[str]) -> int:
     except StepTwinError as error:
         return _complain(str(error), error.exit_code)
     except typer.Abort:  # Ctrl-C or the end of the input, at a question
-        say(err=True)
+        say("", err=True)
         return _INTERRUPTED
     except TyperException as error:  # usage: an unknown command or option, a missing argument, or no command at all
         return _complain(error.format_message(), InputError.exit_code)
