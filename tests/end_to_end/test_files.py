@@ -312,7 +312,7 @@ class TestARobotOfOnesOwn:
         [
             pytest.param(
                 ROBOT, {"[outputs]": "[places.x]", "gripper = { joint =": "th1 = 1 #"},
-                ["carry", "-o", "depth_mm=5"], "outputs: mine has none; its file names them under [outputs], such as gripper = ",
+                ["carry", "-o", "depth_mm=5"], "outputs: mine has none; its file names them under [outputs]",
                 id="no gripper",
             ),
             pytest.param(
