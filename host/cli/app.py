@@ -79,6 +79,9 @@ def _of_the_program(
     """Take the options of `steptwin` itself, which stand before a command."""
 
 
+_INTERRUPTED: Final = 130
+"""Exit code of a command that Ctrl-C has ended, as shells count: 128 + 2."""
+
 _YOUNG_OBJECTS: Final = 50_000
 """Number of new objects between two collections of garbage: imports make many objects, and nearly all stay."""
 
@@ -102,6 +105,9 @@ def run(arguments: list[str]) -> int:
         return int(app(args=arguments, standalone_mode=False) or 0)
     except StepTwinError as error:
         return _complain(str(error), error.exit_code)
+    except typer.Abort:  # Ctrl-C or the end of the input, at a question
+        say("", err=True)
+        return _INTERRUPTED
     except TyperException as error:  # usage: an unknown command or option, a missing argument, or no command at all
         return _complain(error.format_message(), InputError.exit_code)
     except OSError as error:

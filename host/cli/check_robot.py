@@ -1,15 +1,21 @@
 """`steptwin check my-arm.toml`: what a robot file amounts to."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from steptwin.host.cli.checked_file import CheckedFile
-from steptwin.host.cli.output import print_table, say
+from steptwin.host.cli.output import print_table, say, warn
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 
 if TYPE_CHECKING:
     from steptwin.host.robots.joint import Joint
     from steptwin.host.robots.robot import Robot
+
+
+_SMALL_MM: Final = 5.0
+"""Reach below which the dimensions are probably in metres."""
+_NARROW_DEG: Final = 6.3
+"""Range of a rotary joint, up to a whole turn in radians, below which its limits are probably in radians."""
 
 
 def check_robot(text: str, robot_name: str | None, findings: Findings) -> CheckedFile:
@@ -34,6 +40,7 @@ def _document(robot: "Robot") -> dict[str, Any]:
         "robot": robot.name,
         "mechanism": robot.kinematics,
         "joints": [_joint_document(joint, robot.board.driver_rate_max_hz) for joint in robot.joints],
+        "coupling": _equations(robot),
         "reach": {
             "slides": dict(scanned.slides),
             "radius_mm": scanned.plan.radius_mm,
@@ -42,6 +49,40 @@ def _document(robot: "Robot") -> dict[str, Any]:
             "area_at_z_mm": scanned.plan.z_mm,
         },
     }
+
+
+def _equations(robot: "Robot") -> list[str]:
+    """Return the equation of each axis that does not follow its own joint alone, as in `axis th2 = th2 + th1`."""
+    equations = []
+    for axis, row in enumerate(robot.coupling.matrix):
+        others = [joint for joint, element in enumerate(row) if element and joint != axis]
+        if others or row[axis] != 1:
+            first = _term(row[axis], robot.joint_names[axis])
+            rest = (
+                f" {'-' if row[joint] < 0 else '+'} {_term(abs(row[joint]), robot.joint_names[joint])}"
+                for joint in others
+            )
+            equations.append(f"axis {robot.joint_names[axis]} = {first}{''.join(rest)}")
+    return equations
+
+
+def _term(element: float, joint: str) -> str:
+    return joint if element == 1 else f"{element:g} {joint}"
+
+
+def _units_in_doubt(document: dict[str, Any]) -> list[str]:
+    """Return warnings of dimensions that are probably in metres and limits that are probably in radians."""
+    warnings = []
+    radius_mm = document["reach"]["radius_mm"]
+    if radius_mm is not None and radius_mm[1] < _SMALL_MM:
+        told = "are the dimensions in metres? They are read in mm"
+        warnings.append(f"kinematics: the tool reaches no further than {radius_mm[1]:.3g} mm: {told}")
+    for joint in document["joints"]:
+        width = joint["upper"] - joint["lower"]
+        if joint["unit"] == "deg" and width < _NARROW_DEG:
+            told = "are its limits in radians? They are read in degrees"
+            warnings.append(f"joints.{joint['name']}: its range is {width:.3g} deg: {told}")
+    return warnings
 
 
 def _joint_document(joint: "Joint", driver_rate_max_hz: float) -> dict[str, Any]:
@@ -63,6 +104,9 @@ def _print(robot: "Robot", document: dict[str, Any]) -> None:
     say(f"{robot.name}: {robot.title} ({robot.kinematics})")
     columns = ["joint", "unit", "lower", "upper", "steps/unit", "speed/s", "steps/s", "of driver", "homing"]
     print_table(columns, [_row(joint) for joint in document["joints"]], text_columns=2)
+    say(*document["coupling"])
+    for warning in _units_in_doubt(document):
+        warn(warning)
     reach = document["reach"]
     at = "".join(f", {name} = {position_mm:g} mm" for name, position_mm in reach["slides"].items())
     if reach["radius_mm"] is None or reach["z_mm"] is None:

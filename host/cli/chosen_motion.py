@@ -66,7 +66,7 @@ def _motion(
     robot: "Robot", job: str, options: dict[str, str], interpolate: InterpolationName | None, ramps: str | None
 ) -> "tuple[Trajectory, FileMotion | None, _Explained]":
     """Return a motion, with its points if a trajectory file has them, and what explains its refusal."""
-    from steptwin.host.planning.jobs import make_job
+    from steptwin.host.planning.jobs import job_names, make_job
     from steptwin.host.planning.programs import SUFFIX
     from steptwin.host.planning.trajectory_file import SUFFIXES, is_trajectory_file
 
@@ -78,6 +78,9 @@ def _motion(
         return _program(robot, job, options)
     if Path(job).is_file():
         raise InputError(f"{job}: a trajectory file ends in {' or '.join(SUFFIXES)}")
+    here = [name for suffix in (SUFFIX, *SUFFIXES) if Path(name := f"{job}{suffix}").is_file()]
+    if here and job not in job_names(robot):
+        raise InputError(f"job {job!r} is unknown: did you mean {' or '.join(here)}, the file here?")
     return make_job(robot, job, options), None, lambda _: nullcontext()
 
 
@@ -86,9 +89,14 @@ def _program(robot: "Robot", path: str, options: dict[str, str]) -> "tuple[Traje
 
     if options:
         raise InputError(f"option {next(iter(options))}: a program has no options")
-    program = read_program(path)
-    with prefixed(f"{path}: "):
-        compiled = compile_program(program, robot)
+    try:
+        program = read_program(path)
+        with prefixed(f"{path}: "):
+            compiled = compile_program(program, robot)
+    except InputError as error:
+        if len(error.messages) == 1:
+            raise
+        raise InputError(f"{error}; more is wrong, `steptwin check` tells it all") from error
 
     @contextmanager
     def explained(stretch: float) -> Iterator[None]:

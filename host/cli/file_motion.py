@@ -18,7 +18,8 @@ InterpolationName = Literal["spline", "linear", "stop"]
 """The values of `steptwin.host.planning.trajectory_file.Interpolation`, which is imported only when it is needed."""
 
 _SLOW_PERCENT: Final = 0.1
-"""Percentage of every limit below which a motion is so slow that its times are probably in milliseconds."""
+"""Percentage of every limit below which a motion is so slow that its times are probably in milliseconds or its
+angles are in radians."""
 
 _SHOWN: Final = 0.0005
 """Smallest departure that three decimals show."""
@@ -69,7 +70,8 @@ def say_file_motion(path: str, file: "FileMotion", plan: "Plan", *, stretched: b
     if large := [departure for departure in departures if departure.is_large]:
         warn(f"{path}: {_warning(file, large)}")
     if not stretched and 0.0 < max(peak.percent for peak in plan.peaks) < _SLOW_PERCENT:
-        warn(f"{path}: below {_SLOW_PERCENT:g} % of every limit: are the times in ms? They are read in s")
+        units = "are the times in ms, or the angles in radians? They are read in s and degrees"
+        warn(f"{path}: below {_SLOW_PERCENT:g} % of every limit: {units}")
 
 
 def _summary(file: "FileMotion", plan: "Plan") -> str:

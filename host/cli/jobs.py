@@ -19,5 +19,8 @@ def jobs(robot: RobotName = None, robot_file: RobotFile = None, as_json: AsJson 
         return
     for name, summary in summaries.items():
         say(f"{name}: {summary}")
+    if not found:
+        say(f"{loaded.name} has no jobs: a robot of the kind {loaded.kinematics} runs programs and trajectory files")
+        return
     rows = [[name, option, text] for name, options in found.items() for option, text in options.items()]
     print_table(["job", "option", "default (valid)"], rows, text_columns=3)

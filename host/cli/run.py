@@ -143,13 +143,13 @@ def run(
             "--kernel": None if kernel == "auto" else kernel,
             "--input": inputs or None,
         }
-        _refuse(emulated, "an emulated")
+        _refuse(emulated, "a run in virtual time, without --connect or -i")
         motion.say_summary(to_stderr=as_json)
         run_live(live, motion.plan, job, repeat=repeat, approach=approach, force=force, as_json=as_json)
         return
     _refuse(
         {"--repeat": repeat if repeat != 1 else None, "--approach": approach or None, "--force": force or None},
-        "a live",
+        "a live board",
     )
     warn_of_settings_left_out(loaded, driver_profile)
     standing = None if stand_at is None else joint_values(stand_at.split(), loaded.joint_names, "--stand-at")
@@ -205,10 +205,10 @@ def _input_change(text: str) -> "InputChange":
 _LEVELS: Final = {"on": True, "off": False}
 
 
-def _refuse(options: dict[str, Any], board: str) -> None:
+def _refuse(options: dict[str, Any], other: str) -> None:
     given = [name for name, value in options.items() if value is not None]
     if given:
-        raise InputError(f"{given[0]}: is for {board} board")
+        raise InputError(f"{given[0]}: is for {other}")
 
 
 def _only(words: list[str]) -> str:

@@ -25,6 +25,12 @@ _ROUNDING = 1e-9
 _CHARS_SHOWN = 100
 """Number of characters of an unknown name that a message or a picture shows at most."""
 
+_NEAREST_MAX = 3
+"""Number of names that a message offers in place of an unknown one at most."""
+
+_BEGINNING_CHARS = 2
+"""Number of characters from which on they may be the beginning of a name."""
+
 _CHOICES_LISTED = 12
 """Number of choices that a message lists at most."""
 
@@ -43,9 +49,15 @@ def unknown(what: str, given: str, choices: Iterable[str]) -> InputError:
 
 
 def nearest(given: str, choices: Iterable[str]) -> list[str]:
-    """Return up to three names that are most like the given one, whatever the case; none if no name is like it."""
+    """Return up to three names that begin with the given one or are most like it, whatever the case; none without any.
+
+    So `l1` is near `l1_mm`, though most of its characters are missing.
+    """
     by_lower_case = {name.lower(): name for name in choices}
-    return [by_lower_case[name] for name in get_close_matches(shortened(given).lower(), by_lower_case, n=3)]
+    text = shortened(given).lower()
+    longer = [name for name in by_lower_case if len(text) >= _BEGINNING_CHARS and name.startswith(text)]
+    near = dict.fromkeys([*longer, *get_close_matches(text, by_lower_case, n=_NEAREST_MAX)])
+    return [by_lower_case[name] for name in list(near)[:_NEAREST_MAX]]
 
 
 def shortened(text: str) -> str:
@@ -85,12 +97,12 @@ def whole_ms(what: str, value_s: float) -> int:
 
 
 def apart(value: float, limit: float) -> tuple[str, str]:
-    """Return both numbers with enough decimals to tell them apart, from one to twelve."""
+    """Return both numbers with enough decimals to tell them apart, from one to twelve; short if none do."""
     for decimals in range(1, 13):
         texts = f"{value:.{decimals}f}", f"{limit:.{decimals}f}"
         if float(texts[0]) != float(texts[1]):  # "-0.0" is 0.0
-            break
-    return texts
+            return texts
+    return f"{value:g}", f"{limit:g}"
 
 
 # --- limits, and what keeps them

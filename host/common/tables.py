@@ -5,17 +5,19 @@ A reader asks for each value by its key and type. The InputError for a wrong val
 """
 
 import json
+import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from enum import StrEnum
 from reprlib import repr as short
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from steptwin.host.common.bad_input import nearest, prefixed, shortened, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.numbers import LARGEST
+from steptwin.host.common.printable import printable
 
 Choice = TypeVar("Choice", bound=StrEnum)
 Made = TypeVar("Made")
@@ -26,7 +28,18 @@ def toml_table(text: str) -> "Table":
     try:
         return Table(tomllib.loads(text), "table")
     except (ValueError, RecursionError) as error:  # also an integer of thousands of digits, arrays within arrays
-        raise InputError(f"is not TOML: {error}") from error
+        raise InputError(f"is not TOML: {error}{_line_of(str(error), text)}") from error
+
+
+_TOML_PLACE: Final = re.compile(r"\(at line (\d+), column \d+\)$")
+
+
+def _line_of(message: str, text: str) -> str:
+    """Return, after a colon, the line of the text that the message of a TOML error names; nothing without one."""
+    place = _TOML_PLACE.search(message)
+    lines = text.split("\n")
+    line = lines[int(place[1]) - 1].strip() if place and int(place[1]) <= len(lines) else ""
+    return f": {shortened(printable(line))}" if line else ""
 
 
 def json_table(text: str) -> "Table":

@@ -1,9 +1,11 @@
 """Robots: one TOML file for each robot that StepTwin brings; a user's own file has the same form."""
 
 from importlib.resources import files
+from pathlib import Path
 from typing import Final
 
 from steptwin.host.common.bad_input import prefixed, unknown
+from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import ROBOT_BYTES_MAX
 from steptwin.host.common.text_file import read_text
 from steptwin.host.robots.reader import parse_robot, read_robot
@@ -26,6 +28,8 @@ def load_robot(name: str) -> Robot:
     if name.endswith(SUFFIX):
         return load_robot_file(name)
     if name not in robot_names():
+        if Path(f"{name}{SUFFIX}").is_file():
+            raise InputError(f"robot {name!r} is unknown: did you mean {name}{SUFFIX}, the file here?")
         raise unknown("robot", name, robot_names())
     file = files(__name__) / f"{name}{SUFFIX}"
     return parse_robot(file.read_text(encoding="utf-8"), file.name)

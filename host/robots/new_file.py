@@ -104,6 +104,11 @@ class NewJoint:
         }
 
     @property
+    def settings(self) -> dict[str, str]:
+        """The values that may be set, by their key in the file: their names here."""
+        return {"lower": "lower", "upper": "upper", self.turn_key: "turn", "microsteps": "microsteps", "home": "home"}
+
+    @property
     def transmission(self) -> Transmission:
         """The transmission; InputError if a value is out of range."""
         if self.unit is Unit.MM:
@@ -155,7 +160,7 @@ def with_settings(kind: str, settings: Mapping[str, str]) -> tuple[dict[str, Dim
     for key in [key for key in settings if "." not in key]:
         with findings.collecting():
             if key not in geometry:
-                raise unknown("dimension", key, geometry)
+                raise _unknown_setting(kind, key, geometry)
             geometry[key] = read_dimension(key, settings[key], geometry[key])
     findings.raise_first()
     joints = {joint.name: joint for joint in usual_joints(kind, geometry)}
@@ -167,6 +172,15 @@ def with_settings(kind: str, settings: Mapping[str, str]) -> tuple[dict[str, Dim
             joints[name] = read_joint(joints[name], quantity, settings[key])
     findings.raise_first()
     return geometry, list(joints.values())
+
+
+def _unknown_setting(kind: str, key: str, geometry: Mapping[str, Dimension]) -> InputError:
+    """Return the error for a key without a joint that is no dimension; one of a joint's values names its joints."""
+    joints = usual_joints(kind, usual_dimensions(kind))
+    of_joints = [f"{joint.name}.{key}" for joint in joints if key in joint.settings]
+    if of_joints:
+        return InputError(f"{key!r} is a joint's value: write {' or '.join(of_joints)}")
+    return unknown("dimension", key, geometry)
 
 
 def read_dimension(key: str, text: str, usual: Dimension) -> Dimension:
@@ -186,12 +200,13 @@ def read_dimension(key: str, text: str, usual: Dimension) -> Dimension:
 
 def read_joint(joint: NewJoint, key: str, text: str) -> NewJoint:
     """Return a joint with one of its values changed."""
-    keys = {"lower": "lower", "upper": "upper", joint.turn_key: "turn", "microsteps": "microsteps", "home": "home"}
-    if key not in keys:
-        raise unknown(f"{joint.name}: key", key, keys)
+    if key not in joint.settings:
+        raise unknown(f"{joint.name}: key", key, joint.settings)
     with prefixed(f"{joint.name}.{key}: "):
-        value = finite_number(text)
-    changes: dict[str, Any] = {keys[key]: int(value) if key == "microsteps" and value == int(value) else value}
+        value = finite_number(text.removeprefix("1/") if key == "microsteps" else text)
+    changes: dict[str, Any] = {
+        joint.settings[key]: int(value) if key == "microsteps" and value == int(value) else value
+    }
     changed = replace(joint, **changes)
     with prefixed(f"{joint.name}."):
         _ = changed.transmission
@@ -231,6 +246,9 @@ _JOINTS: Final = """\
 _OUTPUTS: Final = """\
 # [outputs] # digital outputs of the board: the joint whose axis has it, and its number there
 # gripper = {{ joint = "{joint}", out = 1 }}
+
+# [inputs] # digital inputs, likewise: programs wait for them
+# part_ready = {{ joint = "{joint}", input = 1 }}
 """
 
 

@@ -46,6 +46,8 @@ def parse_robot(text: str, source: str) -> Robot:
 def read_robot(text: str) -> Robot:
     """Return the same robot; the messages of the InputError are everything that is wrong, each with its key."""
     table = toml_table(text)
+    if "step" in table and not any(key in table for key in ("kinematics", "joints", "board")):
+        raise InputError("is a program, not a robot: its robot's name or file stands before it")
     robot, findings = _robot(table), table.findings
     if not findings.messages:
         with findings.collecting():

@@ -312,7 +312,8 @@ class TestARobotOfOnesOwn:
         [
             pytest.param(
                 ROBOT, {"[outputs]": "[places.x]", "gripper = { joint =": "th1 = 1 #"},
-                ["carry", "-o", "depth_mm=5"], "outputs: 'gripper' is unknown: there are none", id="no gripper",
+                ["carry", "-o", "depth_mm=5"], "outputs: mine has none; its file names them under [outputs]",
+                id="no gripper",
             ),
             pytest.param(
                 "warehouse-scara", {"[places.A1]": "[places.C1]"}, ["store"],

@@ -106,7 +106,7 @@ def test_a_time_out_is_exit_code_3_with_input_step_and_seconds(
         ("=on@2", "--input =on@2: is not NAME=on@SECONDS or NAME=off@SECONDS"),
         ("part_ready=on@-1", "--input part_ready=on@-1: -1 s is before the motion's start"),
         ("part_ready=on@x", "--input part_ready=on@x: 'x' is not a "),
-        ("part=on@1", "input of teaching-scara 'part' is unknown: there are part_ready"),
+        ("part=on@1", "input of teaching-scara 'part' is unknown: did you mean part_ready?"),
     ],
 )
 def test_wrong_inputs_are_refused(

@@ -89,7 +89,8 @@ class TestBeforeARun:
         """The limit of th1 is 180 deg/s, so a spline over 0.12 deg in 1 s has 0.1 % of it in its middle."""
         file = file_of(tmp_path, f"t,th1,th2,d3,th4\n0,0,10,0,0\n1,{end},10,0,0\n")
         _, err = said(capsys, file)
-        told = f"steptwin: warning: {file}: below 0.1 % of every limit: are the times in ms? They are read in s"
+        asking = "are the times in ms, or the angles in radians? They are read in s and degrees"
+        told = f"steptwin: warning: {file}: below 0.1 % of every limit: {asking}"
         assert err == [told] * asked
 
     def test_standing_still_is_not_slow(self, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.common.bad_input import unknown, whole_ms
+from steptwin.host.common.bad_input import shortened, unknown, whole_ms
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import Law, SCurve
 from steptwin.host.planning.laws.times import check_duration
@@ -129,14 +129,23 @@ class Composer:
 
 def require_output(robot: Robot, name: str) -> None:
     """Raise InputError unless a robot has a digital output of this name."""
+    if not robot.outputs:
+        raise _without("outputs", robot, f'{name} = {{ joint = "{robot.joint_names[-1]}", out = 1 }}')
     if name not in robot.outputs:
         raise unknown("outputs:", name, robot.outputs)
 
 
 def require_input(robot: Robot, name: str) -> None:
     """Raise InputError unless a robot has a digital input of this name."""
+    if not robot.inputs:
+        raise _without("inputs", robot, f'{name} = {{ joint = "{robot.joint_names[-1]}", input = 1 }}')
     if name not in robot.inputs:
         raise unknown("inputs:", name, robot.inputs)
+
+
+def _without(table: str, robot: Robot, line: str) -> InputError:
+    """Return the error for a robot without any outputs or inputs; it shows the line that names one."""
+    return InputError(f"{table}: {robot.name} has none; its file names them under [{table}], such as {shortened(line)}")
 
 
 def check_timeout(timeout_s: float) -> None:

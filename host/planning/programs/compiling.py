@@ -133,6 +133,8 @@ class _Walk:
         self._moves = moves
         self._known = True
         """Whether it is known where the robot stands."""
+        self._on_branch = True
+        """Whether the robot is at least on the branch of where it was known to stand last."""
         self._rows: list[StepRow] = []
         self._made: list[MadeStep] = []
 
@@ -154,32 +156,53 @@ class _Walk:
             self._take(written)
 
     def _begin(self, program: Program) -> None:
-        self._known = program.starts
+        self._known = self._on_branch = program.starts
         if program.starts and program.start is not None:
-            self._known = False
+            self._known = self._on_branch = False
             with prefixed("start: "):
                 joints = self._moves.joints_at(program.start)
-                self._known = True
-                self._moves.composer.joints = joints
-                check_all(
-                    *(partial(checks.check_within, *each) for each in zip(self._robot.joints, joints, strict=True))
-                )
+                self._stand_at(joints)
+                self._check_within(joints)
+
+    def _stand_at(self, joints: FloatArray) -> None:
+        self._moves.composer.joints = joints
+        self._known = self._on_branch = True
+
+    def _check_within(self, joints: FloatArray) -> None:
+        check_all(*(partial(checks.check_within, *each) for each in zip(self._robot.joints, joints, strict=True)))
 
     def _take(self, written: Written) -> None:
         place, step = written
         if isinstance(step, WrongStep):
-            self._known = self._known and not step.moves
+            if step.moves:
+                self._known = self._on_branch = False
         elif self._known:
             self._add(place, step)
-        elif isinstance(step, Go) and self._moves.is_known_everywhere(step.to):
+        elif isinstance(step, Go) and self._moves.says_everything(step.to):
             self._resume(place, step)
+        else:
+            self._on_branch = self._on_branch and self._keeps_branch(step)
 
-    def _resume(self, place: Place, step: Step) -> None:
-        """Go on after a step of which nobody knows from where it starts."""
+    def _keeps_branch(self, step: Step) -> bool:
+        """Return whether the arm is on the same branch after a step."""
+        match step:
+            case Go(to):
+                return not self._moves.says_branch(to)
+            case JointsBy():
+                return False
+        return True
+
+    def _resume(self, place: Place, step: Go) -> None:
+        """Go on after a step of which nobody knows from where it starts, if its end is known all the same."""
         try:
-            self._stand_after(step)
+            if self._on_branch or self._moves.says_branch(step.to):
+                self._stand_after(step)
+                self._check_within(self._moves.composer.joints)
+            else:
+                self._moves.check_some_branch(step.to)
         except InputError as error:
             self.complaints.add(place, step, error)
+            self._on_branch = self._known or (self._on_branch and self._keeps_branch(step))
 
     def _add(self, place: Place, step: Step) -> None:
         moves = self._moves
@@ -191,6 +214,7 @@ class _Walk:
         except InputError as error:
             self.complaints.add(place, step, error)
             self._known = False
+            self._on_branch = self._keeps_branch(step)
             with Findings().collecting():
                 self._stand_after(step)
             return
@@ -205,8 +229,7 @@ class _Walk:
         """Stand where a step ends without making it; raise InputError if the robot cannot."""
         end = step.end(self._moves)
         if end is not None:
-            self._moves.composer.joints = end
-            self._known = True
+            self._stand_at(end)
 
     def _check_positions(self, place: Place, step: Step, start: FloatArray, samples: Samples) -> None:
         """Complain of each joint that leaves its limits, but not of one that an earlier step has left outside."""

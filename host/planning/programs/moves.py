@@ -68,15 +68,31 @@ class Moves:
         """Return the joints at a pose on the present branch, of shape (joints,); raise InputError without any."""
         return self._solve(self._wanted(pose), None)
 
-    def is_known_everywhere(self, target: Target) -> bool:
-        """Return whether a position leaves nothing as it is, so that it is the same wherever the robot stands."""
+    def says_everything(self, target: Target) -> bool:
+        """Return whether a position leaves no joint or coordinate as it is; the branch may be left as it is."""
         match self._position(target):
             case JointPosition(joints):
                 return set(joints) == set(self._robot.joint_names)
-            case ToolPosition(coordinates, branch):
+            case ToolPosition(coordinates):
                 left_out = set(COORDINATES) - set(coordinates)
-                phi_follows = self._kinematics.attitude_follows and left_out == {"phi"}
-                return (not left_out or phi_follows) and (branch is not None or len(self._kinematics.branches) == 1)
+                return not left_out or (self._kinematics.attitude_follows and left_out == {"phi"})
+
+    def says_branch(self, target: Target) -> bool:
+        """Return whether a position is on one branch, wherever the robot stands."""
+        match self._position(target):
+            case JointPosition():
+                return True
+            case ToolPosition(_, branch):
+                return branch is not None or len(self._kinematics.branches) == 1
+
+    def check_some_branch(self, target: Target) -> None:
+        """Raise InputError if no branch reaches a position of the tool that says all but its branch."""
+        position = self._position(target)
+        if isinstance(position, ToolPosition):
+            x_mm, y_mm, z_mm, phi_deg = (position.coordinates.get(name, nan) for name in COORDINATES)
+            pose = x_mm, y_mm, z_mm, phi_deg
+            if not any(found.reachable[0] for found in self._branches(pose)):
+                self._solve(pose, None)
 
     def pose_at(self, target: Target) -> Pose:
         """Return the tool's pose at a position, with the attitude's turn nearest to the present one."""

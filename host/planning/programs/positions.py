@@ -41,7 +41,7 @@ def read_target(table: Table, key: str) -> Target:
     if key not in table:
         raise InputError(f"{key}: is missing")
     with prefixed(f"{key}: "):
-        return read_position(Table(table.values[key], "table"))
+        return read_position(Table(table.values[key], "name or table"))
 
 
 def read_position(table: Table) -> Position:

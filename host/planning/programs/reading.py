@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Final
 
-from steptwin.host.common.bad_input import prefixed
+from steptwin.host.common.bad_input import nearest, prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import PROGRAM_BYTES_MAX
 from steptwin.host.common.findings import Findings
@@ -112,14 +112,16 @@ def _sequences(table: Table, findings: Findings, names: Findings) -> dict[str, t
             with table.section("sequences") as named:
                 for name in named:
                     sequences[name] = ()
-                    with findings.collecting():
-                        sequences[name] = _steps(_some(named, name), f"sequences.{name} step ", findings)
+                    with findings.collecting("sequences."):
+                        sequences[name] = _steps(
+                            _some(named, name, f"sequences.{name}"), f"sequences.{name} step ", findings
+                        )
     return sequences
 
 
-def _some(table: Table, key: str) -> list[object]:
+def _some(table: Table, key: str, header: str = "") -> list[object]:
     """Return the values of a list that has at least one."""
-    elements = table.elements(key)
+    elements = _elements(table, key, header)
     if not elements:
         raise InputError(f"{key}: has no steps")
     return elements
@@ -127,8 +129,15 @@ def _some(table: Table, key: str) -> list[object]:
 
 def _list(table: Table, key: str, findings: Findings) -> list[object]:
     with findings.collecting():
-        return table.elements(key) if key in table else []
+        return _elements(table, key, key) if key in table else []
     return []
+
+
+def _elements(table: Table, key: str, header: str) -> list[object]:
+    """Return the values of a list; the InputError for a table says how to begin a list of tables under a header."""
+    if header and isinstance(table.values.get(key), dict):
+        raise InputError(f"{key}: is a table, not a list: begin each step with [[{header}]], in two pairs of brackets")
+    return table.elements(key)
 
 
 def _steps(elements: Iterable[object], place: str, findings: Findings) -> tuple[AnyStep, ...]:
@@ -144,6 +153,9 @@ def _steps(elements: Iterable[object], place: str, findings: Findings) -> tuple[
 def _step(table: Table, place: str, findings: Findings) -> AnyStep:
     verbs = [key for key in table if key in _VERBS or key == "repeat"]
     if len(verbs) != 1:
+        meant = [f"{key!r} is unknown: did you mean {near[0]}?" for key in table if (near := _verbs_near(key))]
+        if meant and not verbs:
+            raise InputError(meant[0])
         given = " and ".join(verbs) or "none"
         raise InputError(f"a step has exactly one of {', '.join((*_VERBS, 'repeat'))}, not {given}")
     verb = verbs[0]
@@ -153,6 +165,10 @@ def _step(table: Table, place: str, findings: Findings) -> AnyStep:
     read, keys = _VERBS[verb]
     table.check_keys((verb, *keys))
     return read(table)
+
+
+def _verbs_near(key: str) -> list[str]:
+    return nearest(key, (*_VERBS, "repeat"))
 
 
 def _repeat(table: Table, place: str, findings: Findings) -> Repeat:

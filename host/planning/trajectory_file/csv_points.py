@@ -122,7 +122,10 @@ def _fields(i: int, line: str) -> list[str]:
 def _columns(header: list[str]) -> tuple[list[str], bool]:
     """Return the joints, and whether there are velocities."""
     if header[0] != "t":
-        raise InputError(f"the header begins with {short(header[0])} instead of 't'")
+        raise InputError(
+            f"the header begins with {short(header[0])} instead of 't'; it names the columns, separated by commas:"
+            " t and the joints, such as t,th1,th2, or t,x,y,z,phi"
+        )
     if len(header) > COLUMNS_MAX:
         raise InputError(f"{len(header)} columns, more than {COLUMNS_MAX}: t, and position and velocity of 8 joints")
     for name in header:

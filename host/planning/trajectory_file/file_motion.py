@@ -121,7 +121,7 @@ class FileMotion:
 
     def _of_position(self, joint: Joint) -> str:
         positions = self.points.positions[:, self.robot.joint_names.index(joint.name)]
-        lowest, highest = float(positions.min()), float(positions.max())
+        lowest, highest = float(positions.min()) + 0.0, float(positions.max()) + 0.0  # -0.0 is written 0
         kept = (
             " (interpolate=linear does too)" if self.interpolation is Interpolation.SPLINE and not self.ramps_s else ""
         )

@@ -96,6 +96,23 @@ def test_steps_that_are_too_fast_are_told_with_the_stretch_that_does(
     assert told.startswith(f"{program}: step 1 (go to th1 60): th1: ")
 
 
+def test_names_of_files_here_are_recognised(
+    program: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A file without its suffix, a program in the place of the robot, and a program with several mistakes."""
+    monkeypatch.chdir(program.parent)
+    program.write_text(f"{STEPS}fly = 1\n{STEPS}swim = 1", encoding="utf-8")
+    robot = "robot 'pick' is unknown: did you mean pick.toml, the file here?"
+    assert refusal(capsys, "run", "pick", "carry") == robot
+    job = "job 'pick' is unknown: did you mean pick.toml, the file here?"
+    assert refusal(capsys, "run", "teaching-scara", "pick") == job
+    told = "pick.toml: is a program, not a robot: its robot's name or file stands before it"
+    assert refusal(capsys, "run", "pick.toml") == told
+    several = refusal(capsys, "run", "teaching-scara", "pick.toml")
+    assert several.startswith("pick.toml: step 1: fly: key 'fly' is unknown: ")
+    assert several.endswith("; more is wrong, `steptwin check` tells it all")
+
+
 def test_the_table_shows_the_passes_of_a_repetition(program: Path, capsys: pytest.CaptureFixture[str]) -> None:
     program.write_text(
         'robot = "teaching-scara"\n[[step]]\nrepeat = 2\nsteps = [{ pause = 1 }]\n[[step]]\npause = 0.5\n',

@@ -11,6 +11,7 @@ from steptwin.host.cli.app import run
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots import read_robot
 from tests.end_to_end.command_line import run_json
+from tests.host.robots.coupled import coupled_text
 
 TEXT = (files("steptwin.host.robots") / "teaching-scara.toml").read_text(encoding="utf-8")
 
@@ -140,6 +141,31 @@ def test_a_right_file_says_what_it_amounts_to(arm: Path, capsys: pytest.CaptureF
     out = capsys.readouterr().out
     assert "the tool reaches r = 50.7..195.0 mm at z = -40 mm, an area of " in out
     assert f"{document['reach']['area_mm2'] / 100:.0f} cm2; z = -100.0..-40.0 mm" in out
+
+
+def test_coupled_axes_have_their_equations(arm: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arm.write_text(coupled_text("th2 = { th1 = 1.0 }\nd3 = { th4 = -0.05 }"), encoding="utf-8")
+    assert run_json(capsys, "check", str(arm))["coupling"] == ["axis th2 = th2 + th1", "axis d3 = d3 - 0.05 th4"]
+
+
+@pytest.mark.parametrize(
+    ("changed", "asked"),
+    [
+        ({"l1_mm = 95.0": "l1_mm = 0.095", "l2_mm = 100.0": "l2_mm = 0.1"}, "kinematics: the tool reaches no further"),
+        ({"lower = -130.0": "lower = -2.1", "upper = 130.0": "upper = 2.1"}, "joints.th1: its range is 4.2 deg: "),
+    ],
+)
+def test_units_in_doubt_are_asked_for(
+    changed: Mapping[str, str], asked: str, arm: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = TEXT
+    for old, new in changed.items():
+        assert old in text
+        text = text.replace(old, new, 1)
+    arm.write_text(text, encoding="utf-8")
+    assert run(["check", str(arm)]) == 0
+    (warning,) = capsys.readouterr().err.splitlines()
+    assert warning.startswith(f"steptwin: warning: {asked}")
 
 
 def test_a_robot_file_needs_no_robot(arm: Path, capsys: pytest.CaptureFixture[str]) -> None:

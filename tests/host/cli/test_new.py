@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
+import typer
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -116,6 +117,7 @@ def test_the_help_names_the_kinds_and_their_keys(capsys: pytest.CaptureFixture[s
         (["--kind", "scara", "--set", "tool_rotation=1"], "--set tool_rotation: '1' is neither true nor false"),
         (["--kind", "scara", "--set", "d1.upper=3"], "--set joint 'd1' is unknown: there are th1, th2, d3, th4"),
         (["--kind", "scara", "--set", "d3.ratio=3"], "--set d3: key 'ratio' is unknown"),
+        (["--kind", "scara", "--set", "ratio=3"], "--set 'ratio' is a joint's value: write th1.ratio or th2.ratio or "),
         (["--kind", "scara", "--set", "d3.microsteps=4"], "--set d3.microsteps: 4 is not one of the TB6560's"),
         (["--kind", "scara", "--set", "d3.microsteps=8.5"], "--set d3.microsteps: 8.5 is not one of the TB6560's"),
         (["--kind", "scara", "--set", "l1_mm=-3"], "--set kinematics.l1_mm: -3 is not above 0"),
@@ -129,6 +131,23 @@ def test_wrong_settings_write_nothing(
     file = tmp_path / "my-arm.toml"
     assert refusal(capsys, "new", str(file), *words).startswith(message)
     assert not list(tmp_path.iterdir())
+
+
+def test_ctrl_c_at_a_question_ends_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupt() -> str:
+        raise typer.Abort
+
+    monkeypatch.setattr("steptwin.host.cli.new._asked_kind", interrupt)
+    assert run(["new", str(tmp_path / "my-arm.toml")]) == 130
+    assert capsys.readouterr() == ("", "\n")
+    assert not list(tmp_path.iterdir())
+
+
+def test_microsteps_may_be_written_as_a_fraction() -> None:
+    _, joints = with_settings("scara", {"d3.microsteps": "1/2"})
+    assert [joint.microsteps for joint in joints if joint.name == "d3"] == [2]
 
 
 def test_it_replaces_only_when_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,7 +18,8 @@ NUMBERS = st.floats(-1e9, 1e9)
         (200.5, 200.0, ("200.5", "200.0")),
         (200.0001, 200.0, ("200.0001", "200.0000")),
         (-0.01, 0.0, ("-0.01", "0.00")),
-        (0.0, 0.0, ("0.000000000000", "0.000000000000")),
+        (0.0, 0.0, ("0", "0")),
+        (30.000000000000004, 30.0, ("30", "30")),
     ],
 )
 def test_two_numbers_get_enough_decimals_to_differ(value: float, limit: float, texts: tuple[str, str]) -> None:
@@ -34,6 +35,12 @@ def test_many_choices_are_counted() -> None:
 def test_the_nearest_name_is_found_whatever_its_case() -> None:
     assert str(unknown("what", "SLOW-BORD", ["slow-board", "Fast"])).endswith("did you mean slow-board?")
     assert str(unknown("what", "fasst", ["slow-board", "Fast"])).endswith("did you mean Fast?")
+
+
+def test_the_beginning_of_a_name_is_near_to_it() -> None:
+    assert str(unknown("what", "L1", ["kind", "l1_mm", "l2_mm"])).endswith("did you mean l1_mm?")
+    assert str(unknown("what", "in", ["joint", "input"])).endswith("did you mean input?")
+    assert str(unknown("what", "i", ["joint", "input"])).endswith("there are joint, input")
 
 
 def test_a_name_given_twice() -> None:

@@ -56,6 +56,13 @@ def test_each_error_begins_with_its_key(read: object, told: str) -> None:
     assert complaint_of(read) == told
 
 
+def test_a_line_that_is_not_toml_is_shown() -> None:
+    told = complaint_of(lambda: toml_table("a = 1\r\n  l1_mm = 200,5\x1b\nb = 2"))
+    assert told.startswith("is not TOML: ")
+    assert told.endswith("(at line 2, column 14): l1_mm = 200,5\\x1b")
+    assert complaint_of(lambda: toml_table("a = [")).endswith("(at end of document)")
+
+
 @pytest.mark.parametrize("read", [toml_table, json_table])
 @pytest.mark.parametrize("text", ["{", f"x = {'9' * 5000}", f"x = {'[' * 9999}"])
 def test_a_text_that_is_not_a_document_is_refused(read: object, text: str) -> None:

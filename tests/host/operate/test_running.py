@@ -153,11 +153,11 @@ def test_the_command(steptwin: CommandLine) -> None:
     assert "the board stands at" in err
     assert err.endswith("; --approach moves it there first\n")
     for options, message in (
-        ("--out somewhere", "--out: is for an emulated board"),
-        ("--stand-at '1 2'", "--stand-at: is for an emulated board"),
-        ("--cut-stream 1", "--cut-stream: is for an emulated board"),
-        ("--kernel python", "--kernel: is for an emulated board"),
-        ("--driver-profile 3a-module", "--driver-profile: is for an emulated board"),
+        ("--out somewhere", "--out: is for a run in virtual time, without --connect or -i"),
+        ("--stand-at '1 2'", "--stand-at: is for a run in virtual time, without --connect or -i"),
+        ("--cut-stream 1", "--cut-stream: is for a run in virtual time, without --connect or -i"),
+        ("--kernel python", "--kernel: is for a run in virtual time, without --connect or -i"),
+        ("--driver-profile 3a-module", "--driver-profile: is for a run in virtual time, without --connect or -i"),
     ):
         assert steptwin.run(f"run warehouse-scara drawer-pull {options}") == (2, "", f"steptwin: {message}\n")
 

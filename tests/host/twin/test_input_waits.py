@@ -144,7 +144,7 @@ def test_a_cut_stream_keeps_the_waits_before_the_cut(fast_kernel: Kernel) -> Non
 
 def test_unknown_inputs_and_waits_in_motion_are_refused(fast_kernel: Kernel) -> None:
     said = complaint_of(lambda: execute(PLAN, "waits", fast_kernel, inputs=[InputChange("part", on=True, at_s=1.0)]))
-    assert said == "input of teaching-scara 'part' is unknown: there are part_ready"
+    assert said == "input of teaching-scara 'part' is unknown: did you mean part_ready?"
     moving = replace(MOTION, waits=(replace(MOTION.waits[0], at_s=0.3),))
     said = complaint_of(lambda: input_waits(plan(ROBOT, moving)))
     assert said == "step 2: the machine does not stand at t = 0.300 s to wait for part_ready on"

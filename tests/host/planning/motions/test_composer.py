@@ -173,7 +173,12 @@ def test_a_sequence_is_what_was_composed_until_then() -> None:
     [
         (WAREHOUSE, "magnt", "outputs: 'magnt' is unknown: did you mean magnet?"),
         (WAREHOUSE, "pump", "outputs: 'pump' is unknown: there are magnet, lock"),
-        (LAB, "magnet", "outputs: 'magnet' is unknown: there are none"),
+        (
+            LAB,
+            "magnet",
+            "outputs: lab-scara has none; its file names them under [outputs], such as magnet = "
+            '{ joint = "th4", out = 1 }',
+        ),
     ],
 )
 def test_an_unknown_output(robot: Robot, output: str, message: str) -> None:

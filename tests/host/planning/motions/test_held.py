@@ -92,4 +92,4 @@ def test_a_time_out_is_above_0_and_up_to_an_hour(timeout_s: float) -> None:
     with pytest.raises(InputError, match=r"^timeout_s: .* is not above 0 and up to 3600 s$"):
         composer.wait("part_ready", on=True, timeout_s=timeout_s)
     said = complaint_of(lambda: composer.wait("part", on=True, timeout_s=1.0))
-    assert said == "inputs: 'part' is unknown: there are part_ready"
+    assert said == "inputs: 'part' is unknown: did you mean part_ready?"

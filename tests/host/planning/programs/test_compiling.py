@@ -1,6 +1,7 @@
 """Compiled programs: the tool's path by forward kinematics, the table of steps, and refusals with place and joint."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from steptwin.host.planning.programs import CompiledProgram, compile_program, co
 from steptwin.host.planning.trajectory import Wait
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.robot import Robot
 
 ROBOT = load_robot("teaching-scara")
 L1_MM, L2_MM, Z_MM = 95.0, 100.0, -40.0
@@ -22,6 +24,13 @@ def compiled(steps: str, findings: Findings | None = None) -> CompiledProgram:
     program = parse_program(f"start = {{ th1 = 20, th2 = 60 }}\n{steps}", read)
     assert not read.messages
     return compile_program(program, ROBOT, findings)
+
+
+def found_for(robot: Robot, steps: str) -> list[str]:
+    """Return what is wrong with the steps for another robot."""
+    found = Findings()
+    compile_program(parse_program(steps, found), robot, found)
+    return found.messages
 
 
 def complaint(steps: str) -> str:
@@ -196,7 +205,12 @@ def test_a_wait_knows_its_step() -> None:
     )
     assert program.steps[1].text == "wait for part_ready off"
     told = complaint("[[step]]\nwait = 'part'\non = true\ntimeout_s = 1")
-    assert told == "step 1 (wait for part on): inputs: 'part' is unknown: there are part_ready"
+    assert told == "step 1 (wait for part on): inputs: 'part' is unknown: did you mean part_ready?"
+    (told,) = found_for(replace(ROBOT, inputs={}), "[[step]]\nwait = 'part'\non = true\ntimeout_s = 1")
+    assert told == (
+        "step 1 (wait for part on): inputs: teaching-scara has none;"
+        ' its file names them under [inputs], such as part = { joint = "th4", input = 1 }'
+    )
 
 
 def test_refusals_name_step_time_place_and_joint() -> None:
@@ -252,6 +266,17 @@ class TestFindings:
             "[[step]]\ngo = { th1 = 0, th2 = 60, d3 = 0, th4 = 0 }\n[[step]]\nby = { th1 = 200 }"
         )
         assert [message.split(" (")[0] for message in found] == ["step 1", "step 4", "step 8"]
+
+    def test_after_a_mistake_that_keeps_the_branch_whole_poses_and_joints_are_judged(self) -> None:
+        """Step 2 is whole but for its branch, which step 1 keeps; step 5 may have left it, so any branch would do."""
+        far, deep = "x = 400, y = 0, z = -40, phi = 0", "x = 100, y = 100, z = -200, phi = 0"
+        found = found_in(
+            f"[[step]]\ngo = {{ {far} }}\n[[step]]\ngo = {{ {deep} }}\n[[step]]\nline = {{ x = 500 }}\nspeed_mm_s = 9\n"
+            "[[step]]\ngo = { th1 = 0, th2 = 60, d3 = -20, th4 = 0 }\n[[step]]\ngo = { x = 401, branch = 'left' }\n"
+            f"[[step]]\ngo = {{ {deep} }}\n[[step]]\ngo = {{ x = 100, y = 100, z = -50, phi = 0 }}"
+        )
+        assert [message.split(" (")[0] for message in found] == ["step 1", "step 2", "step 4", "step 5", "step 6"]
+        assert "d3: -20.0 mm is outside 0..60 mm; the nearest is 0 mm" in found[2]
 
     def test_a_line_that_breaks_off_ends_where_it_should_for_the_steps_after_it(self) -> None:
         found = found_in(

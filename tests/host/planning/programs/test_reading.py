@@ -90,7 +90,7 @@ def test_everything_that_is_wrong_is_found_at_once() -> None:
     ) == [
         "positions.a: th1: beside x; a position is either of joints or of the tool",
         "positions.b: names neither a joint nor one of the tool's coordinates x, y, z, phi",
-        "step 1: speed: key 'speed' is unknown: there are go, law, speed_percent, duration_s",
+        "step 1: speed: key 'speed' is unknown: did you mean speed_percent?",
         "step 2: speed_mm_s: is missing",
         "step 3: a step has exactly one of "
         "go, line, arc, circle, through, by, output, wait, pause, call, repeat, not none",
@@ -103,7 +103,9 @@ def test_everything_that_is_wrong_is_found_at_once() -> None:
 @pytest.mark.parametrize(
     ("step", "message"),
     [
-        ("go = 3", "go: 3 is not a table"),
+        ("go = 3", "go: 3 is not a name or table"),
+        ('goto = "a"', "'goto' is unknown: did you mean go?"),
+        ('goto = "a"\npause = 1', "goto: key 'goto' is unknown: "),
         ('go = "a"\nline = "a"', "a step has exactly one of "),
         ('go = "a"\nspeed_percent = 0', "speed_percent: 0 is not above 0 and up to 100"),
         ('go = "a"\nspeed_percent = 100.1', "speed_percent: 100.1 is not above 0 and up to 100"),
@@ -133,6 +135,12 @@ def test_everything_that_is_wrong_is_found_at_once() -> None:
 def test_a_wrong_step_is_named_with_its_number(step: str, message: str) -> None:
     (found,) = found_in(f"[[step]]\npause = 1\n[[step]]\n{step}\n")
     assert found.startswith(f"step 2: {message}")
+
+
+def test_one_pair_of_brackets_begins_no_list() -> None:
+    told = "is a table, not a list: begin each step with [[{0}]], in two pairs of brackets"
+    found = found_in("[step]\ngo = 'a'\n[sequences.grip]\npause = 1")
+    assert found == [f"sequences.grip: {told.format('sequences.grip')}", f"step: {told.format('step')}"]
 
 
 def test_a_program_has_steps() -> None:
