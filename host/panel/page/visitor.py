@@ -63,4 +63,4 @@ class Visitor:
     def tell(self, text: str, *, good: bool = False) -> None:
         """Show a short message."""
         with self.page:
-            ui.notify(text, icon="check" if good else "info", position="bottom-left", timeout=6000, close_button="✕")
+            ui.notify(text, icon="check" if good else "info", position="bottom-left", timeout=6000)
