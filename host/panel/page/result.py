@@ -137,7 +137,13 @@ def _chart(title: str, t_s: Any, names: list[str], lines: Any, dots: Any) -> Non
         "grid": {"left": 56, "right": 16, "top": 30, "bottom": 26},
         "legend": {"top": 0, "data": names, "textStyle": muted},
         "tooltip": {"trigger": "axis", "confine": True},
-        "xAxis": {"type": "value", "min": 0, "max": "dataMax", "axisLabel": muted | {"formatter": "{value} s"}},
+        "xAxis": {
+            "type": "value",
+            "min": 0,
+            "max": "dataMax",
+            "splitLine": {"show": False},
+            "axisLabel": muted | {"formatter": "{value} s"},
+        },
         "yAxis": {"type": "value", "scale": True, "axisLabel": muted, "splitLine": {"lineStyle": {"color": _LINE}}},
         "series": series,
     }
