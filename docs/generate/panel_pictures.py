@@ -8,11 +8,15 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
+from PIL import Image
+
 from tests.host.panel.page.browser import Browser, open_browser, panel_of
 
 FOLDER: Final = Path(__file__).parent.parent / "pictures" / "panel"
 _SIZE: Final = (1440, 1000)
 _PHONE: Final = (412, 915)
+_COLOURS: Final = 128
+"""Enough for the page, and a third of the bytes."""
 
 
 def main() -> None:
@@ -44,7 +48,11 @@ def main() -> None:
 
 def _picture(browser: Browser, name: str) -> None:
     time.sleep(1.0)  # the 3D view and the plots draw a little later
-    browser.picture(FOLDER / f"{name}.png")
+    path = FOLDER / f"{name}.png"
+    browser.picture(path)
+    with Image.open(path) as picture:
+        few = picture.convert("RGB").quantize(_COLOURS)
+    few.save(path, optimize=True)
 
 
 if __name__ == "__main__":

@@ -6,7 +6,16 @@ import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import RobotFile, RobotName, one_robot
-from steptwin.host.cli.connection import Bitrate, Channel, Connect, Interface, connection, host_and_port, required
+from steptwin.host.cli.connection import (
+    Bitrate,
+    Channel,
+    Connect,
+    Force,
+    Interface,
+    connection,
+    host_and_port,
+    required,
+)
 from steptwin.host.cli.option_names import naming_options
 from steptwin.host.cli.output import say, warn
 from steptwin.host.cli.panel_extra import require_extra
@@ -43,6 +52,7 @@ def panel(
         bool, typer.Option("--allow-remote", help="Permit an address that other machines reach, with a token.")
     ] = False,
     file: PositionsFile = None,
+    force: Force = False,
 ) -> None:
     """Show a live machine in a browser, and operate it there, until Ctrl-C.
 
@@ -56,11 +66,18 @@ def panel(
     from steptwin.host.panel.page.server import Address
 
     with naming_options("host", "port", "allow_remote"):
-        _serve(loaded, found, served, Address(host, port, allow_remote), positions_path(loaded, file))
+        address = Address(host, port, allow_remote)
+        _serve(loaded, found, served, address, positions_path(loaded, file), force=force)
 
 
 def _serve(
-    robot: "Robot", found: "Connection", control: tuple[str, int] | None, address: "Address", positions_file: str
+    robot: "Robot",
+    found: "Connection",
+    control: tuple[str, int] | None,
+    address: "Address",
+    positions_file: str,
+    *,
+    force: bool,
 ) -> None:
     from steptwin.host.client.control_client import ControlClient
     from steptwin.host.panel.desk import Desk
@@ -70,7 +87,7 @@ def _serve(
     with open_port(address) as listener:  # bad input is reported before the machine is spoken to
         if address.allow_remote:
             warn("other machines can move this one; its page asks them for the token in the address")
-        desk = Desk(found, robot, control=control)
+        desk = Desk(found, robot, control=control, force=force)
         try:
             hub = Hub(desk, positions_file, None if control is None else ControlClient(*control))
             hub.start()

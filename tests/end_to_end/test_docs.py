@@ -39,6 +39,7 @@ ALL_TEXT = (
     + ROBOT_FILES
     + DRIVER_PAGE.read_text(encoding="utf-8")
     + WAVEFORM_PAGE.read_text(encoding="utf-8")
+    + (PAGE.parent / "panel.md").read_text(encoding="utf-8")
     + (PAGE.parent / "replay.md").read_text(encoding="utf-8")
 )
 PICTURE_BYTES_MAX = 120_000
@@ -89,7 +90,8 @@ def test_links_lead_somewhere() -> None:
 
 def test_pictures_are_small() -> None:
     pictures = set(re.findall(r"\((pictures/[^)]+)\)", ALL_TEXT))
-    assert {path.name for path in (PAGE.parent / "pictures").iterdir()} == {Path(name).name for name in pictures}
+    files = (path for path in (PAGE.parent / "pictures").rglob("*") if path.is_file())
+    assert {path.relative_to(PAGE.parent).as_posix() for path in files} == pictures
     for name in pictures:
         assert (PAGE.parent / name).stat().st_size < PICTURE_BYTES_MAX, name
 
@@ -132,7 +134,7 @@ def test_runs_agree_with_the_papers_samples(robot: str, job: str, runs: Runs) ->
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_every_number_of_a_robot_is_marked(robot: str) -> None:
     for name, section in read_robot_file(robot).items():
-        marked = name.startswith("places.") and section.comment.startswith("[")
+        marked = name.startswith(("places.", "boxes.")) and section.comment.startswith("[")
         for key, entry in section.entries.items():
             assert entry.mark or marked or key in {"name", "title", "kind", "unit"}, (name, key)
 

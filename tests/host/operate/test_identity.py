@@ -16,7 +16,7 @@ from tests.host.operate.sessions import ROBOT, CommandLine
 
 FOREIGN = "d1: node 0x10 belongs to the robot warehouse-scara, not to lab-scara"
 STOPS = ("stop", "estop")
-WITHOUT_FORCE = ("serve", "doctor", "monitor", *STOPS)
+WITHOUT_FORCE = ("serve", "inject", "doctor", "monitor", *STOPS)
 
 
 @pytest.mark.parametrize(
