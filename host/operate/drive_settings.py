@@ -57,8 +57,8 @@ _SUPPLY_V: Final = (10.0, 34.0)
 """Motor supply as the board limits it after power-up: a stricter limit may be set, a looser one not."""
 
 DRIVE_SETTINGS: Final = (
-    _percent("torque", "Current in motion, of the full current", od.TORQUE_PERCENT, _CURRENTS),
-    _percent("rest_torque", "Current at rest, of the full current", od.REST_TORQUE_PERCENT, _CURRENTS),
+    _percent("torque", "Current in motion", od.TORQUE_PERCENT, _CURRENTS),
+    _percent("rest_torque", "Current at rest", od.REST_TORQUE_PERCENT, _CURRENTS),
     _percent("fast_decay", "Fast decay of the current", od.FAST_DECAY_PERCENT, _DECAYS),
     DriveSetting("supply_min", "Least motor supply", "V", od.SUPPLY_VOLTAGE_MIN, 100, *_SUPPLY_V, shared=True),
     DriveSetting("supply_max", "Highest motor supply", "V", od.SUPPLY_VOLTAGE_MAX, 100, *_SUPPLY_V, shared=True),

@@ -36,9 +36,15 @@ def obstacle(snapshot: Snapshot) -> tuple[str, Tone, str]:
         return f"Not connected: {snapshot.why_not}. Positions are the last known.", "bad", ""
     if snapshot.emergency_stopped:
         return "Emergency stop: nothing moves until the reset.", "bad", "reset"
-    faults = [f"{joint.name}: {joint.error}" for joint in snapshot.joints if joint.error]
+    faults = {
+        joint.error: [each.name for each in snapshot.joints if each.error == joint.error]
+        for joint in snapshot.joints
+        if joint.error
+    }
     if faults:
-        return f"Fault: {'; '.join(faults)}.", "bad", "reset"
+        reasons = (f"{', '.join(names)}: {error}" for error, names in faults.items())
+        text = f"Fault: {'; '.join(reasons)}"
+        return text if text.endswith("?") else f"{text}.", "bad", "reset"
     lost = [joint.name for joint in snapshot.joints if not joint.homed]
     if lost and snapshot.activity is None:
         return f"Not homed: {', '.join(lost)}. Until then these joints can only be jogged.", "warn", "home"

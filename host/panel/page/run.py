@@ -11,6 +11,7 @@ from steptwin.host.panel.desk import RunMotion, Snapshot
 from steptwin.host.panel.page.elements import act, choice, line, note, number_field, plain, stack
 from steptwin.host.panel.page.guard import BODY_BYTES_MAX
 from steptwin.host.panel.page.motions import ENDINGS, path_mm, plan_job, plan_upload
+from steptwin.host.panel.page.option_titles import option_title
 from steptwin.host.panel.page.scene import ArmScene, links_at
 from steptwin.host.panel.page.visitor import Visitor
 from steptwin.host.planning.jobs import job_fields, job_names, job_summary
@@ -169,13 +170,11 @@ class OptionForm:
 
 
 def _form_field(field: OptionField, changed: Callable[[], None]) -> ui.number | ui.select:
-    label = field.name.replace("_", " ")
+    label = option_title(field)
     if field.allowed is None:
         select = ui.select(list(field.choices), value=field.default, label=label, on_change=lambda _: changed())
         return select.props("outlined dense").classes("w-field")
     allowed = field.allowed
-    for ending in (allowed.unit, allowed.unit.replace("/", " per ")):
-        label = label.removesuffix(f" {ending}")
     default = round(float(field.default), 6)
     return number_field(label, default, allowed.lower, allowed.upper, allowed.unit, changed, whole=field.whole)
 

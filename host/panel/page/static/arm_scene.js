@@ -101,9 +101,10 @@ export default {
     <div class="arm-scene" role="img" :aria-label="label">
       <canvas></canvas>
       <div class="arm-scene-off" v-if="failed">This browser has no 3D here.</div>
+      <div class="arm-scene-off" v-else-if="hidden">The 3D view is switched off.</div>
     </div>`,
   props: { label: String, roles: Array, center: Array, span: Number, boxes: Array },
-  data: () => ({ failed: false }),
+  data: () => ({ failed: false, hidden: false }),
 
   mounted() {
     const canvas = this.$el.querySelector("canvas");
@@ -216,6 +217,7 @@ export default {
     // Switch the drawing off and on: without a graphics card it costs a processor.
     enable(on) {
       this.on = on;
+      this.hidden = !on;
       this.$el.classList.toggle("off", !on);
       if (on) this.resize();
     },

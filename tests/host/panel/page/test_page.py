@@ -194,7 +194,7 @@ def test_what_is_in_the_way_is_said_with_the_remedy(on_page: OnPage) -> None:
         assert rig.shows("Not homed: d1, th2, th3, th4.")
         desk.show_joints(homed=True, error="the motor does not follow: is it blocked?")
         await rig.look()
-        assert rig.shows("Fault: d1: the motor does not follow")
+        assert "Fault: d1, th2, th3, th4: the motor does not follow: is it blocked?" in rig.texts()
         await rig.click("Reset")
         assert isinstance(rig.asked[-1], ResetFaults)
         desk.show_joints(error=None)
@@ -468,7 +468,7 @@ def test_a_job_is_looked_at_before_it_can_be_run(on_page: OnPage) -> None:
         assert isinstance(command, RunMotion)
         assert (command.name, command.repeat, command.approach) == ("spiral", 3, True)
         assert command.plan.trajectory.duration_s == pytest.approx(18.8)
-        rig.find("psi", ui.number).set_value(10.0)  # another motion than the one that was seen
+        rig.find("tool's angle psi", ui.number).set_value(10.0)  # another motion than the one that was seen
         assert not rig.find("Run").enabled
 
     on_page(body)
@@ -476,9 +476,9 @@ def test_a_job_is_looked_at_before_it_can_be_run(on_page: OnPage) -> None:
 
 def test_the_form_has_the_jobs_own_options(on_page: OnPage) -> None:
     async def body(rig: Rig) -> None:
-        assert rig.find("z law", ui.select).options == ["A", "B"]
-        assert rig.find("point", ui.number).value == 0.05
-        point = rig.find("point", ui.number)
+        assert rig.find("law of the rise", ui.select).options == ["A", "B"]
+        assert rig.find("time per point", ui.number).value == 0.05
+        point = rig.find("time per point", ui.number)
         point.set_value(0.0001)
         await rig.click("Preview")
         assert rig.shows("an option has no value, or one outside its range")

@@ -1,0 +1,32 @@
+"""What the options of the jobs are called in a form, where their names on the command line say too little."""
+
+from typing import Final
+
+from steptwin.host.planning.jobs.options import OptionField
+
+TITLES: Final[dict[str, str]] = {
+    "approach_mm": "length of the approach",
+    "depth_mm": "depth of the grip",
+    "elbow": "elbow's side",
+    "law": "law of time",
+    "mm_per_rad": "growth of the radius",
+    "pause_s": "pause at each point",
+    "point_s": "time per point",
+    "psi_deg": "tool's angle psi",
+    "ramp_s": "time to speed up",
+    "rise_mm": "rise per turn",
+    "travel_mm": "length of the pull",
+    "x_mm": "centre x",
+    "y_mm": "centre y",
+    "z_law": "law of the rise",
+    "z_mm": "height of the start",
+}
+"""Title of each option by its name."""
+
+
+def option_title(field: OptionField) -> str:
+    """Return the title of an option; without one of its own it is its name without the unit."""
+    if field.name in TITLES:
+        return TITLES[field.name]
+    unit = "" if field.allowed is None else field.allowed.unit
+    return field.name.replace("_", " ").removesuffix(f" {unit}")
