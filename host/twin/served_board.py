@@ -8,6 +8,7 @@ from typing import Any
 
 from steptwin.controller.backend import Kernel, fastest_kernel
 from steptwin.emulator.live_loop import LiveLoop
+from steptwin.emulator.operations import Operation
 from steptwin.emulator.pacer import SPEED_MAX, SPEED_MIN
 from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.record.folder import keep_any_run, keep_log, prepare_folder
@@ -190,6 +191,10 @@ class ServedBoard:
             InputError: the robot has no input of this name.
         """
         operation = set_input(self.board.robot, name, on=on)
+        self.operate(operation)
+
+    def operate(self, operation: Operation) -> None:
+        """Do an operation on the machine as soon as the board's loop looks; from any thread."""
         live, loop = self.board.live, self._loop
         loop.call_soon(lambda: live.call(lambda: self.board.operate(operation), loop.looked_ns))
 

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from typing import Any, Final, Generic, TypeVar
 
 from steptwin.host.client import Progress
-from steptwin.host.common.errors import StepTwinError
+from steptwin.host.client.drive_status import FAULT_STATES
+from steptwin.host.common.errors import DeviceFaultError, StepTwinError
 from steptwin.host.operate.homing import declare, home_robot
 from steptwin.host.operate.moving import Moved, goal_by_name, joints_at, move, standing_joints
 from steptwin.host.operate.recovering import reset
@@ -33,8 +34,10 @@ from steptwin.host.panel.desk.commands import (
 from steptwin.host.panel.desk.results import Results
 from steptwin.host.panel.desk.settings import Limits, write_settings
 from steptwin.host.panel.desk.stops import StopAskedError
+from steptwin.host.panel.desk.words import error_words
 from steptwin.host.planning.tool_step import ToolStep
 from steptwin.host.robots.robot import Robot
+from steptwin.protocol import od
 
 C = TypeVar("C", bound=Command)
 
@@ -158,7 +161,15 @@ def _switch(doing: Doing, command: SwitchOutput) -> str:
 
 
 def _reset(doing: Doing, _command: ResetFaults) -> str:
-    reset(doing.session)
+    session = doing.session
+    try:
+        reset(session)
+    except DeviceFaultError as error:
+        lasting = [axis for axis in session.machine.axes if axis.state() in FAULT_STATES]
+        if not lasting:
+            raise
+        names, cause = ", ".join(axis.name for axis in lasting), error_words(lasting[0].read(od.ERROR_CODE))
+        raise DeviceFaultError(f"{names}: the cause lasts: {cause}; end it, then reset again") from error
     return "faults are reset, the drives are off"
 
 

@@ -19,7 +19,10 @@ class EventLogView:
     """The newest events first."""
 
     def __init__(self, visitor: Visitor) -> None:
+        self._visitor = visitor
         self._log = visitor.desk.events
+        self._told = max((event.number for event in self._log.since()), default=0)
+        """Number of the last event that this browser need not be told of as a message."""
         self._filter = "all"
         self._shown: list[int] = []
         """Numbers of the events in the list, the oldest first."""
@@ -31,9 +34,17 @@ class EventLogView:
                     plain("Clear", self._log.clear)
             self._list = ui.element("div").classes("events").props('role=log aria-label="events" tabindex=0')
 
-    def refresh(self, _snapshot: Snapshot) -> None:
+    def refresh(self, snapshot: Snapshot) -> None:
         """Show the events that have come; those that were cleared go."""
+        self._tell(snapshot)
         self._show(self._wanted())
+
+    def _tell(self, snapshot: Snapshot) -> None:
+        """Show what has failed as a message, too, since the log is at the page's end."""
+        for event in self._log.since(self._told):
+            self._told = event.number
+            if event.severity is Severity.ERROR and snapshot.connected:  # the banner says that it is not
+                self._visitor.tell(event.text)
 
     def _wanted(self) -> list[Event]:
         events = self._log.since()

@@ -84,6 +84,7 @@ class RunTab:
 
     async def _take(self, event: events.UploadEventArguments) -> None:
         self._upload = event.file.name, await event.file.read()
+        self._summary.set_text(f"Chosen: {event.file.name}")
         self._outdate()
         await self._look()
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from steptwin.controller.backend import Kernel
+from steptwin.emulator.operations import EmergencyStop
 from steptwin.host.panel.desk import (
     Command,
     Desk,
@@ -151,6 +152,21 @@ def test_anybody_stops_everything_at_once_until_the_reset(shared: Rig, activity:
     assert [joint.state for joint in desk.snapshot.joints] == ["off"] * len(here)
     shared.do(Enable())
     assert "emergency stop by Bob" in shared.told()
+
+
+@in_time
+def test_a_reset_is_refused_in_plain_words_while_the_cause_lasts(shared: Rig) -> None:
+    desk = shared.desk
+    shared.do(Enable())
+    shared.served.operate(EmergencyStop(pressed=True))
+    await_true(lambda: desk.snapshot.emergency_stopped, "emergency stop")
+    desk.ask(ANN, ResetFaults())
+    told = f"reset: {', '.join(ROBOT.joint_names)}: the cause lasts: emergency stop; end it, then reset again"
+    await_true(lambda: told in shared.told(), "told")
+    shared.served.operate(EmergencyStop(pressed=False))
+    shared.idle()
+    shared.do(ResetFaults())
+    await_true(lambda: not desk.snapshot.emergency_stopped, "reset")
 
 
 @in_time
