@@ -193,7 +193,7 @@ class Lateness:
 
 
 def measure_lateness() -> Lateness:
-    """Move a board that nobody watches, then another one that a desk watches."""
+    """Move a board without a desk, then another one with a desk."""
     _silence_python_can()
     return Lateness(_tick_late_us(watched=False), _tick_late_us(watched=True))
 

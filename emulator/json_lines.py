@@ -1,8 +1,8 @@
 """Speak JSON lines with a client that asks, without I/O: bytes in; requests, and bytes with answers, out.
 
 A request is a JSON object (RFC 8259, in UTF-8) in a line of its own; so is its answer. Empty lines are passed over.
-Whoever sends anything else speaks another protocol: the session then closes, and nothing that follows is looked at. So
-a web page cannot slip a request into the body of an HTTP request, of which the head comes first.
+A client that sends anything else speaks another protocol: the session closes and ignores all that follows. So a web
+page cannot slip a request into the body of an HTTP request, of which the head comes first.
 """
 
 import json

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
@@ -22,6 +22,8 @@ RobotName = Annotated[
 RobotFile = Annotated[
     str | None, typer.Option("--robot-file", metavar="FILE", help="Robot file of your own, instead of ROBOT.")
 ]
+LEVELS: Final[dict[str, bool]] = {"on": True, "off": False}
+"""Levels of inputs and outputs by their words."""
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document; the rest on stderr.")]
 DriverProfileName = Annotated[
     str | None,

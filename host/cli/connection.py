@@ -155,7 +155,7 @@ def stop_axes(
     *,
     as_json: bool,
 ) -> None:
-    """Stop all axes of a live board, whoever's it is, and print their states.
+    """Stop all axes of a live board, whichever robot's it is, and print their states.
 
     Only then look whose the board is, so that a stop is never refused. If it is another robot's, print no positions,
     which would be in the wrong units, and raise InputError: that robot may have more axes.

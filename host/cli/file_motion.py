@@ -8,7 +8,6 @@ from steptwin.host.cli.output import say, warn
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
-    from steptwin.host.planning.peaks import Peak
     from steptwin.host.planning.plan import Plan
     from steptwin.host.planning.polygon import Departure
     from steptwin.host.planning.trajectory_file import FileMotion
@@ -75,19 +74,15 @@ def say_file_motion(path: str, file: "FileMotion", plan: "Plan", *, stretched: b
 
 
 def _summary(file: "FileMotion", plan: "Plan") -> str:
-    peak = _fastest(plan)
+    from steptwin.host.planning.peaks import Quantity
+
+    peak = plan.highest(Quantity.SPEED)
     branch = "" if file.points.branch is None else f" on the branch {file.points.branch!r}"
     ramps = f" and ramps of {file.ramps_s:g} s" if file.ramps_s else ""
     return (
         f"{len(file.points.times_s)} points{branch} in {plan.trajectory.duration_s:.3f} s,"
         f" {_KINDS[file.interpolation]}{ramps}, peak speed {peak.percent:.3g} % of the limit ({peak.joint})"
     )
-
-
-def _fastest(plan: "Plan") -> "Peak":
-    from steptwin.host.planning.peaks import Quantity
-
-    return max((peak for peak in plan.peaks if peak.quantity is Quantity.SPEED), key=lambda peak: peak.percent)
 
 
 def _warning(file: "FileMotion", large: "list[Departure]") -> str:

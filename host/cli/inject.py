@@ -6,18 +6,15 @@ from typing import TYPE_CHECKING, Annotated, Final, NamedTuple
 import typer
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import AsJson, RobotFile, finite_number, robot_and_rest
+from steptwin.host.cli.arguments import LEVELS, AsJson, RobotFile, finite_number, robot_and_rest
 from steptwin.host.cli.connection import LIVE_PANEL, host_and_port
 from steptwin.host.cli.output import print_json, print_table, say
 from steptwin.host.common.bad_input import unknown
-from steptwin.host.common.control import EXAMPLE_PORT, Stuck
+from steptwin.host.common.control import EXAMPLE_PORT, SWITCHES, Stuck
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
     from steptwin.host.client.control_state import ControlState, Lateness, Protect, SwitchState
-
-_LEVELS: Final = {"on": True, "off": False}
-_SWITCHES: Final = ("-", "+", "home")
 
 
 class _Kind(NamedTuple):
@@ -131,9 +128,9 @@ def _asked_for(words: list[str]) -> tuple[str, list[str]]:
 
 
 def _level(text: str) -> bool:
-    if text not in _LEVELS:
+    if text not in LEVELS:
         raise InputError(f"'{text}' is neither on nor off")
-    return _LEVELS[text]
+    return LEVELS[text]
 
 
 def _stuck(text: str) -> Stuck:
@@ -155,10 +152,10 @@ def _print_state(state: "ControlState") -> None:
     for what, late in (("ticks", state.ticks), ("frames", state.frames)):
         say(f"{what} late, ms (p50 p99 max): {_in_ms(late)}")
     rows = [
-        [joint, _protect(pin), *(_fitted(state.switches[joint].get(name)) for name in _SWITCHES)]
+        [joint, _protect(pin), *(_fitted(state.switches[joint].get(name)) for name in SWITCHES)]
         for joint, pin in state.protect.items()
     ]
-    print_table(["joint", "Protect", *_SWITCHES], rows, text_columns=2 + len(_SWITCHES))
+    print_table(["joint", "Protect", *SWITCHES], rows, text_columns=2 + len(SWITCHES))
 
 
 def _estop(state: "ControlState") -> str:

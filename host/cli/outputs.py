@@ -5,12 +5,10 @@ from typing import Annotated
 import typer
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import AsJson, RobotFile, robot_and_rest
+from steptwin.host.cli.arguments import LEVELS, AsJson, RobotFile, robot_and_rest
 from steptwin.host.cli.connection import Bitrate, Channel, Connect, Force, Interface, opened_session
 from steptwin.host.cli.output import print_json, print_table
 from steptwin.host.common.errors import InputError
-
-_LEVELS = {"on": True, "off": False}
 
 
 @command("teaching-scara --connect 127.0.0.1", "teaching-scara gripper on --connect 127.0.0.1")
@@ -31,12 +29,12 @@ def outputs(
     from steptwin.host.operate.switching import no_such_output, read_outputs, switch_output
 
     loaded, rest = robot_and_rest(words or [], robot_file)
-    if rest and (len(rest) != 2 or rest[1] not in _LEVELS):
+    if rest and (len(rest) != 2 or rest[1] not in LEVELS):
         raise InputError(f"after the robot: nothing, or NAME and on or off, not {' '.join(rest)}")
     if rest and rest[0] not in loaded.outputs:
         raise no_such_output(loaded.name, rest[0], list(loaded.outputs))
     with opened_session(loaded, connect, interface, channel, bitrate, force=force) as session:
-        levels = switch_output(session, rest[0], on=_LEVELS[rest[1]]) if rest else read_outputs(session)
+        levels = switch_output(session, rest[0], on=LEVELS[rest[1]]) if rest else read_outputs(session)
     if as_json:
         print_json({"robot": loaded.name, "outputs": levels})
         return

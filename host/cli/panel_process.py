@@ -32,10 +32,12 @@ def panel_words(
         interface: interface of python-can that the board is on instead, as given; likewise its channel.
         channel: see above.
     """
+    from steptwin.host.client.connecting import in_url
+
     words = ["panel", *robot]
     if interface is None:
         address = socketcand.LOOPBACK if host is None or host in _EVERYWHERE else host
-        words += ["--connect", f"[{address}]:{served.port}" if ":" in address else f"{address}:{served.port}"]
+        words += ["--connect", f"{in_url(address)}:{served.port}"]
     else:
         words += ["-i", interface, *(() if channel is None else ("-c", channel))]
     return words if served.control is None else [*words, "--control", served.control.address]

@@ -1,12 +1,13 @@
 """`steptwin run ROBOT JOB|FILE`: plan a motion, stream it to a board, verify the pulses."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import (
+    LEVELS,
     AsJson,
     DipMicrosteps,
     DriverProfileName,
@@ -194,15 +195,12 @@ def _input_change(text: str) -> "InputChange":
 
     name, _, rest = text.partition("=")
     level, at, seconds = rest.partition("@")
-    if not (name and at) or level not in _LEVELS:
+    if not (name and at) or level not in LEVELS:
         raise InputError(f"--input {text}: is not NAME=on@SECONDS or NAME=off@SECONDS")
     at_s = finite_number(seconds, f"--input {text}")
     if at_s < 0:
         raise InputError(f"--input {text}: {at_s:g} s is before the motion's start")
-    return InputChange(name, _LEVELS[level], at_s)
-
-
-_LEVELS: Final = {"on": True, "off": False}
+    return InputChange(name, LEVELS[level], at_s)
 
 
 def _refuse(options: dict[str, Any], other: str) -> None:

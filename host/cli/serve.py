@@ -1,7 +1,6 @@
 """`steptwin serve ROBOT`: run a live board in real time, for every program that speaks CAN."""
 
 import gc
-import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from itertools import accumulate
@@ -29,6 +28,7 @@ from steptwin.host.cli.panel_process import panel_process, panel_words
 from steptwin.host.cli.report import USUAL_DRIVERS
 from steptwin.host.common import socketcand
 from steptwin.host.common.errors import BusError, InputError, RecordingError
+from steptwin.host.common.signals import on_signals
 
 if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
@@ -134,7 +134,8 @@ def serve(
         warn(f"{served.title}: other machines can drive this board")
     name = ["--robot-file", robot_file] if robot is None and robot_file else [robot or loaded.name]
     words = panel_words(served, name, host, interface, channel) if panel else None
-    with _until_a_signal(served), ExitStack() as ending:
+    # A second signal changes nothing: the files are being completed then.
+    with on_signals(lambda _number, _frame: served.stop()), ExitStack() as ending:
         failure = _run(served, lambda: _announce(served, words, ending, as_json=as_json))
         document = served.report()
         if as_json:
@@ -211,24 +212,6 @@ def _warning_of_failures(served: "ServedBoard") -> Callable[[], None]:
                 warn(f"{failure}; the board runs on")
 
     return tell
-
-
-@contextmanager
-def _until_a_signal(served: "ServedBoard") -> Iterator[None]:
-    """Let Ctrl-C and SIGTERM end the board, so that its files are completed, while the block runs.
-
-    A second signal changes nothing: the files are being completed then.
-    """
-
-    def stop(_number: int, _frame: object) -> None:
-        served.stop()
-
-    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 @contextmanager

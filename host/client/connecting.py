@@ -11,9 +11,14 @@ SILENT: Final = f"accepts but does not answer within {ANSWER_S:g} s"
 """What is said of a server that does not."""
 
 
+def in_url(host: str) -> str:
+    """Return a host as it stands in URLs: an IPv6 address in brackets (RFC 3986)."""
+    return f"[{host}]" if ":" in host else host
+
+
 def address_text(host: str, port: int) -> str:
-    """Return HOST:PORT, an IPv6 address in brackets, as in URLs (RFC 3986)."""
-    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+    """Return HOST:PORT as in URLs."""
+    return f"{in_url(host)}:{port}"
 
 
 def connected(host: str, port: int, until_s: float) -> socket.socket:

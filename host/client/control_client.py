@@ -19,8 +19,8 @@ _READ_BYTES: Final = 1 << 16
 class ControlClient:
     """Asks one thing after the other, from any thread; a context manager that closes the connection.
 
-    It connects when it asks first, and anew after an error. Each method returns the state of the machine after what was
-    asked for has been done, and waits for at most 2 s: one to connect and one for the answer.
+    It connects for its first request, and again after an error. Each method returns the state of the machine after the
+    request, and waits for at most 2 s: one to connect and one for the answer.
 
     Raises:
         InputError: the board refuses what was asked for, as each method may raise; nothing has changed.

@@ -10,7 +10,7 @@ from steptwin.host.common.axis_records import AxisRecords
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.motions.cut_short import CutShort
 from steptwin.host.planning.motions.held import Held, Hold
-from steptwin.host.planning.peaks import Peak
+from steptwin.host.planning.peaks import Peak, Quantity
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot
 
@@ -85,6 +85,10 @@ class Plan:
             points_units=points,
             velocities=velocities,
         )
+
+    def highest(self, quantity: Quantity) -> Peak:
+        """Return the peak of a quantity that is nearest to its limit, of all joints."""
+        return max((peak for peak in self.peaks if peak.quantity is quantity), key=lambda peak: peak.percent)
 
     def until(self, end_ms: int) -> "Plan":
         """Return the plan up to a point at which it stands; raise ValueError for another time.

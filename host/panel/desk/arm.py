@@ -1,4 +1,4 @@
-"""The arm as a page draws it, computed anew only when it has moved."""
+"""The arm as a page draws it, computed only when it has moved."""
 
 from collections.abc import Mapping
 

@@ -2,6 +2,7 @@
 
 import time
 
+from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.bus_link import Connection
 from steptwin.host.client.pausing import send_pause, send_resume
 from steptwin.host.client.stopping import UNSURE, send_quick_stop
@@ -143,12 +144,16 @@ class Desk:
         self.operators.require(client)
         if self.snapshot.emergency_stopped:
             raise RefusedError("resume: the machine is held by an emergency stop")
-        session = self._worker.session
-        halted = [axis for axis in session.machine.axes if axis.interpolating] if session else []
-        if not halted:
-            raise RefusedError("nothing to resume: no trajectory runs")
-        send_resume(halted)
+        send_resume(self._executing("resume"))
         self.events.info("resumed")
+
+    def _executing(self, what: str) -> list[AxisClient]:
+        """Return the axes that execute a trajectory, at rest or not; raise RefusedError if there is none."""
+        session = self._worker.session
+        axes = [axis for axis in session.machine.axes if axis.interpolating] if session else []
+        if not axes:
+            raise RefusedError(f"nothing to {what}: no trajectory runs")
+        return axes
 
     def _require_ready(self, name: str, *, drives: bool, homed: bool, jogging: bool = False) -> None:
         """Raise RefusedError, with the first reason, unless the machine can do what this name stands for now."""
@@ -171,11 +176,7 @@ class Desk:
 
     def pause(self, by: str = "a client") -> None:
         """Halt the trajectory that runs, on its path; raise RefusedError if there is none."""
-        session = self._worker.session
-        running = [axis for axis in session.machine.axes if axis.interpolating] if session else []
-        if not running:
-            raise RefusedError("nothing to pause: no trajectory runs")
-        send_pause(running)
+        send_pause(self._executing("pause"))
         self.events.info(f"paused by {by}")
 
     def stop(self, by: str = "a client") -> None:

@@ -69,6 +69,12 @@ class EventLog:
         with self._lock:
             return tuple(event for event in self._events if event.number > number)
 
+    @property
+    def span(self) -> tuple[int, int] | None:
+        """The numbers of the first and the last event; None without any."""
+        with self._lock:
+            return (self._events[0].number, self._events[-1].number) if self._events else None
+
     def clear(self) -> None:
         """Forget all events so far."""
         with self._lock:

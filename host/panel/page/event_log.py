@@ -1,4 +1,4 @@
-"""The log of what has happened, in words, until somebody clears it."""
+"""The log of what has happened, in words, until a user clears it."""
 
 import time
 from typing import Final

@@ -74,7 +74,7 @@ class Hub:
 
     def _changes(self, snapshot: Snapshot) -> Hashable:
         """Return all that views show beside the numbers of a tick; while it stays the same they need not look."""
-        activity, events, results = snapshot.activity, self._desk.events.since(), self._desk.results
+        activity, results = snapshot.activity, self._desk.results
         return (
             (
                 snapshot.connected,
@@ -87,7 +87,7 @@ class Hub:
             activity and (activity.name, activity.paused, activity.pausable, round(100 * (activity.fraction or 0))),
             (tuple(snapshot.inputs.items()), tuple(snapshot.outputs.items())),
             self._desk.operators.holder,
-            events and (events[0].number, events[-1].number),
+            self._desk.events.span,
             results and results[-1].number,
             self._desk.settings,
         )

@@ -8,7 +8,8 @@ from nicegui import events, ui
 from steptwin.host.panel.desk import Jog, JointJog, RefusedError, Snapshot, StepJoint, StepTool, ToolJog
 from steptwin.host.panel.page.elements import choice, heading, line, note, stack
 from steptwin.host.panel.page.visitor import Visitor
-from steptwin.host.planning.tool_step import COORDINATE_UNITS, SPEED_MAX_MM_S, TURN_SPEED_MAX_DEG_S
+from steptwin.host.planning.tool_jog import tool_speed_max
+from steptwin.host.planning.tool_step import COORDINATE_UNITS
 
 HOLD: Final = "hold"
 _STEPS: Final = {HOLD: "while held", 10.0: "10", 1.0: "1", 0.1: "0.1"}
@@ -92,7 +93,7 @@ class JogTab:
         robot = self._visitor.desk.robot
         if name in robot.joint_names:
             return JointJog(name, part * robot.joint(name).speed_max)
-        return ToolJog(name, part * (TURN_SPEED_MAX_DEG_S if name == "phi" else SPEED_MAX_MM_S))
+        return ToolJog(name, part * tool_speed_max(name))
 
     def _beat(self, event: events.GenericEventArguments) -> None:
         """Pass a beat of a held button on; say a refusal once, not with each beat. One that is no beat is dropped."""

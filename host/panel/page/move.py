@@ -15,9 +15,9 @@ from steptwin.host.panel.page.visitor import Visitor
 from steptwin.host.planning.programs.positions import ToolPosition
 from steptwin.host.planning.tool_step import COORDINATE_UNITS
 from steptwin.host.robots.kinematics import Branch, make_kinematics
+from steptwin.host.robots.kinematics.base import POSE_KEYS
 
 _KINDS: Final = {"joints": "Joints", "tool": "Tool pose", "saved": "Saved positions"}
-_POSE_KEYS: Final = ("x_mm", "y_mm", "z_mm", "attitude_deg")
 _FAR_MM: Final = 1e5
 """Largest coordinate that a field takes; reach is checked by the kinematics."""
 
@@ -145,7 +145,7 @@ class ToolForm:
         if pose is None:
             return
         self._filled = True
-        values = dict(zip(COORDINATE_UNITS, (pose[key] for key in _POSE_KEYS), strict=True))
+        values = dict(zip(COORDINATE_UNITS, (pose[key] for key in POSE_KEYS), strict=True))
         for name, field in self._fields.items():
             field.set_value(round(values[name], 3))
         self._look_for_branches()

@@ -16,7 +16,7 @@ from steptwin.host.panel.page.scene import ArmScene, links_at
 from steptwin.host.panel.page.visitor import Visitor
 from steptwin.host.planning.jobs import job_fields, job_names, job_summary
 from steptwin.host.planning.jobs.options import OptionField
-from steptwin.host.planning.peaks import Peak, Quantity
+from steptwin.host.planning.peaks import Quantity
 from steptwin.host.planning.plan import Plan
 
 _FILE: Final = "a file of yours"
@@ -186,15 +186,10 @@ def _text(value: Any) -> str:
 
 def show_figures(plan: Plan) -> None:
     """Show how long a plan takes and how near it comes to the limits."""
-    speed = _highest(plan, Quantity.SPEED)
-    acceleration = _highest(plan, Quantity.ACCELERATION)
+    speed, acceleration = plan.highest(Quantity.SPEED), plan.highest(Quantity.ACCELERATION)
     note(
         f"{plan.trajectory.duration_s:.2f} s; highest speed {speed.percent:.0f} % of the limit ({speed.joint}), "
         f"highest acceleration {acceleration.percent:.0f} % ({acceleration.joint}). "
         "It keeps all limits: run it when the blue path is what you want.",
         "good",
     )
-
-
-def _highest(plan: Plan, quantity: Quantity) -> Peak:
-    return max((peak for peak in plan.peaks if peak.quantity is quantity), key=lambda peak: peak.percent)

@@ -1,19 +1,20 @@
 """Serve a page in a browser until Ctrl-C: one port, the guard before everything, and nothing from other hosts."""
 
 import gc
-import signal
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import uvicorn
 from fastapi import FastAPI
 from nicegui import ui
 
+from steptwin.host.client.connecting import address_text, in_url
 from steptwin.host.common.errors import BusError
 from steptwin.host.common.listening import is_loopback, listen
+from steptwin.host.common.signals import on_signals
 from steptwin.host.panel.page.guard import TOKEN, Guard, local_access, remote_access
 from steptwin.host.panel.page.theme import FAVICON
 
@@ -51,7 +52,7 @@ def serve_page(build: Callable[[], None], listener: socket.socket, title: str, a
         announce: called with the page's URL when browsers can open it.
     """
     host, port = listener.getsockname()[:2]
-    access = local_access(port, _in_url(host)) if is_loopback(host) else remote_access(port)
+    access = local_access(port, in_url(host)) if is_loopback(host) else remote_access(port)
     app = FastAPI(openapi_url=None)
     ui.run_with(
         app,
@@ -66,7 +67,7 @@ def serve_page(build: Callable[[], None], listener: socket.socket, title: str, a
         show_welcome_message=False,
     )
     token = "" if access.token is None else f"?{TOKEN}={access.token}"
-    url = f"http://{_in_url(_reachable(host))}:{port}/{token}"
+    url = f"http://{address_text(_reachable(host), port)}/{token}"
     config = uvicorn.Config(
         Guard(app, access),
         log_level="error",
@@ -110,20 +111,8 @@ class _Server(uvicorn.Server):
 
     @contextmanager
     def capture_signals(self) -> Iterator[None]:
-        def stop(number: int, frame: Any) -> None:
-            self.handle_exit(number, frame)
-
-        before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
-        try:
+        with on_signals(self.handle_exit):
             yield
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
-
-
-def _in_url(host: str) -> str:
-    """Return an address as it stands in URLs: one of IPv6 in brackets (RFC 3986)."""
-    return f"[{host}]" if ":" in host else host
 
 
 def _reachable(host: str) -> str:

@@ -1,15 +1,14 @@
 """The numbers that change many times a second, as one message for all browsers."""
 
 from collections.abc import Iterable
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.panel.desk import Snapshot
 from steptwin.host.panel.page.scene import flat_lines
-
-_POSE_KEYS: Final = ("x_mm", "y_mm", "z_mm", "attitude_deg")
+from steptwin.host.robots.kinematics.base import POSE_KEYS
 
 
 def tick_of(snapshot: Snapshot) -> dict[str, Any]:
@@ -20,9 +19,9 @@ def tick_of(snapshot: Snapshot) -> dict[str, Any]:
         "q": [round(joint.position, 4) for joint in snapshot.joints],
         "v": [_rounded(joint.rate) for joint in snapshot.joints],
         "e": [_rounded(joint.following_error) for joint in snapshot.joints],
-        "pose": None if pose is None else [round(pose[key], 3) for key in _POSE_KEYS],
+        "pose": None if pose is None else [round(pose[key], 3) for key in POSE_KEYS],
         "arm": _drawable(snapshot.links_mm),
-        "tool": None if pose is None else [round(pose[key], 2) for key in _POSE_KEYS[:3]],
+        "tool": None if pose is None else [round(pose[key], 2) for key in POSE_KEYS[:3]],
         "load": _rounded(snapshot.bus_load_percent),
         "fill": None if snapshot.queue_fill is None else round(100 * snapshot.queue_fill),
         "late": _rounded(snapshot.late_ms),

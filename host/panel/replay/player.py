@@ -1,12 +1,8 @@
 """Play a replay: a time of the motion that runs, faster or slower than it did, and steps."""
 
 from collections.abc import Sequence
-from typing import Final
 
 from steptwin.host.panel.replay.model import Edge, Replay
-
-SPEEDS: Final = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
-"""Speeds offered, as factors of real time."""
 
 
 class Player:

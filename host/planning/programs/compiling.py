@@ -95,8 +95,8 @@ def compile_program(program: Program, robot: Robot, findings: Findings | None = 
 
     Without `findings` it raises InputError if something is wrong; speeds are left to the planner, which can stretch the
     motion. With them it goes on and finds everything, also the steps that are too fast. A mistake in a repetition is
-    told once, and none that only follows from another one: where nobody knows where the robot stands, nothing is judged
-    up to the next `go` that says all of it.
+    told once, and none that only follows from another one: where the robot's position is unknown, nothing is judged up
+    to the next `go` that says all of it.
     """
     found = Findings() if findings is None else findings
     own_robot = None

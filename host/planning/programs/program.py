@@ -28,7 +28,7 @@ class WrongStep:
     """A step about which there is a finding already; it keeps its number for the others.
 
     Attributes:
-        moves: True if nobody knows where the robot stands after it.
+        moves: True if the position of the robot is unknown after it.
     """
 
     moves: bool

@@ -13,7 +13,7 @@ from steptwin.host.record.animation.camera import CAMERAS, Camera
 from steptwin.host.record.animation.film import Film
 
 SPEEDS: Final = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)
-"""Speeds that the page offers, besides the film's own."""
+"""Speeds that pages offer, as factors of real time; an animation's own comes beside them."""
 
 _DECIMALS: Final = 3
 """Decimals of a length in mm: a thousandth of what a screen shows."""

@@ -23,8 +23,9 @@ from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.input_changes import set_input
 from steptwin.protocol.cia402 import DigitalInput
 
-_PER_V: Final = 100
-_PER_DEGC: Final = 10
+PER_V: Final = 100
+PER_DEGC: Final = 10
+"""Parts of a volt and of a degree in which the board measures."""
 _LEVELS: Final = {Stuck.CLOSED: True, Stuck.OPEN: False, Stuck.FREE: None}
 _STUCK: Final = {closed: stuck for stuck, closed in _LEVELS.items()}
 _SWITCH_NAMES: Final = {bit: name for name, bit in SWITCHES.items()}
@@ -54,11 +55,11 @@ class _Kind(NamedTuple):
 _KINDS: Final[Mapping[Do, _Kind]] = {
     Do.ESTOP: _Kind({"pressed": Table.truth}, lambda _, values: EmergencyStop(values["pressed"])),
     Do.SUPPLY: _Kind(
-        {"supply_v": _whole(SUPPLIES_10MV, _PER_V, "V")},
+        {"supply_v": _whole(SUPPLIES_10MV, PER_V, "V")},
         lambda _, values: Supply(values["supply_v"]),
     ),
     Do.TEMPERATURE: _Kind(
-        {"temperature_degc": _whole(TEMPERATURES_DECIDEGC, _PER_DEGC, "degC")},
+        {"temperature_degc": _whole(TEMPERATURES_DECIDEGC, PER_DEGC, "degC")},
         lambda _, values: BoardTemperature(values["temperature_degc"]),
     ),
     Do.PROTECT: _Kind(
@@ -115,9 +116,9 @@ def request_of(robot: Robot, operation: Operation) -> dict[str, Any]:
         case EmergencyStop(pressed):
             return {"do": Do.ESTOP, "pressed": pressed}
         case Supply(supply_10mv):
-            return {"do": Do.SUPPLY, "supply_v": supply_10mv / _PER_V}
+            return {"do": Do.SUPPLY, "supply_v": supply_10mv / PER_V}
         case BoardTemperature(temperature_decidegc):
-            return {"do": Do.TEMPERATURE, "temperature_degc": temperature_decidegc / _PER_DEGC}
+            return {"do": Do.TEMPERATURE, "temperature_degc": temperature_decidegc / PER_DEGC}
         case DriverProtect(axis, active):
             return {"do": Do.PROTECT, "joint": joints[axis], "held": active}
         case SetInput(axis, which, on):

@@ -3,7 +3,7 @@
 from typing import Any
 
 from steptwin.host.operate.input_waiting import wired_inputs
-from steptwin.host.twin.control.operations import switches_of
+from steptwin.host.twin.control.operations import PER_DEGC, PER_V, switches_of
 from steptwin.host.twin.live_board import LiveBoard
 from steptwin.protocol.cia402 import DigitalInput
 
@@ -33,8 +33,8 @@ class MachineState:
             "simulated": True,
             "robot": board.robot.name,
             "estop": around.emergency_stop,
-            "supply_v": around.supply_10mv / 100,
-            "temperature_degc": around.temperature_decidegc / 10,
+            "supply_v": around.supply_10mv / PER_V,
+            "temperature_degc": around.temperature_decidegc / PER_DEGC,
             "protect": {
                 joint: {"low": bool(levels[i] & _PROTECT), "held": around.axes[i].protect_held}
                 for i, joint in enumerate(self._joints)

@@ -1,16 +1,14 @@
 """The arm of a stored run in three dimensions, with its planned path and the counted one; of two runs both arms."""
 
-from collections.abc import Callable
 from typing import Final
 
 import numpy as np
-from nicegui import ui
 
-from steptwin.host.panel.page.elements import card, icon_button, line, plain
-from steptwin.host.panel.page.scene import Arm, ArmScene, View
+from steptwin.host.panel.page.elements import card, line
+from steptwin.host.panel.page.scene import Arm, ArmScene
+from steptwin.host.panel.page.scene_card import camera_buttons, drawing_switch, legend
 from steptwin.host.panel.replay import Replay
 
-_VIEWS: Final[dict[View, str]] = {"iso": "3D", "front": "Front", "side": "Side", "top": "Top"}
 _ARMS: Final[tuple[Arm, ...]] = ("arm", "other")
 _POINTS: Final = 800
 """Points of a path: as fine as a screen."""
@@ -26,17 +24,14 @@ class ReplayScene:
         with card(classes="flush"):
             with line("between scene-bar"):
                 with line("tight"):
-                    for view, text in _VIEWS.items():
-                        button = plain(text, self._look(view))
-                        button.props["aria-label"] = f"look from: {text}"
-                    icon_button("visibility_off", "switch the 3D view off or on", self._switch)
+                    camera_buttons(lambda: self._scene)
+                    drawing_switch(lambda: self._scene)
                 with line():
-                    _legend("--plan", "planned path")
-                    _legend("--trace", f"counted path, error x {gain:g}" if gain > 1.0 else "counted path")
+                    legend("--plan", "planned path")
+                    legend("--trace", f"counted path, error x {gain:g}" if gain > 1.0 else "counted path")
                     if len(replays) == 2:
-                        _legend("--other", "second run")
+                        legend("--other", "second run")
             self._scene = ArmScene(replays[0].run.robot, np.concatenate([each.extent_mm for each in replays]))
-        self._drawn = True
         self._boxes_move = any(box.held_by for box in replays[0].run.robot.boxes.values())
         chosen = np.linspace(0, len(path.planned_mm) - 1, _POINTS).astype(np.int64)
         self._scene.show_line("plan", path.planned_mm[chosen])
@@ -54,16 +49,3 @@ class ReplayScene:
         if self._boxes_move:
             shifts_mm = self._replays[0].machine.box_shifts_mm(np.array([t_s]))
             self._scene.move_boxes(shift_mm[0] for shift_mm in shifts_mm.values())
-
-    def _look(self, view: View) -> Callable[[], None]:
-        return lambda: self._scene.look(view)
-
-    def _switch(self) -> None:
-        self._drawn = not self._drawn
-        self._scene.enable_drawing(self._drawn)
-
-
-def _legend(colour: str, text: str) -> None:
-    with ui.element("span").classes("legend"):
-        ui.element("i").style(f"background: var({colour})")
-        ui.label(text)

@@ -8,7 +8,8 @@ from nicegui import events, ui
 from steptwin.host.panel.page.elements import card, choice, icon_button, line
 from steptwin.host.panel.replay import Instant, Replay
 from steptwin.host.panel.replay.model import Edge
-from steptwin.host.panel.replay.player import SPEEDS, Player
+from steptwin.host.panel.replay.player import Player
+from steptwin.host.record.animation.page import SPEEDS
 
 _ANY: Final = "any axis"
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from steptwin.host.panel.replay import Mark, MarkKind, Replay
-from steptwin.host.panel.replay.player import SPEEDS, Player
+from steptwin.host.panel.replay.player import Player
+from steptwin.host.record.animation.page import SPEEDS
 from tests.host.record.machines import perfect_run
 from tests.host.verify.motions import ENABLE_COUNTS, START_COUNTS
 
