@@ -25,7 +25,10 @@ from steptwin.host.robots.homing import JointHoming
 from steptwin.host.robots.joint import Joint, Unit
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import check_names, check_unit, keys_of
+from steptwin.host.robots.kinematics.chain import check_links
+from steptwin.host.robots.kinematics.dh import DhTable
 from steptwin.host.robots.kinematics.kinds import kind_named
+from steptwin.host.robots.link_errors import QUANTITIES, LinkErrors
 from steptwin.host.robots.output import Output
 from steptwin.host.robots.robot import Dimension, Robot
 from steptwin.host.robots.switches import JointSwitches
@@ -63,7 +66,7 @@ def _robot(table: Table) -> Robot:
     kind = _kind_ahead(table)
     values = table.gather(
         {**_ROBOT, "joints": partial(_joints, kind), "home": partial(_home, kind)},
-        {**_ROBOT_OPTIONAL, "coupling": partial(_coupling, kind)},
+        {**_ROBOT_OPTIONAL, "coupling": partial(_coupling, kind), "dh_errors": partial(_dh_errors, kind)},
     )
     joints: dict[str, Joint] = values.get("joints", {})
     if joints:
@@ -97,11 +100,15 @@ def _title(table: Table, key: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class _Mechanism:
-    """The kind of a mechanism, its dimensions, and the joints that it has with them; no joints if that is unknown."""
+    """The kind of a mechanism, its dimensions, and the joints and the DH table that it has with them.
+
+    Without the dimensions that decide on them there are no joints and no table.
+    """
 
     name: str = ""
     dimensions: Mapping[str, Dimension] = field(default_factory=dict)
     joints: Mapping[str, Unit] = field(default_factory=dict)
+    dh: DhTable | None = None
 
 
 def _mechanism(table: Table, key: str) -> _Mechanism:
@@ -114,9 +121,12 @@ def _mechanism(table: Table, key: str) -> _Mechanism:
         del values["kind"]
         geometry = judged(kind.geometry, values, section.findings)
     joints: dict[str, Unit] = {}
-    with Findings().collecting():  # without the dimensions that decide on them the joints are unknown
+    dh: DhTable | None = None
+    with Findings().collecting():
         joints = geometry.joints
-    return _Mechanism(name, {name: value for name, value in values.items() if value is not None}, joints)
+    with Findings().collecting():
+        dh = geometry.dh
+    return _Mechanism(name, {name: value for name, value in values.items() if value is not None}, joints, dh)
 
 
 def _kind_ahead(table: Table) -> _Mechanism:
@@ -201,6 +211,17 @@ def _coupling(kind: _Mechanism, table: Table, key: str) -> Coupling:
         return Coupling.of(names, elements)
 
 
+# --- errors of the DH parameters
+
+
+def _dh_errors(kind: _Mechanism, table: Table, key: str) -> dict[str, LinkErrors]:
+    """Return the errors of each link; if the mechanism is unknown, so are its links."""
+    if kind.dh:
+        with table.section(key) as section, table.findings.collecting(f"{key}: "):
+            check_links(kind.name, kind.dh, kind.joints, section)
+    return _each(_link_errors, table, key)
+
+
 # --- tables whose keys are names
 
 
@@ -247,6 +268,7 @@ def _range(table: Table, key: str) -> Range:
 
 
 _box: Final = _settings(Box, dict.fromkeys(("x_mm", "y_mm", "z_mm"), _range), {"held_by": Table.text})
+_link_errors: Final = _settings(LinkErrors, {}, dict.fromkeys(QUANTITIES, Table.number))
 _output: Final = _settings(Output, {"joint": Table.text, "out": Table.integer}, {})
 _input: Final = _settings(Input, {"joint": Table.text, "input": Table.integer}, {})
 

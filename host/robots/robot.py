@@ -18,6 +18,7 @@ from steptwin.host.robots.coupling import Coupling
 from steptwin.host.robots.digital_input import Input
 from steptwin.host.robots.homing import JointHoming
 from steptwin.host.robots.joint import WIRE_POSITION_MAX, Joint
+from steptwin.host.robots.link_errors import LinkErrors
 from steptwin.host.robots.output import Output
 
 AXES_MAX: Final = 8
@@ -44,6 +45,8 @@ class Robot:
         places: joint positions that jobs go to, by name; a place may name only some of the joints.
         boxes: what stands around the machine, by name; only pictures show it.
         coupling: how the axes follow the joints; by default each joint has a motor of its own.
+        dh_errors: errors of the DH parameters, by the name of the link: no motion is planned by them; they tell where
+            the tool really is.
         toml: text of the robot file; empty for a robot that was not read from a file.
 
     Raises:
@@ -64,6 +67,7 @@ class Robot:
     places: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     boxes: Mapping[str, Box] = field(default_factory=dict)
     coupling: Coupling = field(default_factory=Coupling)
+    dh_errors: Mapping[str, LinkErrors] = field(default_factory=dict)
     toml: str = field(default="", repr=False, compare=False)
 
     def __post_init__(self) -> None:

@@ -39,6 +39,17 @@ class CalibrationGeometry:
         """The joints' names and units, along the chain."""
         return chain(Lift.LAST)
 
+    @property
+    def dh(self) -> DhTable:
+        """The DH table, with the joints' names as variables."""
+        rows = (
+            DhRow(0.0, self.L1_mm, Parameter(self.d1_mm), Parameter(variable="th1")),
+            DhRow(0.0, self.L2_mm, Parameter(), Parameter(variable="th2")),
+            DhRow(self.alpha3_deg, 0.0, Parameter(variable="d3", sign=-1), Parameter()),
+            DhRow(0.0, 0.0, Parameter(), Parameter(variable="th4")),
+        )
+        return DhTable(Convention.STANDARD, rows)
+
     def _check_tool(self) -> None:
         if self.alpha3_deg not in _TOOLS:
             raise InputError(f"alpha3_deg: {self.alpha3_deg:g} deg is neither 180 (tool down) nor 0 (tool up)")
@@ -47,12 +58,6 @@ class CalibrationGeometry:
 def calibration_scara(robot: Robot) -> Scara:
     """Return a robot's kinematics; raise InputError if its dimensions or joints are not this mechanism's."""
     geometry = read_geometry(CalibrationGeometry, robot)
-    rows = (
-        DhRow(0.0, geometry.L1_mm, Parameter(geometry.d1_mm), Parameter(variable="th1")),
-        DhRow(0.0, geometry.L2_mm, Parameter(), Parameter(variable="th2")),
-        DhRow(geometry.alpha3_deg, 0.0, Parameter(variable="d3", sign=-1), Parameter()),
-        DhRow(0.0, 0.0, Parameter(), Parameter(variable="th4")),
-    )
     scara = ScaraGeometry(
         geometry.L1_mm,
         geometry.L2_mm,
@@ -61,4 +66,4 @@ def calibration_scara(robot: Robot) -> Scara:
         tool=_TOOLS[geometry.alpha3_deg],
         base_mm=geometry.d1_mm,
     )
-    return scara_of(robot, scara, DhTable(Convention.STANDARD, rows))
+    return scara_of(robot, scara, geometry.dh)

@@ -10,8 +10,9 @@ J. J. Craig, "Introduction to Robotics: Mechanics and Control", section 3.4.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
+from typing import Self
 
 import numpy as np
 
@@ -58,6 +59,17 @@ class DhRow:
     d_mm: Parameter
     theta_deg: Parameter
 
+    def with_errors(self, a_mm: float, alpha_deg: float, d_mm: float, theta_deg: float) -> Self:
+        """Return the link with errors added to its parameters."""
+        offset, angle = self.d_mm, self.theta_deg
+        return replace(
+            self,
+            alpha_deg=self.alpha_deg + alpha_deg,
+            a_mm=self.a_mm + a_mm,
+            d_mm=replace(offset, constant=offset.constant + d_mm),
+            theta_deg=replace(angle, constant=angle.constant + theta_deg),
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class DhTable:
@@ -66,13 +78,35 @@ class DhTable:
     convention: Convention
     rows: tuple[DhRow, ...]
 
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """The names of the variables, from the world frame to the tool."""
+        parameters = (parameter for row in self.rows for parameter in (row.d_mm, row.theta_deg))
+        return tuple(parameter.variable for parameter in parameters if parameter.variable)
+
+    @property
+    def link_names(self) -> tuple[str, ...]:
+        """The names of the rows: link1 and so on."""
+        return tuple(f"link{number}" for number in range(1, len(self.rows) + 1))
+
     def transforms(self, variables: Variables) -> FloatArray:
         """Return the tool's homogeneous transforms in the world frame, of shape (n, 4, 4), lengths in mm."""
+        tool: FloatArray = self.frames(variables)[-1]
+        return tool
+
+    def frames(self, variables: Variables) -> FloatArray:
+        """Return the frames of the world and behind each row, in the world frame, of shape (rows + 1, n, 4, 4)."""
         count = max((len(values) for values in variables.values()), default=1)
-        product = np.broadcast_to(np.eye(4), (count, 4, 4))
-        for row in self.rows:
-            product = product @ self._link(row, variables, count)
-        return product
+        frames = np.empty((len(self.rows) + 1, count, 4, 4))
+        frames[0] = np.eye(4)
+        for i, row in enumerate(self.rows):
+            np.matmul(frames[i], self._link(row, variables, count), out=frames[i + 1])
+        return frames
+
+    def with_errors(self, errors: FloatArray) -> Self:
+        """Return the table with errors, of shape (rows, 4), added to each row's a_mm, alpha_deg, d_mm and theta_deg."""
+        rows = (row.with_errors(*each) for row, each in zip(self.rows, errors.tolist(), strict=True))
+        return replace(self, rows=tuple(rows))
 
     def _link(self, row: DhRow, variables: Variables, count: int) -> FloatArray:
         fixed = _rotation_x(row.alpha_deg)

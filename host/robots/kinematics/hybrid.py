@@ -68,6 +68,17 @@ class HybridGeometry:
         return dict(_JOINTS)
 
     @property
+    def dh(self) -> DhTable:
+        """The DH table of the serial chain R-P-P-R with the same motion; z2 and z3 are no joints."""
+        rows = (
+            DhRow(0.0, 0.0, Parameter(self.l1_mm), Parameter(90.0, "th1")),
+            DhRow(90.0, 0.0, Parameter(self.l2_mm, "z2"), Parameter()),
+            DhRow(-90.0, 0.0, Parameter(variable="z3"), Parameter(-90.0)),
+            DhRow(0.0, self.l3_mm, Parameter(-self.l4_mm), Parameter(variable="th4")),
+        )
+        return DhTable(Convention.MODIFIED, rows)
+
+    @property
     def sliders(self) -> SliderPair:
         """The parallel mechanism."""
         return SliderPair(self.h_mm, self.L_mm)
@@ -105,19 +116,13 @@ class HybridArm:
         """Return a robot's kinematics; raise InputError if its dimensions or joints are not this mechanism's."""
         geometry = read_geometry(HybridGeometry, robot)
         require_joints(robot, geometry.joints)
-        rows = (
-            DhRow(0.0, 0.0, Parameter(geometry.l1_mm), Parameter(90.0, "th1")),
-            DhRow(90.0, 0.0, Parameter(geometry.l2_mm, "z2"), Parameter()),
-            DhRow(-90.0, 0.0, Parameter(variable="z3"), Parameter(-90.0)),
-            DhRow(0.0, geometry.l3_mm, Parameter(-geometry.l4_mm), Parameter(variable="th4")),
-        )
         return cls(
             limits=robot.joints,
             sliders=geometry.sliders,
             radius_mm=geometry.radius_mm,
             height_mm=geometry.l1_mm - geometry.l4_mm,
             z2_max_mm=geometry.z2_max_mm,
-            dh=DhTable(Convention.MODIFIED, rows),
+            dh=geometry.dh,
             geometry=geometry,
         )
 

@@ -32,17 +32,22 @@ class LabGeometry:
         """The joints' names and units, along the chain."""
         return chain(Lift.FIRST)
 
+    @property
+    def dh(self) -> DhTable:
+        """The DH table, with the joints' names as variables."""
+        rows = (
+            DhRow(0.0, 0.0, Parameter(variable="d1"), Parameter(90.0)),
+            DhRow(0.0, 0.0, Parameter(), Parameter(variable="th2")),
+            DhRow(0.0, self.a2_mm, Parameter(), Parameter(variable="th3")),
+            DhRow(180.0, self.a3_mm, Parameter(), Parameter(variable="th4")),
+            DhRow(0.0, 0.0, Parameter(self.d5_mm), Parameter()),
+        )
+        return DhTable(Convention.MODIFIED, rows)
+
 
 def lab_scara(robot: Robot) -> Scara:
     """Return a robot's kinematics; raise InputError if its dimensions or joints are not this mechanism's."""
     geometry = read_geometry(LabGeometry, robot)
-    rows = (
-        DhRow(0.0, 0.0, Parameter(variable="d1"), Parameter(90.0)),
-        DhRow(0.0, 0.0, Parameter(), Parameter(variable="th2")),
-        DhRow(0.0, geometry.a2_mm, Parameter(), Parameter(variable="th3")),
-        DhRow(180.0, geometry.a3_mm, Parameter(), Parameter(variable="th4")),
-        DhRow(0.0, 0.0, Parameter(geometry.d5_mm), Parameter()),
-    )
     scara = ScaraGeometry(
         geometry.a2_mm,
         geometry.a3_mm,
@@ -52,4 +57,4 @@ def lab_scara(robot: Robot) -> Scara:
         heading_deg=90.0,
         drop_mm=geometry.d5_mm,
     )
-    return scara_of(robot, scara, DhTable(Convention.MODIFIED, rows))
+    return scara_of(robot, scara, geometry.dh)

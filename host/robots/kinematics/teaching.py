@@ -33,16 +33,21 @@ class TeachingGeometry:
         """The joints' names and units, along the chain."""
         return chain(Lift.LAST)
 
+    @property
+    def dh(self) -> DhTable:
+        """The DH table, with the joints' names as variables."""
+        rows = (
+            DhRow(0.0, 0.0, Parameter(), Parameter(variable="th1")),
+            DhRow(0.0, self.l1_mm, Parameter(), Parameter(variable="th2")),
+            DhRow(0.0, self.l2_mm, Parameter(variable="d3", sign=-1), Parameter()),
+            DhRow(0.0, 0.0, Parameter(self.d4_mm), Parameter(variable="th4")),
+        )
+        return DhTable(Convention.MODIFIED, rows)
+
 
 def teaching_scara(robot: Robot) -> Scara:
     """Return a robot's kinematics; raise InputError if its dimensions or joints are not this mechanism's."""
     geometry = read_geometry(TeachingGeometry, robot)
-    rows = (
-        DhRow(0.0, 0.0, Parameter(), Parameter(variable="th1")),
-        DhRow(0.0, geometry.l1_mm, Parameter(), Parameter(variable="th2")),
-        DhRow(0.0, geometry.l2_mm, Parameter(variable="d3", sign=-1), Parameter()),
-        DhRow(0.0, 0.0, Parameter(geometry.d4_mm), Parameter(variable="th4")),
-    )
     scara = ScaraGeometry(
         geometry.l1_mm,
         geometry.l2_mm,
@@ -51,4 +56,4 @@ def teaching_scara(robot: Robot) -> Scara:
         tool=Direction.UP,
         drop_mm=-geometry.d4_mm,
     )
-    return scara_of(robot, scara, DhTable(Convention.MODIFIED, rows))
+    return scara_of(robot, scara, geometry.dh)

@@ -76,6 +76,27 @@ class ScaraGeometry:
         """The joints' names and units, along the chain."""
         return chain(self.lift, tool_rotation=self.tool_rotation)
 
+    @property
+    def dh(self) -> DhTable:
+        """The DH table, with the joints' names as variables."""
+        joints = list(self.joints)
+        lift_sign, tool_sign = _SIGNS[self.lift_positive], _SIGNS[self.tool]
+        base, heading = self.base_mm, self.heading_deg
+        rows = []
+        if self.lift is Lift.FIRST:
+            rows.append(DhRow(0.0, 0.0, Parameter(base, joints.pop(0), lift_sign), Parameter(heading)))
+            base, heading = 0.0, 0.0
+        rows.append(DhRow(0.0, 0.0, Parameter(base), Parameter(heading, joints.pop(0))))
+        rows.append(DhRow(0.0, self.l1_mm, Parameter(self.offset_mm), Parameter(variable=joints.pop(0))))
+        to_wrist = self.l2_mm
+        if self.lift is Lift.LAST:
+            rows.append(DhRow(0.0, to_wrist, Parameter(0.0, joints.pop(0), lift_sign), Parameter()))
+            to_wrist = 0.0
+        turning = Parameter(variable=joints.pop(0)) if joints else Parameter()
+        rows.append(DhRow(180.0 if self.tool is Direction.DOWN else 0.0, to_wrist, Parameter(), turning))
+        rows.append(DhRow(0.0, self.tool_mm, Parameter(-tool_sign * self.drop_mm), Parameter()))
+        return DhTable(Convention.MODIFIED, tuple(rows))
+
 
 _CHAINS: Final = {Lift.FIRST: ["d", "th", "th"], Lift.LAST: ["th", "th", "d"], Lift.NONE: ["th", "th"]}
 """The joints before the tool's, d for a lift, th for a rotary joint."""
@@ -94,7 +115,7 @@ _SIGNS: Final = {Direction.UP: 1, Direction.DOWN: -1}
 def usual_scara(robot: Robot) -> Scara:
     """Return a robot's kinematics; raise InputError if its dimensions or joints are not this mechanism's."""
     geometry = read_geometry(ScaraGeometry, robot)
-    return scara_of(robot, geometry, DhTable(Convention.MODIFIED, _rows(geometry)))
+    return scara_of(robot, geometry, geometry.dh)
 
 
 def scara_of(robot: Robot, geometry: ScaraGeometry, dh: DhTable) -> Scara:
@@ -119,23 +140,3 @@ def scara_of(robot: Robot, geometry: ScaraGeometry, dh: DhTable) -> Scara:
         base_mm=geometry.base_mm,
         offset_mm=geometry.offset_mm,
     )
-
-
-def _rows(geometry: ScaraGeometry) -> tuple[DhRow, ...]:
-    joints = list(geometry.joints)
-    lift_sign, tool_sign = _SIGNS[geometry.lift_positive], _SIGNS[geometry.tool]
-    base, heading = geometry.base_mm, geometry.heading_deg
-    rows = []
-    if geometry.lift is Lift.FIRST:
-        rows.append(DhRow(0.0, 0.0, Parameter(base, joints.pop(0), lift_sign), Parameter(heading)))
-        base, heading = 0.0, 0.0
-    rows.append(DhRow(0.0, 0.0, Parameter(base), Parameter(heading, joints.pop(0))))
-    rows.append(DhRow(0.0, geometry.l1_mm, Parameter(geometry.offset_mm), Parameter(variable=joints.pop(0))))
-    to_wrist = geometry.l2_mm
-    if geometry.lift is Lift.LAST:
-        rows.append(DhRow(0.0, to_wrist, Parameter(0.0, joints.pop(0), lift_sign), Parameter()))
-        to_wrist = 0.0
-    turning = Parameter(variable=joints.pop(0)) if joints else Parameter()
-    rows.append(DhRow(180.0 if geometry.tool is Direction.DOWN else 0.0, to_wrist, Parameter(), turning))
-    rows.append(DhRow(0.0, geometry.tool_mm, Parameter(-tool_sign * geometry.drop_mm), Parameter()))
-    return tuple(rows)

@@ -39,22 +39,27 @@ class WarehouseGeometry:
         """The joints' names and units, along the chain."""
         return dict(_JOINTS)
 
+    @property
+    def dh(self) -> DhTable:
+        """The DH table, with the joints' names as variables."""
+        rows = (
+            DhRow(0.0, 0.0, Parameter(variable="sz"), Parameter(90.0)),
+            DhRow(90.0, 0.0, Parameter(variable="sx"), Parameter()),  # z of this frame lies along the aisle
+            DhRow(-90.0, 0.0, Parameter(variable="L1"), Parameter(-90.0, "th1")),
+            DhRow(0.0, self.L2_mm, Parameter(), Parameter(variable="th2")),
+            DhRow(0.0, self.L3_mm, Parameter(), Parameter(variable="th3")),
+            DhRow(0.0, self.L5_mm, Parameter(-self.L4_mm), Parameter()),
+        )
+        return DhTable(Convention.MODIFIED, rows)
+
 
 def warehouse_scara(robot: Robot) -> Scara:
     """Return a robot's kinematics; raise InputError if its dimensions or joints are not this mechanism's."""
     geometry = read_geometry(WarehouseGeometry, robot)
     require_joints(robot, geometry.joints)
-    rows = (
-        DhRow(0.0, 0.0, Parameter(variable="sz"), Parameter(90.0)),
-        DhRow(90.0, 0.0, Parameter(variable="sx"), Parameter()),  # z of this frame lies along the aisle
-        DhRow(-90.0, 0.0, Parameter(variable="L1"), Parameter(-90.0, "th1")),
-        DhRow(0.0, geometry.L2_mm, Parameter(), Parameter(variable="th2")),
-        DhRow(0.0, geometry.L3_mm, Parameter(), Parameter(variable="th3")),
-        DhRow(0.0, geometry.L5_mm, Parameter(-geometry.L4_mm), Parameter()),
-    )
     return Scara(
         limits=robot.joints,
-        dh=DhTable(Convention.MODIFIED, rows),
+        dh=geometry.dh,
         arm=Planar2R(geometry.L2_mm, geometry.L3_mm),
         lift=2,
         shoulder=3,
