@@ -35,6 +35,11 @@ CSV_BYTES_MAX: Final = 2 * GIB
 JSON_BYTES_MAX: Final = 64 * MIB
 """A JSON trajectory is read at once and takes ten times its size; half a million points of six joints fit."""
 
+MEASUREMENTS_MAX: Final = 10_000
+"""Measurements of a calibration: some 50 are usual; the derivatives of so many by 24 parameters take 6 MB."""
+MEASUREMENTS_BYTES_MAX: Final = 16 * MIB
+"""A measurement of eight joints with all digits has 250 bytes."""
+
 LOG_LINE_CHARS_MAX: Final = 256
 """Characters of a line of bus.log: StepTwin's have at most 50."""
 

@@ -1,8 +1,6 @@
 """Read the points of a CSV trajectory, line by line, so that memory holds no more than the numbers."""
 
-import csv
 from array import array
-from collections.abc import Iterator
 from dataclasses import dataclass
 from math import isfinite
 from reprlib import repr as short
@@ -11,9 +9,10 @@ from typing import Final, Self, TextIO
 import numpy as np
 
 from steptwin.host.common.bad_input import prefixed, unknown
+from steptwin.host.common.csv_lines import check_once, fields_of, numbered_lines, numbers_of
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_limits import COLUMNS_MAX, LINE_CHARS_MAX, POINTS_MAX
-from steptwin.host.common.numbers import LARGEST, finite_number
+from steptwin.host.common.file_limits import COLUMNS_MAX, POINTS_MAX
+from steptwin.host.common.numbers import LARGEST
 from steptwin.host.planning.motions.sampled import NumberedPlaces
 from steptwin.host.planning.paths import COORDINATES
 from steptwin.host.planning.trajectory_file.points import Points
@@ -27,11 +26,11 @@ _ELBOW: Final = "elbow"
 
 def read_csv(file: TextIO) -> Points:
     """Return the points; skip empty lines and those that begin with #. InputErrors begin with the line's number."""
-    lines = _lines(file)
+    lines = numbered_lines(file)
     head = next(lines, None)
     if head is None:
         raise InputError("is empty: a header t,<joint>,... was expected")
-    header = _fields(*head)
+    header = fields_of(*head)
     elbow = _ElbowColumn.of(header)
     with prefixed(f"line {head[0]}: "):
         names, moving = _columns(elbow.numbers_of(header) if elbow else header)
@@ -91,32 +90,12 @@ class _ElbowColumn:
 def _numbers(line: str, header: list[str], elbow: _ElbowColumn | None, i: int) -> list[float]:
     """Return the numbers of a line."""
     if elbow is None:
-        return _plain_row(line, len(header)) or _row(_fields(i, line), header, i)
-    fields = _fields(i, line)
+        return _plain_row(line, len(header)) or numbers_of(i, fields_of(i, line), header)
+    fields = fields_of(i, line)
     if len(fields) != len(header):
-        return _row(fields, header, i)
+        return numbers_of(i, fields, header)
     elbow.read(fields[elbow.index], i)
-    return _row(elbow.numbers_of(fields), elbow.numbers_of(header), i)
-
-
-def _lines(file: TextIO) -> Iterator[tuple[int, str]]:
-    """Yield each line that holds something, with its number."""
-    i = 0
-    while line := file.readline(LINE_CHARS_MAX + 1):
-        i += 1
-        if len(line) > LINE_CHARS_MAX:
-            raise InputError(f"line {i}: has more than {LINE_CHARS_MAX} characters")
-        if line.strip() and line.strip()[0] != "#":
-            yield i, line.removesuffix("\n")
-
-
-def _fields(i: int, line: str) -> list[str]:
-    """Return the fields of one line; a quoted field that continues in the next line is an error."""
-    try:
-        (fields,) = csv.reader([line], strict=True)
-    except csv.Error as error:
-        raise InputError(f"line {i}: is not CSV: {error}") from error
-    return [field.strip() for field in fields]
+    return numbers_of(i, elbow.numbers_of(fields), elbow.numbers_of(header))
 
 
 def _columns(header: list[str]) -> tuple[list[str], bool]:
@@ -128,9 +107,7 @@ def _columns(header: list[str]) -> tuple[list[str], bool]:
         )
     if len(header) > COLUMNS_MAX:
         raise InputError(f"{len(header)} columns, more than {COLUMNS_MAX}: t, and position and velocity of 8 joints")
-    for name in header:
-        if header.count(name) > 1:
-            raise InputError(f"column {name!r} appears {header.count(name)} times")
+    check_once(header)
     joints = [name for name in header[1:] if not name.startswith(_VELOCITY)]
     wanted = [_VELOCITY + name for name in joints]
     given = [name for name in header if name.startswith(_VELOCITY)]
@@ -144,7 +121,7 @@ def _columns(header: list[str]) -> tuple[list[str], bool]:
 
 
 def _plain_row(line: str, columns: int) -> list[float] | None:
-    """Return a row of plain numbers, in a quarter of the time; None for a row that `_row` must read or refuse."""
+    """Return a row of plain numbers, in a quarter of the time; None for a row that `numbers_of` must read or refuse."""
     fields = line.split(",")
     if len(fields) != columns or "_" in line or not line.isascii():
         return None
@@ -153,15 +130,3 @@ def _plain_row(line: str, columns: int) -> list[float] | None:
     except ValueError:  # also of a quoted field
         return None
     return values if isfinite(sum(values)) and max(map(abs, values)) <= LARGEST else None
-
-
-def _row(row: list[str], header: list[str], line: int) -> list[float]:
-    if len(row) != len(header):
-        raise InputError(f"line {line}: {len(row)} fields, the header has {len(header)}")
-    values = []
-    for field, name in zip(row, header, strict=True):
-        try:
-            values.append(finite_number(field))
-        except InputError as error:
-            raise InputError(f"line {line}, {name}: {error}") from error
-    return values
