@@ -1,5 +1,6 @@
 """`steptwin check my-arm.toml`: what a robot file amounts to."""
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Final
 
 from steptwin.host.cli.checked_file import CheckedFile
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
 
 _SMALL_MM: Final = 5.0
 """Reach below which the dimensions are probably in metres."""
+_SAMPLES: Final = 2000
+"""Random joint positions at which the tool's error is computed."""
 _NARROW_DEG: Final = 6.3
 """Range of a rotary joint, up to a whole turn in radians, below which its limits are probably in radians."""
 
@@ -41,6 +44,7 @@ def _document(robot: "Robot") -> dict[str, Any]:
         "mechanism": robot.kinematics,
         "joints": [_joint_document(joint, robot.board.driver_rate_max_hz) for joint in robot.joints],
         "coupling": _equations(robot),
+        **_dh_errors_document(robot),
         "reach": {
             "slides": dict(scanned.slides),
             "radius_mm": scanned.plan.radius_mm,
@@ -48,6 +52,29 @@ def _document(robot: "Robot") -> dict[str, Any]:
             "area_mm2": scanned.plan.area_mm2,
             "area_at_z_mm": scanned.plan.z_mm,
         },
+    }
+
+
+def _dh_errors_document(robot: "Robot") -> dict[str, Any]:
+    """Return the errors of the DH parameters, and how far they take the tool away: at home, and at random joints."""
+    import numpy as np
+
+    from steptwin.host.robots.calibration.simulation import random_joints
+    from steptwin.host.robots.kinematics.chain import actual_chain
+
+    chain = actual_chain(robot)
+    if chain is None:
+        return {}
+    joints = np.vstack([[robot.home], random_joints(robot, _SAMPLES, np.random.default_rng(1))])
+    nominal = chain.with_errors(np.zeros_like(chain.errors))
+    distances_mm = np.linalg.norm((chain.poses(joints) - nominal.poses(joints))[:, :3], axis=1)
+    return {
+        "dh_errors": {
+            "links": {link: asdict(errors) for link, errors in chain.link_errors.items()},
+            "at_home_mm": float(distances_mm[0]),
+            "rms_mm": float(np.sqrt(np.mean(distances_mm[1:] ** 2))),
+            "max_mm": float(distances_mm.max()),
+        }
     }
 
 
@@ -105,6 +132,11 @@ def _print(robot: "Robot", document: dict[str, Any]) -> None:
     columns = ["joint", "unit", "lower", "upper", "steps/unit", "speed/s", "steps/s", "of driver", "homing"]
     print_table(columns, [_row(joint) for joint in document["joints"]], text_columns=2)
     say(*document["coupling"])
+    if errors := document.get("dh_errors"):
+        say(
+            f"DH errors of {len(errors['links'])} links take the tool {errors['at_home_mm']:.3f} mm away at home,"
+            f" {errors['rms_mm']:.3f} mm rms and up to {errors['max_mm']:.3f} mm elsewhere"
+        )
     for warning in _units_in_doubt(document):
         warn(warning)
     reach = document["reach"]

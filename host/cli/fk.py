@@ -1,6 +1,6 @@
 """`steptwin fk ROBOT Q1 Q2 ...`: compute the tool's pose from joint positions."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -19,11 +19,15 @@ def fk(
     robot_file: RobotFile = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compute the tool's pose from joint positions (forward kinematics)."""
+    """Compute the tool's pose from joint positions (forward kinematics).
+
+    If the robot's file states errors of its DH parameters, also say where the tool really is.
+    """
     import numpy as np
 
     from steptwin.host.robots.kinematics import make_kinematics
     from steptwin.host.robots.kinematics.base import POSE_KEYS
+    from steptwin.host.robots.kinematics.chain import actual_chain
 
     loaded, joints = robot_and_rest(words or [], robot_file)
     values = joint_values(joints, loaded.joint_names, f"joints of {loaded.name}")
@@ -34,13 +38,26 @@ def fk(
     pose = make_kinematics(loaded).forward(np.array([values]))[0]
     if not np.isfinite(pose).all():
         raise InputError(f"joints of {loaded.name}: the mechanism cannot be assembled at {' '.join(joints)}")
-    document = {
+    document: dict[str, Any] = {
         "robot": loaded.name,
         "joints": dict(zip(loaded.joint_names, values, strict=True)),
         "pose": {key: float(value) for key, value in zip(POSE_KEYS, pose, strict=True)},
     }
+    chain = actual_chain(loaded)
+    if chain:
+        actual = chain.poses(np.array([values]))[0]
+        document["actual_pose"] = dict(zip(POSE_KEYS, actual.tolist(), strict=True))
+        document["actual_tilt_deg"] = float(chain.tilts_deg(np.array([values]))[0])
+        document["position_error_mm"] = float(np.linalg.norm(actual[:3] - pose[:3]))
     if as_json:
         print_json(document)
-    else:
-        x, y, z, attitude = (fixed(value, 6) for value in pose.tolist())
-        say(f"x {x} mm, y {y} mm, z {z} mm, attitude {attitude} deg")
+        return
+    say(_words(document["pose"]))
+    if chain:
+        off = f"{document['position_error_mm']:.6f} mm away, tilted by {document['actual_tilt_deg']:.6f} deg"
+        say(f"actual, with the robot's dh_errors: {_words(document['actual_pose'])}: {off}")
+
+
+def _words(pose: dict[str, float]) -> str:
+    x, y, z, attitude = (fixed(value, 6) for value in pose.values())
+    return f"x {x} mm, y {y} mm, z {z} mm, attitude {attitude} deg"

@@ -38,6 +38,11 @@ def print_report(document: Mapping[str, Any]) -> None:
         f"tool: {tool['position_error_mm_max']:.4f} mm max, {tool['position_error_mm_rms']:.4f} mm rms, "
         f"{tool['attitude_error_deg_max']:.4f} deg max"
     )
+    if actual := document.get("actual_tool"):
+        say(
+            f"actual tool, with the robot's dh_errors: {actual['position_error_mm_max']:.4f} mm max,"
+            f" {actual['position_error_mm_rms']:.4f} mm rms, {actual['attitude_error_deg_max']:.4f} deg max"
+        )
     say(f"bus: {bus['frames']} frames at {bus['bitrate'] // 1000} kbit/s, {bus['load_percent']:.1f} % load")
     simulated_s, wall_s = document["simulated_s"], document["wall_s"]
     speed = f", {simulated_s / wall_s:.0f} x real time" if wall_s else ""  # a stored report may say 0

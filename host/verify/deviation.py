@@ -4,7 +4,7 @@ Between two edges the counters stand still. So an error is largest just before a
 planned motion turns around: these instants and both ends of the motion give the largest error of all.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,9 +12,30 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.kinematics.angles import wrapped_deg
 from steptwin.host.verify.comparison import Comparison
+from steptwin.host.verify.expectation import Forward
 
 INSTANTS_PER_CHUNK = 16_384
 """Number of instants evaluated at once; it bounds the memory for any number of steps."""
+
+
+@dataclass(frozen=True, slots=True)
+class ToolDeviation:
+    """Deviation of the tool from the planned poses, just before and just after n edges.
+
+    Attributes:
+        position_mm: shape (2, n, 3), in x, y and z.
+        attitude_deg: shape (2, n), in (-180, 180].
+    """
+
+    position_mm: FloatArray
+    attitude_deg: FloatArray
+
+    @property
+    def distance_mm(self) -> FloatArray:
+        """Distance from the planned position, shape (2, n)."""
+        x_mm, y_mm, z_mm = np.moveaxis(self.position_mm, -1, 0)
+        distance: FloatArray = np.sqrt(x_mm**2 + y_mm**2 + z_mm**2)
+        return distance
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,21 +45,14 @@ class Deviation:
     Attributes:
         t_s: shape (n,), the instants in the trajectory's time.
         steps: shape (2, n, joints), the driver's count minus the planned axis position in steps.
-        tool_mm: shape (2, n, 3), deviation of the tool's x, y and z.
-        attitude_deg: shape (2, n), deviation of the tool's attitude, in (-180, 180].
+        tool: where the nominal kinematics has the tool at the counted joints.
+        actual_tool: where the actual tool is at the counted joints; None if the robot's file states no errors.
     """
 
     t_s: FloatArray
     steps: FloatArray
-    tool_mm: FloatArray
-    attitude_deg: FloatArray
-
-    @property
-    def distance_mm(self) -> FloatArray:
-        """Distance of the counted tool position from the planned one, shape (2, n)."""
-        x_mm, y_mm, z_mm = np.moveaxis(self.tool_mm, -1, 0)
-        distance: FloatArray = np.sqrt(x_mm**2 + y_mm**2 + z_mm**2)
-        return distance
+    tool: ToolDeviation
+    actual_tool: ToolDeviation | None = None
 
 
 def critical_instants(comparison: Comparison) -> FloatArray:
@@ -59,11 +73,16 @@ def _deviation(comparison: Comparison, t_s: FloatArray) -> Deviation:
     planned = np.asfortranarray(expected.trajectory.positions(np.minimum(t_s, expected.trajectory.duration_s)))
     planned_pose = expected.forward(planned)
     counts = np.stack([axis.around(t_s) for axis in comparison.counted]).transpose(1, 2, 0)
-    poses = np.stack([expected.forward(expected.joints(side)) for side in counts])
-    pose_errors = poses - planned_pose
+    joints = [expected.joints(side) for side in counts]
     return Deviation(
         t_s,
         counts - expected.axis_steps(planned),
-        pose_errors[..., :3],
-        wrapped_deg(pose_errors[..., 3]),
+        _off(planned_pose, expected.forward, joints),
+        expected.actual_forward and _off(planned_pose, expected.actual_forward, joints),
     )
+
+
+def _off(planned_pose: FloatArray, forward: Forward, joints: Sequence[FloatArray]) -> ToolDeviation:
+    """Return the deviation of the tool at counted joints, before and after each edge, from the planned poses."""
+    errors = np.stack([forward(side) for side in joints]) - planned_pose
+    return ToolDeviation(errors[..., :3], wrapped_deg(errors[..., 3]))

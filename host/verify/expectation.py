@@ -11,6 +11,7 @@ from steptwin.host.planning.motions.axis_motion import AxisMotion
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.coupling import Coupling
 from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.kinematics.chain import actual_chain
 from steptwin.host.robots.robot import Robot
 
 Forward = Callable[[FloatArray], FloatArray]
@@ -28,6 +29,8 @@ class Expectation:
         forward: the robot's forward kinematics.
         coupling: how the axes follow the joints.
         microsteps: microsteps per full step of each axis' driver; empty: whatever the drivers make.
+        actual_forward: forward kinematics with the errors of the DH parameters that the robot's file states: where the
+            tool really is; None if it states none.
 
     Raises:
         ValueError: the lengths do not agree.
@@ -39,14 +42,16 @@ class Expectation:
     forward: Forward
     coupling: Coupling = field(default_factory=Coupling)
     microsteps: tuple[int, ...] = ()
+    actual_forward: Forward | None = None
 
     @classmethod
     def of(cls, robot: Robot, trajectory: Trajectory) -> Self:
         """Return the expectation for a motion of a robot."""
         units = tuple(joint.unit for joint in robot.joints)
         microsteps = tuple(joint.transmission.microsteps for joint in robot.joints)
-        forward = make_kinematics(robot).forward
-        return cls(trajectory, robot.steps_per_unit, units, forward, robot.coupling, microsteps)
+        forward, actual = make_kinematics(robot).forward, actual_chain(robot)
+        actual_forward = actual.poses if actual else None
+        return cls(trajectory, robot.steps_per_unit, units, forward, robot.coupling, microsteps, actual_forward)
 
     def __post_init__(self) -> None:
         joints = len(self.trajectory.joint_names)

@@ -113,6 +113,9 @@ class Report:
         tool: deviation of the tool.
         outputs: each planned change of a digital output, with the time at which it was made.
         violations: the drivers' limits that were broken.
+        actual_tool: deviation of the actual tool, with the errors of the DH parameters that the robot's file states,
+            from the planned pose; None if it states none. It decides nothing: the machine is right if it makes the
+            planned steps.
     """
 
     run: RunInfo
@@ -122,6 +125,7 @@ class Report:
     tool: ToolReport
     outputs: tuple[OutputReport, ...]
     violations: tuple[ViolationReport, ...]
+    actual_tool: ToolReport | None = None
 
     @property
     def passed(self) -> bool:
@@ -139,6 +143,7 @@ class Report:
             "axes": [_plain(asdict(axis)) for axis in self.axes],
             "joints": _plain(asdict(self.joints)),
             "tool": _plain(asdict(self.tool)),
+            **({"actual_tool": _plain(asdict(self.actual_tool))} if self.actual_tool else {}),
             "outputs": [_plain(asdict(output)) for output in self.outputs],
             "violations": [_plain(asdict(violation)) for violation in self.violations],
             "bus": _plain(asdict(self.run.bus)),

@@ -7,13 +7,13 @@ threshold than the tolerance.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.verify.comparison import Comparison, compare
-from steptwin.host.verify.deviation import Deviation, critical_instants, deviations
+from steptwin.host.verify.deviation import Deviation, ToolDeviation, critical_instants, deviations
 from steptwin.host.verify.evidence import Evidence
 from steptwin.host.verify.expectation import Expectation
 from steptwin.host.verify.oracle import THRESHOLD_STEPS
@@ -32,15 +32,34 @@ POSITION_ERROR_LIMIT_STEPS = THRESHOLD_STEPS + THRESHOLD_TOLERANCE_STEPS
 
 
 @dataclass(slots=True)
+class _WorstTool:
+    """Largest errors of a tool so far."""
+
+    mm: float = 0.0
+    mm_squares: float = 0.0
+    attitude_deg: float = 0.0
+    poses: int = 0
+
+    def take(self, deviation: ToolDeviation) -> None:
+        """Include the instants of a chunk."""
+        distance_mm = deviation.distance_mm
+        self.mm = float(np.maximum(self.mm, distance_mm.max()))
+        self.mm_squares += float(np.sum(distance_mm**2))
+        self.attitude_deg = float(np.maximum(self.attitude_deg, np.abs(deviation.attitude_deg).max()))
+        self.poses += distance_mm.size
+
+    def report(self) -> ToolReport:
+        return ToolReport(self.mm, float(np.sqrt(self.mm_squares / self.poses)), self.attitude_deg)
+
+
+@dataclass(slots=True)
 class _Worst:
-    """Largest errors so far, of each axis and of the tool."""
+    """Largest errors so far, of each axis and of the tool, by the nominal kinematics and by the actual one."""
 
     position_steps: FloatArray
     threshold_steps: FloatArray
-    tool_mm: float = 0.0
-    tool_mm_squares: float = 0.0
-    attitude_deg: float = 0.0
-    poses: int = 0
+    tool: _WorstTool = field(default_factory=_WorstTool)
+    actual_tool: _WorstTool = field(default_factory=_WorstTool)
 
     def take(self, deviation: Deviation) -> None:
         """Include the instants of a chunk."""
@@ -49,14 +68,9 @@ class _Worst:
         beyond = np.where(signs != 0, np.abs(-signs * before - THRESHOLD_STEPS), 0.0)
         self.threshold_steps = np.maximum(self.threshold_steps, beyond.max(axis=0))
         self.position_steps = np.maximum(self.position_steps, np.abs(deviation.steps).max(axis=(0, 1)))
-        distance_mm = deviation.distance_mm
-        self.tool_mm = float(np.maximum(self.tool_mm, distance_mm.max()))
-        self.tool_mm_squares += float(np.sum(distance_mm**2))
-        self.attitude_deg = float(np.maximum(self.attitude_deg, np.abs(deviation.attitude_deg).max()))
-        self.poses += distance_mm.size
-
-    def tool_report(self) -> ToolReport:
-        return ToolReport(self.tool_mm, float(np.sqrt(self.tool_mm_squares / self.poses)), self.attitude_deg)
+        self.tool.take(deviation.tool)
+        if deviation.actual_tool is not None:
+            self.actual_tool.take(deviation.actual_tool)
 
 
 def verify(expected: Expectation, evidence: Evidence, run: RunInfo) -> Report:
@@ -78,7 +92,9 @@ def verify_comparison(comparison: Comparison, run: RunInfo) -> Report:
     outputs = output_reports(comparison.expected.trajectory.switchings, comparison.evidence)
     reasons += output_reasons(outputs, comparison.evidence)
     violations = violation_reports(comparison.evidence)
-    return Report(run, tuple(reasons), axes, _joints_report(comparison), worst.tool_report(), outputs, violations)
+    joints, tool = _joints_report(comparison), worst.tool.report()
+    actual_tool = worst.actual_tool.report() if comparison.expected.actual_forward else None
+    return Report(run, tuple(reasons), axes, joints, tool, outputs, violations, actual_tool)
 
 
 def _worst(comparison: Comparison) -> _Worst:

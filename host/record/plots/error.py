@@ -21,7 +21,7 @@ from steptwin.host.record.plots.canvas import (
 )
 from steptwin.host.record.plots.moment import around
 from steptwin.host.verify import POSITION_ERROR_LIMIT_STEPS, Comparison, RunInfo
-from steptwin.host.verify.deviation import deviations
+from steptwin.host.verify.deviation import ToolDeviation, deviations
 
 ROW_INCHES = 1.45
 WIDTH_RATIOS = (3.0, 1.0)
@@ -73,10 +73,16 @@ def _all_series(comparison: Comparison, moving: list[int]) -> list[_Series]:
     t_s = drawn_instants(comparison)
     parts = list(deviations(comparison, t_s))
     steps = np.concatenate([part.steps for part in parts], axis=1)
+    axes = [_Series(f"{comparison.joint_names[i]} [steps]", t_s, steps[..., i]) for i in moving]
+    tools = _tool_series("", t_s, [part.tool for part in parts])
+    actual = [part.actual_tool for part in parts if part.actual_tool]
+    return [*axes, *tools, *(_tool_series("actual ", t_s, actual) if actual else [])]
+
+
+def _tool_series(which: str, t_s: FloatArray, parts: list[ToolDeviation]) -> list[_Series]:
     distance_mm = np.concatenate([part.distance_mm for part in parts], axis=1)
     attitude_deg = np.concatenate([part.attitude_deg for part in parts], axis=1)
-    axes = [_Series(f"{comparison.joint_names[i]} [steps]", t_s, steps[..., i]) for i in moving]
-    return [*axes, _Series("tool [mm]", t_s, distance_mm), _Series("attitude [deg]", t_s, attitude_deg)]
+    return [_Series(f"{which}tool [mm]", t_s, distance_mm), _Series(f"{which}attitude [deg]", t_s, attitude_deg)]
 
 
 def _draw_whole(axes: Axes, series: _Series, end_s: float) -> None:

@@ -425,3 +425,21 @@ def test_random_faults_never_pass() -> None:
 def test_the_counters_start_where_the_board_stands() -> None:
     evidence = perfect_evidence(SWINGING)
     assert tuple(axis.start_steps for axis in evidence.axes) == nearest_steps(SWINGING) == (0, 120, 3366, 70)
+
+
+def test_the_actual_tool_is_reported_and_decides_nothing() -> None:
+    """With an error across the motion, both errors of the tool add up by Pythagoras."""
+
+    def shifted(joints: FloatArray) -> FloatArray:
+        return planar_forward(joints) + np.array([0.0, 5.0, 12.0, -0.5])
+
+    plain = verify(STEADY, perfect_evidence(STEADY), RUN)
+    report = verify(replace(STEADY, actual_forward=shifted), perfect_evidence(STEADY), RUN)
+    assert plain.actual_tool is None
+    assert "actual_tool" not in plain.to_dict()
+    assert replace(report, actual_tool=None) == plain
+    assert report.passed
+    actual = report.to_dict()["actual_tool"]
+    assert actual["position_error_mm_max"] == pytest.approx(np.hypot(13.0, plain.tool.position_error_mm_max))
+    assert actual["position_error_mm_rms"] == pytest.approx(np.hypot(13.0, plain.tool.position_error_mm_rms))
+    assert actual["attitude_error_deg_max"] == pytest.approx(0.5)

@@ -159,6 +159,14 @@ def test_a_third_coordinate_that_moves_gets_a_view() -> None:
     assert len(PICTURES["tool-path"](compare(expected, comparison.evidence), RUN, VIEW).axes) == 6
 
 
+def test_the_actual_tool_has_rows_of_its_own_in_the_error_picture() -> None:
+    comparison = standing()
+    expected = replace(comparison.expected, actual_forward=comparison.expected.forward)
+    rows = PICTURES["error"](compare(expected, comparison.evidence), RUN, VIEW).axes
+    labels = [axes.get_ylabel() for axes in rows]
+    assert labels == ["tool [mm]", "attitude [deg]", "actual tool [mm]", "actual attitude [deg]"]
+
+
 class TestAToolThatStandsStill:
     """Its x is zero except for rounding, which differs from instant to instant."""
 
