@@ -37,6 +37,14 @@ if TYPE_CHECKING:
     from steptwin.host.planning.trajectory import Trajectory
     from steptwin.host.planning.trajectory_file import read_trajectory
     from steptwin.host.robots import load_robot, robot_names
+    from steptwin.host.robots.calibration import (
+        Identification,
+        Measurements,
+        identify_errors,
+        read_measurements,
+        simulate_measurements,
+    )
+    from steptwin.host.robots.kinematics.chain import Chain
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.board_under_test import BoardUnderTest
     from steptwin.host.twin.execution import execute
@@ -53,14 +61,17 @@ __all__ = [
     "BusError",
     "BusFault",
     "BusFaultKind",
+    "Chain",
     "Composer",
     "Cubic",
     "DeviceFaultError",
     "DriverProtect",
     "EmergencyStop",
     "FaultScript",
+    "Identification",
     "InputChange",
     "InputError",
+    "Measurements",
     "NotVerifiedError",
     "Outcome",
     "Plan",
@@ -80,16 +91,19 @@ __all__ = [
     "WaitTimeoutError",
     "compile_program",
     "execute",
+    "identify_errors",
     "job_names",
     "job_options",
     "load_robot",
     "make_job",
     "plan",
     "plan_stretched",
+    "read_measurements",
     "read_program",
     "read_trajectory",
     "render_eds",
     "robot_names",
+    "simulate_measurements",
 ]
 
 _MODULES = {
@@ -122,6 +136,14 @@ _MODULES = {
     "host.planning.trajectory": ("Trajectory",),
     "host.planning.trajectory_file": ("read_trajectory",),
     "host.robots": ("load_robot", "robot_names"),
+    "host.robots.calibration": (
+        "Identification",
+        "Measurements",
+        "identify_errors",
+        "read_measurements",
+        "simulate_measurements",
+    ),
+    "host.robots.kinematics.chain": ("Chain",),
     "host.robots.robot": ("Robot",),
     "host.twin.board_under_test": ("BoardUnderTest",),
     "host.twin.execution": ("execute",),

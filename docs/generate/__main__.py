@@ -1,5 +1,6 @@
 """Write the pages driver, protocol, robot-files and robots of docs/, and pictures, again: `python -m docs.generate`."""
 
+from docs.generate.calibration_picture import write_calibration_picture
 from docs.generate.driver import DRIVER_PAGE, render_driver
 from docs.generate.driver_pictures import write_driver_pictures
 from docs.generate.page import PAGE, render_page
@@ -23,6 +24,7 @@ def main() -> None:
     PAGE.write_text(render_page(runs), encoding="utf-8")
     write_pictures(runs)
     write_waveform_pictures(runs)
+    write_calibration_picture()
 
 
 if __name__ == "__main__":

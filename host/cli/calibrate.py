@@ -42,7 +42,7 @@ def calibrate(
     errors found go to the robot file in the folder, under [dh_errors]: `fk`, `check` and the reports of runs with this
     file tell where the tool really is. `measure` simulates such a file.
     """
-    from steptwin.host.robots.calibration import corrected_text, identify, read_measurements
+    from steptwin.host.robots.calibration import corrected_text, identify_errors, read_measurements
     from steptwin.host.robots.kinematics.chain import Chain
 
     loaded, rest = robot_and_rest(words or [], robot_file)
@@ -50,7 +50,7 @@ def calibrate(
         raise InputError(f"one FILE of measurements is needed after the robot, not {' '.join(rest) or 'nothing'}")
     chain, measurements = Chain.of(loaded), read_measurements(rest[0], loaded)
     with prefixed(f"{rest[0]}: "):
-        found = identify(chain, measurements)
+        found = identify_errors(chain, measurements)
     folder = out_folder(out)
     document = _document(loaded, found)
     pictures = False

@@ -55,7 +55,7 @@ def fk(
     say(_words(document["pose"]))
     if chain:
         off = f"{document['position_error_mm']:.6f} mm away, tilted by {document['actual_tilt_deg']:.6f} deg"
-        say(f"actual, with the robot's dh_errors: {_words(document['actual_pose'])}: {off}")
+        say(f"actual: {_words(document['actual_pose'])}", f"{off}, by the dh_errors of the robot's file")
 
 
 def _words(pose: dict[str, float]) -> str:

@@ -33,7 +33,7 @@ def measure(
     The errors are those that the robot's file states under [dh_errors]; without any, the tool is where the nominal
     model has it. The file has a line for each pose: where the joints stand, and where the tool was measured.
     """
-    from steptwin.host.robots.calibration import measurements_text, simulate
+    from steptwin.host.robots.calibration import measurements_text, simulate_measurements
 
     loaded, rest = robot_and_rest(words or [], robot_file)
     if len(rest) != 1:
@@ -43,7 +43,7 @@ def measure(
         raise InputError(f"{path}: exists: take another name, or --replace")
     noise = finite_number(noise_mm, "--noise-mm")
     with naming_options("poses", "noise_mm", "seed"):
-        measured = simulate(loaded, poses, noise, seed)
+        measured = simulate_measurements(loaded, poses, noise, seed)
     with whole_file(path) as file:
         file.write(measurements_text(loaded, measured).encode())
     if as_json:

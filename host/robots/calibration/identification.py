@@ -94,7 +94,7 @@ class Identification:
         return self.measurements.lines[int(np.linalg.norm(self.after_mm, axis=1).argmax())]
 
 
-def identify(chain: Chain, measurements: Measurements) -> Identification:
+def identify_errors(chain: Chain, measurements: Measurements) -> Identification:
     """Return the parameters with which a chain fits measurements best, beginning with the chain's own errors.
 
     Raises:

@@ -18,7 +18,7 @@ NOISE_MAX_MM: Final = 10.0
 """Largest noise: a measuring device with more measures nothing."""
 
 
-def simulate(robot: Robot, poses: int, noise_mm: float, seed: int) -> Measurements:
+def simulate_measurements(robot: Robot, poses: int, noise_mm: float, seed: int) -> Measurements:
     """Return measurements of the actual tool, with the errors in the robot's file, at uniformly random joints.
 
     Args:

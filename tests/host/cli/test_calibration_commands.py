@@ -169,10 +169,10 @@ class TestTheActualTool:
         off_mm = np.subtract(position(document, "actual_pose"), position(document, "pose"))
         assert document["position_error_mm"] == pytest.approx(np.linalg.norm(off_mm))
         assert run(["fk", str(folder / "real.toml"), *Q]) == 0
-        nominal, actual = capsys.readouterr().out.splitlines()
+        nominal, actual, off = capsys.readouterr().out.splitlines()
         assert nominal == "x 307.093017 mm, y 463.074039 mm, z 250.000000 mm, attitude 55.000000 deg"
-        assert actual.startswith("actual, with the robot's dh_errors: x 309.523326 mm, ")
-        assert actual.endswith("tilted by 0.060000 deg")
+        assert actual.startswith("actual: x 309.523326 mm, ")
+        assert off == "2.663668 mm away, tilted by 0.060000 deg, by the dh_errors of the robot's file"
 
     def test_a_run_makes_the_same_pulses_and_says_both(self, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
         """The errors are in no pulse and in no frame; the report and the verdict of the folder know them."""

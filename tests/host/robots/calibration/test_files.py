@@ -6,7 +6,7 @@ import pytest
 
 from steptwin.host.common.file_limits import MEASUREMENTS_MAX
 from steptwin.host.robots import load_robot, parse_robot
-from steptwin.host.robots.calibration import corrected_text, measurements_text, read_measurements, simulate
+from steptwin.host.robots.calibration import corrected_text, measurements_text, read_measurements, simulate_measurements
 from steptwin.host.robots.link_errors import LinkErrors
 from steptwin.host.robots.new_file import robot_text, with_settings
 from tests.host.complaints import complaint_of
@@ -26,7 +26,7 @@ def file(tmp_path: Path) -> Path:
 
 class TestMeasurements:
     def test_they_come_back_from_their_file(self, file: Path) -> None:
-        measured = simulate(ROBOT, 30, 0.02, 1)
+        measured = simulate_measurements(ROBOT, 30, 0.02, 1)
         file.write_text(measurements_text(ROBOT, measured), encoding="utf-8")
         read = read_measurements(str(file), ROBOT)
         assert read.joints.tolist() == pytest.approx(measured.joints, abs=1e-12)

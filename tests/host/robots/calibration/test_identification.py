@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.robots.calibration import Identification, Measurements, identify, rms_mm, simulate
+from steptwin.host.robots.calibration import (
+    Identification,
+    Measurements,
+    identify_errors,
+    rms_mm,
+    simulate_measurements,
+)
 from steptwin.host.robots.kinematics.chain import Chain
 from steptwin.host.robots.robot import Robot
 from tests.host.complaints import complaint_of
@@ -39,7 +45,7 @@ def errors_of(robot: Robot, named: dict[str, float]) -> FloatArray:
 
 def calibrated(robot: Robot, errors: FloatArray, seed: int, noise_mm: float = NOISE_MM) -> Identification:
     """Return what a calibration finds that begins with the robot's own file."""
-    return identify(Chain.of(robot), simulate(with_errors(robot, errors), POSES, noise_mm, seed))
+    return identify_errors(Chain.of(robot), simulate_measurements(with_errors(robot, errors), POSES, noise_mm, seed))
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,17 +182,17 @@ def test_a_calibration_begins_with_the_file_s_errors() -> None:
     """Those that cannot be told apart stay; the residual before is that of the file."""
     errors = errors_of(CALIBRATION.robot, TOLD | {"link2.d_mm": 0.75})
     real = with_errors(CALIBRATION.robot, errors)
-    result = identify(Chain.of(real), simulate(real, POSES, NOISE_MM, 4))
+    result = identify_errors(Chain.of(real), simulate_measurements(real, POSES, NOISE_MM, 4))
     assert rms_mm(result.before_mm) == pytest.approx(NOISE_MM * np.sqrt(3), rel=0.2)
     kept = {p.name: p.found for p in result.parameters if not p.identified}
     assert kept["link2.d_mm"] == 0.75
 
 
 def test_the_worst_measurement_is_named() -> None:
-    measured = simulate(CALIBRATION.robot, POSES, NOISE_MM, 1)
+    measured = simulate_measurements(CALIBRATION.robot, POSES, NOISE_MM, 1)
     shifted_mm = measured.positions_mm.copy()
     shifted_mm[30, 1] += 0.5
-    result = identify(Chain.of(CALIBRATION.robot), Measurements.of(measured.joints, shifted_mm))
+    result = identify_errors(Chain.of(CALIBRATION.robot), Measurements.of(measured.joints, shifted_mm))
     assert result.worst_line == 31
 
 
@@ -194,19 +200,19 @@ class TestMeasurementsThatGiveNothing:
     def test_too_few(self) -> None:
         """8 parameters need 9 coordinates, so that the residuals show the noise: 3 poses."""
         robot = with_errors(CALIBRATION.robot, errors_of(CALIBRATION.robot, TOLD))
-        measured = simulate(robot, 40, NOISE_MM, 1)
+        measured = simulate_measurements(robot, 40, NOISE_MM, 1)
         few = Measurements(measured.joints[:2], measured.positions_mm[:2], (2, 3))
-        words = complaint_of(lambda: identify(Chain.of(CALIBRATION.robot), few))
+        words = complaint_of(lambda: identify_errors(Chain.of(CALIBRATION.robot), few))
         assert words == "2 poses are too few for 6 parameters: at least 3"
 
     def test_none(self) -> None:
         none = Measurements(np.zeros((0, 4)), np.zeros((0, 3)), ())
-        assert complaint_of(lambda: identify(Chain.of(CALIBRATION.robot), none)) == "has no measurement"
+        assert complaint_of(lambda: identify_errors(Chain.of(CALIBRATION.robot), none)) == "has no measurement"
 
     def test_of_another_machine(self) -> None:
-        measured = simulate(CALIBRATION.robot, POSES, NOISE_MM, 1)
+        measured = simulate_measurements(CALIBRATION.robot, POSES, NOISE_MM, 1)
         in_metres = Measurements.of(measured.joints, measured.positions_mm / 1000)
-        words = complaint_of(lambda: identify(Chain.of(CALIBRATION.robot), in_metres))
+        words = complaint_of(lambda: identify_errors(Chain.of(CALIBRATION.robot), in_metres))
         assert "is outside -" in words
         assert "not of this robot, or not in its world frame, in mm and degrees" in words
 
@@ -223,12 +229,12 @@ class TestMeasurementsThatGiveNothing:
     ],
 )
 def test_simulations_that_are_refused(poses: int, noise_mm: float, seed: int, words: str) -> None:
-    assert complaint_of(lambda: simulate(CALIBRATION.robot, poses, noise_mm, seed)) == words
+    assert complaint_of(lambda: simulate_measurements(CALIBRATION.robot, poses, noise_mm, seed)) == words
 
 
 def test_a_simulation_repeats_itself() -> None:
     for mechanism in SCARAS:
-        first, second, other = (simulate(mechanism.robot, 20, 0.02, seed) for seed in (7, 7, 8))
+        first, second, other = (simulate_measurements(mechanism.robot, 20, 0.02, seed) for seed in (7, 7, 8))
         assert first.joints.tolist() == second.joints.tolist()
         assert first.positions_mm.tolist() == second.positions_mm.tolist()
         assert first.joints.tolist() != other.joints.tolist()
