@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
 
 
-@command("calibration-scara measurements.csv", "my-arm.toml measurements.csv --out out/calibration")
+@command("calibration-scara measured.csv", "my-arm.toml measured.csv --out out/calibration")
 def calibrate(
     words: Annotated[
         list[str] | None,

@@ -13,7 +13,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.whole_file import whole_file
 
 
-@command("my-arm.toml measurements.csv", "my-arm.toml measurements.csv --poses 20 --noise-mm 0.05 --seed 7")
+@command("my-arm.toml measured.csv", "my-arm.toml measured.csv --poses 20 --noise-mm 0.05")
 def measure(
     words: Annotated[
         list[str] | None,

@@ -1,6 +1,7 @@
-"""docs/calibration.md: its commands, run one after the other, print what it shows."""
+"""docs/calibration.md: its commands, run one after the other, print what it shows; its program runs."""
 
 import re
+import runpy
 import shlex
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from tests.end_to_end.pages import blocks_of, read_page
 
 PAGE = read_page("docs/calibration.md")
 BLOCKS = blocks_of(PAGE)
+(PROGRAM,) = [text for language, text in BLOCKS if language == "python"]
 (ERRORS,) = [text for language, text in BLOCKS if language == "toml"]
 SESSION = "".join(text for language, text in BLOCKS if language == "console")
 COMMANDS = [command.splitlines() for command in re.split(r"^\$ ", SESSION, flags=re.MULTILINE)[1:]]
@@ -34,3 +36,9 @@ def test_the_commands_print_what_the_page_shows(
         assert run(words) == 0, command
         captured = capsys.readouterr()
         assert (captured.out.splitlines(), captured.err) == (shown, ""), command
+
+
+def test_the_program_runs(tmp_path: Path) -> None:
+    file = tmp_path / "program.py"
+    file.write_text(PROGRAM, encoding="utf-8")
+    assert runpy.run_path(str(file))["found"].rank == 8

@@ -39,6 +39,7 @@ ALL_TEXT = (
     + ROBOT_FILES
     + DRIVER_PAGE.read_text(encoding="utf-8")
     + WAVEFORM_PAGE.read_text(encoding="utf-8")
+    + (PAGE.parent / "calibration.md").read_text(encoding="utf-8")
     + (PAGE.parent / "panel.md").read_text(encoding="utf-8")
     + (PAGE.parent / "replay.md").read_text(encoding="utf-8")
 )

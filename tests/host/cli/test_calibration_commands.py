@@ -185,7 +185,8 @@ class TestTheActualTool:
         assert errant["tool"] == plain["tool"]
         assert errant["passed"]
         off_mm = run_json(capsys, "fk", str(folder / "real.toml"), "0", "60", "50", "0")["position_error_mm"]
-        assert errant["actual_tool"]["position_error_mm_max"] == pytest.approx(off_mm, abs=0.15)
+        within_mm = plain["tool"]["position_error_mm_max"] + 0.02  # the motion is so short that the error stays
+        assert errant["actual_tool"]["position_error_mm_max"] == pytest.approx(off_mm, abs=within_mm)
         assert run_json(capsys, "verify", str(folder / "errant"))["actual_tool"] == errant["actual_tool"]
         assert run(["verify", str(folder / "errant")]) == 0
         assert "actual tool, with the robot's dh_errors: " in capsys.readouterr().out
