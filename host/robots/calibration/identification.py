@@ -179,7 +179,7 @@ def _check_enough(measurements: Measurements, parameters: int) -> None:
     """Raise InputError unless there are more coordinates than parameters, so that the residuals show the noise."""
     needed = parameters // 3 + 1
     if len(measurements) < needed:
-        raise InputError(f"{len(measurements)} poses are too few for {parameters} parameters: at least {needed}")
+        raise InputError(f"too few poses for {parameters} parameters: {len(measurements)} instead of at least {needed}")
 
 
 def _fitted(chain: Chain, measurements: Measurements, told: BoolArray) -> Chain:

@@ -115,7 +115,10 @@ class TestCalibrate:
         [
             ("th1,th2,d3,th4,x,y,z\n1,2,3,4,5,six,7\n", "m.csv: line 2, y: 'six' is not a number"),
             ("th1,th2,d3,th4,x,y,z\n", "m.csv: has no measurement"),
-            ("th1,th2,d3,th4,x,y,z\n0,0,0,0,600,0,300\n", "m.csv: 1 poses are too few for 3 parameters: at least 2"),
+            (
+                "th1,th2,d3,th4,x,y,z\n0,0,0,0,600,0,300\n",
+                "m.csv: too few poses for 3 parameters: 1 instead of at least 2",
+            ),
         ],
     )
     def test_what_is_refused(

@@ -203,7 +203,7 @@ class TestMeasurementsThatGiveNothing:
         measured = simulate_measurements(robot, 40, NOISE_MM, 1)
         few = Measurements(measured.joints[:2], measured.positions_mm[:2], (2, 3))
         words = complaint_of(lambda: identify_errors(Chain.of(CALIBRATION.robot), few))
-        assert words == "2 poses are too few for 6 parameters: at least 3"
+        assert words == "too few poses for 6 parameters: 2 instead of at least 3"
 
     def test_none(self) -> None:
         none = Measurements(np.zeros((0, 4)), np.zeros((0, 3)), ())
