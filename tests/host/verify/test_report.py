@@ -431,7 +431,7 @@ def test_the_actual_tool_is_reported_and_decides_nothing() -> None:
     """With an error across the motion, both errors of the tool add up by Pythagoras."""
 
     def shifted(joints: FloatArray) -> FloatArray:
-        return planar_forward(joints) + np.array([0.0, 5.0, 12.0, -0.5])
+        return np.asarray(planar_forward(joints) + np.array([0.0, 5.0, 12.0, -0.5]))
 
     plain = verify(STEADY, perfect_evidence(STEADY), RUN)
     report = verify(replace(STEADY, actual_forward=shifted), perfect_evidence(STEADY), RUN)
