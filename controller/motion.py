@@ -343,15 +343,18 @@ class Motion:
         return self._get(axis, k.CLK_EDGES) // 2
 
     def take_edges(self) -> tuple[PinEdges, ...]:
-        """Return all edges placed since the last call, and make room for new ones."""
-        edges = []
-        for axis in range(self.axis_count):
-            clk_edges, dir_edges = self._get(axis, k.CLK_EDGES), self._get(axis, k.DIR_EDGES)
-            edges.append(PinEdges(self._clk[axis][:clk_edges].copy(), self._direction[axis][:dir_edges].copy()))
-            self._set(axis, k.CLK_EDGES, 0)
-            self._set(axis, k.DIR_EDGES, 0)
+        """Return all edges that have been placed and not been taken, and make room for new ones."""
+        edges = tuple(self.take_axis_edges(axis) for axis in range(self.axis_count))
         self._free_edges = EDGE_CAPACITY
-        return tuple(edges)
+        return edges
+
+    def take_axis_edges(self, axis: int) -> PinEdges:
+        """Return those of one axis; `room_ticks` stays, since the other axes' edges do."""
+        clk_edges, dir_edges = self._get(axis, k.CLK_EDGES), self._get(axis, k.DIR_EDGES)
+        edges = PinEdges(self._clk[axis][:clk_edges].copy(), self._direction[axis][:dir_edges].copy())
+        self._set(axis, k.CLK_EDGES, 0)
+        self._set(axis, k.DIR_EDGES, 0)
+        return edges
 
 
 def _edges_per_tick(configs: list[StepConfig]) -> int:

@@ -286,8 +286,14 @@ class Board:
         self._drivers.show(self.firmware.motion.take_edges(), self.firmware.motion.tick * TICK_COUNTS)
 
     def _monitor(self, axis: int) -> DriverMonitor:
-        """Return the driver's counts for an axis since power-up, including the pulses of the tick in progress."""
-        self.drain()
+        """Return the driver's counts for an axis since power-up, including the pulses of the tick in progress.
+
+        Only this axis' driver processes its pulses: a following error that is reported often would cost the other
+        drivers' time as well, and hold up a board in real time.
+        """
+        self._take_pins()
+        motion = self.firmware.motion
+        self._drivers.show_axis(axis, motion.take_axis_edges(axis), motion.tick * TICK_COUNTS)
         counted, before = self._drivers.count(axis), self._monitored[axis]
         return DriverMonitor(
             counted.rotor_steps - before.rotor_steps,

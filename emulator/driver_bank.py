@@ -98,15 +98,19 @@ class DriverBank:
     def show(self, all_edges: Sequence[PinEdges], until_counts: int) -> None:
         """Let the drivers see the edges and levels that are new at their terminals up to an instant."""
         for axis, edges in enumerate(all_edges):
-            driver, moved = self.drivers[axis], len(edges.clk_counts) or len(edges.direction)
-            if not (moved or self._waiting[axis] or driver.waiting):
-                continue
-            pins = _pins(edges, self._waiting[axis], until_counts)
-            self._waiting[axis] = []
-            self._feed(axis, pins)
-            if moved:
-                self._pins[axis].append(pins)
-                self._dir_levels[axis] = int(pins.dir_levels[-1]) if pins.dir_levels.size else self._dir_levels[axis]
+            self.show_axis(axis, edges, until_counts)
+
+    def show_axis(self, axis: int, edges: PinEdges, until_counts: int) -> None:
+        """Let one driver see them."""
+        moved = len(edges.clk_counts) or len(edges.direction)
+        if not (moved or self._waiting[axis] or self.drivers[axis].waiting):
+            return
+        pins = _pins(edges, self._waiting[axis], until_counts)
+        self._waiting[axis] = []
+        self._feed(axis, pins)
+        if moved:
+            self._pins[axis].append(pins)
+            self._dir_levels[axis] = int(pins.dir_levels[-1]) if pins.dir_levels.size else self._dir_levels[axis]
 
     def _feed(self, axis: int, pins: Pins) -> None:
         driver = self.drivers[axis]

@@ -122,17 +122,16 @@ class Machine:
     def _observe(self) -> None:
         """Put observers to a firmware that has just got its power."""
         motion = self.board.firmware.motion
-        take_edges = motion.take_edges
+        take_edges = motion.take_axis_edges
         watches = list(enumerate(self.axes))
 
-        def taken() -> tuple[PinEdges, ...]:
-            edges = take_edges()
-            for axis, watch in watches:
-                watch.pins.see(edges[axis], motion.config(axis))
+        def taken(axis: int) -> PinEdges:
+            edges = take_edges(axis)
+            self.axes[axis].pins.see(edges, motion.config(axis))
             return edges
 
         observers: dict[str, Callable[..., object]] = {
-            "take_edges": taken,
+            "take_axis_edges": taken,
             "preset": self._shifting(motion.preset),
             "renumber": self._shifting(motion.renumber),
         }
