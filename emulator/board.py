@@ -285,15 +285,15 @@ class Board:
         self._take_pins()
         self._drivers.show(self.firmware.motion.take_edges(), self.firmware.motion.tick * TICK_COUNTS)
 
-    def _monitor(self, axis: int) -> DriverMonitor:
-        """Return the driver's counts for an axis since power-up, including the pulses of the tick in progress.
-
-        Only this axis' driver processes its pulses: a following error that is reported often would cost the other
-        drivers' time as well, and hold up a board in real time.
-        """
+    def _drain_axis(self, axis: int) -> None:
+        """Let one driver process its pulses: those of all axes, for each question about one, would hold up a board."""
         self._take_pins()
         motion = self.firmware.motion
         self._drivers.show_axis(axis, motion.take_axis_edges(axis), motion.tick * TICK_COUNTS)
+
+    def _monitor(self, axis: int) -> DriverMonitor:
+        """Return the driver's counts for an axis since power-up, including the pulses of the tick in progress."""
+        self._drain_axis(axis)
         counted, before = self._drivers.count(axis), self._monitored[axis]
         return DriverMonitor(
             counted.rotor_steps - before.rotor_steps,
@@ -309,7 +309,7 @@ class Board:
 
     @property
     def pin_changes(self) -> list[PinChange]:
-        """Changes, already shown to the drivers, of the pins that the firmware holds at a level."""
+        """Changes, already at the drivers, of the pins that the firmware holds at a level."""
         return self._drivers.pin_changes
 
     def output_changes(self) -> list[PinChange]:
@@ -318,24 +318,24 @@ class Board:
         return [change for change in self._drivers.pin_changes if change.pin in OUTPUT_PINS]
 
     def take_pin_changes(self) -> list[PinChange]:
-        """Return `pin_changes` and clear it."""
-        self.drain()
+        """Return `pin_changes` up to now and clear it."""
+        self._take_pins()
         changes, self._drivers.pin_changes = self._drivers.pin_changes, []
         return changes
 
     def position_steps(self, axis: int) -> int:
         """Return the steps that an axis' driver has counted since power-up."""
-        self.drain()
+        self._drain_axis(axis)
         return self._drivers.drivers[axis].position_steps
 
     def position_sixteenths(self, axis: int) -> int:
         """Return the position of an axis' rotor since power-up, in sixteenths of a full step."""
-        self.drain()
+        self._drain_axis(axis)
         return self._drivers.drivers[axis].position_sixteenths
 
     def driver_microsteps(self, axis: int) -> int:
         """Return the microsteps per full step that an axis' driver makes, whatever the firmware takes them for."""
-        self.drain()
+        self._drain_axis(axis)
         return int(self._drivers.drivers[axis].excitation)
 
     def take_trace(self, axis: int) -> AxisTrace:
@@ -346,5 +346,5 @@ class Board:
 
     def trace(self, axis: int) -> AxisTrace:
         """Return the trace of an axis since power-up, or since it was taken last."""
-        self.drain()
+        self._drain_axis(axis)
         return self._drivers.trace(axis, self.firmware.motion.tick * TICK_COUNTS)

@@ -18,7 +18,7 @@ from steptwin.host.twin.control.operations import request_of
 from steptwin.host.twin.control.port import ControlPort
 from steptwin.host.twin.endpoints import open_endpoint
 from steptwin.host.twin.input_changes import set_input
-from steptwin.host.twin.live_board import RECORD_EVERY_S, LiveBoard
+from steptwin.host.twin.live_board import LiveBoard
 from steptwin.host.twin.standing import Standing, standing_joints
 from steptwin.protocol.frame import BITRATES
 
@@ -170,7 +170,7 @@ class ServedBoard:
                 self.endpoint.attach(self._loop)
                 if self.control:
                     self.control.attach(self._loop, self.board)
-                self.call_every(RECORD_EVERY_S, self.board.record)
+                self.call_every(self.board.record_every_s, self.board.record_next)
                 self._loop.run()
             finally:
                 self.endpoint.close()
