@@ -2,12 +2,15 @@
 
 In the server's process the page would make the board late: with it in a thread, ticks at the 99th percentile were seen
 22 ms late instead of 7.6 ms, beside it 5.8 ms (measured with NiceGUI 3.18 on two cores).
+
+The process, `served_panel`, begins before the board is ready, since its imports take longer than the board's.
 """
 
+import json
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Final
 
 from steptwin.host.common import socketcand
@@ -44,19 +47,34 @@ def panel_words(
 
 
 @contextmanager
-def panel_process(words: Sequence[str] | None, *, to_stderr: bool) -> Iterator[None]:
-    """Run a panel, which prints its address, while the block runs; nothing without words."""
-    if words is None:
-        yield
+def panel_process(*, wanted: bool, to_stderr: bool) -> Iterator[Callable[[Sequence[str]], None]]:
+    """Run a process for a panel while the block runs, or none; yield a function that opens it by its words.
+
+    The panel prints its address to stderr, or to this process' stdout. What it makes the machine do stops before its
+    end.
+    """
+    if not wanted:
+        yield lambda _words: None
         return
-    out = sys.stderr if to_stderr else None
-    process = subprocess.Popen([sys.executable, "-m", "steptwin", *words], stdin=subprocess.DEVNULL, stdout=out)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "steptwin.host.cli.served_panel"],
+        stdin=subprocess.PIPE,
+        stdout=sys.stderr if to_stderr else None,
+        text=True,
+    )
+
+    def open_panel(words: Sequence[str]) -> None:
+        assert process.stdin
+        with suppress(BrokenPipeError):  # the process has failed, and said so
+            process.stdin.write(json.dumps(words) + "\n")
+            process.stdin.flush()
+
     try:
-        yield
+        yield open_panel
     finally:
         process.terminate()
         try:
-            process.wait(_END_S)
+            process.communicate(timeout=_END_S)
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()

@@ -2,7 +2,7 @@
 
 import gc
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -111,45 +111,44 @@ def serve(
         *("host", "port", "control_port", "allow_remote", "interface", "channel", "bitrate", "speed"),
         *("out", "log", "replace"),
     )
-    with naming_options(*parameters, axes_per_board="--boards", dip_microsteps="--dip-microsteps"):
-        served = ServedBoard(
-            loaded,
-            stand_at=standing,
-            host=host,
-            port=port,
-            control_port=control_port,
-            allow_remote=allow_remote,
-            interface=interface,
-            channel=channel,
-            bitrate=bitrate,
-            axes_per_board=None if boards is None else read_axes_per_board(boards, len(loaded.joints)),
-            speed=speed,
-            driver_profile=driver_profile,
-            dip_microsteps=dip_settings(dip_microsteps),
-            out=out,
-            log=log,
-            replace=replace,
-        )
-    if served.endpoint.remote:
-        warn(f"{served.title}: other machines can drive this board")
-    name = ["--robot-file", robot_file] if robot is None and robot_file else [robot or loaded.name]
-    words = panel_words(served, name, host, interface, channel) if panel else None
-    # A second signal changes nothing: the files are being completed then.
-    with on_signals(lambda _number, _frame: served.stop()), ExitStack() as ending:
-        failure = _run(served, lambda: _announce(served, words, ending, as_json=as_json))
-        document = served.report()
-        if as_json:
-            print_json(document)
-        else:
-            _print_report(document, None if out is None or served.board.failures else Path(out))
+    with panel_process(wanted=panel, to_stderr=as_json) as open_panel:
+        with naming_options(*parameters, axes_per_board="--boards", dip_microsteps="--dip-microsteps"):
+            served = ServedBoard(
+                loaded,
+                stand_at=standing,
+                host=host,
+                port=port,
+                control_port=control_port,
+                allow_remote=allow_remote,
+                interface=interface,
+                channel=channel,
+                bitrate=bitrate,
+                axes_per_board=None if boards is None else read_axes_per_board(boards, len(loaded.joints)),
+                speed=speed,
+                driver_profile=driver_profile,
+                dip_microsteps=dip_settings(dip_microsteps),
+                out=out,
+                log=log,
+                replace=replace,
+            )
+        if served.endpoint.remote:
+            warn(f"{served.title}: other machines can drive this board")
+        name = ["--robot-file", robot_file] if robot is None and robot_file else [robot or loaded.name]
+
+        def announce() -> None:
+            say(*_banner(served), *(() if panel else ("Ctrl-C ends it",)), err=as_json)  # a panel says it, too
+            open_panel(panel_words(served, name, host, interface, channel))
+
+        # A second signal changes nothing: the files are being completed then.
+        with on_signals(lambda _number, _frame: served.stop()):
+            failure = _run(served, announce)
+            document = served.report()
+            if as_json:
+                print_json(document)
+            else:
+                _print_report(document, None if out is None or served.board.failures else Path(out))
     if failure:
         raise failure
-
-
-def _announce(served: "ServedBoard", panel: list[str] | None, ending: ExitStack, *, as_json: bool) -> None:
-    """Print the banner, then open the panel if it is asked for; `ending` will end it."""
-    say(*_banner(served), err=as_json)
-    ending.enter_context(panel_process(panel, to_stderr=as_json))
 
 
 def _warn_outside(robot: "Robot", standing: list[float]) -> None:
@@ -255,7 +254,6 @@ def _banner(served: "ServedBoard") -> list[str]:
         f"{board.live.pacer.speed:g} x real time{drivers}",
         served.title,
         *control,
-        "Ctrl-C ends it",
     ]
 
 

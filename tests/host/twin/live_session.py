@@ -75,7 +75,7 @@ class LiveSession:
             self.now_ns += _MS_IN_NS
             self.board.live.advance(self.now_ns)
             if self.now_ns % _RECORD_EVERY_NS == 0:
-                self.board.record()
+                self.board.record_next()
 
     def send(self, *frames: Frame) -> None:
         """Send frames, one in a millisecond."""

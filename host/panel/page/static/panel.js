@@ -94,8 +94,10 @@
   }
 
   const fixed = (value, decimals) => (value == null ? "–" : value.toFixed(decimals).replace(/^-(0\.?0*)$/, "$1"));
-  const SILENT_MS = 1000;
+  const SILENT_MS = 450;
+  const LOOK_MS = 100;
   let lastTick = performance.now();
+  let lastLook = performance.now();
 
   function setSilent(silent) {
     const classes = document.body.classList; // even a change to what is there already would be told to all observers
@@ -123,10 +125,14 @@
     document.querySelector(".live-plot")?.livePlot?.add(now.t, now.q, now.v, now.e);
   }
 
-  // A server that has stopped sending is as good as a machine that is not seen: grey everything.
+  // A server that has stopped sending is as good as a machine that is not seen: grey everything. A page that was held up
+  // itself has not looked at what has come meanwhile: that is no silence.
   setInterval(() => {
-    if (performance.now() - lastTick > SILENT_MS) setSilent(true);
-  }, 250);
+    const now = performance.now();
+    const heldUp = now - lastLook > 2 * LOOK_MS;
+    lastLook = now;
+    if (!heldUp && now - lastTick > SILENT_MS) setSilent(true);
+  }, LOOK_MS);
 
   // --- light and dark: as the system has it, or as this browser was told
 
@@ -150,5 +156,6 @@
     if (!window.socket || window.socket === heard) return;
     heard = window.socket;
     heard.on("tick", (text) => tick(JSON.parse(text)));
+    heard.on("disconnect", () => setSilent(true));
   }, 50);
 })();

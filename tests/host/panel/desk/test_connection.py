@@ -32,7 +32,7 @@ def _lost_and_found(kernel: Kernel) -> None:
             assert _refusal(desk, Enable()) == ""
             await_true(lambda: desk.snapshot.activity is None, "enabled")
             busy.set()
-            _await_grey(desk, "no report from the machine for 0.5 s")
+            _await_grey(desk, "no report from the machine for 0.35 s")
             await_true(lambda: desk.snapshot.connected, "back")
         _await_grey(desk, "")
         assert _refusal(desk, Enable()).startswith("enable: not connected: ")
@@ -58,7 +58,7 @@ def _await_grey(desk: Desk, why: str) -> None:
     """Wait until the desk says that the machine is lost, which it must within half a second."""
     lost_s = time.monotonic()
     await_true(lambda: not desk.snapshot.connected, "lost")
-    assert time.monotonic() - lost_s < 0.6
+    assert time.monotonic() - lost_s < 0.5
     assert desk.snapshot.why_not
     assert why in desk.snapshot.why_not
     assert desk.snapshot.joints  # as last known
