@@ -1,14 +1,18 @@
-"""Print the tables of all benchmarks: `python -m steptwin.bench`, or `make bench`."""
+"""Print the tables of all benchmarks: `python -m steptwin.bench`, or `make bench`.
+
+`python -m steptwin.bench panel` prints only those of the operator's panel.
+"""
 
 import os
 import platform
+import sys
 from collections.abc import Iterable, Iterator
 from importlib.util import find_spec
 
 from rich.console import Console
 from rich.table import Table
 
-from steptwin.bench import cyclic, drawer_pull, driver, kernel, kinematics, live_tables, panel, timing, waveforms
+from steptwin.bench import cyclic, drawer_pull, driver, kernel, kinematics, live_tables, panel_tables, timing, waveforms
 from steptwin.bench.loads import AXES
 from steptwin.bench.pulses import scaling
 from steptwin.bench.pulses.motions import all_motions
@@ -20,6 +24,9 @@ from steptwin.host.cli.output import print_table
 def main() -> None:
     """Measure with every kernel that is installed; print each table as soon as it is measured."""
     console = Console(highlight=False, width=110)
+    if sys.argv[1:] == ["panel"]:
+        panel_tables.print_panel(console)
+        return
     kernels = [KERNELS["python"]()] + ([KERNELS["numba"]()] if find_spec("numba") else [])
     fastest = kernels[-1]
     processor = platform.processor() or platform.machine()
@@ -35,12 +42,7 @@ def main() -> None:
     console.print(_driver_table())
     console.print(_waveform_table())
     console.print(_kinematics_table())
-    console.print(_panel_table())
-    late = panel.measure_lateness()
-    console.print(
-        f"99th percentile of the served board's tick lateness while six axes move: {late.watched_us:.0f} us with the"
-        f" panel's desk, {late.alone_us:.0f} us without: x {late.ratio:.2f}"
-    )
+    panel_tables.print_panel(console)
     live_tables.print_live(console, stream_s=10.0, flood_frames=100_000)
 
 
@@ -140,17 +142,6 @@ def _waveform_table() -> Table:
             f"{row.form}|{row.edges}|{row.edges_per_s / 1e6:.1f}|{row.copy_ratio:.0f}|{row.peak_mb:.0f}|"
             f"{row.peak_mb_tenth:.0f}"
             for row in waveforms.figures()
-        ),
-    )
-
-
-def _panel_table() -> Table:
-    return _table(
-        f"The operator's panel: delays of {panel.TIMES} trials each, desk and served board as two processes",
-        "from, to|median, ms|worst, ms|limit, ms|trials within",
-        (
-            f"{row.what}|{row.median_ms:.0f}|{max(row.delays_ms):.0f}|{row.limit_ms:g}|{row.kept}"
-            for row in panel.measure()
         ),
     )
 

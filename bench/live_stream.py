@@ -72,10 +72,10 @@ def measure(seconds: float) -> StreamFigures:
             machine.enable()
             machine.preset([0] * AXES)
             stream = machine.start(records, [0] * AXES)
-            began_s, server_s, client_s = time.perf_counter(), _cpu_s(server.process.pid), time.process_time()
+            began_s, server_s, client_s = time.perf_counter(), cpu_s(server.process.pid), time.process_time()
             queue_least = _feed(machine, stream)
             wall_s = time.perf_counter() - began_s
-            server_s, client_s = _cpu_s(server.process.pid) - server_s, time.process_time() - client_s
+            server_s, client_s = cpu_s(server.process.pid) - server_s, time.process_time() - client_s
             machine.disable()
             machine.disconnect()
         report = server.end()
@@ -111,7 +111,7 @@ def _check(report: dict[str, Any], records: tuple[AxisRecords, ...]) -> None:
         assert not axis["violations"]
 
 
-def _cpu_s(pid: int) -> float:
+def cpu_s(pid: int) -> float:
     """Return the processor time that a process has used (Linux: utime and stime of proc(5))."""
     fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / _CPU_TICKS_PER_S

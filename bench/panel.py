@@ -7,13 +7,14 @@ reports the end of its motion within 5 ms, the inhibit time of TPDO1.
 import logging
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from statistics import median
 from typing import Final
 
 import can
 
-from steptwin.bench import live_server
+from steptwin.bench import panel_page
 from steptwin.bench.live import move_all
 from steptwin.bench.live_server import SERVE, Server, serving
 from steptwin.host.client.bus_link import Connection
@@ -181,36 +182,28 @@ def _await(condition: Callable[[], bool]) -> None:
 
 @dataclass(frozen=True)
 class Lateness:
-    """The 99th percentile of a served board's tick lateness in us, while six axes move, without and with a desk."""
+    """The 99th percentiles of a served board's tick lateness in us, while six axes move, without and with a panel."""
 
-    alone_us: float
-    watched_us: float
+    alone_us: tuple[float, ...]
+    watched_us: tuple[float, ...]
 
     @property
     def ratio(self) -> float:
-        """By how many times a tick is later with the desk."""
-        return self.watched_us / self.alone_us
+        """By how many times a tick is later with a panel that a browser shows: the ratio of the medians."""
+        return median(self.watched_us) / median(self.alone_us)
 
 
-def measure_lateness() -> Lateness:
-    """Move a board without a desk, then another one with a desk."""
+def measure_lateness(times: int = 5) -> Lateness:
+    """Move a board without a panel, then another one with a panel, in turns."""
     _silence_python_can()
-    return Lateness(_tick_late_us(watched=False), _tick_late_us(watched=True))
+    pairs = [(_tick_late_us(lambda _server: nullcontext()), _tick_late_us(panel_page.watched)) for _ in range(times)]
+    return Lateness(tuple(alone_us for alone_us, _ in pairs), tuple(watched_us for _, watched_us in pairs))
 
 
-def _tick_late_us(*, watched: bool) -> float:
+def _tick_late_us(company: Callable[[Server], AbstractContextManager[None]]) -> float:
     with serving(*SERVE) as server:
-        desk = _desk(server, load_robot(live_server.ROBOT)) if watched else None
-        try:
-            if desk:
-                _await(
-                    lambda: all(joint.rate is not None for joint in desk.snapshot.joints) and desk.snapshot.connected
-                )
-            with server.client() as bus:
-                move_all(bus)
-        finally:
-            if desk:
-                desk.close()
+        with company(server), server.client() as bus:
+            move_all(bus)
         late_us: float = server.end()["real_time"]["ticks"]["late_us_p99"]
     return late_us
 

@@ -1,31 +1,22 @@
-"""Show arguments and options in `--help` by words such as FILE instead of Python types."""
+"""What `--help` shows of each command: words such as FILE instead of Python types."""
 
 from typing import Any
 
-from typer.core import TyperArgument, TyperCommand, TyperGroup, TyperOption
+from typer.core import TyperArgument, TyperCommand, TyperGroup
 
 
 class _Argument(TyperArgument):
-    """An argument that help and usage show by its metavar alone."""
-
-    def display_type_rich(self, *_: Any, **__: Any) -> None:
-        return None
+    """An argument that usage shows by its metavar alone."""
 
     def get_usage_pieces(self, *_: Any, **__: Any) -> list[str]:
         return [self.display_name_raw]
 
 
-class _Option(TyperOption):
-    """An option whose value is shown by its metavar; a flag has neither."""
-
-    def display_type_rich(self, *_: Any, **__: Any) -> str | None:
-        return self.metavar
-
-
 def _by_metavar(parameters: list[Any]) -> list[Any]:
-    """Turn parameters that typer has built into the classes above, which typer cannot be told to use."""
+    """Turn arguments that typer has built into the class above, which typer cannot be told to use."""
     for parameter in parameters:
-        parameter.__class__ = _Argument if isinstance(parameter, TyperArgument) else _Option
+        if isinstance(parameter, TyperArgument):
+            parameter.__class__ = _Argument
     return parameters
 
 
@@ -35,12 +26,24 @@ class Command(TyperCommand):
     def get_params(self, ctx: Any) -> list[Any]:
         return _by_metavar(super().get_params(ctx))
 
+    def format_help(self, ctx: Any, _formatter: Any) -> None:
+        _print_help(self, ctx)
+
 
 class Commands(TyperGroup):
     """The program itself, `steptwin`, with the same help."""
 
     def get_params(self, ctx: Any) -> list[Any]:
         return _by_metavar(super().get_params(ctx))
+
+    def format_help(self, ctx: Any, _formatter: Any) -> None:
+        _print_help(self, ctx)
+
+
+def _print_help(command: TyperCommand | TyperGroup, context: Any) -> None:
+    from steptwin.host.cli.help_layout import print_help
+
+    print_help(command, context)
 
 
 def paragraphs(docstring: str) -> str:

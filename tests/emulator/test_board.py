@@ -252,6 +252,19 @@ class TestDrivers:
         ]
         assert read == [0, 10, 10]
 
+    def test_a_question_about_an_axis_takes_no_other_drivers_time(self, fast_kernel: Kernel) -> None:
+        board = Board(BoardConfig(2, (330.0, 330.0)), fast_kernel)
+        simulation = Simulation([board], Bus(1_000_000))
+        switch_on(simulation)
+        start(simulation, PvtRecord(10 * STEP, 0, 100, 0))
+        wait(simulation, 150)
+        undrained = []
+        for axis in (1, 0):
+            assert board.firmware.nodes[axis].dictionary.get(od.ROTOR_POSITION_STEPS) == (10 if axis == 0 else 0)
+            undrained.append(board.firmware.motion.undrained_pulses(0))
+        assert undrained == [10, 0]
+        assert board.position_steps(0) == 10
+
     def test_each_axis_may_have_another_module(self, fast_kernel: Kernel) -> None:
         with pytest.raises(ValueError, match="zip"):
             Board(BoardConfig(2, (330.0, 330.0), modules=(Module(),)), fast_kernel)

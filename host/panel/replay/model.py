@@ -16,7 +16,7 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.panel.replay.lanes import Lane, Span, lane
 from steptwin.host.panel.replay.marks import Mark, bus_marks, output_marks, violation_marks
-from steptwin.host.record.animation import make_film
+from steptwin.host.record.animation import extent_mm, shown_boxes
 from steptwin.host.record.folder import BUS_LOG, StoredRun, read_run
 from steptwin.host.record.folder.layout import existing_file
 from steptwin.host.record.path_error import PathError, path_error
@@ -26,6 +26,8 @@ from steptwin.host.verify.wiring import output_changes
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 PATH_INSTANTS: Final = 2001
+_EXTENT_INSTANTS: Final = 201
+"""Instants of the motion at which the whole arm is looked at; the tool's path has PATH_INSTANTS."""
 LEAD_S: Final = 1.0
 """Time before the motion's start that the slider covers; what is earlier, such as switching on, can be stepped to."""
 
@@ -190,7 +192,8 @@ class Replay:
     @cached_property
     def extent_mm(self) -> FloatArray:
         """The points that a view of the run must hold, shape (n, 3)."""
-        return make_film(self.run).extent_mm()
+        times_s = np.linspace(0.0, self.run.duration_s, _EXTENT_INSTANTS)
+        return extent_mm(self.machine.links(times_s), shown_boxes(self.machine, times_s), self.path, self.path.gain)
 
     def _joints(self, t_s: FloatArray, planned: FloatArray, counted: FloatArray) -> tuple[JointRow, ...]:
         comparison = self.run.comparison

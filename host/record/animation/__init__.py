@@ -1,7 +1,19 @@
 """Animate a stored run: the arm, the planned path and the counted one with its error magnified."""
 
 from steptwin.host.record.animation.camera import CAMERAS, Camera
+from steptwin.host.record.animation.extent import extent_mm, shown_boxes
 from steptwin.host.record.animation.film import USUAL_SHOT, Film, Shot, make_film
 from steptwin.host.record.animation.writing import check_kind, write_animation
 
-__all__ = ["CAMERAS", "USUAL_SHOT", "Camera", "Film", "Shot", "check_kind", "make_film", "write_animation"]
+__all__ = [
+    "CAMERAS",
+    "USUAL_SHOT",
+    "Camera",
+    "Film",
+    "Shot",
+    "check_kind",
+    "extent_mm",
+    "make_film",
+    "shown_boxes",
+    "write_animation",
+]

@@ -9,11 +9,12 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.bad_input import at_least
 from steptwin.host.common.errors import InputError
+from steptwin.host.record.animation.extent import ShownBox, extent_mm, shown_boxes
 from steptwin.host.record.folder import StoredRun
 from steptwin.host.record.heading import heading
 from steptwin.host.record.path_error import PathError, path_error, round_below
 from steptwin.host.record.recorded_machine import RecordedMachine
-from steptwin.host.robots.kinematics import Link, Role
+from steptwin.host.robots.kinematics import Link
 
 FPS: Final = 20.0
 FPS_MAX: Final = 100.0
@@ -54,20 +55,6 @@ USUAL_SHOT: Final = Shot()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ShownBox:
-    """A box at every frame: its edges, shape (12, 2, 3), and how far it has moved, shape (frames, 3)."""
-
-    name: str
-    edges_mm: FloatArray
-    shifts_mm: FloatArray
-
-    @property
-    def moves(self) -> bool:
-        """True if the tool moves it."""
-        return bool(self.shifts_mm.any())
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Film:
     """An animation without its drawing.
 
@@ -99,19 +86,8 @@ class Film:
         return round_below(float(np.ptp(self.extent_mm(), axis=0).max()) / _GRID_LINES)
 
     def extent_mm(self) -> FloatArray:
-        """Return the points that pictures must hold, shape (n, 3), all of them finite.
-
-        A mechanism that its counts pull apart has no place. Guides that are longer than all that moves, such as a rail,
-        are left out, and boxes unless one of them moves.
-        """
-        moving = [part.points_mm.reshape(-1, 3) for part in self.parts if part.role is not Role.GUIDE]
-        shown = _finite(np.concatenate([*moving, self.path.planned_mm, self.path.counted_mm(self.gain)]))
-        size_mm = np.linalg.norm(np.ptp(shown, axis=0))
-        guides = [part.points_mm for part in self.parts if part.role is Role.GUIDE]
-        short = [points.reshape(-1, 3) for points in guides if _length_mm(points) <= size_mm]
-        boxes = self.boxes if any(box.moves for box in self.boxes) else ()
-        corners = [(box.edges_mm + shift).reshape(-1, 3) for box in boxes for shift in _extremes(box.shifts_mm)]
-        return _finite(np.concatenate([shown, *short, *corners]))
+        """Return the points that pictures must hold, shape (n, 3), all of them finite."""
+        return extent_mm(self.parts, self.boxes, self.path, self.gain)
 
 
 def make_film(run: StoredRun, shot: Shot = USUAL_SHOT) -> Film:
@@ -129,10 +105,7 @@ def make_film(run: StoredRun, shot: Shot = USUAL_SHOT) -> Film:
         fps=shot.fps,
         speed=speed,
         parts=machine.links(times_s),
-        boxes=tuple(
-            ShownBox(name, machine.robot.boxes[name].edges_mm, shifts_mm)
-            for name, shifts_mm in machine.box_shifts_mm(times_s).items()
-        ),
+        boxes=shown_boxes(machine, times_s),
         path=path,
         path_until=2 * np.searchsorted(path_s, times_s, side="right"),
         gain=path.gain if shot.gain is None else shot.gain,
@@ -165,16 +138,3 @@ def _times_s(first_s: float, last_s: float, shot: Shot) -> tuple[FloatArray, flo
             f" speed={at_least(span_s * shot.fps / FRAMES_MAX)} would do"
         )
     return np.append(first_s + np.arange(ceil(frames)) * speed / shot.fps, last_s), speed
-
-
-def _finite(points_mm: FloatArray) -> FloatArray:
-    return points_mm[np.isfinite(points_mm).all(axis=1)]
-
-
-def _length_mm(points_mm: FloatArray) -> float:
-    """Return the distance between the ends of a part, the greatest of all frames."""
-    return float(np.linalg.norm(points_mm[:, -1] - points_mm[:, 0], axis=1).max())
-
-
-def _extremes(shifts_mm: FloatArray) -> FloatArray:
-    return np.array([shifts_mm.min(axis=0), shifts_mm.max(axis=0)])

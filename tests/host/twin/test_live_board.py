@@ -10,6 +10,7 @@ from steptwin.controller.backend import Kernel
 from steptwin.emulator.board import Board
 from steptwin.host.cli.app import run
 from steptwin.host.record.folder import read_edges, read_report
+from steptwin.host.twin.live_board import RECORD_EVERY_S
 from steptwin.protocol.frame import Frame
 from tests.host.twin.live_session import (
     JOINT,
@@ -18,9 +19,12 @@ from tests.host.twin.live_session import (
     PROFILE_POSITION,
     ROBOT,
     SYNC,
+    THERE_AND_BACK,
     LiveSession,
     control,
     enable,
+    queue,
+    start_at_sync,
 )
 
 
@@ -71,6 +75,38 @@ def test_nothing_is_held_in_memory(fast_kernel: Kernel, tmp_path: Path, recorded
     report = session.board.report()
     assert report["axes"][JOINT]["pulses"] == 120
     assert report["joints"]["end"] == pytest.approx(list(ROBOT.home), abs=0.02)
+    session.end()
+
+
+def test_axes_have_turns_where_no_folder_holds_them_together(fast_kernel: Kernel) -> None:
+    """As many calls as axes forget all of them, so a board in real time is never held up for long."""
+    session, axes = LiveSession(fast_kernel), len(ROBOT.joints)
+    board = session.board
+    assert board.record_every_s == pytest.approx(RECORD_EVERY_S / axes)
+    emulated: Board = board.live.simulation.boards[0]
+    board.record()
+    for frame in (NMT_START, *enable(), *queue(*THERE_AND_BACK), start_at_sync(), SYNC):
+        board.live.send(frame, "a client", session.now_ns)
+    for now_ms in range(11, 300):
+        board.live.advance(now_ms * 1_000_000)
+    held = []
+    for _ in range(axes):
+        held.append(emulated.trace(JOINT).step_counts.size)
+        board.record_next()
+    assert sorted(held, reverse=True) == held
+    assert set(held) == {40, 0}
+    assert emulated.pin_changes == []
+    assert board.report()["axes"][JOINT]["pulses"] == 40
+    session.end()
+
+
+def test_a_folder_gets_all_axes_at_once(fast_kernel: Kernel, tmp_path: Path) -> None:
+    session = LiveSession(fast_kernel, tmp_path)
+    assert session.board.record_every_s == RECORD_EVERY_S
+    session.send(NMT_START)
+    session.move(0)
+    session.board.record_next()
+    assert session.board.report()["axes"][JOINT]["pulses"] == 40
     session.end()
 
 

@@ -1,0 +1,91 @@
+"""Print `--help`: usage, text, a box each for arguments, options and groups of commands, examples.
+
+typer has a layout like this one, but imports a Markdown parser, a highlighter of programs and more for it, which takes
+as long as all the rest of `--help`.
+"""
+
+from collections.abc import Iterable
+from typing import Any, Final
+
+from rich.console import Console, Group
+from rich.highlighter import RegexHighlighter
+from rich.padding import Padding
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
+from rich.theme import Theme
+from typer.core import TyperArgument, TyperCommand, TyperGroup
+
+_STYLES: Final = Theme({"option": "bold cyan", "switch": "bold green", "usage": "yellow", "extra": "dim"})
+
+
+class _Marks(RegexHighlighter):
+    """Colours options and switches wherever they are named."""
+
+    highlights = (
+        r"(^|\W)(?P<switch>-\w)(?![\w-])",
+        r"(^|\W)(?P<option>--[\w-]+)",
+        r"(?P<usage>Usage: )",
+        r"(?P<extra>\[(default: [^]]*|required)\])$",
+    )
+
+
+_marked: Final = _Marks()
+
+
+def print_help(command: TyperCommand | TyperGroup, context: Any) -> None:
+    """Print the help of the program or of a command; `context` is typer's."""
+    console = Console(theme=_STYLES, highlighter=_marked)
+    console.print(Padding(_marked(command.get_usage(context)), 1), style="bold")
+    first, *others = (command.help or "").split("\n\n")
+    texts = [_marked(Text(first)), *(_marked(Text(f"\n{text}", style="dim")) for text in others)]
+    console.print(Padding(Group(*texts), (0, 1, 1, 1)))
+    shown = [parameter for parameter in command.get_params(context) if not getattr(parameter, "hidden", False)]
+    arguments = [parameter for parameter in shown if isinstance(parameter, TyperArgument)]
+    _print_box(console, "Arguments", _parameters(arguments, context))
+    _print_box(console, "Options", _parameters((each for each in shown if each not in arguments), context))
+    if isinstance(command, TyperGroup):
+        _print_commands(console, command, context)
+    if command.epilog:
+        console.print(Padding(_marked(Text(command.epilog)), 1))
+
+
+def _print_box(console: Console, title: str, table: Table) -> None:
+    if table.row_count:
+        console.print(Panel(table, title=title, title_align="left", border_style="dim"))
+
+
+def _table() -> Table:
+    return Table(show_header=False, expand=True, box=None, pad_edge=False, padding=(0, 1))
+
+
+def _parameters(parameters: Iterable[Any], context: Any) -> Table:
+    """Return a row for each argument or option: its long and its short name, the word for its value, what it means."""
+    table = _table()
+    for parameter in parameters:
+        record = parameter.get_help_record(context)
+        if isinstance(parameter, TyperArgument):
+            names = ("", parameter.display_name_raw, "")
+        else:
+            long = ",".join(name for name in parameter.opts if name.startswith("--"))
+            names = (long, ",".join(name for name in parameter.opts if name != long), parameter.metavar or "")
+        *marked, word = names
+        table.add_row(*map(_marked, marked), Text(word, style="bold yellow"), _marked(record[1] if record else ""))
+    return table
+
+
+def _print_commands(console: Console, group: TyperGroup, context: Any) -> None:
+    """Print a box for each group of commands, all with names of the same width."""
+    commands = [command for name in group.list_commands(context) if (command := group.get_command(context, name))]
+    width = max(len(command.name or "") for command in commands)
+    boxes: dict[str, Table] = {}
+    for command in commands:
+        title = str(getattr(command, "rich_help_panel", None) or "Commands")
+        table = boxes.get(title)
+        if table is None:
+            table = boxes[title] = _table()
+            table.add_column(style="bold cyan", no_wrap=True, width=width)
+            table.add_column(ratio=1)
+        table.add_row(command.name, _marked((command.help or "").partition("\n\n")[0]))
+    for title, table in boxes.items():
+        _print_box(console, title, table)
