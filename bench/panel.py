@@ -193,7 +193,7 @@ class Lateness:
         return median(self.watched_us) / median(self.alone_us)
 
 
-def measure_lateness(times: int = 5) -> Lateness:
+def measure_lateness(times: int = 3) -> Lateness:
     """Move a board without a panel, then another one with a panel, in turns."""
     _silence_python_can()
     pairs = [(_tick_late_us(lambda _server: nullcontext()), _tick_late_us(panel_page.watched)) for _ in range(times)]

@@ -28,7 +28,7 @@ from steptwin.bench.live_server import ROBOT, SERVE, Server, serving
 from steptwin.bench.live_stream import cpu_s
 
 VIEWERS: Final = 5
-TIMES: Final = 5
+TIMES: Final = 3
 _SETTLE_S: Final = 1.0
 _MEASURE_S: Final = 2.5
 """Time of which the load is taken; the motion lasts longer."""
