@@ -15,6 +15,7 @@ from steptwin.host.common.arrays import Int64Array
 from steptwin.host.common.errors import InputError
 from steptwin.host.panel.replay import Edge, MarkKind, Replay, Span
 from steptwin.host.panel.replay.lanes import POINTS_MAX
+from steptwin.host.record.animation import make_film
 from steptwin.host.record.folder.edges import PINS
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 
@@ -192,3 +193,10 @@ def test_other_folders_are_refused(tmp_path: Path, folder: Path) -> None:
             (tmp_path / path.name).symlink_to(path)
     with pytest.raises(InputError, match=r"bus\.log: is missing"):
         Replay.of_folder(tmp_path)
+
+
+def test_a_view_holds_the_whole_run(replay: Replay) -> None:
+    """The arm is looked at less often than in an animation, and takes the same space."""
+    film_mm = make_film(replay.run).extent_mm()
+    for end in (np.min, np.max):
+        assert end(replay.extent_mm, axis=0) == pytest.approx(end(film_mm, axis=0), abs=1.0)
