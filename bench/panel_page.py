@@ -21,8 +21,6 @@ from urllib.parse import urlencode
 from urllib.request import urlopen
 from uuid import uuid4
 
-import socketio
-
 from steptwin.bench.live import move_all
 from steptwin.bench.live_server import ROBOT, SERVE, Server, serving
 from steptwin.bench.live_stream import cpu_s
@@ -41,6 +39,8 @@ class Viewer:
     """A browser's side of the page: opens it and takes what the server sends."""
 
     def __init__(self) -> None:
+        import socketio  # which comes with the extra `panel`, and is not needed for the other benchmarks
+
         self.ticks = 0
         """Number of messages with numbers so far."""
         self.grey = asyncio.Event()

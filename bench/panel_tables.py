@@ -1,6 +1,7 @@
 """Print the figures of the operator's panel, each with the limit that it keeps: `python -m steptwin.bench panel`."""
 
 from collections.abc import Iterator
+from importlib.util import find_spec
 from statistics import median
 
 from rich.console import Console
@@ -17,8 +18,10 @@ GREY_MAX_MS = 500.0
 def print_panel(console: Console) -> None:
     """Measure delays, lateness, load and start; print each."""
     delays = panel.measure()
-    for death, number in panel_page.DEATHS.items():
-        delays.append(panel.Delay(f"board {death} to a grey page", GREY_MAX_MS, panel_page.measure_grey(number)))
+    with_page = find_spec("nicegui") is not None
+    if with_page:
+        for death, number in panel_page.DEATHS.items():
+            delays.append(panel.Delay(f"board {death} to a grey page", GREY_MAX_MS, panel_page.measure_grey(number)))
     table = Table(
         *("from, to", "median, ms", "worst, ms", "limit, ms", "within", "trials"),
         title="The operator's panel: delays, desk or page's server and served board as two processes",
@@ -27,6 +30,9 @@ def print_panel(console: Console) -> None:
         figures = (f"{row.median_ms:.0f}", f"{max(row.delays_ms):.0f}", f"{row.limit_ms:g}")
         table.add_row(row.what, *figures, str(row.kept), str(len(row.delays_ms)))
     console.print(table)
+    if not with_page:
+        console.print("the page is not measured: the extra `panel` is not installed")
+        return
     for line in _costs():
         console.print(line)
 
