@@ -22,6 +22,10 @@ RobotName = Annotated[
 RobotFile = Annotated[
     str | None, typer.Option("--robot-file", metavar="FILE", help="Robot file of your own, instead of ROBOT.")
 ]
+RobotAndJoints = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="ROBOT Q1 Q2 ...", help="The robot, and its joints' positions in mm and degrees."),
+]
 LEVELS: Final[dict[str, bool]] = {"on": True, "off": False}
 """Levels of inputs and outputs by their words."""
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document; the rest on stderr.")]
@@ -71,6 +75,12 @@ def robot_and_rest(words: list[str], robot_file: str | None) -> "tuple[Robot, li
     if not words:
         raise InputError("ROBOT is missing: a robot's name, or --robot-file FILE")
     return load_robot(words[0]), words[1:]
+
+
+def robot_and_joints(words: list[str], robot_file: str | None) -> "tuple[Robot, list[float]]":
+    """Return the robot of a command line and the positions of all its joints; raises as `robot_and_rest` does."""
+    robot, rest = robot_and_rest(words, robot_file)
+    return robot, joint_values(rest, robot.joint_names, f"joints of {robot.name}")
 
 
 def one_robot(name: str | None, robot_file: str | None) -> "Robot":

@@ -1,21 +1,16 @@
 """`steptwin fk ROBOT Q1 Q2 ...`: compute the tool's pose from joint positions."""
 
-from typing import Annotated, Any
-
-import typer
+from typing import Any
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import AsJson, RobotFile, joint_values, robot_and_rest
+from steptwin.host.cli.arguments import AsJson, RobotAndJoints, RobotFile, robot_and_joints
 from steptwin.host.cli.output import fixed, print_json, say
 from steptwin.host.common.errors import InputError
 
 
 @command("lab-scara 150 0 90 0", "warehouse-scara 0 0 200 -60 120 -90 --json", negatives=True)
 def fk(
-    words: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="ROBOT Q1 Q2 ...", help="The robot, and its joints' positions in mm and degrees."),
-    ] = None,
+    words: RobotAndJoints = None,
     robot_file: RobotFile = None,
     as_json: AsJson = False,
 ) -> None:
@@ -29,15 +24,15 @@ def fk(
     from steptwin.host.robots.kinematics.base import POSE_KEYS
     from steptwin.host.robots.kinematics.chain import actual_chain
 
-    loaded, joints = robot_and_rest(words or [], robot_file)
-    values = joint_values(joints, loaded.joint_names, f"joints of {loaded.name}")
+    loaded, values = robot_and_joints(words or [], robot_file)
     for joint, value in zip(loaded.joints, values, strict=True):
         if not joint.lower <= value <= joint.upper:
             limits = f"{joint.lower:g}..{joint.upper:g} {joint.unit}"
             say(f"note: {joint.name} = {value:g} is outside its limits {limits}", err=True)
     pose = make_kinematics(loaded).forward(np.array([values]))[0]
     if not np.isfinite(pose).all():
-        raise InputError(f"joints of {loaded.name}: the mechanism cannot be assembled at {' '.join(joints)}")
+        at = " ".join(f"{value:g}" for value in values)
+        raise InputError(f"joints of {loaded.name}: the mechanism cannot be assembled at {at}")
     document: dict[str, Any] = {
         "robot": loaded.name,
         "joints": dict(zip(loaded.joint_names, values, strict=True)),

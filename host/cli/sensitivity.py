@@ -1,20 +1,13 @@
 """`steptwin sensitivity ROBOT Q1 Q2 ...`: how each DH parameter moves the tool."""
 
-from typing import Annotated
-
-import typer
-
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import AsJson, RobotFile, joint_values, robot_and_rest
+from steptwin.host.cli.arguments import AsJson, RobotAndJoints, RobotFile, robot_and_joints
 from steptwin.host.cli.output import fixed, print_json, print_table, say
 
 
 @command("calibration-scara 30 45 50 20", "lab-scara 150 0 90 0 --json", negatives=True)
 def sensitivity(
-    words: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="ROBOT Q1 Q2 ...", help="The robot, and its joints' positions in mm and degrees."),
-    ] = None,
+    words: RobotAndJoints = None,
     robot_file: RobotFile = None,
     as_json: AsJson = False,
 ) -> None:
@@ -29,8 +22,7 @@ def sensitivity(
     from steptwin.host.robots.kinematics.chain import MOVES, Chain
     from steptwin.host.robots.link_errors import unit_of
 
-    loaded, joints = robot_and_rest(words or [], robot_file)
-    values = joint_values(joints, loaded.joint_names, f"joints of {loaded.name}")
+    loaded, values = robot_and_joints(words or [], robot_file)
     chain = Chain.of(loaded)
     moves = chain.sensitivities(np.array([values]))[0].T.tolist()
     if as_json:
