@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 OUT := out/drawer-pull
+PANEL_OUT := out/panel
 
 .PHONY: demo panel test check lint coverage bench docs panel-pictures clean
 
@@ -13,7 +14,8 @@ demo: $(VENV)/.installed
 
 # Serve the laboratory robot's board and open its panel at the address that is printed, until Ctrl-C.
 panel: $(VENV)/.installed-panel
-	$(BIN)/steptwin serve lab-scara --panel
+	@echo "What the machine does, once more: $(BIN)/steptwin view $(PANEL_OUT)"
+	$(BIN)/steptwin serve lab-scara --panel --out $(PANEL_OUT) --replace
 
 test: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest --numprocesses auto --dist worksteal

@@ -9,7 +9,10 @@ from hypothesis import settings
 
 from steptwin.controller.backend import KERNELS, Kernel
 from steptwin.host.cli.app import run
+from tests.repeats import pytest_runtest_logreport, pytest_terminal_summary
 from tests.run_pictures import without_pictures
+
+__all__ = ["pytest_runtest_logreport", "pytest_terminal_summary"]
 
 # No timing is asserted in a test, not even by the framework; and every run draws the same examples, so that a change
 # is judged by what it changed. `pytest --hypothesis-profile=explore` draws new ones.

@@ -9,8 +9,9 @@ import canopen
 from canopen.objectdictionary import ObjectDictionary, ObjectDictionaryError
 from canopen.sdo.base import SdoVariable
 
-from steptwin.host.client.drive_status import DriveStatus
+from steptwin.host.client.drive_status import FAULT_STATES, DriveStatus
 from steptwin.host.client.link import Link
+from steptwin.host.client.plain_words import error_words, state_words
 from steptwin.host.client.shared_node import Patience, SharedNode
 from steptwin.host.client.waiting import wait_until
 from steptwin.host.client.words import error_text, state_text
@@ -101,16 +102,19 @@ class AxisClient:
         """The error codes that the node has reported by EMCY, oldest first."""
         return [error.code for error in self._node.emcy.log if error.code]
 
-    def fault_text(self) -> str:
-        """Return one line that names the error which the node reported last."""
+    def fault(self) -> DeviceFaultError:
+        """Return the error that names what the node reported last."""
         codes = self.error_codes
         if not codes:
-            return f"{self.name}: the drive is in fault and has reported no error code"
+            return DeviceFaultError(f"{self.name}: the drive is in fault and has reported no error code").plainly(
+                f"{self.name}: a fault, without a reason"
+            )
         text = f"{self.name}: {error_text(codes[-1])} (EMCY 0x{codes[-1]:04X})"
         held_up_s = self._link.held_up_s
+        late, held_up_s = "", self._link.held_up_s
         if codes[-1] in _OF_A_LATE_HOST and held_up_s >= _HELD_UP_S:
-            text += f"; this computer was too slow: this program was held up for {1000 * held_up_s:.0f} ms"
-        return text
+            late = f"; this computer was too slow: this program was held up for {1000 * held_up_s:.0f} ms"
+        return DeviceFaultError(f"{text}{late}").plainly(f"{self.name}: {error_words(codes[-1])}{late}")
 
     # --- objects
 
@@ -158,22 +162,28 @@ class AxisClient:
             except canopen.SdoAbortedError as error:
                 left -= 1
                 if not left or error.code not in _DISTURBED:
-                    raise DeviceFaultError(f"{self.name}: {what} was refused: {error}") from error
+                    raise DeviceFaultError(f"{self.name}: {what} was refused: {error}").plainly(
+                        f"{self.name}: the board refuses what this program asks for"
+                    ) from error
             except canopen.SdoCommunicationError as error:
                 left -= 1
                 if not left or str(error) == _NO_ANSWER:
-                    raise BusError(self._unanswered(str(error))) from error
+                    raise self._unanswered(str(error)) from error
             except ObjectDictionaryError as error:
                 wrong = f"node 0x{self.node_id:02X} answers with a wrong number of bytes"
-                raise BusError(f"{self.name}: {what}: {wrong}") from error
+                raise BusError(f"{self.name}: {what}: {wrong}").plainly(
+                    f"{self.name} gives answers that this program does not know"
+                ) from error
             self._link.wait(_STATUS_WAIT_S)
 
-    def _unanswered(self, error: str) -> str:
-        """Return the message for a request without a valid answer."""
+    def _unanswered(self, error: str) -> BusError:
+        """Return the error for a request without a valid answer."""
         malformed = sum(client.malformed for client in self._node.sdo_channels)
         dropped = f"; {malformed} answers without 8 bytes were dropped" if malformed else ""
         how = "does not answer" if error == _NO_ANSWER else "gives no valid answer"
-        return f"{self.name}: node 0x{self.node_id:02X} {how} ({error}{dropped})"
+        return BusError(f"{self.name}: node 0x{self.node_id:02X} {how} ({error}{dropped})").plainly(
+            f"{self.name} {how}: is the machine switched on and connected?"
+        )
 
     # --- the drive
 
@@ -198,7 +208,10 @@ class AxisClient:
 
         wait_until(self._link, settled, _STATE_TIMEOUT_S, _STATUS_WAIT_S)
         if state is not State.OPERATION_ENABLED:
-            raise DeviceFaultError(f"{self.name}: cannot be enabled, the drive is in {state_text(state)}")
+            why = error_words(self.read(od.ERROR_CODE)) if state in FAULT_STATES else f"it is {state_words(state)}"
+            raise DeviceFaultError(f"{self.name}: cannot be enabled, the drive is in {state_text(state)}").plainly(
+                f"{self.name} cannot be switched on: {why}"
+            )
 
     def disable(self) -> None:
         """Switch the drive's power off."""

@@ -5,6 +5,7 @@ from typing import Final
 
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.link import Clock
+from steptwin.host.client.plain_words import state_words
 from steptwin.host.client.waiting import POLL_S, wait_until
 from steptwin.host.client.words import state_text
 from steptwin.host.common.errors import DeviceFaultError
@@ -25,7 +26,7 @@ def check_faults(clock: Clock, axes: Sequence[AxisClient]) -> None:
     if faulty:
         clock.wait(POLL_S)  # until every node has reported its errors
         began = [axis for axis in axes if set(axis.error_codes) - {ErrorCode.GROUP_STOPPED}]
-        raise DeviceFaultError((began or faulty)[0].fault_text())
+        raise (began or faulty)[0].fault()
 
 
 def check_enabled(axes: Sequence[AxisClient]) -> None:
@@ -33,4 +34,6 @@ def check_enabled(axes: Sequence[AxisClient]) -> None:
     for axis in axes:
         status = axis.drive_status
         if status is not None and status.state is not State.OPERATION_ENABLED:
-            raise DeviceFaultError(f"{axis.name}: was stopped, the drive is in {state_text(status.state)}")
+            raise DeviceFaultError(f"{axis.name}: was stopped, the drive is in {state_text(status.state)}").plainly(
+                f"{axis.name}: was stopped, it is {state_words(status.state)}"
+            )

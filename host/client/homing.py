@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.drive_status import FAULT_STATES
 from steptwin.host.client.link import Link
+from steptwin.host.client.plain_words import state_words
 from steptwin.host.client.stopping import await_rest
 from steptwin.host.client.waiting import POLL_S, REST_TIMEOUT_S, wait_until
 from steptwin.host.client.words import state_text
@@ -110,11 +111,13 @@ def _homed(link: Link, axis: AxisClient) -> bool:
     state = State.of(statusword)
     if state in FAULT_STATES:
         link.wait(POLL_S)  # until the node has reported its error
-        raise DeviceFaultError(axis.fault_text())
+        raise axis.fault()
     if state is not State.OPERATION_ENABLED:
-        raise DeviceFaultError(f"{axis.name}: homing was cut short, the drive is in {state_text(state)}")
+        raise DeviceFaultError(f"{axis.name}: homing was cut short, the drive is in {state_text(state)}").plainly(
+            f"{axis.name}: homing was cut short, it is {state_words(state)}"
+        )
     if statusword & Status.HOMING_ERROR:
-        raise DeviceFaultError(failure_text(axis))
+        raise failure(axis)
     if not statusword & Status.TARGET_REACHED:
         return False
     if not statusword & Status.HOMING_ATTAINED:
@@ -122,10 +125,11 @@ def _homed(link: Link, axis: AxisClient) -> bool:
     return True
 
 
-def failure_text(axis: AxisClient) -> str:
-    """Return one line that says why an axis' last homing has failed."""
+def failure(axis: AxisClient) -> DeviceFaultError:
+    """Return the error that says why an axis' last homing has failed."""
     reason = _TEXTS.get(axis.read(od.HOMING_ERROR), "for an unknown reason")
-    return f"{axis.name}: homing failed: {reason} (EMCY 0x{ErrorCode.HOMING_FAILED:04X})"
+    text = f"{axis.name}: homing failed: {reason}"
+    return DeviceFaultError(f"{text} (EMCY 0x{ErrorCode.HOMING_FAILED:04X})").plainly(text)
 
 
 def _release(link: Link, axes: Sequence[AxisClient]) -> None:

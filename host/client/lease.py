@@ -52,7 +52,9 @@ class Lease:
 
 
 def _taken(axis: AxisClient) -> BusError:
+    taken, wait = "another program is in charge of the machine", "wait for its end"
+    killed = f"up to {UNWATCHED_MS / 1000:g} s if it was killed"
     return BusError(
-        f"another program is in charge of the machine, says {axis.name} (node 0x{axis.node_id:02X}): wait for its end, "
-        f"up to {UNWATCHED_MS / 1000:g} s if it was killed; `steptwin stop` and `estop` work at any time"
-    )
+        f"{taken}, says {axis.name} (node 0x{axis.node_id:02X}): {wait}, {killed}; "
+        "`steptwin stop` and `estop` work at any time"
+    ).plainly(f"{taken}: {wait}, {killed}; you can stop the machine at any time")

@@ -59,7 +59,9 @@ class Machine:
         for axis in self.axes:
             found = axis.read(od.DEVICE_TYPE)
             if found != IDENTITY_DEVICE_TYPE:
-                raise BusError(f"{axis.name}: node 0x{axis.node_id:02X} is not a stepper axis: type 0x{found:08X}")
+                raise BusError(
+                    f"{axis.name}: node 0x{axis.node_id:02X} is not a stepper axis: type 0x{found:08X}"
+                ).plainly(f"{axis.name}: what answers there is not a stepper axis: is this the right machine?")
 
     def configure(self, settings: Sequence[AxisSettings]) -> None:
         """Write every axis' settings, make it watch this host, then let the nodes exchange process data."""

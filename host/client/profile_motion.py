@@ -11,7 +11,7 @@ from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.drive_status import DriveStatus
 from steptwin.host.client.faults import check_enabled, check_faults
 from steptwin.host.client.link import Link
-from steptwin.host.client.waiting import POLL_S, SILENCE_S
+from steptwin.host.client.waiting import POLL_S, SILENCE_S, silent
 from steptwin.host.common.errors import BusError
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, Control, Mode, Status
@@ -147,7 +147,7 @@ def follow(link: Link, axes: Sequence[AxisClient], done: Callable[[], bool], sta
             if axis.drive_status is not heard[i]:
                 heard[i], heard_s[i] = axis.drive_status, now_s
             elif now_s - heard_s[i] > SILENCE_S:
-                raise BusError(f"{axis.name}: no status for {SILENCE_S:g} s")
+                raise silent(axis.name)
         present = [status and status.position_units for status in heard]
         if present != positions:
             positions, moved_s = present, now_s

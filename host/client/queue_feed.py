@@ -8,9 +8,10 @@ any progress for a while, every record that is not acknowledged is sent again.
 from typing import Final
 
 from steptwin.host.client.axis import AxisClient
-from steptwin.host.client.waiting import SILENCE_S
+from steptwin.host.client.plain_words import error_words
+from steptwin.host.client.waiting import SILENCE_S, silent
 from steptwin.host.common.axis_records import AxisRecords
-from steptwin.host.common.errors import BusError, DeviceFaultError
+from steptwin.host.common.errors import DeviceFaultError
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.pvt import QUEUE_DEPTH, SEQUENCE_MODULUS, PvtFlag, PvtRecord, PvtStatus
 
@@ -85,7 +86,7 @@ class QueueFeed:
             self._heard_s = now_s
             self._take(status, now_s)
         elif now_s - self._heard_s > SILENCE_S:
-            raise BusError(f"{self._axis.name}: no status for {SILENCE_S:g} s")
+            raise silent(self._axis.name)
         if self._gap_reported and now_s - self._gap_handled_s > _GAP_HOLD_S:
             self._gap_reported = False
             self._gap_handled_s = now_s
@@ -107,13 +108,15 @@ class QueueFeed:
             raise DeviceFaultError(
                 f"{self._axis.name}: the board has refused record {self._acknowledged + 1} of {self._count}"
                 f" (EMCY 0x{ErrorCode.SEGMENT_REFUSED:04X})"
-            )
+            ).plainly(f"{self._axis.name}: the board has refused a part of the motion")
 
     def check_running(self) -> None:
         """Raise DeviceFaultError if the queue ran dry while the axis rested, for which the board reports no fault."""
         status = self._axis.pvt_status
         if status is not None and not status.flags & PvtFlag.RUNNING and not self.all_acknowledged:
-            raise DeviceFaultError(f"{self._axis.name}: ran out of records at rest before the end of its stream")
+            raise DeviceFaultError(
+                f"{self._axis.name}: ran out of records at rest before the end of its stream"
+            ).plainly(f"{self._axis.name}: {error_words(ErrorCode.PVT_UNDERRUN)}")
 
     def _rewind(self, now_s: float) -> None:
         self._sent = self._acknowledged

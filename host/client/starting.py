@@ -60,7 +60,7 @@ class StreamStarter:
         held.feed_first(feeds)
         least = min(_PRELOAD_RECORDS, len(first.records[0].durations_ms))
         filled = partial(self._preloaded, feeds, least)
-        require(self._link, filled, f"the queues do not fill to {least} records", _PRELOAD_TIMEOUT_S)
+        require(self._link, filled, "the queues of the motion do not fill", _PRELOAD_TIMEOUT_S)
         self._start_together()
         return Stream(self._link, self._axes, feeds, first, held)
 
@@ -99,7 +99,9 @@ def _prepare(axis: AxisClient, start_units: int) -> None:
     """Check where the axis stands, then clear its queue and its start bit, whose rise is what starts a trajectory."""
     demand = axis.read(od.POSITION_DEMAND)
     if demand != start_units:
-        raise DeviceFaultError(f"{axis.name}: stands at {demand} units, the trajectory starts at {start_units}")
+        raise DeviceFaultError(
+            f"{axis.name}: stands at {demand} units, the trajectory starts at {start_units}"
+        ).plainly(f"{axis.name}: does not stand where the trajectory starts: move there first")
     axis.write(od.CONTROLWORD, ENABLE_OPERATION)
     axis.write(od.MODE_OF_OPERATION, Mode.INTERPOLATED_POSITION)
     axis.write(od.INTERPOLATION_SUBMODE, PVT_SUBMODE)

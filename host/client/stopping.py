@@ -12,6 +12,7 @@ from typing import Final
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.drive_status import FAULT_STATES
 from steptwin.host.client.link import Link
+from steptwin.host.client.plain_words import state_words
 from steptwin.host.client.waiting import REST_TIMEOUT_S, require, wait_until
 from steptwin.host.client.words import state_text
 from steptwin.host.common.errors import BusError, DeviceFaultError, StepTwinError
@@ -38,13 +39,18 @@ def quick_stop(link: Link, axes: Sequence[AxisClient]) -> None:
     require(link, lambda: all(map(_stopped, axes)), "the axes do not come to rest", REST_TIMEOUT_S)
 
 
+def unsure(error: StepTwinError) -> StepTwinError:
+    """Return an error that says UNSURE as well, of the same kind."""
+    return type(error)(f"{error}; {UNSURE}").plainly(f"{error.plain}; {UNSURE}")
+
+
 @contextmanager
 def saying_if_unsure() -> Iterator[None]:
     """Add UNSURE to the message of a BusError in a block that is to stop the machine."""
     try:
         yield
     except BusError as error:
-        raise BusError(f"{error}; {UNSURE}") from error
+        raise unsure(error) from error
 
 
 def await_rest(link: Link, axes: Sequence[AxisClient]) -> None:
@@ -67,7 +73,7 @@ def emergency_stop(link: Link, axes: Sequence[AxisClient]) -> None:
         if state is not State.FAULT:
             raise DeviceFaultError(
                 f"{axis.name}: is not held by the emergency stop, the drive is in {state_text(state)}"
-            )
+            ).plainly(f"{axis.name}: is not held by the emergency stop, it is {state_words(state)}")
 
 
 def send_quick_stop(link: Link, axes: Sequence[AxisClient]) -> None:

@@ -26,6 +26,14 @@ def wait_until(clock: Clock, condition: Callable[[], bool], timeout_s: float, po
     return True
 
 
+def silent(name: str) -> BusError:
+    """Return the error for an axis that has not reported its status for SILENCE_S."""
+    text = f"{name}: no status for {SILENCE_S:g} s"
+    return BusError(text).plainly(
+        f"{name} has been silent for {SILENCE_S:g} s: is the machine switched on and connected?"
+    )
+
+
 def require(clock: Clock, condition: Callable[[], bool], otherwise: str, timeout_s: float) -> None:
     """Wait until a condition is true; raise BusError, whose message begins with `otherwise`, if it stays false."""
     if not wait_until(clock, condition, timeout_s):

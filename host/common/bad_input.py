@@ -71,7 +71,8 @@ def prefixed(prefix: str) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        raise type(error)(*(f"{prefix}{message}" for message in error.messages)) from error
+        raised = type(error)(*(f"{prefix}{message}" for message in error.messages))
+        raise raised.plainly(f"{prefix}{error.plain}") from error
 
 
 def require_positive(settings: object, *names: str) -> None:

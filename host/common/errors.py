@@ -1,12 +1,26 @@
 """The exceptions of the host, each with the exit code of the command line."""
 
-from typing import ClassVar
+from typing import ClassVar, Self
 
 
 class StepTwinError(Exception):
-    """Base of the errors that the command line reports in one line, before it ends with their `exit_code`."""
+    """Base of the errors that the command line reports in one line, before it ends with their `exit_code`.
+
+    Some have a second text for an operator at the panel, who knows joints and buttons but neither bus nor commands.
+    """
 
     exit_code: ClassVar[int] = 1
+    _plain: str | None = None
+
+    def plainly(self, text: str) -> Self:
+        """Give the error the text for an operator; return the error, to be raised."""
+        self._plain = text
+        return self
+
+    @property
+    def plain(self) -> str:
+        """What happened and what to do, for an operator; the message itself, unless `plainly` has given another."""
+        return self._plain or str(self)
 
 
 class NotVerifiedError(StepTwinError):

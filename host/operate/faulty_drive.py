@@ -3,9 +3,11 @@
 from typing import Final
 
 from steptwin.host.client.axis import AxisClient
+from steptwin.host.client.plain_words import error_words
 from steptwin.host.client.words import error_text, state_text
+from steptwin.host.common.errors import DeviceFaultError
 from steptwin.protocol import od
-from steptwin.protocol.cia402 import State
+from steptwin.protocol.cia402 import ErrorCode, State
 
 HELD: Final = "held by an emergency stop until `steptwin reset`"
 """What `steptwin estop` does to a drive."""
@@ -18,3 +20,11 @@ def fault_and_remedy(axis: AxisClient, state: State) -> str:
     code = axis.read(od.ERROR_CODE)
     reason = f"{error_text(code)} (0x{code:04X})"
     return f"the drive is in {state_text(state)}: {reason}; remove the cause, then `steptwin reset`"
+
+
+def faulty_drive(axis: AxisClient, state: State) -> DeviceFaultError:
+    """Return the error for a drive in a fault state, with the reason and its remedy."""
+    held = axis.read(od.EMERGENCY_STOP)
+    why = error_words(ErrorCode.ESTOP if held else axis.read(od.ERROR_CODE))
+    text = f"{axis.name}: {fault_and_remedy(axis, state)}"
+    return DeviceFaultError(text).plainly(f"{axis.name}: {why}; remove the cause, then reset")

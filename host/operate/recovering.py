@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from steptwin.host.client import stopping
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.drive_status import FAULT_STATES
+from steptwin.host.client.plain_words import error_words
 from steptwin.host.client.waiting import REPLY_TIMEOUT_S, wait_until
 from steptwin.host.client.words import error_text, state_text
 from steptwin.host.common.errors import DeviceFaultError
@@ -61,7 +62,9 @@ def _await_reset(session: Session, axis: AxisClient) -> None:
     if not wait_until(session.link, lambda: axis.state() not in FAULT_STATES, REPLY_TIMEOUT_S):
         state, code = axis.state(), axis.read(od.ERROR_CODE)
         cause = f"{error_text(code)} (0x{code:04X})"
-        raise DeviceFaultError(f"{axis.name}: stays in {state_text(state)} because the cause lasts: {cause}")
+        raise DeviceFaultError(f"{axis.name}: stays in {state_text(state)} because the cause lasts: {cause}").plainly(
+            f"{axis.name}: the cause lasts: {error_words(code)}; end it, then reset again"
+        )
 
 
 def axis_states(session: Session) -> list[AxisState]:

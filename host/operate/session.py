@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,9 +11,9 @@ from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.drive_status import FAULT_STATES, at_rest
 from steptwin.host.client.faults import await_reports
 from steptwin.host.client.lease import Lease
-from steptwin.host.client.stopping import UNSURE, quick_stop
+from steptwin.host.client.stopping import quick_stop, unsure
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError, StepTwinError
-from steptwin.host.operate.faulty_drive import fault_and_remedy
+from steptwin.host.operate.faulty_drive import faulty_drive
 from steptwin.host.operate.setting_up import clear_targets, take_over
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import POSE_KEYS
@@ -20,6 +21,26 @@ from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import State, Status
 from steptwin.protocol.robot_name import NO_NAME, checksum, stored_name
+
+
+@dataclass(frozen=True, slots=True)
+class Foreign:
+    """An axis that belongs to another robot.
+
+    Attributes:
+        axis: its name.
+        node_id: its node.
+        found: the robot to which the board says it belongs.
+        expected: the robot that was looked for.
+    """
+
+    axis: str
+    node_id: int
+    found: str
+    expected: str
+
+    def __str__(self) -> str:
+        return f"{self.axis}: node 0x{self.node_id:02X} belongs to the robot {self.found}, not to {self.expected}"
 
 
 class Session:
@@ -45,8 +66,8 @@ class Session:
             if axis.drive_status is None:
                 axis.read(od.DEVICE_TYPE)
 
-    def foreign_board(self) -> str | None:
-        """Read whose the axes are; return in words which of them belongs to another robot, None if none says so.
+    def foreign_board(self) -> Foreign | None:
+        """Read whose the axes are; return which of them belongs to another robot, None if none says so.
 
         An axis without a name may be any robot's.
         """
@@ -54,14 +75,14 @@ class Session:
         for axis in self.machine.axes:
             if axis.read(od.ROBOT_NAME_CRC) not in (NO_NAME, checksum(expected)):
                 found = axis.read_text(od.ROBOT_NAME)
-                return f"{axis.name}: node 0x{axis.node_id:02X} belongs to the robot {found}, not to {expected}"
+                return Foreign(axis.name, axis.node_id, found, expected)
         return None
 
     def require_idle(self, what: str) -> None:
         """Raise InputError if an axis reports that it executes a trajectory; the message begins with `what`."""
         await_reports(self.link, self.machine.axes)
         if self.streaming:
-            raise InputError(f"{what}: a trajectory is running; wait for its end, or stop it by `steptwin stop`")
+            raise _still_moving(f"{what}: a trajectory is running")
 
     # --- units
 
@@ -158,8 +179,7 @@ class Session:
         try:
             quick_stop(self.link, self.machine.axes)
         except BusError as silent:
-            first, exit_by = (error, type(error)) if isinstance(error, StepTwinError) else (silent, BusError)
-            raise exit_by(f"{first}; {UNSURE}") from error
+            raise unsure(error if isinstance(error, StepTwinError) else silent) from error
         except DeviceFaultError:
             return  # the first error is the one to report
         with suppress(StepTwinError):
@@ -170,13 +190,20 @@ class Session:
         statusword = axis.read(od.STATUSWORD)
         state = State.of(statusword)
         if state in FAULT_STATES:
-            raise DeviceFaultError(f"{axis.name}: {fault_and_remedy(axis, state)}")
+            raise faulty_drive(axis, state)
         if not at_rest(statusword, axis.read(od.MODE_OF_OPERATION_DISPLAY)):
-            raise InputError(f"{axis.name}: is moving; wait for its end, or stop it by `steptwin stop`")
+            raise _still_moving(f"{axis.name}: is moving")
         if known:
             _check_known(axis, statusword)
 
 
 def _check_known(axis: AxisClient, statusword: int) -> None:
     if not statusword & Status.POSITION_KNOWN:
-        raise DeviceFaultError(f"{axis.name}: the position is unknown: home the machine first, `steptwin home`")
+        raise DeviceFaultError(
+            f"{axis.name}: the position is unknown: home the machine first, `steptwin home`"
+        ).plainly(f"{axis.name}: the position is unknown: home the machine first")
+
+
+def _still_moving(text: str) -> InputError:
+    waits = f"{text}; wait for its end, or stop it"
+    return InputError(f"{waits} by `steptwin stop`").plainly(waits)

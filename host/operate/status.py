@@ -123,7 +123,9 @@ def read_status(session: Session) -> MachineStatus:
 
 def _reported(axis: AxisClient) -> DriveStatus:
     if axis.drive_status is None:
-        raise BusError(f"{axis.name}: node 0x{axis.node_id:02X} does not report its status")
+        raise BusError(f"{axis.name}: node 0x{axis.node_id:02X} does not report its status").plainly(
+            f"{axis.name} does not report how it is: is the machine switched on and connected?"
+        )
     return axis.drive_status
 
 

@@ -51,7 +51,8 @@ def plan_stretched(
         slower = f"{factor:g} times slower passes (stretch={factor:g})" if factor > 1 else f"stretch={factor:g} passes"
         drives = _slower_drives(robot, _stretched(trajectory, asked), point_ms, error)
         advice = f"{slower}{drives}"
-        raise checks.TooFastError(f"{error}; {advice}", error.peaks, advice) from error
+        too_fast = checks.TooFastError(f"{error}; {advice}", error.peaks, advice)
+        raise too_fast.plainly(f"{error.plain}; {advice}") from error
 
 
 def _stretched(trajectory: Trajectory, factor: float) -> Trajectory:
@@ -76,7 +77,8 @@ def stretch_that_passes(
     least = error.least_stretch * _stretched(trajectory, asked).duration_s / trajectory.duration_s
     factor = smallest_stretch(trajectory, passes, least, asked)
     if factor is None:
-        raise InputError(f"{error}; no stretch up to {STRETCH_MAX:g} makes it pass") from error
+        never = f"no stretch up to {STRETCH_MAX:g} makes it pass"
+        raise InputError(f"{error}; {never}").plainly(f"{error.plain}; {never}") from error
     return factor
 
 

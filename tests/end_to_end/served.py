@@ -14,6 +14,7 @@ from typing import Any, Final, ParamSpec
 from steptwin.host.cli.app import run
 from tests.emulator.live_rig import TIMEOUT_S
 from tests.end_to_end.command_line import PROGRAM
+from tests.repeats import count_repeat
 
 LATE_MS: Final = 100.0
 """Lateness from which on a failure may be the computer's: an axis misses its host's heartbeat after 350 ms."""
@@ -156,6 +157,7 @@ def in_real_time(test: Callable[_P, None]) -> Callable[_P, None]:
                 if waited_ms < LATE_MS or attempt == ATTEMPTS:
                     error.add_note(f"processes waited for a processor for {waited_ms:.0f} ms, attempt {attempt}")
                     raise
+            count_repeat()
 
     return repeated
 

@@ -30,8 +30,12 @@ from steptwin.host.panel.desk.refused import RefusedError
 from steptwin.host.panel.desk.results import Result
 from steptwin.host.panel.desk.settings import Setting
 from steptwin.host.panel.desk.snapshot import Activity, JointView, Snapshot
+from steptwin.host.panel.desk.words import AS_SLOW_AS_NEEDED, MOVE_TO_START, STANDS_THERE, told
 
 __all__ = [
+    "AS_SLOW_AS_NEEDED",
+    "MOVE_TO_START",
+    "STANDS_THERE",
     "Activity",
     "Command",
     "DeclareHere",
@@ -62,4 +66,5 @@ __all__ = [
     "SwitchOutput",
     "ToolJog",
     "WriteSettings",
+    "told",
 ]

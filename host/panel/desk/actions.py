@@ -6,6 +6,7 @@ from typing import Any, Final, Generic, TypeVar
 
 from steptwin.host.client import Progress
 from steptwin.host.client.drive_status import FAULT_STATES
+from steptwin.host.client.plain_words import error_words
 from steptwin.host.common.errors import DeviceFaultError, StepTwinError
 from steptwin.host.operate.homing import declare, home_robot
 from steptwin.host.operate.moving import Moved, goal_by_name, joints_at, move, standing_joints
@@ -34,7 +35,7 @@ from steptwin.host.panel.desk.commands import (
 from steptwin.host.panel.desk.results import Results
 from steptwin.host.panel.desk.settings import Limits, write_settings
 from steptwin.host.panel.desk.stops import StopAskedError
-from steptwin.host.panel.desk.words import error_words
+from steptwin.host.panel.desk.words import told
 from steptwin.host.planning.tool_step import ToolStep
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
@@ -81,13 +82,13 @@ class Action(Generic[C]):
 
 
 def _enable(doing: Doing, _command: Enable) -> str:
-    with doing.session.in_charge("enable", known=False):
+    with doing.session.in_charge("switch on", known=False):
         return ""
 
 
 def _disable(doing: Doing, _command: Disable) -> str:
     with doing.session.alone():
-        doing.session.require_idle("disable")
+        doing.session.require_idle("switch off")
         doing.session.machine.disable()
     return ""
 
@@ -144,7 +145,7 @@ def _run(doing: Doing, command: RunMotion) -> str:
             begun=run.begin_repetition,
         )
     except (StepTwinError, StopAskedError) as error:
-        doing.results.end(run, None, str(error))
+        doing.results.end(run, None, told(error) if isinstance(error, StepTwinError) else str(error))
         raise
     doing.results.end(run, outcome, None)
     return _ended(outcome)
@@ -189,7 +190,7 @@ def _positions(robot: Robot, joints: "list[float] | tuple[float, ...]") -> str:
 
 
 ACTIONS: Final[dict[type[Command], Action[Any]]] = {
-    Enable: Action(lambda _: "enable", _enable),
+    Enable: Action(lambda _: "switch on", _enable),
     Disable: Action(lambda _: "switch off", _disable, drives=False),
     HomeAll: Action(lambda _: "home", _home_all, checks.check_home_all),
     HomeJoint: Action(lambda command: f"home {command.joint}", _home_joint, checks.check_home_joint),

@@ -21,6 +21,7 @@ from steptwin.host.panel.desk.refused import RefusedError
 from steptwin.host.panel.desk.reports import Reports, ask_once, set_up_reports
 from steptwin.host.panel.desk.settings import read_settings
 from steptwin.host.panel.desk.stops import Stop, StopAskedError
+from steptwin.host.panel.desk.words import told
 from steptwin.protocol import od
 
 _TURN_S: Final = 0.01
@@ -69,7 +70,7 @@ class Connected:
         try:
             yield
         except (InputError, DeviceFaultError, BusError) as error:
-            events.error(f"{name}: {error}")
+            events.error(f"{name}: {told(error)}")
         except StopAskedError as asked:
             events.warning(f"{name}: {asked}")
             raise
@@ -137,7 +138,7 @@ class Connected:
         try:
             stopping.emergency_stop(link, axes)
         except DeviceFaultError as error:
-            self._parts.events.error(f"emergency stop: {error}")
+            self._parts.events.error(f"emergency stop: {told(error)}")
             return
         wait_until(link, lambda: all(axis.in_fault for axis in axes), _HELD_S)
         self._parts.events.warning("emergency stop: all drives are off and held until a reset")
@@ -148,7 +149,9 @@ class Connected:
         """Raise BusError if the board carries another robot's name."""
         foreign = self.session.foreign_board()
         if foreign:
-            raise BusError(f"{foreign}; --force goes on all the same")
+            raise BusError(f"{foreign}; --force goes on all the same").plainly(
+                f"{foreign.axis} belongs to the robot {foreign.found}, not to {foreign.expected}"
+            )
 
     def _ask_slowly(self) -> None:
         """Ask for what is not reported, from time to time while nothing moves: questions disturb who streams."""
@@ -168,4 +171,4 @@ class Connected:
         except InputError:
             return  # a trajectory has begun meanwhile
         except DeviceFaultError as error:
-            self._parts.events.warning(str(error))
+            self._parts.events.warning(told(error))

@@ -23,6 +23,7 @@ from steptwin.host.panel.desk.results import Result, Results
 from steptwin.host.panel.desk.settings import Limits, Setting
 from steptwin.host.panel.desk.snapshot import Snapshot
 from steptwin.host.panel.desk.stops import Stop, StopRequests
+from steptwin.host.panel.desk.words import told
 from steptwin.host.panel.desk.worker import Worker
 from steptwin.host.planning.tool_jog import check_tool_jog
 from steptwin.host.robots.robot import Robot
@@ -110,7 +111,7 @@ class Desk:
         try:
             action.check(Standing(self._limits, [joint.position for joint in self.snapshot.joints]), command)
         except InputError as error:
-            raise RefusedError(str(error)) from error
+            raise RefusedError(told(error)) from error
         self._asked.ask(command)
 
     def beat(self, client: str, press: int, jog: Jog) -> None:
@@ -132,7 +133,7 @@ class Desk:
                 else:
                     check_tool_jog(jog.coordinate, jog.speed)
             except InputError as error:
-                raise RefusedError(str(error)) from error
+                raise RefusedError(told(error)) from error
         self._presses.beat(client, press, jog)
 
     def release(self, client: str, press: int) -> None:
@@ -168,6 +169,9 @@ class Desk:
         faulty = [joint for joint in snapshot.joints if joint.error is not None]
         if drives and faulty:
             raise RefusedError(f"{name}: {faulty[0].name} is in fault, {faulty[0].error}: reset it first")
+        hindered = [joint for joint in snapshot.joints if joint.hindrance is not None]
+        if drives and hindered:
+            raise RefusedError(f"{name}: {hindered[0].name}: {hindered[0].hindrance}")
         unknown = [joint.name for joint in snapshot.joints if not joint.homed]
         if homed and unknown:
             raise RefusedError(f"{name}: {', '.join(unknown)} not homed: home the machine first")
@@ -204,7 +208,7 @@ class Desk:
                 raise BusError("not connected")
             send_quick_stop(session.link, session.machine.axes)
         except BusError as error:
-            self.events.error(f"emergency stop by {by}: {error}; {UNSURE}")
+            self.events.error(f"emergency stop by {by}: {told(error)}; {UNSURE}")
         else:
             self.events.error(f"emergency stop by {by}")
 

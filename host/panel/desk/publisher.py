@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from steptwin.host.client.drive_status import DriveStatus, at_rest
+from steptwin.host.client.plain_words import error_words, hindrance_words, state_words
 from steptwin.host.client.words import state_text
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.operate.input_waiting import wired_inputs
@@ -21,7 +22,6 @@ from steptwin.host.panel.desk.operators import Operators
 from steptwin.host.panel.desk.reports import SILENT_S, AxisReport, Reports
 from steptwin.host.panel.desk.snapshot import Activity, JointView, Snapshot
 from steptwin.host.panel.desk.stops import Stop, StopRequests
-from steptwin.host.panel.desk.words import error_words, state_words
 from steptwin.protocol.cia402 import ErrorCode, Status
 from steptwin.protocol.pvt import QUEUE_DEPTH
 
@@ -78,7 +78,7 @@ class Publisher:
         self._latest = Snapshot(
             time_s=time.monotonic(),
             connected=False,
-            why_not="not connected yet",
+            why_not="looking for the machine",
             simulated=None,
             joints=(),
             pose=None,
@@ -173,6 +173,7 @@ class Publisher:
                 state=state_words(drive.state),
                 drive_state=state_text(drive.state),
                 error=error_words(report.error_code) if drive.in_fault else None,
+                hindrance=hindrance_words(report.inputs or 0),
             )
             for joint, place, rate, error, drive, report in zip(
                 robot.joints, places, rates.tolist(), errors.tolist(), drives, reports, strict=True

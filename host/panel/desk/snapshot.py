@@ -22,6 +22,7 @@ class JointView:
         state: the drive's state in plain words.
         drive_state: the drive's state as the standard (CiA 402) writes it.
         error: the drive's fault in plain words; None without one.
+        hindrance: what keeps the drive from being switched on, in plain words; None if nothing that is known does.
     """
 
     name: str
@@ -35,6 +36,7 @@ class JointView:
     state: str
     drive_state: str
     error: str | None
+    hindrance: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,53 +1,41 @@
-"""States and errors in the words of somebody who has never heard of the bus."""
+"""What the desk says of an error: nothing of the bus, and what a page offers in place of a program's parameters."""
 
+import re
 from typing import Final
 
-from steptwin.protocol.cia402 import ErrorCode, State
+from steptwin.host.common.errors import StepTwinError
 
-STATES: Final[dict[State, str]] = {
-    State.NOT_READY_TO_SWITCH_ON: "starting",
-    State.SWITCH_ON_DISABLED: "off",
-    State.READY_TO_SWITCH_ON: "off",
-    State.SWITCHED_ON: "on, without control",
-    State.OPERATION_ENABLED: "enabled",
-    State.QUICK_STOP_ACTIVE: "stopped, holds its position",
-    State.FAULT_REACTION_ACTIVE: "stops because of a fault",
-    State.FAULT: "fault, off",
-}
-"""The drive's states in plain words."""
+AS_SLOW_AS_NEEDED: Final = "as slow as it must be"
+"""The speed of a run that passes whatever the limits are, as pages call it."""
+MOVE_TO_START: Final = "first move to its start"
+"""The switch that lets a run begin anywhere, as pages call it."""
 
-ERRORS: Final[dict[ErrorCode, str]] = {
-    ErrorCode.NONE: "no error",
-    ErrorCode.OVERVOLTAGE: "the motor supply's voltage is too high",
-    ErrorCode.UNDERVOLTAGE: "the motor supply's voltage is too low",
-    ErrorCode.TEMPERATURE: "the board or a driver is too hot",
-    ErrorCode.PARAMETER: "a setting does not fit the other axes",
-    ErrorCode.CAN_OVERRUN: "the bus is too busy: messages were lost",
-    ErrorCode.CAN_ERROR_PASSIVE: "the bus is disturbed",
-    ErrorCode.HEARTBEAT_LOST: "the program that was in charge has fallen silent",
-    ErrorCode.CAN_BUS_OFF_RECOVERED: "the bus was interrupted",
-    ErrorCode.PDO_TOO_SHORT: "a message was too short",
-    ErrorCode.PDO_TOO_LONG: "a message was too long",
-    ErrorCode.SYNC_LENGTH: "a message had the wrong length",
-    ErrorCode.OVERSPEED: "it was asked to move too fast",
-    ErrorCode.FOLLOWING_ERROR: "the motor does not follow: is it blocked?",
-    ErrorCode.LIMIT_SWITCH: "it has reached a limit switch",
-    ErrorCode.SYNC_CONTROLLER: "positions came too late",
-    ErrorCode.ESTOP: "emergency stop",
-    ErrorCode.PVT_UNDERRUN: "the motion came too late",
-    ErrorCode.GROUP_STOPPED: "stopped together with another axis",
-    ErrorCode.SEGMENT_REFUSED: "a part of the motion was refused",
-    ErrorCode.LATE_STEP: "a step came too late",
-    ErrorCode.HOMING_FAILED: "homing has failed",
-}
-"""The errors of the drives in plain words."""
+STANDS_THERE: Final = "It stands there"
+"""The button that declares where the joints stand, as pages call it."""
+
+_CHOICES: Final = tuple(
+    (re.compile(parameter), choice)
+    for parameter, choice in (
+        (r" \(stretch=[^)]*\)", f': choose the speed "{AS_SLOW_AS_NEEDED}"'),
+        (r"\bstretch=\S+ passes", f'choose the speed "{AS_SLOW_AS_NEEDED}"'),
+        (r"\bno stretch up to (\S+) makes it pass", r"not even \1 times slower passes"),
+        (r" \((?:elbow|interpolate|ramps_s)=[^)]*\)", ""),  # the file's author chooses these
+        (r"\bapproach=True moves it there first", f'switch on "{MOVE_TO_START}"'),
+        (r"the robot's file has no homing for it; declare .*", f'it has no switch: use "{STANDS_THERE}" in Move'),
+        (r"\brepeat=1 passes", "it can be run once"),
+        (r"\brepeat=", "repetitions: "),
+        (r"\bspeed_percent=", "speed: "),
+        (r"\binterpolate=", "between the points: "),
+        (r"\bramps_s=", "run-in and run-out in s: "),
+        (r"\bstretch=", "times slower: "),
+    )
+)
+"""Parameters of the library in messages, and what a page offers in their place; the first that fits is taken."""
 
 
-def state_words(state: State) -> str:
-    """Return a drive's state in plain words."""
-    return STATES[state]
-
-
-def error_words(code: int) -> str:
-    """Return an error code in plain words."""
-    return ERRORS[ErrorCode(code)] if code in set(ErrorCode) else f"unknown error 0x{code:04X}"
+def told(error: StepTwinError) -> str:
+    """Return what pages show of an error: what happened and what to do, in one line."""
+    text = error.plain
+    for parameter, choice in _CHOICES:
+        text = parameter.sub(choice, text)
+    return text

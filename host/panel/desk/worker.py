@@ -16,6 +16,7 @@ from steptwin.host.panel.desk.link import DeskLink
 from steptwin.host.panel.desk.parts import Asked, Parts
 from steptwin.host.panel.desk.reports import Reports
 from steptwin.host.panel.desk.stops import Stop, StopAskedError
+from steptwin.host.panel.desk.words import told
 
 _RETRY_S: Final = 0.3
 """Time between two attempts to connect."""
@@ -50,24 +51,24 @@ class Worker:
         self._thread.join()
 
     def _run(self) -> None:
-        told = ""
+        last = ""
         while not self._closing.is_set():
             why = "closed"
             try:
                 with self._connected() as connected:
-                    told = ""
+                    last = ""
                     self._serve(connected)
             except StepTwinError as error:
-                why = str(error)
+                why = told(error)
             except StopAskedError:
                 continue  # while connecting: stop first
             except Exception as error:  # a fault of this program: nobody may be left without a desk
                 _LOGGER.exception("the desk's worker has failed")
                 why = f"internal error: {error}"
             self._parts.publisher.disconnected(why)
-            if why != told and not self._closing.is_set():
+            if why != last and not self._closing.is_set():
                 self._parts.events.error(f"not connected: {why}")
-                told = why
+                last = why
             self._closing.wait(_RETRY_S)
 
     @contextmanager

@@ -126,8 +126,9 @@ def table(headings: Iterable[tuple[str, str]]) -> ui.element:
     with ui.element("table").classes("grid-table"):
         with ui.element("thead"), ui.element("tr"):
             for text, classes in headings:
-                with ui.element("th").classes(classes).props('scope="col"'):
+                with ui.element("th").props('scope="col"') if text else cell() as head:
                     ui.label(text)
+                head.classes(classes)
         return ui.element("tbody")
 
 

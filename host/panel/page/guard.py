@@ -87,7 +87,7 @@ class Guard:
         elif self._brings_token(scope):
             await _answer(send, 303, "", [(b"location", _without_token(scope)), (b"set-cookie", self._cookie())])
         elif not self._knows(headers):
-            await _refuse(scope, receive, send, 403, "open the address that steptwin panel has printed")
+            await _refuse(scope, receive, send, 403, "open the address that was printed when the panel was started")
         elif _length(headers) > BODY_BYTES_MAX:
             await _refuse(scope, receive, send, 413, f"more than {BODY_BYTES_MAX} bytes")
         else:

@@ -14,7 +14,7 @@ from steptwin.host.client.control_client import ControlClient
 from steptwin.host.client.control_state import ControlState, SwitchState
 from steptwin.host.common.control import Stuck
 from steptwin.host.common.errors import BusError, InputError
-from steptwin.host.panel.desk import Snapshot
+from steptwin.host.panel.desk import Snapshot, told
 from steptwin.host.panel.page.elements import Chip, Tone, cell, heading, line, note, plain, table
 from steptwin.host.panel.page.visitor import Visitor
 
@@ -54,10 +54,10 @@ class HardwareTab:
         try:
             state = await asyncio.to_thread(request)
         except InputError as error:
-            self._visitor.tell(str(error))
+            self._visitor.tell(told(error))
             return
         except BusError as error:
-            self._lost.set_text(str(error))
+            self._lost.set_text(f"The emulated machine does not answer: {told(error)}.")
             self._lost.set_visibility(True)
             return
         self._lost.set_visibility(False)

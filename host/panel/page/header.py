@@ -8,12 +8,16 @@ from steptwin.host.panel.page.visitor import Visitor
 
 
 class Header:
-    """The head of the page; it stays in sight, with the emergency stop in it."""
+    """The head of the page; it stays in sight, with the emergency stop in it.
+
+    Attributes:
+        root: where the line is placed that says what is in the way: it must be in sight, too.
+    """
 
     def __init__(self, visitor: Visitor) -> None:
         self._visitor = visitor
         desk = visitor.desk
-        with ui.header().classes("panel-header"):
+        with ui.header().classes("panel-header") as self.root:
             ui.label(desk.robot.name).classes("panel-title").props('role=heading aria-level="1"')
             self._simulated = Chip("SIMULATED", "warn")
             self._state = Chip()
@@ -85,6 +89,8 @@ def machine_state(snapshot: Snapshot) -> tuple[str, Tone]:
         return "emergency stop", "bad"
     if any(joint.error for joint in snapshot.joints):
         return "fault", "bad"
+    if any(joint.hindrance for joint in snapshot.joints):
+        return "cannot be switched on", "bad"
     states = {joint.state for joint in snapshot.joints}
     return (states.pop(), "") if len(states) == 1 else ("drives differ", "warn")
 

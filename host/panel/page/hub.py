@@ -83,7 +83,7 @@ class Hub:
                 snapshot.emergency_stopped,
                 snapshot.pose is None,
             ),
-            tuple((joint.homed, joint.state, joint.error) for joint in snapshot.joints),
+            tuple((joint.homed, joint.state, joint.error, joint.hindrance) for joint in snapshot.joints),
             activity and (activity.name, activity.paused, activity.pausable, round(100 * (activity.fraction or 0))),
             (tuple(snapshot.inputs.items()), tuple(snapshot.outputs.items())),
             self._desk.operators.holder,

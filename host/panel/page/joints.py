@@ -52,7 +52,7 @@ class _Row:
             with cell():
                 ui.label(name).classes("joint-name")
             with cell("number big"):
-                live(f"q{i}")
+                self._position = live(f"q{i}")
             with cell("muted"):
                 ui.label(unit)
             with cell("number spare muted"):
@@ -68,8 +68,11 @@ class _Row:
 
     def refresh(self, joint: JointView) -> None:
         self._state.show(*_state(joint))
+        self._position.classes(add="" if joint.homed else "unknown", remove="unknown" if joint.homed else "")
         self._homed.show("yes" if joint.homed else "no", "good" if joint.homed else "warn")
 
 
 def _state(joint: JointView) -> tuple[str, Tone]:
-    return (joint.error, "bad") if joint.error else (joint.state, "")
+    if joint.error:
+        return joint.error, "bad"
+    return (f"{joint.state}: {joint.hindrance}", "bad") if joint.hindrance else (joint.state, "")

@@ -10,7 +10,8 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.jobs import make_job
+from steptwin.host.panel.page.option_titles import naming_titles
+from steptwin.host.planning.jobs import job_fields, make_job
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan, plan_stretched
 from steptwin.host.planning.programs import SUFFIX, compile_program, read_program
@@ -27,15 +28,17 @@ _PATH_POINTS: Final = 600
 
 def plan_job(robot: Robot, name: str, options: Mapping[str, str], stretch: float | None) -> Plan:
     """Plan a job with options given as texts; `stretch` as `plan_stretched`. Raises InputError."""
-    return _planned(robot, make_job(robot, name, options), stretch)
+    with naming_titles(job_fields(robot, name)):
+        return _planned(robot, make_job(robot, name, options), stretch)
 
 
 def plan_upload(robot: Robot, name: str, content: bytes, stretch: float | None) -> Plan:
     """Plan the motion in an uploaded file; raise InputError, with the file's own name, if something is wrong in it."""
     with _as_file(name, content) as path:
         if path.endswith(SUFFIX):
-            trajectory: Trajectory = compile_program(read_program(path), robot).trajectory
-            return _planned(robot, trajectory, stretch)
+            program = compile_program(read_program(path), robot)
+            with program.explained(stretch or 1.0):
+                return _planned(robot, program.trajectory, stretch)
         motion = read_file_motion(path, robot)
         with motion.explained(stretch or 1.0):
             return _planned(robot, motion.trajectory, stretch)
@@ -63,4 +66,5 @@ def _as_file(name: str, content: bytes) -> Iterator[str]:
         try:
             yield str(path)
         except InputError as error:
-            raise InputError(*(message.replace(str(path), plain) for message in error.messages)) from error
+            messages = (message.replace(str(path), plain) for message in error.messages)
+            raise InputError(*messages).plainly(error.plain.replace(str(path), plain)) from error

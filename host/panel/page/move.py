@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from nicegui import ui
 
-from steptwin.host.panel.desk import MoveJoints, MoveTool, Snapshot
+from steptwin.host.panel.desk import STANDS_THERE, DeclareHere, MoveJoints, MoveTool, Snapshot
 from steptwin.host.panel.page.elements import act, choice, heading, line, note, number_field, plain
 from steptwin.host.panel.page.saved import SavedPositions
 from steptwin.host.panel.page.scene import ArmScene, links_at
@@ -18,6 +18,8 @@ from steptwin.host.robots.kinematics import Branch, make_kinematics
 from steptwin.host.robots.kinematics.base import POSE_KEYS
 
 _KINDS: Final = {"joints": "Joints", "tool": "Tool pose", "saved": "Saved positions"}
+_NO_GOAL: Final = "a field has no number, or one outside its range"
+_DECLARE: Final = "For joints without a switch: nothing moves, the machine takes these for its positions."
 _FAR_MM: Final = 1e5
 """Largest coordinate that a field takes; reach is checked by the kinematics."""
 
@@ -68,6 +70,7 @@ class JointsForm:
                 }
             with line():
                 act("Move", self._move, "arrow_forward")
+                plain(STANDS_THERE, self._declare, "push_pin").tooltip(_DECLARE)
                 plain("Where it stands", self.fill)
                 plain("Home position", lambda: self._set(dict(zip(robot.joint_names, robot.home, strict=True))))
 
@@ -102,10 +105,17 @@ class JointsForm:
         else:
             self._scene.show_arm("ghost", links_at(self._visitor.desk.robot, list(goal.values())))
 
+    def _declare(self) -> None:
+        goal = self._goal()
+        if goal is None:
+            self._visitor.tell(_NO_GOAL)
+        else:
+            self._visitor.ask(DeclareHere(joints=tuple(goal.values())))
+
     def _move(self) -> None:
         goal = self._goal()
         if goal is None:
-            self._visitor.tell("a field has no number, or one outside its range")
+            self._visitor.tell(_NO_GOAL)
         elif self._visitor.ask(MoveJoints(joints=goal, speed_percent=self._percent())):
             self._scene.clear_shape("ghost")
 
@@ -135,8 +145,8 @@ class ToolForm:
                 plain("Where it stands", self.fill)
 
     def fill_once(self, snapshot: Snapshot) -> None:
-        """Show where the tool is, the first time that it is known."""
-        if not self._filled and snapshot.pose is not None:
+        """Show where the tool is when it is known and the machine does nothing, the first time."""
+        if not self._filled and snapshot.pose is not None and snapshot.activity is None:
             self.fill()
 
     def fill(self) -> None:

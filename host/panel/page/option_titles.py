@@ -1,7 +1,11 @@
 """What the options of the jobs are called in a form, where their names on the command line say too little."""
 
+import re
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import Final
 
+from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs.options import OptionField
 
 TITLES: Final[dict[str, str]] = {
@@ -30,3 +34,15 @@ def option_title(field: OptionField) -> str:
         return TITLES[field.name]
     unit = "" if field.allowed is None else field.allowed.unit
     return field.name.replace("_", " ").removesuffix(f" {unit}")
+
+
+@contextmanager
+def naming_titles(fields: Iterable[OptionField]) -> Iterator[None]:
+    """Let errors of the block name options by the titles that the form shows."""
+    titles = {field.name: option_title(field) for field in fields if "_" in field.name}
+    try:
+        yield
+    except InputError as error:
+        names = re.compile(rf"\b({'|'.join(titles)})\b")
+        plain = names.sub(lambda found: f'"{titles[found[1]]}"', error.plain) if titles else error.plain
+        raise InputError(*error.messages).plainly(plain) from error

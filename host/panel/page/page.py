@@ -34,18 +34,18 @@ class Page:
         apply_theme()
         header = Header(visitor)
         ui.on("emergency_stop", lambda _: header.emergency_stop())
-        self._root = ui.element("main")
+        self._root = ui.element("div")
         self.views: list[View] = [header]
-        with self._root:
+        with header.root:
             self.views.append(Banner(visitor))
-            with ui.element("div").classes("panel-body"):
-                with ui.element("div").classes("panel-left"):
-                    self._scene = scene_card(visitor.desk.robot)
-                    self._plots = PlotsCard(visitor)
-                with ui.element("div").classes("panel-right"):
-                    self.views.append(Joints(visitor))
-                    self._make_tabs(positions_file, control)
-                self.views.append(EventLogView(visitor))
+        with self._root, ui.element("div").classes("panel-body"):
+            with ui.element("div").classes("panel-left"):
+                self._scene = scene_card(visitor.desk.robot)
+                self._plots = PlotsCard(visitor)
+            with ui.element("div").classes("panel-right"):
+                self.views.append(Joints(visitor))
+                self._make_tabs(positions_file, control)
+            self.views.append(EventLogView(visitor))
 
     def _make_tabs(self, positions_file: str, control: ControlClient | None) -> None:
         """Make the tabs; all of them are built at once, so that a change shows wherever the operator looks."""

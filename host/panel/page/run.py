@@ -7,7 +7,7 @@ from typing import Any, Final
 from nicegui import events, ui
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.panel.desk import RunMotion, Snapshot
+from steptwin.host.panel.desk import AS_SLOW_AS_NEEDED, MOVE_TO_START, RunMotion, Snapshot
 from steptwin.host.panel.page.elements import act, choice, line, note, number_field, plain, stack
 from steptwin.host.panel.page.guard import BODY_BYTES_MAX
 from steptwin.host.panel.page.motions import ENDINGS, path_mm, plan_job, plan_upload
@@ -20,7 +20,7 @@ from steptwin.host.planning.peaks import Quantity
 from steptwin.host.planning.plan import Plan
 
 _FILE: Final = "a file of yours"
-_PACES: Final = {"1": "as planned", "2": "half speed", "4": "quarter speed", "auto": "as slow as it must be"}
+_PACES: Final = {"1": "as planned", "2": "half speed", "4": "quarter speed", "auto": AS_SLOW_AS_NEEDED}
 _REPETITIONS_MAX: Final = 1000
 
 
@@ -45,7 +45,7 @@ class RunTab:
         self._options = stack()
         with line():
             self._repeat = number_field("repetitions", 1, 1, _REPETITIONS_MAX, "", whole=True).classes("w-narrow")
-            self._approach = ui.switch("first move to its start, straight in the joints", value=True)
+            self._approach = ui.switch(f"{MOVE_TO_START}, straight in the joints", value=True)
         with line():
             self._preview = plain("Preview", self._look, "visibility")
             self._start = act("Run", self._run, "play_arrow")

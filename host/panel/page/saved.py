@@ -24,7 +24,7 @@ class SavedPositions:
                 self._name = ui.input("name").props("outlined dense").classes("w-field")
                 plain("Save where it stands", self._save, "bookmark_add")
             self._list = ui.element("div")
-            note(f"The positions are in the file {path}, which steptwin positions and steptwin move use, too.")
+            note(f"The positions are in the file {path}, which commands and programs use, too.")
         self.show()
 
     def show(self) -> None:

@@ -17,6 +17,7 @@ def tick_of(snapshot: Snapshot) -> dict[str, Any]:
     return {
         "t": round(snapshot.time_s, 3),
         "q": [round(joint.position, 4) for joint in snapshot.joints],
+        "known": [joint.homed for joint in snapshot.joints],
         "v": [_rounded(joint.rate) for joint in snapshot.joints],
         "e": [_rounded(joint.following_error) for joint in snapshot.joints],
         "pose": None if pose is None else [round(pose[key], 3) for key in POSE_KEYS],

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from nicegui import Client, ui
 
 from steptwin.host.common.errors import StepTwinError
-from steptwin.host.panel.desk import Command, Desk, RefusedError
+from steptwin.host.panel.desk import Command, Desk, RefusedError, told
 
 
 @dataclass
@@ -47,17 +47,17 @@ class Visitor:
     @contextmanager
     def explained(self) -> Iterator[list[str]]:
         """Show an error of the block as a message; the list that it yields holds the error's text afterwards."""
-        told: list[str] = []
+        texts: list[str] = []
         try:
-            yield told
+            yield texts
         except RefusedError as error:
             self.desk.events.warning(f"refused to {self.name}: {error}")
-            told.append(str(error))
+            texts.append(str(error))
         except StepTwinError as error:
-            told.append(str(error))
+            texts.append(told(error))
         except OSError as error:
-            told.append(f"{error.filename or 'file'}: {error.strerror}")
-        for text in told:
+            texts.append(f"{error.filename or 'file'}: {error.strerror}")
+        for text in texts:
             self.tell(text)
 
     def tell(self, text: str, *, good: bool = False) -> None:

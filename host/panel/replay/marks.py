@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
+from steptwin.host.client.plain_words import error_words, state_words
 from steptwin.host.common.arrays import Int64Array
-from steptwin.host.panel.desk.words import error_words, state_words
 from steptwin.host.record.bus_log import read_frames
 from steptwin.host.verify import AxisEvidence, DriverViolations, OutputChange
 from steptwin.protocol.cia402 import State

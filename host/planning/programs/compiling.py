@@ -87,7 +87,8 @@ class CompiledProgram:
                 raise
             t_s = error.peaks[0].t_s / stretch
             row = max((row for row in self.steps if row.from_s <= t_s), key=lambda row: row.from_s)
-            raise InputError(f"{row.place} ({row.text}): {error}") from error
+            where = f"{row.place} ({row.text})"
+            raise InputError(f"{where}: {error}").plainly(f"{where}: {error.plain}") from error
 
 
 def compile_program(program: Program, robot: Robot, findings: Findings | None = None) -> CompiledProgram:

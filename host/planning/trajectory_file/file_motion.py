@@ -105,7 +105,7 @@ class FileMotion:
             text = self._explanation(error.__cause__ or error, stretch)
             if not text:
                 raise
-            raise InputError(f"{error}; {text}") from error
+            raise InputError(f"{error}; {text}").plainly(f"{error.plain}; {text}") from error
 
     def _explanation(self, error: BaseException, stretch: float) -> str:
         match error:

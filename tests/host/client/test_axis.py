@@ -69,10 +69,11 @@ def test_a_drive_that_cannot_be_enabled(
     assert th1.in_fault
     assert th1.error_codes == [0xFF01]
     monkeypatch.setattr(EmbeddedBoard, "held_up_s", 0.099)
-    assert th1.fault_text() == "th1: pvt underrun (EMCY 0xFF01)"
+    assert str(th1.fault()) == "th1: pvt underrun (EMCY 0xFF01)"
     monkeypatch.setattr(EmbeddedBoard, "held_up_s", 0.574)
     slow = "; this computer was too slow: this program was held up for 574 ms"
-    assert th1.fault_text() == f"th1: pvt underrun (EMCY 0xFF01){slow}"
+    assert str(th1.fault()) == f"th1: pvt underrun (EMCY 0xFF01){slow}"
+    assert th1.fault().plain == f"th1: the motion came too late{slow}"
     with pytest.raises(DeviceFaultError, match="th1: cannot be enabled, the drive is in FAULT"):
         th1.enable()
 

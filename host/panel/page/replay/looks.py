@@ -3,7 +3,6 @@
 from typing import Final
 
 STYLE: Final = """
-main { display: block; }
 body.body--dark { color-scheme: dark; }
 .transport { margin: 12px 16px 0; width: auto; max-width: 1768px; }
 @media (min-width: 1800px) { .transport { margin: 12px auto 0; } }

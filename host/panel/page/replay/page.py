@@ -34,7 +34,7 @@ class ReplayPage:
         apply_theme(script=False)
         ui.add_head_html(f"<style>{STYLE}</style>")
         self._make_header()
-        with ui.element("main"):
+        with ui.element("div"):
             self._transport = Transport(self._player, replays, self._strip(), self.show)
             with ui.element("div").classes("panel-body"):
                 with ui.element("div").classes("panel-left"):

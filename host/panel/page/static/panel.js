@@ -84,7 +84,7 @@
   document.addEventListener("visibilitychange", () => document.hidden && releaseAll());
   document.addEventListener("contextmenu", (event) => jogButton(event) && event.preventDefault());
 
-  // --- the numbers: one message a tick, { t, q, v, e, pose, arm, tool, load, fill, late, part }
+  // --- the numbers: one message a tick, { t, q, known, v, e, pose, arm, tool, load, fill, late, part }
 
   function write(values) {
     for (const element of document.querySelectorAll("[data-live]")) {
@@ -108,7 +108,7 @@
     lastTick = performance.now();
     setSilent(false);
     const values = { load: fixed(now.load, 1), fill: fixed(now.fill, 0), late: fixed(now.late, 1) };
-    now.q.forEach((value, i) => (values[`q${i}`] = fixed(value, 3)));
+    now.q.forEach((value, i) => (values[`q${i}`] = now.known[i] ? fixed(value, 3) : "unknown"));
     now.v.forEach((value, i) => (values[`v${i}`] = fixed(value, 2)));
     now.e.forEach((value, i) => (values[`e${i}`] = fixed(value, 3)));
     (now.pose ?? [null, null, null, null]).forEach((value, i) => (values[`pose${i}`] = fixed(value, 2)));

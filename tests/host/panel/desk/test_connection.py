@@ -35,7 +35,7 @@ def _lost_and_found(kernel: Kernel) -> None:
             _await_grey(desk, "no report from the machine for 0.35 s")
             await_true(lambda: desk.snapshot.connected, "back")
         _await_grey(desk, "")
-        assert _refusal(desk, Enable()).startswith("enable: not connected: ")
+        assert _refusal(desk, Enable()).startswith("switch on: not connected: ")
         desk.emergency_stop("Bob")
         with ServedBoard(ROBOT, port=served.port, kernel=kernel, stand_at=list(HERE)):
             await_true(lambda: desk.snapshot.connected, "back")

@@ -9,6 +9,7 @@ import pytest
 
 from steptwin.controller.backend import Kernel
 from steptwin.emulator.operations import EmergencyStop
+from steptwin.host.client.plain_words import STOP_PRESSED
 from steptwin.host.panel.desk import (
     Command,
     Desk,
@@ -170,6 +171,20 @@ def test_a_reset_is_refused_in_plain_words_while_the_cause_lasts(shared: Rig) ->
 
 
 @in_time
+def test_a_drive_that_is_off_tells_that_the_emergency_stop_is_pressed(shared: Rig) -> None:
+    desk = shared.desk
+    shared.do(Disable())
+    shared.served.operate(EmergencyStop(pressed=True))
+    await_true(lambda: all(joint.hindrance == STOP_PRESSED for joint in desk.snapshot.joints), "pressed")
+    assert [joint.state for joint in desk.snapshot.joints] == ["off"] * len(HERE)
+    assert shared.refusal(Enable()) == f"switch on: {TH1}: {STOP_PRESSED}"
+    assert shared.beat_refusal(1 << 40, JOG) == f"jog {TH1}: {TH1}: {STOP_PRESSED}"
+    shared.served.operate(EmergencyStop(pressed=False))
+    await_true(lambda: not any(joint.hindrance for joint in desk.snapshot.joints), "pulled out")
+    shared.do(Enable())
+
+
+@in_time
 def test_anybody_pauses_and_stops_a_run_and_the_operator_resumes_it(shared: Rig) -> None:
     desk = shared.desk
     with pytest.raises(RefusedError, match=r"^nothing to pause"):
@@ -178,7 +193,7 @@ def test_anybody_pauses_and_stops_a_run_and_the_operator_resumes_it(shared: Rig)
     await_true(lambda: bool(desk.snapshot.activity and desk.snapshot.activity.pausable), "run")
     desk.pause("Bob")
     await_true(lambda: bool(desk.snapshot.activity and desk.snapshot.activity.paused), "paused")
-    assert shared.refusal(Enable()) == "enable: busy: demo"
+    assert shared.refusal(Enable()) == "switch on: busy: demo"
     assert shared.beat_refusal(1 << 40, JOG) == "jog th1: busy: demo"
     with pytest.raises(RefusedError, match=r"^Ann operates the machine"):
         desk.resume(BOB)

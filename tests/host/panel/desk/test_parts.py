@@ -1,4 +1,4 @@
-"""The desk's parts without a machine: stops, operators, events, history, words."""
+"""The desk's parts without a machine: stops, operators, events, history."""
 
 import numpy as np
 import pytest
@@ -8,8 +8,6 @@ from steptwin.host.panel.desk.history import History
 from steptwin.host.panel.desk.operators import Operators
 from steptwin.host.panel.desk.refused import RefusedError
 from steptwin.host.panel.desk.stops import Stop, StopAskedError, StopRequests
-from steptwin.host.panel.desk.words import ERRORS, STATES, error_words
-from steptwin.protocol.cia402 import ErrorCode, State
 
 
 def raised(stops: StopRequests) -> bool:
@@ -95,12 +93,3 @@ def test_the_history_keeps_the_last_samples(count: int) -> None:
     assert samples.rates.tolist() == [[1.0, 2.0]] * len(kept)
     assert samples.following_errors[:, 1].tolist() == [0.5] * len(kept)
     assert history.since(count - 2.0).t_s.tolist() == kept[-1:]
-
-
-def test_every_state_and_error_has_words() -> None:
-    """Without the standards' own terms."""
-    assert set(STATES) == set(State)
-    assert set(ERRORS) == set(ErrorCode)
-    assert error_words(0x1234) == "unknown error 0x1234"
-    for text in (*STATES.values(), *ERRORS.values()):
-        assert not {"pdo", "sync", "pvt", "sdo", "emcy", "can", "nmt"} & set(text.lower().split())

@@ -6,6 +6,7 @@ import subprocess
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
 
@@ -13,6 +14,9 @@ from tests.end_to_end.command_line import PROGRAM
 
 CHROMIUM: Final = shutil.which("chromium")
 DRIVER: Final = shutil.which("chromedriver")
+_AXE: Final = find_spec("axe_core_python")
+AXE: Final = Path(_AXE.origin).parent / "axe.min.js" if _AXE and _AXE.origin else None
+"""The rules of accessibility that programs can check, as one script; None where the package is not installed."""
 _FLAGS: Final = (
     "--headless=new",
     "--no-sandbox",  # in containers, as in CI, the user is root
@@ -63,16 +67,38 @@ class Browser:
             found?.click(); return Boolean(found);"""
         self.until(lambda: bool(self.run(script, text)))
 
+    def fill(self, label: str, text: str) -> None:
+        """Write into the first field that is shown with this label."""
+        from selenium.webdriver.common.keys import Keys
+
+        script = """return [...document.querySelectorAll("input")].find((input) =>
+            input.getAttribute("aria-label") === arguments[0] && input.offsetParent);"""
+        field = self.run(script, label)
+        field.send_keys(Keys.CONTROL, "a")
+        field.send_keys(text, Keys.TAB)
+
+    def findings(self, part: str | None = None) -> list[str]:
+        """Return what axe-core finds serious or critical in the page, or in a part of it by its selector."""
+        assert AXE is not None
+        if not self.run("return Boolean(window.axe)"):
+            self.run(AXE.read_text(encoding="utf-8"))
+        script = """const done = arguments[1];
+            axe.run(arguments[0] || document, { resultTypes: ["violations"] }).then((found) => done(found.violations
+                .filter((each) => ["serious", "critical"].includes(each.impact))
+                .map((each) => `${each.id}: ${each.nodes.map((node) => node.html.slice(0, 150)).join(" | ")}`)));"""
+        return [str(finding) for finding in self.driver.execute_async_script(script, part)]
+
     def position(self, joint: int) -> float:
         """Return a joint's position, as the page shows it."""
         return float(self.run("return document.querySelector(`[data-live=q${arguments[0]}]`).textContent", joint))
 
     def at_rest(self, timeout_s: float = TIMEOUT_S) -> None:
         """Wait until the machine is homed and does nothing."""
-        self.until(lambda: self._activity() != "", 10.0)
-        self.until(lambda: self._activity() == "", timeout_s)
+        self.until(lambda: self.activity() != "", 10.0)
+        self.until(lambda: self.activity() == "", timeout_s)
 
-    def _activity(self) -> str:
+    def activity(self) -> str:
+        """Return what the machine does, as the head says; empty while it rests."""
         return str(
             self.run("const e = document.querySelector('[data-activity]'); return e.offsetParent ? e.innerText : ''")
         )
@@ -109,13 +135,27 @@ def open_browser(size: tuple[int, int] = (1440, 1000), *flags: str) -> Iterator[
 
 
 @contextmanager
-def panel_of(robot: str, folder: Path) -> Iterator[str]:
+def panel_of(robot: str, folder: Path, *options: str) -> Iterator[str]:
     """Serve a robot's board with its panel, in a folder; yield the page's address."""
-    words = [*PROGRAM, "serve", robot, "--panel", "--port", "0"]
-    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, cwd=folder) as process:
+    with _page_of(folder, "panel", "serve", robot, "--panel", "--port", "0", *options) as url:
+        yield url
+
+
+@contextmanager
+def view_of(*folders: Path) -> Iterator[str]:
+    """Show stored runs; yield the page's address."""
+    with _page_of(folders[0], "view", "view", *map(str, folders), "--port", "0") as url:
+        yield url
+
+
+@contextmanager
+def _page_of(folder: Path, name: str, *words: str) -> Iterator[str]:
+    """Run a command in a folder that prints a page's address under a name; yield it."""
+    command = [*PROGRAM, *words]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, cwd=folder) as process:
         try:
             assert process.stdout
-            addresses = (re.match(r"panel: (\S+)", line) for line in process.stdout)
+            addresses = (re.match(rf"{name}: (\S+)", line) for line in process.stdout)
             yield next(found[1] for found in addresses if found)
         finally:
             process.terminate()  # it ends the panel, too

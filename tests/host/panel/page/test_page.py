@@ -18,6 +18,7 @@ from nicegui import core, ui
 from nicegui.element import Element
 from nicegui.testing import User, UserInteraction, user_simulation
 
+from steptwin.host.client.plain_words import STOP_PRESSED
 from steptwin.host.panel.desk import (
     Activity,
     Enable,
@@ -38,6 +39,7 @@ from steptwin.host.panel.desk import (
     WriteSettings,
 )
 from steptwin.host.panel.page.hub import Hub
+from steptwin.host.panel.page.ticks import tick_of
 from steptwin.host.robots import load_robot, robot_names
 from tests.host.panel.page.scripted_desk import ScriptedDesk
 
@@ -208,6 +210,48 @@ def test_what_is_in_the_way_is_said_with_the_remedy(on_page: OnPage) -> None:
         desk.show(connected=True, why_not=None, emergency_stopped=False)
         await rig.look()
         assert not any(rig.shows(text) for text in ("Not connected", "Emergency stop", "Fault", "Not homed"))
+
+    on_page(body)
+
+
+def test_a_drive_that_cannot_be_switched_on_says_why(on_page: OnPage) -> None:
+    async def body(rig: Rig) -> None:
+        desk = rig.desk
+        desk.show_joints(hindrance=STOP_PRESSED, state="off")
+        await rig.look()
+        assert rig.shows("The drives cannot be switched on: the machine's emergency stop is pressed.")
+        assert rig.texts().count("off: the machine's emergency stop is pressed") == len(LAB.joints)
+        desk.show(emergency_stopped=True)
+        await rig.look()
+        assert rig.shows("Emergency stop: pull its button out at the machine, then reset.")
+        hot, *others = desk.now.joints
+        free = [replace(joint, hindrance=None) for joint in others]
+        desk.show(emergency_stopped=False, joints=(replace(hot, hindrance="its driver is too hot"), *free))
+        await rig.look()
+        assert rig.shows("The drives cannot be switched on: d1: its driver is too hot.")
+
+    on_page(body)
+
+
+def test_before_the_first_connection_the_page_looks_for_the_machine(on_page: OnPage) -> None:
+    async def body(rig: Rig) -> None:
+        rig.desk.show(connected=False, why_not="looking for the machine", joints=())
+        await rig.look()
+        assert "Not connected: looking for the machine." in rig.texts()
+
+    on_page(body)
+
+
+def test_a_joint_that_is_not_homed_has_no_position_and_may_be_told_where_it_stands(on_page: OnPage) -> None:
+    async def body(rig: Rig) -> None:
+        rig.desk.show_joints(homed=False)
+        await rig.look()
+        assert tick_of(rig.desk.now)["known"] == [False] * len(LAB.joints)
+        unknown = [element for element in rig.elements() if "unknown" in element.classes]
+        assert len(unknown) == len(LAB.joints)
+        rig.first("th3").set_value(30.0)
+        await rig.click("It stands there")
+        assert rig.asked[-1].joints == (LAB.home[0], LAB.home[1], 30.0, LAB.home[3])
 
     on_page(body)
 
