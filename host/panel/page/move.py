@@ -191,7 +191,8 @@ class ToolForm:
             mark.props('aria-hidden="true"')
             ui.label(branch.name).classes("joint-name")
             if reason is None:
-                parts = zip(robot.joints, branch.joints[0].tolist(), strict=True)
+                values = (branch.joints[0].round(2) + 0.0).tolist()  # -0.0 is written 0
+                parts = zip(robot.joints, values, strict=True)
                 ui.label("  ".join(f"{joint.name} {value:.2f}" for joint, value in parts)).classes("muted small")
             else:
                 ui.label(reason).classes("small")

@@ -74,8 +74,9 @@ def test_a_drive_that_cannot_be_enabled(
     slow = "; this computer was too slow: this program was held up for 574 ms"
     assert str(th1.fault()) == f"th1: pvt underrun (EMCY 0xFF01){slow}"
     assert th1.fault().plain == f"th1: the motion came too late{slow}"
-    with pytest.raises(DeviceFaultError, match="th1: cannot be enabled, the drive is in FAULT"):
+    with pytest.raises(DeviceFaultError, match="th1: cannot be enabled, the drive is in FAULT") as refused:
         th1.enable()
+    assert refused.value.plain == "th1 cannot be switched on: the motion came too late"
 
 
 def test_unknown_error_codes() -> None:

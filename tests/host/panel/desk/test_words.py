@@ -9,6 +9,7 @@ import pytest
 
 import steptwin.host.client
 from steptwin.host.client.plain_words import ERRORS, HINDRANCES, STATES, error_words, hindrance_words
+from steptwin.host.client.stopping import UNSURE, unsure
 from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.panel.desk.words import told
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode, State
@@ -76,6 +77,7 @@ def test_an_error_has_two_texts() -> None:
     error = BusError("th2: node 0x11 does not answer (No SDO response received)").plainly("th2 does not answer")
     assert (str(error), error.plain, told(error)) == (error.args[0], "th2 does not answer", "th2 does not answer")
     assert told(InputError("th2: 1 is outside 2..3")) == "th2: 1 is outside 2..3"
+    assert unsure(error).plain == f"th2 does not answer; {UNSURE}"
 
 
 @pytest.mark.parametrize(

@@ -77,16 +77,20 @@ class Browser:
         field.send_keys(Keys.CONTROL, "a")
         field.send_keys(text, Keys.TAB)
 
-    def findings(self, part: str | None = None) -> list[str]:
-        """Return what axe-core finds serious or critical in the page, or in a part of it by its selector."""
+    def findings(self, part: str | None = None, rule: str | None = None) -> list[str]:
+        """Return what axe-core finds serious or critical in the page, by all rules or by one.
+
+        With `part`, a selector, it looks only there.
+        """
         assert AXE is not None
         if not self.run("return Boolean(window.axe)"):
             self.run(AXE.read_text(encoding="utf-8"))
-        script = """const done = arguments[1];
-            axe.run(arguments[0] || document, { resultTypes: ["violations"] }).then((found) => done(found.violations
+        script = """const [part, rule, done] = arguments;
+            const options = { resultTypes: ["violations"], ...(rule && { runOnly: [rule] }) };
+            axe.run(part || document, options).then((found) => done(found.violations
                 .filter((each) => ["serious", "critical"].includes(each.impact))
                 .map((each) => `${each.id}: ${each.nodes.map((node) => node.html.slice(0, 150)).join(" | ")}`)));"""
-        return [str(finding) for finding in self.driver.execute_async_script(script, part)]
+        return [str(finding) for finding in self.driver.execute_async_script(script, part, rule)]
 
     def position(self, joint: int) -> float:
         """Return a joint's position, as the page shows it."""
