@@ -39,6 +39,7 @@ from steptwin.host.panel.desk.words import told
 from steptwin.host.planning.tool_step import ToolStep
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
+from steptwin.protocol.cia402 import Status
 
 C = TypeVar("C", bound=Command)
 
@@ -111,7 +112,9 @@ def _declare(doing: Doing, command: DeclareHere) -> str:
 def _step_joint(doing: Doing, command: StepJoint) -> str:
     percent = command.speed_percent
     moved = step_joint(doing.session, command.joint, command.distance, speed_percent=percent, progress=doing.progress)
-    return _moved(doing, moved)
+    if all(axis.read(od.STATUSWORD) & Status.POSITION_KNOWN for axis in doing.session.machine.axes):
+        return _moved(doing, moved)
+    return f"by {command.distance:+g} {doing.session.robot.joint(command.joint).unit}"
 
 
 def _step_tool(doing: Doing, command: StepTool) -> str:

@@ -1,6 +1,6 @@
 """The Move tab: go to joint positions, to a pose of the tool on a chosen branch, or to a saved position."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from math import isnan, nan
 from typing import Final
 
@@ -19,6 +19,7 @@ from steptwin.host.robots.kinematics.base import POSE_KEYS
 
 _KINDS: Final = {"joints": "Joints", "tool": "Tool pose", "saved": "Saved positions"}
 _NO_GOAL: Final = "a field has no number, or one outside its range"
+_UNKNOWN: Final = "where the joints are is unknown: home the machine first"
 _DECLARE: Final = "For joints without a switch: nothing moves, the machine takes these for its positions."
 _FAR_MM: Final = 1e5
 """Largest coordinate that a field takes; reach is checked by the kinematics."""
@@ -82,13 +83,13 @@ class JointsForm:
         self._known = known or (self._known and snapshot.homed)
 
     def fill(self) -> None:
-        """Show where the machine stands."""
+        """Show where the machine stands; nothing for a joint of which that is unknown."""
         joints = self._visitor.desk.snapshot.joints
         self._filled = bool(joints)
-        self._set({joint.name: round(joint.position, 3) for joint in joints})
+        self._set({joint.name: round(joint.position, 3) if joint.homed else None for joint in joints})
         self._scene.clear_shape("ghost")
 
-    def _set(self, positions: dict[str, float]) -> None:
+    def _set(self, positions: Mapping[str, float | None]) -> None:
         for name, position in positions.items():
             self._fields[name].set_value(position)
 
@@ -115,7 +116,7 @@ class JointsForm:
     def _move(self) -> None:
         goal = self._goal()
         if goal is None:
-            self._visitor.tell(_NO_GOAL)
+            self._visitor.tell(_NO_GOAL if self._visitor.desk.snapshot.homed else _UNKNOWN)
         elif self._visitor.ask(MoveJoints(joints=goal, speed_percent=self._percent())):
             self._scene.clear_shape("ghost")
 

@@ -18,6 +18,7 @@ TITLES: Final[dict[str, str]] = {
     "point_s": "time per point",
     "psi_deg": "tool's angle psi",
     "ramp_s": "time to speed up",
+    "repetitions": "cycles in one run",
     "rise_mm": "rise per turn",
     "travel_mm": "length of the pull",
     "x_mm": "centre x",

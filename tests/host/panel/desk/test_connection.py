@@ -4,11 +4,11 @@ import time
 from threading import Event
 
 from steptwin.controller.backend import Kernel
-from steptwin.host.panel.desk import Command, DeclareHere, Desk, Enable, RefusedError
+from steptwin.host.panel.desk import Command, DeclareHere, Desk, Enable, RefusedError, ResetFaults, StepJoint
 from steptwin.host.twin.served_board import ServedBoard
 from tests.emulator.live_rig import await_true
 from tests.end_to_end.served import in_real_time
-from tests.host.panel.desk.rig import ANN, HERE, ROBOT, connection
+from tests.host.panel.desk.rig import ANN, HERE, ROBOT, TH1, connection
 
 
 @in_real_time
@@ -42,6 +42,11 @@ def _lost_and_found(kernel: Kernel) -> None:
             await_true(lambda: all(joint.drive_state == "FAULT" for joint in desk.snapshot.joints), "held")
             assert desk.snapshot.emergency_stopped
             assert not desk.snapshot.homed
+            assert _refusal(desk, ResetFaults()) == ""
+            await_true(lambda: desk.snapshot.activity is None and not desk.snapshot.emergency_stopped, "reset")
+            assert _refusal(desk, StepJoint(TH1, 1.0)) == ""
+            told = f"step {TH1}: by +1 deg"  # not where the joint is, which nobody knows
+            await_true(lambda: any(event.text == told for event in desk.events.since()), "told")
     finally:
         desk.close()
 

@@ -167,7 +167,7 @@ def runs_through_a_reload(browser: Browser) -> None:
     if browser.shows("Fault:"):  # of an attempt before, on a computer that was too slow
         browser.click("Reset")
     browser.tab("Run")
-    browser.fill("repetitions", "6")
+    browser.fill("cycles in one run", "6")
     browser.click("Preview")
     browser.until(lambda: browser.shows("It keeps all limits"))
     browser.click("Run")

@@ -252,6 +252,13 @@ def test_a_joint_that_is_not_homed_has_no_position_and_may_be_told_where_it_stan
         rig.first("th3").set_value(30.0)
         await rig.click("It stands there")
         assert rig.asked[-1].joints == (LAB.home[0], LAB.home[1], 30.0, LAB.home[3])
+        await rig.click("Where it stands")
+        assert rig.first("th3").value is None
+        await rig.click("Move")
+        assert rig.shows("where the joints are is unknown: home the machine first")
+        await rig.click("It stands there")
+        assert rig.shows("a field has no number, or one outside its range")
+        assert len(rig.asked) == 1
 
     on_page(body)
 
