@@ -43,12 +43,18 @@ class Browser:
         """Run JavaScript in the page."""
         return self.driver.execute_script(script, *arguments)
 
-    def until(self, condition: Callable[[], bool], timeout_s: float = TIMEOUT_S) -> None:
-        """Wait until something is so; AssertionError with the page's text if it never is."""
+    def soon(self, condition: Callable[[], bool], timeout_s: float) -> bool:
+        """Wait until something is so; return False if it is not in time."""
         end_s = time.monotonic() + timeout_s
         while not condition():
-            assert time.monotonic() < end_s, self.run("return document.body.innerText")
+            if time.monotonic() > end_s:
+                return False
             time.sleep(0.05)
+        return True
+
+    def until(self, condition: Callable[[], bool], timeout_s: float = TIMEOUT_S) -> None:
+        """Wait until something is so; AssertionError with the page's text if it never is."""
+        assert self.soon(condition, timeout_s), self.run("return document.body.innerText")
 
     def shows(self, text: str) -> bool:
         """Return whether the page shows a text."""
