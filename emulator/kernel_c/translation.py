@@ -1,0 +1,121 @@
+"""The kernel as a C header and a C source file."""
+
+import ast
+from dataclasses import dataclass
+from functools import cache
+from typing import Final
+
+from steptwin.emulator.kernel_c.functions import Function, comment
+from steptwin.emulator.kernel_c.helpers import CALLS, HELPERS
+from steptwin.emulator.kernel_c.ranges import Range
+from steptwin.emulator.kernel_c.source import PUBLIC, RECORD_OF, Record, Source, kernel_source
+
+HEADER: Final = "steptwin_kernel.h"
+BODY: Final = "steptwin_kernel.c"
+
+_LIMITS: Final = """\
+Storage: `axes` is one st_axis for each axis, `queue` ST_QUEUE_DEPTH st_segment for each axis, `clk` and `direction`
+one row of edges for each axis, as long as the edges of a call. All begins as 0, except that last_rise_counts is
+ST_NEVER_COUNTS, microsteps and duration_ticks are 1 and the group's rate_to_q16 is ST_FULL_RATE_Q16.
+An edge is the low 32 bits of what the text says: at 72 MHz a CLK edge repeats after 59 s, a DIR edge after 29 s."""
+
+
+@dataclass(frozen=True, slots=True)
+class CSource:
+    """The texts of both files."""
+
+    header: str
+    body: str
+
+
+@cache
+def translate() -> CSource:
+    """Translate the kernel that is imported; raise TranslationError if it leaves the subset."""
+    source = kernel_source()
+    helpers: set[str] = set()
+    functions = {name: Function(source, node, helpers) for name, node in source.functions.items()}
+    bodies = {name: function.body() for name, function in functions.items()}
+    public = [functions[name] for name in source.functions if name in PUBLIC]
+    return CSource(_header(source, public), _body(functions, bodies, helpers))
+
+
+def _header(source: Source, public: list[Function]) -> str:
+    lines = [
+        *comment((ast.get_docstring(source.tree) or "") + "\n\n" + _LIMITS),
+        "#ifndef STEPTWIN_KERNEL_H",
+        "#define STEPTWIN_KERNEL_H",
+        "",
+        "#include <stdbool.h>",
+        "#include <stdint.h>",
+        "",
+        *_constants(source),
+    ]
+    for record in (source.records[name] for name in dict.fromkeys(RECORD_OF.values())):
+        lines += ["", *_structure(record)]
+    for function in public:
+        lines += ["", *function.result_structure] if function.result_structure else []
+    for function in public:
+        lines += ["", *function.documentation, f"{function.signature};"]
+    return "\n".join([*lines, "", "#endif", ""])
+
+
+def _constants(source: Source) -> list[str]:
+    lines = []
+    body = source.tree.body
+    for i, node in enumerate(body):
+        if not isinstance(node, ast.Assign) or not isinstance(node.targets[0], ast.Name):
+            continue
+        name = node.targets[0].id
+        if name not in source.constants:
+            continue
+        text = [source.comments[at][1] for at in _block_above(source, node.lineno)]
+        lines += ["", *comment("\n".join(text))] if text else []
+        value = source.constants[name]
+        digits = f"INT64_C({abs(value)})" if Range(value, value).bits == 64 else str(abs(value))
+        lines.append(f"#define ST_{name} {digits if value >= 0 else f'(-{digits})'}")
+        following = body[i + 1] if i + 1 < len(body) else None
+        if isinstance(following, ast.Expr) and isinstance(following.value, ast.Constant):
+            lines += comment(str(following.value.value))
+    return lines
+
+
+def _block_above(source: Source, line: int) -> list[int]:
+    first = line
+    while first - 1 in source.comments:
+        first -= 1
+    return list(range(first, line))
+
+
+def _structure(record: Record) -> list[str]:
+    members = [
+        f"    {member.storage} {member.name};{' ' * (36 - len(member.storage) - len(member.name))}/* {_span(member.range)} */"
+        for member in record.members
+    ]
+    return ["typedef struct {", *members, f"}} st_{record.name};"]
+
+
+def _span(known: Range) -> str:
+    if known.low == 0 and known.high < 1 << 17:
+        return f"0 .. {known.high}"
+    bits = known.high.bit_length()
+    return f"0 .. 2^{bits} - 1" if known.low == 0 else f"-2^{bits} .. 2^{bits} - 1"
+
+
+def _body(functions: dict[str, Function], bodies: dict[str, list[str]], helpers: set[str]) -> str:
+    needed = helpers | {CALLS[name] for name in helpers if name in CALLS}
+    lines = [
+        "/* The motion kernel; its text is translated from StepTwin's controller/kernel.py. See the header. */",
+        f'#include "{HEADER}"',
+        "",
+        "#include <stddef.h>",
+        "",
+        '_Static_assert((-1 >> 1) == -1 && (INT64_C(-1) >> 1) == -1, "shifts of negative numbers must keep the sign");',
+    ]
+    for record in kernel_source().records.values():
+        lines.append(f'_Static_assert(sizeof(st_{record.name}) == {record.size}, "layout of st_{record.name}");')
+    for name, text in HELPERS.items():
+        lines += ["", text.rstrip()] if name in needed else []
+    lines += ["", *(f"{functions[name].signature};" for name in functions if name not in PUBLIC)]
+    for name, function in functions.items():
+        lines += ["", *(function.documentation if name not in PUBLIC else []), function.signature, "{", *bodies[name], "}"]
+    return "\n".join([*lines, ""])
