@@ -2,8 +2,7 @@
 
 import ast
 from collections.abc import Iterator
-from functools import cached_property
-from textwrap import wrap
+from functools import cache, cached_property
 from typing import Final
 
 from steptwin.emulator.kernel_c.expressions import BOOL, Expressions, Scope, TranslationError, Value
@@ -26,6 +25,19 @@ def comment(text: str, indent: str = "") -> list[str]:
     return [f"{indent}/*", *body, f"{indent} */"]
 
 
+def wrapped(text: str) -> list[str]:
+    """Break a long list of parameters after its commas."""
+    parts = text.split(", ")
+    lines = [parts[0]]
+    for part in parts[1:]:
+        if len(lines[-1]) + len(part) + 2 > _WIDTH:
+            lines[-1] += ","
+            lines.append(part)
+        else:
+            lines[-1] += f", {part}"
+    return lines
+
+
 class Function:
     """One function of the kernel in C."""
 
@@ -43,7 +55,7 @@ class Function:
         parameters = ", ".join(self._parameter(argument) for argument in self._node.args.args)
         static = "" if self._node.name in PUBLIC else "static "
         text = f"{static}{self._returned}st_{self._node.name}({parameters})"
-        return "\n    ".join(wrap(text, _WIDTH, break_long_words=False, break_on_hyphens=False))
+        return "\n    ".join(wrapped(text))
 
     @property
     def documentation(self) -> list[str]:
@@ -268,7 +280,8 @@ class Function:
         yield f"{indent}}}"
 
 
-def written(source: Source, name: str) -> set[str]:
+@cache
+def written(source: Source, name: str) -> frozenset[str]:
     """Return the storage parameters that a function writes to, itself or through those that it calls."""
     function = source.functions[name]
     found = {
@@ -281,4 +294,4 @@ def written(source: Source, name: str) -> set[str]:
         if called:
             passed = zip(called.args.args, call.args, strict=True)
             found |= {ast.unparse(own) for parameter, own in passed if parameter.arg in written(source, called.name)}
-    return found
+    return frozenset(found)
