@@ -92,11 +92,16 @@ class CoreKernel:
         self, axes: Cells, queue: Cells, axis: int, displacement_units: int, end_velocity: int, duration_ticks: int
     ) -> int:
         """See the kernel."""
-        self._write(axes, queue)
+        self.core.write(_AXES, self._axis.packed(axes))
+        base = axis * k.AXIS_FIELDS
+        slot = int(axes[base + k.QUEUE_HEAD] + axes[base + k.QUEUE_COUNT]) % k.QUEUE_DEPTH
         arguments = (_AXES, QUEUE, axis, displacement_units, end_velocity, duration_ticks)
         answer = signed(self.core.call("push", arguments), 32)
-        self._read(axes)
-        self._segment.unpack(self.core.read(QUEUE, self._segment.size * _segments(queue)), queue)
+        if answer == k.ACCEPTED:
+            self._read(axes)
+            entry = axis * k.QUEUE_DEPTH + slot
+            cells = queue[entry * k.SEGMENT_FIELDS : (entry + 1) * k.SEGMENT_FIELDS]
+            self._segment.unpack(self.core.read(QUEUE + entry * self._segment.size, self._segment.size), cells)
         return answer
 
     def next_segment(self, axes: Cells, queue: Cells, axis: int) -> bool:
@@ -167,10 +172,6 @@ class CoreKernel:
                     low = np.frombuffer(self.core.read(row + 4 * old, 4 * (new - old)), np.uint32)
                     since = low - np.uint32(scale * start & 0xFFFF_FFFF)
                     rows[axis][old:new] = since.astype(np.int64) + scale * start
-
-
-def _segments(queue: Cells) -> int:
-    return len(queue) // k.SEGMENT_FIELDS
 
 
 def kernel_of(image: Image) -> Kernel:

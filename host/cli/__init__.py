@@ -8,4 +8,4 @@ __all__ = ["main"]
 
 for _names in COMMANDS.values():
     for _name in _names:
-        import_module(f"{__name__}.{_name}")  # adds the command
+        import_module(f"{__name__}.{_name.replace('-', '_')}")  # adds the command

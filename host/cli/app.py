@@ -31,7 +31,7 @@ COMMANDS: Final = {
         *("serve", "panel", "doctor", "status", "monitor", "home", "move", "jog", "positions"),
         *("pause", "resume", "stop", "estop", "reset", "outputs", "inject"),
     ),
-    "Files and tools": ("trace", "plot", "view", "animate", "eds", "dbc"),
+    "Files and tools": ("trace", "plot", "view", "animate", "eds", "dbc", "kernel-c"),
 }
 """Each command, under its group and in the order of `steptwin --help`. Each is a module of this package."""
 
@@ -50,7 +50,7 @@ def command(*examples: str, negatives: bool = False) -> Callable[[_Function], _F
     """
 
     def add(function: _Function) -> _Function:
-        name = function.__name__
+        name = function.__name__.replace("_", "-")
         EXAMPLES[name] = [f"steptwin {name} {words}".rstrip() for words in examples]
         register = app.command(
             cls=Command,

@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from steptwin.host.twin.kernels import Kernel
 
 
-_KernelName = Literal["auto", "python", "numba"]
-"""The forms of the firmware's kernel; both make the same edges."""
+_KernelName = Literal["auto", "python", "numba", "cortex-m3"]
+"""The forms of the firmware's kernel; all make the same edges."""
 
 
 @command("warehouse-scara drawer-pull --out out/drawer-pull", "teaching-scara carry --approach --connect 127.0.0.1")
@@ -85,7 +85,9 @@ def run(
     kernel: Annotated[
         _KernelName,
         typer.Option(
-            metavar="NAME", help="Form of the firmware's kernel: python, numba (compiled), or auto: the faster."
+            metavar="NAME",
+            help="Form of the firmware's kernel: python, numba (compiled), cortex-m3 (as C on an emulated core), or"
+            " auto: the fastest.",
         ),
     ] = "auto",
     inputs: Annotated[
@@ -217,14 +219,14 @@ def _only(words: list[str]) -> str:
 
 
 def _kernel(choice: _KernelName) -> "Kernel":
-    from steptwin.host.twin.kernels import KERNELS, fastest_kernel
+    from steptwin.host.twin.kernels import KernelMissingError, fastest_kernel, kernel_named
 
     if choice == "auto":
         return fastest_kernel()
     try:
-        return KERNELS[choice]()
-    except ModuleNotFoundError as error:
-        raise InputError("--kernel numba: numba is not installed (pip install 'steptwin[fast]')") from error
+        return kernel_named(choice)
+    except KernelMissingError as error:
+        raise InputError(f"--kernel {choice}: {error}") from error
 
 
 def _say_where(folder: Path, *, pictures: bool, to_stderr: bool) -> None:
