@@ -15,6 +15,8 @@ from rich.table import Table
 from steptwin.bench import cyclic, drawer_pull, driver, kernel, kinematics, live_tables, panel_tables, timing, waveforms
 from steptwin.bench.loads import AXES
 from steptwin.bench.pulses import scaling
+from steptwin.bench.pulses.cortex_m3 import COLUMNS as CORE_COLUMNS
+from steptwin.bench.pulses.cortex_m3 import core_rows
 from steptwin.bench.pulses.motions import all_motions
 from steptwin.bench.pulses.table import COLUMNS, measured, table_rows
 from steptwin.controller.backend import KERNELS, Kernel
@@ -34,7 +36,10 @@ def main() -> None:
     console.print(_kernel_table(kernels))
     console.print(_drawer_pull_table(kernels))
     console.print("Pulse timing: the kernel beside other methods, against the exact crossings of the planned motion")
-    print_table(list(COLUMNS), table_rows(measured(all_motions(), fastest)), text_columns=2)
+    figures, on_core = measured(all_motions(), fastest)
+    print_table(list(COLUMNS), table_rows(figures), text_columns=2)
+    console.print("The kernel on an emulated Cortex-M3, per axis and tick, in each motion's busiest 100 ms")
+    print_table(list(CORE_COLUMNS), core_rows(on_core), text_columns=1)
     for table in _scaling_tables(fastest):
         console.print(table)
     console.print(_timing_table(fastest))

@@ -1,7 +1,8 @@
-"""Estimate what each method would cost the board's Cortex-M3 at 72 MHz, from counted work; it is not measured.
+"""Meter what the firmware's kernel costs a Cortex-M3 at 72 MHz: its C, executed on an emulated core.
 
-Interrupt entry and exit take 12 cycles each (ARM, Cortex-M3 Technical Reference Manual), SMULL 3 to 5, a 32-bit
-division 2 to 12. The processor has neither a 64-bit division nor a floating-point unit, so that both are library calls.
+The instructions are counted; the cycles follow from a model of the core's timings (`emulator/cortex_m3/cycles.py`). Only
+the kernel is metered: the interrupt around it, CAN and the timers' work come on top. The other methods are not metered,
+since nobody has written them for this core in the same way.
 """
 
 from dataclasses import dataclass
@@ -9,74 +10,107 @@ from typing import Final
 
 import numpy as np
 
+from steptwin.bench.pulses.kernel import place_once
 from steptwin.bench.pulses.motions import PlannedMotion
-from steptwin.controller.motion import TICKS_PER_SECOND
-from steptwin.host.common.arrays import Int64Array
+from steptwin.controller import kernel as k
+from steptwin.controller.backend import Kernel
+from steptwin.emulator.kernel_c.source import kernel_source
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
-CYCLES_PER_SECOND: Final = 72_000_000
-WINDOW_COUNTS: Final = COUNTS_PER_SECOND // 100
-"""Length of the window whose load counts, 10 ms: a mean over a whole motion would hide an overload."""
-
-_INTERRUPT: Final = 24
-_COMPARE_EVENT: Final = 88
-"""Cycles of a timer event that toggles one pin: Klipper's benchmark steps three steppers in 264 cycles."""
-_SOFT_FLOAT: Final = 60
-"""Cycles of one 32-bit floating-point operation in software."""
+TICKS_A_CALL: Final = (1, 4)
+"""Ticks that a call of the kernel computes: one for every interrupt of the servo timer, or a millisecond at once."""
+_WINDOW_TICKS: Final = 400
+_BUSY_COUNTS: Final = COUNTS_PER_SECOND // 100
+COLUMNS: Final = (
+    "motion", "ticks a call", "instructions", "cycles low", "typical", "high", "mean %", "busiest 10 ms %", "worst %",
+    "stack",
+)  # fmt: skip
+"""Instructions and cycles per axis and tick; load of the processor by the typical cycles; stack in bytes."""
 
 
 @dataclass(frozen=True, slots=True)
-class Cycles:
-    """Cycles of each event of a method, and the frequency of its timer interrupt."""
+class CoreFigures:
+    """What the kernel costs on the core, in the busiest 100 ms of a motion."""
 
-    timer_hz: int
-    per_interrupt: int
-    """Cycles of one interrupt of that timer, without the axes."""
-    per_axis_and_interrupt: int
-    per_step: int
-    per_common_step: int
-    """Cycles for each step of the axis that steps most, in whose interrupt every axis is examined."""
-    per_axis_and_common_step: int
-    """Cycles for each axis in that interrupt."""
-    per_record: int
-    """Cycles for each axis, 100 times a second."""
-
-
-def _dda(base_hz: int) -> Cycles:
-    """Count the work of a DDA.
-
-    Per axis and period: load, add and store a 64-bit accumulator, compare, branch. Per step: set a pin, arm the timer
-    that clears it, take its interrupt. A record is interpolated ten times with ten operations each.
-    """
-    return Cycles(base_hz, _INTERRUPT, 20, 20 + _COMPARE_EVENT, 0, 0, 10 * 10 * _SOFT_FLOAT)
+    motion: str
+    ticks_a_call: int
+    instructions: float
+    """Per axis and tick, like the cycles."""
+    cycles_low: float
+    cycles_typical: float
+    cycles_high: float
+    mean_percent: float
+    busiest_percent: float
+    worst_percent: float
+    stack_bytes: int
+    text_bytes: int
+    ram_bytes: int
 
 
-CYCLES: Final = {
-    # Per axis and tick: three SMULL with rounding, one division of 64 by 32 bits, comparisons and stores; about 200
-    # instructions of 1.3 cycles. Per step: one compare match for the rise and one for the fall.
-    "kernel": Cycles(TICKS_PER_SECOND, _INTERRUPT, 260, 2 * _COMPARE_EVENT, 0, 0, 300),
-    "dda-20k": _dda(20_000),
-    "dda-40k": _dda(40_000),
-    "dda-100k": _dda(100_000),
-    # One interrupt for all axes and one that ends their pulses; per axis an addition and a comparison. Per record: two
-    # divisions.
-    "bresenham": Cycles(0, 0, 0, 10, _INTERRUPT + 40 + _COMPARE_EVENT, 20, 100),
-    # Per step: a timer event with the recurrence's division, and one that ends the pulse. Per record: two roots, five
-    # divisions and five products in floating point.
-    "austin": Cycles(0, 0, 0, _COMPARE_EVENT + 35 + _COMPARE_EVENT, 0, 0, 20 * _SOFT_FLOAT),
-}
-"""The cost of each method, by its key."""
+def core_figures(motion: PlannedMotion, fast: Kernel) -> list[CoreFigures]:
+    """Meter a motion for each number of ticks a call; return nothing if Unicorn, compiler or numba is missing."""
+    try:
+        from steptwin.emulator.cortex_m3.image import CompilerMissingError, kernel_image
+        from steptwin.emulator.cortex_m3.meter import metered_kernel
+    except ModuleNotFoundError:
+        return []
+    if fast.name != "numba":
+        return []
+    try:
+        image = kernel_image()
+    except CompilerMissingError:
+        return []
+    window = _busiest_window([axis.rise_counts for axis in place_once(fast, motion).axes])
+    found = []
+    for ticks_a_call in TICKS_A_CALL:
+        kernel, metered = metered_kernel(image, fast, window, ticks_a_call)
+        place_once(kernel, motion)
+        low, typical, high = (metered.per_axis_and_tick(end) for end in range(3))
+        found.append(
+            CoreFigures(
+                motion.name,
+                ticks_a_call,
+                metered.instructions_per_axis_and_tick,
+                low,
+                typical,
+                high,
+                metered.mean_percent,
+                metered.busiest_percent,
+                metered.worst_percent,
+                metered.stack_bytes,
+                image.text_bytes,
+                ram_bytes(motion.axes, ticks_a_call, metered.stack_bytes),
+            )
+        )
+    return found
 
 
-def load_percent(cycles: Cycles, motion: PlannedMotion, rises: list[Int64Array]) -> float:
-    """Return the processor load in the busiest 10 ms of a motion."""
-    end_counts = max([int(axis[-1]) for axis in rises if axis.size], default=0)
-    windows = np.arange(0, end_counts + 2 * WINDOW_COUNTS, WINDOW_COUNTS)
-    per_axis = np.array([np.histogram(axis, windows)[0] for axis in rises])
-    steps, common = per_axis.sum(axis=0), per_axis.max(axis=0)
-    stepping = steps * cycles.per_step + common * (
-        cycles.per_common_step + motion.axes * cycles.per_axis_and_common_step
-    )
-    ticking = cycles.timer_hz / 100 * (cycles.per_interrupt + motion.axes * cycles.per_axis_and_interrupt)
-    busiest = stepping.max() + ticking + motion.axes * cycles.per_record
-    return float(busiest * 100 / CYCLES_PER_SECOND * 100)
+def ram_bytes(axes: int, ticks_a_call: int, stack_bytes: int) -> int:
+    """Return the RAM of the kernel: axes and their copy, queues, group, rows of edges at 15 kHz, and its stack."""
+    size = {name: record.size for name, record in kernel_source().records.items()}
+    clk_edges = 8 * ticks_a_call + 4
+    rows = axes * (4 * (clk_edges + 2) + 2 * 4)  # the edges, and a pointer to each row
+    return axes * (2 * size["axis"] + k.QUEUE_DEPTH * size["segment"]) + size["group"] + 2 * rows + stack_bytes
+
+
+def core_rows(figures: list[CoreFigures]) -> list[list[str]]:
+    """Return the figures as texts, one row each, in the order of COLUMNS."""
+    return [
+        [
+            row.motion,
+            str(row.ticks_a_call),
+            *(f"{value:.0f}" for value in (row.instructions, row.cycles_low, row.cycles_typical, row.cycles_high)),
+            *(f"{value:.1f}" for value in (row.mean_percent, row.busiest_percent, row.worst_percent)),
+            str(row.stack_bytes),
+        ]
+        for row in figures
+    ]
+
+
+def _busiest_window(rises: list[np.ndarray[tuple[int, ...], np.dtype[np.int64]]]) -> range:
+    """Return 100 ms around the 10 ms in which all axes together step most, in ticks."""
+    every = np.sort(np.concatenate(rises))
+    within = np.searchsorted(every, every + _BUSY_COUNTS) - np.arange(len(every))
+    middle = int(every[int(within.argmax())] + _BUSY_COUNTS // 2) // k.TICK_COUNTS
+    first = max(middle - _WINDOW_TICKS // 2, 0)
+    return range(first, first + _WINDOW_TICKS)

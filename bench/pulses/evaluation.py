@@ -10,10 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from steptwin.bench.pulses.cortex_m3 import CYCLES, load_percent
 from steptwin.bench.pulses.motions import PlannedMotion
 from steptwin.bench.pulses.pairing import Pairing, pair
-from steptwin.bench.pulses.pulses import AxisPulses, Method, Placed
+from steptwin.bench.pulses.pulses import AxisPulses, Method
 from steptwin.bench.pulses.violations import violations
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.verify.matching import SLOW_CROSSING
@@ -44,7 +43,8 @@ class Figures:
     jitter_us_rms: float | None
     violations: int
     steps_per_s: float
-    cortex_m3_percent: float
+    cortex_m3_percent: float | None
+    """Load of the board's processor in the busiest 10 ms, metered; None if it was not."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,8 +68,10 @@ def ideal_of(motion: PlannedMotion) -> tuple[IdealSteps, ...]:
     return ideal_steps(motion.trajectory, motion.steps_per_unit, motion.start_steps)
 
 
-def figures_of(motion: PlannedMotion, ideal: tuple[IdealSteps, ...], method: Method) -> Figures:
-    """Let a method place a motion and measure the result."""
+def figures_of(
+    motion: PlannedMotion, ideal: tuple[IdealSteps, ...], method: Method, cortex_m3_percent: float | None = None
+) -> Figures:
+    """Let a method place a motion and measure the result; its load of the board's processor is metered elsewhere."""
     placed = method.place(motion)
     errors = [step_errors(motion, axis, ideal[axis], pulses) for axis, pulses in enumerate(placed.axes)]
     steps = np.concatenate([axis.steps for axis in errors])
@@ -89,7 +91,7 @@ def figures_of(motion: PlannedMotion, ideal: tuple[IdealSteps, ...], method: Met
         _rms(np.concatenate([axis.jitter_us for axis in errors])),
         sum(violations(*axis, motion.board) for axis in zip(placed.axes, motion.microsteps.tolist(), strict=True)),
         len(steps) / placed.wall_s,
-        _load(motion, placed, method),
+        cortex_m3_percent,
     )
 
 
@@ -122,7 +124,3 @@ def _positions(motion: PlannedMotion, axis: int, t_s: FloatArray) -> FloatArray:
 
 def _rms(values: FloatArray) -> float | None:
     return float(np.sqrt(np.mean(values**2))) if values.size else None
-
-
-def _load(motion: PlannedMotion, placed: Placed, method: Method) -> float:
-    return load_percent(CYCLES[method.key], motion, [axis.rise_counts for axis in placed.axes])

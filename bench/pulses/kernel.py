@@ -20,11 +20,12 @@ REPEATS = 3
 
 def kernel_method(kernel: Kernel, motion: PlannedMotion) -> Placed:
     """Place a motion, fed 60 points ahead; only `Motion.advance` is timed, not feeding and draining."""
-    once = [_once(kernel, motion) for _ in range(REPEATS + 1)]
+    once = [place_once(kernel, motion) for _ in range(REPEATS + 1)]
     return Placed(once[0].axes, min(placed.wall_s for placed in once))
 
 
-def _once(kernel: Kernel, planned: PlannedMotion) -> Placed:
+def place_once(kernel: Kernel, planned: PlannedMotion) -> Placed:
+    """Place a motion and time it once."""
     motion = Motion(kernel, planned.axes)
     for axis, start_units in enumerate(planned.points_units[:, 0].tolist()):
         motion.configure(axis, _timing(planned.board, int(planned.microsteps[axis])))

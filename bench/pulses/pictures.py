@@ -138,7 +138,7 @@ def main(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     kernel = fastest_kernel()
     pictures: dict[str, Callable[[], Figure]] = {
-        "bench-timing": lambda: timing_errors(measured(all_motions(), kernel)),
+        "bench-timing": lambda: timing_errors(measured(all_motions(), kernel)[0]),
         "bench-edges": lambda: close_up(stress(), kernel),
         "bench-growth": lambda: growth(kernel),
     }

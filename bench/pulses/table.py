@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Any
 
+from steptwin.bench.pulses.cortex_m3 import CoreFigures, core_figures
 from steptwin.bench.pulses.evaluation import Figures, figures_of, ideal_of
 from steptwin.bench.pulses.methods import methods
 from steptwin.bench.pulses.motions import PlannedMotion
@@ -16,27 +17,32 @@ COLUMNS = (
     "M steps/s", "M3 %",
 )  # fmt: skip
 """Steps made, missing and extra; position error in steps; timing error; rms jitter of intervals at constant speed;
-driver limits broken; steps placed per second on this machine; estimated load of the board's processor."""
+driver limits broken; steps placed per second on this machine; load of the board's processor in the busiest 10 ms, metered on
+an emulated core."""
 
 
-def measured(motions: Iterable[PlannedMotion], kernel: Kernel) -> list[Figures]:
-    """Measure every method on every motion."""
-    found = []
+def measured(motions: Iterable[PlannedMotion], kernel: Kernel) -> tuple[list[Figures], list[CoreFigures]]:
+    """Measure every method on every motion, and the kernel on an emulated Cortex-M3 where that can be done."""
+    found: list[Figures] = []
+    on_core: list[CoreFigures] = []
     for motion in motions:
         ideal = ideal_of(motion)
-        found += [figures_of(motion, ideal, method) for method in methods(kernel)]
-    return found
+        metered = core_figures(motion, kernel)
+        loads = {"kernel": metered[0].busiest_percent} if metered else {}
+        found += [figures_of(motion, ideal, method, loads.get(method.key)) for method in methods(kernel)]
+        on_core += metered
+    return found, on_core
 
 
-def document(figures: list[Figures], kernel: Kernel) -> dict[str, Any]:
-    """Return the document of `steptwin bench --json`: a row of `Figures` for each method and motion."""
+def document(figures: list[Figures], on_core: list[CoreFigures], kernel: Kernel) -> dict[str, Any]:
+    """Return the document of `steptwin bench --json`: a row of `Figures` for each method and motion, and `CoreFigures`."""
     machine = {
         "processor": platform.processor() or platform.machine(),
         "cores": os.cpu_count(),
         "python": platform.python_version(),
         "kernel": kernel.name,
     }
-    return {"machine": machine, "rows": [asdict(row) for row in figures]}
+    return {"machine": machine, "rows": [asdict(row) for row in figures], "cortex_m3": [asdict(row) for row in on_core]}
 
 
 def table_rows(figures: list[Figures]) -> list[list[str]]:
@@ -51,7 +57,7 @@ def table_rows(figures: list[Figures]) -> list[list[str]]:
             *(_us(value) for value in (row.timing_us_p50, row.timing_us_p99, row.timing_us_max, row.jitter_us_rms)),
             str(row.violations),
             f"{row.steps_per_s / 1e6:.1f}",
-            f"{row.cortex_m3_percent:.1f}",
+            "-" if row.cortex_m3_percent is None else f"{row.cortex_m3_percent:.1f}",
         ]
         for row in figures
     ]

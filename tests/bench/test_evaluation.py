@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from steptwin.bench.pulses.cortex_m3 import Cycles, load_percent
 from steptwin.bench.pulses.evaluation import StepErrors, figures_of, ideal_of, step_errors
 from steptwin.bench.pulses.pairing import pair
 from steptwin.bench.pulses.pulses import AxisPulses, Method, Placed
@@ -104,10 +103,3 @@ def test_violations_are_those_of_drivers_as_the_robots_file_sets_them(
     pulse = AxisPulses(np.array([72_000]), np.array([84_000]), np.array([0, 91_200]), np.array([1, 0], np.int8))
     blue = replace(BOARD, osc_pf=None, driver_profile="slow-blue-board", active_edge=active_edge)
     assert violations(pulse, 16, blue) == broken
-
-
-def test_the_load_by_hand() -> None:
-    """Busiest 10 ms: 10 steps of a single axis. 100 interrupts of 20 + 1 cycles, 10 steps of 30 + 5 + 2, a record."""
-    cycles = Cycles(10_000, 20, 1, per_step=30, per_common_step=5, per_axis_and_common_step=2, per_record=100)
-    expected = (100 * 21 + 10 * 37 + 100) / 720_000 * 100
-    assert load_percent(cycles, LINE, [EXACT_COUNTS]) == pytest.approx(expected)

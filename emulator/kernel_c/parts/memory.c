@@ -1,5 +1,5 @@
-/* memcpy for firmware without a C library: gcc calls it to copy the axes. Whole blocks go as four words at once, which
-   a Cortex-M3 loads and stores with one instruction each. Compile with -fno-strict-aliasing if it is inlined elsewhere. */
+/* memcpy for firmware without a C library: gcc calls it to copy the axes. Blocks of four words go first, each with one
+   load and one store on a Cortex-M3; then what is left, byte by byte. */
 #include <stddef.h>
 #include <stdint.h>
 
@@ -14,14 +14,19 @@ void *memcpy(void *restrict target, const void *restrict source, size_t size)
     unsigned char *to = target;
     const unsigned char *from = source;
     if ((((uintptr_t)to | (uintptr_t)from) & 3U) == 0U) {
-        for (; size >= 2U * sizeof(block); size -= 2U * sizeof(block)) {
-            block *const blocks = (block *)(void *)to;
-            const block *const sources = (const block *)(const void *)from;
-            blocks[0] = sources[0];
-            blocks[1] = sources[1];
-            to += 2U * sizeof(block);
-            from += 2U * sizeof(block);
+        block *blocks = (block *)(void *)to;
+        const block *sources = (const block *)(const void *)from;
+        for (; size >= 4U * sizeof(block); size -= 4U * sizeof(block)) {
+            *blocks++ = *sources++;
+            *blocks++ = *sources++;
+            *blocks++ = *sources++;
+            *blocks++ = *sources++;
         }
+        for (; size >= sizeof(block); size -= sizeof(block)) {
+            *blocks++ = *sources++;
+        }
+        to = (unsigned char *)blocks;
+        from = (const unsigned char *)sources;
     }
     for (; size > 0U; size--) {
         *to++ = *from++;
