@@ -1,0 +1,79 @@
+"""The kernel in C: silent compilers, no undefined behaviour, and the arithmetic that C lacks."""
+
+import ctypes
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from steptwin.emulator.cortex_m3.image import WARNINGS
+from steptwin.emulator.kernel_c.folder import kernel_files
+from steptwin.emulator.kernel_c.helpers import HELPERS
+from steptwin.host.cli.app import run
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder that `steptwin kernel-c` writes."""
+    made = tmp_path_factory.mktemp("kernel")
+    assert run(["kernel-c", str(made / "c")]) == 0
+    return made / "c"
+
+
+def compiled(compiler: str, folder: Path, *arguments: str) -> None:
+    """Compile without a warning, or skip where the compiler is missing."""
+    if shutil.which(compiler) is None:
+        pytest.skip(f"{compiler} is not installed")
+    done = subprocess.run([compiler, *WARNINGS, *arguments], cwd=folder, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+def test_compilers_are_silent_and_undefined_behaviour_is_absent(folder: Path, compiler: str) -> None:
+    """The example runs under the sanitizer, which ends it at the first undefined operation."""
+    compiled(compiler, folder, "-O1", "-fsanitize=undefined", "-fno-sanitize-recover=all", "main.c", "steptwin_kernel.c", "-o", compiler)
+    done = subprocess.run([folder / compiler], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    edges = [line.split()[0] for line in done.stdout.splitlines()]
+    assert (edges.count("CLK"), edges.count("DIR")) == (2 * 100 * 16, 2)
+
+
+def test_the_files_say_what_the_kernel_says(folder: Path) -> None:
+    assert {path.name for path in folder.iterdir()} >= set(kernel_files())
+    header = (folder / "steptwin_kernel.h").read_text()
+    body = (folder / "steptwin_kernel.c").read_text()
+    assert "The sixteenth" in header or "the sixteenth prevents chatter" in header
+    assert "Queue the cubic from the tail of the queue" in header  # a docstring of the interface
+    assert "/* One call for each direction: the compiler inlines a version for each" in body  # a comment
+    assert "| `st_axis` | 112 |" in (folder / "README.md").read_text()
+    assert "{" not in (folder / "README.md").read_text()
+
+
+class TestDivision:
+    @pytest.fixture(scope="class")
+    def library(self, tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
+        """Return the helpers as a library of this machine."""
+        made = tmp_path_factory.mktemp("division")
+        text = "#include <stdint.h>\n" + (HELPERS["st_divide"] + HELPERS["st_floor_divide"]).replace("static ", "")
+        declared = "uint64_t st_divide(uint64_t, uint32_t);\nint64_t st_floor_divide(int64_t, uint32_t);\n"
+        (made / "division.c").write_text(text.replace("\n", f"\n{declared}", 1))
+        compiled("gcc", made, "-O2", "-shared", "-fPIC", "division.c", "-o", "division.so")
+        library = ctypes.CDLL(str(made / "division.so"))
+        library.st_divide.argtypes, library.st_divide.restype = [ctypes.c_uint64, ctypes.c_uint32], ctypes.c_uint64
+        library.st_floor_divide.argtypes = [ctypes.c_int64, ctypes.c_uint32]
+        library.st_floor_divide.restype = ctypes.c_int64
+        return library
+
+    NUMERATORS = st.one_of(st.integers(0, (1 << 64) - 1), st.sampled_from([0, (1 << 32) - 1, 1 << 32, 18_000 << 32]))
+    DIVISORS = st.one_of(
+        st.integers(1, (1 << 32) - 1), st.integers(1, 1 << 21), st.sampled_from([(1 << 20) - 1, 1 << 20, (1 << 32) - 1])
+    )
+
+    @given(numerator=NUMERATORS, divisor=DIVISORS)
+    def test_against_python(self, library: ctypes.CDLL, numerator: int, divisor: int) -> None:
+        assert library.st_divide(numerator, divisor) == numerator // divisor
+        negative = -(numerator >> 2)
+        assert library.st_floor_divide(negative, divisor) == negative // divisor
