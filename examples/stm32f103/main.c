@@ -13,7 +13,8 @@
 enum {
     EDGES = 12,        /* of one axis in one tick: 15 kHz make 8, and a step at either end */
     LEAD_COUNTS = 720, /* the interrupt comes 10 us before its tick */
-    STARTUP_TRIES = 100000
+    STARTUP_TRIES = 100000,
+    EXCHANGE_TRIES = 8 /* looks at all channels: more than 10 us together */
 };
 
 /* A CLK output: its timer, the channel's index, the index of its DMA channel, and the pin of DIR on port A or B. */
@@ -207,7 +208,7 @@ static uint32_t busy(uint32_t axis)
 static void exchange(void)
 {
     uint32_t left = (1U << AXES) - 1U;
-    for (uint32_t tries = 0; left != 0U && tries < STARTUP_TRIES; tries++) {
+    for (uint32_t tries = 0; left != 0U && tries < EXCHANGE_TRIES; tries++) {
         for (uint32_t axis = 0; axis < AXES; axis++) {
             if ((left & (1U << axis)) != 0U && busy(axis) == 0U) {
                 hand_out(axis);
