@@ -48,7 +48,11 @@ class Listing:
             found = _LINE.match(line)
             if found:
                 size = len(found[2].replace(" ", "")) // 2
-                self._instructions[int(found[1], 16)] = (size, found[3].removesuffix(".w").removesuffix(".n"), found[4] or "")
+                self._instructions[int(found[1], 16)] = (
+                    size,
+                    found[3].removesuffix(".w").removesuffix(".n"),
+                    found[4] or "",
+                )
 
     def block(self, address: int, size: int) -> Block:
         """Return the block of this length at an address; raise KeyError if there is no code."""

@@ -15,7 +15,16 @@ from steptwin.emulator.kernel_c.translation import BODY, HEADER, CSource, transl
 COMPILER: Final = "arm-none-eabi-gcc"
 PACKAGE: Final = "gcc-arm-none-eabi"
 """The Debian package of the compiler."""
-WARNINGS: Final = ("-std=c11", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wsign-conversion", "-Wshadow", "-Werror")
+WARNINGS: Final = (
+    "-std=c11",
+    "-pedantic",
+    "-Wall",
+    "-Wextra",
+    "-Wconversion",
+    "-Wsign-conversion",
+    "-Wshadow",
+    "-Werror",
+)
 """The translation and everything beside it compile without one of these warnings."""
 CORE_OPTIONS: Final = ("-mcpu=cortex-m3", "-mthumb", "-O2", "-ffreestanding", "-ffunction-sections", "-fno-common")
 FLASH: Final = 0x0800_0000

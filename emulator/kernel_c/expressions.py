@@ -128,7 +128,9 @@ class Expressions:
                 factor = Range(1 << b.low, 1 << b.low)
                 if a.low >= 0:
                     return self._arithmetic("<<", left, right, corners(a, factor), promise)
-                return self._arithmetic("*", left, self._constant(ast.Constant(factor.low)), corners(a, factor), promise)
+                return self._arithmetic(
+                    "*", left, self._constant(ast.Constant(factor.low)), corners(a, factor), promise
+                )
             case ast.RShift() if b.low == b.high:
                 shifted = Range(a.low >> b.low, a.high >> b.low)
                 return Value(f"{left.operand} >> {right.operand}", shifted, left.type)
@@ -157,7 +159,9 @@ class Expressions:
         a, b = left.range, right.range
         if b.low < 0 or b.high >= 1 << 31:
             raise self.error(node, "a divisor must be positive and fit 31 bits")
-        least = max(b.low, 1)  # 0 is excluded by the kernel: no axis has a segment of no duration or a chord of length 0
+        least = max(
+            b.low, 1
+        )  # 0 is excluded by the kernel: no axis has a segment of no duration or a chord of length 0
         quotient = Range(min(a.low // least, a.low // b.high), max(a.high // least, a.high // b.high))
         if b.low == b.high and b.low & (b.low - 1) == 0:
             return Value(f"{left.operand} >> {b.low.bit_length() - 1}", quotient, left.type)

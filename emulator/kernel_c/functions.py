@@ -68,7 +68,12 @@ class Function:
         if not isinstance(self._node.returns, ast.Subscript):
             return []
         members = [f"    {self._type(width)} {name};" for name, width in self._results()]
-        return [f"/* What st_{self._node.name} returns. */", "typedef struct {", *members, f"}} st_{self._node.name}_result;"]
+        return [
+            f"/* What st_{self._node.name} returns. */",
+            "typedef struct {",
+            *members,
+            f"}} st_{self._node.name}_result;",
+        ]
 
     def _results(self) -> list[tuple[str, str]]:
         assert isinstance(self._node.returns, ast.Subscript)
@@ -170,7 +175,9 @@ class Function:
 
     @staticmethod
     def _assigned(statement: ast.stmt) -> set[str]:
-        return {part.id for part in ast.walk(statement) if isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store)}
+        return {
+            part.id for part in ast.walk(statement) if isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store)
+        }
 
     def _comments_before(self, line: int, indent: str) -> Iterator[str]:
         lines = [self._source.comments[at][1] for at in range(self._commented + 1, line) if at in self._source.comments]
@@ -230,9 +237,7 @@ class Function:
         found = self._expressions.value(value, promise)
         if promise is None and name not in self._booleans:
             self._inferred[name] = found.range.union(self._inferred.get(name, found.range))
-            self._scope.variables.setdefault(
-                name, Value(name, found.range, f"int{found.range.bits}_t", simple=True)
-            )
+            self._scope.variables.setdefault(name, Value(name, found.range, f"int{found.range.bits}_t", simple=True))
         kind = self._variable_type(name)
         declared = "" if name in self._declared else f"{kind} "
         self._declared.add(name)

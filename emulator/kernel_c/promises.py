@@ -53,7 +53,9 @@ class _CheckingLoader(SourceFileLoader):
     def get_code(self, fullname: str) -> CodeType:
         """Compile the source instead of taking the compiled file, which has no checks."""
         del fullname
-        return compile(ast.fix_missing_locations(_Checks().visit(ast.parse(PATH.read_text(encoding="utf-8")))), self.path, "exec")
+        return compile(
+            ast.fix_missing_locations(_Checks().visit(ast.parse(PATH.read_text(encoding="utf-8")))), self.path, "exec"
+        )
 
 
 class _Checks(ast.NodeTransformer):
@@ -69,7 +71,7 @@ class _Checks(ast.NodeTransformer):
         }
         self._returned: list[str | None] = []
 
-    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.FunctionDef:  # noqa: N802 - the name that ast calls
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.FunctionDef:
         widths = [(arg.arg, width_of(arg.annotation)) for arg in node.args.args]
         widths += [
             (part.target.id, width_of(part.annotation))
@@ -88,21 +90,21 @@ class _Checks(ast.NodeTransformer):
         node.body[:0] = checks
         return node
 
-    def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.AnnAssign:  # noqa: N802
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.AnnAssign:
         if node.value and self._widths:
             node.value = self._checked(node.target, node.value)
         return node
 
-    def visit_Assign(self, node: ast.Assign) -> ast.Assign:  # noqa: N802
+    def visit_Assign(self, node: ast.Assign) -> ast.Assign:
         if len(node.targets) == 1:
             node.value = self._checked(node.targets[0], node.value)
         return node
 
-    def visit_AugAssign(self, node: ast.AugAssign) -> list[ast.stmt]:  # noqa: N802
+    def visit_AugAssign(self, node: ast.AugAssign) -> list[ast.stmt]:
         read: Any = ast.parse(ast.unparse(node.target), mode="eval").body
         return [node, ast.Expr(self._checked(node.target, read))]
 
-    def visit_Return(self, node: ast.Return) -> ast.Return:  # noqa: N802
+    def visit_Return(self, node: ast.Return) -> ast.Return:
         if isinstance(node.value, ast.Tuple):
             parts = zip(node.value.elts, self._returned, strict=True)
             node.value.elts = [_check(part, width, "returned") if width else part for part, width in parts]

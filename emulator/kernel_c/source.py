@@ -14,7 +14,11 @@ from steptwin.emulator.kernel_c.ranges import Range, promised
 PATH: Final = Path(kernel.__file__)
 PUBLIC: Final = ("push", "next_segment", "advance_axis", "advance", "demand_rate", "group_time_q16")
 """The functions of the C interface; all others are static."""
-_RECORDS: Final = {"AXIS_FIELDS": ("axis", ""), "GROUP_FIELDS": ("group", ""), "SEGMENT_FIELDS": ("segment", "SEGMENT_")}
+_RECORDS: Final = {
+    "AXIS_FIELDS": ("axis", ""),
+    "GROUP_FIELDS": ("group", ""),
+    "SEGMENT_FIELDS": ("segment", "SEGMENT_"),
+}
 """What ends each list of fields: the record's name in C, and the prefix that its fields lose there."""
 RECORD_OF: Final = {"Axes": "axis", "Queue": "segment", "Group": "group"}
 """The record that each kind of storage consists of."""
@@ -95,7 +99,11 @@ def _records(tree: ast.Module) -> dict[str, Record]:
     records: dict[str, Record] = {}
     collected: list[tuple[str, str]] = []
     for node in tree.body:
-        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name) and (width := width_of(node.annotation)):
+        if (
+            isinstance(node, ast.AnnAssign)
+            and isinstance(node.target, ast.Name)
+            and (width := width_of(node.annotation))
+        ):
             collected.append((node.target.id, width))
         elif isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
             found = _RECORDS.get(node.targets[0].id)

@@ -117,5 +117,12 @@ def _body(functions: dict[str, Function], bodies: dict[str, list[str]], helpers:
         lines += ["", text.rstrip()] if name in needed else []
     lines += ["", *(f"{functions[name].signature};" for name in functions if name not in PUBLIC)]
     for name, function in functions.items():
-        lines += ["", *(function.documentation if name not in PUBLIC else []), function.signature, "{", *bodies[name], "}"]
+        lines += [
+            "",
+            *(function.documentation if name not in PUBLIC else []),
+            function.signature,
+            "{",
+            *bodies[name],
+            "}",
+        ]
     return "\n".join([*lines, ""])

@@ -55,10 +55,16 @@ def test_motions_of_the_benchmark(name: str, motions: dict[str, PlannedMotion], 
     [
         pytest.param("(int64_t)c * s) + half) >> 30", "(int64_t)c * s) - half) >> 30", id="rounding"),
         pytest.param("s_remainder >= n", "s_remainder > n", id="remainder"),
-        pytest.param("(counter_q16 - q) >= ST_THRESHOLD_Q16", "(counter_q16 - q) > ST_THRESHOLD_Q16 + 1", id="threshold"),
+        pytest.param(
+            "(counter_q16 - q) >= ST_THRESHOLD_Q16", "(counter_q16 - q) > ST_THRESHOLD_Q16 + 1", id="threshold"
+        ),
         pytest.param("rise = st_max_64(due, earliest)", "rise = due", id="waiting"),
         pytest.param("ST_DURATION_MAX_MS * ST_TICKS_PER_MS", "ST_DURATION_MAX_MS * ST_TICKS_PER_MS + 1", id="refusal"),
-        pytest.param("return -(int64_t)st_divide((uint64_t)-numerator + (divisor - 1U)", "return -(int64_t)st_divide((uint64_t)-numerator + (divisor - divisor)", id="floor"),
+        pytest.param(
+            "return -(int64_t)st_divide((uint64_t)-numerator + (divisor - 1U)",
+            "return -(int64_t)st_divide((uint64_t)-numerator + (divisor - divisor)",
+            id="floor",
+        ),
     ],
 )
 def test_a_wrong_kernel_is_caught(right: str, wrong: str, fast_kernel: Kernel) -> None:
@@ -113,7 +119,13 @@ class TestCosts:
 
     def test_cycles_by_hand(self) -> None:
         """Two loads in a row, a division, a long product, a list of registers."""
-        lines = ["ldr\tr0, [r1]", "ldr.w\tr2, [r1, #4]", "udiv\tr0, r0, r2", "smull\tr0, r1, r2, r3", "pop\t{r4-r7, pc}"]
+        lines = [
+            "ldr\tr0, [r1]",
+            "ldr.w\tr2, [r1, #4]",
+            "udiv\tr0, r0, r2",
+            "smull\tr0, r1, r2, r3",
+            "pop\t{r4-r7, pc}",
+        ]
         text = "\n".join(f" {0x100 + 4 * i:x}:\t{'f000 0000'} \t{line}" for i, line in enumerate(lines))
         block = Listing(text).block(0x100, 20)
         assert (block.instructions, block.end) == (5, 0x114)
