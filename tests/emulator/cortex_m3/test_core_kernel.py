@@ -56,7 +56,7 @@ def test_motions_of_the_benchmark(name: str, motions: dict[str, PlannedMotion], 
         pytest.param("(int64_t)c * s) + half) >> 30", "(int64_t)c * s) - half) >> 30", id="rounding"),
         pytest.param("s_remainder >= n", "s_remainder > n", id="remainder"),
         pytest.param(
-            "(counter_q16 - q) >= ST_THRESHOLD_Q16", "(counter_q16 - q) > ST_THRESHOLD_Q16 + 1", id="threshold"
+            "(counter_q16 - q) >= ST_THRESHOLD_Q16", "(counter_q16 - q) >= ST_THRESHOLD_Q16 + 4096", id="threshold"
         ),
         pytest.param("rise = st_max_64(due, earliest)", "rise = due", id="waiting"),
         pytest.param("ST_DURATION_MAX_MS * ST_TICKS_PER_MS", "ST_DURATION_MAX_MS * ST_TICKS_PER_MS + 1", id="refusal"),
