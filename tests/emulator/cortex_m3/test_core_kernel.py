@@ -97,36 +97,38 @@ def test_a_call_longer_than_the_edges_of_32_bits(fast_kernel: Kernel) -> None:
     assert found[0] == found[1]
 
 
-class TestCosts:
-    @pytest.fixture(scope="class")
-    def stress(self, motions: dict[str, PlannedMotion], fast_kernel: Kernel) -> list[CoreFigures]:
-        """Return the figures of seven axes at 14 kHz, for one tick a call and four."""
-        if fast_kernel.name != "numba":
-            pytest.skip("the extra `fast` (numba) is not installed")
-        return core_figures(motions["seven axes, 14 kHz"], fast_kernel)
+@pytest.fixture(scope="module")
+def stress(motions: dict[str, PlannedMotion], fast_kernel: Kernel) -> list[CoreFigures]:
+    """Return the figures of seven axes at 14 kHz, for one tick a call and four."""
+    if fast_kernel.name != "numba":
+        pytest.skip("the extra `fast` (numba) is not installed")
+    return core_figures(motions["seven axes, 14 kHz"], fast_kernel)
 
-    def test_seven_axes_fit_the_core(self, stress: list[CoreFigures]) -> None:
-        """In the busiest 100 ms; cycles follow from counted instructions, so every machine finds the same."""
-        single, four = stress
-        assert single.cycles_typical <= 920
-        assert four.cycles_typical <= 530
-        assert max(single.worst_percent, four.worst_percent) <= 40
-        assert single.cycles_low < single.cycles_typical < single.cycles_high
 
-    def test_code_and_memory_fit(self, stress: list[CoreFigures]) -> None:
-        assert kernel_image().text_bytes <= 5_000
-        assert ram_bytes(7, 4, stress[1].stack_bytes) <= 18_500
+def test_seven_axes_fit_the_core(stress: list[CoreFigures]) -> None:
+    """In the busiest 100 ms; cycles follow from counted instructions, so every machine finds the same."""
+    single, four = stress
+    assert single.cycles_typical <= 920
+    assert four.cycles_typical <= 530
+    assert max(single.worst_percent, four.worst_percent) <= 40
+    assert single.cycles_low < single.cycles_typical < single.cycles_high
 
-    def test_cycles_by_hand(self) -> None:
-        """Two loads in a row, a division, a long product, a list of registers."""
-        lines = [
-            "ldr\tr0, [r1]",
-            "ldr.w\tr2, [r1, #4]",
-            "udiv\tr0, r0, r2",
-            "smull\tr0, r1, r2, r3",
-            "pop\t{r4-r7, pc}",
-        ]
-        text = "\n".join(f" {0x100 + 4 * i:x}:\t{'f000 0000'} \t{line}" for i, line in enumerate(lines))
-        block = Listing(text).block(0x100, 20)
-        assert (block.instructions, block.end) == (5, 0x114)
-        assert block.cycles == (1 + 1 + 2 + 3 + 6, 2 + 1 + 7 + 4 + 6, 2 + 2 + 12 + 5 + 6)
+
+def test_code_and_memory_fit(stress: list[CoreFigures]) -> None:
+    assert kernel_image().text_bytes <= 5_000
+    assert ram_bytes(7, 4, stress[1].stack_bytes) <= 18_500
+
+
+def test_cycles_by_hand() -> None:
+    """Two loads in a row, a division, a long product, a list of registers."""
+    lines = [
+        "ldr\tr0, [r1]",
+        "ldr.w\tr2, [r1, #4]",
+        "udiv\tr0, r0, r2",
+        "smull\tr0, r1, r2, r3",
+        "pop\t{r4-r7, pc}",
+    ]
+    text = "\n".join(f" {0x100 + 4 * i:x}:\t{'f000 0000'} \t{line}" for i, line in enumerate(lines))
+    block = Listing(text).block(0x100, 20)
+    assert (block.instructions, block.end) == (5, 0x114)
+    assert block.cycles == (1 + 1 + 2 + 3 + 6, 2 + 1 + 7 + 4 + 6, 2 + 2 + 12 + 5 + 6)
