@@ -89,8 +89,9 @@ def ram_bytes(axes: int, ticks_a_call: int, stack_bytes: int) -> int:
     """Return the RAM of the kernel: axes and their copy, queues, group, rows of edges at 15 kHz, and its stack."""
     size = {name: record.size for name, record in kernel_source().records.items()}
     clk_edges = 8 * ticks_a_call + 4
-    rows = axes * (4 * (clk_edges + 2) + 2 * 4)  # the edges, and a pointer to each row
-    return axes * (2 * size["axis"] + k.QUEUE_DEPTH * size["segment"]) + size["group"] + 2 * rows + stack_bytes
+    direction_edges = ticks_a_call  # a tick turns an axis once at most
+    rows = axes * (4 * (clk_edges + direction_edges) + 2 * 4)  # the edges, and pointers to both rows
+    return axes * (2 * size["axis"] + k.QUEUE_DEPTH * size["segment"]) + size["group"] + rows + stack_bytes
 
 
 def core_rows(figures: list[CoreFigures]) -> list[list[str]]:

@@ -82,8 +82,8 @@ def test_a_cell_beyond_its_width_is_refused_and_not_cut() -> None:
         rig.advance(1)
 
 
-def test_a_call_longer_than_the_edges_of_32_bits(fast_kernel: Kernel) -> None:
-    """40 s in one call: CLK edges repeat after 59 s, DIR edges after 29 s."""
+def test_a_call_longer_than_the_core_is_given_at_once(fast_kernel: Kernel) -> None:
+    """15 s in one call, which is run in two parts."""
     found = []
     for kernel in (cortex_m3_kernel(), fast_kernel):
         rig = KernelRig(kernel)
