@@ -448,18 +448,17 @@ def advance_axis(
             ticks = 1
             if rate_q16 == 0 and tick >= group[RAMP_TICK] + group[RAMP_TICKS]:
                 return until_tick  # the group has halted
-        if left_q16 == 0:  # the call before stopped at the segment's end, for a late step
-            ticks = 0
-        elif left_q16 < rate_q16:
+        if left_q16 < rate_q16:
             if next_segment(axes, queue, axis):
                 axes[base + ELAPSED_Q16] = -left_q16  # it begins within the tick
             else:
                 rate_q16 = left_q16  # to the segment's very end
         tick = run_ticks(axes, clk, direction, base, tick, min(tick + ticks, until_tick), rate_q16)
-        if axes[base + EVENT] != EVENT_NONE:
-            return tick
         if axes[base + ELAPSED_Q16] == axes[base + DURATION_TICKS] << 16 and not next_segment(axes, queue, axis):
-            axes[base + EVENT] = EVENT_FINISHED if axes[base + END_VELOCITY] == 0 else EVENT_UNDERRUN
+            if axes[base + EVENT] == EVENT_NONE:  # a late step is told first: the firmware stops for it anyway
+                axes[base + EVENT] = EVENT_FINISHED if axes[base + END_VELOCITY] == 0 else EVENT_UNDERRUN
+            return tick
+        if axes[base + EVENT] != EVENT_NONE:
             return tick
     return until_tick
 
@@ -479,9 +478,10 @@ def advance(
     """Run all axes from `tick` to `until_tick`, or to the first tick at which one of them needs attention.
 
     The group's ramp must not begin after `tick`. `before` is as long as `axes` and is overwritten. Return the tick
-    reached and the number of axes that need attention there; their EVENT tells why.
+    reached, which is after `tick`, and the number of axes that need attention there; their EVENT tells why.
     """
-    before[:] = axes
+    if until_tick - tick > 1:  # within one tick no axis can run too far
+        before[:] = axes
     reached: I44 = until_tick
     for axis in range(axis_count):
         reached = advance_axis(axes, queue, group, clk[axis], direction[axis], axis, tick, reached)

@@ -169,6 +169,22 @@ class TestPulseTiming:
         assert rig.get(k.EVENT) == k.EVENT_LATE_STEP
         assert rig.rises()[1] - rig.rises()[0] == timing.dirhold
 
+    @pytest.mark.parametrize("successor", [False, True])
+    def test_a_step_late_at_a_segments_very_end_does_not_stop_time(self, kernel: Kernel, *, successor: bool) -> None:
+        """The reversal of the test above in a segment of one tick: called again, the kernel goes on from there."""
+        timing = Timing(steplen=288, stepspace=288, dirsetup=0, dirhold=28_800)
+        rig = KernelRig(kernel, microsteps=1, timing=timing, rate_limit_q16_per_ms=1000 * k.STEP_Q16)
+        rig.push(9216, 0, 1)
+        rig.push_ticks(-400_000, 0, 1)
+        if successor:
+            rig.push(0, 0, 2)
+        rig.start()
+        assert (rig.advance(8), rig.get(k.EVENT)) == (5, k.EVENT_LATE_STEP)
+        assert rig.get(k.RUNNING) == successor
+        rig.set(k.EVENT, k.EVENT_NONE)
+        assert (rig.advance(8), rig.asking) == (13, int(successor))
+        assert rig.get(k.EVENT) == (k.EVENT_FINISHED if successor else k.EVENT_NONE)
+
     def test_dir_never_changes_in_the_count_of_a_rise(self, kernel: Kernel) -> None:
         """Without dirhold, a step up at the end of a tick and one down in the next: the driver must count both."""
         timing = Timing(steplen=2160, stepspace=2640, dirsetup=0, dirhold=0)

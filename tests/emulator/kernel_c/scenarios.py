@@ -31,6 +31,8 @@ class Scenario:
     in_group: tuple[int, ...]
     first_tick: int
     inverted: int
+    stops_late: bool
+    """Whether an axis whose step is late is stopped, as the board does, or goes on."""
     phases: tuple[Phase, ...]
 
 
@@ -45,7 +47,8 @@ def scenario(seed: int) -> Scenario:
     phases = tuple(_phase(draw, axes, microsteps, rate >> 16, extreme=extreme) for _ in range(draw.randint(1, 3)))
     in_group = tuple(draw.randint(0, 1) for _ in range(axes))
     first_tick = draw.choice((0, 0, draw.randint(0, 1 << 40)))
-    return Scenario(axes, microsteps, timing, rate, in_group, first_tick, draw.randint(0, 1), phases)
+    inverted, stops_late = draw.randint(0, 1), extreme or draw.random() < 0.5
+    return Scenario(axes, microsteps, timing, rate, in_group, first_tick, inverted, stops_late, phases)
 
 
 def _phase(draw: Random, axes: int, microsteps: int, steps_per_ms: int, *, extreme: bool) -> Phase:
@@ -84,22 +87,23 @@ def play(kernel: Kernel, told: Scenario, ticks_a_call: int) -> tuple[object, ...
                 rig.set(k.IN_GROUP, told.in_group[axis], axis)
         if phase.ramp:
             rig.ramp(*phase.ramp)
-        answers.append(_run(rig, rig.tick + phase.ticks, ticks_a_call))
+        answers.append(_run(rig, rig.tick + phase.ticks, ticks_a_call, stops_late=told.stops_late))
         answers += [kernel.demand_rate(rig.axes, axis) for axis in range(told.axes)]
     return (*answers, rig.snapshot())
 
 
-def _run(rig: KernelRig, until_tick: int, ticks_a_call: int) -> list[tuple[int, int, int]]:
-    """Advance and return each event with its tick and axis; an axis whose step is late is stopped, as the board does."""
+def _run(rig: KernelRig, until_tick: int, ticks_a_call: int, *, stops_late: bool) -> list[tuple[int, int, int]]:
+    """Advance and return each event with its tick and axis."""
     events = []
     while rig.tick < until_tick:
-        rig.advance(min(ticks_a_call, until_tick - rig.tick))
+        before = rig.tick
+        assert rig.advance(min(ticks_a_call, until_tick - rig.tick)) > before
         for axis in range(rig.count):
             event = rig.get(k.EVENT, axis)
             if event != k.EVENT_NONE:
                 events.append((rig.tick, axis, event))
                 rig.set(k.EVENT, k.EVENT_NONE, axis)
-            if event == k.EVENT_LATE_STEP:
+            if event == k.EVENT_LATE_STEP and stops_late:
                 for field in (k.RUNNING, k.QUEUE_COUNT, k.TAIL_VELOCITY):
                     rig.set(field, 0, axis)
                 rig.set(k.TAIL_Q16, rig.get(k.POSITION_Q16, axis), axis)
