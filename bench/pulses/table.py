@@ -17,8 +17,8 @@ COLUMNS = (
     "M steps/s", "M3 %",
 )  # fmt: skip
 """Steps made, missing and extra; position error in steps; timing error; rms jitter of intervals at constant speed;
-driver limits broken; steps placed per second on this machine; load of the board's processor in the busiest 10 ms, metered on
-an emulated core."""
+driver limits broken; steps placed per second on this machine; load of the board's processor in the busiest 10 ms,
+metered on an emulated core."""
 
 
 def measured(motions: Iterable[PlannedMotion], kernel: Kernel) -> tuple[list[Figures], list[CoreFigures]]:
@@ -35,7 +35,7 @@ def measured(motions: Iterable[PlannedMotion], kernel: Kernel) -> tuple[list[Fig
 
 
 def document(figures: list[Figures], on_core: list[CoreFigures], kernel: Kernel) -> dict[str, Any]:
-    """Return the document of `steptwin bench --json`: a row of `Figures` for each method and motion, and `CoreFigures`."""
+    """Return the document of `steptwin bench --json`: `Figures` of each method and motion, and `CoreFigures`."""
     machine = {
         "processor": platform.processor() or platform.machine(),
         "cores": os.cpu_count(),

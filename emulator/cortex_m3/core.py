@@ -1,4 +1,4 @@
-"""An emulated Cortex-M3 that calls functions of an image: registers, stack and memory as ARM's procedure calls have it."""
+"""An emulated Cortex-M3 that calls functions of an image, by the procedure call standard of ARM (AAPCS32)."""
 
 from collections.abc import Sequence
 from typing import Final

@@ -1,4 +1,4 @@
-"""Compile the kernel for a Cortex-M3 and link it as an image that a core can execute, with the system's cross compiler."""
+"""Compile the kernel for a Cortex-M3 with the system's cross compiler, as an image that a core can execute."""
 
 import shutil
 import subprocess
@@ -55,7 +55,7 @@ class Image:
 
 
 def build(source: CSource | None = None) -> Image:
-    """Compile and link; raise CompilerMissingError without the compiler, CalledProcessError if it refuses the source."""
+    """Compile and link; raise CompilerMissingError without the compiler, CalledProcessError for wrong source."""
     if shutil.which(COMPILER) is None:
         raise CompilerMissingError(f"{COMPILER} is not installed (apt-get install {PACKAGE})")
     source = source or translate()

@@ -15,9 +15,9 @@ from steptwin.controller import kernel as k
 from steptwin.controller.backend import Kernel
 from steptwin.emulator.cortex_m3.core import EDGES, RAM, ROW_BYTES, ROWS, Core, signed, words64
 from steptwin.emulator.cortex_m3.image import Image, kernel_image
-from steptwin.emulator.kernel_c.source import Record, kernel_source
+from steptwin.emulator.cortex_m3.layout import Cells, Layout, whole_edges
+from steptwin.emulator.kernel_c.source import kernel_source
 
-Cells = NDArray[np.int64]
 AXES_MAX: Final = ROWS // 2
 TICKS_A_CALL: Final = 1 << 15
 """Longest time that a call covers: edges are 32 bits on the core, and must be told apart afterwards."""
@@ -29,52 +29,6 @@ _RESULT: Final = RAM + 0x840
 _CLK_ROWS: Final = RAM + 0x880
 _DIRECTION_ROWS: Final = RAM + 0x8C0
 QUEUE: Final = RAM + 0x1000
-
-
-class Layout:
-    """Converts the cells of one kind of storage to C structures and back."""
-
-    def __init__(self, record: Record) -> None:
-        members = record.members
-        self._name = record.name
-        self._columns = [(member.name, member.index) for member in members]
-        self._fields = len(members)
-        self._members = {member.index: member for member in members}
-        self._low = np.array([self._members[i].range.low for i in range(self._fields)])
-        self._high = np.array([self._members[i].range.high for i in range(self._fields)])
-        self.type = np.dtype(
-            {
-                "names": [member.name for member in members],
-                "formats": [member.storage.removesuffix("_t") for member in members],
-                "offsets": [member.offset for member in members],
-                "itemsize": record.size,
-            }
-        )
-
-    def packed(self, cells: Cells) -> bytes:
-        """Return the structures; raise OverflowError if a cell breaks its promise."""
-        table = np.asarray(cells, dtype=np.int64).reshape(-1, self._fields)
-        broken = (table < self._low) | (table > self._high)
-        if broken.any():
-            row, index = (int(place[0]) for place in np.nonzero(broken))
-            member = self._members[index]
-            raise OverflowError(f"{self._name} {row}: {member.name} is {table[row, index]}, beyond {member.range}")
-        structures = np.zeros(len(table), self.type)
-        for name, index in self._columns:
-            structures[name] = table[:, index]
-        return structures.tobytes()
-
-    def unpack(self, data: bytes, cells: Cells) -> None:
-        """Write the cells of structures."""
-        table = np.asarray(cells).reshape(-1, self._fields)
-        structures = np.frombuffer(data, self.type)
-        for name, index in self._columns:
-            table[:, index] = structures[name]
-
-    @property
-    def size(self) -> int:
-        """Bytes of one structure."""
-        return self.type.itemsize
 
 
 class CoreKernel:
@@ -161,17 +115,15 @@ class CoreKernel:
     def _read_edges(
         self, before: Cells, axes: Cells, clk: NDArray[np.int64], direction: NDArray[np.int64], tick: int
     ) -> None:
-        """Fetch the new edges; no edge of a call is before its first tick, which tells the edges' high bits."""
-        start = tick * k.TICK_COUNTS
+        """Fetch the new edges."""
         for axis in range(len(axes) // k.AXIS_FIELDS):
             for rows, first, field, scale in ((clk, 0, k.CLK_EDGES, 1), (direction, AXES_MAX, k.DIR_EDGES, 2)):
                 cell = axis * k.AXIS_FIELDS + field
                 old, new = int(before[cell]), int(axes[cell])
                 if new > old:
                     row = EDGES + (first + axis) * ROW_BYTES
-                    low = np.frombuffer(self.core.read(row + 4 * old, 4 * (new - old)), np.uint32)
-                    since = low - np.uint32(scale * start & 0xFFFF_FFFF)
-                    rows[axis][old:new] = since.astype(np.int64) + scale * start
+                    words = np.frombuffer(self.core.read(row + 4 * old, 4 * (new - old)), np.uint32)
+                    rows[axis][old:new] = whole_edges(words, scale * tick * k.TICK_COUNTS)
 
 
 def kernel_of(image: Image) -> Kernel:

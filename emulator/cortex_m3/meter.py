@@ -4,15 +4,19 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
+import numpy as np
 from unicorn import UC_HOOK_BLOCK
 
 from steptwin.controller import kernel as k
 from steptwin.controller.backend import Kernel
 from steptwin.emulator.cortex_m3.core import STACK_TOP, Core
-from steptwin.emulator.cortex_m3.cycles import REFILL, Block, Ends, Listing
+from steptwin.emulator.cortex_m3.cycles import REFILL, WAIT_STATES, Block, Ends, Listing
 from steptwin.emulator.cortex_m3.image import Image
 from steptwin.emulator.cortex_m3.kernel import CoreKernel
+from steptwin.emulator.cortex_m3.layout import Cells
 
+EDGES_A_TICK: Final = 64
+"""Room for the edges of one pin: 15 kHz make 8."""
 _PAINT: Final = b"\xa5"
 _STACK_BYTES: Final = 0x800
 
@@ -31,6 +35,7 @@ class Counter:
     def reset(self) -> None:
         """Begin at 0 again."""
         self.instructions = 0
+        self.flash_waits = 0
         self._low = self._typical = self._high = 0
         self._end = 0
 
@@ -46,7 +51,9 @@ class Counter:
         low, typical, high = block.cycles
         if self._end not in (0, address):  # the block before ended in a jump that was taken
             low, typical, high = low + REFILL[0], typical + REFILL[1], high + REFILL[2]
+            self.flash_waits += WAIT_STATES
         self.instructions += block.instructions
+        self.flash_waits += block.flash_waits
         self._low += low
         self._typical += typical
         self._high += high
@@ -62,13 +69,24 @@ class Counter:
         return len(stack.lstrip(_PAINT))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Storage:
+    """What the kernel works on, at the start of a tick."""
+
+    axes: Cells
+    queue: Cells
+    group: Cells
+    axis_count: int
+
+
 @dataclass(slots=True)
 class Metered:
-    """What was measured of `st_advance` in a window of ticks."""
+    """What was measured of `st_advance`."""
 
-    axes: int = 0
-    ticks_a_call: int = 1
+    axes: int
+    ticks_a_call: int
     instructions: int = 0
+    flash_waits: int = 0
     calls: list[Ends] = field(default_factory=list)
     """Cycles of each call."""
     stack_bytes: int = 0
@@ -88,6 +106,11 @@ class Metered:
         return self.instructions / (self.ticks * self.axes)
 
     @property
+    def flash_waits_per_axis_and_tick(self) -> float:
+        """Mean number of cycles in which the core waits for an STM32F103's flash."""
+        return self.flash_waits / (self.ticks * self.axes)
+
+    @property
     def mean_percent(self) -> float:
         """Typical load of a processor of 72 MHz over the window."""
         return 100 * sum(call[1] for call in self.calls) / (self.ticks * k.TICK_COUNTS)
@@ -105,37 +128,47 @@ class Metered:
         return 100 * max(call[1] for call in self.calls) / (self.ticks_a_call * k.TICK_COUNTS)
 
 
-def metered_kernel(image: Image, fast: Kernel, window: range, ticks_a_call: int) -> tuple[Kernel, Metered]:
-    """Return a kernel that runs the ticks of a window on a metered core and all others in another form of the kernel.
-
-    Both forms work on the same arrays of int64, so `fast` is the compiled one. The figures fill while the kernel runs.
-    """
-    core_kernel = CoreKernel(image)
-    counter = Counter(core_kernel.core)
-    counter.paint_stack()
-    metered = Metered(ticks_a_call=ticks_a_call)
+def stopping_at(fast: Kernel, tick: int, seen: Callable[[Storage], None]) -> Kernel:
+    """Return the kernel `fast`, on int64 arrays, that ends a call at a tick and shows a copy of its storage there."""
 
     def advance(*arguments: Any) -> tuple[int, int]:
-        *storage, axis_count, tick, until_tick = arguments
-        metered.axes = axis_count
-        reached, asking = tick, 0
-        while reached < until_tick and not asking:
-            inside = reached in window
-            end = min(until_tick, reached + ticks_a_call) if inside else _stop(reached, until_tick, window)
-            before = reached
-            counter.reset()
-            run: Callable[..., tuple[int, int]] = core_kernel.advance if inside else fast.advance
-            reached, asking = run(*storage, axis_count, reached, end)
-            if inside and reached - before == ticks_a_call:
-                metered.calls.append(counter.cycles)
-                metered.instructions += counter.instructions
-                metered.stack_bytes = counter.stack_bytes()
-            if reached < end:
-                break
-        return reached, asking
+        axes, _, queue, group, _, _, axis_count, from_tick, until_tick = arguments
+        if from_tick == tick:
+            seen(Storage(axes.copy(), queue.copy(), group.copy(), axis_count))
+        return fast.advance(*arguments[:-1], tick if from_tick < tick < until_tick else until_tick)
 
-    return replace(fast, name="cortex-m3", advance=advance), metered
+    return replace(fast, advance=advance)
 
 
-def _stop(tick: int, until_tick: int, window: range) -> int:
-    return min(until_tick, window.start) if tick < window.start else until_tick
+def meter(image: Image, start: Storage, window: range, ticks_a_call: int, *, halting: bool) -> Metered:
+    """Meter the kernel in a window of ticks, or up to the first event, beginning with this storage.
+
+    With `halting`, all axes ramp down to a halt in the first half of the window and up to full rate in the second.
+    """
+    kernel = CoreKernel(image)
+    counter = Counter(kernel.core)
+    counter.paint_stack()
+    axes, queue, group = (cells.copy() for cells in (start.axes, start.queue, start.group))
+    before = np.zeros_like(axes)
+    clk, direction = (np.zeros((start.axis_count, EDGES_A_TICK * ticks_a_call), np.int64) for _ in range(2))
+    metered = Metered(start.axis_count, ticks_a_call)
+    half = len(window) // 2
+    ramps = {window.start: (k.FULL_RATE_Q16, 0), window.start + half: (0, k.FULL_RATE_Q16)} if halting else {}
+    for tick in window[::ticks_a_call]:
+        if tick in ramps:
+            group[:] = (*ramps[tick], tick, half)
+            axes[k.IN_GROUP :: k.AXIS_FIELDS] = 1
+        for field_of_edges in (k.CLK_EDGES, k.DIR_EDGES):
+            axes[field_of_edges :: k.AXIS_FIELDS] = 0
+        counter.reset()
+        end = tick + ticks_a_call
+        reached, asking = kernel.advance(axes, before, queue, group, clk, direction, start.axis_count, tick, end)
+        if reached < end:
+            break
+        metered.calls.append(counter.cycles)
+        metered.instructions += counter.instructions
+        metered.flash_waits += counter.flash_waits
+        if asking:
+            break
+    metered.stack_bytes = counter.stack_bytes()
+    return metered

@@ -70,6 +70,17 @@ class Expressions:
             ast.Subscript: self._cell,
             ast.Call: self._call,
         }
+        self._by_operator: dict[type[ast.operator], Callable[[Value, Value, Range | None], Value | None]] = {
+            ast.Add: self._sum,
+            ast.Sub: self._difference,
+            ast.Mult: self._product,
+            ast.LShift: self._left_shift,
+            ast.RShift: self._right_shift,
+            ast.BitAnd: self._and,
+            ast.BitXor: self._exclusive_or,
+            ast.FloorDiv: self._quotient,
+            ast.Mod: self._remainder,
+        }
 
     def value(self, node: ast.expr, promise: Range | None = None) -> Value:
         """Translate an expression; a promise about its value bounds the outermost operation."""
@@ -115,35 +126,57 @@ class Expressions:
     def _binary(self, node: ast.BinOp, promise: Range | None = None) -> Value:
         if isinstance(node.op, ast.Mult) and isinstance(node.right, ast.Name) and node.right.id.endswith("_FIELDS"):
             return self.value(node.left)  # the index of a record, not of its first cell
-        left, right = self.value(node.left), self.value(node.right)
+        combine = self._by_operator.get(type(node.op))
+        found = combine(self.value(node.left), self.value(node.right), promise) if combine else None
+        if found is None:
+            raise self.error(node, f"{ast.unparse(node)} is not translated for these ranges")
+        return found
+
+    def _sum(self, left: Value, right: Value, promise: Range | None) -> Value:
         a, b = left.range, right.range
-        match node.op:
-            case ast.Add():
-                return self._arithmetic("+", left, right, Range(a.low + b.low, a.high + b.high), promise)
-            case ast.Sub():
-                return self._arithmetic("-", left, right, Range(a.low - b.high, a.high - b.low), promise)
-            case ast.Mult():
-                return self._arithmetic("*", left, right, corners(a, b), promise)
-            case ast.LShift() if b.low == b.high:
-                factor = Range(1 << b.low, 1 << b.low)
-                if a.low >= 0:
-                    return self._arithmetic("<<", left, right, corners(a, factor), promise)
-                return self._arithmetic(
-                    "*", left, self._constant(ast.Constant(factor.low)), corners(a, factor), promise
-                )
-            case ast.RShift() if b.low == b.high:
-                shifted = Range(a.low >> b.low, a.high >> b.low)
-                return Value(f"{left.operand} >> {right.operand}", shifted, left.type)
-            case ast.BitAnd() if min(a.low, b.low) >= 0 or b.low >= 0:
-                return self._arithmetic("&", left, right, Range(0, min(b.high, a.high if a.low >= 0 else b.high)), None)
-            case ast.BitXor() if min(a.low, b.low) >= 0:
-                bits = max(a.high, b.high).bit_length()
-                return self._arithmetic("^", left, right, Range(0, (1 << bits) - 1), None)
-            case ast.FloorDiv():
-                return self._quotient(node, left, right)
-            case ast.Mod() if a.low >= 0 and a.bits == 32 and b.bits == 32:
-                return Value(f"{left.operand} % {right.operand}", Range(0, b.high - 1), "int32_t")
-        raise self.error(node, f"{ast.unparse(node)} is not translated for these ranges")
+        return self._arithmetic("+", left, right, Range(a.low + b.low, a.high + b.high), promise)
+
+    def _difference(self, left: Value, right: Value, promise: Range | None) -> Value:
+        a, b = left.range, right.range
+        return self._arithmetic("-", left, right, Range(a.low - b.high, a.high - b.low), promise)
+
+    def _product(self, left: Value, right: Value, promise: Range | None) -> Value:
+        return self._arithmetic("*", left, right, corners(left.range, right.range), promise)
+
+    def _left_shift(self, left: Value, right: Value, promise: Range | None) -> Value | None:
+        if right.range.low != right.range.high:
+            return None
+        factor = 1 << right.range.low
+        result = corners(left.range, Range(factor, factor))
+        if left.range.low >= 0:
+            return self._arithmetic("<<", left, right, result, promise)
+        return self._arithmetic("*", left, self._constant(ast.Constant(factor)), result, promise)
+
+    @staticmethod
+    def _right_shift(left: Value, right: Value, _promise: Range | None) -> Value | None:
+        if right.range.low != right.range.high:
+            return None
+        shifted = Range(left.range.low >> right.range.low, left.range.high >> right.range.low)
+        return Value(f"{left.operand} >> {right.operand}", shifted, left.type)
+
+    def _and(self, left: Value, right: Value, _promise: Range | None) -> Value | None:
+        """Translate `&` with a mask that is never negative."""
+        a, mask = left.range, right.range
+        if mask.low < 0:
+            return None
+        return self._arithmetic("&", left, right, Range(0, min(mask.high, a.high) if a.low >= 0 else mask.high), None)
+
+    def _exclusive_or(self, left: Value, right: Value, _promise: Range | None) -> Value | None:
+        if min(left.range.low, right.range.low) < 0:
+            return None
+        bits = max(left.range.high, right.range.high).bit_length()
+        return self._arithmetic("^", left, right, Range(0, (1 << bits) - 1), None)
+
+    @staticmethod
+    def _remainder(left: Value, right: Value, _promise: Range | None) -> Value | None:
+        if left.range.low < 0 or right.range.low < 0 or not left.range.bits == right.range.bits == 32:
+            return None
+        return Value(f"{left.operand} % {right.operand}", Range(0, right.range.high - 1), "int32_t")
 
     @staticmethod
     def _arithmetic(sign: str, left: Value, right: Value, result: Range, promise: Range | None) -> Value:
@@ -155,13 +188,12 @@ class Expressions:
             first = f"(int64_t){left.operand}"
         return Value(f"{first} {sign} {right.operand}", result, "int64_t" if wide else "int32_t")
 
-    def _quotient(self, node: ast.BinOp, left: Value, right: Value) -> Value:
+    def _quotient(self, left: Value, right: Value, _promise: Range | None) -> Value:
         a, b = left.range, right.range
         if b.low < 0 or b.high >= 1 << 31:
-            raise self.error(node, "a divisor must be positive and fit 31 bits")
-        least = max(
-            b.low, 1
-        )  # 0 is excluded by the kernel: no axis has a segment of no duration or a chord of length 0
+            raise OverflowError("the divisor may be negative or beyond 31 bits")
+        # 0 is excluded by the kernel: no axis has a segment of no duration or a chord of length 0.
+        least = max(b.low, 1)
         quotient = Range(min(a.low // least, a.low // b.high), max(a.high // least, a.high // b.high))
         if b.low == b.high and b.low & (b.low - 1) == 0:
             return Value(f"{left.operand} >> {b.low.bit_length() - 1}", quotient, left.type)

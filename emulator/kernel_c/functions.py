@@ -196,9 +196,8 @@ class Function:
             case ast.Assign(targets=[ast.Name(id=name)], value=value):
                 yield from self._assign(name, value, indent)
             case ast.Assign(targets=[ast.Subscript(slice=ast.Slice()) as target], value=ast.Name(id=copied)):
-                yield f"{indent}for (int32_t i = 0; i < {COUNT}; i++) {{"
-                yield f"{indent}    {ast.unparse(target.value)}[i] = {copied}[i];"
-                yield f"{indent}}}"
+                bytes_copied = f"(size_t){COUNT} * sizeof({copied}[0])"
+                yield f"{indent}(void)memcpy({ast.unparse(target.value)}, {copied}, {bytes_copied});"
             case ast.Assign(targets=[ast.Subscript() as target], value=value):
                 yield self._store(target, value, indent)
             case ast.AugAssign(target=ast.Name(id=name)):

@@ -7,7 +7,8 @@ _ABS: Final = "static inline {type} {name}({type} x)\n{{\n    return x < 0 ? -x 
 
 _DIVIDE: Final = """\
 /* Divide 64 bits by 32, rounded down. A Cortex-M3 divides only 32 bits at once, and its library takes hundreds of
-   cycles for 64. A divisor below 2^20 leaves 12 bits of room above each remainder, so the low word takes three steps. */
+   cycles for 64. A divisor below 2^20 leaves 12 bits of room above each remainder, so that three steps
+   divide the low word. */
 static uint64_t st_divide(uint64_t numerator, uint32_t divisor)
 {
     const uint32_t low = (uint32_t)numerator;

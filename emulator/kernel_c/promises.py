@@ -79,8 +79,10 @@ class _Checks(ast.NodeTransformer):
             if isinstance(part, ast.AnnAssign) and isinstance(part.target, ast.Name)
         ]
         self._widths = {name: width for name, width in widths if width}
-        many = isinstance(node.returns, ast.Subscript) and isinstance(node.returns.slice, ast.Tuple)
-        self._returned = [width_of(part) for part in (node.returns.slice.elts if many else [node.returns])]
+        results: list[ast.expr | None] = [node.returns]
+        if isinstance(node.returns, ast.Subscript) and isinstance(node.returns.slice, ast.Tuple):
+            results = [*node.returns.slice.elts]
+        self._returned = [width_of(part) for part in results]
         checks = [
             ast.Expr(_check(ast.Name(arg.arg, ast.Load()), width, f"{node.name}: {arg.arg}"))
             for arg in node.args.args

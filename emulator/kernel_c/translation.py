@@ -87,10 +87,8 @@ def _block_above(source: Source, line: int) -> list[int]:
 
 
 def _structure(record: Record) -> list[str]:
-    members = [
-        f"    {member.storage} {member.name};{' ' * (36 - len(member.storage) - len(member.name))}/* {_span(member.range)} */"
-        for member in record.members
-    ]
+    declared = [(f"    {member.storage} {member.name};", member.range) for member in record.members]
+    members = [f"{text:<42}/* {_span(known)} */" for text, known in declared]
     return ["typedef struct {", *members, f"}} st_{record.name};"]
 
 
@@ -108,6 +106,9 @@ def _body(functions: dict[str, Function], bodies: dict[str, list[str]], helpers:
         f'#include "{HEADER}"',
         "",
         "#include <stddef.h>",
+        "",
+        "/* As in <string.h>, which a core without a C library does not have. */",
+        "void *memcpy(void *restrict target, const void *restrict source, size_t size);",
         "",
         '_Static_assert((-1 >> 1) == -1 && (INT64_C(-1) >> 1) == -1, "shifts of negative numbers must keep the sign");',
     ]

@@ -18,7 +18,7 @@ SPEED = COLUMNS.index("M steps/s")
 
 @pytest.fixture(scope="module")
 def figures(fast_kernel: Kernel) -> list[Figures]:
-    return measured(all_motions(), fast_kernel)
+    return measured(all_motions(), fast_kernel)[0]
 
 
 def test_the_page_agrees_with_a_measurement(figures: list[Figures]) -> None:

@@ -1,5 +1,5 @@
-/* memcpy for firmware without a C library: gcc calls it to copy the axes. Blocks of four words go first, each with one
-   load and one store on a Cortex-M3; then what is left, byte by byte. */
+/* memcpy for firmware without a C library: the kernel calls it to copy the axes. Blocks of four words go first, each with
+   one load and one store on a Cortex-M3; then what is left, byte by byte. */
 #include <stddef.h>
 #include <stdint.h>
 
@@ -16,12 +16,6 @@ void *memcpy(void *restrict target, const void *restrict source, size_t size)
     if ((((uintptr_t)to | (uintptr_t)from) & 3U) == 0U) {
         block *blocks = (block *)(void *)to;
         const block *sources = (const block *)(const void *)from;
-        for (; size >= 4U * sizeof(block); size -= 4U * sizeof(block)) {
-            *blocks++ = *sources++;
-            *blocks++ = *sources++;
-            *blocks++ = *sources++;
-            *blocks++ = *sources++;
-        }
         for (; size >= sizeof(block); size -= sizeof(block)) {
             *blocks++ = *sources++;
         }

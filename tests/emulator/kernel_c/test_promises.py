@@ -36,5 +36,3 @@ def test_a_cell_that_breaks_its_promise_is_found_where_it_is_used(field: int, va
     rig.set(field, value)
     with pytest.raises(OverflowError, match=str(value)):
         rig.push(100, 0, 10)
-        rig.start()
-        rig.advance(40)
