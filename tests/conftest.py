@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from steptwin.controller.backend import KERNELS, Kernel
+from steptwin.controller.backend import Kernel
 from steptwin.host.cli.app import run
+from steptwin.host.twin.kernels import KERNELS
 from tests.repeats import pytest_runtest_logreport, pytest_terminal_summary
 from tests.run_pictures import without_pictures
 
@@ -28,18 +29,31 @@ def _no_pictures() -> Iterator[None]:
         yield
 
 
-@pytest.fixture(params=["python", "numba"])
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add `--kernel NAME`, with which the tests of the firmware run on one form of the kernel, as on a Cortex-M3."""
+    parser.addoption("--kernel", choices=[*KERNELS], help="form of the kernel that the fixtures give")
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Give a test of the kernel the one that is asked for, or else plain Python and numba in turn."""
+    if "kernel" in metafunc.fixturenames:
+        chosen = metafunc.config.getoption("--kernel")
+        metafunc.parametrize("kernel", [chosen] if chosen else ["python", "numba"], indirect=True)
+
+
+@pytest.fixture
 def kernel(request: pytest.FixtureRequest) -> Kernel:
-    """Return each form of the kernel in turn; the compiled one only where the extra `fast` is installed."""
+    """Return a form of the kernel; the compiled one only where the extra `fast` is installed."""
     if request.param == "numba" and not find_spec("numba"):
         pytest.skip("the extra `fast` (numba) is not installed")
     return KERNELS[request.param]()
 
 
 @pytest.fixture(scope="session")
-def fast_kernel() -> Kernel:
-    """Return the fastest installed kernel, for tests that do not depend on its form."""
-    return KERNELS["numba" if find_spec("numba") else "python"]()
+def fast_kernel(request: pytest.FixtureRequest) -> Kernel:
+    """Return the fastest installed kernel, or the one that is asked for, for tests that do not depend on its form."""
+    chosen: str | None = request.config.getoption("--kernel")
+    return KERNELS[chosen or ("numba" if find_spec("numba") else "python")]()
 
 
 @pytest.fixture(scope="session")

@@ -63,6 +63,11 @@ def build(source: CSource | None = None) -> Image:
         return _built(Path(folder), source)
 
 
+def compiler_version() -> str:
+    """Return the version of the cross compiler, such as "12.2.1", on which the number of instructions depends."""
+    return _run(Path(), COMPILER, "-dumpfullversion").strip()
+
+
 @cache
 def kernel_image() -> Image:
     """Build the kernel that is imported, once."""

@@ -132,10 +132,11 @@ def stopping_at(fast: Kernel, tick: int, seen: Callable[[Storage], None]) -> Ker
     """Return the kernel `fast`, on int64 arrays, that ends a call at a tick and shows a copy of its storage there."""
 
     def advance(*arguments: Any) -> tuple[int, int]:
-        axes, _, queue, group, _, _, axis_count, from_tick, until_tick = arguments
+        axes, before, queue, group, clk, direction, axis_count, from_tick, until_tick = arguments
         if from_tick == tick:
             seen(Storage(axes.copy(), queue.copy(), group.copy(), axis_count))
-        return fast.advance(*arguments[:-1], tick if from_tick < tick < until_tick else until_tick)
+        end = tick if from_tick < tick < until_tick else until_tick
+        return fast.advance(axes, before, queue, group, clk, direction, axis_count, from_tick, end)
 
     return replace(fast, advance=advance)
 

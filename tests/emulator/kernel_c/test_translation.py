@@ -3,16 +3,19 @@
 import ctypes
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from steptwin.controller.backend import Kernel
 from steptwin.emulator.cortex_m3.image import WARNINGS
 from steptwin.emulator.kernel_c.folder import kernel_files
 from steptwin.emulator.kernel_c.helpers import HELPERS
 from steptwin.host.cli.app import run
+from tests.emulator.kernel_c import native_kernel
 
 
 @pytest.fixture(scope="module")
@@ -36,14 +39,38 @@ def test_compilers_are_silent(folder: Path, compiler: str) -> None:
     compiled(compiler, folder, "-O2", "-c", "main.c", "steptwin_kernel.c", "memory.c")
 
 
-def test_undefined_behaviour_is_absent(folder: Path) -> None:
-    """The example runs under gcc's sanitizer, which ends it at the first undefined operation."""
-    sources = ("main.c", "steptwin_kernel.c")
-    compiled("gcc", folder, "-O1", "-fsanitize=undefined", "-fno-sanitize-recover=all", *sources, "-o", "example")
+def test_the_example_runs(folder: Path) -> None:
+    compiled("gcc", folder, "-O1", "main.c", "steptwin_kernel.c", "-o", "example")
     done = subprocess.run([folder / "example"], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     edges = [line.split()[0] for line in done.stdout.splitlines()]
     assert (edges.count("CLK"), edges.count("DIR")) == (2 * 100 * 16, 2)
+
+
+def played_under_the_sanitizer(folder: Path, source: str, seeds: range) -> "subprocess.CompletedProcess[str]":
+    """Play scenarios on a source compiled with gcc's sanitizer, which ends the process at an undefined operation."""
+    library = folder / f"{Path(source).stem}.so"
+    sanitizer = ("-fsanitize=undefined", "-fno-sanitize-recover=all")
+    compiled("gcc", folder, "-O1", "-shared", "-fPIC", *sanitizer, source, "-o", str(library))
+    command = [sys.executable, "-m", native_kernel.__name__, str(library), str(seeds.start), str(seeds.stop)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def test_no_operation_is_undefined_in_random_scenarios(folder: Path, fast_kernel: Kernel) -> None:
+    """The C of this machine also gives the kernel's bits, whole and tick by tick."""
+    done = played_under_the_sanitizer(folder, "steptwin_kernel.c", range(100))
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == native_kernel.digest(fast_kernel, range(100))
+
+
+def test_the_sanitizer_sees_an_overflow(folder: Path) -> None:
+    """Scenario 0 has values at the limits of i32: the cubic's first product needs 64 bits."""
+    source = (folder / "steptwin_kernel.c").read_text()
+    assert source.count("(int64_t)c * s") == 1
+    (folder / "narrow.c").write_text(source.replace("(int64_t)c * s", "c * s"))
+    done = played_under_the_sanitizer(folder, "narrow.c", range(1))
+    assert done.returncode != 0
+    assert "signed integer overflow" in done.stderr
 
 
 def test_the_files_say_what_the_kernel_says(folder: Path) -> None:
