@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from steptwin.host.twin.board_under_test import BoardUnderTest
     from steptwin.host.twin.execution import execute
     from steptwin.host.twin.input_changes import InputChange
+    from steptwin.host.twin.kernels import kernel_named
     from steptwin.host.twin.outcome import Outcome
     from steptwin.host.twin.served_board import ServedBoard
     from steptwin.protocol.eds import render_eds
@@ -94,6 +95,7 @@ __all__ = [
     "identify_errors",
     "job_names",
     "job_options",
+    "kernel_named",
     "load_robot",
     "make_job",
     "plan",
@@ -148,6 +150,7 @@ _MODULES = {
     "host.twin.board_under_test": ("BoardUnderTest",),
     "host.twin.execution": ("execute",),
     "host.twin.input_changes": ("InputChange",),
+    "host.twin.kernels": ("kernel_named",),
     "host.twin.outcome": ("Outcome",),
     "host.twin.served_board": ("ServedBoard",),
     "protocol.eds": ("render_eds",),

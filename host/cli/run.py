@@ -219,14 +219,9 @@ def _only(words: list[str]) -> str:
 
 
 def _kernel(choice: _KernelName) -> "Kernel":
-    from steptwin.host.twin.kernels import KernelMissingError, fastest_kernel, kernel_named
+    from steptwin.host.twin.kernels import fastest_kernel, kernel_named
 
-    if choice == "auto":
-        return fastest_kernel()
-    try:
-        return kernel_named(choice)
-    except KernelMissingError as error:
-        raise InputError(f"--kernel {choice}: {error}") from error
+    return fastest_kernel() if choice == "auto" else kernel_named(choice)
 
 
 def _say_where(folder: Path, *, pictures: bool, to_stderr: bool) -> None:

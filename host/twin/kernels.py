@@ -1,15 +1,13 @@
-"""Give the command line the forms of the firmware's kernel: plain Python, compiled, and on an emulated Cortex-M3."""
+"""Give host programs the forms of the firmware's kernel: plain Python, compiled, and on an emulated Cortex-M3."""
 
 from collections.abc import Callable
 
 from steptwin.controller.backend import KERNELS as OWN_KERNELS
 from steptwin.controller.backend import Kernel, fastest_kernel
+from steptwin.host.common.bad_input import unknown
+from steptwin.host.common.errors import InputError
 
-__all__ = ["KERNELS", "Kernel", "KernelMissingError", "fastest_kernel", "kernel_named"]
-
-
-class KernelMissingError(Exception):
-    """A form of the kernel needs something that is not installed; the message says what."""
+__all__ = ["KERNELS", "Kernel", "fastest_kernel", "kernel_named"]
 
 
 def _cortex_m3() -> Kernel:
@@ -21,17 +19,24 @@ def _cortex_m3() -> Kernel:
 KERNELS: dict[str, Callable[[], Kernel]] = {**OWN_KERNELS, "cortex-m3": _cortex_m3}
 """The forms of the kernel by name; all make the same edges."""
 
-_EXTRAS = {"numba": "numba is not installed (pip install 'steptwin[fast]')"}
-_EXTRAS["cortex-m3"] = "unicorn is not installed (pip install 'steptwin[m3]')"
+_MISSING = {
+    "numba": "numba is not installed (pip install 'steptwin[fast]')",
+    "cortex-m3": "unicorn is not installed (pip install 'steptwin[m3]')",
+}
 
 
 def kernel_named(name: str) -> Kernel:
-    """Return a form of the kernel; raise KernelMissingError if its extra or its compiler is not installed."""
+    """Return a form of the kernel: "python", "numba" or "cortex-m3".
+
+    Raise InputError for another name, or if the extra or the compiler that it needs is not installed.
+    """
     from steptwin.emulator.cortex_m3.image import CompilerMissingError
 
+    if name not in KERNELS:
+        raise unknown("kernel", name, KERNELS)
     try:
         return KERNELS[name]()
     except ModuleNotFoundError as error:
-        raise KernelMissingError(_EXTRAS[name]) from error
+        raise InputError(f"kernel {name}: {_MISSING[name]}") from error
     except CompilerMissingError as error:
-        raise KernelMissingError(str(error)) from error
+        raise InputError(f"kernel {name}: {error}") from error
