@@ -25,6 +25,9 @@ typedef struct {
 #define RCC_APB1ENR (*(reg *)0x4002101CU)
 #define FLASH_ACR (*(reg *)0x40022000U)
 #define NVIC_ISER0 (*(reg *)0xE000E100U)
+#define NVIC_IPR ((volatile uint8_t *)0xE000E400U)
+#define TIM1_UP_IRQ 25U
+#define TIM2_IRQ 28U
 #define DMA1_CHANNEL ((dma_channel *)0x40020008U)
 #define TIM1 ((timer *)0x40012C00U)
 #define TIM2 ((timer *)0x40000000U)
