@@ -23,7 +23,7 @@ SERVO_VECTOR, DIR_VECTOR = 16 + 25, 16 + 28
 RETURN_ADDRESS = FLASH + FLASH_BYTES - 16
 UNUSED = b"\xa5"
 TOGGLE, FORCE_LOW = 3, 4
-READING_COUNTS = 12
+READING_COUNTS = 36
 LATENCY_COUNTS = 40
 """From the servo timer's overflow to the first instruction that counts: 12 cycles of the core, and what it saves."""
 
