@@ -38,8 +38,9 @@ def main() -> None:
     console.print("Pulse timing: the kernel beside other methods, against the exact crossings of the planned motion")
     figures, on_core = measured(all_motions(), fastest)
     print_table(list(COLUMNS), table_rows(figures), text_columns=2)
-    console.print("The kernel on an emulated Cortex-M3, per axis and tick, in each motion's busiest 100 ms")
-    print_table(list(CORE_COLUMNS), core_rows(on_core), text_columns=1)
+    if on_core:
+        console.print(f"The kernel on an emulated Cortex-M3, {on_core[0].text_bytes} bytes of flash; busiest 100 ms")
+        print_table(list(CORE_COLUMNS), core_rows(on_core), text_columns=1)
     for table in _scaling_tables(fastest):
         console.print(table)
     console.print(_timing_table(fastest))

@@ -12,7 +12,7 @@ import steptwin
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
 OVERVIEW = (DOCS / "overview.md").read_text(encoding="utf-8")
-PAGES = ("benchmarks", "canopen", "driver", "motions", "overview", "protocol", "robots", "waveforms")
+PAGES = ("benchmarks", "canopen", "driver", "firmware", "motions", "overview", "protocol", "robots", "waveforms")
 
 PLACE = re.compile(r"([\w.-]+/[\w./-]*|[\w-]+\.(?:py|toml|md)|Makefile)(?:: (\w+(?:\.\w+)*(?:, \w+(?:\.\w+)*)*))?")
 """A path, perhaps with names that the file defines: `host/planning/planner.py: plan`."""

@@ -46,7 +46,8 @@ def bench(
         return
     print_table(list(COLUMNS), table_rows(figures), text_columns=2)
     if on_core:
-        say("The kernel on an emulated Cortex-M3, per axis and tick, in the motion's busiest 100 ms:")
+        flash = f"{on_core[0].text_bytes} bytes of flash"
+        say(f"The kernel on an emulated Cortex-M3, in each motion's busiest 100 ms; {flash}:")
         print_table(list(CORE_COLUMNS), core_rows(on_core), text_columns=1)
     else:
         say("no Cortex-M3: it needs numba, unicorn (pip install 'steptwin[fast,m3]') and arm-none-eabi-gcc", err=True)

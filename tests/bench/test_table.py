@@ -5,7 +5,7 @@ from itertools import groupby
 import pytest
 
 from docs.generate.pieces import DOCS
-from steptwin.bench.pulses.cortex_m3 import CoreFigures, core_rows
+from steptwin.bench.pulses.cortex_m3 import CoreFigures, core_rows, ram_bytes
 from steptwin.bench.pulses.evaluation import Figures
 from steptwin.bench.pulses.motions import all_motions
 from steptwin.bench.pulses.table import COLUMNS, measured, table_rows
@@ -35,6 +35,14 @@ def on_core(both: tuple[list[Figures], list[CoreFigures]]) -> list[CoreFigures]:
     return both[1]
 
 
+@pytest.fixture
+def on_the_pages_core(on_core: list[CoreFigures]) -> list[CoreFigures]:
+    """Instructions are the same on every machine, but not those of another compiler."""
+    if not compiler_version().startswith("12.2."):
+        pytest.skip("the pages have the figures of gcc 12.2")
+    return on_core
+
+
 def page_rows(heading: str) -> list[list[str]]:
     """Return the rows of the table under a heading of the page."""
     page = (DOCS / "benchmarks.md").read_text(encoding="utf-8")
@@ -49,14 +57,13 @@ def test_the_page_agrees_with_a_measurement(figures: list[Figures]) -> None:
     assert [row[:SPEED] for row in found] == [row[:SPEED] for row in made]
 
 
-def test_the_page_says_what_the_kernel_costs_a_cortex_m3(figures: list[Figures], on_core: list[CoreFigures]) -> None:
-    """Cycles follow from counted instructions. They are the same on every machine with the compiler of the page."""
-    if "12.2" not in compiler_version():
-        pytest.skip("the page's figures are of gcc 12.2")
+def test_the_page_says_what_the_kernel_costs_a_cortex_m3(
+    figures: list[Figures], on_the_pages_core: list[CoreFigures]
+) -> None:
     assert [row[LOAD] for row in page_rows("Pulse timing beside other methods")] == [
         row[LOAD] for row in table_rows(figures)
     ]
-    assert page_rows("The kernel on a Cortex-M3") == core_rows(on_core)
+    assert page_rows("The kernel on a Cortex-M3") == core_rows(on_the_pages_core)
 
 
 def test_seven_axes_at_14_khz_fit_a_cortex_m3(on_core: list[CoreFigures]) -> None:
@@ -69,6 +76,17 @@ def test_seven_axes_at_14_khz_fit_a_cortex_m3(on_core: list[CoreFigures]) -> Non
     assert halting.mean_percent < halting.busiest_percent < halting.worst_percent <= 50
     assert single.text_bytes <= 5_000
     assert four.ram_bytes <= 18_500
+
+
+def test_the_budget_of_the_firmware_page(on_the_pages_core: list[CoreFigures]) -> None:
+    """RAM for 1 to 8 axes, also with half the queue; the loads of seven axes are those above."""
+    single, _, halting = [row for row in on_the_pages_core if row.motion == MOTIONS[-1]]
+    page = (DOCS / "firmware.md").read_text(encoding="utf-8")
+    for axes in range(1, 9):
+        ram = ram_bytes(axes, 1, single.stack_bytes)
+        assert f"\n| {axes} | {ram} | {ram - axes * 32 * 32} | " in page
+    loads = (single.mean_percent, single.worst_percent, halting.worst_percent)
+    assert f" | {' | '.join(f'{load:.1f} %' for load in loads)} |\n| 8 | " in page
 
 
 def test_no_method_comes_nearer_than_the_kernel(figures: list[Figures]) -> None:
