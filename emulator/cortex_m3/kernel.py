@@ -15,7 +15,7 @@ from steptwin.controller import kernel as k
 from steptwin.controller.backend import Kernel
 from steptwin.emulator.cortex_m3.core import EDGES, RAM, ROW_BYTES, ROWS, Core, signed, words64
 from steptwin.emulator.cortex_m3.image import Image, kernel_image
-from steptwin.emulator.cortex_m3.layout import Cells, Layout, whole_edges
+from steptwin.emulator.cortex_m3.layout import Cells, Layout, kernel_on_arrays, whole_edges
 from steptwin.emulator.kernel_c.source import kernel_source
 
 AXES_MAX: Final = ROWS // 2
@@ -128,17 +128,7 @@ class CoreKernel:
 
 def kernel_of(image: Image) -> Kernel:
     """Return the kernel of an image as the firmware uses it."""
-    made = CoreKernel(image)
-    return Kernel(
-        name="cortex-m3",
-        cells=lambda count: np.zeros(count, dtype=np.int64),
-        rows=lambda rows, count: np.zeros((rows, count), dtype=np.int64),
-        singly=memoryview,
-        push=made.push,
-        next_segment=made.next_segment,
-        advance=made.advance,
-        demand_rate=made.demand_rate,
-    )
+    return kernel_on_arrays("cortex-m3", CoreKernel(image))
 
 
 @cache

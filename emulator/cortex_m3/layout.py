@@ -1,10 +1,11 @@
 """The kernel's storage as C has it: cells of int64 to structures and back, and the high bits that edges lose in C."""
 
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from steptwin.controller.backend import Kernel
 from steptwin.emulator.kernel_c.source import Record
 
 Cells: TypeAlias = NDArray[np.int64]
@@ -60,3 +61,17 @@ def whole_edges(words: NDArray[np.uint32], since: int) -> Cells:
     """Return the edges of which C keeps the low 32 bits; none is before `since`, or 2^32 or more after it."""
     after: NDArray[np.uint32] = words - np.uint32(since & 0xFFFF_FFFF)
     return after.astype(np.int64) + since
+
+
+def kernel_on_arrays(name: str, functions: Any) -> Kernel:
+    """Return a kernel whose storage is arrays of int64, and whose functions are the methods of an object."""
+    return Kernel(
+        name=name,
+        cells=lambda count: np.zeros(count, dtype=np.int64),
+        rows=lambda rows, count: np.zeros((rows, count), dtype=np.int64),
+        singly=memoryview,
+        push=functions.push,
+        next_segment=functions.next_segment,
+        advance=functions.advance,
+        demand_rate=functions.demand_rate,
+    )

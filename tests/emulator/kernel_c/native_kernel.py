@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from steptwin.controller import kernel as k
 from steptwin.controller.backend import Kernel
-from steptwin.emulator.cortex_m3.layout import Cells, Layout, whole_edges
+from steptwin.emulator.cortex_m3.layout import Cells, Layout, kernel_on_arrays, whole_edges
 from steptwin.emulator.kernel_c.source import kernel_source
 from tests.emulator.kernel_c.scenarios import play, scenario
 
@@ -91,17 +91,7 @@ def _row_pointers(rows: NDArray[np.uint32]) -> "ctypes.Array[ctypes.c_void_p]":
 
 def native_kernel(library: Path) -> Kernel:
     """Return the kernel of a shared library as the firmware uses it."""
-    made = NativeKernel(library)
-    return Kernel(
-        name="native",
-        cells=lambda count: np.zeros(count, dtype=np.int64),
-        rows=lambda rows, count: np.zeros((rows, count), dtype=np.int64),
-        singly=memoryview,
-        push=made.push,
-        next_segment=made.next_segment,
-        advance=made.advance,
-        demand_rate=made.demand_rate,
-    )
+    return kernel_on_arrays("native", NativeKernel(library))
 
 
 def digest(kernel: Kernel, seeds: range) -> str:
