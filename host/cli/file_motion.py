@@ -65,6 +65,9 @@ def say_file_motion(path: str, file: "FileMotion", plan: "Plan", *, stretched: b
     if any(departure.distance >= _SHOWN for departure in departures):
         sizes = ", ".join(f"{departure.what} {departure.distance:.3f} {departure.unit}" for departure in departures)
         lines.append(f"{path}: off the lines between the points by {sizes}")
+    if unread := file.points.unread:
+        many = f"{unread[0]} to {unread[-1]} are" if len(unread) > 1 else f"{unread[0]} is"
+        lines.append(f"{path}: {many} not read: positions and velocities alone make the motion")
     say(*lines, err=to_stderr)
     if large := [departure for departure in departures if departure.is_large]:
         warn(f"{path}: {_warning(file, large)}")

@@ -25,8 +25,8 @@ def plot(
         list[str] | None,
         typer.Option(
             metavar="NAME,...",
-            help="Pictures: joints, step-rates, tool-path, error, timing, jitter, widths, edges, phases; repeatable; by"
-            " default all.",
+            help="Pictures: joints, step-rates, tool-path, tool-pose, error, timing, jitter, widths, edges, phases;"
+            " repeatable; by default all.",
         ),
     ] = None,
     form: Annotated[

@@ -13,6 +13,7 @@ from steptwin.host.cli.output import print_json, print_table, say
 from steptwin.host.common.whole_file import whole_file
 
 if TYPE_CHECKING:
+    from steptwin.host.robots.robot import Robot
     from steptwin.host.robots.workspace import MonteCarlo, Scan
 
 
@@ -28,7 +29,9 @@ def workspace(
     z: Annotated[
         str | None, typer.Option("--z", metavar="MM", help="Height of the horizontal section; by default home's.")
     ] = None,
-    out: Annotated[str | None, typer.Option(metavar="DIR", help="Folder to write figures and picture into.")] = None,
+    out: Annotated[
+        str | None, typer.Option(metavar="DIR", help="Folder to write figures, cloud and pictures into.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Compute the workspace: random positions of all joints, and exact sections with the slides at home."""
@@ -41,7 +44,7 @@ def workspace(
     folder = out_folder(out)
     scanned = scan(loaded, attitude_deg, z_mm)
     document = _document(loaded.name, cloud, scanned)
-    pictures = folder is not None and _write(folder, document, cloud, scanned)
+    pictures = folder is not None and _write(folder, loaded, document, cloud, scanned)
     if as_json:
         print_json(document)
     else:
@@ -81,15 +84,19 @@ def _span(quantity: str, span_mm: tuple[float, float] | None) -> dict[str, float
     return {f"{quantity}_min_mm": least_mm, f"{quantity}_max_mm": greatest_mm}
 
 
-def _write(folder: Path, document: dict[str, Any], cloud: "MonteCarlo", scanned: "Scan") -> bool:
-    """Write the folder; return False if the picture had to be left out because matplotlib is not installed."""
+def _write(folder: Path, robot: "Robot", document: dict[str, Any], cloud: "MonteCarlo", scanned: "Scan") -> bool:
+    """Write the folder; return False if the pictures had to be left out because matplotlib is not installed."""
     with whole_file(folder / "workspace.json") as file:
         file.write((json.dumps(document, indent=2) + "\n").encode())
+    with whole_file(folder / "cloud.csv") as file:
+        file.write(b"x_mm,y_mm,z_mm\n")
+        file.writelines(f"{x!r},{y!r},{z!r}\n".encode() for x, y, z in cloud.cloud_mm.tolist())
     if not find_spec("matplotlib"):
         return False
-    from steptwin.host.record.plots.workspace import write_workspace
+    from steptwin.host.record.plots.workspace import write_workspace, write_workspace_3d
 
-    write_workspace(folder / "workspace.png", document["robot"], cloud, scanned)
+    write_workspace(folder / "workspace.png", robot, cloud, scanned)
+    write_workspace_3d(folder / "workspace-3d.png", robot, cloud)
     return True
 
 
@@ -122,7 +129,7 @@ def _figure(figures: dict[str, Any], key: str) -> str:
 
 
 def _say_where(folder: Path, *, pictures: bool, to_stderr: bool) -> None:
-    what = "figures and picture are" if pictures else "figures are"
+    what = "figures, cloud and pictures are" if pictures else "figures and cloud are"
     say(f"{what} in {folder}/", err=to_stderr)
     if not pictures:
-        say("no picture: matplotlib is not installed (pip install 'steptwin[plot]')", err=True)
+        say("no pictures: matplotlib is not installed (pip install 'steptwin[plot]')", err=True)

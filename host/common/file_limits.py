@@ -20,18 +20,21 @@ NAME_CHARS_MAX: Final = 64
 """Longest name in a robot file: it stands in table heads, headings of pictures and names of arrays."""
 TITLE_CHARS_MAX: Final = 200
 """Longest title of a robot: one line."""
+PAPER_CHARS_MAX: Final = 400
+"""Longest citation of a robot's paper: those of the robots here have up to 190 characters."""
 
 REPORT_BYTES_MAX: Final = 16 * MIB
 """A report has some 500 bytes for each axis and for each kind of violation, 10 KiB in all."""
 
 POINTS_MAX: Final = 3_600_001
 """Points of a trajectory file: one each millisecond of the longest motion, an hour. As numbers they take 490 MB."""
-COLUMNS_MAX: Final = 17
-"""Columns of a CSV trajectory: the time, and position and velocity of the eight joints that a board drives."""
+COLUMNS_MAX: Final = 35
+"""Columns of a CSV trajectory: the time; position, velocity and acceleration of the eight joints that a board drives;
+position, attitude and two axes of the tool."""
 LINE_CHARS_MAX: Final = 8 * KIB
-"""Characters of a CSV line: 17 numbers with all their digits have 450."""
-CSV_BYTES_MAX: Final = 2 * GIB
-"""A CSV trajectory is read line by line; with all points, eight joints and all digits it has 1.3 GB."""
+"""Characters of a CSV line: 35 numbers with all their digits have 900."""
+CSV_BYTES_MAX: Final = 3 * GIB
+"""A CSV trajectory is read line by line; with all points and eight joints `run` writes 2.1 GB."""
 JSON_BYTES_MAX: Final = 64 * MIB
 """A JSON trajectory is read at once and takes ten times its size; half a million points of six joints fit."""
 

@@ -31,6 +31,7 @@ class Expectation:
         microsteps: microsteps per full step of each axis' driver; empty: whatever the drivers make.
         actual_forward: forward kinematics with the errors of the DH parameters that the robot's file states: where the
             tool really is; None if it states none.
+        robot: the machine, whose arm and limits pictures show beside the motion; None: they leave them out.
 
     Raises:
         ValueError: the lengths do not agree.
@@ -43,6 +44,7 @@ class Expectation:
     coupling: Coupling = field(default_factory=Coupling)
     microsteps: tuple[int, ...] = ()
     actual_forward: Forward | None = None
+    robot: Robot | None = None
 
     @classmethod
     def of(cls, robot: Robot, trajectory: Trajectory) -> Self:
@@ -51,7 +53,7 @@ class Expectation:
         microsteps = tuple(joint.transmission.microsteps for joint in robot.joints)
         forward, actual = make_kinematics(robot).forward, actual_chain(robot)
         actual_forward = actual.poses if actual else None
-        return cls(trajectory, robot.steps_per_unit, units, forward, robot.coupling, microsteps, actual_forward)
+        return cls(trajectory, robot.steps_per_unit, units, forward, robot.coupling, microsteps, actual_forward, robot)
 
     def __post_init__(self) -> None:
         joints = len(self.trajectory.joint_names)

@@ -5,6 +5,7 @@ import json
 from importlib.machinery import ModuleSpec
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from steptwin.host.cli import workspace as command
@@ -75,9 +76,18 @@ def test_the_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "made" / "here"
     assert run([*LAB, "--samples", "500", "--phi", "0", "--json", "--out", str(folder)]) == 0
     captured = capsys.readouterr()
-    assert f"figures and picture are in {folder}/" in captured.err
+    document = json.loads(captured.out)
+    assert f"figures, cloud and pictures are in {folder}/" in captured.err
     assert (folder / "workspace.json").read_text(encoding="utf-8") == captured.out
-    assert (folder / "workspace.png").read_bytes()[:4] == b"\x89PNG"
+    for picture in ("workspace.png", "workspace-3d.png"):
+        assert (folder / picture).read_bytes()[:4] == b"\x89PNG"
+    head, *rows = (folder / "cloud.csv").read_text(encoding="ascii").splitlines()
+    assert (head, len(rows)) == ("x_mm,y_mm,z_mm", 500)
+    cloud_mm = np.array([row.split(",") for row in rows], dtype=np.float64)
+    span = document["monte_carlo"]
+    radii_mm = np.hypot(cloud_mm[:, 0], cloud_mm[:, 1])
+    assert [radii_mm.min(), radii_mm.max()] == [span["radius_min_mm"], span["radius_max_mm"]]
+    assert [cloud_mm[:, 2].min(), cloud_mm[:, 2].max()] == [span["z_min_mm"], span["z_max_mm"]]
 
 
 def test_without_matplotlib_it_says_so(
@@ -89,9 +99,9 @@ def test_without_matplotlib_it_says_so(
     monkeypatch.setattr(command, "find_spec", found)
     assert run([*LAB, "--samples", "500", "--phi", "0", "--out", str(tmp_path)]) == 0
     captured = capsys.readouterr()
-    assert f"figures are in {tmp_path}/" in captured.out
+    assert f"figures and cloud are in {tmp_path}/" in captured.out
     assert "steptwin[plot]" in captured.err
-    assert [path.name for path in tmp_path.iterdir()] == ["workspace.json"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["cloud.csv", "workspace.json"]
 
 
 @pytest.mark.parametrize(

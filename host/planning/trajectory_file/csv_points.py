@@ -15,10 +15,8 @@ from steptwin.host.common.file_limits import COLUMNS_MAX, POINTS_MAX
 from steptwin.host.common.numbers import LARGEST
 from steptwin.host.planning.motions.sampled import NumberedPlaces
 from steptwin.host.planning.paths import COORDINATES
+from steptwin.host.planning.trajectory_file.derived import VELOCITY, derived_in
 from steptwin.host.planning.trajectory_file.points import Points
-
-_VELOCITY: Final = "v_"
-"""Prefix of a joint's name in the header of its velocities."""
 
 _ELBOW: Final = "elbow"
 """Header of the branch of the inverse kinematics in a file of poses."""
@@ -31,26 +29,28 @@ def read_csv(file: TextIO) -> Points:
     if head is None:
         raise InputError("is empty: a header t,<joint>,... was expected")
     header = fields_of(*head)
-    elbow = _ElbowColumn.of(header)
+    elbow, derived = _ElbowColumn.of(header), derived_in(header)
+    kept = [i for i in range(len(header)) if i not in derived and not (elbow and i == elbow.index)]
+    chosen = [header[i] for i in kept]
     with prefixed(f"line {head[0]}: "):
-        names, moving = _columns(elbow.numbers_of(header) if elbow else header)
+        _check_width(header)
+        names, moving = _columns(chosen)
     numbers, line_numbers = array("d"), array("q")
     for i, line in lines:
         if len(line_numbers) == POINTS_MAX:
             raise InputError(f"line {i}: is beyond {POINTS_MAX} points, one each millisecond of an hour")
-        numbers.extend(_numbers(line, header, elbow, i))
+        numbers.extend(_numbers(line, header, kept, elbow, i))
         line_numbers.append(i)
-    if elbow:
-        header = elbow.numbers_of(header)
-    table = np.frombuffer(numbers).reshape(len(line_numbers), len(header))
-    columns = {name: i for i, name in enumerate(header)}
+    table = np.frombuffer(numbers).reshape(len(line_numbers), len(chosen))
+    columns = {name: i for i, name in enumerate(chosen)}
     return Points(
         names,
         NumberedPlaces("line {}, t", line_numbers),
         table[:, 0],
         table[:, [columns[name] for name in names]],
-        table[:, [columns[_VELOCITY + name] for name in names]] if moving else None,
+        table[:, [columns[VELOCITY + name] for name in names]] if moving else None,
         elbow.value if elbow else None,
+        unread=tuple(header[i] for i in sorted(derived)),
     )
 
 
@@ -73,10 +73,6 @@ class _ElbowColumn:
             return cls(header.index(_ELBOW))
         return None
 
-    def numbers_of(self, fields: list[str]) -> list[str]:
-        """Return the other fields of a line."""
-        return fields[: self.index] + fields[self.index + 1 :]
-
     def read(self, field: str, line: int) -> None:
         """Take a line's branch; raise InputError if it is another one than before."""
         if field and self.value is not None and field != self.value:
@@ -87,15 +83,24 @@ class _ElbowColumn:
         self.value = field or self.value
 
 
-def _numbers(line: str, header: list[str], elbow: _ElbowColumn | None, i: int) -> list[float]:
-    """Return the numbers of a line."""
-    if elbow is None:
-        return _plain_row(line, len(header)) or numbers_of(i, fields_of(i, line), header)
+def _numbers(line: str, header: list[str], kept: list[int], elbow: _ElbowColumn | None, i: int) -> list[float]:
+    """Return the numbers of a line in the columns that are kept."""
+    if elbow is None and (plain := _plain_row(line, len(header), kept)):
+        return plain
     fields = fields_of(i, line)
     if len(fields) != len(header):
         return numbers_of(i, fields, header)
-    elbow.read(fields[elbow.index], i)
-    return numbers_of(i, elbow.numbers_of(fields), elbow.numbers_of(header))
+    if elbow:
+        elbow.read(fields[elbow.index], i)
+    return numbers_of(i, [fields[column] for column in kept], [header[column] for column in kept])
+
+
+def _check_width(header: list[str]) -> None:
+    if len(header) > COLUMNS_MAX:
+        raise InputError(
+            f"{len(header)} columns, more than {COLUMNS_MAX}: t, position, velocity and acceleration of 8 joints,"
+            " and the tool's pose"
+        )
 
 
 def _columns(header: list[str]) -> tuple[list[str], bool]:
@@ -105,12 +110,10 @@ def _columns(header: list[str]) -> tuple[list[str], bool]:
             f"the header begins with {short(header[0])} instead of 't'; it names the columns, separated by commas:"
             " t and the joints, such as t,th1,th2, or t,x,y,z,phi"
         )
-    if len(header) > COLUMNS_MAX:
-        raise InputError(f"{len(header)} columns, more than {COLUMNS_MAX}: t, and position and velocity of 8 joints")
     check_once(header)
-    joints = [name for name in header[1:] if not name.startswith(_VELOCITY)]
-    wanted = [_VELOCITY + name for name in joints]
-    given = [name for name in header if name.startswith(_VELOCITY)]
+    joints = [name for name in header[1:] if not name.startswith(VELOCITY)]
+    wanted = [VELOCITY + name for name in joints]
+    given = [name for name in header if name.startswith(VELOCITY)]
     for name in given:
         if name not in wanted:
             raise unknown("column", name, wanted)
@@ -120,11 +123,13 @@ def _columns(header: list[str]) -> tuple[list[str], bool]:
     return joints, bool(given)
 
 
-def _plain_row(line: str, columns: int) -> list[float] | None:
+def _plain_row(line: str, columns: int, kept: list[int]) -> list[float] | None:
     """Return a row of plain numbers, in a quarter of the time; None for a row that `numbers_of` must read or refuse."""
     fields = line.split(",")
-    if len(fields) != columns or "_" in line or not line.isascii():
+    if len(fields) != columns or "_" in line or not line.isascii() or '"' in line:
         return None
+    if len(kept) < columns:
+        fields = [fields[column] for column in kept]
     try:
         values = [*map(float, fields)]
     except ValueError:  # also of a quoted field

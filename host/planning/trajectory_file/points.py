@@ -32,6 +32,7 @@ class Points:
         positions: shape (points, columns), in mm and degrees.
         velocities: likewise, in mm/s and deg/s; None if the file gives none.
         elbow: branch of the inverse kinematics that the file names; None if it names none.
+        unread: names of the columns that follow from the others (`derived`).
     """
 
     names: list[str]
@@ -40,6 +41,7 @@ class Points:
     positions: FloatArray
     velocities: FloatArray | None
     elbow: str | None = None
+    unread: tuple[str, ...] = ()
 
     def until(self, end_s: float) -> "Points":
         """Return the points up to an instant, all if it is infinite; raise InputError if no motion ends before it."""
@@ -71,7 +73,7 @@ class Points:
         self._check_times(all_whole_ms=all_whole_ms)
         if elbow is not None:
             raise InputError(f"elbow={elbow}: is for a file of the tool's poses; this one has joints")
-        return JointPoints(self.times_s, self.places, positions, velocities)
+        return JointPoints(self.times_s, self.places, positions, velocities, unread=self.unread)
 
     def _check_times(self, *, all_whole_ms: bool) -> None:
         times_s = self.times_s
@@ -94,7 +96,7 @@ class Points:
         branch, joints = joints_at(robot, poses, elbow or self.elbow, self.places)
         if velocities is not None:
             velocities = kinematics.joint_velocities(joints, velocities)
-        return JointPoints(self.times_s, self.places, joints, velocities, poses[:, :3], branch)
+        return JointPoints(self.times_s, self.places, joints, velocities, poses[:, :3], branch, self.unread)
 
     def _ordered(self, what: str, wanted: Texts[str], owner: str) -> tuple[FloatArray, FloatArray | None]:
         """Return positions and velocities with the wanted columns; raise InputError unless the file has just these."""
@@ -122,6 +124,7 @@ class JointPoints:
         velocities: likewise, in mm/s and deg/s; None if the file gives none.
         tool_mm: x, y and z, of shape (points, 3), if the file has poses; None if it has joints.
         branch: branch of the inverse kinematics on which the poses are reached.
+        unread: names of the file's columns that follow from the others (`derived`).
     """
 
     times_s: FloatArray
@@ -130,6 +133,7 @@ class JointPoints:
     velocities: FloatArray | None
     tool_mm: FloatArray | None = None
     branch: str | None = None
+    unread: tuple[str, ...] = ()
 
     def check_within(self, robot: Robot) -> None:
         """Raise InputError for the first point outside a joint's limits, with its place, value and the nearest one."""

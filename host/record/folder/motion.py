@@ -1,9 +1,10 @@
 """Write and read trajectory.csv: the planned motion as points with velocities, cubic between two points.
 
-`steptwin run ROBOT trajectory.csv` makes the same motion again.
+`steptwin run ROBOT trajectory.csv` makes the same motion again. The columns after the velocities follow from them: the
+joints' accelerations and the tool's pose, for people and their plots.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from math import inf
 from pathlib import Path
@@ -17,7 +18,10 @@ from steptwin.host.common.whole_file import whole_file
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.trajectory import Switching, Trajectory
 from steptwin.host.planning.trajectory_file import read_trajectory_until
+from steptwin.host.planning.trajectory_file.derived import TOOL_AXES, TOOL_POSE, VELOCITY, derived_columns
 from steptwin.host.record.folder.layout import TRAJECTORY, existing_file
+from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.kinematics.frames import tool_frames
 from steptwin.host.robots.robot import Robot
 
 if TYPE_CHECKING:
@@ -27,28 +31,39 @@ CUBICS_OFF_STEPS: Final = 1e-4
 """Largest distance of the stored cubics from the planned motion: a 75th of the verifier's tolerance."""
 
 
+_DECIMALS: Final = 6
+"""Decimals of accelerations and tool positions: nanometres."""
+_COSINE_DECIMALS: Final = 9
+_ROWS: Final = 16_384
+"""Number of points whose derived columns are computed at once; it bounds the memory for any number of points."""
+
+
 def write_motion(path: Path, plan: Plan) -> None:
     """Write the plan's PVT points, or every millisecond if cubics between the points are too far from the motion.
 
-    Numbers are written with all their digits, so that reading gives the same values.
+    Times, positions and velocities are written with all their digits, so that reading gives the same values.
     """
     t_s = _stored_ms(plan) / 1000
-    motion = plan.trajectory
-    rows = zip(t_s.tolist(), motion.positions(t_s).tolist(), motion.velocities(t_s).tolist(), strict=True)
+    positions, velocities = plan.trajectory.positions(t_s), plan.trajectory.velocities(t_s)
+    rows = zip(t_s.tolist(), positions.tolist(), velocities.tolist(), strict=True)
+    derived = _derived_texts(plan.robot, t_s, positions, velocities)
     with whole_file(path) as file:
-        file.write(trajectory_head(plan.robot).encode())
-        file.writelines(trajectory_row(*row).encode() for row in rows)
+        file.write(trajectory_head(plan.robot, derived_columns(plan.robot.joint_names)).encode())
+        file.writelines(trajectory_row(*row, text).encode() for row, text in zip(rows, derived, strict=True))
 
 
-def trajectory_head(robot: Robot) -> str:
-    """Return the file's first line."""
+def trajectory_head(robot: Robot, derived: Sequence[str] = ()) -> str:
+    """Return the file's first line; `derived` are the columns that follow from the others."""
     names = robot.joint_names
-    return ",".join(("t", *names, *(f"v_{name}" for name in names))) + "\n"
+    return ",".join(("t", *names, *(VELOCITY + name for name in names), *derived)) + "\n"
 
 
-def trajectory_row(t_s: float, positions: Sequence[float], velocities: Sequence[float]) -> str:
-    """Return the line of a point: time in s, positions in mm and deg, velocities in mm/s and deg/s."""
-    return ",".join(map(repr, (t_s, *positions, *velocities))) + "\n"
+def trajectory_row(t_s: float, positions: Sequence[float], velocities: Sequence[float], derived: str = "") -> str:
+    """Return the line of a point: time in s, positions in mm and deg, velocities in mm/s and deg/s.
+
+    `derived` is the text of the columns that follow from these, with a comma before each.
+    """
+    return ",".join(map(repr, (t_s, *positions, *velocities))) + derived + "\n"
 
 
 def read_motion(folder: Path, robot: Robot, switchings: Sequence[Switching], until_s: float = inf) -> Trajectory:
@@ -61,6 +76,25 @@ def read_motion(folder: Path, robot: Robot, switchings: Sequence[Switching], unt
     end_s = min((until_s, *(change.from_s for change in switchings if change.until_s > until_s)))
     known = tuple(change for change in switchings if change.until_s <= end_s)
     return replace(read_trajectory_until(end_s, str(path), robot), switchings=known)
+
+
+def _derived_texts(robot: Robot, t_s: FloatArray, positions: FloatArray, velocities: FloatArray) -> Iterator[str]:
+    """Yield the text of the derived columns for each of n points, with a comma before each column.
+
+    Accelerations are those of the cubics just after each point, at the end just before it.
+    """
+    kinematics = make_kinematics(robot)
+    accelerations = scipy.interpolate.CubicHermiteSpline(t_s, positions, velocities)(t_s, 2)
+    cosines = len(TOOL_AXES)
+    template = f",%.{_DECIMALS}f" * (len(robot.joints) + len(TOOL_POSE)) + f",%.{_COSINE_DECIMALS}f" * cosines
+    for first in range(0, len(t_s), _ROWS):
+        part = slice(first, first + _ROWS)
+        axes = tool_frames(kinematics, positions[part])[:, :3, :2]
+        values = [accelerations[part], kinematics.forward(positions[part]), axes.swapaxes(1, 2).reshape(-1, cosines)]
+        figures = np.column_stack(values)
+        figures[:, :-cosines] = np.round(figures[:, :-cosines], _DECIMALS)
+        figures[:, -cosines:] = np.round(figures[:, -cosines:], _COSINE_DECIMALS)
+        yield from (template % tuple(row) for row in (figures + 0.0).tolist())  # what rounds to 0 has no sign
 
 
 def _stored_ms(plan: Plan) -> Int64Array:

@@ -17,6 +17,7 @@ from steptwin.host.record.plots.phases import draw_phases
 from steptwin.host.record.plots.step_rates import draw_step_rates
 from steptwin.host.record.plots.timing import draw_timing
 from steptwin.host.record.plots.tool_path import draw_tool_path
+from steptwin.host.record.plots.tool_pose import draw_tool_pose
 from steptwin.host.record.plots.widths import draw_widths
 from steptwin.host.verify import Comparison, RunInfo
 
@@ -32,6 +33,7 @@ PICTURES: Final[dict[str, Draw]] = {
     "joints": _whole(draw_joints),
     "step-rates": _whole(draw_step_rates),
     "tool-path": _whole(draw_tool_path),
+    "tool-pose": _whole(draw_tool_pose),
     "error": _whole(draw_error),
     "timing": _whole(draw_timing),
     "jitter": _whole(draw_jitter),

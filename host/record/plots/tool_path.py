@@ -1,4 +1,4 @@
-"""Draw the tool's path, planned and counted: true to scale, with a magnified error, and the largest error close up."""
+"""Draw the tool's path, planned and counted: with the arm, with a magnified error, and the largest error close up."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -6,7 +6,9 @@ from matplotlib.figure import Figure
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.record.path_error import PathError, path_error
+from steptwin.host.record.plots.arm import AT_ENDS, BETWEEN, Pen, draw_arm, plane_of
 from steptwin.host.record.plots.canvas import COUNTED, LIMIT, PLANNED, drawn_instants, new_figure, write_inside
+from steptwin.host.robots.kinematics import Link, make_kinematics
 from steptwin.host.verify import Comparison, RunInfo
 
 PANEL_INCHES = 3.9
@@ -17,6 +19,9 @@ CLOSE_ERRORS = 4.0
 
 FLAT_PART = 0.01
 """A coordinate that moves by less than this fraction of the widest one gets no view of its own."""
+
+ARM_INSTANTS = 7
+"""Number of instants at which the arm is drawn, from start to end: more of them would cover the path."""
 
 LEAST_VIEW_MM = 1.0
 """Width of the view around a tool that stands still."""
@@ -34,16 +39,36 @@ def draw_tool_path(comparison: Comparison, run: RunInfo) -> Figure:
     heights_inches = [PANEL_INCHES, SIDE_PANEL_INCHES][: len(views)]
     figure = new_figure(run, "tool path", sum(heights_inches))
     rows = figure.subplots(len(views), 3, squeeze=False, height_ratios=heights_inches)
+    links = _links(comparison)
     for row, view in zip(rows, views, strict=True):
-        _draw_whole(row[0], whole, view, 1.0, "true to scale")
+        _draw_arm(row[0], links, view)
+        _draw_whole(row[0], whole, view, 1.0, f"{'with the arm, ' if links else ''}true to scale")
         if whole.extents_mm.any():
             _draw_magnified(row[1], whole, view)
         else:
             row[1].set_axis_off()
             write_inside(row[1], "the tool does not move")
         _draw_close(row[2], edges, view)
-    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside upper right", ncols=4)
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=6, handlelength=3.5)
     return figure
+
+
+def _links(comparison: Comparison) -> tuple[Link, ...]:
+    """Return the arm's planned parts at some instants of the motion; nothing of an unknown robot."""
+    expected = comparison.expected
+    if expected.robot is None:
+        return ()
+    t_s = np.linspace(0.0, expected.trajectory.duration_s, ARM_INSTANTS)
+    return make_kinematics(expected.robot).links(expected.trajectory.positions(t_s))
+
+
+def _draw_arm(axes: Axes, links: tuple[Link, ...], view: Plane) -> None:
+    """Draw the arm on its way, then on top of it at the start and at the end."""
+    between, start, end = Pen(BETWEEN, 0.45), Pen(AT_ENDS), Pen(AT_ENDS, style="--")
+    for instant in range(1, ARM_INSTANTS - 1):
+        draw_arm(axes, links, instant, plane_of(*view), between)
+    draw_arm(axes, links, ARM_INSTANTS - 1, plane_of(*view), end, "arm at the end")
+    draw_arm(axes, links, 0, plane_of(*view), start, "arm at the start")
 
 
 def _views(path: PathError) -> list[Plane]:

@@ -1,7 +1,8 @@
-"""Draw a workspace from above and from the side: the cloud of random joint positions under the scanned boundary."""
+"""Draw a workspace from above, from the side and in space: the cloud of random joint positions, boundary and arm."""
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import matplotlib as mpl
 import numpy as np
@@ -9,7 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.record.plots.arm import AT_ENDS, Pen, draw_arm, plane_of
 from steptwin.host.record.plots.canvas import COUNTED, HEADING_INCHES, STYLE, WIDTH_INCHES, save_figure, write_inside
+from steptwin.host.robots.kinematics import Link, Role, make_kinematics
+from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.workspace import MonteCarlo, Scan
 
 CLOUD: Final = "0.6"
@@ -21,37 +25,82 @@ BOUNDARY: Final = COUNTED
 _WIDE: Final = 2.0
 """If the view from above is wider than this multiple of its height, the side view is below, else beside it."""
 
-_PANEL_INCHES: Final = 4.4
+_HOME: Final = "arm at home"
+_SPACE_INCHES: Final = 6.0
+_ZOOM: Final = 1.2
+"""Part by which the drawing in space fills its figure better than by default."""
+_PANEL_INCHES: Final = 4.6
 _DRAWN_INCHES: Final = 9.0
 _LABELS_INCHES: Final = 0.7
 
 
-def write_workspace(path: Path, robot: str, cloud: MonteCarlo, scanned: Scan) -> None:
-    """Draw the picture into a PNG file."""
+def write_workspace(path: Path, robot: Robot, cloud: MonteCarlo, scanned: Scan) -> None:
+    """Draw both views into a PNG file."""
     with mpl.rc_context(STYLE):
         save_figure(draw_workspace(robot, cloud, scanned), path, {})
 
 
-def draw_workspace(robot: str, cloud: MonteCarlo, scanned: Scan) -> Figure:
-    """Return a figure with both views, true to scale."""
+def write_workspace_3d(path: Path, robot: Robot, cloud: MonteCarlo) -> None:
+    """Draw the cloud in space into a PNG file."""
+    with mpl.rc_context(STYLE):
+        save_figure(draw_workspace_3d(robot, cloud), path, {})
+
+
+def draw_workspace(robot: Robot, cloud: MonteCarlo, scanned: Scan) -> Figure:
+    """Return a figure with both views, true to scale, with the arm at home."""
     radius_mm = np.hypot(cloud.cloud_mm[:, 0] - scanned.axis_x_mm, cloud.cloud_mm[:, 1])
     views = (cloud.cloud_mm[:, :2], np.column_stack([radius_mm, cloud.cloud_mm[:, 2]]))
     boundaries = (scanned.plan.boundary_mm, scanned.profile.boundary_mm)
     aspects = [_aspect(np.vstack(points)) for points in zip(views, boundaries, strict=True)]
     figure, (above, beside) = _panels(aspects)
-    figure.suptitle(f"{robot} · workspace (COMPUTED)", x=0.01, ha="left", weight="bold")
+    figure.suptitle(f"{robot.name} · workspace (COMPUTED)", x=0.01, ha="left", weight="bold")
     for axes, view, boundary in zip((above, beside), views, boundaries, strict=True):
         _draw(axes, view, boundary)
     above.set(xlabel="x [mm]", ylabel="y [mm]")
     above.set_title(f"from above; boundary at z = {scanned.plan.z_mm:.6g} mm", loc="left")
     beside.set(xlabel="radius about the arm's axis at home [mm]", ylabel="z [mm]")
     beside.set_title(f"from the side; boundary at azimuth {scanned.profile.azimuth_deg:.4g} deg", loc="left")
+    _draw_home(above, beside, robot, scanned)
     labels = [
         f"positions of random joints, {len(cloud.cloud_mm)} of {cloud.counted}",
         f"scanned boundary{_held(scanned)}",
     ]
-    figure.legend(above.get_lines(), labels, loc="outside lower left", ncols=2, markerscale=3)
+    home = next(line for line in above.get_lines() if line.get_label() == _HOME)
+    handles = [*above.get_lines()[:2], home]
+    figure.legend(handles, [*labels, _HOME], loc="outside lower left", ncols=3, markerscale=2)
     return figure
+
+
+def draw_workspace_3d(robot: Robot, cloud: MonteCarlo) -> Figure:
+    """Return a figure of the cloud and the arm at home in space, with equal scales along x, y and z."""
+    figure = Figure(figsize=(WIDTH_INCHES, _SPACE_INCHES + HEADING_INCHES), layout="constrained")
+    figure.suptitle(f"{robot.name} · workspace in space (COMPUTED)", x=0.01, ha="left", weight="bold")
+    axes: Any = figure.add_subplot(projection="3d")  # Any: matplotlib's stubs know no 3D axes
+    axes.plot(*cloud.cloud_mm.T, "o", markeredgewidth=0, markersize=1.1, color=CLOUD, alpha=0.5)
+    for link in _home_links(robot):
+        if link.role is not Role.GUIDE:
+            axes.plot(*link.points_mm[0].T, color=AT_ENDS, linewidth=2.5, marker="o", markersize=3, zorder=10)
+    axes.set(xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]")
+    axes.set_aspect("equal")
+    axes.set_box_aspect(axes.get_box_aspect(), zoom=_ZOOM)
+    axes.set_title(f"positions of random joints, {len(cloud.cloud_mm)} of {cloud.counted}, and the {_HOME}", loc="left")
+    return figure
+
+
+def _home_links(robot: Robot) -> tuple[Link, ...]:
+    return make_kinematics(robot).links(np.array([robot.home]))
+
+
+def _draw_home(above: Axes, beside: Axes, robot: Robot, scanned: Scan) -> None:
+    """Draw the arm at home, from above, and seen onto the plane of the profile: its other side is at negative radii."""
+    links = _home_links(robot)
+    draw_arm(above, links, 0, plane_of(0, 1), Pen(AT_ENDS), _HOME)
+    azimuth_rad = np.deg2rad(scanned.profile.azimuth_deg)
+    upright = np.array([[np.cos(azimuth_rad), 0.0], [np.sin(azimuth_rad), 0.0], [0.0, 1.0]])
+    axis_mm = np.array([scanned.axis_x_mm, 0.0, 0.0])
+    draw_arm(beside, [replace(link, points_mm=link.points_mm - axis_mm) for link in links], 0, upright, Pen(AT_ENDS))
+    for axes in (above, beside):
+        axes.autoscale_view()
 
 
 def _aspect(points_mm: FloatArray) -> float:

@@ -32,6 +32,12 @@ CSV = "\n".join([HEADER, *ROWS, ""])
 MOVING_CSV = (
     f"{HEADER},v_th1,v_th2,v_d3,v_th4\n0,0,0,0,0,0,0,0,0\n0.5,10,-5,20,1.5,20,0,40,-2.5\n1.25,20,0,60,-3,0,0,0,0\n"
 )
+DERIVED_CSV = "\n".join(
+    f"{line},{extra}"
+    for line, extra in zip(
+        MOVING_CSV.splitlines(), ["a_d3,tool_phi,a_th1", "1,2,3", "not,even,numbers", "7,8,9"], strict=True
+    )
+)
 
 
 def document(*, moving: bool = False, seconds: Callable[[float], Any] = float) -> dict[str, Any]:
@@ -129,6 +135,7 @@ def test_positions_only(suffix: str, content: str | bytes, tmp_path: Path) -> No
     ("suffix", "content"),
     [
         pytest.param(".csv", MOVING_CSV, id="CSV"),
+        pytest.param(".csv", DERIVED_CSV, id="CSV with columns that follow from the others"),
         pytest.param(
             ".csv",
             "t,v_d3,th1,th2,d3,th4,v_th1,v_th2,v_th4\n0,0,0,0,0,0,0,0,0\n"
@@ -198,8 +205,8 @@ class TestMistakesInACsv:
             pytest.param(CSV.replace("0.5", "nan"), "line 3, t: 'nan' is not a finite number", id="not a number"),
             pytest.param(CSV.replace("0.5", "-inf"), "line 3, t: '-inf' is not a finite number", id="infinite"),
             pytest.param(
-                "t," + ",".join(f"j{i}" for i in range(17)),
-                "line 1: 18 columns, more than 17: t, and position and velocity of 8 joints",
+                "t," + ",".join(f"j{i}" for i in range(35)),
+                "line 1: 36 columns, more than 35: t, position, velocity and acceleration of 8 joints",
                 id="too many columns",
             ),
             pytest.param("t," * 30_000, "line 1: has more than 8192 characters", id="a header of 30 000 columns"),
@@ -218,6 +225,11 @@ class TestMistakesInACsv:
                 MOVING_CSV.replace("v_th4", "v_th5"),
                 "line 1: column 'v_th5' is unknown: did you mean v_th4 or v_th2 or v_th1?",
                 id="velocity of nobody",
+            ),
+            pytest.param(DERIVED_CSV.replace("v_", "u_"), "line 3, a_d3: 'not'", id="accelerations without velocities"),
+            pytest.param(DERIVED_CSV.replace(",numbers", ""), "line 3: 11 fields, the header has 12", id="too short"),
+            pytest.param(
+                DERIVED_CSV.replace("a_d3", "a_d4"), "line 1: column 'v_a_d4' is missing", id="of an unknown joint"
             ),
             pytest.param(MOVING_CSV.replace(",-2.5", ","), "line 3, v_th4: '' is not a number", id="of some points"),
         ],
@@ -470,7 +482,7 @@ class TestLimitsOnFiles:
     @pytest.mark.parametrize(
         ("suffix", "size_bytes", "told"),
         [
-            (".csv", CSV_BYTES_MAX, "has 2 GiB: at most 2 GiB are read"),
+            (".csv", CSV_BYTES_MAX, "has 3 GiB: at most 3 GiB are read"),
             (".json", JSON_BYTES_MAX, "has 64 MiB: at most"),
         ],
     )

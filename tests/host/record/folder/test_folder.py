@@ -11,6 +11,7 @@ from typing import Any, BinaryIO
 import numpy as np
 import pytest
 
+from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.motions.sampled import Sampled
@@ -85,6 +86,47 @@ class TestTheMotion:
         again = read_motion(tmp_path, robot, ())
         off = np.abs(again.positions(t_s) - made.trajectory.positions(t_s)) * robot.steps_per_unit
         assert off.max() <= CUBICS_OFF_STEPS
+
+
+class TestTheColumnsBesideTheMotion:
+    """They are those of the cubics between the points, whatever reads them."""
+
+    @staticmethod
+    def columns(tmp_path: Path, name: str, job: str) -> dict[str, FloatArray]:
+        robot = load_robot(name)
+        write_motion(tmp_path / "trajectory.csv", plan(robot, make_job(robot, job, {})))
+        names, *rows = (line.split(",") for line in (tmp_path / "trajectory.csv").read_text().splitlines())
+        return dict(zip(names, np.array(rows, dtype=np.float64).T, strict=True))
+
+    def test_are_the_papers_accelerations_and_tool_positions(self, tmp_path: Path) -> None:
+        """A cubic in time falls from 6 dq / T^2 to the opposite; the tool points up at the attitude 0."""
+        found = self.columns(tmp_path, "teaching-scara", "carry")
+        for joint, first in (("th1", -179.537), ("th2", 517.003), ("d3", 0.0), ("th4", -337.466)):
+            assert found[f"a_{joint}"] == pytest.approx(first * (1.0 - 2.0 * found["t"]), abs=1e-3)
+        assert found["tool_x"][[0, 15, -1]] == pytest.approx([194.999999145, 194.773546708, 137.888910092], abs=1e-6)
+        assert found["tool_y"][[0, 15, -1]] == pytest.approx([0.005710000, 2.952128885, 35.753580548], abs=1e-6)
+        assert found["tool_z"] == pytest.approx(np.full(101, -40.0))
+        assert found["tool_phi"] == pytest.approx(np.zeros(101), abs=1e-4)
+        for axis, direction in (("n", "x"), ("o", "y")):
+            for coordinate in "xyz":
+                cosine = found[f"tool_{axis}{coordinate}"]
+                assert cosine == pytest.approx(np.full(101, float(coordinate == direction)), abs=2e-6)
+
+    def test_are_the_attitude_of_a_tool_that_points_down(self, tmp_path: Path) -> None:
+        """psi = 60 + -45 - 90 degrees at the end; n = (cos, sin, 0), o = (sin, -cos, 0), n x o points down."""
+        found = self.columns(tmp_path, "calibration-scara", "demo")
+        psi = np.deg2rad(found["th1"] + found["th2"] - found["th4"])
+        assert found["tool_phi"][-1] == pytest.approx(-75.0)
+        axes = {
+            "nx": np.cos(psi),
+            "ny": np.sin(psi),
+            "nz": 0 * psi,
+            "ox": np.sin(psi),
+            "oy": -np.cos(psi),
+            "oz": 0 * psi,
+        }
+        for name, expected in axes.items():
+            assert found[f"tool_{name}"] == pytest.approx(expected, abs=1e-9)
 
 
 def test_a_run_reads_back_as_written(stored_run: Path) -> None:

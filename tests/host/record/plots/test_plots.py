@@ -3,14 +3,18 @@
 import re
 import warnings
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.planning.laws import Cubic
+from steptwin.host.planning.motions.joint_move import JointMove
+from steptwin.host.robots import load_robot
 from steptwin.host.robots.board_settings import ActiveEdge
-from steptwin.host.verify import Comparison, DriverLimit, Phases, compare
+from steptwin.host.verify import Comparison, DriverLimit, Expectation, Phases, compare
 from tests.host.verify.motions import (
     NO_VIOLATIONS,
     RUN,
@@ -36,6 +40,7 @@ from matplotlib.text import Text
 
 from steptwin.host.record.plots import DEFAULT_PICTURES, PICTURES, Moment, View, write_plots
 from steptwin.host.record.plots.canvas import DOTS_PER_INCH, STYLE, WIDTH_INCHES, save_figure, thinned
+from tests.host.record.plots.drawn import drawn_points
 from tests.host.record.plots.png import pixels
 
 VIEW = View(1.0, 0.05)
@@ -108,8 +113,8 @@ def test_every_picture_is_drawn_of_every_run(run: str) -> None:
 def test_all_pictures_of_a_run_are_written(run: str, tmp_path: Path) -> None:
     paths = write_plots(tmp_path / "made" / "on demand", RUNS[run](), RUN, PICTURES)
     assert [path.name for path in paths] == [
-        "joints.png", "step-rates.png", "tool-path.png", "error.png", "timing.png", "jitter.png", "widths.png",
-        "edges.png", "phases.png",
+        "joints.png", "step-rates.png", "tool-path.png", "tool-pose.png", "error.png", "timing.png", "jitter.png",
+        "widths.png", "edges.png", "phases.png",
     ]  # fmt: skip
     for path in paths:
         width, height = pixels(path)
@@ -144,9 +149,60 @@ def test_each_moving_joint_has_a_row() -> None:
     comparison = swinging()
     rows = {name: len(draw(comparison, RUN, VIEW).axes) for name, draw in PICTURES.items()}
     assert rows == {
-        "joints": 4, "step-rates": 4, "tool-path": 3, "error": 8, "timing": 2, "jitter": 4, "widths": 2, "edges": 1,
-        "phases": 4,
+        "joints": 6, "step-rates": 4, "tool-path": 3, "tool-pose": 8, "error": 8, "timing": 2, "jitter": 4, "widths": 2,
+        "edges": 1, "phases": 4,
     }  # fmt: skip
+
+
+class TestOfARobot:
+    """A move of the classroom arm: th1 and th2 by 90 deg at up to 90 deg/s, with the elbow at 0 and 90 deg."""
+
+    @staticmethod
+    @cache
+    def run() -> Comparison:
+        robot = load_robot("teaching-scara")
+        move = JointMove(robot.joint_names, (0.0, 0.0, 0.0, 0.0), (90.0, 90.0, 0.0, 0.0), Cubic(1.0, 1.5))
+        expected = Expectation.of(robot, move)
+        return compare(expected, perfect_evidence(expected))
+
+    def test_accelerations_and_near_limits_are_drawn(self) -> None:
+        """From 6 * 90 / 1.5^2 = 240 deg/s^2 to -240; the speed's limit of 180 deg/s is as far as the curve is high."""
+        position, speed, acceleration = PICTURES["joints"](self.run(), RUN, VIEW).axes[:3]
+        t_s, values = drawn_points(acceleration.lines[0]).T
+        assert values[1:-1] == pytest.approx(240.0 - 320.0 * t_s[1:-1], abs=0.2)
+        assert [axes.get_title(loc="right") for axes in (position, speed, acceleration)] == [
+            "limit ±130", "limit ±180", "limit ±1000",
+        ]  # fmt: skip
+        dashed = [
+            [line for line in axes.lines if line.get_linestyle() == "--"] for axes in (position, speed, acceleration)
+        ]
+        assert [[drawn_points(line)[0, 1] for line in lines] for lines in dashed] == [[130.0], [180.0], []]
+
+    def test_the_arm_is_drawn_at_start_and_end(self) -> None:
+        whole = PICTURES["tool-path"](self.run(), RUN, VIEW).axes[0]
+        links = {line.get_label(): drawn_points(line) for line in whole.lines}
+        assert links["arm at the start"] == pytest.approx(np.array([[0.0, 0.0], [95.0, 0.0]]), abs=1e-9)
+        assert links["arm at the end"] == pytest.approx(np.array([[0.0, 0.0], [0.0, 95.0]]), abs=1e-9)
+        assert whole.get_title(loc="left") == "with the arm, true to scale"
+
+    def test_guides_do_not_widen_the_view(self) -> None:
+        """The warehouse's rail is 2 m long, the path 180 mm."""
+        robot = load_robot("warehouse-scara")
+        move = JointMove(robot.joint_names, (0, 0, 100, 0, 60, 30), (0, 0, 100, -41, 75, 57), Cubic(1.0, 2.0))
+        expected = Expectation.of(robot, move)
+        figure = PICTURES["tool-path"](compare(expected, perfect_evidence(expected)), RUN, VIEW)
+        figure.draw_without_rendering()
+        left, right = figure.axes[0].get_xlim()
+        assert right - left < 1000.0
+
+    def test_the_tools_pose_is_counted(self) -> None:
+        """At the end x is -100, y 95 and z -40 mm; the attitude is 180 deg, not -180, after rising to it."""
+        figure = PICTURES["tool-pose"](self.run(), RUN, VIEW)
+        ends = [[drawn_points(line)[-1, 1] for line in axes.lines] for axes in figure.axes]
+        for column, expected in zip(ends[::2], (-100.0, 95.0, -40.0, 180.0), strict=True):
+            assert column == pytest.approx([expected, expected], abs=0.05)
+        cosines = np.array(ends[1:6:2])
+        assert cosines == pytest.approx(np.diag([-1.0, -1.0, 1.0]), abs=1e-3)
 
 
 def test_a_third_coordinate_that_moves_gets_a_view() -> None:
