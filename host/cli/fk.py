@@ -1,17 +1,23 @@
 """`steptwin fk ROBOT Q1 Q2 ...`: compute the tool's pose from joint positions."""
 
-from typing import Any
+from typing import Annotated, Any
+
+import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotAndJoints, RobotFile, robot_and_joints
+from steptwin.host.cli.matrices import matrices_document, print_matrices
 from steptwin.host.cli.output import fixed, print_json, say
 from steptwin.host.common.errors import InputError
 
 
-@command("lab-scara 150 0 90 0", "warehouse-scara 0 0 200 -60 120 -90 --json", negatives=True)
+@command("lab-scara 150 0 90 0 --matrices", "warehouse-scara 0 0 200 -60 120 -90 --json", negatives=True)
 def fk(
     words: RobotAndJoints = None,
     robot_file: RobotFile = None,
+    matrices: Annotated[
+        bool, typer.Option("--matrices", help="Also the DH table, the matrix of each link and their product.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Compute the tool's pose from joint positions (forward kinematics).
@@ -29,7 +35,8 @@ def fk(
         if not joint.lower <= value <= joint.upper:
             limits = f"{joint.lower:g}..{joint.upper:g} {joint.unit}"
             say(f"note: {joint.name} = {value:g} is outside its limits {limits}", err=True)
-    pose = make_kinematics(loaded).forward(np.array([values]))[0]
+    kinematics = make_kinematics(loaded)
+    pose = kinematics.forward(np.array([values]))[0]
     if not np.isfinite(pose).all():
         at = " ".join(f"{value:g}" for value in values)
         raise InputError(f"joints of {loaded.name}: the mechanism cannot be assembled at {at}")
@@ -44,6 +51,8 @@ def fk(
         document["actual_pose"] = dict(zip(POSE_KEYS, actual.tolist(), strict=True))
         document["actual_tilt_deg"] = float(chain.tilts_deg(np.array([values]))[0])
         document["position_error_mm"] = float(np.linalg.norm(actual[:3] - pose[:3]))
+    if matrices:
+        document["dh"] = matrices_document(kinematics, np.array([values]))
     if as_json:
         print_json(document)
         return
@@ -51,6 +60,9 @@ def fk(
     if chain:
         off = f"{document['position_error_mm']:.6f} mm away, tilted by {document['actual_tilt_deg']:.6f} deg"
         say(f"actual: {_words(document['actual_pose'])}", f"{off}, by the dh_errors of the robot's file")
+    if matrices:
+        say("")
+        print_matrices(document["dh"])
 
 
 def _words(pose: dict[str, float]) -> str:

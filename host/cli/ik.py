@@ -1,7 +1,7 @@
 """`steptwin ik ROBOT --x --y --z --phi`: compute all joint positions that reach a tool pose."""
 
-from math import isfinite, nan
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from math import hypot, isfinite, isnan, nan
+from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 
 import typer
 
@@ -13,7 +13,7 @@ from steptwin.host.common.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from steptwin.host.robots.kinematics import Branch
+    from steptwin.host.robots.kinematics import Branch, Kinematics
     from steptwin.host.robots.nearest_pose import Pose
 
 
@@ -59,11 +59,16 @@ def ik(
     reached = any(branch.reachable[0] for branch in branches)
     slides_at = np.zeros(len(loaded.joints)) if standing is None else standing
     nearest = None if reached else nearest_pose(loaded, pose, slides_at)
+    off = [_round_trip(kinematics, branch, pose) for branch in branches]
     if as_json:
-        document = {"robot": loaded.name, "branches": [_document(branch, loaded.joint_names) for branch in branches]}
+        listed = [_document(branch, loaded.joint_names, trip) for branch, trip in zip(branches, off, strict=True)]
+        document = {"robot": loaded.name, "branches": listed}
         print_json(document | ({} if reached else {"nearest": nearest and _pose_document(nearest)}))
     else:
         _print_branches(branches, loaded.joint_names)
+        _print_round_trips(
+            {branch.name: trip for branch, trip in zip(branches, off, strict=True) if branch.reachable[0]}
+        )
         if nearest:
             say(f"the nearest pose in reach: {passing_words(pose, nearest)}")
     if not reached:
@@ -81,12 +86,39 @@ def _print_branches(branches: "Sequence[Branch]", names: tuple[str, ...]) -> Non
             say(f"{branch.name}: {branch.reason(0)}")
 
 
-def _document(branch: "Branch", names: tuple[str, ...]) -> dict[str, Any]:
+class _RoundTrip(NamedTuple):
+    """The distance of the forward kinematics of a branch from the pose asked for; NaN where there are no joints."""
+
+    position_mm: float
+    attitude_deg: float
+
+
+def _round_trip(kinematics: "Kinematics", branch: "Branch", pose: "Pose") -> _RoundTrip:
+    """Return a branch's round trip; the attitude of a tool that does not turn by itself is its own."""
+    import numpy as np
+
+    from steptwin.host.robots.kinematics.angles import wrapped_deg
+
+    *off_mm, turned_deg = (kinematics.forward(branch.joints)[0] - np.array(pose)).tolist()
+    off_deg = 0.0 if isnan(pose[3]) else abs(float(wrapped_deg(np.array(turned_deg))))
+    return _RoundTrip(hypot(*off_mm), off_deg)
+
+
+def _print_round_trips(trips: dict[str, _RoundTrip]) -> None:
+    if trips:
+        texts = (
+            f"{name} {fixed(off.position_mm, 9)} mm {fixed(off.attitude_deg, 9)} deg" for name, off in trips.items()
+        )
+        say(f"round trip, forward kinematics minus the pose: {', '.join(texts)}")
+
+
+def _document(branch: "Branch", names: tuple[str, ...], off: _RoundTrip) -> dict[str, Any]:
     return {
         "name": branch.name,
         "reachable": bool(branch.reachable[0]),
         "reason": branch.reason(0),
         "joints": dict(zip(names, map(_finite, branch.joints[0].tolist()), strict=True)),
+        "round_trip": {"position_error_mm": _finite(off.position_mm), "attitude_error_deg": _finite(off.attitude_deg)},
     }
 
 

@@ -15,8 +15,10 @@ def jobs(robot: RobotName = None, robot_file: RobotFile = None, as_json: AsJson 
     summaries = {name: job_summary(loaded, name) for name in found}
     if as_json:
         listed = [{"name": n, "summary": summaries[n], "options": options} for n, options in found.items()]
-        print_json({"robot": loaded.name, "jobs": listed})
+        print_json({"robot": loaded.name, "paper": loaded.paper or None, "jobs": listed})
         return
+    if loaded.paper:
+        say(f"paper: {loaded.paper}")
     for name, summary in summaries.items():
         say(f"{name}: {summary}")
     if not found:

@@ -12,7 +12,7 @@ from typing import Final, NoReturn, TypeVar
 
 from steptwin.host.common.bad_input import apart, at_most, prefixed
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_limits import NAME_CHARS_MAX, TITLE_CHARS_MAX
+from steptwin.host.common.file_limits import NAME_CHARS_MAX, PAPER_CHARS_MAX, TITLE_CHARS_MAX
 from steptwin.host.common.findings import Findings, UnreadError, check_all
 from steptwin.host.common.judging import judged, part_of
 from steptwin.host.common.tables import Reading, Table, check_name, number_at, toml_table
@@ -93,6 +93,10 @@ def _name(table: Table, key: str) -> str:
 
 def _title(table: Table, key: str) -> str:
     return table.name(key, TITLE_CHARS_MAX)
+
+
+def _paper(table: Table, key: str) -> str:
+    return table.name(key, PAPER_CHARS_MAX)
 
 
 # --- the mechanism, which tells the names of the joints
@@ -297,6 +301,7 @@ _ROBOT: Final[dict[str, Reading]] = {
     ),
 }
 _ROBOT_OPTIONAL: Final[dict[str, Reading]] = {
+    "paper": _paper,
     "outputs": partial(_each, _output),
     "inputs": partial(_each, _input),
     "places": partial(_each, _places),

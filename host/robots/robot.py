@@ -47,6 +47,7 @@ class Robot:
         coupling: how the axes follow the joints; by default each joint has a motor of its own.
         dh_errors: errors of the DH parameters, by the name of the link: no motion is planned by them; they tell where
             the tool really is.
+        paper: paper that describes the machine, as a citation in one line; may be empty.
         toml: text of the robot file; empty for a robot that was not read from a file.
 
     Raises:
@@ -68,6 +69,7 @@ class Robot:
     boxes: Mapping[str, Box] = field(default_factory=dict)
     coupling: Coupling = field(default_factory=Coupling)
     dh_errors: Mapping[str, LinkErrors] = field(default_factory=dict)
+    paper: str = ""
     toml: str = field(default="", repr=False, compare=False)
 
     def __post_init__(self) -> None:

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from steptwin.host.cli.app import run
@@ -21,8 +22,10 @@ def test_robots(capsys: pytest.CaptureFixture[str]) -> None:
         "calibration-scara": ["th1", "th2", "d3", "th4"],
         "hybrid-arm": ["th1", "Z5", "Z6", "th4"],
     }
+    assert all(robot["paper"] for robot in document["robots"])
     assert run(["robots"]) == 0
-    assert "warehouse-scara" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "\nwarehouse-scara: Jiang Aimin, Guo Liang, Tan Xiangquan: Development" in shown
 
 
 def test_jobs(capsys: pytest.CaptureFixture[str]) -> None:
@@ -34,7 +37,9 @@ def test_jobs(capsys: pytest.CaptureFixture[str]) -> None:
     assert "right" in jobs["drawer-pull"]["elbow"]
     assert jobs["store"]["slot"] == "A1 (A1, A2, B1, B2)"
     assert run(["jobs", "warehouse-scara"]) == 0
-    assert "duration_s" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert shown.startswith(f"paper: {document['paper']}\ndrawer-pull: ")
+    assert "duration_s" in shown
 
 
 def test_fk_with_negative_joints(capsys: pytest.CaptureFixture[str]) -> None:
@@ -46,6 +51,37 @@ def test_fk_with_negative_joints(capsys: pytest.CaptureFixture[str]) -> None:
     )
     assert run(["fk", "warehouse-scara", *["0", "0", "50", "0", "0", "0"]]) == 0
     assert "x 390.000000 mm" in capsys.readouterr().out
+
+
+def c(angle_deg: float) -> float:
+    return float(np.cos(np.deg2rad(angle_deg)))
+
+
+def s(angle_deg: float) -> float:
+    return float(np.sin(np.deg2rad(angle_deg)))
+
+
+def test_fk_prints_the_papers_matrices(capsys: pytest.CaptureFixture[str]) -> None:
+    """Lab eqs. 1 to 5 with o_x = c4 c23 + s4 s23 and (3,3) = -1, both misprinted; each in closed form."""
+    assert run(["fk", "lab-scara", "150", "30", "45", "60", "--matrices", "--json"]) == 0
+    dh = json.loads(capsys.readouterr().out)["dh"]
+    matrices = [np.array(link["matrix"]) for link in dh["links"]]
+    assert matrices[0] == pytest.approx(np.array([[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 150], [0, 0, 0, 1]]))
+    assert matrices[2][:2] == pytest.approx(np.array([[c(45), -s(45), 0, 400], [s(45), c(45), 0, 0]]))
+    assert matrices[3][:3] == pytest.approx(np.array([[c(60), -s(60), 0, 400], [-s(60), -c(60), 0, 0], [0, 0, -1, 0]]))
+    assert matrices[4] == pytest.approx(np.eye(4) + 150.0 * np.outer([0, 0, 1, 0], [0, 0, 0, 1]))
+    assert [dh["convention"], *(link["theta"] for link in dh["links"])] == ["modified", "90", "th2", "th3", "th4", "0"]
+    assert [link["theta_deg"] for link in dh["links"]] == [90, 30, 45, 60, 0]
+    product = dh["product"]
+    assert product["matrix"] == pytest.approx(np.linalg.multi_dot(matrices))
+    assert product["n"] == pytest.approx([s(60 - 75), c(60 - 75), 0.0], abs=1e-12)
+    assert product["o"] == pytest.approx([c(60) * c(75) + s(60) * s(75), s(75) * c(60) - c(75) * s(60), 0.0], abs=1e-12)
+    assert product["a"] == pytest.approx([0.0, 0.0, -1.0], abs=1e-12)
+    assert product["p"] == pytest.approx([-586.370330516, 449.937779555, 0.0], abs=1e-8)
+    assert run(["fk", "calibration-scara", *["30", "45", "50", "20"], "--matrices"]) == 0
+    shown = capsys.readouterr().out
+    assert "standard (distal)" in shown
+    assert ["x", "0.573576", "0.819152", "0.000000", "307.093017"] in [line.split()[-5:] for line in shown.splitlines()]
 
 
 def test_fk_of_joints_that_the_mechanism_cannot_take(capsys: pytest.CaptureFixture[str]) -> None:
@@ -63,8 +99,13 @@ def test_ik_gives_every_branch(capsys: pytest.CaptureFixture[str]) -> None:
     assert (right["name"], right["reachable"], right["reason"]) == ("right", True, None)
     assert right["joints"] == pytest.approx({"sx": 0, "sz": 0, "L1": 100, "th1": 0, "th2": 60, "th3": 30}, abs=1e-6)
     assert left["joints"]["th1"] == pytest.approx(50.569992092, abs=1e-6)
+    for branch in (right, left):
+        assert branch["round_trip"] == pytest.approx({"position_error_mm": 0.0, "attitude_error_deg": 0.0}, abs=1e-9)
     assert run(["ik", "warehouse-scara", *pose]) == 0
-    assert "50.5700" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "50.5700" in shown
+    trips = "right 0.000000000 mm 0.000000000 deg, left 0.000000000 mm 0.000000000 deg"
+    assert f"round trip, forward kinematics minus the pose: {trips}\n" in shown
 
 
 def test_ik_holds_the_slides_where_the_machine_stands(capsys: pytest.CaptureFixture[str]) -> None:
@@ -84,6 +125,7 @@ def test_ik_says_why_not(capsys: pytest.CaptureFixture[str]) -> None:
     assert document["nearest"] == {"x_mm": 390.0, "y_mm": 0.0, "z_mm": 60.0, "attitude_deg": 0.0}
     assert "350" in right["reason"]
     assert right["joints"]["th1"] is None
+    assert right["round_trip"] == {"position_error_mm": None, "attitude_error_deg": None}
     assert run(["ik", "warehouse-scara", "--x", "500", "--y", "0", "--z", "60", "--phi", "0"]) == 1
     shown = capsys.readouterr().out
     assert "left: shoulder to wrist" in shown

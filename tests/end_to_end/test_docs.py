@@ -137,7 +137,7 @@ def test_every_number_of_a_robot_is_marked(robot: str) -> None:
     for name, section in read_robot_file(robot).items():
         marked = name.startswith(("places.", "boxes.")) and section.comment.startswith("[")
         for key, entry in section.entries.items():
-            assert entry.mark or marked or key in {"name", "title", "kind", "unit"}, (name, key)
+            assert entry.mark or marked or key in {"name", "title", "paper", "kind", "unit"}, (name, key)
 
 
 def test_a_robot_file_is_read_with_its_notes() -> None:
