@@ -155,7 +155,7 @@ class OptionForm:
     """A field for each of a job's options, with the job's own defaults and ranges."""
 
     def __init__(self, fields: tuple[OptionField, ...], changed: Callable[[], None]) -> None:
-        self._fields: dict[str, ui.number | ui.select] = {}
+        self._fields: dict[str, ui.number | ui.select | ui.input] = {}
         with ui.element("div").classes("form-grid"):
             for field in fields:
                 self._fields[field.name] = _form_field(field, changed)
@@ -170,8 +170,11 @@ class OptionForm:
         return texts
 
 
-def _form_field(field: OptionField, changed: Callable[[], None]) -> ui.number | ui.select:
+def _form_field(field: OptionField, changed: Callable[[], None]) -> ui.number | ui.select | ui.input:
     label = option_title(field)
+    if field.form:
+        text = ui.input(f"{label} ({field.form})", value=str(field.default), on_change=lambda _: changed())
+        return text.props("outlined dense").classes("w-field")
     if field.allowed is None:
         select = ui.select(list(field.choices), value=field.default, label=label, on_change=lambda _: changed())
         return select.props("outlined dense").classes("w-field")

@@ -1,4 +1,6 @@
-"""The classroom robot carries a part from one taught point to another, all joints by one polynomial of time.
+"""The classroom robot carries a part from one point to another, all joints by one polynomial of time.
+
+The points are the paper's presets, qa and qb, or ones that the user enters as x and y.
 
 Source: X. Yao, Y. Pan, Y. Gao, "Research and Implementation of SCARA Manipulator Control Algorithm in Experimental
 Teaching", 2017, DOI 10.3969/j.issn.1000-386x.2017.06.019: the points and the duration. Its text uses the cubic, its
@@ -11,17 +13,22 @@ from typing import Final
 
 import numpy as np
 
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.jobs.elbows import with_elbow
 from steptwin.host.planning.jobs.fitting import fitted
 from steptwin.host.planning.jobs.job import Job
-from steptwin.host.planning.jobs.options import joint_position, number
+from steptwin.host.planning.jobs.options import Point, joint_position, number, point
 from steptwin.host.planning.laws import Cubic, Law, Quintic
 from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.robots.kinematics import Elbow, make_kinematics
+from steptwin.host.robots.nearest_pose import passing_text
 from steptwin.host.robots.robot import Robot
 
 START_RAD: Final = (-0.000062, 0.000178, 0.0, -0.000117)
 GOAL_RAD: Final = (-0.522315, 1.504080, 0.0, -0.981765)
-"""qa and qb of the paper: th1, th2, d3, th4, with d3 = 0; a joint with narrower limits stops at them."""
+"""qa and qb, the paper's preset points: th1, th2, d3, th4, with d3 = 0; a joint with narrower limits stops at them."""
 
 
 class Polynomial(Enum):
@@ -37,12 +44,16 @@ class Polynomial(Enum):
 
 @dataclass(frozen=True, slots=True)
 class CarryOptions:
-    """The options: the time law, the depth at which a part is gripped and released, and the number of repetitions.
+    """The options: both points, the elbow's side, the time law, the depth of the grip and the number of repetitions.
 
-    With a depth of 0 the arm only goes from point to point, as in the paper's experiment. Otherwise it lowers the
-    gripper at the start and closes it, and opens it at the goal.
+    A point that is given is reached with the lift as at the presets and the attitude 0, as it is at both of them. With
+    a depth of 0 the arm only goes from point to point, as in the paper's experiment. Otherwise it lowers the gripper at
+    the start and closes it, and opens it at the goal.
     """
 
+    from_: Point = point("qa")
+    to: Point = point("qb")
+    elbow: Elbow = Elbow.RIGHT
     law: Polynomial = Polynomial.CUBIC
     duration_s: float = number(1.0, 0.01, 60.0, "s")
     depth_mm: float = joint_position(0.0, "d3")
@@ -50,8 +61,13 @@ class CarryOptions:
 
 
 def carry(robot: Robot, options: CarryOptions) -> Trajectory:
-    """Return the motion from qa to qb, and back before each repetition; raise InputError if a gripper is missing."""
-    start, goal = (fitted(robot, np.rad2deg(point)) for point in (START_RAD, GOAL_RAD))
+    """Return the motion from point to point, and back before each repetition.
+
+    Raises:
+        InputError: a point is out of reach with this elbow, or a gripper is missing.
+    """
+    start = _joints(robot, "from", options.from_, START_RAD, options.elbow)
+    goal = _joints(robot, "to", options.to, GOAL_RAD, options.elbow)
     law = options.law.lasting(options.duration_s)
     moves = Composer(robot, start)
     for repetition in range(options.repetitions):
@@ -63,6 +79,24 @@ def carry(robot: Robot, options: CarryOptions) -> Trajectory:
     return moves.sequence()
 
 
+def _joints(robot: Robot, name: str, place: Point, preset_rad: tuple[float, ...], elbow: Elbow) -> FloatArray:
+    """Return the joints, of shape (4,), at a point or at the preset that stands for it."""
+    preset = fitted(robot, np.rad2deg(preset_rad))
+    if place is None:
+        return preset if elbow is Elbow.RIGHT else with_elbow(robot, preset, elbow)
+    kinematics = make_kinematics(robot)
+    x_mm, y_mm = place
+    pose = (x_mm, y_mm, float(kinematics.forward(preset[np.newaxis])[0, 2]), 0.0)
+    branches = {branch.name: branch for branch in kinematics.inverse(np.array([pose]), preset)}
+    found = branches.pop(elbow.value)
+    if found.reachable[0]:
+        joints: FloatArray = found.joints[0]
+        return joints
+    other = next((branch.name for branch in branches.values() if branch.reachable[0]), None)
+    passing = f"; elbow={other} reaches it" if other else passing_text(robot, pose, preset, elbow.value)
+    raise InputError(f"option {name}: {x_mm:g},{y_mm:g} is out of reach: {found.reason(0)}{passing}")
+
+
 def _grip(moves: Composer, depth_mm: float, *, close: bool) -> None:
     up_mm = float(moves.joints[moves.robot.joint_names.index("d3")])
     if depth_mm:
@@ -71,6 +105,4 @@ def _grip(moves: Composer, depth_mm: float, *, close: bool) -> None:
         moves.go_some({"d3": up_mm})
 
 
-CARRY: Final = Job(
-    "carry", "from one taught point to another, picking and placing if depth_mm is not 0", CarryOptions, carry
-)
+CARRY: Final = Job("carry", "from one point to another, picking and placing if depth_mm is not 0", CarryOptions, carry)

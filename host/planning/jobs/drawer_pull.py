@@ -28,9 +28,17 @@ REACH_MM: Final = 350.0
 """The way of the drawer, and the reach of the paper's arm from shoulder to wrist: a smaller one pulls less."""
 
 
+COMPARTMENTS: Final = 3
+"""Compartments of the drawer, which come out one after another in the paper's figure 7; as long as each other, it is
+assumed."""
+
+
 @dataclass(frozen=True, slots=True)
 class DrawerPullOptions:
-    """The options: the elbow's side, the times of the law, the positions of slides and lift, and the drawer's way."""
+    """The options: the elbow's side, the times of the law, the positions of slides and lift, and the drawer's way.
+
+    The way is that of the whole drawer; to bring out only some of its compartments the hand pulls a part of it.
+    """
 
     elbow: Elbow = Elbow.RIGHT
     duration_s: float = number(10.0, 0.002, 600.0, "s")
@@ -39,16 +47,20 @@ class DrawerPullOptions:
     sz_mm: float = joint_position(0.0, "sz")
     L1_mm: float = joint_position(100.0, "L1")
     travel_mm: float = number(TRAVEL_MM, 1.0, 1000.0, "mm", in_reach_at_most(TRAVEL_MM, REACH_MM))
+    compartments: int = number(COMPARTMENTS, 1, COMPARTMENTS, f"of {COMPARTMENTS}")
 
 
 def drawer_pull(robot: Robot, options: DrawerPullOptions) -> Trajectory:
     """Return the pull, from one tool pose with either elbow; raise InputError for times that form no trapezoid."""
-    law = Trapezoid(options.travel_mm, options.duration_s, options.ramp_s)
+    travel_mm = options.travel_mm * (options.compartments / COMPARTMENTS)
+    law = Trapezoid(travel_mm, options.duration_s, options.ramp_s)
     right = np.array([options.sx_mm, options.sz_mm, options.L1_mm, *LOCKED_DEG])
     start = with_elbow(robot, right, options.elbow)
     x_mm, y_mm, z_mm, attitude_deg = make_kinematics(robot).forward(right[np.newaxis])[0].tolist()
-    path = StraightLine((x_mm, y_mm, z_mm, attitude_deg), (x_mm, y_mm - options.travel_mm, z_mm, attitude_deg))
+    path = StraightLine((x_mm, y_mm, z_mm, attitude_deg), (x_mm, y_mm - travel_mm, z_mm, attitude_deg))
     return ToolMove.along(robot, path, law, options.elbow.value, start)
 
 
-DRAWER_PULL: Final = Job("drawer-pull", "pull a drawer 180 mm out, straight", DrawerPullOptions, drawer_pull)
+DRAWER_PULL: Final = Job(
+    "drawer-pull", "pull a drawer out, straight, 180 mm or by compartments", DrawerPullOptions, drawer_pull
+)

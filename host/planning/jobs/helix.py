@@ -13,8 +13,8 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import whole_ms
+from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs.fitting import hybrid_scale
-from steptwin.host.planning.jobs.five_points import OPERATING_MODE
 from steptwin.host.planning.jobs.job import Job
 from steptwin.host.planning.jobs.options import number
 from steptwin.host.planning.motions.following import follow
@@ -22,7 +22,10 @@ from steptwin.host.planning.motions.sampled import Sampled
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot
 
-STEPS: Final = 240
+OPERATING_MODE: Final = "(+,+)"
+"""The working mode of the machine: both sliders below the platform."""
+
+SAMPLES: Final = 241
 TURNS: Final = 4
 RADIUS_MM: Final = 80.0
 RISE_MM_PER_TURN: Final = 60.0
@@ -45,40 +48,58 @@ def _bottom_mm(robot: Robot) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class HelixOptions:
-    """The options of the helix; its place and size grow and move with the arm's dimensions."""
+class HelixCurve:
+    """The helix itself: centre, height of its start, radius, pitch and number of turns.
 
-    duration_s: float = number(80.0, 1.0, 3600.0, "s")
+    By default its place and size grow and move with the arm's dimensions.
+    """
+
     x_mm: float = number(CENTRE_MM[0], -5000.0, 5000.0, "mm", lambda robot: CENTRE_MM[0] * hybrid_scale(robot)[0])
     y_mm: float = number(CENTRE_MM[1], -5000.0, 5000.0, "mm", lambda robot: CENTRE_MM[1] * hybrid_scale(robot)[0])
     z_mm: float = number(CENTRE_MM[2], -5000.0, 5000.0, "mm", _bottom_mm)
     radius_mm: float = number(RADIUS_MM, 1.0, 1000.0, "mm", _radius_mm)
     rise_mm: float = number(RISE_MM_PER_TURN, 0.0, 500.0, "mm per turn", _rise_mm)
+    turns: int = number(TURNS, 1, 100, "turns")
+
+
+@dataclass(frozen=True, slots=True)
+class HelixOptions(HelixCurve):
+    """The options of the helix: the curve, its duration and the number of its samples."""
+
+    duration_s: float = number(80.0, 1.0, 3600.0, "s")
+    samples: int = number(SAMPLES, 3, 10001, "samples")
 
 
 def helix(robot: Robot, options: HelixOptions) -> Trajectory:
     """Return the helix as Akima's splines in the joints, from rest to rest.
 
     PVT points are at whole milliseconds, but a step lasts 80 s / 240. So each sample is taken at the nearest whole
-    millisecond and holds the helix's pose of that time. Raise InputError if the mechanism does not reach the helix.
+    millisecond and holds the helix's pose of that time.
+
+    Raises:
+        InputError: the mechanism does not reach the helix, or there are more samples than milliseconds.
     """
-    end_ms = whole_ms("duration_s", options.duration_s)
-    t_s = np.round(np.arange(STEPS + 1) * end_ms / STEPS) / 1000
+    end_ms, steps = whole_ms("duration_s", options.duration_s), options.samples - 1
+    if steps > end_ms:
+        raise InputError(
+            f"option samples: {options.samples} in {end_ms} ms are more than one each ms; {end_ms + 1} passes"
+        )
+    t_s = np.round(np.arange(steps + 1) * end_ms / steps) / 1000
     joints = follow(robot, helix_poses(t_s / t_s[-1], options), t_s, OPERATING_MODE, np.array(robot.home))
     return Sampled.akima(robot.joint_names, t_s, joints)
 
 
-def helix_poses(part: FloatArray, options: HelixOptions) -> FloatArray:
+def helix_poses(part: FloatArray, curve: HelixCurve) -> FloatArray:
     """Return poses, of shape (n, 4), at parts of the way, of shape (n,), from 0 to 1."""
-    w = 2.0 * np.pi * TURNS * part
+    w = 2.0 * np.pi * curve.turns * part
     return np.column_stack(
         [
-            options.x_mm + options.radius_mm * np.cos(w),
-            options.y_mm + options.radius_mm * np.sin(w),
-            options.z_mm + options.rise_mm * TURNS * part,
+            curve.x_mm + curve.radius_mm * np.cos(w),
+            curve.y_mm + curve.radius_mm * np.sin(w),
+            curve.z_mm + curve.rise_mm * curve.turns * part,
             np.zeros(len(part)),
         ]
     )
 
 
-HELIX: Final = Job("helix", "a helix of four turns on Akima splines through 241 samples", HelixOptions, helix)
+HELIX: Final = Job("helix", "a helix on Akima splines through samples, four turns by default", HelixOptions, helix)

@@ -1,4 +1,4 @@
-"""Read a job's options from texts: a frozen dataclass of enums, places and numbers with ranges.
+"""Read a job's options from texts: a frozen dataclass of enums, places, points and numbers with ranges.
 
 A number's default may depend on the robot: it is then the paper's for the paper's robot, and fits others.
 """
@@ -6,11 +6,12 @@ A number's default may depend on the robot: it is then the paper's for the paper
 from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass, field, fields
 from enum import Enum
+from reprlib import repr as short
 from typing import Any, TypeVar
 
 from steptwin.host.common.bad_input import nearest_within, unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.numbers import decimal
+from steptwin.host.common.numbers import decimal, finite_number
 from steptwin.host.robots.robot import Robot
 
 Options = TypeVar("Options")
@@ -36,9 +37,10 @@ class OptionField:
     Attributes:
         name: name of the option.
         default: its default for the robot, a number unless there are choices.
-        choices: names to choose from; empty for a number.
-        allowed: the range of a number; None for a choice.
+        choices: names to choose from; empty for a number and a point.
+        allowed: the range of a number; None for a choice and a point.
         whole: True for a whole number.
+        form: what may be written in place of a point's default; empty for others.
     """
 
     name: str
@@ -46,10 +48,11 @@ class OptionField:
     choices: tuple[str, ...] = ()
     allowed: Range | None = None
     whole: bool = False
+    form: str = ""
 
     def __str__(self) -> str:
         if isinstance(self.default, str):
-            return f"{self.default} ({', '.join(self.choices)})"
+            return f"{self.default} ({self.form or ', '.join(self.choices)})"
         return f"{self.default:g} ({self.allowed})"
 
 
@@ -63,6 +66,17 @@ def number(default: float, lower: float, upper: float, unit: str, fitting: Fitti
     With `fitting`, its value for a robot takes the place of the default.
     """
     return field(default=default, metadata={"range": Range(lower, upper, unit), "fitting": fitting})
+
+
+Point = tuple[float, float] | None
+"""x and y in mm; None for the preset point that the option's default names."""
+
+POINT_FORM = "or X,Y in mm"
+
+
+def point(preset: str) -> Any:
+    """Return a dataclass field for a point; without one it is None, which the preset's name stands for."""
+    return field(default=None, metadata={"preset": preset})
 
 
 def place(default: str, other_than: str) -> Any:
@@ -92,7 +106,7 @@ def parse_options(options: type[Options], texts: Mapping[str, str], robot: Robot
     places = {name: str(option.default) for name, option in known.items() if "other_than" in option.metadata}
     values = {name: _value(known[name], text, robot) for name, text in (places | texts).items()}
     fitting = {name: _default(option, robot) for name, option in known.items() if _is_number(option)}
-    return options(**(fitting | values))
+    return options(**{known[name].name: value for name, value in (fitting | values).items()})
 
 
 def option_fields(options: type[Any], robot: Robot) -> tuple[OptionField, ...]:
@@ -128,27 +142,46 @@ def _default(option: Field[Any], robot: Robot) -> float:
 
 
 def _fields(options: type[Any]) -> dict[str, Field[Any]]:
-    return {option.name: option for option in fields(options)}
+    return {_name(option): option for option in fields(options)}
+
+
+def _name(option: Field[Any]) -> str:
+    """Return an option's name: `from`, which Python keeps for itself, is the field `from_`."""
+    return option.name.removesuffix("_")
 
 
 def _form_field(option: Field[Any], robot: Robot) -> OptionField:
+    name = _name(option)
     if isinstance(option.default, Enum):
-        return OptionField(option.name, str(option.default.value), tuple(_choices(option.default)))
+        return OptionField(name, str(option.default.value), tuple(_choices(option.default)))
     if isinstance(option.default, str):
-        return OptionField(option.name, option.default, tuple(_places(option, robot)))
+        return OptionField(name, option.default, tuple(_places(option, robot)))
+    if "preset" in option.metadata:
+        return OptionField(name, option.metadata["preset"], form=POINT_FORM)
     whole = isinstance(option.default, int)
-    return OptionField(option.name, _default(option, robot), allowed=_range(option, robot), whole=whole)
+    return OptionField(name, _default(option, robot), allowed=_range(option, robot), whole=whole)
 
 
-def _value(option: Field[Any], text: str, robot: Robot) -> Enum | str | float:
+def _value(option: Field[Any], text: str, robot: Robot) -> Enum | str | float | Point:
+    name = _name(option)
     if isinstance(option.default, Enum):
-        return _choice(option.name, text, _choices(option.default))
+        return _choice(name, text, _choices(option.default))
     if isinstance(option.default, str):
-        return _choice(option.name, text, _places(option, robot))
-    value = _number(option.name, text, _range(option, robot))
+        return _choice(name, text, _places(option, robot))
+    if "preset" in option.metadata:
+        return None if text == option.metadata["preset"] else _point(name, text, option.metadata["preset"])
+    value = _number(name, text, _range(option, robot))
     if isinstance(option.default, int):
-        return _whole(option.name, value)
+        return _whole(name, value)
     return value
+
+
+def _point(name: str, text: str, preset: str) -> tuple[float, float]:
+    try:
+        x_mm, y_mm = map(finite_number, text.split(","))
+    except (InputError, ValueError):
+        raise InputError(f"option {name}: {short(text)} is not a point (valid: {preset} {POINT_FORM})") from None
+    return x_mm, y_mm
 
 
 def _places(option: Field[Any], robot: Robot) -> dict[str, str]:

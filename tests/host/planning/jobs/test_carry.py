@@ -9,6 +9,7 @@ from steptwin.host.planning.planner import plan
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
+from tests.host.complaints import complaint_of
 
 ROBOT = load_robot("teaching-scara")
 SCARA = make_kinematics(ROBOT)
@@ -97,6 +98,49 @@ def test_the_gripper_switches_only_when_lowered() -> None:
     turning = np.abs(trajectory.velocities(carried_s)[:, 0]) > 1e-6
     assert np.abs(trajectory.positions(carried_s)[turning, 2]).max() < 1e-9  # carried at the top
     plan(ROBOT, trajectory)
+
+
+def entered(**options: str) -> Trajectory:
+    return make_job(ROBOT, "carry", {"from": "150,60", "to": "100,-50", **options})
+
+
+@pytest.mark.parametrize(("elbow", "sign"), [("right", 1.0), ("left", -1.0)])
+@pytest.mark.parametrize("law", ["cubic", "quintic"])
+def test_points_are_entered_and_reached_by_either_arm(elbow: str, sign: float, law: str) -> None:
+    trajectory = entered(elbow=elbow, law=law, duration_s="2")
+    joints = trajectory.positions(np.array([0.0, 1.0, 2.0]))
+    assert SCARA.forward(joints[[0, 2]]) == pytest.approx(np.array([[150, 60, -40, 0], [100, -50, -40, 0]]), abs=1e-9)
+    assert (np.sign(joints[:, 1]) == sign).all()
+    assert joints[1] == pytest.approx((joints[0] + joints[2]) / 2)
+    plan(ROBOT, trajectory)
+
+
+def test_one_point_may_stay_the_papers() -> None:
+    to_point = make_job(ROBOT, "carry", {"from": "qa", "to": "100, -50"})
+    assert to_point.positions(np.zeros(1)).tolist() == carry().positions(np.zeros(1)).tolist()
+    assert SCARA.forward(to_point.positions(np.ones(1)))[0, :2] == pytest.approx([100.0, -50.0])
+    left = carry(elbow="left").positions(np.array([0.0, 1.0]))
+    assert np.deg2rad(left[1]) == pytest.approx([1.029725762, -1.504080, 0.0, 0.474354238], abs=1e-8)
+    assert np.deg2rad(left[0]) == pytest.approx([0.000120564, -0.000178, 0.0, 0.000056436], abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        ({"to": "195.1,0"}, "option to: 195.1,0 is out of reach: shoulder to wrist 195.1 mm is outside 5..195 mm"),
+        ({"to": "-150,60", "elbow": "left"}, "option to: -150,60 is out of reach: th1: "),
+        ({"from": "150"}, "option from: '150' is not a point (valid: qa or X,Y in mm)"),
+        ({"from": "150,nan"}, "option from: '150,nan' is not a point (valid: qa or X,Y in mm)"),
+        ({"from": "qb"}, "option from: 'qb' is not a point (valid: qa or X,Y in mm)"),
+        ({"from_": "1,2"}, "option 'from_' is unknown: did you mean from?"),
+    ],
+)  # fmt: skip
+def test_points_that_cannot_be(options: dict[str, str], complaint: str) -> None:
+    assert complaint_of(lambda: entered(**options)).startswith(complaint)
+
+
+def test_the_other_arm_is_named_if_it_reaches_the_point() -> None:
+    assert complaint_of(lambda: entered(to="-150,60", elbow="left")).endswith("; elbow=right reaches it")
 
 
 def test_too_fast_is_refused() -> None:

@@ -215,3 +215,16 @@ def test_a_kind_without_jobs() -> None:
     assert job_names(other) == ()
     with pytest.raises(InputError, match="job 'spiral' is unknown: there are none"):
         make_job(other, "spiral", {})
+
+
+@pytest.mark.parametrize(("compartments", "way_mm"), [("1", 60.0), ("2", 120.0), ("3", 180.0)])
+def test_the_drawer_comes_out_by_compartments(compartments: str, way_mm: float) -> None:
+    trajectory = pull(compartments=compartments, duration_s="8")
+    ends = SCARA.forward(trajectory.positions(np.array([0.0, 8.0])))
+    assert ends[1] - ends[0] == pytest.approx([0.0, -way_mm, 0.0, 0.0], abs=1e-9)
+    half = SCARA.forward(pull(compartments=compartments, travel_mm="90").positions(np.array([10.0])))[0]
+    assert half[1] == pytest.approx(169.903810568 - way_mm / 2)
+
+
+def test_there_are_three_compartments() -> None:
+    assert complaint_of(lambda: pull(compartments="4")).startswith("option compartments: 4 of 3 is outside 1..3 of 3")

@@ -6,11 +6,14 @@ import pytest
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
-from steptwin.host.planning.jobs.five_points import POSES
+from steptwin.host.planning.jobs.five_points import five_poses
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.kinematics.loop_closure import LoopClosure
+from steptwin.host.robots.robot import Robot
+from tests.host.robots.kinematics.mechanisms import with_geometry
 
 ROBOT = load_robot("hybrid-arm")
 ARM = make_kinematics(ROBOT)
@@ -26,14 +29,14 @@ GOLDEN_HELIX = """
 """
 """Rows of t, X, Y, Z, th1, Z5, Z6."""
 
-GOLDEN_POINTS = (
-    (0.000000000, 3.772233983, 3.772233983),
-    (23.198590514, -104.644925490, -86.378068442),
-    (-39.805571092, 49.443855311, 58.449470912),
-    (119.744881297, -44.732336609, -47.685656202),
-    (14.036243468, 169.827384518, 74.384689891),
-)
-"""th1, Z5, Z6."""
+GOLDEN_POINTS = """
+430.000000000 150.000000000 500  19.230672376  -63.383045955  -116.976396230
+374.721359550  73.915478695 548  11.158598200  -56.177947770   -39.012159960
+285.278640450 102.977179817 596  19.848088130  -29.918461940    67.732153120
+285.278640450 197.022820183 644  34.630235450   27.623975490    79.097035910
+374.721359550 226.084521305 692  31.104276180  116.550222930    80.525075780
+"""
+"""Rows of X, Y, Z, th1, Z5, Z6 at 0, 288, 576, 864 and 1152 degrees around the helix: every fifth of its four turns."""
 
 
 def helix(**options: str) -> Trajectory:
@@ -90,13 +93,49 @@ def test_too_fast_a_helix_is_refused() -> None:
         plan(ROBOT, helix(duration_s="15"))
 
 
-def test_five_points() -> None:
-    trajectory = make_job(ROBOT, "five-points", {})
+def five_points_of(robot: Robot, **options: str) -> tuple[Trajectory, FloatArray]:
+    """Return the job and the joints at its rests, of shape (points, 4), in order of time."""
+    trajectory = make_job(robot, "five-points", options)
     t_s = np.arange(0.0, trajectory.duration_s, 0.01)
-    resting = np.abs(trajectory.velocities(t_s)).max(axis=1) == 0
-    visited = np.unique(trajectory.positions(t_s[resting]).round(6), axis=0)
-    expected = [(th1, z5, z6, -th1) for th1, z5, z6 in GOLDEN_POINTS]
-    assert visited == pytest.approx(np.array(sorted(expected)), abs=1.1e-6)
-    ends = ARM.forward(trajectory.positions(np.array([0.0, trajectory.duration_s])))
-    assert ends == pytest.approx(np.array([POSES[0], POSES[-1]]), abs=1e-9)
+    resting = t_s[np.abs(trajectory.velocities(t_s)).max(axis=1) == 0]
+    joints = trajectory.positions(resting).round(6)
+    return trajectory, joints[np.concatenate([[True], np.abs(np.diff(joints, axis=0)).max(axis=1) > 1e-3])]
+
+
+def test_the_five_points_are_on_the_helix() -> None:
+    trajectory, visited = five_points_of(ROBOT)
+    rows = np.array([line.split() for line in GOLDEN_POINTS.split("\n")[1:-1]], dtype=np.float64)
+    assert visited == pytest.approx(np.column_stack([rows[:, 3:], -rows[:, 3]]), abs=1.1e-6)
+    assert ARM.forward(visited)[:, :3] == pytest.approx(rows[:, :3], abs=1e-5)
+    assert helix().positions(np.linspace(0.0, 64.0, 5)) == pytest.approx(visited, abs=1.1e-6)
     plan(ROBOT, trajectory)
+
+
+def test_the_helix_is_an_option_of_both() -> None:
+    """Two turns of radius 50 about (380, 20) from 520, 30 up at each; at three quarters of the way y is 20 - 0."""
+    curve_options = {"x_mm": "380", "y_mm": "20", "z_mm": "520", "radius_mm": "50", "rise_mm": "30", "turns": "2"}
+    _, visited = five_points_of(ROBOT, **curve_options)
+    angles = 2.0 * np.pi * 2 * np.arange(5) / 5
+    expected = np.column_stack([380 + 50 * np.cos(angles), 20 + 50 * np.sin(angles), 520 + 60 * np.arange(5) / 5])
+    assert ARM.forward(visited)[:, :3] == pytest.approx(expected, abs=1e-5)
+    motion = helix(**curve_options, duration_s="40", samples="9")
+    eighths = ARM.forward(motion.positions(np.linspace(0.0, 40.0, 9)))[:, :3]
+    assert eighths[2] == pytest.approx([330.0, 20.0, 535.0], abs=1e-6)
+    assert eighths[7] == pytest.approx([380.0, -30.0, 572.5], abs=1e-6)
+
+
+def test_more_samples_than_milliseconds_are_refused() -> None:
+    helix(duration_s="1", samples="1001", radius_mm="1", rise_mm="1", turns="1")
+    with pytest.raises(InputError, match=r"^option samples: 1002 in 1000 ms .*; 1001 passes$"):
+        helix(duration_s="1", samples="1002", radius_mm="1", rise_mm="1", turns="1")
+
+
+def test_other_dimensions_have_points_of_their_own() -> None:
+    """Screws 200 mm apart, links of 240 mm, 200 mm out to the tool: the loop of the mechanism closes at the joints."""
+    robot = with_geometry(ROBOT, h_mm=100.0, L_mm=240.0, l3_mm=200.0, z2_max_mm=130.0)
+    trajectory, visited = five_points_of(robot)
+    poses = five_poses(robot)
+    assert len(np.unique(poses.round(3), axis=0)) == len(visited) == 5
+    assert LoopClosure.of(robot).driven_at_the_joints(visited).poses == pytest.approx(poses, abs=1e-5)
+    plan(robot, trajectory)
+    plan(robot, make_job(robot, "helix", {}))
