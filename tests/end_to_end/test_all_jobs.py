@@ -60,7 +60,7 @@ RUNS = [
     ),
     Expected("teaching-scara carry -o depth_mm=20 -o repetitions=2", (0, 0, 0, 0), (-1064, 3064, 0, -1000)),
     Expected("calibration-scara demo", (0, 0, 0, 0), (2667, -2000, 16000, 1600), (2667, 2000, 16000, 1600), 0.167033),
-    Expected("hybrid-arm five-points", (0, 604, 604, 0), (624, 27172, 11902, -125)),
+    Expected("hybrid-arm five-points", (855, -10141, -18716, -171), (1382, 18648, 12884, -276)),
     Expected(
         "hybrid-arm helix",
         (855, -10141, -18716, -171),

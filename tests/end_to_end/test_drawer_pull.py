@@ -112,8 +112,13 @@ def test_the_folder_holds_the_evidence(capsys: pytest.CaptureFixture[str], tmp_p
         "joints.png", "step-rates.png", "tool-path.png", "error.png", "timing.png",
     }  # fmt: skip
     header, first, *rest = (out / "trajectory.csv").read_text().splitlines()
-    assert header == "t,sx,sz,L1,th1,th2,th3,v_sx,v_sz,v_L1,v_th1,v_th2,v_th3"
-    assert [float(x) for x in first.split(",")] == pytest.approx([0, 0, 0, 100, 0, 60, 30, *[0] * 6], abs=1e-8)
+    assert header == (
+        "t,sx,sz,L1,th1,th2,th3,v_sx,v_sz,v_L1,v_th1,v_th2,v_th3,a_sx,a_sz,a_L1,a_th1,a_th2,a_th3,"
+        "tool_x,tool_y,tool_z,tool_phi,tool_nx,tool_ny,tool_nz,tool_ox,tool_oy,tool_oz"
+    )
+    values = [float(x) for x in first.split(",")]
+    assert values[:13] == pytest.approx([0, 0, 0, 100, 0, 60, 30, *[0] * 6], abs=1e-8)
+    assert values[19:] == pytest.approx([275, 169.903810568, 60, 90, 0, 1, 0, -1, 0, 0], abs=1e-6)
     assert len(rest) == 1000
     with np.load(out / "edges.npz") as edges:
         assert len(edges["th1_step_counts"]) == report["axes"][3]["pulses"]
