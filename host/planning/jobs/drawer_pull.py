@@ -47,7 +47,7 @@ class DrawerPullOptions:
     sz_mm: float = joint_position(0.0, "sz")
     L1_mm: float = joint_position(100.0, "L1")
     travel_mm: float = number(TRAVEL_MM, 1.0, 1000.0, "mm", in_reach_at_most(TRAVEL_MM, REACH_MM))
-    compartments: int = number(COMPARTMENTS, 1, COMPARTMENTS, f"of {COMPARTMENTS}")
+    compartments: int = number(COMPARTMENTS, 1, COMPARTMENTS, "compartments")
 
 
 def drawer_pull(robot: Robot, options: DrawerPullOptions) -> Trajectory:

@@ -35,7 +35,7 @@ def test_the_flags_are_each_arms_own() -> None:
     beyond = inverse(195.001, 0.0, "left")
     assert not beyond.in_workspace
     assert np.isnan(beyond.joints[0])
-    assert str(beyond.reason).startswith("shoulder to wrist 195.0 mm is outside 5..195 mm")
+    assert str(beyond.reason).startswith("shoulder to wrist 195.001 mm is outside 5..195 mm")
     assert inverse(195.0, 0.0, "left").in_workspace
 
 

@@ -160,6 +160,7 @@ class TestOptions:
             "sz_mm": "0 (0..1000 mm)",
             "L1_mm": "100 (50..200 mm)",
             "travel_mm": "180 (1..1000 mm)",
+            "compartments": "3 (1..3 compartments)",
         }
 
     @pytest.mark.parametrize(
@@ -169,7 +170,8 @@ class TestOptions:
             (
                 "colour",
                 "red",
-                "option 'colour' is unknown: there are elbow, duration_s, ramp_s, sx_mm, sz_mm, L1_mm, travel_mm",
+                "option 'colour' is unknown: there are elbow, duration_s, ramp_s, sx_mm, sz_mm, L1_mm, travel_mm,"
+                " compartments",
             ),
             ("elbow", "lft", "option elbow: 'lft' is unknown: did you mean left? (valid: right, left)"),
             ("duration_s", "soon", "option duration_s: 'soon' is not a number (valid: 0.002..600 s)"),
@@ -227,4 +229,6 @@ def test_the_drawer_comes_out_by_compartments(compartments: str, way_mm: float) 
 
 
 def test_there_are_three_compartments() -> None:
-    assert complaint_of(lambda: pull(compartments="4")).startswith("option compartments: 4 of 3 is outside 1..3 of 3")
+    assert complaint_of(lambda: pull(compartments="4")).startswith(
+        "option compartments: 4 compartments is outside 1..3"
+    )
