@@ -28,8 +28,8 @@ def with_board(name: str, **settings: object) -> Robot:
     return dataclasses.replace(robot, board=dataclasses.replace(robot.board, **settings))  # type: ignore[arg-type]
 
 
-def executed(robot: Robot, job: str, kernel: Kernel) -> Outcome:
-    return execute(plan(robot, make_job(robot, job, {})), job, kernel)
+def executed(robot: Robot, job: str, kernel: Kernel, **options: str) -> Outcome:
+    return execute(plan(robot, make_job(robot, job, options)), job, kernel)
 
 
 def test_by_default_nothing_is_broken(capsys: pytest.CaptureFixture[str]) -> None:
@@ -118,12 +118,12 @@ class TestThreeAmpModule:
 
     @pytest.mark.parametrize("name", ["lab-scara", "hybrid-arm"])
     def test_passes_with_enough_setup(self, name: str, fast_kernel: Kernel) -> None:
-        job = {"lab-scara": "spiral", "hybrid-arm": "five-points"}[name]
+        job, options = {"lab-scara": ("spiral", {}), "hybrid-arm": ("five-points", {"turns": "3"})}[name]
         robot = with_board(name, osc_pf=None, driver_profile="3a-module", dirsetup_ns=24_000)
-        outcome = executed(robot, job, fast_kernel)
+        outcome = executed(robot, job, fast_kernel, **options)
         assert outcome.report.passed, outcome.report.reasons
         short = dataclasses.replace(robot, board=dataclasses.replace(robot.board, dirsetup_ns=15_000))
-        assert not executed(short, job, fast_kernel).report.passed
+        assert not executed(short, job, fast_kernel, **options).report.passed
 
     def test_has_no_other_currents_than_its_switches(self, fast_kernel: Kernel) -> None:
         robot = with_board("teaching-scara", osc_pf=None, driver_profile="3a-module", current_a=1.3)
