@@ -118,7 +118,11 @@ class TestThreeAmpModule:
 
     @pytest.mark.parametrize("name", ["lab-scara", "hybrid-arm"])
     def test_passes_with_enough_setup(self, name: str, fast_kernel: Kernel) -> None:
-        job, options = {"lab-scara": ("spiral", {}), "hybrid-arm": ("five-points", {"turns": "3"})}[name]
+        jobs: dict[str, tuple[str, dict[str, str]]] = {
+            "lab-scara": ("spiral", {}),
+            "hybrid-arm": ("five-points", {"turns": "3"}),  # with three turns a slider reverses, too
+        }
+        job, options = jobs[name]
         robot = with_board(name, osc_pf=None, driver_profile="3a-module", dirsetup_ns=24_000)
         outcome = executed(robot, job, fast_kernel, **options)
         assert outcome.report.passed, outcome.report.reasons
