@@ -15,7 +15,7 @@ def test_forward_and_both_arms() -> None:
     assert (x_mm, y_mm, z_mm, phi_deg) == pytest.approx((82.272413360, 147.5, -60.0, 105.0))
     right, left = (inverse(x_mm, y_mm, elbow, z_mm, phi_deg) for elbow in ("right", "left"))
     assert right.joints == pytest.approx((30.0, 60.0, 20.0, 15.0))
-    assert left.joints == pytest.approx((91.696337, -60.0, 20.0, 73.303663))
+    assert left.joints == pytest.approx((91.696272694, -60.0, 20.0, 73.303727306))
     assert (right.in_workspace, left.in_workspace, right.reason) == (True, True, None)
 
 
