@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 OUT := out/drawer-pull
 PANEL_OUT := out/panel
 
-.PHONY: demo panel test check lint coverage bench docs panel-pictures clean
+.PHONY: demo panel test test-live check lint coverage bench docs panel-pictures clean
 
 # Install, run the warehouse robot's drawer pull on the embedded board and print where the pictures are.
 demo: $(VENV)/.installed
@@ -17,10 +17,18 @@ panel: $(VENV)/.installed-panel
 	@echo "What the machine does, once more: $(BIN)/steptwin view $(PANEL_OUT)"
 	$(BIN)/steptwin serve lab-scara --panel --out $(PANEL_OUT) --replace
 
-test: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest --numprocesses auto --dist worksteal
+# Tests of several minutes start some hundred processes: keep bytecode, even where the environment says not to.
+test test-live coverage: export PYTHONDONTWRITEBYTECODE =
 
-check: lint test
+# All tests but those of test-live, on all cores.
+test: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest --numprocesses auto --dist worksteal --ignore tests/live
+
+# Programs as processes and a browser in real time: they wait more than they compute, so there are more than cores at once.
+test-live: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest --numprocesses 5 --dist loadgroup tests/live
+
+check: lint test test-live
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff format --check .

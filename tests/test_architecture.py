@@ -1,6 +1,7 @@
 """Rules about the code itself that no linter knows."""
 
 import ast
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -34,6 +35,13 @@ def test_the_check_itself_finds_floats() -> None:
 
 def test_the_firmware_is_where_the_check_looks() -> None:
     assert {"kernel.py", "firmware.py", "axis_node.py"} <= {path.name for path in CONTROLLER}
+
+
+def test_only_the_live_tests_start_servers() -> None:
+    """The others are run on as many workers as cores, which would be idle while a server does its work."""
+    starting = re.compile(r"^from tests\.end_to_end\.served import .*\b(Server|serving)\b", re.MULTILINE)
+    tests = {path for path in (ROOT / "tests").rglob("test_*.py") if starting.search(path.read_text(encoding="utf-8"))}
+    assert {path.parent.name for path in tests} == {"live"}
 
 
 def printing(tree: ast.AST) -> Iterator[str]:

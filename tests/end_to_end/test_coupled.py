@@ -1,9 +1,8 @@
-"""A robot whose elbow motor sits on the base, by its file alone: run, verify, and a served machine."""
+"""A robot whose elbow motor sits on the base, by its file alone: run and verify."""
 
 import json
 import re
 from pathlib import Path
-from typing import Any
 
 import cantools
 import numpy as np
@@ -17,7 +16,6 @@ from steptwin.host.record.waveforms.signal import HeldValues
 from steptwin.host.record.waveforms.signals import everything
 from steptwin.host.twin.board_under_test import BoardUnderTest
 from tests.end_to_end.command_line import run_json
-from tests.end_to_end.served import in_real_time, serving
 from tests.host.robots.coupled import STEPS_PER_DEG, UNITS_PER_DEG, coupled_robot, coupled_text
 
 POINTS = "t,th1,th2,d3,th4\n0,0,0,0,0\n1,30,40,10,-20\n2,-20,35,5,10\n3,0,0,0,0\n"
@@ -35,10 +33,6 @@ def points(tmp_path: Path) -> str:
     path = tmp_path / "points.csv"
     path.write_text(POINTS)
     return str(path)
-
-
-def positions(document: dict[str, Any]) -> list[float]:
-    return [axis["position"] for axis in document["axes"]]
 
 
 def test_a_run_and_its_folder(robot: str, points: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -84,16 +78,3 @@ def test_the_database_says_what_an_axis_position_is(robot: str, capsys: pytest.C
     assert comments["th1"] is None
     assert run(["dbc", "teaching-scara"]) == 0
     assert not re.search("^CM_", capsys.readouterr().out, re.MULTILINE)
-
-
-@in_real_time
-def test_a_served_machine(robot: str, points: str) -> None:
-    """Home by the switches, jog the shoulder, move, run: the elbow stays where it should."""
-    with serving(robot, "--stand-at", "-120 -40 3 -340") as server:
-        assert server.run("home", robot) == 0
-        assert positions(server.json("status", robot)) == pytest.approx([0.0] * 4, abs=0.06)
-        jogged = server.json("jog", robot, "th1", "20", "--seconds", "0.5")
-        assert jogged["end"] > 5
-        assert positions(server.json("status", robot)) == pytest.approx([jogged["end"], 0.0, 0.0, 0.0], abs=0.09)
-        assert server.run("move", robot, "th1=0", "th2=0") == 0
-        assert server.run("run", robot, points, "--approach") == 0
