@@ -17,16 +17,18 @@ panel: $(VENV)/.installed-panel
 	@echo "What the machine does, once more: $(BIN)/steptwin view $(PANEL_OUT)"
 	$(BIN)/steptwin serve lab-scara --panel --out $(PANEL_OUT) --replace
 
-# Tests of several minutes start some hundred processes: keep bytecode, even where the environment says not to.
+# Tests start some hundred processes: keep bytecode, even where the environment says not to, and a core for each.
 test test-live coverage: export PYTHONDONTWRITEBYTECODE =
+test test-live coverage: export OPENBLAS_NUM_THREADS = 1
 
 # All tests but those of test-live, on all cores.
 test: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest --numprocesses auto --dist worksteal --ignore tests/live
+	$(BIN)/python -m pytest --numprocesses auto --dist worksteal --ignore tests/live --ignore tests/package
 
-# Programs as processes and a browser in real time: they wait more than they compute, so there are more than cores at once.
+# Programs as processes, a browser and the wheel: they wait as long as they compute, so there are more than cores at
+# once; each file by one worker, for what its tests share.
 test-live: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest --numprocesses 5 --dist loadgroup tests/live
+	$(BIN)/python -m pytest --numprocesses 5 --dist loadfile tests/live tests/package
 
 check: lint test test-live
 

@@ -1,19 +1,27 @@
 """Fixtures that every test may use."""
 
+import gc
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any, Final
 
 import pytest
 from hypothesis import settings
 
 from steptwin.controller.backend import Kernel
 from steptwin.host.cli.app import run
+from steptwin.host.robots import workspace
+from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.kernels import KERNELS
 from tests.repeats import pytest_runtest_logreport, pytest_terminal_summary
 from tests.run_pictures import without_pictures
 
 __all__ = ["pytest_runtest_logreport", "pytest_terminal_summary"]
+
+TESTS: Final = Path(__file__).resolve().parent
 
 # No timing is asserted in a test, not even by the framework; and every run draws the same examples, so that a change
 # is judged by what it changed. `pytest --hypothesis-profile=explore` draws new ones.
@@ -22,10 +30,48 @@ settings.register_profile("explore", deadline=None, max_examples=1000)
 settings.load_profile("steptwin")
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection(session: pytest.Session) -> None:
+    """Let each of several workers compile its share of the tests first, and find the other shares compiled then.
+
+    Compiling takes pytest most of a first collection, as it writes its assertions anew.
+    """
+    worker: dict[str, Any] = getattr(session.config, "workerinput", {})
+    if not worker or TESTS not in {Path(path).resolve() for path in session.config.args}:
+        return
+    left_out = [Path(path).resolve() for path in session.config.getoption("ignore") or ()]
+    paths = [path for path in sorted(TESTS.rglob("test_*.py")) if not set(path.parents) & set(left_out)]
+    for path in paths[int(worker["workerid"][2:]) :: worker["workercount"]]:
+        with suppress(Exception, pytest.skip.Exception):  # the collection tells
+            import_module(".".join(path.relative_to(TESTS.parent).with_suffix("").parts))
+
+
+def pytest_collection_finish() -> None:
+    """Spare the garbage collector what lives as long as the session: tests of pages collect all of it twice each."""
+    gc.freeze()
+
+
 @pytest.fixture(autouse=True, scope="module")
 def _no_pictures() -> Iterator[None]:
     """Leave the pictures of each run's folder out, but where a test asks for them by `with_pictures`."""
     with without_pictures():
+        yield
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _each_workspace_once() -> Iterator[None]:
+    """Let commands that compute the same workspace again, which takes a second, get it from the first."""
+    scan = workspace.scan
+    scans: dict[object, workspace.Scan] = {}
+
+    def scan_once(robot: Robot, attitude_deg: float | None = None, z_mm: float | None = None) -> workspace.Scan:
+        key = repr(robot), attitude_deg, z_mm
+        if key not in scans:
+            scans[key] = scan(robot, attitude_deg, z_mm)
+        return scans[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(workspace, "scan", scan_once)
         yield
 
 

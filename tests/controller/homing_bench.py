@@ -61,9 +61,13 @@ class HomingBench(BenchBoard):
         while self.now < until:
             boundary = (self.now // TICK_COUNTS + 1) * TICK_COUNTS
             self._pass_until(min(until, boundary - 1))
-            if boundary <= until:
-                self._tick(boundary)
+            if boundary <= until and (self._tick(boundary) or self._is_due()):
                 self._pass_until(boundary)
+
+    def _is_due(self) -> bool:
+        """Return whether the firmware has work to do now."""
+        due = self.firmware.next_due_counts
+        return due is not None and due <= self.now
 
     def _pass_until(self, until: int) -> None:
         """Let time pass, stopping whenever the firmware has work to do."""
@@ -77,8 +81,32 @@ class HomingBench(BenchBoard):
             if self.now == until and (due is None or due > until):
                 return
 
-    def _tick(self, boundary: int) -> None:
-        """Move the slider by the steps of the tick that has ended, then show its switches to the firmware."""
+    def _tick(self, boundary: int) -> bool:
+        """Move the slider by the steps of the tick that has ended, then show its switches to the firmware.
+
+        Return whether they have changed.
+        """
+        motion = self.firmware.motion
+        if motion.undrained_pulses(0) or motion.room_ticks < 2:
+            self._take_pulses()
+        while self._pending and self._pending[0][0] < boundary:
+            rise, sign = self._pending.pop(0)
+            self.machine.position += sign
+            self.rises.append((rise, sign))
+        velocity = motion.velocity(0)
+        if velocity or (self.velocities and self.velocities[-1]):
+            self.velocities.append(velocity)
+        self.now = boundary
+        levels = self.machine.inputs()
+        if levels == self._levels:
+            return False
+        self._levels = levels
+        self.edges.append((boundary, levels))
+        self.firmware.set_inputs([levels], boundary)
+        self._fetch()
+        return True
+
+    def _take_pulses(self) -> None:
         edges = self.firmware.motion.take_edges()[0]
         directions = [(int(word) >> 1, int(word) & 1) for word in edges.direction]
         for rise in map(int, edges.clk_counts[::2]):
@@ -87,20 +115,6 @@ class HomingBench(BenchBoard):
             self._pending.append((rise, 2 * self._dir_level - 1))
         for _, level in directions:
             self._dir_level = level
-        while self._pending and self._pending[0][0] < boundary:
-            rise, sign = self._pending.pop(0)
-            self.machine.position += sign
-            self.rises.append((rise, sign))
-        velocity = self.firmware.motion.velocity(0)
-        if velocity or (self.velocities and self.velocities[-1]):
-            self.velocities.append(velocity)
-        self.now = boundary
-        levels = self.machine.inputs()
-        if levels != self._levels:
-            self._levels = levels
-            self.edges.append((boundary, levels))
-            self.firmware.set_inputs([levels], boundary)
-            self._fetch()
 
     # --- commands and results
 

@@ -25,7 +25,7 @@ FAST_PINS = Timing(steplen=1, stepspace=1, dirsetup=0, dirhold=0)
     end_velocity=st.integers(-3_000_000, 3_000_000),
     duration_ticks=st.one_of(st.integers(1, 60), st.integers(1, 255).map(lambda ms: TICKS_PER_MS * ms)),
 )
-@settings(max_examples=300)
+@settings(max_examples=120)
 def test_positions_and_edges_against_exact_arithmetic(
     microsteps: int, start_velocity: int, displacement: int, end_velocity: int, duration_ticks: int
 ) -> None:

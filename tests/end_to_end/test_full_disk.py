@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from steptwin.host.cli.app import run
@@ -12,7 +13,9 @@ from tests.run_pictures import with_pictures
 
 pytest.importorskip("matplotlib")
 
-from steptwin.host.record.plots import DEFAULT_PICTURES
+from matplotlib.figure import Figure
+
+from steptwin.host.record.plots import DEFAULT_PICTURES, PICTURES
 
 ROBOT = "teaching-scara"
 WRITTEN = (
@@ -32,6 +35,22 @@ def files_up_to(bytes_max: int) -> Iterator[None]:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def noise(*_: object) -> Figure:
+    """Return a picture that is drawn in no time and whose file is long."""
+    figure = Figure()
+    figure.figimage(np.random.default_rng(1).random((200, 200, 3)))
+    return figure
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _drawn_at_once() -> Iterator[None]:
+    """Draw other pictures than a run's, which take a second each: these tests are about the files."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name in PICTURES:
+            patch.setitem(PICTURES, name, noise)
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -17,6 +17,12 @@ def planned(fast_kernel: Kernel) -> HaltedRun:
     return run_with(fast_kernel, "drawer-pull", [])
 
 
+@pytest.fixture(scope="module")
+def paused(fast_kernel: Kernel) -> HaltedRun:
+    """Return a run that rests for 2 s in the middle."""
+    return run_with(fast_kernel, "drawer-pull", [Break(3.0, 2.0)])
+
+
 def places(run: HaltedRun) -> list[list[int]]:
     """Return all values of each axis' counter, in their order."""
     return [[int(place) for place in axis.start_steps + np.cumsum(axis.step_signs)] for axis in run.evidence.axes]
@@ -69,16 +75,15 @@ def test_the_drawer_pull_keeps_its_path(fast_kernel: Kernel, planned: HaltedRun,
     assert rested_s < late_s(run, planned) < rested_s + 0.05 * len(breaks)
 
 
-def test_the_machine_stands_still_in_a_pause(fast_kernel: Kernel) -> None:
-    run = run_with(fast_kernel, "drawer-pull", [Break(3.0, 2.0)])
+def test_the_machine_stands_still_in_a_pause(paused: HaltedRun) -> None:
     for axis in ARM:
-        assert np.diff(run.evidence.axes[axis].step_counts).max() > 2.0 * 72e6
+        assert np.diff(paused.evidence.axes[axis].step_counts).max() > 2.0 * 72e6
 
 
-def test_a_paused_run_is_the_same_every_time(fast_kernel: Kernel) -> None:
-    first, second = (run_with(fast_kernel, "drawer-pull", [Break(3.0, 2.0)]) for _ in range(2))
-    assert first.outcome.bus_log == second.outcome.bus_log
-    for one, other in zip(first.evidence.axes, second.evidence.axes, strict=True):
+def test_a_paused_run_is_the_same_every_time(fast_kernel: Kernel, paused: HaltedRun) -> None:
+    again = run_with(fast_kernel, "drawer-pull", [Break(3.0, 2.0)])
+    assert again.outcome.bus_log == paused.outcome.bus_log
+    for one, other in zip(again.evidence.axes, paused.evidence.axes, strict=True):
         assert np.array_equal(one.clk_rise_counts, other.clk_rise_counts)
 
 

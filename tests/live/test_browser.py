@@ -17,13 +17,9 @@ from steptwin.host.cli.app import run
 from tests.end_to_end.served import in_real_time
 from tests.host.panel.page.browser import AXE, CHROMIUM, DRIVER, TIMEOUT_S, Browser, open_browser, panel_of, view_of
 
-pytestmark = [
-    pytest.mark.xdist_group("browser"),
-    pytest.mark.skipif(
-        CHROMIUM is None or DRIVER is None,
-        reason="Chromium and its driver are not installed: the panel is not tried in it",
-    ),
-]
+pytestmark = pytest.mark.skipif(
+    CHROMIUM is None or DRIVER is None, reason="Chromium and its driver are not installed: the panel is not tried in it"
+)
 
 NO_3D = "--disable-3d-apis"
 """Without a graphics card the 3D view would take most of a processor; one browser has it for a moment."""

@@ -34,8 +34,6 @@ STATUS_SHOWN = "37 06 01 00 90 01 00"
 """TPDO1 at the target: statusword 0x0637, mode 1, position 102 400 units, each with its lowest byte first."""
 TSHARK = shutil.which("tshark")
 
-pytestmark = pytest.mark.xdist_group("tools")
-
 
 class Served(NamedTuple):
     """A served board with a folder for the programs."""

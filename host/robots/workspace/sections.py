@@ -10,6 +10,7 @@ and h go to 0 like square roots.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -157,6 +158,12 @@ class _Rows:
         return widths(self.found, len(self.radii_mm))
 
 
+@cache
+def _gauss_legendre() -> tuple[FloatArray, FloatArray]:
+    """Return nodes in -1..1 and their weights, each of shape (_NODES,): they take as long as all else of a scan."""
+    return np.polynomial.legendre.leggauss(_NODES)
+
+
 def _scanned(region: Region, radii_mm: FloatArray, across: FloatArray) -> _Rows:
     """Scan a region whose coordinates are the radius and another one, between the ends of both grids."""
     rays = stretches(swapped(region), across, radii_mm)
@@ -164,7 +171,7 @@ def _scanned(region: Region, radii_mm: FloatArray, across: FloatArray) -> _Rows:
     radius_mm = extent(swapped(region), across, radii_mm, rays)
     if radius_mm is None:
         return _Rows(None, np.empty(0), np.empty(0), rays, ray_edges)
-    nodes, weights = np.polynomial.legendre.leggauss(_NODES)
+    nodes, weights = _gauss_legendre()
     half_mm = (radius_mm[1] - radius_mm[0]) / 2.0
     rows_mm = radius_mm[0] + half_mm * (1.0 + nodes)
     rows = stretches(region, rows_mm, across)

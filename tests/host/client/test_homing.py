@@ -70,7 +70,7 @@ def test_every_robot_by_its_file(fast_kernel: Kernel, name: str, together: bool)
     assert [axis.state() for axis in machine.axes] == [State.OPERATION_ENABLED] * len(robot.joints)
 
 
-@settings(max_examples=10)
+@settings(max_examples=5)
 @given(data=st.data())
 def test_from_anywhere(fast_kernel: Kernel, data: st.DataObject) -> None:
     """Homing works from within the limits and from on the switches; a second homing gives the same position."""

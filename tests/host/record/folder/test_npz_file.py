@@ -230,7 +230,7 @@ def structure(data: bytes) -> list[int]:
     return sorted(places)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_damaged_archive_is_read_or_refused(seed: int, tmp_path: Path) -> None:
     """One to four bytes of the archive's structure are replaced, some by a flip of one bit."""
     chance = random.Random(seed)
@@ -264,7 +264,7 @@ def message_of(folder: Path) -> str | None:
 EXTREMES: Final = (0, 1, -1, 127, -128, 32767, 1 << 31, INSTANT_MAX + 1, 1 << 62, (1 << 63) - 1, -(1 << 63))
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_damaged_array_is_read_or_refused(seed: int, tmp_path: Path) -> None:
     """The archive is whole; a description has flipped bits, or an array other values, another type or length."""
     chance = random.Random(seed)

@@ -97,7 +97,7 @@ def test_edges_that_were_changed_fail(
     folder = shutil.copytree(stored_run, tmp_path / "copy")
     arrays = arrays_of(folder / "edges.npz")
     change(arrays)
-    np.savez_compressed(folder / "edges.npz", **arrays)
+    np.savez(folder / "edges.npz", **arrays)
     document = verify(capsys, folder, 1)
     assert document["passed"] is False
     assert any(reason in line for line in document["reasons"]), document["reasons"]
@@ -107,7 +107,7 @@ def test_a_fall_without_a_rise_fails(stored_run: Path, tmp_path: Path, capsys: p
     folder = shutil.copytree(stored_run, tmp_path / "copy")
     arrays = arrays_of(folder / "edges.npz")
     without(arrays, 0, "th2_clk_rise_counts")
-    np.savez_compressed(folder / "edges.npz", **arrays)
+    np.savez(folder / "edges.npz", **arrays)
     assert run(["verify", str(folder)]) == 1
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(f"steptwin: {folder}/edges.npz: th2_clk_rise_counts: ")
@@ -200,7 +200,7 @@ def test_a_run_that_failed_fails_again(stored_run: Path, tmp_path: Path, capsys:
     folder = shutil.copytree(stored_run, tmp_path / "copy")
     arrays = arrays_of(folder / "edges.npz")
     complaining(arrays, 2)
-    np.savez_compressed(folder / "edges.npz", **arrays)
+    np.savez(folder / "edges.npz", **arrays)
     document = json.loads((folder / "report.json").read_text())
     document["axes"][4]["violations"] = 2
     document["passed"] = False
