@@ -21,14 +21,16 @@ panel: $(VENV)/.installed-panel
 test test-live coverage: export PYTHONDONTWRITEBYTECODE =
 test test-live coverage: export OPENBLAS_NUM_THREADS = 1
 
-# All tests but those of test-live, on all cores.
-test: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest --numprocesses auto --dist worksteal --ignore tests/live --ignore tests/package
+# Tests that start processes, a browser or servers: they wait as long as they compute.
+LIVE := tests/live tests/package tests/host/panel tests/host/client/test_live.py tests/host/client/test_socketcand_bus.py \
+	$(addprefix tests/end_to_end/test_,ci_example.py commands.py docs.py hostile_files.py interrupts.py readme.py)
 
-# Programs as processes, a browser and the wheel: they wait as long as they compute, so there are more than cores at
-# once; each file by one worker, for what its tests share.
+test: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest --numprocesses auto --dist worksteal $(LIVE:%=--ignore %)
+
+# More workers than cores; each file by one of them, for what its tests share.
 test-live: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest --numprocesses 5 --dist loadfile tests/live tests/package
+	$(BIN)/python -m pytest --numprocesses 5 --dist loadfile $(LIVE)
 
 check: lint test test-live
 

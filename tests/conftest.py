@@ -40,7 +40,7 @@ def pytest_collection(session: pytest.Session) -> None:
     if not worker or TESTS not in {Path(path).resolve() for path in session.config.args}:
         return
     left_out = [Path(path).resolve() for path in session.config.getoption("ignore") or ()]
-    paths = [path for path in sorted(TESTS.rglob("test_*.py")) if not set(path.parents) & set(left_out)]
+    paths = [path for path in sorted(TESTS.rglob("test_*.py")) if not {path, *path.parents} & set(left_out)]
     for path in paths[int(worker["workerid"][2:]) :: worker["workercount"]]:
         with suppress(Exception, pytest.skip.Exception):  # the collection tells
             import_module(".".join(path.relative_to(TESTS.parent).with_suffix("").parts))
@@ -93,6 +93,13 @@ def kernel(request: pytest.FixtureRequest) -> Kernel:
     if request.param == "numba" and not find_spec("numba"):
         pytest.skip("the extra `fast` (numba) is not installed")
     return KERNELS[request.param]()
+
+
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the client wait hardly for answers to SDO requests: in virtual time they are there at once or never."""
+    monkeypatch.setattr("steptwin.host.client.shared_node._PATIENCE_S", 0.01)
+    monkeypatch.setattr("steptwin.host.client.shared_node._IMPATIENCE_S", 0.01)
 
 
 @pytest.fixture(scope="session")

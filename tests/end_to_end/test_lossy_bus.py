@@ -8,6 +8,8 @@ from steptwin.host.common.errors import BusError
 from steptwin.protocol.frame import COB_SYNC
 from tests.end_to_end.faulty_bus import MS, drawer_pull
 
+pytestmark = pytest.mark.usefixtures("impatient")
+
 RPDO4 = range(0x510, 0x518)
 
 

@@ -51,6 +51,7 @@ def test_fewer_bytes_than_the_object_has(
         axis.read(od.MAX_PROFILE_VELOCITY)
 
 
+@pytest.mark.usefixtures("impatient")
 @pytest.mark.parametrize("length", [0, 1, 4, 7])
 def test_a_frame_that_is_no_answer(
     board: EmbeddedBoard, axis: AxisClient, monkeypatch: pytest.MonkeyPatch, length: int
