@@ -28,9 +28,9 @@ LIVE := tests/live tests/package tests/host/panel tests/host/client/test_live.py
 test: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest --numprocesses auto --dist worksteal $(LIVE:%=--ignore %)
 
-# More workers than cores; each file by one of them, for what its tests share.
+# More workers than cores; each file by one of them, for what its tests share, and the longest files first.
 test-live: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest --numprocesses 5 --dist loadfile $(LIVE)
+	$(BIN)/python -m pytest --numprocesses 5 --dist loadfile --no-loadscope-reorder $(LIVE)
 
 check: lint test test-live
 
