@@ -7,7 +7,7 @@ from steptwin.controller.backend import Kernel
 from steptwin.controller.firmware import Firmware
 from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.controller.measurements import DriverMonitor, Measurements
-from steptwin.controller.pins import OUTPUT_PINS, PinChange
+from steptwin.controller.pins import OUTPUT_PINS, Pin, PinChange
 from steptwin.emulator.can_controller import CanController
 from steptwin.emulator.driver_bank import SUPPLIES, WIRING, AxisTrace, DriverBank
 from steptwin.emulator.driver_module import Module
@@ -73,6 +73,10 @@ class Board:
         """Tick at whose start the drivers' own Protect pins must be read next; None while they stay high."""
         self._hot = False
         """True while a driver holds its own Protect pin low."""
+        self._watching_outputs = False
+        """True if somebody must know of each change of a digital output at once."""
+        self._output_changed = False
+        """True if a digital output has changed since `take_output_change`."""
         self._on_record: dict[int, Callable[[PvtRecord], None]] = {}
         """Listeners to the records of each axis' queue."""
         self._power_up()
@@ -115,6 +119,7 @@ class Board:
         """
         self._take_pins()
         self._drivers.drop_pins(now_counts)
+        self._output_changed = True
         self._drivers.supply(reversed(SUPPLIES), now_counts, 0)
         motion = self.firmware.motion
         self._drivers.show(self._drivers.cut_off(motion.take_edges(), now_counts), motion.tick * TICK_COUNTS)
@@ -249,7 +254,7 @@ class Board:
         firmware.poll(now_counts)
         if firmware.transmit:
             self._fill_mailboxes(now_counts)
-        if self._hot:
+        if self._hot or self._watching_outputs:
             self._take_pins()
 
     def _fill_mailboxes(self, now_counts: int) -> None:
@@ -305,12 +310,26 @@ class Board:
     def _take_pins(self) -> None:
         for change in self.firmware.take_pins():
             self._drivers.set_pin(change)
+            self._output_changed |= change.pin in OUTPUT_PINS
             self._look_at_once |= self._hot and change.pin in WIRING  # RESET may end the thermal shutdown
 
     @property
     def pin_changes(self) -> list[PinChange]:
         """Changes, already at the drivers, of the pins that the firmware holds at a level."""
         return self._drivers.pin_changes
+
+    def watch_outputs(self) -> None:
+        """Let `take_output_change` know of each change at once."""
+        self._watching_outputs = True
+
+    def take_output_change(self) -> bool:
+        """Return whether a digital output has changed since the last call."""
+        changed, self._output_changed = self._output_changed, False
+        return changed
+
+    def output_level(self, axis: int, pin: Pin) -> int:
+        """Return the level of a digital output."""
+        return self._drivers.level(axis, pin)
 
     def output_changes(self) -> list[PinChange]:
         """Return all changes of digital outputs so far, in order of time; outputs are 0 at first."""
@@ -332,6 +351,11 @@ class Board:
         """Return the position of an axis' rotor since power-up, in sixteenths of a full step."""
         self._drain_axis(axis)
         return self._drivers.drivers[axis].position_sixteenths
+
+    def positions_sixteenths(self) -> list[int]:
+        """Return `position_sixteenths` of all axes."""
+        self.drain()
+        return [driver.position_sixteenths for driver in self._drivers.drivers]
 
     def driver_microsteps(self, axis: int) -> int:
         """Return the microsteps per full step that an axis' driver makes, whatever the firmware takes them for."""

@@ -83,6 +83,10 @@ class DriverBank:
         if change.pin in WIRING:
             self._waiting[change.axis].append(LevelChange(change.counts, WIRING[change.pin], change.level))
 
+    def level(self, axis: int, pin: Pin) -> int:
+        """Return the level at which the firmware holds a pin."""
+        return self._pin_levels.get((axis, pin), 0)
+
     def drop_pins(self, now_counts: int) -> None:
         """Let all pins that are high fall, because the power goes."""
         high = (place for place, level in self._pin_levels.items() if level)

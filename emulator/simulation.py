@@ -11,6 +11,7 @@ from steptwin.emulator.board import Board
 from steptwin.emulator.bus import Bus
 from steptwin.emulator.can_controller import CanController, unheard
 from steptwin.emulator.operations import Operation, Schedule, Scheduled
+from steptwin.emulator.shelf_watch import ShelfWatch, ShelfWiring
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -25,8 +26,21 @@ class BusOverloadError(Exception):
 class Simulation:
     """Boards and a host on one bus; `now_counts` is the time in 72 MHz counts since the boards were switched on."""
 
-    def __init__(self, boards: Sequence[Board], bus: Bus, schedule: Iterable[Scheduled] = ()) -> None:
-        """Switch the boards on; `schedule` holds operations on their machines and the instants of these."""
+    def __init__(
+        self,
+        boards: Sequence[Board],
+        bus: Bus,
+        schedule: Iterable[Scheduled] = (),
+        shelf: ShelfWiring | None = None,
+    ) -> None:
+        """Switch the boards on.
+
+        Args:
+            boards: the boards.
+            bus: the bus that joins them.
+            schedule: operations on their machines, and the instants of these.
+            shelf: the shelf at which the machine works; None if there is none.
+        """
         self._schedule = Schedule(schedule)
         self.boards = tuple(boards)
         self._late_readers = [board for board in self.boards if board.config.read_latency_counts]
@@ -40,6 +54,8 @@ class Simulation:
         bus.attach(self.host)
         for board in self.boards:
             bus.attach(board.can)
+        self.shelf_watch = None if shelf is None else ShelfWatch(shelf, self.boards)
+        """The shelf beside the machine; None if there is none."""
         for board in self.boards:
             board.boot(0)
 
@@ -49,6 +65,7 @@ class Simulation:
         without_power = board.can
         board.power_cycle(self.now_counts)
         self.bus.exchange(without_power, board.can, self.now_counts)
+        self._let_shelf_look()
 
     def operate(self, operation: Operation, number: int = 0) -> None:
         """Execute an operation on the machine of a board, now."""
@@ -118,6 +135,10 @@ class Simulation:
             due_counts = board.next_due_counts
             if due_counts is not None and due_counts < goal:
                 goal = due_counts
+        if self.shelf_watch is not None:
+            look_counts = self.shelf_watch.next_counts
+            if look_counts is not None and look_counts < goal:
+                goal = look_counts
         return goal
 
     def _advance_to(self, until_counts: int) -> None:
@@ -132,6 +153,14 @@ class Simulation:
                 self.boards[item.board].operate(item.operation, now_counts)
         for board in self.boards:
             board.poll(now_counts)
+        self._let_shelf_look()
+
+    def _let_shelf_look(self) -> None:
+        """Let the shelf see what has changed, and the boards what its sensors see."""
+        if self.shelf_watch is None or not self.shelf_watch.is_due(self.now_counts):
+            return
+        for number, change in self.shelf_watch.look(self.now_counts):
+            self.operate(change, number)
 
     def _advance_boards(self, goal_counts: int) -> int:
         """Let time pass on all boards; return the instant that all of them have reached.

@@ -27,7 +27,8 @@ if TYPE_CHECKING:
         StepTwinError,
         WaitTimeoutError,
     )
-    from steptwin.host.planning.jobs import job_names, job_options, make_job
+    from steptwin.host.planning.errand import Carry, Errand
+    from steptwin.host.planning.jobs import job_carries, job_names, job_options, make_job
     from steptwin.host.planning.laws import Cubic, Quintic, SCurve, Trapezoid
     from steptwin.host.planning.motions.composer import Composer
     from steptwin.host.planning.motions.sampled import Sampled
@@ -62,12 +63,14 @@ __all__ = [
     "BusError",
     "BusFault",
     "BusFaultKind",
+    "Carry",
     "Chain",
     "Composer",
     "Cubic",
     "DeviceFaultError",
     "DriverProtect",
     "EmergencyStop",
+    "Errand",
     "FaultScript",
     "Identification",
     "InputChange",
@@ -93,6 +96,7 @@ __all__ = [
     "compile_program",
     "execute",
     "identify_errors",
+    "job_carries",
     "job_names",
     "job_options",
     "kernel_named",
@@ -128,7 +132,8 @@ _MODULES = {
         "StepTwinError",
         "WaitTimeoutError",
     ),
-    "host.planning.jobs": ("job_names", "job_options", "make_job"),
+    "host.planning.errand": ("Carry", "Errand"),
+    "host.planning.jobs": ("job_carries", "job_names", "job_options", "make_job"),
     "host.planning.laws": ("Cubic", "Quintic", "SCurve", "Trapezoid"),
     "host.planning.motions.composer": ("Composer",),
     "host.planning.motions.sampled": ("Sampled",),

@@ -9,6 +9,7 @@ from docs.generate.protocol import PROTOCOL_PAGE, render_protocol
 from docs.generate.robot_drawings import write_robot_drawings
 from docs.generate.robot_files import ROBOT_FILES_PAGE, render_robot_files
 from docs.generate.runs import Runs
+from docs.generate.warehouse_picture import write_warehouse_picture
 from docs.generate.waveform_pictures import write_waveform_pictures
 from steptwin.controller.backend import fastest_kernel
 
@@ -25,6 +26,7 @@ def main() -> None:
     write_pictures(runs)
     write_waveform_pictures(runs)
     write_calibration_picture()
+    write_warehouse_picture()
 
 
 if __name__ == "__main__":

@@ -23,8 +23,8 @@ _DOTS_PER_INCH: Final = 100
 
 
 def write_pictures(runs: Runs) -> None:
-    """Draw the pictures of every run."""
-    for outcome in runs.all():
+    """Draw the pictures of every run that a page shows."""
+    for outcome in runs.made():
         run = outcome.report.run
         for kind, name in _DRAWN.items():
             path = DOCS / picture(run.robot, run.job, kind)

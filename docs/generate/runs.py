@@ -1,10 +1,11 @@
-"""Run every job once with its default options, for the results, the pictures and the tests together."""
+"""Run jobs once with their default options, for the results, the pictures and the tests together."""
 
 from collections.abc import Iterator
 from typing import Final
 
 from steptwin.controller.backend import Kernel
-from steptwin.host.planning.jobs import job_names, make_job
+from steptwin.host.planning.errand import Errand
+from steptwin.host.planning.jobs import job_carries, make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.execution import execute
@@ -26,11 +27,11 @@ class Runs:
         key = robot_name, job
         if key not in self._outcomes:
             robot = load_robot(robot_name)
-            self._outcomes[key] = execute(plan(robot, make_job(robot, job, {})), job, self._kernel)
+            carries = job_carries(robot, job)
+            errand = Errand.alone(carries) if carries else None
+            self._outcomes[key] = execute(plan(robot, make_job(robot, job, {})), job, self._kernel, errand=errand)
         return self._outcomes[key]
 
-    def all(self) -> Iterator[Outcome]:
-        """Yield the outcome of every job of every robot."""
-        for name in ROBOTS:
-            for job in job_names(load_robot(name)):
-                yield self.outcome(name, job)
+    def made(self) -> Iterator[Outcome]:
+        """Yield the outcomes that have been asked for."""
+        yield from self._outcomes.values()

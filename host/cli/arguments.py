@@ -50,6 +50,20 @@ DipMicrosteps = Annotated[
     ),
 ]
 
+ShelfStock = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--stock",
+        metavar="PLACE=BOX",
+        help="Box in a slot of the emulated shelf or at a spot, in place of the usual ones; repeatable.",
+    ),
+]
+
+LockedDrawer = Annotated[
+    list[str] | None,
+    typer.Option("--locked-drawer", metavar="SLOT", help="Lock a drawer of the emulated shelf; repeatable."),
+]
+
 
 def dip_settings(texts: list[str] | None) -> dict[str, int] | None:
     """Return the microsteps by joint that --dip-microsteps gives; None without it."""

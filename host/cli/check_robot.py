@@ -36,6 +36,7 @@ def check_robot(text: str, robot_name: str | None, findings: Findings) -> Checke
 
 
 def _document(robot: "Robot") -> dict[str, Any]:
+    from steptwin.host.planning.jobs.shelf import missed_places
     from steptwin.host.robots.workspace import scan
 
     scanned = scan(robot)
@@ -45,6 +46,7 @@ def _document(robot: "Robot") -> dict[str, Any]:
         "joints": [_joint_document(joint, robot.board.driver_rate_max_hz) for joint in robot.joints],
         "coupling": _equations(robot),
         **_dh_errors_document(robot),
+        "shelf_missed": missed_places(robot),
         "reach": {
             "slides": dict(scanned.slides),
             "radius_mm": scanned.plan.radius_mm,
@@ -137,7 +139,7 @@ def _print(robot: "Robot", document: dict[str, Any]) -> None:
             f"DH errors of {len(errors['links'])} links take the tool {errors['at_home_mm']:.3f} mm away at home,"
             f" {errors['rms_mm']:.3f} mm rms and up to {errors['max_mm']:.3f} mm elsewhere"
         )
-    for warning in _units_in_doubt(document):
+    for warning in (*_units_in_doubt(document), *document["shelf_missed"]):
         warn(warning)
     reach = document["reach"]
     at = "".join(f", {name} = {position_mm:g} mm" for name, position_mm in reach["slides"].items())

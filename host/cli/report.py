@@ -32,6 +32,7 @@ def print_report(document: Mapping[str, Any]) -> None:
         said = (f"{o['name']} {'on' if o['on'] else 'off'} {o['changed_s']:.3f} s" for o in changes)
         say(f"outputs: {', '.join(said)}")
     print_waits(document)
+    _print_shelf(document)
     _print_violations(document["violations"])
     tool, bus = document["tool"], document["bus"]
     say(
@@ -60,6 +61,14 @@ def print_waits(document: Mapping[str, Any]) -> None:
     )
     if text := ", ".join(said):
         say(f"waited: {text}")
+
+
+def _print_shelf(document: Mapping[str, Any]) -> None:
+    """Print where boxes were taken and put down; nothing without a shelf. Faults are among the verdict's reasons."""
+    carried = [event for event in document.get("shelf", {}).get("events", ()) if event["box"] and not event["fault"]]
+    said = (f"{event['what']} {event['where']} {event['t_s']:.3f} s ({event['box']})" for event in carried)
+    if text := ", ".join(said):
+        say(f"shelf: {text}")
 
 
 def _print_violations(violations: list[dict[str, Any]]) -> None:

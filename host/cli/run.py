@@ -11,7 +11,9 @@ from steptwin.host.cli.arguments import (
     AsJson,
     DipMicrosteps,
     DriverProfileName,
+    LockedDrawer,
     RobotFile,
+    ShelfStock,
     dip_settings,
     finite_number,
     joint_values,
@@ -28,6 +30,7 @@ from steptwin.host.cli.option_names import naming_options
 from steptwin.host.cli.output import print_json, say
 from steptwin.host.cli.progress import progress_bar
 from steptwin.host.cli.report import EXIT_NOT_VERIFIED, fault_line, print_report
+from steptwin.host.cli.shelf_errand import choose_errand
 from steptwin.host.common.errors import DeviceFaultError, InputError
 
 if TYPE_CHECKING:
@@ -44,10 +47,10 @@ def run(
     words: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="ROBOT JOB|FILE",
+            metavar="ROBOT JOB|FILE [BOX]",
             help="The robot, and one of its jobs (`steptwin jobs ROBOT` lists them), a program: TOML with steps"
             " (docs/programs.md), or a trajectory file: CSV with the header t,JOINT,... or t,x,y,z,phi, or JSON in the"
-            " shape of ROS' JointTrajectory, in s, mm and degrees.",
+            " shape of ROS' JointTrajectory, in s, mm and degrees. With --inventory, the name of the box.",
         ),
     ] = None,
     robot_file: RobotFile = None,
@@ -90,6 +93,15 @@ def run(
             " auto: the fastest.",
         ),
     ] = "auto",
+    inventory: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE",
+            help="Inventory of the shelf: gives a box a free slot or finds it, and is written after a verified run.",
+        ),
+    ] = None,
+    stock: ShelfStock = None,
+    locked_drawer: LockedDrawer = None,
     inputs: Annotated[
         list[str] | None,
         typer.Option(
@@ -132,9 +144,12 @@ def run(
     from steptwin.host.twin.execution import execute
 
     loaded, rest = robot_and_rest(words or [], robot_file)
-    job = _only(rest)
+    job, box = _job_and_box(rest, boxes=loaded.shelf is not None)
     options = name_value_pairs(option or []) | ({"elbow": elbow} if elbow is not None else {})
-    motion = choose_motion(loaded, job, options, interpolate=interpolate, ramps=ramps, stretch=stretch, speed=speed)
+    errand = choose_errand(loaded, job, options, inventory, box)
+    motion = choose_motion(
+        loaded, job, dict(errand.options), interpolate=interpolate, ramps=ramps, stretch=stretch, speed=speed
+    )
     live = connection(connect, interface, channel, bitrate, loaded)
     if live is not None:
         emulated = {
@@ -145,6 +160,9 @@ def run(
             "--dip-microsteps": dip_microsteps or None,
             "--kernel": None if kernel == "auto" else kernel,
             "--input": inputs or None,
+            "--inventory": inventory,
+            "--stock": stock or None,
+            "--locked-drawer": locked_drawer or None,
         }
         _refuse(emulated, "a run in virtual time, without --connect or -i")
         motion.say_summary(to_stderr=as_json)
@@ -164,7 +182,7 @@ def run(
     motion.say_summary(to_stderr=as_json)
     with (
         progress_bar(f"{loaded.name} {job}") as progress,
-        naming_options("dip_microsteps", cut_stream_s="--cut-stream"),
+        naming_options("dip_microsteps", "stock", cut_stream_s="--cut-stream", locked_drawers="--locked-drawer"),
     ):
         outcome = execute(
             motion.plan,
@@ -175,6 +193,9 @@ def run(
             driver_profile=driver_profile,
             dip_microsteps=dip_settings(dip_microsteps),
             inputs=changes,
+            errand=errand.errand,
+            stock=name_value_pairs(stock) if stock else None,
+            locked_drawers=locked_drawer or (),
             progress=progress,
         )
     document = outcome.to_dict() | ({} if folder is None else {VERSION_KEY: FOLDER_VERSION})
@@ -189,6 +210,7 @@ def run(
         raise DeviceFaultError(fault_line(document["fault"]))
     if not outcome.report.passed:
         raise typer.Exit(EXIT_NOT_VERIFIED)
+    errand.keep(loaded, to_stderr=as_json)
 
 
 def _input_change(text: str) -> "InputChange":
@@ -211,11 +233,12 @@ def _refuse(options: dict[str, Any], other: str) -> None:
         raise InputError(f"{given[0]}: is for {other}")
 
 
-def _only(words: list[str]) -> str:
-    if len(words) != 1:
+def _job_and_box(words: list[str], *, boxes: bool) -> tuple[str, str | None]:
+    """Return the job or file, and the box if the robot has a shelf and a word follows."""
+    if len(words) not in ((1, 2) if boxes else (1,)):
         given = " ".join(words) or "nothing"
         raise InputError(f"one JOB or FILE is needed after the robot, not {given}")
-    return words[0]
+    return words[0], words[1] if len(words) > 1 else None
 
 
 def _kernel(choice: _KernelName) -> "Kernel":

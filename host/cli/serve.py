@@ -14,10 +14,13 @@ from steptwin.host.cli.arguments import (
     AsJson,
     DipMicrosteps,
     DriverProfileName,
+    LockedDrawer,
     RobotFile,
     RobotName,
+    ShelfStock,
     dip_settings,
     joint_values,
+    name_value_pairs,
     one_robot,
     warn_of_settings_left_out,
 )
@@ -81,6 +84,8 @@ def serve(
     ] = None,
     driver_profile: DriverProfileName = None,
     dip_microsteps: DipMicrosteps = None,
+    stock: ShelfStock = None,
+    locked_drawer: LockedDrawer = None,
     out: Annotated[
         str | None, typer.Option(metavar="DIR", help="Folder to record report, edges and bus log in.")
     ] = None,
@@ -109,10 +114,10 @@ def serve(
     warn_of_settings_left_out(loaded, driver_profile)  # bad input is reported before a port is opened
     parameters = (
         *("host", "port", "control_port", "allow_remote", "interface", "channel", "bitrate", "speed"),
-        *("out", "log", "replace"),
+        *("out", "log", "replace", "dip_microsteps", "stock"),
     )
     with panel_process(wanted=panel, to_stderr=as_json) as open_panel:
-        with naming_options(*parameters, axes_per_board="--boards", dip_microsteps="--dip-microsteps"):
+        with naming_options(*parameters, axes_per_board="--boards", locked_drawers="--locked-drawer"):
             served = ServedBoard(
                 loaded,
                 stand_at=standing,
@@ -127,6 +132,8 @@ def serve(
                 speed=speed,
                 driver_profile=driver_profile,
                 dip_microsteps=dip_settings(dip_microsteps),
+                stock=name_value_pairs(stock) if stock else None,
+                locked_drawers=locked_drawer or (),
                 out=out,
                 log=log,
                 replace=replace,

@@ -163,6 +163,13 @@ def move_within(
     return planned_s
 
 
+def together(robot: Robot, start_units: list[int], goal_units: list[int], speed_percent: float = 100.0) -> Trapezoid:
+    """Return the law, with a distance of 1, by which all axes make their ways together; one axis at least has one."""
+    speed, acceleration = limits_along(robot, robot.to_positions(np.subtract(goal_units, start_units)))
+    part = speed_percent / 100
+    return Trapezoid.fastest(1.0, speed * part, acceleration * part)
+
+
 def synchronised(
     robot: Robot, start_units: list[int], goal_units: list[int], speed_percent: float
 ) -> tuple[list[ProfileMove], float]:
@@ -171,10 +178,8 @@ def synchronised(
     At least one axis must have a way. `speed_percent` is the part of the joints' speed and acceleration limits to use.
     Return the move of each axis, and the duration in seconds.
     """
+    law = together(robot, start_units, goal_units, speed_percent)
     ways_units = np.subtract(goal_units, start_units)
-    speed, acceleration = limits_along(robot, robot.to_positions(ways_units))
-    part = speed_percent / 100
-    law = Trapezoid.fastest(1.0, speed * part, acceleration * part)
     moves = []
     for target, way in zip(goal_units, ways_units.tolist(), strict=True):
         velocity = max(_VELOCITY_MIN_UNITS_PER_S, ceil(abs(way) * law.speed))

@@ -11,9 +11,10 @@ from steptwin.host.client import Machine, Progress
 from steptwin.host.client.faults import check_enabled, check_faults
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.input_waiting import Waited, executed, input_waits, waited, waits_document
-from steptwin.host.operate.moving import move_within
+from steptwin.host.operate.moving import move_within, together
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.switching import output_commands
+from steptwin.host.planning.clearance import first_contact, ways_around
 from steptwin.host.planning.plan import Plan
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 
@@ -97,21 +98,25 @@ def execute_live(
 ) -> LiveOutcome:
     """Run a plan `repeat` times on a live board; stop after a repetition that ends at another step than planned.
 
-    Reports name the motion `job`. With `approach` the machine moves to the plan's start first, straight in joint space.
+    Reports name the motion `job`. With `approach` the machine moves to the plan's start first, straight in joint space,
+    unless the arm would come too near to the robot's shelf on that way.
     `progress` is called with the part of the stream that has been sent, in each repetition from 0 to 1, and `begun`
     when the axes have set off on it.
 
     Raises:
-        InputError: the machine does not stand at the plan's start, the plan cannot be repeated, or a program that
-            claims no lease moves the machine.
+        InputError: the machine does not stand at the plan's start, or its way there is blocked, the plan cannot be
+            repeated, or a program that claims no lease moves the machine.
         DeviceFaultError: a drive is in fault or was stopped, or has no known position.
         BusError: another program is in charge, or a node does not answer.
     """
     check_repeatable(plan, repeat)
     with session.alone():
         session.require_ready("run")
-        if not approach:
-            _check_start(plan, session.positions(session.demanded_units()))
+        start_units = session.demanded_units()
+        if approach:
+            _check_way(session, start_units, plan)
+        else:
+            _check_start(plan, session.positions(start_units))
         return _execute(session, plan, job, repeat, progress, begun)
 
 
@@ -120,6 +125,26 @@ def _check_start(plan: Plan, joints: list[float]) -> None:
         plan.check_start(joints)
     except InputError as error:
         raise InputError(f"{error}; approach=True moves it there first") from error
+
+
+def _check_way(session: Session, start_units: list[int], plan: Plan) -> None:
+    """Raise InputError if the way to the plan's start passes too near to the robot's shelf."""
+    robot = session.robot
+    start, goal = session.positions(start_units), session.positions(plan.start_units)
+    contact = first_contact(robot, start, goal)
+    if contact is None:
+        return
+    at_s = 0.0
+    if contact.part_of_way:
+        at_s = together(robot, start_units, plan.start_units).time_of(contact.part_of_way)
+    x_mm, y_mm, z_mm = contact.at_mm
+    unit = robot.joint(contact.joint).unit
+    first = ways_around(robot, start, goal)
+    clear = f"moving {first} first, then the others, is clear" if first else "move the arm away from the shelf first"
+    raise InputError(
+        f"approach=True: {contact.joint} at {contact.position:.4f} {unit}, {at_s:.3f} s on the way to the start, brings"
+        f" the {contact.link} to {contact.box}, at x {x_mm:.1f}, y {y_mm:.1f}, z {z_mm:.1f} mm; {clear}"
+    )
 
 
 def _execute(

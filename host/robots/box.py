@@ -1,8 +1,9 @@
-"""A box around the machine, such as a shelf or a drawer: pictures show it, and nothing that moves depends on it."""
+"""A box around the machine, such as a shelf or a drawer: pictures show it, and a shelf is made of such boxes."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
+from math import hypot
 from typing import Final
 
 import numpy as np
@@ -52,6 +53,37 @@ class Box:
         """Return whether a point, shape (3,), is in the box or at most TOUCH_MM from it along each axis."""
         ends_mm = np.array([self.x_mm, self.y_mm, self.z_mm])
         return bool((point_mm >= ends_mm[:, 0] - TOUCH_MM).all() and (point_mm <= ends_mm[:, 1] + TOUCH_MM).all())
+
+    def nearest_on_line(self, first_mm: Sequence[float], second_mm: Sequence[float]) -> tuple[float, float]:
+        """Return the distance of the box from the line between two points, and the place on the line nearest to it.
+
+        The distance is 0 where the line meets the box. The place goes from 0 at the first point to 1 at the second.
+        The square of the distance is convex along the line, and a parabola between the places at which the line
+        crosses the planes of the box's faces: so the zero of its slope is exact.
+        """
+        ends_mm = self.x_mm, self.y_mm, self.z_mm
+        way_mm = [second - first for first, second in zip(first_mm, second_mm, strict=True)]
+
+        def outside_mm(along: float) -> list[float]:
+            at_mm = (first + along * way for first, way in zip(first_mm, way_mm, strict=True))
+            return [min(at - low, 0.0) + max(at - high, 0.0) for at, (low, high) in zip(at_mm, ends_mm, strict=True)]
+
+        def slope(along: float) -> float:
+            return sum(way * out for way, out in zip(way_mm, outside_mm(along), strict=True))
+
+        crossings = (
+            (end - first) / way
+            for first, way, pair in zip(first_mm, way_mm, ends_mm, strict=True)
+            if way
+            for end in pair
+        )
+        places = sorted({0.0, 1.0, *(along for along in crossings if 0.0 < along < 1.0)})
+        after = next((i for i, along in enumerate(places) if slope(along) >= 0.0), len(places) - 1)
+        nearest = places[after]
+        if after and slope(nearest) > 0.0:
+            low, high = places[after - 1], places[after]
+            nearest = low + (high - low) * slope(low) / (slope(low) - slope(high))
+        return hypot(*outside_mm(nearest)), nearest
 
     def shifts_mm(self, t_s: FloatArray, holds_s: Sequence[Range], tip_at: TipAt) -> FloatArray:
         """Return how far the tool has moved the box at instants of shape (n,), shape (n, 3).

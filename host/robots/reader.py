@@ -31,6 +31,7 @@ from steptwin.host.robots.kinematics.kinds import kind_named
 from steptwin.host.robots.link_errors import QUANTITIES, LinkErrors
 from steptwin.host.robots.output import Output
 from steptwin.host.robots.robot import Dimension, Robot
+from steptwin.host.robots.shelf import SENSORS, Point, Shelf, Spot
 from steptwin.host.robots.switches import JointSwitches
 from steptwin.host.robots.transmission import Transmission
 
@@ -271,6 +272,36 @@ def _range(table: Table, key: str) -> Range:
     return first, last
 
 
+def _point(table: Table, key: str) -> Point:
+    coordinates = table.elements(key)
+    if len(coordinates) != len(_COORDINATES):
+        raise InputError(f"{key}: has {len(coordinates)} values, but a point has three: [x, y, z]")
+    x_mm, y_mm, z_mm = (number_at(f"{key}[{i}]", value) for i, value in enumerate(coordinates))
+    return x_mm, y_mm, z_mm
+
+
+def _texts(table: Table, key: str) -> tuple[str, ...]:
+    texts = table.elements(key)
+    if strange := [f"{key}[{i}]: is not a text" for i, text in enumerate(texts) if not isinstance(text, str)]:
+        raise InputError(*strange)
+    return tuple(map(str, texts))
+
+
+_COORDINATES: Final = ("x", "y", "z")
+_spot: Final = _settings(Spot, {"lid_mm": _point}, {"feeds": Table.truth, "clears": Table.truth})
+_shelf: Final = _settings(
+    Shelf,
+    {
+        "lock": Table.text,
+        "magnet": Table.text,
+        "travel_mm": Table.number,
+        "opening_mm": Table.number,
+        "capture_mm": Table.number,
+        "arm_radius_mm": Table.number,
+        "slots": partial(_each, Table.text),
+    },
+    {"spots": partial(_each, _spot), "obstacles": _texts, **dict.fromkeys(SENSORS, Table.text)},
+)
 _box: Final = _settings(Box, dict.fromkeys(("x_mm", "y_mm", "z_mm"), _range), {"held_by": Table.text})
 _link_errors: Final = _settings(LinkErrors, {}, dict.fromkeys(QUANTITIES, Table.number))
 _output: Final = _settings(Output, {"joint": Table.text, "out": Table.integer}, {})
@@ -306,6 +337,7 @@ _ROBOT_OPTIONAL: Final[dict[str, Reading]] = {
     "inputs": partial(_each, _input),
     "places": partial(_each, _places),
     "boxes": partial(_each, _box),
+    "shelf": _shelf,
 }
 _JOINT: Final[dict[str, Reading]] = {
     "lower": Table.number,

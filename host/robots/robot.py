@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int64Array
-from steptwin.host.common.bad_input import at_most, nearest_within, outside, unknown
+from steptwin.host.common.bad_input import at_most, nearest_within, outside, prefixed, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings, check_all
 from steptwin.host.robots.board_settings import BoardSettings
@@ -20,6 +20,7 @@ from steptwin.host.robots.homing import JointHoming
 from steptwin.host.robots.joint import WIRE_POSITION_MAX, Joint
 from steptwin.host.robots.link_errors import LinkErrors
 from steptwin.host.robots.output import Output
+from steptwin.host.robots.shelf import Shelf
 
 AXES_MAX: Final = 8
 """Axes that a board drives: two 16-bit timers with four compare channels each."""
@@ -43,7 +44,8 @@ class Robot:
         outputs: digital outputs of the board, by the name of the device wired to them.
         inputs: digital inputs of the board, by the name of the sensor wired to them.
         places: joint positions that jobs go to, by name; a place may name only some of the joints.
-        boxes: what stands around the machine, by name; only pictures show it.
+        boxes: what stands around the machine, by name; pictures show it, and a shelf is made of some of them.
+        shelf: the shelf at which the robot works; None if there is none.
         coupling: how the axes follow the joints; by default each joint has a motor of its own.
         dh_errors: errors of the DH parameters, by the name of the link: no motion is planned by them; they tell where
             the tool really is.
@@ -52,8 +54,8 @@ class Robot:
 
     Raises:
         InputError: no joints or more than a board drives, a position outside a joint's limits, a place without joints,
-            an output or input of an unknown joint, two of them at one connector, a box held by an unknown output, or an
-            axis that cannot be coupled so.
+            an output or input of an unknown joint, two of them at one connector, a box held by an unknown output, a
+            shelf that names what the robot does not have, or an axis that cannot be coupled so.
     """
 
     name: str
@@ -67,6 +69,7 @@ class Robot:
     inputs: Mapping[str, Input] = field(default_factory=dict)
     places: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     boxes: Mapping[str, Box] = field(default_factory=dict)
+    shelf: Shelf | None = None
     coupling: Coupling = field(default_factory=Coupling)
     dh_errors: Mapping[str, LinkErrors] = field(default_factory=dict)
     paper: str = ""
@@ -81,6 +84,7 @@ class Robot:
             self._check_outputs,
             self._check_inputs,
             self._check_boxes,
+            self._check_shelf,
             *(partial(self._check_axis, axis) for axis in range(len(self.joints))),
         )
 
@@ -118,6 +122,11 @@ class Robot:
                 if box.held_by and box.held_by not in self.outputs:
                     raise unknown(".held_by: output", box.held_by, self.outputs)
         findings.raise_first()
+
+    def _check_shelf(self) -> None:
+        if self.shelf:
+            with prefixed("shelf."):
+                self.shelf.check_names(self.outputs, self.inputs, self.places, self.boxes)
 
     def _check_place(self, key: str, place: Mapping[str, float]) -> None:
         if not place:

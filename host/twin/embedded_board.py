@@ -1,6 +1,6 @@
 """Emulate a robot's board in this process, in virtual time, with the client's network connected to its bus."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from math import floor
 
 from steptwin.controller.backend import Kernel
@@ -18,8 +18,9 @@ from steptwin.host.twin.drivers import driver_profile
 from steptwin.host.twin.embedded_network import EmbeddedNetwork
 from steptwin.host.twin.evidence import axis_evidence
 from steptwin.host.twin.input_changes import InputChange, set_input
+from steptwin.host.twin.shelf import shelf_evidence, shelf_wiring
 from steptwin.host.twin.standing import standing_steps
-from steptwin.host.verify import BusReport, Evidence
+from steptwin.host.verify import BusReport, Evidence, ShelfEvidence
 from steptwin.host.verify.wiring import output_changes
 from steptwin.protocol.frame import COB_SYNC, Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
@@ -42,6 +43,9 @@ class EmbeddedBoard:
         dip_microsteps: Mapping[str, int] | None = None,
         *,
         commissioned: bool = True,
+        stock: Mapping[str, str] | None = None,
+        locked_drawers: Collection[str] = (),
+        shelf_sensors: bool = True,
     ) -> None:
         """Switch the board on.
 
@@ -54,16 +58,24 @@ class EmbeddedBoard:
             driver_profile_name: drivers that the board has instead of those in the robot's file.
             dip_microsteps: microsteps to which the switches of modules are set instead of the file's, by joint.
             commissioned: True for a board whose flash holds the robot's settings, False for a new one.
+            stock: the boxes in the robot's shelf, by slot or spot; None: a box at each spot where boxes are taken.
+            locked_drawers: slots of the shelf whose drawers are locked.
+            shelf_sensors: False if the shelf's sensors are not connected.
 
         Raises:
-            InputError: the drivers do not exist, or cannot be set as the robot needs them, or have no such switches.
+            InputError: the drivers do not exist, or cannot be set as the robot needs them, or have no such switches, or
+                the shelf has no such place.
         """
         self.robot = robot
         self.driver_profile = driver_profile(robot.board, driver_profile_name)
         self._start_steps = standing_steps(robot, start_joints)
         config = board_config(robot, start_joints, driver_profile_name, dip_microsteps)
         self._board = Board(config, kernel, commissioned_flash(robot, robot.joints) if commissioned else None)
-        self._simulation = Simulation([self._board], Bus(robot.board.bitrate, bus_faults), schedule)
+        shelf = shelf_wiring(
+            robot, start_joints, [len(robot.joints)], stock=stock, locked=locked_drawers, sensors=shelf_sensors
+        )
+        self._stock = {} if shelf is None else dict(shelf.shelf.stock)
+        self._simulation = Simulation([self._board], Bus(robot.board.bitrate, bus_faults), schedule, shelf)
         self.network = EmbeddedNetwork(self._simulation)
         self._changes: list[InputChange] = []
         """Changes of inputs that wait for the SYNC that starts the motion."""
@@ -169,4 +181,12 @@ class EmbeddedBoard:
             axis_evidence(joint.name, self._start_steps[i], traces[i], i, self._board.pin_changes)
             for i, joint in enumerate(self.robot.joints)
         )
-        return Evidence(-(-sync_counts // TICK_COUNTS) * TICK_COUNTS, axes, output_changes(self.robot, axes))
+        start_counts = -(-sync_counts // TICK_COUNTS) * TICK_COUNTS
+        return Evidence(start_counts, axes, output_changes(self.robot, axes), self._shelf_evidence())
+
+    def _shelf_evidence(self) -> ShelfEvidence | None:
+        watch = self._simulation.shelf_watch
+        if watch is None:
+            return None
+        watch.look_now(self._simulation.now_counts)
+        return shelf_evidence(watch.shelf, self._stock)

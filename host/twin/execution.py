@@ -1,7 +1,7 @@
 """Run a plan from start to verdict: check the start, switch the board on, stream, wait for the end, verify."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -14,7 +14,9 @@ from steptwin.host.common.errors import DeviceFaultError, InputError, WaitTimeou
 from steptwin.host.operate.input_waiting import executed, input_waits, waited
 from steptwin.host.operate.setting_up import set_up
 from steptwin.host.operate.switching import output_commands
+from steptwin.host.planning.errand import Errand
 from steptwin.host.planning.plan import Plan
+from steptwin.host.planning.trajectory import waits_of
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.host.twin.input_changes import InputChange
 from steptwin.host.twin.outcome import Outcome, RunFault
@@ -33,6 +35,9 @@ def execute(
     dip_microsteps: Mapping[str, int] | None = None,
     bus_faults: FaultScript | None = None,
     inputs: Sequence[InputChange] = (),
+    errand: Errand | None = None,
+    stock: Mapping[str, str] | None = None,
+    locked_drawers: Collection[str] = (),
     progress: Progress = lambda _: None,
 ) -> Outcome:
     """Run a plan on an embedded board in virtual time, and verify every pulse.
@@ -49,11 +54,15 @@ def execute(
             joint; neither the plan nor the firmware is told.
         bus_faults: script of the faults by which the bus loses, disturbs or delays frames.
         inputs: changes of the machine's digital inputs during the motion.
+        errand: what the motion is planned to do with the boxes of the robot's shelf; the emulated shelf holds the
+            errand's boxes, and each box must be where it is planned in the end.
+        stock: the boxes that the emulated shelf holds instead, by slot or spot; the plan is not told.
+        locked_drawers: slots of the emulated shelf whose drawers are locked; the plan is not told.
         progress: called with the part of the stream, from 0 to 1, that has been sent.
 
     Raises:
         InputError: the machine does not stand at the plan's start, the stream is cut outside the motion, or the
-            drivers, their switches or an input do not exist.
+            drivers, their switches, an input or a place of the shelf do not exist, or the errand cannot be done.
         DeviceFaultError, BusError: the board could not be set up. A fault in motion is part of the outcome instead.
     """
     if stand_at is not None:
@@ -65,6 +74,10 @@ def execute(
     object_dictionary()  # made once in a process: no part of what the emulation takes
     started_s = time.perf_counter()
     start_joints = plan.start_joints if stand_at is None else stand_at
+    shelf = plan.robot.shelf
+    planned = errand.planned(shelf) if errand and shelf else None
+    if stock is None and errand is not None:
+        stock = errand.stock
     board = EmbeddedBoard(
         plan.robot,
         start_joints,
@@ -73,6 +86,9 @@ def execute(
         driver_profile_name=driver_profile,
         dip_microsteps=dip_microsteps,
         commissioned=False,  # `set_up` writes every setting
+        stock=stock,
+        locked_drawers=locked_drawers,
+        shelf_sensors=_looks_at_sensors(plan),
     )
     board.change_inputs(inputs)
     machine = Machine(board, plan.robot.joint_names)
@@ -97,10 +113,16 @@ def execute(
         simulated_s=board.now_s(),
         wall_s=time.perf_counter() - started_s,
     )
-    comparison = compare(Expectation.of(plan.robot, made.trajectory), board.evidence())
+    comparison = compare(Expectation.of(plan.robot, made.trajectory, planned), board.evidence())
     report = verify_comparison(comparison, run)
     waits_made = waited(plan, machine.holds_ms, timed_out=timed_out)
     return Outcome(made, comparison, report, board.bus_log, fault, board.driver_profile.name, waits_made)
+
+
+def _looks_at_sensors(plan: Plan) -> bool:
+    """Return whether a motion waits for one of the shelf's sensors; without that it leaves the bus as it was."""
+    sensors = plan.robot.shelf.sensors.values() if plan.robot.shelf else ()
+    return any(wait.input in sensors for wait in waits_of(plan.trajectory))
 
 
 def _records(plan: Plan, cut_stream_s: float | None) -> tuple[AxisRecords, ...]:

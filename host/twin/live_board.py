@@ -2,7 +2,7 @@
 
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import floor
@@ -34,8 +34,9 @@ from steptwin.host.twin.commissioning import commissioned_flash
 from steptwin.host.twin.drivers import driver_profile
 from steptwin.host.twin.evidence import axis_evidence
 from steptwin.host.twin.live_plan import LivePlan
+from steptwin.host.twin.shelf import shelf_evidence, shelf_wiring
 from steptwin.host.twin.standing import standing_steps
-from steptwin.host.verify import AxisEvidence
+from steptwin.host.verify import AxisEvidence, ShelfEvent, shelf_document
 from steptwin.protocol.frame import COB_SYNC, FIRST_NODE_ID, Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -99,6 +100,8 @@ class LiveBoard:
         log: Path | None = None,
         driver_profile_name: str | None = None,
         dip_microsteps: Mapping[str, int] | None = None,
+        stock: Mapping[str, str] | None = None,
+        locked_drawers: Collection[str] = (),
     ) -> None:
         """Set the board up.
 
@@ -113,14 +116,21 @@ class LiveBoard:
             log: file for the bus log.
             driver_profile_name: drivers that the board has instead of those in the robot's file.
             dip_microsteps: microsteps to which the switches of modules are set instead of the file's, by joint.
+            stock: the boxes in the robot's shelf, by slot or spot; None: a box at each spot where boxes are taken.
+            locked_drawers: slots of the shelf whose drawers are locked.
 
         Raises:
-            InputError: the drivers do not exist, or cannot be set as the robot needs them, or have no such switches.
+            InputError: the drivers do not exist, or cannot be set as the robot needs them, or have no such switches, or
+                the shelf has no such place.
             OSError: a file cannot be written.
         """
         self.robot = robot
         self.axes_per_board = tuple(axes_per_board or [len(robot.joints)])
         configs = board_configs(robot, stand_at, self.axes_per_board, driver_profile_name, dip_microsteps)
+        shelf = shelf_wiring(robot, stand_at, self.axes_per_board, stock=stock, locked=locked_drawers)
+        self._stock = {} if shelf is None else dict(shelf.shelf.stock)
+        self._shelf_events: deque[ShelfEvent] = deque(maxlen=OPERATIONS_MAX)
+        """What happened at the shelf up to the last `record`."""
         self.driver_profile = driver_profile(robot.board, driver_profile_name)
         self._lines: list[str] = []
         """Lines of the bus log since the last `record`."""
@@ -152,7 +162,7 @@ class LiveBoard:
         self._plan = None if out is None else LivePlan(robot, self._axes, start_steps)
         self._recording = None if out is None else Recording(out, self._header(bitrate), robot.toml)
         self.bus = Bus(bitrate, log=self._log)
-        simulation = Simulation(self._boards, self.bus)
+        simulation = Simulation(self._boards, self.bus, shelf=shelf)
         self.live = LiveSimulation(simulation, Pacer(time.monotonic_ns(), speed))
 
     def _header(self, bitrate: int) -> Header:
@@ -258,6 +268,9 @@ class LiveBoard:
         """Take and log what has happened on the bus since the last round of all axes; return the log's lines."""
         self._follow_motion()
         self._measure_load()
+        if watch := self.live.simulation.shelf_watch:
+            self._shelf_events.extend(shelf_evidence(watch.shelf, {}).events)
+            watch.shelf.events.clear()
         lines, self._lines = self._lines, []
         if self._bus_log:
             self._bus_log.append(lines, self.simulated_s)
@@ -330,6 +343,14 @@ class LiveBoard:
         """Return the speed, and how late and how often held up the board was."""
         return {"speed": self.live.pacer.speed, **self.lateness(), "stalls": self.stalls()}
 
+    def shelf(self) -> dict[str, Any] | None:
+        """Return what happened at the shelf, the boxes and the open drawers; None if the robot has no shelf."""
+        watch = self.live.simulation.shelf_watch
+        if watch is None:
+            return None
+        now = shelf_evidence(watch.shelf, self._stock)
+        return shelf_document(replace(now, events=(*self._shelf_events, *now.events)), 0)
+
     def lateness(self) -> dict[str, dict[str, float]]:
         """Return how late the servo ticks of motions and the board's frames were, in us of the wall clock."""
         return {"ticks": _figures(self.live.ticks), "frames": _figures(self.live.frames)}
@@ -385,6 +406,7 @@ class LiveBoard:
             },
             "bus": self.bus_figures(),
             "real_time": self.real_time(),
+            **({} if (shelf := self.shelf()) is None else {"shelf": shelf}),
             "simulated_s": round(self.simulated_s, 6),
             "wall_s": round(self.wall_s, 6),
         }

@@ -90,4 +90,5 @@ class Outcome:
         keep_recording(folder)
         path = prepare_folder(folder)
         document = self.to_dict() | {VERSION_KEY: FOLDER_VERSION}
-        return write_folder(path, document, self.plan, self.comparison.evidence, self.bus_log)
+        comparison = self.comparison
+        return write_folder(path, document, self.plan, comparison.evidence, self.bus_log, comparison.expected.stock)

@@ -1,6 +1,6 @@
 """Serve a robot's board in real time to every program that speaks CAN, in a thread of its own or in the caller's."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
@@ -52,6 +52,8 @@ class ServedBoard:
         speed: float = 1.0,
         driver_profile: str | None = None,
         dip_microsteps: Mapping[str, int] | None = None,
+        stock: Mapping[str, str] | None = None,
+        locked_drawers: Collection[str] = (),
         kernel: Kernel | None = None,
         out: Path | str | None = None,
         log: Path | str | None = None,
@@ -74,6 +76,8 @@ class ServedBoard:
             speed: simulated seconds per second.
             driver_profile: name of the drivers that the board has instead of those in the robot's file.
             dip_microsteps: microsteps to which the switches of modules are set instead of the file's, by joint.
+            stock: the boxes in the robot's shelf, by slot or spot; None: a box at each spot where boxes are taken.
+            locked_drawers: slots of the shelf whose drawers are locked.
             kernel: form of the firmware's kernel; by default the fastest one that is installed.
             out: folder that receives report, edges and bus log.
             log: file that receives the bus log alone.
@@ -116,6 +120,8 @@ class ServedBoard:
                 log=None if log is None else Path(log),
                 driver_profile_name=driver_profile,
                 dip_microsteps=dip_microsteps,
+                stock=stock,
+                locked_drawers=locked_drawers,
             )
             on_error.pop_all()
         self._loop = LiveLoop(self.board.live)

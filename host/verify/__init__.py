@@ -13,11 +13,14 @@ from steptwin.host.verify.evidence import (
     LevelEdges,
     OutputChange,
     Phases,
+    ShelfEvent,
+    ShelfEvidence,
 )
 from steptwin.host.verify.excitation import motor_moves
 from steptwin.host.verify.expectation import Expectation, Forward
 from steptwin.host.verify.oracle import IdealSteps, ideal_steps
 from steptwin.host.verify.report import AxisReport, BusReport, JointsReport, Report, RunInfo, ToolReport
+from steptwin.host.verify.shelf import shelf_contradictions, shelf_document
 from steptwin.host.verify.switching import OutputReport
 from steptwin.host.verify.verifier import (
     POSITION_ERROR_LIMIT_STEPS,
@@ -47,12 +50,16 @@ __all__ = [
     "Phases",
     "Report",
     "RunInfo",
+    "ShelfEvent",
+    "ShelfEvidence",
     "ToolReport",
     "ViolationReport",
     "compare",
     "contradictions",
     "ideal_steps",
     "motor_moves",
+    "shelf_contradictions",
+    "shelf_document",
     "verify",
     "verify_comparison",
 ]

@@ -4,7 +4,7 @@ Every instant is an int64 number of counts of the board's timer since power-up.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from steptwin.host.common.arrays import FloatArray, Int8Array, Int16Array, Int64Array
 from steptwin.host.robots.board_settings import ActiveEdge
@@ -127,8 +127,52 @@ class OutputChange:
 
 
 @dataclass(frozen=True, slots=True)
+class ShelfEvent:
+    """Something that happened at the shelf.
+
+    Attributes:
+        counts: its instant.
+        what: what happened, in words.
+        where: the slot or the spot; empty if it happened at none.
+        box: the box that it concerns; empty without one.
+        fault: True for what must not happen at a shelf.
+        tip_mm: where the tool's tip was, x, y and z.
+    """
+
+    counts: int
+    what: str
+    where: str
+    box: str
+    fault: bool
+    tip_mm: tuple[float, float, float]
+
+    def __str__(self) -> str:
+        x_mm, y_mm, z_mm = self.tip_mm
+        box = f" ({self.box})" if self.box else ""
+        place = f"{self.where}: " if self.where else ""
+        return f"{place}{self.what}{box} at x {x_mm:.1f}, y {y_mm:.1f}, z {z_mm:.1f} mm"
+
+
+@dataclass(frozen=True, slots=True)
+class ShelfEvidence:
+    """Everything that happened at the shelf.
+
+    Attributes:
+        events: in order of time.
+        start: the box in each slot and at each spot that had one at power-up.
+        end: the same at the end.
+        open_mm: how far each drawer is out at the end that is not shut.
+    """
+
+    events: tuple[ShelfEvent, ...] = ()
+    start: Mapping[str, str] = field(default_factory=dict)
+    end: Mapping[str, str] = field(default_factory=dict)
+    open_mm: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
 class Evidence:
-    """Evidence of one run: all axes, and every change of the outputs in order of time.
+    """Evidence of one run: all axes, every change of the outputs in order of time, and the shelf if there is one.
 
     The planned trajectory's t = 0 is the board's instant `start_counts`.
     """
@@ -136,3 +180,4 @@ class Evidence:
     start_counts: int
     axes: tuple[AxisEvidence, ...]
     outputs: tuple[OutputChange, ...] = ()
+    shelf: ShelfEvidence | None = None

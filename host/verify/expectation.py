@@ -7,6 +7,7 @@ from typing import Self
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int64Array
+from steptwin.host.planning.errand import PlannedStock
 from steptwin.host.planning.motions.axis_motion import AxisMotion
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.coupling import Coupling
@@ -32,6 +33,7 @@ class Expectation:
         actual_forward: forward kinematics with the errors of the DH parameters that the robot's file states: where the
             tool really is; None if it states none.
         robot: the machine, whose arm and limits pictures show beside the motion; None: they leave them out.
+        stock: the boxes that the motion is planned to leave at a shelf; None if nobody has planned that.
 
     Raises:
         ValueError: the lengths do not agree.
@@ -45,15 +47,18 @@ class Expectation:
     microsteps: tuple[int, ...] = ()
     actual_forward: Forward | None = None
     robot: Robot | None = None
+    stock: PlannedStock | None = None
 
     @classmethod
-    def of(cls, robot: Robot, trajectory: Trajectory) -> Self:
+    def of(cls, robot: Robot, trajectory: Trajectory, stock: PlannedStock | None = None) -> Self:
         """Return the expectation for a motion of a robot."""
         units = tuple(joint.unit for joint in robot.joints)
         microsteps = tuple(joint.transmission.microsteps for joint in robot.joints)
         forward, actual = make_kinematics(robot).forward, actual_chain(robot)
         actual_forward = actual.poses if actual else None
-        return cls(trajectory, robot.steps_per_unit, units, forward, robot.coupling, microsteps, actual_forward, robot)
+        return cls(
+            trajectory, robot.steps_per_unit, units, forward, robot.coupling, microsteps, actual_forward, robot, stock
+        )
 
     def __post_init__(self) -> None:
         joints = len(self.trajectory.joint_names)

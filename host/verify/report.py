@@ -1,5 +1,6 @@
 """Report a run in plain figures, with the reasons if it failed; the keys are a contract with the report's readers."""
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -116,6 +117,7 @@ class Report:
         actual_tool: deviation of the actual tool, with the errors of the DH parameters that the robot's file states,
             from the planned pose; None if it states none. It decides nothing: the machine is right if it makes the
             planned steps.
+        shelf: what happened at the shelf, under the keys of the document; None if the robot has none.
     """
 
     run: RunInfo
@@ -126,6 +128,7 @@ class Report:
     outputs: tuple[OutputReport, ...]
     violations: tuple[ViolationReport, ...]
     actual_tool: ToolReport | None = None
+    shelf: Mapping[str, Any] | None = None
 
     @property
     def passed(self) -> bool:
@@ -146,6 +149,7 @@ class Report:
             **({"actual_tool": _plain(asdict(self.actual_tool))} if self.actual_tool else {}),
             "outputs": [_plain(asdict(output)) for output in self.outputs],
             "violations": [_plain(asdict(violation)) for violation in self.violations],
+            **({} if self.shelf is None else {"shelf": _plain(dict(self.shelf))}),
             "bus": _plain(asdict(self.run.bus)),
             "simulated_s": _plain(self.run.simulated_s),
             "wall_s": _plain(self.run.wall_s),

@@ -19,6 +19,7 @@ from steptwin.host.verify.expectation import Expectation
 from steptwin.host.verify.oracle import THRESHOLD_STEPS
 from steptwin.host.verify.pulses import pulse_facts
 from steptwin.host.verify.report import AxisReport, JointsReport, Report, RunInfo, ToolReport
+from steptwin.host.verify.shelf import shelf_document, shelf_reasons
 from steptwin.host.verify.switching import output_reasons, output_reports
 from steptwin.host.verify.violations import violation_reports
 
@@ -92,9 +93,13 @@ def verify_comparison(comparison: Comparison, run: RunInfo) -> Report:
     outputs = output_reports(comparison.expected.trajectory.switchings, comparison.evidence)
     reasons += output_reasons(outputs, comparison.evidence)
     violations = violation_reports(comparison.evidence)
+    evidence, shelf = comparison.evidence, None
+    if evidence.shelf is not None:
+        reasons += shelf_reasons(evidence.shelf, comparison.expected.stock, evidence.start_counts)
+        shelf = shelf_document(evidence.shelf, evidence.start_counts)
     joints, tool = _joints_report(comparison), worst.tool.report()
     actual_tool = worst.actual_tool.report() if comparison.expected.actual_forward else None
-    return Report(run, tuple(reasons), axes, joints, tool, outputs, violations, actual_tool)
+    return Report(run, tuple(reasons), axes, joints, tool, outputs, violations, actual_tool, shelf)
 
 
 def _worst(comparison: Comparison) -> _Worst:

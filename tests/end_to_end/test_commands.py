@@ -33,7 +33,7 @@ def test_jobs(capsys: pytest.CaptureFixture[str]) -> None:
     document = json.loads(capsys.readouterr().out)
     assert document["robot"] == "warehouse-scara"
     jobs = {job["name"]: job["options"] for job in document["jobs"]}
-    assert list(jobs) == ["drawer-pull", "store", "fetch"]
+    assert list(jobs) == ["drawer-pull", "store", "fetch", "every-slot"]
     assert "right" in jobs["drawer-pull"]["elbow"]
     assert jobs["store"]["slot"] == "A1 (A1, A2, B1, B2)"
     assert run(["jobs", "warehouse-scara"]) == 0

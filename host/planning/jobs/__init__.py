@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from steptwin.host.common.bad_input import unknown
+from steptwin.host.planning.errand import Carry
 from steptwin.host.planning.jobs.calibration_demo import DEMO
 from steptwin.host.planning.jobs.carry import CARRY
 from steptwin.host.planning.jobs.drawer_pull import DRAWER_PULL
@@ -11,16 +12,16 @@ from steptwin.host.planning.jobs.five_points import FIVE_POINTS
 from steptwin.host.planning.jobs.helix import HELIX
 from steptwin.host.planning.jobs.job import Job
 from steptwin.host.planning.jobs.options import OptionField
-from steptwin.host.planning.jobs.shelf import FETCH, STORE
+from steptwin.host.planning.jobs.shelf import EVERY_SLOT, FETCH, STORE
 from steptwin.host.planning.jobs.spiral import SPIRAL
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot
 
-__all__ = ["Job", "job_fields", "job_names", "job_options", "job_summary", "make_job"]
+__all__ = ["Job", "job_carries", "job_fields", "job_names", "job_options", "job_summary", "make_job"]
 
 _JOBS: Final[dict[str, tuple[Job[Any], ...]]] = {
     "lab-scara": (SPIRAL,),
-    "warehouse-scara": (DRAWER_PULL, STORE, FETCH),
+    "warehouse-scara": (DRAWER_PULL, STORE, FETCH, EVERY_SLOT),
     "teaching-scara": (CARRY,),
     "calibration-scara": (DEMO,),
     "hybrid-arm": (FIVE_POINTS, HELIX),
@@ -55,6 +56,11 @@ def make_job(robot: Robot, job_name: str, options: Mapping[str, str] | None = No
         InputError: an unknown job or option, a value out of range, or a motion that the robot cannot make.
     """
     return _job(robot, job_name).make(robot, options or {})
+
+
+def job_carries(robot: Robot, job_name: str, options: Mapping[str, str] | None = None) -> tuple[Carry, ...]:
+    """Return the boxes that a job carries, in order; none for most jobs. Raises as `make_job` does for its options."""
+    return _job(robot, job_name).carried(robot, options or {})
 
 
 def _jobs(robot: Robot) -> dict[str, Job[Any]]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.checks import check_positions
+from steptwin.host.planning.errand import Carry
 from steptwin.host.planning.jobs.options import OptionField, Options, option_fields, parse_options, place_options
 from steptwin.host.planning.out_of_reach import OutOfReachError
 from steptwin.host.planning.samples import Samples
@@ -25,12 +26,14 @@ class Job(Generic[Options]):
         summary: summary, one line.
         options: frozen dataclass whose fields are made by `steptwin.host.planning.jobs.options`, each with a default.
         build: function that returns the trajectory for a robot and options; it raises InputError if there is none.
+        carries: function that returns the boxes that the job carries; None for a job that carries none.
     """
 
     name: str
     summary: str
     options: type[Options]
     build: Callable[[Robot, Options], Trajectory]
+    carries: Callable[[Robot, Options], tuple[Carry, ...]] | None = None
 
     def make(self, robot: Robot, texts: Mapping[str, str]) -> Trajectory:
         """Return the trajectory for options given as texts; raise InputError as `parse_options` and `build` do.
@@ -47,6 +50,10 @@ class Job(Generic[Options]):
             hint = f"; the {'option sets' if len(places) == 1 else 'options set'} the place: {' '.join(places)}"
             raise InputError(f"{error}{hint if places else ''}") from error
         return trajectory
+
+    def carried(self, robot: Robot, texts: Mapping[str, str]) -> tuple[Carry, ...]:
+        """Return the boxes that the job carries with these options; raise InputError as `parse_options` does."""
+        return () if self.carries is None else self.carries(robot, parse_options(self.options, texts, robot))
 
     def fields(self, robot: Robot) -> tuple[OptionField, ...]:
         """Return the options with their defaults and valid values for a robot."""

@@ -3,7 +3,7 @@
 A number's default may depend on the robot: it is then the paper's for the paper's robot, and fits others.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import Field, dataclass, field, fields
 from enum import Enum
 from reprlib import repr as short
@@ -79,9 +79,9 @@ def point(preset: str) -> Any:
     return field(default=None, metadata={"preset": preset})
 
 
-def place(default: str, other_than: str) -> Any:
-    """Return a dataclass field for a place of the robot file, except one."""
-    return field(default=default, metadata={"other_than": other_than})
+def place(default: str, choices: Callable[[Robot], Iterable[str]]) -> Any:
+    """Return a dataclass field for one of a robot's places, those that `choices` returns."""
+    return field(default=default, metadata={"places": choices})
 
 
 def joint_position(default: float, joint: str) -> Any:
@@ -103,7 +103,7 @@ def parse_options(options: type[Options], texts: Mapping[str, str], robot: Robot
     for name in texts:
         if name not in known:
             raise unknown("option", name, known)
-    places = {name: str(option.default) for name, option in known.items() if "other_than" in option.metadata}
+    places = {name: str(option.default) for name, option in known.items() if "places" in option.metadata}
     values = {name: _value(known[name], text, robot) for name, text in (places | texts).items()}
     fitting = {name: _default(option, robot) for name, option in known.items() if _is_number(option)}
     return options(**{known[name].name: value for name, value in (fitting | values).items()})
@@ -185,7 +185,7 @@ def _point(name: str, text: str, preset: str) -> tuple[float, float]:
 
 
 def _places(option: Field[Any], robot: Robot) -> dict[str, str]:
-    return {name: name for name in robot.places if name != option.metadata["other_than"]}
+    return {name: name for name in option.metadata["places"](robot)}
 
 
 def _choice(name: str, text: str, choices: Mapping[str, Choice]) -> Choice:

@@ -64,6 +64,15 @@ class Trapezoid:
         slowing_down = self.distance - v * left_s**2 / (2.0 * self.ramp_s)
         return np.where(t_s < self.ramp_s, speeding_up, np.where(left_s < self.ramp_s, slowing_down, steady))
 
+    def time_of(self, part: float) -> float:
+        """Return the time in seconds at which a part of the distance, from 0 to 1, is covered."""
+        ramp_part = self.ramp_s / (2.0 * (self.duration_s - self.ramp_s))
+        if part < ramp_part:
+            return float(self.ramp_s * (part / ramp_part) ** 0.5)
+        if 1.0 - part < ramp_part:
+            return float(self.duration_s - self.ramp_s * ((1.0 - part) / ramp_part) ** 0.5)
+        return part * (self.duration_s - self.ramp_s) + self.ramp_s / 2.0
+
     def velocity(self, t_s: FloatArray) -> FloatArray:
         """Return the first derivative, exactly 0 at both ends."""
         from_end_s = np.minimum(t_s, self.duration_s - t_s)

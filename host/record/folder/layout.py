@@ -18,6 +18,7 @@ ROBOT: Final = "robot.toml"
 TRAJECTORY: Final = "trajectory.csv"
 EDGES: Final = "edges.npz"
 BUS_LOG: Final = "bus.log"
+SHELF: Final = "shelf.json"
 RECORDING: Final = "recording.part"
 """Folder in the folder: a live board's recording that has no end yet, or has lost it."""
 

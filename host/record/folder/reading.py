@@ -15,6 +15,7 @@ from steptwin.host.record.folder.layout import EDGES, RECORDING, ROBOT, TRAJECTO
 from steptwin.host.record.folder.motion import read_motion
 from steptwin.host.record.folder.recording_layout import PLAN, unfinished
 from steptwin.host.record.folder.report import StoredReport, read_report
+from steptwin.host.record.folder.shelf_file import read_shelf
 from steptwin.host.record.folder.unfinished import UnfinishedRecording, read_unfinished
 from steptwin.host.robots import load_robot_file
 from steptwin.host.robots.robot import Robot
@@ -100,7 +101,11 @@ def read_run(folder: Path, plan_folder: Path | None = None) -> StoredRun:
         evidence = replace(evidence, outputs=output_changes(robot, evidence.axes))
     if recording is not None:
         motion, evidence = _as_far(read, motion, evidence, recording)
-    return StoredRun(robot, report, compare(Expectation.of(robot, motion), evidence))
+    stock = None
+    if "shelf" in report.document and report.passed is not None:
+        shelf, stock = read_shelf(folder)
+        evidence = replace(evidence, shelf=shelf)
+    return StoredRun(robot, report, compare(Expectation.of(robot, motion, stock), evidence))
 
 
 def _as_far(

@@ -8,6 +8,7 @@ from typing import Any
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.whole_file import whole_file
+from steptwin.host.planning.errand import PlannedStock
 from steptwin.host.planning.plan import Plan
 from steptwin.host.record.bus_log import log_line
 from steptwin.host.record.folder.edges import write_edges
@@ -15,6 +16,7 @@ from steptwin.host.record.folder.layout import BUS_LOG, EDGES, REPORT, ROBOT, TR
 from steptwin.host.record.folder.motion import write_motion
 from steptwin.host.record.folder.reading import read_run
 from steptwin.host.record.folder.report import write_report
+from steptwin.host.record.folder.shelf_file import write_shelf
 from steptwin.host.record.waveforms import DEFAULT_SCALE, Format, whole_record, wires, write_waveform
 from steptwin.host.verify import Evidence
 from steptwin.protocol.frame import Frame
@@ -35,11 +37,17 @@ def prepare_folder(out: Path | str) -> Path:
 
 
 def write_folder(
-    out: Path, document: Mapping[str, Any], plan: Plan, evidence: Evidence, bus_log: Sequence[tuple[int, Frame]]
+    out: Path,
+    document: Mapping[str, Any],
+    plan: Plan,
+    evidence: Evidence,
+    bus_log: Sequence[tuple[int, Frame]],
+    stock: PlannedStock | None = None,
 ) -> bool:
     """Write every file; return False if matplotlib is not installed, and the pictures are left out.
 
-    The document is the one that `run --json` prints, with FOLDER_VERSION under VERSION_KEY. The pictures are drawn from
+    The document is the one that `run --json` prints, with FOLDER_VERSION under VERSION_KEY; `stock` is what the motion
+    is planned to leave at the shelf. The pictures are drawn from
     the folder, so that `plot` draws the same: the stored motion differs slightly from the planned one (see `motion`).
     """
     write_report(out / REPORT, document)
@@ -47,6 +55,8 @@ def write_folder(
         file.write(plan.robot.toml.encode())
     write_motion(out / TRAJECTORY, plan)
     write_edges(out / EDGES, evidence)
+    if evidence.shelf is not None:
+        write_shelf(out, evidence.shelf, stock)
     with whole_file(out / BUS_LOG) as file:
         file.writelines(log_line(*entry).encode() for entry in bus_log)
     write_waveform(

@@ -78,6 +78,22 @@ class Scara:
         """True without a wrist."""
         return self.wrist is None
 
+    @property
+    def levers_mm(self) -> FloatArray:
+        """Shape (joints,): greatest way of any point of the arm, in mm, for a mm or a degree of each joint alone."""
+        levers_mm = np.ones(len(self.limits))
+        lengths_mm = {self.shoulder: sum(self._reaches_mm), self.elbow: sum(self._reaches_mm[1:])}
+        if self.wrist is not None:
+            lengths_mm[self.wrist] = self._reaches_mm[2]
+        for column, length_mm in lengths_mm.items():
+            levers_mm[column] = np.deg2rad(length_mm)
+        return levers_mm
+
+    @property
+    def _reaches_mm(self) -> tuple[float, float, float]:
+        """Lengths of both links and of the tool beside the wrist."""
+        return self.arm.l1_mm, self.arm.l2_mm, abs(self.tool_mm)
+
     def dh_variables(self, joints: FloatArray) -> dict[str, FloatArray]:
         """Return the joints by their names."""
         return {joint.name: joints[:, axis] for axis, joint in enumerate(self.limits)}

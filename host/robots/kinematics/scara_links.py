@@ -18,6 +18,19 @@ BEHIND_PART: Final = 0.6
 """Distance at which the mast of slides is drawn behind the arm's axis, as a fraction of the arm's reach."""
 
 
+def solid_parts(scara: "Scara", joints: FloatArray) -> tuple[Link, ...]:
+    """Return the parts whose places the dimensions say: column, both links and the tool; rail and mast are drawn only.
+
+    Joints have the shape (n, joints).
+    """
+    parts = scara_links(scara, joints)
+    return tuple(part for part in parts if part.name in _SOLID or part.name.startswith(_COLUMN))
+
+
+_COLUMN: Final = "column"
+_SOLID: Final = ("first link", "second link", "tool")
+
+
 def scara_links(scara: "Scara", joints: FloatArray) -> tuple[Link, ...]:
     """Return the parts for joints of shape (n, joints), from the base to the tool; the last point is the tool's tip."""
     shoulder_rad = np.deg2rad(joints[:, scara.shoulder] + scara.heading_deg)

@@ -49,6 +49,7 @@ class MachineState:
             },
             "bus": board.bus_figures() | {"recent_load_percent": round(board.recent_bus_load_percent, 3)},
             "real_time": board.real_time(),
+            **({} if (shelf := board.shelf()) is None else {"shelf": shelf}),
             "simulated_s": round(board.simulated_s, 6),
             "wall_s": round(board.wall_s, 6),
         }

@@ -1,6 +1,7 @@
 """Runs on a live board: start, end, repetitions, and other programs that interfere."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -8,12 +9,13 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
-from steptwin.host.operate.moving import move
+from steptwin.host.operate.moving import move, together
 from steptwin.host.operate.recovering import axis_states, emergency_stop, reset, stop
 from steptwin.host.operate.running import check_repeatable, execute_live
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.status import MachineStatus, read_status
 from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.trajectory_file import read_trajectory
@@ -204,3 +206,32 @@ def test_pause_and_resume_by_another_program(
 
     assert execute_live(session, pull, "drawer-pull", progress=halfway).passed
     assert seen == [{"robot": "warehouse-scara", "halted": True}, {"robot": "warehouse-scara", "halted": False}]
+
+
+def test_an_approach_through_the_shelf_is_refused(board: EmbeddedBoard, session: Session) -> None:
+    """From home to beyond the shelf the tool would drag along the drawers; the machine stays where it is."""
+    beyond = Composer(ROBOT, np.array([1900.0, 0.0, 200.0, *ROBOT.home[3:]]))
+    beyond.pause(0.1)
+    motion, before = plan(ROBOT, beyond.sequence()), board.driver_positions()
+    with pytest.raises(InputError) as error:
+        execute_live(session, motion, "beyond", approach=True)
+    found = re.fullmatch(
+        r"approach=True: sx at (\S+) mm, (\S+) s on the way to the start, brings the tool to (\S+),"
+        r" at x (\S+), y 169\.9, z (\S+) mm; moving sx sz first, then the others, is clear",
+        str(error.value),
+    )
+    assert found, error.value
+    sx_mm, at_s, x_mm, z_mm = (float(found[i]) for i in (1, 2, 4, 5))
+    assert x_mm == pytest.approx(sx_mm + 275.0, abs=0.1)
+    assert z_mm == pytest.approx(60.0 + 100.0 * sx_mm / 1900.0, abs=0.1)
+    start, goal = session.units(list(ROBOT.home)), session.units(motion.start_joints)
+    law = together(ROBOT, start, goal)
+    assert law.position(np.array([at_s]))[0] == pytest.approx(sx_mm / 1900.0, abs=1e-4)
+    assert board.driver_positions() == before
+
+
+def test_an_approach_past_the_shelf_is_made(session: Session) -> None:
+    move(session, [0.0, 0.0, 100.0, -60.0, 60.0, 30.0])
+    beyond = Composer(ROBOT, np.array([1900.0, 0.0, 150.0, -60.0, 60.0, 30.0]))
+    beyond.pause(0.1)
+    assert execute_live(session, plan(ROBOT, beyond.sequence()), "beyond", approach=True).passed

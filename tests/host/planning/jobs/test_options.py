@@ -34,7 +34,7 @@ class Options:
     """One option of each kind."""
 
     side: Side = Side.RIGHT
-    slot: str = place("A1", other_than="hand-over")
+    slot: str = place("A1", lambda robot: robot.shelf.slots if robot.shelf else robot.places)
     pause_s: float = number(0.5, 0.001, 60.0, "s")
     angle_deg: float = number(0.0, -180.0, 180.0, "deg")
     repetitions: int = number(1, 1, 1000, "times")
@@ -118,13 +118,13 @@ def test_the_range_of_a_joint_is_the_robots() -> None:
 @pytest.mark.parametrize(("places", "words"), [({}, "none"), ({"B1": {"sx": 1.0}}, "B1")])
 def test_a_default_place_must_exist(places: dict[str, dict[str, float]], words: str) -> None:
     """The default is set by the job, the places by the robot file, so they may not match."""
-    robot = dataclasses.replace(ROBOT, places=places)
+    robot = dataclasses.replace(ROBOT, places=places, shelf=None)
     with pytest.raises(InputError, match=rf"^option slot: 'A1' is unknown: (there are|did you mean) {words}"):
         parse_options(Options, {}, robot)
 
 
 def test_a_default_place_may_be_missing_if_another_is_chosen() -> None:
-    robot = dataclasses.replace(ROBOT, places={"B1": {"sx": 1.0}})
+    robot = dataclasses.replace(ROBOT, places={"B1": {"sx": 1.0}}, shelf=None)
     assert parse_options(Options, {"slot": "B1"}, robot).slot == "B1"
 
 
@@ -150,5 +150,5 @@ def test_the_defaults_of_each_job_are_valid_themselves(robot_name: str, job: str
 
 
 def test_an_unknown_job_offers_those_of_the_robot() -> None:
-    with pytest.raises(InputError, match=r"^job 'carry' is unknown: there are drawer-pull, store, fetch$"):
+    with pytest.raises(InputError, match=r"^job 'carry' is unknown: there are drawer-pull, store, fetch, every-slot$"):
         make_job(ROBOT, "carry", {})

@@ -8,12 +8,13 @@ import pytest
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.jobs.shelf import missed_places
 from steptwin.host.planning.planner import plan
-from steptwin.host.planning.trajectory import Switching, Trajectory
+from steptwin.host.planning.trajectory import Switching, Trajectory, waits_of
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
+from tests.host.robots.shelves import ROBOT, SHELF
 
-ROBOT = load_robot("warehouse-scara")
 SCARA = make_kinematics(ROBOT)
 SX, SZ, L1 = range(3)
 
@@ -67,8 +68,10 @@ def test_storing_begins_above_the_box_and_fetching_ends_there() -> None:
 
 def test_slides_and_arm_never_move_together_at_the_shelf() -> None:
     """The slides move before the arm, as in the paper."""
-    for name in ("store", "fetch"):
-        trajectory = job(name)
+    apart = {"pick_up": "pick-up", "output": "output"}
+    lifted = dataclasses.replace(ROBOT, places={**ROBOT.places, "A2": {**ROBOT.places["A2"], "L1": 60.0}})
+    for name, options in (("store", {}), ("fetch", {}), ("fetch", {"slot": "A2"}), ("every-slot", apart)):
+        trajectory = make_job(lifted, name, options)
         moving = np.abs(trajectory.velocities(np.arange(0.0, trajectory.duration_s, 0.005))) > 1e-9
         slides, arm = moving[:, [SX, SZ]].any(axis=1), moving[:, 3:].any(axis=1)
         assert slides.any()
@@ -92,7 +95,7 @@ def test_the_locked_hand_moves_straight_out() -> None:
     ],
 )
 def test_a_robot_file_without_a_needed_place_or_output(changes: dict[str, object], words: str) -> None:
-    robot = dataclasses.replace(ROBOT, **changes)  # type: ignore[arg-type]
+    robot = dataclasses.replace(ROBOT, shelf=None, **changes)  # type: ignore[arg-type]
     with pytest.raises(InputError, match=words):
         make_job(robot, "store", {})
 
@@ -111,3 +114,46 @@ def test_an_arm_that_cannot_be_drawn_back(name: str) -> None:
 def test_the_hand_over_is_not_a_slot() -> None:
     with pytest.raises(InputError, match=r"option slot: 'hand-over' is unknown: there are A1, A2, B1, B2"):
         job("store", slot="hand-over")
+
+
+def test_every_slot_is_filled_and_emptied_in_turn() -> None:
+    trajectory = job("every-slot", pick_up="pick-up", output="output")
+    switched = [(s.output, s.on) for s in trajectory.switchings]
+    stored = [("magnet", True), ("lock", True), ("magnet", False), ("lock", False)]
+    fetched = [("lock", True), ("magnet", True), ("lock", False), ("magnet", False)]
+    assert switched == (stored + fetched) * len(SHELF.slots)
+    at = [pose_at(trajectory, s)[0] for s in trajectory.switchings if s.output == "lock"][::4]
+    assert at == pytest.approx([ROBOT.places[slot]["sx"] + 275.0 for slot in ("A1", "A2", "B1", "B2")])
+    for first, place in ((0, "pick-up"), (7, "output")):
+        poses = [pose_at(trajectory, s)[0] for s in trajectory.switchings[first::8]]
+        assert poses == pytest.approx([ROBOT.places[place]["sx"] + 290.0] * 4)
+
+
+def test_a_job_that_waits_for_the_sensors() -> None:
+    waits = waits_of(job("fetch", sensors="wait"))
+    assert [(wait.input, wait.on, wait.place) for wait in waits] == [
+        ("lock_engaged", True, "A1"),
+        ("drawer_end", True, "A1"),
+        ("box_present", True, "A1"),
+        ("lock_engaged", False, "A1"),
+        ("box_present", False, "hand-over"),
+    ]
+    shorter = waits_of(job("fetch", sensors="wait", travel_mm="179.9"))
+    assert "drawer_end" not in [wait.input for wait in shorter]
+    blind = dataclasses.replace(ROBOT, shelf=dataclasses.replace(SHELF, box_present=""))
+    with pytest.raises(InputError, match=r"^shelf\.box_present: is missing in the robot's file: sensors=ignore does"):
+        make_job(blind, "store", {"sensors": "wait"})
+
+
+def test_places_at_which_the_hand_reaches_nothing() -> None:
+    """The drawers' fronts and the lids are where the jobs go, within the reach of lock and magnet."""
+    assert missed_places(ROBOT) == []
+    assert missed_places(load_robot("lab-scara")) == []
+    beside = {"A2": {"sx": 802.1, "sz": 100.0}, "output": {**ROBOT.places["output"], "L1": 153.0}}
+    robot = dataclasses.replace(ROBOT, places={**ROBOT.places, **beside})
+    assert missed_places(robot) == [
+        "shelf.slots.A2: the jobs bring the hand to x 1077.1, y 169.9, z 160.0 mm, 2.1 mm away; it reaches 2 mm",
+        "shelf.spots.output: the jobs bring the hand to x 1090.0, y -173.2, z 133.0 mm, 3.0 mm away; it reaches 2 mm",
+    ]
+    near = dataclasses.replace(ROBOT, places={**ROBOT.places, "A2": {"sx": 801.9, "sz": 100.0}})
+    assert missed_places(near) == []

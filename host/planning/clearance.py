@@ -1,0 +1,166 @@
+"""Check that the arm keeps clear of boxes on a way that is straight in joint space, everywhere on it.
+
+The arm's parts are capsules: the lines of the links with half a thickness around them. A way is followed by the
+distance that is free: no point of the arm moves further, per part of the way, than the levers of the joints allow, so
+the arm can go on by the distance to the nearest box before it must be looked at again. So nothing is passed over
+between two looks, however thin it is.
+
+Source of the method: B. Mirtich, "Impulse-based dynamic simulation of rigid body systems", 1996, section 2.3.2,
+conservative advancement.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.errors import InputError
+from steptwin.host.robots.box import Box
+from steptwin.host.robots.kinematics import Kinematics, Scara, make_kinematics
+from steptwin.host.robots.kinematics.scara_links import solid_parts
+from steptwin.host.robots.robot import Robot
+
+MARGIN_MM: Final = 1.0
+"""Distance that must remain free: above the error of ramps in whole milliseconds, and the least progress of a look."""
+
+_NUDGE: Final = 1e-4
+"""Part of the way by which a joint is moved alone, to see which one brings the arm to a box."""
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """The first place of a way at which the arm comes too near to a box.
+
+    Attributes:
+        part_of_way: from 0 at the start to 1 at the goal.
+        joint: name of the joint that moves the arm there most; at the start itself as well.
+        position: position of that joint, in its unit.
+        link: the arm's part.
+        box: name of the box.
+        at_mm: the point of the part's middle line that is nearest to the box, x, y and z.
+    """
+
+    part_of_way: float
+    joint: str
+    position: float
+    link: str
+    box: str
+    at_mm: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class _Nearest:
+    """The pair of part and box that is nearest: names, distance of the surfaces, and place on the part's line."""
+
+    free_mm: float
+    link: str
+    piece: int
+    along: float
+    box: str
+
+
+def obstacles_of(robot: Robot) -> dict[str, Box]:
+    """Return the boxes that the arm must keep clear of, by name: those of the robot's shelf."""
+    return {name: robot.boxes[name] for name in robot.shelf.obstacles} if robot.shelf else {}
+
+
+def first_contact(robot: Robot, start: Sequence[float], goal: Sequence[float]) -> Contact | None:
+    """Return where the arm first comes nearer than MARGIN_MM to an obstacle of its shelf; None for a way that is clear.
+
+    Joint positions are in mm and degrees; between them the way is straight in joint space.
+
+    Raises:
+        InputError: the robot has obstacles but a mechanism whose parts are not known well enough.
+    """
+    obstacles = obstacles_of(robot)
+    if not obstacles or robot.shelf is None:
+        return None
+    arm = _Arm.of(robot, obstacles)
+    begin, way = np.array(start, dtype=float), np.subtract(goal, start).astype(float)
+    reach_mm = float(np.abs(way) @ arm.levers_mm)
+    part = 0.0
+    while True:
+        nearest = arm.nearest(begin + part * way)
+        if nearest.free_mm < MARGIN_MM:
+            return arm.contact(robot, nearest, begin, way, part)
+        if part >= 1.0 or part * reach_mm + nearest.free_mm > reach_mm + MARGIN_MM:
+            return None
+        part = min(part + (nearest.free_mm - MARGIN_MM / 2) / reach_mm, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class _Arm:
+    """A robot's arm among boxes.
+
+    Attributes:
+        kinematics: the mechanism.
+        obstacles: the boxes, by name.
+        radius_mm: half the thickness of the arm's parts.
+        levers_mm: shape (joints,), greatest way of any point of the arm for a mm or a degree of each joint.
+    """
+
+    kinematics: Scara
+    obstacles: Mapping[str, Box]
+    radius_mm: float
+    levers_mm: FloatArray
+
+    @classmethod
+    def of(cls, robot: Robot, obstacles: Mapping[str, Box]) -> "_Arm":
+        kinematics: Kinematics = make_kinematics(robot)
+        if not isinstance(kinematics, Scara) or robot.shelf is None:
+            raise InputError(f"shelf.obstacles: a {robot.kinematics} cannot be kept clear of boxes; leave them out")
+        return cls(kinematics, obstacles, robot.shelf.arm_radius_mm, kinematics.levers_mm)
+
+    def _pieces_mm(self, joints: FloatArray) -> list[tuple[str, FloatArray]]:
+        """Return the name and the corners, shape (points, 3), of each part."""
+        return [(link.name, link.points_mm[0]) for link in solid_parts(self.kinematics, joints[np.newaxis])]
+
+    def nearest(self, joints: FloatArray) -> _Nearest:
+        """Return the pair of part and box that is nearest at joints of shape (joints,)."""
+        found = []
+        for link, points_mm in self._pieces_mm(joints):
+            for piece in range(len(points_mm) - 1):
+                ends_mm = points_mm[piece].tolist(), points_mm[piece + 1].tolist()
+                for name, box in self.obstacles.items():
+                    distance_mm, along = box.nearest_on_line(*ends_mm)
+                    found.append(_Nearest(distance_mm - self.radius_mm, link, piece, along, name))
+        return min(found, key=lambda each: each.free_mm)
+
+    def contact(self, robot: Robot, nearest: _Nearest, begin: FloatArray, way: FloatArray, part: float) -> Contact:
+        """Return a contact with the joint whose own motion moves the place of contact most."""
+        joints = begin + part * way
+        at_mm = self._point_mm(joints, nearest)
+        moved_mm = [
+            float(np.linalg.norm(self._point_mm(joints + _NUDGE * way * one, nearest) - at_mm))
+            for one in np.eye(len(joints))
+        ]
+        joint = int(np.argmax(moved_mm))
+        x_mm, y_mm, z_mm = at_mm.tolist()
+        return Contact(
+            part, robot.joint_names[joint], float(joints[joint]), nearest.link, nearest.box, (x_mm, y_mm, z_mm)
+        )
+
+    def _point_mm(self, joints: FloatArray, nearest: _Nearest) -> FloatArray:
+        points_mm = dict(self._pieces_mm(joints))[nearest.link]
+        first_mm, second_mm = points_mm[nearest.piece], points_mm[nearest.piece + 1]
+        return np.asarray(first_mm + nearest.along * (second_mm - first_mm))
+
+
+def ways_around(robot: Robot, start: Sequence[float], goal: Sequence[float]) -> str:
+    """Return which joints to move first so that the way is clear, as in `sx sz first`; empty if neither order is."""
+    slides = {column for column, _ in _slides(robot)}
+    if not slides:
+        return ""
+    arm = set(range(len(robot.joints))) - slides
+    for first in (slides, arm):
+        between = [goal[i] if i in first else start[i] for i in range(len(robot.joints))]
+        if first_contact(robot, start, between) is None and first_contact(robot, between, goal) is None:
+            return " ".join(robot.joint_names[i] for i in sorted(first))
+    return ""
+
+
+def _slides(robot: Robot) -> tuple[tuple[int, int], ...]:
+    kinematics = make_kinematics(robot)
+    return kinematics.slides if isinstance(kinematics, Scara) else ()

@@ -1,0 +1,79 @@
+"""What a motion is planned to do with the boxes of a shelf: which it carries from where to where."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from steptwin.host.common.errors import InputError
+from steptwin.host.robots.shelf import Shelf
+
+A_BOX: Final = "box"
+"""Name of a box of which nobody has told the name."""
+
+
+class Carry(NamedTuple):
+    """A box is carried from a slot or a spot to another."""
+
+    source: str
+    target: str
+
+
+@dataclass(frozen=True, slots=True)
+class Errand:
+    """Boxes of a shelf, and what is done with them.
+
+    Attributes:
+        stock: the box in each slot and at each spot that has one before the motion.
+        carries: what is carried, in order.
+    """
+
+    stock: Mapping[str, str]
+    carries: tuple[Carry, ...]
+
+    @classmethod
+    def alone(cls, carries: tuple[Carry, ...], box: str = A_BOX) -> "Errand":
+        """Return the errand in a shelf with a box at each place that it takes from before it fills it, and no other."""
+        stock, filled = dict[str, str](), set[str]()
+        for source, target in carries:
+            if source not in filled:
+                stock.setdefault(source, box if not stock else f"{box}-{len(stock) + 1}")
+            filled |= {source, target}
+        return cls(stock, carries)
+
+    def stock_after(self, shelf: Shelf) -> dict[str, str]:
+        """Return the box in each slot and at each spot after the motion.
+
+        Raises:
+            InputError: a box is to be taken where none is, or put where one is already.
+        """
+        stock = dict(self.stock)
+        for source, target in self.carries:
+            if source not in stock and not _feeds(shelf, source):
+                raise InputError(f"{source}: holds no box that could be taken")
+            box = stock.pop(source, A_BOX)
+            if target in stock:
+                raise InputError(f"{target}: holds {stock[target]} already")
+            if not _clears(shelf, target):
+                stock[target] = box
+        return stock
+
+    def planned(self, shelf: Shelf) -> "PlannedStock":
+        """Return what the motion leaves in all slots, and at the spots that neither feed boxes nor clear them away."""
+        spots = (name for name in shelf.spots if not (_feeds(shelf, name) or _clears(shelf, name)))
+        return PlannedStock((*shelf.slots, *spots), self.stock_after(shelf))
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedStock:
+    """The boxes that a motion is planned to leave: at each of `places` the one in `boxes`, or none."""
+
+    places: tuple[str, ...]
+    boxes: Mapping[str, str]
+
+
+def _feeds(shelf: Shelf, place: str) -> bool:
+    return place in shelf.spots and shelf.spots[place].feeds
+
+
+def _clears(shelf: Shelf, place: str) -> bool:
+    return place in shelf.spots and shelf.spots[place].clears

@@ -1,0 +1,126 @@
+"""A shelf with drawers at which a robot works: the hand's lock and magnet, the slots, and the spots for single boxes.
+
+A drawer slides along -y. Its own catch holds it unless the hand's lock is in its striker, the middle of its front. A
+box moves only with the magnet.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Final
+
+from steptwin.host.common.bad_input import require_positive, unknown
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.findings import check_all
+from steptwin.host.robots.box import Box
+from steptwin.host.robots.digital_input import Input
+from steptwin.host.robots.output import Output
+
+Point = tuple[float, float, float]
+
+SENSORS: Final = ("lock_engaged", "box_present", "drawer_end")
+"""The sensors, by their keys in the robot file: the lock is in a striker; a box hangs at the magnet; a drawer that the
+hand holds is at its end stop."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spot:
+    """A spot for one box outside of the shelf, such as a table at which boxes are handed over.
+
+    Attributes:
+        lid_mm: where the tool's tip takes or releases a box, x, y and z: the middle of the box's lid.
+        feeds: True if the next box comes as soon as one has been taken away.
+        clears: True if a box that is put here is carried away at once.
+    """
+
+    lid_mm: Point
+    feeds: bool = False
+    clears: bool = False
+
+    def __post_init__(self) -> None:
+        if self.feeds and self.clears:
+            raise InputError("clears: a spot that feeds boxes cannot clear them away as well")
+
+
+@dataclass(frozen=True, slots=True)
+class Shelf:
+    """A shelf and the spots around it; lengths in mm.
+
+    Attributes:
+        lock: name of the output that puts the hand's lock into a striker.
+        magnet: name of the output that takes a box by its lid.
+        travel_mm: way of a drawer from shut to its end stop.
+        opening_mm: least way by which a drawer must be out for a box to be put in or taken out.
+        capture_mm: distance of the tool's tip from a striker or a lid up to which lock and magnet reach it, and by
+            which the hand may leave the way of a drawer that it holds.
+        arm_radius_mm: half the thickness of the arm's parts, for the check that they keep clear of the obstacles.
+        slots: the drawer of each slot, as a name of one of the robot's boxes, by the slot's name.
+        spots: the spots, by name.
+        obstacles: names of the robot's boxes that the arm must not touch on its way to a job's start.
+        lock_engaged: name of the input that is on while the lock is in a striker; empty without this sensor.
+        box_present: name of the input that is on while a box hangs at the magnet; likewise.
+        drawer_end: name of the input that is on while the drawer that the hand holds is at its end stop; likewise.
+    """
+
+    lock: str
+    magnet: str
+    travel_mm: float
+    opening_mm: float
+    capture_mm: float
+    arm_radius_mm: float
+    slots: Mapping[str, str]
+    spots: Mapping[str, Spot] = field(default_factory=dict)
+    obstacles: tuple[str, ...] = ()
+    lock_engaged: str = ""
+    box_present: str = ""
+    drawer_end: str = ""
+
+    def __post_init__(self) -> None:
+        lengths = ("travel_mm", "opening_mm", "capture_mm", "arm_radius_mm")
+        check_all(*(partial(require_positive, self, name) for name in lengths), self._check_opening, self._check_slots)
+
+    def _check_opening(self) -> None:
+        if self.opening_mm > self.travel_mm:
+            raise InputError(f"opening_mm: {self.opening_mm:g} mm is more than a drawer's way, {self.travel_mm:g} mm")
+
+    def _check_slots(self) -> None:
+        if not self.slots:
+            raise InputError("slots: names no slot")
+        first_of = dict[str, str]()
+        for name, drawer in self.slots.items():
+            first = first_of.setdefault(drawer, name)
+            if first != name:
+                raise InputError(f"slots.{name}: {drawer} is the drawer of {first} already")
+            if name in self.spots:
+                raise InputError(f"slots.{name}: is the name of a spot as well")
+
+    def check_names(
+        self,
+        outputs: Mapping[str, Output],
+        inputs: Mapping[str, Input],
+        places: Mapping[str, Mapping[str, float]],
+        boxes: Mapping[str, Box],
+    ) -> None:
+        """Raise InputError, with everything that is wrong, unless the robot has all that the shelf names."""
+        checks = [partial(_check, key, "output", getattr(self, key), outputs) for key in ("lock", "magnet")]
+        checks += [partial(_check, key, "input", name, inputs) for key, name in self.sensors.items()]
+        checks += [partial(_check, f"slots.{slot}", "box", drawer, boxes) for slot, drawer in self.slots.items()]
+        checks += [partial(_check, f"slots.{slot}", "place", slot, places) for slot in self.slots]
+        checks += [partial(_check, f"spots.{spot}", "place", spot, places) for spot in self.spots]
+        checks += [partial(_check, f"obstacles[{i}]", "box", name, boxes) for i, name in enumerate(self.obstacles)]
+        check_all(*checks)
+
+    @property
+    def sensors(self) -> dict[str, str]:
+        """The input of each sensor that there is, by the sensor's key."""
+        return {key: name for key in SENSORS if (name := getattr(self, key))}
+
+    def striker_mm(self, slot: str, boxes: Mapping[str, Box]) -> Point:
+        """Return where the hand locks onto a slot's shut drawer: the middle of its front."""
+        drawer = boxes[self.slots[slot]]
+        return (sum(drawer.x_mm) / 2, drawer.y_mm[0], sum(drawer.z_mm) / 2)
+
+
+def _check(key: str, what: str, name: str, known: Mapping[str, object]) -> None:
+    if name not in known:
+        raise unknown(f"{key}: {what}", name, known)

@@ -1,0 +1,128 @@
+"""Describe a robot's shelf to the emulator, and convert what happened there into evidence."""
+
+from collections.abc import Collection, Mapping, Sequence
+
+import numpy as np
+
+from steptwin.controller.pins import Pin
+from steptwin.emulator.shelf import Point, ShelfConfig, SpotConfig
+from steptwin.emulator.shelf import Shelf as EmulatedShelf
+from steptwin.emulator.shelf_watch import InputWire, OutputWire, ShelfWiring
+from steptwin.host.common.bad_input import unknown
+from steptwin.host.common.errors import InputError
+from steptwin.host.operate.input_waiting import wired_inputs
+from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.kinematics.chain import actual_chain
+from steptwin.host.robots.robot import Robot
+from steptwin.host.robots.shelf import Shelf
+from steptwin.host.twin.standing import standing_steps
+from steptwin.host.verify import ShelfEvent, ShelfEvidence
+from steptwin.protocol.cia402 import DigitalInput
+
+_OUT_PINS = Pin.OUT1, Pin.OUT2
+"""The pins of an axis' outputs, in the order of their numbers."""
+
+SHUT_MM = 1.0
+"""Distance by which a drawer may be out and still count as shut: its catch takes it."""
+
+
+def shelf_wiring(
+    robot: Robot,
+    start_joints: Sequence[float],
+    axes_per_board: Sequence[int],
+    *,
+    stock: Mapping[str, str] | None = None,
+    locked: Collection[str] = (),
+    sensors: bool = True,
+) -> ShelfWiring | None:
+    """Return a robot's shelf as the emulator has it; None if the robot has none.
+
+    Args:
+        robot: the machine.
+        start_joints: joint positions at which it stands at power-up, mm and degrees.
+        axes_per_board: number of axes on each board.
+        stock: the boxes, by slot or spot; None: a box at each spot that does not clear boxes away, and empty slots.
+        locked: slots whose drawers are locked.
+        sensors: False if the sensors are not connected.
+
+    Raises:
+        InputError: the stock or the locked drawers are in places that the shelf does not have.
+    """
+    shelf = robot.shelf
+    if shelf is None:
+        if stock or locked:
+            what = f"stock={next(iter(stock))}" if stock else f"locked_drawers={next(iter(locked))}"
+            raise InputError(f"{what}: {robot.name} has no shelf")
+        return None
+    places = [*shelf.slots, *shelf.spots]
+    for what, names, known in (("stock", stock or (), places), ("locked_drawers", locked, list(shelf.slots))):
+        for name in names:
+            if name not in known:
+                raise unknown(f"{what}={name}: place", name, known)
+    config = ShelfConfig(
+        strikers_mm={slot: shelf.striker_mm(slot, robot.boxes) for slot in shelf.slots},
+        spots={name: SpotConfig(spot.lid_mm, spot.feeds, spot.clears) for name, spot in shelf.spots.items()},
+        travel_mm=shelf.travel_mm,
+        opening_mm=shelf.opening_mm,
+        capture_mm=shelf.capture_mm,
+        stock=usual_stock(shelf) if stock is None else stock,
+        locked=frozenset(locked),
+    )
+    wires = _Wires(robot, axes_per_board)
+    inputs = wired_inputs(robot)
+    return ShelfWiring(
+        shelf=config,
+        tip_at=_TipAt(robot, start_joints),
+        lock=wires.output(shelf.lock),
+        magnet=wires.output(shelf.magnet),
+        sensors={key: wires.input(*inputs[name]) for key, name in shelf.sensors.items()} if sensors else {},
+    )
+
+
+def usual_stock(shelf: Shelf) -> dict[str, str]:
+    """Return the boxes of a shelf of which nobody says what is in it: one at each spot from which boxes come."""
+    return {name: f"{name}-box" for name, spot in shelf.spots.items() if not spot.clears and not spot.feeds}
+
+
+def shelf_evidence(shelf: EmulatedShelf, start: Mapping[str, str]) -> ShelfEvidence:
+    """Return what happened at an emulated shelf; `start` is the stock at power-up."""
+    events = tuple(
+        ShelfEvent(event.counts, event.kind.value, event.where, event.box, event.kind.is_fault, event.tip_mm)
+        for event in shelf.events
+    )
+    open_mm = {slot: out_mm for slot, out_mm in shelf.out_mm.items() if out_mm > SHUT_MM}
+    return ShelfEvidence(events, start, dict(shelf.stock), open_mm)
+
+
+class _TipAt:
+    """Computes where the tool's tip is, from the positions of all rotors since power-up."""
+
+    def __init__(self, robot: Robot, start_joints: Sequence[float]) -> None:
+        steps = standing_steps(robot, start_joints)
+        self._start = np.array(
+            [each * joint.transmission.step_sixteenths for each, joint in zip(steps, robot.joints, strict=True)]
+        )
+        self._per_step = np.array([joint.transmission.step_sixteenths for joint in robot.joints])
+        self._robot = robot
+        actual = actual_chain(robot)
+        self._forward = actual.poses if actual else make_kinematics(robot).forward
+
+    def __call__(self, sixteenths: Sequence[int]) -> Point:
+        joints = self._robot.from_steps((self._start + np.array(sixteenths)) / self._per_step)
+        x_mm, y_mm, z_mm, _ = self._forward(joints[np.newaxis])[0].tolist()
+        return x_mm, y_mm, z_mm
+
+
+class _Wires:
+    """Finds the board and the axis on it of an output or input."""
+
+    def __init__(self, robot: Robot, axes_per_board: Sequence[int]) -> None:
+        self._robot = robot
+        self._places = [(board, axis) for board, count in enumerate(axes_per_board) for axis in range(count)]
+
+    def output(self, name: str) -> OutputWire:
+        output = self._robot.outputs[name]
+        return OutputWire(*self._places[self._robot.index_of(output.joint)], _OUT_PINS[output.out - 1])
+
+    def input(self, axis: int, which: DigitalInput) -> InputWire:
+        return InputWire(*self._places[axis], which)

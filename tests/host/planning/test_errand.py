@@ -1,0 +1,39 @@
+"""Errands: what is carried, and what is left where."""
+
+import pytest
+
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.errand import Carry, Errand, PlannedStock
+from steptwin.host.planning.jobs import job_carries
+from tests.host.robots.shelves import ROBOT, SHELF
+
+JUDGED = ("A1", "A2", "B1", "B2", "hand-over")
+"""Places at which a box stays until the robot takes it."""
+
+
+@pytest.mark.parametrize(
+    ("job", "options", "stock", "left"),
+    [
+        ("store", {}, {"hand-over": "box"}, {"A1": "box"}),
+        ("store", {"slot": "B2", "pick_up": "pick-up"}, {"pick-up": "box"}, {"B2": "box"}),
+        ("fetch", {"slot": "A2"}, {"A2": "box"}, {"hand-over": "box"}),
+        ("fetch", {"output": "output"}, {"A1": "box"}, {}),
+        ("every-slot", {}, {"hand-over": "box"}, {"hand-over": "box"}),
+        ("every-slot", {"pick-up": "pick-up", "output": "output"}, {"pick-up": "box"}, {}),
+        ("every-slot", {"pick-up": "pick-up"}, {"pick-up": "box"}, None),
+        ("drawer-pull", {}, {}, {}),
+    ],
+)
+def test_jobs(job: str, options: dict[str, str], stock: dict[str, str], left: dict[str, str] | None) -> None:
+    errand = Errand.alone(job_carries(ROBOT, job, options))
+    assert errand.stock == stock
+    if left is None:  # the boxes from the feeder would pile up at the hand-over
+        with pytest.raises(InputError, match=r"^hand-over: holds box already"):
+            errand.planned(SHELF)
+    else:
+        assert errand.planned(SHELF) == PlannedStock(JUDGED, left)
+
+
+def test_a_box_that_is_not_there() -> None:
+    with pytest.raises(InputError, match=r"^A1: holds no box that could be taken"):
+        Errand({}, (Carry("A1", "hand-over"),)).stock_after(SHELF)

@@ -1,0 +1,85 @@
+"""shelf.json in the folder of a run: read again, judged again, and changes that are found."""
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from steptwin.host.common.errors import InputError
+from steptwin.host.record.folder import verify_folder
+from steptwin.host.record.folder.shelf_file import read_shelf, write_shelf
+
+Change = Callable[[dict[str, Any]], object]
+
+
+@pytest.fixture
+def folder(stored_run: Path, tmp_path: Path) -> Path:
+    copy = tmp_path / "run"
+    shutil.copytree(stored_run, copy)
+    return copy
+
+
+def change(folder: Path, alter: Change) -> None:
+    path = folder / "shelf.json"
+    document = json.loads(path.read_text())
+    alter(document)
+    path.write_text(json.dumps(document))
+
+
+def test_what_is_written_is_read(stored_run: Path, tmp_path: Path) -> None:
+    shelf, planned = read_shelf(stored_run)
+    assert [event.where for event in shelf.events] == ["hand-over", "A1", "A1", "A1"]
+    assert planned is not None
+    assert planned.boxes == {"A1": "box"}
+    write_shelf(tmp_path, shelf, planned)
+    assert read_shelf(tmp_path) == (shelf, planned)
+    write_shelf(tmp_path, shelf, None)
+    assert read_shelf(tmp_path) == (shelf, None)
+
+
+@pytest.mark.parametrize(
+    ("alter", "words"),
+    [
+        (lambda shelf: shelf["events"].pop(2), "report.json says shelf ="),
+        (lambda shelf: shelf["events"][1]["tip_mm"].__setitem__(0, 676.5), "the tool was 1.5 mm away from there"),
+        (lambda shelf: shelf["events"][2].update(counts=72_000_000), "by the drivers' counts the tool was"),
+        (lambda shelf: shelf["events"][2].update(box="nuts"), "but the magnet held box"),
+        (lambda shelf: shelf["start"].update({"hand-over": "nuts"}), "but another box was there"),
+        (lambda shelf: shelf["end"].update(A1="nuts"), "A1: holds nuts at the end, but box was there last"),
+        (lambda shelf: shelf["planned"].update(A1=""), "A1: holds box at the end (planned no box)"),
+        (lambda shelf: shelf["open_mm"].update(B1=20.0), "B1: the drawer is left 20.0 mm out"),
+        (lambda shelf: shelf["events"][3].update(fault=True), "A1: hand unlocked from the drawer at x 675.0"),
+    ],
+)
+def test_a_changed_file_is_found(folder: Path, alter: Change, words: str) -> None:
+    change(folder, alter)
+    verdict = verify_folder(folder)
+    assert not verdict.passed
+    assert any(words in reason for reason in verdict.reasons), verdict.reasons
+
+
+@pytest.mark.parametrize(
+    ("alter", "words"),
+    [
+        (lambda shelf: shelf.pop("events"), "events: is missing"),
+        (lambda shelf: shelf["events"][0].update(tip_mm=[1, 2]), "tip_mm: has 2 values, not three"),
+        (lambda shelf: shelf["events"][0].update(tip_mm=[1, 2, "3"]), r"tip_mm\[2\]: '3' is not a number"),
+        (lambda shelf: shelf["events"][0].update(counts=-1), "counts: -1 is before power-up"),
+        (lambda shelf: shelf["events"][0].update(counts=1 << 60), "counts: 1152921504606846976 is not a whole"),
+        (lambda shelf: shelf.update(end=["A1"]), r"end: \['A1'\] is not a JSON object"),
+        (lambda shelf: shelf.update(planned={"A1": None}), r"planned\.A1: None is not a text"),
+    ],
+)
+def test_a_wrong_file_is_one_line(folder: Path, alter: Change, words: str) -> None:
+    change(folder, alter)
+    with pytest.raises(InputError, match=rf"shelf\.json: .*{words}"):
+        read_shelf(folder)
+
+
+def test_a_missing_file(folder: Path) -> None:
+    (folder / "shelf.json").unlink()
+    with pytest.raises(InputError, match=r"shelf\.json: is missing$"):
+        verify_folder(folder)

@@ -1,0 +1,185 @@
+"""The shelf beside an emulated board: sensors on the bus, virtual and live boards alike, and every slot in one run."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from steptwin.controller.backend import Kernel
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.errand import Errand
+from steptwin.host.planning.jobs import job_carries, make_job
+from steptwin.host.planning.laws import Trapezoid
+from steptwin.host.planning.motions.composer import Composer
+from steptwin.host.planning.plan import Plan
+from steptwin.host.planning.planner import plan
+from steptwin.host.robots import load_robot
+from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.twin.execution import execute
+from steptwin.host.twin.live_board import LiveBoard
+from steptwin.host.twin.outcome import Outcome
+from steptwin.host.verify import shelf_contradictions
+from steptwin.protocol.cia402 import DigitalInput
+from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+ROBOT = load_robot("warehouse-scara")
+LOCKED = np.array([400.0, 100.0, 100.0, 0.0, 60.0, 30.0])
+"""The joints with the hand at the striker of A1."""
+WALK = [
+    "hand locked onto the drawer",
+    "box taken",
+    "hand unlocked from the drawer",
+]
+NS_PER_S = 1_000_000_000
+
+
+def at_drawer(*, waiting: bool) -> Plan:
+    """Return a quick motion: lock onto A1's drawer, pull it out, take the box, push it shut, unlock."""
+    pose = make_kinematics(ROBOT).forward(LOCKED[np.newaxis]) - np.array([0.0, 30.0, 0.0, 0.0])
+    moves = Composer(ROBOT, make_kinematics(ROBOT).solve(pose, "right", LOCKED).joints[0])
+
+    def wait(sensor: str, *, on: bool) -> None:
+        if waiting:
+            moves.wait(sensor, on=on, timeout_s=1.0)
+
+    def line(way_mm: float) -> None:
+        moves.line("right", (0.0, way_mm, 0.0), Trapezoid.fastest(abs(way_mm), speed_max=200.0, acceleration_max=400.0))
+
+    line(30.0)
+    moves.switch("lock", on=True)
+    wait("lock_engaged", on=True)
+    line(-180.0)
+    wait("drawer_end", on=True)
+    moves.switch("magnet", on=True)
+    wait("box_present", on=True)
+    line(180.0)
+    wait("drawer_end", on=False)
+    moves.switch("lock", on=False)
+    wait("lock_engaged", on=False)
+    line(-30.0)
+    return plan(ROBOT, moves.sequence())
+
+
+@pytest.fixture(scope="module")
+def waited(fast_kernel: Kernel) -> Outcome:
+    return execute(at_drawer(waiting=True), "waits", fast_kernel, stock={"A1": "screws"})
+
+
+def test_a_motion_that_waits_for_each_sensor_passes(waited: Outcome) -> None:
+    assert waited.passed, waited.report.reasons
+    shelf = waited.comparison.evidence.shelf
+    assert shelf is not None
+    assert [event.what for event in shelf.events] == WALK
+    assert (shelf.start, shelf.end, shelf.open_mm) == ({"A1": "screws"}, {"pick-up": "pick-up-1"}, {})
+    assert list(shelf_contradictions(shelf, waited.comparison)) == []
+    assert [(each.input, each.on) for each in waited.waits] == [
+        ("lock_engaged", True),
+        ("drawer_end", True),
+        ("box_present", True),
+        ("drawer_end", False),
+        ("lock_engaged", False),
+    ]
+
+
+def reported(outcome: Outcome, joint: str, bit: DigitalInput) -> list[tuple[float, bool]]:
+    """Return the instants, in s, and levels at which a joint's node reports a change of an input."""
+    cob_id = 0x480 + 0x10 + ROBOT.index_of(joint)
+    levels = [
+        (counts / COUNTS_PER_SECOND, bool(int.from_bytes(frame.data[:4], "little") & bit))
+        for counts, frame in outcome.bus_log
+        if frame.cob_id == cob_id
+    ]
+    return [after for before, after in pairwise([(0.0, False), *levels]) if before[1] != after[1]]
+
+
+def test_the_sensors_are_digital_inputs_on_the_bus(waited: Outcome) -> None:
+    shelf = waited.comparison.evidence.shelf
+    assert shelf is not None
+    lock, take, unlock = (event.counts / COUNTS_PER_SECOND for event in shelf.events)
+    engaged, present = (reported(waited, "th3", bit) for bit in (DigitalInput.IN1, DigitalInput.IN2))
+    at_end = reported(waited, "th2", DigitalInput.IN1)
+    assert [level for _, level in engaged] == [True, False]
+    assert [level for _, level in present] == [True]
+    assert [level for _, level in at_end] == [True, False]
+    heard = [*(at for at, _ in engaged), present[0][0]]
+    assert heard == pytest.approx([lock, unlock, take], abs=0.001)  # a tick and a frame later
+    assert lock < at_end[0][0] < take < at_end[1][0] < unlock
+
+
+def test_without_waits_the_bus_and_the_edges_stay_as_they_are(fast_kernel: Kernel) -> None:
+    """A motion that does not look at the sensors leaves them unplugged: the shelf only watches."""
+    motion = at_drawer(waiting=False)
+    outcome = execute(motion, "quick", fast_kernel, stock={"A1": "screws"})
+    empty = execute(motion, "quick", fast_kernel, stock={})
+    assert outcome.passed
+    assert outcome.bus_log == empty.bus_log
+    for one, other in zip(outcome.comparison.evidence.axes, empty.comparison.evidence.axes, strict=True):
+        assert np.array_equal(one.step_counts, other.step_counts)
+    found = [outcome.comparison.evidence.shelf, empty.comparison.evidence.shelf]
+    assert [[event.what for event in each.events] for each in found if each] == [
+        WALK,
+        [WALK[0], "magnet switched on where no box is", WALK[2]],
+    ]
+
+
+def test_a_wait_for_a_drawer_that_is_locked_ends_the_motion(fast_kernel: Kernel) -> None:
+    outcome = execute(at_drawer(waiting=True), "waits", fast_kernel, locked_drawers=["A1"])
+    assert not outcome.passed
+    assert outcome.fault is not None
+    assert outcome.fault.message.startswith("the input drawer_end was not on within 1 s")
+    (pull,) = [reason for reason in outcome.report.reasons if "locked" in reason]
+    assert "A1: pull on a locked drawer at x 675.0" in pull
+
+
+@pytest.mark.parametrize(
+    ("stock", "locked", "words"),
+    [
+        ({"C9": "x"}, [], r"^stock=C9: place 'C9' is unknown: there are A1, A2, B1, B2, hand-over, pick-up, output$"),
+        ({}, ["hand-over"], r"^locked_drawers=hand-over: place 'hand-over' is unknown: there are A1, A2, B1, B2$"),
+    ],
+)
+def test_places_that_the_shelf_does_not_have(
+    fast_kernel: Kernel, stock: dict[str, str], locked: list[str], words: str
+) -> None:
+    with pytest.raises(InputError, match=words):
+        execute(at_drawer(waiting=False), "quick", fast_kernel, stock=stock, locked_drawers=locked)
+
+
+def test_a_live_board_has_the_same_shelf(waited: Outcome, fast_kernel: Kernel) -> None:
+    """The host's frames of the run in virtual time, sent to a live board at their instants, do the same there."""
+    board = LiveBoard(
+        ROBOT, waited.plan.start_joints, fast_kernel, bitrate=1_000_000, speed=1.0, stock={"A1": "screws"}
+    )
+    board.live.start(0, 0)
+    now_ns = 0
+    for counts, frame in waited.bus_log:
+        if frame.cob_id not in FROM_BOARDS:
+            now_ns = max(now_ns, counts * NS_PER_S // COUNTS_PER_SECOND)
+            board.live.send(frame, "host", now_ns)
+    step_ns = NS_PER_S // 200
+    for at_ns in range(step_ns, now_ns + NS_PER_S, step_ns):
+        board.live.advance(at_ns)
+    board.record()
+    report = board.report()["shelf"]
+    assert [event["what"] for event in report["events"]] == WALK
+    assert (report["start"], report["end"], report["open_mm"]) == ({"A1": "screws"}, {"pick-up": "pick-up-1"}, {})
+
+
+FROM_BOARDS = {cob + node for cob in (0x080, 0x180, 0x280, 0x380, 0x480, 0x580, 0x700) for node in range(0x10, 0x16)}
+"""COB-IDs of the boards' own frames."""
+
+
+def test_every_slot_is_stored_and_fetched_in_one_run(fast_kernel: Kernel) -> None:
+    """Points every 40 ms are enough for these slow motions, and make the run cheaper."""
+    errand, options = Errand.alone(job_carries(ROBOT, "every-slot", {}), "screws"), {"pull_s": "1", "approach_mm": "10"}
+    motion = plan(ROBOT, make_job(ROBOT, "every-slot", options), point_ms=40)
+    outcome = execute(motion, "every-slot", fast_kernel, errand=errand)
+    assert outcome.passed, outcome.report.reasons
+    shelf = outcome.comparison.evidence.shelf
+    assert shelf is not None
+    taken, put = ([e.where for e in shelf.events if e.what == what] for what in ("box taken", "box put down"))
+    slots = ["A1", "A2", "B1", "B2"]
+    assert put == [place for slot in slots for place in (slot, "hand-over")]
+    assert taken == [place for slot in slots for place in ("hand-over", slot)]
+    assert shelf.end["hand-over"] == "screws"
+    assert list(shelf_contradictions(shelf, outcome.comparison)) == []
