@@ -42,6 +42,7 @@ ALL_TEXT = (
     + (PAGE.parent / "calibration.md").read_text(encoding="utf-8")
     + (PAGE.parent / "panel.md").read_text(encoding="utf-8")
     + (PAGE.parent / "replay.md").read_text(encoding="utf-8")
+    + (PAGE.parent / "warehouse.md").read_text(encoding="utf-8")
 )
 PICTURE_BYTES_MAX = 120_000
 
@@ -135,7 +136,7 @@ def test_runs_agree_with_the_papers_samples(robot: str, job: str, runs: Runs) ->
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_every_number_of_a_robot_is_marked(robot: str) -> None:
     for name, section in read_robot_file(robot).items():
-        marked = name.startswith(("places.", "boxes.")) and section.comment.startswith("[")
+        marked = name.startswith(("places.", "boxes.", "shelf.")) and section.comment.startswith("[")
         for key, entry in section.entries.items():
             assert entry.mark or marked or key in {"name", "title", "paper", "kind", "unit"}, (name, key)
 

@@ -30,9 +30,9 @@ def test_the_shelf_of_the_paper() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "complaints"),
     [
-        ('lock = "lock"\n', "", ["shelf.lock: is missing"]),
-        ('lock = "lock"\n', 'lock = "look"\n', ["shelf.lock: output 'look' is unknown: did you mean lock?"]),
-        ('magnet = "magnet"\n', "magnet = 1\n", ["shelf.magnet: 1 is not a text"]),
+        ('lock = "lock"  ', '# "lock"', ["shelf.lock: is missing"]),
+        ('lock = "lock"  ', 'lock = "look"', ["shelf.lock: output 'look' is unknown: did you mean lock?"]),
+        ('magnet = "magnet"  ', "magnet = 1  ", ["shelf.magnet: 1 is not a text"]),
         ("opening_mm = 60.0", "opening_mm = 180.0", []),
         (
             "opening_mm = 60.0",
@@ -52,7 +52,7 @@ def test_the_shelf_of_the_paper() -> None:
             'obstacles = ["self", ',
             ["shelf.obstacles[0]: box 'self' is unknown: did you mean"],
         ),
-        ('drawer_end = "drawer_end"', 'drawer_end = "end"', ["shelf.drawer_end: input 'end' is unknown: there are "]),
+        ('drawer_end = "drawer_end" ', 'drawer_end = "end" ', ["shelf.drawer_end: input 'end' is unknown: there are "]),
         ("[shelf.spots.output]", "[shelf.spots.outputs]", ["shelf.spots.outputs: place 'outputs' is unknown: did you"]),
     ],
 )
