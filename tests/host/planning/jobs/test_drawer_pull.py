@@ -198,7 +198,7 @@ class TestOptions:
     def test_an_unknown_job(self) -> None:
         with pytest.raises(InputError, match=r"^job 'drawer-push' is unknown: did you mean drawer-pull\?$"):
             make_job(ROBOT, "drawer-push", {})
-        with pytest.raises(InputError, match=r"^job 'x' is unknown: there are drawer-pull, store, fetch$"):
+        with pytest.raises(InputError, match=r"^job 'x' is unknown: there are drawer-pull, store, fetch, every-slot$"):
             job_options(ROBOT, "x")
 
 
