@@ -1,17 +1,18 @@
-"""Write the pages driver, protocol, robot-files and robots of docs/, and pictures, again: `python -m docs.generate`."""
+"""Write the pages driver, protocol, robot-files, robots and papers of docs/ again: `python -m docs.generate`."""
 
 from docs.generate.calibration_picture import write_calibration_picture
 from docs.generate.driver import DRIVER_PAGE, render_driver
 from docs.generate.driver_pictures import write_driver_pictures
 from docs.generate.page import PAGE, render_page
+from docs.generate.papers import write_papers
 from docs.generate.pictures import write_pictures
 from docs.generate.protocol import PROTOCOL_PAGE, render_protocol
 from docs.generate.robot_drawings import write_robot_drawings
 from docs.generate.robot_files import ROBOT_FILES_PAGE, render_robot_files
-from docs.generate.runs import Runs
 from docs.generate.warehouse_picture import write_warehouse_picture
 from docs.generate.waveform_pictures import write_waveform_pictures
 from steptwin.controller.backend import fastest_kernel
+from steptwin.host.papers.runs import Runs
 
 
 def main() -> None:
@@ -27,6 +28,7 @@ def main() -> None:
     write_waveform_pictures(runs)
     write_calibration_picture()
     write_warehouse_picture()
+    write_papers(runs)
 
 
 if __name__ == "__main__":

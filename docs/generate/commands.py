@@ -6,8 +6,8 @@ from contextlib import redirect_stdout
 from io import StringIO
 from typing import Final
 
-from docs.generate.markdown import code
 from steptwin.host.cli.app import run
+from steptwin.host.papers.markdown import code
 
 _STYLE: Final = re.compile(r"\x1b\[[0-9;]*m")
 """Terminal colours and bold type, which the environment may force even without a terminal."""

@@ -3,7 +3,6 @@
 from typing import Final
 
 from docs.generate.commands import session
-from docs.generate.markdown import table
 from docs.generate.pieces import DOCS, filled
 from steptwin.emulator.dip_switches import CURRENT_SETTINGS, switches_for
 from steptwin.emulator.driver_profiles import PROFILES, DriverProfile
@@ -11,6 +10,7 @@ from steptwin.emulator.tb6560 import PINS, Excitation, Rule, Tb6560, chopping_hz
 from steptwin.emulator.tb6560.excitation import CYCLE_SIXTEENTHS, PHASE_PERCENT, VECTOR_PERCENT
 from steptwin.emulator.tb6560.outputs import SENSE_VOLT
 from steptwin.emulator.tb6560.pins import EXCITATIONS, FAST_DECAY_PERCENT, TORQUE_PERCENT
+from steptwin.host.papers.markdown import table
 from steptwin.protocol.timer import COUNTS_PER_US
 
 DRIVER_PAGE: Final = DOCS / "driver.md"

@@ -6,7 +6,10 @@ from docs.generate import tables
 from docs.generate.commands import session
 from docs.generate.pieces import DOCS, filled
 from docs.generate.results import results
-from docs.generate.runs import ROBOTS, Runs
+from docs.generate.runs import ROBOTS
+from steptwin.host.papers import PAPERS
+from steptwin.host.papers.page import errata_table
+from steptwin.host.papers.runs import Runs
 from steptwin.host.robots import load_robot
 
 PAGE: Final = DOCS / "robots.md"
@@ -44,6 +47,7 @@ def _robot(name: str, runs: Runs) -> str:
             "steptwin": session,
             "options": lambda job: tables.options(robot, job),
             "results": lambda job: results(runs.outcome(name, job)),
+            "errata": lambda _: errata_table(PAPERS[name]),
             "pictures": lambda job: _pictures(name, job),
         },
     )

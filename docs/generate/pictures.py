@@ -2,24 +2,21 @@
 
 from collections.abc import Callable
 from functools import partial
-from io import BytesIO
 from pathlib import Path
 from typing import Final
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
-from PIL import Image
 
 from docs.generate.page import PICTURE_KINDS, picture
 from docs.generate.pieces import DOCS
-from docs.generate.runs import Runs
+from steptwin.host.papers.drawing import small_png
+from steptwin.host.papers.runs import Runs
 from steptwin.host.record.plots import DEFAULT_VIEW, PICTURES
 from steptwin.host.record.plots.canvas import STYLE
 
 _DRAWN: Final = dict(zip(PICTURE_KINDS, ("tool-path", "joints", "error"), strict=True))
 """For each kind of picture on the page, its name in `steptwin.host.record.plots`."""
-
-_DOTS_PER_INCH: Final = 100
 
 
 def write_pictures(runs: Runs) -> None:
@@ -33,11 +30,8 @@ def write_pictures(runs: Runs) -> None:
 
 
 def write_picture(path: Path, draw: Callable[[], Figure]) -> None:
-    """Write a PNG with a palette, a third of matplotlib's size; the octree method keeps colours of few pixels."""
-    drawn = BytesIO()
+    """Write a small PNG."""
     with mpl.rc_context(STYLE):
         figure = draw()
         figure.align_ylabels()
-        figure.savefig(drawn, dpi=_DOTS_PER_INCH)
-    pixels = Image.open(drawn).convert("RGB")
-    pixels.quantize(method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(path, optimize=True)
+        path.write_bytes(small_png(figure))

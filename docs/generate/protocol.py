@@ -2,10 +2,10 @@
 
 from typing import Final
 
-from docs.generate.markdown import table
 from docs.generate.pieces import DOCS, filled
 from docs.generate.wire_session import session
 from steptwin.controller.power_states import next_state
+from steptwin.host.papers.markdown import table
 from steptwin.protocol.cia402 import (
     DISABLE_VOLTAGE,
     ENABLE_OPERATION,

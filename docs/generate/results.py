@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Final
 
-from docs.generate.markdown import table
+from steptwin.host.papers.markdown import table
 from steptwin.host.twin.outcome import Outcome
 from steptwin.host.verify.report import AxisReport, Report
 

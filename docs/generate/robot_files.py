@@ -2,9 +2,9 @@
 
 from typing import Final
 
-from docs.generate.markdown import table
 from docs.generate.pieces import DOCS, filled
 from docs.generate.robot_drawings import drawing
+from steptwin.host.papers.markdown import table
 from steptwin.host.robots.kinematics.dimension import dimensions, meaning
 from steptwin.host.robots.kinematics.kinds import KINDS
 from steptwin.host.robots.new_file import usual_dimensions, usual_joints

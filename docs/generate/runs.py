@@ -1,37 +1,6 @@
-"""Run jobs once with their default options, for the results, the pictures and the tests together."""
+"""Name the robots whose runs the pages show."""
 
-from collections.abc import Iterator
 from typing import Final
-
-from steptwin.controller.backend import Kernel
-from steptwin.host.planning.errand import Errand
-from steptwin.host.planning.jobs import job_carries, make_job
-from steptwin.host.planning.planner import plan
-from steptwin.host.robots import load_robot
-from steptwin.host.twin.execution import execute
-from steptwin.host.twin.outcome import Outcome
 
 ROBOTS: Final = ("lab-scara", "warehouse-scara", "teaching-scara", "calibration-scara", "hybrid-arm")
 """The robots, in the order of the page."""
-
-
-class Runs:
-    """The outcome of each robot and job; a job runs when its outcome is first asked for."""
-
-    def __init__(self, kernel: Kernel) -> None:
-        self._kernel = kernel
-        self._outcomes: dict[tuple[str, str], Outcome] = {}
-
-    def outcome(self, robot_name: str, job: str) -> Outcome:
-        """Return the outcome of one job; raise what `make_job`, `plan` and `execute` raise."""
-        key = robot_name, job
-        if key not in self._outcomes:
-            robot = load_robot(robot_name)
-            carries = job_carries(robot, job)
-            errand = Errand.alone(carries) if carries else None
-            self._outcomes[key] = execute(plan(robot, make_job(robot, job, {})), job, self._kernel, errand=errand)
-        return self._outcomes[key]
-
-    def made(self) -> Iterator[Outcome]:
-        """Yield the outcomes that have been asked for."""
-        yield from self._outcomes.values()

@@ -1,8 +1,8 @@
 """Make the tables of a robot: dimensions, DH parameters, joints, board, outputs, places, options of jobs."""
 
-from docs.generate.markdown import table
 from docs.generate.robot_file import Section, read_robot_file
 from docs.generate.runs import ROBOTS
+from steptwin.host.papers.markdown import table
 from steptwin.host.planning.jobs import job_options
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.dh import Convention

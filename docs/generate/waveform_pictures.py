@@ -5,7 +5,7 @@ from typing import Final
 
 from docs.generate.pictures import write_picture
 from docs.generate.pieces import DOCS
-from docs.generate.runs import Runs
+from steptwin.host.papers.runs import Runs
 from steptwin.host.record.plots import DEFAULT_VIEW, PICTURES, View
 
 WAVEFORM_PAGE: Final = DOCS / "waveforms.md"

@@ -3,10 +3,10 @@
 from dataclasses import replace
 from typing import Final
 
-from docs.generate.markdown import code
 from steptwin.controller.backend import fastest_kernel
 from steptwin.host.client import AxisSettings, Machine
 from steptwin.host.common.axis_records import AxisRecords
+from steptwin.host.papers.markdown import code
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.protocol import od

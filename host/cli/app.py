@@ -25,7 +25,7 @@ app = typer.Typer(
 )
 
 COMMANDS: Final = {
-    "Robots and maths": ("robots", "jobs", "fk", "ik", "workspace", "sensitivity", "measure", "calibrate"),
+    "Robots and maths": ("robots", "jobs", "fk", "ik", "workspace", "paper", "sensitivity", "measure", "calibrate"),
     "Run and verify": ("new", "check", "run", "verify", "bench"),
     "Live board": (
         *("serve", "panel", "doctor", "status", "monitor", "home", "move", "jog", "positions"),

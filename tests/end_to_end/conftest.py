@@ -2,8 +2,8 @@
 
 import pytest
 
-from docs.generate.runs import Runs
 from steptwin.controller.backend import Kernel
+from steptwin.host.papers.runs import Runs
 
 
 @pytest.fixture(scope="session")

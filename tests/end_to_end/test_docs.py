@@ -17,9 +17,10 @@ from docs.generate.results import SAMPLED
 from docs.generate.robot_drawings import drawing
 from docs.generate.robot_file import Entry, read_robot_file
 from docs.generate.robot_files import ROBOT_FILES_PAGE, render_robot_files
-from docs.generate.runs import ROBOTS, Runs
+from docs.generate.runs import ROBOTS
 from docs.generate.waveform_pictures import WAVEFORM_PAGE
 from steptwin.host.cli.app import run
+from steptwin.host.papers.runs import Runs
 from steptwin.host.robots import robot_names
 from steptwin.host.robots.board_settings import BoardSettings
 from steptwin.host.robots.homing import JointHoming

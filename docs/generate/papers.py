@@ -1,0 +1,26 @@
+"""Write docs/papers: the page of each paper with its pictures, as `steptwin paper` writes them."""
+
+from typing import Final
+
+from docs.generate.pieces import DOCS
+from steptwin.host.papers import PAPERS, evaluated
+from steptwin.host.papers.drawing import draw_pictures
+from steptwin.host.papers.page import page_name, render_page
+from steptwin.host.papers.runs import Runs
+from steptwin.host.papers.writing import write_page
+
+PAPERS_FOLDER: Final = DOCS / "papers"
+
+
+def write_papers(runs: Runs) -> None:
+    """Write all pages; the pictures of before that none of them shows any more are deleted."""
+    PAPERS_FOLDER.mkdir(exist_ok=True)
+    drawn = set()
+    for name, paper in PAPERS.items():
+        page = evaluated(paper, runs)
+        pictures = draw_pictures(page, runs)
+        write_page(PAPERS_FOLDER, name, render_page(page), pictures)
+        drawn |= {page_name(name), *pictures}
+    for path in PAPERS_FOLDER.iterdir():
+        if path.name not in drawn:
+            path.unlink()

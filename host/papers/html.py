@@ -1,0 +1,61 @@
+"""Turn a page of Markdown with its pictures into one HTML file that needs no other."""
+
+from base64 import b64encode
+from collections.abc import Mapping
+from html import escape
+from typing import Final
+
+from markdown_it import MarkdownIt
+from markdown_it.token import Token
+
+_STYLE: Final = """\
+body { font: 16px/1.5 system-ui, sans-serif; color: #1a1a1a; max-width: 62rem; margin: 2rem auto; padding: 0 1rem }
+h1, h2 { line-height: 1.25 }
+h2 { margin-top: 2.5rem; border-bottom: 1px solid #ccc }
+table { border-collapse: collapse; margin: 1rem 0; font-size: 0.9rem; display: block; overflow-x: auto }
+th, td { border: 1px solid #ccc; padding: 0.25rem 0.6rem; vertical-align: top }
+th { background: #f2f2f2 }
+td { font-variant-numeric: tabular-nums }
+blockquote { margin-left: 0; padding-left: 1rem; border-left: 4px solid #ccc }
+pre { background: #f6f6f6; padding: 0.8rem; overflow-x: auto }
+img { max-width: 100% }
+"""
+
+_PAGE: Final = """\
+<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{title}</title>
+<style>
+{style}</style>
+</head>
+<body>
+{body}</body>
+</html>
+"""
+
+
+def to_html(markdown: str, title: str, pictures: Mapping[str, bytes]) -> str:
+    """Return the page as HTML, with each PNG, by its name in the Markdown, inside; raise KeyError for one not given."""
+    parser = MarkdownIt("commonmark", {"html": False}).enable("table")
+    tokens = parser.parse(_without_notice(markdown))
+    for token in tokens:
+        _embed(token, pictures)
+    body = parser.renderer.render(tokens, parser.options, {})
+    return _PAGE.format(title=escape(title), style=_STYLE, body=body)
+
+
+def _embed(token: Token, pictures: Mapping[str, bytes]) -> None:
+    """Put each picture in place of its name, in a token and those within it."""
+    if token.type == "image":
+        token.attrs["src"] = f"data:image/png;base64,{b64encode(pictures[str(token.attrs['src'])]).decode()}"
+    for child in token.children or ():
+        _embed(child, pictures)
+
+
+def _without_notice(markdown: str) -> str:
+    """Return the page without the comment at its beginning: as HTML is not let through, it would be shown."""
+    notice, _, page = markdown.partition("\n")
+    return page if notice.startswith("<!--") else markdown

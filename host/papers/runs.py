@@ -1,0 +1,34 @@
+"""Run jobs once with their default options, for all that shows their outcomes."""
+
+from collections.abc import Iterator
+
+from steptwin.host.planning.errand import Errand
+from steptwin.host.planning.jobs import job_carries, make_job
+from steptwin.host.planning.planner import plan
+from steptwin.host.robots import load_robot
+from steptwin.host.twin.execution import execute
+from steptwin.host.twin.kernels import Kernel, fastest_kernel
+from steptwin.host.twin.outcome import Outcome
+
+
+class Runs:
+    """The outcome of each robot and job; a job runs when its outcome is first asked for."""
+
+    def __init__(self, kernel: Kernel | None = None) -> None:
+        self._kernel = kernel
+        self._outcomes: dict[tuple[str, str], Outcome] = {}
+
+    def outcome(self, robot_name: str, job: str) -> Outcome:
+        """Return the outcome of one job; raise what `make_job`, `plan` and `execute` raise."""
+        key = robot_name, job
+        if key not in self._outcomes:
+            robot = load_robot(robot_name)
+            carries = job_carries(robot, job)
+            errand = Errand.alone(carries) if carries else None
+            self._kernel = self._kernel or fastest_kernel()
+            self._outcomes[key] = execute(plan(robot, make_job(robot, job, {})), job, self._kernel, errand=errand)
+        return self._outcomes[key]
+
+    def made(self) -> Iterator[Outcome]:
+        """Yield the outcomes that have been asked for."""
+        yield from self._outcomes.values()
