@@ -48,8 +48,8 @@ coverage: $(VENV)/.installed-dev
 bench: $(VENV)/.installed-dev
 	$(BIN)/python -m steptwin.bench
 
-# Generate docs/driver.md, docs/protocol.md, docs/robots.md and docs/robot-files.md, and the pictures of these and of
-# docs/waveforms.md. Every job is run for it.
+# Generate docs/driver.md, docs/protocol.md, docs/robots.md, docs/robot-files.md and docs/papers, and the pictures of
+# these and of docs/waveforms.md. Every job is run for it.
 docs: $(VENV)/.installed
 	$(BIN)/python -m docs.generate
 

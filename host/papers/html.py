@@ -16,6 +16,7 @@ table { border-collapse: collapse; margin: 1rem 0; font-size: 0.9rem; display: b
 th, td { border: 1px solid #ccc; padding: 0.25rem 0.6rem; vertical-align: top }
 th { background: #f2f2f2 }
 td { font-variant-numeric: tabular-nums }
+td[style*="right"] { white-space: nowrap }
 blockquote { margin-left: 0; padding-left: 1rem; border-left: 4px solid #ccc }
 pre { background: #f6f6f6; padding: 0.8rem; overflow-x: auto }
 img { max-width: 100% }

@@ -79,6 +79,11 @@ class LabStudy:
         """The joints with each rounded to its nearest whole step."""
         return self.robot.from_steps(np.floor(self.robot.to_steps(self.joints) + 0.5))
 
+    @cached_property
+    def radius_mm(self) -> tuple[float, float]:
+        """Least and greatest distance of the tool from the screw; infinite if nothing is within reach."""
+        return scan(self.robot).plan.radius_mm or (inf, inf)
+
     @property
     def outcome(self) -> Outcome:
         """The run of the spiral."""
@@ -134,8 +139,7 @@ def _th4_deg(study: LabStudy, sign: int) -> float:
 
 
 def _reach_mm(study: LabStudy, end: int) -> float:
-    radius_mm = scan(study.robot).plan.radius_mm
-    return inf if radius_mm is None else radius_mm[end]
+    return study.radius_mm[end]
 
 
 def _stated(joint: str, attribute: str, unit: str, paper: float, what: str) -> Value[LabStudy]:

@@ -10,7 +10,7 @@ from steptwin.host.papers.paper import Erratum, Paper, Picture
 
 _HOW_TO_READ: Final = (
     "Each number of ours is computed when the page is made. A difference is ours minus the paper's. The paper's number"
-    " is stated in it, follows from what it states, or is read off a figure. The page was written from notes of what"
+    " is stated in it, derived from what it states, or read off a figure. The page was written from notes of what"
     " the paper states, without its text at hand: where it says that the paper has no number, the notes have none, and"
     " parts of the paper whose number the notes lack are named by what they are about."
 )

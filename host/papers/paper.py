@@ -13,9 +13,9 @@ from steptwin.host.papers.runs import Runs
 
 S = TypeVar("S")
 
-READ_OFF: Final = "read off the figure"
+READ_OFF: Final = "read off"
 STATED: Final = "stated"
-DERIVED: Final = "follows from what is stated"
+DERIVED: Final = "derived"
 
 
 @dataclass(frozen=True, slots=True)

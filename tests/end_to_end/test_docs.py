@@ -12,6 +12,7 @@ import pytest
 
 from docs.generate.driver import DRIVER_PAGE, render_driver
 from docs.generate.page import PAGE, render_page
+from docs.generate.papers import PAPERS_FOLDER
 from docs.generate.protocol import PROTOCOL_PAGE, render_protocol
 from docs.generate.results import SAMPLED
 from docs.generate.robot_drawings import drawing
@@ -20,6 +21,8 @@ from docs.generate.robot_files import ROBOT_FILES_PAGE, render_robot_files
 from docs.generate.runs import ROBOTS
 from docs.generate.waveform_pictures import WAVEFORM_PAGE
 from steptwin.host.cli.app import run
+from steptwin.host.papers import PAPERS, evaluated
+from steptwin.host.papers.page import render_page as render_paper
 from steptwin.host.papers.runs import Runs
 from steptwin.host.robots import robot_names
 from steptwin.host.robots.board_settings import BoardSettings
@@ -51,6 +54,24 @@ PICTURE_BYTES_MAX = 120_000
 def test_the_page_is_up_to_date(runs: Runs) -> None:
     """If this fails, run `make docs` and review what changed."""
     assert render_page(runs) == TEXT
+
+
+@pytest.mark.parametrize("robot", PAPERS)
+def test_the_pages_of_the_papers_are_up_to_date(robot: str, runs: Runs) -> None:
+    paper = evaluated(PAPERS[robot], runs)
+    assert list(paper.disagreements) == []
+    text = (PAPERS_FOLDER / f"{robot}.md").read_text(encoding="utf-8")
+    assert render_paper(paper) == text
+
+
+def test_the_pictures_of_the_papers() -> None:
+    """Each is shown, and there is no other file but the pages."""
+    shown = {
+        f"{robot}-{picture.name}.png" for robot, paper in PAPERS.items() for i in paper.items for picture in i.pictures
+    }
+    assert {path.name for path in PAPERS_FOLDER.iterdir()} == shown | {f"{robot}.md" for robot in PAPERS}
+    for name in shown:
+        assert 1000 < (PAPERS_FOLDER / name).stat().st_size < PICTURE_BYTES_MAX, name
 
 
 def test_the_protocol_page_is_up_to_date() -> None:
