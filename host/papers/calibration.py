@@ -116,7 +116,9 @@ def _pose_rows(study: CalibrationStudy) -> list[list[str]]:
 def _arm_panels(study: CalibrationStudy) -> tuple[Panel, ...]:
     joints = np.array(POSITIONS[1:5])
     parts = study.kinematics.links(joints)
-    lines_mm = np.concatenate([part.points_mm for part in parts if part.role in {"link", "tool"}], axis=1)
+    drawn = [part.points_mm for part in parts if part.role in {"link", "tool"} and part.name != "hand"]
+    gap = np.full((len(joints), 1, 3), np.nan)
+    lines_mm = np.concatenate([piece for points_mm in drawn for piece in (points_mm, gap)], axis=1)
     tips_mm = study.tip_mm(joints)
     names = [" ".join(f"{angle:g}" for angle in row) for row in joints.tolist()]
     panels = []

@@ -22,8 +22,8 @@ ROW_INCHES: Final = 2.6
 TRUE_TO_SCALE_INCHES: Final = 4.2
 _DOTS_PER_INCH: Final = 100
 
-_COLOURS: Final = (COUNTED, LIMIT, "0.55", "#2a7f62")
-"""Colours of the curves in a panel: different from each other in greyscale too, but for the last."""
+_COLOURS: Final = (COUNTED, LIMIT, "0.55", "#2a7f62", "#b8860b")
+"""Colours of the curves in a panel, which has no more curves; the first three differ in greyscale too."""
 
 _STYLES: Final[dict[str, dict[str, Any]]] = {
     "line": {},
@@ -73,14 +73,14 @@ def _plot(picture: "Plot[Any]", panels: tuple[Panel, ...], robot: str) -> Figure
 
 
 def _draw(axes: Axes, panel: Panel) -> None:
-    for curve, colour in zip(panel.curves, _COLOURS, strict=False):
+    for curve, colour in zip(panel.curves, _COLOURS[: len(panel.curves)], strict=True):
         _draw_curve(axes, curve, colour)
     axes.set_title(panel.title, loc="left")
     axes.set(xlabel=panel.x_label, ylabel=panel.y_label)
     if panel.true_to_scale:
         axes.set_aspect("equal", adjustable="datalim")
     if len(panel.curves) > 1:
-        axes.legend()
+        axes.legend(frameon=True, edgecolor="none")
 
 
 def _draw_curve(axes: Axes, curve: Curve, colour: str) -> None:

@@ -27,6 +27,7 @@ from steptwin.host.twin.outcome import Outcome
 DURATION_S: Final = 80.0
 STEPS: Final = 240
 _DENSE: Final = 24_001
+_SHOWN_S: Final = (28.0, 33.0)
 _OUTER_S: Final = 2.0
 """Time at both ends in which the job starts and stops, so that the tool is early or late there."""
 
@@ -173,16 +174,18 @@ def _joint_panels(study: HybridStudy) -> tuple[Panel, ...]:
 
 
 def _between_panels(study: HybridStudy) -> tuple[Panel, ...]:
+    """Return the distances over a quarter of the second turn, where single steps can be seen."""
+    shown = (study.dense_s >= _SHOWN_S[0]) & (study.dense_s <= _SHOWN_S[1])
     columns = [
         (
             "off the helix [mm]",
             [
-                ("straight lines in the joints", study.off_helix_mm(_linear_joints(study)), "line"),
-                ("Akima's splines", study.off_helix_mm(_akima_joints(study)), "line"),
+                ("straight lines in the joints", study.off_helix_mm(_linear_joints(study))[shown], "line"),
+                ("Akima's splines", study.off_helix_mm(_akima_joints(study))[shown], "line"),
             ],
         )
     ]
-    return panels_over(study.dense_s, "time [s]", columns)
+    return panels_over(study.dense_s[shown], "time [s]", columns)
 
 
 EQUATIONS: Final[Item[HybridStudy]] = Item(

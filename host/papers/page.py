@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from math import isfinite, nan
-from typing import Final
+from typing import Any, Final
 
 from steptwin.host.papers.evaluation import Compared, Computed, EvaluatedErratum, EvaluatedItem, EvaluatedPaper
 from steptwin.host.papers.markdown import table
@@ -28,7 +28,7 @@ def html_name(robot: str) -> str:
     return f"{robot}.html"
 
 
-def picture_name(robot: str, picture: "Picture[object]") -> str:
+def picture_name(robot: str, picture: "Picture[Any]") -> str:
     """Return the name of a picture's file; all of a robot's begin with its name, so that papers can share a folder."""
     return f"{robot}-{picture.name}.png"
 
@@ -47,12 +47,12 @@ def render_page(paper: EvaluatedPaper, *, with_pictures: bool = True) -> str:
     return "\n\n".join(block for block in blocks if block) + "\n"
 
 
-def errata_table(paper: "Paper[object]") -> str:
+def errata_table(paper: Paper[Any]) -> str:
     """Return a table of a paper's mistakes in words."""
     return _errata_table(paper.errata)
 
 
-def _errata_table(errata: "tuple[Erratum[object], ...]") -> str:
+def _errata_table(errata: tuple[Erratum[Any], ...]) -> str:
     rows = [[erratum.place, erratum.printed, erratum.right, erratum.found] for erratum in errata]
     return table(["place", "printed", "right", "how it was found"], rows, text_columns=4)
 

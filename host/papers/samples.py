@@ -44,6 +44,6 @@ def panels_over(
 ) -> tuple[Panel, ...]:
     """Return a panel for each label, with its curves, each a name, values of shape (n,) and a style."""
     return tuple(
-        Panel(label.partition(" [")[0], x_label, label, tuple(Curve(name, x, y, style) for name, y, style in curves))
+        Panel("", x_label, label, tuple(Curve(name, x, y, style) for name, y, style in curves))
         for label, curves in columns
     )

@@ -182,7 +182,7 @@ def test_every_robot_has_its_paper() -> None:
 
 @pytest.mark.parametrize("robot", PAPERS)
 def test_the_data_of_every_paper(robot: str) -> None:
-    """Places are named once, pictures too; runs exist; a tolerance shows in the decimals; all is said or compared."""
+    """Places are named once, pictures too; jobs of runs exist; each item is compared, or says why it is not."""
     paper = PAPERS[robot]
     places = [item.place for item in paper.items]
     assert len(set(places)) == len(places)

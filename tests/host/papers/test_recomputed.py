@@ -81,7 +81,7 @@ class TestLab:
     @classmethod
     @cache
     def joints(cls) -> list[Numbers]:
-        rows = []
+        rows: list[Numbers] = []
         for x, y, z in cls.points():
             th1, th3 = two_links(x, y, 400, 400)
             rows.append((z + 150, th1 - 90, th3, th1 + th3))
@@ -152,7 +152,7 @@ class TestWarehouse:
     @classmethod
     @cache
     def joints(cls) -> list[Numbers]:
-        rows = []
+        rows: list[Numbers] = []
         for k in range(1001):
             th1, th2 = two_links(275.0, cls.Y0 - 40 - cls.way(k / 100), 200, 150)
             rows.append((th1, th2, 90 - th1 - th2))
