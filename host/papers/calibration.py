@@ -29,8 +29,12 @@ from steptwin.host.papers.run_results import run_listing, tool_values
 from steptwin.host.papers.runs import Runs
 from steptwin.host.papers.samples import transforms
 from steptwin.host.robots import load_robot
+from steptwin.host.robots.calibration.identification import Identification, identify_errors, rms_mm
+from steptwin.host.robots.calibration.simulation import simulate_measurements
 from steptwin.host.robots.kinematics import Kinematics, make_kinematics
+from steptwin.host.robots.kinematics.chain import Chain
 from steptwin.host.robots.kinematics.dh import Convention, DhTable
+from steptwin.host.robots.link_errors import QUANTITIES, LinkErrors
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.outcome import Outcome
 
@@ -48,6 +52,14 @@ POSITIONS: Final = (
     (-120.0, -145.0, 75.5, 33.3),
 )
 _RANDOM: Final = 1000
+
+MEASURED: Final = 50
+NOISE_MM: Final = 0.02
+DISTURBED: Final = {
+    "link2": LinkErrors(a_mm=0.4, theta_deg=0.1),
+    "link1": LinkErrors(alpha_deg=0.1),
+}
+"""Errors of the simulated arm by the rows of table 1."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +83,12 @@ class CalibrationStudy:
         """Joint positions within the limits, of shape (1000, 4), from a fixed seed."""
         lower, upper = ([getattr(joint, end) for joint in self.robot.joints] for end in ("lower", "upper"))
         return np.random.default_rng(1).uniform(lower, upper, (_RANDOM, len(self.robot.joints)))
+
+    @cached_property
+    def identified(self) -> Identification:
+        """The parameters identified from simulated measurements of an arm with errors."""
+        measured = simulate_measurements(replace(self.robot, dh_errors=DISTURBED), MEASURED, NOISE_MM, seed=1)
+        return identify_errors(Chain.of(self.robot), measured)
 
     @property
     def outcome(self) -> Outcome:
@@ -241,10 +259,49 @@ DEMO: Final[Item[CalibrationStudy]] = Item(
     not_comparable="the paper has neither a trajectory nor results in numbers.",
 )
 
+
+def _sensitivity_rows(study: CalibrationStudy) -> list[list[str]]:
+    chain = Chain.of(study.robot)
+    moves = chain.sensitivities(np.array([AT]))[0].T
+    return [
+        [name, *(f"{move:z.6f}" for move in row)] for name, row in zip(chain.parameters, moves.tolist(), strict=True)
+    ]
+
+
+def _largest_sigma(study: CalibrationStudy) -> float:
+    """Return how far the identified parameter that is worst is from the true one, in standard deviations."""
+    true = {f"{link}.{q}": getattr(errors, q) for link, errors in DISTURBED.items() for q in QUANTITIES}
+    return max(
+        abs(one.found - true.get(one.name, 0.0)) / one.deviation
+        for one in study.identified.parameters
+        if one.deviation is not None
+    )
+
+
+CALIBRATION: Final[Item[CalibrationStudy]] = Item(
+    "Purpose",
+    "the model as the basis of a calibration",
+    "The paper's model is meant for calibration, but the paper makes none. The derivatives of the tool by every"
+    " parameter at the position above, in mm or degrees per mm or degree of the parameter's error; turns are about the"
+    f" world's axes. Then {MEASURED} simulated measurements with a noise of {NOISE_MM:g} mm of an arm whose forearm is"
+    " 0.4 mm longer, whose elbow is zeroed 0.1 deg off and whose upper arm is twisted by 0.1 deg:",
+    values=(
+        Value("parameters of the model", "", 16, lambda study: len(study.identified.parameters), source=DERIVED),
+        Value("parameters that measured positions tell apart", "", None, lambda study: study.identified.rank),
+        Value("tool off the nominal model, rms", "mm", None, lambda study: rms_mm(study.identified.before_mm),
+              decimals=4),
+        Value("tool off the identified model, rms", "mm", None, lambda study: rms_mm(study.identified.after_mm),
+              decimals=4),
+        Value("an identified parameter off the true one, most", "sigma", None, _largest_sigma, decimals=2),
+    ),
+    listings=(Listing("Sensitivities", ("parameter", "x", "y", "z", "rx", "ry", "rz"), _sensitivity_rows),),
+    not_comparable="the paper has no error model, no measurements and no identified parameters.",
+)  # fmt: skip
+
 PAPER: Final = Paper(
     "calibration-scara",
     '"Kinematic modeling and verification for a SCARA robot", ICMEMTC 2016, Atlantis Press, from p. 918; the authors'
     " are not in the copy used.",
     CalibrationStudy,
-    (TABLE, MATRICES, VERIFICATION, DEMO),
+    (TABLE, MATRICES, VERIFICATION, CALIBRATION, DEMO),
 )

@@ -296,6 +296,26 @@ class TestCalibration:
         for what in ("drawn and computed tip", "closed form and matrices"):
             assert ours("calibration-scara", f"{what} apart, largest of 1000 random positions") < 1e-9
 
+    def test_calibration(self) -> None:
+        """The sensitivities by differences of the plane arm; the residuals of 50 poses show the noise of 0.02 mm."""
+        (listing,) = (one for item in PAPERS["calibration-scara"].items for one in item.listings
+                      if one.title == "Sensitivities")  # fmt: skip
+        rows = {name: [float(cell) for cell in cells] for name, *cells in listing.rows(study("calibration-scara"))}
+        a, b = radians(30), radians(75)
+        assert rows["link1.a_mm"][:3] == pytest.approx([cos(a), sin(a), 0.0], abs=1e-6)
+        assert rows["link2.a_mm"][:3] == pytest.approx([cos(b), sin(b), 0.0], abs=1e-6)
+        turned = [radians(1) * move for move in (-350 * sin(b), 350 * cos(b), 0.0)]
+        assert rows["link2.theta_deg"][:3] == pytest.approx(turned, abs=1e-6)
+        assert rows["link1.d_mm"] == pytest.approx([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+        assert ours("calibration-scara", "parameters of the model") == 16
+        rank = ours("calibration-scara", "parameters that measured positions tell apart")
+        assert 0 < rank < 16
+        expected_mm = 0.02 * sqrt(3 * (1 - rank / 150))
+        rms_mm = ours("calibration-scara", "tool off the identified model, rms")
+        assert rms_mm == pytest.approx(expected_mm, rel=0.25)
+        assert ours("calibration-scara", "tool off the nominal model, rms") > 10 * expected_mm
+        assert ours("calibration-scara", "an identified parameter off the true one, most") < 4
+
 
 class TestHybrid:
     """h 150, L 350, l1 400, l2 100, l3 300, l4 120; a helix of four turns, radius 80 mm about (350, 150)."""
