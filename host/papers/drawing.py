@@ -64,8 +64,13 @@ def _plot(picture: "Plot[Any]", panels: tuple[Panel, ...], robot: str) -> Figure
     figure = Figure(figsize=(WIDTH_INCHES, height_inches), layout="constrained")
     figure.suptitle(f"{robot} · {picture.caption} (COMPUTED)", x=0.01, ha="left", weight="bold")
     grid = figure.subplots(rows, columns, squeeze=False)
+    named: set[tuple[str, ...]] = set()
     for axes, panel in zip(grid.flat, panels, strict=False):
         _draw(axes, panel)
+        names = tuple(curve.name for curve in panel.curves)
+        if len(names) > 1 and names not in named:  # one legend for all panels with the same curves
+            axes.legend(frameon=True, edgecolor="none")
+            named.add(names)
     for axes in list(grid.flat)[len(panels) :]:
         axes.set_axis_off()
     figure.align_ylabels()
@@ -79,8 +84,6 @@ def _draw(axes: Axes, panel: Panel) -> None:
     axes.set(xlabel=panel.x_label, ylabel=panel.y_label)
     if panel.true_to_scale:
         axes.set_aspect("equal", adjustable="datalim")
-    if len(panel.curves) > 1:
-        axes.legend(frameon=True, edgecolor="none")
 
 
 def _draw_curve(axes: Axes, curve: Curve, colour: str) -> None:
