@@ -271,11 +271,12 @@ def _sensitivity_rows(study: CalibrationStudy) -> list[list[str]]:
 def _largest_sigma(study: CalibrationStudy) -> float:
     """Return how far the identified parameter that is worst is from the true one, in standard deviations."""
     true = {f"{link}.{q}": getattr(errors, q) for link, errors in DISTURBED.items() for q in QUANTITIES}
-    return max(
+    distances: list[float] = [
         abs(one.found - true.get(one.name, 0.0)) / one.deviation
         for one in study.identified.parameters
         if one.deviation is not None
-    )
+    ]
+    return max(distances)
 
 
 CALIBRATION: Final[Item[CalibrationStudy]] = Item(
