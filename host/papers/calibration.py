@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.papers.matrices import COLUMNS, matrix_rows
+from steptwin.host.papers.matrices import COLUMNS, link_rows
 from steptwin.host.papers.paper import (
     DERIVED,
     Curve,
@@ -33,7 +33,7 @@ from steptwin.host.robots.calibration.identification import Identification, iden
 from steptwin.host.robots.calibration.simulation import simulate_measurements
 from steptwin.host.robots.kinematics import Kinematics, make_kinematics
 from steptwin.host.robots.kinematics.chain import Chain
-from steptwin.host.robots.kinematics.dh import Convention, DhTable
+from steptwin.host.robots.kinematics.dh import Convention
 from steptwin.host.robots.link_errors import QUANTITIES, LinkErrors
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.outcome import Outcome
@@ -109,14 +109,6 @@ def _distance_mm(study: CalibrationStudy, convention: Convention, th2_deg: float
     """Return the tip's distance from the shoulder."""
     x_mm, y_mm, _ = study.tip_mm(np.array([[0.0, th2_deg, 0.0, 0.0]]), convention)[0].tolist()
     return hypot(x_mm, y_mm)
-
-
-def _one_link_rows(study: CalibrationStudy) -> list[list[str]]:
-    """Return T1 to T4 and their product at AT."""
-    table, variables = study.kinematics.dh, study.kinematics.dh_variables(np.array([AT]))
-    links = [DhTable(table.convention, (row,)).transforms(variables)[0] for row in table.rows]
-    names = [f"T{i}" for i in range(1, len(links) + 1)]
-    return matrix_rows([*names, "0T4"], [*links, table.transforms(variables)[0]])
 
 
 def _pose_rows(study: CalibrationStudy) -> list[list[str]]:
@@ -218,7 +210,7 @@ MATRICES: Final[Item[CalibrationStudy]] = Item(
         Value("a_z: the tool points down", "", -1.0,
               lambda study: float(transforms(study.robot, np.array([AT]))[0, 2, 2]), 1e-9, 9, DERIVED),
     ),
-    listings=(Listing("The matrices", COLUMNS, _one_link_rows),),
+    listings=(Listing("The matrices", COLUMNS, lambda study: link_rows(study.robot, AT)),),
     errata=(
         Erratum("eqs. 2 and 3", "illegible in the copy used", "the product of the rows above", "eq. 1 with table 1"),
     ),

@@ -14,7 +14,7 @@ from steptwin.host.papers.paper import Curve, Panel, Picture, Plot, RunPicture, 
 from steptwin.host.papers.runs import Runs
 from steptwin.host.record.plots import DEFAULT_VIEW, PICTURES
 from steptwin.host.record.plots.canvas import COUNTED, LIMIT, STYLE, WIDTH_INCHES
-from steptwin.host.record.plots.workspace import draw_workspace
+from steptwin.host.record.plots.workspace import draw_workspace, draw_workspace_3d
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.workspace import monte_carlo, scan
 
@@ -52,7 +52,8 @@ def _figure(picture: "Picture[Any]", paper: EvaluatedPaper, runs: Runs) -> Figur
         return figure
     if isinstance(picture, WorkspacePicture):
         loaded = load_robot(robot)
-        return draw_workspace(robot, monte_carlo(loaded, 100_000, 1), scan(loaded))
+        cloud = monte_carlo(loaded, 100_000, 1)
+        return draw_workspace_3d(loaded, cloud) if picture.in_space else draw_workspace(loaded, cloud, scan(loaded))
     return _plot(picture, picture.panels(paper.study), robot)
 
 

@@ -17,10 +17,11 @@ from steptwin.host.papers.run_results import run_listing, tool_values
 from steptwin.host.papers.runs import Runs
 from steptwin.host.papers.samples import in_whole_steps, panels_over, pulses, tool_off_mm
 from steptwin.host.planning.jobs import make_job
-from steptwin.host.planning.jobs.five_points import OPERATING_MODE, five_poses
-from steptwin.host.planning.jobs.helix import HelixOptions, helix_poses
+from steptwin.host.planning.jobs.five_points import five_poses
+from steptwin.host.planning.jobs.helix import OPERATING_MODE, HelixOptions, helix_poses
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import AssemblyMode, HybridArm
+from steptwin.host.robots.kinematics.loop_closure import LoopClosure
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.outcome import Outcome
 
@@ -114,6 +115,20 @@ def _links_mm(study: HybridStudy) -> FloatArray:
     return np.column_stack([left, right])
 
 
+def _loop_apart(study: HybridStudy) -> float:
+    """Return the largest difference of a joint from the loop's numerical solution, driven at the tool as in ADAMS."""
+    poses = np.vstack([study.poses, study.points])
+    solved = LoopClosure.of(study.robot).driven_at_the_tool(poses)
+    return float(np.abs(solved.joints - study.joints_at(poses)).max())
+
+
+def _loop_tool_apart_mm(study: HybridStudy) -> float:
+    """Return the largest distance of the tool from the loop's numerical solution, driven at the joints."""
+    joints = np.vstack([study.joints, study.point_joints])
+    solved = LoopClosure.of(study.robot).driven_at_the_joints(joints)
+    return float(np.linalg.norm((solved.poses - study.arm.forward(joints))[:, :3], axis=1).max())
+
+
 def _linear_joints(study: HybridStudy) -> FloatArray:
     return np.column_stack([np.interp(study.dense_s, study.t_s, column) for column in study.joints.T])
 
@@ -203,6 +218,10 @@ EQUATIONS: Final[Item[HybridStudy]] = Item(
               lambda study: float(study.point_joints[1, 2]) - _slider_mm(study, -1), 1e-9, 9, DERIVED),
         Value("links' lengths in all poses, largest difference from L", "mm", 0.0,
               lambda study: float(np.abs(_links_mm(study) - study.dimension("L_mm")).max()), 1e-9, 9, DERIVED),
+        Value("our inverse minus the loop's equations solved by Newton's method, helix and points", "mm, deg", 0.0,
+              _loop_apart, 1e-9, 9, DERIVED),
+        Value("tool by the loop's equations minus ours, helix and points", "mm", 0.0, _loop_tool_apart_mm, 1e-9, 9,
+              DERIVED),
         Value("actuated joints", "", 4, lambda study: len(study.robot.joints)),
     ),
     errata=(
@@ -222,7 +241,7 @@ EQUATIONS: Final[Item[HybridStudy]] = Item(
 POINTS: Final[Item[HybridStudy]] = Item(
     "Tables 2 to 6",
     "five points: pose, inverse, forward",
-    "The paper's check of its equations, with our points.",
+    "The paper's check of its equations, with our points, which lie on the helix as the paper's do.",
     values=(
         Value("points", "", 5, lambda study: len(study.points)),
         Value("pose and forward of inverse apart, largest of the five", "mm", 0.0,
@@ -282,6 +301,7 @@ HELIX: Final[Item[HybridStudy]] = Item(
         Plot("fig-6-tool", "The tool over time, prescribed and driven", _tool_panels),
         Plot("joints", "Waist, sliders and gripper over time", _joint_panels),
         Plot("between", "Between the samples: distance from the helix", _between_panels, columns=1),
+        RunPicture("helix", "tool-pose", "The tool's pose and direction cosines by the plan of the run"),
         RunPicture("helix", "tool-path", "The helix by the counted steps"),
     ),
     not_comparable="the helix' size and the tables that go with the figures are lost, and no numbers are known of the"

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.papers.matrices import COLUMNS, matrix_rows
+from steptwin.host.papers.matrices import COLUMNS, link_rows
 from steptwin.host.papers.paper import (
     DERIVED,
     Curve,
@@ -222,9 +222,9 @@ FORWARD: Final[Item[LabStudy]] = Item(
     "Table 2, eqs. 1 to 6",
     "DH parameters, the links' transforms and their product",
     f"The modified DH parameters are those of the paper, with the first angle fixed at 90 deg. At d1 = {AT[0]:g} mm,"
-    f" th2 = {AT[1]:g}, th3 = {AT[2]:g}, th4 = {AT[3]:g} deg the product is:",
+    f" th2 = {AT[1]:g}, th3 = {AT[2]:g}, th4 = {AT[3]:g} deg:",
     listings=(
-        Listing("The tool's transform", COLUMNS, lambda study: matrix_rows(["0T5"], [study.product])),
+        Listing("The links' transforms and their product", COLUMNS, lambda study: link_rows(study.robot, AT)),
     ),
     errata=(
         Erratum(
@@ -314,7 +314,10 @@ WORKSPACE: Final[Item[LabStudy]] = Item(
         Value("highest tool", "mm", 250.0 - D5_MM,
               lambda study: study.transforms(np.array([[250.0, 0.0, 0.0, 0.0]]))[0, 2, 3], 1e-9, 3, DERIVED),
     ),
-    pictures=(WorkspacePicture("fig-2-workspace", "Workspace: 100 000 random joint positions and the boundary"),),
+    pictures=(
+        WorkspacePicture("fig-2-cloud", "Workspace: tool positions at random joint positions", in_space=True),
+        WorkspacePicture("fig-2-workspace", "Workspace: 100 000 random joint positions and the boundary"),
+    ),
     not_comparable="the number of samples is not given, and no numbers are known of the figure's axes.",
 )  # fmt: skip
 

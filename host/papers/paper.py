@@ -141,10 +141,11 @@ class RunPicture:
 
 @dataclass(frozen=True, slots=True)
 class WorkspacePicture:
-    """The picture of the robot's workspace, as `steptwin workspace` draws it."""
+    """A picture of the robot's workspace, as `steptwin workspace` draws it: in sections, or as a cloud in space."""
 
     name: str
     caption: str
+    in_space: bool = False
 
 
 Picture = Plot[S] | RunPicture | WorkspacePicture

@@ -7,6 +7,7 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.papers.paper import Curve, Panel
 from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.kinematics.frames import tool_frames
 from steptwin.host.robots.robot import Robot
 
 
@@ -35,8 +36,7 @@ def tool_off_mm(robot: Robot, joints: FloatArray, others: FloatArray) -> FloatAr
 
 def transforms(robot: Robot, joints: FloatArray) -> FloatArray:
     """Return the tool's transforms, of shape (n, 4, 4), as the product of the DH table's links."""
-    kinematics = make_kinematics(robot)
-    return kinematics.dh.transforms(kinematics.dh_variables(joints))
+    return tool_frames(make_kinematics(robot), joints)
 
 
 def panels_over(

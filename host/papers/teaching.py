@@ -360,6 +360,7 @@ MOTION: Final[Item[TeachingStudy]] = Item(
     pictures=(
         Plot("fig-6-joints", "Position, speed and acceleration of the joints", _motion_panels, columns=3),
         Plot("tool", "The tool's pose, and its path with the links that fit the points", _tool_panels, columns=3),
+        RunPicture("carry", "tool-pose", "The tool's pose and direction cosines by the plan of the run"),
         RunPicture("carry", "tool-path", "The tool's path by the counted steps"),
     ),
     not_comparable="no numbers are known of the figures' axes.",

@@ -403,7 +403,10 @@ TOOL: Final[Item[WarehouseStudy]] = Item(
             ),
         ),
     ),
-    pictures=(Plot("fig-6-tool", "The tool's pose during the pull", _pose_panels),),
+    pictures=(
+        Plot("fig-6-tool", "The tool's pose during the pull", _pose_panels),
+        RunPicture("drawer-pull", "tool-pose", "The tool's pose and direction cosines by the plan of the run"),
+    ),
 )  # fmt: skip
 
 JOINTS: Final[Item[WarehouseStudy]] = Item(
