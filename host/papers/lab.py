@@ -6,7 +6,7 @@ H. Wang, B. Yin, R. Luo, X. Wang, "Mechanism design and kinematics analysis of 4
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import atan2, cos, degrees, floor, hypot, inf, pi, radians, sin, sqrt
+from math import atan2, cos, degrees, floor, hypot, pi, radians, sin, sqrt
 from typing import Final
 
 import numpy as np
@@ -33,7 +33,6 @@ from steptwin.host.planning.jobs.spiral import STEP_RAD, SpiralOptions, ZLaw, sp
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
-from steptwin.host.robots.workspace import scan
 from steptwin.host.twin.outcome import Outcome
 
 A2_MM: Final = 400.0
@@ -78,11 +77,6 @@ class LabStudy:
     def stepped(self) -> FloatArray:
         """The joints with each rounded to its nearest whole step."""
         return self.robot.from_steps(np.floor(self.robot.to_steps(self.joints) + 0.5))
-
-    @cached_property
-    def radius_mm(self) -> tuple[float, float]:
-        """Least and greatest distance of the tool from the screw; infinite if nothing is within reach."""
-        return scan(self.robot).plan.radius_mm or (inf, inf)
 
     @property
     def outcome(self) -> Outcome:
@@ -138,8 +132,9 @@ def _th4_deg(study: LabStudy, sign: int) -> float:
     return AT[1] + AT[2] - degrees(atan2(o_y, sign * o_x))
 
 
-def _reach_mm(study: LabStudy, end: int) -> float:
-    return study.radius_mm[end]
+def _radius_mm(study: LabStudy, th3_deg: float) -> float:
+    """Return the tool's distance from the screw."""
+    return hypot(*study.transforms(np.array([[0.0, 0.0, th3_deg, 0.0]]))[0, :2, 3].tolist())
 
 
 def _stated(joint: str, attribute: str, unit: str, paper: float, what: str) -> Value[LabStudy]:
@@ -306,9 +301,9 @@ WORKSPACE: Final[Item[LabStudy]] = Item(
     "the workspace as a cloud",
     "Random joints within their ranges, and the exact boundary of the sections.",
     values=(
-        Value("greatest distance of the tool from the screw", "mm", A2_MM + A3_MM, lambda study: _reach_mm(study, 1),
+        Value("greatest distance of the tool from the screw", "mm", A2_MM + A3_MM, lambda study: _radius_mm(study, 0.0),
               1e-6, 6, DERIVED),
-        Value("least distance, at th3 = 130 deg", "mm", None, lambda study: _reach_mm(study, 0), decimals=6),
+        Value("least distance, at th3 = 130 deg", "mm", None, lambda study: _radius_mm(study, 130.0), decimals=6),
         Value("lowest tool, at d1 = 0", "mm", -D5_MM, lambda study: study.transforms(np.zeros((1, 4)))[0, 2, 3],
               1e-9, 3, DERIVED),
         Value("highest tool", "mm", 250.0 - D5_MM,
