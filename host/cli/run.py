@@ -26,6 +26,7 @@ from steptwin.host.cli.chosen_motion import choose_motion
 from steptwin.host.cli.connection import LIVE_PANEL, Bitrate, Channel, Connect, Force, Interface, connection
 from steptwin.host.cli.file_motion import InterpolationName
 from steptwin.host.cli.live_run import run_live
+from steptwin.host.cli.motors import check_motors, motors_of, print_motors, with_motors
 from steptwin.host.cli.option_names import naming_options
 from steptwin.host.cli.output import print_json, say
 from steptwin.host.cli.progress import progress_bar
@@ -111,6 +112,12 @@ def run(
             " repeatable.",
         ),
     ] = None,
+    motors: Annotated[
+        bool,
+        typer.Option(
+            "--motors", help="Turn the motors by the run, with the arm's masses: do they keep step? (docs/motors.md)"
+        ),
+    ] = False,
     connect: Connect = None,
     interface: Interface = None,
     channel: Channel = None,
@@ -163,6 +170,7 @@ def run(
             "--inventory": inventory,
             "--stock": stock or None,
             "--locked-drawer": locked_drawer or None,
+            "--motors": motors or None,
         }
         _refuse(emulated, "a run in virtual time, without --connect or -i")
         motion.say_summary(to_stderr=as_json)
@@ -173,6 +181,8 @@ def run(
         "a live board",
     )
     warn_of_settings_left_out(loaded, driver_profile)
+    if motors:
+        check_motors(loaded)
     standing = None if stand_at is None else joint_values(stand_at.split(), loaded.joint_names, "--stand-at")
     if out is not None:
         with naming_options("out"):
@@ -200,15 +210,18 @@ def run(
         )
     document = outcome.to_dict() | ({} if folder is None else {VERSION_KEY: FOLDER_VERSION})
     pictures = folder is not None and outcome.save(folder)
+    verdict = motors_of(motion.plan.robot, outcome.comparison) if motors else None
     if as_json:
-        print_json(document)
+        print_json(document if verdict is None else with_motors(document, verdict))
     else:
         print_report(document)
+        if verdict is not None:
+            print_motors(verdict)
     if folder is not None:
         _say_where(folder, pictures=pictures, to_stderr=as_json)
     if outcome.fault:
         raise DeviceFaultError(fault_line(document["fault"]))
-    if not outcome.report.passed:
+    if not outcome.report.passed or not (verdict is None or verdict.kept_step):
         raise typer.Exit(EXIT_NOT_VERIFIED)
     errand.keep(loaded, to_stderr=as_json)
 

@@ -9,6 +9,7 @@ from steptwin.host.common.bad_input import at_most, require_positive
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import check_all
 from steptwin.host.robots.homing import JointHoming
+from steptwin.host.robots.motor import JointLink, JointMotor
 from steptwin.host.robots.switches import JointSwitches
 from steptwin.host.robots.transmission import Transmission
 
@@ -45,6 +46,10 @@ class Joint:
     """Highest speed of the axis if it is coupled to other joints; None: `speed_max`."""
     axis_acceleration_max: float | None = None
     """Highest acceleration of the axis if it is coupled to other joints; None: `acceleration_max`."""
+    motor: JointMotor | None = None
+    """The motor of the axis, for the model of motors; None: unknown."""
+    link: JointLink | None = None
+    """The body that the joint moves, for the same model; None: unknown."""
 
     def __post_init__(self) -> None:
         check_all(

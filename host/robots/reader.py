@@ -29,6 +29,7 @@ from steptwin.host.robots.kinematics.chain import check_links
 from steptwin.host.robots.kinematics.dh import DhTable
 from steptwin.host.robots.kinematics.kinds import kind_named
 from steptwin.host.robots.link_errors import QUANTITIES, LinkErrors
+from steptwin.host.robots.motor import MOTOR_KEYS, Dynamics, JointLink, JointMotor
 from steptwin.host.robots.output import Output
 from steptwin.host.robots.robot import Dimension, Robot
 from steptwin.host.robots.shelf import SENSORS, Point, Shelf, Spot
@@ -338,6 +339,9 @@ _ROBOT_OPTIONAL: Final[dict[str, Reading]] = {
     "places": partial(_each, _places),
     "boxes": partial(_each, _box),
     "shelf": _shelf,
+    "dynamics": _settings(
+        Dynamics, {"supply_v": Table.number}, {"payload_kg": Table.number, "payload_held_by": Table.text}
+    ),
 }
 _JOINT: Final[dict[str, Reading]] = {
     "lower": Table.number,
@@ -369,6 +373,8 @@ _JOINT_TABLES: Final[dict[str, Reading]] = {
         },
         {},
     ),
+    "motor": _settings(JointMotor, {}, {"model": Table.text, **dict.fromkeys(MOTOR_KEYS, Table.number)}),
+    "link": _settings(JointLink, {"mass_kg": Table.number}, {"centre_mm": _point, "inertia_kgm2": _point}),
 }
 
 

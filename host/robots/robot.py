@@ -19,6 +19,7 @@ from steptwin.host.robots.digital_input import Input
 from steptwin.host.robots.homing import JointHoming
 from steptwin.host.robots.joint import WIRE_POSITION_MAX, Joint
 from steptwin.host.robots.link_errors import LinkErrors
+from steptwin.host.robots.motor import Dynamics
 from steptwin.host.robots.output import Output
 from steptwin.host.robots.shelf import Shelf
 
@@ -50,6 +51,7 @@ class Robot:
         dh_errors: errors of the DH parameters, by the name of the link: no motion is planned by them; they tell where
             the tool really is.
         paper: paper that describes the machine, as a citation in one line; may be empty.
+        dynamics: supply and payload, for the model of motors and mechanics; None: unknown.
         toml: text of the robot file; empty for a robot that was not read from a file.
 
     Raises:
@@ -73,6 +75,7 @@ class Robot:
     coupling: Coupling = field(default_factory=Coupling)
     dh_errors: Mapping[str, LinkErrors] = field(default_factory=dict)
     paper: str = ""
+    dynamics: Dynamics | None = None
     toml: str = field(default="", repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -85,6 +88,7 @@ class Robot:
             self._check_inputs,
             self._check_boxes,
             self._check_shelf,
+            self._check_payload,
             *(partial(self._check_axis, axis) for axis in range(len(self.joints))),
         )
 
@@ -127,6 +131,11 @@ class Robot:
         if self.shelf:
             with prefixed("shelf."):
                 self.shelf.check_names(self.outputs, self.inputs, self.places, self.boxes)
+
+    def _check_payload(self) -> None:
+        holder = self.dynamics.payload_held_by if self.dynamics else ""
+        if holder and holder not in self.outputs:
+            raise unknown("dynamics.payload_held_by: output", holder, self.outputs)
 
     def _check_place(self, key: str, place: Mapping[str, float]) -> None:
         if not place:

@@ -548,7 +548,7 @@ class TestOutputsAndPlaces:
         assert set(ROBOT.places["hand-over"]) == set(ROBOT.joint_names)
 
     def test_may_be_missing_or_empty(self) -> None:
-        text = TEXT[: TEXT.index("[outputs]")]
+        text = TEXT[: TEXT.index("[outputs]")].replace('payload_held_by = "magnet"', "")
         for tables in ("", "[outputs]\n[places]\n"):
             robot = parse_robot(text + tables, "mine.toml")
             assert (robot.outputs, robot.places) == ({}, {})

@@ -1,0 +1,88 @@
+"""The mechanism that motors turn, as data: bodies on a tree, and how their joints follow the rotors."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from steptwin.emulator.edges import FloatArray
+
+BASE = -1
+"""Parent of a body that hangs on the base."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Body:
+    """A rigid body and the joint by which it hangs on its parent.
+
+    The joint turns about, or slides along, the z axis of the frame that `fixed` puts into the parent's.
+
+    Attributes:
+        parent: index of the parent, less than its own, or BASE.
+        slides: True if the joint slides.
+        fixed: shape (4, 4), the homogeneous transform from the joint's frame at 0 to the parent's, in m.
+        mass_kg: mass.
+        centre_m: shape (3,), centre of mass in the body's frame.
+        inertia_kgm2: shape (3, 3), about the centre of mass.
+    """
+
+    parent: int
+    slides: bool
+    fixed: FloatArray
+    mass_kg: float
+    centre_m: FloatArray
+    inertia_kgm2: FloatArray
+
+    def numbers(self) -> list[float]:
+        """Return the body as `mechanics` stores it."""
+        tensor = self.inertia_kgm2
+        return [
+            float(self.parent),
+            float(self.slides),
+            *self.fixed[:3, :3].ravel().tolist(),
+            *self.fixed[:3, 3].tolist(),
+            self.mass_kg,
+            *self.centre_m.tolist(),
+            *(float(tensor[row, column]) for row, column in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))),
+        ]
+
+
+class Following(NamedTuple):
+    """How the bodies' joints follow the rotors at one pose.
+
+    Attributes:
+        places: shape (bodies,), the joints' positions in rad and m.
+        rates: shape (bodies,), their rates.
+        drifts: shape (bodies,), the part of their accelerations that does not come from the rotors'.
+        slopes: shape (bodies, axes), their derivatives by the rotors' angles.
+    """
+
+    places: FloatArray
+    rates: FloatArray
+    drifts: FloatArray
+    slopes: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Arm:
+    """A mechanism of `bodies`, whose joints follow the rotors' angles in rad.
+
+    Attributes:
+        bodies: the tree, parents first.
+        slopes: shape (bodies, axes), rad or m of each joint for each rad of a rotor, where that is constant.
+        offsets: shape (bodies,), the joints' positions with all rotors at 0.
+        follow: for a mechanism in which joints do not follow linearly: takes the rotors' angles and speeds, each of
+            shape (axes,), and replaces `slopes` and `offsets`.
+    """
+
+    bodies: tuple[Body, ...]
+    slopes: FloatArray
+    offsets: FloatArray
+    follow: Callable[[FloatArray, FloatArray], Following] | None = None
+
+
+def flywheel(inertia_kgm2: float) -> Arm:
+    """Return one wheel on one motor's shaft, as on a test bench."""
+    wheel = Body(BASE, False, np.eye(4), 0.0, np.zeros(3), np.diag([0.0, 0.0, inertia_kgm2]))
+    return Arm((wheel,), np.eye(1), np.zeros(1))

@@ -1,0 +1,68 @@
+"""A motor's pull-out torque: the load beyond which it slips at a steady speed.
+
+At a steady speed the field runs ahead of the rotor by the load angle. The phase currents of one electrical turn follow
+from the averaged chopper (`rotor_kernel`); their mean torque depends on the load angle, and its maximum is the pull-out
+torque. An array holds all load angles and speeds at once.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from steptwin.emulator.edges import FloatArray
+from steptwin.emulator.motor import RAD_S_PER_RPM, Motor
+
+_LOAD_ANGLES: Final = np.linspace(0.0, np.pi, 61)
+"""From no load to the far side of the maximum, which the currents' lag at high speed pushes beyond a quarter turn."""
+_SETTLING_TURNS: Final = 6
+"""Electrical turns after which the currents repeat."""
+_PARTS: Final = 256
+"""Steps of integration in an electrical turn."""
+
+
+@dataclass(frozen=True, slots=True)
+class Supply:
+    """What drives a motor: supply, the current's amplitude, decay, and the bridge with its sense resistor."""
+
+    volt: float
+    current_a: float
+    fast_decay: float
+    bridge_ohm: float
+
+
+def pull_out_nm(motor: Motor, supply: Supply, rpm: FloatArray) -> FloatArray:
+    """Return the pull-out torque at speeds in turns a minute, of any shape; not below 0.
+
+    The currents' references are sines, as those of small microsteps are.
+    """
+    rad_s = np.maximum(np.ravel(np.asarray(rpm, dtype=np.float64)), 1e-3) * RAD_S_PER_RPM
+    torque = _mean_torques(motor, supply, rad_s).max(axis=1) - motor.drag_nm_s * rad_s
+    return np.maximum(torque, 0.0).reshape(np.shape(rpm))
+
+
+def _mean_torques(motor: Motor, supply: Supply, rad_s: FloatArray) -> FloatArray:
+    """Return the mean torque over one electrical turn, shape (speeds, load angles)."""
+    dt_s = 2.0 * np.pi / (motor.teeth * rad_s[:, None] * _PARTS)
+    resistance, km = motor.resistance_ohm + supply.bridge_ohm, motor.torque_constant_nm_a
+    fall = np.exp(-resistance * dt_s / motor.inductance_h)
+    gain, mean_part = resistance / (1.0 - fall), (1.0 - fall) * motor.inductance_h / (resistance * dt_s)
+    current = np.zeros((2, rad_s.size, _LOAD_ANGLES.size))
+    total = np.zeros(current.shape[1:])
+    for part in range(_SETTLING_TURNS * _PARTS):
+        angle = 2.0 * np.pi * part / _PARTS
+        shape = np.array([-np.sin(angle), np.cos(angle)])[:, None, None]
+        field = np.stack([np.cos(angle + _LOAD_ANGLES), np.sin(angle + _LOAD_ANGLES)])
+        wanted, emf = supply.current_a * field[:, None, :], km * rad_s[:, None] * shape
+        ahead = np.where(wanted != 0.0, wanted, current) >= 0.0
+        volts = np.clip(
+            (wanted - fall * current) * gain + emf,
+            np.where(ahead, -supply.fast_decay, -1.0) * supply.volt,
+            np.where(ahead, 1.0, supply.fast_decay) * supply.volt,
+        )
+        final = (volts - emf) / resistance
+        mean = final + (current - final) * mean_part
+        current = final + (current - final) * fall
+        if part >= (_SETTLING_TURNS - 1) * _PARTS:
+            total += km * (mean * shape).sum(axis=0)
+    return np.asarray(total / _PARTS)

@@ -1,0 +1,81 @@
+"""Run the rotors' functions as plain Python on lists, or compiled by numba on arrays. Both give the same bytes."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.util import find_spec
+from typing import Any, cast
+
+from steptwin.controller.kernel import Function
+from steptwin.emulator.mechanics import needed_by
+from steptwin.emulator.rotor_run import run_rotors
+
+Numbers = Any
+"""A list of floats, or a float64 array."""
+Indices = Any
+"""A list of integers, or an int64 array."""
+
+
+@dataclass(frozen=True, slots=True)
+class RotorBackend:
+    """The functions together with the storage that they run on.
+
+    Attributes:
+        name: "python" or "numba".
+        numbers: makes storage that holds these floats.
+        indices: makes storage that holds these integers.
+    """
+
+    name: str
+    numbers: Callable[[Sequence[float]], Numbers]
+    indices: Callable[[Sequence[int]], Indices]
+    run: Callable[..., None]
+    need: Callable[..., None]
+
+
+def python_rotors() -> RotorBackend:
+    """Return the reference: the functions on lists."""
+    return RotorBackend(
+        name="python",
+        numbers=lambda values: [float(value) for value in values],
+        indices=lambda values: [int(value) for value in values],
+        run=run_rotors,
+        need=needed_by,
+    )
+
+
+@cache
+def compiled_rotors() -> RotorBackend:
+    """Return the same functions compiled; raise ModuleNotFoundError without the extra `fast`."""
+    import numba
+    import numpy as np
+
+    number, integer, numbers, indices = numba.float64, numba.int64, numba.float64[::1], numba.int64[::1]
+
+    # numba looks for changes only in the file of the function itself: after one in the functions that it calls, delete
+    # the cache. The test that compares the bytes fails until then.
+    def compiled(function: Function, *arguments: Any) -> Function:
+        dispatcher = numba.njit(arguments, cache=True, error_model="numpy")(function)
+        return cast("Function", dispatcher.get_overload(arguments))
+
+    return RotorBackend(
+        name="numba",
+        numbers=lambda values: np.array(values, dtype=np.float64),
+        indices=lambda values: np.array(values, dtype=np.int64),
+        run=compiled(
+            run_rotors,
+            *3 * (numbers,),
+            *2 * (indices,),
+            *16 * (numbers,),
+            *2 * (integer,),
+            numba.boolean,
+            *2 * (integer,),
+            *3 * (number,),
+        ),
+        need=compiled(needed_by, *10 * (numbers,), *2 * (integer,), number),
+    )
+
+
+def fastest_rotors() -> RotorBackend:
+    """Return the compiled functions if numba is installed, else the plain ones."""
+    return compiled_rotors() if find_spec("numba") else python_rotors()

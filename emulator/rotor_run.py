@@ -1,0 +1,47 @@
+"""Turn rotors ms after ms: refresh the arm's masses, advance the rotors, keep their state."""
+
+from steptwin.controller.kernel import kernel_function
+from steptwin.emulator.mechanics import follow_rotors, refresh
+from steptwin.emulator.rotor_kernel import DT_COUNTS, STATE_FIELDS, WORST, advance_rotors
+
+REFRESH_STEPS = 100
+"""Steps of integration, 1 ms together, for which the arm's mass matrix holds: the load angle differs by 0.1 degrees."""
+
+
+@kernel_function
+def keep(state: list[float], kept: list[float], row: int, axis_count: int) -> None:
+    """Copy the state into a row of `kept`, and begin the next greatest load angle."""
+    size = axis_count * STATE_FIELDS
+    for field in range(size):
+        kept[row * size + field] = state[field]
+    for axis in range(axis_count):
+        state[axis * STATE_FIELDS + WORST] = 0.0
+
+
+@kernel_function
+def run_rotors(
+    axes: list[float], state: list[float], events: list[float], ends: list[int], cursors: list[int],
+    bodies: list[float], motion: list[float], slopes: list[float], offsets: list[float],
+    places: list[float], rates: list[float], drifts: list[float],
+    zeros: list[float], unit: list[float], torques: list[float], masses: list[float], matrix: list[float],
+    inverse: list[float], bias: list[float], forces: list[float], kept: list[float],
+    count: int, axis_count: int, linear: bool, first_step: int, milliseconds: int,
+    first_counts: float, supply_v: float, gravity: float,
+) -> None:  # fmt: skip
+    """Turn the rotors for some ms and keep the state after each.
+
+    With `linear` the joints follow the rotors by `slopes` and `offsets`; otherwise `places`, `rates`, `drifts` and
+    `slopes` hold for the whole call. For the other arguments see `advance_rotors` and `refresh`.
+    """
+    for ms in range(milliseconds):
+        if linear:
+            follow_rotors(slopes, offsets, state, places, rates, count, axis_count)
+        refresh(
+            bodies, motion, places, rates, drifts, slopes, axes, zeros, unit, torques, masses, matrix, inverse, bias,
+            count, axis_count, gravity,
+        )  # fmt: skip
+        advance_rotors(
+            axes, state, inverse, bias, events, ends, cursors, forces, axis_count, first_step + ms * REFRESH_STEPS,
+            REFRESH_STEPS, first_counts + ms * REFRESH_STEPS * DT_COUNTS, supply_v,
+        )  # fmt: skip
+        keep(state, kept, ms, axis_count)

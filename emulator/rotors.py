@@ -1,0 +1,284 @@
+"""The rotors of all axes of a machine: what the drivers' currents really turn.
+
+A driver counts steps whether or not the rotor follows. This model turns the rotors by the phase currents of the drivers
+and by the masses that hang on them, and tells how far each lags behind its field, and when it slips.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import exp, inf
+from typing import NamedTuple
+
+import numpy as np
+
+from steptwin.emulator import mechanics
+from steptwin.emulator import rotor_kernel as rk
+from steptwin.emulator.arm import Arm, Following
+from steptwin.emulator.edges import FloatArray, Int64Array
+from steptwin.emulator.motor import FULL_STEPS_PER_TOOTH, Motor
+from steptwin.emulator.rotor_backend import Numbers, RotorBackend, fastest_rotors
+from steptwin.emulator.rotor_run import REFRESH_STEPS
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """One motor with what is between it and its coordinate of the mechanism; torques are those at the rotor.
+
+    Attributes:
+        motor: the motor.
+        bridge_ohm: both switches of the bridge and the sense resistor.
+        friction_nm: Coulomb friction of motor and gear.
+        efficiency: of the gear, 0 to 1: what it carries rubs in addition.
+        brake_nm: torque of a brake, which holds while the driver's outputs are off.
+        stiffness_nm_rad: of a belt or shaft between rotor and coordinate; inf: stiff.
+        damping_nm_s: of the same.
+        lower_rad: rotor's angle at the lower end stop.
+        upper_rad: likewise at the upper one.
+        mounting_rad: electrical angle of the rotor where its coordinate is 0.
+
+    Raises:
+        ValueError: the efficiency is not above 0 and up to 1.
+    """
+
+    motor: Motor
+    bridge_ohm: float
+    friction_nm: float = 0.0
+    efficiency: float = 1.0
+    brake_nm: float = 0.0
+    stiffness_nm_rad: float = inf
+    damping_nm_s: float = 0.0
+    lower_rad: float = -inf
+    upper_rad: float = inf
+    mounting_rad: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.efficiency <= 1.0:
+            raise ValueError(f"efficiency: {self.efficiency:g} is not above 0 and up to 1")
+
+    def numbers(self) -> list[float]:
+        """Return the drive as the kernel stores it."""
+        motor, resistance = self.motor, self.motor.resistance_ohm + self.bridge_ohm
+        fall = exp(-resistance * rk.DT_S / motor.inductance_h)
+        elastic = self.stiffness_nm_rad != inf
+        capacity_j_k = motor.thermal_time_constant_s / motor.thermal_resistance_k_w
+        values = {
+            rk.TEETH: float(motor.teeth),
+            rk.KM: motor.torque_constant_nm_a,
+            rk.DRAG: motor.drag_nm_s,
+            rk.DETENT: motor.detent_torque_nm,
+            rk.RESISTANCE: resistance,
+            rk.DECAY: fall,
+            rk.MEAN: (1.0 - fall) * motor.inductance_h / (resistance * rk.DT_S),
+            rk.WINDING_OHM: motor.resistance_ohm,
+            rk.FRICTION: self.friction_nm,
+            rk.BRAKE: self.brake_nm,
+            rk.ELASTIC: float(elastic),
+            rk.STIFFNESS: self.stiffness_nm_rad if elastic else 0.0,
+            rk.DAMPING: self.damping_nm_s,
+            rk.INERTIA: motor.rotor_inertia_kgm2,
+            rk.LOWER: self.lower_rad,
+            rk.UPPER: self.upper_rad,
+            rk.HEATING: rk.DT_S / capacity_j_k,
+            rk.COOLING: rk.DT_S / motor.thermal_time_constant_s,
+            rk.SLIDING: 1.0 / self.efficiency - 1.0,
+            rk.GAIN: resistance / (1.0 - fall),
+            rk.CONDUCTANCE: 1.0 / resistance,
+            rk.MOUNTING: self.mounting_rad,
+        }
+        return [values[field] for field in range(rk.AXIS_FIELDS)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DriverEvents:
+    """What changes at one driver's outputs, sorted by time; arrays of shape (n,).
+
+    Attributes:
+        counts: instants in counts of the timer.
+        field_rad: electrical angle of the field, counted through; it grows with the position.
+        a_amp: current to which phase A is regulated.
+        b_amp: likewise of phase B, in the direction in which the rotor's angle grows from A to B.
+        fast: fraction of fast decay, 0 to 1.
+        on: 1 while the outputs are on, else 0.
+    """
+
+    counts: Int64Array
+    field_rad: FloatArray
+    a_amp: FloatArray
+    b_amp: FloatArray
+    fast: FloatArray
+    on: FloatArray
+
+    def numbers(self) -> FloatArray:
+        """Return the events as the kernel stores them, shape (n, EVENT_FIELDS)."""
+        columns = (self.counts, self.field_rad, self.a_amp, self.b_amp, self.fast, self.on)
+        return np.column_stack([np.asarray(column, dtype=np.float64) for column in columns])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RotorRecord:
+    """The state of all axes at the end of each ms; arrays of shape (n, axes).
+
+    Attributes:
+        counts: shape (n,), the instants.
+        rotor_rad: angle of each rotor, counted through.
+        coordinate_rad: angle of what it turns, which differs by the twist of an elastic drive.
+        worst_rad: load angle of the greatest amount in that ms, electrical, with its sign.
+        lost_full_steps: full steps by which each rotor is away from its field; 4 for each slip.
+        torque_nm: the motor's torque.
+        warmer_k: the windings' temperature above the surroundings.
+    """
+
+    counts: Int64Array
+    rotor_rad: FloatArray
+    coordinate_rad: FloatArray
+    worst_rad: FloatArray
+    lost_full_steps: FloatArray
+    torque_nm: FloatArray
+    warmer_k: FloatArray
+
+
+class Energies(NamedTuple):
+    """Energy in J since the beginning, arrays of shape (axes,): what came in by the bridges, and where it went."""
+
+    driven: FloatArray
+    copper: FloatArray
+    drag: FloatArray
+    rubbed: FloatArray
+    loaded: FloatArray
+
+
+class Rotors:
+    """All rotors of a machine, coupled by its arm; at first at rest with currents off."""
+
+    def __init__(
+        self,
+        drives: Sequence[Drive],
+        arm: Arm,
+        supply_v: float,
+        rotor_rad: Sequence[float],
+        from_counts: int = 0,
+        backend: RotorBackend | None = None,
+        gravity_m_s2: float = mechanics.GRAVITY_M_S2,
+    ) -> None:
+        self._backend = backend or fastest_rotors()
+        self._arm, self._supply_v, self._gravity = arm, supply_v, gravity_m_s2
+        self._axes, self._bodies = len(drives), len(arm.bodies)
+        numbers = self._backend.numbers
+        self._parameters = numbers([value for drive in drives for value in drive.numbers()])
+        self._teeth = [drive.motor.teeth for drive in drives]
+        self._mounting_rad = [drive.mounting_rad for drive in drives]
+        self._tree = numbers([value for body in arm.bodies for value in body.numbers()])
+        self._state = numbers(
+            [value for drive, angle in zip(drives, rotor_rad, strict=True) for value in _rest(drive, angle)]
+        )
+        self._slopes, self._offsets = numbers(arm.slopes.ravel().tolist()), numbers(arm.offsets.tolist())
+        self._storage = _Storage(self._backend, self._bodies, self._axes)
+        self._waiting = [np.empty((0, rk.EVENT_FIELDS)) for _ in drives]
+        """Events that the rotors have not felt yet, by axis."""
+        self._steps = 0
+        self._began_counts = from_counts
+
+    @property
+    def counts(self) -> int:
+        """Instant up to which the rotors have turned."""
+        return self._began_counts + self._steps * rk.DT_COUNTS
+
+    def carry(self, arm: Arm) -> None:
+        """Go on with other masses on the same joints: a payload is taken or left."""
+        self._tree = self._backend.numbers([value for body in arm.bodies for value in body.numbers()])
+
+    def feed(self, events: Sequence[DriverEvents]) -> None:
+        """Take the next changes at each axis' driver. One takes effect in the first step that is not before it."""
+        self._waiting = [
+            np.concatenate([waiting, axis.numbers()]) for waiting, axis in zip(self._waiting, events, strict=True)
+        ]
+
+    def advance(self, milliseconds: int) -> RotorRecord:
+        """Turn the rotors, with the events fed so far; return their state at the end of each ms."""
+        lengths = np.cumsum([len(waiting) for waiting in self._waiting])
+        table = self._backend.numbers(np.concatenate(self._waiting).ravel().tolist())
+        ends = self._backend.indices(lengths.tolist())
+        first = [0, *lengths[:-1].tolist()]
+        cursors = self._backend.indices(first)
+        kept = self._backend.numbers([0.0] * (milliseconds * len(self._state)))
+        if self._arm.follow is None:
+            self._run(table, ends, cursors, kept, milliseconds)
+        else:
+            size = len(self._state)
+            for ms in range(milliseconds):
+                self._take(self._arm.follow(self._column(rk.PLACE), self._column(rk.RATE)))
+                row = self._backend.numbers([0.0] * size)
+                self._run(table, ends, cursors, row, 1)
+                kept[ms * size : (ms + 1) * size] = row
+        self._waiting = [waiting[cursors[axis] - first[axis] :] for axis, waiting in enumerate(self._waiting)]
+        return self._record(np.array(kept, dtype=np.float64).reshape(milliseconds, self._axes, rk.STATE_FIELDS))
+
+    def _run(self, table: Numbers, ends: Numbers, cursors: Numbers, kept: Numbers, milliseconds: int) -> None:
+        storage = self._storage
+        self._backend.run(
+            self._parameters, self._state, table, ends, cursors,
+            self._tree, storage.motion, self._slopes, self._offsets, storage.places, storage.rates, storage.drifts,
+            storage.zeros, storage.unit, storage.torques, storage.masses, storage.matrix,
+            storage.inverse, storage.bias, storage.forces, kept,
+            self._bodies, self._axes, self._arm.follow is None, self._steps, milliseconds,
+            float(self.counts), self._supply_v, self._gravity,
+        )  # fmt: skip
+        self._steps += REFRESH_STEPS * milliseconds
+
+    def _take(self, following: Following) -> None:
+        numbers = self._backend.numbers
+        self._storage.places, self._storage.rates = (
+            numbers(following.places.tolist()),
+            numbers(following.rates.tolist()),
+        )
+        self._storage.drifts, self._slopes = (
+            numbers(following.drifts.tolist()),
+            numbers(following.slopes.ravel().tolist()),
+        )
+
+    def _column(self, field: int) -> FloatArray:
+        return np.array(self._state, dtype=np.float64).reshape(self._axes, rk.STATE_FIELDS)[:, field].copy()
+
+    def _record(self, kept: FloatArray) -> RotorRecord:
+        """Return the state after each ms of the last ones, of `kept`, shape (n, axes, STATE_FIELDS)."""
+        ago = np.arange(len(kept) - 1, -1, -1) * REFRESH_STEPS * rk.DT_COUNTS
+        return RotorRecord(
+            counts=self.counts - ago,
+            rotor_rad=(kept[:, :, rk.ANGLE] - self._mounting_rad) / self._teeth,
+            coordinate_rad=kept[:, :, rk.PLACE],
+            worst_rad=kept[:, :, rk.WORST],
+            lost_full_steps=FULL_STEPS_PER_TOOTH * kept[:, :, rk.TURN],
+            torque_nm=kept[:, :, rk.TORQUE],
+            warmer_k=kept[:, :, rk.HEAT],
+        )
+
+    def first_slips(self) -> list[int | None]:
+        """Return the instant of each axis' first slip in counts; None if it has not slipped."""
+        steps = self._column(rk.SLIP_STEP).tolist()
+        return [None if step < 0 else self._began_counts + int(step) * rk.DT_COUNTS for step in steps]
+
+    def energies(self) -> Energies:
+        """Return where the energy has gone, for each axis."""
+        return Energies(*(self._column(field) for field in (rk.IN_J, rk.COPPER_J, rk.DRAG_J, rk.RUBBED_J, rk.LOADED_J)))
+
+
+class _Storage:
+    """What the functions write into between their calls."""
+
+    def __init__(self, backend: RotorBackend, bodies: int, axes: int) -> None:
+        def zeros(count: int) -> Numbers:
+            return backend.numbers([0.0] * count)
+
+        self.motion = zeros(bodies * mechanics.MOTION_FIELDS)
+        self.places, self.rates, self.drifts = zeros(bodies), zeros(bodies), zeros(bodies)
+        self.zeros, self.unit, self.torques = zeros(bodies), zeros(bodies), zeros(bodies)
+        self.masses, self.matrix, self.inverse = zeros(bodies * bodies), zeros(axes * axes), zeros(axes * axes)
+        self.bias, self.forces = zeros(axes), zeros(axes)
+
+
+def _rest(drive: Drive, rotor_rad: float) -> list[float]:
+    """Return the state of a rotor at rest, its field where it is."""
+    state = [0.0] * rk.STATE_FIELDS
+    state[rk.ANGLE] = state[rk.FIELD] = drive.motor.teeth * rotor_rad + drive.mounting_rad
+    state[rk.PLACE], state[rk.SLIP_STEP] = rotor_rad, -1.0
+    return state

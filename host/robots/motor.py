@@ -1,0 +1,160 @@
+"""What drives a joint and what it moves: motor, gear, brake and mass, for the model of motors and mechanics.
+
+The kinematics and the board need none of it. Torques are those at the motor's shaft.
+"""
+
+from dataclasses import dataclass, fields
+from functools import partial
+from typing import Final
+
+from steptwin.host.common.bad_input import require_positive, unknown
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.findings import check_all
+
+MOTORS: Final = ("17HE19-2004S", "17HS19-2004S1", "23HS22-2804S", "23HS30-2804S", "QSH5718-55")
+"""Motors of the catalogue, which a robot's file may name."""
+
+FIGURES: Final = (
+    "resistance_ohm",
+    "inductance_mh",
+    "holding_torque_nm",
+    "rated_current_a",
+    "rotor_inertia_gcm2",
+    "detent_torque_nm",
+)
+"""Figures of a motor's datasheet, which a file gives instead of a name."""
+
+Triple = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class JointMotor:
+    """The motor of a joint's axis: a name of the catalogue, or all figures of its datasheet; and its gear.
+
+    Attributes:
+        model: name in the catalogue.
+        resistance_ohm: of one phase; likewise the other figures, as in the datasheet.
+        friction_nm: Coulomb friction of motor and gear.
+        efficiency: of the gear, above 0 and up to 1.
+        brake_nm: torque of a brake that holds while the driver's outputs are off.
+        belt_nm_rad: stiffness of a belt or shaft between motor and joint; None: stiff.
+        belt_damping_nm_s: its damping.
+
+    Raises:
+        InputError: both a name and figures, or neither; an unknown name; a figure that is missing or out of range.
+    """
+
+    model: str = ""
+    resistance_ohm: float | None = None
+    inductance_mh: float | None = None
+    holding_torque_nm: float | None = None
+    rated_current_a: float | None = None
+    rotor_inertia_gcm2: float | None = None
+    detent_torque_nm: float | None = None
+    friction_nm: float = 0.01
+    efficiency: float = 1.0
+    brake_nm: float = 0.0
+    belt_nm_rad: float | None = None
+    belt_damping_nm_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_all(self._check_motor, self._check_gear, *(partial(self._check_not_negative, key) for key in _TORQUES))
+
+    def _check_motor(self) -> None:
+        given = [key for key in FIGURES if getattr(self, key) is not None]
+        if self.model:
+            if given:
+                raise InputError(f"{given[0]}: model {self.model} sets it already")
+            if self.model not in MOTORS:
+                raise unknown("model:", self.model, MOTORS)
+            return
+        missing = [key for key in FIGURES if key not in given]
+        if missing:
+            raise InputError(f"{missing[0]}: is missing; a motor needs it or model, one of {', '.join(MOTORS)}")
+        require_positive(self, *(key for key in FIGURES if key != "detent_torque_nm"))
+
+    def _check_gear(self) -> None:
+        if not 0.0 < self.efficiency <= 1.0:
+            raise InputError(f"efficiency: {self.efficiency:g} is not above 0 and up to 1")
+        if self.belt_nm_rad is not None:
+            require_positive(self, "belt_nm_rad")
+
+    def _check_not_negative(self, key: str) -> None:
+        value = getattr(self, key)
+        if value is not None and not value >= 0.0:
+            raise InputError(f"{key}: {value:g} is negative")
+
+
+_TORQUES: Final = ("detent_torque_nm", "friction_nm", "brake_nm", "belt_damping_nm_s")
+
+
+@dataclass(frozen=True, slots=True)
+class JointLink:
+    """The body that a joint moves, without what the next joints move.
+
+    Its frame has its origin on the joint's axis and its z along the axis; x points to the next joint.
+
+    Attributes:
+        mass_kg: its mass.
+        centre_mm: its centre of mass.
+        inertia_kgm2: about axes through the centre, parallel to x, y and z.
+
+    Raises:
+        InputError: a negative figure, or inertias that no body has: each is at most the sum of the other two.
+    """
+
+    mass_kg: float
+    centre_mm: Triple = (0.0, 0.0, 0.0)
+    inertia_kgm2: Triple = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        check_all(self._check_mass, self._check_inertia)
+
+    def _check_mass(self) -> None:
+        if not self.mass_kg >= 0.0:
+            raise InputError(f"mass_kg: {self.mass_kg:g} kg is negative")
+
+    def _check_inertia(self) -> None:
+        for index, value in enumerate(self.inertia_kgm2):
+            others = sum(self.inertia_kgm2) - value
+            if not value >= 0.0:
+                raise InputError(f"inertia_kgm2[{index}]: {value:g} is negative")
+            if value > others * (1.0 + 1e-9):
+                raise InputError(
+                    f"inertia_kgm2[{index}]: {value:g} is more than the sum of the other two, {others:g}:"
+                    " no body has such inertias"
+                )
+
+
+@dataclass(frozen=True, slots=True)
+class Dynamics:
+    """What all motors share.
+
+    Attributes:
+        supply_v: supply of the drivers.
+        payload_kg: mass at the tool's tip.
+        payload_held_by: output while which is on the payload hangs at the tool; empty: always.
+
+    Raises:
+        InputError: a supply that a TB6560 does not take, or a negative mass.
+    """
+
+    supply_v: float
+    payload_kg: float = 0.0
+    payload_held_by: str = ""
+
+    def __post_init__(self) -> None:
+        if not SUPPLY_MIN_V <= self.supply_v <= SUPPLY_MAX_V:
+            raise InputError(
+                f"supply_v: {self.supply_v:g} V is outside {SUPPLY_MIN_V:g}..{SUPPLY_MAX_V:g} V,"
+                " the TB6560AHQ's operating range"
+            )
+        if not self.payload_kg >= 0.0:
+            raise InputError(f"payload_kg: {self.payload_kg:g} kg is negative")
+
+
+SUPPLY_MIN_V: Final = 4.5
+SUPPLY_MAX_V: Final = 34.0
+"""Operating range of VM (TB6560AHQ datasheet, page 6)."""
+
+MOTOR_KEYS: Final = tuple(field.name for field in fields(JointMotor) if field.name != "model")
