@@ -43,7 +43,7 @@ def needed_torque_nm(
     sliding = np.array([1.0 / drive.efficiency - 1.0 for drive in drives])
     rubbing, driving = friction + sliding * np.abs(carried), carried + inertia * rad_s2
     held = np.sign(driving) * np.maximum(np.abs(driving) - rubbing, 0.0)
-    return np.where(rad_s == 0.0, held, driving + rubbing * np.sign(rad_s))
+    return np.asarray(np.where(rad_s == 0.0, held, driving + rubbing * np.sign(rad_s)), dtype=np.float64)
 
 
 def _joints(

@@ -38,7 +38,7 @@ def pull_out_nm(motor: Motor, supply: Supply, rpm: FloatArray) -> FloatArray:
     """
     rad_s = np.maximum(np.ravel(np.asarray(rpm, dtype=np.float64)), 1e-3) * RAD_S_PER_RPM
     torque = _mean_torques(motor, supply, rad_s).max(axis=1) - motor.drag_nm_s * rad_s
-    return np.maximum(torque, 0.0).reshape(np.shape(rpm))
+    return np.asarray(np.maximum(torque, 0.0).reshape(np.shape(rpm)), dtype=np.float64)
 
 
 def _mean_torques(motor: Motor, supply: Supply, rad_s: FloatArray) -> FloatArray:

@@ -50,8 +50,8 @@ def field(
     fast: float = 1.0, every_s: float = DT_S,
 ) -> DriverEvents:  # fmt: skip
     """Return a field at angle(t) electrical rad, with sines as currents."""
-    steps = np.arange(round(duration_s / every_s))
-    turned = angle(steps * every_s) * np.ones(steps.size)
+    steps = np.arange(float(round(duration_s / every_s)))
+    turned = angle(np.asarray(steps * every_s)) * np.ones(steps.size)
     counts = np.round(steps * every_s / DT_S).astype(np.int64) * DT_COUNTS
     flags = np.ones(steps.size)
     return DriverEvents(

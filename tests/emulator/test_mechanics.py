@@ -95,7 +95,7 @@ def lagrange(bodies: tuple[Body, ...], places: Array, rates: Array, acceleration
 
     by_joint = np.array([slope(joint) for joint in range(count)])
     moving = np.einsum("kij,k,j->i", by_joint, rates, rates) - np.einsum("ijk,j,k->i", by_joint, rates, rates) / 2
-    return masses_of(bodies, places) @ accelerations + moving + weights_of(bodies, places)
+    return np.asarray(masses_of(bodies, places) @ accelerations + moving + weights_of(bodies, places))
 
 
 def newton_euler(bodies: tuple[Body, ...], places: Array, rates: Array, accelerations: Array) -> tuple[Array, Array]:

@@ -9,7 +9,8 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import curve_fit
 
 from steptwin.emulator.arm import flywheel
-from steptwin.emulator.rotors import Drive
+from steptwin.emulator.edges import FloatArray
+from steptwin.emulator.rotors import Drive, DriverEvents
 from tests.emulator.motor_bench import (
     CURRENT_A,
     IDEAL,
@@ -189,11 +190,20 @@ DAMPED = replace(MOTOR, detent_torque_nm=0.0, iron_drag_nm_s=0.003)
 """Damped so far that it swings little: a wide swing is slower, as a pendulum's is."""
 
 
+def microsteps_at(rate_hz: float, microsteps: int) -> DriverEvents:
+    """Return a field that makes so many full steps a second, each in `microsteps` parts, for 0.6 s."""
+
+    def angle(t: FloatArray) -> FloatArray:
+        return np.asarray(np.floor(t * rate_hz * microsteps + 1e-9) * (pi / 2 / microsteps))
+
+    return field(angle, 0.6)
+
+
 def worst_lags_deg(microsteps: int, rates_hz: list[float]) -> list[float]:
     """Return the greatest load angle at each rate of full steps a second, apart from the beginning."""
     found = []
     for rate_hz in rates_hz:
-        events = field(lambda t, hz=rate_hz: np.floor(t * hz * microsteps + 1e-9) * (pi / 2 / microsteps), 0.6)
+        events = microsteps_at(rate_hz, microsteps)
         record = turned(bench(Drive(DAMPED, 0.6), RESONANT, supply_v=24.0), events, 600)
         found.append(float(np.rad2deg(np.abs(record.worst_rad[200:, 0]).max())))
     return found
@@ -211,8 +221,8 @@ def test_full_steps_lose_steps_near_resonance_where_microsteps_lose_none() -> No
     """170 full steps a second, below f0: full steps drive the rotor out of step, eighths do not."""
     lost = {}
     for microsteps in (1, 8):
-        events = field(lambda t, m=microsteps: np.floor(t * 170.0 * m + 1e-9) * (pi / 2 / m), 0.6)
-        record = turned(bench(Drive(MOTOR, 0.6), RESONANT, supply_v=24.0), events, 600)
+        rotors = bench(Drive(MOTOR, 0.6), RESONANT, supply_v=24.0)
+        record = turned(rotors, microsteps_at(170.0, microsteps), 600)
         lost[microsteps] = abs(float(record.lost_full_steps[-1, 0]))
     assert lost[1] > 0.0
     assert lost[8] == 0.0
