@@ -30,12 +30,15 @@ class DriverRecord:
         at = np.searchsorted(phases.counts, counts, side="right") - 1
         counts, at = counts[at >= 0], at[at >= 0]
         self._counts = counts
-        self._a_amp, self._b_amp = 1e-3 * phases.a_ma[at], -1e-3 * phases.b_ma[at]
+        self._a_amp: FloatArray = 1e-3 * phases.a_ma[at].astype(np.float64)
+        self._b_amp: FloatArray = -1e-3 * phases.b_ma[at].astype(np.float64)
         if current_a is not None and self.phase_current_a > 0.0:
             scale = current_a / self.phase_current_a
-            self._a_amp, self._b_amp = scale * self._a_amp, scale * self._b_amp
+            self._a_amp *= scale
+            self._b_amp *= scale
         self._on = (phases.a_ma[at] != 0) | (phases.b_ma[at] != 0)
-        self._field_rad = -_RAD_PER_SIXTEENTH * _counted_through(phases.sixteenths[at].astype(np.int64))
+        sixteenths = _counted_through(phases.sixteenths[at].astype(np.int64))
+        self._field_rad: FloatArray = -_RAD_PER_SIXTEENTH * sixteenths.astype(np.float64)
         self._fast = _fast_decay(axis, counts)
 
     @property
@@ -71,7 +74,7 @@ def _fast_decay(axis: AxisEvidence, counts: Int64Array) -> FloatArray:
     """Return the fraction of fast decay at instants, by the levels of DCY2 and DCY1."""
     first, second = (_level_at(axis.pins[pin], counts) for pin in _DECAY_PINS)
     percent = np.array([[FAST_DECAY_PERCENT[high, low] for low in (0, 1)] for high in (0, 1)])
-    return np.asarray(percent[second, first] / 100.0)
+    return np.asarray(percent[second, first] / 100.0, dtype=np.float64)
 
 
 def _level_at(pin: LevelEdges, counts: Int64Array) -> Int64Array:
