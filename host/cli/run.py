@@ -26,7 +26,7 @@ from steptwin.host.cli.chosen_motion import choose_motion
 from steptwin.host.cli.connection import LIVE_PANEL, Bitrate, Channel, Connect, Force, Interface, connection
 from steptwin.host.cli.file_motion import InterpolationName
 from steptwin.host.cli.live_run import run_live
-from steptwin.host.cli.motors import check_motors, motors_of, print_motors, with_motors
+from steptwin.host.cli.motor_report import check_motors, motors_of, print_motors, with_motors
 from steptwin.host.cli.option_names import naming_options
 from steptwin.host.cli.output import print_json, say
 from steptwin.host.cli.progress import progress_bar
