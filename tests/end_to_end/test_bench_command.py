@@ -33,7 +33,8 @@ def test_table(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPat
     monkeypatch.setenv("COLUMNS", "200")  # wide enough for a motion and its method on one line
     assert run(CARRY) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[2] for line in lines if line.startswith("teaching-scara")] == METHODS
+    methods = [line.split()[2] for line in lines if line.startswith("teaching-scara")]
+    assert methods[: len(METHODS)] == METHODS  # below is the table of the kernel's cost on a Cortex-M3
 
 
 @pytest.mark.parametrize(

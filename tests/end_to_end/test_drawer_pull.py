@@ -108,7 +108,7 @@ def test_the_folder_holds_the_evidence(capsys: pytest.CaptureFixture[str], tmp_p
     assert json.loads((out / "report.json").read_text()) == report
     assert report["folder_version"] == 1
     assert {p.name for p in out.iterdir()} == {
-        "report.json", "robot.toml", "trajectory.csv", "edges.npz", "bus.log", "trace.vcd",
+        "report.json", "robot.toml", "trajectory.csv", "edges.npz", "bus.log", "trace.vcd", "shelf.json",
         "joints.png", "step-rates.png", "tool-path.png", "error.png", "timing.png",
     }  # fmt: skip
     header, first, *rest = (out / "trajectory.csv").read_text().splitlines()

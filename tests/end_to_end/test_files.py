@@ -279,7 +279,7 @@ class TestARobotOfOnesOwn:
 
     def test_may_use_brackets_in_its_names(self, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
         """The library that prints tables takes brackets for markup."""
-        file = own_robot(tmp_path, "warehouse-scara", {"[places.B1]": '[places."[/B1]:x:"]'})
+        file = own_robot(tmp_path, "warehouse-scara", {"[places.B1]": '[places."[/B1]:x:"]', "B1 = ": '"[/B1]:x:" = '})
         assert run(["jobs", "--robot-file", file]) == 0
         assert "[/B1]:x:" in capsys.readouterr().out
 
@@ -317,7 +317,8 @@ class TestARobotOfOnesOwn:
             ),
             pytest.param(
                 "warehouse-scara", {"[places.A1]": "[places.C1]"}, ["store"],
-                "option slot: 'A1' is unknown: there are C1, A2, B1, B2", id="no place",
+                "shelf.slots.A1: place 'A1' is unknown: there are hand-over, pick-up, output, C1, A2, B1, B2",
+                id="no place",
             ),
             pytest.param(
                 "warehouse-scara", {"upper = 120.0": "upper = 10.0", "lower = -120.0": "lower = -10.0"}

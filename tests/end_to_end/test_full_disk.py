@@ -102,10 +102,13 @@ def test_what_is_made_of_a_run(
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize(("bytes_max", "name"), [(0, "workspace.json"), (4096, "workspace.png")])
-def test_workspace(bytes_max: int, name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(
+    ("bytes_max", "samples", "name"),
+    [(0, "1000", "workspace.json"), (4096, "1000", "cloud.csv"), (4096, "10", "workspace.png")],
+)
+def test_workspace(bytes_max: int, samples: str, name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with files_up_to(bytes_max):
-        assert run(["workspace", ROBOT, "--samples", "1000", "--out", str(tmp_path)]) == 2
+        assert run(["workspace", ROBOT, "--samples", samples, "--out", str(tmp_path)]) == 2
     assert_named(tmp_path / name, capsys)
     assert not (tmp_path / name).exists()
     assert_nothing_empty(tmp_path)

@@ -421,24 +421,29 @@ class TestMistakesInAFile:
                 id="input 3",
             ),
             pytest.param(
-                "[outputs]",
-                '[inputs]\npart = { joint = "th3", input = 2 }\nbox = { joint = "th3", input = 2 }\n[outputs]',
-                "inputs.box: input 2 of th3 is already wired to part",
+                'box_present = { joint = "th3", input = 2 }',
+                'box_present = { joint = "th3", input = 1 }',
+                "inputs.box_present: input 1 of th3 is already wired to lock_engaged",
                 id="input taken",
             ),
             pytest.param(
-                "[outputs]",
-                '[inputs]\npart = { joint = "th4", input = 2 }\n[outputs]',
-                "inputs.part.joint: 'th4' is unknown: did you mean th3 or th2 or th1?",
+                'drawer_end = { joint = "th2"',
+                'drawer_end = { joint = "th4"',
+                "inputs.drawer_end.joint: 'th4' is unknown: did you mean th3 or th2 or th1?",
                 id="input's joint",
             ),
-            pytest.param("sx = 400.0", "sx = 2000.1", "places.A1.sx: 2000.1 mm is outside 0..2000 mm", id="outside"),
+            pytest.param(
+                "sx = 400.0", "sx = 2000.1", "places.pick-up.sx: 2000.1 mm is outside 0..2000 mm", id="outside"
+            ),
             pytest.param("sz = 50.0", "sz = -0.1", "places.hand-over.sz: -0.1 mm is outside 0..1000 mm", id="below"),
             pytest.param(
-                "sx = 400.0", "sy = 1", "places.A1: joint 'sy' is unknown: there are sx, sz, L1", id="no such joint"
+                "sx = 400.0",
+                "sy = 1",
+                "places.pick-up: joint 'sy' is unknown: there are sx, sz, L1",
+                id="no such joint",
             ),
-            pytest.param("sx = 400.0", 'sx = "left"', "places.A1.sx: 'left' is not a number", id="text"),
-            pytest.param("sx = 400.0", "sx = inf", "places.A1.sx: inf is not a finite number", id="inf"),
+            pytest.param("sx = 400.0", 'sx = "left"', "places.pick-up.sx: 'left' is not a number", id="text"),
+            pytest.param("sx = 400.0", "sx = inf", "places.pick-up.sx: inf is not a finite number", id="inf"),
             pytest.param("[places.A1]", "[places.A0]\n[places.A1]", "places.A0: names no joint", id="empty place"),
             pytest.param("[places.hand-over]", "[places]\nA0 = 3\n[places.hand-over]", "places.A0: 3 is", id="number"),
         ],
@@ -543,7 +548,7 @@ def test_any_text_gives_an_error(text: str) -> None:
 class TestOutputsAndPlaces:
     def test_of_the_robot_that_comes_along(self) -> None:
         assert ROBOT.outputs == {"magnet": Output("th3", 1), "lock": Output("th3", 2)}
-        assert set(ROBOT.places) == {"hand-over", "A1", "A2", "B1", "B2"}
+        assert set(ROBOT.places) == {"hand-over", "pick-up", "output", "A1", "A2", "B1", "B2"}
         assert ROBOT.places["B2"] == {"sx": 800, "sz": 300}
         assert set(ROBOT.places["hand-over"]) == set(ROBOT.joint_names)
 
@@ -554,8 +559,8 @@ class TestOutputsAndPlaces:
             assert (robot.outputs, robot.places) == ({}, {})
 
     def test_a_place_may_be_at_the_limits(self) -> None:
-        robot = parse_robot(changed("sx = 400.0", "sx = 2000\nL1 = 50.0"), "mine.toml")
-        assert robot.places["A1"] == {"sx": 2000, "L1": 50, "sz": 100}
+        robot = parse_robot(changed("sx = 400.0\nsz = 300.0", "sx = 2000\nL1 = 50.0\nsz = 300.0"), "mine.toml")
+        assert robot.places["B1"] == {"sx": 2000, "L1": 50, "sz": 300}
 
     def test_both_outputs_of_several_axes(self) -> None:
         more = changed("lock = {", 'lamp = { joint = "sx", out = 1 }\nlock = {')

@@ -91,7 +91,10 @@ def test_the_locked_hand_moves_straight_out() -> None:
     [
         ({"places": {"A1": {"sx": 1.0}}}, "places.hand-over.sx: is missing"),
         ({"places": {**ROBOT.places, "hand-over": {"sx": 1.0}}}, "places.hand-over.sz: is missing"),
-        ({"outputs": {}, "boxes": {}}, "outputs: warehouse-scara has none; its file names them under"),
+        (
+            {"outputs": {}, "boxes": {}, "dynamics": None},
+            "outputs: warehouse-scara has none; its file names them under",
+        ),
     ],
 )
 def test_a_robot_file_without_a_needed_place_or_output(changes: dict[str, object], words: str) -> None:
