@@ -141,10 +141,11 @@ def _check_way(session: Session, start_units: list[int], plan: Plan) -> None:
     unit = robot.joint(contact.joint).unit
     first = ways_around(robot, start, goal)
     clear = f"moving {first} first, then the others, is clear" if first else "move the arm away from the shelf first"
-    raise InputError(
-        f"approach=True: {contact.joint} at {contact.position:.4f} {unit}, {at_s:.3f} s on the way to the start, brings"
+    said = (
+        f"{contact.joint} at {contact.position:.4f} {unit}, {at_s:.3f} s on the way to the start, brings"
         f" the {contact.link} to {contact.box}, at x {x_mm:.1f}, y {y_mm:.1f}, z {z_mm:.1f} mm; {clear}"
     )
+    raise InputError(f"approach=True: {said}").plainly(said)
 
 
 def _execute(

@@ -109,7 +109,9 @@ def assign(robot: Robot, job: str, options: Mapping[str, str], inventory: Invent
     stock = dict(inventory.boxes)
     if carries[0].source in shelf.spots:
         if box is None:
-            raise InputError(f"job {job}: the box needs a name, as in `steptwin run {robot.name} {job} NAME`")
+            raise InputError(f"job {job}: the box needs a name, as in `steptwin run {robot.name} {job} NAME`").plainly(
+                f"{job}: the box needs a name"
+            )
         inventory.check_new(box)
         stock[carries[0].source] = box
     errand = Errand(stock, carries)

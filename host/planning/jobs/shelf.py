@@ -184,7 +184,9 @@ class _Shelf:
             return
         wired = self._robot.shelf.sensors if self._robot.shelf else {}
         if sensor not in wired:
-            raise InputError(f"shelf.{sensor}: is missing in the robot's file: sensors=ignore does without it")
+            raise InputError(f"shelf.{sensor}: is missing in the robot's file: sensors=ignore does without it").plainly(
+                f"the robot's file names no sensor {sensor}: choose to ignore the sensors"
+            )
         moves.wait(wired[sensor], on=on, timeout_s=SENSOR_TIMEOUT_S, place=where)
 
     def lid(self, spot: str) -> FloatArray:
