@@ -25,7 +25,8 @@ _FLAGS: Final = (
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
 )
-TIMEOUT_S: Final = 60.0
+TIMEOUT_S: Final = 120.0
+"""For the page, the browser and each script in it, on a busy computer."""
 
 
 class Browser:
@@ -138,6 +139,7 @@ def open_browser(size: tuple[int, int] = (1440, 1000), *flags: str) -> Iterator[
     for flag in (*_FLAGS, *flags, f"--window-size={size[0]},{size[1]}"):
         options.add_argument(flag)
     driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
+    driver.set_script_timeout(TIMEOUT_S)
     try:
         yield Browser(driver)
     finally:
