@@ -3,6 +3,7 @@
 Skipped where Chromium and its driver are not installed, as on Debian by `apt install chromium chromium-driver`.
 """
 
+import signal
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -234,3 +235,15 @@ def test_a_replay_asks_no_other_host_and_can_be_read(carry_run: Path, watcher: B
             assert lasting_findings(watcher) == []
             watcher.run("document.querySelector('[aria-label=\"light or dark\"]').click()")
     watcher.open(machine.url)
+
+
+def test_a_frozen_and_a_killed_browser_end_their_jog(operator: Browser, watcher: Browser) -> None:
+    """The last test of the file: the operator's browser is gone after it. The bench measures how soon it ends."""
+    operator.driver.refresh()
+    for number in (signal.SIGSTOP, signal.SIGKILL):
+        operator.until(lambda: operator.shows("you operate"))
+        hold(operator, "jog th2 forward")
+        operator.signal(number)
+        comes_to_rest(watcher)
+        if number is signal.SIGSTOP:
+            operator.signal(signal.SIGCONT)

@@ -1,11 +1,12 @@
 """A real Chromium at a real panel, for the tests that need one and for the pictures in the documentation."""
 
+import os
 import re
 import shutil
 import subprocess
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
@@ -124,9 +125,27 @@ class Browser:
         metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": True}
         self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
 
+    def signal(self, number: int) -> None:
+        """Send a signal to every process of the browser, but not to its driver."""
+        for process_id in _descendants(self.driver.service.process.pid):
+            os.kill(process_id, number)
+
     def picture(self, path: Path) -> None:
         """Save what is seen."""
         self.driver.save_screenshot(str(path))
+
+
+def _descendants(process_id: int) -> list[int]:
+    """Return the processes that a process has started, and those that they have."""
+    children: dict[int, list[int]] = {}
+    for place in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(FileNotFoundError, ProcessLookupError):  # it has just ended
+            children.setdefault(int(place.read_text().rpartition(")")[2].split()[1]), []).append(int(place.parent.name))
+    found, new = list[int](), [process_id]
+    while new:
+        new = [child for parent in new for child in children.get(parent, [])]
+        found += new
+    return found
 
 
 @contextmanager
