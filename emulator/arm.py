@@ -4,8 +4,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
-
 from steptwin.emulator.edges import FloatArray
 
 BASE = -1
@@ -80,9 +78,3 @@ class Arm:
     slopes: FloatArray
     offsets: FloatArray
     follow: Callable[[FloatArray, FloatArray], Following] | None = None
-
-
-def flywheel(inertia_kgm2: float) -> Arm:
-    """Return one wheel on one motor's shaft, as on a test bench."""
-    wheel = Body(BASE, False, np.eye(4), 0.0, np.zeros(3), np.diag([0.0, 0.0, inertia_kgm2]))
-    return Arm((wheel,), np.eye(1), np.zeros(1))

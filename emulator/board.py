@@ -74,7 +74,7 @@ class Board:
         self._hot = False
         """True while a driver holds its own Protect pin low."""
         self._watching_outputs = False
-        """True if somebody must know of each change of a digital output at once."""
+        """True if the board must report each change of a digital output at once."""
         self._output_changed = False
         """True if a digital output has changed since `take_output_change`."""
         self._on_record: dict[int, Callable[[PvtRecord], None]] = {}

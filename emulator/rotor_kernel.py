@@ -121,25 +121,23 @@ TURN = 12
 """Electrical turns by which the rotor is away from the field: each is four full steps lost."""
 SLIP_STEP = 13
 """Step of the first slip, -1 before it."""
-SLIPS = 14
-"""Number of slips; after the first the motion is chaotic and the number only about right."""
-HEAT = 15
+HEAT = 14
 """Temperature of the windings above the surroundings in K."""
-TORQUE = 16
+TORQUE = 15
 """Torque of the motor in the last step in Nm."""
-IN_J = 17
+IN_J = 16
 """Energy that the bridges have put into the phases."""
-COPPER_J = 18
+COPPER_J = 17
 """Energy lost in resistances."""
-DRAG_J = 19
+DRAG_J = 18
 """Energy lost in iron and bearings by drag and by damping of the spring."""
-RUBBED_J = 20
+RUBBED_J = 19
 """Energy lost to Coulomb friction, brake and end stops."""
-LOADED_J = 21
+LOADED_J = 20
 """Energy given to the bias force: weight and what turns with the arm."""
-IMPULSE = 22
+IMPULSE = 21
 """Impulse of friction, brake and end stop in the last step in Nm s."""
-STATE_FIELDS = 23
+STATE_FIELDS = 22
 
 # --- events
 
@@ -287,7 +285,6 @@ def turn(axes: list[float], state: list[float], axis: int, step: int) -> None:
         by = 1.0 if lag > 0.0 else -1.0
         state[x + TURN] += by
         lag -= 2.0 * PI * by
-        state[x + SLIPS] += 1.0
         if state[x + SLIP_STEP] < 0.0:
             state[x + SLIP_STEP] = float(step)
     if lag * lag > state[x + WORST] * state[x + WORST]:

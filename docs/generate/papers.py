@@ -13,7 +13,7 @@ PAPERS_FOLDER: Final = DOCS / "papers"
 
 
 def write_papers(runs: Runs) -> None:
-    """Write all pages; the pictures of before that none of them shows any more are deleted."""
+    """Write all pages; delete the pictures that no page shows any more."""
     PAPERS_FOLDER.mkdir(exist_ok=True)
     drawn = set()
     for name, paper in PAPERS.items():

@@ -288,7 +288,7 @@ class Expressions:
     def _own_call(self, node: ast.Call, name: str) -> Value:
         function = self._source.functions.get(name)
         if function is None:
-            raise self.error(node, f"{name} is no function of the kernel")
+            raise self.error(node, f"{name} is not a function of the kernel")
         arguments = []
         for parameter, argument in zip(function.args.args, node.args, strict=True):
             width = width_of(parameter.annotation)

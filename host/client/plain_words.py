@@ -1,4 +1,4 @@
-"""States and errors in the words of somebody who has never heard of the bus."""
+"""States and errors in an operator's words, without the bus."""
 
 from typing import Final
 
@@ -53,7 +53,7 @@ HINDRANCES: Final[dict[DigitalInput, str]] = {
 
 
 def hindrance_words(inputs: int) -> str | None:
-    """Return what keeps a drive with these inputs from being switched on; None if none of them does."""
+    """Return what keeps a drive with these inputs from being switched on; None: nothing does."""
     return next((words for bit, words in HINDRANCES.items() if inputs & bit), None)
 
 

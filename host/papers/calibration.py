@@ -26,16 +26,14 @@ from steptwin.host.papers.paper import (
     Value,
 )
 from steptwin.host.papers.run_results import run_listing, tool_values
-from steptwin.host.papers.runs import Runs
 from steptwin.host.papers.samples import transforms
-from steptwin.host.robots import load_robot
+from steptwin.host.papers.study import Study
 from steptwin.host.robots.calibration.identification import Identification, identify_errors, rms_mm
 from steptwin.host.robots.calibration.simulation import simulate_measurements
 from steptwin.host.robots.kinematics import Kinematics, make_kinematics
 from steptwin.host.robots.kinematics.chain import Chain
 from steptwin.host.robots.kinematics.dh import Convention
 from steptwin.host.robots.link_errors import QUANTITIES, LinkErrors
-from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.outcome import Outcome
 
 L1_MM: Final = 250.0
@@ -63,15 +61,10 @@ DISTURBED: Final = {
 
 
 @dataclass(frozen=True)
-class CalibrationStudy:
+class CalibrationStudy(Study):
     """What the items share: the robot with its kinematics, random joint positions, and the run of the demo."""
 
-    runs: Runs
-
-    @cached_property
-    def robot(self) -> Robot:
-        """The robot."""
-        return load_robot("calibration-scara")
+    robot_name = "calibration-scara"
 
     @cached_property
     def kinematics(self) -> Kinematics:
@@ -93,7 +86,7 @@ class CalibrationStudy:
     @property
     def outcome(self) -> Outcome:
         """The run of the demo."""
-        return self.runs.outcome("calibration-scara", "demo")
+        return self.run_of("demo")
 
     def tip_mm(self, joints: FloatArray, convention: Convention = Convention.STANDARD) -> FloatArray:
         """Return the tip, of shape (n, 3), by the table read in a convention."""

@@ -14,16 +14,13 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.papers.paper import DERIVED, Erratum, Formula, Item, Listing, Panel, Paper, Plot, RunPicture, Value
 from steptwin.host.papers.run_results import run_listing, tool_values
-from steptwin.host.papers.runs import Runs
 from steptwin.host.papers.samples import in_whole_steps, panels_over, pulses, tool_off_mm
+from steptwin.host.papers.study import Study
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.jobs.five_points import five_poses
 from steptwin.host.planning.jobs.helix import OPERATING_MODE, HelixOptions, helix_poses
-from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import AssemblyMode, HybridArm
 from steptwin.host.robots.kinematics.loop_closure import LoopClosure
-from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.outcome import Outcome
 
 DURATION_S: Final = 80.0
 STEPS: Final = 240
@@ -34,15 +31,10 @@ _OUTER_S: Final = 2.0
 
 
 @dataclass(frozen=True)
-class HybridStudy:
+class HybridStudy(Study):
     """What the items share: the robot, its five points, the helix at the paper's steps, and the runs."""
 
-    runs: Runs
-
-    @cached_property
-    def robot(self) -> Robot:
-        """The robot."""
-        return load_robot("hybrid-arm")
+    robot_name = "hybrid-arm"
 
     @cached_property
     def arm(self) -> HybridArm:
@@ -87,10 +79,6 @@ class HybridStudy:
         """Return the tool's distances from the helix at the dense instants."""
         wanted = helix_poses(self.dense_s / DURATION_S, HelixOptions())
         return np.asarray(np.linalg.norm(self.arm.forward(joints)[:, :3] - wanted[:, :3], axis=1))
-
-    def outcome(self, job: str) -> Outcome:
-        """Return the run of a job."""
-        return self.runs.outcome("hybrid-arm", job)
 
     def dimension(self, key: str) -> float:
         """Return a dimension in mm."""
@@ -247,7 +235,7 @@ POINTS: Final[Item[HybridStudy]] = Item(
         Value("pose and forward of inverse apart, largest of the five", "mm", 0.0,
               lambda study: float(_round_trip(study).max()), 1e-9, 9, DERIVED),
         Value("checks of the run that failed", "", None,
-              lambda study: len(study.outcome("five-points").report.reasons)),
+              lambda study: len(study.run_of("five-points").report.reasons)),
     ),
     listings=(
         Listing("The points, their joints, and the way back; at the end what the other assembly mode would make of the"
@@ -280,7 +268,7 @@ HELIX: Final[Item[HybridStudy]] = Item(
     " joints with Akima's splines of them, and compares the tip's path with the first one. The same is done here with"
     " our inverse. Four turns of radius 80 mm, 60 mm up at each, are assumed.",
     values=(
-        Value("duration", "s", DURATION_S, lambda study: study.outcome("helix").report.run.duration_s, 1e-9, 3),
+        Value("duration", "s", DURATION_S, lambda study: study.run_of("helix").report.run.duration_s, 1e-9, 3),
         Value("steps", "", STEPS, lambda study: len(study.joints) - 1),
         Value("tool off the helix, joints on Akima's splines, max", "mm", None,
               lambda study: float(study.off_helix_mm(_akima_joints(study)).max()), decimals=6),
@@ -290,12 +278,12 @@ HELIX: Final[Item[HybridStudy]] = Item(
         Value("tool off with joints in whole steps, max", "mm", None,
               lambda study: float(tool_off_mm(study.robot, in_whole_steps(study.robot, study.joints),
                                               study.joints).max()), decimals=6),
-        *tool_values(lambda study: study.outcome("helix")),
+        *tool_values(lambda study: study.run_of("helix")),
     ),
     listings=(
         Listing("Some of the samples", ("t s", "x mm", "y mm", "z mm", "th1 deg", "Z5 mm", "Z6 mm", "th4 deg"),
                 _helix_rows),
-        run_listing("helix", lambda study: study.outcome("helix")),
+        run_listing("helix", lambda study: study.run_of("helix")),
     ),
     pictures=(
         Plot("fig-6-tool", "The tool over time, prescribed and driven", _tool_panels),

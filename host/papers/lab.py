@@ -28,11 +28,9 @@ from steptwin.host.papers.paper import (
     WorkspacePicture,
 )
 from steptwin.host.papers.run_results import run_listing, tool_values
-from steptwin.host.papers.runs import Runs
+from steptwin.host.papers.study import Study
 from steptwin.host.planning.jobs.spiral import STEP_RAD, SpiralOptions, ZLaw, spiral_poses
-from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
-from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.outcome import Outcome
 
 A2_MM: Final = 400.0
@@ -52,15 +50,10 @@ def _sines(*angles_deg: float) -> tuple[float, ...]:
 
 
 @dataclass(frozen=True)
-class LabStudy:
+class LabStudy(Study):
     """What the items share: the robot, the spiral at the paper's 377 points, and its run."""
 
-    runs: Runs
-
-    @cached_property
-    def robot(self) -> Robot:
-        """The robot."""
-        return load_robot("lab-scara")
+    robot_name = "lab-scara"
 
     @cached_property
     def poses(self) -> FloatArray:
@@ -81,7 +74,7 @@ class LabStudy:
     @property
     def outcome(self) -> Outcome:
         """The run of the spiral."""
-        return self.runs.outcome("lab-scara", "spiral")
+        return self.run_of("spiral")
 
     def transforms(self, joints: FloatArray) -> FloatArray:
         """Return the tool's transforms, of shape (n, 4, 4), as the product of the DH table's."""

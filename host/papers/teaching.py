@@ -27,14 +27,12 @@ from steptwin.host.papers.paper import (
     Value,
 )
 from steptwin.host.papers.run_results import run_listing, tool_values
-from steptwin.host.papers.runs import Runs
 from steptwin.host.papers.samples import in_whole_steps, panels_over, pulses, tool_off_mm, transforms
+from steptwin.host.papers.study import Study
 from steptwin.host.planning.jobs.carry import GOAL_RAD, START_RAD
 from steptwin.host.planning.laws import Cubic, Quintic
 from steptwin.host.planning.motions.joint_move import JointMove
-from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
-from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.outcome import Outcome
 
 L1_MM: Final = 95.0
@@ -51,15 +49,10 @@ _TURNING: Final = ((0, "th1"), (1, "th2"), (3, "th4"))
 
 
 @dataclass(frozen=True)
-class TeachingStudy:
+class TeachingStudy(Study):
     """What the items share: the robot, the two points, the laws between them, and the run."""
 
-    runs: Runs
-
-    @cached_property
-    def robot(self) -> Robot:
-        """The robot."""
-        return load_robot("teaching-scara")
+    robot_name = "teaching-scara"
 
     @cached_property
     def cubic(self) -> JointMove:
@@ -94,7 +87,7 @@ class TeachingStudy:
     @property
     def outcome(self) -> Outcome:
         """The run of the carry."""
-        return self.runs.outcome("teaching-scara", "carry")
+        return self.run_of("carry")
 
     @cached_property
     def pose(self) -> list[float]:

@@ -28,14 +28,11 @@ from steptwin.host.papers.paper import (
     Value,
 )
 from steptwin.host.papers.run_results import run_listing, tool_values
-from steptwin.host.papers.runs import Runs
 from steptwin.host.papers.samples import in_whole_steps, panels_over, pulses, tool_off_mm, transforms
+from steptwin.host.papers.study import Study
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.laws import Trapezoid
-from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
-from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.outcome import Outcome
 
 L2_MM: Final = 200.0
 L3_MM: Final = 150.0
@@ -58,15 +55,10 @@ Y_MM: Final = L2_MM * sin(radians(0)) + L3_MM * sin(radians(60)) + L4_MM * sin(r
 
 
 @dataclass(frozen=True)
-class WarehouseStudy:
+class WarehouseStudy(Study):
     """What the items share: the robot, the drawer pull at the paper's samples, and the runs."""
 
-    runs: Runs
-
-    @cached_property
-    def robot(self) -> Robot:
-        """The robot."""
-        return load_robot("warehouse-scara")
+    robot_name = "warehouse-scara"
 
     @cached_property
     def t_s(self) -> FloatArray:
@@ -97,10 +89,6 @@ class WarehouseStudy:
         joints[:, 3] += np.abs(alpha_deg) - alpha_deg
         joints[:, 5] = 90.0 - joints[:, 3] - joints[:, 4]
         return joints
-
-    def outcome(self, job: str) -> Outcome:
-        """Return the run of a job."""
-        return self.runs.outcome("warehouse-scara", job)
 
     def position_mm(self, t_s: float) -> float:
         """Return how far the drawer is out at an instant."""
@@ -215,7 +203,7 @@ def _switch_rows(study: WarehouseStudy) -> list[list[str]]:
     return [
         [job, output.name, "on" if output.on else "off", f"{output.changed_s:.3f}"]
         for job in ("store", "fetch")
-        for output in study.outcome(job).report.outputs
+        for output in study.run_of(job).report.outputs
     ]
 
 
@@ -313,7 +301,7 @@ LAW: Final[Item[WarehouseStudy]] = Item(
     f"S = {TRAVEL_MM:g} mm in T = {DURATION_S:g} s; the ramps of t1 = {RAMP_S:g} s are assumed. With v = S / (T - t1)"
     " the corrected law is v t^2 / (2 t1) up to t1, v (t - t1 / 2) up to T - t1, and S - v (T - t)^2 / (2 t1) then.",
     values=(
-        Value("T", "s", 10.0, lambda study: study.outcome("drawer-pull").report.run.duration_s, 1e-9, 3),
+        Value("T", "s", 10.0, lambda study: study.run_of("drawer-pull").report.run.duration_s, 1e-9, 3),
         Value("way of the drawer", "mm", TRAVEL_MM, lambda study: study.position_mm(DURATION_S), 1e-9, 6),
         Value("speed between the ramps", "mm/s", None, lambda study: study.law.speed, decimals=3),
     ),
@@ -428,12 +416,12 @@ JOINTS: Final[Item[WarehouseStudy]] = Item(
             ),
             decimals=6,
         ),
-        *tool_values(lambda study: study.outcome("drawer-pull")),
+        *tool_values(lambda study: study.run_of("drawer-pull")),
     ),
     listings=(
         Listing("The joints every second, elbow on the right",
                 ("t s", "y mm", "th1 deg", "th2 deg", "th3 deg"), _joint_rows),
-        run_listing("drawer-pull", lambda study: study.outcome("drawer-pull")),
+        run_listing("drawer-pull", lambda study: study.run_of("drawer-pull")),
     ),
     pictures=(
         Plot("joints", "The joints during the pull", _joint_panels, columns=3),
@@ -465,10 +453,10 @@ PROCEDURE: Final[Item[WarehouseStudy]] = Item(
     "The paper describes the procedure; places and speeds are assumed. Both jobs run on the emulated board, and every"
     " pulse and every switched output is verified.",
     values=(
-        Value("duration of `store`", "s", None, lambda study: study.outcome("store").report.run.duration_s, decimals=3),
-        Value("duration of `fetch`", "s", None, lambda study: study.outcome("fetch").report.run.duration_s, decimals=3),
-        Value("checks of `store` that failed", "", None, lambda study: len(study.outcome("store").report.reasons)),
-        Value("checks of `fetch` that failed", "", None, lambda study: len(study.outcome("fetch").report.reasons)),
+        Value("duration of `store`", "s", None, lambda study: study.run_of("store").report.run.duration_s, decimals=3),
+        Value("duration of `fetch`", "s", None, lambda study: study.run_of("fetch").report.run.duration_s, decimals=3),
+        Value("checks of `store` that failed", "", None, lambda study: len(study.run_of("store").report.reasons)),
+        Value("checks of `fetch` that failed", "", None, lambda study: len(study.run_of("fetch").report.reasons)),
     ),
     listings=(Listing("Switched outputs", ("job", "output", "to", "at s"), _switch_rows, text_columns=3),),
     pictures=(

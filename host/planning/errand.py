@@ -8,7 +8,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.robots.shelf import Shelf
 
 A_BOX: Final = "box"
-"""Name of a box of which nobody has told the name."""
+"""Name of a box to which the user gave none."""
 
 
 class Carry(NamedTuple):

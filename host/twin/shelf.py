@@ -80,7 +80,7 @@ def shelf_wiring(
 
 
 def usual_stock(shelf: Shelf) -> dict[str, str]:
-    """Return the boxes of a shelf of which nobody says what is in it: one at each spot from which boxes come."""
+    """Return the boxes of a shelf without --stock: one at each spot from which boxes come."""
     return {name: f"{name}-box" for name, spot in shelf.spots.items() if not spot.clears and not spot.feeds}
 
 

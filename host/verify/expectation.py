@@ -33,7 +33,7 @@ class Expectation:
         actual_forward: forward kinematics with the errors of the DH parameters that the robot's file states: where the
             tool really is; None if it states none.
         robot: the machine, whose arm and limits pictures show beside the motion; None: they leave them out.
-        stock: the boxes that the motion is planned to leave at a shelf; None if nobody has planned that.
+        stock: the boxes that the motion is planned to leave at a shelf; None: the motion planned none.
 
     Raises:
         ValueError: the lengths do not agree.

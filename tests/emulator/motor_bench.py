@@ -6,7 +6,7 @@ from math import pi
 
 import numpy as np
 
-from steptwin.emulator.arm import BASE, Arm, Body, flywheel
+from steptwin.emulator.arm import BASE, Arm, Body
 from steptwin.emulator.edges import FloatArray
 from steptwin.emulator.mechanics import GRAVITY_M_S2
 from steptwin.emulator.motor import CATALOGUE, Motor
@@ -20,6 +20,12 @@ IDEAL = replace(MOTOR, detent_torque_nm=0.0, iron_drag_nm_s=0.0, friction_nm=0.0
 CURRENT_A = 2.0
 STIFF_SUPPLY_V = 400.0
 """Supply so high that the currents are what they should be."""
+
+
+def flywheel(inertia_kgm2: float) -> Arm:
+    """Return one wheel on one motor's shaft, as on a test bench."""
+    wheel = Body(BASE, False, np.eye(4), 0.0, np.zeros(3), np.diag([0.0, 0.0, inertia_kgm2]))
+    return Arm((wheel,), np.eye(1), np.zeros(1))
 
 
 def weight(load_nm: float, mass_kg: float = 1e3) -> Arm:

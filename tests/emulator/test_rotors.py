@@ -8,7 +8,6 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import curve_fit
 
-from steptwin.emulator.arm import flywheel
 from steptwin.emulator.edges import FloatArray
 from steptwin.emulator.rotors import Drive, DriverEvents
 from tests.emulator.motor_bench import (
@@ -17,6 +16,7 @@ from tests.emulator.motor_bench import (
     MOTOR,
     bench,
     field,
+    flywheel,
     natural_hz,
     standing,
     turned,
