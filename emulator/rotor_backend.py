@@ -1,12 +1,15 @@
 """Run the rotors' functions as plain Python on lists, or compiled by numba on arrays. Both give the same bytes."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any, cast
 
 from steptwin.controller.kernel import Function
+from steptwin.emulator import mechanics, rotor_kernel, rotor_run, sine
 from steptwin.emulator.mechanics import needed_by
 from steptwin.emulator.rotor_run import run_rotors
 
@@ -52,10 +55,10 @@ def compiled_rotors() -> RotorBackend:
 
     number, integer, numbers, indices = numba.float64, numba.int64, numba.float64[::1], numba.int64[::1]
 
-    # numba looks for changes only in the file of the function itself: after one in the functions that it calls, delete
-    # the cache. The test that compares the bytes fails until then.
     def compiled(function: Function, *arguments: Any) -> Function:
-        dispatcher = numba.njit(arguments, cache=True, error_model="numpy")(function)
+        dispatcher = numba.njit(cache=True, error_model="numpy")(function)
+        _drop_stale(Path(dispatcher.stats.cache_path))
+        dispatcher.compile(arguments)
         return cast("Function", dispatcher.get_overload(arguments))
 
     return RotorBackend(
@@ -74,6 +77,16 @@ def compiled_rotors() -> RotorBackend:
         ),
         need=compiled(needed_by, *10 * (numbers,), *2 * (integer,), number),
     )
+
+
+def _drop_stale(cache: Path) -> None:
+    """Delete what was compiled before a source last changed: numba looks only at the function's own file."""
+    changed_s = max(Path(str(module.__file__)).stat().st_mtime for module in (rotor_run, rotor_kernel, mechanics, sine))
+    for stem in ("rotor_run", "mechanics"):
+        for index in cache.glob(f"{stem}.*.nbi"):
+            with suppress(OSError):  # another process has deleted it, or it belongs to another user
+                if index.stat().st_mtime < changed_s:
+                    index.unlink()
 
 
 def fastest_rotors() -> RotorBackend:
