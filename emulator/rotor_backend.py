@@ -57,7 +57,8 @@ def compiled_rotors() -> RotorBackend:
 
     def compiled(function: Function, *arguments: Any) -> Function:
         dispatcher = numba.njit(cache=True, error_model="numpy")(function)
-        _drop_stale(Path(dispatcher.stats.cache_path))
+        if dispatcher.stats.cache_path is not None:
+            _drop_stale(Path(dispatcher.stats.cache_path))
         dispatcher.compile(arguments)
         return cast("Function", dispatcher.get_overload(arguments))
 
