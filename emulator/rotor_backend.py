@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from steptwin.controller.kernel import Function
-from steptwin.emulator import mechanics, rotor_kernel, rotor_run, sine
+from steptwin.emulator import mechanics, power_supply, rotor_kernel, rotor_run, sine
 from steptwin.emulator.mechanics import needed_by
 from steptwin.emulator.rotor_run import run_rotors
 
@@ -70,11 +70,11 @@ def compiled_rotors() -> RotorBackend:
             run_rotors,
             *3 * (numbers,),
             *2 * (indices,),
-            *16 * (numbers,),
+            *17 * (numbers,),
             *2 * (integer,),
             numba.boolean,
             *2 * (integer,),
-            *3 * (number,),
+            *2 * (number,),
         ),
         need=compiled(needed_by, *10 * (numbers,), *2 * (integer,), number),
     )
@@ -82,7 +82,8 @@ def compiled_rotors() -> RotorBackend:
 
 def _drop_stale(cache: Path) -> None:
     """Delete what was compiled before a source last changed: numba looks only at the function's own file."""
-    changed_s = max(Path(str(module.__file__)).stat().st_mtime for module in (rotor_run, rotor_kernel, mechanics, sine))
+    sources = (rotor_run, rotor_kernel, mechanics, power_supply, sine)
+    changed_s = max(Path(str(module.__file__)).stat().st_mtime for module in sources)
     for stem in ("rotor_run", "mechanics"):
         for index in cache.glob(f"{stem}.*.nbi"):
             with suppress(OSError):  # another process has deleted it, or it belongs to another user

@@ -27,10 +27,12 @@ sine and cosine are polynomials of our own. The storage is
     events      EVENT_FIELDS numbers for each change of an axis' driver, sorted by time; axis after axis,
     ends        for each axis the index behind its last event,
     cursors     for each axis the index of its next event,
-    forces      one number for each axis, for the kernel's own use.
+    forces      one number for each axis, for the kernel's own use,
+    supply      SUPPLY_FIELDS numbers of the supply that all share (`power_supply`).
 """
 
 from steptwin.controller.kernel import kernel_function
+from steptwin.emulator.power_supply import DRAWN_J, VOLTS, draw
 from steptwin.emulator.sine import sine_cosine
 
 DT_S = 1e-5
@@ -168,9 +170,10 @@ def freewheeled(wanted_v: float, emf_v: float, current_a: float, supply_v: float
 
 @kernel_function
 def advance_phase(
-    axes: list[float], state: list[float], p: int, x: int, phase: int, emf_v: float, supply_v: float
+    axes: list[float], state: list[float], supply: list[float], p: int, x: int, phase: int, emf_v: float
 ) -> float:
     """Advance one phase's current by a step; return its mean over the step."""
+    supply_v = supply[VOLTS]
     current, wanted = state[x + CURRENT_A + phase], state[x + WANTED_A + phase]
     resistance, decay = axes[p + RESISTANCE], axes[p + DECAY]
     if state[x + ON] > 0.0:
@@ -186,6 +189,7 @@ def advance_phase(
     # The mean of the square over the step: exp(-t) has the mean MEAN, exp(-2t) has MEAN (1 + decay) / 2.
     square = final * final + apart * axes[p + MEAN] * (2.0 * final + apart * 0.5 * (1.0 + decay))
     state[x + IN_J] += volts * mean * DT_S
+    supply[DRAWN_J] += volts * mean * DT_S
     state[x + COPPER_J] += resistance * square * DT_S
     state[x + HEAT] += axes[p + HEATING] * axes[p + WINDING_OHM] * square
     return mean
@@ -206,12 +210,12 @@ def take_events(
 
 
 @kernel_function
-def motor_torque(axes: list[float], state: list[float], p: int, x: int, supply_v: float) -> float:
+def motor_torque(axes: list[float], state: list[float], supply: list[float], p: int, x: int) -> float:
     """Advance an axis' currents by a step; return the motor's torque, without its drag."""
     s, c = sine_cosine(state[x + ANGLE])
     km, speed = axes[p + KM], state[x + SPEED]
-    mean_a = advance_phase(axes, state, p, x, 0, -km * speed * s, supply_v)
-    mean_b = advance_phase(axes, state, p, x, 1, km * speed * c, supply_v)
+    mean_a = advance_phase(axes, state, supply, p, x, 0, -km * speed * s)
+    mean_b = advance_phase(axes, state, supply, p, x, 1, km * speed * c)
     state[x + HEAT] -= axes[p + COOLING] * state[x + HEAT]
     double_sine, double_cosine = 2.0 * s * c, c * c - s * s
     torque = km * (mean_b * c - mean_a * s)
@@ -304,8 +308,8 @@ def push_coordinates(state: list[float], inverse: list[float], forces: list[floa
 @kernel_function
 def advance_rotors(
     axes: list[float], state: list[float], inverse: list[float], bias: list[float], events: list[float],
-    ends: list[int], cursors: list[int], forces: list[float], count: int, first_step: int, steps: int,
-    first_counts: float, supply_v: float,
+    ends: list[int], cursors: list[int], forces: list[float], supply: list[float], count: int, first_step: int,
+    steps: int, first_counts: float,
 ) -> None:  # fmt: skip
     """Advance all axes by a number of steps, the first of which begins at an instant in counts."""
     for step in range(first_step, first_step + steps):
@@ -313,7 +317,7 @@ def advance_rotors(
         for axis in range(count):
             p, x = axis * AXIS_FIELDS, axis * STATE_FIELDS
             take_events(state, events, ends, cursors, axis, now)
-            torque = motor_torque(axes, state, p, x, supply_v)
+            torque = motor_torque(axes, state, supply, p, x)
             speed = state[x + SPEED]
             if axes[p + ELASTIC] > 0.0:
                 twist = (state[x + ANGLE] - axes[p + MOUNTING]) / axes[p + TEETH] - state[x + PLACE]
@@ -326,6 +330,7 @@ def advance_rotors(
                 state[x + DRAG_J] += axes[p + DRAG] * speed * speed * DT_S
                 forces[axis] = torque - axes[p + DRAG] * speed - bias[axis]
             state[x + LOADED_J] += bias[axis] * state[x + RATE] * DT_S
+        draw(supply, DT_S)
         push_coordinates(state, inverse, forces, count)
         rub(axes, state, inverse, bias, forces, count)
         for axis in range(count):

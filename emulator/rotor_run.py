@@ -24,9 +24,9 @@ def run_rotors(
     bodies: list[float], motion: list[float], slopes: list[float], offsets: list[float],
     places: list[float], rates: list[float], drifts: list[float],
     zeros: list[float], unit: list[float], torques: list[float], masses: list[float], matrix: list[float],
-    inverse: list[float], bias: list[float], forces: list[float], kept: list[float],
+    inverse: list[float], bias: list[float], forces: list[float], supply: list[float], kept: list[float],
     count: int, axis_count: int, linear: bool, first_step: int, milliseconds: int,
-    first_counts: float, supply_v: float, gravity: float,
+    first_counts: float, gravity: float,
 ) -> None:  # fmt: skip
     """Turn the rotors for some ms and keep the state after each.
 
@@ -41,7 +41,7 @@ def run_rotors(
             count, axis_count, gravity,
         )  # fmt: skip
         advance_rotors(
-            axes, state, inverse, bias, events, ends, cursors, forces, axis_count, first_step + ms * REFRESH_STEPS,
-            REFRESH_STEPS, first_counts + ms * REFRESH_STEPS * DT_COUNTS, supply_v,
+            axes, state, inverse, bias, events, ends, cursors, forces, supply, axis_count,
+            first_step + ms * REFRESH_STEPS, REFRESH_STEPS, first_counts + ms * REFRESH_STEPS * DT_COUNTS,
         )  # fmt: skip
         keep(state, kept, ms, axis_count)

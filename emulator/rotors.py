@@ -16,6 +16,7 @@ from steptwin.emulator import rotor_kernel as rk
 from steptwin.emulator.arm import Arm, Following
 from steptwin.emulator.edges import FloatArray, Int64Array
 from steptwin.emulator.motor import FULL_STEPS_PER_TOOTH, Motor
+from steptwin.emulator.power_supply import GIVEN_J, HIGHEST_V, LOST_J, LOWEST_V, PowerSupply
 from steptwin.emulator.rotor_backend import Numbers, RotorBackend, fastest_rotors
 from steptwin.emulator.rotor_run import REFRESH_STEPS
 
@@ -154,20 +155,21 @@ class Rotors:
         self,
         drives: Sequence[Drive],
         arm: Arm,
-        supply_v: float,
+        supply: PowerSupply,
         rotor_rad: Sequence[float],
         from_counts: int = 0,
         backend: RotorBackend | None = None,
         gravity_m_s2: float = mechanics.GRAVITY_M_S2,
     ) -> None:
         self._backend = backend or fastest_rotors()
-        self._arm, self._supply_v, self._gravity = arm, supply_v, gravity_m_s2
+        self._arm, self._gravity = arm, gravity_m_s2
         self._axes, self._bodies = len(drives), len(arm.bodies)
         numbers = self._backend.numbers
         self._parameters = numbers([value for drive in drives for value in drive.numbers()])
         self._teeth = [drive.motor.teeth for drive in drives]
         self._mounting_rad = [drive.mounting_rad for drive in drives]
         self._tree = numbers([value for body in arm.bodies for value in body.numbers()])
+        self._supply = numbers(supply.numbers(rk.DT_S))
         self._state = numbers(
             [value for drive, angle in zip(drives, rotor_rad, strict=True) for value in _rest(drive, angle)]
         )
@@ -219,9 +221,9 @@ class Rotors:
             self._parameters, self._state, table, ends, cursors,
             self._tree, storage.motion, self._slopes, self._offsets, storage.places, storage.rates, storage.drifts,
             storage.zeros, storage.unit, storage.torques, storage.masses, storage.matrix,
-            storage.inverse, storage.bias, storage.forces, kept,
+            storage.inverse, storage.bias, storage.forces, self._supply, kept,
             self._bodies, self._axes, self._arm.follow is None, self._steps, milliseconds,
-            float(self.counts), self._supply_v, self._gravity,
+            float(self.counts), self._gravity,
         )  # fmt: skip
         self._steps += REFRESH_STEPS * milliseconds
 
@@ -256,6 +258,16 @@ class Rotors:
         """Return the instant of each axis' first slip in counts; None if it has not slipped."""
         steps = self._column(rk.SLIP_STEP).tolist()
         return [None if step < 0 else self._began_counts + int(step) * rk.DT_COUNTS for step in steps]
+
+    @property
+    def supply_span_v(self) -> tuple[float, float]:
+        """The lowest and the highest voltage at the drivers so far."""
+        return float(self._supply[LOWEST_V]), float(self._supply[HIGHEST_V])
+
+    @property
+    def supply_given_j(self) -> tuple[float, float]:
+        """Energy that the source has given so far, and the part of it that its resistance has lost."""
+        return float(self._supply[GIVEN_J]), float(self._supply[LOST_J])
 
     def energies(self) -> Energies:
         """Return where the energy has gone, for each axis."""

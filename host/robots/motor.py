@@ -131,24 +131,44 @@ class Dynamics:
     """What all motors share.
 
     Attributes:
-        supply_v: supply of the drivers.
+        supply_v: supply of the drivers, without load.
+        supply_ohm: resistance of the supply and its wires, by which it sags; 0: it does not.
+        supply_uf: capacitors at the drivers, in microfarad, which hold what braking motors give back.
         payload_kg: mass at the tool's tip.
         payload_held_by: output while which is on the payload hangs at the tool; empty: always.
 
     Raises:
-        InputError: a supply that a TB6560 does not take, or a negative mass.
+        InputError: a supply that a TB6560 does not take, one that sags without capacitors, or a negative figure.
     """
 
     supply_v: float
+    supply_ohm: float = 0.0
+    supply_uf: float = 0.0
     payload_kg: float = 0.0
     payload_held_by: str = ""
 
     def __post_init__(self) -> None:
+        check_all(self._check_voltage, self._check_sag, self._check_payload)
+
+    def _check_voltage(self) -> None:
         if not SUPPLY_MIN_V <= self.supply_v <= SUPPLY_MAX_V:
             raise InputError(
                 f"supply_v: {self.supply_v:g} V is outside {SUPPLY_MIN_V:g}..{SUPPLY_MAX_V:g} V,"
                 " the TB6560AHQ's operating range"
             )
+
+    def _check_sag(self) -> None:
+        for key, unit in (("supply_ohm", "ohm"), ("supply_uf", "uF")):
+            value = getattr(self, key)
+            if not value >= 0.0:
+                raise InputError(f"{key}: {value:g} {unit} is negative")
+        if self.supply_ohm > 0.0 and self.supply_uf < SUPPLY_UF_MIN:
+            raise InputError(
+                f"supply_uf: {self.supply_uf:g} uF is less than {SUPPLY_UF_MIN:g} uF: with supply_ohm something must"
+                " hold what braking motors give back"
+            )
+
+    def _check_payload(self) -> None:
         if not self.payload_kg >= 0.0:
             raise InputError(f"payload_kg: {self.payload_kg:g} kg is negative")
 
@@ -156,5 +176,7 @@ class Dynamics:
 SUPPLY_MIN_V: Final = 4.5
 SUPPLY_MAX_V: Final = 34.0
 """Operating range of VM (TB6560AHQ datasheet, page 6)."""
+SUPPLY_UF_MIN: Final = 100.0
+"""Less than any board has; the voltage would change by volts within a step of integration."""
 
 MOTOR_KEYS: Final = tuple(field.name for field in fields(JointMotor) if field.name != "model")

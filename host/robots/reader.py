@@ -340,7 +340,12 @@ _ROBOT_OPTIONAL: Final[dict[str, Reading]] = {
     "boxes": partial(_each, _box),
     "shelf": _shelf,
     "dynamics": _settings(
-        Dynamics, {"supply_v": Table.number}, {"payload_kg": Table.number, "payload_held_by": Table.text}
+        Dynamics,
+        {"supply_v": Table.number},
+        {
+            **dict.fromkeys(("supply_ohm", "supply_uf", "payload_kg"), Table.number),
+            "payload_held_by": Table.text,
+        },
     ),
 }
 _JOINT: Final[dict[str, Reading]] = {

@@ -10,6 +10,7 @@ from steptwin.emulator.arm import BASE, Arm, Body
 from steptwin.emulator.edges import FloatArray
 from steptwin.emulator.mechanics import GRAVITY_M_S2
 from steptwin.emulator.motor import CATALOGUE, Motor
+from steptwin.emulator.power_supply import PowerSupply
 from steptwin.emulator.rotor_backend import RotorBackend
 from steptwin.emulator.rotor_kernel import DT_COUNTS, DT_S
 from steptwin.emulator.rotors import Drive, DriverEvents, RotorRecord, Rotors
@@ -45,10 +46,11 @@ def weight_inertia(load_nm: float, mass_kg: float = 1e3) -> float:
 
 def bench(
     drive: Drive, arm: Arm | None = None, *, supply_v: float = STIFF_SUPPLY_V, load_angle: float = 0.0,
-    backend: RotorBackend | None = None,
+    backend: RotorBackend | None = None, supply: PowerSupply | None = None,
 ) -> Rotors:  # fmt: skip
     """Return a motor at rest, `load_angle` electrical rad behind a field at 0."""
-    return Rotors([drive], arm or flywheel(0.0), supply_v, [-load_angle / drive.motor.teeth], backend=backend)
+    supply = supply or PowerSupply(supply_v)
+    return Rotors([drive], arm or flywheel(0.0), supply, [-load_angle / drive.motor.teeth], backend=backend)
 
 
 def field(

@@ -8,6 +8,7 @@ from steptwin.emulator import mechanics
 from steptwin.emulator.arm import BASE, Arm, Body
 from steptwin.emulator.mechanics import GRAVITY_M_S2, MOTION_FIELDS
 from steptwin.emulator.motor import CATALOGUE
+from steptwin.emulator.power_supply import PowerSupply
 from steptwin.emulator.rotor_backend import RotorBackend, compiled_rotors, python_rotors
 from steptwin.emulator.rotors import Drive, DriverEvents, Rotors
 
@@ -134,7 +135,7 @@ def driven(backend: RotorBackend, milliseconds: int) -> bytes:
     drives = [Drive(motor, 0.6, friction_nm=0.02, efficiency=0.9, brake_nm=0.2) for _ in range(5)]
     drives.append(Drive(motor, 0.6, stiffness_nm_rad=8.0, damping_nm_s=0.001, lower_rad=-0.2))
     arm = Arm(random_tree(5), np.eye(6) / 20.0, np.zeros(6))
-    rotors = Rotors(drives, arm, 24.0, [0.0] * 6, backend=backend)
+    rotors = Rotors(drives, arm, PowerSupply(24.0, 0.2, 470e-6), [0.0] * 6, backend=backend)
     events = []
     for axis in range(6):
         counts = np.arange(1000 * axis, 72_000 * milliseconds, 5000 + 700 * axis)

@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import curve_fit
 
 from steptwin.emulator.edges import FloatArray
+from steptwin.emulator.power_supply import PowerSupply
 from steptwin.emulator.rotors import Drive, DriverEvents
 from tests.emulator.motor_bench import (
     CURRENT_A,
@@ -132,6 +133,48 @@ def test_the_energy_goes_where_it_is_said_to_go() -> None:
     assert record.lost_full_steps[-1, 0] == 0.0
     assert went.driven[0] == pytest.approx(lost + moving + stored, rel=1e-3)
     assert went.loaded[0] == pytest.approx(wheel_load * record.rotor_rad[-1, 0], rel=1e-3)
+
+
+SAGGING = PowerSupply(24.0, ohm=0.5, farad=220e-6)
+
+
+def test_a_supply_sags_by_the_current_that_it_gives() -> None:
+    """At rest the phases take R I^2: u = V - r P / u."""
+    rotors = bench(Drive(MOTOR, 0.6), flywheel(1e-4), supply=SAGGING)
+    turned(rotors, standing(), 100)
+    power_w = (MOTOR.resistance_ohm + 0.6) * CURRENT_A**2
+    settled_v = SAGGING.volt / 2.0 + sqrt(SAGGING.volt**2 / 4.0 - SAGGING.ohm * power_w)
+    lowest_v, highest_v = rotors.supply_span_v
+    assert highest_v == SAGGING.volt
+    assert lowest_v < settled_v  # while the current rises, the coils are charged too
+    rotors.advance(100)
+    given_before, lost_before = rotors.supply_given_j
+    drawn_before = rotors.energies().driven[0]
+    rotors.advance(100)
+    given, lost = (now - before for now, before in zip(rotors.supply_given_j, (given_before, lost_before), strict=True))
+    assert rotors.energies().driven[0] - drawn_before == pytest.approx(0.1 * power_w, rel=1e-6)
+    assert given == pytest.approx(0.1 * SAGGING.volt * (SAGGING.volt - settled_v) / SAGGING.ohm, rel=1e-6)
+    assert lost == pytest.approx(0.1 * (SAGGING.volt - settled_v) ** 2 / SAGGING.ohm, rel=1e-6)
+
+
+def test_a_braking_motor_pumps_up_the_supply_and_no_energy_is_lost() -> None:
+    """A heavy wheel is sped up and braked: what the source gives is lost, or is in coils and capacitors at the end."""
+    rotors = bench(Drive(MOTOR, 0.6), flywheel(2.8e-4), supply=SAGGING)
+
+    def there(t: FloatArray) -> FloatArray:
+        part = np.clip(t / 0.3, 0.0, 1.0)
+        return np.asarray(300.0 * (part - np.sin(2.0 * pi * part) / (2.0 * pi)))
+
+    record = turned(rotors, field(there, 0.4, current_a=1.0, fast=1.0), 400)
+    assert record.lost_full_steps[-1, 0] == 0.0
+    lowest_v, highest_v = rotors.supply_span_v
+    assert lowest_v < SAGGING.volt - 0.1
+    assert highest_v > SAGGING.volt + 0.5
+    given, lost = rotors.supply_given_j
+    went = rotors.energies()
+    coils = MOTOR.inductance_h / 2.0
+    assert given - lost == pytest.approx(went.driven[0], rel=1e-3)
+    assert went.driven[0] == pytest.approx(went.copper[0] + went.drag[0] + went.rubbed[0] + coils, rel=1e-3)
 
 
 def test_a_free_rotor_keeps_its_momentum() -> None:

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from steptwin.emulator.motor import CATALOGUE, FULL_STEPS_PER_TOOTH, Motor
+from steptwin.emulator.power_supply import PowerSupply
 from steptwin.emulator.pull_out import Supply
 from steptwin.emulator.rotors import Drive, RotorRecord, Rotors
 from steptwin.emulator.tb6560 import SENSE_OHM
@@ -76,6 +77,11 @@ def check_described(robot: Robot) -> Dynamics:
     return robot.dynamics
 
 
+def power_supply(dynamics: Dynamics) -> PowerSupply:
+    """Return the supply of a robot's drivers."""
+    return PowerSupply(dynamics.supply_v, dynamics.supply_ohm, 1e-6 * dynamics.supply_uf)
+
+
 def drive_of(joint: Joint, mounting_rad: float, sense_ohm: float = SENSE_OHM) -> Drive:
     """Return the drive of a joint that has a motor."""
     chosen, transmission = joint.motor, joint.transmission
@@ -115,7 +121,7 @@ def rotors_after_run(
         events.append(record.events(record.first_on_rad))
     arms = (arm_of(robot, 0.0), arm_of(robot, dynamics.payload_kg))
     held = _held(robot, dynamics, evidence)
-    rotors = Rotors(drives, arms[held(0)], dynamics.supply_v, starts_rad)
+    rotors = Rotors(drives, arms[held(0)], power_supply(dynamics), starts_rad)
     rotors.feed(events)
     total_ms = max(axis.last_counts for axis in evidence.axes) // COUNTS_PER_MS + _SETTLING_MS
     parts: list[RotorRecord] = []
