@@ -18,11 +18,13 @@ from steptwin.emulator.operations import (
     EmergencyStop,
     Operation,
     SetInput,
+    Slip,
     StuckSwitch,
     Supply,
 )
 from steptwin.emulator.surroundings import AxisSurroundings, Surroundings
 from steptwin.emulator.switches import Switch, Travel
+from steptwin.emulator.tb6560 import FULL_STEP_SIXTEENTHS
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.dictionary import FlashPage
 from steptwin.protocol.frame import FIRST_NODE_ID
@@ -137,7 +139,10 @@ class Board:
         )
 
     def operate(self, operation: Operation, now_counts: int) -> None:
-        """Operate the machine. The firmware sees inputs with the next tick, measured values at once."""
+        """Operate the machine. The firmware sees inputs with the next tick, measured values at once.
+
+        What happens at the drivers and motors happens at the start of the next tick, since pulses are computed ahead.
+        """
         match operation:
             case EmergencyStop(pressed):
                 self._inputs.emergency_stop = pressed
@@ -148,6 +153,10 @@ class Board:
                 self._inputs.set_general(axis, which, on=on)
             case StuckSwitch(axis, which, closed):
                 self._inputs.stick(axis, which, closed=closed)
+            case Slip(axis, full_steps):
+                self.drain()
+                self._drivers.slip(axis, full_steps, self.firmware.motion.tick * TICK_COUNTS)
+                self._inputs.shift(axis, full_steps * FULL_STEP_SIXTEENTHS, self.firmware.motion)
             case Supply(supply_10mv):
                 self._measure(replace(self._measurements, supply_10mv=supply_10mv), now_counts)
             case BoardTemperature(temperature_decidegc):
@@ -350,12 +359,12 @@ class Board:
     def position_sixteenths(self, axis: int) -> int:
         """Return the position of an axis' rotor since power-up, in sixteenths of a full step."""
         self._drain_axis(axis)
-        return self._drivers.drivers[axis].position_sixteenths
+        return self._drivers.rotor_sixteenths(axis)
 
     def positions_sixteenths(self) -> list[int]:
         """Return `position_sixteenths` of all axes."""
         self.drain()
-        return [driver.position_sixteenths for driver in self._drivers.drivers]
+        return [self._drivers.rotor_sixteenths(axis) for axis in range(self.config.axis_count)]
 
     def driver_microsteps(self, axis: int) -> int:
         """Return the microsteps per full step that an axis' driver makes, whatever the firmware takes them for."""

@@ -13,7 +13,7 @@ from steptwin.emulator.driver import Driver
 from steptwin.emulator.driver_module import ClkEdge, Module
 from steptwin.emulator.edges import Int8Array, Int64Array
 from steptwin.emulator.inputs import BoardInputs
-from steptwin.emulator.tb6560 import Input, LevelChange, Outputs, Pins, Violations
+from steptwin.emulator.tb6560 import FULL_STEP_SIXTEENTHS, Input, LevelChange, Outputs, Pins, Violations
 
 WIRING = {
     Pin.RESET: Input.RESET,
@@ -53,6 +53,10 @@ class AxisTrace:
     """Steps counted since power-up."""
     position_sixteenths: int
     """Position of the rotor since power-up, in sixteenths of a full step."""
+    slip_counts: Int64Array
+    """Instants at which the rotor fell out of step."""
+    slip_full_steps: Int64Array
+    """Full steps by which it slipped at each of them, with their sign."""
 
 
 class DriverBank:
@@ -73,6 +77,10 @@ class DriverBank:
         """All edges at the drivers' terminals that are not forgotten, by axis."""
         self._pin_levels: dict[tuple[int, Pin], int] = {}
         self._dir_levels = [0] * len(self.drivers)
+        self._slips: list[list[tuple[int, int]]] = [[] for _ in self.drivers]
+        """Slips of each axis' rotor that are not forgotten: instant, and full steps."""
+        self._slipped_sixteenths = [0] * len(self.drivers)
+        """Sum of all slips of each axis' rotor."""
 
     # --- in
 
@@ -123,6 +131,11 @@ class DriverBank:
             axis, *moves, held_pulses=driver.held_pulses, step_sixteenths=driver.excitation.step_sixteenths
         )
 
+    def slip(self, axis: int, full_steps: int, counts: int) -> None:
+        """Let an axis' rotor fall out of step by full steps."""
+        self._slips[axis].append((counts, full_steps))
+        self._slipped_sixteenths[axis] += full_steps * FULL_STEP_SIXTEENTHS
+
     def cut_off(self, all_edges: Sequence[PinEdges], counts: int) -> list[PinEdges]:
         """Return the edges that remain when the power goes: begun pulses end, and DIR falls if it is high."""
         befores = zip(all_edges, self._dir_levels, strict=True)
@@ -134,6 +147,10 @@ class DriverBank:
         """Return the counts of an axis' driver, over all pulses that it has seen, and its present mode."""
         driver = self.drivers[axis]
         return DriverMonitor(driver.position_steps, driver.lost_steps, driver.violation_count, driver.excitation)
+
+    def rotor_sixteenths(self, axis: int) -> int:
+        """Return the position of an axis' rotor since power-up, in sixteenths of a full step."""
+        return self.drivers[axis].position_sixteenths + self._slipped_sixteenths[axis]
 
     def trace(self, axis: int, until_counts: int) -> AxisTrace:
         """Return everything that happened at an axis' driver up to an instant and is not forgotten."""
@@ -153,12 +170,15 @@ class DriverBank:
             violations=driver.violations,
             outputs=driver.outputs,
             position_steps=driver.position_steps,
-            position_sixteenths=driver.position_sixteenths,
+            position_sixteenths=self.rotor_sixteenths(axis),
+            slip_counts=np.array([counts for counts, _ in self._slips[axis]], dtype=np.int64),
+            slip_full_steps=np.array([full_steps for _, full_steps in self._slips[axis]], dtype=np.int64),
         )
 
     def forget(self, axis: int) -> None:
         """Begin the next trace of an axis here."""
         self._pins[axis] = [_pins(PinEdges([], []), [], 0)]
+        self._slips[axis].clear()
         self.drivers[axis].forget()
 
 

@@ -96,6 +96,17 @@ class BoardInputs:
         if axis in self._followed and counts.size:
             self._ahead[axis].append((counts, sixteenths))
 
+    def shift(self, rotor: int, sixteenths: int, motion: Motion) -> None:
+        """Turn a rotor by more than its driver has made, at the start of the next tick."""
+        self._rotors_sixteenths[rotor] += sixteenths
+        self.unsettle(rotor, motion)
+
+    def unsettle(self, rotor: int, motion: Motion) -> None:
+        """Read the switches that a rotor may reach with the next tick: it has moved, or its steps have changed."""
+        axes = {axis for axis in self._switched if rotor in self._travels[axis].rotors}
+        self._just_started |= axes
+        self._due_ticks |= dict.fromkeys(axes, motion.tick)
+
     def due_tick(self, motion: Motion) -> int | None:
         """Return the tick up to whose start no switch can change; None while no axis with switches moves."""
         if motion.starts != self._starts_seen:

@@ -12,6 +12,9 @@ SUPPLIES_10MV: Final = range(1 << 16)
 TEMPERATURES_DECIDEGC: Final = range(-(1 << 15), 1 << 15)
 """Temperatures that the board can measure: those of its object 0x2002:01, a signed integer of 16 bits."""
 
+CYCLE_FULL_STEPS: Final = 4
+"""Full steps in an electrical cycle: after so many the motor's torque at the same field is the same again."""
+
 
 @dataclass(frozen=True, slots=True)
 class EmergencyStop:
@@ -77,7 +80,25 @@ class StuckSwitch:
             raise ValueError(f"a switch is one of {', '.join(map(str, SWITCH_INPUTS))}, not {self.switch!r}")
 
 
-AxisOperation = DriverProtect | SetInput | StuckSwitch
+@dataclass(frozen=True, slots=True)
+class Slip:
+    """A motor falls out of step: its rotor jumps by full steps that no driver has made, as an overload makes it.
+
+    The rotor locks again where the field has the same angle: so it slips by whole electrical cycles of 4 full steps.
+    """
+
+    axis: int
+    full_steps: int
+    """Positive towards higher positions."""
+
+    def __post_init__(self) -> None:
+        if not self.full_steps or self.full_steps % CYCLE_FULL_STEPS:
+            raise ValueError(
+                f"full_steps {self.full_steps} is not a multiple of {CYCLE_FULL_STEPS}, such as {-CYCLE_FULL_STEPS}"
+            )
+
+
+AxisOperation = DriverProtect | SetInput | StuckSwitch | Slip
 """Operations at the connector of one axis."""
 Operation = EmergencyStop | Supply | BoardTemperature | AxisOperation
 

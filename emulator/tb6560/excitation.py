@@ -11,7 +11,8 @@ import numpy as np
 
 from steptwin.emulator.edges import Int8Array, Int64Array
 
-CYCLE_SIXTEENTHS: Final = 64
+FULL_STEP_SIXTEENTHS: Final = 16
+CYCLE_SIXTEENTHS: Final = 4 * FULL_STEP_SIXTEENTHS
 _QUARTER: Final = CYCLE_SIXTEENTHS // 4
 
 VECTOR_PERCENT: Final = (100, 100, 98, 96, 92, 88, 83, 77, 71, 63, 56, 47, 38, 29, 20, 10, 0)

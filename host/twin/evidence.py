@@ -11,7 +11,7 @@ from steptwin.emulator.driver_bank import AxisTrace
 from steptwin.emulator.edges import NO_COUNTS, NO_LEVELS, Int64Array
 from steptwin.emulator.tb6560 import LimitUnit, Outputs, Violations
 from steptwin.host.robots.board_settings import ActiveEdge
-from steptwin.host.verify import AxisEvidence, DriverLimit, DriverViolations, LevelEdges, Phases
+from steptwin.host.verify import AxisEvidence, DriverLimit, DriverViolations, LevelEdges, Phases, Slips
 from steptwin.protocol.timer import COUNTS_PER_US
 
 _SCALES: Final = {
@@ -39,6 +39,7 @@ def axis_evidence(
         violations=_violations(trace.violations),
         phases=_phases(trace.outputs),
         pins=_level_edges(axis, changes),
+        slips=Slips(trace.slip_counts, trace.slip_full_steps),
     )
 
 

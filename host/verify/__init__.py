@@ -6,6 +6,7 @@ The verifier shares no code with the firmware that it judges.
 from steptwin.host.verify.comparison import Comparison, compare
 from steptwin.host.verify.consistency import contradictions
 from steptwin.host.verify.evidence import (
+    NO_SLIPS,
     AxisEvidence,
     DriverLimit,
     DriverViolations,
@@ -15,6 +16,7 @@ from steptwin.host.verify.evidence import (
     Phases,
     ShelfEvent,
     ShelfEvidence,
+    Slips,
 )
 from steptwin.host.verify.excitation import motor_moves
 from steptwin.host.verify.expectation import Expectation, Forward
@@ -31,6 +33,7 @@ from steptwin.host.verify.verifier import (
 from steptwin.host.verify.violations import ViolationReport
 
 __all__ = [
+    "NO_SLIPS",
     "POSITION_ERROR_LIMIT_STEPS",
     "THRESHOLD_TOLERANCE_STEPS",
     "AxisEvidence",
@@ -52,6 +55,7 @@ __all__ = [
     "RunInfo",
     "ShelfEvent",
     "ShelfEvidence",
+    "Slips",
     "ToolReport",
     "ViolationReport",
     "compare",

@@ -14,12 +14,14 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 class CountedSteps:
     """Steps of one axis that its driver accepted from the trajectory's t = 0 on.
 
+    A motor that slips between two steps counts as slipped from the first of the two on.
+
     Attributes:
         time_s: shape (steps,), instant of each step in the trajectory's time.
         signs: shape (steps,), direction of each step, +1 or -1.
         counters: shape (steps + 1,), the driver's count before each step and after the last one.
         positions: shape (steps + 1,), the motor's positions at the same instants, in steps of the planned mode from the
-            joint's zero. They are the counts, unless the driver made steps of another mode.
+            joint's zero. They are the counts, unless the driver made steps of another mode or the motor slipped.
         longer_by: factors, other than 1, by which steps were longer than those of the planned mode.
     """
 
@@ -64,11 +66,26 @@ def counted_steps(axis: AxisEvidence, start_counts: int, microsteps: int | None 
     first = int(np.searchsorted(axis.step_counts, start_counts, side="left"))
     moves = motor_moves(axis, microsteps)
     positions = axis.start_steps + np.concatenate(([0.0], np.cumsum(moves)))[first:]
+    start_steps = positions[0]
+    if axis.slips.counts.size:
+        slipped, slipped_before = _slipped_steps(axis, start_counts, microsteps)
+        positions, start_steps = positions + slipped[first:], start_steps + slipped_before
     signs = axis.step_signs[first:]
     return CountedSteps(
         time_s=(axis.step_counts[first:] - start_counts) / COUNTS_PER_SECOND,
         signs=signs,
-        counters=int(np.floor(positions[0] + 0.5)) + np.concatenate(([0], np.cumsum(signs, dtype=np.int64))),
+        counters=int(np.floor(start_steps + 0.5)) + np.concatenate(([0], np.cumsum(signs, dtype=np.int64))),
         positions=positions,
         longer_by=tuple(sorted(set(np.abs(moves[first:][np.abs(moves[first:]) != 1.0]).tolist()))),
     )
+
+
+def _slipped_steps(axis: AxisEvidence, start_counts: int, microsteps: int | None) -> tuple[Int64Array, int]:
+    """Return by how many steps the motor has slipped before each step and after the last one, and before t = 0."""
+    if microsteps is None:
+        raise ValueError(f"{axis.name}: its motor slipped; how many steps that are, only the planned microsteps tell")
+    slips = axis.slips
+    steps = slips.full_steps * microsteps
+    slipped = np.zeros(axis.step_counts.size + 1, dtype=np.int64)
+    np.add.at(slipped, np.searchsorted(axis.step_counts, slips.counts), steps)
+    return np.cumsum(slipped), int(steps[slips.counts < start_counts].sum())

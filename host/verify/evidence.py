@@ -5,6 +5,9 @@ Every instant is an int64 number of counts of the board's timer since power-up.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int8Array, Int16Array, Int64Array
 from steptwin.host.robots.board_settings import ActiveEdge
@@ -77,6 +80,23 @@ class Phases:
 
 
 @dataclass(frozen=True, slots=True)
+class Slips:
+    """Instants at which a motor fell out of step, unseen by its driver; both arrays have shape (n,).
+
+    Attributes:
+        counts: the instants, sorted.
+        full_steps: full steps by which the rotor jumped, positive towards higher positions.
+    """
+
+    counts: Int64Array
+    full_steps: Int64Array
+
+
+_NONE: Final = np.empty(0, dtype=np.int64)
+NO_SLIPS: Final = Slips(_NONE, _NONE)
+
+
+@dataclass(frozen=True, slots=True)
 class AxisEvidence:
     """Pins of one axis and the steps that its driver accepted; all instants are sorted.
 
@@ -95,6 +115,7 @@ class AxisEvidence:
         violations: violations of the driver's limits.
         phases: electrical angle and currents.
         pins: the axis' other pins by lower-case name: `reset`, `enable`, `m1`, ..., `out1`, `out2`.
+        slips: what the motor lost, though its driver counted on.
     """
 
     name: str
@@ -109,6 +130,7 @@ class AxisEvidence:
     violations: DriverViolations
     phases: Phases
     pins: Mapping[str, LevelEdges]
+    slips: Slips = NO_SLIPS
 
     @property
     def last_counts(self) -> int:

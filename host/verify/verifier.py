@@ -22,6 +22,7 @@ from steptwin.host.verify.report import AxisReport, JointsReport, Report, RunInf
 from steptwin.host.verify.shelf import shelf_document, shelf_reasons
 from steptwin.host.verify.switching import output_reasons, output_reports
 from steptwin.host.verify.violations import violation_reports
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 THRESHOLD_TOLERANCE_STEPS = 0.0075
 """Largest distance from its threshold at which a step may be made: several times the error of the board's wire units,
@@ -88,7 +89,7 @@ def verify_comparison(comparison: Comparison, run: RunInfo) -> Report:
     worst = _worst(comparison)
     axes = tuple(_axis_report(comparison, i, worst) for i in range(len(comparison.joint_names)))
     ends = [ideal.end_steps for ideal in comparison.ideal]
-    reasons = [*_strange_modes(comparison)]
+    reasons = [*_strange_modes(comparison), *_slip_reasons(comparison.evidence)]
     reasons += [line for axis, end in zip(axes, ends, strict=True) for line in _reasons(axis, end)]
     outputs = output_reports(comparison.expected.trajectory.switchings, comparison.evidence)
     reasons += output_reasons(outputs, comparison.evidence)
@@ -153,6 +154,16 @@ def _strange_modes(comparison: Comparison) -> Iterator[str]:
         for factor in counted.longer_by:
             made = f"{planned / factor:g} microsteps per full step"
             yield f"{name}: the driver made {made}, planned {planned}: its steps are {factor:g} times as long"
+
+
+def _slip_reasons(evidence: Evidence) -> Iterator[str]:
+    """Yield one line for each axis whose motor fell out of step."""
+    for axis in evidence.axes:
+        counts, full_steps = axis.slips.counts, axis.slips.full_steps
+        if counts.size:
+            first_s = (int(counts[0]) - evidence.start_counts) / COUNTS_PER_SECOND
+            lost, net = int(np.abs(full_steps).sum()), int(full_steps.sum())
+            yield f"{axis.name}: the motor lost {lost} full steps from {first_s:.3f} s on, {net:+d} in all"
 
 
 def _reasons(axis: AxisReport, planned_end_steps: int) -> list[str]:

@@ -39,6 +39,9 @@ class Arrays:
     def __init__(self, stored: ArrayStore) -> None:
         self._stored = stored
 
+    def __contains__(self, key: str) -> bool:
+        return key in self._stored
+
     def integer(self, key: str, bounds: tuple[int, int]) -> int:
         """Return one whole number within bounds."""
         value = self._array(key)
@@ -92,6 +95,12 @@ class Arrays:
                 f"{key}: goes from {values.min()} to {values.max()}, beyond {bounds[0]}..{bounds[1]}"
             )
         return values.astype(np.int16)
+
+    def integers(self, key: str, like: str, length: int) -> Int64Array:
+        """Return a whole number for each of the `length` elements of the array `like`."""
+        values = self._integers(key)
+        _check_length(key, values, like, length)
+        return values.astype(np.int64, copy=False)
 
     def numbers(self, key: str, like: str, length: int) -> FloatArray:
         """Return a number for each of the `length` elements of the array `like`."""

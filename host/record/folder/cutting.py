@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from steptwin.host.common.arrays import Int64Array
-from steptwin.host.verify import AxisEvidence, DriverViolations, Evidence, LevelEdges, Phases
+from steptwin.host.verify import AxisEvidence, DriverViolations, Evidence, LevelEdges, Phases, Slips
 
 
 def evidence_until(evidence: Evidence, until_counts: int) -> Evidence:
@@ -31,8 +31,8 @@ def _axis_until(axis: AxisEvidence, until_counts: int) -> AxisEvidence:
         "step_counts": axis.step_counts[steps],
         "step_signs": axis.step_signs[steps],
     }
-    violations, phases = axis.violations, axis.phases
-    broken, set_at = before(violations.counts), before(phases.counts)
+    violations, phases, slips = axis.violations, axis.phases, axis.slips
+    broken, set_at, slipped = before(violations.counts), before(phases.counts), before(slips.counts)
     return replace(
         axis,
         **changes,
@@ -41,6 +41,7 @@ def _axis_until(axis: AxisEvidence, until_counts: int) -> AxisEvidence:
         ),
         phases=Phases(phases.counts[set_at], phases.sixteenths[set_at], phases.a_ma[set_at], phases.b_ma[set_at]),
         pins={pin: _level_until(edges, until_counts) for pin, edges in axis.pins.items()},
+        slips=Slips(slips.counts[slipped], slips.full_steps[slipped]),
     )
 
 

@@ -23,7 +23,16 @@ from steptwin.host.record.folder.layout import (
 from steptwin.host.record.folder.npz_file import opened_npz
 from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.robots.robot import AXES_MAX
-from steptwin.host.verify import AxisEvidence, DriverLimit, DriverViolations, Evidence, LevelEdges, Phases
+from steptwin.host.verify import (
+    NO_SLIPS,
+    AxisEvidence,
+    DriverLimit,
+    DriverViolations,
+    Evidence,
+    LevelEdges,
+    Phases,
+    Slips,
+)
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 PINS: Final = ("reset", "enable", "m1", "m2", "tq1", "tq2", "dcy1", "dcy2", "out1", "out2")
@@ -39,6 +48,10 @@ EDGE_TYPES: Final = (
     | {f"{pin}_{column}": code for pin in PINS for column, code in (("counts", "<i8"), ("levels", "|i1"))}
 )
 """Numpy's code for the values of each array of `edge_arrays`, by its key without the axis' name."""
+
+SLIP_TYPES: Final = {"slip_counts": "<i8", "slip_full_steps": "<i4"}
+"""The same for the arrays that only axes have whose motors slipped."""
+ARRAY_TYPES: Final = EDGE_TYPES | SLIP_TYPES
 
 _INT16: Final = (-(1 << 15), (1 << 15) - 1)
 _INT32: Final = (-(1 << 31), (1 << 31) - 1)
@@ -102,6 +115,9 @@ def edge_arrays(axis: AxisEvidence) -> dict[str, Array]:
     for pin in PINS:
         arrays[f"{name}_{pin}_counts"] = axis.pins[pin].counts
         arrays[f"{name}_{pin}_levels"] = axis.pins[pin].levels
+    if axis.slips.counts.size:
+        arrays[f"{name}_slip_counts"] = axis.slips.counts
+        arrays[f"{name}_slip_full_steps"] = axis.slips.full_steps.astype(SLIP_TYPES["slip_full_steps"])
     return arrays
 
 
@@ -157,7 +173,16 @@ def _axis(arrays: Arrays, name: str) -> AxisEvidence:
         violations=_violations(arrays, name),
         phases=_phases(arrays, name),
         pins={pin: _pin(arrays, f"{name}_{pin}") for pin in PINS},
+        slips=_slips(arrays, name),
     )
+
+
+def _slips(arrays: Arrays, name: str) -> Slips:
+    key = f"{name}_slip_counts"
+    if key not in arrays:
+        return NO_SLIPS
+    counts = arrays.instants(key)
+    return Slips(counts, arrays.integers(f"{name}_slip_full_steps", key, counts.size))
 
 
 def _pulses(arrays: Arrays, name: str) -> tuple[Int64Array, Int64Array]:

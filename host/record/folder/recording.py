@@ -15,7 +15,7 @@ import numpy as np
 
 from steptwin.host.common.errors import RecordingError
 from steptwin.host.common.whole_file import append, whole_file
-from steptwin.host.record.folder.edges import EDGE_TYPES, edge_arrays, header_arrays
+from steptwin.host.record.folder.edges import ARRAY_TYPES, EDGE_TYPES, SLIP_TYPES, edge_arrays, header_arrays
 from steptwin.host.record.folder.layout import (
     BUS_LOG,
     EDGES,
@@ -157,6 +157,9 @@ class Recording:
             for axis in self._header.axes:
                 for column, code in EDGE_TYPES.items():
                     self._write_array(archive, f"{axis.name}_{column}", np.dtype(code))
+                for column, code in SLIP_TYPES.items():
+                    if f"{axis.name}_{column}" in self._sizes:
+                        self._write_array(archive, f"{axis.name}_{column}", np.dtype(code))
 
     def _write_array(self, archive: ZipFile, key: str, value_type: np.dtype[Any]) -> None:
         shape = (self._sizes.get(key, 0) // value_type.itemsize,)
@@ -173,7 +176,8 @@ def _data(piece: Piece) -> Iterable[tuple[str, bytes]]:
     for axis in piece.axes:
         for key, values in edge_arrays(axis).items():
             if values.size:
-                yield key, values.astype(EDGE_TYPES[key.removeprefix(f"{axis.name}_")], copy=False).tobytes()
+                code = ARRAY_TYPES[key.removeprefix(f"{axis.name}_")]
+                yield key, values.astype(code, copy=False).tobytes()
     if piece.plan.rows:
         yield PLAN, "".join(piece.plan.rows).encode()
 

@@ -21,7 +21,7 @@ from steptwin.host.common.tables import Table, json_table
 from steptwin.host.common.text_file import read_text
 from steptwin.host.record.folder.arrays import Arrays
 from steptwin.host.record.folder.cutting import evidence_until
-from steptwin.host.record.folder.edges import EDGE_TYPES, evidence_of, header_arrays
+from steptwin.host.record.folder.edges import ARRAY_TYPES, EDGE_TYPES, evidence_of, header_arrays
 from steptwin.host.record.folder.layout import LIVE_JOB, RECORDING
 from steptwin.host.record.folder.recording_layout import HEADER, MARKS, PLAN, Header, Mark
 from steptwin.host.verify import BusReport, Evidence, RunInfo
@@ -97,7 +97,8 @@ class _ArrayFiles:
         self._types = {
             f"{axis.name}_{column}": np.dtype(code)
             for axis in recording.header.axes
-            for column, code in EDGE_TYPES.items()
+            for column, code in ARRAY_TYPES.items()
+            if column in EDGE_TYPES or f"{axis.name}_{column}" in recording.sizes
         }
 
     def __contains__(self, key: str) -> bool:

@@ -1,6 +1,7 @@
 """Read the requests of the control port as operations on a robot's machine, and write operations as requests."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from typing import Any, Final, NamedTuple
 
 from steptwin.emulator.operations import (
@@ -112,17 +113,21 @@ def _stuck_switch(robot: Robot, joint: str, switch: str, stuck: Stuck) -> StuckS
 def request_of(robot: Robot, operation: Operation) -> dict[str, Any]:
     """Return the request that asks for an operation; `read_request` returns the operation for it."""
     joints = robot.joint_names
+    request: dict[str, Any]
     match operation:
         case EmergencyStop(pressed):
-            return {"do": Do.ESTOP, "pressed": pressed}
+            request = {"do": Do.ESTOP, "pressed": pressed}
         case Supply(supply_10mv):
-            return {"do": Do.SUPPLY, "supply_v": supply_10mv / PER_V}
+            request = {"do": Do.SUPPLY, "supply_v": supply_10mv / PER_V}
         case BoardTemperature(temperature_decidegc):
-            return {"do": Do.TEMPERATURE, "temperature_degc": temperature_decidegc / PER_DEGC}
+            request = {"do": Do.TEMPERATURE, "temperature_degc": temperature_decidegc / PER_DEGC}
         case DriverProtect(axis, active):
-            return {"do": Do.PROTECT, "joint": joints[axis], "held": active}
+            request = {"do": Do.PROTECT, "joint": joints[axis], "held": active}
         case SetInput(axis, which, on):
             name = next(name for name, place in wired_inputs(robot).items() if place == (axis, which))
-            return {"do": Do.INPUT, "input": name, "on": on}
+            request = {"do": Do.INPUT, "input": name, "on": on}
         case StuckSwitch(axis, which, closed):
-            return {"do": Do.SWITCH, "joint": joints[axis], "switch": _SWITCH_NAMES[which], "stuck": _STUCK[closed]}
+            request = {"do": Do.SWITCH, "joint": joints[axis], "switch": _SWITCH_NAMES[which], "stuck": _STUCK[closed]}
+        case _:  # no request asks for it
+            request = {"do": type(operation).__name__, **asdict(operation)}
+    return request

@@ -18,6 +18,7 @@ from steptwin.host.verify import (
     DriverViolations,
     Evidence,
     Expectation,
+    Slips,
     ViolationReport,
     compare,
     verify,
@@ -245,6 +246,19 @@ def test_violations_fail_an_otherwise_perfect_run() -> None:
     report = verify(STEADY, altered(perfect_evidence(STEADY), violations=THREE_VIOLATIONS), RUN)
     assert report.reasons == ("a: driver violations 3 (limit 0)",)
     assert report.axes[0].violations == 3
+
+
+def test_a_motor_that_slips_fails_by_its_position_though_every_step_is_right() -> None:
+    """Half-way, by one cycle: the line with what was lost comes first, and the end is that of the motor."""
+    evidence = perfect_evidence(STEADY)
+    half = START_COUNTS + COUNTS_PER_SECOND // 2
+    slips = Slips(np.array([half, half + 72_000]), np.array([-8, 4]))
+    report = verify(replace(STEADY, microsteps=(16,)), altered(evidence, slips=slips), RUN)
+    assert report.reasons[0] == "a: the motor lost 12 full steps from 0.500 s on, -4 in all"
+    (axis,) = report.axes
+    assert 127 < axis.position_error_steps_max < 129
+    unslipped = verify(STEADY, evidence, RUN)
+    assert report.joints.end[0] == pytest.approx(unslipped.joints.end[0] - 64 / STEADY.steps_per_unit[0])
 
 
 def test_violations_are_grouped_by_axis_and_limit() -> None:
