@@ -1,6 +1,6 @@
 """The emulated board: the firmware, its drivers, its CAN controller and the inputs that the machine gives it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from steptwin.controller.backend import Kernel
@@ -24,7 +24,7 @@ from steptwin.emulator.operations import (
 )
 from steptwin.emulator.surroundings import AxisSurroundings, Surroundings
 from steptwin.emulator.switches import Switch, Travel
-from steptwin.emulator.tb6560 import FULL_STEP_SIXTEENTHS
+from steptwin.emulator.tb6560 import FULL_STEP_SIXTEENTHS, OutputFollower
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.dictionary import FlashPage
 from steptwin.protocol.frame import FIRST_NODE_ID
@@ -130,6 +130,23 @@ class Board:
         self._heat_due_tick = self._next_heat_tick()
         self.boot(now_counts)
         self._measure(self._measurements, now_counts)
+
+    def follow_outputs(self) -> list[OutputFollower]:
+        """Return what follows each driver's outputs, for motors that turn with them; call this before `boot`.
+
+        From now on the switches are where `place` puts the rotors, not where the drivers have counted.
+        """
+        self._inputs.leave_drivers()
+        return self._drivers.follow_outputs()
+
+    def place(self, rotors_sixteenths: Sequence[int]) -> None:
+        """Let the machine's switches follow the rotors, in sixteenths of a full step from their zeros."""
+        self._inputs.place(rotors_sixteenths)
+        self._look_at_once = self._look_at_once or self._inputs.levels != self._seen
+
+    def ways_to_change(self) -> list[tuple[Travel, int]]:
+        """Return, for each axis with switches, its way and the least distance on it, in sixteenths, to a change."""
+        return self._inputs.ways_to_change()
 
     @property
     def moving(self) -> bool:

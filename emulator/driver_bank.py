@@ -13,7 +13,7 @@ from steptwin.emulator.driver import Driver
 from steptwin.emulator.driver_module import ClkEdge, Module
 from steptwin.emulator.edges import Int8Array, Int64Array
 from steptwin.emulator.inputs import BoardInputs
-from steptwin.emulator.tb6560 import FULL_STEP_SIXTEENTHS, Input, LevelChange, Outputs, Pins, Violations
+from steptwin.emulator.tb6560 import FULL_STEP_SIXTEENTHS, Input, LevelChange, OutputFollower, Outputs, Pins, Violations
 
 WIRING = {
     Pin.RESET: Input.RESET,
@@ -135,6 +135,10 @@ class DriverBank:
         """Let an axis' rotor fall out of step by full steps."""
         self._slips[axis].append((counts, full_steps))
         self._slipped_sixteenths[axis] += full_steps * FULL_STEP_SIXTEENTHS
+
+    def follow_outputs(self) -> list[OutputFollower]:
+        """Return what follows each chip's outputs from power-up on; call this before the power is up."""
+        return [driver.chip.follow_outputs() for driver in self.drivers]
 
     def cut_off(self, all_edges: Sequence[PinEdges], counts: int) -> list[PinEdges]:
         """Return the edges that remain when the power goes: begun pulses end, and DIR falls if it is high."""

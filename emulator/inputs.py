@@ -52,8 +52,26 @@ class BoardInputs:
         """Axes that have been started since `look`: their drivers' steps may have another size now."""
         self._due_ticks: dict[int, int] = {}
         """Tick at whose start the switches of an axis must be read next; an axis at rest is not in it."""
+        self._placed = False
+        """True if `place` tells where the rotors are, not the drivers' steps."""
         self._starts_seen = 0
         """The motion's count of starts when moving axes were last collected: no other axis moves until it changes."""
+
+    def leave_drivers(self) -> None:
+        """Follow the drivers' steps no more: from now on `place` tells where the rotors are."""
+        self._placed = True
+        self._followed = set()
+
+    def place(self, rotors_sixteenths: Sequence[int]) -> None:
+        """Let the switches follow the rotors to where they are."""
+        self._rotors_sixteenths = list(rotors_sixteenths)
+        for axis in self._switched:
+            position = self._travels[axis].position_sixteenths(rotors_sixteenths)
+            self._axes[axis].move(position - self._axes[axis].position_sixteenths)
+
+    def ways_to_change(self) -> list[tuple[Travel, int]]:
+        """Return, for each axis with switches, its way and the least distance on it, in sixteenths, to a change."""
+        return [(self._travels[axis], self._axes[axis].sixteenths_to_change) for axis in self._switched]
 
     @property
     def levels(self) -> list[DigitalInput]:
@@ -109,7 +127,7 @@ class BoardInputs:
 
     def due_tick(self, motion: Motion) -> int | None:
         """Return the tick up to whose start no switch can change; None while no axis with switches moves."""
-        if motion.starts != self._starts_seen:
+        if motion.starts != self._starts_seen and not self._placed:
             self._starts_seen = motion.starts
             self._just_started = {axis for axis in self._switched if self._running(axis, motion)}
             self._due_ticks |= dict.fromkeys(self._just_started, motion.tick)

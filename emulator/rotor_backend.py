@@ -10,6 +10,7 @@ from typing import Any, cast
 
 from steptwin.controller.kernel import Function
 from steptwin.emulator import mechanics, power_supply, rotor_kernel, rotor_run, sine
+from steptwin.emulator.edges import FloatArray
 from steptwin.emulator.mechanics import needed_by
 from steptwin.emulator.rotor_run import run_rotors
 
@@ -27,11 +28,13 @@ class RotorBackend:
         name: "python" or "numba".
         numbers: makes storage that holds these floats.
         indices: makes storage that holds these integers.
+        rows: makes storage that holds a table of floats, row by row.
     """
 
     name: str
     numbers: Callable[[Sequence[float]], Numbers]
     indices: Callable[[Sequence[int]], Indices]
+    rows: Callable[[FloatArray], Numbers]
     run: Callable[..., None]
     need: Callable[..., None]
 
@@ -42,6 +45,7 @@ def python_rotors() -> RotorBackend:
         name="python",
         numbers=lambda values: [float(value) for value in values],
         indices=lambda values: [int(value) for value in values],
+        rows=lambda table: table.ravel().tolist(),
         run=run_rotors,
         need=needed_by,
     )
@@ -66,6 +70,7 @@ def compiled_rotors() -> RotorBackend:
         name="numba",
         numbers=lambda values: np.array(values, dtype=np.float64),
         indices=lambda values: np.array(values, dtype=np.int64),
+        rows=lambda table: table.ravel(),
         run=compiled(
             run_rotors,
             *3 * (numbers,),

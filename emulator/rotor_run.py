@@ -1,11 +1,13 @@
 """Turn rotors ms after ms: refresh the arm's masses, advance the rotors, keep their state."""
 
-from steptwin.controller.kernel import kernel_function
+from steptwin.controller.kernel import TICKS_PER_MS, kernel_function
 from steptwin.emulator.mechanics import follow_rotors, refresh
 from steptwin.emulator.rotor_kernel import DT_COUNTS, STATE_FIELDS, WORST, advance_rotors
 
 REFRESH_STEPS = 100
 """Steps of integration, 1 ms together, for which the arm's mass matrix holds: the load angle differs by 0.1 degrees."""
+TICK_STEPS = REFRESH_STEPS // TICKS_PER_MS
+"""Steps of integration in a servo tick."""
 
 
 @kernel_function
@@ -25,23 +27,31 @@ def run_rotors(
     places: list[float], rates: list[float], drifts: list[float],
     zeros: list[float], unit: list[float], torques: list[float], masses: list[float], matrix: list[float],
     inverse: list[float], bias: list[float], forces: list[float], supply: list[float], kept: list[float],
-    count: int, axis_count: int, linear: bool, first_step: int, milliseconds: int,
+    count: int, axis_count: int, linear: bool, first_step: int, steps: int,
     first_counts: float, gravity: float,
 ) -> None:  # fmt: skip
-    """Turn the rotors for some ms and keep the state after each.
+    """Turn the rotors for some steps; at the end of each ms among them keep the state.
 
+    Masses are refreshed at the beginning of each ms, so the result does not depend on how time is divided into calls.
     With `linear` the joints follow the rotors by `slopes` and `offsets`; otherwise `places`, `rates`, `drifts` and
     `slopes` hold for the whole call. For the other arguments see `advance_rotors` and `refresh`.
     """
-    for ms in range(milliseconds):
-        if linear:
-            follow_rotors(slopes, offsets, state, places, rates, count, axis_count)
-        refresh(
-            bodies, motion, places, rates, drifts, slopes, axes, zeros, unit, torques, masses, matrix, inverse, bias,
-            count, axis_count, gravity,
-        )  # fmt: skip
+    done = row = 0
+    while done < steps:
+        into = (first_step + done) % REFRESH_STEPS
+        if into == 0:
+            if linear:
+                follow_rotors(slopes, offsets, state, places, rates, count, axis_count)
+            refresh(
+                bodies, motion, places, rates, drifts, slopes, axes, zeros, unit, torques, masses, matrix, inverse,
+                bias, count, axis_count, gravity,
+            )  # fmt: skip
+        part = min(REFRESH_STEPS - into, steps - done)
         advance_rotors(
-            axes, state, inverse, bias, events, ends, cursors, forces, supply, axis_count,
-            first_step + ms * REFRESH_STEPS, REFRESH_STEPS, first_counts + ms * REFRESH_STEPS * DT_COUNTS,
+            axes, state, inverse, bias, events, ends, cursors, forces, supply, axis_count, first_step + done, part,
+            first_counts + done * DT_COUNTS,
         )  # fmt: skip
-        keep(state, kept, ms, axis_count)
+        done += part
+        if into + part == REFRESH_STEPS:
+            keep(state, kept, row, axis_count)
+            row += 1

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from steptwin.controller.kernel import TICKS_PER_MS
 from steptwin.emulator import mechanics
 from steptwin.emulator import rotor_kernel as rk
 from steptwin.emulator.arm import Arm, Following
@@ -18,7 +19,7 @@ from steptwin.emulator.edges import FloatArray, Int64Array
 from steptwin.emulator.motor import FULL_STEPS_PER_TOOTH, Motor
 from steptwin.emulator.power_supply import GIVEN_J, HIGHEST_V, LOST_J, LOWEST_V, PowerSupply
 from steptwin.emulator.rotor_backend import Numbers, RotorBackend, fastest_rotors
-from steptwin.emulator.rotor_run import REFRESH_STEPS
+from steptwin.emulator.rotor_run import REFRESH_STEPS, TICK_STEPS
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,8 +176,12 @@ class Rotors:
         )
         self._slopes, self._offsets = numbers(arm.slopes.ravel().tolist()), numbers(arm.offsets.tolist())
         self._storage = _Storage(self._backend, self._bodies, self._axes)
-        self._waiting = [np.empty((0, rk.EVENT_FIELDS)) for _ in drives]
-        """Events that the rotors have not felt yet, by axis."""
+        self._rows = np.empty((0, rk.EVENT_FIELDS))
+        """Events that are fed, axis after axis; `_table` holds the same for the kernel."""
+        self._table = numbers([])
+        self._ends = self._backend.indices([0] * self._axes)
+        self._cursors = self._backend.indices([0] * self._axes)
+        """Index in `_rows` of each axis' next event that the rotors have not felt yet."""
         self._steps = 0
         self._began_counts = from_counts
 
@@ -186,46 +191,70 @@ class Rotors:
         return self._began_counts + self._steps * rk.DT_COUNTS
 
     def carry(self, arm: Arm) -> None:
-        """Go on with other masses on the same joints: a payload is taken or left."""
+        """Go on with other masses on the same joints, from the next ms on: a payload is taken or left."""
         self._tree = self._backend.numbers([value for body in arm.bodies for value in body.numbers()])
+
+    def mount(self, axis: int, mounting_rad: float) -> None:
+        """Let a rotor whose outputs have not been on yet have another electrical angle where it stands."""
+        self._state[axis * rk.STATE_FIELDS + rk.ANGLE] += mounting_rad - self._mounting_rad[axis]
+        self._parameters[axis * rk.AXIS_FIELDS + rk.MOUNTING] = mounting_rad
+        self._mounting_rad[axis] = mounting_rad
 
     def feed(self, events: Sequence[DriverEvents]) -> None:
         """Take the next changes at each axis' driver. One takes effect in the first step that is not before it."""
-        self._waiting = [
-            np.concatenate([waiting, axis.numbers()]) for waiting, axis in zip(self._waiting, events, strict=True)
+        self.feed_rows([axis.numbers() for axis in events])
+
+    def feed_rows(self, events: Sequence[FloatArray]) -> None:
+        """Take the same as the kernel stores them, an array of shape (n, EVENT_FIELDS) for each axis."""
+        parts = [
+            part
+            for first, end, new in zip(self._cursors, self._ends, events, strict=True)
+            for part in (self._rows[first:end], new)
         ]
+        lengths = np.add.accumulate([len(part) for part in parts])[1::2]
+        self._rows = np.concatenate(parts)
+        self._table = self._backend.rows(self._rows)
+        self._ends = self._backend.indices(lengths)
+        self._cursors = self._backend.indices([0, *lengths[:-1]])
 
     def advance(self, milliseconds: int) -> RotorRecord:
         """Turn the rotors, with the events fed so far; return their state at the end of each ms."""
-        lengths = np.cumsum([len(waiting) for waiting in self._waiting])
-        table = self._backend.numbers(np.concatenate(self._waiting).ravel().tolist())
-        ends = self._backend.indices(lengths.tolist())
-        first = [0, *lengths[:-1].tolist()]
-        cursors = self._backend.indices(first)
-        kept = self._backend.numbers([0.0] * (milliseconds * len(self._state)))
-        if self._arm.follow is None:
-            self._run(table, ends, cursors, kept, milliseconds)
-        else:
-            size = len(self._state)
-            for ms in range(milliseconds):
-                self._take(self._arm.follow(self._column(rk.PLACE), self._column(rk.RATE)))
-                row = self._backend.numbers([0.0] * size)
-                self._run(table, ends, cursors, row, 1)
-                kept[ms * size : (ms + 1) * size] = row
-        self._waiting = [waiting[cursors[axis] - first[axis] :] for axis, waiting in enumerate(self._waiting)]
-        return self._record(np.array(kept, dtype=np.float64).reshape(milliseconds, self._axes, rk.STATE_FIELDS))
+        return self.advance_ticks(TICKS_PER_MS * milliseconds)
 
-    def _run(self, table: Numbers, ends: Numbers, cursors: Numbers, kept: Numbers, milliseconds: int) -> None:
+    def advance_ticks(self, ticks: int) -> RotorRecord:
+        """Turn the rotors for some servo ticks; return their state at the end of each ms among them."""
+        steps, size = TICK_STEPS * ticks, len(self._state)
+        into = self._steps % REFRESH_STEPS
+        rows = (into + steps) // REFRESH_STEPS
+        kept = self._backend.numbers([0.0] * (rows * size))
+        if self._arm.follow is None:
+            self._run(kept, steps)
+        else:
+            row, left = 0, steps
+            while left:
+                into = self._steps % REFRESH_STEPS
+                if into == 0:
+                    self._take(self._arm.follow(self._column(rk.PLACE), self._column(rk.RATE)))
+                part = min(REFRESH_STEPS - into, left)
+                ended = self._backend.numbers([0.0] * size)
+                self._run(ended, part)
+                left -= part
+                if into + part == REFRESH_STEPS:
+                    kept[row * size : (row + 1) * size] = ended
+                    row += 1
+        return self._record(np.array(kept, dtype=np.float64).reshape(rows, self._axes, rk.STATE_FIELDS))
+
+    def _run(self, kept: Numbers, steps: int) -> None:
         storage = self._storage
         self._backend.run(
-            self._parameters, self._state, table, ends, cursors,
+            self._parameters, self._state, self._table, self._ends, self._cursors,
             self._tree, storage.motion, self._slopes, self._offsets, storage.places, storage.rates, storage.drifts,
             storage.zeros, storage.unit, storage.torques, storage.masses, storage.matrix,
             storage.inverse, storage.bias, storage.forces, self._supply, kept,
-            self._bodies, self._axes, self._arm.follow is None, self._steps, milliseconds,
+            self._bodies, self._axes, self._arm.follow is None, self._steps, steps,
             float(self.counts), self._gravity,
         )  # fmt: skip
-        self._steps += REFRESH_STEPS * milliseconds
+        self._steps += steps
 
     def _take(self, following: Following) -> None:
         numbers = self._backend.numbers
@@ -242,10 +271,11 @@ class Rotors:
         return np.array(self._state, dtype=np.float64).reshape(self._axes, rk.STATE_FIELDS)[:, field].copy()
 
     def _record(self, kept: FloatArray) -> RotorRecord:
-        """Return the state after each ms of the last ones, of `kept`, shape (n, axes, STATE_FIELDS)."""
-        ago = np.arange(len(kept) - 1, -1, -1) * REFRESH_STEPS * rk.DT_COUNTS
+        """Return the state after each ms of the last ones that have ended, of `kept`, shape (n, axes, STATE_FIELDS)."""
+        ended = self._steps - self._steps % REFRESH_STEPS
+        ago = np.arange(len(kept) - 1, -1, -1) * REFRESH_STEPS
         return RotorRecord(
-            counts=self.counts - ago,
+            counts=self._began_counts + (ended - ago) * rk.DT_COUNTS,
             rotor_rad=(kept[:, :, rk.ANGLE] - self._mounting_rad) / self._teeth,
             coordinate_rad=kept[:, :, rk.PLACE],
             worst_rad=kept[:, :, rk.WORST],

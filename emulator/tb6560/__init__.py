@@ -7,6 +7,7 @@ from steptwin.emulator.tb6560.chip import CLK_RATE_MAX_HZ, CURRENT_MAX_A, PERIOD
 from steptwin.emulator.tb6560.excitation import FULL_STEP_SIXTEENTHS, Excitation
 from steptwin.emulator.tb6560.limits import Limit, LimitUnit, Rule, ViolationLog, Violations, merged
 from steptwin.emulator.tb6560.oscillator import OSC_PF_MIN, chopping_hz, clk_width_min_counts, oscillator_hz
+from steptwin.emulator.tb6560.output_follower import OutputChanges, OutputFollower
 from steptwin.emulator.tb6560.outputs import Outputs
 from steptwin.emulator.tb6560.pins import PINS, Input, LevelChange
 from steptwin.emulator.tb6560.thermal import Cooling
@@ -25,6 +26,8 @@ __all__ = [
     "LevelChange",
     "Limit",
     "LimitUnit",
+    "OutputChanges",
+    "OutputFollower",
     "Outputs",
     "Pins",
     "Rule",

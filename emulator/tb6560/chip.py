@@ -21,6 +21,7 @@ from steptwin.emulator.edges import NO_COUNTS, NO_LEVELS, Int8Array, Int64Array,
 from steptwin.emulator.tb6560.excitation import Excitation
 from steptwin.emulator.tb6560.limits import Limit, LimitUnit, Rule, ViolationLog, Violations
 from steptwin.emulator.tb6560.oscillator import clk_width_min_counts
+from steptwin.emulator.tb6560.output_follower import OutputFollower
 from steptwin.emulator.tb6560.outputs import SENSE_VOLT, Origin, Outputs, initial_field
 from steptwin.emulator.tb6560.pins import EXCITATIONS, TORQUE_PERCENT, Input, LevelChange
 from steptwin.emulator.tb6560.rotor import ModeChange, Rotor
@@ -143,6 +144,12 @@ class Tb6560:
         self._signs: list[Int8Array] = []
         self._limits = _limits(self.clk_width_min_counts)
         self._log = ViolationLog(self._limits)
+        self._follower: OutputFollower | None = None
+
+    def follow_outputs(self) -> OutputFollower:
+        """Return what follows the outputs from power-up on, for a motor that turns with them; before the first edge."""
+        self._follower = OutputFollower(self._origin, self._sense_ohm, self._junction)
+        return self._follower
 
     # --- inputs
 
@@ -156,7 +163,9 @@ class Tb6560:
         live_edges: list[tuple[int, int]] = []
         vm_edges: list[tuple[int, int]] = []
         mode_changes: list[ModeChange] = []
+        taken: list[LevelChange] = []
         for change in filter(self._take, pins.changes):
+            taken.append(change)
             if change.pin in _OF_MODE:
                 mode_changes.append(ModeChange(change.counts, self._selected, self._live))
             if change.pin in _LIVE:
@@ -164,6 +173,8 @@ class Tb6560:
             elif change.pin is Input.VM:
                 vm_edges.append((change.counts, change.level))
         steps = self._count(pins, was_live, live_edges) if pins.clk_rise_counts.size else (NO_COUNTS, NO_LEVELS)
+        if self._follower:
+            self._follower.take(taken, *steps)
         if vm_edges or not was_supplied:
             self._check_edges(pins, vm_edges, was_supplied)
         if pins.dir_levels.size:

@@ -7,7 +7,7 @@ import numpy as np
 
 from steptwin.emulator.edges import NO_COUNTS, NO_LEVELS, Delay, FloatArray, Int8Array, Int64Array, merged
 from steptwin.emulator.tb6560.excitation import CYCLE_SIXTEENTHS, PHASE_PERCENT, Excitation
-from steptwin.emulator.tb6560.pins import EXCITATIONS, TORQUE_PERCENT, Input, LevelChange
+from steptwin.emulator.tb6560.pins import EXCITATIONS, FAST_DECAY_PERCENT, TORQUE_PERCENT, Input, LevelChange
 from steptwin.protocol.timer import COUNTS_PER_US
 
 SENSE_VOLT: Final = 0.5
@@ -43,6 +43,17 @@ class Origin(NamedTuple):
     field: Field
     shut_down: int
     from_counts: int
+
+
+class Setting(NamedTuple):
+    """Mode, and the current of 100 percent in ampere, 0 while the bridges are off."""
+
+    excitation: Excitation
+    amplitude_a: float
+
+    def currents_a(self) -> FloatArray:
+        """Return the currents of A and B by the field's angle in sixteenths of a full step, shape (64, 2)."""
+        return np.asarray(PHASE_PERCENT[self.excitation] / 100 * self.amplitude_a, dtype=np.float64)
 
 
 class _Stretch(NamedTuple):
@@ -156,15 +167,30 @@ class Outputs:
         for excitation, table in PHASE_PERCENT.items():
             chosen = excitations == excitation
             percent[chosen] = table[angles[chosen]]
-        scale = self._peak_a * self._torque_percent(counts) / 100 * self._on(counts)
-        currents: FloatArray = percent / 100 * scale[:, np.newaxis]
+        currents: FloatArray = percent / 100 * self._amplitudes_a(counts)[:, np.newaxis]
         return currents
+
+    def _amplitudes_a(self, counts: Int64Array) -> FloatArray:
+        """Return the current of 100 percent, 0 while no current flows."""
+        return np.asarray(self._peak_a * self._torque_percent(counts) / 100 * self._on(counts), dtype=np.float64)
+
+    def setting(self, counts: int) -> "Setting":
+        """Return what holds at an instant beside the field's angle."""
+        at = int(np.searchsorted(self._from_counts, counts, side="right")) - 1
+        amplitude_a = self._amplitudes_a(np.array([counts], dtype=np.int64))
+        return Setting(self._stretches[at].field.excitation, float(amplitude_a[0]))
 
     def _torque_percent(self, counts: Int64Array) -> Int64Array:
         high, low = self._levels(Input.TQ2, counts), self._levels(Input.TQ1, counts)
         table = np.array([[TORQUE_PERCENT[tq2, tq1] for tq1 in (0, 1)] for tq2 in (0, 1)], dtype=np.int64)
         chosen: Int64Array = table[high, low]
         return chosen
+
+    def fast_decay(self, counts: Int64Array) -> FloatArray:
+        """Return the fraction of a chopping period in which the current decays fast."""
+        high, low = self._levels(Input.DCY2, counts), self._levels(Input.DCY1, counts)
+        table = np.array([[FAST_DECAY_PERCENT[dcy2, dcy1] for dcy1 in (0, 1)] for dcy2 in (0, 1)])
+        return np.asarray(table[high, low] / 100.0, dtype=np.float64)
 
     def _on(self, counts: Int64Array) -> Int8Array:
         """Return 1 where current flows: the chip is supplied, enabled and not shut down; else 0."""
