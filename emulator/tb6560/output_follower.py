@@ -109,9 +109,7 @@ class OutputFollower:
 
     def _look_at_all(self, until_counts: int) -> OutputChanges | None:
         steps = joined(self._counts, np.int64), joined(self._signs, np.int8)
-        outputs = Outputs(
-            self._origin, self._changes, steps, self._junction.shutdowns(until_counts), self._sense_ohm
-        )
+        outputs = Outputs(self._origin, self._changes, steps, self._junction.shutdowns(until_counts), self._sense_ohm)
         counts = outputs.instants()
         counts = counts[counts < until_counts]
         changes = self._sampled(outputs, counts) if counts.size else None
