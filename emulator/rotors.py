@@ -6,6 +6,7 @@ and by the masses that hang on them, and tells how far each lags behind its fiel
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from math import exp, inf
 from typing import NamedTuple
 
@@ -211,7 +212,7 @@ class Rotors:
             for first, end, new in zip(self._cursors, self._ends, events, strict=True)
             for part in (self._rows[first:end], new)
         ]
-        lengths = np.add.accumulate([len(part) for part in parts])[1::2]
+        lengths = list(accumulate(len(part) for part in parts))[1::2]
         self._rows = np.concatenate(parts)
         self._table = self._backend.rows(self._rows)
         self._ends = self._backend.indices(lengths)
