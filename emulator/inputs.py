@@ -121,6 +121,8 @@ class BoardInputs:
 
     def unsettle(self, rotor: int, motion: Motion) -> None:
         """Read the switches that a rotor may reach with the next tick: it has moved, or its steps have changed."""
+        if self._placed:
+            return
         axes = {axis for axis in self._switched if rotor in self._travels[axis].rotors}
         self._just_started |= axes
         self._due_ticks |= dict.fromkeys(axes, motion.tick)
