@@ -72,7 +72,8 @@ class Bus:
         """Instant at which a transmission ends, the next arbitration is held or a station returns from bus-off."""
         self.busy = False
         """True while a frame is on the wire, or a station has one to send now or after its bus-off."""
-        self._faults = faults or FaultScript()
+        self.faults = faults or FaultScript()
+        """The script of the wire's faults."""
         self._delayed: list[Frame] = []
         """Frames that the script has delayed and that still wait."""
         self._stations: list[CanController] = []
@@ -98,6 +99,16 @@ class Bus:
         self._stations.append(station)
         station.submitted = self._submitted
         self._note_who_is_off()
+
+    def listen(self, listener: Log) -> None:
+        """Call a listener with each frame that becomes valid from now on, before its receivers get it."""
+        log = self._log
+
+        def log_and_tell(frame: Frame, now_counts: int) -> None:
+            log(frame, now_counts)
+            listener(frame, now_counts)
+
+        self._log = log_and_tell
 
     def _submitted(self, now_counts: int) -> None:
         """Let a station that has a frame to send take part in the next arbitration."""
@@ -161,7 +172,7 @@ class Bus:
                 for station in ready
                 if station.mailboxes[0].cob_id == frame.cob_id and station.mailboxes[0] != frame
             ]
-        fault = self._strike(frame, now_counts) if self._faults.faults else None
+        fault = self._strike(frame, now_counts) if self.faults.faults else None
         if fault and fault.kind is BusFaultKind.DELAY:
             self._hold(frame, senders, now_counts + fault.delay_counts)
         elif fault and fault.kind is BusFaultKind.BUS_OFF:
@@ -172,7 +183,7 @@ class Bus:
 
     def _strike(self, frame: Frame, now_counts: int) -> BusFault | None:
         """Return the scripted fault of an attempt; delayed frames are known by identity, since bytes may repeat."""
-        return self._faults.strike(frame, now_counts, delayed=any(frame is delayed for delayed in self._delayed))
+        return self.faults.strike(frame, now_counts, delayed=any(frame is delayed for delayed in self._delayed))
 
     def _hold(self, frame: Frame, senders: list[CanController], until_counts: int) -> None:
         self._delayed.append(frame)

@@ -65,12 +65,31 @@ class FaultScript:
     """Faults in the order in which they are tried, and the record of their strikes."""
 
     def __init__(self, faults: Sequence[BusFault] = (), seed: int = 0) -> None:
-        self.faults = tuple(faults)
+        self.faults = list(faults)
+        """The faults that may strike, in the order in which they are tried."""
         self.struck: list[tuple[int, BusFault, Frame]] = []
         """Every strike: instant, fault and frame."""
         self._random = Random(seed)
         self._concerned = [0] * len(self.faults)
         self._strikes = [0] * len(self.faults)
+
+    def begin(self, fault: BusFault) -> None:
+        """Try a further fault from now on, after those that are there."""
+        self.faults.append(fault)
+        self._concerned.append(0)
+        self._strikes.append(0)
+
+    def end(self, fault: BusFault) -> None:
+        """Try this very fault no more; one that is not there, or an equal one, changes nothing."""
+        for number, each in enumerate(self.faults):
+            if each is fault:
+                for of_each in (self.faults, self._concerned, self._strikes):
+                    del of_each[number]
+                return
+
+    def reseed(self, seed: int) -> None:
+        """Draw from another seed from now on."""
+        self._random = Random(seed)
 
     def strike(self, frame: Frame, now_counts: int, *, delayed: bool) -> BusFault | None:
         """Return the fault that strikes an attempt to send, or None; a delayed frame is not delayed again."""

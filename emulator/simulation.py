@@ -5,6 +5,7 @@ on together and count the same 72 MHz; real boards, each with its own crystal, w
 """
 
 from collections.abc import Iterable, Sequence
+from typing import Protocol
 
 from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.emulator.board import Board
@@ -17,6 +18,19 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 _SILENCE_MAX_S = 1
 """Greatest time from a frame until the bus is silent again: some 1000 frames at 125 kbit/s."""
+
+
+class Attendant(Protocol):
+    """Watches a simulation and acts on it, as a scenario of faults does."""
+
+    @property
+    def next_counts(self) -> int | None:
+        """Instant at which it must look even if nothing happens then; None while it waits only for events."""
+        ...
+
+    def attend(self, now_counts: int) -> None:
+        """Look at what has happened at this instant, and act; it may operate machines, but not let time pass."""
+        ...
 
 
 class BusOverloadError(Exception):
@@ -56,6 +70,8 @@ class Simulation:
             bus.attach(board.can)
         self.shelf_watch = None if shelf is None else ShelfWatch(shelf, self.boards)
         """The shelf beside the machine; None if there is none."""
+        self.attendant: Attendant | None = None
+        """Looks after each event; None: nobody does."""
         for board in self.boards:
             board.boot(0)
 
@@ -107,11 +123,19 @@ class Simulation:
             return
         scheduled_counts = self._schedule.next_counts
         if begin_counts > self.now_counts and (scheduled_counts is None or scheduled_counts > begin_counts):
+            if self.attendant is not None and self._attends_by(self.attendant, begin_counts):
+                return
             for board in self.boards:
                 if not board.quiet_until(begin_counts):
                     return
             self.now_counts = begin_counts
         self.bus.step(self.now_counts)
+
+    @staticmethod
+    def _attends_by(attendant: Attendant, counts: int) -> bool:
+        """Return whether the attendant must look at an instant or before it."""
+        look_counts = attendant.next_counts
+        return look_counts is not None and look_counts <= counts
 
     def run_until(self, until_counts: int) -> None:
         """Let time pass up to an instant."""
@@ -139,6 +163,10 @@ class Simulation:
             look_counts = self.shelf_watch.next_counts
             if look_counts is not None and look_counts < goal:
                 goal = look_counts
+        if self.attendant is not None:
+            look_counts = self.attendant.next_counts
+            if look_counts is not None and look_counts < goal:
+                goal = look_counts
         return goal
 
     def _advance_to(self, until_counts: int) -> None:
@@ -153,6 +181,8 @@ class Simulation:
                 self.boards[item.board].operate(item.operation, now_counts)
         for board in self.boards:
             board.poll(now_counts)
+        if self.attendant is not None:
+            self.attendant.attend(now_counts)
         self._let_shelf_look()
 
     def _let_shelf_look(self) -> None:

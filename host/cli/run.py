@@ -24,6 +24,7 @@ from steptwin.host.cli.arguments import (
 )
 from steptwin.host.cli.chosen_motion import choose_motion
 from steptwin.host.cli.connection import LIVE_PANEL, Bitrate, Channel, Connect, Force, Interface, connection
+from steptwin.host.cli.faults_on_purpose import Faults, chosen_scenario, print_faults
 from steptwin.host.cli.file_motion import InterpolationName
 from steptwin.host.cli.live_run import run_live
 from steptwin.host.cli.motor_report import check_motors, motors_of, print_motors, with_motors
@@ -37,6 +38,7 @@ from steptwin.host.common.errors import DeviceFaultError, InputError
 if TYPE_CHECKING:
     from steptwin.host.twin.input_changes import InputChange
     from steptwin.host.twin.kernels import Kernel
+    from steptwin.host.twin.outcome import Outcome
 
 
 _KernelName = Literal["auto", "python", "numba", "cortex-m3"]
@@ -112,6 +114,7 @@ def run(
             " repeatable.",
         ),
     ] = None,
+    faults: Faults = None,
     motors: Annotated[
         bool,
         typer.Option(
@@ -170,6 +173,7 @@ def run(
             "--inventory": inventory,
             "--stock": stock or None,
             "--locked-drawer": locked_drawer or None,
+            "--faults": faults,
             "--motors": motors or None,
         }
         _refuse(emulated, "a run in virtual time, without --connect or -i")
@@ -188,7 +192,7 @@ def run(
         with naming_options("out"):
             keep_recording(out)
     folder = out_folder(out)
-    changes = [_input_change(text) for text in inputs or ()]
+    scenario = chosen_scenario(faults, loaded)
     motion.say_summary(to_stderr=as_json)
     with (
         progress_bar(f"{loaded.name} {job}") as progress,
@@ -202,10 +206,11 @@ def run(
             cut_stream_s=cut_stream,
             driver_profile=driver_profile,
             dip_microsteps=dip_settings(dip_microsteps),
-            inputs=changes,
+            inputs=[_input_change(text) for text in inputs or ()],
             errand=errand.errand,
             stock=name_value_pairs(stock) if stock else None,
             locked_drawers=locked_drawer or (),
+            scenario=scenario,
             progress=progress,
         )
     document = outcome.to_dict() | ({} if folder is None else {VERSION_KEY: FOLDER_VERSION})
@@ -215,15 +220,31 @@ def run(
         print_json(document if verdict is None else with_motors(document, verdict))
     else:
         print_report(document)
+        print_faults(document)
         if verdict is not None:
             print_motors(verdict)
     if folder is not None:
         _say_where(folder, pictures=pictures, to_stderr=as_json)
-    if outcome.fault:
-        raise DeviceFaultError(fault_line(document["fault"]))
-    if not outcome.report.passed or not (verdict is None or verdict.kept_step):
+    _raise_unless_right(outcome, kept_step=verdict is None or verdict.kept_step)
+    if outcome.passed:
+        errand.keep(loaded, to_stderr=as_json)
+
+
+def _raise_unless_right(outcome: "Outcome", *, kept_step: bool) -> None:
+    """End the command unless the run is right: with a scenario, if it went as documented, even if the motion did not.
+
+    Raises:
+        DeviceFaultError: a fault has ended a run without a scenario.
+        Exit: the run is not verified, the scenario has failed, or a motor has lost its step.
+    """
+    if outcome.scenario is not None:
+        right = outcome.scenario.passed
+    elif outcome.fault:
+        raise DeviceFaultError(fault_line(outcome.fault.to_dict()))
+    else:
+        right = outcome.report.passed
+    if not (right and kept_step):
         raise typer.Exit(EXIT_NOT_VERIFIED)
-    errand.keep(loaded, to_stderr=as_json)
 
 
 def _input_change(text: str) -> "InputChange":

@@ -18,6 +18,12 @@ class Do(StrEnum):
     PROTECT = "protect"
     INPUT = "input"
     SWITCH = "switch"
+    SLIP = "slip"
+    LOSS = "loss"
+    CORRUPTION = "corruption"
+    DELAY = "delay"
+    BUS_OFF = "bus-off"
+    HOST = "host"
     STATE = "state"
 
 

@@ -16,6 +16,8 @@ ROBOT_BYTES_MAX: Final = 256 * KIB
 """A robot file with every key of eight joints and its comments has some 8 KiB."""
 PROGRAM_BYTES_MAX: Final = 4 * MIB
 """A step of a program has some 60 bytes, so all steps that a program may have fit."""
+SCENARIO_BYTES_MAX: Final = 256 * KIB
+"""A fault of a scenario has some 100 bytes; a thousand of them fit."""
 NAME_CHARS_MAX: Final = 64
 """Longest name in a robot file: it stands in table heads, headings of pictures and names of arrays."""
 TITLE_CHARS_MAX: Final = 200

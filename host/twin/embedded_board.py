@@ -18,6 +18,10 @@ from steptwin.host.twin.drivers import driver_profile
 from steptwin.host.twin.embedded_network import EmbeddedNetwork
 from steptwin.host.twin.evidence import axis_evidence
 from steptwin.host.twin.input_changes import InputChange, set_input
+from steptwin.host.twin.scenarios.engine import Engine
+from steptwin.host.twin.scenarios.host_condition import HostCondition
+from steptwin.host.twin.scenarios.scenario import Scenario
+from steptwin.host.twin.scenarios.target import Target
 from steptwin.host.twin.shelf import shelf_evidence, shelf_wiring
 from steptwin.host.twin.standing import standing_steps
 from steptwin.host.verify import BusReport, Evidence, ShelfEvidence
@@ -46,6 +50,7 @@ class EmbeddedBoard:
         stock: Mapping[str, str] | None = None,
         locked_drawers: Collection[str] = (),
         shelf_sensors: bool = True,
+        scenario: Scenario | None = None,
     ) -> None:
         """Switch the board on.
 
@@ -61,10 +66,11 @@ class EmbeddedBoard:
             stock: the boxes in the robot's shelf, by slot or spot; None: a box at each spot where boxes are taken.
             locked_drawers: slots of the shelf whose drawers are locked.
             shelf_sensors: False if the shelf's sensors are not connected.
+            scenario: faults that happen to it.
 
         Raises:
             InputError: the drivers do not exist, or cannot be set as the robot needs them, or have no such switches, or
-                the shelf has no such place.
+                the shelf has no such place, or the scenario names a joint that the robot does not have.
         """
         self.robot = robot
         self.driver_profile = driver_profile(robot.board, driver_profile_name)
@@ -77,6 +83,9 @@ class EmbeddedBoard:
         self._stock = {} if shelf is None else dict(shelf.shelf.stock)
         self._simulation = Simulation([self._board], Bus(robot.board.bitrate, bus_faults), schedule, shelf)
         self.network = EmbeddedNetwork(self._simulation)
+        target = Target.of(robot, self._simulation, self._start_steps)
+        self.engine = None if scenario is None else Engine(scenario, target, HostCondition())
+        """Plays the scenario; None without one."""
         self._changes: list[InputChange] = []
         """Changes of inputs that wait for the SYNC that starts the motion."""
         self._changes_after = 0
@@ -87,6 +96,11 @@ class EmbeddedBoard:
     def held_up_s(self) -> float:
         """Simulated time waits for this program: 0."""
         return 0.0
+
+    @property
+    def now_counts(self) -> int:
+        """Counts of the board's timer since power-up."""
+        return self._simulation.now_counts
 
     def now_s(self) -> float:
         """Return the simulated seconds since power-up."""

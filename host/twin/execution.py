@@ -20,8 +20,11 @@ from steptwin.host.planning.trajectory import waits_of
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.host.twin.input_changes import InputChange
 from steptwin.host.twin.outcome import Outcome, RunFault
-from steptwin.host.verify import Expectation, RunInfo, compare, verify_comparison
+from steptwin.host.twin.scenarios.report import RunEnd, ScenarioReport, scenario_report
+from steptwin.host.twin.scenarios.scenario import Scenario
+from steptwin.host.verify import Comparison, Expectation, Report, RunInfo, compare, verify_comparison
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 
 def execute(
@@ -38,6 +41,7 @@ def execute(
     errand: Errand | None = None,
     stock: Mapping[str, str] | None = None,
     locked_drawers: Collection[str] = (),
+    scenario: Scenario | None = None,
     progress: Progress = lambda _: None,
 ) -> Outcome:
     """Run a plan on an embedded board in virtual time, and verify every pulse.
@@ -58,6 +62,7 @@ def execute(
             errand's boxes, and each box must be where it is planned in the end.
         stock: the boxes that the emulated shelf holds instead, by slot or spot; the plan is not told.
         locked_drawers: slots of the emulated shelf whose drawers are locked; the plan is not told.
+        scenario: faults that happen on purpose; the outcome says whether each was answered as documented.
         progress: called with the part of the stream, from 0 to 1, that has been sent.
 
     Raises:
@@ -89,6 +94,7 @@ def execute(
         stock=stock,
         locked_drawers=locked_drawers,
         shelf_sensors=_looks_at_sensors(plan),
+        scenario=scenario,
     )
     board.change_inputs(inputs)
     machine = Machine(board, plan.robot.joint_names)
@@ -116,7 +122,27 @@ def execute(
     comparison = compare(Expectation.of(plan.robot, made.trajectory, planned), board.evidence())
     report = verify_comparison(comparison, run)
     waits_made = waited(plan, machine.holds_ms, timed_out=timed_out)
-    return Outcome(made, comparison, report, board.bus_log, fault, board.driver_profile.name, waits_made)
+    played = _played(board, comparison, report, fault)
+    return Outcome(made, comparison, report, board.bus_log, fault, board.driver_profile.name, waits_made, played)
+
+
+def _played(
+    board: EmbeddedBoard, comparison: Comparison, report: Report, fault: RunFault | None
+) -> ScenarioReport | None:
+    """Return the report of the board's scenario; None without one."""
+    if board.engine is None:
+        return None
+    evidence = comparison.evidence
+    last_counts = max((int(axis.step_counts[-1]) for axis in evidence.axes if axis.step_counts.size), default=0)
+    stood_s = (last_counts - evidence.start_counts) / COUNTS_PER_SECOND
+    end = RunEnd(
+        moment=board.engine.target.moment(board.now_counts),
+        evidence=evidence,
+        stopped=fault is not None,
+        ended_s=report.run.duration_s if fault is None else round(stood_s, 3),
+        reasons=report.reasons if fault is None else (),
+    )
+    return scenario_report(board.engine, end)
 
 
 def _looks_at_sensors(plan: Plan) -> bool:

@@ -15,14 +15,14 @@ from steptwin.controller.backend import Kernel
 from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.emulator.board import Board
 from steptwin.emulator.bus import Bus
+from steptwin.emulator.bus_faults import BusFault
 from steptwin.emulator.driver_bank import AxisTrace
 from steptwin.emulator.lateness import Lateness
 from steptwin.emulator.live import LiveSimulation, warm_up
-from steptwin.emulator.operations import AxisOperation, Operation
 from steptwin.emulator.pacer import Pacer
 from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.surroundings import Surroundings
-from steptwin.host.common.errors import RecordingError
+from steptwin.host.common.errors import InputError, RecordingError
 from steptwin.host.record.bus_log import BusLog, log_line
 from steptwin.host.record.folder import LIVE_JOB, AxisTotals, Header, Mark, Piece, Recording
 from steptwin.host.robots.board_settings import ActiveEdge
@@ -34,6 +34,8 @@ from steptwin.host.twin.commissioning import commissioned_flash
 from steptwin.host.twin.drivers import driver_profile
 from steptwin.host.twin.evidence import axis_evidence
 from steptwin.host.twin.live_plan import LivePlan
+from steptwin.host.twin.scenarios.harms import Harm, HostFault
+from steptwin.host.twin.scenarios.target import Target
 from steptwin.host.twin.shelf import shelf_evidence, shelf_wiring
 from steptwin.host.twin.standing import standing_steps
 from steptwin.host.verify import AxisEvidence, ShelfEvent, shelf_document
@@ -154,7 +156,7 @@ class LiveBoard:
         flashes = [commissioned_flash(robot, joints) for joints in driven]
         self._next_axis = 0
         """The axis whose turn it is in `record_next`."""
-        self._operations: deque[tuple[float, Operation]] = deque(maxlen=OPERATIONS_MAX)
+        self._operations: deque[tuple[float, Harm]] = deque(maxlen=OPERATIONS_MAX)
         self._boards = [Board(config, kernel, flash) for config, flash in zip(configs, flashes, strict=True)]
         self._axes = [(board, axis) for board in self._boards for axis in range(board.config.axis_count)]
         """Board of each joint, and the number of the joint's axis on it."""
@@ -163,6 +165,7 @@ class LiveBoard:
         self._recording = None if out is None else Recording(out, self._header(bitrate), robot.toml)
         self.bus = Bus(bitrate, log=self._log)
         simulation = Simulation(self._boards, self.bus, shelf=shelf)
+        self._target = Target.of(robot, simulation, start_steps)
         self.live = LiveSimulation(simulation, Pacer(time.monotonic_ns(), speed))
 
     def _header(self, bitrate: int) -> Header:
@@ -177,28 +180,30 @@ class LiveBoard:
         )
         return Header(self.robot.name, self.driver_profile.name, bitrate, axes)
 
-    def operate(self, operation: Operation) -> None:
-        """Do an operation on the machine now; in the loop only.
+    def operate(self, harm: Harm) -> None:
+        """Do an operation on the machine, or let a fault of the bus begin, now; in the loop only.
 
         An operation on an axis names its number among all boards' axes; any other is done at every board.
+
+        Raises:
+            InputError: it is a fault of the host: those of a live board are programs of their own.
         """
-        if isinstance(operation, AxisOperation):
-            board, axis = self._axes[operation.axis]
-            self.live.simulation.operate(replace(operation, axis=axis), self._boards.index(board))
+        if isinstance(harm, HostFault):
+            raise InputError("do: 'host' is for runs in virtual time; hosts of a live board are programs of their own")
+        if isinstance(harm, BusFault):
+            self.bus.faults.begin(harm)
         else:
-            for number in range(len(self._boards)):
-                self.live.simulation.operate(operation, number)
-        self._operations.append((self.live.simulation.now_s, operation))
+            self._target.operate(harm)
+        self._operations.append((self.live.simulation.now_s, harm))
 
     @property
     def surroundings(self) -> Surroundings:
         """What the machine is like now; what is the same for all axes of a board is the same for all boards."""
-        around = [board.surroundings for board in self._boards]
-        return replace(around[0], axes=tuple(axis for each in around for axis in each.axes))
+        return self._target.surroundings
 
     @property
-    def operations(self) -> list[tuple[float, Operation]]:
-        """The last operations with their instants in seconds since power-up."""
+    def operations(self) -> list[tuple[float, Harm]]:
+        """The last operations and faults of the bus, with their instants in seconds since power-up."""
         return list(self._operations)
 
     # --- recording

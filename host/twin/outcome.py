@@ -7,6 +7,7 @@ from typing import Any
 from steptwin.host.operate.input_waiting import Waited, waits_document
 from steptwin.host.planning.plan import Plan
 from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY, keep_recording, prepare_folder, write_folder
+from steptwin.host.twin.scenarios.report import ScenarioReport
 from steptwin.host.verify import Comparison, Report
 from steptwin.protocol.frame import Frame
 
@@ -52,6 +53,7 @@ class Outcome:
         fault: the fault that ended the run; None if it came to its end.
         driver_profile: name of the drivers that the board had.
         waits: the waits for inputs on the way; the plan has their standstills in it, and ends with one that timed out.
+        scenario: the faults that happened on purpose, and whether they were answered as documented; None without any.
     """
 
     plan: Plan
@@ -61,6 +63,7 @@ class Outcome:
     fault: RunFault | None
     driver_profile: str
     waits: tuple[Waited, ...] = ()
+    scenario: ScenarioReport | None = None
 
     @property
     def passed(self) -> bool:
@@ -73,6 +76,8 @@ class Outcome:
         document |= waits_document(self.waits)
         if self.fault:
             document |= {"passed": False, "fault": self.fault.to_dict()}
+        if self.scenario:
+            document |= self.scenario.to_dict()
         return document
 
     def save(self, folder: Path | str) -> bool:

@@ -1,17 +1,22 @@
-"""Read the requests of the control port as operations on a robot's machine, and write operations as requests."""
+"""Read requests as harms to a robot's machine, and write harms as requests: one table for all who ask.
+
+The control port, `steptwin inject` and the faults of a scenario use the same words.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import Any, Final, NamedTuple
 
+from steptwin.emulator.bus_faults import BusFault, BusFaultKind
 from steptwin.emulator.operations import (
+    CYCLE_FULL_STEPS,
     SUPPLIES_10MV,
     TEMPERATURES_DECIDEGC,
     BoardTemperature,
     DriverProtect,
     EmergencyStop,
-    Operation,
     SetInput,
+    Slip,
     StuckSwitch,
     Supply,
 )
@@ -21,12 +26,18 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Reading, Table
 from steptwin.host.operate.input_waiting import wired_inputs
 from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.control.frames import FRAMES, cob_ids, name_of, per_node
 from steptwin.host.twin.input_changes import set_input
+from steptwin.host.twin.scenarios.harms import Harm, HostFault, HostFaultKind
 from steptwin.protocol.cia402 import DigitalInput
+from steptwin.protocol.frame import COB_ID_MASK
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 PER_V: Final = 100
 PER_DEGC: Final = 10
 """Parts of a volt and of a degree in which the board measures."""
+FULL_STEPS_MAX: Final = 100_000
+"""Greatest number of full steps by which a motor slips."""
 _LEVELS: Final = {Stuck.CLOSED: True, Stuck.OPEN: False, Stuck.FREE: None}
 _STUCK: Final = {closed: stuck for stuck, closed in _LEVELS.items()}
 _SWITCH_NAMES: Final = {bit: name for name, bit in SWITCHES.items()}
@@ -46,11 +57,73 @@ def _whole(parts: range, per_unit: int, unit: str) -> Reading:
     return read
 
 
+def _number(lower: float, upper: float, unit: str) -> Reading:
+    """Return the reading of a number within a range."""
+
+    def read(table: Table, key: str) -> float:
+        value = table.number(key)
+        if not lower <= value <= upper:
+            nearest = nearest_within(value, lower, upper, unit)
+            raise InputError(f"{key}: {outside(value, lower, upper, unit)}{nearest}")
+        return value
+
+    return read
+
+
+def _count(table: Table, key: str) -> int:
+    """Read a whole number from 0 on."""
+    value = table.integer(key)
+    if value < 0:
+        raise InputError(f"{key}: {value} is below 0")
+    return value
+
+
+def _cycles(table: Table, key: str) -> int:
+    """Read full steps that make whole electrical cycles."""
+    full_steps = table.integer(key, FULL_STEPS_MAX)
+    if not full_steps or full_steps % CYCLE_FULL_STEPS:
+        near = CYCLE_FULL_STEPS * max(1, round(abs(full_steps) / CYCLE_FULL_STEPS))
+        raise InputError(
+            f"{key}: {full_steps} is not a multiple of {CYCLE_FULL_STEPS}: a motor slips by whole electrical cycles;"
+            f" the nearest is {near if full_steps >= 0 else -near}"
+        )
+    return full_steps
+
+
+def _frames(table: Table, key: str) -> str | tuple[int, ...]:
+    """Read the name of frames, or a list of identifiers."""
+    if not isinstance(table.values.get(key), list):
+        name = table.text(key)
+        if name not in FRAMES:
+            raise unknown(key, name, FRAMES)
+        return name
+    ids = table.elements(key)
+    for each in ids:
+        if isinstance(each, bool) or not isinstance(each, int) or not 0 <= each <= COB_ID_MASK:
+            raise InputError(f"{key}: {each!r} is not an identifier from 0 to 0x{COB_ID_MASK:X}")
+    return tuple(sorted({each for each in ids if isinstance(each, int)}))
+
+
+_FOREVER_S: Final = 86_400.0
+"""Longest time that a fault may name."""
+_FRAME_KEYS: Final[Mapping[str, Reading]] = {
+    "joint": Table.text,
+    "rate": _number(0, 1, ""),
+    "skip": _count,
+    "count": _count,
+}
+"""Keys that each fault of the bus may have."""
+
+
 class _Kind(NamedTuple):
-    """A kind of request: its keys beside `do`, all of them required, and what it asks for, made of their values."""
+    """A kind of request: its keys beside `do`, those that may be missing, and what it asks for, made of their values.
+
+    A key that is missing has the value None.
+    """
 
     keys: Mapping[str, Reading]
-    make: Callable[[Robot, dict[str, Any]], Operation | None]
+    make: Callable[[Robot, dict[str, Any]], Harm | None]
+    optional: Mapping[str, Reading] = {}
 
 
 _KINDS: Final[Mapping[Do, _Kind]] = {
@@ -75,25 +148,82 @@ _KINDS: Final[Mapping[Do, _Kind]] = {
         {"joint": Table.text, "switch": Table.text, "stuck": lambda table, key: table.choice(key, Stuck)},
         lambda robot, values: _stuck_switch(robot, **values),
     ),
+    Do.SLIP: _Kind(
+        {"joint": Table.text, "full_steps": _cycles},
+        lambda robot, values: Slip(robot.index_of(values["joint"]), values["full_steps"]),
+    ),
+    Do.LOSS: _Kind(
+        {"frames": _frames},
+        lambda robot, values: _bus_fault(robot, BusFaultKind.LOSS, **values),
+        {**_FRAME_KEYS, "receiver": _count},
+    ),
+    Do.CORRUPTION: _Kind(
+        {"frames": _frames},
+        lambda robot, values: _bus_fault(robot, BusFaultKind.CORRUPTION, **values),
+        _FRAME_KEYS,
+    ),
+    Do.DELAY: _Kind(
+        {"frames": _frames, "by_s": _number(1e-6, _FOREVER_S, "s")},
+        lambda robot, values: _bus_fault(robot, BusFaultKind.DELAY, **values),
+        _FRAME_KEYS,
+    ),
+    Do.BUS_OFF: _Kind(
+        {},
+        lambda robot, values: _bus_off(robot, values["joint"]),
+        {"joint": Table.text},
+    ),
+    Do.HOST: _Kind(
+        {"how": lambda table, key: table.choice(key, HostFaultKind)},
+        lambda _, values: HostFault(values["how"], values["by_s"] or 0.0),
+        {"by_s": _number(0, _FOREVER_S, "s")},
+    ),
     Do.STATE: _Kind({}, lambda _, __: None),
 }
 
 
-def read_request(robot: Robot, request: Mapping[str, Any]) -> Operation | None:
-    """Return the operation that a request asks for; None if it only asks how the machine is.
+def read_request(robot: Robot, request: Mapping[str, Any]) -> Harm | None:
+    """Return the harm that a request asks for; None if it only asks how the machine is.
 
     Raises:
         InputError: the request does not exist, has other keys or a value out of its range, or names something that the
             robot does not have.
     """
-    table = Table(request, "JSON object")
+    harm, _ = read_harm(robot, Table(request, "JSON object"), {})
+    return harm
+
+
+def read_harm(robot: Robot, table: Table, beside: Mapping[str, Reading]) -> tuple[Harm | None, dict[str, Any]]:
+    """Return the harm that a table asks for, and the values of keys that it may have beside those of the harm.
+
+    Raises as `read_request`.
+    """
     name = table.text("do")
     if name not in list(Do):
         raise unknown("do", name, Do)
     kind = _KINDS[Do(name)]
-    values = table.read({"do": Table.text, **kind.keys})
-    del values["do"]
-    return kind.make(robot, values)
+    values = table.read({"do": Table.text, **kind.keys}, {**kind.optional, **beside})
+    own = {key: values[key] for key in (*kind.keys, *kind.optional)}
+    return kind.make(robot, own), {key: values[key] for key in beside}
+
+
+def _bus_fault(
+    robot: Robot, kind: BusFaultKind, frames: str | tuple[int, ...], joint: str | None, **values: Any
+) -> BusFault:
+    """Return a fault of the bus; a value that is None is the one by default."""
+    axis = None if joint is None else robot.index_of(joint)
+    if axis is not None and not (isinstance(frames, str) and per_node(frames)):
+        raise InputError(f"joint: {joint} has no frames of its own among {frames}")
+    by_s = values.pop("by_s", 0.0)
+    ids = cob_ids(robot, frames, axis) if isinstance(frames, str) else frames
+    given = {key: value for key, value in values.items() if value is not None}
+    return BusFault(kind, ids, delay_counts=round(by_s * COUNTS_PER_SECOND), **given)
+
+
+def _bus_off(robot: Robot, joint: str | None) -> BusFault:
+    """Return the fault that puts the board of a joint into bus-off with its next frame, or the host."""
+    if joint is None:
+        return BusFault(BusFaultKind.BUS_OFF, cob_ids(robot, "of-host"), count=1)
+    return BusFault(BusFaultKind.BUS_OFF, cob_ids(robot, "of-board", robot.index_of(joint)), count=1)
 
 
 def switches_of(robot: Robot, axis: int) -> dict[str, DigitalInput]:
@@ -110,24 +240,65 @@ def _stuck_switch(robot: Robot, joint: str, switch: str, stuck: Stuck) -> StuckS
     return StuckSwitch(axis, fitted[switch], _LEVELS[stuck])
 
 
-def request_of(robot: Robot, operation: Operation) -> dict[str, Any]:
-    """Return the request that asks for an operation; `read_request` returns the operation for it."""
-    joints = robot.joint_names
-    request: dict[str, Any]
-    match operation:
-        case EmergencyStop(pressed):
-            request = {"do": Do.ESTOP, "pressed": pressed}
-        case Supply(supply_10mv):
-            request = {"do": Do.SUPPLY, "supply_v": supply_10mv / PER_V}
-        case BoardTemperature(temperature_decidegc):
-            request = {"do": Do.TEMPERATURE, "temperature_degc": temperature_decidegc / PER_DEGC}
-        case DriverProtect(axis, active):
-            request = {"do": Do.PROTECT, "joint": joints[axis], "held": active}
-        case SetInput(axis, which, on):
-            name = next(name for name, place in wired_inputs(robot).items() if place == (axis, which))
-            request = {"do": Do.INPUT, "input": name, "on": on}
-        case StuckSwitch(axis, which, closed):
-            request = {"do": Do.SWITCH, "joint": joints[axis], "switch": _SWITCH_NAMES[which], "stuck": _STUCK[closed]}
-        case _:  # no request asks for it
-            request = {"do": type(operation).__name__, **asdict(operation)}
-    return request
+def request_of(robot: Robot, harm: Harm) -> dict[str, Any]:
+    """Return the request that asks for a harm; `read_request` returns the harm for it."""
+    return _REQUESTS.get(type(harm), _by_fields)(robot, harm)
+
+
+def _by_fields(_robot: Robot, harm: Any) -> dict[str, Any]:
+    """Name an operation that no request asks for."""
+    return {"do": type(harm).__name__, **asdict(harm)}
+
+
+def _input_request(robot: Robot, operation: SetInput) -> dict[str, Any]:
+    place = operation.axis, operation.input
+    name = next(name for name, wired in wired_inputs(robot).items() if wired == place)
+    return {"do": Do.INPUT, "input": name, "on": operation.on}
+
+
+def _switch_request(robot: Robot, operation: StuckSwitch) -> dict[str, Any]:
+    joint, switch = robot.joint_names[operation.axis], _SWITCH_NAMES[operation.switch]
+    return {"do": Do.SWITCH, "joint": joint, "switch": switch, "stuck": _STUCK[operation.closed]}
+
+
+def _bus_request(robot: Robot, fault: BusFault) -> dict[str, Any]:
+    ids = tuple(cob_id for cob_id in range(COB_ID_MASK + 1) if cob_id in fault.cob_ids)
+    name, axis = name_of(robot, ids) or (list(ids), None)
+    joint = {} if axis is None else {"joint": robot.joint_names[axis]}
+    if fault.kind is BusFaultKind.BUS_OFF:
+        return {"do": Do.BUS_OFF, **joint}
+    return {
+        "do": Do(fault.kind.value),
+        "frames": name,
+        **joint,
+        **({"by_s": fault.delay_counts / COUNTS_PER_SECOND} if fault.kind is BusFaultKind.DELAY else {}),
+        **({"rate": fault.rate} if fault.rate < 1 else {}),
+        **({"skip": fault.skip} if fault.skip else {}),
+        **({} if fault.count is None else {"count": fault.count}),
+        **({} if fault.receiver is None else {"receiver": fault.receiver}),
+    }
+
+
+_REQUESTS: Final[Mapping[type, Callable[[Robot, Any], dict[str, Any]]]] = {
+    EmergencyStop: lambda _, harm: {"do": Do.ESTOP, "pressed": harm.pressed},
+    Supply: lambda _, harm: {"do": Do.SUPPLY, "supply_v": harm.supply_10mv / PER_V},
+    BoardTemperature: lambda _, harm: {
+        "do": Do.TEMPERATURE,
+        "temperature_degc": harm.temperature_decidegc / PER_DEGC,
+    },
+    DriverProtect: lambda robot, harm: {
+        "do": Do.PROTECT,
+        "joint": robot.joint_names[harm.axis],
+        "held": harm.active,
+    },
+    SetInput: _input_request,
+    StuckSwitch: _switch_request,
+    Slip: lambda robot, harm: {
+        "do": Do.SLIP,
+        "joint": robot.joint_names[harm.axis],
+        "full_steps": harm.full_steps,
+    },
+    BusFault: _bus_request,
+    HostFault: lambda _, harm: {"do": Do.HOST, "how": harm.kind, "by_s": harm.by_s},
+}
+"""What writes each type of harm as a request."""

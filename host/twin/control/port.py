@@ -39,11 +39,11 @@ class ControlPort:
 
         def handle(request: dict[str, Any]) -> dict[str, Any]:
             try:
-                operation = read_request(board.robot, request)
+                harm = read_request(board.robot, request)
+                if harm is not None:
+                    board.operate(harm)
             except InputError as error:
                 return {"error": printable(str(error))}
-            if operation is not None:
-                board.operate(operation)
             return state.read()
 
         self._server = ControlServer(loop, self._listener, handle)

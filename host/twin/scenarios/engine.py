@@ -1,0 +1,203 @@
+"""Play a scenario on a machine: begin and end its faults at their instants, and note what answers."""
+
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+from steptwin.controller.kernel import TICK_COUNTS
+from steptwin.emulator.bus_faults import BusFault
+from steptwin.emulator.operations import Operation
+from steptwin.host.twin.scenarios.harms import Harm, HostFault, opposite
+from steptwin.host.twin.scenarios.host_condition import HostCondition
+from steptwin.host.twin.scenarios.moment import Moment
+from steptwin.host.twin.scenarios.scenario import Fault, Scenario
+from steptwin.host.twin.scenarios.target import Target
+from steptwin.host.twin.scenarios.triggers import AtPosition, AtRandom, AtState, AtTime, OnFrame, Trigger
+from steptwin.host.twin.scenarios.watches import (
+    FrameWatch,
+    InstantWatch,
+    PositionWatch,
+    StateWatch,
+    TimeWatch,
+    Watch,
+    counts_of,
+    earliest,
+)
+from steptwin.protocol.frame import COB_EMCY, COB_SYNC, FIRST_NODE_ID, Frame
+
+_CODE_BYTES: Final = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Emergency:
+    """An EMCY on the bus: its instant, the number of the axis, its error code; 0 says that all errors are over."""
+
+    counts: int
+    axis: int
+    code: int
+
+
+@dataclass(slots=True)
+class Played:
+    """A fault in the course of a run.
+
+    Attributes:
+        fault: the fault, with its instant drawn if it is random.
+        harm: what it does; an object of its own, by which its strikes are known.
+        watch: watches for its beginning, then for its end; None when neither is to come.
+        began: what the machine did when it began; None before.
+        strikes: number of times that it struck: once for an operation, each frame for a fault of the bus.
+        first_counts: instant of the first strike.
+        ended_counts: instant of its end; None if it lasts.
+        undo: the operation that ends it.
+    """
+
+    fault: Fault
+    harm: Harm
+    watch: Watch | None
+    began: Moment | None = None
+    strikes: int = 0
+    first_counts: int | None = None
+    ended_counts: int | None = None
+    undo: Operation | None = field(default=None, repr=False)
+
+    @property
+    def struck(self) -> bool:
+        """True once it has done something."""
+        return self.strikes > 0
+
+
+class Engine:
+    """Plays one scenario; the simulation's attendant.
+
+    After `begin` it looks at what has happened at the end of every event. An operation is executed at the very instant
+    at which its trigger is due; the firmware sees inputs with its next tick.
+    """
+
+    def __init__(self, scenario: Scenario, target: Target, host: HostCondition) -> None:
+        """Watch for the triggers of a scenario from now on.
+
+        Raises:
+            InputError: a trigger names a joint that the robot does not have.
+        """
+        self.scenario = scenario.drawn()
+        self.target = target
+        self.emergencies: list[Emergency] = []
+        """Every EMCY since power-up."""
+        self.start_counts: int | None = None
+        """t = 0 of the motion; None before its SYNC."""
+        self._host = host
+        self._sync_counts: int | None = None
+        """Instant of the last SYNC before the motion."""
+        self.played = [Played(fault, replace(fault.harm), self._watch(fault.trigger)) for fault in self.scenario.faults]
+        self._waiting = list(self.played)
+        self._bus_faults = {id(each.harm): each for each in self.played if isinstance(each.harm, BusFault)}
+        self._strikes_seen = 0
+        script = target.simulation.bus.faults
+        script.reseed(scenario.seed)
+        target.simulation.bus.listen(self._hear)
+        target.simulation.attendant = self
+
+    def _watch(self, trigger: Trigger) -> Watch:
+        target = self.target
+        match trigger:
+            case AtTime():
+                watch: Watch = TimeWatch(trigger)
+                if self.start_counts is not None:
+                    watch.motion_starts(self.start_counts)
+                return watch
+            case AtPosition():
+                return PositionWatch(trigger, target.robot, target.steps, lambda: target.moving)
+            case OnFrame():
+                return FrameWatch(trigger)
+            case AtState(joint, state):
+                board, axis = target.axes[target.robot.index_of(joint)]
+                return StateWatch(state, lambda: board.firmware.nodes[axis].drive.state)
+            case AtRandom():
+                raise ValueError(f"{trigger}: is not drawn")
+
+    # --- what happens
+
+    def _hear(self, frame: Frame, now_counts: int) -> None:
+        cob_id = frame.cob_id
+        axis = cob_id - COB_EMCY - FIRST_NODE_ID
+        if cob_id == COB_SYNC and self.start_counts is None:
+            self._sync_counts = now_counts
+        elif 0 <= axis < len(self.target.axes) and len(frame.data) >= _CODE_BYTES:
+            self.emergencies.append(Emergency(now_counts, axis, int.from_bytes(frame.data[:_CODE_BYTES], "little")))
+        for each in self._waiting:
+            if each.watch is not None:
+                each.watch.hear(cob_id)
+
+    @property
+    def next_counts(self) -> int | None:
+        """Instant at which the next trigger is due or must be looked at; None while all wait for events."""
+        return earliest(each.watch for each in self._waiting if each.watch is not None) if self._waiting else None
+
+    def attend(self, now_counts: int) -> None:
+        """Begin and end the faults that are due; those of one instant in the scenario's order."""
+        if self._sync_counts is not None and self.target.interpolating:
+            self._note_start(self._sync_counts)
+        if self._waiting:
+            for each in self._waiting:
+                if each.watch is not None and each.watch.is_due(now_counts):
+                    self._act(each, now_counts)
+            self._waiting = [each for each in self._waiting if each.watch is not None]
+        if self._bus_faults:
+            self._count_strikes()
+
+    def _note_start(self, sync_counts: int) -> None:
+        """Note t = 0 of the motion, the first tick after the SYNC."""
+        self._sync_counts = None
+        self.start_counts = -(-sync_counts // TICK_COUNTS) * TICK_COUNTS
+        for each in self._waiting:
+            if each.watch is not None:
+                each.watch.motion_starts(self.start_counts)
+
+    def _count_strikes(self) -> None:
+        struck = self.target.simulation.bus.faults.struck
+        for counts, fault, _frame in struck[self._strikes_seen :]:
+            each = self._bus_faults.get(id(fault))
+            if each is not None:
+                each.strikes += 1
+                each.first_counts = counts if each.first_counts is None else each.first_counts
+        self._strikes_seen = len(struck)
+
+    # --- what is done
+
+    def _act(self, each: Played, now_counts: int) -> None:
+        if each.began is None:
+            each.began = self.target.moment(now_counts)
+            self._begin(each, now_counts)
+            each.watch = self._end_watch(each.fault, now_counts)
+        else:
+            each.ended_counts = now_counts
+            self._end(each)
+            each.watch = None
+
+    def _end_watch(self, fault: Fault, now_counts: int) -> Watch | None:
+        if fault.until is None:
+            return None
+        if isinstance(fault.until, float | int):
+            return InstantWatch(now_counts + counts_of(fault.until))
+        return self._watch(fault.until)
+
+    def _begin(self, each: Played, now_counts: int) -> None:
+        harm = each.harm
+        if isinstance(harm, BusFault):
+            self.target.simulation.bus.faults.begin(harm)
+            return
+        each.strikes, each.first_counts = 1, now_counts
+        if isinstance(harm, HostFault):
+            self._host.begin(harm, now_counts)
+        else:
+            each.undo = opposite(harm, self.target.surroundings)
+            self.target.operate(harm)
+
+    def _end(self, each: Played) -> None:
+        harm = each.harm
+        if isinstance(harm, BusFault):
+            self.target.simulation.bus.faults.end(harm)
+        elif isinstance(harm, HostFault):
+            self._host.end(harm)
+        elif each.undo is not None:
+            self.target.operate(each.undo)

@@ -1,0 +1,257 @@
+"""The documented reaction to each harm, as one table: the page docs/faults.md shows it, tests walk through it.
+
+The first row whose condition holds is the documented one. A condition may depend on what the machine is doing when the
+fault begins: a limit switch stops only an axis that moves towards it. Where it depends on what comes later as well, the
+reaction is not certain: both it and none are right.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final
+
+from steptwin.emulator.bus_faults import BusFault, BusFaultKind
+from steptwin.emulator.operations import (
+    BoardTemperature,
+    DriverProtect,
+    EmergencyStop,
+    SetInput,
+    Slip,
+    StuckSwitch,
+    Supply,
+)
+from steptwin.host.client.heartbeat import TIMEOUT_MS
+from steptwin.host.twin.scenarios.harms import Harm, HostFault, HostFaultKind, on_axis
+from steptwin.host.twin.scenarios.moment import Moment
+from steptwin.protocol.cia402 import DigitalInput, ErrorCode, State
+from steptwin.protocol.frame import COB_HEARTBEAT, COB_ID_MASK, HOST_NODE_ID
+from steptwin.protocol.pvt import QUEUE_DEPTH
+
+TICK_MS: Final = 0.25
+"""The firmware sees its inputs, and begins a ramp, with the next servo tick."""
+HEARTBEAT_MS: Final = TIMEOUT_MS + TICK_MS
+"""A host is lost when its heartbeat has been missing for this long."""
+RECORD_MS: Final = 10
+"""Longest record of a planned motion."""
+QUEUE_MS: Final = (QUEUE_DEPTH + 1) * RECORD_MS + TICK_MS
+"""A full queue and the record in execution last so long."""
+
+SUPPLY_RANGE_10MV: Final = range(1000, 3401)
+"""Motor supply at which drives stay on: 0x2002:03 and :04 after power-up."""
+TEMPERATURE_MAX_DECIDEGC: Final = 850
+"""Highest temperature of the board at which drives stay on: 0x2002:05 after power-up."""
+
+
+class Motion(Enum):
+    """What becomes of the motion."""
+
+    GOES_ON = "goes on"
+    RAMP = "stops by a ramp"
+    CUT = "its pulses end at once"
+
+
+@dataclass(frozen=True, slots=True)
+class Reaction:
+    """What the machine does for a fault.
+
+    Attributes:
+        motion: what becomes of the motion.
+        codes: error codes of EMCY, with one of which each axis concerned reports it; empty: they report nothing.
+        state: state of these axes' drives afterwards; None: the same as before.
+        begins_ms: time from the fault's beginning within which the ramp begins or the pulses end.
+        certain: whether it must come; else none is right as well.
+        verified: whether the drivers' counts are as planned as long as the motion goes on; False: `verify` tells.
+    """
+
+    motion: Motion
+    codes: tuple[ErrorCode, ...] = ()
+    state: State | None = None
+    begins_ms: float = 0.0
+    certain: bool = True
+    verified: bool = True
+
+    @property
+    def stops(self) -> bool:
+        """True if the motion ends."""
+        return self.motion is not Motion.GOES_ON
+
+    @property
+    def position_known(self) -> bool:
+        """Whether axes that moved know their positions afterwards."""
+        return self.motion is not Motion.CUT
+
+
+GOES_ON: Final = Reaction(Motion.GOES_ON)
+
+
+def _stops(
+    *codes: ErrorCode, motion: Motion = Motion.RAMP, begins_ms: float = TICK_MS, certain: bool = True
+) -> Reaction:
+    return Reaction(motion, codes, State.FAULT, begins_ms, certain)
+
+
+@dataclass(frozen=True, slots=True)
+class Documented:
+    """A row of the table.
+
+    Attributes:
+        what: the fault, in words.
+        applies: returns whether a harm is of this kind while the machine does this.
+        reaction: the reaction.
+        why: a remark for the page; may be empty.
+    """
+
+    what: str
+    applies: Callable[[Harm, Moment], bool]
+    reaction: Reaction
+    why: str = ""
+
+
+def _host(kind: HostFaultKind, shortest_s: float = 0.0) -> Callable[[Harm, Moment], bool]:
+    return lambda harm, _: isinstance(harm, HostFault) and harm.kind is kind and harm.by_s >= shortest_s
+
+
+def _bus(kind: BusFaultKind, only: int | None = None) -> Callable[[Harm, Moment], bool]:
+    """Return the condition that a fault of the bus is of a kind and, given an identifier, concerns no other frames."""
+
+    def applies(harm: Harm, _moment: Moment) -> bool:
+        if not isinstance(harm, BusFault) or harm.kind is not kind:
+            return False
+        return only is None or [cob_id for cob_id in range(COB_ID_MASK + 1) if cob_id in harm.cob_ids] == [only]
+
+    return applies
+
+
+def _towards(harm: Harm, moment: Moment) -> bool:
+    """Return whether a limit switch sticks closed towards which its axis moves."""
+    if not isinstance(harm, StuckSwitch) or not harm.closed or harm.switch is DigitalInput.HOME:
+        return False
+    velocity = moment.axes[harm.axis].velocity
+    return velocity > 0 if harm.switch is DigitalInput.POSITIVE_LIMIT else velocity < 0
+
+
+DOCUMENTED: Final[tuple[Documented, ...]] = (
+    Documented(
+        "emergency stop pressed",
+        lambda harm, _: isinstance(harm, EmergencyStop) and harm.pressed,
+        _stops(ErrorCode.ESTOP),
+        "stop category 1 of IEC 60204-1",
+    ),
+    Documented("emergency stop pulled out", lambda harm, _: isinstance(harm, EmergencyStop), GOES_ON),
+    Documented(
+        "motor supply below 10.00 V",
+        lambda harm, _: isinstance(harm, Supply) and harm.supply_10mv < SUPPLY_RANGE_10MV.start,
+        _stops(ErrorCode.UNDERVOLTAGE, motion=Motion.CUT),
+        "without its supply no driver can follow a ramp",
+    ),
+    Documented(
+        "motor supply above 34.00 V",
+        lambda harm, _: isinstance(harm, Supply) and harm.supply_10mv >= SUPPLY_RANGE_10MV.stop,
+        _stops(ErrorCode.OVERVOLTAGE),
+    ),
+    Documented("motor supply from 10.00 to 34.00 V", lambda harm, _: isinstance(harm, Supply), GOES_ON),
+    Documented(
+        "board above 85.0 degC",
+        lambda harm, _: isinstance(harm, BoardTemperature) and harm.temperature_decidegc > TEMPERATURE_MAX_DECIDEGC,
+        _stops(ErrorCode.TEMPERATURE),
+    ),
+    Documented("board up to 85.0 degC", lambda harm, _: isinstance(harm, BoardTemperature), GOES_ON),
+    Documented(
+        "Protect of a driver low",
+        lambda harm, _: isinstance(harm, DriverProtect) and harm.active,
+        _stops(ErrorCode.TEMPERATURE, motion=Motion.CUT),
+        "this driver has switched itself off; the other axes stop by a ramp",
+    ),
+    Documented("Protect of a driver free", lambda harm, _: isinstance(harm, DriverProtect), GOES_ON),
+    Documented("limit switch stuck closed, the axis moves towards it", _towards, _stops(ErrorCode.LIMIT_SWITCH)),
+    Documented(
+        "limit switch stuck closed, the axis rests or moves away",
+        lambda harm, _: isinstance(harm, StuckSwitch) and bool(harm.closed) and harm.switch is not DigitalInput.HOME,
+        _stops(ErrorCode.LIMIT_SWITCH, certain=False),
+        "once it moves towards the switch",
+    ),
+    Documented(
+        "switch stuck open, or a home switch stuck closed",
+        lambda harm, _: isinstance(harm, StuckSwitch),
+        GOES_ON,
+        "a planned motion stays between its limit switches; homing fails (EMCY 0xFF05)",
+    ),
+    Documented(
+        "sensor on or off",
+        lambda harm, _: isinstance(harm, SetInput),
+        GOES_ON,
+        "programs wait for it",
+    ),
+    Documented(
+        "a motor falls out of step",
+        lambda harm, _: isinstance(harm, Slip),
+        Reaction(Motion.GOES_ON, verified=False),
+        "a board without encoders cannot know; the verdict tells it, and homing ends it",
+    ),
+    Documented(
+        "heartbeat of the host lost",
+        _bus(BusFaultKind.LOSS, COB_HEARTBEAT + HOST_NODE_ID),
+        _stops(ErrorCode.HEARTBEAT_LOST, begins_ms=HEARTBEAT_MS, certain=False),
+        "unless it comes again in time",
+    ),
+    Documented(
+        "frames lost",
+        _bus(BusFaultKind.LOSS),
+        _stops(ErrorCode.PVT_UNDERRUN, ErrorCode.HEARTBEAT_LOST, begins_ms=float("inf"), certain=False),
+        "lost points are sent again; if too many are lost, the queues run dry",
+    ),
+    Documented("frames disturbed", _bus(BusFaultKind.CORRUPTION), GOES_ON, "CAN repeats them"),
+    Documented(
+        "frames delayed",
+        _bus(BusFaultKind.DELAY),
+        _stops(ErrorCode.PVT_UNDERRUN, ErrorCode.HEARTBEAT_LOST, begins_ms=float("inf"), certain=False),
+        "the queues bridge it, up to the points that are in them",
+    ),
+    Documented(
+        "a station in bus-off",
+        _bus(BusFaultKind.BUS_OFF),
+        Reaction(Motion.GOES_ON, (ErrorCode.CAN_BUS_OFF_RECOVERED,), certain=False),
+        "it is back after 128 x 11 bits; a board reports that, the queues bridge it",
+    ),
+    Documented(
+        "host hangs, its heartbeat goes on",
+        _host(HostFaultKind.HANG),
+        _stops(ErrorCode.PVT_UNDERRUN, begins_ms=QUEUE_MS, certain=False),
+        "the queues bridge it, up to the points that are in them",
+    ),
+    Documented("host dies", _host(HostFaultKind.DEATH), _stops(ErrorCode.HEARTBEAT_LOST, begins_ms=HEARTBEAT_MS)),
+    Documented(
+        "host dies and starts again",
+        _host(HostFaultKind.RESTART, TIMEOUT_MS / 1000),
+        _stops(ErrorCode.HEARTBEAT_LOST, begins_ms=HEARTBEAT_MS),
+        "the new one resets the fault and enables the drives; the motion is not continued",
+    ),
+    Documented(
+        "host starts again before it is missed",
+        _host(HostFaultKind.RESTART),
+        _stops(ErrorCode.PVT_UNDERRUN, begins_ms=QUEUE_MS),
+    ),
+    Documented(
+        "host is late",
+        _host(HostFaultKind.LATE),
+        _stops(ErrorCode.PVT_UNDERRUN, begins_ms=float("inf"), certain=False),
+        "the queues bridge it, up to the points that are in them",
+    ),
+    Documented(
+        "host sends points out of order",
+        _host(HostFaultKind.DISORDER),
+        GOES_ON,
+        "the board reports the gap and the host sends them again",
+    ),
+)
+
+
+def documented(harm: Harm, moment: Moment) -> Documented:
+    """Return the row for a harm that begins while the machine does this."""
+    return next(row for row in DOCUMENTED if row.applies(harm, moment))
+
+
+def concerned(harm: Harm, axes: int) -> range:
+    """Return the axes, of so many, that answer a harm; those of their group stop with them."""
+    axis = on_axis(harm)
+    return range(axes) if axis is None else range(axis, axis + 1)

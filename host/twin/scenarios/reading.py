@@ -1,0 +1,232 @@
+"""Read scenarios from TOML (docs/faults.md). Every error begins with the place, as in `fault 2: at_s: is missing`."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from steptwin.host.common.bad_input import prefixed, unknown
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.file_limits import NAME_CHARS_MAX, SCENARIO_BYTES_MAX
+from steptwin.host.common.findings import Findings
+from steptwin.host.common.tables import Reading, Table, toml_table
+from steptwin.host.common.text_file import read_text
+from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.control.operations import read_harm
+from steptwin.host.twin.scenarios.harms import Harm, HostFault, momentary
+from steptwin.host.twin.scenarios.reactions import Motion, Reaction
+from steptwin.host.twin.scenarios.scenario import Fault, Scenario
+from steptwin.host.twin.scenarios.triggers import (
+    AtPosition,
+    AtRandom,
+    AtState,
+    AtTime,
+    Direction,
+    OnFrame,
+    Trigger,
+)
+from steptwin.protocol.cia402 import ErrorCode, State
+from steptwin.protocol.frame import COB_ID_MASK
+
+TIME_MAX_S: Final = 86_400.0
+"""Longest time in a scenario: a day."""
+SEED_MAX: Final = (1 << 31) - 1
+
+
+def read_scenario(path: str, robot: Robot) -> Scenario:
+    """Return the scenario in a file for a robot; raise InputError, with file and place, for what is wrong in it."""
+    findings = Findings()
+    with prefixed(f"{path}: "):
+        scenario = parse_scenario(read_text(path, SCENARIO_BYTES_MAX), robot, findings)
+        findings.raise_first()
+    return scenario
+
+
+def parse_scenario(text: str, robot: Robot, findings: Findings) -> Scenario:
+    """Return the scenario of a TOML text, without the parts that are wrong: these are added to the findings.
+
+    Raises InputError only for a text that is not TOML.
+    """
+    return scenario_of(toml_table(text), robot, findings)
+
+
+def scenario_of(table: Table, robot: Robot, findings: Findings) -> Scenario:
+    """Return the scenario of a table with the keys `name`, `seed` and `fault`; wrong parts become findings."""
+    values: dict[str, Any] = {}
+    with findings.collecting():
+        values = table.read({}, {"name": _name, "seed": _seed, "fault": Table.elements, "title": Table.text})
+    faults: list[Fault] = []
+    for number, element in enumerate(values.get("fault") or [], 1):
+        with findings.collecting(f"fault {number}: "):
+            fault = _fault(Table(element, "table"), robot, number)
+            if fault.name in [other.name for other in faults]:
+                raise InputError(f"name: {fault.name!r} is the name of another fault")
+            faults.append(fault)
+    if not values.get("fault") and not findings.messages:
+        findings.add("fault: is missing: a scenario has at least one [[fault]]")
+    return Scenario(values.get("name") or "scenario", tuple(faults), values.get("seed") or 0)
+
+
+def _name(table: Table, key: str) -> str:
+    return table.name(key, NAME_CHARS_MAX)
+
+
+def _seed(table: Table, key: str) -> int:
+    seed = table.integer(key)
+    if not 0 <= seed <= SEED_MAX:
+        raise InputError(f"{key}: {seed} is not from 0 to {SEED_MAX}")
+    return seed
+
+
+# --- faults
+
+
+def _fault(table: Table, robot: Robot, number: int) -> Fault:
+    readings = {key: _reading(key, read, robot) for key, read in _TRIGGERS.items()}
+    beside = {"name": _name, **readings, "for_s": _time, "until": _until(robot), "expect": _expect}
+    harm, values = read_harm(robot, table, beside)
+    if harm is None:
+        raise InputError("do: 'state' harms nothing")
+    trigger = _one_trigger(values)
+    until = _end(harm, values)
+    name = values["name"] or f"{number} {table.text('do')}"
+    return Fault(name, trigger, harm, until, values["expect"])
+
+
+def _one_trigger(values: Mapping[str, Any]) -> Trigger:
+    given = [key for key in _TRIGGERS if values[key] is not None]
+    if len(given) != 1:
+        raise InputError(f"a fault has exactly one of {', '.join(_TRIGGERS)}, not {' and '.join(given) or 'none'}")
+    trigger: Trigger = values[given[0]]
+    return trigger
+
+
+def _end(harm: Harm, values: Mapping[str, Any]) -> Trigger | float | None:
+    given = [key for key in ("for_s", "until") if values[key] is not None]
+    if len(given) > 1:
+        raise InputError("for_s: a fault has for_s or until, not both")
+    if given and momentary(harm):
+        how = "by_s says how long it lasts" if isinstance(harm, HostFault) else "it is over at once"
+        raise InputError(f"{given[0]}: this fault has no end: {how}")
+    until: Trigger | float | None = values[given[0]] if given else None
+    return until
+
+
+# --- triggers
+
+
+def _time(table: Table, key: str) -> float:
+    value = table.number(key)
+    if not 0 <= value <= TIME_MAX_S:
+        raise InputError(f"{key}: {value:g} s is not from 0 to {TIME_MAX_S:g} s")
+    return value
+
+
+def _at_s(table: Table, key: str, _robot: Robot) -> Trigger:
+    return AtTime(_time(table, key))
+
+
+def _power_up_s(table: Table, key: str, _robot: Robot) -> Trigger:
+    return AtTime(_time(table, key), from_power_up=True)
+
+
+def _at_random(table: Table, key: str, _robot: Robot) -> Trigger:
+    with table.section(key) as section:
+        times = section.read({"from_s": _time, "to_s": _time})
+        if not times["from_s"] <= times["to_s"]:
+            raise InputError(f"to_s: {times['to_s']:g} s is before from_s, {times['from_s']:g} s")
+    return AtRandom(**times)
+
+
+def _at_position(table: Table, key: str, robot: Robot) -> Trigger:
+    with table.section(key) as section:
+        values = section.read(
+            {"joint": Table.text, "value": Table.number},
+            {"direction": lambda table, key: table.choice(key, Direction)},
+        )
+        robot.index_of(values["joint"])
+    return AtPosition(values["joint"], values["value"], values["direction"] or Direction.ANY)
+
+
+def _on_frame(table: Table, key: str, _robot: Robot) -> Trigger:
+    with table.section(key) as section:
+        values = section.read({"id": Table.integer}, {"n": Table.integer})
+        cob_id, n = values["id"], 1 if values["n"] is None else values["n"]
+        if not 0 <= cob_id <= COB_ID_MASK:
+            raise InputError(f"id: {cob_id} is not from 0 to 0x{COB_ID_MASK:X}")
+        if n < 1:
+            raise InputError(f"n: {n} is below 1")
+    return OnFrame(cob_id, n)
+
+
+def _at_state(table: Table, key: str, robot: Robot) -> Trigger:
+    with table.section(key) as section:
+        values = section.read({"joint": Table.text, "state": _state})
+        robot.index_of(values["joint"])
+    return AtState(values["joint"], values["state"])
+
+
+def _state(table: Table, key: str) -> State:
+    name = table.text(key)
+    states = {state.name.replace("_", " "): state for state in State}
+    if name not in states:
+        raise unknown(key, name, states)
+    return states[name]
+
+
+_TRIGGERS: Final[Mapping[str, Callable[[Table, str, Robot], Trigger]]] = {
+    "at_s": _at_s,
+    "power_up_s": _power_up_s,
+    "at_position": _at_position,
+    "on_frame": _on_frame,
+    "at_state": _at_state,
+    "at_random": _at_random,
+}
+"""The keys of triggers, and what reads each."""
+
+
+def _reading(key: str, read: Callable[[Table, str, Robot], Trigger], robot: Robot) -> Reading:
+    return lambda table, _: read(table, key, robot)
+
+
+def _until(robot: Robot) -> Reading:
+    def read(table: Table, key: str) -> Trigger:
+        with table.section(key) as section:
+            section.check_keys(_TRIGGERS)
+            values = {
+                each: None if each not in section else read(section, each, robot) for each, read in _TRIGGERS.items()
+            }
+            return _one_trigger(values)
+
+    return read
+
+
+# --- an expected reaction other than the documented one
+
+
+def _expect(table: Table, key: str) -> Reaction:
+    with table.section(key) as section:
+        values = section.read(
+            {"motion": _motion},
+            {"codes": Table.elements, "state": _state, "within_ms": Table.number, "certain": Table.truth},
+        )
+        codes = tuple(_code(code) for code in values["codes"] or ())
+    return Reaction(
+        motion=values["motion"],
+        codes=codes,
+        state=values["state"],
+        begins_ms=values["within_ms"] or 0.0,
+        certain=values["certain"] is not False,
+    )
+
+
+def _motion(table: Table, key: str) -> Motion:
+    name = table.text(key)
+    motions = {motion.name.lower().replace("_", "-"): motion for motion in Motion}
+    if name not in motions:
+        raise unknown(key, name, motions)
+    return motions[name]
+
+
+def _code(value: object) -> ErrorCode:
+    if not isinstance(value, int) or value not in set(ErrorCode):
+        raise InputError(f"codes: {value!r} is none of the board's error codes, such as 0x{ErrorCode.ESTOP:04X}")
+    return ErrorCode(value)

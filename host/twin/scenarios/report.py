@@ -1,0 +1,358 @@
+"""Report a played scenario: when each fault was due and struck, what answered, and whether that is documented."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import ceil, inf
+from typing import Any
+
+import numpy as np
+
+from steptwin.host.client.words import state_text
+from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.control.operations import request_of
+from steptwin.host.twin.scenarios.engine import Emergency, Engine, Played
+from steptwin.host.twin.scenarios.moment import AxisMoment, Moment
+from steptwin.host.twin.scenarios.reactions import Motion, Reaction, concerned, documented
+from steptwin.host.twin.scenarios.triggers import AtTime
+from steptwin.host.verify import Evidence
+from steptwin.protocol.cia402 import ErrorCode, State
+from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
+
+_SIXTEENTHS = 16
+"""Sixteenths of a full step in a full step."""
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """An EMCY that answered a fault: joint, error code, and how long after the fault's beginning it was on the bus."""
+
+    joint: str
+    code: int
+    after_ms: float
+
+
+@dataclass(frozen=True, slots=True)
+class JointAnswer:
+    """A joint at the end of the run.
+
+    Attributes:
+        state: state of its drive.
+        position_known: whether the firmware says that it knows the position.
+        lost_steps: steps that the firmware has counted since the fault's beginning and the driver has not.
+    """
+
+    state: State
+    position_known: bool
+    lost_steps: float
+
+
+@dataclass(frozen=True, slots=True)
+class FaultReport:
+    """One fault.
+
+    Attributes:
+        name: its name in the scenario.
+        request: what it does, as a request of the control port.
+        due: its trigger in words.
+        struck_s: instant of its first strike, in seconds from the motion's start, or from power-up without one; None:
+            it never struck.
+        strikes: number of its strikes.
+        ended_s: instant of its end; None if it lasted.
+        emcys: the EMCYs from its beginning to that of the next fault.
+        standstill_ms: time from its beginning to the last step before the machine stood; None if it went on.
+        joints: the joints at the end of the run, by name.
+        what: the fault in the words of the table of documented reactions; empty if it never struck.
+        reaction: the reaction that is right; None if it never struck.
+        limit_ms: longest time to standstill; None if the motion goes on.
+        differences: what was not as it should be, in words.
+    """
+
+    name: str
+    request: Mapping[str, Any]
+    due: str
+    struck_s: float | None
+    strikes: int
+    ended_s: float | None
+    emcys: tuple[Told, ...]
+    standstill_ms: float | None
+    joints: Mapping[str, JointAnswer]
+    what: str
+    reaction: Reaction | None
+    limit_ms: float | None
+    differences: tuple[str, ...]
+
+    @property
+    def struck(self) -> bool:
+        """True if it did something."""
+        return self.struck_s is not None
+
+    @property
+    def as_documented(self) -> bool:
+        """True if it struck and the machine answered as it should."""
+        return self.struck and not self.differences
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fault under the keys of report.json."""
+        reaction = self.reaction
+        return {
+            "name": self.name,
+            "do": dict(self.request),
+            "due": self.due,
+            "struck_s": _rounded(self.struck_s),
+            "strikes": self.strikes,
+            "ended_s": _rounded(self.ended_s),
+            "emcys": [
+                {"joint": told.joint, "code": f"0x{told.code:04X}", "after_ms": round(told.after_ms, 3)}
+                for told in self.emcys
+            ],
+            "standstill_ms": _rounded(self.standstill_ms),
+            "joints": {
+                name: {
+                    "state": state_text(joint.state),
+                    "position_known": joint.position_known,
+                    "lost_steps": joint.lost_steps,
+                }
+                for name, joint in self.joints.items()
+            },
+            "documented": None
+            if reaction is None
+            else {
+                "what": self.what,
+                "motion": reaction.motion.value,
+                "codes": [f"0x{code:04X}" for code in reaction.codes],
+                "state": None if reaction.state is None else state_text(reaction.state),
+                "standstill_ms": None if self.limit_ms in (None, inf) else self.limit_ms,
+                "certain": reaction.certain,
+            },
+            "as_documented": self.as_documented,
+            "differences": list(self.differences),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class ScenarioReport:
+    """A played scenario: its faults in the order of the scenario, and why it failed; no reasons if it passed."""
+
+    name: str
+    seed: int
+    faults: tuple[FaultReport, ...]
+    reasons: tuple[str, ...]
+
+    @property
+    def passed(self) -> bool:
+        """True if every fault struck, was answered as documented, and nothing was lost in silence."""
+        return not self.reasons
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the scenario under the keys of report.json."""
+        return {
+            "scenario": {
+                "name": self.name,
+                "seed": self.seed,
+                "passed": self.passed,
+                "reasons": list(self.reasons),
+            },
+            "faults": [fault.to_dict() for fault in self.faults],
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class RunEnd:
+    """How a run ended.
+
+    Attributes:
+        moment: what the axes did then.
+        evidence: the steps that the drivers counted.
+        stopped: whether the motion ended before its time.
+        ended_s: time of the motion at its end.
+        reasons: why the drivers' counts are not as planned; empty if they are, or if the motion stopped.
+    """
+
+    moment: Moment
+    evidence: Evidence
+    stopped: bool
+    ended_s: float
+    reasons: tuple[str, ...] = ()
+
+
+def scenario_report(engine: Engine, end: RunEnd) -> ScenarioReport:
+    """Report the scenario that an engine has played to the end of a run."""
+    begins = sorted(each.began.counts for each in engine.played if each.began is not None)
+    faults = tuple(_fault_report(engine, each, end, _window_end(each, begins)) for each in engine.played)
+    reasons = [f"{fault.name}: {difference}" for fault in faults for difference in fault.differences]
+    if not any(fault.reaction is not None and not fault.reaction.verified for fault in faults):
+        reasons += end.reasons
+    scenario = engine.scenario
+    return ScenarioReport(scenario.name, scenario.seed, faults, tuple(reasons))
+
+
+def _window_end(played: Played, begins: Sequence[int]) -> float:
+    """Return the instant at which the next fault begins, whose answers are its own."""
+    began = played.began
+    return min((counts for counts in begins if began is not None and counts > began.counts), default=inf)
+
+
+def _fault_report(engine: Engine, played: Played, end: RunEnd, until_counts: float) -> FaultReport:
+    robot, fault, began = engine.target.robot, played.fault, played.began
+    named = fault.name, request_of(robot, fault.harm), str(fault.trigger)
+    if began is None or played.first_counts is None:
+        why = _why_never(engine, played, end)
+        return FaultReport(*named, None, 0, None, (), None, {}, "", None, None, (f"never struck: {why}",))
+    row = documented(played.harm, began)
+    reaction = fault.expected or row.reaction
+    emcys = [each for each in engine.emergencies if began.counts <= each.counts < until_counts and each.code]
+    stopped = end.stopped and _stops_within(emcys)
+    standstill_ms = _standstill_ms(end.evidence, began.counts) if stopped else None
+    limit_ms = reaction.begins_ms + ramp_ms(robot, reaction, played) if reaction.stops else None
+    joints = _joints(robot, began, end.moment)
+    differences = _Judge(robot, played, reaction, emcys, stopped, joints).differences(standstill_ms, limit_ms)
+    return FaultReport(
+        *named,
+        _seconds(engine, played.first_counts),
+        played.strikes,
+        None if played.ended_counts is None else _seconds(engine, played.ended_counts),
+        tuple(_told(robot, each, began.counts) for each in emcys),
+        standstill_ms,
+        joints,
+        row.what,
+        reaction,
+        limit_ms,
+        tuple(differences),
+    )
+
+
+def _stops_within(emcys: Sequence[Emergency]) -> bool:
+    """Return whether any of these errors stops a motion: errors of the bus alone do not."""
+    return any(not _of_bus(each.code) for each in emcys)
+
+
+def _of_bus(code: int) -> bool:
+    known = code in set(ErrorCode) and ErrorCode(code)
+    return bool(known) and ErrorCode(code).communication and code != ErrorCode.HEARTBEAT_LOST
+
+
+class _Judge:
+    """Compares an answer with the reaction that is right."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        played: Played,
+        reaction: Reaction,
+        emcys: Sequence[Emergency],
+        stopped: bool,
+        joints: Mapping[str, JointAnswer],
+    ) -> None:
+        self._names = robot.joint_names
+        self._reaction = reaction
+        self._began = played.began
+        self._emcys = emcys
+        self._stopped = stopped
+        self._joints = list(joints.values())
+        on = [axis for axis, each in enumerate(self._axes) if each.energised]
+        self._concerned = [axis for axis in concerned(played.harm, len(self._names)) if axis in on]
+        """The axes that must answer: a drive that is off does not."""
+
+    @property
+    def _axes(self) -> tuple[AxisMoment, ...]:
+        return () if self._began is None else self._began.axes
+
+    def differences(self, standstill_ms: float | None, limit_ms: float | None) -> list[str]:
+        """Return what is not as it should be."""
+        reaction = self._reaction
+        allowed = {*reaction.codes, *([ErrorCode.GROUP_STOPPED] if reaction.stops else [])}
+        strange = sorted({each.code for each in self._emcys} - allowed)
+        found = [f"EMCY 0x{code:04X} is not documented" for code in strange]
+        if reaction.stops and self._concerned and (self._stopped or reaction.certain):
+            found += self._wrong_stop(standstill_ms, limit_ms)
+        return found + self._losses()
+
+    def _wrong_stop(self, standstill_ms: float | None, limit_ms: float | None) -> list[str]:
+        reaction = self._reaction
+        if standstill_ms is None:
+            return ["the motion did not stop"]
+        found = []
+        for axis in self._concerned:
+            if not any(each.axis == axis and each.code in reaction.codes for each in self._emcys):
+                codes = " or ".join(f"0x{code:04X}" for code in reaction.codes)
+                found.append(f"{self._names[axis]}: no EMCY {codes}")
+            joint = self._joints[axis]
+            if reaction.state is not None and joint.state is not reaction.state:
+                found.append(f"{self._names[axis]}: in {state_text(joint.state)}, not in {state_text(reaction.state)}")
+            if reaction.motion is Motion.CUT and _fast(self._axes[axis]) and joint.position_known:
+                found.append(f"{self._names[axis]}: was cut off in motion and claims to know its position")
+        if limit_ms is not None and standstill_ms > limit_ms:
+            found.append(f"stood after {standstill_ms:.2f} ms, later than {limit_ms:.2f} ms")
+        return found
+
+    def _losses(self) -> list[str]:
+        """Return what was lost in silence: an axis that claims to know its position has another one."""
+        if not self._reaction.verified:
+            return []
+        return [
+            f"{name}: {joint.lost_steps:g} steps lost in silence"
+            for name, joint in zip(self._names, self._joints, strict=True)
+            if joint.lost_steps and joint.position_known
+        ]
+
+
+def _fast(axis: AxisMoment) -> bool:
+    """Return whether an axis moved so fast that it cannot have stopped within a millisecond."""
+    return abs(axis.velocity) * 1_000_000 > axis.deceleration * 64
+
+
+def _why_never(engine: Engine, played: Played, end: RunEnd) -> str:
+    trigger = played.fault.trigger
+    if played.began is not None:
+        return f"it began at {_seconds(engine, played.began.counts):g} s, but no frame that it concerns was sent since"
+    why = "" if played.watch is None else played.watch.missing()
+    if not why and isinstance(trigger, AtTime):
+        why = f"the motion ended at {end.ended_s:g} s, before at_s {trigger.at_s:g}"
+        if trigger.from_power_up:
+            why = f"the run ended {end.moment.counts / COUNTS_PER_SECOND:g} s after power-up"
+    return f"{trigger}: {why}"
+
+
+def _joints(robot: Robot, began: Moment, end: Moment) -> dict[str, JointAnswer]:
+    answers = {}
+    for joint, before, after in zip(robot.joints, began.axes, end.axes, strict=True):
+        lost_sixteenths = after.lag_sixteenths - before.lag_sixteenths
+        lost_steps = lost_sixteenths * joint.transmission.microsteps / _SIXTEENTHS
+        answers[joint.name] = JointAnswer(after.state, after.position_known, lost_steps)
+    return answers
+
+
+def _standstill_ms(evidence: Evidence, began_counts: int) -> float:
+    """Return the time from an instant to the last step of any axis; 0 if there was none after it."""
+    lasts = [int(axis.step_counts[-1]) for axis in evidence.axes if axis.step_counts.size]
+    return max(max(lasts, default=began_counts) - began_counts, 0) / COUNTS_PER_MS
+
+
+def ramp_ms(robot: Robot, reaction: Reaction, played: Played) -> float:
+    """Return how long the stop of a reaction lasts at most: the longest ramp of an axis from its highest speed.
+
+    Axes that stop with one whose pulses end at once do so by a ramp as well.
+    """
+    axes = len(robot.joints)
+    if reaction.motion is Motion.CUT and len(concerned(played.harm, axes)) == axes:
+        return 0.0
+    return longest_ramp_ms(robot)
+
+
+def longest_ramp_ms(robot: Robot) -> float:
+    """Return how long the axes of a robot take to stop from their highest speeds; the firmware rounds up to 1 ms."""
+    return float(ceil(1000 * float(np.max(robot.axis_speeds_max / robot.axis_accelerations_max))))
+
+
+def _told(robot: Robot, emergency: Emergency, began_counts: int) -> Told:
+    after_ms = (emergency.counts - began_counts) / COUNTS_PER_MS
+    return Told(robot.joint_names[emergency.axis], emergency.code, after_ms)
+
+
+def _seconds(engine: Engine, counts: int) -> float:
+    """Return an instant in seconds from the motion's start; from power-up if there was no motion."""
+    return (counts - (engine.start_counts or 0)) / COUNTS_PER_SECOND
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 6)

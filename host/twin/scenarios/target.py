@@ -1,0 +1,71 @@
+"""The machine that a scenario harms: its boards on their bus, with the axes numbered as the robot's joints."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from steptwin.emulator.board import Board
+from steptwin.emulator.operations import AxisOperation, Operation
+from steptwin.emulator.simulation import Simulation
+from steptwin.emulator.surroundings import Surroundings
+from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.scenarios.moment import Moment, moment_of
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A robot's boards in a simulation.
+
+    Attributes:
+        robot: the machine.
+        simulation: its boards and their bus.
+        start_steps: where its motors stood at power-up, in steps of the robot's file from their axes' zeros.
+        axes: board of each joint, and the number of its axis there.
+    """
+
+    robot: Robot
+    simulation: Simulation
+    start_steps: Sequence[int]
+    axes: tuple[tuple[Board, int], ...]
+
+    @classmethod
+    def of(cls, robot: Robot, simulation: Simulation, start_steps: Sequence[int]) -> "Target":
+        """Return the target with the axes of all boards in order."""
+        axes = tuple((board, axis) for board in simulation.boards for axis in range(board.config.axis_count))
+        return cls(robot, simulation, start_steps, axes)
+
+    def operate(self, operation: Operation) -> None:
+        """Execute an operation now: on the board of its axis, else on every board."""
+        simulation = self.simulation
+        if isinstance(operation, AxisOperation):
+            board, axis = self.axes[operation.axis]
+            simulation.operate(replace(operation, axis=axis), simulation.boards.index(board))
+        else:
+            for number in range(len(simulation.boards)):
+                simulation.operate(operation, number)
+
+    def moment(self, now_counts: int) -> Moment:
+        """Return what all axes do now."""
+        return moment_of(self.axes, now_counts)
+
+    def steps(self) -> list[float]:
+        """Return where the motors are by their drivers' counts, in steps of the robot's file from their axes' zeros."""
+        return [
+            start + board.position_sixteenths(axis) / joint.transmission.step_sixteenths
+            for start, joint, (board, axis) in zip(self.start_steps, self.robot.joints, self.axes, strict=True)
+        ]
+
+    @property
+    def moving(self) -> bool:
+        """True while a motor moves or may still reach a switch."""
+        return any(board.moving for board in self.simulation.boards)
+
+    @property
+    def interpolating(self) -> bool:
+        """True while an axis executes a motion."""
+        return any(board.firmware.motion.running(axis) for board, axis in self.axes)
+
+    @property
+    def surroundings(self) -> Surroundings:
+        """What the machine is like now; what all axes of a board share is the same for all boards."""
+        around = [board.surroundings for board in self.simulation.boards]
+        return replace(around[0], axes=tuple(axis for each in around for axis in each.axes))
