@@ -1,7 +1,9 @@
 """What a fault does, as data: an operation on the machine, a fault of the bus, or one of the host."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any, Final
 
 from steptwin.emulator.bus_faults import BusFault
 from steptwin.emulator.operations import (
@@ -10,7 +12,6 @@ from steptwin.emulator.operations import (
     EmergencyStop,
     Operation,
     SetInput,
-    Slip,
     StuckSwitch,
     Supply,
 )
@@ -52,35 +53,36 @@ class HostFault:
 Harm = Operation | BusFault | HostFault
 
 
+def _as_before(operation: StuckSwitch, before: Surroundings) -> StuckSwitch:
+    """Return that a switch sticks as it did, or is free."""
+    axis, which = before.axes[operation.axis], operation.switch
+    return StuckSwitch(operation.axis, which, bool(axis.levels & which) if axis.stuck & which else None)
+
+
+_OPPOSITES: Final[Mapping[type, Callable[[Any, Surroundings], Operation]]] = {
+    EmergencyStop: lambda _, before: EmergencyStop(before.emergency_stop),
+    Supply: lambda _, before: Supply(before.supply_10mv),
+    BoardTemperature: lambda _, before: BoardTemperature(before.temperature_decidegc),
+    DriverProtect: lambda harm, before: DriverProtect(harm.axis, before.axes[harm.axis].protect_held),
+    SetInput: lambda harm, before: SetInput(harm.axis, harm.input, on=bool(before.axes[harm.axis].levels & harm.input)),
+    StuckSwitch: _as_before,
+}
+"""What ends each type of operation; one without it is done at once."""
+_ENDING: Final = (HostFaultKind.HANG, HostFaultKind.LATE, HostFaultKind.DISORDER)
+"""Faults of the host that a scenario may end."""
+
+
 def opposite(operation: Operation, before: Surroundings) -> Operation | None:
     """Return the operation that ends another one, before which the surroundings were so; None: it has no end."""
-    match operation:
-        case EmergencyStop():
-            return EmergencyStop(before.emergency_stop)
-        case Supply():
-            return Supply(before.supply_10mv)
-        case BoardTemperature():
-            return BoardTemperature(before.temperature_decidegc)
-        case DriverProtect(axis):
-            return DriverProtect(axis, before.axes[axis].protect_held)
-        case SetInput(axis, which):
-            return SetInput(axis, which, on=bool(before.axes[axis].levels & which))
-        case StuckSwitch(axis, which):
-            stuck = before.axes[axis]
-            return StuckSwitch(axis, which, bool(stuck.levels & which) if stuck.stuck & which else None)
-        case _:
-            return None
+    make = _OPPOSITES.get(type(operation))
+    return None if make is None else make(operation, before)
 
 
 def momentary(harm: Harm) -> bool:
-    """Return whether a harm is done at once, so that it has no end."""
+    """Return whether a harm is done at once, so that nothing ends it."""
     if isinstance(harm, HostFault):
-        return harm.kind in (HostFaultKind.DEATH, HostFaultKind.RESTART)
-    return isinstance(harm, _MOMENTARY)
-
-
-_MOMENTARY = (Slip,)
-"""Operations without an opposite."""
+        return harm.kind not in _ENDING
+    return not isinstance(harm, BusFault) and type(harm) not in _OPPOSITES
 
 
 def on_axis(harm: Harm) -> int | None:

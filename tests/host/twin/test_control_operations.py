@@ -10,12 +10,14 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from steptwin.controller.backend import Kernel
+from steptwin.emulator.bus_faults import BusFault, BusFaultKind
 from steptwin.emulator.operations import (
     BoardTemperature,
     DriverProtect,
     EmergencyStop,
     Operation,
     SetInput,
+    Slip,
     StuckSwitch,
     Supply,
 )
@@ -24,9 +26,12 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.digital_input import Input
 from steptwin.host.robots.switches import JointSwitches
+from steptwin.host.twin.control.frames import FRAMES as FRAME_NAMES
+from steptwin.host.twin.control.frames import cob_ids
 from steptwin.host.twin.control.operations import read_request, request_of
 from steptwin.host.twin.control.state import MachineState
 from steptwin.host.twin.live_board import LiveBoard
+from steptwin.host.twin.scenarios.harms import Harm, HostFault, HostFaultKind
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import GENERAL_INPUTS, SWITCH_INPUTS, DigitalInput, ErrorCode, State
 from steptwin.protocol.frame import COB_EMCY, FIRST_NODE_ID, Frame
@@ -293,19 +298,32 @@ def test_what_is_just_allowed(request_: dict[str, Any], operation: Operation | N
 
 
 JOINTS = st.integers(0, 3)
-OPERATIONS = st.one_of(
+FRAMES = st.one_of(
+    st.sampled_from([cob_ids(ROBOT, name) for name in FRAME_NAMES]),
+    st.builds(lambda axis: cob_ids(ROBOT, "records", axis), JOINTS),
+    st.sets(st.integers(0, 0x7FF), min_size=1, max_size=3).map(lambda ids: tuple(sorted(ids))),
+)
+OFTEN = {"rate": st.floats(0, 1), "skip": st.integers(0, 9), "count": st.none() | st.integers(1, 9)}
+HARMS = st.one_of(
     st.builds(EmergencyStop, st.booleans()),
     st.builds(Supply, st.integers(0, 65_535)),
     st.builds(BoardTemperature, st.integers(-32_768, 32_767)),
     st.builds(DriverProtect, JOINTS, st.booleans()),
     st.builds(SetInput, st.just(3), st.just(GENERAL_INPUTS[1]), st.booleans()),
     st.builds(StuckSwitch, JOINTS, st.sampled_from(SWITCH_INPUTS[:2]), st.sampled_from([True, False, None])),
+    st.builds(Slip, JOINTS, st.sampled_from([-400, -4, 4, 8])),
+    st.builds(BusFault, st.just(BusFaultKind.LOSS), FRAMES, receiver=st.none() | st.integers(0, 2), **OFTEN),
+    st.builds(BusFault, st.just(BusFaultKind.CORRUPTION), FRAMES, **OFTEN),
+    st.builds(BusFault, st.just(BusFaultKind.DELAY), FRAMES, delay_counts=st.integers(100, 1 << 40), **OFTEN),
+    st.builds(lambda axis: BusFault(BusFaultKind.BUS_OFF, cob_ids(ROBOT, "of-board", axis), count=1), JOINTS),
+    st.just(BusFault(BusFaultKind.BUS_OFF, cob_ids(ROBOT, "of-host"), count=1)),
+    st.builds(HostFault, st.sampled_from([*HostFaultKind]), st.floats(0, 86_400)),
 )
 
 
-@given(OPERATIONS)
-def test_an_operation_is_the_request_that_asks_for_it(operation: Operation) -> None:
-    assert read_request(ROBOT, request_of(ROBOT, operation)) == operation
+@given(HARMS)
+def test_a_harm_is_the_request_that_asks_for_it(harm: Harm) -> None:
+    assert read_request(ROBOT, json.loads(json.dumps(request_of(ROBOT, harm)))) == harm
 
 
 WORDS = st.sampled_from([*Do, "closed", "th2", "-", "box", "", "\n"])
@@ -322,4 +340,4 @@ VALUES = st.recursive(
 def test_any_object_is_an_operation_or_refused(request_: dict[str, Any], do: Do) -> None:
     for each in (request_, request_ | {"do": do}):
         with suppress(InputError):
-            assert isinstance(read_request(ROBOT, each), Operation | None)
+            assert isinstance(read_request(ROBOT, each), Harm | None)

@@ -1,0 +1,1 @@
+"""Scenarios of faults, played on embedded boards in virtual time."""
