@@ -18,6 +18,7 @@ from steptwin.emulator.operations import (
     EmergencyStop,
     Operation,
     SetInput,
+    SetWire,
     Slip,
     StuckSwitch,
     Supply,
@@ -174,6 +175,11 @@ class Board:
                 self.drain()
                 self._drivers.slip(axis, full_steps, self.firmware.motion.tick * TICK_COUNTS)
                 self._inputs.shift(axis, full_steps * FULL_STEP_SIXTEENTHS, self.firmware.motion)
+            case SetWire(axis, wire, condition):
+                self.drain()
+                self._drivers.set_wire(axis, wire, condition, self.firmware.motion.tick * TICK_COUNTS)
+                self._inputs.expect(self._drivers.noisy_axes)
+                self._inputs.unsettle(axis, self.firmware.motion)
             case Supply(supply_10mv):
                 self._measure(replace(self._measurements, supply_10mv=supply_10mv), now_counts)
             case BoardTemperature(temperature_decidegc):
@@ -228,6 +234,8 @@ class Board:
         motion = self.firmware.motion
         self.drain()
         self._inputs.look(motion)
+        if self._inputs.restless:
+            self._inputs.expect(self._drivers.noisy_axes)
         if self._hot or self._heat_is_due:
             low = [self._look_at_protect(axis) for axis in range(self.config.axis_count)]
             self._hot = any(low)
@@ -391,7 +399,7 @@ class Board:
     def take_trace(self, axis: int) -> AxisTrace:
         """Return the trace of an axis and begin the next one here, so that a board may run for ever."""
         trace = self.trace(axis)
-        self._drivers.forget(axis)
+        self._drivers.forget(axis, self.firmware.motion.tick * TICK_COUNTS)
         return trace
 
     def trace(self, axis: int) -> AxisTrace:

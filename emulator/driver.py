@@ -19,6 +19,8 @@ class Driver:
         self.chip = Tb6560(osc_pf, module.chip_sense_ohm, module.cooling)
         self.active_edge: Final[ClkEdge] = module.active_edge
         """The edge of STEP with which the chip's CLK rises."""
+        self.enable_open: Final[int] = module.enable_open
+        """Level that ENABLE has for the driver if nothing is connected to its terminal."""
         self._switches: Final = module.switches
         self._stage = None if module.only_wires else InputStage(module, self.chip.clk_width_min_counts)
 

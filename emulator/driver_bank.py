@@ -14,6 +14,7 @@ from steptwin.emulator.driver_module import ClkEdge, Module
 from steptwin.emulator.edges import Int8Array, Int64Array
 from steptwin.emulator.inputs import BoardInputs
 from steptwin.emulator.tb6560 import FULL_STEP_SIXTEENTHS, Input, LevelChange, OutputFollower, Outputs, Pins, Violations
+from steptwin.emulator.wires import AxisWires, Condition, Passed, Wire
 
 WIRING = {
     Pin.RESET: Input.RESET,
@@ -75,6 +76,8 @@ class DriverBank:
         """Changes of levels that the drivers have not seen yet, by axis."""
         self._pins: list[list[Pins]] = [[_pins(PinEdges([], []), [], 0)] for _ in self.drivers]
         """All edges at the drivers' terminals that are not forgotten, by axis."""
+        self._wires: list[AxisWires | None] = [None] * len(self.drivers)
+        """The wires to each driver that have had a fault."""
         self._pin_levels: dict[tuple[int, Pin], int] = {}
         self._dir_levels = [0] * len(self.drivers)
         self._slips: list[list[tuple[int, int]]] = [[] for _ in self.drivers]
@@ -86,8 +89,12 @@ class DriverBank:
 
     def set_pin(self, change: PinChange) -> None:
         """Put a pin of the firmware to a level."""
-        self.pin_changes.append(change)
         self._pin_levels[change.axis, change.pin] = change.level
+        wires = self._wires[change.axis]
+        if wires is not None and change.pin is Pin.ENABLE:
+            wires.set_enable(change.counts, change.level)
+            return
+        self.pin_changes.append(change)
         if change.pin in WIRING:
             self._waiting[change.axis].append(LevelChange(change.counts, WIRING[change.pin], change.level))
 
@@ -114,22 +121,56 @@ class DriverBank:
 
     def show_axis(self, axis: int, edges: PinEdges, until_counts: int) -> None:
         """Let one driver see them."""
-        moved = len(edges.clk_counts) or len(edges.direction)
-        if not (moved or self._waiting[axis] or self.drivers[axis].waiting):
+        moved, wires = len(edges.clk_counts) or len(edges.direction), self._wires[axis]
+        wires_wait = wires is not None and wires.waiting
+        if not (moved or self._waiting[axis] or self.drivers[axis].waiting or wires_wait):
             return
         pins = _pins(edges, self._waiting[axis], until_counts)
         self._waiting[axis] = []
+        if pins.dir_levels.size:
+            self._dir_levels[axis] = int(pins.dir_levels[-1])
+        if wires is not None:
+            self._take(axis, wires.take(pins))
+            return
         self._feed(axis, pins)
         if moved:
             self._pins[axis].append(pins)
-            self._dir_levels[axis] = int(pins.dir_levels[-1]) if pins.dir_levels.size else self._dir_levels[axis]
 
     def _feed(self, axis: int, pins: Pins) -> None:
-        driver = self.drivers[axis]
+        driver, wires = self.drivers[axis], self._wires[axis]
         moves = driver.feed(pins)
-        self._inputs.moved(
-            axis, *moves, held_pulses=driver.held_pulses, step_sixteenths=driver.excitation.step_sixteenths
+        held_pulses = driver.held_pulses + (wires.held_pulses if wires is not None else 0)
+        self._inputs.moved(axis, *moves, held_pulses=held_pulses, step_sixteenths=driver.excitation.step_sixteenths)
+
+    def _take(self, axis: int, passed: Passed) -> None:
+        """Let one driver see what faulty wires have made of the edges, and record it."""
+        self._feed(axis, passed.told)
+        recorded = passed.recorded
+        self._pins[axis].append(recorded)
+        self.pin_changes += (
+            PinChange(change.counts, axis, Pin.ENABLE, change.level)
+            for change in recorded.changes
+            if change.pin is Input.ENABLE
         )
+
+    # --- faults
+
+    def set_wire(self, axis: int, wire: Wire, condition: Condition, counts: int) -> None:
+        """Let a wire to one driver be like this from an instant on, up to which all edges have been shown."""
+        driver, wires = self.drivers[axis], self._wires[axis]
+        if wires is None:
+            wires = self._wires[axis] = AxisWires(
+                driver.active_edge,
+                enable_open=driver.enable_open,
+                dir_level=self._dir_levels[axis],
+                enable_level=self.level(axis, Pin.ENABLE),
+            )
+        self._take(axis, wires.change(wire, condition, counts))
+
+    @property
+    def noisy_axes(self) -> set[int]:
+        """The axes to whose drivers edges may come that the firmware has not made."""
+        return {axis for axis, wires in enumerate(self._wires) if wires is not None and wires.noisy}
 
     def slip(self, axis: int, full_steps: int, counts: int) -> None:
         """Let an axis' rotor fall out of step by full steps."""
@@ -149,8 +190,9 @@ class DriverBank:
 
     def count(self, axis: int) -> DriverMonitor:
         """Return the counts of an axis' driver, over all pulses that it has seen, and its present mode."""
-        driver = self.drivers[axis]
-        return DriverMonitor(driver.position_steps, driver.lost_steps, driver.violation_count, driver.excitation)
+        driver, wires = self.drivers[axis], self._wires[axis]
+        lost_steps = driver.lost_steps + (wires.lost_steps if wires is not None else 0)
+        return DriverMonitor(driver.position_steps, lost_steps, driver.violation_count, driver.excitation)
 
     def rotor_sixteenths(self, axis: int) -> int:
         """Return the position of an axis' rotor since power-up, in sixteenths of a full step."""
@@ -161,11 +203,17 @@ class DriverBank:
         driver = self.drivers[axis]
         nothing = _pins(PinEdges([], []), [], until_counts)  # lets the time pass in which nothing came
         self._feed(axis, nothing)
-        pins = self._pins[axis]
+        pins, wires = self._pins[axis], self._wires[axis]
+        rises, falls = (
+            np.concatenate([p.clk_rise_counts for p in pins]),
+            np.concatenate([p.clk_fall_counts for p in pins]),
+        )
+        if wires is not None:
+            rises, falls = wires.with_open_pulse(rises, falls, until_counts)
         step_counts, step_signs = driver.steps
         return AxisTrace(
-            clk_rise_counts=np.concatenate([p.clk_rise_counts for p in pins]),
-            clk_fall_counts=np.concatenate([p.clk_fall_counts for p in pins]),
+            clk_rise_counts=rises,
+            clk_fall_counts=falls,
             active_edge=driver.active_edge,
             dir_counts=np.concatenate([p.dir_counts for p in pins]),
             dir_levels=np.concatenate([p.dir_levels for p in pins]),
@@ -179,8 +227,11 @@ class DriverBank:
             slip_full_steps=np.array([full_steps for _, full_steps in self._slips[axis]], dtype=np.int64),
         )
 
-    def forget(self, axis: int) -> None:
-        """Begin the next trace of an axis here."""
+    def forget(self, axis: int, until_counts: int) -> None:
+        """Begin the next trace of an axis here, where the last one has ended."""
+        wires = self._wires[axis]
+        if wires is not None:
+            wires.forget(until_counts)
         self._pins[axis] = [_pins(PinEdges([], []), [], 0)]
         self._slips[axis].clear()
         self.drivers[axis].forget()

@@ -56,6 +56,8 @@ class Module:
         enable: part between EN and ENABLE; the wiring takes care of a low-active terminal.
         requirements: times that the module requires beyond those of the couplers.
         active_edge: edge of STEP that makes the step.
+        enable_open: ENABLE at the chip if nothing is connected to EN: 0 for the chip's pull-down, 1 where the
+            optocoupler's light switches the chip off.
         switches: the module's own switches, if it has any: it then follows CLK, DIR and EN alone, and RESET is high
             with the supply.
         idle_ms: time from the last step until the switches' idle current begins; assumed, since no source gives it.
@@ -69,6 +71,7 @@ class Module:
     enable: Coupler = Coupler()
     requirements: Requirements = Requirements()
     active_edge: ClkEdge = ClkEdge.RISING
+    enable_open: int = 0
     switches: DipSwitches | None = None
     idle_ms: int = 500
     sense_ohm: float = SENSE_OHM

@@ -80,6 +80,7 @@ THREE_AMP_MODULE: Final = DriverProfile(
         clk=Coupler(to_high_ns=75, to_low_ns=75),
         direction=Coupler(to_high_ns=4_000, to_low_ns=24_000),
         enable=Coupler(to_high_ns=24_000, to_low_ns=4_000),
+        enable_open=1,  # its EN light on means off, so it is on without a cable
         cooling=Cooling(resistance_k_per_w=8.0, capacity_j_per_k=40.0),  # [A] the heat sink of such a board
         source="3 A module: PC817 on DIR against 6N137 on STEP",
     ),

@@ -54,6 +54,10 @@ class BoardInputs:
         """Tick at whose start the switches of an axis must be read next; an axis at rest is not in it."""
         self._placed = False
         """True if `place` tells where the rotors are, not the drivers' steps."""
+        self._restless: set[int] = set()
+        """Axes whose switches may change though the firmware makes no steps."""
+        self._looked_tick = -1
+        """Tick at whose start the switches have been read last."""
         self._starts_seen = 0
         """The motion's count of starts when moving axes were last collected: no other axis moves until it changes."""
 
@@ -103,7 +107,7 @@ class BoardInputs:
     @property
     def unsettled(self) -> bool:
         """True while a switch may still change by motion that is computed already."""
-        return bool(self._due_ticks)
+        return bool(self._due_ticks or self._restless)
 
     def moved(
         self, axis: int, counts: Int64Array, sixteenths: Int8Array, *, held_pulses: int, step_sixteenths: int
@@ -121,11 +125,26 @@ class BoardInputs:
 
     def unsettle(self, rotor: int, motion: Motion) -> None:
         """Read the switches that a rotor may reach with the next tick: it has moved, or its steps have changed."""
+        self._read_at(self._reached_by(rotor), motion.tick)
+
+    def expect(self, rotors: set[int]) -> None:
+        """Expect these rotors to move at any time, though the firmware makes no steps, and no others."""
+        self._restless = {axis for rotor in rotors for axis in self._reached_by(rotor)}
+
+    @property
+    def restless(self) -> bool:
+        """True if switches may change though the firmware makes no steps."""
+        return bool(self._restless)
+
+    def _reached_by(self, rotor: int) -> set[int]:
+        """Return the axes whose switches a rotor may change by its driver's steps."""
         if self._placed:
-            return
-        axes = {axis for axis in self._switched if rotor in self._travels[axis].rotors}
+            return set()
+        return {axis for axis in self._switched if rotor in self._travels[axis].rotors}
+
+    def _read_at(self, axes: set[int], tick: int) -> None:
         self._just_started |= axes
-        self._due_ticks |= dict.fromkeys(axes, motion.tick)
+        self._due_ticks |= dict.fromkeys(axes, tick)
 
     def due_tick(self, motion: Motion) -> int | None:
         """Return the tick up to whose start no switch can change; None while no axis with switches moves."""
@@ -133,6 +152,8 @@ class BoardInputs:
             self._starts_seen = motion.starts
             self._just_started = {axis for axis in self._switched if self._running(axis, motion)}
             self._due_ticks |= dict.fromkeys(self._just_started, motion.tick)
+        if self._restless:
+            self._read_at(self._restless, max(motion.tick, self._looked_tick + 1))
         return min(self._due_ticks.values()) if self._due_ticks else None
 
     def _running(self, axis: int, motion: Motion) -> bool:
@@ -170,6 +191,7 @@ class BoardInputs:
     def look(self, motion: Motion) -> None:
         """Let the switches follow the axes up to the start of the next tick; all pulses before it are drained."""
         self._just_started.clear()
+        self._looked_tick = motion.tick
         for rotor in {rotor for axis in self._due_ticks for rotor in self._travels[axis].rotors}:
             self._settle(rotor, motion.tick * TICK_COUNTS)
         for axis in list(self._due_ticks):

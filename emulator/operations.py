@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
+from steptwin.emulator.wires import Condition, Wire
 from steptwin.protocol.cia402 import GENERAL_INPUTS, SWITCH_INPUTS, DigitalInput
 
 SUPPLIES_10MV: Final = range(1 << 16)
@@ -98,7 +99,16 @@ class Slip:
             )
 
 
-AxisOperation = DriverProtect | SetInput | StuckSwitch | Slip
+@dataclass(frozen=True, slots=True)
+class SetWire:
+    """A wire from the board to an axis' driver breaks, is shorted, becomes noisy, or is whole again."""
+
+    axis: int
+    wire: Wire
+    condition: Condition
+
+
+AxisOperation = DriverProtect | SetInput | StuckSwitch | Slip | SetWire
 """Operations at the connector of one axis."""
 Operation = EmergencyStop | Supply | BoardTemperature | AxisOperation
 
