@@ -160,7 +160,8 @@ class _Line:
 def _odd(turns: Int64Array) -> Int64Array:
     """Return the sorted instants at which an odd number of turns meet: an even number leaves the level as it is."""
     instants, numbers = np.unique(turns, return_counts=True)
-    return instants[numbers % 2 == 1]
+    odd: Int64Array = instants[numbers % 2 == 1]
+    return odd
 
 
 class Passed(NamedTuple):
