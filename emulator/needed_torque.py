@@ -17,8 +17,6 @@ def needed_torque_nm(
 ) -> FloatArray:  # fmt: skip
     """Return the torque at each rotor, with friction, but without the iron's drag, which pull-out torques leave out.
 
-    At rest friction helps to hold.
-
     Args:
         drives: of each axis.
         arm: what they turn.
@@ -27,6 +25,26 @@ def needed_torque_nm(
         rad_s2: the accelerations.
         backend: by default the fastest.
     """
+    carried = carried_torque_nm(arm, rad, rad_s, rad_s2, backend)
+    columns = [
+        rotor_torque_nm(drive, carried[:, axis], rad_s[:, axis], rad_s2[:, axis]) for axis, drive in enumerate(drives)
+    ]
+    return np.column_stack(columns)
+
+
+def rotor_torque_nm(drive: Drive, carried: FloatArray, rad_s: FloatArray, rad_s2: FloatArray) -> FloatArray:
+    """Return one motor's torque, shape (n,), where its gear carries `carried`; at rest friction helps to hold."""
+    rubbing = drive.friction_nm + (1.0 / drive.efficiency - 1.0) * np.abs(carried)
+    driving = carried + drive.motor.rotor_inertia_kgm2 * rad_s2
+    held = np.sign(driving) * np.maximum(np.abs(driving) - rubbing, 0.0)
+    return np.asarray(np.where(rad_s == 0.0, held, driving + rubbing * np.sign(rad_s)), dtype=np.float64)
+
+
+def carried_torque_nm(
+    arm: Arm, rad: FloatArray, rad_s: FloatArray, rad_s2: FloatArray, backend: RotorBackend | None = None,
+    gravity_m_s2: float = GRAVITY_M_S2,
+) -> FloatArray:  # fmt: skip
+    """Return what the arm alone needs at each rotor, shape (n, axes): weights and what its masses' motion takes."""
     backend = backend or fastest_rotors()
     places, rates, accelerations, slopes = _joints(arm, rad, rad_s, rad_s2)
     instants, count = places.shape
@@ -35,15 +53,9 @@ def needed_torque_nm(
     torques = backend.numbers([0.0] * places.size)
     motion = backend.numbers([0.0] * (count * MOTION_FIELDS))
     given = [backend.numbers(values.ravel().tolist()) for values in (places, rates, accelerations)]
-    backend.need(tree, motion, *given, *own, torques, count, instants, GRAVITY_M_S2)
+    backend.need(tree, motion, *given, *own, torques, count, instants, gravity_m_s2)
     at_joints = np.array(torques, dtype=np.float64).reshape(instants, count)
-    carried = np.einsum("nba,nb->na", slopes, at_joints)
-    inertia = np.array([drive.motor.rotor_inertia_kgm2 for drive in drives])
-    friction = np.array([drive.friction_nm for drive in drives])
-    sliding = np.array([1.0 / drive.efficiency - 1.0 for drive in drives])
-    rubbing, driving = friction + sliding * np.abs(carried), carried + inertia * rad_s2
-    held = np.sign(driving) * np.maximum(np.abs(driving) - rubbing, 0.0)
-    return np.asarray(np.where(rad_s == 0.0, held, driving + rubbing * np.sign(rad_s)), dtype=np.float64)
+    return np.asarray(np.einsum("nba,nb->na", slopes, at_joints))
 
 
 def _joints(

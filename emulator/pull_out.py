@@ -13,7 +13,7 @@ import numpy as np
 from steptwin.emulator.edges import FloatArray
 from steptwin.emulator.motor import RAD_S_PER_RPM, Motor
 
-_LOAD_ANGLES: Final = np.linspace(0.0, np.pi, 61)
+_LOAD_ANGLES: Final = np.linspace(0.0, np.pi, 41)
 """From no load to the far side of the maximum, which the currents' lag at high speed pushes beyond a quarter turn."""
 _SETTLING_TURNS: Final = 6
 """Electrical turns after which the currents repeat."""

@@ -1,8 +1,10 @@
 """What `run --motors` and `motors` say of a robot's motors."""
 
+import time
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any, Final
 
 from steptwin.host.cli.arguments import finite_number
 from steptwin.host.cli.option_names import naming_options
@@ -11,9 +13,16 @@ from steptwin.host.cli.progress import progress_bar
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
+    from steptwin.host.client import Progress
     from steptwin.host.robots.robot import Robot
-    from steptwin.host.twin.motors import MotorVerdict
+    from steptwin.host.twin.motors import MotorRun, MotorVerdict
+    from steptwin.host.twin.motors.margins import Border, MotorMargins
     from steptwin.host.verify import Comparison
+
+_SURE_AFTER_S: Final = 1.0
+"""Time after which an estimate is good enough to tell."""
+_LONG_S: Final = 10.0
+"""Duration from which on it is told."""
 
 
 def check_motors(robot: "Robot") -> None:
@@ -23,13 +32,51 @@ def check_motors(robot: "Robot") -> None:
     check_described(robot)
 
 
-def motors_of(robot: "Robot", comparison: "Comparison", current: str | None = None) -> "MotorVerdict":
+def motors_of(robot: "Robot", comparison: "Comparison", current: str | None = None) -> "MotorRun":
     """Turn the rotors by a run's record and judge what they did; `current` is what --current says."""
     from steptwin.host.twin.motors import motors_of_run
 
     current_a = None if current is None else finite_number(current, "--current")
-    with naming_options(current_a="--current"), progress_bar(f"motors of {robot.name}") as progress:
-        return motors_of_run(robot, comparison, current_a=current_a, progress=progress)
+    title = f"motors of {robot.name}"
+    with naming_options(current_a="--current"), progress_bar(title) as bar:
+        return motors_of_run(robot, comparison, current_a=current_a, progress=telling_time(bar, title))
+
+
+def margins_of(ran: "MotorRun", comparison: "Comparison") -> "MotorMargins":
+    """Search how far a run is from losing steps."""
+    from steptwin.host.twin.motors.margins import margins_of_run, searches_of
+
+    searches = searches_of(ran.driving, comparison)
+    trials = sum(search.trials_max for search in searches)
+    title = f"margins of {ran.driving.robot.name}"
+    if trials * ran.wall_s > _LONG_S:
+        say(f"{title}: at most {trials * ran.wall_s:.0f} s, for {trials} trials", err=True)
+    with progress_bar(title) as bar:
+        return margins_of_run(searches, ran.slip, bar)
+
+
+def telling_time(progress: "Progress", what: str) -> "Progress":
+    """Return a progress that says once, on stderr, how long the whole will take, if that is long."""
+    first: tuple[float, float] | None = None
+    told = False
+
+    def report(fraction: float) -> None:
+        nonlocal first, told
+        now_s = time.monotonic()
+        if first is None:
+            first = now_s, fraction  # until here functions may have been compiled
+        elif not told and now_s - first[0] > _SURE_AFTER_S:
+            told = True
+            whole_s = (now_s - first[0]) / (fraction - first[1])
+            if whole_s > _LONG_S:
+                say(f"{what}: about {whole_s:.0f} s{_remedy()}", err=True)
+        progress(fraction)
+
+    return report
+
+
+def _remedy() -> str:
+    return "" if find_spec("numba") else "; numba makes it some hundred times faster (pip install 'steptwin[fast]')"
 
 
 def with_motors(document: Mapping[str, Any], verdict: "MotorVerdict") -> dict[str, Any]:
@@ -68,6 +115,7 @@ def print_motors(verdict: "MotorVerdict") -> None:
             f"{joint.margin_rpm:.0f}",
             f"{joint.lost_full_steps:g}",
             f"{joint.winding_celsius:.1f}",
+            f"{joint.winding_celsius_steady:.0f}",
         ]
         for joint in verdict.joints
     ]
@@ -81,12 +129,44 @@ def print_motors(verdict: "MotorVerdict") -> None:
         "at rpm",
         "lost steps",
         "winding degC",
+        "repeated degC",
     ]
     print_table(heads, rows, text_columns=2)
     for line in verdict.warnings:
         warn(line)
+    tool = verdict.tool
+    say(
+        f"tool really reached: {tool.position_mm_max:.3f} mm from the counted pose at {tool.position_max_at_s:.3f} s,"
+        f" {tool.attitude_deg_max:.3f} deg at most; at the end {tool.position_mm_end:.3f} mm,"
+        f" {abs(tool.attitude_deg_end):.3f} deg",
+        f"supply: {verdict.supply_v_min:.1f} to {verdict.supply_v_max:.1f} V",
+    )
     said = "keep step" if verdict.kept_step else "LOSE STEPS"
     say(
         f"motors: {said}, with {verdict.payload_kg:g} kg at the tool and {verdict.supply_v:g} V ([A] masses)",
         *(f"  {reason}" for reason in verdict.reasons),
     )
+
+
+_UNITS: Final = {"current_a": " A", "payload_kg": " kg", "stretch": ""}
+_SAID: Final = {
+    "current_a": "lowest current",
+    "payload_kg": "largest payload",
+    "stretch": "shortest stretch",
+}
+
+
+def print_margins(margins: "MotorMargins") -> None:
+    """Print a line for each border."""
+    say(*(f"{_SAID[border.quantity]}: {_border(border)}" for border in margins.borders))
+
+
+def _border(border: "Border") -> str:
+    unit = _UNITS[border.quantity]
+    run = "the motion as it is" if border.quantity == "stretch" else f"the run has {border.run:.3g}{unit}"
+    slips = f"{border.joint} slips at {border.slips_at_s:.3f} s" if border.slips_at_s is not None else ""
+    if border.keeps is None:
+        return f"none keeps step, up to {border.limit:.3g}{unit} ({run}; there {slips})"
+    if border.slips is None:
+        return f"{border.keeps:.3g}{unit} still keeps step, the end of the range ({run})"
+    return f"{border.keeps:.3g}{unit} ({run}; at {border.slips:.3g}{unit} {slips})"

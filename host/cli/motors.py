@@ -7,7 +7,14 @@ import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson
-from steptwin.host.cli.motor_report import check_motors, motors_of, print_motors, with_load
+from steptwin.host.cli.motor_report import (
+    check_motors,
+    margins_of,
+    motors_of,
+    print_margins,
+    print_motors,
+    with_load,
+)
 from steptwin.host.cli.output import print_json
 from steptwin.host.cli.report import EXIT_NOT_VERIFIED
 from steptwin.host.common.bad_input import prefixed
@@ -25,6 +32,12 @@ def motors(
     current: Annotated[
         str | None, typer.Option(metavar="A", help="Phase current at full torque instead of the run's.")
     ] = None,
+    margin: Annotated[
+        bool,
+        typer.Option(
+            "--margin", help="Search the lowest current, the largest payload and the fastest motion that keep step."
+        ),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Turn the rotors of a stored run by its phase currents, with the arm's masses; exit code 1 if one slips.
@@ -37,10 +50,14 @@ def motors(
     with prefixed(f"{folder}: "):
         check_motors(run.robot)
     robot = with_load(run.robot, payload, supply)
-    verdict = motors_of(robot, run.comparison, current)
+    ran = motors_of(robot, run.comparison, current)
+    margins = margins_of(ran, run.comparison) if margin else None
     if as_json:
-        print_json({"robot": robot.name, "job": run.report.document["job"], "motors": verdict.to_dict()})
+        found = {"motors": ran.verdict.to_dict()} | ({} if margins is None else {"margins": margins.to_dict()})
+        print_json({"robot": robot.name, "job": run.report.document["job"], **found})
     else:
-        print_motors(verdict)
-    if not verdict.kept_step:
+        print_motors(ran.verdict)
+        if margins is not None:
+            print_margins(margins)
+    if not ran.verdict.kept_step:
         raise typer.Exit(EXIT_NOT_VERIFIED)

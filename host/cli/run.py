@@ -215,7 +215,7 @@ def run(
         )
     document = outcome.to_dict() | ({} if folder is None else {VERSION_KEY: FOLDER_VERSION})
     pictures = folder is not None and outcome.save(folder)
-    verdict = motors_of(motion.plan.robot, outcome.comparison) if motors else None
+    verdict = motors_of(motion.plan.robot, outcome.comparison).verdict if motors else None
     if as_json:
         print_json(document if verdict is None else with_motors(document, verdict))
     else:

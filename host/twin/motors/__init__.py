@@ -1,16 +1,50 @@
 """Turn the rotors of a robot by what its drivers did, after a run or as it goes."""
 
+import time
+from dataclasses import dataclass
+
+from steptwin.emulator.rotor_backend import fastest_rotors
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.motors.after_run import Progress, check_described, rotors_after_run
+from steptwin.host.twin.motors.after_run import RotorTrace, Slip, first_of, rotors_after_run
+from steptwin.host.twin.motors.drives import check_described
+from steptwin.host.twin.motors.driving import Driving, Progress
+from steptwin.host.twin.motors.reached import ToolPaths, ToolReached
+from steptwin.host.twin.motors.torques import Torques, torques_of_plan
 from steptwin.host.twin.motors.verdict import JointLoad, MotorVerdict, motor_verdict
 from steptwin.host.verify import Comparison
 
-__all__ = ["JointLoad", "MotorVerdict", "check_described", "motors_of_run"]
+__all__ = ["JointLoad", "MotorRun", "MotorVerdict", "check_described", "motors_of_run"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MotorRun:
+    """The motors of a run.
+
+    Attributes:
+        driving: what the run's drivers did.
+        trace: what the rotors did.
+        torques: what the plan needs, and what there is.
+        paths: the tool's poses.
+        verdict: all in all.
+        wall_s: time that the rotors have taken to turn.
+    """
+
+    driving: Driving
+    trace: RotorTrace
+    torques: Torques
+    paths: ToolPaths
+    verdict: MotorVerdict
+    wall_s: float
+
+    @property
+    def slip(self) -> Slip | None:
+        """The first slip of all joints."""
+        return first_of(self.driving, self.trace.first_slip_counts)
 
 
 def motors_of_run(
     robot: Robot, comparison: Comparison, *, current_a: float | None = None, progress: Progress = lambda _: None
-) -> MotorVerdict:
+) -> MotorRun:
     """Turn the rotors by a run's record and judge what they did.
 
     Args:
@@ -22,5 +56,14 @@ def motors_of_run(
     Raises:
         InputError: the robot's file does not describe its motors and masses, or a motor cannot have this current.
     """
-    trace = rotors_after_run(robot, comparison.evidence, current_a=current_a, progress=progress)
-    return motor_verdict(robot, comparison, trace, current_a=current_a)
+    driving = Driving.of(robot, comparison.evidence)
+    if current_a is not None:
+        driving = driving.at_current(current_a)
+    fastest_rotors()  # compiled once in a process: no part of what turning takes
+    began_s = time.perf_counter()
+    trace = rotors_after_run(driving, progress)
+    wall_s = time.perf_counter() - began_s
+    paths = ToolPaths.of(driving, comparison, trace)
+    torques = torques_of_plan(driving, comparison, trace.supply_span_v[0])
+    verdict = motor_verdict(driving, torques, trace, ToolReached.of(paths))
+    return MotorRun(driving, trace, torques, paths, verdict, wall_s)

@@ -1,29 +1,23 @@
-"""What a run asks of its motors: load angles, torques against what there is, slips, heat."""
+"""What a run asks of its motors: load angles, torques against what there is, slips, heat, the pose really reached."""
 
 from dataclasses import asdict, dataclass
-from math import pi
 from typing import Any, Final
 
 import numpy as np
 
-from steptwin.emulator.motor import RAD_S_PER_RPM
-from steptwin.emulator.needed_torque import needed_torque_nm
-from steptwin.emulator.pull_out import pull_out_nm
-from steptwin.host.common.arrays import FloatArray
-from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.motors.after_run import RotorTrace, check_described, drive_of, supply_of
-from steptwin.host.twin.motors.driver_events import DriverRecord
-from steptwin.host.twin.motors.mechanism import arm_of
-from steptwin.host.verify import Comparison
-from steptwin.protocol.timer import COUNTS_PER_SECOND
+from steptwin.host.robots.motor import SUPPLY_MAX_V, SUPPLY_MIN_V
+from steptwin.host.twin.motors.after_run import RotorTrace
+from steptwin.host.twin.motors.drives import motor_of
+from steptwin.host.twin.motors.driving import Driving
+from steptwin.host.twin.motors.reached import ToolReached
+from steptwin.host.twin.motors.torques import Torques
 
 MARGIN_MIN: Final = 0.30
 """Torque that should be left: what builders keep in hand for what a model does not know."""
 
 AMBIENT_CELSIUS: Final = 25.0
-_GRID: Final = 32
-"""Speeds at which a pull-out curve is computed."""
-_EVERY_S: Final = 1e-3
+WINDING_MAX_CELSIUS: Final = 130.0
+"""Limit of insulation class B, that of the catalogue's motors (IEC 60085)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +37,7 @@ class JointLoad:
         first_slip_s: None without a slip.
         lost_full_steps: at the end, with sign.
         winding_celsius: at the end, from 25 degC at the beginning.
+        winding_celsius_steady: if the run is repeated without a break until the temperature rises no more.
     """
 
     name: str
@@ -57,14 +52,27 @@ class JointLoad:
     first_slip_s: float | None
     lost_full_steps: float
     winding_celsius: float
+    winding_celsius_steady: float
 
 
 @dataclass(frozen=True, slots=True)
 class MotorVerdict:
-    """Whether the motors keep step, and with how much torque to spare."""
+    """Whether the motors keep step, and with how much torque to spare.
+
+    Attributes:
+        payload_kg: mass at the tool.
+        supply_v: of the drivers without load.
+        supply_v_min: lowest under load.
+        supply_v_max: highest, while motors brake.
+        tool: how far the tool really is from where the drivers have counted it.
+        joints: in the robot's order.
+    """
 
     payload_kg: float
     supply_v: float
+    supply_v_min: float
+    supply_v_max: float
+    tool: ToolReached
     joints: tuple[JointLoad, ...]
 
     @property
@@ -84,18 +92,34 @@ class MotorVerdict:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """One line for each joint with less torque to spare than MARGIN_MIN."""
-        return tuple(
-            _shortage(joint) for joint in self.joints if joint.first_slip_s is None and joint.margin < MARGIN_MIN
+        """One line for each joint with less torque to spare than MARGIN_MIN, for hot windings and for the supply."""
+        kept = [joint for joint in self.joints if joint.first_slip_s is None]
+        return (
+            *(_shortage(joint) for joint in kept if joint.margin < MARGIN_MIN),
+            *(_heat(joint) for joint in self.joints if joint.winding_celsius_steady > WINDING_MAX_CELSIUS),
+            *self._supply_warnings(),
         )
+
+    def _supply_warnings(self) -> tuple[str, ...]:
+        lines = []
+        if self.supply_v_min < SUPPLY_MIN_V:
+            lines.append(f"supply: falls to {self.supply_v_min:.1f} V, and a TB6560 needs {SUPPLY_MIN_V:g} V")
+        if self.supply_v_max > SUPPLY_MAX_V:
+            lines.append(
+                f"supply: braking motors raise it to {self.supply_v_max:.1f} V, and a TB6560 bears {SUPPLY_MAX_V:g} V"
+            )
+        return tuple(lines)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""
         return {
             "payload_kg": self.payload_kg,
             "supply_v": self.supply_v,
+            "supply_v_min": self.supply_v_min,
+            "supply_v_max": self.supply_v_max,
             "kept_step": self.kept_step,
             "assumed": ["masses"],
+            "tool": asdict(self.tool),
             "joints": [asdict(joint) for joint in self.joints],
         }
 
@@ -108,54 +132,47 @@ def _shortage(joint: JointLoad) -> str:
     return f"{torques}: {100 * joint.margin:.0f} % is left, less than {100 * MARGIN_MIN:.0f} %"
 
 
-def motor_verdict(
-    robot: Robot, comparison: Comparison, trace: RotorTrace, current_a: float | None = None
-) -> MotorVerdict:
+def _heat(joint: JointLoad) -> str:
+    return (
+        f"{joint.name}: its windings reach {joint.winding_celsius_steady:.0f} degC if the run is repeated without a"
+        f" break, more than {WINDING_MAX_CELSIUS:g} degC"
+    )
+
+
+def motor_verdict(driving: Driving, torques: Torques, trace: RotorTrace, tool: ToolReached) -> MotorVerdict:
     """Judge a run by what its rotors did, and by the torques that its plan needs."""
-    dynamics = check_described(robot)
-    rad, rad_s, rad_s2, t_s = _planned(robot, comparison)
-    drives = [drive_of(joint, 0.0) for joint in robot.joints]
-    needed = needed_torque_nm(drives, arm_of(robot, dynamics.payload_kg), rad, rad_s, rad_s2)
-    start = comparison.evidence.start_counts
-    loads = []
-    for axis, joint in enumerate(robot.joints):
-        record = DriverRecord(comparison.evidence.axes[axis], current_a)
-        available = _available_nm(robot, axis, record, np.abs(rad_s[:, axis]))
-        margins = 1.0 - np.abs(needed[:, axis]) / np.maximum(available, 1e-12)
-        least, worst = int(np.argmin(margins)), int(np.argmax(np.abs(trace.load_deg[:, axis])))
-        slip = trace.first_slip_counts[axis]
-        loads.append(
-            JointLoad(
-                name=joint.name,
-                motor=drives[axis].motor.name,
-                load_angle_deg=float(trace.load_deg[worst, axis]),
-                load_angle_at_s=float((trace.counts[worst] - start) / COUNTS_PER_SECOND),
-                torque_needed_nm=float(abs(needed[least, axis])),
-                torque_available_nm=float(available[least]),
-                margin=float(margins[least]),
-                margin_at_s=float(t_s[least]),
-                margin_rpm=float(abs(rad_s[least, axis]) / RAD_S_PER_RPM),
-                first_slip_s=None if slip is None else (slip - start) / COUNTS_PER_SECOND,
-                lost_full_steps=float(trace.lost_full_steps[-1, axis]),
-                winding_celsius=AMBIENT_CELSIUS + float(trace.warmer_k[-1, axis]),
-            )
-        )
-    return MotorVerdict(dynamics.payload_kg, dynamics.supply_v, tuple(loads))
+    dynamics = driving.dynamics
+    loads = tuple(_joint_load(driving, torques, trace, axis) for axis in range(len(driving.robot.joints)))
+    return MotorVerdict(dynamics.payload_kg, dynamics.supply_v, *trace.supply_span_v, tool, loads)
 
 
-def _planned(robot: Robot, comparison: Comparison) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the rotors' planned angles, speeds and accelerations, each (n, axes), and the instants."""
-    trajectory = comparison.expected.trajectory
-    t_s = np.arange(0.0, trajectory.duration_s + _EVERY_S / 2, _EVERY_S).clip(max=trajectory.duration_s)
-    rad_per_unit = 2.0 * pi / np.array([joint.transmission.travel_per_rev for joint in robot.joints])
-    rad = robot.coupling.to_axes(trajectory.positions(t_s)) * rad_per_unit
-    rad_s = robot.coupling.to_axes(trajectory.velocities(t_s)) * rad_per_unit
-    return rad, rad_s, np.asarray(np.gradient(rad_s, _EVERY_S, axis=0)), t_s
+def _joint_load(driving: Driving, torques: Torques, trace: RotorTrace, axis: int) -> JointLoad:
+    joint = driving.robot.joints[axis]
+    assert joint.motor is not None
+    motor = motor_of(joint.motor, joint.transmission.full_steps_per_rev)
+    margins = torques.margins[:, axis]
+    least, worst = int(np.argmin(margins)), int(np.argmax(np.abs(trace.load_deg[:, axis])))
+    slip = trace.first_slip_counts[axis]
+    return JointLoad(
+        name=joint.name,
+        motor=motor.name,
+        load_angle_deg=float(trace.load_deg[worst, axis]),
+        load_angle_at_s=driving.seconds(int(trace.counts[worst])),
+        torque_needed_nm=float(abs(torques.needed_nm[least, axis])),
+        torque_available_nm=float(torques.available_nm[least, axis]),
+        margin=float(margins[least]),
+        margin_at_s=float(torques.t_s[least]),
+        margin_rpm=float(abs(torques.rpm[least, axis])),
+        first_slip_s=None if slip is None else driving.seconds(slip),
+        lost_full_steps=float(trace.lost_full_steps[-1, axis]),
+        winding_celsius=AMBIENT_CELSIUS + float(trace.warmer_k[-1, axis]),
+        winding_celsius_steady=AMBIENT_CELSIUS + _steady_k(driving, trace, axis),
+    )
 
 
-def _available_nm(robot: Robot, axis: int, record: DriverRecord, rad_s: FloatArray) -> FloatArray:
-    """Return the pull-out torque at each speed, from a curve at a few speeds."""
-    motor = drive_of(robot.joints[axis], 0.0).motor
-    supply = supply_of(robot, axis, record.phase_current_a, record.fast_decay)
-    rpm = np.linspace(0.0, max(float(rad_s.max()), 1.0), _GRID) / RAD_S_PER_RPM
-    return np.interp(rad_s / RAD_S_PER_RPM, rpm, pull_out_nm(motor, supply, rpm))
+def _steady_k(driving: Driving, trace: RotorTrace, axis: int) -> float:
+    """Return the rise of the windings' temperature by the mean of their losses."""
+    drive = driving.drives()[axis]
+    in_winding = drive.motor.resistance_ohm / (drive.motor.resistance_ohm + drive.bridge_ohm)
+    seconds = len(trace.counts) / 1000.0
+    return float(drive.motor.thermal_resistance_k_w * in_winding * trace.energies.copper[axis] / seconds)

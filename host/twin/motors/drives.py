@@ -1,0 +1,62 @@
+"""The motors, gears and supply that a robot's file describes, as the rotors' model takes them."""
+
+from math import inf
+
+from steptwin.emulator.motor import CATALOGUE, Motor
+from steptwin.emulator.power_supply import PowerSupply
+from steptwin.emulator.pull_out import Supply
+from steptwin.emulator.rotors import Drive
+from steptwin.emulator.tb6560 import SENSE_OHM
+from steptwin.emulator.tb6560.thermal import ON_RESISTANCE_OHM
+from steptwin.host.common.errors import InputError
+from steptwin.host.robots.joint import Joint
+from steptwin.host.robots.motor import FIGURES, Dynamics, JointMotor
+from steptwin.host.robots.robot import Robot
+
+
+def check_described(robot: Robot) -> Dynamics:
+    """Return supply and payload; raise InputError, with the missing key, unless all motors and masses are known."""
+    if robot.dynamics is None:
+        raise InputError("dynamics: is missing: the supply of the motors is unknown (docs/motors.md)")
+    for joint in robot.joints:
+        for key in ("motor", "link"):
+            if getattr(joint, key) is None:
+                raise InputError(
+                    f"joints.{joint.name}.{key}: is missing: the joint's {key} is unknown (docs/motors.md)"
+                )
+    return robot.dynamics
+
+
+def motor_of(chosen: JointMotor, full_steps_per_rev: int) -> Motor:
+    """Return the motor that a robot's file names or describes."""
+    if chosen.model:
+        return CATALOGUE[chosen.model]
+    figures = {key: float(getattr(chosen, key)) for key in FIGURES}
+    return Motor("own", source="the robot's file", full_steps_per_rev=full_steps_per_rev, **figures)
+
+
+def drive_of(joint: Joint, mounting_rad: float = 0.0, sense_ohm: float = SENSE_OHM) -> Drive:
+    """Return the drive of a joint that has a motor."""
+    chosen, transmission = joint.motor, joint.transmission
+    assert chosen is not None
+    return Drive(
+        motor=motor_of(chosen, transmission.full_steps_per_rev),
+        bridge_ohm=ON_RESISTANCE_OHM + sense_ohm,
+        friction_nm=chosen.friction_nm,
+        efficiency=chosen.efficiency,
+        brake_nm=chosen.brake_nm,
+        stiffness_nm_rad=inf if chosen.belt_nm_rad is None else chosen.belt_nm_rad,
+        damping_nm_s=chosen.belt_damping_nm_s,
+        mounting_rad=mounting_rad,
+    )
+
+
+def power_supply(dynamics: Dynamics) -> PowerSupply:
+    """Return the supply of a robot's drivers."""
+    return PowerSupply(dynamics.supply_v, dynamics.supply_ohm, 1e-6 * dynamics.supply_uf)
+
+
+def supply_of(robot: Robot, axis: int, current_a: float, fast_decay: float, volt: float | None = None) -> Supply:
+    """Return what drives an axis' motor, for its pull-out torque; by default at the supply's full voltage."""
+    volt = check_described(robot).supply_v if volt is None else volt
+    return Supply(volt, current_a, fast_decay, drive_of(robot.joints[axis]).bridge_ohm)

@@ -1,0 +1,18 @@
+"""A short run of a robot, for tests of its motors."""
+
+import numpy as np
+
+from steptwin import load_robot
+from steptwin.host.planning.motions.composer import Composer
+from steptwin.host.planning.motions.stretched import Stretched
+from steptwin.host.planning.planner import plan
+from steptwin.host.twin.execution import execute
+from steptwin.host.verify import Comparison
+
+
+def shoulder_turn(stretch: float = 1.0) -> Comparison:
+    """Turn the teaching SCARA's shoulder from home by 30 degrees, as fast as its limits allow or slower."""
+    robot = load_robot("teaching-scara")
+    motion = Composer(robot, np.array(robot.home))
+    motion.go_some({"th1": 30.0})
+    return execute(plan(robot, Stretched.by(motion.sequence(), stretch)), "turn").comparison
