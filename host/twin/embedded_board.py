@@ -20,6 +20,8 @@ from steptwin.host.twin.evidence import axis_evidence
 from steptwin.host.twin.input_changes import InputChange, set_input
 from steptwin.host.twin.scenarios.engine import Engine
 from steptwin.host.twin.scenarios.host_condition import HostCondition
+from steptwin.host.twin.scenarios.host_network import FaultyNetwork
+from steptwin.host.twin.scenarios.moment import Moment
 from steptwin.host.twin.scenarios.scenario import Scenario
 from steptwin.host.twin.scenarios.target import Target
 from steptwin.host.twin.shelf import shelf_evidence, shelf_wiring
@@ -82,15 +84,36 @@ class EmbeddedBoard:
         )
         self._stock = {} if shelf is None else dict(shelf.shelf.stock)
         self._simulation = Simulation([self._board], Bus(robot.board.bitrate, bus_faults), schedule, shelf)
-        self.network = EmbeddedNetwork(self._simulation)
-        target = Target.of(robot, self._simulation, self._start_steps)
-        self.engine = None if scenario is None else Engine(scenario, target, HostCondition())
+        self.host = HostCondition()
+        """What a scenario has made of the host."""
+        self._target = Target.of(robot, self._simulation, self._start_steps)
+        self.network = self._network(harmed=scenario is not None and scenario.harms_host)
+        self.engine = None if scenario is None else Engine(scenario, self._target, self.host)
         """Plays the scenario; None without one."""
         self._changes: list[InputChange] = []
         """Changes of inputs that wait for the SYNC that starts the motion."""
         self._changes_after = 0
         """Length of the bus log when these were given."""
         self.wait(_BOOT_S)
+
+    def _network(self, *, harmed: bool) -> EmbeddedNetwork:
+        if harmed:
+            return FaultyNetwork(self._simulation, self.host, lambda: self.moving)
+        return EmbeddedNetwork(self._simulation)
+
+    @property
+    def moving(self) -> bool:
+        """True while an axis executes a motion."""
+        return self._target.interpolating
+
+    def moment(self) -> Moment:
+        """Return what all axes do now, as the board itself knows it."""
+        return self._target.moment(self._simulation.now_counts)
+
+    def host_restarts(self) -> None:
+        """Connect another host: `network` is its network, and nothing that the one before it was told is known."""
+        self.host.dead, self.host.restart_counts = False, None
+        self.network = self._network(harmed=True)
 
     @property
     def held_up_s(self) -> float:
@@ -116,6 +139,10 @@ class EmbeddedBoard:
             )
             self._changes = []
         self.network.wait(dt_s)
+
+    def pass_time(self, dt_s: float) -> None:
+        """Let simulated time pass without a host: not even its heartbeat is sent."""
+        self._simulation.run_until(self._simulation.now_counts + round(dt_s * COUNTS_PER_SECOND))
 
     def set_input(self, name: str, *, on: bool) -> None:
         """Set a digital input of the robot now; raise InputError for an unknown name."""
@@ -165,10 +192,12 @@ class EmbeddedBoard:
 
         It is in steps of the robot's file, a whole number of them unless the driver makes others.
         """
-        return [
-            start + self._board.position_sixteenths(axis) / joint.transmission.step_sixteenths
-            for axis, (start, joint) in enumerate(zip(self._start_steps, self.robot.joints, strict=True))
-        ]
+        return self._target.steps()
+
+    def counted_units(self) -> list[int]:
+        """Return the position of each axis by the firmware's own count, as 0x6064 has it, without asking for it."""
+        motion = self._board.firmware.motion
+        return [motion.counter_units(axis) for axis in range(motion.axis_count)]
 
     def microsteps(self) -> list[Microsteps]:
         """Return the microsteps per full step of each axis: its driver's, its board's and its robot file's."""

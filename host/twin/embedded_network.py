@@ -51,11 +51,7 @@ class EmbeddedNetwork(canopen.Network):
         """
         if remote:
             raise ValueError("the simulated board answers no remote frames; CiA 301 advises against them")
-        self._send_due()
-        try:
-            self._simulation.send(Frame(can_id, bytes(data)))
-        except BusOverloadError as error:
-            raise BusError(str(error)) from error
+        self._send(Frame(can_id, bytes(data)))
 
     def send_periodic(self, can_id: int, data: bytes, period: float, remote: bool = False) -> PeriodicMessageTask:
         """Repeat a data frame every `period` seconds of simulated time, from now on."""
@@ -65,7 +61,14 @@ class EmbeddedNetwork(canopen.Network):
 
     def _send_due(self) -> None:
         for frame in self._repeated.take_due():
-            self.send_message(frame.cob_id, frame.data)
+            self._send(frame)
+
+    def _send(self, frame: Frame) -> None:
+        self._send_due()
+        try:
+            self._simulation.send(frame)
+        except BusOverloadError as error:
+            raise BusError(str(error)) from error
 
     def _frame_arrived(self, frame: Frame, counts: int) -> None:
         self.notify(frame.cob_id, bytearray(frame.data), counts / COUNTS_PER_SECOND)

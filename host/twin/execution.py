@@ -7,19 +7,22 @@ import numpy as np
 
 from steptwin.controller.backend import Kernel, fastest_kernel
 from steptwin.emulator.bus_faults import FaultScript
-from steptwin.host.client import Machine, Progress, object_dictionary
+from steptwin.host.client import InputWait, Machine, Progress, object_dictionary
 from steptwin.host.client.stopping import await_rest
 from steptwin.host.common.axis_records import AxisRecords
-from steptwin.host.common.errors import DeviceFaultError, InputError, WaitTimeoutError
+from steptwin.host.common.errors import BusError, DeviceFaultError, InputError, WaitTimeoutError
 from steptwin.host.operate.input_waiting import executed, input_waits, waited
 from steptwin.host.operate.setting_up import set_up
 from steptwin.host.operate.switching import output_commands
 from steptwin.host.planning.errand import Errand
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.trajectory import waits_of
+from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.host.twin.input_changes import InputChange
 from steptwin.host.twin.outcome import Outcome, RunFault
+from steptwin.host.twin.scenarios.engine import Engine
+from steptwin.host.twin.scenarios.lost_host import outlive
 from steptwin.host.twin.scenarios.report import RunEnd, ScenarioReport, scenario_report
 from steptwin.host.twin.scenarios.scenario import Scenario
 from steptwin.host.verify import Comparison, Expectation, Report, RunInfo, compare, verify_comparison
@@ -99,16 +102,13 @@ def execute(
     board.change_inputs(inputs)
     machine = Machine(board, plan.robot.joint_names)
     set_up(machine, plan.robot, plan.start_units)
-    fault = None
     try:
-        machine.run(records, plan.start_units, progress, output_commands(plan.robot, plan.trajectory), waits)
-        machine.disable()
-    except DeviceFaultError as error:
-        if not board.started:
+        fault = _run(machine, board, plan, records, waits, progress)
+        machine.disconnect()
+    except BusError as error:
+        if board.engine is None or not board.started:
             raise
-        await_rest(board, machine.axes)
-        fault = _fault(error, machine, board, plan)
-    machine.disconnect()
+        fault = _without_host(error, board, board.engine)
     timed_out = fault is not None and fault.timed_out
     made = executed(plan, machine.holds_ms, timed_out=timed_out)
     run = RunInfo(
@@ -124,6 +124,49 @@ def execute(
     waits_made = waited(plan, machine.holds_ms, timed_out=timed_out)
     played = _played(board, comparison, report, fault)
     return Outcome(made, comparison, report, board.bus_log, fault, board.driver_profile.name, waits_made, played)
+
+
+def _run(
+    machine: Machine,
+    board: EmbeddedBoard,
+    plan: Plan,
+    records: tuple[AxisRecords, ...],
+    waits: tuple[InputWait, ...],
+    progress: Progress,
+) -> RunFault | None:
+    """Stream a plan to a machine that is set up; return the fault that ended it after its start, if any."""
+    try:
+        machine.run(records, plan.start_units, progress, output_commands(plan.robot, plan.trajectory), waits)
+        machine.disable()
+    except DeviceFaultError as error:
+        if not board.started:
+            raise
+        await_rest(board, machine.axes)
+        return _fault(error, machine, board, plan)
+    return None
+
+
+def _without_host(error: BusError, board: EmbeddedBoard, engine: Engine) -> RunFault:
+    """Let the machine outlive a host that has ended, as one does that has an error of the bus."""
+    message = outlive(board, engine, str(error))
+    robot, counted = board.robot, board.counted_units()
+    return RunFault(
+        message,
+        {
+            name: [each.code for each in engine.emergencies if each.axis == axis and each.code]
+            for axis, name in enumerate(robot.joint_names)
+        },
+        dict(zip(robot.joint_names, robot.to_positions(np.array(counted)).tolist(), strict=True)),
+        positions_agree=counted == _driver_units(board, robot),
+    )
+
+
+def _driver_units(board: EmbeddedBoard, robot: Robot) -> list[float]:
+    """Return the positions of the motors by their drivers' steps, in wire units."""
+    return [
+        steps * UNITS_PER_FULL_STEP // joint.transmission.microsteps
+        for steps, joint in zip(board.motor_positions(), robot.joints, strict=True)
+    ]
 
 
 def _played(
@@ -163,10 +206,7 @@ def _records(plan: Plan, cut_stream_s: float | None) -> tuple[AxisRecords, ...]:
 
 def _fault(error: DeviceFaultError, machine: Machine, board: EmbeddedBoard, plan: Plan) -> RunFault:
     reported = machine.positions_units()
-    counted = [
-        steps * UNITS_PER_FULL_STEP // joint.transmission.microsteps
-        for steps, joint in zip(board.motor_positions(), plan.robot.joints, strict=True)
-    ]
+    counted = _driver_units(board, plan.robot)
     joints = dict(zip(plan.robot.joint_names, plan.robot.to_positions(np.array(reported)).tolist(), strict=True))
     codes = {axis.name: axis.error_codes for axis in machine.axes}
     timed_out = isinstance(error, WaitTimeoutError)

@@ -8,6 +8,7 @@ reaction is not certain: both it and none are right.
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from math import inf
 from typing import Final
 
 from steptwin.emulator.bus_faults import BusFault, BusFaultKind
@@ -24,7 +25,7 @@ from steptwin.host.client.heartbeat import TIMEOUT_MS
 from steptwin.host.twin.scenarios.harms import Harm, HostFault, HostFaultKind, on_axis
 from steptwin.host.twin.scenarios.moment import Moment
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode, State
-from steptwin.protocol.frame import COB_HEARTBEAT, COB_ID_MASK, HOST_NODE_ID
+from steptwin.protocol.frame import COB_HEARTBEAT, COB_ID_MASK, COB_SYNC, HOST_NODE_ID
 from steptwin.protocol.pvt import QUEUE_DEPTH
 
 TICK_MS: Final = 0.25
@@ -48,6 +49,7 @@ class Motion(Enum):
     GOES_ON = "goes on"
     RAMP = "stops by a ramp"
     CUT = "its pulses end at once"
+    NOT_BEGUN = "does not begin"
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +86,10 @@ class Reaction:
 GOES_ON: Final = Reaction(Motion.GOES_ON)
 
 
+_RUN_DRY: Final = (ErrorCode.PVT_UNDERRUN, ErrorCode.GROUP_STOPPED)
+"""Error codes where queues run dry: an axis that rests then is stopped with those that move."""
+
+
 def _stops(
     *codes: ErrorCode, motion: Motion = Motion.RAMP, begins_ms: float = TICK_MS, certain: bool = True
 ) -> Reaction:
@@ -107,8 +113,8 @@ class Documented:
     why: str = ""
 
 
-def _host(kind: HostFaultKind, shortest_s: float = 0.0) -> Callable[[Harm, Moment], bool]:
-    return lambda harm, _: isinstance(harm, HostFault) and harm.kind is kind and harm.by_s >= shortest_s
+def _host(kind: HostFaultKind) -> Callable[[Harm, Moment], bool]:
+    return lambda harm, _: isinstance(harm, HostFault) and harm.kind is kind
 
 
 def _bus(kind: BusFaultKind, only: int | None = None) -> Callable[[Harm, Moment], bool]:
@@ -195,16 +201,22 @@ DOCUMENTED: Final[tuple[Documented, ...]] = (
         "unless it comes again in time",
     ),
     Documented(
+        "SYNC lost",
+        _bus(BusFaultKind.LOSS, COB_SYNC),
+        Reaction(Motion.NOT_BEGUN, (ErrorCode.HEARTBEAT_LOST,), State.FAULT, certain=False),
+        "the host notices that no axis starts, and gives up",
+    ),
+    Documented(
         "frames lost",
         _bus(BusFaultKind.LOSS),
-        _stops(ErrorCode.PVT_UNDERRUN, ErrorCode.HEARTBEAT_LOST, begins_ms=float("inf"), certain=False),
+        _stops(*_RUN_DRY, ErrorCode.HEARTBEAT_LOST, begins_ms=inf, certain=False),
         "lost points are sent again; if too many are lost, the queues run dry",
     ),
     Documented("frames disturbed", _bus(BusFaultKind.CORRUPTION), GOES_ON, "CAN repeats them"),
     Documented(
         "frames delayed",
         _bus(BusFaultKind.DELAY),
-        _stops(ErrorCode.PVT_UNDERRUN, ErrorCode.HEARTBEAT_LOST, begins_ms=float("inf"), certain=False),
+        _stops(*_RUN_DRY, ErrorCode.HEARTBEAT_LOST, begins_ms=inf, certain=False),
         "the queues bridge it, up to the points that are in them",
     ),
     Documented(
@@ -216,32 +228,27 @@ DOCUMENTED: Final[tuple[Documented, ...]] = (
     Documented(
         "host hangs, its heartbeat goes on",
         _host(HostFaultKind.HANG),
-        _stops(ErrorCode.PVT_UNDERRUN, begins_ms=QUEUE_MS, certain=False),
+        _stops(*_RUN_DRY, begins_ms=QUEUE_MS, certain=False),
         "the queues bridge it, up to the points that are in them",
     ),
     Documented("host dies", _host(HostFaultKind.DEATH), _stops(ErrorCode.HEARTBEAT_LOST, begins_ms=HEARTBEAT_MS)),
     Documented(
         "host dies and starts again",
-        _host(HostFaultKind.RESTART, TIMEOUT_MS / 1000),
-        _stops(ErrorCode.HEARTBEAT_LOST, begins_ms=HEARTBEAT_MS),
-        "the new one resets the fault and enables the drives; the motion is not continued",
-    ),
-    Documented(
-        "host starts again before it is missed",
         _host(HostFaultKind.RESTART),
-        _stops(ErrorCode.PVT_UNDERRUN, begins_ms=QUEUE_MS),
+        Reaction(Motion.RAMP, (ErrorCode.HEARTBEAT_LOST,), State.OPERATION_ENABLED, HEARTBEAT_MS),
+        "the new one waits for rest, resets the fault and enables the drives; the motion is not continued",
     ),
     Documented(
         "host is late",
         _host(HostFaultKind.LATE),
-        _stops(ErrorCode.PVT_UNDERRUN, begins_ms=float("inf"), certain=False),
+        _stops(*_RUN_DRY, begins_ms=inf, certain=False),
         "the queues bridge it, up to the points that are in them",
     ),
     Documented(
         "host sends points out of order",
         _host(HostFaultKind.DISORDER),
-        GOES_ON,
-        "the board reports the gap and the host sends them again",
+        _stops(*_RUN_DRY, begins_ms=inf, certain=False),
+        "the board reports each gap and the host sends the points again; if it lasts, the queues run dry",
     ),
 )
 

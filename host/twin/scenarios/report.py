@@ -11,8 +11,9 @@ from steptwin.host.client.words import state_text
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.control.operations import request_of
 from steptwin.host.twin.scenarios.engine import Emergency, Engine, Played
+from steptwin.host.twin.scenarios.harms import Harm
 from steptwin.host.twin.scenarios.moment import AxisMoment, Moment
-from steptwin.host.twin.scenarios.reactions import Motion, Reaction, concerned, documented
+from steptwin.host.twin.scenarios.reactions import TICK_MS, Motion, Reaction, concerned, documented
 from steptwin.host.twin.scenarios.triggers import AtTime
 from steptwin.host.verify import Evidence
 from steptwin.protocol.cia402 import ErrorCode, State
@@ -203,7 +204,7 @@ def _fault_report(engine: Engine, played: Played, end: RunEnd, until_counts: flo
     emcys = [each for each in engine.emergencies if began.counts <= each.counts < until_counts and each.code]
     stopped = end.stopped and _stops_within(emcys)
     standstill_ms = _standstill_ms(end.evidence, began.counts) if stopped else None
-    limit_ms = reaction.begins_ms + ramp_ms(robot, reaction, played) if reaction.stops else None
+    limit_ms = standstill_limit_ms(robot, played.harm, reaction, began) if reaction.stops else None
     joints = _joints(robot, began, end.moment)
     differences = _Judge(robot, played, reaction, emcys, stopped, joints).differences(standstill_ms, limit_ms)
     return FaultReport(
@@ -328,15 +329,24 @@ def _standstill_ms(evidence: Evidence, began_counts: int) -> float:
     return max(max(lasts, default=began_counts) - began_counts, 0) / COUNTS_PER_MS
 
 
-def ramp_ms(robot: Robot, reaction: Reaction, played: Played) -> float:
-    """Return how long the stop of a reaction lasts at most: the longest ramp of an axis from its highest speed.
+def standstill_limit_ms(robot: Robot, harm: Harm, reaction: Reaction, began: Moment) -> float:
+    """Return the longest time from a harm's beginning to the last step.
 
-    Axes that stop with one whose pulses end at once do so by a ramp as well.
+    Axes that stop with one whose pulses end at once do so by a ramp as well. A ramp that begins at once is that from
+    the present speeds, which may rise for a tick.
     """
     axes = len(robot.joints)
-    if reaction.motion is Motion.CUT and len(concerned(played.harm, axes)) == axes:
-        return 0.0
-    return longest_ramp_ms(robot)
+    if reaction.motion is Motion.CUT and len(concerned(harm, axes)) == axes:
+        return reaction.begins_ms
+    if reaction.begins_ms <= TICK_MS:
+        return reaction.begins_ms + min(_ramp_ms(began) + TICK_MS, longest_ramp_ms(robot))
+    return reaction.begins_ms + longest_ramp_ms(robot)
+
+
+def _ramp_ms(moment: Moment) -> float:
+    """Return how long the axes take to stop from their present speeds; the firmware rounds up to 1 ms."""
+    velocities = (abs(axis.velocity) * 1_000_000 / (64 * axis.deceleration) for axis in moment.axes)
+    return float(max(ceil(max(velocities)), 1))
 
 
 def longest_ramp_ms(robot: Robot) -> float:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from random import Random
 
-from steptwin.host.twin.scenarios.harms import Harm
+from steptwin.host.twin.scenarios.harms import Harm, HostFault
 from steptwin.host.twin.scenarios.reactions import Reaction
 from steptwin.host.twin.scenarios.triggers import AtRandom, Trigger
 
@@ -43,6 +43,11 @@ class Scenario:
         names = [fault.name for fault in self.faults]
         if twice := sorted({name for name in names if names.count(name) > 1}):
             raise ValueError(f"two faults are called {twice[0]!r}")
+
+    @property
+    def harms_host(self) -> bool:
+        """True if a fault concerns the host, which a board in real time does not have."""
+        return any(isinstance(fault.harm, HostFault) for fault in self.faults)
 
     def drawn(self) -> "Scenario":
         """Return the scenario with a time in place of each random one: a fault's own, whatever other faults there are.

@@ -1,0 +1,209 @@
+"""Every row of the table of documented reactions, on both sides of its limit, and answers that are not documented."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import pytest
+
+from steptwin.controller.backend import Kernel
+from steptwin.host.twin.execution import execute
+from steptwin.host.twin.scenarios.reactions import DOCUMENTED, GOES_ON, Motion, Reaction
+from steptwin.host.twin.scenarios.report import FaultReport, ScenarioReport, longest_ramp_ms
+from steptwin.host.twin.scenarios.scenario import Scenario
+from steptwin.protocol.cia402 import ErrorCode, State
+from tests.host.twin.scenarios.short_runs import ROBOT, carry, played, scenario
+
+STOPS, GOES, REFUSED = "STOPPED", "PASSED", "FAILED"
+RAMP_END_MS = 9
+"""A ramp's last step comes so long before its end at most: near standstill a step takes long."""
+
+
+class Case(NamedTuple):
+    """A fault at 0.3 s of the motion, the row that is documented for it, and the motion's verdict.
+
+    `stood_ms` are the bounds of the time to standstill, beside the documented limit.
+    """
+
+    what: str
+    fault: str
+    verdict: str
+    stood_ms: tuple[float, float] | None = None
+    when: str = "at_s = 0.3"
+
+
+CASES = [
+    Case("emergency stop pressed", 'do = "estop"\npressed = true', STOPS, (100, 110)),
+    Case("emergency stop pulled out", 'do = "estop"\npressed = false', GOES),
+    Case("motor supply below 10.00 V", 'do = "supply"\nsupply_v = 9.99', STOPS, (0, 0.25)),
+    Case("motor supply from 10.00 to 34.00 V", 'do = "supply"\nsupply_v = 10', GOES),
+    Case("motor supply from 10.00 to 34.00 V", 'do = "supply"\nsupply_v = 34', GOES),
+    Case("motor supply above 34.00 V", 'do = "supply"\nsupply_v = 34.01', STOPS, (100, 110)),
+    Case("board above 85.0 degC", 'do = "temperature"\ntemperature_degc = 85.1', STOPS, (100, 110)),
+    Case("board up to 85.0 degC", 'do = "temperature"\ntemperature_degc = 85', GOES),
+    Case("Protect of a driver low", 'do = "protect"\njoint = "th2"\nheld = true', STOPS, (25, 110)),
+    Case("Protect of a driver free", 'do = "protect"\njoint = "th2"\nheld = false', GOES),
+    Case(
+        "limit switch stuck closed, the axis moves towards it",
+        'do = "switch"\njoint = "th1"\nswitch = "-"\nstuck = "closed"',
+        STOPS,
+        (100, 110),
+    ),
+    Case(
+        "limit switch stuck closed, the axis rests or moves away",
+        'do = "switch"\njoint = "th1"\nswitch = "+"\nstuck = "closed"',
+        GOES,
+    ),
+    Case(
+        "switch stuck open, or a home switch stuck closed",
+        'do = "switch"\njoint = "th4"\nswitch = "home"\nstuck = "closed"',
+        GOES,
+    ),
+    Case(
+        "switch stuck open, or a home switch stuck closed",
+        'do = "switch"\njoint = "th1"\nswitch = "-"\nstuck = "open"',
+        GOES,
+    ),
+    Case("sensor on or off", 'do = "input"\ninput = "part_ready"\non = true', GOES),
+    Case("a motor falls out of step", 'do = "slip"\njoint = "th2"\nfull_steps = -4', REFUSED),
+    Case("heartbeat of the host lost", 'do = "loss"\nframes = "host-heartbeat"', STOPS, (300, 550.25)),
+    Case("heartbeat of the host lost", 'do = "loss"\nframes = "host-heartbeat"\ncount = 2', GOES),
+    Case("SYNC lost", 'do = "loss"\nframes = "sync"', STOPS, (0, 0), "power_up_s = 0"),
+    Case("frames lost", 'do = "loss"\nframes = "records"\nrate = 0.02', GOES, None, "power_up_s = 0"),
+    Case("frames lost", 'do = "loss"\nframes = "records"', STOPS, None, "at_s = 0"),
+    Case("frames disturbed", 'do = "corruption"\nframes = "all"\nrate = 0.1', GOES),
+    Case("frames delayed", 'do = "delay"\nframes = "records"\nby_s = 0.2\ncount = 1', GOES),
+    Case("frames delayed", 'do = "delay"\nframes = "records"\nby_s = 0.5\ncount = 1', STOPS, None, "at_s = 0.1"),
+    Case("a station in bus-off", 'do = "bus-off"\njoint = "d3"', GOES),
+    Case("a station in bus-off", 'do = "bus-off"', GOES),
+    Case("host hangs, its heartbeat goes on", 'do = "host"\nhow = "hang"\nfor_s = 0.5', GOES, None, "at_s = 0.1"),
+    Case("host hangs, its heartbeat goes on", 'do = "host"\nhow = "hang"', STOPS, (600, 850), "at_s = 0.1"),
+    Case("host dies", 'do = "host"\nhow = "death"', STOPS, (300, 550.25)),
+    Case("host dies and starts again", 'do = "host"\nhow = "restart"\nby_s = 0.1', STOPS, (300, 550.25)),
+    Case("host dies and starts again", 'do = "host"\nhow = "restart"\nby_s = 1', STOPS, (300, 550.25)),
+    Case("host is late", 'do = "host"\nhow = "late"\nby_s = 0.05', GOES),
+    Case("host is late", 'do = "host"\nhow = "late"\nby_s = 0.7', STOPS, None, "at_s = 0"),
+    Case("host sends points out of order", 'do = "host"\nhow = "disorder"\nfor_s = 0.1', GOES, None, "at_s = 0.1"),
+    Case("host sends points out of order", 'do = "host"\nhow = "disorder"', STOPS, None, "power_up_s = 0"),
+]
+
+pytestmark = pytest.mark.usefixtures("impatient")
+
+
+def test_every_documented_reaction_has_a_case() -> None:
+    assert {case.what for case in CASES} == {row.what for row in DOCUMENTED}
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.what}: {case.fault}".replace("\n", ", "))
+def test_the_machine_answers_as_documented(fast_kernel: Kernel, case: Case) -> None:
+    outcome, report = played(fast_kernel, f"[[fault]]\n{case.when}\n{case.fault}\n")
+    assert report.passed, report.reasons
+    (fault,) = report.faults
+    assert fault.what == case.what
+    verdict = STOPS if outcome.fault else (GOES if outcome.report.passed else REFUSED)
+    assert verdict == case.verdict
+    if case.stood_ms is not None:
+        low, high = case.stood_ms
+        assert fault.standstill_ms is not None
+        assert low <= fault.standstill_ms <= high
+
+
+@pytest.mark.parametrize("at_s", [0.05, 0.2, 0.5, 0.85])
+def test_the_limit_of_a_ramp_is_tight(fast_kernel: Kernel, at_s: float) -> None:
+    """The last step comes at the ramp's end, but for the slow steps there."""
+    _, report = played(fast_kernel, f'[[fault]]\nat_s = {at_s}\ndo = "estop"\npressed = true\n')
+    (fault,) = report.faults
+    assert report.passed, report.reasons
+    assert fault.limit_ms is not None
+    assert fault.standstill_ms is not None
+    assert 0 <= fault.limit_ms - fault.standstill_ms < RAMP_END_MS
+    assert fault.limit_ms <= longest_ramp_ms(ROBOT) + 0.25
+
+
+@pytest.mark.parametrize(
+    ("harm", "code", "first_ms", "last_ms"),
+    [
+        ('do = "host"\nhow = "death"', ErrorCode.HEARTBEAT_LOST, 250, 350.25),
+        ('do = "host"\nhow = "hang"', ErrorCode.PVT_UNDERRUN, 550, 650.25),
+    ],
+)
+def test_a_lost_host_is_noticed_in_time(
+    fast_kernel: Kernel, harm: str, code: ErrorCode, first_ms: float, last_ms: float
+) -> None:
+    """At every phase of the heartbeat; an EMCY is on the bus within a millisecond."""
+    for at_s in (0.1, 0.125, 0.15, 0.175):
+        _, report = played(fast_kernel, f"[[fault]]\nat_s = {at_s}\n{harm}\n")
+        first = next(told for told in report.faults[0].emcys if told.code == code)
+        assert first_ms <= first.after_ms <= last_ms + 1
+
+
+def expecting(kernel: Kernel, text: str, reaction: Reaction) -> tuple[FaultReport, ScenarioReport]:
+    """Carry while one fault happens for which this reaction is expected instead of the documented one."""
+    read = scenario(f"[[fault]]\nat_s = 0.3\n{text}\n")
+    wanted = Scenario(read.name, (replace(read.faults[0], name="it", expected=reaction),))
+    report = execute(carry(), "carry", kernel, scenario=wanted).scenario
+    assert report is not None
+    return report.faults[0], report
+
+
+STOPPED = Reaction(Motion.RAMP, (ErrorCode.ESTOP,), State.FAULT, 0.25)
+
+
+@pytest.mark.parametrize(
+    ("text", "reaction", "reasons"),
+    [
+        ('do = "estop"\npressed = true', GOES_ON, ["it: EMCY 0x9000 is not documented"]),
+        ('do = "estop"\npressed = false', STOPPED, ["it: the motion did not stop"]),
+        (
+            'do = "estop"\npressed = true',
+            replace(STOPPED, motion=Motion.CUT),
+            [
+                "it: th1: was cut off in motion and claims to know its position",
+                "it: th2: was cut off in motion and claims to know its position",
+                "it: th4: was cut off in motion and claims to know its position",
+                "it: stood after 103.16 ms, later than 0.25 ms",
+            ],
+        ),
+        (
+            'do = "temperature"\ntemperature_degc = 90',
+            STOPPED,
+            [
+                "it: EMCY 0x4310 is not documented",
+                *(f"it: {joint}: no EMCY 0x9000" for joint in ROBOT.joint_names),
+            ],
+        ),
+        (
+            'do = "host"\nhow = "restart"\nby_s = 1',
+            Reaction(Motion.RAMP, (ErrorCode.HEARTBEAT_LOST,), State.FAULT, 350.25),
+            [f"it: {joint}: in OPERATION ENABLED, not in FAULT" for joint in ROBOT.joint_names],
+        ),
+        (
+            'do = "slip"\njoint = "th2"\nfull_steps = 4',
+            GOES_ON,
+            ["it: th2: -64 steps lost in silence", "th2: "],
+        ),
+    ],
+    ids=lambda value: value.replace("\n", ", ") if isinstance(value, str) else "",
+)
+def test_another_answer_fails_the_scenario(
+    fast_kernel: Kernel, text: str, reaction: Reaction, reasons: list[str]
+) -> None:
+    fault, report = expecting(fast_kernel, text, reaction)
+    assert not report.passed
+    assert not fault.as_documented
+    assert len(report.reasons) >= len(reasons)
+    for found, wanted in zip(report.reasons, reasons, strict=False):
+        assert found.startswith(wanted)
+    assert {line.partition(":")[0] for line in report.reasons} <= {"it", "th2"}
+
+
+def test_a_motion_that_fails_without_a_reason_fails_the_scenario(fast_kernel: Kernel) -> None:
+    """The drivers are in another mode than planned, which no fault of the scenario explains."""
+    read = scenario('[[fault]]\nat_s = 0.3\ndo = "temperature"\ntemperature_degc = 50\n')
+    outcome = execute(
+        carry(), "carry", fast_kernel, driver_profile="3a-module", dip_microsteps={"th1": 8}, scenario=read
+    )
+    assert outcome.scenario is not None
+    assert outcome.fault is None
+    reasons, silent = outcome.report.reasons, "1 temperature: th1: 834 steps lost in silence"
+    assert reasons
+    assert outcome.scenario.reasons == (silent, *reasons)
