@@ -21,6 +21,8 @@ from tests.run_pictures import without_pictures
 
 __all__ = ["pytest_runtest_logreport", "pytest_terminal_summary"]
 
+YOUNG_OBJECTS: Final = 50_000
+"""Number of new objects between two collections of garbage, as in `steptwin` itself: the usual 700 take much longer."""
 TESTS: Final = Path(__file__).resolve().parent
 
 # No timing is asserted in a test, not even by the framework; and every run draws the same examples, so that a change
@@ -36,6 +38,7 @@ def pytest_collection(session: pytest.Session) -> None:
 
     Compiling takes pytest most of a first collection, as it writes its assertions anew.
     """
+    gc.disable()
     worker: dict[str, Any] = getattr(session.config, "workerinput", {})
     if not worker or TESTS not in {Path(path).resolve() for path in session.config.args}:
         return
@@ -49,6 +52,8 @@ def pytest_collection(session: pytest.Session) -> None:
 def pytest_collection_finish() -> None:
     """Spare the garbage collector what lives as long as the session: tests of pages collect all of it twice each."""
     gc.freeze()
+    gc.set_threshold(YOUNG_OBJECTS)
+    gc.enable()
 
 
 @pytest.fixture(autouse=True, scope="module")

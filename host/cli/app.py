@@ -4,10 +4,12 @@ import gc
 import logging
 import sys
 from collections.abc import Callable
+from functools import cache
 from io import TextIOWrapper
 from typing import Annotated, Final, TypeVar
 
 import typer
+from typer.core import TyperGroup
 from typer.exceptions import TyperException
 
 from steptwin import __version__
@@ -102,7 +104,7 @@ for library in ("can", "canopen"):
 def run(arguments: list[str]) -> int:
     """Run one command and print an error as one line on stderr; return the exit code, 130 if interrupted."""
     try:
-        return int(app(args=arguments, standalone_mode=False) or 0)
+        return int(program()(args=arguments, standalone_mode=False) or 0)
     except StepTwinError as error:
         return _complain(str(error), error.exit_code)
     except typer.Abort:  # Ctrl-C or the end of the input, at a question
@@ -114,6 +116,14 @@ def run(arguments: list[str]) -> int:
         return _complain(f"{error.filename or 'output'}: {error.strerror}", InputError.exit_code)
     except MemoryError:
         return _complain("the input takes more memory than there is", InputError.exit_code)
+
+
+@cache
+def program() -> TyperGroup:
+    """Return the parsers of all commands, built once for a process that runs several: that takes longer than most."""
+    group = typer.main.get_command(app)
+    assert isinstance(group, TyperGroup)
+    return group
 
 
 def _complain(message: str, exit_code: int) -> int:

@@ -16,6 +16,8 @@ from tests.controller.units import MS, STEP
 START, HALT = 0x10, 0x100
 FAST_STEPS_PER_S, SLOW_STEPS_PER_S, ACCELERATION_STEPS_PER_S2 = 2_000, 400, 40_000
 
+_TARGET_REACHED = int(Status.TARGET_REACHED)
+
 Closed = Callable[[int], bool]
 
 
@@ -26,12 +28,9 @@ class Slider:
     position: int = 0
     switches: dict[DigitalInput, Closed] = field(default_factory=dict)
 
-    def inputs(self) -> DigitalInput:
-        levels = DigitalInput(0)
-        for bit, closed in self.switches.items():
-            if closed(self.position):
-                levels |= bit
-        return levels
+    def inputs(self) -> int:
+        """Return the bits of `DigitalInput` whose switches are closed."""
+        return sum(bit for bit, closed in self.switches.items() if closed(self.position))
 
 
 class HomingBench(BenchBoard):
@@ -47,7 +46,7 @@ class HomingBench(BenchBoard):
         self.velocities: list[int] = []
         """The demanded velocity at the start of every tick in which the axis was moving, in 1/64 unit per ms."""
         self._pending: list[tuple[int, int]] = []
-        self._levels = DigitalInput(0)
+        self._levels = 0
         self._dir_level = 0
         self._tick(0)
         self.wait(1)
@@ -101,8 +100,8 @@ class HomingBench(BenchBoard):
         if levels == self._levels:
             return False
         self._levels = levels
-        self.edges.append((boundary, levels))
-        self.firmware.set_inputs([levels], boundary)
+        self.edges.append((boundary, DigitalInput(levels)))
+        self.firmware.set_inputs([DigitalInput(levels)], boundary)
         self._fetch()
         return True
 
@@ -136,7 +135,7 @@ class HomingBench(BenchBoard):
     def end(self, timeout_ms: int = 10_000) -> int:
         """Wait for standstill at the end; return the milliseconds that it took."""
         for ms in range(timeout_ms):
-            if self.bits[0]:
+            if self.value(od.STATUSWORD) & _TARGET_REACHED:
                 return ms
             self.wait(1)
         raise AssertionError(f"homing has not ended after {timeout_ms} ms")

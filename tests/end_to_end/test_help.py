@@ -5,10 +5,9 @@ import shlex
 from pathlib import Path
 
 import pytest
-import typer
 from typer.core import TyperCommand, TyperGroup, TyperOption
 
-from steptwin.host.cli.app import COMMANDS, EXAMPLES, app, run
+from steptwin.host.cli.app import COMMANDS, EXAMPLES, program, run
 from steptwin.host.common.errors import BusError
 from steptwin.host.robots import load_robot
 
@@ -37,7 +36,7 @@ def words_of(example: str) -> list[str]:
 
 
 def command_of(name: str) -> TyperCommand:
-    group = typer.main.get_command(app)
+    group = program()
     assert isinstance(group, TyperGroup)
     command = group.commands[name]
     assert isinstance(command, TyperCommand)

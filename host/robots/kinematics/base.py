@@ -96,6 +96,12 @@ class Branch:
         reachable: BoolArray = np.logical_and.reduce([constraint.kept for constraint in self.constraints])
         return reachable
 
+    def reachable_but_for(self, column: int) -> BoolArray:
+        """Return, of shape (n,), where every constraint is kept but perhaps the limits of one joint."""
+        others = (*self.mechanism, *self.limits[:column], *self.limits[column + 1 :])
+        reachable: BoolArray = np.logical_and.reduce([constraint.kept for constraint in others])
+        return reachable
+
     def reason(self, i: int) -> str | None:
         """Return why pose i is not reachable; None if it is."""
         complaints = (constraint.complaint(i) for constraint in self.constraints if not constraint.kept[i])
@@ -120,6 +126,14 @@ class Kinematics(Protocol):
         """True if the tool cannot turn by itself: the attitude follows from the rest of the pose and the branch.
 
         The inverse then takes a pose with NaN for its attitude, and no pose with another attitude is reachable.
+        """
+        ...
+
+    @property
+    def turning(self) -> int | None:
+        """Column of the joint that turns the tool on the spot: of all joints only this one changes with the attitude.
+
+        None if others change with it, as where the tool is beside the wrist's axis, or if the tool cannot turn alone.
         """
         ...
 

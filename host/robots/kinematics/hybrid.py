@@ -136,6 +136,11 @@ class HybridArm:
         """False: the gripper turns."""
         return False
 
+    @property
+    def turning(self) -> int:
+        """The gripper's joint, th4."""
+        return TH4
+
     def dh_variables(self, joints: FloatArray) -> dict[str, FloatArray]:
         """Return th1, z2, z3, th4."""
         z2_mm, z3_mm = self.sliders.forward(joints[:, Z5], joints[:, Z6], AssemblyMode.ABOVE)

@@ -79,6 +79,11 @@ class Scara:
         return self.wrist is None
 
     @property
+    def turning(self) -> int | None:
+        """The wrist, unless the tool is beside its axis."""
+        return None if self.tool_mm else self.wrist
+
+    @property
     def levers_mm(self) -> FloatArray:
         """Shape (joints,): greatest way of any point of the arm, in mm, for a mm or a degree of each joint alone."""
         levers_mm = np.ones(len(self.limits))

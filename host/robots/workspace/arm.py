@@ -16,6 +16,9 @@ Attitudes in between would widen the reach of a tool at the distance l from the 
 l (1 - cos 5 deg), 0.4 % of l.
 """
 
+_STRIDES: Final = (9, 3, 1)
+"""The other attitudes are tried in rounds, every ninth first: most positions within reach need no other round."""
+
 _CHUNK: Final = 1 << 12
 """Number of poses solved at once: their arrays fit in the processor's cache."""
 
@@ -76,11 +79,12 @@ class Arm:
         if self.kinematics.attitude_follows:
             return self._reached(np.column_stack([x_mm, y_mm, z_mm, np.full(len(x_mm), np.nan)]))
         outwards = np.column_stack([x_mm, y_mm, z_mm, azimuth_deg])
-        found = self._reached(outwards)
-        for begin in range(0, len(found), _CHUNK):
-            part = slice(begin, begin + _CHUNK)
-            found[part][~found[part]] = self._reached_turned(outwards[part][~found[part]])
-        return found
+        reached, turnable = self._solved(outwards)
+        places = np.flatnonzero(turnable & ~reached)
+        for begin in range(0, len(places), _CHUNK):
+            part = places[begin : begin + _CHUNK]
+            reached[part] = self._reached_turned(outwards[part])
+        return reached
 
     def box_mm(self) -> tuple[float, float, float]:
         """Return the greatest radius, the least and the greatest height of a box that holds the workspace."""
@@ -101,21 +105,34 @@ class Arm:
 
     def _reached_turned(self, outwards: FloatArray) -> BoolArray:
         """Return, of shape (n,), whether some branch reaches poses of shape (n, 4) in another of the attitudes."""
-        others_deg = np.arange(1, ATTITUDES) * 360.0 / ATTITUDES
-        poses = np.repeat(outwards, len(others_deg), axis=0)
-        poses[:, 3] += np.tile(others_deg, len(outwards))
-        reached = self._reached(poses).reshape(len(outwards), len(others_deg))
-        some: BoolArray = np.logical_or.reduce(reached, axis=1)
-        return some
+        reached, tried = np.zeros(len(outwards), np.bool_), {0}
+        for stride in _STRIDES:
+            turns_deg = np.array(
+                [turn * 360.0 / ATTITUDES for turn in range(0, ATTITUDES, stride) if turn not in tried]
+            )
+            tried |= {*range(0, ATTITUDES, stride)}
+            left = np.flatnonzero(~reached)
+            poses = np.repeat(outwards[left], len(turns_deg), axis=0)
+            poses[:, 3] += np.tile(turns_deg, len(left))
+            found = self._reached(poses).reshape(len(left), len(turns_deg))
+            reached[left] = np.logical_or.reduce(found, axis=1)
+        return reached
 
     def _reached(self, poses: FloatArray) -> BoolArray:
         """Return, of shape (n,), whether some branch reaches poses of shape (n, 4)."""
-        reached = np.empty(len(poses), np.bool_)
+        return self._solved(poses)[0]
+
+    def _solved(self, poses: FloatArray) -> tuple[BoolArray, BoolArray]:
+        """Return, each of shape (n,), whether some branch reaches poses of shape (n, 4), or may in another attitude."""
+        reached, turnable = np.empty(len(poses), np.bool_), np.ones(len(poses), np.bool_)
+        turning = self.kinematics.turning
         for begin in range(0, len(poses), _CHUNK):
             part = slice(begin, begin + _CHUNK)
             branches = self.kinematics.inverse(poses[part], self.home)
             reached[part] = np.logical_or.reduce([branch.reachable for branch in branches])
-        return reached
+            if turning is not None:
+                turnable[part] = np.logical_or.reduce([branch.reachable_but_for(turning) for branch in branches])
+        return reached, turnable
 
 
 def _shifts(kinematics: Kinematics) -> tuple[tuple[int, int], ...]:

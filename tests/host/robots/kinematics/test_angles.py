@@ -17,3 +17,9 @@ def test_full_turns_are_removed(angle_deg: float, wrapped: float) -> None:
 def test_an_angle_in_the_circle_does_not_change_by_a_bit() -> None:
     angles_deg = np.random.default_rng(1).uniform(-180.0, 180.0, 10_000)
     assert wrapped_deg(angles_deg).tolist() == angles_deg.tolist()
+
+
+def test_nothing_else_than_nan_stays_nan() -> None:
+    wrapped = wrapped_deg(np.array([np.nan, 190.0, 3.0]))
+    assert np.isnan(wrapped).tolist() == [True, False, False]
+    assert wrapped[1:].tolist() == [-170.0, 3.0]

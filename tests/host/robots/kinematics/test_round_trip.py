@@ -112,3 +112,16 @@ def test_the_reason_for_the_wrong_assembly_mode() -> None:
     branch = hybrid_arm().solve(np.array([[400.0, 0.0, 600.0, 0.0]]), "(-,-)")
     words = "the machine is assembled with its platform above its sliders' line; this takes it to the other side"
     assert branch.reason(0) == words
+
+
+@each_mechanism
+def test_only_the_turning_joint_changes_with_the_attitude(mechanism: Mechanism) -> None:
+    """By not a bit do other joints and the mechanism's constraints; the warehouse's tool is beside the wrist's axis."""
+    arm = mechanism.kinematics
+    assert (arm.turning is None) == (mechanism.name == "warehouse-scara")
+    poses = arm.forward(mechanism.random_joints(500, seed=11))
+    ways = zip(arm.inverse(poses), arm.inverse(poses + [0.0, 0.0, 0.0, 77.0]), strict=True)
+    for branch, turned in ways if arm.turning is not None else ():
+        changed = ~((branch.joints == turned.joints) | np.isnan(branch.joints)).all(axis=0)
+        assert np.flatnonzero(changed).tolist() == [arm.turning]
+        assert np.array_equal(branch.reachable_but_for(arm.turning), turned.reachable_but_for(arm.turning))
