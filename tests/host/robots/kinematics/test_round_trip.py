@@ -117,11 +117,12 @@ def test_the_reason_for_the_wrong_assembly_mode() -> None:
 @each_mechanism
 def test_only_the_turning_joint_changes_with_the_attitude(mechanism: Mechanism) -> None:
     """By not a bit do other joints and the mechanism's constraints; the warehouse's tool is beside the wrist's axis."""
-    arm = mechanism.kinematics
-    assert (arm.turning is None) == (mechanism.name == "warehouse-scara")
+    arm, turning = mechanism.kinematics, mechanism.kinematics.turning
+    assert (turning is None) == (mechanism.name == "warehouse-scara")
+    if turning is None:
+        return
     poses = arm.forward(mechanism.random_joints(500, seed=11))
-    ways = zip(arm.inverse(poses), arm.inverse(poses + [0.0, 0.0, 0.0, 77.0]), strict=True)
-    for branch, turned in ways if arm.turning is not None else ():
+    for branch, turned in zip(arm.inverse(poses), arm.inverse(poses + np.array([0.0, 0.0, 0.0, 77.0])), strict=True):
         changed = ~((branch.joints == turned.joints) | np.isnan(branch.joints)).all(axis=0)
-        assert np.flatnonzero(changed).tolist() == [arm.turning]
-        assert np.array_equal(branch.reachable_but_for(arm.turning), turned.reachable_but_for(arm.turning))
+        assert np.flatnonzero(changed).tolist() == [turning]
+        assert np.array_equal(branch.reachable_but_for(turning), turned.reachable_but_for(turning))
