@@ -19,6 +19,7 @@ class Do(StrEnum):
     INPUT = "input"
     SWITCH = "switch"
     SLIP = "slip"
+    WIRE = "wire"
     LOSS = "loss"
     CORRUPTION = "corruption"
     DELAY = "delay"
@@ -33,6 +34,16 @@ class Stuck(StrEnum):
     CLOSED = "closed"
     OPEN = "open"
     FREE = "free"
+
+
+class Wiring(StrEnum):
+    """What a wire to a driver is like."""
+
+    WHOLE = "whole"
+    BROKEN = "broken"
+    LOW = "low"
+    HIGH = "high"
+    NOISY = "noisy"
 
 
 SWITCHES: Final = {

@@ -17,6 +17,7 @@ from steptwin.host.verify.deviation import Deviation, ToolDeviation, critical_in
 from steptwin.host.verify.evidence import Evidence
 from steptwin.host.verify.expectation import Expectation
 from steptwin.host.verify.oracle import THRESHOLD_STEPS
+from steptwin.host.verify.powerless import powerless_steps
 from steptwin.host.verify.pulses import pulse_facts
 from steptwin.host.verify.report import AxisReport, JointsReport, Report, RunInfo, ToolReport
 from steptwin.host.verify.shelf import shelf_document, shelf_reasons
@@ -91,6 +92,7 @@ def verify_comparison(comparison: Comparison, run: RunInfo) -> Report:
     ends = [ideal.end_steps for ideal in comparison.ideal]
     reasons = [*_strange_modes(comparison), *_slip_reasons(comparison.evidence)]
     reasons += [line for axis, end in zip(axes, ends, strict=True) for line in _reasons(axis, end)]
+    reasons += _powerless(comparison)
     outputs = output_reports(comparison.expected.trajectory.switchings, comparison.evidence)
     reasons += output_reasons(outputs, comparison.evidence)
     violations = violation_reports(comparison.evidence)
@@ -164,6 +166,13 @@ def _slip_reasons(evidence: Evidence) -> Iterator[str]:
             first_s = (int(counts[0]) - evidence.start_counts) / COUNTS_PER_SECOND
             lost, net = int(np.abs(full_steps).sum()), int(full_steps.sum())
             yield f"{axis.name}: the motor lost {lost} full steps from {first_s:.3f} s on, {net:+d} in all"
+
+
+def _powerless(comparison: Comparison) -> Iterator[str]:
+    """Yield one line for each axis that made steps without current."""
+    for axis in comparison.evidence.axes:
+        if count := powerless_steps(axis, comparison.evidence.start_counts):
+            yield f"{axis.name}: {count} steps came while the driver's outputs were off: the motor did not follow"
 
 
 def _reasons(axis: AxisReport, planned_end_steps: int) -> list[str]:

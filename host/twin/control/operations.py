@@ -16,12 +16,14 @@ from steptwin.emulator.operations import (
     DriverProtect,
     EmergencyStop,
     SetInput,
+    SetWire,
     Slip,
     StuckSwitch,
     Supply,
 )
+from steptwin.emulator.wires import NOISE_RATE_MAX_HZ, Noise, Wire, WireState
 from steptwin.host.common.bad_input import nearest_within, outside, unknown
-from steptwin.host.common.control import SWITCHES, Do, Stuck
+from steptwin.host.common.control import SWITCHES, Do, Stuck, Wiring
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Reading, Table
 from steptwin.host.operate.input_waiting import wired_inputs
@@ -115,6 +117,15 @@ _FRAME_KEYS: Final[Mapping[str, Reading]] = {
 """Keys that each fault of the bus may have."""
 
 
+_NOISE_KEYS: Final[Mapping[str, Reading]] = {
+    "rate_hz": _number(0, NOISE_RATE_MAX_HZ, "Hz"),
+    "width_us": _number(0.1, 1e6, "us"),
+    "count": _count,
+    "seed": _count,
+}
+"""Keys of a noisy wire, the first two required."""
+
+
 class _Kind(NamedTuple):
     """A kind of request: its keys beside `do`, those that may be missing, and what it asks for, made of their values.
 
@@ -151,6 +162,15 @@ _KINDS: Final[Mapping[Do, _Kind]] = {
     Do.SLIP: _Kind(
         {"joint": Table.text, "full_steps": _cycles},
         lambda robot, values: Slip(robot.index_of(values["joint"]), values["full_steps"]),
+    ),
+    Do.WIRE: _Kind(
+        {
+            "joint": Table.text,
+            "wire": lambda table, key: table.choice(key, Wire),
+            "condition": lambda table, key: table.choice(key, Wiring),
+        },
+        lambda robot, values: _set_wire(robot, **values),
+        _NOISE_KEYS,
     ),
     Do.LOSS: _Kind(
         {"frames": _frames},
@@ -206,6 +226,40 @@ def read_harm(robot: Robot, table: Table, beside: Mapping[str, Reading]) -> tupl
     return kind.make(robot, own), {key: values[key] for key in beside}
 
 
+def _set_wire(robot: Robot, joint: str, wire: Wire, condition: Wiring, **noise: Any) -> SetWire:
+    axis = robot.index_of(joint)
+    if condition is Wiring.NOISY:
+        return SetWire(axis, wire, _noise(**noise))
+    if given := [key for key, value in noise.items() if value is not None]:
+        raise InputError(f"{given[0]}: is for a noisy wire, not for one that is {condition}")
+    return SetWire(axis, wire, WireState(condition))
+
+
+def _noise(rate_hz: float | None, width_us: float | None, count: int | None, seed: int | None) -> Noise:
+    if rate_hz is None or width_us is None:
+        missing = "rate_hz" if rate_hz is None else "width_us"
+        raise InputError(f"{missing}: is missing: a noisy wire has rate_hz and width_us")
+    try:
+        return Noise(rate_hz, round(1000 * width_us), count, seed or 0)
+    except ValueError as error:
+        raise InputError(str(error)) from error
+
+
+def _wire_request(robot: Robot, operation: SetWire) -> dict[str, Any]:
+    request = {"do": Do.WIRE, "joint": robot.joint_names[operation.axis], "wire": operation.wire}
+    noise = operation.condition
+    if not isinstance(noise, Noise):
+        return {**request, "condition": noise.value}
+    return {
+        **request,
+        "condition": Wiring.NOISY,
+        "rate_hz": noise.rate_hz,
+        "width_us": noise.width_ns / 1000,
+        **({} if noise.count is None else {"count": noise.count}),
+        **({"seed": noise.seed} if noise.seed else {}),
+    }
+
+
 def _bus_fault(
     robot: Robot, kind: BusFaultKind, frames: str | tuple[int, ...], joint: str | None, **values: Any
 ) -> BusFault:
@@ -242,7 +296,7 @@ def _stuck_switch(robot: Robot, joint: str, switch: str, stuck: Stuck) -> StuckS
 
 def request_of(robot: Robot, harm: Harm) -> dict[str, Any]:
     """Return the request that asks for a harm; `read_request` returns the harm for it."""
-    return _REQUESTS.get(type(harm), _by_fields)(robot, harm)
+    return REQUESTS.get(type(harm), _by_fields)(robot, harm)
 
 
 def _by_fields(_robot: Robot, harm: Any) -> dict[str, Any]:
@@ -279,7 +333,7 @@ def _bus_request(robot: Robot, fault: BusFault) -> dict[str, Any]:
     }
 
 
-_REQUESTS: Final[Mapping[type, Callable[[Robot, Any], dict[str, Any]]]] = {
+REQUESTS: Final[Mapping[type, Callable[[Robot, Any], dict[str, Any]]]] = {
     EmergencyStop: lambda _, harm: {"do": Do.ESTOP, "pressed": harm.pressed},
     Supply: lambda _, harm: {"do": Do.SUPPLY, "supply_v": harm.supply_10mv / PER_V},
     BoardTemperature: lambda _, harm: {
@@ -298,6 +352,7 @@ _REQUESTS: Final[Mapping[type, Callable[[Robot, Any], dict[str, Any]]]] = {
         "joint": robot.joint_names[harm.axis],
         "full_steps": harm.full_steps,
     },
+    SetWire: _wire_request,
     BusFault: _bus_request,
     HostFault: lambda _, harm: {"do": Do.HOST, "how": harm.kind, "by_s": harm.by_s},
 }

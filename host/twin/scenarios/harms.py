@@ -12,10 +12,12 @@ from steptwin.emulator.operations import (
     EmergencyStop,
     Operation,
     SetInput,
+    SetWire,
     StuckSwitch,
     Supply,
 )
 from steptwin.emulator.surroundings import Surroundings
+from steptwin.emulator.wires import WireState
 
 
 class HostFaultKind(StrEnum):
@@ -66,6 +68,7 @@ _OPPOSITES: Final[Mapping[type, Callable[[Any, Surroundings], Operation]]] = {
     DriverProtect: lambda harm, before: DriverProtect(harm.axis, before.axes[harm.axis].protect_held),
     SetInput: lambda harm, before: SetInput(harm.axis, harm.input, on=bool(before.axes[harm.axis].levels & harm.input)),
     StuckSwitch: _as_before,
+    SetWire: lambda harm, _: SetWire(harm.axis, harm.wire, WireState.WHOLE),
 }
 """What ends each type of operation; one without it is done at once."""
 _ENDING: Final = (HostFaultKind.HANG, HostFaultKind.LATE, HostFaultKind.DISORDER)

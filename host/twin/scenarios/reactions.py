@@ -17,10 +17,12 @@ from steptwin.emulator.operations import (
     DriverProtect,
     EmergencyStop,
     SetInput,
+    SetWire,
     Slip,
     StuckSwitch,
     Supply,
 )
+from steptwin.emulator.wires import WireState
 from steptwin.host.client.heartbeat import TIMEOUT_MS
 from steptwin.host.twin.scenarios.harms import Harm, HostFault, HostFaultKind, on_axis
 from steptwin.host.twin.scenarios.moment import Moment
@@ -194,6 +196,13 @@ DOCUMENTED: Final[tuple[Documented, ...]] = (
         Reaction(Motion.GOES_ON, verified=False),
         "a board without encoders cannot know; the verdict tells it, and homing ends it",
     ),
+    Documented(
+        "wire to a driver broken, shorted or noisy",
+        lambda harm, _: isinstance(harm, SetWire) and harm.condition is not WireState.WHOLE,
+        Reaction(Motion.GOES_ON, verified=False),
+        "a board without feedback from its drivers cannot know; the verdict tells it",
+    ),
+    Documented("wire to a driver whole", lambda harm, _: isinstance(harm, SetWire), GOES_ON),
     Documented(
         "heartbeat of the host lost",
         _bus(BusFaultKind.LOSS, COB_HEARTBEAT + HOST_NODE_ID),

@@ -206,7 +206,9 @@ def _fault_report(engine: Engine, played: Played, end: RunEnd, until_counts: flo
     standstill_ms = _standstill_ms(end.evidence, began.counts) if stopped else None
     limit_ms = standstill_limit_ms(robot, played.harm, reaction, began) if reaction.stops else None
     joints = _joints(robot, began, end.moment)
-    differences = _Judge(robot, played, reaction, emcys, stopped, joints).differences(standstill_ms, limit_ms)
+    told = reaction.verified or bool(end.reasons)
+    judge = _Judge(robot, played, reaction, emcys, joints, stopped=stopped, told=told)
+    differences = judge.differences(standstill_ms, limit_ms)
     return FaultReport(
         *named,
         _seconds(engine, played.first_counts),
@@ -241,9 +243,23 @@ class _Judge:
         played: Played,
         reaction: Reaction,
         emcys: Sequence[Emergency],
-        stopped: bool,
         joints: Mapping[str, JointAnswer],
+        *,
+        stopped: bool,
+        told: bool,
     ) -> None:
+        """Compare.
+
+        Args:
+            robot: the machine.
+            played: the fault.
+            reaction: the reaction that is right.
+            emcys: the EMCYs that answered.
+            joints: the joints at the end.
+            stopped: whether the motion ended before its time because of the fault.
+            told: False if steps that the reaction lets go missing are told by nothing, not even by the run's verdict.
+        """
+        self._told = told
         self._names = robot.joint_names
         self._reaction = reaction
         self._began = played.began
@@ -288,7 +304,7 @@ class _Judge:
 
     def _losses(self) -> list[str]:
         """Return what was lost in silence: an axis that claims to know its position has another one."""
-        if not self._reaction.verified:
+        if not self._reaction.verified and self._told:
             return []
         return [
             f"{name}: {joint.lost_steps:g} steps lost in silence"

@@ -3,7 +3,7 @@
 import json
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 from hypothesis import example, given
@@ -17,10 +17,12 @@ from steptwin.emulator.operations import (
     EmergencyStop,
     Operation,
     SetInput,
+    SetWire,
     Slip,
     StuckSwitch,
     Supply,
 )
+from steptwin.emulator.wires import Noise, Wire, WireState
 from steptwin.host.common.control import Do
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots import load_robot
@@ -28,7 +30,7 @@ from steptwin.host.robots.digital_input import Input
 from steptwin.host.robots.switches import JointSwitches
 from steptwin.host.twin.control.frames import FRAMES as FRAME_NAMES
 from steptwin.host.twin.control.frames import cob_ids
-from steptwin.host.twin.control.operations import read_request, request_of
+from steptwin.host.twin.control.operations import REQUESTS, read_request, request_of
 from steptwin.host.twin.control.state import MachineState
 from steptwin.host.twin.live_board import LiveBoard
 from steptwin.host.twin.scenarios.harms import Harm, HostFault, HostFaultKind
@@ -311,6 +313,15 @@ HARMS = st.one_of(
     st.builds(DriverProtect, JOINTS, st.booleans()),
     st.builds(SetInput, st.just(3), st.just(GENERAL_INPUTS[1]), st.booleans()),
     st.builds(StuckSwitch, JOINTS, st.sampled_from(SWITCH_INPUTS[:2]), st.sampled_from([True, False, None])),
+    st.builds(SetWire, JOINTS, st.sampled_from([*Wire]), st.sampled_from([*WireState])),
+    st.builds(
+        SetWire,
+        JOINTS,
+        st.sampled_from([*Wire]),
+        st.builds(
+            Noise, st.floats(0.5, 1000), st.integers(100, 900_000), st.none() | st.integers(1, 9), st.integers(0, 99)
+        ),
+    ),
     st.builds(Slip, JOINTS, st.sampled_from([-400, -4, 4, 8])),
     st.builds(BusFault, st.just(BusFaultKind.LOSS), FRAMES, receiver=st.none() | st.integers(0, 2), **OFTEN),
     st.builds(BusFault, st.just(BusFaultKind.CORRUPTION), FRAMES, **OFTEN),
@@ -319,6 +330,10 @@ HARMS = st.one_of(
     st.just(BusFault(BusFaultKind.BUS_OFF, cob_ids(ROBOT, "of-host"), count=1)),
     st.builds(HostFault, st.sampled_from([*HostFaultKind]), st.floats(0, 86_400)),
 )
+
+
+def test_every_operation_has_a_request() -> None:
+    assert {*get_args(Operation)} <= {*REQUESTS}
 
 
 @given(HARMS)

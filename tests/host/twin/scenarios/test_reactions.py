@@ -65,6 +65,24 @@ CASES = [
     ),
     Case("sensor on or off", 'do = "input"\ninput = "part_ready"\non = true', GOES),
     Case("a motor falls out of step", 'do = "slip"\njoint = "th2"\nfull_steps = -4', REFUSED),
+    *(
+        Case(
+            "wire to a driver broken, shorted or noisy",
+            f'do = "wire"\njoint = "th2"\nwire = "{wire}"\ncondition = {condition}\nfor_s = 0.3',
+            verdict,
+        )
+        for wire, condition, verdict in (
+            ("step", '"broken"', REFUSED),
+            ("step", '"high"', REFUSED),
+            ("dir", '"low"', REFUSED),
+            ("dir", '"high"', GOES),
+            ("enable", '"broken"', REFUSED),
+            ("enable", '"high"', GOES),
+            ("step", '"noisy"\nrate_hz = 500\nwidth_us = 50', REFUSED),
+            ("enable", '"noisy"\nrate_hz = 500\nwidth_us = 50', REFUSED),
+        )
+    ),
+    Case("wire to a driver whole", 'do = "wire"\njoint = "th2"\nwire = "step"\ncondition = "whole"', GOES),
     Case("heartbeat of the host lost", 'do = "loss"\nframes = "host-heartbeat"', STOPS, (300, 550.25)),
     Case("heartbeat of the host lost", 'do = "loss"\nframes = "host-heartbeat"\ncount = 2', GOES),
     Case("SYNC lost", 'do = "loss"\nframes = "sync"', STOPS, (0, 0), "power_up_s = 0"),

@@ -1,0 +1,35 @@
+"""Steps that a driver counts without current in its phases: the verdict tells them."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from steptwin.controller.backend import Kernel
+from steptwin.host.twin.execution import execute
+from steptwin.host.verify import Phases
+from steptwin.host.verify.powerless import powerless_steps
+from tests.host.twin.scenarios.short_runs import carry, played
+
+
+def test_steps_without_current_are_told(fast_kernel: Kernel) -> None:
+    """The wire of ENABLE is broken for 0.3 s; the driver's own count is as planned."""
+    outcome, _ = played(
+        fast_kernel,
+        '[[fault]]\nat_s = 0.3\nfor_s = 0.3\ndo = "wire"\njoint = "th1"\nwire = "enable"\ncondition = "broken"\n',
+    )
+    th1 = outcome.comparison.evidence.axes[0]
+    start_counts = outcome.comparison.evidence.start_counts
+    times_s = (th1.step_counts - start_counts) / 72e6
+    between = np.count_nonzero((times_s > 0.3 + 250e-6) & (times_s < 0.6))
+    count = powerless_steps(th1, start_counts)
+    assert between <= count <= between + 2
+    assert outcome.report.reasons == (
+        f"th1: {count} steps came while the driver's outputs were off: the motor did not follow",
+    )
+
+
+def test_evidence_without_currents_has_none(fast_kernel: Kernel) -> None:
+    axis = execute(carry(), "carry", fast_kernel).comparison.evidence.axes[0]
+    assert powerless_steps(axis, 0) == 0
+    nothing = Phases(axis.phases.counts[:0], axis.phases.sixteenths[:0], axis.phases.a_ma[:0], axis.phases.b_ma[:0])
+    assert powerless_steps(replace(axis, phases=nothing), 0) == 0
