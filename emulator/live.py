@@ -2,7 +2,8 @@
 
 A frame that comes in at an instant of the wall clock enters the simulated bus at the corresponding count, but never
 before the time that is simulated already. So a late process changes nothing on the board, only the time at which others
-see it. This lateness is measured: for each servo tick of a motion until its edges are known, and for each frame of a
+see it. Frames enter at whole microseconds: so does everything else on a bus with one of our bit rates, and a log with
+microseconds tells every instant exactly. This lateness is measured: for each servo tick of a motion until its edges are known, and for each frame of a
 board until it is handed on.
 
 A process that was held up has not seen what came in meanwhile, so the board must not live through that time without it:
@@ -23,7 +24,7 @@ from steptwin.emulator.pacer import Pacer
 from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.stalls import STALL_NS, Stalls
 from steptwin.protocol.frame import Frame
-from steptwin.protocol.timer import COUNTS_PER_SECOND
+from steptwin.protocol.timer import COUNTS_PER_SECOND, COUNTS_PER_US
 
 SLICE_COUNTS: Final = COUNTS_PER_SECOND // 100
 """Greatest stretch of time that is simulated at once while catching up, so that sockets have their turn."""
@@ -124,7 +125,7 @@ class LiveSimulation:
         from_counts = simulation.now_counts
         moving = self.moving
         until_counts = self._until_counts(now_ns, moving=moving)
-        incoming, counts_at = self._incoming, self.pacer.counts_at
+        incoming, counts_at = self._incoming, self._counts_at
         while incoming and (counts := counts_at(incoming[0].now_ns)) <= until_counts:
             enter = incoming.popleft().enter
             simulation.run_until(counts)
@@ -135,11 +136,16 @@ class LiveSimulation:
 
     def _until_counts(self, now_ns: int, *, moving: bool) -> int:
         """Return the count up to which to simulate: at most a slice in motion, on to the next event at rest."""
-        goal_counts = self.pacer.counts_at(now_ns)
+        goal_counts = self._counts_at(now_ns)
         slice_end_counts = self.simulation.now_counts + SLICE_COUNTS
         if moving or goal_counts <= slice_end_counts:
             return min(goal_counts, slice_end_counts)
         return max(slice_end_counts, self.simulation.next_event_counts(goal_counts))
+
+    def _counts_at(self, now_ns: int) -> int:
+        """Return the count of the last whole microsecond that has begun at an instant."""
+        counts = self.pacer.counts_at(now_ns)
+        return counts - counts % COUNTS_PER_US
 
     def settle(self, now_ns: int) -> None:
         """Note the lateness of everything simulated since the last call, which is handed on by now."""
@@ -161,9 +167,9 @@ class LiveSimulation:
         now_counts = self.simulation.now_counts
         due_counts = _FAR_COUNTS
         if self.moving:  # a tick is simulated as soon as time passes its start
-            due_counts = -(-now_counts // TICK_COUNTS) * TICK_COUNTS + 1
+            due_counts = -(-now_counts // TICK_COUNTS) * TICK_COUNTS + COUNTS_PER_US
         if self._incoming:
-            due_counts = min(due_counts, self.pacer.counts_at(self._incoming[0].now_ns))
+            due_counts = min(due_counts, self._counts_at(self._incoming[0].now_ns))
         return self.pacer.ns_at(max(self.simulation.next_event_counts(due_counts), now_counts))
 
 

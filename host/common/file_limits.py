@@ -48,6 +48,13 @@ MEASUREMENTS_BYTES_MAX: Final = 16 * MIB
 LOG_LINE_CHARS_MAX: Final = 256
 """Characters of a line of bus.log: StepTwin's have at most 50."""
 
+RECORDED_BYTES_MAX: Final = 2 * GIB
+"""A recorded bus: with 45 characters a frame, ten times the frames that are read."""
+RECORDED_LINE_CHARS_MAX: Final = 8 * KIB
+"""Characters of a line of a recorded bus: a frame has fewer than 200, but the head of a TRC file holds its path."""
+RECORDED_FRAMES_MAX: Final = 5_000_000
+"""Frames of a recorded bus: ten minutes of a bus at 1 Mbit/s without a pause; they take 1.3 GB as objects."""
+
 MARK_CHARS_MAX: Final = 64 * KIB
 """Characters of a line of marks.jsonl: with the sizes of all arrays of eight axes it has 11 KiB."""
 

@@ -7,10 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steptwin.controller.pins import Pin, PinChange
+from steptwin.emulator.board import Board
 from steptwin.emulator.driver_bank import AxisTrace
 from steptwin.emulator.edges import NO_COUNTS, NO_LEVELS, Int64Array
 from steptwin.emulator.tb6560 import LimitUnit, Outputs, Violations
 from steptwin.host.robots.board_settings import ActiveEdge
+from steptwin.host.robots.robot import Robot
 from steptwin.host.verify import AxisEvidence, DriverLimit, DriverViolations, LevelEdges, Phases, Slips
 from steptwin.protocol.timer import COUNTS_PER_US
 
@@ -20,6 +22,16 @@ _SCALES: Final = {
     LimitUnit.CELSIUS: ("degC", 1),
 }
 """The unit in which the evidence gives each unit of the emulator, and the factor of the conversion."""
+
+
+def axes_evidence(
+    robot: Robot, start_steps: Sequence[int], axes: Sequence[tuple[Board, int]]
+) -> tuple[AxisEvidence, ...]:
+    """Return the evidence of all axes since power-up; `axes` has each joint's board and the number of its axis there."""
+    return tuple(
+        axis_evidence(name, start, board.trace(axis), axis, board.pin_changes)
+        for name, start, (board, axis) in zip(robot.joint_names, start_steps, axes, strict=True)
+    )
 
 
 def axis_evidence(

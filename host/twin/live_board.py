@@ -4,7 +4,6 @@ import time
 from collections import deque
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from math import floor
 from pathlib import Path
 from typing import Any, Final
@@ -30,16 +29,17 @@ from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.microsteps import Microsteps
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.board_config import board_configs
-from steptwin.host.twin.commissioning import commissioned_flash
+from steptwin.host.twin.boards import axes_of, make_boards
 from steptwin.host.twin.drivers import driver_profile
 from steptwin.host.twin.evidence import axis_evidence
+from steptwin.host.twin.followed_motion import FollowedMotion
 from steptwin.host.twin.live_plan import LivePlan
 from steptwin.host.twin.scenarios.harms import Harm, HostFault
 from steptwin.host.twin.scenarios.target import Target
 from steptwin.host.twin.shelf import shelf_evidence, shelf_wiring
 from steptwin.host.twin.standing import standing_steps
 from steptwin.host.verify import AxisEvidence, ShelfEvent, shelf_document
-from steptwin.protocol.frame import COB_SYNC, FIRST_NODE_ID, Frame
+from steptwin.protocol.frame import FIRST_NODE_ID, Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 RECORD_EVERY_S: Final = 0.5
@@ -142,26 +142,20 @@ class LiveBoard:
             _JointTotals(joint, steps, edge)
             for joint, steps, edge in zip(robot.joints, start_steps, edges, strict=True)
         ]
-        self._sync_counts: int | None = None
-        """Instant of a SYNC at rest that may start a motion; None once that is known."""
-        self._motion_start_counts: int | None = None
-        """Instant t = 0 of the last motion that a SYNC started."""
         self.recent_bus_load_percent = 0.0
         """Part of the time between the last two calls of `record` in which the bus was busy, in percent."""
         self._busy_bits, self._busy_until_s = 0, 0.0
         """Bits on the bus up to the last `record`, and its instant."""
         warm_up(kernel)
-        firsts = [config.first_node_id - FIRST_NODE_ID for config in configs]
-        driven = [robot.joints[first:last] for first, last in pairwise((*firsts, len(robot.joints)))]
-        flashes = [commissioned_flash(robot, joints) for joints in driven]
         self._next_axis = 0
         """The axis whose turn it is in `record_next`."""
         self._operations: deque[tuple[float, Harm]] = deque(maxlen=OPERATIONS_MAX)
-        self._boards = [Board(config, kernel, flash) for config, flash in zip(configs, flashes, strict=True)]
-        self._axes = [(board, axis) for board in self._boards for axis in range(board.config.axis_count)]
+        self._boards = make_boards(robot, configs, kernel)
+        self._axes = axes_of(self._boards)
         """Board of each joint, and the number of the joint's axis on it."""
         self._bus_log = None if log is None else BusLog(log)
         self._plan = None if out is None else LivePlan(robot, self._axes, start_steps)
+        self._motion = FollowedMotion(self._axes, self._plan)
         self._recording = None if out is None else Recording(out, self._header(bitrate), robot.toml)
         self.bus = Bus(bitrate, log=self._log)
         simulation = Simulation(self._boards, self.bus, shelf=shelf)
@@ -210,27 +204,9 @@ class LiveBoard:
 
     def _log(self, frame: Frame, counts: int) -> None:
         """Log a frame; called for every frame on the bus before its receivers get it."""
-        self._follow_motion()
-        if frame.cob_id == COB_SYNC and not self._in_motion:
-            self._sync_counts = counts
-            if self._plan:
-                self._plan.sync()
+        self._motion.frame(frame, counts)
         if self._bus_log or self._recording:
             self._lines.append(log_line(counts, frame))
-
-    def _follow_motion(self) -> None:
-        """Note the start and the end of motions: axes that move before the frame after a SYNC were started by it."""
-        if self._sync_counts is not None and self._in_motion:
-            self._motion_start_counts = -(-self._sync_counts // TICK_COUNTS) * TICK_COUNTS
-            if self._plan:
-                self._plan.begin()
-        self._sync_counts = None
-        if self._plan:
-            self._plan.follow(in_motion=self._in_motion)
-
-    @property
-    def _in_motion(self) -> bool:
-        return any(board.firmware.motion.running(axis) for board, axis in self._axes)
 
     @property
     def record_every_s(self) -> float:
@@ -271,7 +247,7 @@ class LiveBoard:
 
     def _end_round(self) -> list[str]:
         """Take and log what has happened on the bus since the last round of all axes; return the log's lines."""
-        self._follow_motion()
+        self._motion.follow()
         self._measure_load()
         if watch := self.live.simulation.shelf_watch:
             self._shelf_events.extend(shelf_evidence(watch.shelf, {}).events)
@@ -299,7 +275,7 @@ class LiveBoard:
         tick = min(board.firmware.motion.tick for board in self._boards)
         return Mark(
             until_counts=max(tick - _OPEN_TICKS, 0) * TICK_COUNTS,
-            start_counts=self._motion_start_counts or 0,
+            start_counts=self._motion.start_counts or 0,
             no_plan=plan.lacking_so_far,
             in_motion=plan.in_motion,
             load_percent=round(self.bus_load_percent, 3),
@@ -381,7 +357,7 @@ class LiveBoard:
     def report(self) -> dict[str, Any]:
         """Return the figures as of the last `record`, under the keys of report.json (docs/live.md)."""
         joints = self._joints
-        started_counts = self._motion_start_counts
+        started_counts = self._motion.start_counts
         return {
             "robot": self.robot.name,
             "job": LIVE_JOB,

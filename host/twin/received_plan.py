@@ -1,12 +1,13 @@
 """Turn the PVT records of the last motion that a SYNC has started into the rows of trajectory.csv.
 
 With it the pulses of any host's motion can be verified against its records, to the wire unit. A row is made as soon as
-every axis that moves has its record for it, and rows are taken away to be written, so memory stays bounded.
+every axis that moves has its record for it, and rows are taken away to be written, so memory stays bounded. A row
+becomes text only then, which takes longer than all the rest.
 """
 
 from collections import deque
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -23,6 +24,14 @@ _AHEAD_MAX: Final = 2 * QUEUE_DEPTH
 """Number of one axis' records that may wait for those of the others; a queue holds half as many."""
 
 
+class _Row(NamedTuple):
+    """A point of the plan as the wire has it: positions in units, velocities in those of the records."""
+
+    time_ms: int
+    units: tuple[int, ...]
+    velocities: tuple[int, ...]
+
+
 class ReceivedPlan:
     """Collects records as the board accepts them; at the end there is a plan, or a reason why there is none."""
 
@@ -32,8 +41,8 @@ class ReceivedPlan:
         self.going = False
         """True while the motion is under way."""
         self._begin = False
-        self._rows: list[str] = []
-        """Rows that are not taken yet; with `_begin` the first is the head of a plan."""
+        self._rows: list[_Row] = []
+        """Rows that are not taken yet; with `_begin` the head of a plan comes before them."""
         self._robot = robot
         self._recent = [deque[PvtRecord](maxlen=QUEUE_DEPTH) for _ in robot.joints]
         """The last records of each joint; some of them may wait in its queue when a motion begins."""
@@ -57,7 +66,8 @@ class ReceivedPlan:
 
     def take(self) -> PlanRows:
         """Return the new rows, and forget them."""
-        taken = PlanRows(self._begin, self._rows)
+        head = [trajectory_head(self._robot)] if self._begin else []
+        taken = PlanRows(self._begin, head + list(map(self._text, self._rows)))
         self._begin, self._rows = False, []
         return taken
 
@@ -80,7 +90,7 @@ class ReceivedPlan:
         for pending, recent, count in zip(self._pending, self._recent, queued, strict=True):
             pending.clear()
             pending.extend(list(recent)[len(recent) - count :])
-        self._begin, self._rows = True, [trajectory_head(self._robot)]
+        self._begin, self._rows = True, []
         self._make_row([0] * len(self._units))
         self._make_rows()
 
@@ -114,6 +124,9 @@ class ReceivedPlan:
             self.fail(_APART)
 
     def _make_row(self, velocities: Sequence[int]) -> None:
-        positions = self._robot.to_positions(np.array(self._units))
-        speeds = self._robot.to_positions(1000 * np.array(velocities) / VELOCITY_PER_UNIT_PER_MS)
-        self._rows.append(trajectory_row(self._time_ms / 1000, positions.tolist(), speeds.tolist()))
+        self._rows.append(_Row(self._time_ms, tuple(self._units), tuple(velocities)))
+
+    def _text(self, row: _Row) -> str:
+        positions = self._robot.to_positions(np.array(row.units))
+        speeds = self._robot.to_positions(1000 * np.array(row.velocities) / VELOCITY_PER_UNIT_PER_MS)
+        return trajectory_row(row.time_ms / 1000, positions.tolist(), speeds.tolist())

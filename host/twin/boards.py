@@ -1,0 +1,34 @@
+"""Make the emulated boards of a robot, and tell which axis of which board each joint has."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+from steptwin.controller.backend import Kernel
+from steptwin.emulator.board import Board, BoardConfig
+from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.commissioning import commissioned_flash
+from steptwin.protocol.frame import FIRST_NODE_ID
+
+
+def make_boards(
+    robot: Robot, configs: Sequence[BoardConfig], kernel: Kernel, *, commissioned: bool = True
+) -> list[Board]:
+    """Make boards without power, in the order of the joints.
+
+    Args:
+        robot: the machine.
+        configs: hardware of each board, from `board_configs`.
+        kernel: form of the firmware's kernel.
+        commissioned: True for boards whose flash holds the robot's settings, False for new ones.
+    """
+    if not commissioned:
+        return [Board(config, kernel) for config in configs]
+    firsts = [config.first_node_id - FIRST_NODE_ID for config in configs]
+    driven = [robot.joints[first:last] for first, last in pairwise((*firsts, len(robot.joints)))]
+    flashes = [commissioned_flash(robot, joints) for joints in driven]
+    return [Board(config, kernel, flash) for config, flash in zip(configs, flashes, strict=True)]
+
+
+def axes_of(boards: Sequence[Board]) -> list[tuple[Board, int]]:
+    """Return the board of each joint, and the number of the joint's axis on it."""
+    return [(board, axis) for board in boards for axis in range(board.config.axis_count)]

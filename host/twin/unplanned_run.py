@@ -1,0 +1,199 @@
+"""Keep, in memory, what a machine does whose plan nobody has told, and make the folder of a run of it.
+
+The folder is the one that a live board leaves (docs/run-folder.md): the plan is that of the records which the axes have
+received, and there is no verdict. It has a waveform besides.
+"""
+
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from steptwin.emulator.board import Board
+from steptwin.emulator.simulation import Simulation
+from steptwin.host.record.bus_log import log_line
+from steptwin.host.record.folder import (
+    AxisTotals,
+    Header,
+    Mark,
+    Piece,
+    PlanRows,
+    Recording,
+    keep_recording,
+    prepare_folder,
+)
+from steptwin.host.record.waveforms import DEFAULT_SCALE, Format, whole_record, wires, write_waveform
+from steptwin.host.robots.microsteps import Microsteps
+from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.boards import axes_of
+from steptwin.host.twin.evidence import axes_evidence
+from steptwin.host.twin.followed_motion import FollowedMotion
+from steptwin.host.twin.live_plan import LivePlan
+from steptwin.host.twin.shelf import shelf_evidence
+from steptwin.host.verify import Evidence, shelf_document
+from steptwin.host.verify.wiring import output_changes
+from steptwin.protocol.frame import Frame
+from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+
+class UnplannedRun:
+    """Follows a simulated machine from now on; may be saved at any time, and again later."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        simulation: Simulation,
+        start_steps: Sequence[int],
+        *,
+        job: str,
+        driver_profile: str,
+        stock: Mapping[str, str],
+    ) -> None:
+        """Follow a machine whose bus keeps its frames.
+
+        Args:
+            robot: the machine.
+            simulation: its boards and their bus.
+            start_steps: positions of the joints at power-up, in steps of the robot's file from their zeros.
+            job: what the report has in place of a job's name.
+            driver_profile: name of the drivers.
+            stock: the boxes in the robot's shelf at power-up.
+        """
+        self._robot = robot
+        self._simulation = simulation
+        self._axes = axes_of(simulation.boards)
+        self._start_steps = list(start_steps)
+        self._job = job
+        self._driver_profile = driver_profile
+        self._stock = dict(stock)
+        self._began_s = time.perf_counter()
+        self._plan = LivePlan(robot, self._axes, start_steps)
+        self._motion = FollowedMotion(self._axes, self._plan)
+        self._rows: list[str] = []
+        """Rows of the plan up to the last time that it was saved."""
+        simulation.bus.also_log(self._motion.frame)
+
+    @property
+    def axes(self) -> Sequence[tuple[Board, int]]:
+        """The board of each joint, and the number of its axis there."""
+        return self._axes
+
+    @property
+    def bus_log(self) -> list[tuple[int, Frame]]:
+        """Every frame with the instant, in counts, at which it became valid."""
+        bus = self._simulation.bus
+        return list(zip(bus.log_counts, bus.log_frames, strict=True))
+
+    def evidence(self) -> Evidence:
+        """Return every edge at the drivers; t = 0 is the start of the last motion that a SYNC started, else power-up."""
+        self._motion.follow()
+        axes = axes_evidence(self._robot, self._start_steps, self._axes)
+        outputs = output_changes(self._robot, axes)
+        watch = self._simulation.shelf_watch
+        if watch is None:
+            return Evidence(self._motion.start_counts or 0, axes, outputs)
+        watch.look_now(self._simulation.now_counts)
+        return Evidence(self._motion.start_counts or 0, axes, outputs, shelf_evidence(watch.shelf, self._stock))
+
+    def microsteps(self) -> list[Microsteps]:
+        """Return the microsteps per full step of each axis: its driver's, its board's and its robot file's."""
+        return [
+            Microsteps(
+                joint.name,
+                board.driver_microsteps(axis),
+                board.firmware.motion.config(axis).microsteps,
+                joint.transmission.microsteps,
+            )
+            for joint, (board, axis) in zip(self._robot.joints, self._axes, strict=True)
+        ]
+
+    def end_steps(self) -> list[float]:
+        """Return the position of each motor by its driver's steps, in steps of the robot's file from the joint's zero."""
+        return [
+            start + board.position_sixteenths(axis) / joint.transmission.step_sixteenths
+            for joint, start, (board, axis) in zip(self._robot.joints, self._start_steps, self._axes, strict=True)
+        ]
+
+    def save(self, folder: Path | str) -> None:
+        """Write the folder; another run's files are replaced, those of a live board's recording are not.
+
+        Raises:
+            InputError: the folder holds the recording of a live board, cannot be made, or is not writable.
+            RecordingError, OSError: a file cannot be written.
+        """
+        keep_recording(folder)
+        path = prepare_folder(folder)
+        evidence = self.evidence()
+        taken = self._plan.take()
+        self._rows = list(taken.rows) if taken.begin else [*self._rows, *taken.rows]
+        document = self._report(evidence)
+        recording = Recording(path, self._header(evidence), self._robot.toml)
+        recording.append(self._all(evidence))
+        recording.finish(document)
+        if recording.failure:
+            raise recording.failure
+        record = whole_record(evidence)
+        if record.from_counts < record.to_counts:
+            scale = DEFAULT_SCALE
+            write_waveform(
+                path / Format.VCD.file_name, wires(evidence), record, Format.VCD, scale, self._robot.name
+            )
+
+    def _header(self, evidence: Evidence) -> Header:
+        axes = tuple(
+            AxisTotals(axis.name, axis.start_steps, axis.active_edge, axis.violations.limits) for axis in evidence.axes
+        )
+        return Header(self._robot.name, self._driver_profile, self._simulation.bus.bitrate, axes)
+
+    def _all(self, evidence: Evidence) -> Piece:
+        lines = [log_line(counts, frame) for counts, frame in self.bus_log]
+        mark = Mark(
+            until_counts=self._simulation.now_counts,
+            start_counts=evidence.start_counts,
+            no_plan=self._plan.lacking,
+        )
+        return Piece(evidence.axes, lines, PlanRows(begin=True, rows=self._rows), mark)
+
+    def _report(self, evidence: Evidence) -> dict[str, Any]:
+        """Return the figures under the keys of a live board's report.json (docs/live.md)."""
+        robot, bus, now_s = self._robot, self._simulation.bus, self._simulation.now_s
+        started = self._motion.start_counts
+        ends = self.end_steps()
+        return {
+            "robot": robot.name,
+            "job": self._job,
+            "driver_profile": self._driver_profile,
+            "duration_s": round(now_s, 6),
+            "simulated": True,
+            "passed": None,
+            "started_s": None if started is None else started / COUNTS_PER_SECOND,
+            "no_plan": self._plan.lacking,
+            "outputs": [],
+            "boards": [board.config.axis_count for board in self._simulation.boards],
+            "mismatches": [str(each) for each in self.microsteps() if not each.agree],
+            "axes": [
+                {
+                    "name": axis.name,
+                    "steps_start": axis.start_steps,
+                    "steps_end": int(end // 1),
+                    "pulses": int(axis.clk_rise_counts.size),
+                    "violations": int(axis.violations.counts.size),
+                }
+                for axis, end in zip(evidence.axes, ends, strict=True)
+            ],
+            "joints": {
+                "names": list(robot.joint_names),
+                "start": robot.from_steps(np.array(self._start_steps)).tolist(),
+                "end": robot.from_steps(np.array(ends)).tolist(),
+            },
+            "bus": {
+                "bitrate": bus.bitrate,
+                "frames": bus.frames,
+                "load_percent": round(100 * bus.busy_bits / (bus.bitrate * max(now_s, 1e-3)), 3),
+            },
+            **({} if evidence.shelf is None else {"shelf": shelf_document(evidence.shelf, 0)}),
+            "simulated_s": round(now_s, 6),
+            "wall_s": round(time.perf_counter() - self._began_s, 6),
+        }
