@@ -7,13 +7,11 @@ from typing import Final
 
 from steptwin.emulator.bus_faults import BusFault, BusFaultKind, FaultScript
 from steptwin.emulator.can_controller import CanController
-from steptwin.emulator.can_timing import INTERMISSION_BITS, UNSTUFFED_TAIL_BITS, frame_bits
+from steptwin.emulator.can_timing import INTERMISSION_BITS, UNSTUFFED_TAIL_BITS, VALID_BEFORE_END_BITS, frame_bits
 from steptwin.emulator.fault_confinement import ErrorState
 from steptwin.protocol.frame import BITRATES, Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
-_VALID_BEFORE_END_BITS: Final = INTERMISSION_BITS + 1
-"""A receiver takes a frame as valid at the last but one bit of EOF (ISO 11898-1)."""
 _ACK_SLOT_END_BITS: Final = UNSTUFFED_TAIL_BITS - 2
 """Bits from the end of the ACK slot to the end of the frame."""
 _FLAG_BITS: Final = 6
@@ -230,7 +228,7 @@ class Bus:
     ) -> None:
         """Put a frame on the wire. A disturbance is noticed at the end of the CRC, where it costs most time."""
         bits = frame_bits(frame)
-        decided_bits = bits - _VALID_BEFORE_END_BITS
+        decided_bits = bits - VALID_BEFORE_END_BITS
         self._outcome = _Outcome.VALID
         if fault or outdone or self._on_bus == len(senders):
             self._outcome = self._judge(senders, outdone, fault)
@@ -320,7 +318,7 @@ class Bus:
         self._senders = [station for station in self._senders if station is not gone]
         self._outdone = [station for station in self._outdone if station is not gone]
         self._missed_by = [*self._missed_by, fresh]
-        tail_bits = UNSTUFFED_TAIL_BITS - _VALID_BEFORE_END_BITS
+        tail_bits = UNSTUFFED_TAIL_BITS - VALID_BEFORE_END_BITS
         stuffed_until_counts = self._decided_counts - tail_bits * self.bit_counts
         if self._senders or self._outcome is not _Outcome.VALID or now_counts >= stuffed_until_counts:
             return

@@ -14,6 +14,8 @@ from steptwin.protocol.frame import Frame
 UNSTUFFED_TAIL_BITS = 13
 """Bits from the end of the CRC to the end of the intermission."""
 INTERMISSION_BITS = 3
+VALID_BEFORE_END_BITS = INTERMISSION_BITS + 1
+"""A receiver takes a frame as valid at the last but one bit of EOF (ISO 11898-1)."""
 _CRC_POLYNOMIAL = 0x4599
 _RUN_LENGTH = 5
 _HEADER_BITS = 19

@@ -2,9 +2,11 @@
 
 A frame that comes in at an instant of the wall clock enters the simulated bus at the corresponding count, but never
 before the time that is simulated already. So a late process changes nothing on the board, only the time at which others
-see it. Frames enter at whole microseconds: so does everything else on a bus with one of our bit rates, and a log with
-microseconds tells every instant exactly. This lateness is measured: for each servo tick of a motion until its edges are known, and for each frame of a
-board until it is handed on.
+see it. Frames enter at whole microseconds, as all else happens on a bus with one of our bit rates: so a log in
+microseconds tells every instant exactly.
+
+The lateness is measured: for each servo tick of a motion until its edges are known, and for each frame of a board until
+it is handed on.
 
 A process that was held up has not seen what came in meanwhile, so the board must not live through that time without it:
 its clock stands instead (`stand`), and the frames enter before it goes on.

@@ -4,7 +4,7 @@ The host stands outside: it sends frames, lets time pass and is given the frames
 on together and count the same 72 MHz; real boards, each with its own crystal, would differ by some 20 ppm.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Protocol
 
 from steptwin.controller.kernel import TICK_COUNTS
@@ -72,6 +72,8 @@ class Simulation:
         """The shelf beside the machine; None if there is none."""
         self.attendant: Attendant | None = None
         """Looks after each event; None: nobody does."""
+        self.on_operation: Callable[[Scheduled], None] = lambda _: None
+        """Called with each operation on a machine, just before it is executed; not with what the shelf's sensors do."""
         for board in self.boards:
             board.boot(0)
 
@@ -85,6 +87,10 @@ class Simulation:
 
     def operate(self, operation: Operation, number: int = 0) -> None:
         """Execute an operation on the machine of a board, now."""
+        self.on_operation(Scheduled(self.now_counts, operation, number))
+        self._operate(operation, number)
+
+    def _operate(self, operation: Operation, number: int) -> None:
         self.boards[number].operate(operation, self.now_counts)
         self.boards[number].poll(self.now_counts)
 
@@ -178,6 +184,7 @@ class Simulation:
         self.bus.step(now_counts)
         if self._schedule.next_counts is not None:
             for item in self._schedule.take_due(now_counts):
+                self.on_operation(item._replace(counts=now_counts))
                 self.boards[item.board].operate(item.operation, now_counts)
         for board in self.boards:
             board.poll(now_counts)
@@ -190,7 +197,7 @@ class Simulation:
         if self.shelf_watch is None or not self.shelf_watch.is_due(self.now_counts):
             return
         for number, change in self.shelf_watch.look(self.now_counts):
-            self.operate(change, number)
+            self._operate(change, number)
 
     def _advance_boards(self, goal_counts: int) -> int:
         """Let time pass on all boards; return the instant that all of them have reached.

@@ -33,7 +33,7 @@ COMMANDS: Final = {
         *("serve", "panel", "doctor", "status", "monitor", "home", "move", "jog", "positions"),
         *("pause", "resume", "stop", "estop", "reset", "outputs", "inject"),
     ),
-    "Files and tools": ("trace", "plot", "motors", "view", "animate", "eds", "dbc", "kernel-c"),
+    "Files and tools": ("trace", "plot", "motors", "view", "animate", "replay", "eds", "dbc", "kernel-c"),
 }
 """Each command, under its group and in the order of `steptwin --help`. Each is a module of this package."""
 

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -10,10 +11,12 @@ from steptwin.controller.backend import Kernel, fastest_kernel
 from steptwin.emulator.bus_faults import BusFault, FaultScript
 from steptwin.emulator.operations import Scheduled
 from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.record.folder import TEST_JOB
 from steptwin.host.robots.microsteps import Microsteps
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.host.twin.standing import Standing, standing_joints
+from steptwin.host.twin.unplanned_run import UnplannedRun
 from steptwin.host.verify import AxisEvidence, Expectation, Report, RunInfo, verify
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -75,6 +78,15 @@ class BoardUnderTest(EmbeddedBoard):
         joints = standing_joints(robot, stand_at)
         faults = FaultScript(bus_faults)
         super().__init__(robot, joints, kernel or fastest_kernel(), faults, schedule, driver_profile, dip_microsteps)
+        self._run = UnplannedRun(
+            robot,
+            self._simulation,
+            self._start_steps,
+            job=TEST_JOB,
+            driver_profile=self.driver_profile.name,
+            commissioned=True,
+            stock=self._stock,
+        )
 
     def steps(self) -> dict[str, int]:
         """Return each motor's position by the steps that its driver has made, in steps from its axis' zero.
@@ -116,13 +128,25 @@ class BoardUnderTest(EmbeddedBoard):
         """
         run = RunInfo(
             robot=self.robot.name,
-            job="test",
+            job=TEST_JOB,
             duration_s=trajectory.duration_s,
             bus=self.bus_report(),
             simulated_s=self.now_s(),
             wall_s=time.perf_counter() - self._began_s,
         )
         return verify(Expectation.of(self.robot, trajectory), self.evidence(), run)
+
+    def save(self, folder: Path | str) -> None:
+        """Write the folder of a run with all that has happened since power-up (docs/run-folder.md).
+
+        Its plan is that of the PVT records which the axes have received, if these describe the last motion. Another
+        run's files are replaced, those of a live board's recording are not.
+
+        Raises:
+            InputError: the folder holds the recording of a live board, cannot be made, or is not writable.
+            OSError, RecordingError: a file cannot be written.
+        """
+        self._run.save(folder)
 
 
 def _broken(axis: AxisEvidence) -> Iterator[Violation]:

@@ -13,10 +13,11 @@ from steptwin.emulator.simulation import Simulation
 from steptwin.host.robots.microsteps import Microsteps
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.board_config import board_config
+from steptwin.host.twin.boards import axes_of
 from steptwin.host.twin.commissioning import commissioned_flash
 from steptwin.host.twin.drivers import driver_profile
 from steptwin.host.twin.embedded_network import EmbeddedNetwork
-from steptwin.host.twin.evidence import axis_evidence
+from steptwin.host.twin.evidence import axes_evidence
 from steptwin.host.twin.input_changes import InputChange, set_input
 from steptwin.host.twin.scenarios.engine import Engine
 from steptwin.host.twin.scenarios.host_condition import HostCondition
@@ -219,11 +220,7 @@ class EmbeddedBoard:
     def evidence(self) -> Evidence:
         """Return every edge at the drivers; t = 0 is the first servo tick after the last SYNC, else power-up."""
         sync_counts = self._last_sync_counts() or 0
-        traces = [self._board.trace(axis) for axis in range(len(self._start_steps))]
-        axes = tuple(
-            axis_evidence(joint.name, self._start_steps[i], traces[i], i, self._board.pin_changes)
-            for i, joint in enumerate(self.robot.joints)
-        )
+        axes = axes_evidence(self.robot, self._start_steps, axes_of([self._board]))
         start_counts = -(-sync_counts // TICK_COUNTS) * TICK_COUNTS
         return Evidence(start_counts, axes, output_changes(self.robot, axes), self._shelf_evidence())
 

@@ -5,7 +5,7 @@ from canopen.network import Callback, PeriodicMessageTask
 
 from steptwin.emulator.simulation import BusOverloadError, Simulation
 from steptwin.host.common.errors import BusError
-from steptwin.host.twin.repeated_frames import RepeatedFrames
+from steptwin.host.twin.repeated_frames import RepeatedFrames, whole_us_counts
 from steptwin.host.twin.simulated_waiting import wait_in_simulated_time
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
@@ -30,8 +30,11 @@ class EmbeddedNetwork(canopen.Network):
         return self._simulation.now_s
 
     def wait(self, dt_s: float) -> None:
-        """Let `dt_s` seconds of simulated time pass, and the rest of a periodic frame that is on the bus then."""
-        until_counts = self._simulation.now_counts + round(dt_s * COUNTS_PER_SECOND)
+        """Let `dt_s` seconds of simulated time pass, and the rest of a periodic frame that is on the bus then.
+
+        They are rounded to whole microseconds, at least one: the bus log, in microseconds, then tells every instant.
+        """
+        until_counts = self._simulation.now_counts + whole_us_counts(dt_s)
         while (due_counts := self._repeated.due_counts) is not None and due_counts < until_counts:
             self._simulation.run_until(due_counts)
             self._send_due()

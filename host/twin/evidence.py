@@ -27,7 +27,7 @@ _SCALES: Final = {
 def axes_evidence(
     robot: Robot, start_steps: Sequence[int], axes: Sequence[tuple[Board, int]]
 ) -> tuple[AxisEvidence, ...]:
-    """Return the evidence of all axes since power-up; `axes` has each joint's board and the number of its axis there."""
+    """Return the evidence of all axes since power-up; `axes` has each joint's board and its axis' number there."""
     return tuple(
         axis_evidence(name, start, board.trace(axis), axis, board.pin_changes)
         for name, start, (board, axis) in zip(robot.joint_names, start_steps, axes, strict=True)

@@ -12,7 +12,6 @@ import numpy as np
 
 from steptwin.controller.backend import Kernel
 from steptwin.controller.kernel import TICK_COUNTS
-from steptwin.emulator.board import Board
 from steptwin.emulator.bus import Bus
 from steptwin.emulator.bus_faults import BusFault
 from steptwin.emulator.driver_bank import AxisTrace

@@ -6,7 +6,12 @@ import can
 
 from steptwin.emulator.simulation import Simulation
 from steptwin.protocol.frame import Frame
-from steptwin.protocol.timer import COUNTS_PER_SECOND
+from steptwin.protocol.timer import COUNTS_PER_US
+
+
+def whole_us_counts(dt_s: float) -> int:
+    """Return a duration in counts, rounded to whole microseconds and at least one, unless it is 0."""
+    return max(round(dt_s * 1_000_000), 1 if dt_s > 0 else 0) * COUNTS_PER_US
 
 
 @dataclass(slots=True)
@@ -34,7 +39,7 @@ class RepeatedFrames:
     def send_periodic(self, message: can.Message, period_s: float) -> _Repeated:
         """Repeat a frame from now on, until `stop` of the object returned."""
         frame = Frame(message.arbitration_id, bytes(message.data))
-        repeated = _Repeated(frame, round(period_s * COUNTS_PER_SECOND), self._simulation.now_counts)
+        repeated = _Repeated(frame, whole_us_counts(period_s), self._simulation.now_counts)
         self._repeated.append(repeated)
         self.due_counts = repeated.due_counts
         return repeated

@@ -6,12 +6,14 @@ received, and there is no verdict. It has a waveform besides.
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from steptwin.emulator.board import Board
+from steptwin.emulator.operations import AxisOperation, Operation, Scheduled
 from steptwin.emulator.simulation import Simulation
 from steptwin.host.record.bus_log import log_line
 from steptwin.host.record.folder import (
@@ -28,6 +30,7 @@ from steptwin.host.record.waveforms import DEFAULT_SCALE, Format, whole_record, 
 from steptwin.host.robots.microsteps import Microsteps
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.boards import axes_of
+from steptwin.host.twin.control.operations import request_of
 from steptwin.host.twin.evidence import axes_evidence
 from steptwin.host.twin.followed_motion import FollowedMotion
 from steptwin.host.twin.live_plan import LivePlan
@@ -49,6 +52,7 @@ class UnplannedRun:
         *,
         job: str,
         driver_profile: str,
+        commissioned: bool,
         stock: Mapping[str, str],
     ) -> None:
         """Follow a machine whose bus keeps its frames.
@@ -59,6 +63,7 @@ class UnplannedRun:
             start_steps: positions of the joints at power-up, in steps of the robot's file from their zeros.
             job: what the report has in place of a job's name.
             driver_profile: name of the drivers.
+            commissioned: True if the boards' flash held the robot's settings at power-up, False for new boards.
             stock: the boxes in the robot's shelf at power-up.
         """
         self._robot = robot
@@ -67,13 +72,16 @@ class UnplannedRun:
         self._start_steps = list(start_steps)
         self._job = job
         self._driver_profile = driver_profile
+        self._commissioned = commissioned
         self._stock = dict(stock)
         self._began_s = time.perf_counter()
         self._plan = LivePlan(robot, self._axes, start_steps)
         self._motion = FollowedMotion(self._axes, self._plan)
         self._rows: list[str] = []
         """Rows of the plan up to the last time that it was saved."""
+        self._operations: list[Scheduled] = []
         simulation.bus.also_log(self._motion.frame)
+        simulation.on_operation = self._operations.append
 
     @property
     def axes(self) -> Sequence[tuple[Board, int]]:
@@ -87,7 +95,7 @@ class UnplannedRun:
         return list(zip(bus.log_counts, bus.log_frames, strict=True))
 
     def evidence(self) -> Evidence:
-        """Return every edge at the drivers; t = 0 is the start of the last motion that a SYNC started, else power-up."""
+        """Return every edge at the drivers; t = 0 is the start of the last motion by a SYNC, else power-up."""
         self._motion.follow()
         axes = axes_evidence(self._robot, self._start_steps, self._axes)
         outputs = output_changes(self._robot, axes)
@@ -110,7 +118,7 @@ class UnplannedRun:
         ]
 
     def end_steps(self) -> list[float]:
-        """Return the position of each motor by its driver's steps, in steps of the robot's file from the joint's zero."""
+        """Return each motor's position by its driver's steps, in steps of the robot's file from the joint's zero."""
         return [
             start + board.position_sixteenths(axis) / joint.transmission.step_sixteenths
             for joint, start, (board, axis) in zip(self._robot.joints, self._start_steps, self._axes, strict=True)
@@ -137,9 +145,7 @@ class UnplannedRun:
         record = whole_record(evidence)
         if record.from_counts < record.to_counts:
             scale = DEFAULT_SCALE
-            write_waveform(
-                path / Format.VCD.file_name, wires(evidence), record, Format.VCD, scale, self._robot.name
-            )
+            write_waveform(path / Format.VCD.file_name, wires(evidence), record, Format.VCD, scale, self._robot.name)
 
     def _header(self, evidence: Evidence) -> Header:
         axes = tuple(
@@ -168,6 +174,7 @@ class UnplannedRun:
             "duration_s": round(now_s, 6),
             "simulated": True,
             "passed": None,
+            "commissioned": self._commissioned,
             "started_s": None if started is None else started / COUNTS_PER_SECOND,
             "no_plan": self._plan.lacking,
             "outputs": [],
@@ -193,7 +200,22 @@ class UnplannedRun:
                 "frames": bus.frames,
                 "load_percent": round(100 * bus.busy_bits / (bus.bitrate * max(now_s, 1e-3)), 3),
             },
+            "operations": self._requests(),
             **({} if evidence.shelf is None else {"shelf": shelf_document(evidence.shelf, 0)}),
             "simulated_s": round(now_s, 6),
             "wall_s": round(time.perf_counter() - self._began_s, 6),
         }
+
+    def _requests(self) -> list[dict[str, Any]]:
+        """Return what was done to the machine as requests of the control port, each with its instant."""
+        return [
+            {"at_s": counts / COUNTS_PER_SECOND} | request_of(self._robot, self._on_machine(operation, number))
+            for counts, operation, number in self._operations
+            if isinstance(operation, AxisOperation) or number == 0  # any other is done at every board
+        ]
+
+    def _on_machine(self, operation: Operation, number: int) -> Operation:
+        """Return an operation with its axis numbered among all boards'."""
+        if isinstance(operation, AxisOperation):
+            return replace(operation, axis=self._axes.index((self._simulation.boards[number], operation.axis)))
+        return operation

@@ -15,6 +15,7 @@ from steptwin.emulator.pacer import Pacer
 from steptwin.emulator.simulation import Simulation
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.pvt import PvtRecord
+from steptwin.protocol.timer import COUNTS_PER_US
 
 MS_NS = 1_000_000
 TICK_NS = 250_000
@@ -30,7 +31,7 @@ def live_board(kernel: Kernel) -> LiveSimulation:
 def catch_up(live: LiveSimulation, now_ns: int) -> None:
     """As the loop does it: until nothing is due any more."""
     live.advance(now_ns)
-    while live.pacer.counts_at(now_ns) > live.simulation.now_counts:
+    while live.pacer.counts_at(now_ns) - live.simulation.now_counts >= COUNTS_PER_US:
         live.advance(now_ns)
     live.settle(now_ns)
 
@@ -134,7 +135,7 @@ class TestWhenItIsDue:
             live.send(frame, "a client", 2 * MS_NS)
         catch_up(live, 20 * MS_NS + 100_000)
         assert live.moving
-        assert live.pacer.counts_at(live.due_ns) == live.pacer.counts_at(20 * MS_NS + TICK_NS) + 1
+        assert live.pacer.counts_at(live.due_ns) == live.pacer.counts_at(20 * MS_NS + TICK_NS) + COUNTS_PER_US
         catch_up(live, 200 * MS_NS)
         assert not live.moving
 
@@ -177,7 +178,7 @@ class TestLateness:
         live = live_board(fast_kernel)
         for frame in motion():
             live.send(frame, "a client", 2 * MS_NS)
-        catch_up(live, 10 * MS_NS + 100)
+        catch_up(live, 10 * MS_NS + 1_000)
         live.ticks.max_ns = live.ticks.count = 0
         catch_up(live, 15 * MS_NS)
         assert live.ticks.count == 19

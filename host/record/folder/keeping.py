@@ -5,7 +5,7 @@ from pathlib import Path
 from shlex import quote
 
 from steptwin.host.common.errors import InputError
-from steptwin.host.record.folder.layout import EDGES, LIVE_JOB
+from steptwin.host.record.folder.layout import EDGES, REPLAY_JOB, TEST_JOB
 from steptwin.host.record.folder.recording_layout import unfinished
 from steptwin.host.record.folder.report import read_report
 
@@ -39,7 +39,7 @@ def _live(folder: Path) -> bool:
     """Return whether edges are a live board's: without a readable report they may be (docs/run-folder.md)."""
     try:
         report = read_report(folder)
-        return report.passed is None and report.run.job == LIVE_JOB
+        return report.passed is None and report.run.job not in (TEST_JOB, REPLAY_JOB)
     except InputError:
         return True
 

@@ -12,6 +12,10 @@ VERSION_KEY: Final = "folder_version"
 
 LIVE_JOB: Final = "live"
 """What the report of a live board has in the place of a job's name."""
+TEST_JOB: Final = "test"
+"""The same of a board in virtual time that a program has driven, such as a test."""
+REPLAY_JOB: Final = "replay"
+"""The same of a recorded bus that was replayed."""
 
 REPORT: Final = "report.json"
 ROBOT: Final = "robot.toml"

@@ -1,7 +1,7 @@
 """Read a recorded bus through python-can's readers: logs of candump, Vector's ASC and BLF, PEAK's TRC.
 
-The readers trust their files. Here a file has a limit, a text has whole lines of bounded length, and whatever the readers
-raise becomes one line that says where.
+The readers trust their files. Here a file has a limit, a text has whole lines of bounded length, and whatever the
+readers raise becomes one line that says where.
 """
 
 import struct
@@ -29,7 +29,12 @@ if TYPE_CHECKING:
 
 _CANDUMP: Final = ".log"
 _BINARY: Final = ".blf"
-FORMATS: Final = {_CANDUMP: "a log of candump -L", ".asc": "Vector's ASC", _BINARY: "Vector's BLF", ".trc": "PEAK's TRC"}
+FORMATS: Final = {
+    _CANDUMP: "a log of candump -L",
+    ".asc": "Vector's ASC",
+    _BINARY: "Vector's BLF",
+    ".trc": "PEAK's TRC",
+}
 """The formats by the end of a file's name, as python-can knows them."""
 
 _DATA_BYTES_MAX: Final = 8
@@ -95,7 +100,7 @@ class _Lines:
         self._file = file
 
     def __iter__(self) -> Iterator[str]:
-        while line := self._file.readline(LOG_LINE_CHARS_MAX + 1):
+        while line := self._file.readline(RECORDED_LINE_CHARS_MAX + 1):
             if not line.endswith("\n"):
                 if len(line) > RECORDED_LINE_CHARS_MAX:
                     raise InputError(f"line {self.number + 1}: has more than {RECORDED_LINE_CHARS_MAX} characters")
@@ -146,8 +151,9 @@ class _Reading:
 
         with self._path.open("rb") as file, self._saying(lambda: f"after {len(self._frames)} frames"):
             reader = BLFReader(file)
+            said_bytes: int = reader.file_size
             self._take_all(reader, channel)
-            return self._path.stat().st_size < reader.file_size
+            return self._path.stat().st_size < said_bytes
 
     @contextmanager
     def _saying(self, where: Callable[[], str]) -> Iterator[None]:
@@ -164,13 +170,12 @@ class _Reading:
     def _take_all(self, messages: "Iterable[can.Message]", channel: str | None) -> None:
         for message in messages:
             name = str(message.channel)
-            if channel is not None and name != channel:
-                self._left_out[f"of channel {name}"] += 1
-                continue
-            self._channels[name] += 1
             if kind := _other_kind(message):
                 self._left_out[kind] += 1
+            elif channel is not None and name != channel:
+                self._left_out[f"of channel {name}"] += 1
             else:
+                self._channels[name] += 1
                 self._take(message)
 
     def _take(self, message: "can.Message") -> None:
@@ -187,8 +192,8 @@ class _Reading:
 
     def _nothing(self, channel: str | None) -> str:
         if channel is not None and self._left_out:
-            others = ", ".join(sorted(kind.removeprefix("of channel ") for kind in self._left_out))
-            return f"channel={channel}: has no data frame with an 11-bit identifier; there are channels {others}"
+            others = ", ".join(f"{count} {kind}" for kind, count in sorted(self._left_out.items()))
+            return f"channel={channel}: has no data frame with an 11-bit identifier; there are {others}"
         others = "".join(f", but {count} {kind}" for kind, count in self._left_out.items())
         return f"holds no data frame with an 11-bit identifier{others}"
 
@@ -208,7 +213,11 @@ _JUNK: Final = (
 def _text_reader(suffix: str, lines: _Lines) -> "Iterable[can.Message]":
     from can import ASCReader, CanutilsLogReader, TRCReader
 
-    readers = {_CANDUMP: CanutilsLogReader, ".asc": ASCReader, ".trc": TRCReader}
+    readers: dict[str, Callable[[TextIO], Iterable[can.Message]]] = {
+        _CANDUMP: CanutilsLogReader,
+        ".asc": ASCReader,
+        ".trc": TRCReader,
+    }
     return readers[suffix](cast(TextIO, lines))
 
 

@@ -1,9 +1,9 @@
 """How a machine stood when its boards were switched on: what a replay must know beside the frames on the bus."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,18 +11,26 @@ from steptwin.emulator.operations import Operation
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Table
-from steptwin.host.record.folder import REPORT, StoredReport, check_axes, read_evidence, read_report
-from steptwin.host.record.folder.layout import EDGES, SHELF
-from steptwin.host.record.folder.shelf_file import read_shelf
+from steptwin.host.record.folder import EDGES, RECORDING, REPORT, check_axes, read_evidence, read_report
 from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.axes_per_board import check_axes_per_board
 from steptwin.host.twin.control.operations import read_request
+from steptwin.host.twin.drivers import driver_profile
 from steptwin.host.verify import Evidence
+from steptwin.protocol.frame import BITRATES
 from steptwin.protocol.timer import COUNTS_PER_SECOND, COUNTS_PER_US
+
+
+class Operated(NamedTuple):
+    """An operation on the machine, and its instant in counts since power-up; an axis is numbered among all boards'."""
+
+    counts: int
+    operation: Operation
 
 
 @dataclass(frozen=True, slots=True)
 class PowerUp:
-    """A machine at power-up, and what happened to it beside the bus.
+    """A machine at power-up, and what was done to it beside the bus.
 
     Attributes:
         joints: positions at which it stands, mm and degrees.
@@ -34,7 +42,7 @@ class PowerUp:
         stock: the boxes in the robot's shelf; None: the usual ones.
         locked_drawers: slots of the shelf whose drawers are locked.
         shelf_sensors: False if the shelf's sensors are not connected.
-        operations: what was done to the machine, each with its instant in counts since power-up.
+        operations: what was done to the machine, in order of time.
         until_counts: instant at which the recording ends; None if nothing tells it.
     """
 
@@ -45,21 +53,14 @@ class PowerUp:
     driver_profile: str | None = None
     dip_microsteps: Mapping[str, int] | None = None
     stock: Mapping[str, str] | None = None
-    locked_drawers: Sequence[str] = ()
+    locked_drawers: Collection[str] = ()
     shelf_sensors: bool = True
-    operations: tuple[tuple[int, Operation], ...] = ()
+    operations: tuple[Operated, ...] = ()
     until_counts: int | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class StoredMachine:
-    """What the folder of a run tells of its machine.
-
-    Attributes:
-        folder: the folder.
-        power_up: how the machine stood.
-        evidence: what its drivers did.
-    """
+class StoredMachine(NamedTuple):
+    """What the folder of a run tells of its machine: how it stood at power-up, and what its drivers did then."""
 
     folder: Path
     power_up: PowerUp
@@ -67,30 +68,67 @@ class StoredMachine:
 
 
 def stored_machine(folder: Path, robot: Robot) -> StoredMachine:
-    """Read the folder of a run, or of a live board's recording, of this robot.
+    """Read the folder of a run of this robot, or of a live board's recording, also one that has no end.
 
     Raises:
         InputError: a file is missing or cannot be read, or is another robot's.
         ContradictionError: the files contradict themselves.
     """
     report, evidence = read_report(folder), read_evidence(folder)
-    check_axes(folder / EDGES, evidence, robot)
-    document = report.document
-    mark = report.recording.mark if report.recording else None
-    until_counts = mark.until_counts if mark else round(report.run.simulated_s * 1e6) * COUNTS_PER_US
-    steps = np.array([axis.start_steps for axis in evidence.axes])
-    usual = robot.board.driver_profile
-    boards = document.get("boards")
+    recording = report.recording
+    check_axes(folder / (RECORDING if recording else EDGES), evidence, robot)
+    mark = None if recording is None else recording.mark
+    live = report.passed is None
     with prefixed(f"{folder / REPORT}: "):
+        if report.run.bus.bitrate not in BITRATES:
+            raise InputError(f"bus.bitrate: {report.run.bus.bitrate} is not one of {', '.join(map(str, BITRATES))}")
+        table = Table(report.document, "JSON object")
         power_up = PowerUp(
-            joints=robot.from_steps(steps).tolist(),
-            axes_per_board=_counts(boards) if boards else (len(robot.joints),),
+            joints=robot.from_steps(np.array([axis.start_steps for axis in evidence.axes])).tolist(),
+            axes_per_board=_axes_per_board(table, robot),
             bitrate=report.run.bus.bitrate,
-            commissioned=report.passed is None,
-            driver_profile=None if report.driver_profile in (usual, "") else report.driver_profile,
-            stock=_stock(folder, document),
-            shelf_sensors=report.passed is None or _waits_for_sensors(robot, document),
-            operations=_operations(robot, document),
-            until_counts=until_counts,
+            commissioned=table.truth("commissioned") if "commissioned" in table else live,
+            driver_profile=_other_drivers(robot, report.driver_profile),
+            stock=_stock(table),
+            shelf_sensors=live or _waits_for_sensors(table, robot),
+            operations=tuple(table.each("operations", lambda each: _operated(each, robot)))
+            if "operations" in table
+            else (),
+            until_counts=mark.until_counts if mark else round(report.run.simulated_s * 1_000_000) * COUNTS_PER_US,
         )
     return StoredMachine(folder, power_up, evidence)
+
+
+def _axes_per_board(table: Table, robot: Robot) -> Sequence[int]:
+    if "boards" not in table:
+        return (len(robot.joints),)
+    counts = [count for count in table.elements("boards") if isinstance(count, int)]
+    check_axes_per_board(counts, len(robot.joints))
+    return counts
+
+
+def _other_drivers(robot: Robot, name: str) -> str | None:
+    """Return the name of a run's drivers if they were not those of the robot's file."""
+    return None if name == driver_profile(robot.board).name else name
+
+
+def _stock(table: Table) -> Mapping[str, str] | None:
+    if "shelf" not in table:
+        return None
+    with table.section("shelf") as shelf, shelf.section("start") as start:
+        return {place: start.text(place) for place in start}
+
+
+def _waits_for_sensors(table: Table, robot: Robot) -> bool:
+    """Return whether a run has waited for a sensor of the shelf: only then these were connected."""
+    sensors = robot.shelf.sensors.values() if robot.shelf else ()
+    waited = table.each("waits", lambda wait: wait.text("input")) if "waits" in table else ()
+    return any(name in sensors for name in waited)
+
+
+def _operated(table: Table, robot: Robot) -> Operated:
+    at_s = table.number("at_s")
+    operation = read_request(robot, {key: value for key, value in table.values.items() if key != "at_s"})
+    if operation is None:
+        raise InputError("do: asks for nothing")
+    return Operated(round(at_s * COUNTS_PER_SECOND), operation)

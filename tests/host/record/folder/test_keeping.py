@@ -47,6 +47,13 @@ def test_a_recording_is_kept(folder: Path) -> None:
         keep_any_run(folder)
 
 
+@pytest.mark.parametrize("job", ["test", "replay"])
+def test_what_can_be_made_again_is_replaced_although_nothing_has_judged_it(job: str, folder: Path) -> None:
+    (folder / "edges.npz").touch()
+    (folder / "report.json").write_text(json.dumps(REPORT | {"passed": None, "job": job}))
+    keep_recording(folder)
+
+
 def test_edges_of_another_recorder_are_kept(folder: Path) -> None:
     """It may leave out the report."""
     (folder / "edges.npz").touch()

@@ -1,0 +1,62 @@
+"""The emulated machine of a replay: boards in virtual time whose hosts speak from a recording."""
+
+from dataclasses import replace
+
+from steptwin.controller.backend import Kernel
+from steptwin.emulator.bus import Bus
+from steptwin.emulator.operations import AxisOperation, Scheduled
+from steptwin.emulator.simulation import Simulation
+from steptwin.host.record.folder import REPLAY_JOB
+from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.board_config import board_configs
+from steptwin.host.twin.boards import axes_of, make_boards
+from steptwin.host.twin.drivers import driver_profile
+from steptwin.host.twin.replay.power_up import PowerUp
+from steptwin.host.twin.shelf import shelf_wiring
+from steptwin.host.twin.standing import standing_steps
+from steptwin.host.twin.unplanned_run import UnplannedRun
+
+
+class ReplayedMachine:
+    """A robot's boards on a bus of their own, as they stood at power-up; what was done to them beside it is scheduled.
+
+    Attributes:
+        simulation: boards and bus; its host's interface is free.
+        run: everything that the machine does.
+    """
+
+    def __init__(self, robot: Robot, power_up: PowerUp, kernel: Kernel) -> None:
+        """Switch the boards on; raise InputError if the drivers or a place of the shelf do not exist."""
+        joints, per_board = list(power_up.joints), power_up.axes_per_board
+        configs = board_configs(robot, joints, per_board, power_up.driver_profile, power_up.dip_microsteps)
+        shelf = shelf_wiring(
+            robot,
+            joints,
+            per_board,
+            stock=power_up.stock,
+            locked=power_up.locked_drawers,
+            sensors=power_up.shelf_sensors,
+        )
+        boards = make_boards(robot, configs, kernel, commissioned=power_up.commissioned)
+        self._numbers = [(boards.index(board), axis) for board, axis in axes_of(boards)]
+        self.simulation = Simulation(boards, Bus(power_up.bitrate), self._scheduled(power_up, len(boards)), shelf)
+        self.run = UnplannedRun(
+            robot,
+            self.simulation,
+            standing_steps(robot, joints),
+            job=REPLAY_JOB,
+            driver_profile=driver_profile(robot.board, power_up.driver_profile).name,
+            commissioned=power_up.commissioned,
+            stock={} if shelf is None else shelf.shelf.stock,
+        )
+
+    def _scheduled(self, power_up: PowerUp, boards: int) -> list[Scheduled]:
+        """Return the operations by board: one on an axis at that axis' board, any other at every board."""
+        scheduled: list[Scheduled] = []
+        for counts, operation in power_up.operations:
+            if isinstance(operation, AxisOperation):
+                number, axis = self._numbers[operation.axis]
+                scheduled.append(Scheduled(counts, replace(operation, axis=axis), number))
+            else:
+                scheduled += (Scheduled(counts, operation, number) for number in range(boards))
+        return scheduled
