@@ -94,7 +94,9 @@ def test_a_channel_of_several(tmp_path: Path) -> None:
     assert read_bus(log, "can1").left_out == {"of channel can0": 2}
     with pytest.raises(InputError, match=r"has frames of the channels can0, can1: channel=NAME chooses one$"):
         read_bus(log)
-    with pytest.raises(InputError, match=r"channel=can2: has no data frame .*; there are 2 of channel can0, 1 of channel can1$"):
+    with pytest.raises(
+        InputError, match=r"channel=can2: has no data frame .*; there are 2 of channel can0, 1 of channel can1$"
+    ):
         read_bus(log, "can2")
 
 

@@ -1,0 +1,172 @@
+"""What StepTwin itself has recorded is replayed: every frame at its microsecond, every edge at its count."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from steptwin.controller.backend import Kernel
+from steptwin.emulator.operations import EmergencyStop, Scheduled, SetInput
+from steptwin.host.common.errors import InputError
+from steptwin.host.record.folder import BUS_LOG, RECORDING, read_robot, read_run
+from steptwin.host.record.recorded_bus import read_bus
+from steptwin.host.robots import load_robot
+from steptwin.host.twin.board_under_test import BoardUnderTest
+from steptwin.host.twin.replay import PowerUp, Replayed, replay, stored_machine
+from steptwin.protocol.cia402 import DigitalInput
+from steptwin.protocol.frame import Frame
+from tests.host.twin.live_session import (
+    JOINT,
+    NMT_START,
+    PROFILE_POSITION,
+    ROBOT,
+    SYNC,
+    THERE_AND_BACK,
+    LiveSession,
+    control,
+    enable,
+    queue,
+    start_at_sync,
+)
+
+
+def replayed(folder: Path, kernel: Kernel) -> Replayed:
+    robot = read_robot(folder)
+    stored = stored_machine(folder, robot)
+    return replay(read_bus(folder / BUS_LOG), robot, stored.power_up, kernel, stored)
+
+
+def record(session: LiveSession) -> None:
+    """Move an axis there and back, each frame at an odd nanosecond; stop it on its way elsewhere by the e-stop."""
+    session.send(NMT_START)
+    session.now_ns += 123_457
+    session.move(0)
+    session.now_ns += 777
+    write = Frame(0x600 + 0x10 + JOINT, bytes.fromhex("237a600000c80000"))
+    session.send(*enable(PROFILE_POSITION), write, control(0x1F, PROFILE_POSITION))
+    session.wait(10)
+    session.board.live.call(lambda: session.board.operate(EmergencyStop(pressed=True)), session.now_ns + 5_001)
+    session.wait(50)
+    session.board.live.call(lambda: session.board.operate(SetInput(4, DigitalInput.IN1, on=True)), session.now_ns)
+    session.wait(20)
+
+
+@pytest.mark.parametrize("axes_per_board", [None, (4, 2)], ids=["one board", "two boards"])
+def test_a_live_board(axes_per_board: tuple[int, ...] | None, fast_kernel: Kernel, tmp_path: Path) -> None:
+    """Although its hosts' frames come whenever they come, and the machine is operated beside the bus."""
+    session = LiveSession(fast_kernel, tmp_path, axes_per_board=axes_per_board)
+    record(session)
+    session.end()
+    result = replayed(tmp_path, fast_kernel)
+    assert result.frames is None
+    assert result.edges is None
+    assert result.against == tmp_path
+    assert len(result.machine.simulation.boards) == len(axes_per_board or [6])
+
+
+def test_a_recording_without_its_end(fast_kernel: Kernel, tmp_path: Path) -> None:
+    session = LiveSession(fast_kernel, tmp_path)
+    record(session)
+    session.board.record()
+    log = tmp_path / BUS_LOG
+    log.write_bytes(log.read_bytes() + b"(0000000000.3")
+    assert (tmp_path / RECORDING).is_dir()
+    result = replayed(tmp_path, fast_kernel)
+    assert result.bus.cut
+    assert result.equal
+
+
+@pytest.fixture(scope="module")
+def saved(fast_kernel: Kernel, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a test's board: a move by records, after a pause of half a microsecond more than whole ones."""
+    folder = tmp_path_factory.mktemp("saved")
+    board = BoardUnderTest(
+        ROBOT,
+        stand_at={"th1": 12.0},
+        kernel=fast_kernel,
+        schedule=[Scheduled(30_000_001, SetInput(4, DigitalInput.IN1, on=True))],
+        driver_profile="3a-module",
+    )
+    board.wait(0.1234565)
+    board.network.send_message(*NMT_START)
+    for frame in (*enable(), *queue(*THERE_AND_BACK), start_at_sync(), SYNC):
+        board.network.send_message(*frame)
+        board.wait(0.001)
+    board.wait(0.12)
+    board.save(folder)
+    return folder
+
+
+def test_a_board_of_a_test(saved: Path, fast_kernel: Kernel) -> None:
+    result = replayed(saved, fast_kernel)
+    assert result.equal
+    assert result.machine.run.bus_log[-1][1] == read_bus(saved / BUS_LOG).frames[-1].frame
+    stored = stored_machine(saved, ROBOT)
+    assert stored.power_up.driver_profile == "3a-module"
+    assert [operated.counts for operated in stored.power_up.operations] == [30_000_001]
+
+
+def test_the_folder_of_a_tests_board_has_its_plan(saved: Path) -> None:
+    run = read_run(saved)
+    assert run.report.run.job == "test"
+    assert run.duration_s == 0.1
+    assert (saved / "trace.vcd").exists()
+
+
+def test_a_replay_is_saved_as_the_run_was(saved: Path, fast_kernel: Kernel, tmp_path: Path) -> None:
+    result = replayed(saved, fast_kernel)
+    result.machine.run.save(tmp_path)
+    for name in (BUS_LOG, "trajectory.csv", "trace.vcd"):
+        assert (tmp_path / name).read_bytes() == (saved / name).read_bytes()
+    assert read_run(tmp_path).report.run.job == "replay"
+    assert replayed(tmp_path, fast_kernel).equal
+
+
+def altered(saved: Path, folder: Path, old: str, new: str) -> Path:
+    """Copy a folder, with another text in place of the first of its kind in the bus log."""
+    shutil.copytree(saved, folder)
+    text = (saved / BUS_LOG).read_text()
+    assert old in text
+    (folder / BUS_LOG).write_text(text.replace(old, new, 1))
+    return folder
+
+
+def test_a_record_of_another_length(saved: Path, fast_kernel: Kernel, tmp_path: Path) -> None:
+    """21 steps there instead of 20: the first edge is earlier."""
+    folder = altered(saved, tmp_path / "altered", "513#005000", "513#005400")
+    result = replayed(folder, fast_kernel)
+    assert not result.equal
+    assert result.edges
+    assert result.edges.where == "th1 STEP rises"
+    assert result.frames
+    assert result.frames.where == "on the bus"
+    assert "TPDO" in result.frames.recorded
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            "193#",
+            "193#FF",
+            "on the bus: recorded TPDO1 th1 Statusword",
+        ),
+        ("710#00", "710#7F", "recorded HEARTBEAT sx PRE-OPERATIONAL, replayed HEARTBEAT sx boot-up"),
+        ("(0000000000.000113)", "(0000000000.000114)", " at 0.000114 s, replayed HEARTBEAT sz boot-up"),
+    ],
+)
+def test_a_frame_of_the_board_that_differs(
+    old: str, new: str, words: str, saved: Path, fast_kernel: Kernel, tmp_path: Path
+) -> None:
+    result = replayed(altered(saved, tmp_path / "altered", old, new), fast_kernel)
+    assert result.edges is None
+    assert words in str(result.frames)
+
+
+def test_a_log_of_another_robots_nodes(tmp_path: Path, fast_kernel: Kernel) -> None:
+    log = tmp_path / "other.log"
+    log.write_text("(0.1) can0 1A0#01\n(0.2) can0 620#4000100000000000\n(0.3) can0 000#0100\n")
+    robot = load_robot("lab-scara")
+    power_up = PowerUp(robot.home, (4,), robot.board.bitrate)
+    with pytest.raises(InputError, match=r"other\.log: is of nodes 0x20; lab-scara has 0x10 to 0x13$"):
+        replay(read_bus(log), robot, power_up, fast_kernel)
