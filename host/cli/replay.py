@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from steptwin.host.twin.replay import PowerUp, Replayed, StoredMachine
 
 
-@command("out/spiral", "night.blf warehouse-scara --stand-at '50 100 200 0 30 0' --out out/night")
+@command("out/spiral", "night.blf lab-scara --stand-at '150 0 30 0' --out out/night")
 def replay(
     log: Annotated[
         Path,
@@ -158,6 +158,8 @@ def _say_result(result: "Replayed") -> None:
     say(f"{bus.path}: {len(bus.frames)} frames {clock}, {result.played} of them played to {result.robot.name}")
     if result.left_out:
         say("left out: " + ", ".join(f"{count} {kind}" for kind, count in result.left_out.items()))
+    if result.bus_faults:
+        say(f"not repeated: {result.bus_faults} faults of the bus")
     if bus.cut:
         say("the recording is cut off within a frame: it is compared up to there")
     same = "the same, to the microsecond" if bus.on_board_clock else "the nodes say the same"

@@ -29,6 +29,7 @@ from steptwin.host.robots.microsteps import Microsteps
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.board_config import board_configs
 from steptwin.host.twin.boards import axes_of, make_boards
+from steptwin.host.twin.control.operations import request_of
 from steptwin.host.twin.drivers import driver_profile
 from steptwin.host.twin.evidence import axis_evidence
 from steptwin.host.twin.followed_motion import FollowedMotion
@@ -386,6 +387,7 @@ class LiveBoard:
             },
             "bus": self.bus_figures(),
             "real_time": self.real_time(),
+            "operations": [{"at_s": round(at_s, 6)} | request_of(self.robot, harm) for at_s, harm in self._operations],
             **({} if (shelf := self.shelf()) is None else {"shelf": shelf}),
             "simulated_s": round(self.simulated_s, 6),
             "wall_s": round(self.wall_s, 6),

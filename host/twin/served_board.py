@@ -14,7 +14,6 @@ from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.record.folder import keep_any_run, keep_log, prepare_folder
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.axes_per_board import check_axes_per_board
-from steptwin.host.twin.control.operations import request_of
 from steptwin.host.twin.control.port import ControlPort
 from steptwin.host.twin.endpoints import open_endpoint
 from steptwin.host.twin.input_changes import set_input
@@ -143,13 +142,10 @@ class ServedBoard:
         """Return the figures under the keys of report.json (docs/live.md); final when the board has ended."""
         if self._final:
             return self._final
-        robot, control = self.board.robot, self.control
-        operations = [
-            {"at_s": round(at_s, 6)} | request_of(robot, operation) for at_s, operation in self.board.operations
-        ]
+        control = self.control
         return (
             self.board.report()
-            | {"operations": operations, self.endpoint.kind: self.endpoint.figures()}
+            | {self.endpoint.kind: self.endpoint.figures()}
             | ({"control": control.figures()} if control else {})
         )
 

@@ -28,7 +28,11 @@ _SIGNALS: Final = (
     _Signal("step of the driver", "step_counts", ("step_signs",)),
     _Signal("broken limit", "violation_counts", ("violation_which", "violation_values")),
     _Signal("phase currents", "phase_counts", ("phase_sixteenths", "phase_a_ma", "phase_b_ma")),
+    _Signal("slip of the motor", "slip_counts", ("slip_full_steps",)),
 )
+
+_NONE: Final = np.empty(0)
+"""An array that only some axes have, for the others."""
 
 
 def first_difference_of_edges(recorded: Evidence, replayed: Evidence) -> Difference | None:
@@ -47,10 +51,10 @@ def _differences(old: AxisEvidence, new: AxisEvidence) -> Iterator[Difference]:
     pins = (_Signal(pin.upper(), f"{pin}_counts", (f"{pin}_levels",)) for pin in old.pins)
     for signal in (*_SIGNALS, *pins):
         keys = [f"{old.name}_{key}" for key in (signal.counts, *signal.values)]
-        columns = [np.array_equal(old_arrays[key], new_arrays[key]) for key in keys]
-        if all(columns):
+        was_arrays, now_arrays = ([arrays.get(key, _NONE) for key in keys] for arrays in (old_arrays, new_arrays))
+        if all(map(np.array_equal, was_arrays, now_arrays)):
             continue
-        rows = (zip(*(arrays[key].tolist() for key in keys), strict=True) for arrays in (old_arrays, new_arrays))
+        rows = (zip(*(each.tolist() for each in arrays), strict=True) for arrays in (was_arrays, now_arrays))
         for was, now in zip_longest(*rows):
             if was != now:
                 counts = min(row[0] for row in (was, now) if row is not None)

@@ -40,6 +40,9 @@ _SDO_BYTES: Final = 8
 _AT_REST: Final = 2
 """Equal status PDOs at the end of a recording by which an axis rests: they come every 100 ms."""
 _SETTLING_COUNTS: Final = 100 * COUNTS_PER_MS
+"""Time before the end of a recording in which what is said may have missed it."""
+_PASSING_COUNTS: Final = 20 * COUNTS_PER_MS
+"""Time in which a state that is left again counts as passed."""
 
 
 def first_difference_on_the_board_clock(
@@ -113,10 +116,24 @@ def _said(frames: Iterable[tuple[int, Frame]]) -> dict[int, list[_Said]]:
         if key is None:
             continue
         before = said[frame.cob_id]
-        if key_of is _state and before and before[-1].key == key:
-            continue
-        before.append(_Said(counts, key, frame))
+        if key_of is _state:
+            _add_state(before, _Said(counts, key, frame))
+        else:
+            before.append(_Said(counts, key, frame))
     return said
+
+
+def _add_state(states: list[_Said], state: _Said) -> None:
+    """Add a state that a drive has reached, in place of one that it has only passed.
+
+    The status PDO has an inhibit time: whether it shows a state that is soon left is a matter of some milliseconds.
+    """
+    if states and states[-1].key == state.key:
+        return
+    if states and state.counts - states[-1].counts < _PASSING_COUNTS:
+        states.pop()
+    if not states or states[-1].key != state.key:
+        states.append(state)
 
 
 def _first(old: Sequence[_Said], new: Sequence[_Said], settled_counts: int) -> tuple[_Said | None, _Said | None] | None:

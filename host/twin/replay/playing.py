@@ -9,7 +9,7 @@ request not before the answers that its host had seen have come.
 """
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
 from steptwin.emulator.can_timing import VALID_BEFORE_END_BITS, frame_bits
@@ -43,15 +43,26 @@ class Player:
 
     def _send_as_recorded(self, valid_counts: int, frame: Frame) -> None:
         """Send a frame so that it becomes valid at an instant."""
-        simulation, bus = self._simulation, self._simulation.bus
-        begin_counts = valid_counts - (frame_bits(frame) - VALID_BEFORE_END_BITS) * bus.bit_counts
-        while bus.free_counts < begin_counts and simulation.now_counts < begin_counts:
-            event_counts = max(simulation.next_event_counts(begin_counts), simulation.now_counts + COUNTS_PER_US)
-            simulation.run_until(min(event_counts, begin_counts))
-        simulation.host.send(frame, simulation.now_counts)
+        begin_counts = valid_counts - self._length_counts(frame)
+        self._go_on(lambda: self._simulation.bus.free_counts >= begin_counts, begin_counts)
+        self._simulation.host.send(frame, self._simulation.now_counts)
+
+    def _length_counts(self, frame: Frame) -> int:
+        """Return the time from the beginning of a frame until it is valid."""
+        return (frame_bits(frame) - VALID_BEFORE_END_BITS) * self._simulation.bus.bit_counts
+
+    def _go_on(self, until: Callable[[], bool], until_counts: int) -> None:
+        """Let time pass event by event until something is so, or up to an instant."""
+        simulation = self._simulation
+        while not until() and simulation.now_counts < until_counts:
+            event_counts = max(simulation.next_event_counts(until_counts), simulation.now_counts + COUNTS_PER_US)
+            simulation.run_until(min(event_counts, until_counts))
 
     def play_by_wall_clock(self, frames: Sequence[RecordedFrame], senders: Sequence[Sender]) -> None:
-        """Play a recording by a computer's clock, and go on until the machine rests."""
+        """Play a recording by a computer's clock, and go on until the machine rests.
+
+        A request that waits for an answer delays what follows, unless the machine moves, which nothing delays.
+        """
         answered: Counter[int] = Counter()
         seen: Counter[int] = Counter()
         simulation = self._simulation
@@ -60,26 +71,33 @@ class Player:
             answered[frame.cob_id] += 1
 
         simulation.bus.also_log(count)
-        first_us = frames[0].us
+        first_counts = LEAD_COUNTS - frames[0].us * COUNTS_PER_US
         for (us, frame, _), sender in zip(frames, senders, strict=True):
             if sender is Sender.BOARD:
                 seen[frame.cob_id] += 1
             elif sender is Sender.HOST:
-                simulation.run_until(LEAD_COUNTS + (us - first_us) * COUNTS_PER_US)
+                due_counts = first_counts + us * COUNTS_PER_US - self._length_counts(frame)
+                simulation.run_until(due_counts)
                 if frame.cob_id & ~NODE_ID_MAX == COB_SDO_REQUEST:
-                    self._await(answered, seen, COB_SDO_RESPONSE + (frame.cob_id & NODE_ID_MAX))
+                    cob_id = COB_SDO_RESPONSE + (frame.cob_id & NODE_ID_MAX)
+                    self._await(answered, seen, cob_id)
+                    if not self._moving:
+                        first_counts += max(simulation.now_counts - due_counts, 0)
                 simulation.host.send(frame, simulation.now_counts)
-        simulation.run_until(LEAD_COUNTS + (frames[-1].us - first_us) * COUNTS_PER_US)
+        simulation.run_until(first_counts + frames[-1].us * COUNTS_PER_US)
         self._come_to_rest()
 
     def _await(self, answered: Counter[int], seen: Counter[int], cob_id: int) -> None:
         give_up_counts = self._simulation.now_counts + _ANSWER_COUNTS
-        while answered[cob_id] < seen[cob_id] and self._simulation.now_counts < give_up_counts:
-            self._simulation.run_until(self._simulation.now_counts + COUNTS_PER_MS)
+        self._go_on(lambda: answered[cob_id] >= seen[cob_id], give_up_counts)
 
     def _come_to_rest(self) -> None:
         simulation = self._simulation
         give_up_counts = simulation.now_counts + _MOTION_S_MAX * COUNTS_PER_SECOND
         simulation.run_until(simulation.now_counts + _REST_COUNTS)
-        while any(board.moving for board in simulation.boards) and simulation.now_counts < give_up_counts:
+        while self._moving and simulation.now_counts < give_up_counts:
             simulation.run_until(simulation.now_counts + _REST_COUNTS)
+
+    @property
+    def _moving(self) -> bool:
+        return any(board.moving for board in self._simulation.boards)

@@ -11,7 +11,7 @@ from steptwin.emulator.operations import Operation
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Table
-from steptwin.host.record.folder import EDGES, RECORDING, REPORT, check_axes, read_evidence, read_report
+from steptwin.host.record.folder import REPORT, read_evidence, read_report
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.axes_per_board import check_axes_per_board
 from steptwin.host.twin.control.operations import read_request
@@ -43,6 +43,7 @@ class PowerUp:
         locked_drawers: slots of the shelf whose drawers are locked.
         shelf_sensors: False if the shelf's sensors are not connected.
         operations: what was done to the machine, in order of time.
+        bus_faults: number of faults of the bus that were let loose; they are not repeated.
         until_counts: instant at which the recording ends; None if nothing tells it.
     """
 
@@ -56,6 +57,7 @@ class PowerUp:
     locked_drawers: Collection[str] = ()
     shelf_sensors: bool = True
     operations: tuple[Operated, ...] = ()
+    bus_faults: int = 0
     until_counts: int | None = None
 
 
@@ -76,13 +78,17 @@ def stored_machine(folder: Path, robot: Robot) -> StoredMachine:
     """
     report, evidence = read_report(folder), read_evidence(folder)
     recording = report.recording
-    check_axes(folder / (RECORDING if recording else EDGES), evidence, robot)
+    names = tuple(axis.name for axis in evidence.axes)
+    if names != robot.joint_names:
+        axes = f"its axes are {' '.join(names)}, those of {robot.name} {' '.join(robot.joint_names)}"
+        raise InputError(f"{folder}: is a run of {report.run.robot}: {axes}")
     mark = None if recording is None else recording.mark
     live = report.passed is None
     with prefixed(f"{folder / REPORT}: "):
         if report.run.bus.bitrate not in BITRATES:
             raise InputError(f"bus.bitrate: {report.run.bus.bitrate} is not one of {', '.join(map(str, BITRATES))}")
         table = Table(report.document, "JSON object")
+        done = table.each("operations", lambda each: _operated(each, robot)) if "operations" in table else ()
         power_up = PowerUp(
             joints=robot.from_steps(np.array([axis.start_steps for axis in evidence.axes])).tolist(),
             axes_per_board=_axes_per_board(table, robot),
@@ -91,9 +97,8 @@ def stored_machine(folder: Path, robot: Robot) -> StoredMachine:
             driver_profile=_other_drivers(robot, report.driver_profile),
             stock=_stock(table),
             shelf_sensors=live or _waits_for_sensors(table, robot),
-            operations=tuple(table.each("operations", lambda each: _operated(each, robot)))
-            if "operations" in table
-            else (),
+            operations=tuple(each for each in done if isinstance(each, Operated)),
+            bus_faults=sum(each is None for each in done),
             until_counts=mark.until_counts if mark else round(report.run.simulated_s * 1_000_000) * COUNTS_PER_US,
         )
     return StoredMachine(folder, power_up, evidence)
@@ -126,9 +131,8 @@ def _waits_for_sensors(table: Table, robot: Robot) -> bool:
     return any(name in sensors for name in waited)
 
 
-def _operated(table: Table, robot: Robot) -> Operated:
+def _operated(table: Table, robot: Robot) -> Operated | None:
+    """Return an operation of a report; None for a fault of the bus, or of a host."""
     at_s = table.number("at_s")
-    operation = read_request(robot, {key: value for key, value in table.values.items() if key != "at_s"})
-    if operation is None:
-        raise InputError("do: asks for nothing")
-    return Operated(round(at_s * COUNTS_PER_SECOND), operation)
+    harm = read_request(robot, {key: value for key, value in table.values.items() if key != "at_s"})
+    return Operated(round(at_s * COUNTS_PER_SECOND), harm) if isinstance(harm, Operation) else None

@@ -35,6 +35,7 @@ class Replayed:
         robot: the machine.
         machine: the boards and what they did; `machine.run.save` writes the folder.
         played: number of frames that were sent to the boards.
+        bus_faults: number of faults of the bus in the recording, which are not repeated.
         left_out: frames of the recording that were not played, by their kind in words.
         frames: the first frame that differs from the recording; None if there is none.
         edges: the first edge or step that differs from the stored run; None if there is none, or no stored run.
@@ -47,6 +48,7 @@ class Replayed:
     robot: Robot
     machine: ReplayedMachine
     played: int
+    bus_faults: int
     left_out: Mapping[str, int]
     frames: Difference | None
     edges: Difference | None
@@ -70,6 +72,7 @@ class Replayed:
             "replayed_frames": simulation.bus.frames,
             "left_out": dict(self.left_out),
             "cut": self.bus.cut,
+            "bus_faults_not_repeated": self.bus_faults,
             "equal": self.equal,
             "frames": None if self.frames is None else self.frames.to_dict(),
             "against": None if self.against is None else str(self.against),
@@ -129,6 +132,7 @@ def replay(
         robot=robot,
         machine=machine,
         played=played,
+        bus_faults=power_up.bus_faults,
         left_out=left_out,
         frames=frames,
         edges=edges,

@@ -36,8 +36,8 @@ def replayed(folder: Path, kernel: Kernel) -> Replayed:
     return replay(read_bus(folder / BUS_LOG), robot, stored.power_up, kernel, stored)
 
 
-def record(session: LiveSession) -> None:
-    """Move an axis there and back, each frame at an odd nanosecond; stop it on its way elsewhere by the e-stop."""
+def move(session: LiveSession) -> None:
+    """Move an axis there and back, each frame at an odd nanosecond; let it begin to move elsewhere."""
     session.send(NMT_START)
     session.now_ns += 123_457
     session.move(0)
@@ -45,6 +45,10 @@ def record(session: LiveSession) -> None:
     write = Frame(0x600 + 0x10 + JOINT, bytes.fromhex("237a600000c80000"))
     session.send(*enable(PROFILE_POSITION), write, control(0x1F, PROFILE_POSITION))
     session.wait(10)
+
+
+def operate(session: LiveSession) -> None:
+    """Stop it on its way by the emergency stop; close the sensor of another axis."""
     session.board.live.call(lambda: session.board.operate(EmergencyStop(pressed=True)), session.now_ns + 5_001)
     session.wait(50)
     session.board.live.call(lambda: session.board.operate(SetInput(4, DigitalInput.IN1, on=True)), session.now_ns)
@@ -55,7 +59,8 @@ def record(session: LiveSession) -> None:
 def test_a_live_board(axes_per_board: tuple[int, ...] | None, fast_kernel: Kernel, tmp_path: Path) -> None:
     """Although its hosts' frames come whenever they come, and the machine is operated beside the bus."""
     session = LiveSession(fast_kernel, tmp_path, axes_per_board=axes_per_board)
-    record(session)
+    move(session)
+    operate(session)
     session.end()
     result = replayed(tmp_path, fast_kernel)
     assert result.frames is None
@@ -65,8 +70,9 @@ def test_a_live_board(axes_per_board: tuple[int, ...] | None, fast_kernel: Kerne
 
 
 def test_a_recording_without_its_end(fast_kernel: Kernel, tmp_path: Path) -> None:
+    """It knows no operations on the machine, which are in the report."""
     session = LiveSession(fast_kernel, tmp_path)
-    record(session)
+    move(session)
     session.board.record()
     log = tmp_path / BUS_LOG
     log.write_bytes(log.read_bytes() + b"(0000000000.3")
@@ -84,7 +90,7 @@ def saved(fast_kernel: Kernel, tmp_path_factory: pytest.TempPathFactory) -> Path
         ROBOT,
         stand_at={"th1": 12.0},
         kernel=fast_kernel,
-        schedule=[Scheduled(30_000_001, SetInput(4, DigitalInput.IN1, on=True))],
+        schedule=[Scheduled(12_000_001, SetInput(4, DigitalInput.IN1, on=True))],
         driver_profile="3a-module",
     )
     board.wait(0.1234565)
@@ -103,7 +109,7 @@ def test_a_board_of_a_test(saved: Path, fast_kernel: Kernel) -> None:
     assert result.machine.run.bus_log[-1][1] == read_bus(saved / BUS_LOG).frames[-1].frame
     stored = stored_machine(saved, ROBOT)
     assert stored.power_up.driver_profile == "3a-module"
-    assert [operated.counts for operated in stored.power_up.operations] == [30_000_001]
+    assert [operated.counts for operated in stored.power_up.operations] == [12_000_001]
 
 
 def test_the_folder_of_a_tests_board_has_its_plan(saved: Path) -> None:
@@ -132,12 +138,13 @@ def altered(saved: Path, folder: Path, old: str, new: str) -> Path:
 
 
 def test_a_record_of_another_length(saved: Path, fast_kernel: Kernel, tmp_path: Path) -> None:
-    """21 steps there instead of 20: the first edge is earlier."""
+    """21 steps there instead of 20: each edge is earlier."""
     folder = altered(saved, tmp_path / "altered", "513#005000", "513#005400")
     result = replayed(folder, fast_kernel)
     assert not result.equal
     assert result.edges
-    assert result.edges.where == "th1 STEP rises"
+    assert result.edges.where == "th1 DIR"
+    assert result.edges.recorded.startswith("at 0.1")
     assert result.frames
     assert result.frames.where == "on the bus"
     assert "TPDO" in result.frames.recorded

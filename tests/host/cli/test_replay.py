@@ -1,0 +1,104 @@
+"""`steptwin replay`: what it prints, its exit codes, and input that it refuses."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from steptwin.host.cli.app import run
+from steptwin.host.record.folder import BUS_LOG
+from tests.end_to_end.command_line import refusal, run_json
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("ran")
+    assert run(["run", "teaching-scara", "carry", "--out", str(folder)]) == 0
+    return folder
+
+
+@pytest.fixture
+def other(ran: Path, tmp_path: Path) -> Path:
+    """The bus log of the run, as another program would have recorded it."""
+    log = tmp_path / "other.log"
+    log.write_text((ran / BUS_LOG).read_text().replace("steptwin0", "can0"))
+    return log
+
+
+def test_the_folder_of_a_run(ran: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """Robot, start and edges are those of the folder; so they are beside its bus log."""
+    capsys.readouterr()
+    assert run(["replay", str(ran), "--out", str(tmp_path)]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        f"{ran}/bus.log: 821 frames on the board's clock, 554 of them played to teaching-scara",
+        "frames: the same, to the microsecond",
+        f"edges: all those of {ran}, to the count",
+        f"the replay's report, edges and bus log are in {tmp_path}/",
+    ]
+    assert (tmp_path / BUS_LOG).read_bytes() == (ran / BUS_LOG).read_bytes()
+    document = run_json(capsys, "replay", str(ran / BUS_LOG), "teaching-scara")
+    assert document["equal"]
+    assert document["against"] == str(ran)
+    assert document["frames"] is document["edges"] is None
+    assert document["recorded_frames"] == document["replayed_frames"] == 821
+
+
+def test_a_computers_log(ran: Path, other: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    capsys.readouterr()
+    assert run(["replay", str(other), "teaching-scara", "--against", str(ran)]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        f"{other}: 821 frames by a computer's clock, 554 of them played to teaching-scara",
+        "frames: the nodes say the same",
+        f"edges: the drivers make the steps of {ran}, those of the last motion within 0.0 us",
+    ]
+
+
+def test_without_the_run_the_machine_stands_where_it_is_said(other: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its home is the job's start here; a board that had stored its settings says its robot's name when asked."""
+    words = ("replay", str(other), "teaching-scara", "--new-board")
+    document = run_json(capsys, *words)
+    assert document["equal"]
+    assert document["clock"] == "wall"
+    assert document["against"] is document["step_shift_us_max"] is None
+    elsewhere = run_json(capsys, *words, "--stand-at", "10 0 0 0")
+    assert elsewhere["equal"]  # a board without memory of its position does not know where it stands
+
+
+def test_a_recording_that_was_cut_and_one_that_differs(
+    ran: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "altered"
+    shutil.copytree(ran, folder)
+    lines = (ran / BUS_LOG).read_text().splitlines(keepends=True)
+    (folder / BUS_LOG).write_text("".join(lines[:400]) + "(0000000000.3")
+    capsys.readouterr()
+    assert run(["replay", str(folder)]) == 0
+    printed = capsys.readouterr().out.splitlines()
+    assert printed[1] == "the recording is cut off within a frame: it is compared up to there"
+    record = next(i for i, line in enumerate(lines) if i > 400 and " 511#" in line)
+    lines[record] = lines[record].replace("511#", "511#7F")[:-3] + "\n"
+    (folder / BUS_LOG).write_text("".join(lines))
+    assert run(["replay", str(folder)]) == 1
+    printed = capsys.readouterr().out.splitlines()
+    assert printed[1].startswith("frames: first difference at 0.0")
+    assert printed[2].startswith(f"edges: first difference from {folder}: at 0.")
+
+
+def test_bad_input_is_one_line(ran: Path, other: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = str(other)
+    (tmp_path / "empty.log").touch()
+    assert refusal(capsys, "replay", str(tmp_path / "no.log"), "lab-scara").endswith(
+        "no.log: No such file or directory"
+    )
+    assert "holds no data frame" in refusal(capsys, "replay", str(tmp_path / "empty.log"), "lab-scara")
+    assert "bus.log: No such file" in refusal(capsys, "replay", str(tmp_path), "teaching-scara", "--against", str(ran))
+    assert refusal(capsys, "replay", log).startswith("ROBOT is missing")
+    assert "did you mean lab-scara?" in refusal(capsys, "replay", log, "lab-skara")
+    assert "bitrate 9600: is not one of 125000" in refusal(capsys, "replay", log, "lab-scara", "-b", "9600")
+    assert "--boards 9: a board drives 1 to 8 axes" in refusal(capsys, "replay", log, "lab-scara", "--boards", "9")
+    assert "--channel can7: has no data frame" in refusal(capsys, "replay", log, "lab-scara", "-c", "can7")
+    assert "3 values for the 4 joints" in refusal(capsys, "replay", log, "lab-scara", "--stand-at", "1 2 3")
+    assert "is a run of teaching-scara: its axes are th1 th2 d3 th4, those of lab-scara d1" in refusal(
+        capsys, "replay", log, "lab-scara", "--against", str(ran)
+    )
+    assert "report.json: is missing" in refusal(capsys, "replay", log, "lab-scara", "--against", str(tmp_path))
