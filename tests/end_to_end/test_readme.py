@@ -24,7 +24,7 @@ def test_command(line: str, carry_run: Path, monkeypatch: pytest.MonkeyPatch, tm
     """Each exits with 0, but the run whose stream is cut with 3, and the run with slow drivers with 1."""
     monkeypatch.chdir(tmp_path)
     words = shlex.split(line.split(">", maxsplit=1)[0], comments=True)
-    if words[1] in {"trace", "plot", "verify"}:
+    if words[1] in {"trace", "plot", "verify", "replay"}:
         shutil.copytree(carry_run, words[2])
     expected = {"--cut-stream": 3, "--driver-profile": 1}
     assert run(words[1:]) == next((code for option, code in expected.items() if option in words), 0)

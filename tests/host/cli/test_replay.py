@@ -10,46 +10,39 @@ from steptwin.host.record.folder import BUS_LOG
 from tests.end_to_end.command_line import refusal, run_json
 
 
-@pytest.fixture(scope="module")
-def ran(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("ran")
-    assert run(["run", "teaching-scara", "carry", "--out", str(folder)]) == 0
-    return folder
-
-
 @pytest.fixture
-def other(ran: Path, tmp_path: Path) -> Path:
+def other(carry_run: Path, tmp_path: Path) -> Path:
     """The bus log of the run, as another program would have recorded it."""
     log = tmp_path / "other.log"
-    log.write_text((ran / BUS_LOG).read_text().replace("steptwin0", "can0"))
+    log.write_text((carry_run / BUS_LOG).read_text().replace("steptwin0", "can0"))
     return log
 
 
-def test_the_folder_of_a_run(ran: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_the_folder_of_a_run(carry_run: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     """Robot, start and edges are those of the folder; so they are beside its bus log."""
     capsys.readouterr()
-    assert run(["replay", str(ran), "--out", str(tmp_path)]) == 0
+    assert run(["replay", str(carry_run), "--out", str(tmp_path)]) == 0
     assert capsys.readouterr().out.splitlines() == [
-        f"{ran}/bus.log: 821 frames on the board's clock, 554 of them played to teaching-scara",
+        f"{carry_run}/bus.log: 821 frames on the board's clock, 554 of them played to teaching-scara",
         "frames: the same, to the microsecond",
-        f"edges: all those of {ran}, to the count",
+        f"edges: all those of {carry_run}, to the count",
         f"the replay's report, edges and bus log are in {tmp_path}/",
     ]
-    assert (tmp_path / BUS_LOG).read_bytes() == (ran / BUS_LOG).read_bytes()
-    document = run_json(capsys, "replay", str(ran / BUS_LOG), "teaching-scara")
+    assert (tmp_path / BUS_LOG).read_bytes() == (carry_run / BUS_LOG).read_bytes()
+    document = run_json(capsys, "replay", str(carry_run / BUS_LOG), "teaching-scara")
     assert document["equal"]
-    assert document["against"] == str(ran)
+    assert document["against"] == str(carry_run)
     assert document["frames"] is document["edges"] is None
     assert document["recorded_frames"] == document["replayed_frames"] == 821
 
 
-def test_a_computers_log(ran: Path, other: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_computers_log(carry_run: Path, other: Path, capsys: pytest.CaptureFixture[str]) -> None:
     capsys.readouterr()
-    assert run(["replay", str(other), "teaching-scara", "--against", str(ran)]) == 0
+    assert run(["replay", str(other), "teaching-scara", "--against", str(carry_run)]) == 0
     assert capsys.readouterr().out.splitlines() == [
         f"{other}: 821 frames by a computer's clock, 554 of them played to teaching-scara",
         "frames: the nodes say the same",
-        f"edges: the drivers make the steps of {ran}, those of the last motion within 0.0 us",
+        f"edges: the drivers make the steps of {carry_run}, those of the last motion within 0.0 us",
     ]
 
 
@@ -65,11 +58,11 @@ def test_without_the_run_the_machine_stands_where_it_is_said(other: Path, capsys
 
 
 def test_a_recording_that_was_cut_and_one_that_differs(
-    ran: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    carry_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = tmp_path / "altered"
-    shutil.copytree(ran, folder)
-    lines = (ran / BUS_LOG).read_text().splitlines(keepends=True)
+    shutil.copytree(carry_run, folder)
+    lines = (carry_run / BUS_LOG).read_text().splitlines(keepends=True)
     (folder / BUS_LOG).write_text("".join(lines[:400]) + "(0000000000.3")
     capsys.readouterr()
     assert run(["replay", str(folder)]) == 0
@@ -84,14 +77,18 @@ def test_a_recording_that_was_cut_and_one_that_differs(
     assert printed[2].startswith(f"edges: first difference from {folder}: at 0.")
 
 
-def test_bad_input_is_one_line(ran: Path, other: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bad_input_is_one_line(
+    carry_run: Path, other: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     log = str(other)
     (tmp_path / "empty.log").touch()
     assert refusal(capsys, "replay", str(tmp_path / "no.log"), "lab-scara").endswith(
         "no.log: No such file or directory"
     )
     assert "holds no data frame" in refusal(capsys, "replay", str(tmp_path / "empty.log"), "lab-scara")
-    assert "bus.log: No such file" in refusal(capsys, "replay", str(tmp_path), "teaching-scara", "--against", str(ran))
+    assert "bus.log: No such file" in refusal(
+        capsys, "replay", str(tmp_path), "teaching-scara", "--against", str(carry_run)
+    )
     assert refusal(capsys, "replay", log).startswith("ROBOT is missing")
     assert "did you mean lab-scara?" in refusal(capsys, "replay", log, "lab-skara")
     assert "bitrate 9600: is not one of 125000" in refusal(capsys, "replay", log, "lab-scara", "-b", "9600")
@@ -99,6 +96,6 @@ def test_bad_input_is_one_line(ran: Path, other: Path, tmp_path: Path, capsys: p
     assert "--channel can7: has no data frame" in refusal(capsys, "replay", log, "lab-scara", "-c", "can7")
     assert "3 values for the 4 joints" in refusal(capsys, "replay", log, "lab-scara", "--stand-at", "1 2 3")
     assert "is a run of teaching-scara: its axes are th1 th2 d3 th4, those of lab-scara d1" in refusal(
-        capsys, "replay", log, "lab-scara", "--against", str(ran)
+        capsys, "replay", log, "lab-scara", "--against", str(carry_run)
     )
     assert "report.json: is missing" in refusal(capsys, "replay", log, "lab-scara", "--against", str(tmp_path))

@@ -10,20 +10,12 @@ import can
 import pytest
 
 from steptwin.controller.backend import Kernel
-from steptwin.host.cli.app import run
 from steptwin.host.record.folder import BUS_LOG, read_robot
 from steptwin.host.record.recorded_bus import read_bus
 from steptwin.host.twin.replay import Replayed, replay, stored_machine
 
 EPOCH_S = 1_700_000_000.0
 _LINE = re.compile(r"\((\d+\.\d+)\) \S+ (\w+)#(\w*)")
-
-
-@pytest.fixture(scope="module")
-def ran(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("ran")
-    assert run(["run", "teaching-scara", "carry", "--out", str(folder)]) == 0
-    return folder
 
 
 def seen(log: Path, late_s: Callable[[], float]) -> list[can.Message]:
@@ -45,21 +37,21 @@ def seen(log: Path, late_s: Callable[[], float]) -> list[can.Message]:
     return messages
 
 
-def replayed(ran: Path, messages: list[can.Message], log: Path, kernel: Kernel) -> Replayed:
+def replayed(carry_run: Path, messages: list[can.Message], log: Path, kernel: Kernel) -> Replayed:
     with can.Logger(log) as logger:
         for message in messages:
             logger(message)
-    robot = read_robot(ran)
-    stored = stored_machine(ran, robot)
+    robot = read_robot(carry_run)
+    stored = stored_machine(carry_run, robot)
     return replay(read_bus(log), robot, stored.power_up, kernel, stored)
 
 
 @pytest.mark.parametrize("suffix", [".log", ".asc", ".blf", ".trc"])
 @pytest.mark.parametrize("late_ms", [0.0, 3.0])
-def test_the_same_steps(suffix: str, late_ms: float, ran: Path, fast_kernel: Kernel, tmp_path: Path) -> None:
+def test_the_same_steps(suffix: str, late_ms: float, carry_run: Path, fast_kernel: Kernel, tmp_path: Path) -> None:
     draw = random.Random(17)
-    messages = seen(ran / BUS_LOG, lambda: draw.uniform(0, late_ms / 1000))
-    result = replayed(ran, messages, tmp_path / f"bus{suffix}", fast_kernel)
+    messages = seen(carry_run / BUS_LOG, lambda: draw.uniform(0, late_ms / 1000))
+    result = replayed(carry_run, messages, tmp_path / f"bus{suffix}", fast_kernel)
     assert not result.bus.on_board_clock
     assert result.frames is None
     assert result.edges is None
@@ -67,14 +59,14 @@ def test_the_same_steps(suffix: str, late_ms: float, ran: Path, fast_kernel: Ker
     assert result.shift_us < 1
 
 
-def test_a_recording_that_began_after_power_up(ran: Path, fast_kernel: Kernel, tmp_path: Path) -> None:
+def test_a_recording_that_began_after_power_up(carry_run: Path, fast_kernel: Kernel, tmp_path: Path) -> None:
     """Its first frames, the boot-ups, are missing; other nodes and broken frames are among the rest."""
-    messages = seen(ran / BUS_LOG, lambda: 0.0)[4:]
+    messages = seen(carry_run / BUS_LOG, lambda: 0.0)[4:]
     stranger = can.Message(messages[9].timestamp, 0x1A5, is_extended_id=False, data=[1], channel="can0")
     broken = can.Message(messages[9].timestamp, is_error_frame=True, channel="can0")
     request = can.Message(messages[20].timestamp, 0x625, is_extended_id=False, data=bytes(8), channel="can0")
     result = replayed(
-        ran,
+        carry_run,
         [*messages[:10], stranger, broken, *messages[10:21], request, *messages[21:]],
         tmp_path / "bus.asc",
         fast_kernel,
@@ -83,13 +75,13 @@ def test_a_recording_that_began_after_power_up(ran: Path, fast_kernel: Kernel, t
     assert result.left_out == {"error frames": 1, "of node 0x25": 2}
 
 
-def test_stamps_that_are_all_equal_until_the_motion(ran: Path, fast_kernel: Kernel, tmp_path: Path) -> None:
+def test_stamps_that_are_all_equal_until_the_motion(carry_run: Path, fast_kernel: Kernel, tmp_path: Path) -> None:
     """As of a program that reads its interface once in a while: each request waits for the answers before it."""
-    messages = seen(ran / BUS_LOG, lambda: 0.0)
+    messages = seen(carry_run / BUS_LOG, lambda: 0.0)
     first = next(i for i, message in enumerate(messages) if message.arbitration_id in range(0x510, 0x514))
     for message in messages[:first]:
         message.timestamp = messages[0].timestamp
-    assert replayed(ran, messages, tmp_path / "bus.log", fast_kernel).equal
+    assert replayed(carry_run, messages, tmp_path / "bus.log", fast_kernel).equal
 
 
 def changed(messages: list[can.Message], cob_id: int, start: str, data: str | None) -> list[can.Message]:
@@ -120,20 +112,20 @@ def changed(messages: list[can.Message], cob_id: int, start: str, data: str | No
     ],
 )
 def test_what_a_node_says_otherwise(
-    cob_id: int, start: str, data: str | None, words: str, ran: Path, fast_kernel: Kernel, tmp_path: Path
+    cob_id: int, start: str, data: str | None, words: str, carry_run: Path, fast_kernel: Kernel, tmp_path: Path
 ) -> None:
-    messages = changed(seen(ran / BUS_LOG, lambda: 0.0), cob_id, start, data)
-    result = replayed(ran, messages, tmp_path / "bus.log", fast_kernel)
+    messages = changed(seen(carry_run / BUS_LOG, lambda: 0.0), cob_id, start, data)
+    result = replayed(carry_run, messages, tmp_path / "bus.log", fast_kernel)
     assert not result.equal
     assert result.frames
     assert words in str(result.frames)
     assert result.edges is None
 
 
-def test_a_record_that_is_missing(ran: Path, fast_kernel: Kernel, tmp_path: Path) -> None:
+def test_a_record_that_is_missing(carry_run: Path, fast_kernel: Kernel, tmp_path: Path) -> None:
     """The queue has a gap, so the motion stops."""
-    messages = seen(ran / BUS_LOG, lambda: 0.0)
+    messages = seen(carry_run / BUS_LOG, lambda: 0.0)
     index = max(i for i, message in enumerate(messages) if message.arbitration_id == 0x510)
     del messages[index - 40]
-    result = replayed(ran, messages, tmp_path / "bus.log", fast_kernel)
+    result = replayed(carry_run, messages, tmp_path / "bus.log", fast_kernel)
     assert not result.equal
