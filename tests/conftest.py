@@ -11,7 +11,7 @@ from typing import Any, Final
 import pytest
 from hypothesis import settings
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.backend import Kernel, fastest_kernel
 from steptwin.host.cli.app import run
 from steptwin.host.robots import workspace
 from steptwin.host.robots.robot import Robot
@@ -34,7 +34,7 @@ settings.load_profile("steptwin")
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection(session: pytest.Session) -> None:
-    """Let each of several workers compile its share of the tests first, and find the other shares compiled then.
+    """Let the first of several workers compile the kernel and the others the tests, so that nothing is compiled twice.
 
     Compiling takes pytest most of a first collection, as it writes its assertions anew.
     """
@@ -42,9 +42,12 @@ def pytest_collection(session: pytest.Session) -> None:
     worker: dict[str, Any] = getattr(session.config, "workerinput", {})
     if not worker or TESTS not in {Path(path).resolve() for path in session.config.args}:
         return
+    number, others = int(worker["workerid"][2:]) - 1, worker["workercount"] - 1
+    if number < 0:
+        fastest_kernel()
     left_out = [Path(path).resolve() for path in session.config.getoption("ignore") or ()]
     paths = [path for path in sorted(TESTS.rglob("test_*.py")) if not {path, *path.parents} & set(left_out)]
-    for path in paths[int(worker["workerid"][2:]) :: worker["workercount"]]:
+    for path in paths[number::others] if number >= 0 else ():
         with suppress(Exception, pytest.skip.Exception):  # the collection tells
             import_module(".".join(path.relative_to(TESTS.parent).with_suffix("").parts))
 

@@ -20,7 +20,6 @@ from steptwin.protocol.timer import COUNTS_PER_US
 MS_NS = 1_000_000
 TICK_NS = 250_000
 NODE = 0x10
-KERNEL = fastest_kernel()
 
 
 def live_board(kernel: Kernel) -> LiveSimulation:
@@ -57,7 +56,7 @@ def outcome(live: LiveSimulation) -> Outcome:
 
 def run(arrivals: list[tuple[int, Frame]], wakes_ns: list[int], end_ns: int) -> Outcome:
     """Frames arrive at instants; the process wakes up at others."""
-    live = live_board(KERNEL)
+    live = live_board(fastest_kernel())
     waiting = list(arrivals)
     for now_ns in [*wakes_ns, end_ns]:
         while waiting and waiting[0][0] <= now_ns:
@@ -87,14 +86,14 @@ def test_lateness_changes_nothing(delays_ns: list[int], wakes_ns: list[int]) -> 
 
 def test_a_frame_enters_at_its_instant() -> None:
     """20 us after boot; the two boot-up messages are on the bus, and have the higher identifiers."""
-    live = live_board(KERNEL)
+    live = live_board(fastest_kernel())
     live.send(Frame(0x000, b"\x02\x00"), "a client", 20_000)
     catch_up(live, 10 * MS_NS)
     assert [frame.cob_id for frame in live.simulation.bus.log_frames] == [0x710, 0x000, 0x711]
 
 
 def test_a_late_frame_does_not_enter_in_the_past() -> None:
-    live = live_board(KERNEL)
+    live = live_board(fastest_kernel())
     catch_up(live, 10 * MS_NS)
     live.send(Frame(0x000, b"\x02\x00"), "a client", 5 * MS_NS)
     catch_up(live, 11 * MS_NS)

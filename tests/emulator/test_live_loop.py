@@ -22,7 +22,6 @@ from steptwin.protocol.frame import Frame
 from steptwin.protocol.pvt import PvtRecord
 from steptwin.protocol.timer import COUNTS_PER_MS
 
-KERNEL = fastest_kernel()
 MS_NS: Final = 1_000_000
 NODE: Final = 0x10
 HOST: Final = 0x7F
@@ -46,7 +45,7 @@ Stall = tuple[int, int]
 
 
 def one_axis() -> Simulation:
-    return Simulation([Board(BoardConfig(axis_count=1, osc_pf=(330.0,)), KERNEL)], Bus(1_000_000))
+    return Simulation([Board(BoardConfig(axis_count=1, osc_pf=(330.0,)), fastest_kernel())], Bus(1_000_000))
 
 
 class Computer(selectors.SelectSelector):

@@ -6,6 +6,8 @@ each reversal.
 """
 
 import json
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -100,11 +102,31 @@ def test_two_runs_and_both_kernels_give_the_same_bytes(capsys: pytest.CaptureFix
     assert first == folder_bytes(tmp_path / "second") == folder_bytes(tmp_path / "plain")
 
 
-@with_pictures()
-def test_the_folder_holds_the_evidence(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def pictured(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """Return the folder of the run, with pictures, and what the run printed."""
     pytest.importorskip("matplotlib", reason="the extra `plot` (matplotlib) is not installed")
-    out = tmp_path / "deep" / "folder"
-    report = run_json(capsys, *COMMAND, "--out", str(out))
+    out, printed = tmp_path_factory.mktemp("pictured") / "deep" / "folder", StringIO()
+    with with_pictures(), redirect_stdout(printed):
+        assert run([*COMMAND, "--json", "--out", str(out)]) == 0
+    return out, printed.getvalue()
+
+
+def test_a_stored_run_has_the_pictures_of_the_run(
+    pictured: tuple[Path, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """They agree byte by byte, even those of errors, though the folder's cubics only approximate the plan."""
+    folder, _ = pictured
+    names = ["joints", "step-rates", "tool-path", "error", "timing"]
+    words = ["--what", ",".join(names[:3]), "--what", ",".join(names[3:]), "--out", str(tmp_path)]
+    assert run_json(capsys, "plot", str(folder), *words) == {"files": [str(tmp_path / f"{name}.png") for name in names]}
+    for name in names:
+        assert (tmp_path / f"{name}.png").read_bytes() == (folder / f"{name}.png").read_bytes(), name
+
+
+def test_the_folder_holds_the_evidence(pictured: tuple[Path, str]) -> None:
+    out, printed = pictured
+    report = json.loads(printed)
     assert json.loads((out / "report.json").read_text()) == report
     assert report["folder_version"] == 1
     assert {p.name for p in out.iterdir()} == {

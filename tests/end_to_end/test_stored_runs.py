@@ -16,7 +16,6 @@ from steptwin.host.record.waveforms import Format, HeldValues
 from steptwin.host.record.waveforms.signal import Values
 from tests.end_to_end.command_line import refusal
 from tests.host.record.waveforms.vcd_reader import read_vcd
-from tests.run_pictures import with_pictures
 
 
 def _with_the_library_of(form: str) -> None:
@@ -199,18 +198,6 @@ class TestPlot:
         assert capsys.readouterr().out.split() == [str(path) for path in paths]
         for path in paths:
             assert path.read_text().startswith("<?xml")
-
-    @with_pictures()
-    def test_a_stored_run_has_the_pictures_of_the_run(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-        """They agree byte by byte, even those of errors, though the folder's cubics only approximate the plan."""
-        folder = tmp_path / "run"
-        assert run(["run", "teaching-scara", "carry", "--out", str(folder)]) == 0
-        names = ["joints", "step-rates", "tool-path", "error", "timing"]
-        first = {name: (folder / f"{name}.png").read_bytes() for name in names}
-        capsys.readouterr()
-        assert run(["plot", str(folder), "--what", ",".join(names[:3]), "--what", ",".join(names[3:]), "--json"]) == 0
-        assert json.loads(capsys.readouterr().out) == {"files": [str(folder / f"{name}.png") for name in names]}
-        assert {name: (folder / f"{name}.png").read_bytes() for name in names} == first
 
     def test_a_live_boards_folder_takes_the_plan_of_another(
         self, carry_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]

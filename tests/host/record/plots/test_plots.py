@@ -46,6 +46,7 @@ from tests.host.record.plots.png import pixels
 VIEW = View(1.0, 0.05)
 
 
+@cache
 def swinging() -> Comparison:
     """Return a run with two axes that move, the first to and fro, and one that stands still."""
     expected = expect(
@@ -54,16 +55,19 @@ def swinging() -> Comparison:
     return compare(expected, perfect_evidence(expected))
 
 
+@cache
 def standing() -> Comparison:
     expected = expect(motion(1.0, still(1.0), still(2.0)), 10.0, 10.0)
     return compare(expected, perfect_evidence(expected))
 
 
+@cache
 def single_step() -> Comparison:
     expected = expect(motion(1.0, line(0.0, 0.7)), 1.0)
     return compare(expected, perfect_evidence(expected))
 
 
+@cache
 def silent() -> Comparison:
     """Return a run whose board made no pulse of its plan."""
     expected = swinging().expected
@@ -83,6 +87,7 @@ def silent() -> Comparison:
     return compare(expected, evidence)
 
 
+@cache
 def unheard() -> Comparison:
     """Return a run whose drivers missed every pulse."""
     expected = swinging().expected
@@ -92,6 +97,7 @@ def unheard() -> Comparison:
     return compare(expected, evidence)
 
 
+@cache
 def dense() -> Comparison:
     """Return a run with more steps than a picture has columns, so that they are thinned."""
     expected = expect(motion(4.0, sines([(200.0, 2.0, 0.0)]), sines([(200.0, 2.0, 1.5)])), 80.0, 80.0)
@@ -109,9 +115,14 @@ def test_every_picture_is_drawn_of_every_run(run: str) -> None:
         assert draw(comparison, RUN, View()).axes
 
 
-@pytest.mark.parametrize("run", ["swinging", "standing"])
-def test_all_pictures_of_a_run_are_written(run: str, tmp_path: Path) -> None:
-    paths = write_plots(tmp_path / "made" / "on demand", RUNS[run](), RUN, PICTURES)
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Return all pictures of a run, as files."""
+    return write_plots(tmp_path_factory.mktemp("plots") / "made" / "on demand", swinging(), RUN, PICTURES)
+
+
+def check_files(paths: list[Path]) -> None:
+    """Check that every picture is written, as wide as it should be."""
     assert [path.name for path in paths] == [
         "joints.png", "step-rates.png", "tool-path.png", "tool-pose.png", "error.png", "timing.png", "jitter.png",
         "widths.png", "edges.png", "phases.png",
@@ -121,6 +132,11 @@ def test_all_pictures_of_a_run_are_written(run: str, tmp_path: Path) -> None:
         assert width == WIDTH_INCHES * DOTS_PER_INCH
         assert 200 <= height <= 4 * width
         assert path.stat().st_size > 5_000
+
+
+def test_all_pictures_of_a_run_are_written(written: list[Path]) -> None:
+    """Those of a run that stands still are written below."""
+    check_files(written)
 
 
 @pytest.mark.parametrize("picture", PICTURES)
@@ -238,7 +254,7 @@ class TestAToolThatStandsStill:
     def test_has_pictures_without_a_warning(self, tmp_path: Path) -> None:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            assert len(write_plots(tmp_path, self.comparison(), RUN, PICTURES)) == len(PICTURES)
+            check_files(write_plots(tmp_path, self.comparison(), RUN, PICTURES))
 
     def test_is_drawn_with_its_surroundings(self) -> None:
         figure = PICTURES["tool-path"](self.comparison(), RUN, VIEW)
@@ -281,18 +297,25 @@ def test_an_error_that_is_visible_is_not_magnified() -> None:
     assert titles["swinging"].startswith("error magnified ")
 
 
-def test_a_run_draws_some_pictures_by_default(tmp_path: Path) -> None:
-    assert [path.name for path in write_plots(tmp_path, single_step(), RUN)] == [
-        f"{name}.png" for name in DEFAULT_PICTURES
-    ]
+def test_a_run_draws_some_pictures_by_default(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    saved: list[str] = []
+    monkeypatch.setattr("steptwin.host.record.plots.pictures.save_figure", lambda _, path, __: saved.append(path.name))
+    paths = write_plots(tmp_path, single_step(), RUN)
+    assert [path.name for path in paths] == saved == [f"{name}.png" for name in DEFAULT_PICTURES]
 
 
-@pytest.mark.parametrize(("form", "names"), [("png", ["edges", "jitter"]), ("svg", ["jitter"]), ("pdf", ["jitter"])])
-def test_the_same_run_gives_the_same_picture(form: str, names: list[str], tmp_path: Path) -> None:
-    first = write_plots(tmp_path / "first", swinging(), RUN, names, form)
-    second = write_plots(tmp_path / "second", swinging(), RUN, names, form)
-    assert [path.name for path in first] == [f"{name}.{form}" for name in names]
-    assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
+def test_the_same_run_gives_the_same_picture(written: list[Path], tmp_path: Path) -> None:
+    again = write_plots(tmp_path, swinging(), RUN, ["edges", "jitter"])
+    assert [path.name for path in again] == ["edges.png", "jitter.png"]
+    first = {path.name: path.read_bytes() for path in written}
+    assert [path.read_bytes() for path in again] == [first[path.name] for path in again]
+
+
+@pytest.mark.parametrize("form", ["svg", "pdf"])
+def test_the_same_run_gives_the_same_drawing(form: str, tmp_path: Path) -> None:
+    (first,), (second,) = (write_plots(tmp_path / each, swinging(), RUN, ["jitter"], form) for each in "ab")
+    assert first.name == second.name == f"jitter.{form}"
+    assert first.read_bytes() == second.read_bytes()
 
 
 class TestTheView:
