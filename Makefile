@@ -37,7 +37,7 @@ check: lint test test-live
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
-	$(BIN)/mypy
+	$(BIN)/mypy --num-workers auto
 	$(BIN)/lint-imports
 
 # Measure the lines and branches of firmware and protocol that the tests run; fail below 95 %.
