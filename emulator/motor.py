@@ -93,6 +93,11 @@ class Motor:
         return IRON_DRAG_FRACTION * self.holding_torque_nm / (IRON_DRAG_RPM * RAD_S_PER_RPM)
 
 
+_STEPPERONLINE: Final = (
+    "StepperOnline datasheet, as databases of 3D printers' motors quote it; detent 4 % of holding [A]"
+)
+_QSH5718: Final = "Trinamic QSH5718 manual; its rated current is an rms figure"
+
 CATALOGUE: Final = {
     motor.name: motor
     for motor in (
@@ -112,10 +117,20 @@ CATALOGUE: Final = {
             "23HS30-2804S", 1.13, 5.4, 1.89, 2.8, 440.0, 0.068,
             "klipper_tmc_autotune's database of motors; inertia of StepperOnline's datasheet; detent [A]",
         ),
+        Motor("17HS16-2004S1", 1.1, 2.6, 0.45, 2.0, 54.0, 0.018, _STEPPERONLINE),
+        Motor("17HS19-1684S1", 1.65, 2.8, 0.45, 1.68, 68.0, 0.018, _STEPPERONLINE),
+        Motor("17HS24-2104S", 1.6, 3.0, 0.65, 2.1, 148.0, 0.026, _STEPPERONLINE),
         Motor(
-            "QSH5718-55", 0.8, 2.1, 0.98, 3.0, 209.0, 0.030,
-            "Trinamic QSH5718 manual; its rated current is an rms figure",
+            "MS17HD6P4200", 1.3, 2.9, 0.63, 2.0, 82.0, 0.025,
+            "klipper_tmc_autotune's database of motors; inertia of the MS17HD6P420I; detent [A]",
         ),
+        Motor(
+            "MS17HDBP4200", 1.49, 3.8, 0.83, 2.0, 123.0, 0.033,
+            "klipper_tmc_autotune's database of motors; inertia of the MS17HDBP4100; detent [A]",
+        ),
+        Motor("QSH5718-41", 0.6, 1.5, 0.47, 3.0, 77.0, 0.021, _QSH5718),
+        Motor("QSH5718-55", 0.8, 2.1, 0.98, 3.0, 209.0, 0.030, _QSH5718),
+        Motor("QSH5718-79", 0.8, 3.2, 1.63, 3.0, 335.0, 0.030, _QSH5718),
     )
 }  # fmt: skip
 """The motors that robot files may name; a file may also state the figures of its own motor."""

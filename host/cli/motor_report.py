@@ -1,5 +1,6 @@
 """What `run --motors` and `motors` say of a robot's motors."""
 
+import json
 import time
 from collections.abc import Mapping
 from dataclasses import replace
@@ -11,14 +12,19 @@ from steptwin.host.cli.option_names import naming_options
 from steptwin.host.cli.output import print_table, say, warn
 from steptwin.host.cli.progress import progress_bar
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.whole_file import whole_file
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from steptwin.host.client import Progress
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.motors import MotorRun, MotorVerdict
     from steptwin.host.twin.motors.margins import Border, MotorMargins
-    from steptwin.host.verify import Comparison
+    from steptwin.host.verify import Comparison, RunInfo
 
+MOTORS: Final = "motors.json"
+"""The file in a run's folder that holds the motors' verdict."""
 _SURE_AFTER_S: Final = 1.0
 """Time after which an estimate is good enough to tell."""
 _LONG_S: Final = 10.0
@@ -53,6 +59,23 @@ def margins_of(ran: "MotorRun", comparison: "Comparison") -> "MotorMargins":
         say(f"{title}: at most {trials * ran.wall_s:.0f} s, for {trials} trials", err=True)
     with progress_bar(title) as bar:
         return margins_of_run(searches, ran.slip, bar)
+
+
+def write_pictures(folder: "Path", ran: "MotorRun", run: "RunInfo") -> None:
+    """Draw all pictures of a run's motors into a folder."""
+    from steptwin.host.twin.motors.pictures import PICTURES, write_motor_pictures
+
+    write_motor_pictures(folder, ran, run, PICTURES)
+
+
+def keep_motors(folder: "Path", ran: "MotorRun", run: "RunInfo", *, pictures: bool) -> None:
+    """Write the motors' verdict into the folder of a run, and the pictures that are drawn in time."""
+    with whole_file(folder / MOTORS) as file:
+        file.write((json.dumps(ran.verdict.to_dict(), indent=2) + "\n").encode())
+    if pictures:
+        from steptwin.host.twin.motors.pictures import write_motor_pictures
+
+        write_motor_pictures(folder, ran, run)
 
 
 def telling_time(progress: "Progress", what: str) -> "Progress":

@@ -27,7 +27,7 @@ from steptwin.host.cli.connection import LIVE_PANEL, Bitrate, Channel, Connect, 
 from steptwin.host.cli.faults_on_purpose import Faults, chosen_scenario, print_faults
 from steptwin.host.cli.file_motion import InterpolationName
 from steptwin.host.cli.live_run import run_live
-from steptwin.host.cli.motor_report import check_motors, motors_of, print_motors, with_motors
+from steptwin.host.cli.motor_report import check_motors, keep_motors, motors_of, print_motors, with_motors
 from steptwin.host.cli.option_names import naming_options
 from steptwin.host.cli.output import print_json, say
 from steptwin.host.cli.progress import progress_bar
@@ -215,7 +215,10 @@ def run(
         )
     document = outcome.to_dict() | ({} if folder is None else {VERSION_KEY: FOLDER_VERSION})
     pictures = folder is not None and outcome.save(folder)
-    verdict = motors_of(motion.plan.robot, outcome.comparison).verdict if motors else None
+    ran = motors_of(motion.plan.robot, outcome.comparison) if motors else None
+    verdict = None if ran is None else ran.verdict
+    if ran is not None and folder is not None:
+        keep_motors(folder, ran, outcome.report.run, pictures=pictures)
     if as_json:
         print_json(document if verdict is None else with_motors(document, verdict))
     else:

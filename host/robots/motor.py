@@ -11,7 +11,20 @@ from steptwin.host.common.bad_input import require_positive, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import check_all
 
-MOTORS: Final = ("17HE19-2004S", "17HS19-2004S1", "23HS22-2804S", "23HS30-2804S", "QSH5718-55")
+MOTORS: Final = (
+    "17HE19-2004S",
+    "17HS19-2004S1",
+    "23HS22-2804S",
+    "23HS30-2804S",
+    "17HS16-2004S1",
+    "17HS19-1684S1",
+    "17HS24-2104S",
+    "MS17HD6P4200",
+    "MS17HDBP4200",
+    "QSH5718-41",
+    "QSH5718-55",
+    "QSH5718-79",
+)
 """Motors of the catalogue, which a robot's file may name."""
 
 FIGURES: Final = (

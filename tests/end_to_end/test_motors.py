@@ -1,10 +1,12 @@
 """`steptwin run --motors` and `steptwin motors`: whether a robot's motors keep step, from the command line."""
 
+import json
 from pathlib import Path
 
 import pytest
 
 from steptwin.host.cli.app import run
+from steptwin.host.twin.motors.pictures import resonance
 from tests.end_to_end.command_line import refusal, run_json
 
 ROBOT = "teaching-scara"
@@ -43,11 +45,71 @@ def test_a_stored_run_keeps_step_until_the_payload_is_too_large(
     assert all(steps % 4 == 0 for steps in lost)
 
 
-def test_a_run_with_motors_ends_with_their_verdict(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["run", ROBOT, "carry", "--motors"]) == 0
+def test_a_run_with_motors_ends_with_their_verdict(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It is kept in the run's folder, too."""
+    assert run(["run", ROBOT, "carry", "--motors", "--out", str(tmp_path)]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert any(line == f"{ROBOT} carry: PASSED" for line in lines)
-    assert lines[-1] == "motors: keep step, with 0.1 kg at the tool and 24 V ([A] masses)"
+    assert "motors: keep step, with 0.1 kg at the tool and 24 V ([A] masses)" in lines
+    kept = json.loads((tmp_path / "motors.json").read_text(encoding="utf-8"))
+    assert kept["kept_step"] is True
+    assert [joint["name"] for joint in kept["joints"]] == JOINTS
+
+
+def test_a_stored_run_tells_its_borders_and_draws_its_motors(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Both sides of each border in JSON; four pictures in a folder of their own. The run turns the shoulder alone."""
+    monkeypatch.setattr(resonance, "_RATES", 4)  # a coarse picture is drawn in a tenth of the time
+    motion, folder, out = tmp_path / "turn.csv", tmp_path / "run", tmp_path / "pictures"
+    motion.write_text("t,th1,th2,d3,th4\n0,0,0,20,0\n0.4,15,0,20,0\n0.8,30,0,20,0\n", encoding="utf-8")
+    assert run(["run", ROBOT, str(motion), "--out", str(folder)]) == 0
+    capsys.readouterr()
+    document = run_json(capsys, "motors", str(folder), "--margin", "--out", str(out))
+    for quantity in ("current_a", "payload_kg", "stretch"):
+        border = document["margins"][quantity]
+        assert border["keeps"] is not None
+        if border["slips"] is not None:
+            assert border["joint"] in JOINTS
+            assert (border["slips"] - border["keeps"]) * (border["limit"] - border["keeps"]) > 0
+    tool = document["motors"]["tool"]
+    assert 0.0 < tool["position_mm_end"] < tool["position_mm_max"] < 5.0
+    assert document["motors"]["supply_v_min"] < 24.0 <= document["motors"]["supply_v_max"]
+    assert sorted(path.name for path in out.iterdir()) == [
+        "motor-load.png", "motor-resonance.png", "motor-tool.png", "motor-torque.png"
+    ]  # fmt: skip
+
+
+def test_a_robot_tells_which_motors_would_do(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["motors", ROBOT, "--payload", "0.5", "--current", "2"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].split()[:3] == ["joint", "motor", "A"]
+    own = {words[0]: words for line in lines if (words := line.split()) and words[0] in JOINTS}
+    assert list(own) == JOINTS
+    assert sum(line.startswith("17HS19-2004S1 ") for line in lines) == 1
+    assert lines[-1] == "motors: with 0.5 kg at the tool and 24 V ([A] masses)"
+    document = run_json(capsys, "motors", ROBOT)
+    assert [joint["name"] for joint in document["joints"]] == JOINTS
+    assert document["assumed"] == ["masses"]
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (
+            ["motors", "teaching-scar"],
+            "robot or folder of a run 'teaching-scar' is unknown: did you mean teaching-scara?",
+        ),
+        (["motors", ROBOT, "--margin"], "--margin: is for the folder of a run, not for a robot"),
+        (["motors", ROBOT, "--out", "x"], "--out: is for the folder of a run, not for a robot"),
+        (["motors", ROBOT, "--current", "0"], "--current 0 A is not above 0 and up to 3 A"),
+        (["motors"], "ROBOT is missing: a robot's name, or --robot-file FILE"),
+    ],
+)
+def test_a_subject_that_is_neither_or_takes_no_such_option_is_refused(
+    words: list[str], line: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert refusal(capsys, *words) == line
 
 
 @pytest.mark.parametrize(

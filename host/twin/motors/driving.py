@@ -29,6 +29,12 @@ _SETTLING_MS: Final = 100
 """Time after the last edge for which the rotors are followed: what slips by an overshoot slips then."""
 
 
+def check_current(current_a: float) -> None:
+    """Raise InputError unless a TB6560 sets this phase current."""
+    if not 0.0 < current_a <= PHASE_CURRENT_MAX_A:
+        raise InputError(f"current_a={current_a:g} A is not above 0 and up to {PHASE_CURRENT_MAX_A:g} A")
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class PayloadTimes:
     """When the payload hangs at the tool.
@@ -130,8 +136,7 @@ class Driving:
         Raises:
             InputError: no TB6560 sets that current.
         """
-        if not 0.0 < current_a <= PHASE_CURRENT_MAX_A:
-            raise InputError(f"current_a={current_a:g} A is not above 0 and up to {PHASE_CURRENT_MAX_A:g} A")
+        check_current(current_a)
         return replace(self, drivers=tuple(driver.at_current(current_a) for driver in self.drivers))
 
     def with_payload(self, payload_kg: float) -> Self:

@@ -1,0 +1,82 @@
+"""Which motors would do for a robot: torques and frequencies of joints that can be computed by hand."""
+
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+import pytest
+
+from steptwin import load_robot
+from steptwin.emulator.mechanics import GRAVITY_M_S2
+from steptwin.emulator.motor import CATALOGUE
+from steptwin.emulator.rotors import Drive
+from steptwin.host.twin.motors.fitting import TABLE_RPM, JointFit, fits_of, natural_hz
+from steptwin.host.twin.motors.verdict import MARGIN_MIN
+from tests.emulator.motor_bench import natural_hz as stiff_hz
+
+MOTOR = CATALOGUE["17HS19-2004S1"]
+
+
+@pytest.fixture(scope="module")
+def fits() -> tuple[JointFit, ...]:
+    return fits_of(load_robot("lab-scara"))
+
+
+def test_a_lift_needs_its_weight_its_acceleration_and_its_friction(fits: tuple[JointFit, ...]) -> None:
+    """Upwards, at its highest speed and acceleration, the lift carries all links and the payload."""
+    robot = load_robot("lab-scara")
+    assert robot.dynamics is not None
+    joint, fit = robot.joints[0], fits[0]
+    assert joint.motor is not None
+    mass_kg = robot.dynamics.payload_kg + sum(each.link.mass_kg for each in robot.joints if each.link)
+    metres_per_rad = 1e-3 * joint.transmission.travel_per_rev / (2.0 * pi)
+    carried = mass_kg * (GRAVITY_M_S2 + 1e-3 * joint.acceleration_max) * metres_per_rad
+    motor = CATALOGUE[joint.motor.model]
+    spun = motor.rotor_inertia_kgm2 * 1e-3 * joint.acceleration_max / metres_per_rad
+    expected = carried / joint.motor.efficiency + joint.motor.friction_nm + spun
+    assert fit.own.torque_needed_nm == pytest.approx(expected, rel=1e-9)
+    assert fit.own.rpm == pytest.approx(60.0 * joint.speed_max / joint.transmission.travel_per_rev)
+    assert fit.inertia_kgm2 == pytest.approx(mass_kg * metres_per_rad**2 + motor.rotor_inertia_kgm2)
+    assert fit.natural_hz == pytest.approx(stiff_hz(motor, fit.inertia_kgm2, current_a=1.5))
+
+
+def test_all_motors_of_the_catalogue_are_judged_by_the_margin_that_is_left(fits: tuple[JointFit, ...]) -> None:
+    for fit in fits:
+        assert [other.motor for other in fit.others] == list(CATALOGUE)
+        for other in fit.others:
+            assert other.margin == pytest.approx(1.0 - other.torque_needed_nm / other.torque_available_nm)
+            assert other.would_do == (other.margin >= MARGIN_MIN)
+            assert other.current_a == min(CATALOGUE[other.motor].rated_current_a, 3.0)
+        assert len(fit.pull_out_nm) == len(TABLE_RPM)
+        assert list(fit.pull_out_nm) == sorted(fit.pull_out_nm, reverse=True)
+    assert fits[0].own.motor == "23HS22-2804S"
+
+
+def test_the_arms_inertia_is_greatest_where_the_arm_is_stretched(fits: tuple[JointFit, ...]) -> None:
+    """The shoulder at the pose whose elbow is nearest to straight."""
+    assert abs(fits[1].pose["th3"]) < 15.0
+    assert abs(fits[2].natural_hz) > abs(fits[1].natural_hz)
+
+
+@pytest.mark.parametrize("belt_nm_rad", [0.5, 8.0, 1e6])
+def test_a_belt_makes_two_masses_whose_lower_frequency_is_told(belt_nm_rad: float) -> None:
+    """Against the eigenvalues of the two masses."""
+    load = 5e-5
+    found = natural_hz(Drive(MOTOR, 0.6, stiffness_nm_rad=belt_nm_rad), 1.5, load)
+    field = MOTOR.teeth * (MOTOR.torque_constant_nm_a * 1.5 + 4.0 * MOTOR.detent_torque_nm)
+    stiffness = np.array([[field + belt_nm_rad, -belt_nm_rad], [-belt_nm_rad, belt_nm_rad]])
+    masses = np.diag([1.0 / MOTOR.rotor_inertia_kgm2, 1.0 / load])
+    lowest = np.sqrt(np.linalg.eigvals(masses @ stiffness).real.min()) / (2.0 * pi)
+    assert found == pytest.approx(lowest, rel=1e-6)
+    if belt_nm_rad == 1e6:
+        assert found == pytest.approx(natural_hz(Drive(MOTOR, 0.6), 1.5, load), rel=1e-3)
+
+
+def test_a_motor_that_must_turn_faster_than_it_can_would_not_do() -> None:
+    robot = load_robot("lab-scara")
+    assert robot.dynamics is not None
+    slow = replace(robot, dynamics=replace(robot.dynamics, supply_v=4.5))
+    weak, own = fits_of(slow, others=())[0].own, fits_of(robot, others=())[0].own
+    assert not weak.would_do
+    assert weak.torque_available_nm < own.torque_available_nm
+    assert weak.rpm == own.rpm
