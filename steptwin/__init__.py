@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from steptwin.host.twin.kernels import kernel_named
     from steptwin.host.twin.outcome import Outcome
     from steptwin.host.twin.served_board import ServedBoard
+    from steptwin.host.twin.served_board_under_test import ServedBoardUnderTest
     from steptwin.protocol.eds import render_eds
 
 __version__ = "0.1.0"
@@ -86,6 +87,7 @@ __all__ = [
     "Sampled",
     "Scheduled",
     "ServedBoard",
+    "ServedBoardUnderTest",
     "SetInput",
     "StepTwinError",
     "StuckSwitch",
@@ -158,6 +160,7 @@ _MODULES = {
     "host.twin.kernels": ("kernel_named",),
     "host.twin.outcome": ("Outcome",),
     "host.twin.served_board": ("ServedBoard",),
+    "host.twin.served_board_under_test": ("ServedBoardUnderTest",),
     "protocol.eds": ("render_eds",),
 }
 """Public names by the module that defines each; the imports above say the same to type checkers."""

@@ -18,6 +18,7 @@ from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.host.twin.standing import Standing, standing_joints
 from steptwin.host.twin.unplanned_run import UnplannedRun
 from steptwin.host.verify import AxisEvidence, Expectation, Report, RunInfo, verify
+from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 
@@ -39,6 +40,20 @@ class Violation(NamedTuple):
     value: float
     limit: float
     unit: str
+
+
+class Strike(NamedTuple):
+    """One strike of a fault of the bus.
+
+    Attributes:
+        counts: its instant, in counts since power-up.
+        fault: the fault.
+        frame: the frame that it struck.
+    """
+
+    counts: int
+    fault: BusFault
+    frame: Frame
 
 
 class BoardUnderTest(EmbeddedBoard):
@@ -76,8 +91,11 @@ class BoardUnderTest(EmbeddedBoard):
         """
         self._began_s = time.perf_counter()
         joints = standing_joints(robot, stand_at)
-        faults = FaultScript(bus_faults)
-        super().__init__(robot, joints, kernel or fastest_kernel(), faults, schedule, driver_profile, dip_microsteps)
+        self.bus_faults = tuple(bus_faults)
+        self._script = FaultScript(bus_faults)
+        super().__init__(
+            robot, joints, kernel or fastest_kernel(), self._script, schedule, driver_profile, dip_microsteps
+        )
         self._run = UnplannedRun(
             robot,
             self._simulation,
@@ -135,6 +153,11 @@ class BoardUnderTest(EmbeddedBoard):
             wall_s=time.perf_counter() - self._began_s,
         )
         return verify(Expectation.of(self.robot, trajectory), self.evidence(), run)
+
+    @property
+    def struck(self) -> list[Strike]:
+        """Every strike of a fault of the bus so far, in order of time: a fault without one has changed nothing."""
+        return [Strike(*strike) for strike in self._script.struck]
 
     def save(self, folder: Path | str) -> None:
         """Write the folder of a run with all that has happened since power-up (docs/run-folder.md).

@@ -1,10 +1,11 @@
-"""Give the tests of other projects an emulated board in virtual time, as a pytest plugin (docs/ci.md).
+"""Give the tests of other projects an emulated board in virtual time or real time, as a pytest plugin (docs/ci.md).
 
 pytest imports this module at every start where StepTwin is installed, so everything else is imported only when a test
 asks for a board.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -15,18 +16,36 @@ if TYPE_CHECKING:
     from steptwin.emulator.operations import Scheduled
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.board_under_test import BoardUnderTest
+    from steptwin.host.twin.served_board_under_test import ServedBoardUnderTest
     from steptwin.host.twin.standing import Standing
 
     MakeBoard = Callable[..., BoardUnderTest]
 
 _MARKER = "steptwin"
 _INI = "steptwin_robot"
-_FRAMES_SHOWN = 20
+_ARTEFACTS_INI = "steptwin_artefacts"
+_ARTEFACTS_OPTION = "--steptwin-artefacts"
+_SERVED_SETTINGS = ("robot", "stand_at", "driver_profile", "dip_microsteps")
+"""Arguments of the marker that a served board takes, too."""
+_FAILED = pytest.StashKey[bool]()
+"""True for a test whose setup or call has failed."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add the setting that names the robot of tests without one."""
+    """Add the setting that names the robot of tests without one, and where the folders of failed tests are kept."""
     parser.addini(_INI, "StepTwin: the robot of `steptwin_board`, a name or the path of a robot file", default="")
+    where = "StepTwin: folder in which the boards of failed tests are kept; by default in pytest's temporary folder"
+    parser.addini(_ARTEFACTS_INI, where, default="")
+    parser.getgroup("steptwin").addoption(_ARTEFACTS_OPTION, metavar="DIR", default=None, help=where)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Note that a test has failed, for the fixtures that are torn down after it."""
+    report = yield
+    if report.failed:
+        item.stash[_FAILED] = True
+    return report
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -47,7 +66,9 @@ def steptwin_kernel() -> "Kernel":
 
 
 @pytest.fixture
-def steptwin_make_board(request: pytest.FixtureRequest, steptwin_kernel: "Kernel") -> "Iterator[MakeBoard]":
+def steptwin_make_board(
+    request: pytest.FixtureRequest, steptwin_kernel: "Kernel", tmp_path_factory: pytest.TempPathFactory
+) -> "Iterator[MakeBoard]":
     """Return a function that switches boards on, each on a bus of its own, for tests that need several.
 
     Its arguments, all optional:
@@ -88,19 +109,86 @@ def steptwin_make_board(request: pytest.FixtureRequest, steptwin_kernel: "Kernel
 
     yield make
     for board in boards:
-        request.node.add_report_section("teardown", "steptwin bus (SIMULATED)", _last_frames(board))
-        if mismatches := board.mismatches():
-            settings = "\n".join(map(str, mismatches))
-            request.node.add_report_section("teardown", "steptwin settings (SIMULATED)", settings)
+        _tell(request.node, board)
+    _keep(request.node, [board.save for board in boards], _artefacts(request.config, tmp_path_factory))
+
+
+def _tell(node: pytest.Item, board: "BoardUnderTest") -> None:
+    """Add to the test's report what a board has seen."""
+    from steptwin.host.twin.artefacts import last_frames, strikes
+
+    sections = {"bus": last_frames(board.robot, board.bus_log), "faults of the bus": strikes(board)}
+    _add(node, sections | {"settings": "\n".join(map(str, board.mismatches()))})
+
+
+def _keep(node: pytest.Item, saves: "Sequence[Callable[[Path], None]]", artefacts: Path) -> None:
+    """Save the folder of each board of a test that has failed, and add to its report where they are."""
+    if not node.stash.get(_FAILED, False):
+        return
+    from steptwin.host.twin.artefacts import folders_of, kept
+
+    for save, folder in zip(saves, folders_of(node.nodeid, artefacts), strict=False):
+        _add(node, {"run folder": kept(save, folder)})
+
+
+def _add(node: pytest.Item, sections: Mapping[str, str]) -> None:
+    for title, text in sections.items():
+        if text:
+            node.add_report_section("teardown", f"steptwin {title} (SIMULATED)", text)
+
+
+def _artefacts(config: pytest.Config, factory: pytest.TempPathFactory) -> Path:
+    """Return where the folders of failed tests are kept: as the command line says, else the ini-file, else pytest."""
+    given = config.getoption(_ARTEFACTS_OPTION) or config.getini(_ARTEFACTS_INI)
+    return config.rootpath / given if given else factory.getbasetemp() / "steptwin"
 
 
 @pytest.fixture
 def steptwin_board(request: pytest.FixtureRequest, steptwin_make_board: "MakeBoard") -> "BoardUnderTest":
     """Return an emulated board in virtual time, as the markers `steptwin` of the test, its class and its module say."""
+    return steptwin_make_board(**_settings(request.node))
+
+
+@pytest.fixture
+def steptwin_served_board(
+    request: pytest.FixtureRequest, steptwin_kernel: "Kernel", tmp_path_factory: pytest.TempPathFactory
+) -> "Iterator[ServedBoardUnderTest]":
+    """Return a board in real time at a socketcand port, for programs of any language, as the markers `steptwin` say.
+
+    It takes neither `schedule` nor `bus_faults`; its method `operate` does an operation while it runs.
+    """
+    from steptwin.host.common.errors import InputError, StepTwinError
+    from steptwin.host.twin.artefacts import last_frames
+    from steptwin.host.twin.served_board_under_test import ServedBoardUnderTest
+
+    node, config = request.node, request.config
+    settings = _settings(node)
+    try:
+        if foreign := [name for name in settings if name not in _SERVED_SETTINGS]:
+            takes = ", ".join(_SERVED_SETTINGS)
+            raise InputError(f"{foreign[0]}: is for steptwin_board; a served board takes {takes}")
+        robot = _robot(settings.pop("robot", "") or config.getini(_INI), config)
+        folder = tmp_path_factory.mktemp("served")
+        board = ServedBoardUnderTest(robot, folder, kernel=steptwin_kernel, **settings)
+    except StepTwinError as error:
+        pytest.fail(f"steptwin: {error}", pytrace=False)
+    yield board
+    stalls = board.end()["real_time"]["stalls"]
+    sections = {"bus": last_frames(robot, board.bus_log())}
+    if stalls["count"]:
+        sections["computer too slow"] = (
+            f"the board's clock stood {stalls['count']} times, {stalls['total_ms']:.0f} ms in all"
+        )
+    _add(node, sections)
+    _keep(node, [board.copy], _artefacts(config, tmp_path_factory))
+
+
+def _settings(node: pytest.Item) -> dict[str, Any]:
+    """Return the arguments of the markers of a test, its class and its module."""
     settings: dict[str, Any] = {}
-    for marker in request.node.iter_markers(_MARKER):  # the closest comes first
-        settings = dict(zip(("robot",), marker.args, strict=False)) | marker.kwargs | settings
-    return steptwin_make_board(**settings)
+    for marker in node.iter_markers(_MARKER):  # the closest comes first
+        settings = dict(zip(("robot",), marker.args, strict=False)) | dict(marker.kwargs) | settings
+    return settings
 
 
 def _robot(name: str, config: pytest.Config) -> "Robot":
@@ -111,17 +199,3 @@ def _robot(name: str, config: pytest.Config) -> "Robot":
         names = ", ".join(robot_names())
         raise InputError(f'which robot? @pytest.mark.{_MARKER}("ROBOT") or {_INI} in the ini-file; there are {names}')
     return load_robot(str(config.rootpath / name) if name.endswith(SUFFIX) else name)
-
-
-def _last_frames(board: "BoardUnderTest") -> str:
-    """Return the last frames on the bus in CANopen's words, shown beside a test's failure."""
-    from steptwin.host.client.monitor import Decoder
-    from steptwin.protocol.frame import FIRST_NODE_ID
-    from steptwin.protocol.timer import COUNTS_PER_SECOND
-
-    decoder = Decoder(dict(enumerate(board.robot.joint_names, start=FIRST_NODE_ID)))
-    lines = []
-    for counts, frame in board.bus_log[-_FRAMES_SHOWN:]:
-        decoded = decoder.decode(frame.cob_id, frame.data)
-        lines.append(f"{counts / COUNTS_PER_SECOND:10.6f} {decoded.title:9} {decoded.node:8} {decoded.text}")
-    return "\n".join(lines)

@@ -7,6 +7,7 @@ import pytest
 
 from steptwin.controller.backend import Kernel
 from steptwin.host.client.monitor import Decoder
+from steptwin.host.record.folder import read_report
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.board_under_test import BoardUnderTest
 
@@ -143,6 +144,86 @@ def test_a_failure_shows_the_last_frames_on_the_bus(pytester: pytest.Pytester) -
     passed = outcomes(pytester, code.replace("{passes}", "True"))
     passed.assert_outcomes(passed=1)
     assert "steptwin bus" not in passed.stdout.str()
+
+
+FAILS_AFTER_A_LOSS = """
+    import pytest
+    from steptwin import BusFault, BusFaultKind
+
+    LOST = BusFault(BusFaultKind.LOSS, cob_ids=[0x610], count=1)
+    UNUSED = BusFault(BusFaultKind.DELAY, cob_ids=[0x555], delay_counts=72)
+
+    @pytest.mark.steptwin("lab-scara", bus_faults=[LOST, UNUSED])
+    @pytest.mark.parametrize("fails", [False, True])
+    def test_board(steptwin_board, fails):
+        assert steptwin_board.struck == []
+        steptwin_board.network.send_message(0x610, bytes.fromhex("4000100000000000"))
+        ((counts, fault, frame),) = steptwin_board.struck
+        assert (counts, fault, frame.cob_id) == (720_000, LOST, 0x610)
+        assert not fails
+    """
+
+
+@pytest.fixture
+def failed(pytester: pytest.Pytester) -> pytest.RunResult:
+    return outcomes(pytester, FAILS_AFTER_A_LOSS, "--steptwin-artefacts", "kept")
+
+
+def test_a_failure_shows_how_the_faults_of_the_bus_struck(failed: pytest.RunResult) -> None:
+    """And which never did: the test may have meant to try them."""
+    failed.assert_outcomes(failed=1, passed=1)
+    failed.stdout.fnmatch_lines(
+        [
+            "*Captured steptwin faults of the bus (SIMULATED) teardown*",
+            "*0.0100* loss: SDO*d1*1000:00 Device type read",
+            "never struck: delay, cob_ids=[[]1365[]], delay_counts=72",
+        ]
+    )
+
+
+def test_the_folder_of_a_failed_test_is_kept(failed: pytest.RunResult, pytester: pytest.Pytester) -> None:
+    """That of a test that passes is not."""
+    (folder,) = pytester.path.joinpath("kept").iterdir()
+    assert folder.name.endswith("py-test_board-True")
+    assert str(folder) in failed.stdout.str()
+    report = read_report(folder)
+    assert (report.run.robot, report.run.job, report.run.bus.frames) == ("lab-scara", "test", 5)
+
+
+def test_where_they_are_kept_by_default_and_by_the_ini_file(pytester: pytest.Pytester) -> None:
+    code = """
+        def test_two(steptwin_make_board):
+            steptwin_make_board("lab-scara"), steptwin_make_board("teaching-scara")
+            assert False
+        """
+    result = outcomes(pytester, code, "--basetemp", "temporary")
+    assert {path.name[-11:] for path in pytester.path.joinpath("temporary", "steptwin").iterdir()} == {
+        "py-test_two",
+        "-test_two-2",
+    }
+    result.stdout.fnmatch_lines(["*Captured steptwin run folder (SIMULATED) teardown*", "*steptwin view*"])
+    pytester.makeini("[pytest]\nsteptwin_artefacts = by-the-ini-file")
+    outcomes(pytester, code)
+    assert len(list(pytester.path.joinpath("by-the-ini-file").iterdir())) == 2
+
+
+def test_a_folder_that_cannot_be_kept_is_told(pytester: pytest.Pytester) -> None:
+    pytester.path.joinpath("kept").touch()
+    result = outcomes(pytester, FAILS_AFTER_A_LOSS, "--steptwin-artefacts", "kept")
+    result.assert_outcomes(failed=1, passed=1)
+    result.stdout.fnmatch_lines(["could not be saved: out=*kept*"])
+
+
+def test_a_served_board_takes_no_schedule(pytester: pytest.Pytester) -> None:
+    code = """
+        import pytest
+
+        @pytest.mark.steptwin("lab-scara", schedule=[])
+        def test_board(steptwin_served_board): pass
+        """
+    result = outcomes(pytester, code)
+    result.assert_outcomes(errors=1)
+    assert "steptwin: schedule: is for steptwin_board; a served board takes robot, stand_at" in result.stdout.str()
 
 
 def test_what_happens_to_the_machine(pytester: pytest.Pytester) -> None:
