@@ -4,8 +4,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT := out/drawer-pull
 PANEL_OUT := out/panel
+COMPILED := out/compiled
 
-.PHONY: demo panel test test-live check lint coverage bench docs panel-pictures clean
+.PHONY: demo panel test test-live test-compiled wheel wheel-compiled check lint coverage bench docs panel-pictures clean
 
 # Install, run the warehouse robot's drawer pull on the embedded board and print where the pictures are.
 demo: $(VENV)/.installed
@@ -31,6 +32,23 @@ test: $(VENV)/.installed-dev
 # More workers than cores; each file by one of them, for what its tests share, and the longest files first.
 test-live: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest --numprocesses 5 --dist loadfile --no-loadscope-reorder $(LIVE)
+
+# The wheel for every machine, and one for this kind of machine whose hot modules are compiled (docs/benchmarks.md).
+wheel: $(BIN)/python
+	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .
+
+wheel-compiled: $(BIN)/python
+	HATCH_BUILD_HOOK_ENABLE_CUSTOM=1 $(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .
+
+# The tests of what is compiled, and the bytes of 16 runs, on a compiled wheel instead of the checkout: some 10 minutes.
+test-compiled: $(VENV)/.installed-dev
+	rm -rf $(COMPILED)
+	HATCH_BUILD_HOOK_ENABLE_CUSTOM=1 $(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir $(COMPILED)/wheel .
+	$(BIN)/python -m pip install --quiet --no-deps --target $(COMPILED)/site $(COMPILED)/wheel/*.whl
+	PYTHONPATH=$(COMPILED)/site $(BIN)/python -P -c 'from tests.compiled import COMPILED; assert COMPILED'
+	PYTHONPATH=$(COMPILED)/site $(BIN)/python -P -m pytest --import-mode importlib --numprocesses auto \
+		tests/protocol tests/controller tests/emulator
+	PYTHONPATH=$(COMPILED)/site $(BIN)/python -P -m tests.end_to_end.fingerprints
 
 check: lint test test-live
 

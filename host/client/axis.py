@@ -19,7 +19,7 @@ from steptwin.host.common.errors import BusError, DeviceFaultError
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, SHUTDOWN, SWITCH_ON, DigitalOutput, ErrorCode, Mode, State
 from steptwin.protocol.frame import COB_RPDO, COB_TPDO
-from steptwin.protocol.pvt import PvtFlag, PvtRecord, PvtStatus
+from steptwin.protocol.pvt import PvtFlag, PvtStatus
 
 _STATUS_WAIT_S: Final = 0.001
 _STATE_TIMEOUT_S: Final = 2.0
@@ -228,9 +228,9 @@ class AxisClient:
 
     # --- process data out
 
-    def send_record(self, record: PvtRecord) -> None:
-        """Send a PVT record by RPDO4."""
-        self._link.network.send_message(COB_RPDO[3] + self.node_id, record.encode())
+    def send_record(self, payload: bytes) -> None:
+        """Send the eight bytes of a PVT record by RPDO4."""
+        self._link.network.send_message(COB_RPDO[3] + self.node_id, payload)
 
     def send_interpolation_controlword(self, controlword: int) -> None:
         """Send a controlword by RPDO1, together with the mode interpolated position; it takes effect at once."""

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import count
 from math import ceil
+from typing import Final
 
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.axis_settings import AxisSettings, Objects
@@ -26,6 +27,8 @@ from steptwin.protocol.frame import FIRST_NODE_ID
 from steptwin.protocol.homing_methods import HOME_HERE
 from steptwin.protocol.objects import IDENTITY_DEVICE_TYPE
 
+_LOOKS_PER_REPORT: Final = 10
+"""Looks at a stream from one report of its progress to the next: ten reports a second."""
 Progress = Callable[[float], None]
 """Called from time to time with the part that is done, 0 to 1."""
 
@@ -166,9 +169,12 @@ class Machine:
         """
         stream = self.start(records, start_units, outputs, waits)
         begun()
-        while not stream.ended:
+        for look in count(1):
             self.wait(POLL_S)
-            progress(stream.fraction)
+            if stream.ended or look % _LOOKS_PER_REPORT == 0:
+                progress(stream.fraction)
+            if stream.ended:
+                return
 
     def start(
         self,

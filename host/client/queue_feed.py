@@ -9,11 +9,12 @@ from typing import Final
 
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.plain_words import error_words
+from steptwin.host.client.record_payloads import payloads
 from steptwin.host.client.waiting import SILENCE_S, silent
 from steptwin.host.common.axis_records import AxisRecords
 from steptwin.host.common.errors import DeviceFaultError
 from steptwin.protocol.cia402 import ErrorCode
-from steptwin.protocol.pvt import QUEUE_DEPTH, SEQUENCE_MODULUS, PvtFlag, PvtRecord, PvtStatus
+from steptwin.protocol.pvt import QUEUE_DEPTH, SEQUENCE_MODULUS, PvtFlag, PvtStatus
 
 _GAP_HOLD_S: Final = 0.025
 """Time after a gap in which a further gap does not count: two round trips, at the reports' inhibit time of 10 ms."""
@@ -25,8 +26,8 @@ class QueueFeed:
 
     def __init__(self, axis: AxisClient, records: AxisRecords, now_s: float) -> None:
         self._axis = axis
-        self._records = records
-        self._count = len(records.durations_ms)
+        self._payloads = payloads(records, 0)
+        self._count = len(self._payloads)
         self._later = 0
         """Number of records of the trajectory that are still to be added."""
         self._held = 0
@@ -69,9 +70,8 @@ class QueueFeed:
         self._append(AxisRecords([0] * count, [0] * count, [duration_ms] * count))
 
     def _append(self, records: AxisRecords) -> None:
-        for own, more in zip(self._records, records, strict=True):
-            own.extend(more)
-        self._count = len(self._records.durations_ms)
+        self._payloads += payloads(records, self._count)
+        self._count = len(self._payloads)
 
     def update(self, now_s: float) -> None:
         """Read the board's latest report, if it is new, and move the cursor back where records were lost.
@@ -127,9 +127,7 @@ class QueueFeed:
         i = self._sent
         if i == self._count or i - self._acknowledged >= self._free:
             return False
-        own = self._records
-        record = PvtRecord(own.displacements_units[i], own.end_velocities[i], own.durations_ms[i], i % SEQUENCE_MODULUS)
-        self._axis.send_record(record)
+        self._axis.send_record(self._payloads[i])
         self._sent = i + 1
         self._ever_sent = max(self._ever_sent, self._sent)
         return True

@@ -67,7 +67,8 @@ class EmbeddedNetwork(canopen.Network):
             self._send(frame)
 
     def _send(self, frame: Frame) -> None:
-        self._send_due()
+        if self._repeated.due:
+            self._send_due()
         try:
             self._simulation.send(frame)
         except BusOverloadError as error:

@@ -35,6 +35,7 @@ from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode, State
 from steptwin.protocol.frame import COB_SYNC, Frame
 from steptwin.protocol.pvt import PvtRecord
+from tests.compiled import on_sources_only, skip_if_compiled
 from tests.controller.bench_board import BenchBoard
 from tests.controller.homing_bench import (
     ACCELERATION_STEPS_PER_S2,
@@ -60,6 +61,7 @@ def watched(board: Board) -> Seen:
 
     It must be told at the start of a tick that has not been computed yet.
     """
+    skip_if_compiled()
     seen: Seen = []
     tell = board.firmware.set_inputs
 
@@ -256,6 +258,7 @@ class TestEdges:
         assert [levels for _, levels in seen][:1] == [[POSITIVE]]
         assert seen[0][0] - TICK_COUNTS <= reached_counts < seen[0][0]
 
+    @on_sources_only
     def test_far_away_they_cost_nothing(self, fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch) -> None:
         """How often the motion is asked to go on: no oftener for switches that are not near."""
         calls: list[int] = []

@@ -21,7 +21,9 @@ from steptwin.emulator.stalls import STALL_NS
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.pvt import PvtRecord
 from steptwin.protocol.timer import COUNTS_PER_MS
+from tests.compiled import on_sources_only
 
+pytestmark = on_sources_only
 MS_NS: Final = 1_000_000
 NODE: Final = 0x10
 HOST: Final = 0x7F

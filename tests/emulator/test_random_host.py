@@ -13,6 +13,7 @@ from steptwin.emulator.operations import EmergencyStop, Operation
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, SHUTDOWN, SWITCH_ON, Mode
 from steptwin.protocol.frame import COB_NMT, COB_SDO_REQUEST, FIRST_NODE_ID, Frame
+from tests.compiled import on_sources_only
 from tests.emulator.random_host import queues, working_move
 from tests.emulator.random_host.machine import Machine
 from tests.emulator.random_host.sdo import download
@@ -21,6 +22,7 @@ from tests.emulator.random_host.shrink import shrunk
 from tests.emulator.random_host.trial import REPEATED, fault_of, trial
 from tests.emulator.simulations import MS, STEP
 
+pytestmark = on_sources_only
 CASES = sorted((Path(__file__).parent / "random_host" / "cases").glob("*.jsonl"))
 """Sessions that once failed, shortened; docs/random-host.md says how."""
 

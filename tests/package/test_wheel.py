@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import tarfile
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -36,6 +37,19 @@ def test_both(steptwin_board):
 def test_the_wheel_has_one_top_level_name(wheel: Path) -> None:
     top_level = {name.partition("/")[0] for name in contents(wheel)}
     assert top_level == {"steptwin", f"steptwin-{steptwin.__version__}.dist-info"}
+
+
+def test_the_wheel_is_for_every_machine(wheel: Path) -> None:
+    """Only who asks for it compiles."""
+    assert wheel.name == f"steptwin-{steptwin.__version__}-py3-none-any.whl"
+
+
+def test_what_a_wheel_for_speed_compiles_exists() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    hook = project["tool"]["hatch"]["build"]["targets"]["wheel"]["hooks"]["custom"]
+    assert hook["modules"] == sorted(set(hook["modules"]))
+    assert all((ROOT / module).is_file() for module in hook["modules"])
+    assert {module.partition("/")[0] for module in hook["modules"]} <= set(hook["folders"])
 
 
 def test_the_wheel_has_every_module_of_the_checkout(wheel: Path) -> None:

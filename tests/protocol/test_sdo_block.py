@@ -12,7 +12,9 @@ from hypothesis import strategies as st
 from steptwin.protocol import od
 from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.sdo_server import SdoServer
+from tests.compiled import on_sources_only
 
+pytestmark = on_sources_only
 NODE = 0x10
 NAME = b"StepTwin TB6560 axis (SIMULATED)"
 BLOB = bytes(i * 7 % 251 for i in range(2000))
