@@ -13,6 +13,7 @@ from steptwin.host.robots import load_robot
 from steptwin.host.robots.switches import JointSwitches
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.host.twin.embedded_network import EmbeddedNetwork
+from steptwin.host.twin.repeated_frames import RepeatedFrames
 from steptwin.protocol.frame import Frame
 
 WAREHOUSE = load_robot("warehouse-scara")
@@ -65,13 +66,17 @@ def travelling(count: int, duration_ms: int = 20) -> tuple[AxisRecords, ...]:
 
 def silence_heartbeat(patch: pytest.MonkeyPatch) -> None:
     """Keep the host's heartbeat off the bus from now on."""
-    send = EmbeddedNetwork.send_message
+    send, take_due = EmbeddedNetwork.send_message, RepeatedFrames.take_due
 
     def without_heartbeat(network: EmbeddedNetwork, can_id: int, data: bytes, remote: bool = False) -> None:
         if can_id != HEARTBEAT:
             send(network, can_id, data, remote)
 
+    def others(repeated: RepeatedFrames) -> list[Frame]:
+        return [frame for frame in take_due(repeated) if frame.cob_id != HEARTBEAT]
+
     patch.setattr(EmbeddedNetwork, "send_message", without_heartbeat)
+    patch.setattr(RepeatedFrames, "take_due", others)
 
 
 def frames_to(board: EmbeddedBoard, cob_id: int, head: bytes = b"") -> list[Frame]:
