@@ -47,7 +47,7 @@ test-compiled: $(VENV)/.installed-dev
 	$(BIN)/python -m pip install --quiet --no-deps --target $(COMPILED)/site $(COMPILED)/wheel/*.whl
 	PYTHONPATH=$(COMPILED)/site $(BIN)/python -P -c 'from tests.compiled import COMPILED; assert COMPILED'
 	PYTHONPATH=$(COMPILED)/site $(BIN)/python -P -m pytest --import-mode importlib --numprocesses auto \
-		tests/protocol tests/controller tests/emulator
+		tests/protocol tests/controller tests/emulator tests/host/client
 	PYTHONPATH=$(COMPILED)/site $(BIN)/python -P -m tests.end_to_end.fingerprints
 
 check: lint test test-live

@@ -12,7 +12,18 @@ from importlib.util import find_spec
 from rich.console import Console
 from rich.table import Table
 
-from steptwin.bench import cyclic, drawer_pull, driver, kernel, kinematics, live_tables, panel_tables, timing, waveforms
+from steptwin.bench import (
+    compiled,
+    cyclic,
+    drawer_pull,
+    driver,
+    kernel,
+    kinematics,
+    live_tables,
+    panel_tables,
+    timing,
+    waveforms,
+)
 from steptwin.bench.loads import AXES
 from steptwin.bench.pulses import scaling
 from steptwin.bench.pulses.cortex_m3 import COLUMNS as CORE_COLUMNS
@@ -35,6 +46,7 @@ def main() -> None:
     console.print(f"{processor}, {os.cpu_count()} cores, Python {platform.python_version()}")
     console.print(_kernel_table(kernels))
     console.print(_drawer_pull_table(kernels))
+    console.print(_compiled_text())
     console.print("Pulse timing: the kernel beside other methods, against the exact crossings of the planned motion")
     figures, on_core = measured(all_motions(), fastest)
     print_table(list(COLUMNS), table_rows(figures), text_columns=2)
@@ -82,6 +94,16 @@ def _drawer_pull_table(kernels: list[Kernel]) -> Table:
             f"{row.error_steps_max:.4f}|{row.timing_us_p50:.2f}"
             for row in map(drawer_pull.measure, kernels)
         ),
+    )
+
+
+def _compiled_text() -> str:
+    figure = compiled.measure()
+    if figure is None:
+        return "No modules are compiled here: docs/benchmarks.md says how to install a wheel with compiled ones"
+    return (
+        f"Drawer pull with compiled modules {figure.compiled_s:.3f} s, with their sources {figure.sources_s:.3f} s:"
+        f" {figure.sources_s / figure.compiled_s:.2f} times as long"
     )
 
 
