@@ -2,7 +2,7 @@
 
 from typing import NamedTuple, Protocol
 
-from steptwin.controller.measurements import Measurements, Monitor
+from steptwin.controller.measurements import Measurements, Monitor, ShaftReader
 from steptwin.controller.motion import Motion
 from steptwin.controller.sync_clock import SyncClock
 from steptwin.controller.transmit_queue import TransmitQueue
@@ -24,6 +24,7 @@ class BoardContext(NamedTuple):
     motion: Motion
     measurements: Measurements
     monitor: Monitor
+    shaft: ShaftReader
     sync_clock: SyncClock
     transmit: TransmitQueue
     trip: Trip

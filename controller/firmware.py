@@ -13,7 +13,7 @@ from steptwin.controller.backend import Kernel
 from steptwin.controller.board_context import BoardContext
 from steptwin.controller.group_ramp import ramp_group
 from steptwin.controller.kernel import TICK_COUNTS
-from steptwin.controller.measurements import Measurements, Monitor, no_monitor
+from steptwin.controller.measurements import Measurements, Monitor, ShaftReader, no_monitor, no_shaft
 from steptwin.controller.motion import AxisEvent, Motion
 from steptwin.controller.pins import OUTPUT_PINS, PinChange
 from steptwin.controller.sync_clock import SyncClock
@@ -65,6 +65,7 @@ class Firmware:
         flash: list[FlashPage] | None = None,
         first_node_id: int = FIRST_NODE_ID,
         monitor: Monitor = no_monitor,
+        shaft: ShaftReader = no_shaft,
     ) -> None:
         """Set the board up.
 
@@ -74,6 +75,7 @@ class Firmware:
             flash: a page for each axis, read at boot and written when the host stores parameters.
             first_node_id: node id of the first axis; the next axes have the next ids.
             monitor: counts an axis' steps at the driver (see `measurements`); by default none are lost.
+            shaft: tells where an axis' rotor really is.
 
         Raises:
             ValueError: the number of axes or a node id is out of range.
@@ -89,7 +91,7 @@ class Firmware:
         """The axes that request the fault reaction, and their errors."""
         self.transmit = TransmitQueue()
         """The frames that wait for a mailbox of the CAN controller."""
-        board = BoardContext(self.motion, self._measurements, monitor, SyncClock(), self.transmit, self._trip)
+        board = BoardContext(self.motion, self._measurements, monitor, shaft, SyncClock(), self.transmit, self._trip)
         self.nodes = tuple(AxisNode(axis, first_node_id + axis, page, board) for axis, page in enumerate(pages))
         self.dropped_frames = 0
         """Number of frames whose COB-ID no node listens to."""

@@ -26,10 +26,28 @@ class DriverMonitor(NamedTuple):
     """Microsteps per full step, by the chip's pins or the module's switches; 0: unknown."""
 
 
+class Shaft(NamedTuple):
+    """Where one axis' rotor really is, which the emulator's object (2F00h) shows."""
+
+    position_units: int
+    """Since power-up, in wire units."""
+    slipped_full_steps: int
+    """Full steps by which it has fallen out of step since power-up, signed: four for each electrical turn."""
+
+
 Monitor = Callable[[int], DriverMonitor]
 """Return the counts of an axis. The emulated board provides this; a real board would need an encoder."""
+
+
+ShaftReader = Callable[[int], Shaft]
+"""Return where an axis' rotor is. Only the emulated board provides this."""
 
 
 def no_monitor(_axis: int) -> DriverMonitor:
     """Return zeros: without a monitor every step is taken as counted."""
     return DriverMonitor(0, 0, 0)
+
+
+def no_shaft(_axis: int) -> Shaft:
+    """Return zeros: nothing is known of the rotor."""
+    return Shaft(0, 0)

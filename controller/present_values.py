@@ -17,6 +17,8 @@ def install_present_values(context: AxisContext, drive: AxisDrive) -> None:
         od.LOST_STEPS: lambda: board.monitor(axis).lost_steps,
         od.DRIVER_VIOLATIONS: lambda: board.monitor(axis).violations,
         od.DRIVER_MICROSTEPS: lambda: board.monitor(axis).microsteps,
+        od.SHAFT_POSITION: lambda: _saturated(board.shaft(axis).position_units),
+        od.SLIPPED_FULL_STEPS: lambda: board.shaft(axis).slipped_full_steps,
         od.MODE_OF_OPERATION_DISPLAY: lambda: drive.mode_number,
         od.POSITION_DEMAND: lambda: _saturated(motion.demand_units(axis)),
         od.POSITION_ACTUAL: lambda: _saturated(motion.counter_units(axis)),

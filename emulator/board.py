@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from steptwin.controller.backend import Kernel
 from steptwin.controller.firmware import Firmware
 from steptwin.controller.kernel import TICK_COUNTS
-from steptwin.controller.measurements import DriverMonitor, Measurements
+from steptwin.controller.measurements import DriverMonitor, Measurements, Shaft
 from steptwin.controller.pins import OUTPUT_PINS, Pin, PinChange
 from steptwin.emulator.can_controller import CanController
 from steptwin.emulator.driver_bank import SUPPLIES, WIRING, AxisTrace, DriverBank
@@ -29,6 +29,7 @@ from steptwin.emulator.tb6560 import FULL_STEP_SIXTEENTHS, OutputFollower
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.dictionary import FlashPage
 from steptwin.protocol.frame import FIRST_NODE_ID
+from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 from steptwin.protocol.pvt import PvtRecord
 
 
@@ -80,6 +81,8 @@ class Board:
         """True if the board must report each change of a digital output at once."""
         self._output_changed = False
         """True if a digital output has changed since `take_output_change`."""
+        self.rotor_of: Callable[[int], Shaft] | None = None
+        """Tells where an axis' rotor is, if motors turn with the board."""
         self._on_record: dict[int, Callable[[PvtRecord], None]] = {}
         """Listeners to the records of each axis' queue."""
         self._power_up()
@@ -88,7 +91,7 @@ class Board:
     def _power_up(self) -> None:
         """Make a new firmware and a new CAN controller, as power-up does."""
         self.firmware = Firmware(
-            self._kernel, self.config.axis_count, self.flash, self.config.first_node_id, self._monitor
+            self._kernel, self.config.axis_count, self.flash, self.config.first_node_id, self._monitor, self.shaft
         )
         self.can = CanController(
             self.firmware.receive, self.firmware.on_can_error, self.firmware.hears, self.config.read_latency_counts
@@ -139,6 +142,10 @@ class Board:
         """
         self._inputs.leave_drivers()
         return self._drivers.follow_outputs()
+
+    def slipped_sixteenths(self) -> list[int]:
+        """Return the way by which `Slip` has moved each axis' rotor since power-up, in sixteenths of a full step."""
+        return list(self._drivers.slipped_sixteenths)
 
     def place(self, rotors_sixteenths: Sequence[int]) -> None:
         """Let the machine's switches follow the rotors, in sixteenths of a full step from their zeros."""
@@ -340,6 +347,15 @@ class Board:
             counted.violations - before.violations,
             counted.microsteps,
         )
+
+    def shaft(self, axis: int) -> Shaft:
+        """Return where an axis' rotor is: without motors it is where the driver's steps and `Slip` have put it."""
+        if self.rotor_of is not None:
+            return self.rotor_of(axis)
+        self._drain_axis(axis)
+        sixteenths = self._drivers.rotor_sixteenths(axis)
+        slipped = self._drivers.slipped_sixteenths[axis]
+        return Shaft(sixteenths * UNITS_PER_FULL_STEP // FULL_STEP_SIXTEENTHS, slipped // FULL_STEP_SIXTEENTHS)
 
     def _take_pins(self) -> None:
         for change in self.firmware.take_pins():

@@ -198,6 +198,11 @@ class DriverBank:
         """Return the position of an axis' rotor since power-up, in sixteenths of a full step."""
         return self.drivers[axis].position_sixteenths + self._slipped_sixteenths[axis]
 
+    @property
+    def slipped_sixteenths(self) -> list[int]:
+        """Way by which each axis' rotor has been made to slip since power-up, in sixteenths of a full step."""
+        return self._slipped_sixteenths
+
     def trace(self, axis: int, until_counts: int) -> AxisTrace:
         """Return everything that happened at an axis' driver up to an instant and is not forgotten."""
         driver = self.drivers[axis]

@@ -7,7 +7,7 @@ and by the masses that hang on them, and tells how far each lags behind its fiel
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import accumulate
-from math import exp, inf
+from math import exp, inf, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +21,7 @@ from steptwin.emulator.motor import FULL_STEPS_PER_TOOTH, Motor
 from steptwin.emulator.power_supply import GIVEN_J, HIGHEST_V, LOST_J, LOWEST_V, PowerSupply
 from steptwin.emulator.rotor_backend import Numbers, RotorBackend, fastest_rotors
 from steptwin.emulator.rotor_run import REFRESH_STEPS, TICK_STEPS
+from steptwin.emulator.tb6560 import CURRENT_MAX_A
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +58,15 @@ class Drive:
     def __post_init__(self) -> None:
         if not 0.0 < self.efficiency <= 1.0:
             raise ValueError(f"efficiency: {self.efficiency:g} is not above 0 and up to 1")
+
+    @property
+    def most_nm(self) -> float:
+        """Torque that the motor hardly ever exceeds: both phases at the highest current that a driver makes, swinging.
+
+        A belt that gives passes on twice the torque of a jerk.
+        """
+        elastic = 1.0 if self.stiffness_nm_rad == inf else 2.0
+        return elastic * (sqrt(2.0) * CURRENT_MAX_A * self.motor.torque_constant_nm_a + self.motor.detent_torque_nm)
 
     def numbers(self) -> list[float]:
         """Return the drive as the kernel stores it."""
@@ -170,6 +180,7 @@ class Rotors:
         self._parameters = numbers([value for drive in drives for value in drive.numbers()])
         self._teeth = [drive.motor.teeth for drive in drives]
         self._mounting_rad = [drive.mounting_rad for drive in drives]
+        self._most_nm = np.array([drive.most_nm for drive in drives])
         self._tree = numbers([value for body in arm.bodies for value in body.numbers()])
         self._supply = numbers(supply.numbers(rk.DT_S))
         self._state = numbers(
@@ -200,6 +211,35 @@ class Rotors:
         self._state[axis * rk.STATE_FIELDS + rk.ANGLE] += mounting_rad - self._mounting_rad[axis]
         self._parameters[axis * rk.AXIS_FIELDS + rk.MOUNTING] = mounting_rad
         self._mounting_rad[axis] = mounting_rad
+
+    def slip(self, axis: int, turns: int) -> None:
+        """Turn a rotor, and what it turns, by whole electrical turns at once."""
+        x, by = axis * rk.STATE_FIELDS, 2.0 * pi * turns
+        self._state[x + rk.ANGLE] += by
+        self._state[x + rk.PLACE] += by / self._teeth[axis]
+        self._state[x + rk.TURN] -= turns
+        if self._state[x + rk.SLIP_STEP] < 0.0:
+            self._state[x + rk.SLIP_STEP] = self._steps
+
+    def coordinates_rad(self) -> list[float]:
+        """Return the angle of what each rotor turns, as in `RotorRecord`."""
+        return self._each(rk.PLACE)
+
+    def rates_rad_s(self) -> list[float]:
+        """Return the speeds of the same."""
+        return self._each(rk.RATE)
+
+    def lost_full_steps(self) -> list[float]:
+        """Return the full steps by which each rotor is away from its field, as in `RotorRecord`."""
+        return [FULL_STEPS_PER_TOOTH * turns for turns in self._each(rk.TURN)]
+
+    def accelerations_max_rad_s2(self) -> list[float]:
+        """Return how fast each coordinate may be accelerated at most, roughly, at the masses of the present ms."""
+        inverse = np.abs(np.array(self._storage.inverse)).reshape(self._axes, self._axes)
+        if not inverse.any():  # nothing has turned yet
+            return [inf] * self._axes
+        most: list[float] = (inverse @ (self._most_nm + np.abs(self._storage.bias))).tolist()
+        return most
 
     def feed(self, events: Sequence[DriverEvents]) -> None:
         """Take the next changes at each axis' driver. One takes effect in the first step that is not before it."""
@@ -267,6 +307,9 @@ class Rotors:
             numbers(following.drifts.tolist()),
             numbers(following.slopes.ravel().tolist()),
         )
+
+    def _each(self, field: int) -> list[float]:
+        return [float(value) for value in self._state[field :: rk.STATE_FIELDS]]
 
     def _column(self, field: int) -> FloatArray:
         return np.array(self._state, dtype=np.float64).reshape(self._axes, rk.STATE_FIELDS)[:, field].copy()

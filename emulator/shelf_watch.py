@@ -52,7 +52,7 @@ class ShelfWiring:
     """
 
     shelf: ShelfConfig
-    tip_at: Callable[[Sequence[int]], Point]
+    tip_at: Callable[[Sequence[float]], Point]
     lock: OutputWire
     magnet: OutputWire
     sensors: dict[str, InputWire]
@@ -61,10 +61,12 @@ class ShelfWiring:
 class ShelfWatch:
     """A shelf beside the boards of a simulation."""
 
-    def __init__(self, wiring: ShelfWiring, boards: Sequence[Board]) -> None:
+    def __init__(self, wiring: ShelfWiring, boards: Sequence[Board], rotors: Callable[[], Sequence[float]]) -> None:
+        """Stand beside boards; `rotors` tells where their rotors are, as `ShelfWiring.tip_at` takes it."""
         self.shelf = Shelf(wiring.shelf)
         self._wiring = wiring
         self._boards = boards
+        self._rotors = rotors
         self._looked_counts = 0
         self._rested = True
         """True if nothing has moved since the last look."""
@@ -100,9 +102,10 @@ class ShelfWatch:
     def look_now(self, now_counts: int) -> None:
         """Look whatever has changed, as at the end of a run; no input changes."""
         self._rested, self._looked_counts = not self._moving, now_counts
-        rotors = [sixteenths for board in self._boards for sixteenths in board.positions_sixteenths()]
         wiring = self._wiring
-        self.shelf.look(now_counts, wiring.tip_at(rotors), lock=self._on(wiring.lock), magnet=self._on(wiring.magnet))
+        self.shelf.look(
+            now_counts, wiring.tip_at(self._rotors()), lock=self._on(wiring.lock), magnet=self._on(wiring.magnet)
+        )
 
     def _on(self, wire: OutputWire) -> bool:
         return bool(self._boards[wire.board].output_level(wire.axis, wire.pin))

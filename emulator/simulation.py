@@ -12,6 +12,7 @@ from steptwin.emulator.board import Board
 from steptwin.emulator.bus import Bus
 from steptwin.emulator.can_controller import CanController, unheard
 from steptwin.emulator.operations import Operation, Schedule, Scheduled
+from steptwin.emulator.rotor_watch import MotorWiring, RotorWatch
 from steptwin.emulator.shelf_watch import ShelfWatch, ShelfWiring
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
@@ -46,6 +47,7 @@ class Simulation:
         bus: Bus,
         schedule: Iterable[Scheduled] = (),
         shelf: ShelfWiring | None = None,
+        motors: MotorWiring | None = None,
     ) -> None:
         """Switch the boards on.
 
@@ -54,6 +56,7 @@ class Simulation:
             bus: the bus that joins them.
             schedule: operations on their machines, and the instants of these.
             shelf: the shelf at which the machine works; None if there is none.
+            motors: the motors at the boards' drivers; None: rotors are where the drivers' steps put them.
         """
         self._schedule = Schedule(schedule)
         self.boards = tuple(boards)
@@ -68,7 +71,9 @@ class Simulation:
         bus.attach(self.host)
         for board in self.boards:
             bus.attach(board.can)
-        self.shelf_watch = None if shelf is None else ShelfWatch(shelf, self.boards)
+        self.rotor_watch = None if motors is None else RotorWatch(motors, self.boards, lambda: self.now_counts)
+        """The rotors of the machine's motors; None if they are where the drivers' steps put them."""
+        self.shelf_watch = None if shelf is None else ShelfWatch(shelf, self.boards, self.rotors_sixteenths)
         """The shelf beside the machine; None if there is none."""
         self.attendant: Attendant | None = None
         """Looks after each event; None: nobody does."""
@@ -127,8 +132,9 @@ class Simulation:
         begin_counts = self.bus.next_event_counts
         if begin_counts is None:
             return
-        scheduled_counts = self._schedule.next_counts
-        if begin_counts > self.now_counts and (scheduled_counts is None or scheduled_counts > begin_counts):
+        rotors_counts = None if self.rotor_watch is None else self.rotor_watch.next_counts
+        dues_counts = (self._schedule.next_counts, rotors_counts)
+        if begin_counts > self.now_counts and all(due is None or due > begin_counts for due in dues_counts):
             if self.attendant is not None and self._attends_by(self.attendant, begin_counts):
                 return
             for board in self.boards:
@@ -165,6 +171,8 @@ class Simulation:
             due_counts = board.next_due_counts
             if due_counts is not None and due_counts < goal:
                 goal = due_counts
+        if self.rotor_watch is not None and self.rotor_watch.next_counts < goal:
+            goal = self.rotor_watch.next_counts
         if self.shelf_watch is not None:
             look_counts = self.shelf_watch.next_counts
             if look_counts is not None and look_counts < goal:
@@ -188,9 +196,17 @@ class Simulation:
                 self.boards[item.board].operate(item.operation, now_counts)
         for board in self.boards:
             board.poll(now_counts)
+        if self.rotor_watch is not None:
+            self.rotor_watch.look()
         if self.attendant is not None:
             self.attendant.attend(now_counts)
         self._let_shelf_look()
+
+    def rotors_sixteenths(self) -> list[float]:
+        """Return the position of each rotor since power-up, board by board, in sixteenths of a full step."""
+        if self.rotor_watch is not None:
+            return self.rotor_watch.positions_sixteenths()
+        return [float(sixteenths) for board in self.boards for sixteenths in board.positions_sixteenths()]
 
     def _let_shelf_look(self) -> None:
         """Let the shelf see what has changed, and the boards what its sensors see."""

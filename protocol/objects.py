@@ -136,10 +136,12 @@ _ENTRIES = {
     od.HOMING_TIMEOUT_MS: Entry("Timeout in {unit}; 0: none", U32, RW, 120_000, unit=MS),
     od.HOMING_ERROR: Entry("Why the last homing has failed", U8, RO),
     # --- the emulator, which no real board has
-    od.ROTOR_POSITION_STEPS: Entry("Rotor position in {unit}", I32, RO, mapping=TX, unit=STEPS),
+    od.ROTOR_POSITION_STEPS: Entry("Driver's count in {unit}", I32, RO, mapping=TX, unit=STEPS),
     od.LOST_STEPS: Entry("Lost steps", I32, RO, mapping=TX, unit=STEPS),
     od.DRIVER_VIOLATIONS: Entry("Driver violations", U32, RO, mapping=TX),
     od.DRIVER_MICROSTEPS: Entry("Microsteps per full step that the driver makes", U8, RO, mapping=TX),
+    od.SHAFT_POSITION: Entry("True position of the rotor in {unit}", I32, RO, mapping=TX, unit=POSITION),
+    od.SLIPPED_FULL_STEPS: Entry("Full steps by which the rotor has slipped", I32, RO, mapping=TX),
     # --- the drive (CiA 402-2)
     od.ABORT_CONNECTION_OPTION: Entry("Abort connection option code", I16, RW, AbortConnection.FAULT_SIGNAL, 0, 3),
     od.ERROR_CODE: Entry("Error code", U16, RO, mapping=TX),

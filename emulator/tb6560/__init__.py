@@ -4,7 +4,7 @@ Source, cited by page throughout: Toshiba "TB6560AHQ/AFG", datasheet of 2014-10-
 """
 
 from steptwin.emulator.tb6560.chip import CLK_RATE_MAX_HZ, CURRENT_MAX_A, PERIOD_MIN_COUNTS, SENSE_OHM, Pins, Tb6560
-from steptwin.emulator.tb6560.excitation import FULL_STEP_SIXTEENTHS, Excitation
+from steptwin.emulator.tb6560.excitation import CYCLE_SIXTEENTHS, FULL_STEP_SIXTEENTHS, Excitation
 from steptwin.emulator.tb6560.limits import Limit, LimitUnit, Rule, ViolationLog, Violations, merged
 from steptwin.emulator.tb6560.oscillator import OSC_PF_MIN, chopping_hz, clk_width_min_counts, oscillator_hz
 from steptwin.emulator.tb6560.output_follower import OutputChanges, OutputFollower
@@ -15,6 +15,7 @@ from steptwin.emulator.tb6560.thermal import Cooling
 __all__ = [
     "CLK_RATE_MAX_HZ",
     "CURRENT_MAX_A",
+    "CYCLE_SIXTEENTHS",
     "FULL_STEP_SIXTEENTHS",
     "OSC_PF_MIN",
     "PERIOD_MIN_COUNTS",

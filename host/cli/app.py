@@ -13,7 +13,7 @@ from typer.core import TyperGroup
 from typer.exceptions import TyperException
 
 from steptwin import __version__
-from steptwin.host.cli.help_page import Command, Commands, paragraphs
+from steptwin.host.cli.help_page import VALUES_ALONE, Command, Commands, paragraphs
 from steptwin.host.cli.output import say
 from steptwin.host.common.errors import InputError, StepTwinError
 
@@ -43,16 +43,20 @@ EXAMPLES: Final[dict[str, list[str]]] = {}
 _Function = TypeVar("_Function", bound=Callable[..., None])
 
 
-def command(*examples: str, negatives: bool = False) -> Callable[[_Function], _Function]:
+def command(
+    *examples: str, negatives: bool = False, alone: dict[str, str] | None = None
+) -> Callable[[_Function], _Function]:
     """Return a decorator that adds a function to the command line, by its name and with its docstring as help.
 
     Args:
         examples: the words behind the command's name in each example at the end of its help.
         negatives: its arguments may be negative numbers, which otherwise look like options.
+        alone: its options that may stand without a value, and the value that they have then.
     """
 
     def add(function: _Function) -> _Function:
         name = function.__name__.replace("_", "-")
+        VALUES_ALONE[name] = alone or {}
         EXAMPLES[name] = [f"steptwin {name} {words}".rstrip() for words in examples]
         register = app.command(
             cls=Command,

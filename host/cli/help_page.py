@@ -1,8 +1,12 @@
-"""What `--help` shows of each command: words such as FILE instead of Python types."""
+"""What `--help` shows of each command, words such as FILE instead of Python types; options that may stand alone."""
 
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import Any, Final
 
 from typer.core import TyperArgument, TyperCommand, TyperGroup
+
+VALUES_ALONE: Final[dict[str, dict[str, str]]] = {}
+"""By command, the options that may stand without a value, and the value that they have then."""
 
 
 class _Argument(TyperArgument):
@@ -23,6 +27,9 @@ def _by_metavar(parameters: list[Any]) -> list[Any]:
 class Command(TyperCommand):
     """A command whose help names values by words such as FILE."""
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        return super().parse_args(ctx, list(_with_values(args, VALUES_ALONE.get(self.name or "", {}))))
+
     def get_params(self, ctx: Any) -> list[Any]:
         return _by_metavar(super().get_params(ctx))
 
@@ -38,6 +45,15 @@ class Commands(TyperGroup):
 
     def format_help(self, ctx: Any, _formatter: Any) -> None:
         _print_help(self, ctx)
+
+
+def _with_values(words: Sequence[str], alone: dict[str, str]) -> Iterator[str]:
+    """Yield the words of a command line; an option that stands alone gets its value."""
+    for index, word in enumerate(words):
+        if word == "--":
+            yield from words[index:]
+            return
+        yield f"{word}={alone[word]}" if word in alone else word
 
 
 def _print_help(command: TyperCommand | TyperGroup, context: Any) -> None:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from steptwin.host.client import Progress
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.motors import MotorRun, MotorVerdict
+    from steptwin.host.twin.motors.after_run import RotorTrace
     from steptwin.host.twin.motors.margins import Border, MotorMargins
     from steptwin.host.verify import Comparison, RunInfo
 
@@ -38,14 +39,19 @@ def check_motors(robot: "Robot") -> None:
     check_described(robot)
 
 
-def motors_of(robot: "Robot", comparison: "Comparison", current: str | None = None) -> "MotorRun":
-    """Turn the rotors by a run's record and judge what they did; `current` is what --current says."""
+def motors_of(
+    robot: "Robot", comparison: "Comparison", current: str | None = None, trace: "RotorTrace | None" = None
+) -> "MotorRun":
+    """Turn the rotors by a run's record and judge what they did; `current` is what --current says.
+
+    With a `trace` they have turned with the run already.
+    """
     from steptwin.host.twin.motors import motors_of_run
 
     current_a = None if current is None else finite_number(current, "--current")
     title = f"motors of {robot.name}"
     with naming_options(current_a="--current"), progress_bar(title) as bar:
-        return motors_of_run(robot, comparison, current_a=current_a, progress=telling_time(bar, title))
+        return motors_of_run(robot, comparison, current_a=current_a, trace=trace, progress=telling_time(bar, title))
 
 
 def margins_of(ran: "MotorRun", comparison: "Comparison") -> "MotorMargins":

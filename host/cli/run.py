@@ -27,7 +27,14 @@ from steptwin.host.cli.connection import LIVE_PANEL, Bitrate, Channel, Connect, 
 from steptwin.host.cli.faults_on_purpose import Faults, chosen_scenario, print_faults
 from steptwin.host.cli.file_motion import InterpolationName
 from steptwin.host.cli.live_run import run_live
-from steptwin.host.cli.motor_report import check_motors, keep_motors, motors_of, print_motors, with_motors
+from steptwin.host.cli.motor_report import (
+    check_motors,
+    keep_motors,
+    motors_of,
+    print_motors,
+    telling_time,
+    with_motors,
+)
 from steptwin.host.cli.option_names import naming_options
 from steptwin.host.cli.output import print_json, say
 from steptwin.host.cli.progress import progress_bar
@@ -43,9 +50,15 @@ if TYPE_CHECKING:
 
 _KernelName = Literal["auto", "python", "numba", "cortex-m3"]
 """The forms of the firmware's kernel; all make the same edges."""
+_Motors = Literal["after", "loop"]
+"""When the motors turn: after the run, or as it goes."""
 
 
-@command("warehouse-scara drawer-pull --out out/drawer-pull", "teaching-scara carry --approach --connect 127.0.0.1")
+@command(
+    "warehouse-scara drawer-pull --out out/drawer-pull",
+    "teaching-scara carry --approach --connect 127.0.0.1",
+    alone={"--motors": "after"},
+)
 def run(
     words: Annotated[
         list[str] | None,
@@ -116,11 +129,13 @@ def run(
     ] = None,
     faults: Faults = None,
     motors: Annotated[
-        bool,
+        _Motors | None,
         typer.Option(
-            "--motors", help="Turn the motors by the run, with the arm's masses: do they keep step? (docs/motors.md)"
+            metavar="[=loop]",
+            help="Turn the motors by the run, with the arm's masses: do they keep step? With =loop they turn as it"
+            " goes, and the switches follow them (docs/motors.md).",
         ),
-    ] = False,
+    ] = None,
     connect: Connect = None,
     interface: Interface = None,
     channel: Channel = None,
@@ -174,7 +189,7 @@ def run(
             "--stock": stock or None,
             "--locked-drawer": locked_drawer or None,
             "--faults": faults,
-            "--motors": motors or None,
+            "--motors": motors,
         }
         _refuse(emulated, "a run in virtual time, without --connect or -i")
         motion.say_summary(to_stderr=as_json)
@@ -211,11 +226,12 @@ def run(
             stock=name_value_pairs(stock) if stock else None,
             locked_drawers=locked_drawer or (),
             scenario=scenario,
-            progress=progress,
+            motors=motors == "loop",
+            progress=telling_time(progress, "run") if motors == "loop" else progress,
         )
     document = outcome.to_dict() | ({} if folder is None else {VERSION_KEY: FOLDER_VERSION})
     pictures = folder is not None and outcome.save(folder)
-    ran = motors_of(motion.plan.robot, outcome.comparison) if motors else None
+    ran = motors_of(motion.plan.robot, outcome.comparison, trace=outcome.rotors) if motors else None
     verdict = None if ran is None else ran.verdict
     if ran is not None and folder is not None:
         keep_motors(folder, ran, outcome.report.run, pictures=pictures)

@@ -36,6 +36,7 @@ from steptwin.host.common.signals import on_signals
 if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.live_board import LiveBoard
+    from steptwin.host.twin.motors.figures import RotorFigures
     from steptwin.host.twin.served_board import ServedBoard
 
 _STATUS_EVERY_S = 0.5
@@ -86,6 +87,13 @@ def serve(
     dip_microsteps: DipMicrosteps = None,
     stock: ShelfStock = None,
     locked_drawer: LockedDrawer = None,
+    motors: Annotated[
+        bool,
+        typer.Option(
+            "--motors",
+            help="Let the motors turn with the board, with the arm's masses: switches follow them (docs/motors.md).",
+        ),
+    ] = False,
     out: Annotated[
         str | None, typer.Option(metavar="DIR", help="Folder to record report, edges and bus log in.")
     ] = None,
@@ -114,7 +122,7 @@ def serve(
     warn_of_settings_left_out(loaded, driver_profile)  # bad input is reported before a port is opened
     parameters = (
         *("host", "port", "control_port", "allow_remote", "interface", "channel", "bitrate", "speed"),
-        *("out", "log", "replace", "dip_microsteps", "stock"),
+        *("out", "log", "replace", "dip_microsteps", "stock", "motors"),
     )
     with panel_process(wanted=panel, to_stderr=as_json) as open_panel:
         with naming_options(*parameters, axes_per_board="--boards", locked_drawers="--locked-drawer"):
@@ -134,6 +142,7 @@ def serve(
                 dip_microsteps=dip_settings(dip_microsteps),
                 stock=name_value_pairs(stock) if stock else None,
                 locked_drawers=locked_drawer or (),
+                motors=motors,
                 out=out,
                 log=log,
                 replace=replace,
@@ -175,6 +184,8 @@ def _run(served: "ServedBoard", announce: Callable[[], None]) -> BusError | Reco
         served.call_every(_STATUS_EVERY_S, update)
         served.call_every(_STATUS_EVERY_S, _SlownessWarning(served.board).look)
         served.call_every(_STATUS_EVERY_S, _warning_of_failures(served))
+        if served.board.rotors:
+            served.call_every(_STATUS_EVERY_S, _warning_of_slips(served.board.rotors))
         gc.freeze()  # numba leaves so many objects that one collection of them all lasts several ticks
         gc.set_threshold(_YOUNG_OBJECTS)
         try:
@@ -220,6 +231,21 @@ def _warning_of_failures(served: "ServedBoard") -> Callable[[], None]:
     return tell
 
 
+def _warning_of_slips(rotors: "RotorFigures") -> Callable[[], None]:
+    """Return a function that warns of each joint whose rotor has slipped, once."""
+    told: set[str] = set()
+
+    def tell() -> None:
+        for name, slipped_s in rotors.slips_s().items():
+            if name not in told:
+                told.add(name)
+                warn(
+                    f"{name}: its rotor has slipped, {slipped_s:.3f} s after power-up; homing finds the position again"
+                )
+
+    return tell
+
+
 @contextmanager
 def _status_line(served: "ServedBoard") -> Iterator[Callable[[], None]]:
     """Yield a callback that updates a status on stderr; it does nothing where stderr is not a terminal."""
@@ -250,6 +276,7 @@ def _banner(served: "ServedBoard") -> list[str]:
     board = served.board
     name = board.driver_profile.name
     drivers = "" if name == USUAL_DRIVERS else f", drivers: {name}"
+    drivers += "" if board.rotors is None else ", motors turn with it ([A] masses)"
     control = (
         []
         if served.control is None
@@ -281,6 +308,22 @@ def _late(lateness: dict[str, Any]) -> dict[str, str]:
     }
 
 
+def _print_rotors(motors: dict[str, Any]) -> None:
+    """Print a row for each joint's rotor."""
+    rows = [
+        [
+            joint["name"],
+            f"{joint['load_angle_deg']:.1f}",
+            f"{joint['load_angle_at_s']:.3f}",
+            "-" if joint["first_slip_s"] is None else f"{joint['first_slip_s']:.3f}",
+            f"{joint['lost_full_steps']:g}",
+            f"{joint['winding_celsius']:.1f}",
+        ]
+        for joint in motors["joints"]
+    ]
+    print_table(["motor", "load angle deg", "at s", "first slip s", "lost steps", "winding degC"], rows)
+
+
 def _print_report(document: dict[str, Any], folder: Path | None) -> None:
     rows = [
         [axis["name"], *(str(axis[key]) for key in ("steps_start", "steps_end", "pulses", "violations"))]
@@ -291,6 +334,8 @@ def _print_report(document: dict[str, Any], folder: Path | None) -> None:
     say(f"bus: {bus['frames']} frames at {bus['bitrate'] // 1000} kbit/s, {bus['load_percent']:.1f} % load")
     for mismatch in document["mismatches"]:
         warn(mismatch)
+    if "motors" in document:
+        _print_rotors(document["motors"])
     for what, text in _late(real_time).items():
         say(f"{what} late, ms (p50 p99 max): {text}, of {real_time[what]['count']}")
     if real_time["stalls"]["count"]:

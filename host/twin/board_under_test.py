@@ -73,6 +73,7 @@ class BoardUnderTest(EmbeddedBoard):
         bus_faults: Sequence[BusFault] = (),
         driver_profile: str | None = None,
         dip_microsteps: Mapping[str, int] | None = None,
+        motors: bool = False,
     ) -> None:
         """Switch the board on.
 
@@ -84,17 +85,25 @@ class BoardUnderTest(EmbeddedBoard):
             bus_faults: faults by which the bus loses, disturbs or delays frames.
             driver_profile: name of the drivers that the board has instead of those in the robot's file.
             dip_microsteps: microsteps to which the switches of modules are set instead of the file's, by joint.
+            motors: True if the robot's motors turn with the board, so that its switches follow the rotors.
 
         Raises:
             InputError: a joint or the drivers do not exist, or the drivers cannot be set as the robot needs them, or
-                have no such switches.
+                have no such switches, or the robot's file does not describe its motors and masses.
         """
         self._began_s = time.perf_counter()
         joints = standing_joints(robot, stand_at)
         self.bus_faults = tuple(bus_faults)
         self._script = FaultScript(bus_faults)
         super().__init__(
-            robot, joints, kernel or fastest_kernel(), self._script, schedule, driver_profile, dip_microsteps
+            robot,
+            joints,
+            kernel or fastest_kernel(),
+            self._script,
+            schedule,
+            driver_profile,
+            dip_microsteps,
+            motors=motors,
         )
         self._run = UnplannedRun(
             robot,
@@ -117,6 +126,18 @@ class BoardUnderTest(EmbeddedBoard):
         """Return each joint's position by the steps that the drivers have made, in mm or degrees."""
         positions = self.robot.from_steps(np.array(self.motor_positions()))
         return dict(zip(self.robot.joint_names, positions.tolist(), strict=True))
+
+    def rotor_joints(self) -> dict[str, float]:
+        """Return each joint's position by its rotor, in mm or degrees: where the machine is, whatever was counted.
+
+        A rotor lags behind its field, and loses steps, only on a board with `motors`.
+        """
+        positions = self.robot.from_steps(np.array(self.rotor_positions()))
+        return dict(zip(self.robot.joint_names, positions.tolist(), strict=True))
+
+    def slipped(self) -> dict[str, int]:
+        """Return the full steps by which each rotor has fallen out of step since power-up, with their sign."""
+        return dict(zip(self.robot.joint_names, self.slipped_full_steps(), strict=True))
 
     def mismatches(self) -> list[Microsteps]:
         """Return the axes whose driver, board and robot file do not agree on the microsteps per full step."""

@@ -9,6 +9,7 @@ from steptwin.emulator.board import Board
 from steptwin.emulator.bus import Bus
 from steptwin.emulator.bus_faults import FaultScript
 from steptwin.emulator.operations import Operation, Scheduled, SetInput
+from steptwin.emulator.rotors import RotorRecord
 from steptwin.emulator.simulation import Simulation
 from steptwin.host.robots.microsteps import Microsteps
 from steptwin.host.robots.robot import Robot
@@ -19,6 +20,9 @@ from steptwin.host.twin.drivers import driver_profile
 from steptwin.host.twin.embedded_network import EmbeddedNetwork
 from steptwin.host.twin.evidence import axes_evidence
 from steptwin.host.twin.input_changes import InputChange, set_input
+from steptwin.host.twin.motors.after_run import RotorTrace, rotor_trace
+from steptwin.host.twin.motors.driving import followed_ms, last_edge_counts
+from steptwin.host.twin.motors.in_loop import motor_wiring
 from steptwin.host.twin.scenarios.engine import Engine
 from steptwin.host.twin.scenarios.host_condition import HostCondition
 from steptwin.host.twin.scenarios.host_network import FaultyNetwork
@@ -54,6 +58,7 @@ class EmbeddedBoard:
         locked_drawers: Collection[str] = (),
         shelf_sensors: bool = True,
         scenario: Scenario | None = None,
+        motors: bool = False,
     ) -> None:
         """Switch the board on.
 
@@ -70,10 +75,12 @@ class EmbeddedBoard:
             locked_drawers: slots of the shelf whose drawers are locked.
             shelf_sensors: False if the shelf's sensors are not connected.
             scenario: faults that happen to it.
+            motors: True if the robot's motors turn with the board, so that its switches follow the rotors.
 
         Raises:
             InputError: the drivers do not exist, or cannot be set as the robot needs them, or have no such switches, or
-                the shelf has no such place, or the scenario names a joint that the robot does not have.
+                the shelf has no such place, or the scenario names a joint that the robot does not have, or the robot's
+                file does not describe its motors and masses.
         """
         self.robot = robot
         self.driver_profile = driver_profile(robot.board, driver_profile_name)
@@ -84,7 +91,12 @@ class EmbeddedBoard:
             robot, start_joints, [len(robot.joints)], stock=stock, locked=locked_drawers, sensors=shelf_sensors
         )
         self._stock = {} if shelf is None else dict(shelf.shelf.stock)
-        self._simulation = Simulation([self._board], Bus(robot.board.bitrate, bus_faults), schedule, shelf)
+        wiring = motor_wiring(robot, start_joints, [len(robot.joints)]) if motors else None
+        self._simulation = Simulation([self._board], Bus(robot.board.bitrate, bus_faults), schedule, shelf, wiring)
+        self._rotor_records: list[RotorRecord] = []
+        """What the rotors have done; nothing without motors."""
+        if watch := self._simulation.rotor_watch:
+            watch.on_record = self._rotor_records.append
         self.host = HostCondition()
         """What a scenario has made of the host."""
         self._target = Target.of(robot, self._simulation, self._start_steps)
@@ -199,6 +211,26 @@ class EmbeddedBoard:
         """Return the position of each axis by the firmware's own count, as 0x6064 has it, without asking for it."""
         motion = self._board.firmware.motion
         return [motion.counter_units(axis) for axis in range(motion.axis_count)]
+
+    def rotor_positions(self) -> list[float]:
+        """Return where each rotor really is, in the steps of `motor_positions`; without motors it is the same."""
+        sixteenths = self._simulation.rotors_sixteenths()
+        return [
+            start + moved / joint.transmission.step_sixteenths
+            for start, moved, joint in zip(self._start_steps, sixteenths, self.robot.joints, strict=True)
+        ]
+
+    def rotor_trace(self, evidence: Evidence) -> RotorTrace | None:
+        """Return what the rotors have done up to some ms after a run's last edge; None without motors."""
+        watch = self._simulation.rotor_watch
+        if watch is None:
+            return None
+        watch.finish(followed_ms(last_edge_counts(evidence)))
+        return rotor_trace(self.robot, self._rotor_records, watch.rotors)
+
+    def slipped_full_steps(self) -> list[int]:
+        """Return the full steps by which each rotor has fallen out of step since power-up, with their sign."""
+        return [self._board.shaft(axis).slipped_full_steps for axis in range(len(self._start_steps))]
 
     def microsteps(self) -> list[Microsteps]:
         """Return the microsteps per full step of each axis: its driver's, its board's and its robot file's."""

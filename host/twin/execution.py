@@ -45,6 +45,7 @@ def execute(
     stock: Mapping[str, str] | None = None,
     locked_drawers: Collection[str] = (),
     scenario: Scenario | None = None,
+    motors: bool = False,
     progress: Progress = lambda _: None,
 ) -> Outcome:
     """Run a plan on an embedded board in virtual time, and verify every pulse.
@@ -66,6 +67,7 @@ def execute(
         stock: the boxes that the emulated shelf holds instead, by slot or spot; the plan is not told.
         locked_drawers: slots of the emulated shelf whose drawers are locked; the plan is not told.
         scenario: faults that happen on purpose; the outcome says whether each was answered as documented.
+        motors: let the robot's motors turn with the board, so that its switches follow the rotors.
         progress: called with the part of the stream, from 0 to 1, that has been sent.
 
     Raises:
@@ -98,6 +100,7 @@ def execute(
         locked_drawers=locked_drawers,
         shelf_sensors=_looks_at_sensors(plan),
         scenario=scenario,
+        motors=motors,
     )
     board.change_inputs(inputs)
     machine = Machine(board, plan.robot.joint_names)
@@ -120,10 +123,12 @@ def execute(
         wall_s=time.perf_counter() - started_s,
     )
     comparison = compare(Expectation.of(plan.robot, made.trajectory, planned), board.evidence())
+    rotors = board.rotor_trace(comparison.evidence)
     report = verify_comparison(comparison, run)
     waits_made = waited(plan, machine.holds_ms, timed_out=timed_out)
     played = _played(board, comparison, report, fault)
-    return Outcome(made, comparison, report, board.bus_log, fault, board.driver_profile.name, waits_made, played)
+    profile = board.driver_profile.name
+    return Outcome(made, comparison, report, board.bus_log, fault, profile, waits_made, played, rotors)
 
 
 def _run(

@@ -34,6 +34,8 @@ from steptwin.host.twin.drivers import driver_profile
 from steptwin.host.twin.evidence import axis_evidence
 from steptwin.host.twin.followed_motion import FollowedMotion
 from steptwin.host.twin.live_plan import LivePlan
+from steptwin.host.twin.motors.figures import RotorFigures
+from steptwin.host.twin.motors.in_loop import motor_wiring
 from steptwin.host.twin.scenarios.harms import Harm, HostFault
 from steptwin.host.twin.scenarios.target import Target
 from steptwin.host.twin.shelf import shelf_evidence, shelf_wiring
@@ -47,6 +49,9 @@ RECORD_EVERY_S: Final = 0.5
 
 OPERATIONS_MAX: Final = 1000
 """Number of operations on the machine that are remembered, so that memory stays bounded."""
+
+_STRETCH_TICKS: Final = 4
+"""Ticks that rotors turn at once in a motion, 1 ms: longer stretches would make the tick late after which they end."""
 
 _OPEN_TICKS: Final = 4
 """Servo ticks before now in which a driver's count may still be open: 1 ms, several times a driver's longest limit."""
@@ -104,6 +109,7 @@ class LiveBoard:
         dip_microsteps: Mapping[str, int] | None = None,
         stock: Mapping[str, str] | None = None,
         locked_drawers: Collection[str] = (),
+        motors: bool = False,
     ) -> None:
         """Set the board up.
 
@@ -120,10 +126,11 @@ class LiveBoard:
             dip_microsteps: microsteps to which the switches of modules are set instead of the file's, by joint.
             stock: the boxes in the robot's shelf, by slot or spot; None: a box at each spot where boxes are taken.
             locked_drawers: slots of the shelf whose drawers are locked.
+            motors: True if the robot's motors turn with the board, so that its switches follow the rotors.
 
         Raises:
             InputError: the drivers do not exist, or cannot be set as the robot needs them, or have no such switches, or
-                the shelf has no such place.
+                the shelf has no such place, or the robot's file does not describe its motors and masses.
             OSError: a file cannot be written.
         """
         self.robot = robot
@@ -158,7 +165,13 @@ class LiveBoard:
         self._motion = FollowedMotion(self._axes, self._plan)
         self._recording = None if out is None else Recording(out, self._header(bitrate), robot.toml)
         self.bus = Bus(bitrate, log=self._log)
-        simulation = Simulation(self._boards, self.bus, shelf=shelf)
+        wiring = motor_wiring(robot, stand_at, self.axes_per_board, _STRETCH_TICKS) if motors else None
+        simulation = Simulation(self._boards, self.bus, shelf=shelf, motors=wiring)
+        self.rotors: RotorFigures | None = None
+        """What the rotors have done; None without motors."""
+        if watch := simulation.rotor_watch:
+            self.rotors = RotorFigures(robot, watch.rotors)
+            watch.on_record = self.rotors.add
         self._target = Target.of(robot, simulation, start_steps)
         self.live = LiveSimulation(simulation, Pacer(time.monotonic_ns(), speed))
 
@@ -389,6 +402,7 @@ class LiveBoard:
             "real_time": self.real_time(),
             "operations": [{"at_s": round(at_s, 6)} | request_of(self.robot, harm) for at_s, harm in self._operations],
             **({} if (shelf := self.shelf()) is None else {"shelf": shelf}),
+            **({} if self.rotors is None else {"motors": self.rotors.to_dict()}),
             "simulated_s": round(self.simulated_s, 6),
             "wall_s": round(self.wall_s, 6),
         }

@@ -7,6 +7,7 @@ from typing import Any
 from steptwin.host.operate.input_waiting import Waited, waits_document
 from steptwin.host.planning.plan import Plan
 from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY, keep_recording, prepare_folder, write_folder
+from steptwin.host.twin.motors.after_run import RotorTrace
 from steptwin.host.twin.scenarios.report import ScenarioReport
 from steptwin.host.verify import Comparison, Report
 from steptwin.protocol.frame import Frame
@@ -54,6 +55,7 @@ class Outcome:
         driver_profile: name of the drivers that the board had.
         waits: the waits for inputs on the way; the plan has their standstills in it, and ends with one that timed out.
         scenario: the faults that happened on purpose, and whether they were answered as documented; None without any.
+        rotors: what the rotors did if the motors turned with the board; None without motors.
     """
 
     plan: Plan
@@ -64,6 +66,7 @@ class Outcome:
     driver_profile: str
     waits: tuple[Waited, ...] = ()
     scenario: ScenarioReport | None = None
+    rotors: RotorTrace | None = None
 
     @property
     def passed(self) -> bool:

@@ -52,7 +52,7 @@ def pytest_configure(config: pytest.Config) -> None:
     """Register the marker."""
     config.addinivalue_line(
         "markers",
-        f"{_MARKER}(robot, stand_at, schedule, bus_faults, driver_profile, dip_microsteps): which board"
+        f"{_MARKER}(robot, stand_at, schedule, bus_faults, driver_profile, dip_microsteps, motors): which board"
         " `steptwin_board` is",
     )
 
@@ -77,6 +77,8 @@ def steptwin_make_board(
         schedule: operations on the machine beside its motion, each with its instant.
         bus_faults: faults by which the bus loses, disturbs or delays frames.
         driver_profile: name of the drivers that the board has instead of those in the robot's file.
+        dip_microsteps: microsteps to which the switches of modules are set instead of the file's, by joint.
+        motors: True if the robot's motors turn with the board, so that its switches follow the rotors.
     """
     from steptwin.host.common.errors import InputError
     from steptwin.host.twin.board_under_test import BoardUnderTest
@@ -91,6 +93,7 @@ def steptwin_make_board(
         bus_faults: "Sequence[BusFault]" = (),
         driver_profile: str | None = None,
         dip_microsteps: "Mapping[str, int] | None" = None,
+        motors: bool = False,
     ) -> BoardUnderTest:
         try:
             board = BoardUnderTest(
@@ -101,6 +104,7 @@ def steptwin_make_board(
                 bus_faults=bus_faults,
                 driver_profile=driver_profile,
                 dip_microsteps=dip_microsteps,
+                motors=motors,
             )
         except InputError as error:
             pytest.fail(f"steptwin: {error}", pytrace=False)

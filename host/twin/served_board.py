@@ -3,6 +3,7 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +54,7 @@ class ServedBoard:
         dip_microsteps: Mapping[str, int] | None = None,
         stock: Mapping[str, str] | None = None,
         locked_drawers: Collection[str] = (),
+        motors: bool = False,
         kernel: Kernel | None = None,
         out: Path | str | None = None,
         log: Path | str | None = None,
@@ -77,6 +79,7 @@ class ServedBoard:
             dip_microsteps: microsteps to which the switches of modules are set instead of the file's, by joint.
             stock: the boxes in the robot's shelf, by slot or spot; None: a box at each spot where boxes are taken.
             locked_drawers: slots of the shelf whose drawers are locked.
+            motors: let the robot's motors turn with the board, so that its switches follow the rotors; needs numba.
             kernel: form of the firmware's kernel; by default the fastest one that is installed.
             out: folder that receives report, edges and bus log.
             log: file that receives the bus log alone.
@@ -93,6 +96,10 @@ class ServedBoard:
             raise InputError(f"speed={speed:g}: is not from {SPEED_MIN:g} to {SPEED_MAX:g}")
         bits_per_s = bitrate or robot.board.bitrate
         standing = standing_joints(robot, stand_at)
+        if motors and not find_spec("numba"):
+            raise InputError(
+                "motors=True: without numba the rotors cannot keep real time; pip install 'steptwin[fast]'"
+            )
         if axes_per_board is not None:
             check_axes_per_board(axes_per_board, len(robot.joints))
         if replace and out is None and log is None:
@@ -121,6 +128,7 @@ class ServedBoard:
                 dip_microsteps=dip_microsteps,
                 stock=stock,
                 locked_drawers=locked_drawers,
+                motors=motors,
             )
             on_error.pop_all()
         self._loop = LiveLoop(self.board.live)

@@ -4,10 +4,9 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from steptwin.controller.pins import Pin
 from steptwin.emulator.shelf import Point, ShelfConfig, SpotConfig
 from steptwin.emulator.shelf import Shelf as EmulatedShelf
-from steptwin.emulator.shelf_watch import InputWire, OutputWire, ShelfWiring
+from steptwin.emulator.shelf_watch import ShelfWiring
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.input_waiting import wired_inputs
@@ -16,11 +15,8 @@ from steptwin.host.robots.kinematics.chain import actual_chain
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.shelf import Shelf
 from steptwin.host.twin.standing import standing_steps
+from steptwin.host.twin.wires import Wires
 from steptwin.host.verify import ShelfEvent, ShelfEvidence
-from steptwin.protocol.cia402 import DigitalInput
-
-_OUT_PINS = Pin.OUT1, Pin.OUT2
-"""The pins of an axis' outputs, in the order of their numbers."""
 
 SHUT_MM = 1.0
 """Distance by which a drawer may be out and still count as shut: its catch takes it."""
@@ -68,7 +64,7 @@ def shelf_wiring(
         stock=usual_stock(shelf) if stock is None else stock,
         locked=frozenset(locked),
     )
-    wires = _Wires(robot, axes_per_board)
+    wires = Wires(robot, axes_per_board)
     inputs = wired_inputs(robot)
     return ShelfWiring(
         shelf=config,
@@ -107,22 +103,7 @@ class _TipAt:
         actual = actual_chain(robot)
         self._forward = actual.poses if actual else make_kinematics(robot).forward
 
-    def __call__(self, sixteenths: Sequence[int]) -> Point:
+    def __call__(self, sixteenths: Sequence[float]) -> Point:
         joints = self._robot.from_steps((self._start + np.array(sixteenths)) / self._per_step)
         x_mm, y_mm, z_mm, _ = self._forward(joints[np.newaxis])[0].tolist()
         return x_mm, y_mm, z_mm
-
-
-class _Wires:
-    """Finds the board and the axis on it of an output or input."""
-
-    def __init__(self, robot: Robot, axes_per_board: Sequence[int]) -> None:
-        self._robot = robot
-        self._places = [(board, axis) for board, count in enumerate(axes_per_board) for axis in range(count)]
-
-    def output(self, name: str) -> OutputWire:
-        output = self._robot.outputs[name]
-        return OutputWire(*self._places[self._robot.index_of(output.joint)], _OUT_PINS[output.out - 1])
-
-    def input(self, axis: int, which: DigitalInput) -> InputWire:
-        return InputWire(*self._places[axis], which)

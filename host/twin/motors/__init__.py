@@ -43,7 +43,12 @@ class MotorRun:
 
 
 def motors_of_run(
-    robot: Robot, comparison: Comparison, *, current_a: float | None = None, progress: Progress = lambda _: None
+    robot: Robot,
+    comparison: Comparison,
+    *,
+    current_a: float | None = None,
+    trace: RotorTrace | None = None,
+    progress: Progress = lambda _: None,
 ) -> MotorRun:
     """Turn the rotors by a run's record and judge what they did.
 
@@ -51,6 +56,7 @@ def motors_of_run(
         robot: the robot, with motors and masses.
         comparison: the run's plan and record.
         current_a: phase current at full torque instead of the record's.
+        trace: what the rotors did if they have turned with the board; None: they turn now.
         progress: called with the part that is done.
 
     Raises:
@@ -61,7 +67,8 @@ def motors_of_run(
         driving = driving.at_current(current_a)
     fastest_rotors()  # compiled once in a process: no part of what turning takes
     began_s = time.perf_counter()
-    trace = rotors_after_run(driving, progress)
+    if trace is None:
+        trace = rotors_after_run(driving, progress)
     wall_s = time.perf_counter() - began_s
     paths = ToolPaths.of(driving, comparison, trace)
     torques = torques_of_plan(driving, comparison, trace.supply_span_v[0])

@@ -62,7 +62,7 @@ def rotors_after_run(driving: Driving, progress: Progress = lambda _: None) -> R
     """Turn the rotors by a run's record, from power-up to some ms after its last edge."""
     rotors = _at_power_up(driving)
     parts = list(_turned(driving, rotors, progress))
-    return _trace(driving.robot, parts, rotors)
+    return rotor_trace(driving.robot, parts, rotors)
 
 
 def first_slip(driving: Driving, progress: Progress = lambda _: None) -> Slip | None:
@@ -93,16 +93,17 @@ def _at_power_up(driving: Driving) -> Rotors:
 def _turned(driving: Driving, rotors: Rotors, progress: Progress) -> Iterator[RotorRecord]:
     """Turn the rotors part by part; a part ends where the payload is taken or left, to the ms."""
     total_ms = driving.total_ms
-    borders_ms = np.union1d(np.arange(0, total_ms, _CHUNK_MS), driving.payload.counts // COUNTS_PER_MS)
+    borders_ms = np.union1d(np.arange(0, total_ms, _CHUNK_MS), -(-driving.payload.counts // COUNTS_PER_MS))
     borders_ms = np.append(borders_ms[borders_ms < total_ms], total_ms)
     for first_ms, next_ms in zip(borders_ms[:-1].tolist(), borders_ms[1:].tolist(), strict=True):
-        held = driving.payload.at(np.array([(first_ms + 1) * COUNTS_PER_MS]))[0]
+        held = driving.payload.at(np.array([first_ms * COUNTS_PER_MS]))[0]
         rotors.carry(driving.arms[int(held)])
         yield rotors.advance(next_ms - first_ms)
         progress(next_ms / total_ms)
 
 
-def _trace(robot: Robot, parts: Sequence[RotorRecord], rotors: Rotors) -> RotorTrace:
+def rotor_trace(robot: Robot, parts: Sequence[RotorRecord], rotors: Rotors) -> RotorTrace:
+    """Return what a robot's rotors did, of the parts of their record and of the rotors at its end."""
     travel = np.array([joint.transmission.travel_per_rev for joint in robot.joints]) / (2.0 * pi)
 
     def column(name: str) -> FloatArray:

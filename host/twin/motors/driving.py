@@ -96,7 +96,7 @@ class Driving:
             ),
             payload=PayloadTimes.of(robot, evidence, dynamics.payload_held_by),
             start_counts=evidence.start_counts,
-            last_counts=max(axis.last_counts for axis in evidence.axes),
+            last_counts=last_edge_counts(evidence),
             arms=(arm_of(robot, 0.0), arm_of(robot, dynamics.payload_kg)),
         )
 
@@ -113,7 +113,7 @@ class Driving:
     @property
     def total_ms(self) -> int:
         """Time from power-up for which the rotors are followed."""
-        return self.last_counts // COUNTS_PER_MS + _SETTLING_MS
+        return followed_ms(self.last_counts)
 
     @property
     def carries(self) -> bool:
@@ -166,6 +166,16 @@ class Driving:
             )
             for joint, driver, start_rad in zip(self.robot.joints, self.drivers, self.starts_rad, strict=True)
         ]
+
+
+def last_edge_counts(evidence: Evidence) -> int:
+    """Return the instant of the last edge at any driver."""
+    return max(axis.last_counts for axis in evidence.axes)
+
+
+def followed_ms(last_counts: int) -> int:
+    """Return the time from power-up for which rotors are followed whose drivers have their last edge at an instant."""
+    return last_counts // COUNTS_PER_MS + _SETTLING_MS
 
 
 Progress = Callable[[float], None]

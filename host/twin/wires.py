@@ -1,0 +1,26 @@
+"""Where a robot's outputs and inputs are on its boards."""
+
+from collections.abc import Sequence
+
+from steptwin.controller.pins import Pin
+from steptwin.emulator.shelf_watch import InputWire, OutputWire
+from steptwin.host.robots.robot import Robot
+from steptwin.protocol.cia402 import DigitalInput
+
+_OUT_PINS = Pin.OUT1, Pin.OUT2
+"""The pins of an axis' outputs, in the order of their numbers."""
+
+
+class Wires:
+    """Finds the board and the axis on it of an output or input."""
+
+    def __init__(self, robot: Robot, axes_per_board: Sequence[int]) -> None:
+        self._robot = robot
+        self._places = [(board, axis) for board, count in enumerate(axes_per_board) for axis in range(count)]
+
+    def output(self, name: str) -> OutputWire:
+        output = self._robot.outputs[name]
+        return OutputWire(*self._places[self._robot.index_of(output.joint)], _OUT_PINS[output.out - 1])
+
+    def input(self, axis: int, which: DigitalInput) -> InputWire:
+        return InputWire(*self._places[axis], which)
