@@ -76,7 +76,7 @@ def test_a_thermal_shutdown_is_told_at_its_instant() -> None:
     for ms in range(1, 40):
         chip.feed(pins(nothing, none, [], ms * COUNTS_PER_MS))
         told.append(follower.look(ms * COUNTS_PER_MS))
-    (off_counts,) = chip.violations.counts.tolist()
+    off_counts = int(chip.violations.counts.max())
     changes = [each for each in told if each is not None]
     assert changes[-1].counts.tolist() == [off_counts]
     assert not changes[-1].currents_a.any()
