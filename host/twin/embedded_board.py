@@ -184,6 +184,11 @@ class EmbeddedBoard:
         """Do an operation on the machine now, such as EmergencyStop(pressed=True)."""
         self._simulation.operate(operation)
 
+    def repair(self) -> None:
+        """End every fault of the scenario that lasts, and let none begin any more."""
+        if self.engine is not None:
+            self.engine.repair()
+
     @property
     def bus_log(self) -> list[tuple[int, Frame]]:
         """Every frame with the instant, in counts, at which it became valid."""

@@ -1,7 +1,7 @@
 """Run a plan from start to verdict: check the start, switch the board on, stream, wait for the end, verify."""
 
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -47,6 +47,7 @@ def execute(
     scenario: Scenario | None = None,
     motors: bool = False,
     progress: Progress = lambda _: None,
+    on_board: Callable[[EmbeddedBoard], None] = lambda _: None,
 ) -> Outcome:
     """Run a plan on an embedded board in virtual time, and verify every pulse.
 
@@ -69,6 +70,7 @@ def execute(
         scenario: faults that happen on purpose; the outcome says whether each was answered as documented.
         motors: let the robot's motors turn with the board, so that its switches follow the rotors.
         progress: called with the part of the stream, from 0 to 1, that has been sent.
+        on_board: called with the board before anything happens, for a caller who wants to look at it afterwards.
 
     Raises:
         InputError: the machine does not stand at the plan's start, the stream is cut outside the motion, or the
@@ -102,6 +104,7 @@ def execute(
         scenario=scenario,
         motors=motors,
     )
+    on_board(board)
     board.change_inputs(inputs)
     machine = Machine(board, plan.robot.joint_names)
     set_up(machine, plan.robot, plan.start_units)

@@ -193,6 +193,13 @@ class Engine:
             each.undo = opposite(harm, self.target.surroundings)
             self.target.operate(harm)
 
+    def repair(self) -> None:
+        """End every fault that lasts; none begins any more."""
+        for each in self.played:
+            if each.began is not None and each.ended_counts is None:
+                self._end(each)
+        self._waiting = []
+
     def _end(self, each: Played) -> None:
         harm = each.harm
         if isinstance(harm, BusFault):

@@ -1,0 +1,38 @@
+"""Campaigns: thousands of runs with random motions, faults and settings, drawn from seeds, and what they found."""
+
+from steptwin.host.campaign.campaign import Campaign
+from steptwin.host.campaign.performance import Performance
+from steptwin.host.campaign.reader import read_campaign, read_scenario_table
+from steptwin.host.campaign.report import write_report
+from steptwin.host.campaign.results import Results
+from steptwin.host.campaign.row import Breach, Ended, Row
+from steptwin.host.campaign.running import perform, row_of, run_seed
+from steptwin.host.campaign.sources import Sources, sources_of_file, sources_of_results
+from steptwin.host.campaign.summary import Summary, summarised
+from steptwin.host.campaign.trial import Trial, draw
+from steptwin.host.campaign.workers import cluster, run_here, run_on
+
+__all__ = [
+    "Breach",
+    "Campaign",
+    "Ended",
+    "Performance",
+    "Results",
+    "Row",
+    "Sources",
+    "Summary",
+    "Trial",
+    "cluster",
+    "draw",
+    "perform",
+    "read_campaign",
+    "read_scenario_table",
+    "row_of",
+    "run_here",
+    "run_on",
+    "run_seed",
+    "sources_of_file",
+    "sources_of_results",
+    "summarised",
+    "write_report",
+]

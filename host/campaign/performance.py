@@ -1,0 +1,69 @@
+"""What a run of a campaign did, for the invariants and margins to judge."""
+
+from dataclasses import dataclass
+
+from steptwin.host.twin.scenarios.report import FaultReport
+
+from steptwin.host.campaign.recovery import Recovery
+from steptwin.host.campaign.row import Ended
+from steptwin.host.campaign.trial import Trial
+from steptwin.host.twin.motors import MotorVerdict
+from steptwin.host.twin.outcome import Outcome
+from steptwin.host.verify import AxisEvidence
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """What a drive says of its position after the motion, and where its motor stands.
+
+    Attributes:
+        joint: name of the joint.
+        known: whether the drive says that it knows its position.
+        off_steps: steps by which the motor stands beyond the position that the drive reports.
+    """
+
+    joint: str
+    known: bool
+    off_steps: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Performance:
+    """A run that was made.
+
+    Attributes:
+        trial: what was drawn.
+        ended: how it ended.
+        message: why it ended before the motion's end; empty otherwise.
+        outcome: its result; None if the machine could not even be set up.
+        claims: what each drive says after the motion; empty if the nodes did not answer.
+        axes: everything at the drivers from power-up to the end, the recovery included.
+        recovery: what became of the machine; None if it was not recovered.
+        motors: what the motors did; None if they were not turned.
+        simulated_s: simulated time.
+    """
+
+    trial: Trial
+    ended: Ended
+    message: str
+    outcome: Outcome | None
+    claims: tuple[Claim, ...]
+    axes: tuple[AxisEvidence, ...]
+    recovery: Recovery | None
+    motors: MotorVerdict | None
+    simulated_s: float
+
+    @property
+    def faults(self) -> tuple[FaultReport, ...]:
+        """The scenario's faults, and what answered; empty without a scenario."""
+        if self.outcome is None or self.outcome.scenario is None:
+            return ()
+        return self.outcome.scenario.faults
+
+    @property
+    def unknowable(self) -> bool:
+        """True if a fault has struck of which no board without encoders can know, such as a broken STEP wire.
+
+        The documented reaction says so: only `verify` tells it.
+        """
+        return any(fault.reaction is not None and not fault.reaction.verified for fault in self.faults)

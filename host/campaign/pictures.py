@@ -1,0 +1,142 @@
+"""Draw what a campaign has found: pass rates with their intervals, and margins against each parameter that varied."""
+
+import re
+from array import array
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from steptwin.host.campaign.margins import MARGINS
+from steptwin.host.campaign.row import Row
+from steptwin.host.campaign.statistics import PassRate
+from steptwin.host.campaign.summary import Summary
+from steptwin.host.common.arrays import BoolArray, FloatArray
+from steptwin.host.record.plots.canvas import COUNTED, LIMIT, WIDTH_INCHES, save_figure
+
+_ROW_INCHES: Final = 0.28
+_MARGIN_INCHES: Final = 1.7
+_BINS: Final = 24
+_POINTS_MAX: Final = 5000
+"""Points drawn of each margin; the line of the least is of all runs."""
+_PARAMETERS_MAX: Final = 16
+"""Parameters that get a picture: those that most runs have."""
+_VALUES_MIN: Final = 2
+_PICTURE_CHARS: Final = re.compile(r"[^A-Za-z0-9]+")
+
+
+@dataclass(slots=True)
+class _Series:
+    """The values of a parameter and, run by run, those of each margin; NaN for one that a run does not tell."""
+
+    values: array[float] = field(default_factory=lambda: array("d"))
+    margins: dict[str, array[float]] = field(default_factory=lambda: {name: array("d") for name in MARGINS})
+    passed: array[int] = field(default_factory=lambda: array("b"))
+
+    def add(self, value: float, row: Row) -> None:
+        self.values.append(value)
+        self.passed.append(row.passed)
+        for name, margin in self.margins.items():
+            margin.append(row.margins.get(name, float("nan")))
+
+
+def draw_campaign(summary: Summary, rows: Iterable[Row], title: str, folder: Path) -> list[str]:
+    """Write the pictures into a folder; return their names."""
+    names = ["rates.png"]
+    save_figure(_draw_rates(summary, title), folder / names[0], {})
+    series: dict[str, _Series] = defaultdict(_Series)
+    for row in rows:
+        for parameter, value in row.parameters.items():
+            series[parameter].add(value, row)
+    runs = Counter({name: len(each.values) for name, each in series.items() if _varies(each)})
+    for parameter, _ in runs.most_common(_PARAMETERS_MAX):
+        names.append(f"margins-{_PICTURE_CHARS.sub('-', parameter).strip('-')}.png")
+        save_figure(_draw_margins(parameter, series[parameter], title), folder / names[-1], {})
+    return names
+
+
+def _varies(series: _Series) -> bool:
+    return len(set(series.values)) >= _VALUES_MIN and any(not np.isnan(each).all() for each in series.margins.values())
+
+
+def _draw_rates(summary: Summary, title: str) -> Figure:
+    """Draw a point with its interval for all runs, each robot, motion, scenario and invariant."""
+    groups: list[tuple[str, Mapping[str, PassRate]]] = [
+        ("", {"all runs": summary.all}),
+        *summary.groups.items(),
+        ("invariants", summary.invariants),
+    ]
+    rows = sum(len(rates) for _, rates in groups)
+    figure = Figure(figsize=(WIDTH_INCHES, 1.4 + _ROW_INCHES * (rows + len(groups))), layout="constrained")
+    figure.suptitle(f"{title}: runs in which every invariant held, with intervals of 95 %", x=0.01, ha="left")
+    grid = figure.subplots(
+        len(groups), 1, sharex=True, squeeze=False, height_ratios=[len(rates) + 0.6 for _, rates in groups]
+    )
+    for axes, (what, rates) in zip(grid[:, 0], groups, strict=True):
+        _draw_group(axes, what, rates)
+    grid[-1, 0].set_xlabel("part of the runs")
+    return figure
+
+
+def _draw_group(axes: Axes, what: str, rates: Mapping[str, PassRate]) -> None:
+    for place, rate in enumerate(rates.values()):
+        lower, upper = rate.interval
+        colour = COUNTED if rate.passed == rate.runs else LIMIT
+        axes.plot([lower, upper], [place, place], color=colour, linewidth=2.0, alpha=0.5)
+        axes.plot([rate.rate], [place], "o", color=colour, markersize=4)
+        axes.text(1.01, place, f"{rate.passed:,}/{rate.runs:,}", transform=axes.get_yaxis_transform(), va="center")
+    axes.set_yticks(range(len(rates)), list(rates))
+    axes.set_ylim(len(rates) - 0.4, -0.6)
+    axes.set_xlim(right=1.0)
+    axes.grid(axis="x", color="0.9")
+    if what:
+        axes.set_title(what, loc="left", size=9)
+
+
+def _draw_margins(parameter: str, series: _Series, title: str) -> Figure:
+    """Draw each margin over a parameter: a point a run, and the least of all runs."""
+    values, passed = np.array(series.values), np.array(series.passed, dtype=bool)
+    known = {name: np.array(margin) for name, margin in series.margins.items() if not np.isnan(margin).all()}
+    figure = Figure(figsize=(WIDTH_INCHES, 0.9 + _MARGIN_INCHES * len(known)), layout="constrained")
+    figure.suptitle(f"{title}: what was left to each limit, over {parameter}", x=0.01, ha="left")
+    grid = figure.subplots(len(known), 1, sharex=True, squeeze=False)
+    for axes, (name, margin) in zip(grid[:, 0], known.items(), strict=True):
+        there = ~np.isnan(margin)
+        _draw_points(axes, values[there], margin[there], passed[there])
+        axes.axhline(0.0, color=LIMIT, linestyle="--", linewidth=0.8)
+        axes.set_ylabel(name)
+        axes.set_title(f"{MARGINS[name].what}; {np.count_nonzero(there):,} runs", loc="left", size=8)
+        axes.grid(color="0.9")
+    grid[0, 0].legend(loc="upper right", fontsize=8)
+    grid[-1, 0].set_xlabel(parameter)
+    return figure
+
+
+def _draw_points(axes: Axes, values: FloatArray, margin: FloatArray, passed: BoolArray) -> None:
+    thinned = slice(None, None, max(1, len(values) // _POINTS_MAX))
+    dots = {"linestyle": "none", "marker": ".", "markersize": 3, "alpha": 0.5}
+    for which, colour, label in ((passed, COUNTED, "passed"), (~passed, LIMIT, "failed")):
+        shown = which[thinned]
+        axes.plot(values[thinned][shown], margin[thinned][shown], color=colour, label=label, **dots)
+    places, least = least_in_bins(values, margin)
+    axes.plot(places, least, color="0.3", linewidth=1.0, drawstyle="steps-mid", label="least of all runs")
+
+
+def least_in_bins(values: FloatArray, margin: FloatArray, bins: int = _BINS) -> tuple[FloatArray, FloatArray]:
+    """Return the least margin at each value, or in each of so many even bins if there are more values.
+
+    Returns:
+        The values or the middles of the bins that hold any, and the least margins; both shape (n,), sorted by value.
+    """
+    distinct = np.unique(values)
+    if len(distinct) <= bins:
+        return distinct, np.array([margin[values == each].min() for each in distinct])
+    borders = np.linspace(distinct[0], distinct[-1], bins + 1)
+    number = np.clip(np.searchsorted(borders, values, side="right") - 1, 0, bins - 1)
+    held = np.unique(number)
+    return (borders[held] + borders[held + 1]) / 2, np.array([margin[number == each].min() for each in held])

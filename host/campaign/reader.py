@@ -1,0 +1,265 @@
+"""Read a campaign's TOML file. Everything that it can draw is tried once, so that a mistake is told before any run."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from random import Random
+from typing import Any, Final
+
+from steptwin.host.twin.scenarios.reading import scenario_of
+
+from steptwin.host.campaign.campaign import (
+    Campaign,
+    FileMotion,
+    JobMotion,
+    MotionChoice,
+    RandomMoves,
+    ScenarioChoice,
+)
+from steptwin.host.campaign.sources import Sources
+from steptwin.host.campaign.trial import placed, random_moves
+from steptwin.host.campaign.values import Template, drawn, read_template
+from steptwin.host.campaign.variations import VARIATIONS, Setup
+from steptwin.host.common.bad_input import prefixed, unknown
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.file_limits import NAME_CHARS_MAX, PROGRAM_BYTES_MAX
+from steptwin.host.common.findings import Findings
+from steptwin.host.common.tables import Table, toml_table
+from steptwin.host.common.text_file import read_text
+from steptwin.host.planning.jobs import job_fields
+from steptwin.host.planning.planner import plan
+from steptwin.host.planning.programs import SUFFIX as PROGRAM_SUFFIX
+from steptwin.host.planning.programs import compile_program, read_program
+from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.planning.trajectory_file import is_trajectory_file, read_trajectory
+from steptwin.host.robots import SUFFIX as ROBOT_SUFFIX
+from steptwin.host.robots import load_robot, load_robot_file
+from steptwin.host.robots.robot import Robot
+
+RUNS_MAX: Final = 10_000_000
+"""Greatest number of runs: a list of those that are done takes a byte for each."""
+_SEED_MAX: Final = 1 << 53
+"""Greatest first seed: every program that reads the results holds such a number exactly."""
+_MOVES: Final = 1
+_REACH: Final = 0.1
+"""Random moves without these keys: one move, each joint by up to a tenth of its range."""
+_MOTION_KEYS: Final[Mapping[str, tuple[str, ...]]] = {
+    "job": ("options",),
+    "moves": ("reach",),
+    "file": (),
+}
+"""The key that says what a motion is, and the further keys of each."""
+
+
+@dataclass(slots=True)
+class _Reader:
+    """A campaign that is being read."""
+
+    sources: Sources
+    robots: Mapping[str, Robot] = field(default_factory=dict)
+    files: set[str] = field(default_factory=set)
+
+    def campaign(self) -> Campaign:
+        table = toml_table(self.sources.text)
+        values = table.read(
+            {"runs": _runs, "robots": Table.elements, "motion": Table.elements},
+            {
+                "first_seed": _first_seed,
+                "scenario": Table.elements,
+                "vary": lambda table, key: table.values[key],
+                "recover": Table.truth,
+                "motors": Table.truth,
+            },
+        )
+        self.robots = self._robots(values["robots"])
+        scenarios = table.each("scenario", self._scenario) if "scenario" in table else ()
+        names = [choice.name for choice in scenarios]
+        if twice := sorted({name for name in names if names.count(name) > 1}):
+            raise InputError(f"scenario: two are called {twice[0]!r}")
+        campaign = Campaign(
+            runs=values["runs"],
+            first_seed=values["first_seed"] or 0,
+            robots=self.robots,
+            motions=table.each("motion", self._motion),
+            scenarios=scenarios or (ScenarioChoice("nothing", {}, tuple(self.robots), 1.0),),
+            vary=self._vary(values["vary"]),
+            recover=values["recover"] is not False,
+            motors=values["motors"] is True,
+        )
+        self._check_every_robot("motion", campaign.motions)
+        self._check_every_robot("scenario", campaign.scenarios)
+        return campaign
+
+    def _robots(self, names: list[object]) -> dict[str, Robot]:
+        if not names:
+            raise InputError("robots: names none")
+        robots = {}
+        for name in names:
+            if not isinstance(name, str):
+                raise InputError(f"robots: {name!r} is not a text")
+            with prefixed("robots: "):
+                robots[name] = self._robot(name)
+        return robots
+
+    def _robot(self, name: str) -> Robot:
+        if not name.endswith(ROBOT_SUFFIX):
+            return load_robot(name)
+        self.files.add(name)
+        return load_robot_file(self.sources.path(name))
+
+    def _chosen_robots(self, table: Table) -> tuple[str, ...]:
+        """Return the robots that a motion or a scenario is for: all, unless it names some."""
+        if "robots" not in table:
+            return tuple(self.robots)
+        names = table.elements("robots")
+        for name in names:
+            if name not in self.robots:
+                raise unknown("robots: robot", str(name), self.robots)
+        return tuple(str(name) for name in names)
+
+    def _check_every_robot(self, what: str, choices: tuple[MotionChoice, ...] | tuple[ScenarioChoice, ...]) -> None:
+        for name in self.robots:
+            if not any(name in choice.robots and choice.weight > 0 for choice in choices):
+                raise InputError(f"{what}: there is none for {name}")
+
+    # --- motions
+
+    def _motion(self, table: Table) -> MotionChoice:
+        kinds = [key for key in _MOTION_KEYS if key in table]
+        if len(kinds) != 1:
+            raise InputError(f"one of {', '.join(_MOTION_KEYS)} says what the motion is")
+        table.check_keys([kinds[0], *_MOTION_KEYS[kinds[0]], "robots", "weight"])
+        robots, weight = self._chosen_robots(table), _weight(table)
+        read: Mapping[str, Callable[[Table, tuple[str, ...]], JobMotion | RandomMoves | FileMotion]] = {
+            "job": self._job,
+            "moves": self._moves,
+            "file": self._file,
+        }
+        return MotionChoice(read[kinds[0]](table, robots), robots, weight)
+
+    def _job(self, table: Table, robots: tuple[str, ...]) -> JobMotion:
+        job = table.text("job")
+        options = _template(table, "options") if "options" in table else {}
+        if not isinstance(options, dict):
+            raise InputError("options: is not a table")
+        for name in robots:
+            with prefixed(f"{name}: "):
+                known = [option.name for option in job_fields(self.robots[name], job)]
+            for option in options:
+                if option not in known:
+                    raise unknown("options: option", option, known)
+        return JobMotion(job, options)
+
+    def _moves(self, table: Table, _: tuple[str, ...]) -> RandomMoves:
+        moves = _template(table, "moves")
+        reach = _template(table, "reach") if "reach" in table else _REACH
+        for name, robot in self.robots.items():
+            count, part = drawn(moves, Random(name), robot), drawn(reach, Random(name), robot)
+            if isinstance(count, bool) or not isinstance(count, int) or count < 1:
+                raise InputError(f"moves: {count!r} is not a whole number of at least 1")
+            if isinstance(part, bool) or not isinstance(part, int | float) or not 0 < part <= 1:
+                raise InputError(f"reach: {part!r} is not a part of the joints' ranges, above 0 and up to 1")
+        return RandomMoves(moves, reach)
+
+    def _file(self, table: Table, robots: tuple[str, ...]) -> FileMotion:
+        name = table.text("file")
+        self.files.add(name)
+        return FileMotion(name, {robot: self._trajectory(name, self.robots[robot]) for robot in robots})
+
+    def _trajectory(self, name: str, robot: Robot) -> Trajectory:
+        path = self.sources.path(name)
+        with prefixed(f"{robot.name}: "):
+            if is_trajectory_file(name):
+                return read_trajectory(path, robot)
+            if name.endswith(PROGRAM_SUFFIX):
+                return compile_program(read_program(path), robot).trajectory
+        raise InputError(f"file: {name} is neither a trajectory (.csv, .json) nor a program ({PROGRAM_SUFFIX})")
+
+    # --- what goes wrong, and what varies
+
+    def _scenario(self, table: Table) -> ScenarioChoice:
+        robots, weight = self._chosen_robots(table), _weight(table)
+        name = table.name("name", NAME_CHARS_MAX)
+        own = {key: value for key, value in table.values.items() if key not in ("name", "weight", "robots", "file")}
+        if "file" in table:
+            if own:
+                raise InputError(f"{next(iter(own))}: the file has the scenario")
+            file = table.text("file")
+            self.files.add(file)
+            own = read_scenario_table(self.sources.path(file))
+        template = read_template(own)
+        self._check_scenario(name, template, robots)
+        return ScenarioChoice(name, template, robots, weight)
+
+    def _check_scenario(self, name: str, template: Template, robots: tuple[str, ...]) -> None:
+        """Read what a scenario draws, once for each robot, with instants in a motion of a second."""
+        for robot_name in robots:
+            robot, random = self.robots[robot_name], Random(robot_name)
+            motion = plan(robot, random_moves(robot, 1, _REACH, random))
+            table = placed(drawn(template, random, robot), motion)
+            if table.get("fault"):
+                findings = Findings()
+                with prefixed(f"{robot_name}: "):
+                    scenario_of(Table(table | {"name": name}, "table"), robot, findings)
+                    findings.raise_first()
+            elif table:
+                raise InputError(f"fault: is missing, but there is {next(iter(table))}")
+
+    def _vary(self, values: object) -> dict[str, Template]:
+        if values is None:
+            return {}
+        if not isinstance(values, dict):
+            raise InputError("vary: is not a table")
+        templates = {}
+        for name, value in values.items():
+            if name not in VARIATIONS:
+                raise unknown("vary: parameter", name, VARIATIONS)
+            with prefixed(f"vary.{name}: "):
+                templates[name] = read_template(value)
+                for robot_name, robot in self.robots.items():
+                    VARIATIONS[name](Setup(robot), drawn(templates[name], Random(robot_name), robot))
+        return templates
+
+
+def read_campaign(sources: Sources) -> tuple[Campaign, set[str]]:
+    """Return a campaign and the names of the files that it names.
+
+    Raises:
+        InputError: something in it is wrong; the message names file and key.
+    """
+    reader = _Reader(sources)
+    with prefixed(f"{sources.name}: "):
+        return reader.campaign(), reader.files
+
+
+def read_scenario_table(path: str) -> dict[str, Any]:
+    """Return the table of a scenario's file, to be read for a robot later; raise InputError if it is not TOML."""
+    with prefixed(f"{path}: "):
+        table = dict(toml_table(read_text(path, PROGRAM_BYTES_MAX)).values)
+    table.pop("name", None)
+    return table
+
+
+def _runs(table: Table, key: str) -> int:
+    runs = table.integer(key)
+    if not 1 <= runs <= RUNS_MAX:
+        raise InputError(f"{key}: {runs} is not from 1 to {RUNS_MAX}")
+    return runs
+
+
+def _first_seed(table: Table, key: str) -> int:
+    seed = table.integer(key, _SEED_MAX)
+    if seed < 0:
+        raise InputError(f"{key}: {seed} is negative")
+    return seed
+
+
+def _weight(table: Table) -> float:
+    weight = table.number("weight") if "weight" in table else 1.0
+    if weight < 0:
+        raise InputError(f"weight: {weight:g} is negative")
+    return weight
+
+
+def _template(table: Table, key: str) -> Any:
+    with prefixed(f"{key}: "):
+        return read_template(table.values[key])

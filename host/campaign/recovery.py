@@ -1,0 +1,88 @@
+"""Recover a machine after a run as an operator would: repair it, reset its drives, home it, move it a little."""
+
+from dataclasses import dataclass
+from typing import Final
+
+from steptwin.host.common.errors import StepTwinError
+from steptwin.host.operate.homing import home_robot
+from steptwin.host.operate.moving import goal_units, move
+from steptwin.host.operate.recovering import reset
+from steptwin.host.operate.session import Session
+from steptwin.host.robots.joint import Joint
+from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+
+_WAY: Final = 0.01
+"""Part of each joint's range by which it moves at the end."""
+_STEPS_OFF_MAX: Final = 1.0
+"""Steps by which a joint may stand elsewhere than reported after homing: where the edge of a switch falls between two
+servo ticks, a rotor that was put back by part of a step is found up to a step away."""
+
+
+@dataclass(frozen=True, slots=True)
+class Recovery:
+    """What became of the machine.
+
+    Attributes:
+        failed: what did not work, without numbers; empty if everything did.
+        detail: more about it.
+    """
+
+    failed: str = ""
+    detail: str = ""
+
+
+def recover(board: EmbeddedBoard) -> Recovery:
+    """Repair the machine, reset its drives, home the joints that can be homed, move them all, compare positions."""
+    board.repair()
+    session, doing = Session(board, board.robot), "the reset"
+    try:
+        reset(session)
+        doing = "homing"
+        _home(session)
+        doing = "a move"
+        goal = _goal(session)
+        move(session, goal)
+        wanted = goal_units(session, session.units(goal), goal)
+        reported = session.machine.positions_units()
+    except StepTwinError as error:
+        return Recovery(f"{doing} failed", str(error))
+    return _compared(board, reported) if reported == wanted else Recovery("a move ended elsewhere", str(reported))
+
+
+def _home(session: Session) -> None:
+    """Home the joints that have a homing, all together; they stay where it ends."""
+    names = [joint.name for joint in session.robot.joints if joint.homing is not None]
+    if names:
+        home_robot(session, joints=names, together=True, stay=True)
+
+
+def _goal(session: Session) -> list[float]:
+    """Return a position near the present one, each joint within its limits, on the side where its range is longer."""
+    standing = session.positions(session.demanded_units())
+    return [_near(joint, position) for position, joint in zip(standing, session.robot.joints, strict=True)]
+
+
+def _near(joint: Joint, position: float) -> float:
+    way = _WAY * (joint.upper - joint.lower)
+    middle = (joint.lower + joint.upper) / 2
+    within = min(max(position, joint.lower), joint.upper)
+    return within + (way if within < middle else -way)
+
+
+def _compared(board: EmbeddedBoard, reported_units: list[int]) -> Recovery:
+    """Compare where the drives say they are with where the motors are."""
+    off = steps_off(board.robot, board.motor_positions(), reported_units)
+    worst = max(range(len(off)), key=lambda axis: abs(off[axis]))
+    if abs(off[worst]) <= _STEPS_OFF_MAX:
+        return Recovery()
+    return Recovery("homing found another position", f"{board.robot.joint_names[worst]}: {off[worst]:+.4g} steps")
+
+
+def steps_off(robot: Robot, motor_steps: list[float], reported_units: list[int]) -> list[float]:
+    """Return by how many steps of the robot's file each motor stands beyond the position that its drive reports."""
+    return [
+        steps - units * joint.transmission.microsteps / UNITS_PER_FULL_STEP
+        for steps, units, joint in zip(motor_steps, reported_units, robot.joints, strict=True)
+    ]

@@ -1,0 +1,77 @@
+"""The files of a campaign: its own text and those that it names, beside it or kept in its folder of results."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+from urllib.parse import quote
+
+from steptwin.host.common.bad_input import prefixed
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.file_limits import CAMPAIGN_BYTES_MAX, CAMPAIGN_FILE_BYTES_MAX
+from steptwin.host.common.text_file import read_text
+from steptwin.host.common.whole_file import whole_file
+
+_CAMPAIGN: Final = "campaign.toml"
+_FILES: Final = "files"
+
+
+@dataclass(frozen=True, slots=True)
+class Sources:
+    """A campaign's text, and where the files are that it names.
+
+    Attributes:
+        name: its file as the user named it, for messages.
+        text: the text.
+        folder: folder from which the names of files count; None for files kept under their quoted names.
+        kept: folder of a campaign's results, where its files are kept; None for a campaign of its own file.
+    """
+
+    name: str
+    text: str
+    folder: Path | None = None
+    kept: Path | None = None
+
+    def path(self, name: str) -> str:
+        """Return the path of a file that the campaign names."""
+        if self.kept is not None:
+            return str(self.kept / _FILES / quote(name, safe=""))
+        return str((self.folder or Path()) / name)
+
+    def keep(self, folder: Path, names: set[str]) -> None:
+        """Keep the campaign and its files in a folder of results, unless they are there.
+
+        Raises:
+            InputError: the folder has the results of another campaign.
+        """
+        texts = {_CAMPAIGN: self.text}
+        for name in names:
+            with prefixed(f"{name}: "):
+                texts[f"{_FILES}/{quote(name, safe='')}"] = read_text(self.path(name), CAMPAIGN_FILE_BYTES_MAX)
+        if (folder / _CAMPAIGN).exists():
+            for place, text in texts.items():
+                if _kept_text(folder / place) != text:
+                    raise InputError(f"{folder}: has the results of another campaign, whose {place} differs")
+            return
+        for place, text in reversed(texts.items()):  # the campaign comes last: with it the folder is whole
+            (folder / place).parent.mkdir(parents=True, exist_ok=True)
+            with whole_file(folder / place) as file:
+                file.write(text.encode())
+
+
+def sources_of_file(path: str) -> Sources:
+    """Read a campaign's file; raise InputError if it cannot be read."""
+    with prefixed(f"{path}: "):
+        return Sources(path, read_text(path, CAMPAIGN_BYTES_MAX), folder=Path(path).parent)
+
+
+def sources_of_results(folder: Path) -> Sources:
+    """Read the campaign in a folder of results; raise InputError for a folder without one."""
+    path = folder / _CAMPAIGN
+    if not path.is_file():
+        raise InputError(f"{folder}: holds no campaign: there is no {_CAMPAIGN} in it")
+    with prefixed(f"{path}: "):
+        return Sources(str(path), read_text(str(path), CAMPAIGN_BYTES_MAX), kept=folder)
+
+
+def _kept_text(path: Path) -> str | None:
+    return read_text(str(path), CAMPAIGN_FILE_BYTES_MAX) if path.is_file() else None

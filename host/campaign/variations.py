@@ -1,0 +1,96 @@
+"""Parameters of the machine that a campaign varies: what each does to a run's setup, and which values it takes."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from steptwin.host.common.bad_input import outside, unknown
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.tables import number_at
+from steptwin.host.planning.motions.stretched import STRETCH_MAX
+from steptwin.host.planning.planner import DEFAULT_POINT_MS
+from steptwin.host.robots.board_settings import DRIVER_PROFILES
+from steptwin.host.robots.robot import Robot
+from steptwin.protocol.pvt import DURATION_MAX_MS
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """How a run is made: the robot as it is, the length of PVT records, the motion's slowness and other drivers."""
+
+    robot: Robot
+    record_ms: int = DEFAULT_POINT_MS
+    stretch: float = 1.0
+    driver_profile: str | None = None
+
+
+def _payload(setup: Setup, value: object) -> Setup:
+    dynamics = setup.robot.dynamics
+    if dynamics is None:
+        raise InputError(f"{setup.robot.name} says nothing of its dynamics (docs/motors.md)")
+    payload_kg = number_at("payload", value)
+    return replace(setup, robot=replace(setup.robot, dynamics=replace(dynamics, payload_kg=payload_kg)))
+
+
+def _friction(setup: Setup, value: object) -> Setup:
+    factor = number_at("factor", value)
+    if factor < 0:
+        raise InputError(f"{factor:g} is a negative factor")
+    joints = tuple(
+        joint
+        if joint.motor is None
+        else replace(joint, motor=replace(joint.motor, friction_nm=factor * joint.motor.friction_nm))
+        for joint in setup.robot.joints
+    )
+    return replace(setup, robot=replace(setup.robot, joints=joints))
+
+
+def _microsteps(setup: Setup, value: object) -> Setup:
+    microsteps = _whole(value)
+    joints = tuple(
+        replace(joint, transmission=replace(joint.transmission, microsteps=microsteps)) for joint in setup.robot.joints
+    )
+    return replace(setup, robot=replace(setup.robot, joints=joints))
+
+
+def _driver_profile(setup: Setup, value: object) -> Setup:
+    if value not in DRIVER_PROFILES:
+        raise unknown("driver profile", str(value), DRIVER_PROFILES)
+    return replace(setup, driver_profile=str(value))
+
+
+def _record_ms(setup: Setup, value: object) -> Setup:
+    record_ms = _whole(value)
+    if not 1 <= record_ms <= DURATION_MAX_MS:
+        raise InputError(outside(record_ms, 1, DURATION_MAX_MS, "ms"))
+    return replace(setup, record_ms=record_ms)
+
+
+def _bitrate(setup: Setup, value: object) -> Setup:
+    return replace(setup, robot=replace(setup.robot, board=replace(setup.robot.board, bitrate=_whole(value))))
+
+
+def _stretch(setup: Setup, value: object) -> Setup:
+    factor = number_at("factor", value)
+    if not 0 < factor <= STRETCH_MAX:
+        raise InputError(f"{factor:g} is not above 0 and up to {STRETCH_MAX:g}")
+    return replace(setup, stretch=factor)
+
+
+def _whole(value: object) -> int:
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise InputError(f"{value!r} is not a whole number")
+    return value
+
+
+VARIATIONS: Final[Mapping[str, Callable[[Setup, Any], Setup]]] = {
+    "payload_kg": _payload,
+    "friction": _friction,
+    "microsteps": _microsteps,
+    "driver_profile": _driver_profile,
+    "record_ms": _record_ms,
+    "bitrate": _bitrate,
+    "stretch": _stretch,
+}
+"""What each parameter of [vary] does: payload at the tool in kg, a factor of all motors' friction, microsteps of all
+axes, drivers that neither plan nor firmware know of, length of PVT records in ms, bit rate, a factor of slowness."""

@@ -1,0 +1,167 @@
+"""Make the runs of a campaign: in this process, or on the workers of a Dask cluster, each run once."""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from itertools import islice
+from time import monotonic
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from steptwin import __version__
+from steptwin.host.campaign.campaign import Campaign
+from steptwin.host.campaign.row import Breach, Ended, Row
+from steptwin.host.campaign.running import run_seed
+from steptwin.host.common.errors import BusError, InputError
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+SEEDS_PER_TASK: Final = 4
+"""Runs of a task: with some tenths of a second each, what a task costs the scheduler, 1 ms, does not count."""
+_TASKS_PER_THREAD: Final = 3
+"""Tasks that are handed out for each thread of the cluster: one runs, the others wait beside it."""
+_TASKS_MIN: Final = 4
+_THREADS_ASKED_EVERY_S: Final = 5.0
+
+
+class Batch(NamedTuple):
+    """The rows of a task, and the version of StepTwin that made them."""
+
+    version: str
+    rows: list[Row]
+
+
+def run_here(campaign: Campaign, seeds: Iterable[int]) -> Iterator[list[Row]]:
+    """Make runs in this process; yield the row of each."""
+    for seed in seeds:
+        yield [run_seed(campaign, seed)]
+
+
+def run_batch(campaign: Campaign, seeds: Sequence[int]) -> Batch:
+    """Make the runs of a task, on a worker."""
+    return Batch(__version__, [run_seed(campaign, seed) for seed in seeds])
+
+
+def run_on(client: "Client", campaign: Campaign, seeds: Iterable[int]) -> Iterator[list[Row]]:
+    """Make runs on a cluster; yield the rows of each task as it ends, in any order.
+
+    Only so many tasks are handed out that no worker waits, whatever the number of runs. The runs of a worker that is
+    lost are made by another one. A run that ends its worker several times becomes a row that says so.
+
+    Raises:
+        InputError: the workers have another version of StepTwin, or cannot import it.
+        BusError: the scheduler is lost.
+    """
+    from distributed import as_completed
+
+    waiting = iter(seeds)
+    # A task rather than scattered data: if all workers that hold it are lost, the scheduler makes it again.
+    shared = client.submit(_same, campaign, pure=False)
+    tasks: dict[Any, list[int]] = {}
+    running = as_completed()
+    threads = _Threads(client)
+
+    def hand_out(some: list[int]) -> None:
+        task = client.submit(run_batch, shared, some, pure=False)
+        tasks[task] = some
+        running.add(task)
+
+    def fill_up() -> None:
+        while len(tasks) < max(_TASKS_MIN, _TASKS_PER_THREAD * threads.count()):
+            some = list(islice(waiting, SEEDS_PER_TASK))
+            if not some:
+                return
+            hand_out(some)
+
+    fill_up()
+    while tasks:
+        task = next(running)
+        some = tasks.pop(task)
+        try:
+            batch = _result(client, task)
+        except _KilledError:
+            if len(some) == 1:
+                yield [_killed(some[0])]
+            for seed in some if len(some) > 1 else ():
+                hand_out([seed])
+        else:
+            if batch.version != __version__:
+                raise InputError(f"a worker has StepTwin {batch.version}, this is {__version__}: they must be the same")
+            yield batch.rows
+        task.release()
+        fill_up()
+
+
+def _same(campaign: Campaign) -> Campaign:
+    return campaign
+
+
+class _KilledError(Exception):
+    """A task has ended several workers."""
+
+
+def _result(client: "Client", task: Any) -> Batch:
+    """Return what a task that has ended has returned."""
+    from distributed import CancelledError, KilledWorker
+    from distributed.comm import CommClosedError
+
+    try:
+        batch: Batch = client.gather(task)
+    except KilledWorker as error:
+        raise _KilledError from error
+    except ModuleNotFoundError as error:
+        raise InputError(f"a worker cannot import StepTwin: {error}: install the same version there") from error
+    except (CancelledError, CommClosedError, TimeoutError, OSError) as error:
+        raise BusError(f"the scheduler is lost: {error}") from error
+    return batch
+
+
+def _killed(seed: int) -> Row:
+    breach = Breach("program", "the worker's process ended, again and again")
+    return Row(seed, "", "", "", Ended.CRASHED, breach.what, breaches=(breach,))
+
+
+class _Threads:
+    """How many threads the cluster's workers have, asked from time to time: workers come and go."""
+
+    def __init__(self, client: "Client") -> None:
+        self._client = client
+        self._asked_s = -_THREADS_ASKED_EVERY_S
+        self._count = 0
+
+    def count(self) -> int:
+        """Return the number of threads."""
+        now_s = monotonic()
+        if now_s - self._asked_s >= _THREADS_ASKED_EVERY_S:
+            self._asked_s = now_s
+            self._count = sum(self._client.nthreads().values())
+        return self._count
+
+
+@contextmanager
+def cluster(workers: int, scheduler: str | None) -> "Iterator[Client]":
+    """Connect to a scheduler, or start a cluster of this computer's with so many workers, for the block.
+
+    Raises:
+        BusError: the scheduler does not answer.
+    """
+    from distributed import Client, LocalCluster
+
+    if scheduler is not None:
+        with _connected(lambda: Client(scheduler, set_as_default=False), scheduler) as client:
+            yield client
+        return
+    with (
+        LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs="critical") as local,
+        Client(local, set_as_default=False) as client,
+    ):
+        yield client
+
+
+@contextmanager
+def _connected(connect: "Callable[[], Client]", scheduler: str) -> "Iterator[Client]":
+    try:
+        client = connect()
+    except (OSError, TimeoutError, ValueError) as error:
+        raise BusError(f"scheduler={scheduler}: no Dask scheduler answers there: {error}") from error
+    with client:
+        yield client

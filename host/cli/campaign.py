@@ -1,0 +1,216 @@
+"""`steptwin campaign FILE|rerun|report`: make many runs with faults on many cores, and tell what failed in silence."""
+
+import os
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+import typer
+
+from steptwin.host.cli.app import command
+from steptwin.host.cli.arguments import AsJson, out_folder
+from steptwin.host.cli.campaign_progress import campaign_bar, tries_bar
+from steptwin.host.cli.campaign_report import print_summary
+from steptwin.host.cli.output import print_json, say
+from steptwin.host.cli.report import EXIT_NOT_VERIFIED, print_report
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.numbers import whole
+
+if TYPE_CHECKING:
+    from steptwin.host.campaign import Campaign, Results, Summary
+
+_RERUN: Final = "rerun"
+_REPORT: Final = "report"
+
+
+@command("evening.toml --out out/evening", "rerun out/evening 4711 --out out/run-4711")
+def campaign(
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="FILE | rerun DIR SEED | report DIR",
+            help="A campaign's file (docs/campaigns.md) to run, or to continue where it was interrupted; or a run of a"
+            " campaign's folder to make again, by its seed; or the folder to report.",
+        ),
+    ] = None,
+    out: Annotated[
+        str | None, typer.Option(metavar="DIR", help="Folder for the results, or for the run that is made again.")
+    ] = None,
+    runs: Annotated[
+        int | None,
+        typer.Option(metavar="N", min=1, help="Number of runs instead of the file's; more continue a campaign."),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(metavar="N", min=1, help="Processes of this computer; by default one for each core."),
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="tcp://HOST:PORT", help="Scheduler of a Dask cluster to run on instead.")
+    ] = None,
+    faults: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="Scenario for a run that is made again, such as a shrunk one of the report."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Make many runs with random motions, faults and settings, and tell which failed in silence, and why.
+
+    The exit code is 1 if any did. Every run is drawn from its seed; rerun makes one again with all files of a run.
+    report writes pictures and, for each cause of failures, the smallest scenario that still fails.
+    """
+    _require_extra()
+    match words or []:
+        case [action, folder, seed] if action == _RERUN:
+            _refuse(runs=runs, workers=workers, scheduler=scheduler)
+            _rerun(Path(folder), _seed(seed), out, faults, as_json=as_json)
+        case [action, folder] if action == _REPORT:
+            _refuse(runs=runs, workers=workers, scheduler=scheduler, faults=faults, out=out)
+            _report(Path(folder), as_json=as_json)
+        case [action, *_] if action in (_RERUN, _REPORT):
+            raise InputError(f"{action}: is followed by {'DIR and SEED' if action == _RERUN else 'DIR'}")
+        case [file]:
+            _refuse(faults=faults)
+            _run(file, out, runs, workers, scheduler, as_json=as_json)
+        case _:
+            raise InputError("a campaign's FILE is needed, or rerun DIR SEED, or report DIR")
+
+
+def _require_extra() -> None:
+    if find_spec("pyarrow") is None or find_spec("distributed") is None:
+        raise InputError("campaigns are not installed: pip install 'steptwin[campaign]'")
+
+
+def _seed(text: str) -> int:
+    try:
+        return whole(text)
+    except ValueError:
+        raise InputError(f"SEED {text!r}: is not a whole number") from None
+
+
+def _refuse(**options: str | int | None) -> None:
+    for name, value in options.items():
+        if value is not None:
+            raise InputError(f"--{name} {value}: has no effect here")
+
+
+# --- run
+
+
+def _run(
+    file: str, out: str | None, runs: int | None, workers: int | None, scheduler: str | None, *, as_json: bool
+) -> None:
+    from dataclasses import replace
+
+    from steptwin.host.campaign import Results, read_campaign, sources_of_file
+
+    sources = sources_of_file(file)
+    made, names = read_campaign(sources)
+    if runs is not None:
+        made = replace(made, runs=runs)
+    if out is None:
+        raise InputError("--out DIR is missing: the folder for the results")
+    if workers is not None and scheduler is not None:
+        raise InputError(f"--workers {workers}: is for this computer, not for {scheduler}")
+    processes = os.cpu_count() or 1 if workers is None else workers
+    folder = out_folder(out)
+    assert folder is not None
+    results = Results(folder)
+    with results.writing():
+        sources.keep(folder, names)
+        _make_runs(made, results, processes, scheduler)
+    _tell(results, made, folder, as_json=as_json)
+
+
+def _make_runs(campaign: "Campaign", results: "Results", processes: int, scheduler: str | None) -> None:
+    from steptwin.host.campaign import cluster, run_here, run_on
+
+    done = results.done(campaign.seeds)
+    missing = (seed for seed, is_done in zip(campaign.seeds, done, strict=True) if not is_done)
+    before = int(done.sum())
+    if before == campaign.runs:
+        return
+    if before:
+        say(f"{before} of {campaign.runs} runs are there already", err=True)
+    with campaign_bar(campaign.runs, before) as show:
+        if processes == 1 and scheduler is None:
+            for rows in run_here(campaign, missing):
+                results.add(rows)
+                show(rows)
+            return
+        with cluster(processes, scheduler) as client:
+            for rows in run_on(client, campaign, missing):
+                results.add(rows)
+                show(rows)
+
+
+def _tell(results: "Results", campaign: "Campaign", folder: Path, *, as_json: bool) -> None:
+    """Print what the rows tell; end with exit code 1 if something failed in silence."""
+    from steptwin.host.campaign import summarised
+
+    summary = summarised(results.rows(), campaign.runs)
+    if as_json:
+        print_json({"folder": str(folder), **summary.to_dict()})
+    else:
+        print_summary(summary)
+        say(f"pictures and smallest scenarios: steptwin campaign report {folder}")
+    _end(summary)
+
+
+def _end(summary: "Summary") -> None:
+    if not summary.passed:
+        raise typer.Exit(EXIT_NOT_VERIFIED)
+
+
+# --- rerun and report
+
+
+def _kept(folder: Path) -> "tuple[Campaign, Results]":
+    from steptwin.host.campaign import Results, read_campaign, sources_of_results
+
+    kept, _ = read_campaign(sources_of_results(folder))
+    return kept, Results(folder)
+
+
+def _rerun(folder: Path, seed: int, out: str | None, faults: str | None, *, as_json: bool) -> None:
+    from steptwin.host.campaign import draw, perform, read_scenario_table, row_of
+
+    kept, results = _kept(folder)
+    if out is None:
+        raise InputError("--out DIR is missing: the folder for the run's files")
+    trial = draw(kept, seed)
+    if faults is not None:
+        trial = trial.with_table(read_scenario_table(faults))
+    run_folder = out_folder(out)
+    assert run_folder is not None
+    performance = perform(trial)
+    row = row_of(performance)
+    if performance.outcome is None:
+        raise InputError(f"the run of seed {seed} was not made: {performance.message}")
+    performance.outcome.save(run_folder)
+    if as_json:
+        print_json(performance.outcome.to_dict() | {"seed": seed, "breaches": [str(each) for each in row.breaches]})
+    else:
+        print_report(performance.outcome.to_dict())
+        say(*(f"FAILED  {breach}" for breach in row.breaches))
+        say(f"report, edges, bus log and waveform are in {run_folder}/")
+    stored = results.row(seed)
+    if faults is None and stored is not None and stored != row:
+        say(f"seed {seed}: the row in {folder} is another one: it was made by another version", err=True)
+    if row.breaches:
+        raise typer.Exit(EXIT_NOT_VERIFIED)
+
+
+def _report(folder: Path, *, as_json: bool) -> None:
+    from steptwin.host.campaign import write_report
+
+    kept, results = _kept(folder)
+    with tries_bar() as tried:
+        report = write_report(results, kept, folder, tried)
+    if as_json:
+        print_json({**report.summary.to_dict(), "files": list(report.files)})
+    else:
+        print_summary(report.summary)
+        say(f"in {folder / 'report'}/: {', '.join(report.files)}")
+    if not report.pictures:
+        say("no pictures: matplotlib is not installed (pip install 'steptwin[plot]')", err=True)
+    _end(report.summary)
