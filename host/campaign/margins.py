@@ -7,7 +7,7 @@ from typing import Final
 
 from steptwin.host.campaign.performance import Performance
 from steptwin.host.campaign.row import Ended
-from steptwin.host.verify import POSITION_ERROR_LIMIT_STEPS, THRESHOLD_TOLERANCE_STEPS
+from steptwin.host.verify import THRESHOLD_TOLERANCE_STEPS
 from steptwin.host.verify.report import AxisReport
 
 
@@ -63,10 +63,6 @@ _SLIPS_DEG: Final = 180.0
 """Electrical angle at which a rotor slips (docs/motors.md)."""
 
 MARGINS: Final[Mapping[str, Margin]] = {
-    "position": Margin(
-        "largest distance between count and plan, of 0.57 steps",
-        lambda run: _axes(run, lambda axis: 1 - axis.position_error_steps_max / POSITION_ERROR_LIMIT_STEPS),
-    ),
     "threshold": Margin(
         "largest error of a step's threshold, of 0.0075 steps",
         lambda run: _axes(run, lambda axis: 1 - axis.threshold_error_steps_max / THRESHOLD_TOLERANCE_STEPS),
