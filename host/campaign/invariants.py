@@ -74,7 +74,7 @@ def _strange_answers(run: Performance) -> Iterator[tuple[str, str]]:
     for fault in run.faults:
         if fault.struck:
             for difference in fault.differences:
-                yield f"{fault.what}: {_without_particulars(difference, joints)}", f"{fault.name}: {difference}"
+                yield _without_particulars(difference, joints), f"{fault.name}: {difference}"
 
 
 def _without_particulars(text: str, joints: tuple[str, ...]) -> str:

@@ -2,13 +2,12 @@
 
 from dataclasses import dataclass
 
-from steptwin.host.twin.scenarios.report import FaultReport
-
 from steptwin.host.campaign.recovery import Recovery
 from steptwin.host.campaign.row import Ended
 from steptwin.host.campaign.trial import Trial
 from steptwin.host.twin.motors import MotorVerdict
 from steptwin.host.twin.outcome import Outcome
+from steptwin.host.twin.scenarios.report import FaultReport
 from steptwin.host.verify import AxisEvidence
 
 

@@ -24,6 +24,7 @@ _MARGIN_INCHES: Final = 1.7
 _BINS: Final = 24
 _POINTS_MAX: Final = 5000
 """Points drawn of each margin; the line of the least is of all runs."""
+_MANY_POINTS: Final = 300
 _PARAMETERS_MAX: Final = 16
 """Parameters that get a picture: those that most runs have."""
 _VALUES_MIN: Final = 2
@@ -34,9 +35,9 @@ _PICTURE_CHARS: Final = re.compile(r"[^A-Za-z0-9]+")
 class _Series:
     """The values of a parameter and, run by run, those of each margin; NaN for one that a run does not tell."""
 
-    values: array[float] = field(default_factory=lambda: array("d"))
-    margins: dict[str, array[float]] = field(default_factory=lambda: {name: array("d") for name in MARGINS})
-    passed: array[int] = field(default_factory=lambda: array("b"))
+    values: "array[float]" = field(default_factory=lambda: array("d"))
+    margins: "dict[str, array[float]]" = field(default_factory=lambda: {name: array("d") for name in MARGINS})
+    passed: "array[int]" = field(default_factory=lambda: array("b"))
 
     def add(self, value: float, row: Row) -> None:
         self.values.append(value)
@@ -88,7 +89,7 @@ def _draw_group(axes: Axes, what: str, rates: Mapping[str, PassRate]) -> None:
         lower, upper = rate.interval
         colour = COUNTED if rate.passed == rate.runs else LIMIT
         axes.plot([lower, upper], [place, place], color=colour, linewidth=2.0, alpha=0.5)
-        axes.plot([rate.rate], [place], "o", color=colour, markersize=4)
+        axes.plot([rate.rate], [place], "o", color=colour, markersize=4, clip_on=False)
         axes.text(1.01, place, f"{rate.passed:,}/{rate.runs:,}", transform=axes.get_yaxis_transform(), va="center")
     axes.set_yticks(range(len(rates)), list(rates))
     axes.set_ylim(len(rates) - 0.4, -0.6)
@@ -110,19 +111,21 @@ def _draw_margins(parameter: str, series: _Series, title: str) -> Figure:
         _draw_points(axes, values[there], margin[there], passed[there])
         axes.axhline(0.0, color=LIMIT, linestyle="--", linewidth=0.8)
         axes.set_ylabel(name)
+        axes.set_ylim(min(0.0, float(margin[there].min())) - 0.03, 1.03)
         axes.set_title(f"{MARGINS[name].what}; {np.count_nonzero(there):,} runs", loc="left", size=8)
         axes.grid(color="0.9")
-    grid[0, 0].legend(loc="upper right", fontsize=8)
+    figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower left", ncols=3, fontsize=8)
     grid[-1, 0].set_xlabel(parameter)
     return figure
 
 
 def _draw_points(axes: Axes, values: FloatArray, margin: FloatArray, passed: BoolArray) -> None:
     thinned = slice(None, None, max(1, len(values) // _POINTS_MAX))
-    dots = {"linestyle": "none", "marker": ".", "markersize": 3, "alpha": 0.5}
+    size = 2.5 if len(values) > _MANY_POINTS else 6.0
     for which, colour, label in ((passed, COUNTED, "passed"), (~passed, LIMIT, "failed")):
         shown = which[thinned]
-        axes.plot(values[thinned][shown], margin[thinned][shown], color=colour, label=label, **dots)
+        x, y = values[thinned][shown], margin[thinned][shown]
+        axes.plot(x, y, ".", color=colour, label=label, markersize=size, alpha=0.5, clip_on=False)
     places, least = least_in_bins(values, margin)
     axes.plot(places, least, color="0.3", linewidth=1.0, drawstyle="steps-mid", label="least of all runs")
 

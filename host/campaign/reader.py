@@ -5,8 +5,6 @@ from dataclasses import dataclass, field
 from random import Random
 from typing import Any, Final
 
-from steptwin.host.twin.scenarios.reading import scenario_of
-
 from steptwin.host.campaign.campaign import (
     Campaign,
     FileMotion,
@@ -25,7 +23,7 @@ from steptwin.host.common.file_limits import NAME_CHARS_MAX, PROGRAM_BYTES_MAX
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.tables import Table, toml_table
 from steptwin.host.common.text_file import read_text
-from steptwin.host.planning.jobs import job_fields
+from steptwin.host.planning.jobs import job_fields, make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.programs import SUFFIX as PROGRAM_SUFFIX
 from steptwin.host.planning.programs import compile_program, read_program
@@ -34,6 +32,7 @@ from steptwin.host.planning.trajectory_file import is_trajectory_file, read_traj
 from steptwin.host.robots import SUFFIX as ROBOT_SUFFIX
 from steptwin.host.robots import load_robot, load_robot_file
 from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.scenarios.reading import scenario_of
 
 RUNS_MAX: Final = 10_000_000
 """Greatest number of runs: a list of those that are done takes a byte for each."""
@@ -147,6 +146,11 @@ class _Reader:
             for option in options:
                 if option not in known:
                     raise unknown("options: option", option, known)
+            if options:
+                robot = self.robots[name]
+                texts = {option: str(drawn(value, Random(name), robot)) for option, value in options.items()}
+                with prefixed(f"{name}: "):
+                    make_job(robot, job, texts)
         return JobMotion(job, options)
 
     def _moves(self, table: Table, _: tuple[str, ...]) -> RandomMoves:

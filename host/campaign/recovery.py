@@ -15,7 +15,7 @@ from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 
 _WAY: Final = 0.01
 """Part of each joint's range by which it moves at the end."""
-_LONGER: Final = 5
+_LONGER: Final = 10
 """Factor of all waits during the recovery."""
 _STEPS_OFF_MAX: Final = 1.0
 """Steps by which a joint may stand elsewhere than reported after homing: where the edge of a switch falls between two

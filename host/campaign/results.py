@@ -48,6 +48,7 @@ def schema() -> "pa.Schema":
             pa.field("codes", texts),
             pa.field("faults", texts),
             pa.field("struck", pa.list_(pa.int64())),
+            pa.field("met", texts),
             pa.field("breaches", pa.list_(pa.struct([("invariant", text), ("what", text), ("detail", text)]))),
             pa.field("parameters", pa.map_(pa.string(), pa.float64())),
             pa.field("choices", pa.map_(pa.string(), pa.string())),
@@ -143,7 +144,7 @@ def _row(document: dict[str, Any]) -> Row:
     values = {key: value for key, value in document.items() if key != "cause"}
     for name in ("parameters", "choices", "margins"):
         values[name] = dict(values[name])
-    for name in ("codes", "faults", "struck"):
+    for name in ("codes", "faults", "struck", "met"):
         values[name] = tuple(values[name])
     values["breaches"] = tuple(Breach(**breach) for breach in values["breaches"])
     return Row(**values | {"ended": Ended(values["ended"])})

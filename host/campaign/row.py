@@ -50,6 +50,7 @@ class Row:
         codes: all error codes that the nodes sent (EMCY), each once, sorted.
         faults: the scenario's faults by name.
         struck: how often each has struck, 0 for one that did not.
+        met: what the faults were that struck, in the words of docs/faults.md, each once, sorted.
         breaches: the invariants that did not hold, the gravest first.
         parameters: every number that was drawn, by name.
         choices: every other value that was drawn, by name.
@@ -68,6 +69,7 @@ class Row:
     codes: tuple[str, ...] = ()
     faults: tuple[str, ...] = ()
     struck: tuple[int, ...] = ()
+    met: tuple[str, ...] = ()
     breaches: tuple[Breach, ...] = ()
     parameters: Mapping[str, float] = field(default_factory=dict)
     choices: Mapping[str, str] = field(default_factory=dict)
@@ -83,12 +85,11 @@ class Row:
 
     @property
     def cause(self) -> str:
-        """What failed, for grouping: the first broken invariant and the faults that had struck; empty if none."""
+        """What failed, for grouping: the gravest breach, and the faults that had struck; empty if none."""
         if not self.breaches:
             return ""
-        struck = sorted({fault for fault, times in zip(self.faults, self.struck, strict=True) if times})
         first = self.breaches[0]
-        return f"{first.invariant}: {first.what} after {' and '.join(struck) or 'no fault'}"
+        return f"{first.invariant}: {first.what}, after {' and '.join(self.met) or 'no fault'}"
 
 
 def split_parameters(drawn: Mapping[str, object]) -> tuple[dict[str, float], dict[str, str]]:

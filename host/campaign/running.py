@@ -140,6 +140,7 @@ def row_of(run: Performance, wall_s: float = 0.0) -> Row:
         codes=_codes(run),
         faults=tuple(fault.name for fault in run.faults),
         struck=tuple(fault.strikes for fault in run.faults),
+        met=tuple(sorted({fault.what for fault in run.faults if fault.struck})),
         breaches=breaches_of(run),
         parameters=parameters,
         choices=choices,

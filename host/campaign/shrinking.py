@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from copy import deepcopy
-from math import floor, log10
+from math import floor, log10, trunc
 from typing import Any, Final
 
 from steptwin.host.campaign.values import AtPart, PlannedAt
@@ -92,15 +92,16 @@ def _simpler_numbers(value: Any) -> Iterator[Any]:
 
 
 def _weaker(value: float) -> Iterator[float]:
-    """Yield simpler numbers than one other than 0; each of them is simpler in the same order, so that this ends."""
-    whole = isinstance(value, int)
+    """Yield numbers that are nearer to 0 and have fewer digits than one other than 0."""
     for digits in (1, 2):
-        rounded = round(value, digits - 1 - floor(log10(abs(value))))
-        if rounded != value:
-            yield int(rounded) if whole else rounded
-    nearer = int(value / 2) if whole else float(f"{value / 2:.1g}")
-    if abs(nearer) < abs(value) and (whole or abs(nearer) >= _LEAST):
-        yield nearer
+        parts = 10.0 ** (floor(log10(abs(value))) - digits + 1)
+        shorter = float(f"{trunc(value / parts) * parts:.6g}")
+        if 0 < abs(shorter) < abs(value):
+            yield int(shorter) if isinstance(value, int) else shorter
+    if isinstance(value, int):
+        yield int(value / 2)
+    elif abs(value) > _LEAST:
+        yield float(f"{value / 2:.1g}")
 
 
 _LEAST: Final = 1e-3

@@ -29,6 +29,6 @@ def _value(value: Any) -> str:
         return f"{{ {', '.join(f'{key} = {_value(item)}' for key, item in value.items())} }}"
     if isinstance(value, list):
         return f"[{', '.join(map(_value, value))}]"
-    if isinstance(value, bool | str):
-        return json.dumps(value)  # a JSON text or truth is one of TOML's
+    if isinstance(value, bool | str):  # as in JSON, but for one character
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     return repr(value)

@@ -10,8 +10,6 @@ from random import Random
 from typing import Any, Final, Protocol, TypeVar
 
 import numpy as np
-from steptwin.host.twin.scenarios.reading import SEED_MAX, scenario_of
-from steptwin.host.twin.scenarios.scenario import Scenario
 
 from steptwin.host.campaign.campaign import Campaign, FileMotion, JobMotion, RandomMoves
 from steptwin.host.campaign.values import AtPart, PlannedAt, drawn
@@ -27,6 +25,8 @@ from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan_stretched
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.scenarios.reading import SEED_MAX, scenario_of
+from steptwin.host.twin.scenarios.scenario import Scenario
 
 _TRIES: Final = 6
 """Times that a random move is drawn, each time half as far, until the robot can make it."""

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import islice
+from logging import CRITICAL
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -57,7 +58,7 @@ def run_on(client: "Client", campaign: Campaign, seeds: Iterable[int]) -> Iterat
     # A task rather than scattered data: if all workers that hold it are lost, the scheduler makes it again.
     shared = client.submit(_same, campaign, pure=False)
     tasks: dict[Any, list[int]] = {}
-    running = as_completed()
+    running = as_completed(loop=client.loop)
     threads = _Threads(client)
 
     def hand_out(some: list[int]) -> None:
@@ -102,7 +103,7 @@ class _KilledError(Exception):
 def _result(client: "Client", task: Any) -> Batch:
     """Return what a task that has ended has returned."""
     from distributed import CancelledError, KilledWorker
-    from distributed.comm import CommClosedError
+    from distributed.comm.core import CommClosedError
 
     try:
         batch: Batch = client.gather(task)
@@ -151,7 +152,7 @@ def cluster(workers: int, scheduler: str | None) -> "Iterator[Client]":
             yield client
         return
     with (
-        LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs="critical") as local,
+        LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=CRITICAL) as local,
         Client(local, set_as_default=False) as client,
     ):
         yield client

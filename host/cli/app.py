@@ -28,7 +28,7 @@ app = typer.Typer(
 
 COMMANDS: Final = {
     "Robots and maths": ("robots", "jobs", "fk", "ik", "workspace", "paper", "sensitivity", "measure", "calibrate"),
-    "Run and verify": ("new", "check", "run", "verify", "bench"),
+    "Run and verify": ("new", "check", "run", "verify", "campaign", "bench"),
     "Live board": (
         *("serve", "panel", "doctor", "status", "monitor", "home", "move", "jog", "positions"),
         *("pause", "resume", "stop", "estop", "reset", "outputs", "inject"),
