@@ -122,7 +122,7 @@ def _claims(board: EmbeddedBoard) -> tuple[Claim, ...]:
 def _motors(trial: Trial, outcome: Outcome | None) -> MotorVerdict | None:
     if not trial.motors or outcome is None:
         return None
-    return motors_of_run(trial.setup.robot, outcome.comparison)
+    return motors_of_run(trial.setup.robot, outcome.comparison).verdict
 
 
 def row_of(run: Performance, wall_s: float = 0.0) -> Row:

@@ -22,6 +22,8 @@ _TASKS_PER_THREAD: Final = 3
 """Tasks that are handed out for each thread of the cluster: one runs, the others wait beside it."""
 _TASKS_MIN: Final = 4
 _THREADS_ASKED_EVERY_S: Final = 5.0
+CONNECT_S: Final = 10.0
+"""Longest wait for a scheduler's answer."""
 
 
 class Batch(NamedTuple):
@@ -148,7 +150,7 @@ def cluster(workers: int, scheduler: str | None) -> "Iterator[Client]":
     from distributed import Client, LocalCluster
 
     if scheduler is not None:
-        with _connected(lambda: Client(scheduler, set_as_default=False), scheduler) as client:
+        with _connected(lambda: Client(scheduler, timeout=CONNECT_S, set_as_default=False), scheduler) as client:
             yield client
         return
     with (

@@ -11,6 +11,7 @@ from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, out_folder
 from steptwin.host.cli.campaign_progress import campaign_bar, tries_bar
 from steptwin.host.cli.campaign_report import print_summary
+from steptwin.host.cli.option_names import naming_options
 from steptwin.host.cli.output import print_json, say
 from steptwin.host.cli.report import EXIT_NOT_VERIFIED, print_report
 from steptwin.host.common.errors import InputError
@@ -137,7 +138,7 @@ def _make_runs(campaign: "Campaign", results: "Results", processes: int, schedul
                 results.add(rows)
                 show(rows)
             return
-        with cluster(processes, scheduler) as client:
+        with naming_options("scheduler"), cluster(processes, scheduler) as client:
             for rows in run_on(client, campaign, missing):
                 results.add(rows)
                 show(rows)

@@ -1,0 +1,156 @@
+"""Reports of campaigns: what they count, their files, and the command from a campaign's file to its verdict."""
+
+import json
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from steptwin.host.campaign import Breach, Ended, Row, summarised
+from steptwin.host.campaign.pictures import least_in_bins
+from steptwin.host.cli.app import run
+from tests.end_to_end.command_line import refusal, run_json
+from tests.host.campaign.campaigns import SMALL
+from tests.host.campaign.test_results import ROW
+
+FAILING = SMALL.replace(
+    """[[scenario]]
+name = "nothing"
+""",
+    """[[scenario]]
+name = "two"
+[[scenario.fault]]
+do = "temperature"
+temperature_degc = { uniform = [30, 60] }
+at_s = 0.05
+[[scenario.fault]]
+do = "estop"
+pressed = true
+at_s = { part_of_motion = [0.5, 0.9] }
+expect = { motion = "goes-on" }
+""",
+).replace("record_ms = { choose = [5, 10] }", "record_ms = 10")
+"""A campaign in which an emergency stop is expected to change nothing, so that some of its runs fail."""
+
+
+def test_rows_are_counted() -> None:
+    passed = replace(ROW, breaches=(), margins={"bus": 0.5})
+    rows = [
+        *(replace(passed, seed=seed) for seed in range(3)),
+        replace(ROW, seed=9),
+        replace(ROW, seed=8, robot="lab-scara"),
+        replace(passed, seed=10, scenario="other", struck=(0, 1), margins={"bus": 0.25}),
+        Row(11, "lab-scara", "m", "s", Ended.REFUSED, "no payload"),
+    ]
+    summary = summarised(rows, planned=10)
+    assert (summary.made, summary.planned, summary.passed) == (7, 10, False)
+    assert summary.all == (4, 6)
+    assert summary.groups["robots"] == {"lab-scara": (0, 1), "teaching-scara": (4, 5)}
+    assert summary.invariants["steps"] == (4, 6)
+    assert summary.invariants["power"] == (6, 6)
+    assert summary.struck == {"emergency stop": (0, 5), "other": (0, 1)}
+    assert summary.never_struck == ("emergency stop", "other")
+    (cause,) = summary.causes
+    assert (cause.runs, cause.seeds, cause.example) == (2, (8, 9), "steps: lost (th1: 3)")
+    assert cause.robots == {"lab-scara": 1, "teaching-scara": 1}
+    assert [(worst.margin, worst.left, worst.row.seed) for worst in summary.worst] == [("bus", 0.25, 10)]
+    assert summary.refused == {"no payload": 1}
+    assert json.loads(json.dumps(summary.to_dict()))["invariants"]["steps"]["passed"] == 4
+
+
+def test_a_campaign_passes_only_if_every_scenario_struck() -> None:
+    struck = replace(ROW, breaches=(), struck=(1, 2))
+    assert summarised([struck], 1).passed
+    assert not summarised([replace(struck, struck=(1, 0))], 1).passed
+    assert summarised([struck, replace(struck, seed=2, struck=(1, 0))], 1).passed
+    assert not summarised([Row(1, "", "", "", Ended.REFUSED, "no")], 1).passed
+    crashed = Row(2, "", "", "", Ended.CRASHED, "x", breaches=(Breach("program", "x"),))
+    assert not summarised([struck, crashed], 2).passed
+
+
+def test_the_least_margin_is_found_in_each_bin() -> None:
+    values, margin = np.array([1.0, 2.0, 1.0, 2.0]), np.array([0.5, 0.4, 0.3, 0.6])
+    places, least = least_in_bins(values, margin)
+    assert (places.tolist(), least.tolist()) == ([1.0, 2.0], [0.3, 0.4])
+    places, least = least_in_bins(np.linspace(0, 10, 101), np.linspace(1, 0, 101), bins=5)
+    assert places.tolist() == [1.0, 3.0, 5.0, 7.0, 9.0]
+    assert least == pytest.approx([0.81, 0.61, 0.41, 0.21, 0.0])
+
+
+# --- the command
+
+
+@pytest.fixture(scope="module")
+def evening(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a campaign that was run by the command, in two parts, and reported."""
+    folder = tmp_path_factory.mktemp("evening")
+    file = folder / "failing.toml"
+    file.write_text(FAILING, encoding="utf-8")
+    words = ["campaign", str(file), "--out", str(folder / "out"), "--workers", "1"]
+    run([*words, "--runs", "2"])
+    assert run(words) == 1
+    assert run(["campaign", "report", str(folder / "out")]) == 1
+    return folder / "out"
+
+
+@pytest.fixture(scope="module")
+def found(evening: Path) -> dict[str, Any]:
+    document: dict[str, Any] = json.loads((evening / "report" / "report.json").read_text())
+    return document
+
+
+def test_runs_are_made_once_and_continued(
+    evening: Path, found: dict[str, Any], capsys: pytest.CaptureFixture[str]
+) -> None:
+    again = run_json(
+        capsys, "campaign", str(evening.parent / "failing.toml"), "--out", str(evening), "--workers", "1", exit_code=1
+    )
+    assert (again["runs"], again["planned"], again["passed"]) == (6, 6, False)
+    assert {key: again[key] for key in found} == found
+    assert len(list((evening / "rows").iterdir())) == 2
+    causes = [cause["cause"] for cause in again["causes"]]
+    assert all(cause.startswith("answer: EMCY 0x9000 is not documented, after ") for cause in causes)
+    assert sum(cause["runs"] for cause in again["causes"]) == 6 - again["rate"]["passed"]
+
+
+def test_the_report_has_pictures_and_the_smallest_scenario(evening: Path) -> None:
+    names = {path.name for path in (evening / "report").iterdir()}
+    assert {"report.json", "rates.png", "cause-1.toml", "margins-two-fault-1-temperature-degc.png"} <= names
+    scenario = tomllib.loads((evening / "report" / "cause-1.toml").read_text())
+    (fault,) = scenario["fault"]
+    assert set(fault) == {"do", "pressed", "at_s", "expect"}
+
+
+def test_a_run_is_made_again_with_all_its_files(
+    evening: Path, found: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cause = next(cause for cause in found["causes"] if "board" in cause["cause"])
+    words = ["campaign", "rerun", str(evening), str(cause["seeds"][0]), "--out", str(tmp_path / "run")]
+    document = run_json(capsys, *words, exit_code=1)
+    assert (document["seed"], document["breaches"][0]) == (cause["seeds"][0], cause["example"])
+    assert {"edges.npz", "trace.vcd", "report.json", "bus.log"} <= {path.name for path in (tmp_path / "run").iterdir()}
+    smallest = run_json(capsys, *words, "--faults", str(evening / "report" / "cause-1.toml"), exit_code=1)
+    assert len(smallest["faults"]) == 1 < len(document["faults"])
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ([], "a campaign's FILE is needed, or rerun DIR SEED, or report DIR"),
+        (["rerun", "out"], "rerun: is followed by DIR and SEED"),
+        (["rerun", "out", "first"], "SEED 'first': is not a whole number"),
+        (["report", "nowhere"], "nowhere: holds no campaign: there is no campaign.toml in it"),
+        (["report", "out", "--workers", "2"], "--workers 2: has no effect here"),
+        (["none.toml", "--out", "out"], "none.toml: No such file or directory"),
+    ],
+)
+def test_wrong_words_are_refused(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert refusal(capsys, "campaign", *words) == message
+
+
+def test_a_folder_is_needed(evening: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = str(evening.parent / "failing.toml")
+    assert refusal(capsys, "campaign", file) == "--out DIR is missing: the folder for the results"

@@ -1,0 +1,168 @@
+"""Runs of a campaign: the same row every time, whatever goes wrong is in it, and each invariant can be broken."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import fields, replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from steptwin.host.campaign import Campaign, Ended, Performance, draw, perform, run_seed, running
+from steptwin.host.campaign.invariants import INVARIANTS, breaches_of
+from steptwin.host.campaign.margins import MARGINS
+from steptwin.host.campaign.performance import Claim
+from steptwin.host.campaign.recovery import Recovery
+from steptwin.host.campaign.running import run_trial
+from steptwin.host.twin.motors import JointLoad, MotorVerdict
+from steptwin.host.twin.motors.reached import ToolReached
+from steptwin.host.verify import AxisEvidence
+from tests.host.campaign.campaigns import SMALL, campaign_of
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Campaign:
+    return campaign_of(SMALL, tmp_path_factory.mktemp("small"))
+
+
+@pytest.fixture(scope="module")
+def seeds(small: Campaign) -> dict[str, int]:
+    """The first seed of each scenario."""
+    return {draw(small, seed).scenario: seed for seed in reversed(range(20))}
+
+
+def _motors(**changes: Any) -> MotorVerdict:
+    """Return a verdict in which a joint kept step, unless the changes say otherwise."""
+    figures: dict[str, Any] = {field.name: 0.25 for field in fields(JointLoad)} | {"name": "th1", "first_slip_s": None}
+    return MotorVerdict(0.3, 24.0, 23.9, 24.1, ToolReached(0.0, 0.0, 0.0, 0.0, 0.0), (JointLoad(**figures | changes),))
+
+
+@pytest.fixture(scope="module")
+def healthy(small: Campaign, seeds: dict[str, int]) -> Iterator[Performance]:
+    """A run without a fault, the recovery after it, and motors that kept step: turning them has tests of its own."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(running, "motors_of_run", lambda *_: SimpleNamespace(verdict=_motors()))
+        yield perform(replace(draw(small, seeds["nothing"]), recover=True, motors=True))
+
+
+@pytest.fixture(scope="module")
+def stopped(small: Campaign, seeds: dict[str, int]) -> Performance:
+    return perform(draw(small, seeds["emergency stop"]))
+
+
+def test_a_healthy_run_breaks_nothing(healthy: Performance) -> None:
+    assert (healthy.ended, healthy.message, breaches_of(healthy)) == (Ended.DONE, "", ())
+    assert healthy.recovery == Recovery()
+    assert len(healthy.claims) == 4
+    assert {name for name, margin in MARGINS.items() if margin.of(healthy) is not None} == {*MARGINS} - {"standstill"}
+
+
+def test_a_stopped_run_says_so_and_breaks_nothing(stopped: Performance) -> None:
+    row = running.row_of(stopped)
+    assert (row.ended, row.breaches, row.codes[-1]) == (Ended.STOPPED, (), "0x9000")
+    assert (row.faults, row.struck, row.met) == (("1 estop",), (1,), ("emergency stop pressed",))
+    assert 0 < row.margins["standstill"] < 1
+    assert set(row.margins) == {"bus", "standstill"}
+
+
+def test_a_seed_gives_the_same_row(small: Campaign, seeds: dict[str, int], stopped: Performance) -> None:
+    assert run_seed(small, seeds["emergency stop"]) == running.row_of(stopped)
+
+
+def _with_pulse_while_off(run: Performance) -> Performance:
+    """Return the run with one rise of STEP before the drive was first enabled."""
+    axis = run.axes[0]
+    first = int(axis.pins["enable"].counts[0])
+    rises = np.concatenate([[first - 1], axis.clk_rise_counts])
+    return replace(run, axes=(replace(axis, clk_rise_counts=rises), *run.axes[1:]))
+
+
+def _with_report(run: Performance, *reasons: str) -> Performance:
+    assert run.outcome is not None
+    return replace(run, outcome=replace(run.outcome, report=replace(run.outcome.report, reasons=reasons)))
+
+
+def _with_fault(run: Performance, **changes: Any) -> Performance:
+    assert run.outcome is not None
+    assert run.outcome.scenario is not None
+    scenario = run.outcome.scenario
+    changed = replace(scenario, faults=(replace(scenario.faults[0], **changes),))
+    return replace(run, outcome=replace(run.outcome, scenario=changed))
+
+
+def _with_claim(run: Performance, off_steps: float, *, known: bool = True) -> Performance:
+    return replace(run, claims=(Claim("th1", known, off_steps), *run.claims[1:]))
+
+
+BROKEN: dict[str, tuple[str, Callable[[Performance], Performance]]] = {
+    "steps": ("healthy", lambda run: _with_report(run, "th1: unmatched steps 3 (limit 0)")),
+    "verifier": ("healthy", lambda run: _with_claim(run, 4.0, known=False)),
+    "power": ("healthy", _with_pulse_while_off),
+    "position": ("stopped", lambda run: _with_claim(run, -0.6)),
+    "standstill": ("stopped", lambda run: _with_fault(run, standstill_ms=700.0)),
+    "answer": ("stopped", lambda run: _with_fault(run, differences=("th1: no EMCY 0x9000 after 3.5 ms",))),
+    "recovery": ("healthy", lambda run: replace(run, recovery=Recovery("homing failed", "th1: time-out"))),
+    "motors": ("healthy", lambda run: replace(run, motors=_motors(first_slip_s=0.1))),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_each_invariant_can_be_broken(healthy: Performance, stopped: Performance, name: str) -> None:
+    which, broken = BROKEN[name]
+    run = {"healthy": healthy, "stopped": stopped}[which]
+    assert name not in {breach.invariant for breach in breaches_of(run)}
+    assert name in {breach.invariant for breach in breaches_of(broken(run))}
+
+
+def test_every_invariant_is_tried() -> None:
+    assert {*BROKEN, "program"} == set(INVARIANTS)
+
+
+def test_what_may_be_is_no_breach(healthy: Performance, stopped: Performance) -> None:
+    """An unknown position may be wrong; after a stop the steps are not as planned; half a step is rounding."""
+    assert breaches_of(_with_claim(stopped, -30.0, known=False)) == ()
+    assert breaches_of(_with_report(stopped, "th1: end count 3 (planned 5)")) == ()
+    assert breaches_of(_with_claim(healthy, 0.5)) == ()
+
+
+def test_findings_are_alike_whatever_their_numbers(stopped: Performance) -> None:
+    (breach,) = breaches_of(_with_fault(stopped, differences=("th1: no EMCY 0x9000 after 3.5 ms",)))
+    assert breach.what == "JOINT: no EMCY 0x9000 after N ms"
+    assert breach.detail == "1 estop: th1: no EMCY 0x9000 after 3.5 ms"
+
+
+def test_a_run_that_cannot_be_made_says_why(small: Campaign, seeds: dict[str, int]) -> None:
+    trial = replace(draw(small, seeds["nothing"]), scenario="x", table={"fault": [{"do": "estop", "at_s": 0.1}]})
+    row = run_trial(trial)
+    assert (row.ended, row.message, row.passed) == (Ended.REFUSED, "x: fault 1: pressed: is missing", True)
+
+
+def test_a_program_that_fails_is_a_breach(
+    small: Campaign, seeds: dict[str, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: object, **__: object) -> None:
+        raise ZeroDivisionError("by 0")
+
+    monkeypatch.setattr(running, "execute", broken)
+    row = run_seed(small, seeds["nothing"])
+    assert (row.ended, row.message) == (Ended.CRASHED, "by 0")
+    assert row.cause == "program: ZeroDivisionError in broken, after no fault"
+
+
+def test_pulses_are_looked_at_from_power_up_to_the_end(healthy: Performance) -> None:
+    """The recovery homes every axis: the evidence has its pulses, far more than the run's own."""
+    assert healthy.outcome is not None
+    own = healthy.outcome.comparison.evidence.axes
+
+    def pulses(axes: tuple[AxisEvidence, ...]) -> int:
+        return sum(axis.clk_rise_counts.size for axis in axes)
+
+    assert pulses(healthy.axes) > 2 * pulses(own) > 0
+
+
+def test_a_drawn_run_that_no_robot_can_make_is_refused(tmp_path: Path) -> None:
+    campaign = campaign_of(SMALL.replace("record_ms = { choose = [5, 10] }", "stretch = 0.01"), tmp_path)
+    row = run_seed(campaign, 0)
+    assert row.ended is Ended.REFUSED
+    assert "more than the driver's 15.0 kHz" in row.message
