@@ -1,6 +1,7 @@
 """The files of a campaign: its own text and those that it names, beside it or kept in its folder of results."""
 
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 from typing import Final
 from urllib.parse import quote
@@ -11,6 +12,8 @@ from steptwin.host.common.file_limits import CAMPAIGN_BYTES_MAX, CAMPAIGN_FILE_B
 from steptwin.host.common.text_file import read_text
 from steptwin.host.common.whole_file import whole_file
 
+NIGHTLY: Final = "nightly"
+"""Name of the campaign over all robots and all faults."""
 _CAMPAIGN: Final = "campaign.toml"
 _FILES: Final = "files"
 
@@ -59,7 +62,9 @@ class Sources:
 
 
 def sources_of_file(path: str) -> Sources:
-    """Read a campaign's file; raise InputError if it cannot be read."""
+    """Read a campaign's file, or the campaign that StepTwin brings by its name; raise InputError if it cannot be read."""
+    if path == NIGHTLY:
+        return Sources(path, (files(__package__) / f"{NIGHTLY}.toml").read_text(encoding="utf-8"))
     with prefixed(f"{path}: "):
         return Sources(path, read_text(path, CAMPAIGN_BYTES_MAX), folder=Path(path).parent)
 

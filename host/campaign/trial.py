@@ -19,6 +19,7 @@ from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.tables import Table
+from steptwin.host.planning.checks import TooFastError
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.plan import Plan
@@ -54,6 +55,7 @@ class Trial:
         varied: the value of each parameter that varies.
         setup: the robot as varied, and how the run is made.
         trajectory: the motion.
+        slowable: whether it may be slower than drawn.
         recover: True to recover the machine afterwards.
         motors: True to turn the motors by the run's record.
     """
@@ -67,12 +69,22 @@ class Trial:
     varied: Mapping[str, Any]
     setup: Setup
     trajectory: Trajectory = field(repr=False)
+    slowable: bool = False
     recover: bool = True
     motors: bool = False
 
     def plan(self) -> Plan:
-        """Plan the motion; raise InputError if the robot, as varied, cannot make it."""
-        return plan_stretched(self.setup.robot, self.trajectory, self.setup.stretch, self.setup.record_ms)
+        """Plan the motion; raise InputError if the robot, as varied, cannot make it.
+
+        Random moves that are too fast for it, as with more microsteps, take as long as they must.
+        """
+        robot, stretch, record_ms = self.setup.robot, self.setup.stretch, self.setup.record_ms
+        try:
+            return plan_stretched(robot, self.trajectory, stretch, record_ms)
+        except TooFastError:
+            if not self.slowable:
+                raise
+            return plan_stretched(robot, self.trajectory, None, record_ms)
 
     def scenario_in(self, plan: Plan) -> Scenario | None:
         """Return the scenario in a motion as planned; None without a fault.
@@ -132,6 +144,7 @@ def draw(campaign: Campaign, seed: int) -> Trial:
         varied=varied,
         setup=setup,
         trajectory=trajectory,
+        slowable=isinstance(motion, RandomMoves),
         recover=campaign.recover,
         motors=campaign.motors,
     )

@@ -12,9 +12,11 @@ from reprlib import repr as short
 from typing import Any, Final, Protocol
 
 from steptwin.host.common.bad_input import prefixed, unknown
+from steptwin.host.common.control import SWITCHES
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import number_at
 from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.control.operations import switches_of
 
 Template = Any
 """A value of TOML in which tables of a single key may be drawn: a scalar, a Draw, or a list or dict of templates."""
@@ -77,11 +79,20 @@ class Whole:
 
 @dataclass(frozen=True, slots=True)
 class AnyJoint:
-    """The name of one of the robot's joints."""
+    """The name of one of the robot's joints; with a switch, by its name in requests, of one that has it."""
+
+    switch: str = ""
 
     def drawn(self, random: Random, robot: Robot) -> str:
-        """Return the name."""
-        return random.choice(robot.joint_names)
+        """Return the name; raise InputError if no joint has the switch."""
+        names = [
+            name
+            for axis, name in enumerate(robot.joint_names)
+            if not self.switch or self.switch in switches_of(robot, axis)
+        ]
+        if not names:
+            raise InputError(f"any: no joint of {robot.name} has the switch {self.switch}")
+        return random.choice(names)
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,10 +204,13 @@ def _parts(values: object) -> tuple[float, float]:
     return lower, upper
 
 
+_ANY: Final = {"joint": AnyJoint()} | {f"joint with {switch}": AnyJoint(switch) for switch in SWITCHES}
+
+
 def _any(what: object) -> AnyJoint:
-    if what != "joint":
-        raise unknown("any", str(what), ["joint"])
-    return AnyJoint()
+    if what not in _ANY:
+        raise unknown("any", str(what), _ANY)
+    return _ANY[str(what)]
 
 
 _DRAWS: Final[Mapping[str, Callable[[object], Draw]]] = {

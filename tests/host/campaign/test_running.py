@@ -163,6 +163,8 @@ def test_pulses_are_looked_at_from_power_up_to_the_end(healthy: Performance) -> 
 
 def test_a_drawn_run_that_no_robot_can_make_is_refused(tmp_path: Path) -> None:
     campaign = campaign_of(SMALL.replace("record_ms = { choose = [5, 10] }", "stretch = 0.01"), tmp_path)
-    row = run_seed(campaign, 0)
+    trial = draw(campaign, 0)
+    row = run_trial(replace(trial, slowable=False))
     assert row.ended is Ended.REFUSED
     assert "more than the driver's 15.0 kHz" in row.message
+    assert trial.plan().trajectory.duration_s > 0.5 * trial.trajectory.duration_s  # random moves are slowed down
