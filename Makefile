@@ -5,8 +5,9 @@ BIN := $(VENV)/bin
 OUT := out/drawer-pull
 PANEL_OUT := out/panel
 COMPILED := out/compiled
+CAMPAIGN_OUT := out/campaign
 
-.PHONY: demo panel test test-live test-compiled wheel wheel-compiled check lint coverage bench docs panel-pictures clean
+.PHONY: campaign demo panel test test-live test-compiled wheel wheel-compiled check lint coverage bench docs panel-pictures clean
 
 # Install, run the warehouse robot's drawer pull on the embedded board and print where the pictures are.
 demo: $(VENV)/.installed
@@ -63,6 +64,11 @@ coverage: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest --numprocesses auto --dist worksteal tests/controller tests/protocol tests/host/client tests/emulator \
 		--cov=steptwin.controller --cov=steptwin.protocol --cov-branch --cov-fail-under=95 --cov-report=term-missing:skip-covered
 
+# Make the nightly campaign, 10 000 runs over all robots and all faults, and its report; it continues where it was interrupted.
+campaign: $(VENV)/.installed-campaign
+	$(BIN)/steptwin campaign nightly --out $(CAMPAIGN_OUT) || true
+	$(BIN)/steptwin campaign report $(CAMPAIGN_OUT)
+
 bench: $(VENV)/.installed-dev
 	$(BIN)/python -m steptwin.bench
 
@@ -89,6 +95,10 @@ $(VENV)/.installed: pyproject.toml | $(BIN)/python
 
 $(VENV)/.installed-panel: pyproject.toml $(VENV)/.installed
 	$(BIN)/python -m pip install --quiet --editable '.[panel]'
+	@touch $@
+
+$(VENV)/.installed-campaign: pyproject.toml $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --editable '.[campaign]'
 	@touch $@
 
 # Dependency groups need pip 25.1; the upgrade of pip above provides it.

@@ -36,8 +36,7 @@ class Recovery:
 
 
 def recover(board: EmbeddedBoard) -> Recovery:
-    """Repair the machine, reset its drives, home the joints that can be homed, move them all, compare positions."""
-    board.repair()
+    """Reset the drives of a repaired machine, home the joints that can be homed, move them all, compare positions."""
     session, doing = Session(_Unhurried(board), board.robot), "the reset"
     try:
         reset(session)

@@ -85,6 +85,7 @@ def perform(trial: Trial) -> Performance:
     except (DeviceFaultError, BusError) as error:
         message = str(error)
     (board,) = boards
+    board.repair()  # and another host, if the first has died
     claims = _claims(board)
     recovery = recover(board) if trial.recover else None
     return Performance(

@@ -62,7 +62,7 @@ class Sources:
 
 
 def sources_of_file(path: str) -> Sources:
-    """Read a campaign's file, or the campaign that StepTwin brings by its name; raise InputError if it cannot be read."""
+    """Read a campaign's file, or by its name the one that StepTwin brings; raise InputError if it cannot be read."""
     if path == NIGHTLY:
         return Sources(path, (files(__package__) / f"{NIGHTLY}.toml").read_text(encoding="utf-8"))
     with prefixed(f"{path}: "):

@@ -85,11 +85,8 @@ class AnyJoint:
 
     def drawn(self, random: Random, robot: Robot) -> str:
         """Return the name; raise InputError if no joint has the switch."""
-        names = [
-            name
-            for axis, name in enumerate(robot.joint_names)
-            if not self.switch or self.switch in switches_of(robot, axis)
-        ]
+        axes = range(len(robot.joints))
+        names = [robot.joint_names[axis] for axis in axes if not self.switch or self.switch in switches_of(robot, axis)]
         if not names:
             raise InputError(f"any: no joint of {robot.name} has the switch {self.switch}")
         return random.choice(names)

@@ -185,9 +185,10 @@ class EmbeddedBoard:
         self._simulation.operate(operation)
 
     def repair(self) -> None:
-        """End every fault of the scenario that lasts, and let none begin any more."""
+        """End every fault of the scenario that lasts, and let none begin any more; a host that has died is replaced."""
         if self.engine is not None:
             self.engine.repair()
+            self.host_restarts()
 
     @property
     def bus_log(self) -> list[tuple[int, Frame]]:

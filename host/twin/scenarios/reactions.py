@@ -92,6 +92,10 @@ _RUN_DRY: Final = (ErrorCode.PVT_UNDERRUN, ErrorCode.GROUP_STOPPED)
 """Error codes where queues run dry: an axis that rests then is stopped with those that move."""
 
 
+_HOST_LOST: Final = (ErrorCode.HEARTBEAT_LOST, *_RUN_DRY)
+"""Error codes where the host is gone: a full queue of short records runs dry before the heartbeat is missed."""
+
+
 def _stops(
     *codes: ErrorCode, motion: Motion = Motion.RAMP, begins_ms: float = TICK_MS, certain: bool = True
 ) -> Reaction:
@@ -240,11 +244,16 @@ DOCUMENTED: Final[tuple[Documented, ...]] = (
         _stops(*_RUN_DRY, begins_ms=QUEUE_MS, certain=False),
         "the queues bridge it, up to the points that are in them",
     ),
-    Documented("host dies", _host(HostFaultKind.DEATH), _stops(ErrorCode.HEARTBEAT_LOST, begins_ms=HEARTBEAT_MS)),
+    Documented(
+        "host dies",
+        _host(HostFaultKind.DEATH),
+        _stops(*_HOST_LOST, begins_ms=HEARTBEAT_MS),
+        "records of less than 6 ms run out before the heartbeat is missed",
+    ),
     Documented(
         "host dies and starts again",
         _host(HostFaultKind.RESTART),
-        Reaction(Motion.RAMP, (ErrorCode.HEARTBEAT_LOST,), State.OPERATION_ENABLED, HEARTBEAT_MS),
+        Reaction(Motion.RAMP, _HOST_LOST, State.OPERATION_ENABLED, HEARTBEAT_MS),
         "the new one waits for rest, resets the fault and enables the drives; the motion is not continued",
     ),
     Documented(
