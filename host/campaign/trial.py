@@ -214,10 +214,10 @@ def placed(value: Any, plan: Plan, *, joint: str | None = None) -> Any:
     if isinstance(value, AtPart):
         return round(value.part * plan.trajectory.duration_s, 4)
     if isinstance(value, PlannedAt):
-        if joint not in plan.robot.joint_names:
+        if joint is None:
             raise InputError("on_the_way: needs the joint beside it, under the key joint")
         at_s = np.array([value.part * plan.trajectory.duration_s])
-        return round(float(plan.trajectory.positions(at_s)[0, plan.robot.index_of(str(joint))]), 4)
+        return round(float(plan.trajectory.positions(at_s)[0, plan.robot.index_of(joint)]), 4)
     return value
 
 

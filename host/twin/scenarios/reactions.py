@@ -179,7 +179,7 @@ DOCUMENTED: Final[tuple[Documented, ...]] = (
     Documented(
         "limit switch stuck closed, the axis rests or moves away",
         lambda harm, _: isinstance(harm, StuckSwitch) and bool(harm.closed) and harm.switch is not DigitalInput.HOME,
-        _stops(ErrorCode.LIMIT_SWITCH, certain=False),
+        _stops(ErrorCode.LIMIT_SWITCH, begins_ms=inf, certain=False),
         "once it moves towards the switch",
     ),
     Documented(
@@ -253,7 +253,7 @@ DOCUMENTED: Final[tuple[Documented, ...]] = (
     Documented(
         "host dies and starts again",
         _host(HostFaultKind.RESTART),
-        Reaction(Motion.RAMP, _HOST_LOST, State.OPERATION_ENABLED, HEARTBEAT_MS),
+        Reaction(Motion.RAMP, _HOST_LOST, State.OPERATION_ENABLED, HEARTBEAT_MS, certain=False),
         "the new one waits for rest, resets the fault and enables the drives; the motion is not continued",
     ),
     Documented(
