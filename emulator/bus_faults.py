@@ -1,6 +1,6 @@
 """Scripted faults of the bus, as data: which frames, from when to when, how often. Equal scripts give equal faults."""
 
-from collections.abc import Container, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from random import Random
@@ -69,6 +69,8 @@ class FaultScript:
         """The faults that may strike, in the order in which they are tried."""
         self.struck: list[tuple[int, BusFault, Frame]] = []
         """Every strike: instant, fault and frame."""
+        self.on_strike: Callable[[int, BusFault], None] = lambda _now_counts, _fault: None
+        """Called at each strike."""
         self._random = Random(seed)
         self._concerned = [0] * len(self.faults)
         self._strikes = [0] * len(self.faults)
@@ -87,6 +89,11 @@ class FaultScript:
                     del of_each[number]
                 return
 
+    def end_all(self) -> None:
+        """Try no fault any more."""
+        for of_each in (self.faults, self._concerned, self._strikes):
+            of_each.clear()
+
     def reseed(self, seed: int) -> None:
         """Draw from another seed from now on."""
         self._random = Random(seed)
@@ -98,6 +105,7 @@ class FaultScript:
                 continue
             if fault.concerns(frame, now_counts) and self._chosen(number, fault):
                 self.struck.append((now_counts, fault, frame))
+                self.on_strike(now_counts, fault)
                 return fault
         return None
 

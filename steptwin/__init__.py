@@ -15,9 +15,12 @@ if TYPE_CHECKING:
         EmergencyStop,
         Scheduled,
         SetInput,
+        SetWire,
+        Slip,
         StuckSwitch,
         Supply,
     )
+    from steptwin.emulator.wires import Noise, Wire, WireState
     from steptwin.host.common.errors import (
         BusError,
         DeviceFaultError,
@@ -52,6 +55,18 @@ if TYPE_CHECKING:
     from steptwin.host.twin.input_changes import InputChange
     from steptwin.host.twin.kernels import kernel_named
     from steptwin.host.twin.outcome import Outcome
+    from steptwin.host.twin.scenarios.harms import BusRepair, HostFault, HostFaultKind
+    from steptwin.host.twin.scenarios.reactions import Motion, Reaction
+    from steptwin.host.twin.scenarios.reading import read_scenario
+    from steptwin.host.twin.scenarios.scenario import Fault, Scenario
+    from steptwin.host.twin.scenarios.triggers import (
+        AtPosition,
+        AtRandom,
+        AtState,
+        AtTime,
+        Direction,
+        OnFrame,
+    )
     from steptwin.host.twin.served_board import ServedBoard
     from steptwin.host.twin.served_board_under_test import ServedBoardUnderTest
     from steptwin.protocol.eds import render_eds
@@ -59,42 +74,60 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "AtPosition",
+    "AtRandom",
+    "AtState",
+    "AtTime",
     "BoardTemperature",
     "BoardUnderTest",
     "BusError",
     "BusFault",
     "BusFaultKind",
+    "BusRepair",
     "Carry",
     "Chain",
     "Composer",
     "Cubic",
     "DeviceFaultError",
+    "Direction",
     "DriverProtect",
     "EmergencyStop",
     "Errand",
+    "Fault",
     "FaultScript",
+    "HostFault",
+    "HostFaultKind",
     "Identification",
     "InputChange",
     "InputError",
     "Measurements",
+    "Motion",
+    "Noise",
     "NotVerifiedError",
+    "OnFrame",
     "Outcome",
     "Plan",
     "Quintic",
+    "Reaction",
     "RecordingError",
     "Robot",
     "SCurve",
     "Sampled",
+    "Scenario",
     "Scheduled",
     "ServedBoard",
     "ServedBoardUnderTest",
     "SetInput",
+    "SetWire",
+    "Slip",
     "StepTwinError",
     "StuckSwitch",
     "Supply",
     "Trajectory",
     "Trapezoid",
     "WaitTimeoutError",
+    "Wire",
+    "WireState",
     "compile_program",
     "execute",
     "identify_errors",
@@ -108,6 +141,7 @@ __all__ = [
     "plan_stretched",
     "read_measurements",
     "read_program",
+    "read_scenario",
     "read_trajectory",
     "render_eds",
     "robot_names",
@@ -122,9 +156,12 @@ _MODULES = {
         "EmergencyStop",
         "Scheduled",
         "SetInput",
+        "SetWire",
+        "Slip",
         "StuckSwitch",
         "Supply",
     ),
+    "emulator.wires": ("Noise", "Wire", "WireState"),
     "host.common.errors": (
         "BusError",
         "DeviceFaultError",
@@ -159,6 +196,11 @@ _MODULES = {
     "host.twin.input_changes": ("InputChange",),
     "host.twin.kernels": ("kernel_named",),
     "host.twin.outcome": ("Outcome",),
+    "host.twin.scenarios.harms": ("BusRepair", "HostFault", "HostFaultKind"),
+    "host.twin.scenarios.reactions": ("Motion", "Reaction"),
+    "host.twin.scenarios.reading": ("read_scenario",),
+    "host.twin.scenarios.scenario": ("Fault", "Scenario"),
+    "host.twin.scenarios.triggers": ("AtPosition", "AtRandom", "AtState", "AtTime", "Direction", "OnFrame"),
     "host.twin.served_board": ("ServedBoard",),
     "host.twin.served_board_under_test": ("ServedBoardUnderTest",),
     "protocol.eds": ("render_eds",),

@@ -1,8 +1,9 @@
-"""Write the pages driver, protocol, robot-files, robots and papers of docs/ again: `python -m docs.generate`."""
+"""Write the generated pages of docs/ again: `python -m docs.generate`."""
 
 from docs.generate.calibration_picture import write_calibration_picture
 from docs.generate.driver import DRIVER_PAGE, render_driver
 from docs.generate.driver_pictures import write_driver_pictures
+from docs.generate.faults import FAULTS_PAGE, render_faults
 from docs.generate.page import PAGE, render_page
 from docs.generate.papers import write_papers
 from docs.generate.pictures import write_pictures
@@ -19,6 +20,7 @@ def main() -> None:
     """Write each page before its pictures: rendering docs/robots.md makes the runs that they show."""
     DRIVER_PAGE.write_text(render_driver(), encoding="utf-8")
     write_driver_pictures()
+    FAULTS_PAGE.write_text(render_faults(), encoding="utf-8")
     PROTOCOL_PAGE.write_text(render_protocol(), encoding="utf-8")
     ROBOT_FILES_PAGE.write_text(render_robot_files(), encoding="utf-8")
     write_robot_drawings()

@@ -11,6 +11,7 @@ from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson
 from steptwin.host.cli.check_program import check_program
 from steptwin.host.cli.check_robot import check_robot
+from steptwin.host.cli.check_scenario import check_scenario
 from steptwin.host.cli.checked_file import CheckedFile
 from steptwin.host.cli.output import print_json, say
 from steptwin.host.common.bad_input import prefixed
@@ -23,16 +24,20 @@ from steptwin.host.common.text_file import read_text
 
 @command("my-arm.toml", "docs/programs/teaching-scara.toml")
 def check(
-    file: Annotated[str, typer.Argument(metavar="FILE", help="A robot file or a program, in TOML.")],
+    file: Annotated[
+        str, typer.Argument(metavar="FILE", help="A robot file, a program or a scenario of faults, in TOML.")
+    ],
     robot: Annotated[
-        str | None, typer.Argument(metavar="ROBOT", help="The robot for a program that does not name it.")
+        str | None,
+        typer.Argument(metavar="ROBOT", help="The robot for a program that does not name it, or for a scenario."),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Say everything that is wrong in a file at once; otherwise print what it amounts to.
 
     Of a robot: joints, ranges, steps and highest speeds, and how far the tool reaches. Of a program: its steps, with
-    durations and peaks in percent of the joints' limits. A file with something wrong ends with exit code 2.
+    durations and peaks in percent of the joints' limits. Of a scenario: its faults, with the random times drawn. A file
+    with something wrong ends with exit code 2.
     """
     with prefixed(f"{file}: "):
         text = read_text(file, PROGRAM_BYTES_MAX)
@@ -42,7 +47,11 @@ def check(
             telling = ", ".join(key for keys in _KINDS.values() for key in keys)
             raise InputError(f"has none of {telling}: it is no {' and no '.join(_KINDS)}")
     findings = Findings()
-    checks: Mapping[str, _Check] = {"program": partial(check_program, Path(file).parent), "robot": check_robot}
+    checks: Mapping[str, _Check] = {
+        "program": partial(check_program, Path(file).parent),
+        "scenario": check_scenario,
+        "robot": check_robot,
+    }
     checked = checks[kind](text, robot, findings)
     if as_json:
         print_json({"file": file, "kind": kind, "findings": findings.messages, **checked.document})
@@ -59,6 +68,7 @@ _Check = Callable[[str, str | None, Findings], CheckedFile]
 
 _KINDS: Final[Mapping[str, tuple[str, ...]]] = {
     "program": ("step", "steps", "sequences"),
+    "scenario": ("fault",),
     "robot": ("kinematics", "joints", "board"),
 }
 """Kinds of files, each with the keys by which it is known: any of them."""

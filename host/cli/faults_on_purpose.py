@@ -1,11 +1,12 @@
-"""Faults on purpose: read a scenario's file, print what answered, decide the exit code."""
+"""Faults on purpose: read a scenario's file, print what answered."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
 from steptwin.host.cli.output import fixed, print_table, say
+from steptwin.host.cli.report import EXIT_NOT_VERIFIED
 
 if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
@@ -34,31 +35,53 @@ def print_faults(document: Mapping[str, Any]) -> None:
         return
     rows = [
         [
-            fault["name"],
-            fault["due"],
-            "never" if fault["struck_s"] is None else f"{fault['struck_s']:.3f}",
-            _answer(fault),
+            *_beginning(fault),
             "-" if fault["standstill_ms"] is None else f"{fault['standstill_ms']:.2f}",
             _lost(fault),
             "yes" if fault["as_documented"] else "NO",
         ]
         for fault in document["faults"]
     ]
-    print_table(["fault", "due", "struck s", "answer", "stood ms", "lost steps", "as documented"], rows, text_columns=2)
+    print_table([*_COLUMNS, "stood ms", "lost steps", "as documented"], rows, text_columns=_TEXTS)
     scenario = document["scenario"]
-    struck = sum(fault["struck_s"] is not None for fault in document["faults"])
     verdict = "PASSED" if scenario["passed"] else "FAILED"
     say(
-        f"scenario {scenario['name']}: {verdict}, {struck} of {len(rows)} faults struck, seed {scenario['seed']}",
+        f"scenario {scenario['name']}: {verdict}, {_struck(document)} of {len(rows)} faults struck,"
+        f" seed {scenario['seed']}",
         *(f"  {reason}" for reason in scenario["reasons"]),
     )
 
 
-def _answer(fault: Mapping[str, Any]) -> str:
-    """Return the codes of EMCY that answered, the first ones first; "none"."""
-    return " ".join(dict.fromkeys(told["code"] for told in fault["emcys"])) or "none"
+def print_struck(document: Mapping[str, Any]) -> None:
+    """Print a row for each fault of a live board, on which no plan says what is right; nothing without a scenario."""
+    if "scenario" in document:
+        rows = [[*_beginning(fault), str(fault["strikes"])] for fault in document["faults"]]
+        print_table([*_COLUMNS, "strikes"], rows, text_columns=_TEXTS)
+
+
+def raise_unless_struck(document: Mapping[str, Any]) -> None:
+    """End the command with exit code 1 if a fault of a live board's scenario never struck."""
+    never = [fault["name"] for fault in document.get("faults", ()) if fault["struck_s"] is None]
+    if never:
+        say(f"scenario {document['scenario']['name']}: never struck: {', '.join(never)}", err=True)
+        raise typer.Exit(EXIT_NOT_VERIFIED)
+
+
+_COLUMNS: Final = ("fault", "due", "answer", "struck s")
+_TEXTS: Final = 3
+
+
+def _beginning(fault: Mapping[str, Any]) -> list[str]:
+    """Return the cells of _COLUMNS."""
+    codes = " ".join(dict.fromkeys(told["code"] for told in fault["emcys"])) or "none"
+    struck = "never" if fault["struck_s"] is None else f"{fault['struck_s']:.3f}"
+    return [fault["name"], fault["due"], codes, struck]
+
+
+def _struck(document: Mapping[str, Any]) -> int:
+    return sum(fault["struck_s"] is not None for fault in document["faults"])
 
 
 def _lost(fault: Mapping[str, Any]) -> str:
     lost = {name: joint["lost_steps"] for name, joint in fault["joints"].items() if joint["lost_steps"]}
-    return " ".join(f"{name} {fixed(steps)}" for name, steps in lost.items()) or "0"
+    return " ".join(f"{name} {fixed(steps, 0)}" for name, steps in lost.items()) or "0"

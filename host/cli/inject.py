@@ -10,7 +10,7 @@ from steptwin.host.cli.arguments import LEVELS, AsJson, RobotFile, finite_number
 from steptwin.host.cli.connection import LIVE_PANEL, host_and_port
 from steptwin.host.cli.output import print_json, print_table, say
 from steptwin.host.common.bad_input import unknown
-from steptwin.host.common.control import EXAMPLE_PORT, SWITCHES, Stuck
+from steptwin.host.common.control import EXAMPLE_PORT, SWITCHES, Do, Stuck
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ class _Kind(NamedTuple):
     said: "Callable[..., str]"
 
 
+_HOST: Final = "host"
 _KINDS: Final = {
     "estop": _Kind(
         ("on|off",),
@@ -62,6 +63,37 @@ _KINDS: Final = {
         lambda client, joint, name, stuck: client.switch(joint, name, _stuck(stuck)),
         lambda state, joint, name, _: f"switch {name} of {joint}: {_switch(state.switches[joint][name])}",
     ),
+    "slip": _Kind(
+        ("JOINT", "FULL_STEPS"),
+        lambda client, joint, steps: client.ask(Do.SLIP, joint=joint, full_steps=_whole(steps, "slip")),
+        lambda _, joint, steps: f"the motor of {joint} has slipped by {steps} full steps",
+    ),
+    "wire": _Kind(
+        ("JOINT", "step|dir|enable", "whole|broken|low|high"),
+        lambda client, joint, wire, condition: client.ask(Do.WIRE, joint=joint, wire=wire, condition=condition),
+        lambda _, joint, wire, condition: f"wire {wire} of {joint}: {condition}",
+    ),
+    "loss": _Kind(
+        ("FRAMES",),
+        lambda client, frames: client.ask(Do.LOSS, frames=frames),
+        lambda _, frames: f"{frames}: lost from now on",
+    ),
+    "corruption": _Kind(
+        ("FRAMES",),
+        lambda client, frames: client.ask(Do.CORRUPTION, frames=frames),
+        lambda _, frames: f"{frames}: disturbed from now on",
+    ),
+    "delay": _Kind(
+        ("FRAMES", "SECONDS"),
+        lambda client, frames, seconds: client.ask(Do.DELAY, frames=frames, by_s=finite_number(seconds, "delay")),
+        lambda _, frames, seconds: f"{frames}: delayed by {seconds} s from now on",
+    ),
+    "bus-off": _Kind(
+        ("JOINT|host",),
+        lambda client, who: client.ask(Do.BUS_OFF, **({} if who == _HOST else {"joint": who})),
+        lambda _, who: f"{_station(who)} goes into bus-off with its next frame",
+    ),
+    "bus-ok": _Kind((), lambda client: client.ask(Do.BUS_OK), lambda _: "all faults of the bus have ended"),
     "state": _Kind((), lambda client: client.state(), lambda _: ""),
 }
 
@@ -91,9 +123,11 @@ def inject(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Operate the emulated machine of a served board: its e-stop, supply, sensors, and switches that stick.
+    """Harm a served board: its e-stop, supply, sensors, switches that stick, wires, motors and bus.
 
-    What is pressed, held or stuck remains so when the command has ended, until its opposite. `state` shows it.
+    What is pressed, held, stuck, broken or lost remains so when the command has ended, until its opposite; `bus-ok`
+    ends the faults of the bus. FRAMES are all, sync, nmt, host-heartbeat, of-host, or a service of all nodes: records,
+    commands, requests, answers, reports, emergencies, heartbeats.
     """
     from steptwin.host.client.control_client import ControlClient
 
@@ -105,10 +139,10 @@ def inject(
         before = client.state()
         if before.robot != loaded.name:
             raise InputError(f"{client.title}: the board is one of {before.robot}, not of {loaded.name}")
-        state = _KINDS[name].ask(client, *values) if values else before
+        state = before if name == "state" else _KINDS[name].ask(client, *values)
     if as_json:
         print_json(dict(state.document))
-    elif values:
+    elif name != "state":
         say(f"SIMULATED {state.robot}: {_KINDS[name].said(state, *values)}")
     else:
         _print_state(state)
@@ -131,6 +165,17 @@ def _level(text: str) -> bool:
     if text not in LEVELS:
         raise InputError(f"'{text}' is neither on nor off")
     return LEVELS[text]
+
+
+def _whole(text: str, what: str) -> int:
+    value = finite_number(text, what)
+    if not value.is_integer():
+        raise InputError(f"{what}: {text} is not a whole number")
+    return int(value)
+
+
+def _station(who: str) -> str:
+    return "the host" if who == _HOST else f"the board of {who}"
 
 
 def _stuck(text: str) -> Stuck:

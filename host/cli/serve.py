@@ -24,6 +24,7 @@ from steptwin.host.cli.arguments import (
     one_robot,
     warn_of_settings_left_out,
 )
+from steptwin.host.cli.faults_on_purpose import Faults, chosen_scenario, print_struck, raise_unless_struck
 from steptwin.host.cli.option_names import naming_options
 from steptwin.host.cli.output import print_json, print_table, say, warn
 from steptwin.host.cli.panel_extra import require_extra
@@ -94,6 +95,7 @@ def serve(
             help="Let the motors turn with the board, with the arm's masses: switches follow them (docs/motors.md).",
         ),
     ] = False,
+    faults: Faults = None,
     out: Annotated[
         str | None, typer.Option(metavar="DIR", help="Folder to record report, edges and bus log in.")
     ] = None,
@@ -119,6 +121,7 @@ def serve(
     if stand_at is not None:
         standing = joint_values(stand_at.split(), loaded.joint_names, "--stand-at")
         _warn_outside(loaded, standing)
+    scenario = chosen_scenario(faults, loaded)
     warn_of_settings_left_out(loaded, driver_profile)  # bad input is reported before a port is opened
     parameters = (
         *("host", "port", "control_port", "allow_remote", "interface", "channel", "bitrate", "speed"),
@@ -143,6 +146,7 @@ def serve(
                 stock=name_value_pairs(stock) if stock else None,
                 locked_drawers=locked_drawer or (),
                 motors=motors,
+                scenario=scenario,
                 out=out,
                 log=log,
                 replace=replace,
@@ -165,6 +169,7 @@ def serve(
                 _print_report(document, None if out is None or served.board.failures else Path(out))
     if failure:
         raise failure
+    raise_unless_struck(document)
 
 
 def _warn_outside(robot: "Robot", standing: list[float]) -> None:
@@ -340,6 +345,7 @@ def _print_report(document: dict[str, Any], folder: Path | None) -> None:
         say(f"{what} late, ms (p50 p99 max): {text}, of {real_time[what]['count']}")
     if real_time["stalls"]["count"]:
         say(_stood(real_time["stalls"]))
+    print_struck(document)
     say(f"SIMULATED {document['simulated_s']:.1f} s in {document['wall_s']:.1f} s")
     if folder is not None:
         say(f"report, edges and bus log are in {folder}/")

@@ -24,6 +24,7 @@ class Do(StrEnum):
     CORRUPTION = "corruption"
     DELAY = "delay"
     BUS_OFF = "bus-off"
+    BUS_OK = "bus-ok"
     HOST = "host"
     STATE = "state"
 

@@ -38,6 +38,16 @@ def strikes(board: BoardUnderTest) -> str:
     return "\n".join([*lines, *(f"never struck: {_words(fault)}" for fault in unused)])
 
 
+def scenario_faults(board: BoardUnderTest) -> str:
+    """Return in words what has become of each fault of a board's scenario; empty without one."""
+    lines = []
+    for fault in board.faults():
+        struck = "never struck" if fault["struck_s"] is None else f"struck at {fault['struck_s']:.6f} s"
+        codes = " ".join(dict.fromkeys(told["code"] for told in fault["emcys"])) or "no EMCY"
+        lines.append(f"{fault['name']}: {fault['due']}: {struck}, {fault['strikes']} times, {codes}")
+    return "\n".join(lines)
+
+
 def _words(fault: BusFault) -> str:
     """Return a fault of the bus in words: its kind, and all else that is not as usual."""
     chosen = (f"{field.name}={getattr(fault, field.name)}" for field in fields(fault) if _differs(fault, field))

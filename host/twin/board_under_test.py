@@ -3,7 +3,7 @@
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from steptwin.host.record.folder import TEST_JOB
 from steptwin.host.robots.microsteps import Microsteps
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.scenarios.reading import read_scenario
+from steptwin.host.twin.scenarios.report import played_document
+from steptwin.host.twin.scenarios.scenario import Scenario
 from steptwin.host.twin.standing import Standing, standing_joints
 from steptwin.host.twin.unplanned_run import UnplannedRun
 from steptwin.host.verify import AxisEvidence, Expectation, Report, RunInfo, verify
@@ -74,6 +77,7 @@ class BoardUnderTest(EmbeddedBoard):
         driver_profile: str | None = None,
         dip_microsteps: Mapping[str, int] | None = None,
         motors: bool = False,
+        scenario: Scenario | Path | str | None = None,
     ) -> None:
         """Switch the board on.
 
@@ -86,15 +90,20 @@ class BoardUnderTest(EmbeddedBoard):
             driver_profile: name of the drivers that the board has instead of those in the robot's file.
             dip_microsteps: microsteps to which the switches of modules are set instead of the file's, by joint.
             motors: True if the robot's motors turn with the board, so that its switches follow the rotors.
+            scenario: faults that happen to it, or the path of the file with them (docs/faults.md); times count from the
+                motion that the first SYNC starts.
 
         Raises:
             InputError: a joint or the drivers do not exist, or the drivers cannot be set as the robot needs them, or
-                have no such switches, or the robot's file does not describe its motors and masses.
+                have no such switches, or the robot's file does not describe its motors and masses, or something is
+                wrong in the scenario.
         """
         self._began_s = time.perf_counter()
         joints = standing_joints(robot, stand_at)
         self.bus_faults = tuple(bus_faults)
         self._script = FaultScript(bus_faults)
+        if isinstance(scenario, Path | str):
+            scenario = read_scenario(str(scenario), robot)
         super().__init__(
             robot,
             joints,
@@ -104,6 +113,7 @@ class BoardUnderTest(EmbeddedBoard):
             driver_profile,
             dip_microsteps,
             motors=motors,
+            scenario=scenario,
         )
         self._run = UnplannedRun(
             robot,
@@ -138,6 +148,11 @@ class BoardUnderTest(EmbeddedBoard):
     def slipped(self) -> dict[str, int]:
         """Return the full steps by which each rotor has fallen out of step since power-up, with their sign."""
         return dict(zip(self.robot.joint_names, self.slipped_full_steps(), strict=True))
+
+    def faults(self) -> list[dict[str, Any]]:
+        """Return what has become of each fault so far, under the keys of report.json: docs/faults.md."""
+        document: list[dict[str, Any]] = [] if self.engine is None else played_document(self.engine)["faults"]
+        return document
 
     def mismatches(self) -> list[Microsteps]:
         """Return the axes whose driver, board and robot file do not agree on the microsteps per full step."""

@@ -36,7 +36,11 @@ from steptwin.host.twin.followed_motion import FollowedMotion
 from steptwin.host.twin.live_plan import LivePlan
 from steptwin.host.twin.motors.figures import RotorFigures
 from steptwin.host.twin.motors.in_loop import motor_wiring
-from steptwin.host.twin.scenarios.harms import Harm, HostFault
+from steptwin.host.twin.scenarios.engine import Engine
+from steptwin.host.twin.scenarios.harms import BusRepair, Harm, HostFault
+from steptwin.host.twin.scenarios.host_condition import HostCondition
+from steptwin.host.twin.scenarios.report import played_document
+from steptwin.host.twin.scenarios.scenario import Scenario
 from steptwin.host.twin.scenarios.target import Target
 from steptwin.host.twin.shelf import shelf_evidence, shelf_wiring
 from steptwin.host.twin.standing import standing_steps
@@ -46,6 +50,8 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 RECORD_EVERY_S: Final = 0.5
 """Longest time for which the drivers' history is held in memory."""
+
+_NO_HOST: Final = "'host' is for runs in virtual time; hosts of a live board are programs of their own"
 
 OPERATIONS_MAX: Final = 1000
 """Number of operations on the machine that are remembered, so that memory stays bounded."""
@@ -110,6 +116,7 @@ class LiveBoard:
         stock: Mapping[str, str] | None = None,
         locked_drawers: Collection[str] = (),
         motors: bool = False,
+        scenario: Scenario | None = None,
     ) -> None:
         """Set the board up.
 
@@ -127,12 +134,16 @@ class LiveBoard:
             stock: the boxes in the robot's shelf, by slot or spot; None: a box at each spot where boxes are taken.
             locked_drawers: slots of the shelf whose drawers are locked.
             motors: True if the robot's motors turn with the board, so that its switches follow the rotors.
+            scenario: faults that happen to it; times count from the first motion that a SYNC starts.
 
         Raises:
             InputError: the drivers do not exist, or cannot be set as the robot needs them, or have no such switches, or
-                the shelf has no such place, or the robot's file does not describe its motors and masses.
+                the shelf has no such place, or the robot's file does not describe its motors and masses,
+                or the scenario has a fault of the host, which is a program of its own.
             OSError: a file cannot be written.
         """
+        if scenario is not None and scenario.harms_host:
+            raise InputError(f"{scenario.name}: {_NO_HOST}")
         self.robot = robot
         self.axes_per_board = tuple(axes_per_board or [len(robot.joints)])
         configs = board_configs(robot, stand_at, self.axes_per_board, driver_profile_name, dip_microsteps)
@@ -173,6 +184,8 @@ class LiveBoard:
             self.rotors = RotorFigures(robot, watch.rotors)
             watch.on_record = self.rotors.add
         self._target = Target.of(robot, simulation, start_steps)
+        self.engine = None if scenario is None else Engine(scenario, self._target, HostCondition())
+        """Plays the scenario; None without one."""
         self.live = LiveSimulation(simulation, Pacer(time.monotonic_ns(), speed))
 
     def _header(self, bitrate: int) -> Header:
@@ -196,9 +209,11 @@ class LiveBoard:
             InputError: it is a fault of the host: those of a live board are programs of their own.
         """
         if isinstance(harm, HostFault):
-            raise InputError("do: 'host' is for runs in virtual time; hosts of a live board are programs of their own")
+            raise InputError(f"do: {_NO_HOST}")
         if isinstance(harm, BusFault):
             self.bus.faults.begin(harm)
+        elif isinstance(harm, BusRepair):
+            self.bus.faults.end_all()
         else:
             self._target.operate(harm)
         self._operations.append((self.live.simulation.now_s, harm))
@@ -262,6 +277,7 @@ class LiveBoard:
         """Take and log what has happened on the bus since the last round of all axes; return the log's lines."""
         self._motion.follow()
         self._measure_load()
+        self.bus.faults.struck.clear()
         if watch := self.live.simulation.shelf_watch:
             self._shelf_events.extend(shelf_evidence(watch.shelf, {}).events)
             watch.shelf.events.clear()
@@ -403,6 +419,7 @@ class LiveBoard:
             "operations": [{"at_s": round(at_s, 6)} | request_of(self.robot, harm) for at_s, harm in self._operations],
             **({} if (shelf := self.shelf()) is None else {"shelf": shelf}),
             **({} if self.rotors is None else {"motors": self.rotors.to_dict()}),
+            **({} if self.engine is None else played_document(self.engine)),
             "simulated_s": round(self.simulated_s, 6),
             "wall_s": round(self.wall_s, 6),
         }

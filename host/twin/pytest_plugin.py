@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.board_under_test import BoardUnderTest
     from steptwin.host.twin.served_board_under_test import ServedBoardUnderTest
+    from steptwin.host.twin.scenarios.scenario import Scenario
     from steptwin.host.twin.standing import Standing
 
     MakeBoard = Callable[..., BoardUnderTest]
@@ -52,7 +53,7 @@ def pytest_configure(config: pytest.Config) -> None:
     """Register the marker."""
     config.addinivalue_line(
         "markers",
-        f"{_MARKER}(robot, stand_at, schedule, bus_faults, driver_profile, dip_microsteps, motors): which board"
+        f"{_MARKER}(robot, stand_at, schedule, bus_faults, driver_profile, dip_microsteps, motors, scenario): which board"
         " `steptwin_board` is",
     )
 
@@ -79,6 +80,7 @@ def steptwin_make_board(
         driver_profile: name of the drivers that the board has instead of those in the robot's file.
         dip_microsteps: microsteps to which the switches of modules are set instead of the file's, by joint.
         motors: True if the robot's motors turn with the board, so that its switches follow the rotors.
+        scenario: faults that happen to the board, or the path of the file with them from pytest's root directory.
     """
     from steptwin.host.common.errors import InputError
     from steptwin.host.twin.board_under_test import BoardUnderTest
@@ -94,6 +96,7 @@ def steptwin_make_board(
         driver_profile: str | None = None,
         dip_microsteps: "Mapping[str, int] | None" = None,
         motors: bool = False,
+        scenario: "Scenario | str | None" = None,
     ) -> BoardUnderTest:
         try:
             board = BoardUnderTest(
@@ -105,6 +108,7 @@ def steptwin_make_board(
                 driver_profile=driver_profile,
                 dip_microsteps=dip_microsteps,
                 motors=motors,
+                scenario=request.config.rootpath / scenario if isinstance(scenario, str) else scenario,
             )
         except InputError as error:
             pytest.fail(f"steptwin: {error}", pytrace=False)
@@ -119,10 +123,10 @@ def steptwin_make_board(
 
 def _tell(node: pytest.Item, board: "BoardUnderTest") -> None:
     """Add to the test's report what a board has seen."""
-    from steptwin.host.twin.artefacts import last_frames, strikes
+    from steptwin.host.twin.artefacts import last_frames, scenario_faults, strikes
 
     sections = {"bus": last_frames(board.robot, board.bus_log), "faults of the bus": strikes(board)}
-    _add(node, sections | {"settings": "\n".join(map(str, board.mismatches()))})
+    _add(node, sections | {"faults": scenario_faults(board), "settings": "\n".join(map(str, board.mismatches()))})
 
 
 def _keep(node: pytest.Item, saves: "Sequence[Callable[[Path], None]]", artefacts: Path) -> None:

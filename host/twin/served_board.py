@@ -19,6 +19,7 @@ from steptwin.host.twin.control.port import ControlPort
 from steptwin.host.twin.endpoints import open_endpoint
 from steptwin.host.twin.input_changes import set_input
 from steptwin.host.twin.live_board import LiveBoard
+from steptwin.host.twin.scenarios.scenario import Scenario
 from steptwin.host.twin.standing import Standing, standing_joints
 from steptwin.protocol.frame import BITRATES
 
@@ -55,6 +56,7 @@ class ServedBoard:
         stock: Mapping[str, str] | None = None,
         locked_drawers: Collection[str] = (),
         motors: bool = False,
+        scenario: Scenario | None = None,
         kernel: Kernel | None = None,
         out: Path | str | None = None,
         log: Path | str | None = None,
@@ -80,6 +82,7 @@ class ServedBoard:
             stock: the boxes in the robot's shelf, by slot or spot; None: a box at each spot where boxes are taken.
             locked_drawers: slots of the shelf whose drawers are locked.
             motors: let the robot's motors turn with the board, so that its switches follow the rotors; needs numba.
+            scenario: faults that happen to the board (docs/faults.md).
             kernel: form of the firmware's kernel; by default the fastest one that is installed.
             out: folder that receives report, edges and bus log.
             log: file that receives the bus log alone.
@@ -129,6 +132,7 @@ class ServedBoard:
                 stock=stock,
                 locked_drawers=locked_drawers,
                 motors=motors,
+                scenario=scenario,
             )
             on_error.pop_all()
         self._loop = LiveLoop(self.board.live)

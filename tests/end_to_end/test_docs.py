@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from docs.generate.driver import DRIVER_PAGE, render_driver
+from docs.generate.faults import FAULTS_PAGE, render_faults
 from docs.generate.page import PAGE, render_page
 from docs.generate.papers import PAPERS_FOLDER
 from docs.generate.protocol import PROTOCOL_PAGE, render_protocol
@@ -44,6 +45,7 @@ ALL_TEXT = (
     + DRIVER_PAGE.read_text(encoding="utf-8")
     + WAVEFORM_PAGE.read_text(encoding="utf-8")
     + (PAGE.parent / "calibration.md").read_text(encoding="utf-8")
+    + FAULTS_PAGE.read_text(encoding="utf-8")
     + (PAGE.parent / "panel.md").read_text(encoding="utf-8")
     + (PAGE.parent / "replay.md").read_text(encoding="utf-8")
     + (PAGE.parent / "warehouse.md").read_text(encoding="utf-8")
@@ -76,6 +78,11 @@ def test_the_pictures_of_the_papers() -> None:
 
 def test_the_protocol_page_is_up_to_date() -> None:
     assert render_protocol() == PROTOCOL_PAGE.read_text(encoding="utf-8")
+
+
+def test_the_page_of_faults_is_up_to_date(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    assert render_faults() == FAULTS_PAGE.read_text(encoding="utf-8")
 
 
 def test_the_driver_page_is_up_to_date() -> None:

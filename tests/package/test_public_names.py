@@ -82,7 +82,7 @@ def test_members(name: str) -> None:
     cls = getattr(steptwin, name)
     heading, text = SECTIONS[name]
     told = dict(re.findall(r"`\.(\w+)(.*?)`", text))
-    bases = [base for base in (tuple, BaseException, steptwin.StepTwinError) if base in cls.__mro__[1:]]
+    bases = [base for base in (tuple, str, BaseException, steptwin.StepTwinError) if base in cls.__mro__[1:]]
     inherited = {member for base in bases for member in dir(base)}
     constructor = set(re.findall(r"\w+", heading))
     members = {member for member in {*dir(cls), *inspect.get_annotations(cls)} if not member.startswith("_")}

@@ -30,7 +30,7 @@ from steptwin.host.operate.input_waiting import wired_inputs
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.control.frames import FRAMES, cob_ids, name_of, per_node
 from steptwin.host.twin.input_changes import set_input
-from steptwin.host.twin.scenarios.harms import Harm, HostFault, HostFaultKind
+from steptwin.host.twin.scenarios.harms import BusRepair, Harm, HostFault, HostFaultKind
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.frame import COB_ID_MASK
 from steptwin.protocol.timer import COUNTS_PER_SECOND
@@ -192,6 +192,7 @@ _KINDS: Final[Mapping[Do, _Kind]] = {
         lambda robot, values: _bus_off(robot, values["joint"]),
         {"joint": Table.text},
     ),
+    Do.BUS_OK: _Kind({}, lambda _, __: BusRepair()),
     Do.HOST: _Kind(
         {"how": lambda table, key: table.choice(key, HostFaultKind)},
         lambda _, values: HostFault(values["how"], values["by_s"] or 0.0),
@@ -199,6 +200,12 @@ _KINDS: Final[Mapping[Do, _Kind]] = {
     ),
     Do.STATE: _Kind({}, lambda _, __: None),
 }
+
+
+def keys_of(do: Do) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the keys that a kind of request must have beside `do`, and those that it may have."""
+    kind = _KINDS[do]
+    return tuple(kind.keys), tuple(kind.optional)
 
 
 def read_request(robot: Robot, request: Mapping[str, Any]) -> Harm | None:
@@ -354,6 +361,7 @@ REQUESTS: Final[Mapping[type, Callable[[Robot, Any], dict[str, Any]]]] = {
     },
     SetWire: _wire_request,
     BusFault: _bus_request,
+    BusRepair: lambda _, __: {"do": Do.BUS_OK},
     HostFault: lambda _, harm: {"do": Do.HOST, "how": harm.kind, "by_s": harm.by_s},
 }
 """What writes each type of harm as a request."""

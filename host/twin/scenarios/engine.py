@@ -1,12 +1,13 @@
 """Play a scenario on a machine: begin and end its faults at their instants, and note what answers."""
 
+from collections import deque
 from dataclasses import dataclass, field, replace
 from typing import Final
 
 from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.emulator.bus_faults import BusFault
 from steptwin.emulator.operations import Operation
-from steptwin.host.twin.scenarios.harms import Harm, HostFault, opposite
+from steptwin.host.twin.scenarios.harms import BusRepair, Harm, HostFault, opposite
 from steptwin.host.twin.scenarios.host_condition import HostCondition
 from steptwin.host.twin.scenarios.moment import Moment
 from steptwin.host.twin.scenarios.scenario import Fault, Scenario
@@ -24,6 +25,8 @@ from steptwin.host.twin.scenarios.watches import (
 )
 from steptwin.protocol.frame import COB_EMCY, COB_SYNC, FIRST_NODE_ID, Frame
 
+EMERGENCIES_MAX: Final = 10_000
+"""Number of EMCYs that are remembered, so that a board may run for ever."""
 _CODE_BYTES: Final = 2
 
 
@@ -81,8 +84,8 @@ class Engine:
         """
         self.scenario = scenario.drawn()
         self.target = target
-        self.emergencies: list[Emergency] = []
-        """Every EMCY since power-up."""
+        self.emergencies: deque[Emergency] = deque(maxlen=EMERGENCIES_MAX)
+        """The last EMCYs since power-up."""
         self.start_counts: int | None = None
         """t = 0 of the motion; None before its SYNC."""
         self._host = host
@@ -91,9 +94,9 @@ class Engine:
         self.played = [Played(fault, replace(fault.harm), self._watch(fault.trigger)) for fault in self.scenario.faults]
         self._waiting = list(self.played)
         self._bus_faults = {id(each.harm): each for each in self.played if isinstance(each.harm, BusFault)}
-        self._strikes_seen = 0
         script = target.simulation.bus.faults
         script.reseed(scenario.seed)
+        script.on_strike = self._note_strike
         target.simulation.bus.listen(self._hear)
         target.simulation.attendant = self
 
@@ -142,8 +145,6 @@ class Engine:
                 if each.watch is not None and each.watch.is_due(now_counts):
                     self._act(each, now_counts)
             self._waiting = [each for each in self._waiting if each.watch is not None]
-        if self._bus_faults:
-            self._count_strikes()
 
     def _note_start(self, sync_counts: int) -> None:
         """Note t = 0 of the motion, the first tick after the SYNC."""
@@ -153,14 +154,11 @@ class Engine:
             if each.watch is not None:
                 each.watch.motion_starts(self.start_counts)
 
-    def _count_strikes(self) -> None:
-        struck = self.target.simulation.bus.faults.struck
-        for counts, fault, _frame in struck[self._strikes_seen :]:
-            each = self._bus_faults.get(id(fault))
-            if each is not None:
-                each.strikes += 1
-                each.first_counts = counts if each.first_counts is None else each.first_counts
-        self._strikes_seen = len(struck)
+    def _note_strike(self, now_counts: int, fault: BusFault) -> None:
+        each = self._bus_faults.get(id(fault))
+        if each is not None:
+            each.strikes += 1
+            each.first_counts = now_counts if each.first_counts is None else each.first_counts
 
     # --- what is done
 
@@ -189,6 +187,8 @@ class Engine:
         each.strikes, each.first_counts = 1, now_counts
         if isinstance(harm, HostFault):
             self._host.begin(harm, now_counts)
+        elif isinstance(harm, BusRepair):
+            self.target.simulation.bus.faults.end_all()
         else:
             each.undo = opposite(harm, self.target.surroundings)
             self.target.operate(harm)

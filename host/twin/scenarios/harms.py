@@ -52,7 +52,12 @@ class HostFault:
             raise ValueError(f"by_s: {self.by_s:g} s is below 0")
 
 
-Harm = Operation | BusFault | HostFault
+@dataclass(frozen=True, slots=True)
+class BusRepair:
+    """All faults of the bus end."""
+
+
+Harm = Operation | BusFault | BusRepair | HostFault
 
 
 def _as_before(operation: StuckSwitch, before: Surroundings) -> StuckSwitch:

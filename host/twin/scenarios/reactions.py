@@ -24,7 +24,7 @@ from steptwin.emulator.operations import (
 )
 from steptwin.emulator.wires import WireState
 from steptwin.host.client.heartbeat import TIMEOUT_MS
-from steptwin.host.twin.scenarios.harms import Harm, HostFault, HostFaultKind, on_axis
+from steptwin.host.twin.scenarios.harms import BusRepair, Harm, HostFault, HostFaultKind, on_axis
 from steptwin.host.twin.scenarios.moment import Moment
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode, State
 from steptwin.protocol.frame import COB_HEARTBEAT, COB_ID_MASK, COB_SYNC, HOST_NODE_ID
@@ -134,6 +134,12 @@ def _bus(kind: BusFaultKind, only: int | None = None) -> Callable[[Harm, Moment]
     return applies
 
 
+def _silent_host(harm: Harm, moment: Moment) -> bool:
+    """Return whether the host's heartbeat is lost from now on, and nothing else."""
+    alone = _bus(BusFaultKind.LOSS, COB_HEARTBEAT + HOST_NODE_ID)(harm, moment)
+    return alone and isinstance(harm, BusFault) and harm.rate == 1 and not harm.skip
+
+
 def _towards(harm: Harm, moment: Moment) -> bool:
     """Return whether a limit switch sticks closed towards which its axis moves."""
     if not isinstance(harm, StuckSwitch) or not harm.closed or harm.switch is DigitalInput.HOME:
@@ -209,7 +215,7 @@ DOCUMENTED: Final[tuple[Documented, ...]] = (
     Documented("wire to a driver whole", lambda harm, _: isinstance(harm, SetWire), GOES_ON),
     Documented(
         "heartbeat of the host lost",
-        _bus(BusFaultKind.LOSS, COB_HEARTBEAT + HOST_NODE_ID),
+        _silent_host,
         _stops(ErrorCode.HEARTBEAT_LOST, begins_ms=HEARTBEAT_MS, certain=False),
         "unless it comes again in time",
     ),
@@ -238,6 +244,7 @@ DOCUMENTED: Final[tuple[Documented, ...]] = (
         Reaction(Motion.GOES_ON, (ErrorCode.CAN_BUS_OFF_RECOVERED,), certain=False),
         "it is back after 128 x 11 bits; a board reports that, the queues bridge it",
     ),
+    Documented("bus repaired", lambda harm, _: isinstance(harm, BusRepair), GOES_ON),
     Documented(
         "host hangs, its heartbeat goes on",
         _host(HostFaultKind.HANG),

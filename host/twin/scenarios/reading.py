@@ -206,7 +206,7 @@ def _expect(table: Table, key: str) -> Reaction:
     with table.section(key) as section:
         values = section.read(
             {"motion": _motion},
-            {"codes": Table.elements, "state": _state, "within_ms": Table.number, "certain": Table.truth},
+            {"codes": Table.elements, "state": _state, "within_ms": _duration_ms, "certain": Table.truth},
         )
         codes = tuple(_code(code) for code in values["codes"] or ())
     return Reaction(
@@ -216,6 +216,13 @@ def _expect(table: Table, key: str) -> Reaction:
         begins_ms=values["within_ms"] or 0.0,
         certain=values["certain"] is not False,
     )
+
+
+def _duration_ms(table: Table, key: str) -> float:
+    value = table.number(key)
+    if value < 0:
+        raise InputError(f"{key}: {value:g} is below 0")
+    return value
 
 
 def _motion(table: Table, key: str) -> Motion:

@@ -31,6 +31,10 @@ class Told:
     code: int
     after_ms: float
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return it under the keys of report.json."""
+        return {"joint": self.joint, "code": f"0x{self.code:04X}", "after_ms": round(self.after_ms, 3)}
+
 
 @dataclass(frozen=True, slots=True)
 class JointAnswer:
@@ -102,10 +106,7 @@ class FaultReport:
             "struck_s": _rounded(self.struck_s),
             "strikes": self.strikes,
             "ended_s": _rounded(self.ended_s),
-            "emcys": [
-                {"joint": told.joint, "code": f"0x{told.code:04X}", "after_ms": round(told.after_ms, 3)}
-                for told in self.emcys
-            ],
+            "emcys": [told.to_dict() for told in self.emcys],
             "standstill_ms": _rounded(self.standstill_ms),
             "joints": {
                 name: {
@@ -187,6 +188,41 @@ def scenario_report(engine: Engine, end: RunEnd) -> ScenarioReport:
     return ScenarioReport(scenario.name, scenario.seed, faults, tuple(reasons))
 
 
+def played_document(engine: Engine) -> dict[str, Any]:
+    """Return what has become of each fault so far, under the keys of report.json, without a judgement.
+
+    A live board has no end and no plan of its own: how hosts answer is their own affair.
+    """
+    scenario = engine.scenario
+    begins = sorted(each.began.counts for each in engine.played if each.began is not None)
+    return {
+        "scenario": {"name": scenario.name, "seed": scenario.seed},
+        "faults": [_played_document(engine, each, _window_end(each, begins)) for each in engine.played],
+    }
+
+
+def _played_document(engine: Engine, played: Played, until_counts: float) -> dict[str, Any]:
+    robot, began = engine.target.robot, played.began
+    emcys = [] if began is None else _answers(engine, began, until_counts)
+    return {
+        **_named(robot, played),
+        "struck_s": None if played.first_counts is None else round(_seconds(engine, played.first_counts), 6),
+        "strikes": played.strikes,
+        "ended_s": None if played.ended_counts is None else round(_seconds(engine, played.ended_counts), 6),
+        "emcys": [] if began is None else [_told(robot, each, began.counts).to_dict() for each in emcys],
+    }
+
+
+def _named(robot: Robot, played: Played) -> dict[str, Any]:
+    fault = played.fault
+    return {"name": fault.name, "do": request_of(robot, fault.harm), "due": str(fault.trigger)}
+
+
+def _answers(engine: Engine, began: Moment, until_counts: float) -> list[Emergency]:
+    """Return the errors that were told from the beginning of a fault to that of the next one."""
+    return [each for each in engine.emergencies if began.counts <= each.counts < until_counts and each.code]
+
+
 def _window_end(played: Played, begins: Sequence[int]) -> float:
     """Return the instant at which the next fault begins, whose answers are its own."""
     began = played.began
@@ -201,7 +237,7 @@ def _fault_report(engine: Engine, played: Played, end: RunEnd, until_counts: flo
         return FaultReport(*named, None, 0, None, (), None, {}, "", None, None, (f"never struck: {why}",))
     row = documented(played.harm, began)
     reaction = fault.expected or row.reaction
-    emcys = [each for each in engine.emergencies if began.counts <= each.counts < until_counts and each.code]
+    emcys = _answers(engine, began, until_counts)
     stopped = end.stopped and _stops_within(emcys)
     standstill_ms = _standstill_ms(end.evidence, began.counts) if stopped else None
     limit_ms = standstill_limit_ms(robot, played.harm, reaction, began) if reaction.stops else None

@@ -177,5 +177,8 @@ def test_a_robot_file_needs_no_robot(arm: Path, capsys: pytest.CaptureFixture[st
 def test_a_file_of_no_kind(arm: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arm.write_text("name = 'x'\n", encoding="utf-8")
     assert run(["check", str(arm)]) == 2
-    words = "has none of step, steps, sequences, kinematics, joints, board: it is no program and no robot"
+    words = (
+        "has none of step, steps, sequences, fault, kinematics, joints, board:"
+        " it is no program and no scenario and no robot"
+    )
     assert capsys.readouterr().err == f"steptwin: {arm}: {words}\n"

@@ -93,6 +93,7 @@ CASES = [
     Case("frames delayed", 'do = "delay"\nframes = "records"\nby_s = 0.5\ncount = 1', STOPS, None, "at_s = 0.1"),
     Case("a station in bus-off", 'do = "bus-off"\njoint = "d3"', GOES),
     Case("a station in bus-off", 'do = "bus-off"', GOES),
+    Case("bus repaired", 'do = "bus-ok"', GOES),
     Case("host hangs, its heartbeat goes on", 'do = "host"\nhow = "hang"\nfor_s = 0.5', GOES, None, "at_s = 0.1"),
     Case("host hangs, its heartbeat goes on", 'do = "host"\nhow = "hang"', STOPS, (600, 850), "at_s = 0.1"),
     Case("host dies", 'do = "host"\nhow = "death"', STOPS, (300, 550.25)),
@@ -152,6 +153,15 @@ def test_a_lost_host_is_noticed_in_time(
         _, report = played(fast_kernel, f"[[fault]]\nat_s = {at_s}\n{harm}\n")
         first = next(told for told in report.faults[0].emcys if told.code == code)
         assert first_ms <= first.after_ms <= last_ms + 1
+
+
+def test_a_repair_ends_the_faults_of_the_bus(fast_kernel: Kernel) -> None:
+    """The same heartbeat is lost as in the case that stops the machine, but for 0.2 s."""
+    loss = '[[fault]]\nat_s = 0.3\ndo = "loss"\nframes = "host-heartbeat"\n'
+    outcome, report = played(fast_kernel, f'{loss}[[fault]]\nat_s = 0.5\ndo = "bus-ok"\n')
+    assert outcome.passed
+    assert report.passed, report.reasons
+    assert report.faults[0].strikes == 2
 
 
 def expecting(kernel: Kernel, text: str, reaction: Reaction) -> tuple[FaultReport, ScenarioReport]:

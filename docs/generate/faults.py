@@ -1,0 +1,87 @@
+"""Render docs/faults.md: an example and its run, what faults there are, and the documented reactions."""
+
+from math import isinf
+from typing import Final
+
+from docs.generate.commands import session
+from docs.generate.pieces import DOCS, filled
+from docs.generate.runs import ROBOTS
+from steptwin.host.common.control import Do
+from steptwin.host.papers.markdown import table
+from steptwin.host.robots import load_robot
+from steptwin.host.twin.control.operations import keys_of
+from steptwin.host.twin.scenarios.reactions import DOCUMENTED, Motion, Reaction
+from steptwin.host.twin.scenarios.report import longest_ramp_ms
+
+FAULTS_PAGE: Final = DOCS / "faults.md"
+EXAMPLE: Final = DOCS / "examples" / "faults" / "carry.toml"
+
+_NOTICE: Final = "<!-- Made by `make docs` from docs/faults/faults.md and the table of reactions: change those. -->"
+_DOES: Final = {
+    Do.ESTOP: "the emergency stop is pressed, or pulled out",
+    Do.SUPPLY: "the motor supply has this voltage",
+    Do.TEMPERATURE: "the board has this temperature",
+    Do.PROTECT: "the Protect pin of a driver is held low, as by a chip that is too hot",
+    Do.INPUT: "a sensor of the robot's file is active, or not",
+    Do.SWITCH: "a switch `-`, `+` or `home` sticks `closed` or `open`, or is `free`",
+    Do.SLIP: "a motor falls out of step by whole electrical cycles: a multiple of 4 full steps",
+    Do.WIRE: "the wire `step`, `dir` or `enable` to a driver is `broken`, shorted `low` or `high`, `noisy` or `whole`",
+    Do.LOSS: "frames are acknowledged and do not arrive",
+    Do.CORRUPTION: "frames are disturbed: CAN sends them again",
+    Do.DELAY: "the sender of a frame waits before it sends it",
+    Do.BUS_OFF: "the board of a joint, or without `joint` the host, goes into bus-off with its next frame",
+    Do.BUS_OK: "all faults of the bus end",
+    Do.HOST: "something goes wrong with the host: see below",
+}
+
+
+def render_faults() -> str:
+    """Return the whole page; it ends with a newline."""
+    page = filled(
+        DOCS / "faults" / "faults.md",
+        {
+            "example": lambda _: f"```toml\n{EXAMPLE.read_text(encoding='utf-8').strip()}\n```",
+            "run": lambda arguments: session(f"run {arguments}"),
+            "requests": lambda _: _requests(),
+            "reactions": lambda _: _reactions(),
+            "ramps": lambda _: _ramps(),
+        },
+    )
+    return f"{_NOTICE}\n\n{page}\n"
+
+
+def _requests() -> str:
+    rows = []
+    for do in Do:
+        if do is not Do.STATE:
+            required, optional = (", ".join(f"`{key}`" for key in keys) or "-" for keys in keys_of(do))
+            rows.append([f"`{do}`", required, optional, _DOES[do]])
+    return table(["`do`", "keys", "may also have", ""], rows, text_columns=4)
+
+
+def _reactions() -> str:
+    rows = []
+    for row in DOCUMENTED:
+        reaction = row.reaction
+        codes = " or ".join(f"0x{code:04X}" for code in reaction.codes) or "none"
+        state = reaction.state.name.replace("_", " ") if reaction.state else "as before"
+        motion = reaction.motion.value if reaction.certain else f"may: {reaction.motion.value}"
+        rows.append([row.what, motion, codes, state, _begins(reaction), _position(reaction), row.why or "-"])
+    return table(["fault", "the motion", "EMCY", "drive", "begins", "position", "remark"], rows, text_columns=7)
+
+
+def _begins(reaction: Reaction) -> str:
+    if not reaction.stops or reaction.motion is Motion.NOT_BEGUN:
+        return "-"
+    return "whenever it comes to that" if isinf(reaction.begins_ms) else f"{reaction.begins_ms:g} ms"
+
+
+def _position(reaction: Reaction) -> str:
+    if not reaction.verified:
+        return "wrong: the verdict tells it"
+    return "known" if reaction.position_known else "unknown, if it moved"
+
+
+def _ramps() -> str:
+    rows = [[name, f"{longest_ramp_ms(load_robot(name)):g} ms"] for name in ROBOTS]
+    return table(["robot", "longest ramp"], rows)
