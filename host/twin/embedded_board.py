@@ -23,6 +23,7 @@ from steptwin.host.twin.input_changes import InputChange, set_input
 from steptwin.host.twin.motors.after_run import RotorTrace, rotor_trace
 from steptwin.host.twin.motors.driving import followed_ms, last_edge_counts
 from steptwin.host.twin.motors.in_loop import motor_wiring
+from steptwin.host.twin.repeated_frames import whole_us_counts
 from steptwin.host.twin.scenarios.engine import Engine
 from steptwin.host.twin.scenarios.host_condition import HostCondition
 from steptwin.host.twin.scenarios.host_network import FaultyNetwork
@@ -154,8 +155,8 @@ class EmbeddedBoard:
         self.network.wait(dt_s)
 
     def pass_time(self, dt_s: float) -> None:
-        """Let simulated time pass without a host: not even its heartbeat is sent."""
-        self._simulation.run_until(self._simulation.now_counts + round(dt_s * COUNTS_PER_SECOND))
+        """Let simulated time pass, in whole microseconds, without a host: not even its heartbeat is sent."""
+        self._simulation.run_until(self._simulation.now_counts + whole_us_counts(dt_s))
 
     def set_input(self, name: str, *, on: bool) -> None:
         """Set a digital input of the robot now; raise InputError for an unknown name."""

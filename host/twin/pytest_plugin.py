@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from steptwin.emulator.operations import Scheduled
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.board_under_test import BoardUnderTest
-    from steptwin.host.twin.served_board_under_test import ServedBoardUnderTest
     from steptwin.host.twin.scenarios.scenario import Scenario
+    from steptwin.host.twin.served_board_under_test import ServedBoardUnderTest
     from steptwin.host.twin.standing import Standing
 
     MakeBoard = Callable[..., BoardUnderTest]
@@ -53,8 +53,8 @@ def pytest_configure(config: pytest.Config) -> None:
     """Register the marker."""
     config.addinivalue_line(
         "markers",
-        f"{_MARKER}(robot, stand_at, schedule, bus_faults, driver_profile, dip_microsteps, motors, scenario): which board"
-        " `steptwin_board` is",
+        f"{_MARKER}(robot, stand_at, schedule, bus_faults, driver_profile, dip_microsteps, motors, scenario): which"
+        " board `steptwin_board` is",
     )
 
 

@@ -47,7 +47,11 @@ class MachineState:
                 }
                 for i, joint in enumerate(self._joints)
             },
-            "bus": board.bus_figures() | {"recent_load_percent": round(board.recent_bus_load_percent, 3)},
+            "bus": board.bus_figures()
+            | {
+                "recent_load_percent": round(board.recent_bus_load_percent, 3),
+                "faults": len(board.bus.faults.faults),
+            },
             "real_time": board.real_time(),
             **({} if (shelf := board.shelf()) is None else {"shelf": shelf}),
             "simulated_s": round(board.simulated_s, 6),

@@ -115,8 +115,20 @@ def test_the_command(served: ServedBoard, client: ControlClient, capsys: pytest.
         ("switch", "d1", "-", "closed"): "switch - of d1: stuck closed",
         ("switch", "d1", "-", "free"): "switch - of d1: open",
         ("switch", "th4", "home", "open"): "switch home of th4: stuck open",
+        ("slip", "th2", "-4"): "the motor of th2 has slipped by -4 full steps",
+        ("slip", "th2", "4"): "the motor of th2 has slipped by 4 full steps",
+        ("wire", "th2", "step", "broken"): "wire step of th2: broken",
+        ("wire", "th2", "step", "whole"): "wire step of th2: whole",
+        ("loss", "records"): "records: lost from now on",
+        ("corruption", "sync"): "sync: disturbed from now on",
+        ("delay", "sync", "0.1"): "sync: delayed by 0.1 s from now on",
+        ("bus-off", "th2"): "the board of th2 goes into bus-off with its next frame",
+        ("bus-off", "host"): "the host goes into bus-off with its next frame",
     }.items():
         assert inject(*words) == (0, f"SIMULATED lab-scara: {told}\n", "")
+    assert client.state().document["bus"]["faults"] >= 4
+    assert inject("bus-ok") == (0, "SIMULATED lab-scara: all faults of the bus have ended\n", "")
+    assert client.state().document["bus"]["faults"] == 0
     code, out, err = inject("state")
     assert (code, err) == (0, "")
     assert re.search(r"(?m)^SIMULATED lab-scara: .* bus load .*\nemergency stop: released\nsupply: 24.00 V\n", out)
@@ -126,7 +138,8 @@ def test_the_command(served: ServedBoard, client: ControlClient, capsys: pytest.
     assert (code, err) == (0, "")
     assert json.loads(out)["switches"]["th4"]["home"] == {"closed": False, "stuck": False}
     for wrong, told in {
-        (): "WHAT is missing: estop, supply, temperature, protect, input, switch, state",
+        (): "WHAT is missing: estop, supply, temperature, protect, input, switch, slip, wire, loss, corruption, delay,"
+        " bus-off, bus-ok, state",
         ("estpo", "on"): "WHAT 'estpo' is unknown: did you mean estop?",
         ("estop",): "after estop: on|off, not nothing",
         ("state", "on"): "after state: nothing, not on",
@@ -136,6 +149,17 @@ def test_the_command(served: ServedBoard, client: ControlClient, capsys: pytest.
         ("switch", "d1", "+", "shut"): "'shut' is not one of closed, open, free",
         ("switch", "d1", "home", "open"): "switch of d1 'home' is unknown: there are -, +",
         ("protect", "th5", "on"): "joint 'th5' is unknown: did you mean th4 or th3 or th2?",
+        ("slip", "th2", "1.5"): "slip: 1.5 is not a whole number",
+        (
+            "slip",
+            "th2",
+            "6",
+        ): "full_steps: 6 is not a multiple of 4: a motor slips by whole electrical cycles; the nearest is 8",
+        ("wire", "th2", "clk", "low"): "wire: 'clk' is not one of step, dir, enable",
+        ("wire", "th2", "step", "noisy"): "rate_hz: is missing: a noisy wire has rate_hz and width_us",
+        ("loss", "recrods"): "frames 'recrods' is unknown: did you mean records?",
+        ("delay", "sync", "0"): "by_s: 0.000000 s is outside 1e-06..86400 s; the nearest is 1e-06 s",
+        ("bus-off", "th5"): "joint 'th5' is unknown: did you mean th4 or th3 or th2?",
     }.items():
         assert inject(*wrong) == (2, "", f"steptwin: {told}\n")
     told = f"steptwin: {address}: the board is one of lab-scara, not of hybrid-arm\n"
@@ -148,11 +172,19 @@ def test_the_page_shows_what_happens(served: ServedBoard, capsys: pytest.Capture
     assert served.control
     (_, shell), (_, dialogue) = blocks_of(read_page("docs/control-port.md"))
     commands = [shlex.split(line, comments=True) for line in shell.splitlines() if "inject lab-scara" in line]
-    assert len(commands) == 6
+    assert len(commands) == 10
     for _, *words, _ in commands:
         assert run([*words, served.control.address]) == 0
     assert len(capsys.readouterr().out.splitlines()) > len(commands)
-    for undo in ("estop off", "temperature 25", "protect th2 off", "switch d1 + free"):
+    for undo in (
+        "estop off",
+        "temperature 25",
+        "protect th2 off",
+        "switch d1 + free",
+        "wire th2 step whole",
+        "slip th2 -4",
+        "bus-ok",
+    ):
         assert run(["inject", "lab-scara", *undo.split(), "--control", served.control.address]) == 0
     with socket.create_connection(("127.0.0.1", served.control.port), timeout=TIMEOUT_S) as program:
         said = program.makefile("r")
