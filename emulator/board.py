@@ -7,16 +7,17 @@ from steptwin.controller.backend import Kernel
 from steptwin.controller.firmware import Firmware
 from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.controller.measurements import DriverMonitor, Measurements, Shaft
+from steptwin.controller.motion import PinEdges
 from steptwin.controller.pins import OUTPUT_PINS, Pin, PinChange
 from steptwin.emulator.can_controller import CanController
 from steptwin.emulator.driver_bank import SUPPLIES, WIRING, AxisTrace, DriverBank
 from steptwin.emulator.driver_module import Module
 from steptwin.emulator.inputs import BoardInputs
 from steptwin.emulator.operations import (
+    BoardOperation,
     BoardTemperature,
     DriverProtect,
     EmergencyStop,
-    Operation,
     SetInput,
     SetWire,
     Slip,
@@ -75,6 +76,8 @@ class Board:
         """True for each axis whose Protect pin is held low from outside."""
         self._heat_due_tick: int | None = None
         """Tick at whose start the drivers' own Protect pins must be read next; None while they stay high."""
+        self.down = False
+        """True while the processor has no power or is in reset."""
         self._hot = False
         """True while a driver holds its own Protect pin low."""
         self._watching_outputs = False
@@ -123,15 +126,43 @@ class Board:
         Afterwards `can` is a new controller, which the caller attaches to the bus. A pulse that has begun still ends,
         since no supply falls within microseconds; later pulses do not come.
         """
+        self.power_down(now_counts)
+        self.start(now_counts)
+
+    def power_down(self, now_counts: int) -> None:
+        """Switch the supply off, until `start`: as `power_cycle`, but the new controller stays off the bus."""
         self._take_pins()
         self._drivers.drop_pins(now_counts)
         self._output_changed = True
         self._drivers.supply(reversed(SUPPLIES), now_counts, 0)
-        motion = self.firmware.motion
-        self._drivers.show(self._drivers.cut_off(motion.take_edges(), now_counts), motion.tick * TICK_COUNTS)
+        self._fall_silent(self._drivers.cut_off(self.firmware.motion.take_edges(), now_counts), now_counts)
+
+    def reset(self, now_counts: int) -> None:
+        """Hold the processor in reset, until `start`: its pins float at once, also in a pulse. The drivers have power.
+
+        Afterwards `can` is a new controller, which the caller attaches to the bus.
+        """
+        self._take_pins()
+        self._drivers.release_pins(now_counts)
+        self._output_changed = True
+        self._fall_silent(self._drivers.cut_short(self.firmware.motion.take_edges(), now_counts), now_counts)
+
+    def _fall_silent(self, last_edges: list[PinEdges], now_counts: int) -> None:
+        """Show the drivers the last edges; make the firmware that `start` begins."""
+        self._drivers.show(last_edges, self.firmware.motion.tick * TICK_COUNTS)
         self._power_up()
+        self.can.power_down()
+        self.down = True
+        self._look_at_once = False
         self.firmware.advance(now_counts)
         self._heat_due_tick = self._next_heat_tick()
+
+    def start(self, now_counts: int) -> None:
+        """Let the firmware of a board that is down begin; the caller attaches its controller to the bus again."""
+        self.down = False
+        self.can.power_up()
+        self._drivers.hold_pins(now_counts)
+        self._look_at_once = self._inputs.levels != self._seen
         self.boot(now_counts)
         self._measure(self._measurements, now_counts)
 
@@ -150,7 +181,7 @@ class Board:
     def place(self, rotors_sixteenths: Sequence[int]) -> None:
         """Let the machine's switches follow the rotors, in sixteenths of a full step from their zeros."""
         self._inputs.place(rotors_sixteenths)
-        self._look_at_once = self._look_at_once or self._inputs.levels != self._seen
+        self._note_inputs()
 
     def ways_to_change(self) -> list[tuple[Travel, int]]:
         """Return, for each axis with switches, its way and the least distance on it, in sixteenths, to a change."""
@@ -163,7 +194,7 @@ class Board:
             self.firmware.motion.running(axis) for axis in range(self.config.axis_count)
         )
 
-    def operate(self, operation: Operation, now_counts: int) -> None:
+    def operate(self, operation: BoardOperation, now_counts: int) -> None:
         """Operate the machine. The firmware sees inputs with the next tick, measured values at once.
 
         What happens at the drivers and motors happens at the start of the next tick, since pulses are computed ahead.
@@ -191,7 +222,11 @@ class Board:
                 self._measure(replace(self._measurements, supply_10mv=supply_10mv), now_counts)
             case BoardTemperature(temperature_decidegc):
                 self._measure(replace(self._measurements, temperature_decidegc=temperature_decidegc), now_counts)
-        self._look_at_once = self._look_at_once or self._inputs.levels != self._seen
+        self._note_inputs()
+
+    def _note_inputs(self) -> None:
+        """Read the inputs at the start of the next tick if they have changed and there is a firmware to see it."""
+        self._look_at_once = self._look_at_once or (not self.down and self._inputs.levels != self._seen)
 
     @property
     def surroundings(self) -> Surroundings:
@@ -249,7 +284,7 @@ class Board:
             self._heat_due_tick = self._next_heat_tick()
         self._look_at_once = False
         levels = self._inputs.levels
-        if levels == self._seen:
+        if levels == self._seen or self.down:
             return False
         self._seen = levels
         self.firmware.set_inputs(levels, motion.tick * TICK_COUNTS)

@@ -32,8 +32,14 @@ class _Outcome(Enum):
     """Result of a transmission."""
 
     VALID = auto()
+    DOUBLED = auto()
+    """Valid for the receivers, but not for the senders, which send it again."""
     DISTURBED = auto()
     UNACKNOWLEDGED = auto()
+
+
+_DELIVERED: Final = (_Outcome.VALID, _Outcome.DOUBLED)
+"""Results after which the receivers have the frame."""
 
 
 class Bus:
@@ -216,7 +222,7 @@ class Bus:
             return _Outcome.DISTURBED
         if self._on_bus == len(senders) + len(outdone):  # no station is left to acknowledge
             return _Outcome.UNACKNOWLEDGED
-        return _Outcome.VALID
+        return _Outcome.DOUBLED if fault and fault.kind is BusFaultKind.DUPLICATE else _Outcome.VALID
 
     def _begin(
         self,
@@ -226,13 +232,19 @@ class Bus:
         fault: BusFault | None,
         now_counts: int,
     ) -> None:
-        """Put a frame on the wire. A disturbance is noticed at the end of the CRC, where it costs most time."""
+        """Put a frame on the wire.
+
+        A disturbance is noticed at the end of the CRC, where it costs most time; one that doubles the frame in the last
+        bit of EOF, for which receivers do not wait (ISO 11898-1).
+        """
         bits = frame_bits(frame)
         decided_bits = bits - VALID_BEFORE_END_BITS
         self._outcome = _Outcome.VALID
         if fault or outdone or self._on_bus == len(senders):
             self._outcome = self._judge(senders, outdone, fault)
-        if self._outcome is not _Outcome.VALID:
+        if self._outcome is _Outcome.DOUBLED:
+            bits += _ECHOED_FLAG_BITS + _DELIMITER_BITS
+        elif self._outcome is not _Outcome.VALID:
             if self._outcome is _Outcome.DISTURBED:
                 decided_bits = bits - UNSTUFFED_TAIL_BITS + _ECHOED_FLAG_BITS
             else:
@@ -249,7 +261,7 @@ class Bus:
     def _end(self, frame: Frame, now_counts: int) -> None:
         self._frame = None
         senders, outdone = self._senders, self._outdone
-        if self._outcome is _Outcome.VALID:
+        if self._outcome in _DELIVERED:
             self._deliver(frame, now_counts)
         else:
             self._fail(now_counts)
@@ -266,15 +278,20 @@ class Bus:
         if self._delayed:
             self._delayed = [delayed for delayed in self._delayed if delayed is not frame]
         self.frames += 1
+        doubled = self._outcome is _Outcome.DOUBLED
+        self.error_frames += int(doubled)
         self._log(frame, now_counts)
         for station in self._stations:
             if station in senders:
-                station.sent(frame, now_counts)
+                if doubled:
+                    station.sending_failed(now_counts)
+                else:
+                    station.sent(frame, now_counts)
             elif station in outdone:
                 station.sending_failed(now_counts)
             elif station.on_bus and station not in missed_by:
                 station.received(frame, now_counts)
-        if outdone:
+        if outdone or doubled:
             self._note_who_is_off()
 
     def _keep(self, frame: Frame, now_counts: int) -> None:
@@ -320,7 +337,7 @@ class Bus:
         self._missed_by = [*self._missed_by, fresh]
         tail_bits = UNSTUFFED_TAIL_BITS - VALID_BEFORE_END_BITS
         stuffed_until_counts = self._decided_counts - tail_bits * self.bit_counts
-        if self._senders or self._outcome is not _Outcome.VALID or now_counts >= stuffed_until_counts:
+        if self._senders or self._outcome not in _DELIVERED or now_counts >= stuffed_until_counts:
             return
         broken_counts = now_counts + (_STUFF_ERROR_BITS + _FLAG_BITS) * self.bit_counts
         free_counts = broken_counts + (_DELIMITER_BITS + INTERMISSION_BITS) * self.bit_counts
@@ -353,11 +370,17 @@ class Bus:
         self._note_who_is_off()
 
     def throw_off(self, station: CanController, now_counts: int) -> None:
-        """Put a station into bus-off while the wire is idle; its recessive bits count from now."""
-        self._count_idle(now_counts)
+        """Put a station into bus-off, if it is not; a frame that it is sending breaks off."""
+        if not station.on_bus:
+            return
+        if self._frame:
+            self._drop_out(station, station, now_counts)
+        else:
+            self._count_idle(now_counts)
         station.force_bus_off(now_counts)
         self._note_who_is_off()
-        self._schedule()
+        if self._frame is None:
+            self._schedule()
 
     def _note_who_is_off(self) -> None:
         self._off = [station for station in self._stations if not station.on_bus]

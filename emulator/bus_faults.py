@@ -15,6 +15,8 @@ class BusFaultKind(Enum):
     """The frame is sent and acknowledged, but does not reach its receivers' processors; no station notices."""
     CORRUPTION = "corruption"
     """The frame is disturbed: an error frame follows, error counters rise, the sender tries again."""
+    DUPLICATE = "duplicate"
+    """The last bit of the frame is disturbed: its receivers have taken it, but the sender sends it again."""
     DELAY = "delay"
     """The sender waits before it takes part in the arbitration. A frame is delayed only once."""
     BUS_OFF = "bus-off"

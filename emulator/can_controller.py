@@ -20,6 +20,9 @@ FIFO_DEPTH: Final = 3
 RECOVERY_SEQUENCES: Final = 128
 """Number of sequences of 11 recessive bits before a controller leaves bus-off (ISO 11898-1; RM0008, 24.7.6)."""
 
+_NEVER_SEQUENCES: Final = 1 << 40
+"""More recessive sequences than a bus ever has: without power no controller returns by itself."""
+
 _SDO_REQUESTS: Final = range(COB_SDO_REQUEST + 1, COB_SDO_REQUEST + NODE_ID_MAX + 1)
 
 Receiver = Callable[[Frame, int], None]
@@ -103,6 +106,11 @@ class CanController:
         """Instant at which the processor empties the FIFOs; None while they are empty."""
 
     # --- out
+
+    @property
+    def waiting(self) -> int:
+        """Number of frames that wait for the bus."""
+        return len(self.mailboxes) + len(self._queue)
 
     @property
     def has_free_mailbox(self) -> bool:
@@ -189,6 +197,16 @@ class CanController:
         """Count an error in another station's frame."""
         self.errors.receiving_failed()
         self._note_worse_state(now_counts)
+
+    def power_down(self) -> None:
+        """Be without power or in reset: neither send nor receive nor acknowledge, until `power_up`."""
+        self.on_bus = False
+        self.recovery_sequences_left = _NEVER_SEQUENCES
+
+    def power_up(self) -> None:
+        """Take part in the bus; the caller attaches the controller again."""
+        self.on_bus = True
+        self.recovery_sequences_left = 0
 
     def force_bus_off(self, now_counts: int) -> None:
         """Leave the bus as after too many failed attempts."""

@@ -1,6 +1,6 @@
 """The drivers of a board, the wires from the firmware's pins to them and the record of all edges on these wires."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -102,11 +102,23 @@ class DriverBank:
         """Return the level at which the firmware holds a pin."""
         return self._pin_levels.get((axis, pin), 0)
 
-    def drop_pins(self, now_counts: int) -> None:
-        """Let all pins that are high fall, because the power goes."""
-        high = (place for place, level in self._pin_levels.items() if level)
+    def drop_pins(self, now_counts: int, kept: Collection[tuple[int, Pin]] = ()) -> None:
+        """Let all pins that are high fall, because the power goes, but for those kept."""
+        high = (place for place, level in self._pin_levels.items() if level and place not in kept)
         for axis, pin in sorted(high, key=lambda place: place[1] not in _FIRST_OFF):
             self.set_pin(PinChange(now_counts, axis, pin, 0))
+
+    def release_pins(self, now_counts: int) -> None:
+        """Let all pins float, because the processor is reset: they fall, but ENABLE is as at an open terminal."""
+        pulled_up = [(axis, Pin.ENABLE) for axis, driver in enumerate(self.drivers) if driver.enable_open]
+        self.drop_pins(now_counts, pulled_up)
+        for axis, pin in pulled_up:
+            if not self.level(axis, pin):
+                self.set_pin(PinChange(now_counts, axis, pin, 1))
+
+    def hold_pins(self, now_counts: int) -> None:
+        """Hold all pins low that have floated, as the firmware does first when it begins."""
+        self.drop_pins(now_counts)
 
     def supply(self, supplies: Iterable[Input], now_counts: int, level: int) -> None:
         """Switch these supplies at every driver, one supply after the other."""
@@ -186,6 +198,10 @@ class DriverBank:
         befores = zip(all_edges, self._dir_levels, strict=True)
         return [_cut_off(edges, dir_level, counts) for edges, dir_level in befores]
 
+    def cut_short(self, all_edges: Sequence[PinEdges], counts: int) -> list[PinEdges]:
+        """Return the edges that remain when the processor is reset: a pulse that has begun ends then, too."""
+        return [_cut_short(edges, counts) for edges in self.cut_off(all_edges, counts)]
+
     # --- out
 
     def count(self, axis: int) -> DriverMonitor:
@@ -263,6 +279,13 @@ def _cut_off(edges: PinEdges, dir_level: int, counts: int) -> PinEdges:
     if direction[-1] & 1 if direction.size else dir_level:
         direction = np.append(direction, counts << 1)
     return PinEdges(clk[: 2 * int(np.searchsorted(clk[0::2], counts))], direction)
+
+
+def _cut_short(edges: PinEdges, counts: int) -> PinEdges:
+    clk = _array(edges.clk_counts)
+    if clk.size and clk[-1] > counts:
+        clk = np.append(clk[:-1], max(counts, int(clk[-2]) + 1))
+    return PinEdges(clk, edges.direction)
 
 
 def _array(values: list[int] | Int64Array) -> NDArray[np.int64]:

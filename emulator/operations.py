@@ -7,6 +7,7 @@ from typing import Final, NamedTuple
 
 from steptwin.emulator.wires import Condition, Wire
 from steptwin.protocol.cia402 import GENERAL_INPUTS, SWITCH_INPUTS, DigitalInput
+from steptwin.protocol.frame import Frame
 
 SUPPLIES_10MV: Final = range(1 << 16)
 """Voltages that the board can measure: those of its object 0x2002:02, an unsigned integer of 16 bits."""
@@ -108,14 +109,103 @@ class SetWire:
     condition: Condition
 
 
+@dataclass(frozen=True, slots=True)
+class BrownOut:
+    """The logic's supply of a board breaks down: processor and drivers lose all that is not in flash.
+
+    Attributes:
+        for_ms: time until the firmware runs again, from its beginning; None: until `PowerUp`.
+    """
+
+    for_ms: int | None = 20
+
+    def __post_init__(self) -> None:
+        _check_time("for_ms", self.for_ms)
+
+
+@dataclass(frozen=True, slots=True)
+class WatchdogReset:
+    """The watchdog resets a board's processor, while the drivers keep their supply.
+
+    The processor's pins float: STEP, DIR and the chip's inputs fall by their pull-downs, RESET among them; ENABLE has
+    the level of an open terminal.
+
+    Attributes:
+        for_ms: time until the firmware runs again, from its beginning: a crystal takes some 2 ms to start (STM32F103,
+            DS5319); None: until `PowerUp`.
+    """
+
+    for_ms: int | None = 3
+
+    def __post_init__(self) -> None:
+        _check_time("for_ms", self.for_ms)
+
+
+@dataclass(frozen=True, slots=True)
+class PowerUp:
+    """A board that is down, by a brown-out or a reset, starts again; nothing happens to one that runs."""
+
+
+@dataclass(frozen=True, slots=True)
+class BusOff:
+    """A CAN controller leaves the bus, as after too many errors, and returns after the recessive bits that it needs.
+
+    Attributes:
+        of_host: the host's interface does, not the board's.
+    """
+
+    of_host: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class StrangerSends:
+    """A station that is no part of the machine, such as a second master, sends a frame."""
+
+    frame: Frame
+
+
+BABBLE_PERIOD_MIN_US: Final = 47
+"""Duration of the shortest frame at 1 Mbit/s: whoever sends as often fills the bus."""
+
+
+@dataclass(frozen=True, slots=True)
+class Babble:
+    """The stranger sends a frame again and again, also before the one before it has found its way.
+
+    Attributes:
+        frame: the frame.
+        period_us: time from one to the next; it is left out while two wait.
+        count: number of times.
+    """
+
+    frame: Frame
+    period_us: int
+    count: int
+
+    def __post_init__(self) -> None:
+        if self.period_us < BABBLE_PERIOD_MIN_US:
+            raise ValueError(f"period_us {self.period_us} is below {BABBLE_PERIOD_MIN_US}, the shortest frame")
+        if self.count < 1:
+            raise ValueError(f"count {self.count} is not 1 or more")
+
+
 AxisOperation = DriverProtect | SetInput | StuckSwitch | Slip | SetWire
 """Operations at the connector of one axis."""
-Operation = EmergencyStop | Supply | BoardTemperature | AxisOperation
+BoardOperation = EmergencyStop | Supply | BoardTemperature | AxisOperation
+"""Operations on the machine of one board."""
+BusOperation = StrangerSends | Babble
+"""What others do on the bus, whatever the board."""
+Operation = BoardOperation | BusOperation | BusOff | BrownOut | WatchdogReset | PowerUp
 
 
 def _check(name: str, value: int, valid: range) -> None:
     if value not in valid:
         raise ValueError(f"{name} {value} is not from {valid.start} to {valid.stop - 1}")
+
+
+def _check_time(name: str, value_ms: int | None) -> None:
+    if value_ms is not None and value_ms < 1:
+        raise ValueError(f"{name} {value_ms} is not 1 or more")
 
 
 class Scheduled(NamedTuple):

@@ -5,18 +5,32 @@ on together and count the same 72 MHz; real boards, each with its own crystal, w
 """
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from functools import cached_property
 from typing import Protocol
 
 from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.emulator.board import Board
 from steptwin.emulator.bus import Bus
 from steptwin.emulator.can_controller import CanController, unheard
-from steptwin.emulator.operations import Operation, Schedule, Scheduled
+from steptwin.emulator.operations import (
+    Babble,
+    BrownOut,
+    BusOff,
+    Operation,
+    PowerUp,
+    Schedule,
+    Scheduled,
+    StrangerSends,
+    WatchdogReset,
+)
 from steptwin.emulator.rotor_watch import MotorWiring, RotorWatch
 from steptwin.emulator.shelf_watch import ShelfWatch, ShelfWiring
 from steptwin.protocol.frame import Frame
-from steptwin.protocol.timer import COUNTS_PER_SECOND
+from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND, COUNTS_PER_US
 
+_BABBLE_AHEAD = 2
+"""Frames that a babbling station has waiting, so that it always has one for the next arbitration."""
 _SILENCE_MAX_S = 1
 """Greatest time from a frame until the bus is silent again: some 1000 frames at 125 kbit/s."""
 
@@ -36,6 +50,10 @@ class Attendant(Protocol):
 
 class BusOverloadError(Exception):
     """The boards' own frames keep the bus busy without end."""
+
+
+class _Consequence(Scheduled):
+    """An operation that follows from an earlier one, so that nobody has asked for it."""
 
 
 class Simulation:
@@ -59,6 +77,8 @@ class Simulation:
             motors: the motors at the boards' drivers; None: rotors are where the drivers' steps put them.
         """
         self._schedule = Schedule(schedule)
+        self._down_until_counts: dict[int, int] = {}
+        """Instant before which a board that is down does not start, by its number."""
         self.boards = tuple(boards)
         self._late_readers = [board for board in self.boards if board.config.read_latency_counts]
         """Boards whose processors fetch messages with a delay."""
@@ -84,20 +104,65 @@ class Simulation:
 
     def power_cycle(self, number: int = 0) -> None:
         """Switch a board off and on again; the other boards, the host and the clock go on."""
-        board = self.boards[number]
-        without_power = board.can
-        board.power_cycle(self.now_counts)
-        self.bus.exchange(without_power, board.can, self.now_counts)
+        self._exchanging(number, Board.power_cycle)
         self._let_shelf_look()
 
+    def _exchanging(self, number: int, act: Callable[[Board, int], None]) -> None:
+        """Do something to a board that may leave it with another CAN controller, or with the same one again."""
+        board = self.boards[number]
+        before = board.can
+        act(board, self.now_counts)
+        self.bus.exchange(before, board.can, self.now_counts)
+
     def operate(self, operation: Operation, number: int = 0) -> None:
-        """Execute an operation on the machine of a board, now."""
+        """Execute an operation on a board or its machine, or on the bus, now."""
         self.on_operation(Scheduled(self.now_counts, operation, number))
         self._operate(operation, number)
 
     def _operate(self, operation: Operation, number: int) -> None:
-        self.boards[number].operate(operation, self.now_counts)
+        self._execute(operation, number)
         self.boards[number].poll(self.now_counts)
+
+    def _execute(self, operation: Operation, number: int) -> None:
+        match operation:
+            case BrownOut(for_ms):
+                self._go_down(number, Board.power_down, for_ms)
+            case WatchdogReset(for_ms):
+                self._go_down(number, Board.reset, for_ms)
+            case PowerUp():
+                if self.boards[number].down and self.now_counts >= self._down_until_counts.get(number, 0):
+                    self._exchanging(number, Board.start)
+            case BusOff(of_host):
+                self.bus.throw_off(self.host if of_host else self.boards[number].can, self.now_counts)
+            case StrangerSends(frame):
+                self._stranger.send(frame, self.now_counts)
+            case Babble():
+                self._babble(operation, number)
+            case _:
+                self.boards[number].operate(operation, self.now_counts)
+
+    def _go_down(self, number: int, act: Callable[[Board, int], None], for_ms: int | None) -> None:
+        """Take a board down, or keep one down that is, until a time has passed."""
+        self._exchanging(number, act)
+        until_counts = self.now_counts + (for_ms or 0) * COUNTS_PER_MS
+        self._down_until_counts[number] = max(until_counts, self._down_until_counts.get(number, 0))
+        if for_ms is not None:
+            self.schedule([_Consequence(until_counts, PowerUp(), number)])
+
+    def _babble(self, babble: Babble, number: int) -> None:
+        """Send a frame unless two wait, and again a period later."""
+        if self._stranger.waiting < _BABBLE_AHEAD:
+            self._stranger.send(babble.frame, self.now_counts)
+        if babble.count > 1:
+            next_counts = self.now_counts + babble.period_us * COUNTS_PER_US
+            self.schedule([_Consequence(next_counts, replace(babble, count=babble.count - 1), number)])
+
+    @cached_property
+    def _stranger(self) -> CanController:
+        """A station that is no part of the machine; it is on the bus from its first frame on."""
+        station = CanController(unheard, in_order=True)
+        self.bus.attach(station)
+        return station
 
     def schedule(self, scheduled: Iterable[Scheduled]) -> None:
         """Let operations be executed at their instants."""
@@ -192,8 +257,9 @@ class Simulation:
         self.bus.step(now_counts)
         if self._schedule.next_counts is not None:
             for item in self._schedule.take_due(now_counts):
-                self.on_operation(item._replace(counts=now_counts))
-                self.boards[item.board].operate(item.operation, now_counts)
+                if not isinstance(item, _Consequence):
+                    self.on_operation(item._replace(counts=now_counts))
+                self._execute(item.operation, item.board)
         for board in self.boards:
             board.poll(now_counts)
         if self.rotor_watch is not None:

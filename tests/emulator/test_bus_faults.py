@@ -47,6 +47,66 @@ def test_a_disturbed_frame_costs_an_error_frame_and_is_sent_again() -> None:
     assert rig.bus.log_frames == [FRAME]
 
 
+def test_a_doubled_frame_is_heard_twice_and_sent_once_for_its_sender() -> None:
+    """The error flag, echo and delimiter follow the end of frame; then it is sent again."""
+    rig = rig_with(BusFault(BusFaultKind.DUPLICATE, count=1), stations=3)
+    sent: list[int] = []
+    rig.stations[0].on_sent = lambda _, counts: sent.append(counts)
+    rig.stations[0].send(FRAME, 0)
+    rig.run()
+    first, second = (rig.bits(begin + BITS - 4) for begin in (0, BITS + 7 + 8))
+    assert rig.heard[1] == rig.heard[2] == [(first, FRAME), (second, FRAME)]
+    assert sent == [second]
+    assert rig.stations[0].errors.transmit_errors == 8 - 1
+    assert rig.stations[1].errors.receive_errors == 0
+    assert (rig.bus.frames, rig.bus.error_frames, rig.bus.busy_bits) == (2, 1, 2 * BITS + 15)
+    assert rig.bus.log_frames == [FRAME, FRAME]
+
+
+def test_a_frame_that_nobody_takes_is_not_doubled() -> None:
+    rig = rig_with(BusFault(BusFaultKind.DUPLICATE, count=1), stations=1)
+    rig.stations[0].send(FRAME, 0)
+    rig.run(rig.bits(BITS))
+    assert (rig.bus.frames, rig.stations[0].mailboxes) == (0, [FRAME])
+
+
+class TestThrownOff:
+    """A station leaves the bus at any instant, and sends its frame after 128 times 11 recessive bits."""
+
+    @pytest.mark.parametrize("bits", [0, 20, BITS - 14])
+    def test_a_frame_that_it_was_sending_breaks_off(self, bits: int) -> None:
+        rig = rig_with(stations=3)
+        rig.stations[0].send(FRAME, 0)
+        rig.bus.step(0)
+        rig.bus.throw_off(rig.stations[0], rig.bits(bits))
+        assert not rig.stations[0].on_bus
+        rig.run()
+        assert rig.bus.log_frames == [FRAME]
+        assert rig.bus.error_frames == 1
+        assert rig.bus.log_counts[0] == rig.bits(bits + 12 + 127 * 11 + 11 + BITS - 4)
+        assert rig.stations[1].errors.receive_errors == 0
+
+    def test_another_stations_frame_does_not_reach_it(self) -> None:
+        rig = rig_with(stations=3)
+        rig.stations[0].send(FRAME, 0)
+        rig.bus.step(0)
+        rig.bus.throw_off(rig.stations[1], rig.bits(20))
+        rig.run()
+        assert [len(frames) for frames in rig.heard] == [0, 0, 1]
+        assert rig.stations[1].on_bus
+
+    def test_one_that_is_off_already_stays_so_no_longer(self) -> None:
+        returns = []
+        for again in (False, True):
+            rig = rig_with(stations=3)
+            rig.bus.throw_off(rig.stations[0], 0)
+            if again:
+                rig.bus.throw_off(rig.stations[0], rig.bits(500))
+            rig.run()
+            returns.append([error[0] for error in rig.errors if error[2] is ErrorCode.CAN_BUS_OFF_RECOVERED])
+        assert returns[0] == returns[1] == [[rig.bits(128 * 11)][0]]
+
+
 def test_a_lower_identifier_goes_before_a_repetition() -> None:
     rig = rig_with(BusFault(BusFaultKind.CORRUPTION, (0x200,), count=1))
     rig.stations[0].send(FRAME, 0)
