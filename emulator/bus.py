@@ -78,8 +78,8 @@ class Bus:
         """True while a frame is on the wire, or a station has one to send now or after its bus-off."""
         self.faults = faults or FaultScript()
         """The script of the wire's faults."""
-        self._delayed: list[Frame] = []
-        """Frames that the script has delayed and that still wait."""
+        self._waiting: list[tuple[Frame, BusFaultKind]] = []
+        """Frames that still wait, with the kinds that strike a frame only once and have struck it."""
         self._stations: list[CanController] = []
         self._off: list[CanController] = []
         """The stations in bus-off."""
@@ -201,11 +201,11 @@ class Bus:
             self._begin(frame, senders, outdone, fault, now_counts)
 
     def _strike(self, frame: Frame, now_counts: int) -> BusFault | None:
-        """Return the scripted fault of an attempt; delayed frames are known by identity, since bytes may repeat."""
-        return self.faults.strike(frame, now_counts, delayed=any(frame is delayed for delayed in self._delayed))
+        """Return the scripted fault of an attempt; frames that wait are known by identity, since bytes may repeat."""
+        return self.faults.strike(frame, now_counts, [kind for each, kind in self._waiting if each is frame])
 
     def _hold(self, frame: Frame, senders: list[CanController], until_counts: int) -> None:
-        self._delayed.append(frame)
+        self._waiting.append((frame, BusFaultKind.DELAY))
         for station in senders:
             station.silent_until_counts = max(station.silent_until_counts, until_counts)
 
@@ -275,11 +275,13 @@ class Bus:
 
     def _deliver(self, frame: Frame, now_counts: int) -> None:
         senders, outdone, missed_by = self._senders, self._outdone, self._missed_by
-        if self._delayed:
-            self._delayed = [delayed for delayed in self._delayed if delayed is not frame]
+        if self._waiting:
+            self._waiting = [each for each in self._waiting if each[0] is not frame]
         self.frames += 1
         doubled = self._outcome is _Outcome.DOUBLED
-        self.error_frames += int(doubled)
+        if doubled:
+            self.error_frames += 1
+            self._waiting.append((frame, BusFaultKind.DUPLICATE))
         self._log(frame, now_counts)
         for station in self._stations:
             if station in senders:

@@ -16,7 +16,8 @@ class BusFaultKind(Enum):
     CORRUPTION = "corruption"
     """The frame is disturbed: an error frame follows, error counters rise, the sender tries again."""
     DUPLICATE = "duplicate"
-    """The last bit of the frame is disturbed: its receivers have taken it, but the sender sends it again."""
+    """The last bit of the frame is disturbed: its receivers have taken it, but the sender sends it again. A frame is
+    doubled only once."""
     DELAY = "delay"
     """The sender waits before it takes part in the arbitration. A frame is delayed only once."""
     BUS_OFF = "bus-off"
@@ -100,10 +101,10 @@ class FaultScript:
         """Draw from another seed from now on."""
         self._random = Random(seed)
 
-    def strike(self, frame: Frame, now_counts: int, *, delayed: bool) -> BusFault | None:
-        """Return the fault that strikes an attempt to send, or None; a delayed frame is not delayed again."""
+    def strike(self, frame: Frame, now_counts: int, had: Container[BusFaultKind] = ()) -> BusFault | None:
+        """Return the fault that strikes an attempt to send, or None: none of the kinds that the frame has had."""
         for number, fault in enumerate(self.faults):
-            if delayed and fault.kind is BusFaultKind.DELAY:
+            if fault.kind in had:
                 continue
             if fault.concerns(frame, now_counts) and self._chosen(number, fault):
                 self.struck.append((now_counts, fault, frame))

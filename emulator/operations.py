@@ -115,12 +115,18 @@ class BrownOut:
 
     Attributes:
         for_ms: time until the firmware runs again, from its beginning; None: until `PowerUp`.
+        axis: an axis of the board; None: all boards.
     """
 
-    for_ms: int | None = 20
+    for_ms: int | None = None
+    axis: int | None = None
 
     def __post_init__(self) -> None:
         _check_time("for_ms", self.for_ms)
+
+
+RESET_MS: Final = 3
+"""Usual duration of a reset, until the firmware runs again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,10 +138,12 @@ class WatchdogReset:
 
     Attributes:
         for_ms: time until the firmware runs again, from its beginning: a crystal takes some 2 ms to start (STM32F103,
-            DS5319); None: until `PowerUp`.
+            DS5319).
+        axis: an axis of the board; None: all boards.
     """
 
-    for_ms: int | None = 3
+    for_ms: int = RESET_MS
+    axis: int | None = None
 
     def __post_init__(self) -> None:
         _check_time("for_ms", self.for_ms)
@@ -143,7 +151,13 @@ class WatchdogReset:
 
 @dataclass(frozen=True, slots=True)
 class PowerUp:
-    """A board that is down, by a brown-out or a reset, starts again; nothing happens to one that runs."""
+    """A board that is down, by a brown-out or a reset, starts again; nothing happens to one that runs.
+
+    Attributes:
+        axis: an axis of the board; None: all boards.
+    """
+
+    axis: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,10 +165,10 @@ class BusOff:
     """A CAN controller leaves the bus, as after too many errors, and returns after the recessive bits that it needs.
 
     Attributes:
-        of_host: the host's interface does, not the board's.
+        axis: an axis of the board whose controller it is; None: the host's interface.
     """
 
-    of_host: bool = False
+    axis: int | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,9 +207,11 @@ AxisOperation = DriverProtect | SetInput | StuckSwitch | Slip | SetWire
 """Operations at the connector of one axis."""
 BoardOperation = EmergencyStop | Supply | BoardTemperature | AxisOperation
 """Operations on the machine of one board."""
-BusOperation = StrangerSends | Babble
-"""What others do on the bus, whatever the board."""
-Operation = BoardOperation | BusOperation | BusOff | BrownOut | WatchdogReset | PowerUp
+BusOperation = StrangerSends | Babble | BusOff
+"""Operations on the bus, whatever the board; but a controller's bus-off may be that of a board."""
+PlacedOperation = AxisOperation | BrownOut | WatchdogReset | PowerUp | BusOff
+"""Operations that may name an axis, as their place."""
+Operation = BoardOperation | BusOperation | BrownOut | WatchdogReset | PowerUp
 
 
 def _check(name: str, value: int, valid: range) -> None:

@@ -95,6 +95,8 @@ class Simulation:
         """The rotors of the machine's motors; None if they are where the drivers' steps put them."""
         self.shelf_watch = None if shelf is None else ShelfWatch(shelf, self.boards, self.rotors_sixteenths)
         """The shelf beside the machine; None if there is none."""
+        self.strange: list[tuple[int, Frame]] = []
+        """Frames that the stranger has sent, with the instant at which each became valid."""
         self.attendant: Attendant | None = None
         """Looks after each event; None: nobody does."""
         self.on_operation: Callable[[Scheduled], None] = lambda _: None
@@ -132,8 +134,8 @@ class Simulation:
             case PowerUp():
                 if self.boards[number].down and self.now_counts >= self._down_until_counts.get(number, 0):
                     self._exchanging(number, Board.start)
-            case BusOff(of_host):
-                self.bus.throw_off(self.host if of_host else self.boards[number].can, self.now_counts)
+            case BusOff(axis):
+                self.bus.throw_off(self.host if axis is None else self.boards[number].can, self.now_counts)
             case StrangerSends(frame):
                 self._stranger.send(frame, self.now_counts)
             case Babble():
@@ -160,7 +162,9 @@ class Simulation:
     @cached_property
     def _stranger(self) -> CanController:
         """A station that is no part of the machine; it is on the bus from its first frame on."""
-        station = CanController(unheard, in_order=True)
+        station = CanController(
+            unheard, in_order=True, on_sent=lambda frame, counts: self.strange.append((counts, frame))
+        )
         self.bus.attach(station)
         return station
 

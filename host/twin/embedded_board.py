@@ -176,10 +176,13 @@ class EmbeddedBoard:
         return set_input(self.robot, change.name, on=change.on)
 
     def _last_sync_counts(self, after: int = 0) -> int | None:
-        """Return the instant of the last SYNC in the bus log from an entry on; None if there is none."""
+        """Return the instant of the last SYNC of the host in the bus log from an entry on; None if there is none."""
         bus = self._simulation.bus
         log = zip(bus.log_counts[after:], bus.log_frames[after:], strict=True)
-        return max((counts for counts, frame in log if frame.cob_id == COB_SYNC), default=None)
+        strange = {counts for counts, _ in self._simulation.strange}
+        return max(
+            (counts for counts, frame in log if frame.cob_id == COB_SYNC and counts not in strange), default=None
+        )
 
     def operate(self, operation: Operation) -> None:
         """Do an operation on the machine now, such as EmergencyStop(pressed=True)."""

@@ -49,7 +49,7 @@ def test_a_disturbed_frame_costs_an_error_frame_and_is_sent_again() -> None:
 
 def test_a_doubled_frame_is_heard_twice_and_sent_once_for_its_sender() -> None:
     """The error flag, echo and delimiter follow the end of frame; then it is sent again."""
-    rig = rig_with(BusFault(BusFaultKind.DUPLICATE, count=1), stations=3)
+    rig = rig_with(BusFault(BusFaultKind.DUPLICATE), stations=3)
     sent: list[int] = []
     rig.stations[0].on_sent = lambda _, counts: sent.append(counts)
     rig.stations[0].send(FRAME, 0)
@@ -158,7 +158,7 @@ def test_a_delay_holds_up_its_sender_once() -> None:
 
 def test_a_fault_strikes_within_its_time_only() -> None:
     script = FaultScript([BusFault(BusFaultKind.LOSS, from_counts=100, until_counts=200)])
-    struck = [counts for counts in range(0, 300, 50) if script.strike(FRAME, counts, delayed=False)]
+    struck = [counts for counts in range(0, 300, 50) if script.strike(FRAME, counts)]
     assert struck == [100, 150]
     assert script.struck == [(counts, script.faults[0], FRAME) for counts in struck]
 
@@ -166,7 +166,7 @@ def test_a_fault_strikes_within_its_time_only() -> None:
 def test_a_rate_is_drawn_from_the_seed() -> None:
     def strikes(seed: int) -> list[bool]:
         script = FaultScript([BusFault(BusFaultKind.LOSS, rate=0.3)], seed)
-        return [script.strike(FRAME, 0, delayed=False) is not None for _ in range(1000)]
+        return [script.strike(FRAME, 0) is not None for _ in range(1000)]
 
     assert strikes(1) == strikes(1) != strikes(2)
     assert 250 < sum(strikes(1)) < 350

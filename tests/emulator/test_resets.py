@@ -61,7 +61,7 @@ class Rig:
         return list(zip(bus.log_counts, bus.log_frames, strict=True))[self.before :]
 
 
-@pytest.mark.parametrize(("down", "for_ms"), [(BrownOut(), 20), (WatchdogReset(), 3), (BrownOut(7), 7)])
+@pytest.mark.parametrize(("down", "for_ms"), [(BrownOut(20), 20), (WatchdogReset(), 3), (BrownOut(7), 7)])
 def test_the_nodes_announce_themselves_when_the_firmware_runs_again(
     fast_kernel: Kernel, down: Operation, for_ms: int
 ) -> None:
@@ -85,7 +85,7 @@ def test_the_nodes_announce_themselves_when_the_firmware_runs_again(
 
 @pytest.mark.parametrize("drivers", PROFILES)
 @pytest.mark.parametrize("off_ms", [0, 0.09, 0.3, 1.7])
-@pytest.mark.parametrize("down", [BrownOut(), WatchdogReset()])
+@pytest.mark.parametrize("down", [BrownOut(20), WatchdogReset()])
 def test_no_pulse_comes_after_it_and_only_the_last_one_may_break_limits(
     fast_kernel: Kernel, drivers: str, off_ms: float, down: Operation
 ) -> None:
@@ -117,7 +117,7 @@ def test_no_pulse_comes_after_it_and_only_the_last_one_may_break_limits(
     [
         ("chip-330pf", WatchdogReset(), [0], False),
         ("3a-module", WatchdogReset(), [1], True),
-        ("3a-module", BrownOut(), [0], False),
+        ("3a-module", BrownOut(20), [0], False),
     ],
 )
 def test_a_reset_of_the_processor_frees_a_bare_chips_motor_and_leaves_a_modules_held(

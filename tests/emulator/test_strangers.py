@@ -146,7 +146,7 @@ class TestBusOff:
         each attempt leaves but one sequence of recessive bits."""
         write(rig.simulation, NODE, od.PROFILE_ACCELERATION, 1)
         now = rig.simulation.now_counts
-        rig.simulation.operate(BusOff())
+        rig.simulation.operate(BusOff(0))
         rig.simulation.host.send(record(1, 0), now)
         wait(rig.simulation, 100)
         log = zip(rig.simulation.bus.log_counts, rig.simulation.bus.log_frames, strict=True)
@@ -157,7 +157,7 @@ class TestBusOff:
 
     def test_of_the_host_delays_its_frames(self, rig: Rig) -> None:
         now = rig.simulation.now_counts
-        rig.simulation.operate(BusOff(of_host=True))
+        rig.simulation.operate(BusOff(None))
         rig.simulation.send(record(1, 0))
         assert (rig.simulation.now_counts - now) / rig.simulation.bus.bit_counts > 128 * 11
         wait(rig.simulation, 100)

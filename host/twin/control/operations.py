@@ -9,17 +9,25 @@ from typing import Any, Final, NamedTuple
 
 from steptwin.emulator.bus_faults import BusFault, BusFaultKind
 from steptwin.emulator.operations import (
+    BABBLE_PERIOD_MIN_US,
     CYCLE_FULL_STEPS,
+    RESET_MS,
     SUPPLIES_10MV,
     TEMPERATURES_DECIDEGC,
+    Babble,
     BoardTemperature,
+    BrownOut,
+    BusOff,
     DriverProtect,
     EmergencyStop,
+    PowerUp,
     SetInput,
     SetWire,
     Slip,
+    StrangerSends,
     StuckSwitch,
     Supply,
+    WatchdogReset,
 )
 from steptwin.emulator.wires import NOISE_RATE_MAX_HZ, Noise, Wire, WireState
 from steptwin.host.common.bad_input import nearest_within, outside, unknown
@@ -32,7 +40,7 @@ from steptwin.host.twin.control.frames import FRAMES, cob_ids, name_of, per_node
 from steptwin.host.twin.input_changes import set_input
 from steptwin.host.twin.scenarios.harms import BusRepair, Harm, HostFault, HostFaultKind
 from steptwin.protocol.cia402 import DigitalInput
-from steptwin.protocol.frame import COB_ID_MASK
+from steptwin.protocol.frame import COB_ID_MASK, Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 PER_V: Final = 100
@@ -106,6 +114,46 @@ def _frames(table: Table, key: str) -> str | tuple[int, ...]:
     return tuple(sorted({each for each in ids if isinstance(each, int)}))
 
 
+def _from(least: int) -> Reading:
+    """Return the reading of a whole number from one on."""
+
+    def read(table: Table, key: str) -> int:
+        value = table.integer(key)
+        if value < least:
+            raise InputError(f"{key}: {value} is below {least}")
+        return value
+
+    return read
+
+
+def _cob_id(table: Table, key: str) -> int:
+    """Read an identifier of 11 bits."""
+    value = table.integer(key)
+    if not 0 <= value <= COB_ID_MASK:
+        raise InputError(f"{key}: {value} is not an identifier from 0 to 0x{COB_ID_MASK:X}")
+    return value
+
+
+def _data(table: Table, key: str) -> bytes:
+    """Read the data of a frame, up to 8 bytes in hexadecimal digits."""
+    text = table.text(key)
+    try:
+        data = bytes.fromhex(text)
+    except ValueError:
+        raise InputError(f"{key}: {text!r} is not bytes in hexadecimal digits, such as '0f 00'") from None
+    if len(data) > _DATA_BYTES_MAX:
+        raise InputError(f"{key}: {len(data)} bytes are more than {_DATA_BYTES_MAX}")
+    return data
+
+
+def _place(robot: Robot, values: Mapping[str, Any]) -> int | None:
+    return None if values["joint"] is None else robot.index_of(values["joint"])
+
+
+_DATA_BYTES_MAX: Final = 8
+"""Longest data of a frame."""
+_DOWN_KEYS: Final[Mapping[str, Reading]] = {"for_ms": _from(1), "joint": Table.text}
+"""Keys of what takes a board down."""
 _FOREVER_S: Final = 86_400.0
 """Longest time that a fault may name."""
 _FRAME_KEYS: Final[Mapping[str, Reading]] = {
@@ -172,6 +220,19 @@ _KINDS: Final[Mapping[Do, _Kind]] = {
         lambda robot, values: _set_wire(robot, **values),
         _NOISE_KEYS,
     ),
+    Do.BROWN_OUT: _Kind({}, lambda robot, values: BrownOut(values["for_ms"], _place(robot, values)), _DOWN_KEYS),
+    Do.WATCHDOG: _Kind(
+        {}, lambda robot, values: WatchdogReset(values["for_ms"] or RESET_MS, _place(robot, values)), _DOWN_KEYS
+    ),
+    Do.POWER_UP: _Kind({}, lambda robot, values: PowerUp(_place(robot, values)), {"joint": Table.text}),
+    Do.STRANGER: _Kind(
+        {"id": _cob_id, "data": _data}, lambda _, values: StrangerSends(Frame(values["id"], values["data"]))
+    ),
+    Do.BABBLE: _Kind(
+        {"id": _cob_id, "data": _data, "period_us": _from(BABBLE_PERIOD_MIN_US), "count": _from(1)},
+        lambda _, values: Babble(Frame(values["id"], values["data"]), values["period_us"], values["count"]),
+    ),
+    Do.OFF_BUS: _Kind({}, lambda robot, values: BusOff(_place(robot, values)), {"joint": Table.text}),
     Do.LOSS: _Kind(
         {"frames": _frames},
         lambda robot, values: _bus_fault(robot, BusFaultKind.LOSS, **values),
@@ -180,6 +241,11 @@ _KINDS: Final[Mapping[Do, _Kind]] = {
     Do.CORRUPTION: _Kind(
         {"frames": _frames},
         lambda robot, values: _bus_fault(robot, BusFaultKind.CORRUPTION, **values),
+        _FRAME_KEYS,
+    ),
+    Do.DUPLICATE: _Kind(
+        {"frames": _frames},
+        lambda robot, values: _bus_fault(robot, BusFaultKind.DUPLICATE, **values),
         _FRAME_KEYS,
     ),
     Do.DELAY: _Kind(
@@ -301,6 +367,18 @@ def _stuck_switch(robot: Robot, joint: str, switch: str, stuck: Stuck) -> StuckS
     return StuckSwitch(axis, fitted[switch], _LEVELS[stuck])
 
 
+def _down(for_ms: int | None) -> dict[str, int]:
+    return {} if for_ms is None else {"for_ms": for_ms}
+
+
+def _joint(robot: Robot, axis: int | None) -> dict[str, str]:
+    return {} if axis is None else {"joint": robot.joint_names[axis]}
+
+
+def _frame(frame: Frame) -> dict[str, Any]:
+    return {"id": frame.cob_id, "data": frame.data.hex(" ")}
+
+
 def request_of(robot: Robot, harm: Harm) -> dict[str, Any]:
     """Return the request that asks for a harm; `read_request` returns the harm for it."""
     return REQUESTS.get(type(harm), _by_fields)(robot, harm)
@@ -360,6 +438,17 @@ REQUESTS: Final[Mapping[type, Callable[[Robot, Any], dict[str, Any]]]] = {
         "full_steps": harm.full_steps,
     },
     SetWire: _wire_request,
+    BrownOut: lambda robot, harm: {"do": Do.BROWN_OUT, **_down(harm.for_ms), **_joint(robot, harm.axis)},
+    WatchdogReset: lambda robot, harm: {"do": Do.WATCHDOG, **_down(harm.for_ms), **_joint(robot, harm.axis)},
+    PowerUp: lambda robot, harm: {"do": Do.POWER_UP, **_joint(robot, harm.axis)},
+    StrangerSends: lambda _, harm: {"do": Do.STRANGER, **_frame(harm.frame)},
+    Babble: lambda _, harm: {
+        "do": Do.BABBLE,
+        **_frame(harm.frame),
+        "period_us": harm.period_us,
+        "count": harm.count,
+    },
+    BusOff: lambda robot, harm: {"do": Do.OFF_BUS, **_joint(robot, harm.axis)},
     BusFault: _bus_request,
     BusRepair: lambda _, __: {"do": Do.BUS_OK},
     HostFault: lambda _, harm: {"do": Do.HOST, "how": harm.kind, "by_s": harm.by_s},

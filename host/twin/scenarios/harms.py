@@ -7,10 +7,13 @@ from typing import Any, Final
 
 from steptwin.emulator.bus_faults import BusFault
 from steptwin.emulator.operations import (
+    AxisOperation,
     BoardTemperature,
+    BrownOut,
     DriverProtect,
     EmergencyStop,
     Operation,
+    PowerUp,
     SetInput,
     SetWire,
     StuckSwitch,
@@ -74,6 +77,7 @@ _OPPOSITES: Final[Mapping[type, Callable[[Any, Surroundings], Operation]]] = {
     SetInput: lambda harm, before: SetInput(harm.axis, harm.input, on=bool(before.axes[harm.axis].levels & harm.input)),
     StuckSwitch: _as_before,
     SetWire: lambda harm, _: SetWire(harm.axis, harm.wire, WireState.WHOLE),
+    BrownOut: lambda harm, _: PowerUp(harm.axis),
 }
 """What ends each type of operation; one without it is done at once."""
 _ENDING: Final = (HostFaultKind.HANG, HostFaultKind.LATE, HostFaultKind.DISORDER)
@@ -95,5 +99,4 @@ def momentary(harm: Harm) -> bool:
 
 def on_axis(harm: Harm) -> int | None:
     """Return the number, among all axes of the machine, of the axis that an operation concerns; None: all of them."""
-    axis: int | None = getattr(harm, "axis", None)
-    return axis
+    return harm.axis if isinstance(harm, AxisOperation) else None

@@ -13,14 +13,20 @@ from typing import Final
 
 from steptwin.emulator.bus_faults import BusFault, BusFaultKind
 from steptwin.emulator.operations import (
+    Babble,
     BoardTemperature,
+    BrownOut,
+    BusOff,
     DriverProtect,
     EmergencyStop,
+    PowerUp,
     SetInput,
     SetWire,
     Slip,
+    StrangerSends,
     StuckSwitch,
     Supply,
+    WatchdogReset,
 )
 from steptwin.emulator.wires import WireState
 from steptwin.host.client.heartbeat import TIMEOUT_MS
@@ -94,6 +100,15 @@ _RUN_DRY: Final = (ErrorCode.PVT_UNDERRUN, ErrorCode.GROUP_STOPPED)
 
 _HOST_LOST: Final = (ErrorCode.HEARTBEAT_LOST, *_RUN_DRY)
 """Error codes where the host is gone: a full queue of short records runs dry before the heartbeat is missed."""
+_OF_STRANGERS: Final = (
+    *_RUN_DRY,
+    ErrorCode.HEARTBEAT_LOST,
+    ErrorCode.CAN_OVERRUN,
+    ErrorCode.CAN_ERROR_PASSIVE,
+    ErrorCode.PDO_TOO_SHORT,
+    ErrorCode.PDO_TOO_LONG,
+)
+"""Error codes to which a stranger's frames may lead."""
 
 
 def _stops(
@@ -213,6 +228,31 @@ DOCUMENTED: Final[tuple[Documented, ...]] = (
         "a board without feedback from its drivers cannot know; the verdict tells it",
     ),
     Documented("wire to a driver whole", lambda harm, _: isinstance(harm, SetWire), GOES_ON),
+    Documented(
+        "a board's logic browns out, or its watchdog resets it",
+        lambda harm, _: isinstance(harm, BrownOut | WatchdogReset),
+        Reaction(Motion.CUT, (), State.SWITCH_ON_DISABLED, TICK_MS),
+        "its nodes announce themselves again and know no position; home them",
+    ),
+    Documented("a board without power gets it", lambda harm, _: isinstance(harm, PowerUp), GOES_ON),
+    Documented(
+        "a stranger sends frames",
+        lambda harm, _: isinstance(harm, StrangerSends | Babble),
+        Reaction(Motion.GOES_ON, _OF_STRANGERS, certain=False),
+        "unless it commands otherwise: a board obeys whoever sends. Babble with a low identifier keeps the points away",
+    ),
+    Documented(
+        "a controller leaves the bus",
+        lambda harm, _: isinstance(harm, BusOff),
+        Reaction(Motion.GOES_ON, (ErrorCode.CAN_BUS_OFF_RECOVERED, ErrorCode.CAN_ERROR_PASSIVE), certain=False),
+        "it is back after 128 x 11 bits, which a board reports; whom nobody acknowledges meanwhile is error passive",
+    ),
+    Documented(
+        "frames come twice",
+        _bus(BusFaultKind.DUPLICATE),
+        Reaction(Motion.GOES_ON, (ErrorCode.CAN_ERROR_PASSIVE, ErrorCode.CAN_BUS_OFF_RECOVERED), certain=False),
+        "sequence numbers tell; a sender whose frames all come twice goes into bus-off",
+    ),
     Documented(
         "heartbeat of the host lost",
         _silent_host,

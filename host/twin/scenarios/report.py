@@ -238,7 +238,7 @@ def _fault_report(engine: Engine, played: Played, end: RunEnd, until_counts: flo
     row = documented(played.harm, began)
     reaction = fault.expected or row.reaction
     emcys = _answers(engine, began, until_counts)
-    stopped = end.stopped and _stops_within(emcys)
+    stopped = end.stopped and (_stops_within(emcys) or (reaction.stops and not reaction.codes))
     standstill_ms = _standstill_ms(end.evidence, began.counts) if stopped else None
     limit_ms = standstill_limit_ms(robot, played.harm, reaction, began) if reaction.stops else None
     joints = _joints(robot, began, end.moment)
@@ -332,7 +332,7 @@ class _Judge:
             return ["the motion did not stop"]
         found = []
         for axis in self._concerned:
-            if not any(each.axis == axis and each.code in reaction.codes for each in self._emcys):
+            if reaction.codes and not any(each.axis == axis and each.code in reaction.codes for each in self._emcys):
                 codes = " or ".join(f"0x{code:04X}" for code in reaction.codes)
                 found.append(f"{self._names[axis]}: no EMCY {codes}")
             joint = self._joints[axis]

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from steptwin.emulator.board import Board
-from steptwin.emulator.operations import AxisOperation, BusOff, BusOperation, Operation
+from steptwin.emulator.operations import BusOperation, Operation, PlacedOperation
 from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.surroundings import Surroundings
 from steptwin.host.robots.robot import Robot
@@ -36,10 +36,10 @@ class Target:
     def operate(self, operation: Operation) -> None:
         """Execute an operation now: on the board of its axis, on the bus, else on every board."""
         simulation = self.simulation
-        if isinstance(operation, AxisOperation):
+        if isinstance(operation, PlacedOperation) and operation.axis is not None:
             board, axis = self.axes[operation.axis]
             simulation.operate(replace(operation, axis=axis), simulation.boards.index(board))
-        elif isinstance(operation, BusOperation) or operation == BusOff(of_host=True):
+        elif isinstance(operation, BusOperation):
             simulation.operate(operation)
         else:
             for number in range(len(simulation.boards)):

@@ -12,15 +12,21 @@ from hypothesis import strategies as st
 from steptwin.controller.backend import Kernel
 from steptwin.emulator.bus_faults import BusFault, BusFaultKind
 from steptwin.emulator.operations import (
+    Babble,
     BoardTemperature,
+    BrownOut,
+    BusOff,
     DriverProtect,
     EmergencyStop,
     Operation,
+    PowerUp,
     SetInput,
     SetWire,
     Slip,
+    StrangerSends,
     StuckSwitch,
     Supply,
+    WatchdogReset,
 )
 from steptwin.emulator.wires import Noise, Wire, WireState
 from steptwin.host.common.control import Do
@@ -306,6 +312,7 @@ FRAMES = st.one_of(
     st.sets(st.integers(0, 0x7FF), min_size=1, max_size=3).map(lambda ids: tuple(sorted(ids))),
 )
 OFTEN = {"rate": st.floats(0, 1), "skip": st.integers(0, 9), "count": st.none() | st.integers(1, 9)}
+STRANGERS = st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8))
 HARMS = st.one_of(
     st.builds(EmergencyStop, st.booleans()),
     st.builds(Supply, st.integers(0, 65_535)),
@@ -322,6 +329,13 @@ HARMS = st.one_of(
             Noise, st.floats(0.5, 1000), st.integers(100, 900_000), st.none() | st.integers(1, 9), st.integers(0, 99)
         ),
     ),
+    st.builds(BrownOut, st.none() | st.integers(1, 900), st.none() | JOINTS),
+    st.builds(WatchdogReset, st.integers(1, 900), st.none() | JOINTS),
+    st.builds(PowerUp, st.none() | JOINTS),
+    st.builds(BusOff, st.none() | JOINTS),
+    st.builds(StrangerSends, STRANGERS),
+    st.builds(Babble, STRANGERS, st.integers(47, 9_999), st.integers(1, 9)),
+    st.builds(BusFault, st.just(BusFaultKind.DUPLICATE), FRAMES, **OFTEN),
     st.builds(Slip, JOINTS, st.sampled_from([-400, -4, 4, 8])),
     st.builds(BusFault, st.just(BusFaultKind.LOSS), FRAMES, receiver=st.none() | st.integers(0, 2), **OFTEN),
     st.builds(BusFault, st.just(BusFaultKind.CORRUPTION), FRAMES, **OFTEN),

@@ -18,6 +18,9 @@ RAMP_END_MS = 9
 """A ramp's last step comes so long before its end at most: near standstill a step takes long."""
 
 
+DOWN = "a board's logic browns out, or its watchdog resets it"
+
+
 class Case(NamedTuple):
     """A fault at 0.3 s of the motion, the row that is documented for it, and the motion's verdict.
 
@@ -83,6 +86,22 @@ CASES = [
         )
     ),
     Case("wire to a driver whole", 'do = "wire"\njoint = "th2"\nwire = "step"\ncondition = "whole"', GOES),
+    Case(DOWN, 'do = "watchdog"', STOPS, (0, 0)),
+    Case(DOWN, 'do = "brown-out"\nfor_ms = 20', STOPS, (0, 0.25)),
+    Case("a board without power gets it", 'do = "power-up"', GOES),
+    *(
+        Case("a stranger sends frames", fault, verdict)
+        for fault, verdict in (
+            ('do = "stranger"\nid = 0x80\ndata = ""', GOES),
+            ('do = "stranger"\nid = 0x211\ndata = "02 00 07"', STOPS),
+            ('do = "stranger"\nid = 0\ndata = "02 00"', STOPS),
+            ('do = "babble"\nid = 0\ndata = "00 00 00 00 00 00 00 00"\nperiod_us = 200\ncount = 500', GOES),
+            ('do = "babble"\nid = 0\ndata = "00 00 00 00 00 00 00 00"\nperiod_us = 100\ncount = 4000', STOPS),
+        )
+    ),
+    Case("a controller leaves the bus", 'do = "off-bus"', GOES),
+    Case("a controller leaves the bus", 'do = "off-bus"\njoint = "th1"', GOES),
+    Case("frames come twice", 'do = "duplicate"\nframes = "all"', GOES),
     Case("heartbeat of the host lost", 'do = "loss"\nframes = "host-heartbeat"', STOPS, (300, 550.25)),
     Case("heartbeat of the host lost", 'do = "loss"\nframes = "host-heartbeat"\ncount = 2', GOES),
     Case("SYNC lost", 'do = "loss"\nframes = "sync"', STOPS, (0, 0), "power_up_s = 0"),
