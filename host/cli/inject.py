@@ -73,6 +73,24 @@ _KINDS: Final = {
         lambda client, joint, wire, condition: client.ask(Do.WIRE, joint=joint, wire=wire, condition=condition),
         lambda _, joint, wire, condition: f"wire {wire} of {joint}: {condition}",
     ),
+    "brown-out": _Kind(
+        ("MS",),
+        lambda client, ms: client.ask(Do.BROWN_OUT, for_ms=_whole(ms, "brown-out")),
+        lambda _, ms: f"no supply for the boards' logic for {ms} ms",
+    ),
+    "watchdog": _Kind(
+        (), lambda client: client.ask(Do.WATCHDOG), lambda _: "the watchdog has reset the boards' processors"
+    ),
+    "off-bus": _Kind(
+        ("JOINT|host",),
+        lambda client, who: client.ask(Do.OFF_BUS, **({} if who == _HOST else {"joint": who})),
+        lambda _, who: f"{_station(who)} is in bus-off",
+    ),
+    "duplicate": _Kind(
+        ("FRAMES",),
+        lambda client, frames: client.ask(Do.DUPLICATE, frames=frames),
+        lambda _, frames: f"{frames}: twice from now on",
+    ),
     "loss": _Kind(
         ("FRAMES",),
         lambda client, frames: client.ask(Do.LOSS, frames=frames),
