@@ -124,6 +124,11 @@ def test_the_command(served: ServedBoard, client: ControlClient, capsys: pytest.
         ("delay", "sync", "0.1"): "sync: delayed by 0.1 s from now on",
         ("bus-off", "th2"): "the board of th2 goes into bus-off with its next frame",
         ("bus-off", "host"): "the host goes into bus-off with its next frame",
+        ("duplicate", "sync"): "sync: twice from now on",
+        ("off-bus", "th2"): "the board of th2 is in bus-off",
+        ("off-bus", "host"): "the host is in bus-off",
+        ("brown-out", "5"): "no supply for the boards' logic for 5 ms",
+        ("watchdog",): "the watchdog has reset the boards' processors",
     }.items():
         assert inject(*words) == (0, f"SIMULATED lab-scara: {told}\n", "")
     assert client.state().document["bus"]["faults"] >= 4
@@ -138,8 +143,8 @@ def test_the_command(served: ServedBoard, client: ControlClient, capsys: pytest.
     assert (code, err) == (0, "")
     assert json.loads(out)["switches"]["th4"]["home"] == {"closed": False, "stuck": False}
     for wrong, told in {
-        (): "WHAT is missing: estop, supply, temperature, protect, input, switch, slip, wire, loss, corruption, delay,"
-        " bus-off, bus-ok, state",
+        (): "WHAT is missing: estop, supply, temperature, protect, input, switch, slip, wire, brown-out, watchdog,"
+        " off-bus, duplicate, loss, corruption, delay, bus-off, bus-ok, state",
         ("estpo", "on"): "WHAT 'estpo' is unknown: did you mean estop?",
         ("estop",): "after estop: on|off, not nothing",
         ("state", "on"): "after state: nothing, not on",
@@ -157,6 +162,7 @@ def test_the_command(served: ServedBoard, client: ControlClient, capsys: pytest.
         ): "full_steps: 6 is not a multiple of 4: a motor slips by whole electrical cycles; the nearest is 8",
         ("wire", "th2", "clk", "low"): "wire: 'clk' is not one of step, dir, enable",
         ("wire", "th2", "step", "noisy"): "rate_hz: is missing: a noisy wire has rate_hz and width_us",
+        ("brown-out", "0"): "for_ms: 0 is below 1",
         ("loss", "recrods"): "frames 'recrods' is unknown: did you mean records?",
         ("delay", "sync", "0"): "by_s: 0.000000 s is outside 1e-06..86400 s; the nearest is 1e-06 s",
         ("bus-off", "th5"): "joint 'th5' is unknown: did you mean th4 or th3 or th2?",
