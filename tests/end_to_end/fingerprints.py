@@ -2,7 +2,8 @@
 
 A change that is not meant to alter motion leaves every edge and every frame as they are, byte for byte. Edges and bus
 logs are integers; report and trajectory hold floats, whose last digits may differ from processor to processor, so the
-tests hold the integers and this command holds all. `--write` makes the present state the one to compare with.
+tests hold the integers and this command holds all. `--write` makes the present state the one to compare with. With
+`--replay` each run's bus log is replayed, too, which must make the same edges and frames.
 """
 
 import hashlib
@@ -54,25 +55,37 @@ def _parts(path: Path) -> Iterator[bytes]:
         yield path.read_bytes()
 
 
-def _measured(command: str) -> dict[str, str]:
+REPLAY = "replay"
+"""Folder in a run's folder, of the replay of its bus log."""
+
+
+def _measured(command: str, *, replay: bool) -> dict[str, str]:
     with TemporaryDirectory() as folder, redirect_stdout(StringIO()), redirect_stderr(StringIO()):
         run(["run", *command.split(), "--out", folder])
-        return {name: fingerprint(Path(folder), name) for name in FILES}
+        hashes = {name: fingerprint(Path(folder), name) for name in FILES}
+        if replay:
+            again = Path(folder) / REPLAY
+            run(["replay", folder, "--out", str(again)])
+            hashes |= {f"{REPLAY}/{name}": fingerprint(again, name) for name in INTEGERS}
+        return hashes
 
 
 def main() -> int:
     """Run every job, without pictures; print what differs."""
+    replay = "--replay" in sys.argv
     with without_pictures():
-        now = {command: _measured(command) for command in stored()}
+        now = {command: _measured(command, replay=replay) for command in stored()}
     if "--write" in sys.argv:
-        FILE.write_text(json.dumps(now, indent=1) + "\n", encoding="ascii")
+        kept = {command: {name: hashes[name] for name in FILES} for command, hashes in now.items()}
+        FILE.write_text(json.dumps(kept, indent=1) + "\n", encoding="ascii")
     lines = [
         f"{command}: {name} differs"
         for command, hashes in stored().items()
-        for name, digest in hashes.items()
-        if now[command][name] != digest
+        for name, digest in now[command].items()
+        if hashes[name.removeprefix(f"{REPLAY}/")] != digest
     ]
-    sys.stdout.write("\n".join(lines or [f"{len(now)} runs, {len(FILES)} files each: the same"]) + "\n")
+    files = f"{len(FILES)} files each" + (f", {len(INTEGERS)} of its replay" if replay else "")
+    sys.stdout.write("\n".join(lines or [f"{len(now)} runs, {files}: the same"]) + "\n")
     return 1 if lines else 0
 
 

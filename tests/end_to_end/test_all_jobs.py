@@ -71,9 +71,16 @@ RUNS = [
 ]
 
 
+REPLAYED = {"warehouse-scara drawer-pull", "calibration-scara demo", "hybrid-arm five-points"}
+"""Jobs whose replay takes little time; `python -m tests.end_to_end.fingerprints --replay` replays all."""
+
+
 @pytest.mark.parametrize("expected", RUNS, ids=lambda expected: expected.command)
 def test_job(expected: Expected, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The figures are those of the papers' motions, and every edge and frame is the same byte as before."""
+    """The figures are those of the papers' motions, and every edge and frame is the same byte as before.
+
+    They are the same again when the folder's bus log is replayed.
+    """
     assert run(["run", *expected.command.split(), "--json", "--out", str(tmp_path)]) == 0
     report = json.loads(capsys.readouterr().out)
     assert report["passed"] is True
@@ -93,3 +100,7 @@ def test_job(expected: Expected, tmp_path: Path, capsys: pytest.CaptureFixture[s
         assert fingerprints.fingerprint(tmp_path, name) == hashes[name], name
     for output in report["outputs"]:
         assert output["from_s"] <= output["changed_s"] <= output["until_s"]
+    if expected.command in REPLAYED:
+        assert run(["replay", str(tmp_path), "--out", str(tmp_path / "replay")]) == 0
+        for name in fingerprints.INTEGERS:
+            assert fingerprints.fingerprint(tmp_path / "replay", name) == hashes[name], name

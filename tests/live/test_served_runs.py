@@ -1,4 +1,4 @@
-"""The same run on a served board and in virtual time, and a host that is killed during a run."""
+"""The same run on a served board, in virtual time and replayed, and a host that is killed during a run."""
 
 import json
 import re
@@ -70,6 +70,8 @@ def test_live_it_makes_the_same_edges_as_in_virtual_time(
     ):  # the records received; what was planned
         assert run(["verify", str(live), *plan]) == 0
         assert capsys.readouterr().out.endswith(f"{ROBOT} live: PASSED\n")
+    assert run(["replay", str(live)]) == 0  # every frame at its microsecond, every edge at its count
+    assert "to the microsecond" in capsys.readouterr().out
 
 
 class Witness:
