@@ -100,7 +100,7 @@ class Simulation:
         self.attendant: Attendant | None = None
         """Looks after each event; None: nobody does."""
         self.on_operation: Callable[[Scheduled], None] = lambda _: None
-        """Called with each operation on a machine, just before it is executed; not with what the shelf's sensors do."""
+        """Called with each operation on a machine as it is executed; not with what the shelf's sensors do."""
         for board in self.boards:
             board.boot(0)
 

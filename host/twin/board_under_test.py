@@ -123,6 +123,7 @@ class BoardUnderTest(EmbeddedBoard):
             driver_profile=self.driver_profile.name,
             commissioned=True,
             stock=self._stock,
+            operations=self.operations,
         )
 
     def steps(self) -> dict[str, int]:

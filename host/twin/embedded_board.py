@@ -23,6 +23,7 @@ from steptwin.host.twin.input_changes import InputChange, set_input
 from steptwin.host.twin.motors.after_run import RotorTrace, rotor_trace
 from steptwin.host.twin.motors.driving import followed_ms, last_edge_counts
 from steptwin.host.twin.motors.in_loop import motor_wiring
+from steptwin.host.twin.operation_log import OperationLog
 from steptwin.host.twin.repeated_frames import whole_us_counts
 from steptwin.host.twin.scenarios.engine import Engine
 from steptwin.host.twin.scenarios.host_condition import HostCondition
@@ -101,6 +102,8 @@ class EmbeddedBoard:
         self.host = HostCondition()
         """What a scenario has made of the host."""
         self._target = Target.of(robot, self._simulation, self._start_steps)
+        self.operations = OperationLog(robot, self._simulation)
+        """What is done to the machine beside its bus."""
         self.network = self._network(harmed=scenario is not None and scenario.harms_host)
         self.engine = None if scenario is None else Engine(scenario, self._target, self.host)
         """Plays the scenario; None without one."""

@@ -131,7 +131,8 @@ def execute(
     waits_made = waited(plan, machine.holds_ms, timed_out=timed_out)
     played = _played(board, comparison, report, fault)
     profile = board.driver_profile.name
-    return Outcome(made, comparison, report, board.bus_log, fault, profile, waits_made, played, rotors)
+    operations = tuple(board.operations.requests())
+    return Outcome(made, comparison, report, board.bus_log, fault, profile, waits_made, played, rotors, operations)
 
 
 def _run(

@@ -1,5 +1,6 @@
 """Hold the result of a run on an embedded board: verdict, evidence, bus log, and the fault that ended it, if any."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -55,6 +56,8 @@ class Outcome:
         driver_profile: name of the drivers that the board had.
         waits: the waits for inputs on the way; the plan has their standstills in it, and ends with one that timed out.
         scenario: the faults that happened on purpose, and whether they were answered as documented; None without any.
+        operations: what was done to the machine beside its bus, as requests of the control port, each with its instant
+            `at_s` since power-up.
         rotors: what the rotors did if the motors turned with the board; None without motors.
     """
 
@@ -67,6 +70,7 @@ class Outcome:
     waits: tuple[Waited, ...] = ()
     scenario: ScenarioReport | None = None
     rotors: RotorTrace | None = None
+    operations: tuple[Mapping[str, Any], ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -77,6 +81,8 @@ class Outcome:
         """Return the document that `steptwin run --json` prints."""
         document = self.report.to_dict() | {"driver_profile": self.driver_profile, "simulated": True}
         document |= waits_document(self.waits)
+        if self.operations:
+            document["operations"] = list(self.operations)
         if self.fault:
             document |= {"passed": False, "fault": self.fault.to_dict()}
         if self.scenario:

@@ -6,14 +6,12 @@ received, and there is no verdict. It has a waveform besides.
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from steptwin.emulator.board import Board
-from steptwin.emulator.operations import AxisOperation, Operation, Scheduled
 from steptwin.emulator.simulation import Simulation
 from steptwin.host.record.bus_log import log_line
 from steptwin.host.record.folder import (
@@ -30,10 +28,10 @@ from steptwin.host.record.waveforms import DEFAULT_SCALE, Format, whole_record, 
 from steptwin.host.robots.microsteps import Microsteps
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.boards import axes_of
-from steptwin.host.twin.control.operations import request_of
 from steptwin.host.twin.evidence import axes_evidence
 from steptwin.host.twin.followed_motion import FollowedMotion
 from steptwin.host.twin.live_plan import LivePlan
+from steptwin.host.twin.operation_log import OperationLog
 from steptwin.host.twin.shelf import shelf_evidence
 from steptwin.host.verify import Evidence, shelf_document
 from steptwin.host.verify.wiring import output_changes
@@ -54,6 +52,7 @@ class UnplannedRun:
         driver_profile: str,
         commissioned: bool,
         stock: Mapping[str, str],
+        operations: OperationLog,
     ) -> None:
         """Follow a machine whose bus keeps its frames.
 
@@ -65,6 +64,7 @@ class UnplannedRun:
             driver_profile: name of the drivers.
             commissioned: True if the boards' flash held the robot's settings at power-up, False for new boards.
             stock: the boxes in the robot's shelf at power-up.
+            operations: what is done to the machine.
         """
         self._robot = robot
         self._simulation = simulation
@@ -79,9 +79,8 @@ class UnplannedRun:
         self._motion = FollowedMotion(self._axes, self._plan)
         self._rows: list[str] = []
         """Rows of the plan up to the last time that it was saved."""
-        self._operations: list[Scheduled] = []
+        self._operations = operations
         simulation.bus.also_log(self._motion.frame)
-        simulation.on_operation = self._operations.append
 
     @property
     def axes(self) -> Sequence[tuple[Board, int]]:
@@ -200,22 +199,8 @@ class UnplannedRun:
                 "frames": bus.frames,
                 "load_percent": round(100 * bus.busy_bits / (bus.bitrate * max(now_s, 1e-3)), 3),
             },
-            "operations": self._requests(),
+            "operations": self._operations.requests(),
             **({} if evidence.shelf is None else {"shelf": shelf_document(evidence.shelf, 0)}),
             "simulated_s": round(now_s, 6),
             "wall_s": round(time.perf_counter() - self._began_s, 6),
         }
-
-    def _requests(self) -> list[dict[str, Any]]:
-        """Return what was done to the machine as requests of the control port, each with its instant."""
-        return [
-            {"at_s": counts / COUNTS_PER_SECOND} | request_of(self._robot, self._on_machine(operation, number))
-            for counts, operation, number in self._operations
-            if isinstance(operation, AxisOperation) or number == 0  # any other is done at every board
-        ]
-
-    def _on_machine(self, operation: Operation, number: int) -> Operation:
-        """Return an operation with its axis numbered among all boards'."""
-        if isinstance(operation, AxisOperation):
-            return replace(operation, axis=self._axes.index((self._simulation.boards[number], operation.axis)))
-        return operation

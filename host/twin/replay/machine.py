@@ -11,6 +11,7 @@ from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.board_config import board_configs
 from steptwin.host.twin.boards import axes_of, make_boards
 from steptwin.host.twin.drivers import driver_profile
+from steptwin.host.twin.operation_log import OperationLog
 from steptwin.host.twin.replay.power_up import PowerUp
 from steptwin.host.twin.shelf import shelf_wiring
 from steptwin.host.twin.standing import standing_steps
@@ -48,6 +49,7 @@ class ReplayedMachine:
             driver_profile=driver_profile(robot.board, power_up.driver_profile).name,
             commissioned=power_up.commissioned,
             stock={} if shelf is None else shelf.shelf.stock,
+            operations=OperationLog(robot, self.simulation),
         )
 
     def _scheduled(self, power_up: PowerUp, boards: int) -> list[Scheduled]:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from steptwin.emulator.bus_faults import BusFault
 from steptwin.emulator.operations import Operation
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
@@ -98,7 +99,7 @@ def stored_machine(folder: Path, robot: Robot) -> StoredMachine:
             stock=_stock(table),
             shelf_sensors=live or _waits_for_sensors(table, robot),
             operations=tuple(each for each in done if isinstance(each, Operated)),
-            bus_faults=sum(each is None for each in done),
+            bus_faults=sum(each is None for each in done) + _bus_faults(table, robot),
             until_counts=mark.until_counts if mark else round(report.run.simulated_s * 1_000_000) * COUNTS_PER_US,
         )
     return StoredMachine(folder, power_up, evidence)
@@ -129,6 +130,19 @@ def _waits_for_sensors(table: Table, robot: Robot) -> bool:
     sensors = robot.shelf.sensors.values() if robot.shelf else ()
     waited = table.each("waits", lambda wait: wait.text("input")) if "waits" in table else ()
     return any(name in sensors for name in waited)
+
+
+def _bus_faults(table: Table, robot: Robot) -> int:
+    """Return how many faults of a scenario were the bus' own and have struck."""
+    if "faults" not in table:
+        return 0
+
+    def of_bus(fault: Table) -> bool:
+        with fault.section("do") as request:
+            harm = read_request(robot, request.values)
+        return isinstance(harm, BusFault) and not fault.is_null("struck_s")
+
+    return sum(table.each("faults", of_bus))
 
 
 def _operated(table: Table, robot: Robot) -> Operated | None:

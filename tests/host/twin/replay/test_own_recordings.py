@@ -28,6 +28,7 @@ from tests.host.twin.live_session import (
     queue,
     start_at_sync,
 )
+from tests.host.twin.scenarios.short_runs import played
 
 
 def replayed(folder: Path, kernel: Kernel) -> Replayed:
@@ -177,3 +178,23 @@ def test_a_log_of_another_robots_nodes(tmp_path: Path, fast_kernel: Kernel) -> N
     power_up = PowerUp(robot.home, (4,), robot.board.bitrate)
     with pytest.raises(InputError, match=r"other\.log: is of nodes 0x20; lab-scara has 0x10 to 0x13$"):
         replay(read_bus(log), robot, power_up, fast_kernel)
+
+
+@pytest.mark.parametrize(
+    ("fault", "bus_faults"),
+    [
+        ('at_s = 0.4\ndo = "estop"\npressed = true', 0),
+        ('at_position = { joint = "th1", value = -20 }\ndo = "supply"\nsupply_v = 8\nfor_s = 0.1', 0),
+        ('at_s = 0.3\ndo = "slip"\njoint = "th2"\nfull_steps = 8', 0),
+        ('at_s = 0.3\ndo = "host"\nhow = "death"', 0),
+        ('at_s = 0.3\ndo = "loss"\nframes = "records"\njoint = "th1"\ncount = 1', 1),
+    ],
+    ids=["emergency stop", "supply at a position", "slip", "host", "bus"],
+)
+def test_a_scenario(fault: str, bus_faults: int, fast_kernel: Kernel, tmp_path: Path) -> None:
+    """What was done to the machine is done again; a fault of the bus is not, as no log has it."""
+    outcome, _ = played(fast_kernel, f"[[fault]]\n{fault}\n")
+    outcome.save(tmp_path)
+    result = replayed(tmp_path, fast_kernel)
+    assert result.bus_faults == bus_faults
+    assert result.equal == (not bus_faults)
