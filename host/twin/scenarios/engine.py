@@ -7,6 +7,7 @@ from typing import Final
 from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.emulator.bus_faults import BusFault
 from steptwin.emulator.operations import Operation
+from steptwin.host.common.errors import InputError
 from steptwin.host.twin.scenarios.harms import BusRepair, Harm, HostFault, opposite
 from steptwin.host.twin.scenarios.host_condition import HostCondition
 from steptwin.host.twin.scenarios.moment import Moment
@@ -80,8 +81,9 @@ class Engine:
         """Watch for the triggers of a scenario from now on.
 
         Raises:
-            InputError: a trigger names a joint that the robot does not have.
+            InputError: a trigger names a joint that the robot does not have, or a fault a receiver that is not there.
         """
+        _check_receivers(scenario, len(target.simulation.boards))
         self.scenario = scenario.drawn()
         self.target = target
         self.emergencies: deque[Emergency] = deque(maxlen=EMERGENCIES_MAX)
@@ -208,3 +210,11 @@ class Engine:
             self._host.end(harm)
         elif each.undo is not None:
             self.target.operate(each.undo)
+
+
+def _check_receivers(scenario: Scenario, boards: int) -> None:
+    """Raise InputError unless each frame that is lost for one receiver is lost for the host or one of the boards."""
+    for fault in scenario.faults:
+        harm = fault.harm
+        if isinstance(harm, BusFault) and harm.receiver is not None and harm.receiver > boards:
+            raise InputError(f"{fault.name}: receiver: {harm.receiver} is not from 0 to {boards}, the number of boards")

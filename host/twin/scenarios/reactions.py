@@ -100,6 +100,13 @@ _RUN_DRY: Final = (ErrorCode.PVT_UNDERRUN, ErrorCode.GROUP_STOPPED)
 
 _HOST_LOST: Final = (ErrorCode.HEARTBEAT_LOST, *_RUN_DRY)
 """Error codes where the host is gone: a full queue of short records runs dry before the heartbeat is missed."""
+_OF_BAD_BUS: Final = (
+    *_HOST_LOST,
+    ErrorCode.CAN_OVERRUN,
+    ErrorCode.CAN_ERROR_PASSIVE,
+    ErrorCode.CAN_BUS_OFF_RECOVERED,
+)
+"""Error codes where frames come late or not at all; the EMCYs themselves may be among these."""
 _OF_STRANGERS: Final = (
     *_RUN_DRY,
     ErrorCode.HEARTBEAT_LOST,
@@ -271,11 +278,16 @@ DOCUMENTED: Final[tuple[Documented, ...]] = (
         _stops(*_RUN_DRY, ErrorCode.HEARTBEAT_LOST, begins_ms=inf, certain=False),
         "lost points are sent again; if too many are lost, the queues run dry",
     ),
-    Documented("frames disturbed", _bus(BusFaultKind.CORRUPTION), GOES_ON, "CAN repeats them"),
+    Documented(
+        "frames disturbed",
+        _bus(BusFaultKind.CORRUPTION),
+        _stops(*_OF_BAD_BUS, begins_ms=inf, certain=False),
+        "CAN repeats them; if none comes through, it is as if they were lost",
+    ),
     Documented(
         "frames delayed",
         _bus(BusFaultKind.DELAY),
-        _stops(*_RUN_DRY, ErrorCode.HEARTBEAT_LOST, begins_ms=inf, certain=False),
+        _stops(*_OF_BAD_BUS, begins_ms=inf, certain=False),
         "the queues bridge it, up to the points that are in them",
     ),
     Documented(

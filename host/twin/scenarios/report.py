@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from steptwin.emulator.bus_faults import BusFault
 from steptwin.host.client.words import state_text
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.control.operations import request_of
@@ -184,8 +185,15 @@ def scenario_report(engine: Engine, end: RunEnd) -> ScenarioReport:
     reasons = [f"{fault.name}: {difference}" for fault in faults for difference in fault.differences]
     if not any(fault.reaction is not None and not fault.reaction.verified for fault in faults):
         reasons += end.reasons
+    if end.stopped and not any(map(_may_stop, faults)):
+        reasons.append("the motion stopped, and no fault of the scenario may stop it")
     scenario = engine.scenario
     return ScenarioReport(scenario.name, scenario.seed, faults, tuple(reasons))
+
+
+def _may_stop(fault: FaultReport) -> bool:
+    """Return whether the motion may end because of a fault."""
+    return fault.reaction is not None and (fault.reaction.stops or not fault.reaction.certain)
 
 
 def played_document(engine: Engine) -> dict[str, Any]:
@@ -296,6 +304,7 @@ class _Judge:
             told: False if steps that the reaction lets go missing are told by nothing, not even by the run's verdict.
         """
         self._told = told
+        self._of_bus = isinstance(played.harm, BusFault)
         self._names = robot.joint_names
         self._reaction = reaction
         self._began = played.began
@@ -322,6 +331,11 @@ class _Judge:
         return found + self._losses()
 
     @property
+    def _must_tell(self) -> bool:
+        """True if each axis that stops must say so: on a bus with faults its EMCY may be lost as well."""
+        return bool(self._reaction.codes) and not self._of_bus
+
+    @property
     def _of_reports(self) -> tuple[ErrorCode, ...]:
         """The error of reports that newer ones have replaced: a fault that ends soon changes them twice in a row."""
         return () if self._ended_counts is None else (ErrorCode.CAN_OVERRUN,)
@@ -332,7 +346,7 @@ class _Judge:
             return ["the motion did not stop"]
         found = []
         for axis in self._concerned:
-            if reaction.codes and not any(each.axis == axis and each.code in reaction.codes for each in self._emcys):
+            if self._must_tell and not any(each.axis == axis and each.code in reaction.codes for each in self._emcys):
                 codes = " or ".join(f"0x{code:04X}" for code in reaction.codes)
                 found.append(f"{self._names[axis]}: no EMCY {codes}")
             joint = self._joints[axis]

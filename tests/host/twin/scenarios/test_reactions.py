@@ -6,6 +6,7 @@ from typing import NamedTuple
 import pytest
 
 from steptwin.controller.backend import Kernel
+from steptwin.host.common.errors import InputError
 from steptwin.host.twin.execution import execute
 from steptwin.host.twin.scenarios.reactions import DOCUMENTED, GOES_ON, Motion, Reaction
 from steptwin.host.twin.scenarios.report import FaultReport, ScenarioReport, longest_ramp_ms
@@ -108,6 +109,10 @@ CASES = [
     Case("frames lost", 'do = "loss"\nframes = "records"\nrate = 0.02', GOES, None, "power_up_s = 0"),
     Case("frames lost", 'do = "loss"\nframes = "records"', STOPS, None, "at_s = 0"),
     Case("frames disturbed", 'do = "corruption"\nframes = "all"\nrate = 0.1', GOES),
+    Case("frames disturbed", 'do = "corruption"\nframes = "all"\nfor_s = 0.05', GOES),
+    Case("frames disturbed", 'do = "corruption"\nframes = "all"\nfor_s = 0.4', STOPS),
+    Case("frames disturbed", 'do = "corruption"\nframes = "all"', STOPS),
+    Case("frames delayed", 'do = "delay"\nframes = "of-board"\nby_s = 0.2', STOPS),
     Case("frames delayed", 'do = "delay"\nframes = "records"\nby_s = 0.2\ncount = 1', GOES),
     Case("frames delayed", 'do = "delay"\nframes = "records"\nby_s = 0.5\ncount = 1', STOPS, None, "at_s = 0.1"),
     Case("a station in bus-off", 'do = "bus-off"\njoint = "d3"', GOES),
@@ -240,7 +245,22 @@ def test_another_answer_fails_the_scenario(
     assert len(report.reasons) >= len(reasons)
     for found, wanted in zip(report.reasons, reasons, strict=False):
         assert found.startswith(wanted)
-    assert {line.partition(":")[0] for line in report.reasons} <= {"it", "th2"}
+    unexplained = "the motion stopped, and no fault of the scenario may stop it"
+    assert {line.partition(":")[0] for line in report.reasons} <= {"it", "th2", unexplained}
+
+
+def test_a_stop_that_no_fault_explains_fails_the_scenario(fast_kernel: Kernel) -> None:
+    """The stream is cut, which the scenario does not know of."""
+    read = scenario('[[fault]]\nat_s = 0.05\ndo = "temperature"\ntemperature_degc = 50\n')
+    outcome = execute(carry(), "carry", fast_kernel, cut_stream_s=0.4, scenario=read)
+    assert outcome.scenario is not None
+    assert outcome.fault is not None
+    assert outcome.scenario.reasons[-1] == "the motion stopped, and no fault of the scenario may stop it"
+
+
+def test_a_receiver_that_is_not_there_is_refused(fast_kernel: Kernel) -> None:
+    with pytest.raises(InputError, match="1 loss: receiver: 2 is not from 0 to 1, the number of boards"):
+        played(fast_kernel, '[[fault]]\nat_s = 0\ndo = "loss"\nframes = "all"\nreceiver = 2\n')
 
 
 def test_a_motion_that_fails_without_a_reason_fails_the_scenario(fast_kernel: Kernel) -> None:
