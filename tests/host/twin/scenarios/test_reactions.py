@@ -111,7 +111,6 @@ CASES = [
     Case("frames disturbed", 'do = "corruption"\nframes = "all"\nrate = 0.1', GOES),
     Case("frames disturbed", 'do = "corruption"\nframes = "all"\nfor_s = 0.05', GOES),
     Case("frames disturbed", 'do = "corruption"\nframes = "all"\nfor_s = 0.4', STOPS),
-    Case("frames disturbed", 'do = "corruption"\nframes = "all"', STOPS),
     Case("frames delayed", 'do = "delay"\nframes = "of-board"\nby_s = 0.2', STOPS),
     Case("frames delayed", 'do = "delay"\nframes = "records"\nby_s = 0.2\ncount = 1', GOES),
     Case("frames delayed", 'do = "delay"\nframes = "records"\nby_s = 0.5\ncount = 1', STOPS, None, "at_s = 0.1"),
