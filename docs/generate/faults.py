@@ -31,12 +31,11 @@ _DOES: Final = {
     Do.POWER_UP: "a board that is down starts again",
     Do.STRANGER: "a station that is no part of the machine, such as a second master, sends a frame",
     Do.BABBLE: "the same station sends a frame again and again",
-    Do.OFF_BUS: "the board of a joint, or without `joint` the host, goes into bus-off at once",
     Do.LOSS: "frames are acknowledged and do not arrive",
     Do.CORRUPTION: "frames are disturbed: CAN sends them again",
     Do.DUPLICATE: "frames come twice, as after an error in their last bit",
     Do.DELAY: "the sender of a frame waits before it sends it",
-    Do.BUS_OFF: "the board of a joint, or without `joint` the host, goes into bus-off with its next frame",
+    Do.BUS_OFF: "the board of a joint, or without `joint` the host, goes into bus-off",
     Do.BUS_OK: "all faults of the bus end",
     Do.HOST: "something goes wrong with the host: see below",
 }

@@ -81,11 +81,6 @@ _KINDS: Final = {
     "watchdog": _Kind(
         (), lambda client: client.ask(Do.WATCHDOG), lambda _: "the watchdog has reset the boards' processors"
     ),
-    "off-bus": _Kind(
-        ("JOINT|host",),
-        lambda client, who: client.ask(Do.OFF_BUS, **({} if who == _HOST else {"joint": who})),
-        lambda _, who: f"{_station(who)} is in bus-off",
-    ),
     "duplicate": _Kind(
         ("FRAMES",),
         lambda client, frames: client.ask(Do.DUPLICATE, frames=frames),
@@ -109,7 +104,7 @@ _KINDS: Final = {
     "bus-off": _Kind(
         ("JOINT|host",),
         lambda client, who: client.ask(Do.BUS_OFF, **({} if who == _HOST else {"joint": who})),
-        lambda _, who: f"{_station(who)} goes into bus-off with its next frame",
+        lambda _, who: f"{_station(who)} is in bus-off",
     ),
     "bus-ok": _Kind((), lambda client: client.ask(Do.BUS_OK), lambda _: "all faults of the bus have ended"),
     "state": _Kind((), lambda client: client.state(), lambda _: ""),

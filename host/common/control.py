@@ -25,7 +25,6 @@ class Do(StrEnum):
     POWER_UP = "power-up"
     STRANGER = "stranger"
     BABBLE = "babble"
-    OFF_BUS = "off-bus"
     LOSS = "loss"
     CORRUPTION = "corruption"
     DUPLICATE = "duplicate"

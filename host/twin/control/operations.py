@@ -232,7 +232,6 @@ _KINDS: Final[Mapping[Do, _Kind]] = {
         {"id": _cob_id, "data": _data, "period_us": _from(BABBLE_PERIOD_MIN_US), "count": _from(1)},
         lambda _, values: Babble(Frame(values["id"], values["data"]), values["period_us"], values["count"]),
     ),
-    Do.OFF_BUS: _Kind({}, lambda robot, values: BusOff(_place(robot, values)), {"joint": Table.text}),
     Do.LOSS: _Kind(
         {"frames": _frames},
         lambda robot, values: _bus_fault(robot, BusFaultKind.LOSS, **values),
@@ -253,11 +252,7 @@ _KINDS: Final[Mapping[Do, _Kind]] = {
         lambda robot, values: _bus_fault(robot, BusFaultKind.DELAY, **values),
         _FRAME_KEYS,
     ),
-    Do.BUS_OFF: _Kind(
-        {},
-        lambda robot, values: _bus_off(robot, values["joint"]),
-        {"joint": Table.text},
-    ),
+    Do.BUS_OFF: _Kind({}, lambda robot, values: BusOff(_place(robot, values)), {"joint": Table.text}),
     Do.BUS_OK: _Kind({}, lambda _, __: BusRepair()),
     Do.HOST: _Kind(
         {"how": lambda table, key: table.choice(key, HostFaultKind)},
@@ -346,13 +341,6 @@ def _bus_fault(
     return BusFault(kind, ids, delay_counts=round(by_s * COUNTS_PER_SECOND), **given)
 
 
-def _bus_off(robot: Robot, joint: str | None) -> BusFault:
-    """Return the fault that puts the board of a joint into bus-off with its next frame, or the host."""
-    if joint is None:
-        return BusFault(BusFaultKind.BUS_OFF, cob_ids(robot, "of-host"), count=1)
-    return BusFault(BusFaultKind.BUS_OFF, cob_ids(robot, "of-board", robot.index_of(joint)), count=1)
-
-
 def switches_of(robot: Robot, axis: int) -> dict[str, DigitalInput]:
     """Return the switches that a joint has, by the names that requests give them."""
     fitted = robot.joints[axis].switches.inputs
@@ -404,7 +392,7 @@ def _bus_request(robot: Robot, fault: BusFault) -> dict[str, Any]:
     ids = tuple(cob_id for cob_id in range(COB_ID_MASK + 1) if cob_id in fault.cob_ids)
     name, axis = name_of(robot, ids) or (list(ids), None)
     joint = {} if axis is None else {"joint": robot.joint_names[axis]}
-    if fault.kind is BusFaultKind.BUS_OFF:
+    if fault.kind is BusFaultKind.BUS_OFF:  # with a frame of its own; requests have it at once only
         return {"do": Do.BUS_OFF, **joint}
     return {
         "do": Do(fault.kind.value),
@@ -448,7 +436,7 @@ REQUESTS: Final[Mapping[type, Callable[[Robot, Any], dict[str, Any]]]] = {
         "period_us": harm.period_us,
         "count": harm.count,
     },
-    BusOff: lambda robot, harm: {"do": Do.OFF_BUS, **_joint(robot, harm.axis)},
+    BusOff: lambda robot, harm: {"do": Do.BUS_OFF, **_joint(robot, harm.axis)},
     BusFault: _bus_request,
     BusRepair: lambda _, __: {"do": Do.BUS_OK},
     HostFault: lambda _, harm: {"do": Do.HOST, "how": harm.kind, "by_s": harm.by_s},

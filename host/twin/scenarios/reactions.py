@@ -156,6 +156,11 @@ def _bus(kind: BusFaultKind, only: int | None = None) -> Callable[[Harm, Moment]
     return applies
 
 
+def _leaves_bus(harm: Harm, _moment: Moment) -> bool:
+    """Return whether a CAN controller goes into bus-off, now or with a frame that it sends."""
+    return isinstance(harm, BusOff) or (isinstance(harm, BusFault) and harm.kind is BusFaultKind.BUS_OFF)
+
+
 def _silent_host(harm: Harm, moment: Moment) -> bool:
     """Return whether the host's heartbeat is lost from now on, and nothing else."""
     alone = _bus(BusFaultKind.LOSS, COB_HEARTBEAT + HOST_NODE_ID)(harm, moment)
@@ -250,7 +255,7 @@ DOCUMENTED: Final[tuple[Documented, ...]] = (
     ),
     Documented(
         "a controller leaves the bus",
-        lambda harm, _: isinstance(harm, BusOff),
+        _leaves_bus,
         Reaction(Motion.GOES_ON, (ErrorCode.CAN_BUS_OFF_RECOVERED, ErrorCode.CAN_ERROR_PASSIVE), certain=False),
         "it is back after 128 x 11 bits, which a board reports; whom nobody acknowledges meanwhile is error passive",
     ),
@@ -289,12 +294,6 @@ DOCUMENTED: Final[tuple[Documented, ...]] = (
         _bus(BusFaultKind.DELAY),
         _stops(*_OF_BAD_BUS, begins_ms=inf, certain=False),
         "the queues bridge it, up to the points that are in them",
-    ),
-    Documented(
-        "a station in bus-off",
-        _bus(BusFaultKind.BUS_OFF),
-        Reaction(Motion.GOES_ON, (ErrorCode.CAN_BUS_OFF_RECOVERED,), certain=False),
-        "it is back after 128 x 11 bits; a board reports that, the queues bridge it",
     ),
     Documented("bus repaired", lambda harm, _: isinstance(harm, BusRepair), GOES_ON),
     Documented(

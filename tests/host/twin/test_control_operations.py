@@ -340,8 +340,6 @@ HARMS = st.one_of(
     st.builds(BusFault, st.just(BusFaultKind.LOSS), FRAMES, receiver=st.none() | st.integers(0, 2), **OFTEN),
     st.builds(BusFault, st.just(BusFaultKind.CORRUPTION), FRAMES, **OFTEN),
     st.builds(BusFault, st.just(BusFaultKind.DELAY), FRAMES, delay_counts=st.integers(100, 1 << 40), **OFTEN),
-    st.builds(lambda axis: BusFault(BusFaultKind.BUS_OFF, cob_ids(ROBOT, "of-board", axis), count=1), JOINTS),
-    st.just(BusFault(BusFaultKind.BUS_OFF, cob_ids(ROBOT, "of-host"), count=1)),
     st.builds(HostFault, st.sampled_from([*HostFaultKind]), st.floats(0, 86_400)),
 )
 
