@@ -1,6 +1,8 @@
 """Who uses scenarios beside `execute`: the command `run`, a live board, the board for tests, `check`."""
 
 import json
+import re
+import runpy
 from pathlib import Path
 
 import pytest
@@ -17,6 +19,7 @@ from steptwin.host.twin.scenarios.scenario import Fault, Scenario
 from steptwin.host.twin.scenarios.triggers import AtState, AtTime
 from steptwin.protocol.cia402 import State
 from steptwin.protocol.frame import FIRST_NODE_ID, Frame
+from tests.end_to_end.pages import read_page
 from tests.host.twin.scenarios.short_runs import ROBOT, played, scenario
 
 STOP = 'name = "stop"\nat_s = 0.4\ndo = "estop"\npressed = true\n'
@@ -162,3 +165,11 @@ def test_the_same_scenario_gives_the_same_bytes(fast_kernel: Kernel) -> None:
     assert runs[0][1].to_dict() == runs[1][1].to_dict()
     assert runs[0][0].bus_log == runs[1][0].bus_log
     assert scenario(text).drawn() != scenario(text.replace("seed = 11", "seed = 12")).drawn()
+
+
+def test_the_python_of_the_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (code,) = re.findall(r"^```python\n(.*?)^```", read_page("docs/faults.md"), flags=re.MULTILINE | re.DOTALL)
+    program = tmp_path / "program.py"
+    program.write_text(code)
+    runpy.run_path(str(program))
+    assert 100 < float(capsys.readouterr().out) < 200
