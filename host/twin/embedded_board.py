@@ -14,7 +14,7 @@ from steptwin.emulator.simulation import Simulation
 from steptwin.host.robots.microsteps import Microsteps
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.board_config import board_config
-from steptwin.host.twin.boards import axes_of
+from steptwin.host.twin.boards import axes_of, microsteps_of
 from steptwin.host.twin.commissioning import commissioned_flash
 from steptwin.host.twin.drivers import driver_profile
 from steptwin.host.twin.embedded_network import EmbeddedNetwork
@@ -247,15 +247,7 @@ class EmbeddedBoard:
 
     def microsteps(self) -> list[Microsteps]:
         """Return the microsteps per full step of each axis: its driver's, its board's and its robot file's."""
-        return [
-            Microsteps(
-                joint.name,
-                self._board.driver_microsteps(axis),
-                self._board.firmware.motion.config(axis).microsteps,
-                joint.transmission.microsteps,
-            )
-            for axis, joint in enumerate(self.robot.joints)
-        ]
+        return microsteps_of(self.robot, axes_of([self._board]))
 
     @property
     def started(self) -> bool:

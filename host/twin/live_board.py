@@ -28,7 +28,7 @@ from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.microsteps import Microsteps
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.board_config import board_configs
-from steptwin.host.twin.boards import axes_of, make_boards
+from steptwin.host.twin.boards import axes_of, make_boards, microsteps_of
 from steptwin.host.twin.control.operations import request_of
 from steptwin.host.twin.drivers import driver_profile
 from steptwin.host.twin.evidence import axis_evidence
@@ -372,16 +372,7 @@ class LiveBoard:
 
     def mismatches(self) -> list[Microsteps]:
         """Return the axes whose driver, board and robot file do not agree on the microsteps per full step."""
-        found = (
-            Microsteps(
-                joint.name,
-                board.driver_microsteps(axis),
-                board.firmware.motion.config(axis).microsteps,
-                joint.transmission.microsteps,
-            )
-            for joint, (board, axis) in zip(self.robot.joints, self._axes, strict=True)
-        )
-        return [microsteps for microsteps in found if not microsteps.agree]
+        return [microsteps for microsteps in microsteps_of(self.robot, self._axes) if not microsteps.agree]
 
     def report(self) -> dict[str, Any]:
         """Return the figures as of the last `record`, under the keys of report.json (docs/live.md)."""

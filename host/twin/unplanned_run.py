@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from steptwin.emulator.board import Board
 from steptwin.emulator.simulation import Simulation
 from steptwin.host.record.bus_log import log_line
 from steptwin.host.record.folder import (
@@ -25,9 +24,8 @@ from steptwin.host.record.folder import (
     prepare_folder,
 )
 from steptwin.host.record.waveforms import DEFAULT_SCALE, Format, whole_record, wires, write_waveform
-from steptwin.host.robots.microsteps import Microsteps
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.boards import axes_of
+from steptwin.host.twin.boards import axes_of, counted_steps, microsteps_of
 from steptwin.host.twin.evidence import axes_evidence
 from steptwin.host.twin.followed_motion import FollowedMotion
 from steptwin.host.twin.live_plan import LivePlan
@@ -83,11 +81,6 @@ class UnplannedRun:
         simulation.bus.also_log(self._motion.frame)
 
     @property
-    def axes(self) -> Sequence[tuple[Board, int]]:
-        """The board of each joint, and the number of its axis there."""
-        return self._axes
-
-    @property
     def bus_log(self) -> list[tuple[int, Frame]]:
         """Every frame with the instant, in counts, at which it became valid."""
         bus = self._simulation.bus
@@ -103,25 +96,6 @@ class UnplannedRun:
             return Evidence(self._motion.start_counts or 0, axes, outputs)
         watch.look_now(self._simulation.now_counts)
         return Evidence(self._motion.start_counts or 0, axes, outputs, shelf_evidence(watch.shelf, self._stock))
-
-    def microsteps(self) -> list[Microsteps]:
-        """Return the microsteps per full step of each axis: its driver's, its board's and its robot file's."""
-        return [
-            Microsteps(
-                joint.name,
-                board.driver_microsteps(axis),
-                board.firmware.motion.config(axis).microsteps,
-                joint.transmission.microsteps,
-            )
-            for joint, (board, axis) in zip(self._robot.joints, self._axes, strict=True)
-        ]
-
-    def end_steps(self) -> list[float]:
-        """Return each motor's position by its driver's steps, in steps of the robot's file from the joint's zero."""
-        return [
-            start + board.position_sixteenths(axis) / joint.transmission.step_sixteenths
-            for joint, start, (board, axis) in zip(self._robot.joints, self._start_steps, self._axes, strict=True)
-        ]
 
     def save(self, folder: Path | str) -> None:
         """Write the folder; another run's files are replaced, those of a live board's recording are not.
@@ -165,7 +139,7 @@ class UnplannedRun:
         """Return the figures under the keys of a live board's report.json (docs/live.md)."""
         robot, bus, now_s = self._robot, self._simulation.bus, self._simulation.now_s
         started = self._motion.start_counts
-        ends = self.end_steps()
+        ends = counted_steps(robot, self._start_steps, self._axes)
         return {
             "robot": robot.name,
             "job": self._job,
@@ -178,7 +152,7 @@ class UnplannedRun:
             "no_plan": self._plan.lacking,
             "outputs": [],
             "boards": [board.config.axis_count for board in self._simulation.boards],
-            "mismatches": [str(each) for each in self.microsteps() if not each.agree],
+            "mismatches": [str(each) for each in microsteps_of(robot, self._axes) if not each.agree],
             "axes": [
                 {
                     "name": axis.name,

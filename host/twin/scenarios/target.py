@@ -8,6 +8,7 @@ from steptwin.emulator.operations import BusOperation, Operation, PlacedOperatio
 from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.surroundings import Surroundings
 from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.boards import axes_of, counted_steps
 from steptwin.host.twin.scenarios.moment import Moment, moment_of
 
 
@@ -30,8 +31,7 @@ class Target:
     @classmethod
     def of(cls, robot: Robot, simulation: Simulation, start_steps: Sequence[int]) -> "Target":
         """Return the target with the axes of all boards in order."""
-        axes = tuple((board, axis) for board in simulation.boards for axis in range(board.config.axis_count))
-        return cls(robot, simulation, start_steps, axes)
+        return cls(robot, simulation, start_steps, tuple(axes_of(simulation.boards)))
 
     def operate(self, operation: Operation) -> None:
         """Execute an operation now: on the board of its axis, on the bus, else on every board."""
@@ -51,10 +51,7 @@ class Target:
 
     def steps(self) -> list[float]:
         """Return where the motors are by their drivers' counts, in steps of the robot's file from their axes' zeros."""
-        return [
-            start + board.position_sixteenths(axis) / joint.transmission.step_sixteenths
-            for start, joint, (board, axis) in zip(self.start_steps, self.robot.joints, self.axes, strict=True)
-        ]
+        return counted_steps(self.robot, self.start_steps, self.axes)
 
     @property
     def moving(self) -> bool:
