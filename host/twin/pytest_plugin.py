@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
+    from pluggy import Result
+
     from steptwin.controller.backend import Kernel
     from steptwin.emulator.bus_faults import BusFault
     from steptwin.emulator.operations import Scheduled
@@ -40,13 +42,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.getgroup("steptwin").addoption(_ARTEFACTS_OPTION, metavar="DIR", default=None, help=where)
 
 
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+@pytest.hookimpl(hookwrapper=True)  # the newer wrapper=True needs pytest 8
+def pytest_runtest_makereport(item: pytest.Item) -> "Generator[None, Result[pytest.TestReport], None]":
     """Note that a test has failed, for the fixtures that are torn down after it."""
-    report = yield
-    if report.failed:
+    outcome = yield
+    if outcome.get_result().failed:
         item.stash[_FAILED] = True
-    return report
 
 
 def pytest_configure(config: pytest.Config) -> None:
