@@ -15,6 +15,8 @@ from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 
 _WAY: Final = 0.01
 """Part of each joint's range by which it moves at the end."""
+_QUIET_S: Final = 0.7
+"""Time before anything is done: boards that were reset are up again, and nobody babbles any more."""
 _LONGER: Final = 10
 """Factor of all waits during the recovery."""
 _STEPS_OFF_MAX: Final = 1.0
@@ -38,6 +40,7 @@ class Recovery:
 def recover(board: EmbeddedBoard) -> Recovery:
     """Reset the drives of a repaired machine, home the joints that can be homed, move them all, compare positions."""
     session, doing = Session(_Unhurried(board), board.robot), "the reset"
+    board.wait(_QUIET_S)
     try:
         reset(session)
         doing = "homing"

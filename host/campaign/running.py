@@ -1,5 +1,6 @@
 """Make one run of a campaign in this process, in virtual time: no files, no pictures, the same row every time."""
 
+import logging
 import time
 import traceback
 from functools import cache
@@ -22,6 +23,10 @@ from steptwin.protocol import od
 from steptwin.protocol.cia402 import Status
 
 _SIGNIFICANT_DIGITS = 6
+
+# Runs in which nodes fall silent are no news: a worker's log would be full of these libraries' warnings.
+for library in ("can", "canopen"):
+    logging.getLogger(library).addHandler(logging.NullHandler())
 
 
 def run_seed(campaign: Campaign, seed: int) -> Row:

@@ -6,7 +6,7 @@ from typing import Final
 
 from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.emulator.bus_faults import BusFault
-from steptwin.emulator.operations import Operation
+from steptwin.emulator.operations import BrownOut, Operation, WatchdogReset
 from steptwin.host.common.errors import InputError
 from steptwin.host.twin.scenarios.harms import BusRepair, Harm, HostFault, opposite
 from steptwin.host.twin.scenarios.host_condition import HostCondition
@@ -88,6 +88,8 @@ class Engine:
         self.target = target
         self.emergencies: deque[Emergency] = deque(maxlen=EMERGENCIES_MAX)
         """The last EMCYs since power-up."""
+        self._start: Moment | None = None
+        """What the machine was like then."""
         self.start_counts: int | None = None
         """t = 0 of the motion; None before its SYNC."""
         self._host = host
@@ -141,17 +143,18 @@ class Engine:
     def attend(self, now_counts: int) -> None:
         """Begin and end the faults that are due; those of one instant in the scenario's order."""
         if self._sync_counts is not None and self.target.interpolating:
-            self._note_start(self._sync_counts)
+            self._note_start(self._sync_counts, now_counts)
         if self._waiting:
             for each in self._waiting:
                 if each.watch is not None and each.watch.is_due(now_counts):
                     self._act(each, now_counts)
             self._waiting = [each for each in self._waiting if each.watch is not None]
 
-    def _note_start(self, sync_counts: int) -> None:
+    def _note_start(self, sync_counts: int, now_counts: int) -> None:
         """Note t = 0 of the motion, the first tick after the SYNC."""
         self._sync_counts = None
         self.start_counts = -(-sync_counts // TICK_COUNTS) * TICK_COUNTS
+        self._start = self.target.moment(now_counts)
         for each in self._waiting:
             if each.watch is not None:
                 each.watch.motion_starts(self.start_counts)
@@ -166,7 +169,7 @@ class Engine:
 
     def _act(self, each: Played, now_counts: int) -> None:
         if each.began is None:
-            each.began = self.target.moment(now_counts)
+            each.began = self.target.moment(now_counts, counted=not isinstance(each.harm, BrownOut | WatchdogReset))
             self._begin(each, now_counts)
             each.watch = self._end_watch(each.fault, now_counts)
         else:
@@ -194,6 +197,13 @@ class Engine:
         else:
             each.undo = opposite(harm, self.target.surroundings)
             self.target.operate(harm)
+
+    def counted_from(self, began: Moment) -> Moment:
+        """Return the moment from which steps lost by a fault count: its beginning, but not before the motion's.
+
+        Until then the host may give an axis another position.
+        """
+        return began if self._start is None or began.counts >= self._start.counts else self._start
 
     def repair(self) -> None:
         """End every fault that lasts; none begins any more."""

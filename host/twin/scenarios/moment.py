@@ -19,7 +19,7 @@ class AxisMoment:
         deceleration: of a stop after a fault, in units/s^2.
         position_known: whether the firmware says that it knows the position.
         lag_sixteenths: what the firmware has counted less what the driver has counted, in sixteenths of a full step;
-            only its change means anything.
+            only its change means anything. None if nobody asked.
     """
 
     state: State
@@ -27,7 +27,7 @@ class AxisMoment:
     velocity: int
     deceleration: int
     position_known: bool
-    lag_sixteenths: int
+    lag_sixteenths: int | None
 
     @property
     def moving(self) -> bool:
@@ -48,20 +48,27 @@ class Moment:
         return any(axis.moving for axis in self.axes)
 
 
-def moment_of(axes: Sequence[tuple[Board, int]], now_counts: int) -> Moment:
-    """Look at axes, each given by its board and its number there."""
-    return Moment(now_counts, tuple(_axis_moment(board, axis) for board, axis in axes))
+def moment_of(axes: Sequence[tuple[Board, int]], now_counts: int, *, counted: bool = True) -> Moment:
+    """Look at axes, each given by its board and its number there.
+
+    Unless `counted`, the drivers are not asked: to answer they process the pulses of the whole servo tick, which a
+    reset within it must still be able to take back.
+    """
+    return Moment(now_counts, tuple(_axis_moment(board, axis, counted=counted) for board, axis in axes))
 
 
-def _axis_moment(board: Board, axis: int) -> AxisMoment:
+def _axis_moment(board: Board, axis: int, *, counted: bool) -> AxisMoment:
     node, motion = board.firmware.nodes[axis], board.firmware.motion
-    driver_sixteenths = board.position_sixteenths(axis)
-    step_sixteenths = 16 // motion.config(axis).microsteps
     return AxisMoment(
         state=node.drive.state,
         energised=node.drive.energised,
         velocity=motion.velocity(axis),
         deceleration=node.dictionary.get(od.QUICK_STOP_DECELERATION),
         position_known=bool(node.statusword() & Status.POSITION_KNOWN),
-        lag_sixteenths=motion.counter_steps(axis) * step_sixteenths - driver_sixteenths,
+        lag_sixteenths=_lag_sixteenths(board, axis) if counted else None,
     )
+
+
+def _lag_sixteenths(board: Board, axis: int) -> int:
+    motion, driver_sixteenths = board.firmware.motion, board.position_sixteenths(axis)
+    return motion.counter_steps(axis) * 16 // motion.config(axis).microsteps - driver_sixteenths

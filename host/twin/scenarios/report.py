@@ -1,6 +1,6 @@
 """Report a played scenario: when each fault was due and struck, what answered, and whether that is documented."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, inf
 from typing import Any
@@ -246,12 +246,16 @@ def _fault_report(engine: Engine, played: Played, end: RunEnd, until_counts: flo
     row = documented(played.harm, began)
     reaction = fault.expected or row.reaction
     emcys = _answers(engine, began, until_counts)
-    stopped = end.stopped and (_stops_within(emcys) or (reaction.stops and not reaction.codes))
+    late = [
+        each for each in _answers(engine, began, inf) if each.counts >= until_counts and each.code in reaction.codes
+    ]
+    stopped = end.stopped and (_stops_within([*emcys, *late]) or (reaction.stops and not reaction.codes))
     standstill_ms = _standstill_ms(end.evidence, began.counts) if stopped else None
     limit_ms = standstill_limit_ms(robot, played.harm, reaction, began) if reaction.stops else None
-    joints = _joints(robot, began, end.moment)
+    joints = _joints(robot, engine.counted_from(began), end.moment)
     told = reaction.verified or bool(end.reasons)
-    judge = _Judge(robot, played, reaction, emcys, joints, stopped=stopped, told=told)
+    others = {code for each in engine.played if each is not played for code in _codes(each)}
+    judge = _Judge(robot, played, reaction, emcys, joints, late=late, others=others, stopped=stopped, told=told)
     differences = judge.differences(standstill_ms, limit_ms)
     return FaultReport(
         *named,
@@ -266,6 +270,15 @@ def _fault_report(engine: Engine, played: Played, end: RunEnd, until_counts: flo
         limit_ms,
         tuple(differences),
     )
+
+
+def _codes(played: Played) -> set[ErrorCode]:
+    """Return the codes with which a fault that has struck may be answered, even after the next one has begun."""
+    if played.began is None:
+        return set()
+    reaction = played.fault.expected or documented(played.harm, played.began).reaction
+    # Reports that change again before they are sent are replaced, which the board tells.
+    return {*reaction.codes, *([ErrorCode.GROUP_STOPPED] if reaction.stops else []), ErrorCode.CAN_OVERRUN}
 
 
 def _stops_within(emcys: Sequence[Emergency]) -> bool:
@@ -289,6 +302,8 @@ class _Judge:
         emcys: Sequence[Emergency],
         joints: Mapping[str, JointAnswer],
         *,
+        late: Sequence[Emergency],
+        others: Collection[ErrorCode],
         stopped: bool,
         told: bool,
     ) -> None:
@@ -300,6 +315,8 @@ class _Judge:
             reaction: the reaction that is right.
             emcys: the EMCYs that answered.
             joints: the joints at the end.
+            late: answers to it that came after the next fault had begun.
+            others: codes that answer other faults of the scenario.
             stopped: whether the motion ended before its time because of the fault.
             told: False if steps that the reaction lets go missing are told by nothing, not even by the run's verdict.
         """
@@ -310,6 +327,8 @@ class _Judge:
         self._began = played.began
         self._ended_counts = played.ended_counts
         self._emcys = emcys
+        self._late = late
+        self._others = others
         self._stopped = stopped
         self._joints = list(joints.values())
         on = [axis for axis, each in enumerate(self._axes) if each.energised]
@@ -324,6 +343,7 @@ class _Judge:
         """Return what is not as it should be."""
         reaction = self._reaction
         allowed = {*reaction.codes, *([ErrorCode.GROUP_STOPPED] if reaction.stops else []), *self._of_reports}
+        allowed |= {*self._others}
         strange = sorted({each.code for each in self._emcys} - allowed)
         found = [f"EMCY 0x{code:04X} is not documented" for code in strange]
         if reaction.stops and self._concerned and (self._stopped or reaction.certain):
@@ -346,7 +366,8 @@ class _Judge:
             return ["the motion did not stop"]
         found = []
         for axis in self._concerned:
-            if self._must_tell and not any(each.axis == axis and each.code in reaction.codes for each in self._emcys):
+            heard = [each.code for each in (*self._emcys, *self._late) if each.axis == axis]
+            if self._must_tell and not any(code in reaction.codes for code in heard):
                 codes = " or ".join(f"0x{code:04X}" for code in reaction.codes)
                 found.append(f"{self._names[axis]}: no EMCY {codes}")
             joint = self._joints[axis]
@@ -389,7 +410,9 @@ def _why_never(engine: Engine, played: Played, end: RunEnd) -> str:
 def _joints(robot: Robot, began: Moment, end: Moment) -> dict[str, JointAnswer]:
     answers = {}
     for joint, before, after in zip(robot.joints, began.axes, end.axes, strict=True):
-        lost_sixteenths = after.lag_sixteenths - before.lag_sixteenths
+        lost_sixteenths = 0
+        if before.lag_sixteenths is not None and after.lag_sixteenths is not None:  # a reset begins to count anew
+            lost_sixteenths = after.lag_sixteenths - before.lag_sixteenths
         lost_steps = lost_sixteenths * joint.transmission.microsteps / _SIXTEENTHS
         answers[joint.name] = JointAnswer(after.state, after.position_known, lost_steps)
     return answers

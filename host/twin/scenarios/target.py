@@ -45,9 +45,9 @@ class Target:
             for number in range(len(simulation.boards)):
                 simulation.operate(operation, number)
 
-    def moment(self, now_counts: int) -> Moment:
-        """Return what all axes do now."""
-        return moment_of(self.axes, now_counts)
+    def moment(self, now_counts: int, *, counted: bool = True) -> Moment:
+        """Return what all axes do now, as `moment_of`."""
+        return moment_of(self.axes, now_counts, counted=counted)
 
     def steps(self) -> list[float]:
         """Return where the motors are by their drivers' counts, in steps of the robot's file from their axes' zeros."""
