@@ -1,0 +1,63 @@
+"""What campaigns have found: faults in quick succession, before the motion, and within a servo tick."""
+
+import pytest
+
+from steptwin.controller.backend import Kernel
+from steptwin.controller.kernel import TICK_COUNTS
+from steptwin.protocol.timer import COUNTS_PER_SECOND
+from tests.host.twin.scenarios.short_runs import played
+
+
+@pytest.mark.parametrize("part", [0.2, 0.4, 0.6, 0.8])
+def test_no_pulse_begins_after_a_brown_out_within_a_tick(fast_kernel: Kernel, part: float) -> None:
+    """The report looks at the machine when a fault begins; the tick's later pulses were through by then."""
+    at_s = 0.5 + part * TICK_COUNTS / COUNTS_PER_SECOND
+    outcome, scenario = played(fast_kernel, f'[[fault]]\nat_s = {at_s:.7f}\ndo = "brown-out"\nfor_ms = 5\n')
+    assert scenario.passed, scenario.reasons
+    evidence = outcome.comparison.evidence
+    off_counts = evidence.start_counts + at_s * COUNTS_PER_SECOND
+    for axis in evidence.axes:
+        assert (axis.clk_rise_counts <= off_counts).all(), axis.name
+    assert any(axis.clk_rise_counts[-1] > off_counts - TICK_COUNTS for axis in evidence.axes)
+
+
+def test_a_fault_is_answered_even_after_the_next_one_has_begun(fast_kernel: Kernel) -> None:
+    """The second comes a tick after the first, before the first one's EMCYs are on the bus."""
+    _, scenario = played(
+        fast_kernel,
+        """
+        [[fault]]
+        name = "button"
+        at_s = 0.5
+        do = "estop"
+        pressed = true
+        [[fault]]
+        name = "driver"
+        at_state = { joint = "th1", state = "FAULT REACTION ACTIVE" }
+        do = "protect"
+        joint = "th2"
+        held = true
+        """,
+    )
+    assert scenario.passed, scenario.reasons
+    assert all(fault.struck for fault in scenario.faults)
+
+
+def test_a_short_press_may_replace_reports(fast_kernel: Kernel) -> None:
+    """The inputs change back before their reports are sent: newer ones take their places, which the board tells."""
+    _, scenario = played(fast_kernel, '[[fault]]\nat_s = 0.5\nfor_s = 0.0007\ndo = "estop"\npressed = true\n')
+    assert scenario.passed, scenario.reasons
+
+
+def test_positions_given_before_the_motion_are_no_lost_steps(fast_kernel: Kernel) -> None:
+    """The fault begins with power-up; then the host tells each axis where it stands."""
+    _, scenario = played(fast_kernel, '[[fault]]\npower_up_s = 0.0\ndo = "delay"\nframes = "sync"\nby_s = 0.01\n')
+    assert scenario.passed, scenario.reasons
+
+
+@pytest.mark.parametrize("how", ["death", "restart"])
+def test_short_records_run_dry_before_the_host_is_missed(fast_kernel: Kernel, how: str) -> None:
+    """At the motion's end fewer points are queued: the queue runs dry, or holds all that is left of the motion."""
+    text = f'[[fault]]\nat_s = 0.05\ndo = "host"\nhow = "{how}"\n' + ("by_s = 0.9\n" if how == "restart" else "")
+    _, scenario = played(fast_kernel, text)
+    assert scenario.passed, scenario.reasons
