@@ -232,6 +232,10 @@ class Scheduled(NamedTuple):
     board: int = 0
 
 
+class Consequence(Scheduled):
+    """An operation that follows from an earlier one, so that nobody has asked for it."""
+
+
 class Schedule:
     """Operations in order of time; those of one instant keep the order given."""
 

@@ -17,6 +17,7 @@ from steptwin.emulator.operations import (
     Babble,
     BrownOut,
     BusOff,
+    Consequence,
     Operation,
     PowerUp,
     Schedule,
@@ -50,10 +51,6 @@ class Attendant(Protocol):
 
 class BusOverloadError(Exception):
     """The boards' own frames keep the bus busy without end."""
-
-
-class _Consequence(Scheduled):
-    """An operation that follows from an earlier one, so that nobody has asked for it."""
 
 
 class Simulation:
@@ -149,7 +146,7 @@ class Simulation:
         until_counts = self.now_counts + (for_ms or 0) * COUNTS_PER_MS
         self._down_until_counts[number] = max(until_counts, self._down_until_counts.get(number, 0))
         if for_ms is not None:
-            self.schedule([_Consequence(until_counts, PowerUp(), number)])
+            self.schedule([Consequence(until_counts, PowerUp(), number)])
 
     def _babble(self, babble: Babble, number: int) -> None:
         """Send a frame unless two wait, and again a period later."""
@@ -157,7 +154,7 @@ class Simulation:
             self._stranger.send(babble.frame, self.now_counts)
         if babble.count > 1:
             next_counts = self.now_counts + babble.period_us * COUNTS_PER_US
-            self.schedule([_Consequence(next_counts, replace(babble, count=babble.count - 1), number)])
+            self.schedule([Consequence(next_counts, replace(babble, count=babble.count - 1), number)])
 
     @cached_property
     def _stranger(self) -> CanController:
@@ -261,7 +258,7 @@ class Simulation:
         self.bus.step(now_counts)
         if self._schedule.next_counts is not None:
             for item in self._schedule.take_due(now_counts):
-                if not isinstance(item, _Consequence):
+                if not isinstance(item, Consequence):
                     self.on_operation(item._replace(counts=now_counts))
                 self._execute(item.operation, item.board)
         for board in self.boards:
