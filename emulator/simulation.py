@@ -6,7 +6,6 @@ on together and count the same 72 MHz; real boards, each with its own crystal, w
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from functools import cached_property
 from typing import Protocol
 
 from steptwin.controller.kernel import TICK_COUNTS
@@ -92,6 +91,7 @@ class Simulation:
         """The rotors of the machine's motors; None if they are where the drivers' steps put them."""
         self.shelf_watch = None if shelf is None else ShelfWatch(shelf, self.boards, self.rotors_sixteenths)
         """The shelf beside the machine; None if there is none."""
+        self._stranger_station: CanController | None = None
         self.strange: list[tuple[int, Frame]] = []
         """Frames that the stranger has sent, with the instant at which each became valid."""
         self.attendant: Attendant | None = None
@@ -156,14 +156,15 @@ class Simulation:
             next_counts = self.now_counts + babble.period_us * COUNTS_PER_US
             self.schedule([Consequence(next_counts, replace(babble, count=babble.count - 1), number)])
 
-    @cached_property
+    @property
     def _stranger(self) -> CanController:
         """A station that is no part of the machine; it is on the bus from its first frame on."""
-        station = CanController(
-            unheard, in_order=True, on_sent=lambda frame, counts: self.strange.append((counts, frame))
-        )
-        self.bus.attach(station)
-        return station
+        if self._stranger_station is None:
+            self._stranger_station = CanController(
+                unheard, in_order=True, on_sent=lambda frame, counts: self.strange.append((counts, frame))
+            )
+            self.bus.attach(self._stranger_station)
+        return self._stranger_station
 
     def schedule(self, scheduled: Iterable[Scheduled]) -> None:
         """Let operations be executed at their instants."""
