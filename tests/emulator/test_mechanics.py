@@ -1,5 +1,8 @@
 """Recursive Newton-Euler against Lagrange's equations, which are derived here from energies by differentiation."""
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -10,6 +13,8 @@ from steptwin.emulator.mechanics import GRAVITY_M_S2, MOTION_FIELDS
 from steptwin.emulator.motor import CATALOGUE
 from steptwin.emulator.power_supply import PowerSupply
 from steptwin.emulator.rotor_backend import RotorBackend, compiled_rotors, python_rotors
+from steptwin.emulator.rotor_kernel import DT_COUNTS, advance_rotors
+from steptwin.emulator.rotor_run import REFRESH_STEPS, keep
 from steptwin.emulator.rotors import Drive, DriverEvents, Rotors
 
 Array = NDArray[np.float64]
@@ -99,6 +104,37 @@ def lagrange(bodies: tuple[Body, ...], places: Array, rates: Array, acceleration
     return np.asarray(masses_of(bodies, places) @ accelerations + moving + weights_of(bodies, places))
 
 
+def by_virtual_power(bodies: tuple[Body, ...], places: Array, rates: Array, accelerations: Array) -> Array:
+    """Return the torques as the forces of inertia of all bodies, each times the way that a joint gives it.
+
+    Everything is in the world's frame; no force is passed from body to body.
+    """
+    frames, (linear, angular) = poses(bodies, places), slopes_of(bodies, places)
+    spins, spin_rates, origins = ([np.zeros(3)] * len(bodies) for _ in range(3))
+    torques = np.zeros(len(bodies))
+    for index, body in enumerate(bodies):
+        on_base = body.parent == BASE
+        spin, spin_rate, moved = (
+            np.zeros(3) if on_base else each[body.parent] for each in (spins, spin_rates, origins)
+        )
+        way = frames[index][:3, 3] - (np.zeros(3) if on_base else frames[body.parent][:3, 3])
+        axis, rate, acceleration = frames[index][:3, 2], rates[index], accelerations[index]
+        moved = moved + np.cross(spin_rate, way) + np.cross(spin, np.cross(spin, way))
+        if body.slides:
+            moved = moved + 2.0 * np.cross(spin, axis) * rate + axis * acceleration
+        else:
+            spin_rate = spin_rate + axis * acceleration + np.cross(spin, axis) * rate
+            spin = spin + axis * rate
+        spins[index], spin_rates[index], origins[index] = spin, spin_rate, moved
+        arm = frames[index][:3, :3] @ body.centre_m
+        centre = moved + np.cross(spin_rate, arm) + np.cross(spin, np.cross(spin, arm))
+        tensor = frames[index][:3, :3] @ body.inertia_kgm2 @ frames[index][:3, :3].T
+        force = body.mass_kg * (centre + np.array([0.0, 0.0, GRAVITY_M_S2]))
+        moment = tensor @ spin_rate + np.cross(spin, tensor @ spin)
+        torques += linear[index].T @ force + angular[index].T @ moment
+    return torques
+
+
 def newton_euler(bodies: tuple[Body, ...], places: Array, rates: Array, accelerations: Array) -> tuple[Array, Array]:
     """Return ours: the torques and the mass matrix."""
     count = len(bodies)
@@ -120,6 +156,8 @@ def test_torques_and_masses_are_those_of_lagrange(seed: int) -> None:
     still, _ = newton_euler(bodies, places, np.zeros(6), np.zeros(6))
     np.testing.assert_allclose(still, weights_of(bodies, places), rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(torques, lagrange(bodies, places, rates, accelerations), rtol=1e-8, atol=1e-8)
+    forces = by_virtual_power(bodies, places, rates, accelerations)
+    np.testing.assert_allclose(torques, forces, rtol=1e-12, atol=1e-12 * np.abs(forces).max())
 
 
 def test_a_matrix_times_its_inverse_is_one() -> None:
@@ -151,3 +189,65 @@ def driven(backend: RotorBackend, milliseconds: int) -> bytes:
 def test_plain_python_and_numba_give_the_same_bytes() -> None:
     pytest.importorskip("numba")
     assert driven(python_rotors(), 12) == driven(compiled_rotors(), 12)
+
+
+def two_links() -> Arm:
+    """Return an upright arm of two links behind gears of 1 to 10, whose inertias depend much on the elbow."""
+    link = np.diag([0.0, 1e-4, 1e-4])
+    elbow = np.eye(4)
+    elbow[0, 3] = 0.1
+    bodies = (
+        Body(BASE, False, np.eye(4), 0.1, np.array([0.05, 0.0, 0.0]), link),
+        Body(0, False, elbow, 0.1, np.array([0.05, 0.0, 0.0]), link),
+    )
+    return Arm(bodies, np.eye(2) / 10.0, np.zeros(2))
+
+
+def refreshed_each_step() -> RotorBackend:
+    """Return the plain functions, with masses that are refreshed at every step of 10 us instead of every ms."""
+
+    def run(
+        axes: Any, state: Any, events: Any, ends: Any, cursors: Any, bodies: Any, motion: Any, slopes: Any,
+        offsets: Any, places: Any, rates: Any, drifts: Any, zeros: Any, unit: Any, torques: Any, masses: Any,
+        matrix: Any, inverse: Any, bias: Any, forces: Any, supply: Any, kept: Any, count: int, axis_count: int,
+        linear: bool, first_step: int, steps: int, first_counts: float, gravity: float,
+    ) -> None:  # fmt: skip
+        assert linear
+        for step in range(steps):
+            mechanics.follow_rotors(slopes, offsets, state, places, rates, count, axis_count)
+            mechanics.refresh(
+                bodies, motion, places, rates, drifts, slopes, axes, zeros, unit, torques, masses, matrix, inverse,
+                bias, count, axis_count, gravity,
+            )  # fmt: skip
+            advance_rotors(
+                axes, state, inverse, bias, events, ends, cursors, forces, supply, axis_count, first_step + step, 1,
+                first_counts + step * DT_COUNTS,
+            )  # fmt: skip
+            if (first_step + step + 1) % REFRESH_STEPS == 0:
+                keep(state, kept, step // REFRESH_STEPS, axis_count)
+
+    return replace(python_rotors(), run=run)
+
+
+def test_masses_refreshed_each_ms_are_fresh_enough() -> None:
+    """Two links fling each other, the elbow through 40 degrees in 80 ms: load angles within 0.5 degrees."""
+    motor, milliseconds = CATALOGUE["17HS19-2004S1"], 80
+
+    def worst_deg(backend: RotorBackend) -> Array:
+        rotors = Rotors([Drive(motor, 0.6)] * 2, two_links(), PowerSupply(24.0), [0.0, 0.0], backend=backend)
+        counts = np.arange(0, 72_000 * milliseconds, 3600)
+        part = counts / (72_000 * milliseconds)
+        events = []
+        for turns in (-0.6, 1.1):
+            angle = 2.0 * np.pi * 50 * turns * (part - np.sin(2.0 * np.pi * part) / (2.0 * np.pi))
+            one = np.ones(counts.size)
+            events.append(DriverEvents(counts, angle, 2.0 * np.cos(angle), 2.0 * np.sin(angle), one, one))
+        rotors.feed(events)
+        record = rotors.advance(milliseconds)
+        assert not record.lost_full_steps.any()
+        return np.asarray(np.rad2deg(np.abs(record.worst_rad).max(axis=0)))
+
+    each_ms, each_step = worst_deg(python_rotors()), worst_deg(refreshed_each_step())
+    assert each_ms.min() > 20.0
+    np.testing.assert_allclose(each_ms, each_step, atol=0.5)
+    assert np.abs(each_ms - each_step).max() > 1e-6

@@ -1,6 +1,7 @@
 """Rotors against the equations of their theory, each in closed form."""
 
 from dataclasses import replace
+from functools import partial
 from math import asin, cos, pi, sqrt
 
 import numpy as np
@@ -207,13 +208,59 @@ def test_an_end_stop_holds_the_rotor_while_the_field_goes_on() -> None:
     assert at_stop_s < first / 72e6 < at_stop_s + 2.0 / 60.0
 
 
-def test_a_belt_twists_by_the_load_and_swings_at_its_own_frequency() -> None:
-    """At rest the belt is twisted by T / k; two masses on a spring swing against each other."""
+def test_a_belt_twists_by_the_load() -> None:
+    """At rest by T / k."""
     stiffness, load_nm = 4.0, 0.1
     motor = replace(IDEAL, iron_drag_nm_s=0.008)
     drive = Drive(motor, 0.6, stiffness_nm_rad=stiffness, damping_nm_s=0.004)
     last = turned(bench(drive, weight(load_nm, mass_kg=500.0)), standing(), 2000)
     assert last.rotor_rad[-1, 0] - last.coordinate_rad[-1, 0] == pytest.approx(load_nm / stiffness, rel=1e-6)
+
+
+def test_two_masses_on_a_belt_swing_at_the_frequency_of_their_springs() -> None:
+    """Field and belt are two springs: the eigenvalues of 2 masses; the rotor's swing holds both frequencies."""
+    wheel, belt = 300e-7, 8.0
+    rotors = bench(Drive(IDEAL, 0.6, stiffness_nm_rad=belt), flywheel(wheel), load_angle=0.004)
+    record = turned(rotors, standing(), 500)
+    field_nm_rad = IDEAL.teeth * KM_I
+    stiffness = np.array([[field_nm_rad + belt, -belt], [-belt, belt]])
+    masses = np.array([IDEAL.rotor_inertia_kgm2, wheel])
+    low_hz, high_hz = np.sort(np.sqrt(np.linalg.eigvals(stiffness / masses[:, None]).real)) / (2.0 * pi)
+    at_s, angle = 1e-3 * np.arange(1, 501), record.rotor_rad[:, 0]
+
+    def waves(t: np.ndarray, hz: float, a: float, b: float, above: float, c: float, d: float) -> np.ndarray:
+        slow, fast = 2.0 * pi * hz * t, 2.0 * pi * above * t
+        return a * np.cos(slow) + b * np.sin(slow) + c * np.cos(fast) + d * np.sin(fast)
+
+    size = float(np.abs(angle).max())
+    (found_hz, _, _, found_high_hz, _, _), _ = curve_fit(
+        waves, at_s, angle, (low_hz, -size, 0.0, high_hz, -size / 10.0, 0.0)
+    )
+    assert found_hz == pytest.approx(low_hz, rel=1e-3)
+    assert found_high_hz == pytest.approx(high_hz, rel=1e-3)
+
+
+@pytest.mark.parametrize(("efficiency", "falls"), [(0.49, False), (0.51, True)])
+def test_a_gear_below_half_efficiency_locks_itself(efficiency: float, falls: bool) -> None:
+    """What it carries rubs by 1 / efficiency - 1 of it, which is all of it at one half."""
+    rotors = bench(Drive(IDEAL, 0.6, efficiency=efficiency), weight(0.1))
+    down_rad = turned(rotors, standing(on=0.0), 200).rotor_rad[-1, 0]
+    assert down_rad < -0.1 if falls else down_rad == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_gear_lets_the_motor_lift_by_its_load_divided_by_the_efficiency() -> None:
+    """Turned up slowly, the load angle is that of T / efficiency; turned down, that of T less the friction."""
+    load_nm, efficiency = 0.1, 0.8
+    motor = replace(IDEAL, iron_drag_nm_s=0.004)
+    found = []
+    for sign in (1.0, -1.0):
+        rotors = bench(Drive(motor, 0.6, efficiency=efficiency), weight(load_nm), load_angle=asin(load_nm / KM_I))
+        speed = sign * 2.0 * pi * 5.0
+        record = turned(rotors, field(partial(np.multiply, speed), 1.2), 1200)
+        found.append(np.sin(record.worst_rad[-300:, 0]).mean() * KM_I)
+    drag_nm = 0.004 * 2.0 * pi * 5.0 / motor.teeth
+    assert found[0] == pytest.approx(load_nm / efficiency + drag_nm, rel=0.01)
+    assert found[1] == pytest.approx(load_nm * (2.0 - 1.0 / efficiency) - drag_nm, rel=0.01)
 
 
 def test_the_windings_warm_up_to_the_losses_times_the_resistance() -> None:
