@@ -7,6 +7,7 @@ import pytest
 from steptwin.emulator.motor import CATALOGUE
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.motor import MOTORS, Dynamics, JointLink, JointMotor
+from tests.end_to_end.pages import read_page
 
 OWN: dict[str, Any] = {
     "resistance_ohm": 1.4, "inductance_mh": 3.0, "holding_torque_nm": 0.59, "rated_current_a": 2.0,
@@ -16,6 +17,16 @@ OWN: dict[str, Any] = {
 
 def test_the_motors_that_files_may_name_are_those_of_the_catalogue() -> None:
     assert tuple(CATALOGUE) == MOTORS
+
+
+def test_the_page_lists_the_catalogue_with_its_figures() -> None:
+    page = read_page("docs/motors.md")
+    for motor in CATALOGUE.values():
+        figures = (
+            motor.resistance_ohm, motor.inductance_mh, motor.holding_torque_nm, motor.rated_current_a,
+            motor.rotor_inertia_gcm2, motor.detent_torque_nm,
+        )  # fmt: skip
+        assert f"| {motor.name} | {' | '.join(f'{figure:g}' for figure in figures)} | {motor.source} |" in page
 
 
 @pytest.mark.parametrize(
