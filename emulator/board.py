@@ -16,17 +16,22 @@ from steptwin.emulator.inputs import BoardInputs
 from steptwin.emulator.operations import (
     BoardOperation,
     BoardTemperature,
+    BouncingSwitch,
+    Contact,
+    DriverMode,
     DriverProtect,
     EmergencyStop,
+    OscCapacitor,
     SetInput,
     SetWire,
     Slip,
     StuckSwitch,
     Supply,
+    SwitchWire,
 )
 from steptwin.emulator.surroundings import AxisSurroundings, Surroundings
 from steptwin.emulator.switches import Switch, Travel
-from steptwin.emulator.tb6560 import FULL_STEP_SIXTEENTHS, OutputFollower
+from steptwin.emulator.tb6560 import FULL_STEP_SIXTEENTHS, Excitation, OutputFollower
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.dictionary import FlashPage
 from steptwin.protocol.frame import FIRST_NODE_ID
@@ -218,6 +223,18 @@ class Board:
                 self._drivers.set_wire(axis, wire, condition, self.firmware.motion.tick * TICK_COUNTS)
                 self._inputs.expect(self._drivers.noisy_axes)
                 self._inputs.unsettle(axis, self.firmware.motion)
+            case SwitchWire(axis, which, broken):
+                self._inputs.cut(axis, which, closed=None if broken is None else broken is Contact.NORMALLY_CLOSED)
+            case BouncingSwitch(axis, which, bounces, within_us, seed):
+                self._inputs.let_bounce(axis, which, bounces, within_us, seed)
+            case DriverMode(axis, microsteps):
+                self.drain()
+                excitation = None if microsteps is None else Excitation(microsteps)
+                self._drivers.set_mode(axis, excitation, self.firmware.motion.tick * TICK_COUNTS)
+                self._inputs.unsettle(axis, self.firmware.motion)
+            case OscCapacitor(axis, osc_pf):
+                self.drain()
+                self._drivers.set_osc(axis, osc_pf)
             case Supply(supply_10mv):
                 self._measure(replace(self._measurements, supply_10mv=supply_10mv), now_counts)
             case BoardTemperature(temperature_decidegc):

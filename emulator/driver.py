@@ -5,7 +5,10 @@ from typing import Final
 from steptwin.emulator.driver_module import ClkEdge, Module
 from steptwin.emulator.edges import Int8Array, Int64Array
 from steptwin.emulator.input_stage import InputStage
-from steptwin.emulator.tb6560 import Excitation, Outputs, Pins, Tb6560, Violations, merged
+from steptwin.emulator.tb6560 import EXCITATIONS, Excitation, Input, Outputs, Pins, Tb6560, Violations, merged
+
+_LEVELS: Final = {excitation: levels for levels, excitation in EXCITATIONS.items()}
+"""Levels of M2 and M1 by the mode that they select."""
 
 
 class Driver:
@@ -22,7 +25,28 @@ class Driver:
         self.enable_open: Final[int] = module.enable_open
         """Level that ENABLE has for the driver if nothing is connected to its terminal."""
         self._switches: Final = module.switches
+        self._turned_to: Excitation | None = None
+        """The mode to which somebody has set the module's switches."""
         self._stage = None if module.only_wires else InputStage(module, self.chip.clk_width_min_counts)
+
+    @property
+    def has_switches(self) -> bool:
+        """True if the module's own switches select the mode."""
+        return self._switches is not None
+
+    def turn_switches(self, excitation: Excitation | None, counts: int) -> None:
+        """Let somebody set the module's switches to a mode, or as they were at first (None), at an instant."""
+        if self._stage is None or self._switches is None:
+            raise ValueError("the driver has no switches")
+        self._turned_to = excitation
+        m2, m1 = _LEVELS[self.excitation]
+        self._stage.turn_switches({Input.M1: m1, Input.M2: m2}, counts)
+
+    def set_osc(self, osc_pf: float) -> None:
+        """Put another capacitor to the chip's OSC pin; raise ValueError as when the driver is made."""
+        self.chip.set_osc(osc_pf)
+        if self._stage is not None:
+            self._stage.set_clk_width(self.chip.clk_width_min_counts)
 
     def feed(self, pins: Pins) -> tuple[Int64Array, Int8Array]:
         """Let the driver see the next stretch of its terminals; every rise comes with its fall.
@@ -56,7 +80,7 @@ class Driver:
     @property
     def excitation(self) -> Excitation:
         """The mode that the module's switches select, also before the power is up, or else the chip's pins."""
-        return self._switches.excitation if self._switches else self.chip.excitation
+        return (self._turned_to or self._switches.excitation) if self._switches else self.chip.excitation
 
     @property
     def lost_steps(self) -> int:

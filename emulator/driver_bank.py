@@ -8,12 +8,21 @@ from numpy.typing import NDArray
 
 from steptwin.controller.measurements import DriverMonitor
 from steptwin.controller.motion import PinEdges
-from steptwin.controller.pins import Pin, PinChange
+from steptwin.controller.pins import MODE_LEVELS, Pin, PinChange
 from steptwin.emulator.driver import Driver
 from steptwin.emulator.driver_module import ClkEdge, Module
 from steptwin.emulator.edges import Int8Array, Int64Array
 from steptwin.emulator.inputs import BoardInputs
-from steptwin.emulator.tb6560 import FULL_STEP_SIXTEENTHS, Input, LevelChange, OutputFollower, Outputs, Pins, Violations
+from steptwin.emulator.tb6560 import (
+    FULL_STEP_SIXTEENTHS,
+    Excitation,
+    Input,
+    LevelChange,
+    OutputFollower,
+    Outputs,
+    Pins,
+    Violations,
+)
 from steptwin.emulator.wires import AxisWires, Condition, Passed, Wire
 
 WIRING = {
@@ -78,6 +87,8 @@ class DriverBank:
         """All edges at the drivers' terminals that are not forgotten, by axis."""
         self._wires: list[AxisWires | None] = [None] * len(self.drivers)
         """The wires to each driver that have had a fault."""
+        self._strapped: set[tuple[int, Pin]] = set()
+        """Pins of the chips that somebody holds at a level, whatever the firmware does."""
         self._pin_levels: dict[tuple[int, Pin], int] = {}
         self._dir_levels = [0] * len(self.drivers)
         self._slips: list[list[tuple[int, int]]] = [[] for _ in self.drivers]
@@ -90,6 +101,8 @@ class DriverBank:
     def set_pin(self, change: PinChange) -> None:
         """Put a pin of the firmware to a level."""
         self._pin_levels[change.axis, change.pin] = change.level
+        if (change.axis, change.pin) in self._strapped:
+            return
         wires = self._wires[change.axis]
         if wires is not None and change.pin is Pin.ENABLE:
             wires.set_enable(change.counts, change.level)
@@ -178,6 +191,27 @@ class DriverBank:
                 enable_level=self.level(axis, Pin.ENABLE),
             )
         self._take(axis, wires.change(wire, condition, counts))
+
+    def set_mode(self, axis: int, excitation: Excitation | None, counts: int) -> None:
+        """Set a driver to a mode by its switches, or by M1 and M2; None: as it was, or as the firmware has them."""
+        driver = self.drivers[axis]
+        if driver.has_switches:
+            driver.turn_switches(excitation, counts)
+            return
+        pins = {Pin.M2: self.level(axis, Pin.M2), Pin.M1: self.level(axis, Pin.M1)}
+        if excitation is not None:
+            pins = dict(zip(pins, MODE_LEVELS[excitation], strict=True))
+        for pin, level in pins.items():
+            self._strapped.discard((axis, pin))
+            wanted = self.level(axis, pin)
+            self.set_pin(PinChange(counts, axis, pin, level))
+            self._pin_levels[axis, pin] = wanted
+            if excitation is not None:
+                self._strapped.add((axis, pin))
+
+    def set_osc(self, axis: int, osc_pf: float) -> None:
+        """Put another capacitor to a chip's OSC pin, for the pulses that are shown from now on."""
+        self.drivers[axis].set_osc(osc_pf)
 
     @property
     def noisy_axes(self) -> set[int]:

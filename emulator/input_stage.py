@@ -7,6 +7,7 @@ The module's parts have the chip's supply: when VM falls, ENABLE and CW/CCW at t
 levels at the terminals, and ENABLE rises again only when VM is up.
 """
 
+from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -98,6 +99,15 @@ class InputStage:
             for_chip = clk_width_min_counts + self._clk.to_high - self._clk.to_low
             after_edge = max(after_edge, self._limits[_CLK_HIGH].value, for_chip)
         return max(after_edge - self._clk.to_high, 0)
+
+    def set_clk_width(self, clk_width_min_counts: int) -> None:
+        """Know that the chip needs CLK high for another time from now on."""
+        self._foresight_counts = self._make_foresight(clk_width_min_counts)
+
+    def turn_switches(self, levels: Mapping[Input, int], counts: int) -> None:
+        """Let somebody set the module's switches for these inputs of the chip; a module without switches has none."""
+        if self._switchboard is not None:
+            self._switchboard.turn(levels, counts)
 
     @property
     def held_pulses(self) -> int:

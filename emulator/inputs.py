@@ -12,6 +12,7 @@ import numpy as np
 
 from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.controller.motion import Motion
+from steptwin.emulator.bouncing import Bouncer
 from steptwin.emulator.edges import Int8Array, Int64Array
 from steptwin.emulator.switches import AxisSwitches, Switch, Travel
 from steptwin.emulator.tb6560 import PERIOD_MIN_COUNTS
@@ -58,6 +59,10 @@ class BoardInputs:
         """Axes whose switches may change though the firmware makes no steps."""
         self._looked_tick = -1
         """Tick at whose start the switches have been read last."""
+        self._bouncers: dict[tuple[int, DigitalInput], Bouncer] = {}
+        """The switches that bounce, by axis and input."""
+        self._bounce_tick: int | None = None
+        """Tick at whose start a bouncing switch may show something else; None if none does."""
         self._starts_seen = 0
         """The motion's count of starts when moving axes were last collected: no other axis moves until it changes."""
 
@@ -95,6 +100,28 @@ class BoardInputs:
         """Hold a switch of an axis closed or open, or let it follow the axis again (None)."""
         self._axes[axis].stick(which, closed=closed)
 
+    def cut(self, axis: int, which: DigitalInput, *, closed: bool | None) -> None:
+        """Break the wire of a switch, which then looks closed or open, or mend it (None)."""
+        self._axes[axis].cut(which, closed=closed)
+
+    def let_bounce(self, axis: int, which: DigitalInput, bounces: int, within_us: int, seed: int) -> None:
+        """Let a switch bounce with each change from now on; no more with 0 bounces."""
+        switches = self._axes[axis]
+        switches.inverted &= ~which
+        self._bouncers.pop((axis, which), None)
+        if bounces:
+            closed = bool(switches.contacts & which)
+            self._bouncers[axis, which] = Bouncer(bounces, within_us, seed, closed=closed)
+
+    def _bounce(self, tick: int) -> None:
+        """Let the bouncing switches show what they show at the start of a tick."""
+        for (axis, which), bouncer in self._bouncers.items():
+            switches = self._axes[axis]
+            inverted = bouncer.inverted(tick, closed=bool(switches.contacts & which))
+            switches.inverted = switches.inverted | which if inverted else switches.inverted & ~which
+        ticks = (bouncer.next_tick(tick) for bouncer in self._bouncers.values())
+        self._bounce_tick = min((each for each in ticks if each is not None), default=None)
+
     @property
     def stuck(self) -> list[DigitalInput]:
         """The switches of each axis that are held at a level."""
@@ -107,7 +134,7 @@ class BoardInputs:
     @property
     def unsettled(self) -> bool:
         """True while a switch may still change by motion that is computed already."""
-        return bool(self._due_ticks or self._restless)
+        return bool(self._due_ticks or self._restless or self._bounce_tick is not None)
 
     def moved(
         self, axis: int, counts: Int64Array, sixteenths: Int8Array, *, held_pulses: int, step_sixteenths: int
@@ -154,7 +181,10 @@ class BoardInputs:
             self._due_ticks |= dict.fromkeys(self._just_started, motion.tick)
         if self._restless:
             self._read_at(self._restless, max(motion.tick, self._looked_tick + 1))
-        return min(self._due_ticks.values()) if self._due_ticks else None
+        due_tick = min(self._due_ticks.values()) if self._due_ticks else None
+        if self._bounce_tick is not None:
+            due_tick = self._bounce_tick if due_tick is None else min(due_tick, self._bounce_tick)
+        return due_tick
 
     def _running(self, axis: int, motion: Motion) -> bool:
         """Return whether a rotor moves along the way of an axis' switches."""
@@ -172,7 +202,8 @@ class BoardInputs:
     def may_have_changed(self, motion: Motion) -> bool:
         """Return False if certainly no switch that is due has changed; `due_tick` is then later. True: call `look`."""
         due = [axis for axis, tick in self._due_ticks.items() if tick <= motion.tick]
-        return not all(self._put_off(axis, motion) for axis in due)
+        bounces = self._bounce_tick is not None and self._bounce_tick <= motion.tick
+        return not all(self._put_off(axis, motion) for axis in due) or bounces
 
     def _put_off(self, axis: int, motion: Motion) -> bool:
         """Put an axis' due tick off if it has made less than half the steps to its next switch; return True if so."""
@@ -198,6 +229,8 @@ class BoardInputs:
             position = self._travels[axis].position_sixteenths(self._rotors_sixteenths)
             self._axes[axis].move(position - self._axes[axis].position_sixteenths)
             self._due_ticks[axis] = motion.tick + max(1, self._quiet_ticks(self._steps_to_change(axis)))
+        if self._bouncers:
+            self._bounce(motion.tick)
 
     def _steps_to_change(self, axis: int) -> int:
         """Return the least number of steps until one of the axis' switches changes."""

@@ -1,6 +1,6 @@
 """Set the chip's inputs by a module's switches: fixed levels while it runs, and less torque at standstill."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -19,18 +19,26 @@ class Switchboard:
         self._supplied = False
         self._idle = False
         self._last_rise_counts = 0
+        self._turned: list[LevelChange] = []
+        """Changes by switches that somebody has turned, to be passed on."""
+
+    def turn(self, levels: Mapping[Input, int], counts: int) -> None:
+        """Let somebody set switches, which hold these levels from an instant on."""
+        self._running = {**self._running, **levels}
+        if self._supplied:
+            self._turned += [LevelChange(counts, pin, level) for pin, level in levels.items()]
 
     @property
     def waiting(self) -> bool:
         """True while the idle current has yet to begin."""
-        return self._supplied and not self._idle
+        return (self._supplied and not self._idle) or bool(self._turned)
 
     def changes(self, outside: Sequence[LevelChange], rises: Int64Array, until_counts: int) -> tuple[LevelChange, ...]:
         """Return the changes at the chip's inputs up to an instant, from changes outside and from the rises of CLK.
 
         From outside only the supplies and ENABLE reach the chip.
         """
-        found: list[LevelChange] = []
+        found, self._turned = self._turned, []
         for change in outside:
             if change.pin is Input.VM:
                 earlier = int(np.searchsorted(rises, change.counts))

@@ -3,8 +3,10 @@
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Final, NamedTuple
 
+from steptwin.emulator.tb6560 import Excitation, oscillator_hz
 from steptwin.emulator.wires import Condition, Wire
 from steptwin.protocol.cia402 import GENERAL_INPUTS, SWITCH_INPUTS, DigitalInput
 from steptwin.protocol.frame import Frame
@@ -78,8 +80,7 @@ class StuckSwitch:
     closed: bool | None
 
     def __post_init__(self) -> None:
-        if self.switch not in SWITCH_INPUTS:
-            raise ValueError(f"a switch is one of {', '.join(map(str, SWITCH_INPUTS))}, not {self.switch!r}")
+        _check_switch(self.switch)
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +108,87 @@ class SetWire:
     axis: int
     wire: Wire
     condition: Condition
+
+
+class Contact(StrEnum):
+    """What a switch's contact does while nothing presses the switch, which decides what a broken wire looks like."""
+
+    NORMALLY_OPEN = "normally-open"
+    """A broken wire looks like a switch that nothing presses: the input is never active."""
+    NORMALLY_CLOSED = "normally-closed"
+    """A broken wire looks like a pressed switch: the input is active."""
+
+
+@dataclass(frozen=True, slots=True)
+class SwitchWire:
+    """The wire of a limit or home switch breaks, or is whole again (None)."""
+
+    axis: int
+    switch: DigitalInput
+    broken: Contact | None
+
+    def __post_init__(self) -> None:
+        _check_switch(self.switch)
+
+
+BOUNCES_MAX: Final = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class BouncingSwitch:
+    """From now on a limit or home switch bounces each time that it closes or opens.
+
+    Attributes:
+        axis: the axis.
+        switch: the switch.
+        bounces: number of times that it falls back after a change; 0: it does not bounce any more.
+        within_us: time within which it does so.
+        seed: what the instants are drawn from.
+    """
+
+    axis: int
+    switch: DigitalInput
+    bounces: int
+    within_us: int = 5_000
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        _check_switch(self.switch)
+        if not 0 <= self.bounces <= BOUNCES_MAX:
+            raise ValueError(f"bounces {self.bounces} is not from 0 to {BOUNCES_MAX}")
+        if self.within_us < max(2 * self.bounces, 1):
+            raise ValueError(f"within_us {self.within_us} is too short for {self.bounces} bounces: 2 us for each")
+
+
+@dataclass(frozen=True, slots=True)
+class DriverMode:
+    """Somebody sets a driver to another microstep mode: its switches, or the chip's pins M1 and M2.
+
+    Attributes:
+        axis: the axis.
+        microsteps: microsteps per full step; None: as the board has it, or the switches had it at power-up.
+    """
+
+    axis: int
+    microsteps: int | None
+
+    def __post_init__(self) -> None:
+        if self.microsteps is not None and self.microsteps not in [*Excitation]:
+            raise ValueError(f"microsteps {self.microsteps} is not one of {', '.join(str(int(e)) for e in Excitation)}")
+
+
+@dataclass(frozen=True, slots=True)
+class OscCapacitor:
+    """The capacitor at a driver chip's OSC pin has another value, as one that has aged or is the wrong one.
+
+    It sets the chopping rate and the shortest pulse that counts.
+    """
+
+    axis: int
+    osc_pf: float
+
+    def __post_init__(self) -> None:
+        oscillator_hz(self.osc_pf)
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,7 +285,9 @@ class Babble:
             raise ValueError(f"count {self.count} is not 1 or more")
 
 
-AxisOperation = DriverProtect | SetInput | StuckSwitch | Slip | SetWire
+AxisOperation = (
+    DriverProtect | SetInput | StuckSwitch | SwitchWire | BouncingSwitch | Slip | SetWire | DriverMode | OscCapacitor
+)
 """Operations at the connector of one axis."""
 BoardOperation = EmergencyStop | Supply | BoardTemperature | AxisOperation
 """Operations on the machine of one board."""
@@ -217,6 +301,11 @@ Operation = BoardOperation | BusOperation | BrownOut | WatchdogReset | PowerUp
 def _check(name: str, value: int, valid: range) -> None:
     if value not in valid:
         raise ValueError(f"{name} {value} is not from {valid.start} to {valid.stop - 1}")
+
+
+def _check_switch(switch: DigitalInput) -> None:
+    if switch not in SWITCH_INPUTS:
+        raise ValueError(f"a switch is one of {', '.join(map(str, SWITCH_INPUTS))}, not {switch!r}")
 
 
 def _check_time(name: str, value_ms: int | None) -> None:

@@ -116,6 +116,10 @@ class AxisSwitches:
         self.stuck = DigitalInput(0)
         """Inputs that are held at a level, whatever the position."""
         self._stuck_closed = DigitalInput(0)
+        self._cut = self._cut_closed = DigitalInput(0)
+        """Inputs whose wires are broken, and those of them that look closed."""
+        self.inverted = DigitalInput(0)
+        """Inputs that a bouncing contact shows otherwise than they are."""
 
     def __bool__(self) -> bool:
         return bool(self._closed)
@@ -131,14 +135,29 @@ class AxisSwitches:
         self.stuck = self.stuck & ~which if closed is None else self.stuck | which
         self._stuck_closed = self._stuck_closed | which if closed else self._stuck_closed & ~which
 
+    def cut(self, which: DigitalInput, *, closed: bool | None) -> None:
+        """Break the wire of an input, which then looks closed or open, or mend it (None)."""
+        self._cut = self._cut & ~which if closed is None else self._cut | which
+        self._cut_closed = self._cut_closed | which if closed else self._cut_closed & ~which
+
     @property
-    def levels(self) -> DigitalInput:
-        """Inputs that are closed."""
+    def contacts(self) -> DigitalInput:
+        """Inputs whose contacts are closed by the axis' position."""
         levels = DigitalInput(0)
         for switch, closed in self._closed.items():
             if closed:
                 levels |= switch.input
-        return levels & ~self.stuck | self._stuck_closed if self.stuck else levels
+        return levels
+
+    @property
+    def levels(self) -> DigitalInput:
+        """Inputs that are closed."""
+        levels = self.contacts
+        if self.inverted:
+            levels ^= self.inverted
+        if self.stuck:
+            levels = levels & ~self.stuck | self._stuck_closed
+        return levels & ~self._cut | self._cut_closed if self._cut else levels
 
     @property
     def sixteenths_to_change(self) -> int:

@@ -9,13 +9,14 @@ from steptwin.emulator.tb6560.limits import Limit, LimitUnit, Rule, ViolationLog
 from steptwin.emulator.tb6560.oscillator import OSC_PF_MIN, chopping_hz, clk_width_min_counts, oscillator_hz
 from steptwin.emulator.tb6560.output_follower import OutputChanges, OutputFollower
 from steptwin.emulator.tb6560.outputs import Outputs
-from steptwin.emulator.tb6560.pins import PINS, Input, LevelChange
+from steptwin.emulator.tb6560.pins import EXCITATIONS, PINS, Input, LevelChange
 from steptwin.emulator.tb6560.thermal import Cooling
 
 __all__ = [
     "CLK_RATE_MAX_HZ",
     "CURRENT_MAX_A",
     "CYCLE_SIXTEENTHS",
+    "EXCITATIONS",
     "FULL_STEP_SIXTEENTHS",
     "OSC_PF_MIN",
     "PERIOD_MIN_COUNTS",

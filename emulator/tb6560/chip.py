@@ -143,6 +143,8 @@ class Tb6560:
         self._steps: list[Int64Array] = []
         self._signs: list[Int8Array] = []
         self._limits = _limits(self.clk_width_min_counts)
+        self._clk_width = _CLK_WIDTH
+        """Index of the limit of CLK's width."""
         self._log = ViolationLog(self._limits)
         self._follower: OutputFollower | None = None
 
@@ -150,6 +152,19 @@ class Tb6560:
         """Return what follows the outputs from power-up on, for a motor that turns with them; before the first edge."""
         self._follower = OutputFollower(self._origin, self._sense_ohm, self._junction)
         return self._follower
+
+    def set_osc(self, osc_pf: float) -> None:
+        """Put another capacitor to OSC: pulses that are fed from now on must be as long as it asks for.
+
+        Raises:
+            ValueError: as when the chip is made.
+        """
+        self.clk_width_min_counts = clk_width_min_counts(osc_pf)
+        limit = _limits(self.clk_width_min_counts)[_CLK_WIDTH]
+        if limit not in self._limits:
+            self._limits = (*self._limits, limit)
+            self._log.know(self._limits)
+        self._clk_width = self._limits.index(limit)
 
     # --- inputs
 
@@ -204,7 +219,7 @@ class Tb6560:
             live = _levels_of(rises, live_edges, was_live)
             too_short = live & (high_counts < self.clk_width_min_counts)
             too_soon = live & (period_counts < PERIOD_MIN_COUNTS)
-            self._log.note(_CLK_WIDTH, rises[too_short], high_counts[too_short])
+            self._log.note(self._clk_width, rises[too_short], high_counts[too_short])
             self._log.note(_CLK_PERIOD, rises[too_soon], period_counts[too_soon])
             accepted = live & ~too_short & ~too_soon
             self.lost_steps += int(signs[~accepted].sum(dtype=np.int64))

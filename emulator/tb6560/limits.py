@@ -85,6 +85,10 @@ class ViolationLog:
         self._parts: list[Violations] = []
         self.count = 0
 
+    def know(self, limits: tuple[Limit, ...]) -> None:
+        """Know further limits, behind those known."""
+        self._limits = limits
+
     def note(self, limit: int, counts: Int64Array, values: Int64Array) -> None:
         """Note that a limit, given by its index, was broken at some instants."""
         if counts.size:

@@ -128,7 +128,19 @@ class Recording:
             f"{error.filename}: {error.strerror}: the recording in {self._folder} ends at {self.until_s:.3f} s"
         )
 
+    def _know_limits(self, axes: Sequence[AxisEvidence]) -> None:
+        """Write the header again if a driver has got further limits, before violations of them are recorded."""
+        known = tuple(
+            total._replace(limits=axis.violations.limits) for total, axis in zip(self._header.axes, axes, strict=True)
+        )
+        if known != self._header.axes:
+            self._header = replace(self._header, axes=known)
+            with whole_file(self._parts / HEADER) as file:
+                file.write(self._header.text().encode())
+
     def _append(self, piece: Piece) -> None:
+        if piece.axes:
+            self._know_limits(piece.axes)
         if piece.log:
             append(self._folder / BUS_LOG, "".join(piece.log).encode())
         grown: dict[str, int] = {}
